@@ -1,0 +1,5 @@
+//! palpate's firmware without a board.
+#![no_std]
+
+#[cfg(test)]
+extern crate std;

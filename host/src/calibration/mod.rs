@@ -1,0 +1,1 @@
+//! Counts to strain to force, and how the finger's matrix is found.

@@ -1,0 +1,1 @@
+//! Force to contact angle, with its uncertainty.

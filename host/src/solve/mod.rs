@@ -1,0 +1,1 @@
+//! `palpate solve`: JSON Lines in, JSON Lines out.

@@ -1,0 +1,1 @@
+//! Rigs and oracles for the end-to-end tests in `tests/e2e`.
