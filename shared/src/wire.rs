@@ -1,0 +1,847 @@
+//! Messages between device and host: raw integers only.
+//!
+//! Each message is the payload of one frame ([`crate::frame`]), encoded by postcard: a variant's number
+//! and every integer wider than a byte as a varint (signed ones zigzag first), bytes and booleans as they
+//! are. `docs/PROTOCOL.md` describes the same bytes for clients in other languages; the golden tests below
+//! pin them.
+//!
+//! Versions: a peer whose *major* version differs is refused, whichever side notices first. Two layouts
+//! therefore hold for every major version: a hello message begins with bytes `0, major, minor`, and every
+//! command begins with byte `major`, then its id. A *minor* version may append variants and append fields at
+//! a message's end; receivers count and skip variants that they do not know and ignore trailing bytes.
+//!
+//! Numbers: [`Seq`] and [`DeviceTime`] wrap; the host unwraps them.
+
+use core::fmt;
+
+use heapless::{String, Vec};
+use serde::{Deserialize, Serialize};
+
+use crate::frame::{self, FrameError};
+use crate::units::{Counts, DeviceTime, Seq};
+
+/// The version that this code speaks.
+pub const PROTOCOL: ProtocolVersion = ProtocolVersion { major: 1, minor: 0 };
+
+/// Samples in a full block: 2 ms at 4 kHz, and 65 bytes on the line for a typical load.
+pub const BLOCK_SAMPLES: usize = 8;
+
+/// The first byte of a hello message in every major version.
+const HELLO_VARIANT: u8 = 0;
+
+/// How many variants [`FromDevice`] has; a larger number is a newer minor version's.
+const FROM_DEVICE_VARIANTS: u8 = 5;
+
+/// Version of the protocol.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ProtocolVersion {
+    /// Differs: the two sides do not understand each other.
+    pub major: u8,
+    /// Differs: the newer side knows messages that the older one skips.
+    pub minor: u8,
+}
+
+impl fmt::Display for ProtocolVersion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}.{}", self.major, self.minor)
+    }
+}
+
+/// What a device sends.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum FromDevice {
+    /// Sent once at start-up, unasked: the device has (re)started and forgot every setting.
+    Hello(Hello),
+    /// Samples in a row.
+    Block(Block),
+    /// Something happened that no command asked for.
+    Event(Event),
+    /// The answer to a command.
+    Reply(Reply),
+    /// The board's temperature, about once a second where the board has a sensor.
+    Temperature(Temperature),
+}
+
+/// Who the device is and how it is set.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Hello {
+    /// Always the first field, in every version.
+    pub protocol: ProtocolVersion,
+    /// Version of the firmware.
+    pub firmware: FirmwareVersion,
+    /// Unique to the device.
+    pub device: DeviceId,
+    /// The board's name.
+    pub board: String<24>,
+    /// The analogue front-end and its ID word (0 if nothing answers).
+    pub front_end: FrontEnd,
+    /// What each of a sample's two counts measures.
+    pub channels: [Channel; 2],
+    /// Samples a second, each of both channels.
+    pub rate_hz: u32,
+    /// Gain of the front-end's amplifiers.
+    pub gain: u8,
+    /// Input voltage of the largest code at gain 1, in µV.
+    pub full_scale_uv: u32,
+    /// Bridge excitation, in mV.
+    pub excitation_mv: u16,
+    /// Where the samples come from.
+    pub source: Source,
+    /// What the processor's clock runs on.
+    pub clock: ClockSource,
+    /// Speed of the serial line in baud; 0 where the link has none.
+    pub link_baud: u32,
+    /// Why the device last started.
+    pub restart: RestartReason,
+    /// Starts since power-on, this one not counted; saturates.
+    pub restarts: u16,
+    /// Whether samples are being streamed.
+    pub streaming: bool,
+}
+
+/// Version of a firmware.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FirmwareVersion {
+    /// Semantic version, first part.
+    pub major: u8,
+    /// Semantic version, second part.
+    pub minor: u8,
+    /// Semantic version, third part.
+    pub patch: u8,
+}
+
+impl fmt::Display for FirmwareVersion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}.{}.{}", self.major, self.minor, self.patch)
+    }
+}
+
+/// A device's unique number: 96 bits, as the microcontroller's maker assigns them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct DeviceId(pub [u8; 12]);
+
+impl fmt::Display for DeviceId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+/// The analogue front-end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FrontEnd {
+    /// Which chip the firmware drives.
+    pub kind: FrontEndKind,
+    /// What its ID register said at start-up; 0 if it did not answer.
+    pub id_word: u16,
+}
+
+/// A kind of analogue front-end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum FrontEndKind {
+    /// Texas Instruments ADS131M02: two channels at once, 24 bit.
+    Ads131m02,
+}
+
+/// What one of the two counts of a sample measures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Channel {
+    /// The finger's axis along which the gauges bend.
+    pub axis: Axis,
+    /// How the gauges are wired.
+    pub bridge: Bridge,
+}
+
+/// An axis of the finger's frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Axis {
+    /// First axis of the disk.
+    X,
+    /// Second axis of the disk, a quarter turn counter-clockwise from X.
+    Y,
+}
+
+/// How a Wheatstone bridge is made up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Bridge {
+    /// Two active gauges on opposite sides of the beam, two fixed resistors.
+    Half,
+    /// Four active gauges.
+    Full,
+}
+
+/// Where the samples come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Source {
+    /// The front-end on the board.
+    Hardware,
+    /// The simulated finger built into the firmware; [`Status::SIMULATED`] is set in every block.
+    Simulated,
+}
+
+/// What the processor's clock runs on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ClockSource {
+    /// The crystal.
+    Crystal,
+    /// The internal oscillator through the PLL: up to 1 % off.
+    InternalPll,
+    /// The bare internal oscillator.
+    Internal,
+    /// The clock of the computer that the device is simulated on.
+    Host,
+}
+
+/// Why a device started.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum RestartReason {
+    /// Power came up.
+    PowerOn,
+    /// The reset pin.
+    Pin,
+    /// The supply dipped.
+    BrownOut,
+    /// The firmware hung and the watchdog ended it.
+    Watchdog,
+    /// The firmware met a bug, recorded it and restarted.
+    Panic,
+    /// It was asked to.
+    Requested,
+    /// The processor did not say.
+    Unknown,
+}
+
+/// Consecutive samples of both channels.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Block {
+    /// Number of the first sample, given by the sampler; the others follow without a gap.
+    pub first: Seq,
+    /// When the first sample's data became ready.
+    pub time: DeviceTime,
+    /// What the reader of these samples has to know about them.
+    pub status: Status,
+    /// Counts of channels 0 and 1, sample by sample.
+    pub samples: Vec<[Counts; 2], BLOCK_SAMPLES>,
+}
+
+/// Bits that qualify the samples of a block.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Status(pub u16);
+
+impl Status {
+    /// The samples are made up by a simulation.
+    pub const SIMULATED: Self = Self(1);
+    /// Channel 0 was at the end of its range in at least one sample.
+    pub const SATURATED_0: Self = Self(1 << 1);
+    /// Channel 1 was at the end of its range in at least one sample.
+    pub const SATURATED_1: Self = Self(1 << 2);
+    /// At least one sample is missing between the previous block and this one.
+    pub const GAP_BEFORE: Self = Self(1 << 3);
+    /// The filter had not settled after a start or a change of rate or gain.
+    pub const SETTLING: Self = Self(1 << 4);
+
+    /// Whether every bit of `other` is set.
+    #[must_use]
+    pub fn contains(self, other: Self) -> bool {
+        self.0 & other.0 == other.0
+    }
+
+    /// With the bits of `other` set too.
+    #[must_use]
+    pub fn with(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+}
+
+/// Something that happened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Event {
+    /// When the device noticed.
+    pub time: DeviceTime,
+    /// What it noticed.
+    pub kind: EventKind,
+}
+
+/// What a device tells of its own accord.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum EventKind {
+    /// Fault: no front-end answers; the ID register read as this.
+    FrontEndMissing {
+        /// The word read where the chip's ID should be.
+        id_word: u16,
+    },
+    /// Fault: the front-end has announced no data for this long, in µs.
+    FrontEndSilent {
+        /// Time since the last data, in µs.
+        quiet_us: u32,
+    },
+    /// The front-end announces data again.
+    FrontEndRecovered,
+    /// Fault: the front-end lost its settings (a dip of its supply); they were written again.
+    FrontEndReset,
+    /// Samples were lost inside the device since the last such event.
+    SamplesLost {
+        /// Data ready, but not read in time.
+        missed: u32,
+        /// Read, but damaged on the front-end's bus.
+        damaged: u32,
+        /// Read, but no room to keep or to send them.
+        dropped: u32,
+    },
+}
+
+/// A temperature reading.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Temperature {
+    /// When it was read.
+    pub time: DeviceTime,
+    /// Hundredths of a degree Celsius.
+    pub centi_celsius: i16,
+}
+
+/// The number by which a host knows a command's reply.
+///
+/// Hosts draw their first one at random and count up, so that a device never takes a new host's
+/// command for a repetition of an old one's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct CommandId(pub u32);
+
+/// What a host sends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Command {
+    /// Major protocol version of the host; the first byte in every version.
+    pub protocol_major: u8,
+    /// Repeated with the same id, a command is answered again but not acted on again.
+    pub id: CommandId,
+    /// What to do.
+    pub request: Request,
+}
+
+impl Command {
+    /// `request` in this version of the protocol.
+    #[must_use]
+    pub fn new(id: CommandId, request: Request) -> Self {
+        Self { protocol_major: PROTOCOL.major, id, request }
+    }
+}
+
+/// What a host can ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Request {
+    /// Who are you, and how are you set?
+    Hello,
+    /// Stream samples. Streaming already is no error.
+    Start,
+    /// Stop streaming; what is queued still comes before the reply.
+    Stop,
+    /// Take this many samples a second.
+    SetRate {
+        /// Samples a second of each channel.
+        rate_hz: u32,
+    },
+    /// Amplify by this much.
+    SetGain {
+        /// 1, 2, 4 … 128.
+        gain: u8,
+    },
+    /// Take samples from here.
+    SetSource {
+        /// The front-end on the board or the simulated finger.
+        source: Source,
+    },
+    /// Read a register of the front-end; streaming goes on.
+    ReadRegister {
+        /// The register's address.
+        address: u8,
+    },
+    /// Answer with the device's time.
+    Ping,
+    /// Check the front-end without disturbing it.
+    SelfTest,
+    /// What was counted since start-up.
+    Counters,
+}
+
+/// The one answer to a command.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Reply {
+    /// The command's id.
+    pub id: CommandId,
+    /// What came of it.
+    pub outcome: Outcome,
+}
+
+/// What came of a command.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Outcome {
+    /// Done; there is nothing more to say.
+    Done,
+    /// Answer to [`Request::Hello`].
+    Hello(Hello),
+    /// Answer to [`Request::ReadRegister`].
+    Register {
+        /// The register's address.
+        address: u8,
+        /// What it holds.
+        value: u16,
+    },
+    /// Answer to [`Request::Ping`].
+    Pong {
+        /// The device's time when it took up the command.
+        time: DeviceTime,
+    },
+    /// Answer to [`Request::SelfTest`].
+    SelfTest(SelfTest),
+    /// Answer to [`Request::Counters`].
+    Counters(Counters),
+    /// Not done, and why.
+    Refused(Refusal),
+}
+
+/// Why a device did not do what it was asked to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Refusal {
+    /// The host speaks another major version than this device.
+    OtherProtocol {
+        /// What the device speaks.
+        device: ProtocolVersion,
+    },
+    /// A newer host's request that this firmware does not know.
+    UnknownRequest,
+    /// The front-end has no such rate.
+    RateNotPossible {
+        /// The slowest rate, in Hz.
+        slowest_hz: u32,
+        /// The fastest rate, in Hz; others are this halved once or more.
+        fastest_hz: u32,
+    },
+    /// The serial line cannot carry that many samples.
+    LinkTooSlow {
+        /// The fastest rate that it carries, in Hz.
+        fastest_hz: u32,
+    },
+    /// The front-end has no such gain.
+    GainNotPossible {
+        /// The largest gain; others are this halved once or more.
+        largest: u8,
+    },
+    /// This board has no such source.
+    SourceNotPossible,
+    /// There is no front-end to ask; see [`EventKind::FrontEndMissing`].
+    NoFrontEnd,
+    /// The front-end does not answer.
+    FrontEndSilent,
+    /// The front-end has no such register.
+    AddressNotPossible {
+        /// The last address.
+        last: u8,
+    },
+    /// The front-end is still busy with an earlier command; repeat.
+    Busy,
+}
+
+/// What the self-test found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SelfTest {
+    /// What was checked.
+    pub checked: Checks,
+    /// What of it failed.
+    pub failed: Checks,
+    /// The front-end's ID register.
+    pub id_word: u16,
+    /// The front-end's status register.
+    pub status_word: u16,
+    /// Measured time between samples, in ns.
+    pub period_ns: u32,
+}
+
+/// Checks of the self-test, as bits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Checks(pub u16);
+
+impl Checks {
+    /// The ID register names the chip that the firmware drives.
+    pub const ID: Self = Self(1);
+    /// The settings read back as they were written.
+    pub const SETTINGS: Self = Self(1 << 1);
+    /// No frame from the front-end was damaged lately.
+    pub const BUS: Self = Self(1 << 2);
+    /// Data come at the rate that was set, within 5 %.
+    pub const RATE: Self = Self(1 << 3);
+    /// No channel is at the end of its range.
+    pub const RANGE: Self = Self(1 << 4);
+    /// All of them, with the words a person reads.
+    pub const ALL: [(Self, &'static str); 5] = [
+        (Self::ID, "chip identity"),
+        (Self::SETTINGS, "settings read back"),
+        (Self::BUS, "bus free of errors"),
+        (Self::RATE, "sample rate"),
+        (Self::RANGE, "inputs within range"),
+    ];
+
+    /// Whether every bit of `other` is set.
+    #[must_use]
+    pub fn contains(self, other: Self) -> bool {
+        self.0 & other.0 == other.0
+    }
+
+    /// With the bits of `other` set too.
+    #[must_use]
+    pub fn with(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+}
+
+/// What the device has counted since it started; every counter wraps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Counters {
+    /// Seconds since start-up.
+    pub uptime_s: u32,
+    /// Conversions numbered by the sampler, whether or not they could be delivered.
+    pub samples: u32,
+    /// Of these: data ready, but not read in time.
+    pub samples_missed: u32,
+    /// Of these: damaged on the front-end's bus.
+    pub samples_damaged: u32,
+    /// Of these: no room between sampler and block builder.
+    pub samples_dropped: u32,
+    /// Blocks handed to the link.
+    pub blocks_sent: u32,
+    /// Blocks with no room on the link.
+    pub blocks_dropped: u32,
+    /// Events and replies with no room on the link.
+    pub notices_dropped: u32,
+    /// Good commands received, repetitions included.
+    pub commands: u32,
+    /// Commands received again, answered again, not acted on again.
+    pub commands_repeated: u32,
+    /// Commands refused.
+    pub commands_refused: u32,
+    /// Frames from the host that were too long, miscoded or failed their checksum.
+    pub frames_damaged: u32,
+}
+
+/// Why a payload is not a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DecodeError {
+    /// The frame is damaged.
+    Frame(FrameError),
+    /// A message of a newer minor version; skip it.
+    Unknown {
+        /// The variant's number.
+        variant: u8,
+    },
+    /// A device of another major version.
+    OtherProtocol {
+        /// What the device speaks.
+        device: ProtocolVersion,
+    },
+    /// The checksum fits but the contents do not: a bug on the other side.
+    Malformed,
+}
+
+impl From<FrameError> for DecodeError {
+    fn from(error: FrameError) -> Self {
+        Self::Frame(error)
+    }
+}
+
+impl FromDevice {
+    /// Reads a message out of a frame's payload.
+    ///
+    /// # Errors
+    /// [`DecodeError::Unknown`], [`DecodeError::OtherProtocol`] or [`DecodeError::Malformed`].
+    pub fn from_payload(payload: &[u8]) -> Result<Self, DecodeError> {
+        match *payload {
+            [HELLO_VARIANT, major, minor, ..] if major != PROTOCOL.major => {
+                Err(DecodeError::OtherProtocol { device: ProtocolVersion { major, minor } })
+            }
+            [variant, ..] if variant >= FROM_DEVICE_VARIANTS => Err(DecodeError::Unknown { variant }),
+            _ => postcard::take_from_bytes(payload).map(|(message, _)| message).map_err(|_| DecodeError::Malformed),
+        }
+    }
+}
+
+/// A command as far as a device could read it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CommandRead {
+    /// A command of this protocol version.
+    Command(Command),
+    /// A command that must be refused, and why.
+    Refuse(CommandId, Refusal),
+}
+
+impl Command {
+    /// Reads a command out of a frame's payload, on the device.
+    ///
+    /// # Errors
+    /// [`DecodeError::Malformed`] if not even the id can be read, so that no reply is possible.
+    pub fn from_payload(payload: &[u8]) -> Result<CommandRead, DecodeError> {
+        let (&major, rest) = payload.split_first().ok_or(DecodeError::Malformed)?;
+        let (id, _) = postcard::take_from_bytes::<CommandId>(rest).map_err(|_| DecodeError::Malformed)?;
+        if major != PROTOCOL.major {
+            return Ok(CommandRead::Refuse(id, Refusal::OtherProtocol { device: PROTOCOL }));
+        }
+        Ok(match postcard::take_from_bytes(payload) {
+            Ok((command, _)) => CommandRead::Command(command),
+            Err(_) => CommandRead::Refuse(id, Refusal::UnknownRequest),
+        })
+    }
+}
+
+/// A buffer that holds any frame with its delimiter.
+pub type FrameBuffer = [u8; frame::FRAME_MAX + 1];
+
+#[cfg(test)]
+mod tests {
+    use std::format;
+    use std::string::{String as Text, ToString};
+    use std::vec::Vec as List;
+
+    use proptest::prelude::*;
+    use serde::Serialize;
+
+    use super::*;
+    use crate::frame::{FRAME_MAX, FrameReader, encode};
+
+    /// The bytes of a frame as hexadecimal digits.
+    fn hex_frame(message: &impl Serialize) -> Text {
+        let mut line = [0; FRAME_MAX + 1];
+        encode(message, &mut line).unwrap().iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
+    /// The bytes of a payload as hexadecimal digits.
+    fn hex_payload(message: &impl Serialize) -> Text {
+        let mut bytes = [0; FRAME_MAX];
+        postcard::to_slice(message, &mut bytes).unwrap().iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
+    fn bytes_of(hex: &str) -> List<u8> {
+        (0..hex.len()).step_by(2).map(|at| u8::from_str_radix(&hex[at..at + 2], 16).unwrap()).collect()
+    }
+
+    fn hello() -> Hello {
+        Hello {
+            protocol: PROTOCOL,
+            firmware: FirmwareVersion { major: 0, minor: 1, patch: 2 },
+            device: DeviceId(*b"palpate-0001"),
+            board: String::try_from("STM32-H405").unwrap(),
+            front_end: FrontEnd { kind: FrontEndKind::Ads131m02, id_word: 0x2283 },
+            channels: [
+                Channel { axis: Axis::X, bridge: Bridge::Half },
+                Channel { axis: Axis::Y, bridge: Bridge::Half },
+            ],
+            rate_hz: 4000,
+            gain: 32,
+            full_scale_uv: 1_200_000,
+            excitation_mv: 2500,
+            source: Source::Hardware,
+            clock: ClockSource::Crystal,
+            link_baud: 921_600,
+            restart: RestartReason::PowerOn,
+            restarts: 0,
+            streaming: false,
+        }
+    }
+
+    fn block() -> Block {
+        Block {
+            first: Seq(300),
+            time: DeviceTime(75_000),
+            status: Status::SIMULATED.with(Status::GAP_BEFORE),
+            samples: Vec::from_slice(&[[Counts(-1), Counts(63)], [Counts(53_379), Counts(-8_388_608)]]).unwrap(),
+        }
+    }
+
+    fn counters() -> Counters {
+        Counters {
+            uptime_s: 1,
+            samples: 2,
+            samples_missed: 3,
+            samples_damaged: 4,
+            samples_dropped: 5,
+            blocks_sent: 6,
+            blocks_dropped: 7,
+            notices_dropped: 8,
+            commands: 9,
+            commands_repeated: 10,
+            commands_refused: 11,
+            frames_damaged: 12,
+        }
+    }
+
+    /// Every message a device can send, with its payload worked out by hand from the rules in the header.
+    fn from_device_golden() -> List<(FromDevice, &'static str)> {
+        let event = |kind| FromDevice::Event(Event { time: DeviceTime(128), kind });
+        let reply = |outcome| FromDevice::Reply(Reply { id: CommandId(7), outcome });
+        let refused = |refusal| reply(Outcome::Refused(refusal));
+        let hello_fields = concat!(
+            "0100000102",
+            "70616c706174652d30303031",
+            "0a53544d33322d48343035",
+            "008345",
+            "00000100",
+            "a01f",
+            "20",
+            "809f49",
+            "c413",
+            "00",
+            "00",
+            "80a038",
+            "00",
+            "00",
+            "00",
+        );
+        assert_eq!(hex_payload(&hello()), hello_fields);
+        std::vec![
+            (
+                FromDevice::Hello(hello()),
+                "000100000102\
+              70616c706174652d303030310a53544d33322d4834303500834500000100a01f20809f49c413000080a038000000"
+            ),
+            (FromDevice::Block(block()), "01ac02f8c904090201 7e86c206ffffff07"),
+            (event(EventKind::FrontEndMissing { id_word: 0xFFFF }), "02800100ffff03"),
+            (event(EventKind::FrontEndSilent { quiet_us: 1000 }), "02800101e807"),
+            (event(EventKind::FrontEndRecovered), "02800102"),
+            (event(EventKind::FrontEndReset), "02800103"),
+            (event(EventKind::SamplesLost { missed: 1, damaged: 2, dropped: 3 }), "02800104010203"),
+            (reply(Outcome::Done), "030700"),
+            (reply(Outcome::Register { address: 0, value: 0x2283 }), "03070200 8345"),
+            (reply(Outcome::Pong { time: DeviceTime(1) }), "03070301"),
+            (
+                reply(Outcome::SelfTest(SelfTest {
+                    checked: Checks(31),
+                    failed: Checks::RATE,
+                    id_word: 0x2283,
+                    status_word: 0x0503,
+                    period_ns: 250_000,
+                })),
+                "0307041f0883458 30a90a10f",
+            ),
+            (reply(Outcome::Counters(counters())), "0307050102030405060708090a0b0c"),
+            (refused(Refusal::OtherProtocol { device: PROTOCOL }), "030706000100"),
+            (refused(Refusal::UnknownRequest), "03070601"),
+            (refused(Refusal::RateNotPossible { slowest_hz: 500, fastest_hz: 8000 }), "03070602f403c03e"),
+            (refused(Refusal::LinkTooSlow { fastest_hz: 1000 }), "03070603e807"),
+            (refused(Refusal::GainNotPossible { largest: 128 }), "0307060480"),
+            (refused(Refusal::SourceNotPossible), "03070605"),
+            (refused(Refusal::NoFrontEnd), "03070606"),
+            (refused(Refusal::FrontEndSilent), "03070607"),
+            (refused(Refusal::AddressNotPossible { last: 63 }), "030706083f"),
+            (refused(Refusal::Busy), "03070609"),
+            (FromDevice::Temperature(Temperature { time: DeviceTime(1), centi_celsius: -250 }), "0401f303"),
+        ]
+    }
+
+    /// Every command, likewise.
+    fn to_device_golden() -> List<(Request, &'static str)> {
+        std::vec![
+            (Request::Hello, "01ac0200"),
+            (Request::Start, "01ac0201"),
+            (Request::Stop, "01ac0202"),
+            (Request::SetRate { rate_hz: 4000 }, "01ac0203a01f"),
+            (Request::SetGain { gain: 32 }, "01ac020420"),
+            (Request::SetSource { source: Source::Simulated }, "01ac020501"),
+            (Request::ReadRegister { address: 0x3E }, "01ac02063e"),
+            (Request::Ping, "01ac0207"),
+            (Request::SelfTest, "01ac0208"),
+            (Request::Counters, "01ac0209"),
+        ]
+    }
+
+    #[test]
+    fn every_message_of_a_device_has_its_golden_bytes() {
+        for (message, hex) in from_device_golden() {
+            let hex = hex.replace(' ', "");
+            assert_eq!(hex_payload(&message), hex, "{message:?}");
+            assert_eq!(FromDevice::from_payload(&bytes_of(&hex)), Ok(message));
+        }
+    }
+
+    #[test]
+    fn every_command_has_its_golden_bytes() {
+        for (request, hex) in to_device_golden() {
+            let command = Command::new(CommandId(300), request);
+            assert_eq!(hex_payload(&command), hex, "{request:?}");
+            assert_eq!(Command::from_payload(&bytes_of(hex)), Ok(CommandRead::Command(command)));
+        }
+    }
+
+    #[test]
+    fn the_frame_of_a_ping_has_its_golden_bytes() {
+        // Payload 01 05 07; CRC-32 of it, little-endian; COBS's first byte; delimiter.
+        assert_eq!(hex_frame(&Command::new(CommandId(5), Request::Ping)), "08010507c3d2901d00");
+    }
+
+    #[test]
+    fn a_device_of_another_major_version_is_named_even_if_its_hello_is_otherwise_unreadable() {
+        let device = ProtocolVersion { major: 2, minor: 7 };
+        assert_eq!(FromDevice::from_payload(&[0, 2, 7, 99]), Err(DecodeError::OtherProtocol { device }));
+    }
+
+    #[test]
+    fn a_command_of_another_major_version_is_refused_by_its_id() {
+        let refusal = Refusal::OtherProtocol { device: PROTOCOL };
+        assert_eq!(Command::from_payload(&[9, 0xAC, 2, 200, 1]), Ok(CommandRead::Refuse(CommandId(300), refusal)));
+        assert_eq!(Command::from_payload(&[1, 5, 100]), Ok(CommandRead::Refuse(CommandId(5), Refusal::UnknownRequest)));
+        assert_eq!(Command::from_payload(&[1]), Err(DecodeError::Malformed));
+    }
+
+    #[test]
+    fn what_a_newer_minor_version_adds_is_skipped() {
+        assert_eq!(FromDevice::from_payload(&[5, 1, 2, 3]), Err(DecodeError::Unknown { variant: 5 }));
+        let mut longer = bytes_of("03070301");
+        longer.extend([1, 2, 3]);
+        let pong = Reply { id: CommandId(7), outcome: Outcome::Pong { time: DeviceTime(1) } };
+        assert_eq!(FromDevice::from_payload(&longer), Ok(FromDevice::Reply(pong)));
+    }
+
+    #[test]
+    fn the_largest_messages_fit_a_payload() {
+        let full = [Counts::MIN, Counts::MAX];
+        let largest = Block {
+            first: Seq(u32::MAX),
+            time: DeviceTime(u32::MAX),
+            status: Status(u16::MAX),
+            samples: Vec::from_slice(&[full; BLOCK_SAMPLES]).unwrap(),
+        };
+        assert_eq!(hex_payload(&FromDevice::Block(largest)).len() / 2, 79);
+        let mut named = hello();
+        named.board = String::try_from("x".repeat(24).as_str()).unwrap();
+        (named.rate_hz, named.full_scale_uv, named.link_baud) = (u32::MAX, u32::MAX, u32::MAX);
+        (named.front_end.id_word, named.excitation_mv, named.restarts) = (u16::MAX, u16::MAX, u16::MAX);
+        let reply = FromDevice::Reply(Reply { id: CommandId(u32::MAX), outcome: Outcome::Hello(named) });
+        assert!(hex_payload(&reply).len() / 2 <= frame::PAYLOAD_MAX, "{}", hex_payload(&reply).len() / 2);
+    }
+
+    #[test]
+    fn names_print_as_a_person_reads_them() {
+        assert_eq!(hello().device.to_string(), "70616c706174652d30303031");
+        assert_eq!(format!("{} {}", hello().firmware, PROTOCOL), "0.1.2 1.0");
+    }
+
+    proptest! {
+        #[test]
+        fn a_block_comes_back_as_it_was_sent(
+            first in any::<u32>(), time in any::<u32>(), status in any::<u16>(),
+            samples in prop::collection::vec((-8_388_608..=8_388_607_i32, -8_388_608..=8_388_607_i32), 0..=BLOCK_SAMPLES),
+        ) {
+            let samples = samples.iter().map(|&(x, y)| [Counts(x), Counts(y)]).collect();
+            let block =
+                FromDevice::Block(Block { first: Seq(first), time: DeviceTime(time), status: Status(status), samples });
+            let mut line = [0; FRAME_MAX + 1];
+            let mut reader = FrameReader::new();
+            let (_, payload) = reader.push(encode(&block, &mut line).unwrap());
+            prop_assert_eq!(FromDevice::from_payload(payload.unwrap().unwrap()), Ok(block));
+        }
+
+        #[test]
+        fn any_payload_is_a_message_or_an_error(payload in prop::collection::vec(any::<u8>(), 0..200)) {
+            let _ = FromDevice::from_payload(&payload);
+            let _ = Command::from_payload(&payload);
+        }
+    }
+}
