@@ -2,5 +2,7 @@
 
 pub mod calibration;
 pub mod contact;
+pub mod link;
 pub mod recording;
+pub mod simulated_device;
 pub mod solve;

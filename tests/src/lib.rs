@@ -1,1 +1,4 @@
 //! Rigs and oracles for the end-to-end tests in `tests/e2e`.
+
+pub mod fuzz;
+pub mod oracle;

@@ -62,10 +62,13 @@ fn print_hello(session: &Session) {
     row("device", &format!("{} on {} at {}", hello.device, hello.board, session.address()));
     row("firmware", &format!("{}, protocol {}", hello.firmware, hello.protocol));
     row("front-end", &front_end(hello));
-    row("source", match hello.source {
-        Source::Hardware => "hardware",
-        Source::Simulated => "SIMULATED: nothing that it sends was measured",
-    });
+    row(
+        "source",
+        match hello.source {
+            Source::Hardware => "hardware",
+            Source::Simulated => "SIMULATED: nothing that it sends was measured",
+        },
+    );
     row("sampling", &format!("{} Hz, gain {}, excitation {} mV", hello.rate_hz, hello.gain, hello.excitation_mv));
     row("clock", &clock(hello));
     row("last start", &format!("{}, {} restarts since power-on", restart(hello.restart), hello.restarts));
@@ -114,15 +117,29 @@ fn print_self_test(result: &SelfTest) {
 
 fn print_counters(counters: &Counters) {
     let lost = counters.samples_missed + counters.samples_damaged + counters.samples_dropped;
-    row("samples", &format!(
-        "{} in {} s; lost {lost}: {} not read in time, {} damaged on the bus, {} without room",
-        counters.samples, counters.uptime_s, counters.samples_missed, counters.samples_damaged, counters.samples_dropped,
-    ));
-    row("link", &format!(
-        "{} blocks sent, {} without room; {} commands, {} repeated, {} refused; {} damaged frames",
-        counters.blocks_sent, counters.blocks_dropped, counters.commands, counters.commands_repeated,
-        counters.commands_refused, counters.frames_damaged,
-    ));
+    row(
+        "samples",
+        &format!(
+            "{} in {} s; lost {lost}: {} not read in time, {} damaged on the bus, {} without room",
+            counters.samples,
+            counters.uptime_s,
+            counters.samples_missed,
+            counters.samples_damaged,
+            counters.samples_dropped,
+        ),
+    );
+    row(
+        "link",
+        &format!(
+            "{} blocks sent, {} without room; {} commands, {} repeated, {} refused; {} damaged frames",
+            counters.blocks_sent,
+            counters.blocks_dropped,
+            counters.commands,
+            counters.commands_repeated,
+            counters.commands_refused,
+            counters.frames_damaged,
+        ),
+    );
 }
 
 fn parse_address(text: &str) -> Result<u8, String> {

@@ -1,6 +1,9 @@
 //! The commands, one file each. They parse, call the library and print; they compute nothing.
 
 mod contact;
+mod device;
+mod info;
+mod ports;
 mod solve;
 
 use std::process::ExitCode;
@@ -21,6 +24,8 @@ struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     Contact(contact::Arguments),
+    Info(info::Arguments),
+    Ports(ports::Arguments),
     Solve(solve::Arguments),
 }
 
@@ -37,6 +42,8 @@ pub(crate) fn run() -> ExitCode {
     };
     let outcome = match arguments.command {
         Command::Contact(arguments) => contact::run(&arguments),
+        Command::Info(arguments) => info::run(&arguments),
+        Command::Ports(arguments) => ports::run(&arguments),
         Command::Solve(arguments) => solve::run(&arguments),
     };
     match outcome {

@@ -12,7 +12,9 @@ use thiserror::Error;
 pub enum LinkError {
     /// The device's name cannot be meant.
     #[error("`{text}` is not a device: {reason}")]
-    #[diagnostic(help("a device is a serial port's path, tcp:HOST:PORT, or sim:SEED; `palpate ports` lists the serial ports"))]
+    #[diagnostic(help(
+        "a device is a serial port's path, tcp:HOST:PORT, or sim:SEED; `palpate ports` lists the serial ports"
+    ))]
     Address {
         /// What was given.
         text: String,
@@ -129,7 +131,9 @@ pub enum LinkError {
 
     /// A command was repeated without an answer.
     #[error("no answer to {request}, sent {times} times in {} ms", within.as_millis())]
-    #[diagnostic(help("the cable, or a device that hangs: `palpate diagnose` tells which; unplug it and plug it in again"))]
+    #[diagnostic(help(
+        "the cable, or a device that hangs: `palpate diagnose` tells which; unplug it and plug it in again"
+    ))]
     Unanswered {
         /// The command in words.
         request: String,

@@ -38,8 +38,7 @@ impl MessageReader {
         while !bytes.is_empty() {
             let (taken, outcome) = self.frames.push(bytes);
             let frame_ended = bytes.get(taken.wrapping_sub(1)) == Some(&palpate_shared::frame::DELIMITER);
-            let decoded =
-                outcome.map(|payload| payload.map_err(DecodeError::from).and_then(FromDevice::from_payload));
+            let decoded = outcome.map(|payload| payload.map_err(DecodeError::from).and_then(FromDevice::from_payload));
             match decoded {
                 Some(Ok(message)) => {
                     self.counts.messages += 1;

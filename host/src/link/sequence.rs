@@ -107,10 +107,7 @@ mod tests {
         let mut sequence = Sequence::default();
         sequence.place(Seq(u32::MAX - 7), DeviceTime(u32::MAX - 1000), 8);
         let place = sequence.place(Seq(0), DeviceTime(999), 8);
-        assert_eq!(
-            place,
-            Place { first: 1 << 32, time_us: (1 << 32) + 999, continuity: Continuity::Missing(0) }
-        );
+        assert_eq!(place, Place { first: 1 << 32, time_us: (1 << 32) + 999, continuity: Continuity::Missing(0) });
         assert_eq!((sequence.received(), sequence.missing()), (16, 0));
     }
 

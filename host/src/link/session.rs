@@ -19,8 +19,8 @@ use std::time::{Duration, Instant};
 use palpate_shared::frame::{DELIMITER, FRAME_MAX, encode};
 use palpate_shared::units::Counts;
 use palpate_shared::wire::{
-    Block, Command, CommandId, Event, FromDevice, Hello, Outcome, Refusal, Reply, Request, SelfTest, Source, Status,
-    Temperature, Counters, ProtocolVersion,
+    Block, Command, CommandId, Counters, Event, FromDevice, Hello, Outcome, ProtocolVersion, Refusal, Reply, Request,
+    SelfTest, Source, Status, Temperature,
 };
 
 use super::address::Address;
@@ -555,8 +555,8 @@ impl Session {
             return Ok(());
         };
         let after = self.down_since.take().map(|since| since.elapsed()).unwrap_or_default();
-        let began_anew = greeted.hello.restarts != self.hello.restarts
-            || self.wanted.streaming && !greeted.hello.streaming;
+        let began_anew =
+            greeted.hello.restarts != self.hello.restarts || self.wanted.streaming && !greeted.hello.streaming;
         self.line = Some(greeted.line);
         self.backlog.push_back(Incoming::Reconnected { after });
         if began_anew {

@@ -83,7 +83,9 @@ impl Read for Transport {
             Self::Pipe(end) => end.read(buffer),
         };
         match read {
-            Ok(0) if !buffer.is_empty() => Err(io::Error::new(io::ErrorKind::UnexpectedEof, "the device closed the link")),
+            Ok(0) if !buffer.is_empty() => {
+                Err(io::Error::new(io::ErrorKind::UnexpectedEof, "the device closed the link"))
+            }
             Err(error) if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted) => {
                 Err(io::ErrorKind::TimedOut.into())
             }

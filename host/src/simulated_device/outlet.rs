@@ -16,8 +16,15 @@ use crate::link::platform::pty::Pty;
 pub(super) enum Outlet {
     Pipe(Pipe),
     #[cfg(unix)]
-    Pty { open: Option<Pty>, link: Option<PathBuf> },
-    Tcp { listener: TcpListener, peer: Option<TcpStream>, plugged_in: bool },
+    Pty {
+        open: Option<Pty>,
+        link: Option<PathBuf>,
+    },
+    Tcp {
+        listener: TcpListener,
+        peer: Option<TcpStream>,
+        plugged_in: bool,
+    },
 }
 
 impl Outlet {
