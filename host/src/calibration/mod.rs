@@ -1,1 +1,31 @@
 //! Counts to strain to force, and how the finger's matrix is found.
+//!
+//! Pure. In reading order: [`front_end`] turns counts into strain,
+//! [`force`] counts into force; [`measurements`] says what a calibration is made from, [`mod@fit`] finds the matrix.
+//!
+//! Frames: finger axes throughout; force is the force on the finger's disk. Units: counts, newtons (or the
+//! calibration's relative unit), radians.
+
+pub mod fit;
+pub mod force;
+pub mod front_end;
+pub mod held_back;
+mod least_squares;
+pub mod measurements;
+mod offset;
+pub mod span;
+mod start;
+
+pub use fit::{ContactResult, Fit, FitError, FitSettings, Quality, Role, fit};
+pub use force::{
+    Calibration, CalibrationError, CalibrationParts, Force, ForceUnit, Reading, Tare, contact_angle,
+    direction_variance, push_direction, wrap_angle,
+};
+pub use front_end::{FrontEnd, FrontEndError, FrontEndSettings, counts_vector};
+pub use held_back::HeldBack;
+pub use measurements::{Contact, Fixture, Load, Measurements};
+
+#[cfg(test)]
+mod fit_tests;
+#[cfg(test)]
+mod test_world;
