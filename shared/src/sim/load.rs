@@ -68,7 +68,7 @@ pub enum Load {
         /// Time it takes, in microseconds.
         duration_us: u32,
     },
-    /// Any force on the disk, in newtons: what another simulation computes.
+    /// Any force on the disk, in newtons: what another simulation computes. One that is not finite counts as none.
     Force([f32; 2]),
 }
 
@@ -90,7 +90,7 @@ impl Load {
     #[must_use]
     pub fn force_at(&self, elapsed_us: u64) -> [f32; 2] {
         match self {
-            Self::Force(force) => *force,
+            Self::Force(force) if force.iter().all(|f| f.is_finite()) => *force,
             _ => self.contact_at(elapsed_us).map_or([0.0; 2], |contact| contact.force_finger()),
         }
     }
@@ -303,6 +303,22 @@ mod tests {
         force_is(1500, [1.0, 0.0]);
         force_is(2499, [1.0, 0.0]);
         force_is(9000, [0.0, 3.0]);
+    }
+
+    #[test]
+    fn a_ramp_begins_when_the_script_says_and_not_at_the_next_sample() {
+        let mut script = Script::new();
+        script.push(1000, Load::Force([4.0, 0.0])).unwrap();
+        let mut loading = Loading::new(RAMP_US);
+        loading.set_script(script, 0);
+        assert!((loading.advance_to(11_000)[0] - 2.0).abs() < FORCE_ERROR_N);
+    }
+
+    #[test]
+    fn a_force_that_is_not_finite_counts_as_none() {
+        for force in [[f32::NAN, 1.0], [1.0, f32::INFINITY]] {
+            assert!(Load::Force(force).force_at(0).iter().all(|f| f.abs() < FORCE_ERROR_N));
+        }
     }
 
     #[test]

@@ -152,6 +152,17 @@ fn several_registers_are_read_without_conversion_data() {
 }
 
 #[test]
+fn the_frame_that_gives_out_several_registers_takes_no_command() {
+    for refused in [[read(ID, 1), 0], [0x0022, 0], [0x0555, 0], [write(GAIN1, 1), 0x0055]] {
+        let mut bench = Bench::settled();
+        bench.send(&[read(MODE, 2)]);
+        bench.send(&refused);
+        assert_eq!(response(&bench.send(&[0])), 0x0500, "{refused:x?}");
+        assert!(bench.chip.is_converting() && bench.chip.gain(0) == 1);
+    }
+}
+
+#[test]
 fn several_registers_are_written_by_one_frame() {
     let mut bench = Bench::settled();
     bench.send(&[write(CH0_CFG + 1, 4), 0x1122, 0x3300, 0x4455, 0x6600]);
@@ -431,6 +442,20 @@ fn the_first_two_conversions_after_a_reset_come_from_the_fast_filter() {
     let codes = [HALF_SCALE_V, 0.0, HALF_SCALE_V].map(|volts| bench.sample([volts; 2])[0]);
     assert_eq!(codes[..2], [HALF_SCALE, 0]);
     assert!((codes[2] - HALF_SCALE / 3).abs() <= 1, "the third is sinc³ already: 1/6 + 1/6");
+}
+
+#[test]
+fn a_reset_brings_the_fast_filter_back() {
+    let mut bench = Bench::settled();
+    bench.send(&[0x0011]);
+    assert_eq!(bench.sample([HALF_SCALE_V; 2]), [HALF_SCALE; 2]);
+}
+
+#[test]
+fn codes_are_rounded_to_the_nearest() {
+    for (counts, expected) in [(0.75, 1), (0.25, 0), (-0.25, 0), (-0.75, -1), (100.6, 101)] {
+        assert_eq!(settled_codes(&mut Bench::settled(), [counts * volts_per_count(1); 2]), [expected; 2]);
+    }
 }
 
 #[test]
