@@ -271,6 +271,8 @@ fn without_a_chip_the_bus_floats_and_drdy_never_falls() {
         assert_eq!(frame(&mut front_end), [byte; FRAME]);
         front_end.set_faults(Faults::default());
         assert!(front_end.step(), "it can be plugged in again");
+        assert_eq!(frame(&mut front_end)[..2], [0xFF, 0x22], "and has been powered up anew");
+        assert_eq!(front_end.chip().gain(0), 1);
     }
 }
 
