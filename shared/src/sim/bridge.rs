@@ -187,7 +187,7 @@ impl Hum {
 fn phase_per_step(hertz: f32, step_ns: u32) -> u32 {
     let millihertz = (hertz * 1e3) as u64;
     // · 2³² / 10¹² in integers: 2³² / 10¹² = 2²⁰ / 5¹².
-    (((millihertz * u64::from(step_ns)) << 20) / 244_140_625) as u32
+    ((millihertz.wrapping_mul(step_ns.into()) << 20) / 244_140_625) as u32
 }
 
 /// Both bridges at work.

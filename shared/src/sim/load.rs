@@ -1,11 +1,12 @@
 //! What presses on the disk, and when.
 //!
 //! A [`Load`] is one way of pressing; a [`Script`] is a list of loads with their times. A change from one load to the
-//! next takes [`Loading`]'s ramp, 20 ms by default: a real contact builds up while the surfaces meet, and a step
-//! would make the beam ring at twice the force.
+//! next takes a ramp, 20 ms by default: a real contact builds up while the surfaces meet, and a step would make the
+//! elastic force overshoot to nearly twice the load.
 //!
-//! Frame: finger. **Force is the force on the disk.** A contact at the angle u (seen from the disk's centre) presses the
-//! finger away from it: without friction along −(cos u, sin u), with the friction angle φ along −(cos(u+φ), sin(u+φ)).
+//! Frame: finger. **Force is the force on the disk.** A contact at the angle u (seen from the disk's centre) presses
+//! the finger away from it: without friction along −(cos u, sin u), with the friction angle φ along
+//! −(cos(u+φ), sin(u+φ)).
 //! Units: newtons, radians, microseconds. Errors: [`Script::push`] refuses steps out of order and more than it holds.
 
 use heapless::Vec;
@@ -202,7 +203,7 @@ impl Loading {
     /// The force on the disk at a time, which must not run backwards.
     pub(super) fn advance_to(&mut self, now_us: u64) -> [f32; 2] {
         while let Some(&(start_us, load)) = self.script.steps.get(self.next_step) {
-            let start_us = self.script_start_us + start_us;
+            let start_us = self.script_start_us.saturating_add(start_us);
             if now_us < start_us {
                 break;
             }
@@ -210,7 +211,7 @@ impl Loading {
             self.begin(load, start_us);
         }
         let part = self.ramp(now_us);
-        let target = self.load.force_at(now_us - self.load_start_us);
+        let target = self.load.force_at(now_us.saturating_sub(self.load_start_us));
         self.force = core::array::from_fn(|i| self.force_before[i] + part * (target[i] - self.force_before[i]));
         self.force
     }

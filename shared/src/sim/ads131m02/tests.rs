@@ -651,6 +651,34 @@ fn reading_without_new_data_repeats_the_last() {
     assert_eq!(bench.codes(), last);
 }
 
+proptest! {
+    #[test]
+    fn the_fifo_gives_the_last_two_conversions_once_each_and_in_order(
+        reads in prop::collection::vec(0usize..4, 1..60)
+    ) {
+        // Oracle: a queue that drops its oldest when a third comes. The fast filter makes each code its own input.
+        let mut chip = Chip::new(1);
+        chip.set_noise(false);
+        let mut queue = std::collections::VecDeque::new();
+        let mut last = 0;
+        for (i, &reads) in (1..).zip(&reads) {
+            chip.converter.reset(&chip.registers);
+            chip.convert([i as f32 * volts_per_count(1); 2]);
+            queue.push_back(i);
+            if queue.len() > 2 {
+                queue.pop_front();
+            }
+            for _ in 0..reads {
+                prop_assert_eq!(chip.is_data_ready(), !queue.is_empty());
+                let mut frame = [0; 12];
+                chip.transfer(&mut frame);
+                last = queue.pop_front().unwrap_or(last);
+                prop_assert_eq!(i32::from(frame[5]), last);
+            }
+        }
+    }
+}
+
 #[test]
 fn in_pulse_mode_every_second_pulse_is_missing_while_data_are_not_read() {
     let mut bench = Bench::settled();
