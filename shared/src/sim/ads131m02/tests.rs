@@ -152,6 +152,17 @@ fn several_registers_are_read_without_conversion_data() {
 }
 
 #[test]
+fn the_frame_that_gives_out_several_registers_takes_no_command() {
+    for refused in [[read(ID, 1), 0], [0x0022, 0], [0x0555, 0], [write(GAIN1, 1), 0x0055]] {
+        let mut bench = Bench::settled();
+        bench.send(&[read(MODE, 2)]);
+        bench.send(&refused);
+        assert_eq!(response(&bench.send(&[0])), 0x0500, "{refused:x?}");
+        assert!(bench.chip.is_converting() && bench.chip.gain(0) == 1);
+    }
+}
+
+#[test]
 fn several_registers_are_written_by_one_frame() {
     let mut bench = Bench::settled();
     bench.send(&[write(CH0_CFG + 1, 4), 0x1122, 0x3300, 0x4455, 0x6600]);
@@ -434,6 +445,20 @@ fn the_first_two_conversions_after_a_reset_come_from_the_fast_filter() {
 }
 
 #[test]
+fn a_reset_brings_the_fast_filter_back() {
+    let mut bench = Bench::settled();
+    bench.send(&[0x0011]);
+    assert_eq!(bench.sample([HALF_SCALE_V; 2]), [HALF_SCALE; 2]);
+}
+
+#[test]
+fn codes_are_rounded_to_the_nearest() {
+    for (counts, expected) in [(0.75, 1), (0.25, 0), (-0.25, 0), (-0.75, -1), (100.6, 101)] {
+        assert_eq!(settled_codes(&mut Bench::settled(), [counts * volts_per_count(1); 2]), [expected; 2]);
+    }
+}
+
+#[test]
 fn oversampling_sets_the_rate_and_resynchronises() {
     let rates = [(0, 32_000.0), (1, 16_000.0), (2, 8_000.0), (3, 4_000.0), (4, 2_000.0), (5, 1_000.0), (6, 500.0)];
     for (code, hertz) in rates {
@@ -624,6 +649,34 @@ fn reading_without_new_data_repeats_the_last() {
     bench.codes();
     let last = bench.codes();
     assert_eq!(bench.codes(), last);
+}
+
+proptest! {
+    #[test]
+    fn the_fifo_gives_the_last_two_conversions_once_each_and_in_order(
+        reads in prop::collection::vec(0usize..4, 1..60)
+    ) {
+        // Oracle: a queue that drops its oldest when a third comes. The fast filter makes each code its own input.
+        let mut chip = Chip::new(1);
+        chip.set_noise(false);
+        let mut queue = std::collections::VecDeque::new();
+        let mut last = 0;
+        for (i, &reads) in (1..).zip(&reads) {
+            chip.converter.reset(&chip.registers);
+            chip.convert([i as f32 * volts_per_count(1); 2]);
+            queue.push_back(i);
+            if queue.len() > 2 {
+                queue.pop_front();
+            }
+            for _ in 0..reads {
+                prop_assert_eq!(chip.is_data_ready(), !queue.is_empty());
+                let mut frame = [0; 12];
+                chip.transfer(&mut frame);
+                last = queue.pop_front().unwrap_or(last);
+                prop_assert_eq!(i32::from(frame[5]), last);
+            }
+        }
+    }
 }
 
 #[test]

@@ -9,7 +9,6 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::sim::ads131m02::registers::{CLOCK, GAIN1};
-use crate::sim::ads131m02::volts_per_count;
 use crate::sim::{Contact, DataReadyPin, MICROSTRAIN, PortBusy, SpiPort, SyncResetPin};
 
 /// Bytes in a frame of four 24-bit words.
@@ -59,7 +58,7 @@ fn at_gain_32(config: FingerConfig, seed: u64) -> SimulatedFrontEnd {
 
 /// Strains that codes at gain 32 stand for.
 fn strains(codes: [i32; 2], config: &FingerConfig) -> [f32; 2] {
-    codes.map(|code| code as f32 * volts_per_count(32) / config.bridges.volts_per_strain())
+    codes.map(|code| code as f32 * config.bridges.strain_per_count(32))
 }
 
 /// Both strains over a number of conversions.
@@ -136,6 +135,40 @@ fn mean(record: &[[f32; 2]]) -> [f32; 2] {
     })
 }
 
+/// Frequency of a wave of both axes' x, from its rising zeros, in cycles per sample; and how well it is known.
+fn frequency(wave: &[[f32; 2]]) -> (f32, f32) {
+    let zeros: Vec<usize> = (1..wave.len()).filter(|&i| wave[i - 1][0] < 0.0 && wave[i][0] >= 0.0).collect();
+    let samples = (zeros[zeros.len() - 1] - zeros[0]) as f32;
+    // Both ends are known to one sample.
+    ((zeros.len() - 1) as f32 / samples, 2.0 / samples)
+}
+
+/// Frequency at which the default finger rings, in hertz.
+fn damped_hz(config: &FingerConfig) -> f32 {
+    config.beam.angular_frequency() / core::f32::consts::TAU * (1.0f32 - 0.02 * 0.02).sqrt()
+}
+
+#[test]
+fn ringing_and_hum_keep_their_frequency_when_the_rate_changes() {
+    let mut config = FingerConfig::ideal();
+    config.beam.resonance = true;
+    let mut front_end = at_gain_32(config, 1);
+    write(&mut front_end, CLOCK, 0x0312); // OSR 2048: 2 kSPS
+    front_end.set_load(Load::Force([2.0, 0.0]));
+    record(&mut front_end, &config, SECOND);
+    front_end.set_load(Load::Released);
+    let (cycles_per_sample, error) = frequency(&record(&mut front_end, &config, 200));
+    assert!((cycles_per_sample * 2000.0 / damped_hz(&config) - 1.0).abs() < error);
+
+    let mut config = FingerConfig::ideal();
+    config.bridges.hum_peak_to_peak = MICROSTRAIN;
+    let mut front_end = at_gain_32(config, 1);
+    write(&mut front_end, CLOCK, 0x0312);
+    record(&mut front_end, &config, 3);
+    let [x, _] = mean(&record(&mut front_end, &config, 40)); // one mains period
+    assert!(x.abs() < 1e-3 * MICROSTRAIN, "{x}");
+}
+
 #[test]
 fn the_finger_rings_at_its_resonance_when_it_is_let_go() {
     let mut config = FingerConfig::ideal();
@@ -145,12 +178,9 @@ fn the_finger_rings_at_its_resonance_when_it_is_let_go() {
     record(&mut front_end, &config, 2 * SECOND);
     front_end.set_load(Load::Released);
     let wave = record(&mut front_end, &config, 400);
-    let zeros: Vec<usize> = (1..wave.len()).filter(|&i| wave[i - 1][0] < 0.0 && wave[i][0] >= 0.0).collect();
-    let (first, last) = (zeros[0], zeros[zeros.len() - 1]);
-    let hertz = (zeros.len() - 1) as f32 / (last - first) as f32 * SECOND as f32;
-    let damped = config.beam.angular_frequency() / core::f32::consts::TAU * (1.0f32 - 0.02 * 0.02).sqrt();
-    // Both ends are known to one sample in the record's 370.
-    assert!((hertz / damped - 1.0).abs() < 0.006, "{hertz} Hz for {damped} Hz");
+    let (cycles_per_sample, error) = frequency(&wave);
+    let hertz = cycles_per_sample * SECOND as f32;
+    assert!((hertz / damped_hz(&config) - 1.0).abs() < error, "{hertz} Hz");
     // Damping ratio 0.02 loses a factor e^(−2π·0.02) a cycle: what is left of the swing after 15 cycles is 0.152.
     let swing = |range: core::ops::Range<usize>| wave[range].iter().fold(0.0f32, |m, s| m.max(s[0].abs()));
     // A cycle is 21.45 samples.
@@ -241,6 +271,8 @@ fn without_a_chip_the_bus_floats_and_drdy_never_falls() {
         assert_eq!(frame(&mut front_end), [byte; FRAME]);
         front_end.set_faults(Faults::default());
         assert!(front_end.step(), "it can be plugged in again");
+        assert_eq!(frame(&mut front_end)[..2], [0xFF, 0x22], "and has been powered up anew");
+        assert_eq!(front_end.chip().gain(0), 1);
     }
 }
 
@@ -317,6 +349,19 @@ fn bit_errors_hit_every_bit_and_their_ends_are_exact() {
     assert_eq!(count(1.0), [4000; 8]);
     // 400 expected of 4000; five standard deviations are 95.
     assert!(count(0.1).iter().all(|&n| n.abs_diff(400) < 95), "{:?}", count(0.1));
+}
+
+#[test]
+fn bit_errors_reach_the_chip_too() {
+    let mut front_end = at_gain_32(FingerConfig::default(), 1);
+    front_end.set_faults(Faults { bit_error_rate: 1.0, ..Faults::default() });
+    // Every bit is inverted, so the complement of WREG GAIN1 = 0x0011 is understood.
+    front_end.select();
+    for byte in [!0x62, !0x00, !0, !0x00, !0x11, !0] {
+        front_end.exchange(byte);
+    }
+    front_end.deselect();
+    assert_eq!(front_end.chip().gain(0), 2);
 }
 
 #[test]
