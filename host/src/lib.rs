@@ -2,7 +2,10 @@
 
 pub mod calibration;
 pub mod contact;
+pub mod diagnosis;
 pub mod link;
+pub mod live;
 pub mod recording;
+pub mod sensing;
 pub mod simulated_device;
 pub mod solve;

@@ -1,12 +1,34 @@
-//! The thread that is the device.
+//! The thread that is the device: the world's clock, the board's interrupt and main loop, and the line.
 
-use std::sync::mpsc::{Receiver, Sender};
-use std::time::Instant;
+use std::cell::RefCell;
+use std::io;
+use std::sync::mpsc::{Receiver, Sender, TryRecvError};
+use std::time::{Duration, Instant};
 
-use palpate_shared::sim::{Faults, Load, Script};
+use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
+use palpate_firmware_core::{Device, Identity, Queues, Sampler, SelectSource, Settings, SourceNotPossible};
+use palpate_shared::sim::{Faults, Load, PortBusy, Script, SimulatedFrontEnd, SpiPort};
+use palpate_shared::units::DeviceTime;
+use palpate_shared::wire::{ClockSource, DeviceId, RestartReason, Source};
 
 use super::outlet::Outlet;
-use super::{Config, Moment};
+use super::{Config, Moment, Pace};
+
+/// How often a device in real time wakes: half a block, so that samples are at most this late.
+const TICK: Duration = Duration::from_millis(1);
+
+/// How long a device that has nothing to do, or whose host does not read, rests.
+const REST: Duration = Duration::from_micros(200);
+
+/// Conversions that a device at its host's pace makes between two looks at its line: one block.
+const STRIDE: u64 = 8;
+
+/// Bits that a byte takes on a serial line, start and stop bit included.
+const BITS_PER_BYTE: f64 = 10.0;
+
+
+/// Volts to millivolts, to state the finger's excitation in the hello.
+const MV_PER_V: f32 = 1e3;
 
 /// An order from the device's owner; each is answered with the moment from which it holds.
 #[derive(Debug)]
@@ -22,4 +44,254 @@ pub(super) enum Control {
     End,
 }
 
-pub(super) fn run(_config: &Config, _outlet: Outlet, _orders: &Receiver<Control>, _epoch: Instant) {}
+/// Why a device stopped running.
+enum Ended {
+    Restart(Sender<Moment>),
+    ForGood,
+}
+
+/// Runs the device until its owner is gone, over as many restarts as are ordered.
+pub(super) fn run(config: &Config, mut outlet: Outlet, orders: &Receiver<Control>, mut epoch: Instant) {
+    let mut restarts = 0;
+    let mut asked: Option<Sender<Moment>> = None;
+    loop {
+        let front_end = RefCell::new(SimulatedFrontEnd::new(config.finger, config.seed));
+        front_end.borrow_mut().set_faults(config.faults);
+        let mut queues = Queues::new();
+        let (sampler_end, device_end) = queues.split();
+        let settings = Settings::at_start(config.baud.unwrap_or(0));
+        let mut board = Board {
+            front_end: &front_end,
+            sampler: Sampler::new(SimulatedOnly(SpiPort::new(&front_end)), sampler_end, settings),
+            device: Device::new(identity(config, restarts), device_end),
+            conversions: 0,
+        };
+        if let Some(asked) = asked.take() {
+            answer(&asked, board.moment());
+        }
+        match board.live(config, &mut outlet, orders, epoch) {
+            Ended::ForGood => return,
+            Ended::Restart(sender) => asked = Some(sender),
+        }
+        restarts += 1;
+        epoch = Instant::now();
+    }
+}
+
+/// What the simulated board says of itself.
+fn identity(config: &Config, restarts: u16) -> Identity {
+    let mut device = *b"sim-........";
+    device[4..].copy_from_slice(&config.seed.to_be_bytes());
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few thousand millivolts")]
+    let excitation_mv = (config.finger.bridges.excitation_v * MV_PER_V) as u16;
+    Identity {
+        device: DeviceId(device),
+        board: "simulated",
+        clock: ClockSource::Host,
+        link_baud: config.baud.unwrap_or(0),
+        restart: if restarts == 0 { RestartReason::PowerOn } else { RestartReason::Requested },
+        restarts,
+        excitation_mv,
+    }
+}
+
+/// A bus with nothing but the simulation behind it, which therefore never passes for hardware.
+struct SimulatedOnly<'w>(SpiPort<'w>);
+
+impl ErrorType for SimulatedOnly<'_> {
+    type Error = PortBusy;
+}
+
+impl SpiDevice for SimulatedOnly<'_> {
+    fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), PortBusy> {
+        self.0.transaction(operations)
+    }
+}
+
+impl SelectSource for SimulatedOnly<'_> {
+    fn select(&mut self, source: Source) -> Result<(), SourceNotPossible> {
+        match source {
+            Source::Simulated => Ok(()),
+            Source::Hardware => Err(SourceNotPossible),
+        }
+    }
+
+    fn is_simulated(&self) -> bool {
+        true
+    }
+}
+
+/// A board: the firmware, and the world that its front-end stands in.
+struct Board<'w> {
+    front_end: &'w RefCell<SimulatedFrontEnd>,
+    sampler: Sampler<'w, SimulatedOnly<'w>>,
+    device: Device<'w>,
+    conversions: u64,
+}
+
+impl Board<'_> {
+    /// Lives until ordered otherwise.
+    fn live(&mut self, config: &Config, outlet: &mut Outlet, orders: &Receiver<Control>, epoch: Instant) -> Ended {
+        let mut line = LineSpeed { baud: config.baud, allowance: 0.0, paid_us: 0 };
+        loop {
+            loop {
+                match orders.try_recv() {
+                    Ok(Control::Restart(sender)) => return Ended::Restart(sender),
+                    Ok(Control::End) | Err(TryRecvError::Disconnected) => return Ended::ForGood,
+                    Ok(order) => self.obey(order, outlet),
+                    Err(TryRecvError::Empty) => break,
+                }
+            }
+            let heard = self.listen(outlet);
+            match config.pace {
+                Pace::RealTime => {
+                    self.catch_up(epoch, outlet, &mut line);
+                    std::thread::sleep(TICK);
+                }
+                Pace::AsRead => {
+                    let stuck = self.talk(outlet, &mut line);
+                    if !stuck {
+                        (0..STRIDE).for_each(|_| self.convert());
+                    }
+                    let idle = !heard && self.device.transmit().is_empty();
+                    if stuck || idle {
+                        std::thread::sleep(REST);
+                    }
+                }
+            }
+        }
+    }
+
+    fn obey(&mut self, order: Control, outlet: &mut Outlet) {
+        let mut front_end = self.front_end.borrow_mut();
+        let sender = match order {
+            Control::Load(load, sender) => {
+                front_end.set_load(load);
+                sender
+            }
+            Control::Script(script, sender) => {
+                front_end.set_script(script);
+                sender
+            }
+            Control::Faults(faults, sender) => {
+                front_end.set_faults(faults);
+                sender
+            }
+            Control::Unplug(sender) => {
+                outlet.unplug();
+                sender
+            }
+            Control::PlugIn(sender) => {
+                // Without a new terminal the cable stays out, which the host will notice.
+                if let Err(error) = outlet.plug_in() {
+                    tracing::warn!(%error, "cannot plug the simulated cable in");
+                }
+                sender
+            }
+            Control::Disturb(noise, sender) => {
+                let _ = outlet.write(&noise);
+                sender
+            }
+            Control::Now(sender) | Control::Restart(sender) => sender,
+            Control::End => return,
+        };
+        drop(front_end);
+        answer(&sender, self.moment());
+    }
+
+    fn moment(&self) -> Moment {
+        Moment { conversion: self.conversions, truth: self.front_end.borrow().truth() }
+    }
+
+    /// Hands the firmware what the host sent; whether there was anything.
+    fn listen(&mut self, outlet: &mut Outlet) -> bool {
+        let mut buffer = [0; 256];
+        let length = outlet.read(&mut buffer);
+        let now = self.now();
+        self.device.receive(&buffer[..length], now);
+        self.device.poll(now);
+        length > 0
+    }
+
+    /// Takes all samples that a board would have taken by now.
+    fn catch_up(&mut self, epoch: Instant, outlet: &mut Outlet, line: &mut LineSpeed) {
+        let due_ns = epoch.elapsed().as_nanos();
+        while u128::from(self.front_end.borrow().truth().time_ns) < due_ns {
+            self.convert();
+            self.talk(outlet, line);
+        }
+        self.talk(outlet, line);
+    }
+
+    /// Lets one conversion happen: the world moves, the interrupt comes, the main loop runs.
+    fn convert(&mut self) {
+        self.conversions += 1;
+        let data_ready = self.front_end.borrow_mut().step();
+        let now = self.now();
+        if data_ready {
+            self.sampler.data_ready(now);
+        } else {
+            self.sampler.idle(now);
+        }
+        self.device.poll(now);
+    }
+
+    /// Puts on the line what it takes; whether something is left over.
+    fn talk(&mut self, outlet: &mut Outlet, line: &mut LineSpeed) -> bool {
+        line.earn(self.now());
+        loop {
+            let waiting = self.device.transmit();
+            let allowed = &waiting[..waiting.len().min(line.allowed())];
+            if waiting.is_empty() {
+                return false;
+            }
+            let sent = if allowed.is_empty() { 0 } else { outlet.write(allowed) };
+            if sent == 0 {
+                return true;
+            }
+            line.spend(sent);
+            self.device.transmitted(sent);
+        }
+    }
+
+    /// The device's clock, which counts conversions.
+    fn now(&self) -> DeviceTime {
+        #[expect(clippy::cast_possible_truncation, reason = "the device's clock wraps")]
+        DeviceTime((self.front_end.borrow().truth().time_ns / 1000) as u32)
+    }
+}
+
+/// Tells the owner from when its order holds.
+fn answer(sender: &Sender<Moment>, moment: Moment) {
+    // An owner that does not wait for the answer does not need it.
+    let _ = sender.send(moment);
+}
+
+/// What a line of limited speed can carry by now.
+struct LineSpeed {
+    baud: Option<u32>,
+    /// Bytes that may go out.
+    allowance: f64,
+    /// Device time up to which the allowance was given.
+    paid_us: u32,
+}
+
+impl LineSpeed {
+    fn earn(&mut self, now: DeviceTime) {
+        if let Some(baud) = self.baud {
+            let elapsed_s = f64::from(now.since(DeviceTime(self.paid_us))) * 1e-6;
+            // An idle line saves nothing up but the bytes that a transmitter holds ready.
+            self.allowance = (self.allowance + elapsed_s * f64::from(baud) / BITS_PER_BYTE).min(64.0);
+            self.paid_us = now.0;
+        }
+    }
+
+    fn allowed(&self) -> usize {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small number, cut to whole bytes")]
+        self.baud.map_or(usize::MAX, |_| self.allowance.max(0.0) as usize)
+    }
+
+    fn spend(&mut self, bytes: usize) {
+        self.allowance -= bytes as f64;
+    }
+}

@@ -1,0 +1,44 @@
+//! From the moment a sample was taken to the moment its angle is known.
+
+use std::time::Instant;
+
+use palpate::link::{Samples, Session};
+
+/// Delays seen, in s.
+///
+/// For a simulated device of this process the moment of each sample is known exactly; for any other it is estimated
+/// by the clock map, within half a ping's round trip.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Latency {
+    delays_s: Vec<f64>,
+}
+
+impl Latency {
+    /// Takes in that what these samples tell was known at `known`.
+    pub(crate) fn take(&mut self, session: &Session, samples: &Samples, known: Instant) {
+        let last_s = samples.device_time_s(samples.counts.len().saturating_sub(1));
+        let taken_s = match session.simulated() {
+            Some(device) => device.epoch().saturating_duration_since(session.epoch()).as_secs_f64() + last_s
+                - session.epoch().saturating_duration_since(device.epoch()).as_secs_f64(),
+            None => match session.clock() {
+                Some(clock) => clock.host_time(last_s),
+                None => return,
+            },
+        };
+        self.delays_s.push(known.saturating_duration_since(session.epoch()).as_secs_f64() - taken_s);
+    }
+
+    /// Median, 99th percentile and maximum; `None` without samples.
+    pub(crate) fn in_words(&self) -> Option<String> {
+        let mut sorted = self.delays_s.clone();
+        sorted.sort_by(f64::total_cmp);
+        let at = |share: usize| sorted.get((sorted.len() * share / 100).min(sorted.len().saturating_sub(1)));
+        let ms = |delay: &f64| delay * 1e3;
+        Some(format!(
+            "from a block's last sample to its angle: p50 {:.2} ms, p99 {:.2} ms, max {:.2} ms",
+            at(50).map(ms)?,
+            at(99).map(ms)?,
+            at(100).map(ms)?
+        ))
+    }
+}

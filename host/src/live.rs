@@ -1,0 +1,147 @@
+//! Taking stretches of samples from a session: the rim of everything that measures for a while.
+
+use std::time::{Duration, Instant};
+
+use miette::Diagnostic;
+use palpate_shared::wire::{EventKind, Hello};
+use thiserror::Error;
+
+use crate::calibration::{Calibration, FrontEnd, FrontEndError, FrontEndSettings};
+use crate::contact::{Settings, Tare, TareError};
+use crate::link::{Incoming, LinkError, Samples, Session};
+use crate::sensing;
+
+/// Gauge factor of metal foil gauges, which the board cannot know.
+pub const GAUGE_FACTOR: f64 = 2.0;
+
+/// How long a stream may be silent before it counts as broken: many blocks, and longer than a busy host pauses.
+const SILENCE: Duration = Duration::from_secs(2);
+
+/// Why no samples could be taken.
+#[derive(Debug, Error, Diagnostic)]
+pub enum LiveError {
+    /// The link failed.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Link(#[from] LinkError),
+    /// The device streams nothing.
+    #[error("no samples for {} s{}", SILENCE.as_secs(), last_event.map(|kind| format!("; the device last said: {}", in_words(kind))).unwrap_or_default())]
+    #[diagnostic(help("`palpate info` shows what the device and its front-end say"))]
+    Silent {
+        /// The last thing the device told of its own accord.
+        last_event: Option<EventKind>,
+    },
+    /// The stretch taken for the tare was not at rest.
+    #[error("cannot tare: {source}")]
+    #[diagnostic(help("{}", source.help()))]
+    Tare {
+        /// What was wrong with it.
+        source: TareError,
+    },
+    /// The device states an impossible front-end.
+    #[error(transparent)]
+    FrontEnd(#[from] FrontEndError),
+}
+
+/// An event of the device in words.
+#[must_use]
+pub fn in_words(kind: EventKind) -> String {
+    match kind {
+        EventKind::FrontEndMissing { id_word } => {
+            format!("no front-end answers (its ID reads {id_word:#06x}); nothing is streamed")
+        }
+        EventKind::FrontEndSilent { quiet_us } => {
+            format!("the front-end has announced no data for {:.1} ms", f64::from(quiet_us) / 1e3)
+        }
+        EventKind::FrontEndRecovered => "the front-end announces data again".to_owned(),
+        EventKind::FrontEndReset => "the front-end lost its settings (a dip of its supply?); they were restored".to_owned(),
+        EventKind::SamplesLost { missed, damaged, dropped } => format!(
+            "samples lost in the device: {missed} not read in time, {damaged} damaged on the bus, {dropped} without room"
+        ),
+    }
+}
+
+/// The front-end's settings as a device states them.
+///
+/// # Errors
+/// [`FrontEndError`] if they are impossible.
+pub fn front_end(hello: &Hello) -> Result<FrontEnd, FrontEndError> {
+    FrontEnd::new(FrontEndSettings {
+        gain: hello.gain,
+        excitation_v: f64::from(hello.excitation_mv) * 1e-3,
+        full_scale_v: f64::from(hello.full_scale_uv) * 1e-6,
+        gauge_factor: GAUGE_FACTOR,
+    })
+}
+
+/// Hands every block to `take` until it returns `false`, and everything else to `tell`.
+///
+/// # Errors
+/// [`LiveError::Link`], [`LiveError::Silent`].
+pub fn stream(
+    session: &mut Session,
+    mut take: impl FnMut(&Session, &Samples) -> bool,
+    mut tell: impl FnMut(&Incoming),
+) -> Result<(), LiveError> {
+    let mut last_heard = Instant::now();
+    let mut last_event = None;
+    let mut connected = true;
+    loop {
+        match session.next(Duration::from_millis(100))? {
+            Some(Incoming::Samples(samples)) => {
+                last_heard = Instant::now();
+                if !take(session, &samples) {
+                    return Ok(());
+                }
+            }
+            Some(other) => {
+                match &other {
+                    Incoming::Event(event) => last_event = Some(event.kind),
+                    Incoming::Disconnected { .. } => connected = false,
+                    Incoming::Reconnected { .. } | Incoming::Restarted(_) => {
+                        (connected, last_heard) = (true, Instant::now());
+                    }
+                    _ => {}
+                }
+                tell(&other);
+            }
+            // A pulled cable may stay out as long as it likes; a device that is there must talk.
+            None if connected && last_heard.elapsed() > SILENCE => return Err(LiveError::Silent { last_event }),
+            None => {}
+        }
+    }
+}
+
+/// Takes blocks for `seconds` of device time, from now on.
+///
+/// # Errors
+/// As [`stream`].
+pub fn collect(session: &mut Session, seconds: f64, tell: impl FnMut(&Incoming)) -> Result<Vec<Samples>, LiveError> {
+    let mut blocks: Vec<Samples> = Vec::new();
+    stream(
+        session,
+        |_, samples| {
+            blocks.push(samples.clone());
+            let taken = samples.device_time_s(samples.counts.len()) - blocks[0].device_time_s(0);
+            taken < seconds
+        },
+        tell,
+    )?;
+    Ok(blocks)
+}
+
+/// Takes the tare over `seconds` at rest.
+///
+/// # Errors
+/// As [`collect`]; [`LiveError::Tare`] if the finger was not at rest.
+pub fn tare(
+    session: &mut Session,
+    seconds: f64,
+    calibration: &Calibration,
+    settings: &Settings,
+    tell: impl FnMut(&Incoming),
+) -> Result<Tare, LiveError> {
+    let blocks = collect(session, seconds, tell)?;
+    let rest: Vec<_> = blocks.iter().flat_map(|samples| sensing::readings(samples, calibration)).collect();
+    Tare::estimate(&rest, &settings.tare_settings()).map_err(|source| LiveError::Tare { source })
+}
