@@ -3,6 +3,7 @@
 pub mod calibration;
 pub mod contact;
 pub mod diagnosis;
+pub mod experiment;
 pub mod link;
 pub mod live;
 pub mod recording;

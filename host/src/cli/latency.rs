@@ -1,6 +1,6 @@
 //! From the moment a sample was taken to the moment its angle is known.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use palpate::link::{Samples, Session};
 
@@ -17,15 +17,12 @@ impl Latency {
     /// Takes in that what these samples tell was known at `known`.
     pub(crate) fn take(&mut self, session: &Session, samples: &Samples, known: Instant) {
         let last_s = samples.device_time_s(samples.counts.len().saturating_sub(1));
-        let taken_s = match session.simulated() {
-            Some(device) => device.epoch().saturating_duration_since(session.epoch()).as_secs_f64() + last_s
-                - session.epoch().saturating_duration_since(device.epoch()).as_secs_f64(),
-            None => match session.clock() {
-                Some(clock) => clock.host_time(last_s),
-                None => return,
-            },
+        let taken = match (session.simulated(), session.clock()) {
+            (Some(device), _) => device.epoch() + Duration::from_secs_f64(last_s),
+            (None, Some(clock)) => session.epoch() + Duration::from_secs_f64(clock.host_time(last_s).max(0.0)),
+            (None, None) => return,
         };
-        self.delays_s.push(known.saturating_duration_since(session.epoch()).as_secs_f64() - taken_s);
+        self.delays_s.push(known.saturating_duration_since(taken).as_secs_f64());
     }
 
     /// Median, 99th percentile and maximum; `None` without samples.

@@ -4,6 +4,7 @@ mod contact;
 mod device;
 mod info;
 mod ports;
+mod simulate_device;
 mod solve;
 
 use std::process::ExitCode;
@@ -26,6 +27,7 @@ enum Command {
     Contact(contact::Arguments),
     Info(info::Arguments),
     Ports(ports::Arguments),
+    SimulateDevice(simulate_device::Arguments),
     Solve(solve::Arguments),
 }
 
@@ -44,6 +46,7 @@ pub(crate) fn run() -> ExitCode {
         Command::Contact(arguments) => contact::run(&arguments),
         Command::Info(arguments) => info::run(&arguments),
         Command::Ports(arguments) => ports::run(&arguments),
+        Command::SimulateDevice(arguments) => simulate_device::run(&arguments),
         Command::Solve(arguments) => solve::run(&arguments),
     };
     match outcome {

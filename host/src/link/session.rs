@@ -171,7 +171,7 @@ struct Line {
 pub struct Session {
     address: Address,
     options: Options,
-    simulated: Option<SimulatedDevice>,
+    simulated: Option<Arc<SimulatedDevice>>,
     line: Option<Line>,
     baud: u32,
     hello: Hello,
@@ -196,28 +196,33 @@ impl Session {
     /// [`LinkError`]: the port cannot be opened, nobody answers, or the device speaks another protocol.
     pub fn open(address: &Address, options: Options) -> Result<Self, LinkError> {
         let simulated = match address {
-            Address::Simulated { seed } => Some(SimulatedDevice::start_default(*seed).map_err(|source| {
-                LinkError::Open { address: address.to_string(), remedy: "the simulation could not start", source }
-            })?),
+            Address::Simulated { seed } => {
+                let cannot_start = |source| LinkError::Open {
+                    address: address.to_string(),
+                    remedy: "the simulation could not start",
+                    source,
+                };
+                Some(Arc::new(SimulatedDevice::start_default(*seed).map_err(cannot_start)?))
+            }
             _ => None,
         };
         Self::open_with(address, options, simulated)
     }
 
-    /// Opens a simulated device that the caller has set up.
+    /// Opens a simulated device that the caller has set up, through whatever line it has.
     ///
     /// # Errors
     /// As [`Session::open`].
-    pub fn open_simulated(device: SimulatedDevice, options: Options) -> Result<Self, LinkError> {
-        Self::open_with(&Address::Simulated { seed: device.seed() }, options, Some(device))
+    pub fn open_simulated(device: Arc<SimulatedDevice>, options: Options) -> Result<Self, LinkError> {
+        Self::open_with(&device.address().clone(), options, Some(device))
     }
 
-    fn open_with(address: &Address, options: Options, simulated: Option<SimulatedDevice>) -> Result<Self, LinkError> {
+    fn open_with(address: &Address, options: Options, simulated: Option<Arc<SimulatedDevice>>,) -> Result<Self, LinkError> {
         let epoch = Instant::now();
         // A first id that no earlier host is likely to have used; see `CommandId`.
         #[expect(clippy::cast_possible_truncation, reason = "any 32 bits will do")]
         let mut next_id = RandomState::new().hash_one(epoch) as u32;
-        let greeted = greet(address, &options, simulated.as_ref(), &mut next_id)?;
+        let greeted = greet(address, &options, simulated.as_deref(), &mut next_id)?;
         let mut session = Self {
             address: address.clone(),
             options,
@@ -251,9 +256,9 @@ impl Session {
         &self.address
     }
 
-    /// The simulated device behind this session, if it is one of this process.
+    /// The simulated device behind this session, if it is one of this process: the hand that presses.
     #[must_use]
-    pub fn simulated(&self) -> Option<&SimulatedDevice> {
+    pub fn simulated(&self) -> Option<&Arc<SimulatedDevice>> {
         self.simulated.as_ref()
     }
 
@@ -550,7 +555,7 @@ impl Session {
     /// Tries once to open the link again. Not being able to is no error: the cable may come back.
     fn reopen(&mut self) -> Result<(), LinkError> {
         let options = Options { baud: Some(self.baud), ..self.options.clone() };
-        let Ok(greeted) = greet(&self.address, &options, self.simulated.as_ref(), &mut self.next_id) else {
+        let Ok(greeted) = greet(&self.address, &options, self.simulated.as_deref(), &mut self.next_id) else {
             std::thread::sleep(REOPEN_WAIT);
             return Ok(());
         };
@@ -652,7 +657,7 @@ fn read_until_stopped(transport: &mut Transport, shared: &Shared, sender: &Sende
         match transport.read(&mut buffer) {
             Ok(length) => {
                 let at = Instant::now();
-                let mut deliver = |message| sender.send(Arrival::Message(Box::new(message), at)).is_ok();
+                let deliver = |message| sender.send(Arrival::Message(Box::new(message), at)).is_ok();
                 let mut wanted = true;
                 reader.read(&buffer[..length], |message| wanted &= deliver(message));
                 *shared.counts.lock().unwrap_or_else(PoisonError::into_inner) =

@@ -1,7 +1,6 @@
 //! The thread that is the device: the world's clock, the board's interrupt and main loop, and the line.
 
 use std::cell::RefCell;
-use std::io;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError};
 use std::time::{Duration, Instant};
 
@@ -9,7 +8,7 @@ use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use palpate_firmware_core::{Device, Identity, Queues, Sampler, SelectSource, Settings, SourceNotPossible};
 use palpate_shared::sim::{Faults, Load, PortBusy, Script, SimulatedFrontEnd, SpiPort};
 use palpate_shared::units::DeviceTime;
-use palpate_shared::wire::{ClockSource, DeviceId, RestartReason, Source};
+use palpate_shared::wire::{Axis, Bridge, Channel, ClockSource, DeviceId, RestartReason, Source};
 
 use super::outlet::Outlet;
 use super::{Config, Moment, Pace};
@@ -26,6 +25,9 @@ const STRIDE: u64 = 8;
 /// Bits that a byte takes on a serial line, start and stop bit included.
 const BITS_PER_BYTE: f64 = 10.0;
 
+
+/// Bytes that the firmware keeps for a line that is busy: 60 blocks, 0.1 s at 4 kHz, as on the board.
+const OUTBOX_BYTES: usize = 4096;
 
 /// Volts to millivolts, to state the finger's excitation in the hello.
 const MV_PER_V: f32 = 1e3;
@@ -92,6 +94,7 @@ fn identity(config: &Config, restarts: u16) -> Identity {
         restart: if restarts == 0 { RestartReason::PowerOn } else { RestartReason::Requested },
         restarts,
         excitation_mv,
+        channels: [Axis::X, Axis::Y].map(|axis| Channel { axis, bridge: Bridge::Half }),
     }
 }
 
@@ -125,7 +128,7 @@ impl SelectSource for SimulatedOnly<'_> {
 struct Board<'w> {
     front_end: &'w RefCell<SimulatedFrontEnd>,
     sampler: Sampler<'w, SimulatedOnly<'w>>,
-    device: Device<'w>,
+    device: Device<'w, OUTBOX_BYTES>,
     conversions: u64,
 }
 

@@ -1,0 +1,1 @@
+//! What every command that needs a calibrated finger takes: which calibration, which tare.
