@@ -1,0 +1,149 @@
+//! The chip's registers: addresses, reset values, what can be written.
+//!
+//! Implements: register map of the ADS131M02 (SBAS853A); addresses and reset values checked against the maps
+//! of its siblings ADS131M03 (SBAS889A, table 8-12) and AMC131M02 (SBASA56, table 8-13).
+//! Errors: none. Reading an address that does not exist gives 0; writing one changes nothing and says so.
+
+/// Identity: 0x22 (two channels) in the high byte, reserved in the low byte. Read-only.
+pub const ID: u8 = 0x00;
+/// Status word. Read-only.
+pub const STATUS: u8 = 0x01;
+/// Interface settings.
+pub const MODE: u8 = 0x02;
+/// Channel enables, oversampling ratio, power mode.
+pub const CLOCK: u8 = 0x03;
+/// Gain of both channels.
+pub const GAIN1: u8 = 0x04;
+/// Global chop and current detection (stored, without effect in this model).
+pub const CFG: u8 = 0x06;
+/// First of five registers of channel 0: CFG, OCAL_MSB, OCAL_LSB, GCAL_MSB, GCAL_LSB.
+pub const CH0_CFG: u8 = 0x09;
+/// First of five registers of channel 1.
+pub const CH1_CFG: u8 = 0x0E;
+/// CRC over the settings. Read-only.
+pub const REGMAP_CRC: u8 = 0x3E;
+
+/// Identity word. The reserved low byte is not zero, so that a driver that compares it fails in a test.
+pub const ID_VALUE: u16 = 0x2282;
+
+/// STATUS: the interface is locked.
+pub const STATUS_LOCK: u16 = 1 << 15;
+/// STATUS: the filter was resynchronised since STATUS was last output.
+pub const STATUS_F_RESYNC: u16 = 1 << 14;
+/// STATUS: an input CRC was wrong since STATUS was last output.
+pub const STATUS_CRC_ERR: u16 = 1 << 12;
+/// STATUS: channel 1 has data that were not read.
+pub const STATUS_DRDY1: u16 = 1 << 1;
+/// STATUS: channel 0 has data that were not read.
+pub const STATUS_DRDY0: u16 = 1;
+
+/// MODE: compute the CRC of the settings.
+pub const MODE_REG_CRC_EN: u16 = 1 << 13;
+/// MODE: expect a CRC after every command.
+pub const MODE_RX_CRC_EN: u16 = 1 << 12;
+/// MODE and STATUS: ANSI polynomial instead of CCITT.
+pub const MODE_CRC_TYPE: u16 = 1 << 11;
+/// MODE and STATUS: a reset happened; write 0 to MODE to clear.
+pub const MODE_RESET: u16 = 1 << 10;
+/// MODE and STATUS: word length, two bits.
+pub const MODE_WLENGTH: u16 = 0b11 << 8;
+/// MODE: DRDY as a short pulse instead of a level.
+pub const MODE_DRDY_FMT: u16 = 1;
+
+/// CLOCK: turbo, oversampling ratio 64.
+pub const CLOCK_TBM: u16 = 1 << 5;
+
+/// Number of addresses from 0 to the last register of channel 1.
+const COUNT: usize = 0x13;
+
+/// Values after a reset, by address.
+const RESET_VALUES: [u16; COUNT] = [
+    ID_VALUE, 0x0500, 0x0510, 0x030E, 0x0000, 0x0000, 0x0600, 0x0000, 0x0000, // ID … THRSHLD_LSB
+    0x0000, 0x0000, 0x0000, 0x8000, 0x0000, // channel 0
+    0x0000, 0x0000, 0x0000, 0x8000, 0x0000, // channel 1
+];
+
+/// Bits that can be written, by address; the reserved ones read as after a reset.
+const WRITABLE: [u16; COUNT] = [
+    0x0000, 0x0000, 0x3F1F, 0x033F, 0x0077, 0x0000, 0x1FFF, 0xFFFF, 0xFF0F, // ID … THRSHLD_LSB
+    0xFFC7, 0xFFFF, 0xFF00, 0xFFFF, 0xFF00, // channel 0
+    0xFFC7, 0xFFFF, 0xFF00, 0xFFFF, 0xFF00, // channel 1
+];
+
+/// The stored registers. STATUS and REGMAP_CRC are not stored: the chip makes them when they are read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Registers([u16; COUNT]);
+
+impl Registers {
+    /// The registers after a reset.
+    pub(super) const fn new() -> Self {
+        Self(RESET_VALUES)
+    }
+
+    /// The word at an address, 0 where there is none.
+    pub(super) fn read(&self, address: u8) -> u16 {
+        self.0.get(usize::from(address)).copied().unwrap_or(0)
+    }
+
+    /// Stores a word and tells whether there was anything to write at that address.
+    ///
+    /// MODE's RESET bit can only be cleared.
+    pub(super) fn write(&mut self, address: u8, value: u16) -> bool {
+        let index = usize::from(address);
+        let (Some(word), Some(&mask)) = (self.0.get_mut(index), WRITABLE.get(index)) else { return false };
+        let wanted = if address == MODE { value & (*word | !MODE_RESET) } else { value };
+        *word = (*word & !mask) | (wanted & mask);
+        mask != 0
+    }
+
+    /// Words in the order of their addresses from MODE on, over which the CRC of the settings is taken.
+    pub(super) fn settings(&self) -> &[u16] {
+        &self.0[usize::from(MODE)..]
+    }
+
+    /// Whether a bit of MODE is set.
+    pub(super) fn mode(&self, bit: u16) -> bool {
+        self.read(MODE) & bit != 0
+    }
+
+    /// Oversampling ratio, CLOCK bits 4:2, or 64 in turbo mode.
+    pub(super) fn oversampling(&self) -> u32 {
+        let clock = self.read(CLOCK);
+        match (clock >> 2) & 0b111 {
+            _ if clock & CLOCK_TBM != 0 => 64,
+            0b111 => 16_256,
+            code => 128 << code,
+        }
+    }
+
+    /// Exponent of a channel's gain: gain is 2 to this power, 0 to 7.
+    pub(super) fn gain_log2(&self, channel: usize) -> u8 {
+        (self.read(GAIN1) >> (4 * channel)).to_le_bytes()[0] & 0b111
+    }
+
+    /// Whether a channel converts.
+    pub(super) fn is_enabled(&self, channel: usize) -> bool {
+        (self.read(CLOCK) >> (8 + channel)) & 1 != 0
+    }
+
+    /// A channel's input multiplexer: 0 pins, 1 shorted, 2 positive, 3 negative test signal.
+    pub(super) fn input(&self, channel: usize) -> u16 {
+        self.channel(channel, 0) & 0b11
+    }
+
+    /// A channel's offset correction, two's complement codes.
+    pub(super) fn offset(&self, channel: usize) -> i32 {
+        let raw = u32::from(self.channel(channel, 1)) << 16 | u32::from(self.channel(channel, 2));
+        raw.cast_signed() >> 8
+    }
+
+    /// A channel's gain correction; 0x80_0000 is 1.
+    pub(super) fn gain_correction(&self, channel: usize) -> u32 {
+        u32::from(self.channel(channel, 3)) << 8 | u32::from(self.channel(channel, 4)) >> 8
+    }
+
+    /// One of a channel's five registers.
+    fn channel(&self, channel: usize, index: u8) -> u16 {
+        self.read(index + if channel == 0 { CH0_CFG } else { CH1_CFG })
+    }
+}
