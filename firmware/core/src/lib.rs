@@ -1,5 +1,41 @@
 //! palpate's firmware without a board.
+//!
+//! ```text
+//!  interrupt side                                     main side
+//!  DRDY ─▶ Sampler ── SPI ──▶ Ads131m02               bytes from the host ─▶ Device ─▶ bytes to the host
+//!             │                                                               ▲  │ BlockBuilder, Outbox
+//!             └──── readings, notices ───────────── Queues ───────────────────┘  │
+//!             ▲──── requests ──────────────────────────────────────────────────── ┘
+//! ```
+//!
+//! - [`ads131m02`]: driver of the analogue front-end, over `embedded-hal`;
+//! - [`settings`]: rates and gains, and which rate a serial line carries;
+//! - [`sampler`]: reads a frame at each data-ready edge, numbers it, serves requests in the same frames;
+//! - [`queues`]: all that the two sides share, without locks;
+//! - [`block`], [`outbox`]: samples into messages, messages into bytes;
+//! - [`device`]: the host's commands, events, counters.
+//!
+//! Nothing here allocates, blocks, uses floating point or panics on input. Time is an argument, so the
+//! same calls give the same bytes. What is dropped is counted and reported.
 #![no_std]
 
 #[cfg(test)]
 extern crate std;
+
+mod log;
+
+pub mod ads131m02;
+pub mod block;
+pub mod device;
+pub mod outbox;
+pub mod queues;
+pub mod sampler;
+pub mod settings;
+
+mod clock;
+mod job;
+
+pub use device::{Device, Identity};
+pub use queues::Queues;
+pub use sampler::{Sampler, SelectSource, SourceNotPossible};
+pub use settings::{Gain, Rate, Settings};

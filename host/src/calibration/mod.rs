@@ -6,6 +6,7 @@
 //! Frames: finger axes throughout; force is the force on the finger's disk. Units: counts, newtons (or the
 //! calibration's relative unit), radians.
 
+pub mod dwell;
 pub mod fit;
 pub mod force;
 pub mod front_end;

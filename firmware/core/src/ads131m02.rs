@@ -1,0 +1,430 @@
+//! Driver of the ADS131M02, a converter with two channels at once.
+//!
+//! A frame goes both ways at each transfer: out goes a command, in comes the response to the *previous*
+//! frame's command and the newest unread codes of both channels. Reading samples and reading registers
+//! therefore share the same frames, and no sample is lost to a register access.
+//!
+//! Implements: TI SBAS853A (ADS131M02), sections on frames, commands and registers. SPI mode 1, words of 24
+//! bits, 4 words in a frame: `response | channel 0 | channel 1 | CRC` in, `command | CRC | 0 | 0` out
+//! (`command | value | CRC | 0` for a write). Both CRCs are CRC-16/CCITT with seed FFFF.
+//! Assumes: chip select is driven by the [`SpiDevice`]; 12 bytes take far less than a conversion.
+//! Errors: [`Error`]; nothing panics, nothing waits.
+//!
+//! ```
+//! use palpate_firmware_core::{Settings, ads131m02::{Ads131m02, Command}};
+//! # use core::cell::RefCell;
+//! # use palpate_shared::sim::{FingerConfig, SimulatedFrontEnd, SpiPort};
+//! # let front_end = RefCell::new(SimulatedFrontEnd::new(FingerConfig::default(), 1));
+//! # let spi = SpiPort::new(&front_end);
+//! let mut chip = Ads131m02::new(spi);
+//! assert_eq!(chip.init(Settings::at_start(921_600))? >> 8, 0x22); // two channels
+//! # front_end.borrow_mut().step();
+//! // At each falling edge of DRDY:
+//! let frame = chip.read_frame(Command::Null)?;
+//! assert!(frame.counts[0].0.abs() < 8_388_608);
+//! # Ok::<(), palpate_firmware_core::ads131m02::Error<palpate_shared::sim::PortBusy>>(())
+//! ```
+
+use crc::{CRC_16_CMS, CRC_16_IBM_3740, Crc, NoTable};
+use embedded_hal::spi::{Operation, SpiDevice};
+use palpate_shared::units::Counts;
+
+use crate::settings::Settings;
+
+/// Registers, by address.
+pub mod register {
+    /// Identity: 22 in the upper byte.
+    pub const ID: u8 = 0x00;
+    /// Status word; also the response to a NULL command.
+    pub const STATUS: u8 = 0x01;
+    /// CRCs, word length, data-ready pin.
+    pub const MODE: u8 = 0x02;
+    /// Channels on, oversampling ratio, power.
+    pub const CLOCK: u8 = 0x03;
+    /// Gains of both channels.
+    pub const GAIN1: u8 = 0x04;
+    /// The last address that a command can name.
+    pub const LAST: u8 = 0x3F;
+}
+
+/// Upper byte of the ID register: a chip of this family with two channels.
+const ID_HIGH: u16 = 0x22;
+
+/// Response to the RESET command, and to anything first after a reset.
+pub const RESET_DONE: u16 = 0xFF22;
+
+/// STATUS: the interface is locked.
+const STATUS_LOCK: u16 = 1 << 15;
+/// STATUS: the last command's CRC was wrong, so it was not carried out (a write was all the same).
+const STATUS_CRC_ERROR: u16 = 1 << 12;
+/// STATUS: CRCs with the other polynomial.
+const STATUS_CRC_TYPE: u16 = 1 << 11;
+/// STATUS: the chip was reset since MODE was last written.
+const STATUS_RESET: u16 = 1 << 10;
+/// STATUS: length of a word.
+const STATUS_WORD_LENGTH: u16 = 0b11 << 8;
+/// STATUS: words of 24 bits.
+const STATUS_24_BIT: u16 = 0b01 << 8;
+/// STATUS: both channels have codes that were not read yet.
+const STATUS_DATA_READY: u16 = 0b11;
+
+/// MODE as this driver writes it: input CRC on, no reset seen, 24-bit words, SPI time-out on.
+const MODE_VALUE: u16 = 1 << 12 | 0b01 << 8 | 1 << 4;
+
+/// CLOCK without its oversampling ratio: both channels on, high resolution.
+const CLOCK_BASE: u16 = 0b11 << 8 | 0b10;
+
+/// Bytes of a frame.
+const FRAME_BYTES: usize = 12;
+
+/// Pause after a reset, in ns: twice the datasheet's t_REGACQ of 5 µs.
+const AFTER_RESET_NS: u32 = 10_000;
+
+/// Times that [`Ads131m02::init`] goes through its steps before it gives up.
+///
+/// A damaged bit spoils one pass in a hundred at one error in 10⁵ bits, far above any usable bus.
+const INIT_TRIES: u8 = 3;
+
+/// CRC-16/CCITT, seed FFFF: a table of 512 bytes.
+static CRC: Crc<u16> = Crc::<u16>::new(&CRC_16_IBM_3740);
+
+/// RESET in every word length and with both CRCs, for a chip whose MODE register is not what it should be.
+const RESETS: [[u8; 16]; 6] = [
+    reset_frame::<2>(&Crc::<u16, NoTable>::new(&CRC_16_CMS)),
+    reset_frame::<2>(&Crc::<u16, NoTable>::new(&CRC_16_IBM_3740)),
+    reset_frame::<4>(&Crc::<u16, NoTable>::new(&CRC_16_CMS)),
+    reset_frame::<4>(&Crc::<u16, NoTable>::new(&CRC_16_IBM_3740)),
+    reset_frame::<3>(&Crc::<u16, NoTable>::new(&CRC_16_CMS)),
+    reset_frame::<3>(&Crc::<u16, NoTable>::new(&CRC_16_IBM_3740)),
+];
+
+/// A RESET command in words of `WORD` bytes, long enough for a whole frame of any length.
+const fn reset_frame<const WORD: usize>(crc: &Crc<u16, NoTable>) -> [u8; 16] {
+    let mut word = [0; WORD];
+    [word[0], word[1]] = Command::Reset.word().to_be_bytes();
+    let mut frame = [0; 16];
+    [frame[0], frame[1]] = Command::Reset.word().to_be_bytes();
+    [frame[WORD], frame[WORD + 1]] = crc.checksum(&word).to_be_bytes();
+    frame
+}
+
+/// What a frame asks the chip to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Command {
+    /// Nothing; the response is the STATUS register.
+    Null,
+    /// Forget all settings and start again.
+    Reset,
+    /// Take commands again after a LOCK.
+    Unlock,
+    /// Read the register at this address; only its lower six bits count.
+    Read(u8),
+    /// Write the register at this address; only its lower six bits count.
+    Write(u8, u16),
+}
+
+impl Command {
+    /// The command's word.
+    const fn word(self) -> u16 {
+        match self {
+            Self::Null => 0x0000,
+            Self::Reset => 0x0011,
+            Self::Unlock => 0x0655,
+            Self::Read(address) => 0xA000 | field(address),
+            Self::Write(address, _) => 0x6000 | field(address),
+        }
+    }
+
+    /// What the next frame's response is if a write was carried out at this address.
+    pub(crate) const fn write_done(address: u8) -> u16 {
+        0x4000 | field(address)
+    }
+
+    /// The bytes that go out.
+    fn frame(self) -> [u8; FRAME_BYTES] {
+        let mut frame = [0; FRAME_BYTES];
+        [frame[0], frame[1]] = self.word().to_be_bytes();
+        if let Self::Write(_, value) = self {
+            [frame[3], frame[4]] = value.to_be_bytes();
+            [frame[6], frame[7]] = CRC.checksum(&frame[..6]).to_be_bytes();
+        } else {
+            [frame[3], frame[4]] = CRC.checksum(&frame[..3]).to_be_bytes();
+        }
+        frame
+    }
+}
+
+/// An address where commands have it.
+const fn field(address: u8) -> u16 {
+    ((address & register::LAST) as u16) << 7
+}
+
+/// What came in with one frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Frame {
+    /// The command that the response answers: the previous frame's.
+    pub answers: Command,
+    /// The response's word.
+    pub response: u16,
+    /// Codes of both channels.
+    pub counts: [Counts; 2],
+}
+
+impl Frame {
+    /// Whether the codes had not been read before; not known unless the response is the STATUS register.
+    #[must_use]
+    pub fn is_new(&self) -> Option<bool> {
+        (self.answers == Command::Null).then_some(self.response & STATUS_DATA_READY == STATUS_DATA_READY)
+    }
+
+    /// Whether the chip says that the previous command came damaged.
+    #[must_use]
+    pub fn tells_input_damage(&self) -> bool {
+        self.answers == Command::Null && self.response & STATUS_CRC_ERROR != 0
+    }
+
+    /// Whether the chip cannot have the settings that it was given: it was reset, or a damaged write
+    /// went astray. Its codes then say nothing.
+    #[must_use]
+    pub fn tells_lost_settings(&self) -> bool {
+        const SHAPE: u16 = STATUS_LOCK | STATUS_CRC_TYPE | STATUS_RESET | STATUS_WORD_LENGTH;
+        match self.answers {
+            _ if self.response == RESET_DONE => true,
+            Command::Null => self.response & SHAPE != STATUS_24_BIT,
+            Command::Write(address, _) => is_write_done(self.response) && self.response != Command::write_done(address),
+            _ => false,
+        }
+    }
+}
+
+/// Whether a response acknowledges some write.
+fn is_write_done(response: u16) -> bool {
+    response >> 13 == 0b010
+}
+
+/// Whether a register's value may as well be the STATUS register after a damaged command.
+pub(crate) fn may_be_refusal(response: u16) -> bool {
+    const SHAPE: u16 = STATUS_CRC_ERROR | STATUS_LOCK | STATUS_CRC_TYPE | STATUS_RESET | STATUS_WORD_LENGTH | 0xFC;
+    response & SHAPE == STATUS_CRC_ERROR | STATUS_24_BIT
+}
+
+/// Why the front-end did not do what it should.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Error<E> {
+    /// The bus failed.
+    Bus(E),
+    /// What came in is damaged, or nothing answers; `response` is its first word.
+    Checksum {
+        /// The first word of the frame.
+        response: u16,
+    },
+    /// The ID register names another chip.
+    OtherChip {
+        /// What it reads.
+        id_word: u16,
+    },
+    /// The chip did not acknowledge a reset.
+    NotReset {
+        /// What it responded.
+        response: u16,
+    },
+    /// A register does not hold what was written.
+    NotSet {
+        /// The register's address.
+        address: u8,
+        /// What it holds.
+        value: u16,
+    },
+}
+
+impl<E> Error<E> {
+    /// The word that was read where something else was expected; all ones if the bus itself failed.
+    #[must_use]
+    pub fn word(&self) -> u16 {
+        match *self {
+            Self::Bus(_) => u16::MAX,
+            Self::Checksum { response } | Self::NotReset { response } => response,
+            Self::OtherChip { id_word } => id_word,
+            Self::NotSet { value, .. } => value,
+        }
+    }
+}
+
+/// The chip behind its bus.
+#[derive(Debug)]
+pub struct Ads131m02<Spi> {
+    spi: Spi,
+    /// The command whose response comes next.
+    previous: Command,
+}
+
+impl<Spi> Ads131m02<Spi> {
+    /// Touches nothing yet.
+    pub const fn new(spi: Spi) -> Self {
+        Self { spi, previous: Command::Null }
+    }
+
+    /// The bus.
+    pub fn spi(&self) -> &Spi {
+        &self.spi
+    }
+
+    /// The bus, to switch what is behind it.
+    pub fn spi_mut(&mut self) -> &mut Spi {
+        &mut self.spi
+    }
+
+    /// Gives the bus back.
+    pub fn release(self) -> Spi {
+        self.spi
+    }
+}
+
+impl<Spi: SpiDevice> Ads131m02<Spi> {
+    /// Exchanges one frame: sends a command, gets the previous one's response and a sample.
+    ///
+    /// # Errors
+    /// [`Error::Bus`] and [`Error::Checksum`]; whether the command arrived is then unknown.
+    pub fn read_frame(&mut self, command: Command) -> Result<Frame, Error<Spi::Error>> {
+        let answers = core::mem::replace(&mut self.previous, command);
+        let mut bytes = command.frame();
+        self.spi.transfer_in_place(&mut bytes).map_err(Error::Bus)?;
+        parse(answers, bytes)
+    }
+
+    /// Resets the chip, checks that it is the right one, writes its settings and reads them back.
+    ///
+    /// Returns the ID register. Leaves no unread samples behind, so that the next data-ready edge
+    /// announces a sample which the next frame brings. Takes 12 frames, or several times that on a
+    /// damaged bus.
+    ///
+    /// # Errors
+    /// Any [`Error`]: the last try's.
+    pub fn init(&mut self, settings: Settings) -> Result<u16, Error<Spi::Error>> {
+        let mut result = self.init_once(settings);
+        for _ in 1..INIT_TRIES {
+            if result.is_ok() {
+                break;
+            }
+            self.reset_whatever_its_mode()?;
+            result = self.init_once(settings);
+        }
+        result
+    }
+
+    /// Writes rate and gain and reads them back, without a reset.
+    ///
+    /// # Errors
+    /// Any [`Error`] but [`Error::OtherChip`] and [`Error::NotReset`].
+    pub fn configure(&mut self, settings: Settings) -> Result<(), Error<Spi::Error>> {
+        for (address, value) in setting_words(settings) {
+            self.write_register(address, value)?;
+        }
+        Ok(())
+    }
+
+    /// Reads a register with two frames of its own; the samples in them are lost.
+    ///
+    /// # Errors
+    /// [`Error::Bus`] and [`Error::Checksum`].
+    pub fn read_register(&mut self, address: u8) -> Result<u16, Error<Spi::Error>> {
+        self.read_frame(Command::Read(address))?;
+        Ok(self.read_frame(Command::Null)?.response)
+    }
+
+    /// Writes a register and reads it back, with three frames of its own.
+    ///
+    /// # Errors
+    /// [`Error::Bus`], [`Error::Checksum`] and [`Error::NotSet`].
+    pub fn write_register(&mut self, address: u8, value: u16) -> Result<(), Error<Spi::Error>> {
+        self.read_frame(Command::Write(address, value))?;
+        let read = self.read_register(address)?;
+        if read == value { Ok(()) } else { Err(Error::NotSet { address, value: read }) }
+    }
+
+    /// Reads the ID register and checks it.
+    ///
+    /// # Errors
+    /// [`Error::Bus`], [`Error::Checksum`] and [`Error::OtherChip`].
+    pub fn id(&mut self) -> Result<u16, Error<Spi::Error>> {
+        let id_word = self.read_register(register::ID)?;
+        if is_id(id_word) { Ok(id_word) } else { Err(Error::OtherChip { id_word }) }
+    }
+
+    /// Resets the chip; it then has none of its settings.
+    ///
+    /// # Errors
+    /// [`Error::Bus`], [`Error::Checksum`] and [`Error::NotReset`].
+    pub fn reset(&mut self) -> Result<(), Error<Spi::Error>> {
+        // Another program may have left the chip locked; it would not take the reset.
+        self.read_frame(Command::Unlock)?;
+        self.previous = Command::Reset;
+        let mut bytes = Command::Reset.frame();
+        self.reset_transaction(&mut bytes)?;
+        let response = self.read_frame(Command::Null)?.response;
+        if response == RESET_DONE { Ok(()) } else { Err(Error::NotReset { response }) }
+    }
+
+    /// Reads both places of the chip's memory for samples, so that the next one read is new.
+    ///
+    /// # Errors
+    /// [`Error::Bus`] and [`Error::Checksum`].
+    pub fn discard_samples(&mut self) -> Result<(), Error<Spi::Error>> {
+        self.read_frame(Command::Null)?;
+        self.read_frame(Command::Null)?;
+        Ok(())
+    }
+
+    /// One pass of [`Self::init`].
+    fn init_once(&mut self, settings: Settings) -> Result<u16, Error<Spi::Error>> {
+        self.reset()?;
+        let id_word = self.id()?;
+        self.write_register(register::MODE, MODE_VALUE)?;
+        self.configure(settings)?;
+        self.discard_samples()?;
+        Ok(id_word)
+    }
+
+    /// Sends a reset that a chip understands whatever a damaged write made of its MODE register.
+    fn reset_whatever_its_mode(&mut self) -> Result<(), Error<Spi::Error>> {
+        self.previous = Command::Reset;
+        RESETS.iter().try_for_each(|frame| self.reset_transaction(&mut frame.clone()))
+    }
+
+    /// Sends a frame that resets, and pauses.
+    fn reset_transaction(&mut self, bytes: &mut [u8]) -> Result<(), Error<Spi::Error>> {
+        let mut operations = [Operation::TransferInPlace(bytes), Operation::DelayNs(AFTER_RESET_NS)];
+        self.spi.transaction(&mut operations).map_err(Error::Bus)
+    }
+}
+
+/// Whether the ID register names the chip that this driver drives.
+pub(crate) fn is_id(id_word: u16) -> bool {
+    id_word >> 8 == ID_HIGH
+}
+
+/// The registers that hold rate and gain, with their words.
+pub(crate) fn setting_words(settings: Settings) -> [(u8, u16); 2] {
+    let gain = settings.gain.code();
+    [(register::CLOCK, CLOCK_BASE | settings.rate.oversampling_code() << 2), (register::GAIN1, gain << 4 | gain)]
+}
+
+/// Whether MODE holds what this driver writes.
+pub(crate) fn is_mode(word: u16) -> bool {
+    word == MODE_VALUE
+}
+
+/// Takes the bytes of a frame apart.
+fn parse<E>(answers: Command, bytes: [u8; FRAME_BYTES]) -> Result<Frame, Error<E>> {
+    let [r0, r1, _, a0, a1, a2, b0, b1, b2, c0, c1, _] = bytes;
+    let response = u16::from_be_bytes([r0, r1]);
+    if CRC.checksum(&bytes[..9]) != u16::from_be_bytes([c0, c1]) {
+        return Err(Error::Checksum { response });
+    }
+    Ok(Frame { answers, response, counts: [code([a0, a1, a2]), code([b0, b1, b2])] })
+}
+
+/// A 24-bit two's complement code.
+fn code([high, middle, low]: [u8; 3]) -> Counts {
+    Counts(i32::from_be_bytes([high, middle, low, 0]) >> 8)
+}

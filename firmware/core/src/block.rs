@@ -1,0 +1,98 @@
+//! Samples into blocks.
+//!
+//! A block ends when it is full, before a gap in the numbers, before a change of what holds for the samples,
+//! and at a stop. Saturation ends no block: its bits say that *some* sample of the block is saturated.
+//! Errors: none.
+
+use palpate_shared::units::Seq;
+use palpate_shared::wire::{BLOCK_SAMPLES, Block, Status};
+
+use crate::queues::Reading;
+
+/// Status bits that are gathered over a block.
+const GATHERED: Status = Status(Status::SATURATED_0.0 | Status::SATURATED_1.0);
+
+/// Builds blocks.
+///
+/// ```
+/// use palpate_firmware_core::{block::BlockBuilder, queues::Reading};
+/// use palpate_shared::{units::{Counts, DeviceTime, Seq}, wire::Status};
+/// let mut builder = BlockBuilder::new();
+/// let sample = |n: u32| Reading {
+///     seq: Seq(n), time: DeviceTime(250 * n), counts: [Counts(7); 2], status: Status::default(),
+/// };
+/// assert_eq!(builder.push(sample(0)), None);
+/// let first = builder.push(sample(5)).unwrap(); // a gap ends the first block
+/// assert_eq!((first.first, first.samples.len()), (Seq(0), 1));
+/// assert!(builder.finish().unwrap().status.contains(Status::GAP_BEFORE));
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct BlockBuilder {
+    open: Option<Block>,
+    /// The number that the next block begins with if nothing is missing.
+    expected: Seq,
+    /// A finished block did not go out.
+    lost: bool,
+}
+
+impl BlockBuilder {
+    /// A builder that expects sample 0.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { open: None, expected: Seq(0), lost: false }
+    }
+
+    /// Adds a sample; returns the block that it ended, if any.
+    pub fn push(&mut self, reading: Reading) -> Option<Block> {
+        let ended = if self.continues(&reading) { None } else { self.finish() };
+        self.append(reading);
+        let is_full = self.open.as_ref().is_some_and(|block| block.samples.len() >= BLOCK_SAMPLES);
+        // A block of one sample is not full, so at most one of the two is a block.
+        if is_full { self.finish() } else { ended }
+    }
+
+    /// Ends the block under way.
+    pub fn finish(&mut self) -> Option<Block> {
+        let mut block = self.open.take()?;
+        if core::mem::take(&mut self.lost) || block.first != self.expected {
+            block.status = block.status.with(Status::GAP_BEFORE);
+        }
+        self.expected = next_after(&block);
+        Some(block)
+    }
+
+    /// The block returned last did not go out, so the next one has a gap before it.
+    pub fn lost(&mut self) {
+        self.lost = true;
+    }
+
+    /// Whether a sample belongs to the block under way.
+    fn continues(&self, reading: &Reading) -> bool {
+        self.open.as_ref().is_none_or(|block| {
+            next_after(block) == reading.seq && ungathered(block.status) == ungathered(reading.status)
+        })
+    }
+
+    /// Adds a sample to the block under way, or begins one with it.
+    fn append(&mut self, reading: Reading) {
+        let Reading { seq, time, counts, status } = reading;
+        let new = || Block { first: seq, time, status, samples: heapless::Vec::new() };
+        let block = self.open.get_or_insert_with(new);
+        block.status = block.status.with(status);
+        // There is room: full blocks are finished at once.
+        let _ = block.samples.push(counts);
+    }
+}
+
+const _: () = assert!(BLOCK_SAMPLES >= 2, "a block of one sample could end two blocks at once");
+
+/// The status bits that hold for each sample alike.
+fn ungathered(status: Status) -> u16 {
+    status.0 & !GATHERED.0
+}
+
+/// The number after a block's last sample.
+fn next_after(block: &Block) -> Seq {
+    // At most BLOCK_SAMPLES.
+    block.first.plus(u32::try_from(block.samples.len()).unwrap_or(0))
+}

@@ -1,0 +1,169 @@
+//! When conversions happen: how many since the last one seen, and how fast they come.
+//!
+//! The front-end's clock and the processor's differ (by 1 % on an internal oscillator), so the period is
+//! measured over windows in which nothing was missed, and trusted within [`TRUST_INVERSE`].
+//! Units: device time in µs, periods in ns. Errors: none.
+
+use palpate_shared::units::DeviceTime;
+
+use crate::settings::Rate;
+
+/// Data-ready edges in one measurement of the period: 0.26 s at 4 kHz, so the clock's step of 1 µs
+/// leaves 4 parts in a million.
+pub(crate) const WINDOW: u32 = 1024;
+
+/// Edges from which on an unfinished window tells the period, to 1 % at 8 kHz.
+const WINDOW_MIN: u32 = 64;
+
+/// A measured period further than 1/20 from the nominal one is not the chip's: something is wrong with it.
+const TRUST_INVERSE: u32 = 20;
+
+/// Nanoseconds in a microsecond.
+const NS_PER_US: u64 = 1000;
+
+/// Edges since some time.
+#[derive(Clone, Copy, Debug)]
+struct Window {
+    start: DeviceTime,
+    edges: u32,
+    /// Whether every edge came one period after the one before.
+    whole: bool,
+}
+
+impl Window {
+    fn new(start: DeviceTime) -> Self {
+        Self { start, edges: 0, whole: true }
+    }
+
+    /// Mean time between edges, in ns; `now` is the last edge.
+    fn period_ns(&self, now: DeviceTime) -> u32 {
+        let (elapsed_us, edges) = (now.since(self.start), self.edges.max(1));
+        // In two parts, as the product alone can exceed 32 bits.
+        let (whole_us, rest_us) = (elapsed_us / edges, elapsed_us % edges);
+        whole_us.saturating_mul(1000).saturating_add(rest_us.saturating_mul(1000) / edges)
+    }
+}
+
+/// The course of the front-end's conversions.
+#[derive(Clone, Debug)]
+pub(crate) struct ConversionClock {
+    rate: Rate,
+    /// The period to count with, in ns.
+    period_ns: u32,
+    /// The last conversion counted.
+    last: DeviceTime,
+    /// The next edge is one conversion, whenever it comes.
+    restarted: bool,
+    window: Window,
+    /// Time between edges in the last finished window, in ns.
+    measured_ns: Option<u32>,
+}
+
+impl ConversionClock {
+    /// Conversions at this rate that begin now.
+    pub(crate) fn new(rate: Rate, now: DeviceTime) -> Self {
+        let (period_ns, window) = (rate.period_ns(), Window::new(now));
+        Self { rate, period_ns, last: now, restarted: true, window, measured_ns: None }
+    }
+
+    /// Time since the last conversion counted, in µs.
+    pub(crate) fn quiet_us(&self, now: DeviceTime) -> u32 {
+        now.since(self.last)
+    }
+
+    /// Whether more than this many periods passed since the last conversion counted.
+    pub(crate) fn is_quiet_for(&self, periods: u32, now: DeviceTime) -> bool {
+        u64::from(self.quiet_us(now)) * NS_PER_US > u64::from(self.period_ns) * u64::from(periods)
+    }
+
+    /// The next edge is one conversion, whenever it comes.
+    pub(crate) fn restart(&mut self) {
+        self.restarted = true;
+    }
+
+    /// Whether the next edge is the first, or comes after unknown timing.
+    pub(crate) fn is_restarted(&self) -> bool {
+        self.restarted
+    }
+
+    /// Whether an edge now would come more than one and a half periods after the last.
+    pub(crate) fn is_late(&self, now: DeviceTime) -> bool {
+        !self.restarted && self.half_periods(now) > 3
+    }
+
+    /// Whether an edge now would come more than two and a half periods after the last.
+    pub(crate) fn is_very_late(&self, now: DeviceTime) -> bool {
+        !self.restarted && self.half_periods(now) > 5
+    }
+
+    /// Whether an edge now would come less than half a period after the last.
+    pub(crate) fn is_early(&self, now: DeviceTime) -> bool {
+        !self.restarted && self.half_periods(now) < 1
+    }
+
+    /// Half periods since the last conversion, rounded up where it is not exact; saturates at 6.
+    fn half_periods(&self, now: DeviceTime) -> u32 {
+        // Six half periods are 6 ms at most: beyond a second the product would not fit.
+        let elapsed_ns = self.quiet_us(now).min(1_000_000) * 1000;
+        if elapsed_ns < self.period_ns / 2 { 0 } else { elapsed_ns.div_ceil(self.period_ns / 2).min(6) }
+    }
+
+    /// Counts an edge; returns how many conversions happened since the last one, at least one.
+    pub(crate) fn edge(&mut self, now: DeviceTime) -> u32 {
+        let conversions = if self.is_late(now) { self.conversions_until(now) } else { 1 };
+        self.edge_of(now, conversions)
+    }
+
+    /// Counts an edge that is known to be so many conversions after the last.
+    pub(crate) fn edge_of(&mut self, now: DeviceTime, conversions: u32) -> u32 {
+        self.restarted = false;
+        self.last = now;
+        self.window.edges += 1;
+        self.window.whole &= conversions == 1;
+        if self.window.edges >= WINDOW {
+            self.finish_window(now);
+        }
+        conversions
+    }
+
+    /// Counts the conversions that must have happened unseen, so that a long silence never outlasts the
+    /// clock; leaves the newest one to the next edge.
+    pub(crate) fn skip(&mut self, now: DeviceTime) -> u32 {
+        let skipped = self.conversions_until(now).saturating_sub(1);
+        let skipped_us = u64::from(skipped) * u64::from(self.period_ns) / NS_PER_US;
+        // No more than the time since `last`, which is 32 bits.
+        self.last.0 = self.last.0.wrapping_add(u32::try_from(skipped_us).unwrap_or(u32::MAX));
+        self.window = Window::new(self.last);
+        self.window.whole = false;
+        skipped
+    }
+
+    /// Conversions from the last one to now, rounded.
+    fn conversions_until(&self, now: DeviceTime) -> u32 {
+        let elapsed_ns = u64::from(self.quiet_us(now)) * NS_PER_US;
+        let period_ns = u64::from(self.period_ns.max(1));
+        u32::try_from((elapsed_ns + period_ns / 2) / period_ns).unwrap_or(u32::MAX)
+    }
+
+    /// Ends a measurement and begins the next.
+    fn finish_window(&mut self, now: DeviceTime) {
+        let (measured_ns, nominal_ns) = (self.window.period_ns(now), self.rate.period_ns());
+        if self.window.whole && measured_ns.abs_diff(nominal_ns) <= nominal_ns / TRUST_INVERSE {
+            self.period_ns = measured_ns;
+        }
+        self.measured_ns = Some(measured_ns);
+        self.window = Window::new(now);
+    }
+
+    /// Time between edges lately, in ns; none yet shortly after a start.
+    pub(crate) fn measured_ns(&self) -> Option<u32> {
+        let unfinished = (self.window.edges >= WINDOW_MIN).then(|| self.window.period_ns(self.last));
+        self.measured_ns.or(unfinished)
+    }
+
+    /// Whether a measured time between edges is the one that was set, within 5 %.
+    pub(crate) fn is_as_set(&self, measured_ns: u32) -> bool {
+        let nominal_ns = self.rate.period_ns();
+        measured_ns.abs_diff(nominal_ns) <= nominal_ns / 20
+    }
+}

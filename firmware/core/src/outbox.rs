@@ -1,0 +1,87 @@
+//! Messages on their way to the host: a bounded ring of encoded frames.
+//!
+//! A frame goes in whole or not at all. Blocks leave [`RESERVED`] bytes free, so that a link which cannot
+//! keep up with samples still carries replies and events.
+//! Errors: none; what does not fit is refused by return value.
+
+use palpate_shared::frame::{FRAME_MAX, encode};
+use palpate_shared::wire::{FrameBuffer, FromDevice};
+
+/// Bytes that blocks leave free: three of the longest replies, with events beside them.
+pub const RESERVED: usize = 256;
+
+/// A ring of `N` bytes.
+#[derive(Clone, Debug)]
+pub struct Outbox<const N: usize> {
+    bytes: [u8; N],
+    /// Where the oldest byte is; less than `N`.
+    start: usize,
+    /// How many bytes wait; at most `N`.
+    length: usize,
+}
+
+impl<const N: usize> Default for Outbox<N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<const N: usize> Outbox<N> {
+    /// An empty ring.
+    ///
+    /// Does not compile for less than 512 bytes: a block would hardly find room.
+    #[must_use]
+    pub const fn new() -> Self {
+        const { assert!(N >= 2 * RESERVED, "an outbox needs at least 512 bytes") }
+        Self { bytes: [0; N], start: 0, length: 0 }
+    }
+
+    /// Adds a message's frame; tells whether there was room.
+    pub fn push_message(&mut self, message: &FromDevice) -> bool {
+        let mut line: FrameBuffer = [0; FRAME_MAX + 1];
+        let Ok(frame) = encode(message, &mut line) else { return false };
+        let kept_free = if matches!(message, FromDevice::Block(_)) { RESERVED } else { 0 };
+        let has_room = frame.len() + kept_free <= N - self.length;
+        if has_room {
+            self.append(frame);
+        }
+        has_room
+    }
+
+    /// The oldest bytes, as many as lie in a row; empty only if nothing waits.
+    #[must_use]
+    pub fn readable(&self) -> &[u8] {
+        let end = (self.start + self.length).min(N);
+        self.bytes.get(self.start..end).unwrap_or_default()
+    }
+
+    /// Lets go of the oldest `n` bytes, or of all if there are fewer.
+    pub fn consume(&mut self, n: usize) {
+        let n = n.min(self.length);
+        self.length -= n;
+        self.start = if self.length == 0 { 0 } else { (self.start + n) % N };
+    }
+
+    /// How many bytes wait.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.length
+    }
+
+    /// Whether nothing waits.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.length == 0
+    }
+
+    /// Adds bytes for which there is room, in two pieces where the ring ends.
+    fn append(&mut self, frame: &[u8]) {
+        let at = (self.start + self.length) % N;
+        let (before, after) = self.bytes.split_at_mut(at);
+        let straight = frame.len().min(after.len());
+        let (head, tail) = frame.split_at(straight);
+        after[..straight].copy_from_slice(head);
+        before[..tail.len()].copy_from_slice(tail);
+        self.length += frame.len();
+    }
+}

@@ -1,0 +1,566 @@
+//! The interrupt side: reads a frame at each data-ready edge, numbers it, queues it.
+//!
+//! - **Numbers.** While streaming, every conversion gets a number, whether or not it can be delivered: one
+//!   that was not read in time, or whose frame was damaged, or for which the queue had no room, leaves a gap
+//!   and is counted. While not streaming, frames are read but not numbered, so a pause leaves no gap.
+//! - **Staleness.** The chip remembers two conversions. After a missed edge it would stay one behind, so two
+//!   frames are read then and the newer one is taken.
+//! - **Settling.** Three conversions after a reset or a change carry [`Status::SETTLING`].
+//! - **Requests** of the main side share the frames that read samples (`job`); no sample is lost to them.
+//! - **Faults.** A chip that forgot its settings gets them again. One that is absent is looked for, and one
+//!   that is silent is reset, every [`RETRY_US`]. No front-end is never data: only frames with a right
+//!   checksum from a chip with the right identity become samples.
+//!
+//! Assumes: [`Sampler::data_ready`] and [`Sampler::idle`] are called from one interrupt priority (or one
+//! thread); `now` of an edge is taken when it happens. Bounded work: one frame, two after a missed edge;
+//! a reset takes up to 3 × 16 frames. Errors: none; they become notices and counts.
+
+use embedded_hal::spi::SpiDevice;
+use palpate_shared::units::{Counts, DeviceTime, Seq};
+use palpate_shared::wire::{Checks, EventKind, Refusal, SelfTest, Source, Status};
+
+use crate::ads131m02::{Ads131m02, Command, Frame, is_id, is_mode, setting_words};
+use crate::clock::{ConversionClock, WINDOW};
+use crate::job::{Goal, Job, Progress};
+use crate::log::{info, warning};
+use crate::queues::{Finding, FrontEndRequest, Notice, Reading, RequestKind, SamplerEnd, SamplerState};
+use crate::settings::Settings;
+
+/// Periods without a data-ready edge after which the front-end counts as silent: 25 ms at 4 kHz.
+///
+/// Long enough for an interrupt that is held off, or a simulated device on a busy computer.
+pub const SILENT_AFTER_PERIODS: u32 = 100;
+
+/// Time between attempts to bring a missing or silent front-end back, in µs.
+pub const RETRY_US: u32 = 200_000;
+
+/// How often [`Sampler::idle`] should be called at least, in µs.
+pub const IDLE_US: u32 = 10_000;
+
+/// Time without data after which the missing conversions are counted, in µs; well within the clock's wrap.
+const COUNT_SILENCE_US: u32 = 1_000_000;
+
+/// Damaged frames in a row after which nothing answers: at one damaged frame in two, never in practice.
+const GONE_AFTER_DAMAGED: u8 = 64;
+
+/// Conversions until the filter has forgotten what came before a change (sinc³: three).
+const SETTLING_CONVERSIONS: u8 = 3;
+
+/// Frames that [`Sampler::idle`] spends on one request when no edges come.
+const FRAMES_PER_IDLE: u8 = 8;
+
+/// This board has no such source.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SourceNotPossible;
+
+/// A bus behind which more than one front-end can be: the chip, or a simulation of it.
+///
+/// The choice sits below the SPI boundary, so all that reads and checks frames is the same for both.
+pub trait SelectSource {
+    /// Puts this source behind the bus, from the next transaction on.
+    ///
+    /// # Errors
+    /// [`SourceNotPossible`] if there is no such source; nothing changes then.
+    fn select(&mut self, source: Source) -> Result<(), SourceNotPossible>;
+
+    /// Whether the simulation is behind the bus now.
+    fn is_simulated(&self) -> bool;
+}
+
+/// Whether the front-end answers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Presence {
+    /// Nobody looked yet.
+    Unknown,
+    /// It did not answer when last looked for.
+    Missing,
+    /// It answers and announces data.
+    Present,
+    /// It announces no data.
+    Silent,
+}
+
+/// Why a frame brought no sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Fault {
+    /// Damaged on the bus; the first word read.
+    Damaged { word: u16 },
+    /// The chip lost its settings.
+    LostSettings,
+}
+
+/// What a frame brought.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Sample {
+    counts: [Counts; 2],
+    /// Whether the codes were unread; `None` where the frame does not say.
+    is_new: Option<bool>,
+}
+
+/// Whether a frame may carry a command for the request at work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Share {
+    WithJob,
+    NoCommand,
+}
+
+/// What was seen in a stretch of [`WINDOW`] edges.
+#[derive(Clone, Copy, Debug, Default)]
+struct Stretch {
+    edges: u32,
+    damaged: u32,
+    saturated: bool,
+}
+
+/// Reads the front-end.
+pub struct Sampler<'q, Spi> {
+    chip: Ads131m02<Spi>,
+    end: SamplerEnd<'q>,
+    settings: Settings,
+    presence: Presence,
+    /// A fault was reported, and its end was not yet.
+    unwell: bool,
+    streaming: bool,
+    /// The next conversion's number.
+    next: Seq,
+    clock: ConversionClock,
+    /// Conversions that still carry [`Status::SETTLING`].
+    settling: u8,
+    /// Damaged frames in a row.
+    damaged_run: u8,
+    /// When the front-end was last looked for.
+    tried: DeviceTime,
+    job: Option<Job>,
+    /// The stretch under way and the one before.
+    lately: [Stretch; 2],
+}
+
+impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
+    /// Touches nothing yet; the first call of [`Self::idle`] or [`Self::data_ready`] looks for the chip.
+    pub fn new(spi: Spi, end: SamplerEnd<'q>, settings: Settings) -> Self {
+        Self {
+            chip: Ads131m02::new(spi),
+            end,
+            settings,
+            presence: Presence::Unknown,
+            unwell: false,
+            streaming: false,
+            next: Seq(0),
+            clock: ConversionClock::new(settings.rate, DeviceTime(0)),
+            settling: SETTLING_CONVERSIONS,
+            damaged_run: 0,
+            tried: DeviceTime(0),
+            job: None,
+            lately: [Stretch::default(); 2],
+        }
+    }
+
+    /// The bus, as for stepping a simulation behind it.
+    pub fn spi_mut(&mut self) -> &mut Spi {
+        self.chip.spi_mut()
+    }
+
+    /// How the front-end is set; a simulation of it follows this rate by itself.
+    pub fn settings(&self) -> Settings {
+        self.settings
+    }
+
+    /// DRDY fell at `now`.
+    pub fn data_ready(&mut self, now: DeviceTime) {
+        match self.presence {
+            Presence::Unknown => return self.look_for_chip(now),
+            // Noise on a line that nothing drives.
+            Presence::Missing => return,
+            Presence::Present | Presence::Silent => {}
+        }
+        if self.clock.is_late(now) || self.clock.is_restarted() {
+            self.read_late(now)
+        } else {
+            self.read_in_time(now)
+        }
+        if self.job.as_ref().is_some_and(Job::changes_rate) {
+            self.clock.restart();
+        }
+        self.serve(now);
+    }
+
+    /// Called every [`IDLE_US`] or more often, from the same priority as [`Self::data_ready`].
+    ///
+    /// Does nothing while data come. Otherwise it serves requests, looks for the front-end, and counts
+    /// what is missing.
+    pub fn idle(&mut self, now: DeviceTime) {
+        match self.presence {
+            Presence::Unknown => self.look_for_chip(now),
+            Presence::Present if !self.clock.is_quiet_for(SILENT_AFTER_PERIODS, now) => return,
+            Presence::Present => self.fall_silent(now),
+            Presence::Missing | Presence::Silent if now.since(self.tried) >= RETRY_US => self.look_for_chip(now),
+            Presence::Missing | Presence::Silent => {}
+        }
+        self.count_silence(now);
+        self.serve_without_edges(now);
+    }
+
+    /// An edge at its time: one frame.
+    fn read_in_time(&mut self, now: DeviceTime) {
+        match self.exchange(Share::WithJob) {
+            // A glitch on the line: no conversion, no number.
+            Ok(Sample { is_new: Some(false), .. }) => {}
+            Ok(Sample { is_new: None, .. }) | Err(Fault::Damaged { .. }) if self.clock.is_early(now) => {}
+            outcome => self.conclude(outcome, now),
+        }
+    }
+
+    /// An edge after one that was missed, or the first: an older conversion may come first, and is let go.
+    fn read_late(&mut self, now: DeviceTime) {
+        // NULL, so that the second frame says whether there was a second conversion.
+        let older = self.exchange(Share::NoCommand);
+        let newer = self.exchange(Share::WithJob);
+        let (is_only_one, outcome) = match (older, newer) {
+            (Err(Fault::LostSettings), _) => (false, older),
+            // There was just one: the edge was late, or the first after a pause.
+            (_, Ok(Sample { is_new: Some(false), .. })) => (true, older),
+            _ => (false, newer),
+        };
+        if matches!(outcome, Ok(Sample { is_new: Some(false), .. })) {
+            return;
+        }
+        if is_only_one && !self.clock.is_very_late(now) {
+            self.clock.edge_of(now, 1);
+            return self.keep(outcome, now);
+        }
+        self.conclude(outcome, now);
+    }
+
+    /// Counts an edge with all that was missed before it, and keeps what it brought.
+    fn conclude(&mut self, outcome: Result<Sample, Fault>, now: DeviceTime) {
+        let missed = self.clock.edge(now).saturating_sub(1);
+        self.skip_numbers(missed);
+        self.keep(outcome, now);
+    }
+
+    /// Numbers what an edge brought.
+    fn keep(&mut self, outcome: Result<Sample, Fault>, now: DeviceTime) {
+        self.begin_stretch_when_due();
+        match outcome {
+            Ok(sample) => self.keep_sample(sample.counts, now),
+            Err(fault) => {
+                self.number_damaged();
+                self.treat(fault, now);
+            }
+        }
+        self.settling = self.settling.saturating_sub(1);
+    }
+
+    /// Numbers and queues a good sample.
+    fn keep_sample(&mut self, counts: [Counts; 2], now: DeviceTime) {
+        self.damaged_run = 0;
+        self.presence = Presence::Present;
+        if core::mem::take(&mut self.unwell) {
+            self.tell(now, EventKind::FrontEndRecovered);
+        }
+        let status = self.status_of(counts);
+        if self.streaming {
+            let reading = Reading { seq: self.next, time: now, counts, status };
+            self.next = self.next.plus(1);
+            self.end.reading(reading);
+        }
+    }
+
+    /// What holds for a sample; remembers saturation for the self-test.
+    fn status_of(&mut self, counts: [Counts; 2]) -> Status {
+        let [saturated_0, saturated_1] = counts.map(Counts::is_saturated);
+        self.lately[0].saturated |= saturated_0 || saturated_1;
+        let flags = [
+            (self.chip.spi().is_simulated(), Status::SIMULATED),
+            (saturated_0, Status::SATURATED_0),
+            (saturated_1, Status::SATURATED_1),
+            (self.settling > 0, Status::SETTLING),
+        ];
+        flags.into_iter().filter(|(is_set, _)| *is_set).fold(Status::default(), |status, (_, flag)| status.with(flag))
+    }
+
+    /// Gives a number to a conversion whose frame was no good.
+    fn number_damaged(&mut self) {
+        if self.streaming {
+            self.next = self.next.plus(1);
+            self.end.damaged();
+        }
+    }
+
+    /// Leaves out the numbers of conversions that nobody read.
+    fn skip_numbers(&mut self, missed: u32) {
+        if self.streaming && missed > 0 {
+            self.next = self.next.plus(missed);
+            self.end.missed(missed);
+        }
+        self.settling = self.settling.saturating_sub(u8::try_from(missed).unwrap_or(u8::MAX));
+    }
+
+    /// Does what a bad frame calls for.
+    fn treat(&mut self, fault: Fault, now: DeviceTime) {
+        match fault {
+            Fault::LostSettings => self.restore_settings(now),
+            Fault::Damaged { word } => {
+                self.damaged_run = self.damaged_run.saturating_add(1);
+                if self.damaged_run >= GONE_AFTER_DAMAGED {
+                    self.go_missing(word, now);
+                }
+            }
+        }
+    }
+
+    /// Exchanges one frame, for whatever request is at work.
+    fn exchange(&mut self, share: Share) -> Result<Sample, Fault> {
+        let command = self.job.as_ref().filter(|_| share == Share::WithJob).map_or(Command::Null, Job::command);
+        let result = self.chip.read_frame(command);
+        let lost = result.as_ref().is_ok_and(Frame::tells_lost_settings);
+        if result.as_ref().map_or(true, Frame::tells_input_damage) {
+            self.lately[0].damaged += 1;
+        }
+        let response = result.as_ref().ok().filter(|_| !lost).map(|frame| frame.response);
+        self.advance_job(command, share, response);
+        match result {
+            Err(error) => Err(Fault::Damaged { word: error.word() }),
+            Ok(_) if lost => Err(Fault::LostSettings),
+            Ok(frame) => Ok(Sample { counts: frame.counts, is_new: frame.is_new() }),
+        }
+    }
+
+    /// Tells the job at work what came in. While it writes settings, nothing has settled.
+    fn advance_job(&mut self, command: Command, share: Share, response: Option<u16>) {
+        let Some(job) = &mut self.job else { return };
+        if matches!(command, Command::Write(..)) {
+            // The conversion that is read in this frame still is what it was; it is marked all the same,
+            // and taken off when it is numbered, hence one more.
+            self.settling = SETTLING_CONVERSIONS + 1;
+        }
+        job.advance(share == Share::WithJob, response);
+    }
+
+    /// Answers a finished job, or takes up the next request.
+    fn serve(&mut self, now: DeviceTime) {
+        match self.job.as_ref().map(Job::progress) {
+            Some(Progress::UnderWay) => {}
+            Some(progress) => self.finish_job(progress, now),
+            None => {
+                if let Some(request) = self.end.request() {
+                    self.take_up(request, now);
+                }
+            }
+        }
+    }
+
+    /// Serves a request when no data-ready edges come: with frames of its own, their samples let go.
+    fn serve_without_edges(&mut self, now: DeviceTime) {
+        self.serve(now);
+        for _ in 0..FRAMES_PER_IDLE {
+            if self.presence != Presence::Silent || self.job.is_none() {
+                return;
+            }
+            if self.exchange(Share::WithJob) == Err(Fault::LostSettings) {
+                return self.restore_settings(now);
+            }
+            self.serve(now);
+        }
+    }
+
+    /// Begins what a request asks for; answers at once what needs no frames.
+    fn take_up(&mut self, request: FrontEndRequest, now: DeviceTime) {
+        let finding = match request.kind {
+            RequestKind::Stream(on) => self.stream(on),
+            RequestKind::Select(source) => self.select(source, now),
+            _ if self.presence == Presence::Missing => Finding::Refused(Refusal::NoFrontEnd),
+            RequestKind::Apply(settings) if settings == self.settings => Finding::Done,
+            _ => {
+                self.job = Job::of(request, self.settings);
+                return;
+            }
+        };
+        self.answer(request.ticket, finding);
+    }
+
+    /// Starts or stops streaming.
+    fn stream(&mut self, on: bool) -> Finding {
+        if on && self.presence == Presence::Missing {
+            return Finding::Refused(Refusal::NoFrontEnd);
+        }
+        self.streaming = on;
+        Finding::Done
+    }
+
+    /// Puts a source behind the bus and looks for its chip.
+    fn select(&mut self, source: Source, now: DeviceTime) -> Finding {
+        if self.chip.spi_mut().select(source).is_err() {
+            return Finding::Refused(Refusal::SourceNotPossible);
+        }
+        // A source of its own begins at the present; what it could not have measured is not missing.
+        self.clock = ConversionClock::new(self.settings.rate, now);
+        self.presence = Presence::Unknown;
+        self.unwell = false;
+        self.lately = [Stretch::default(); 2];
+        self.look_for_chip(now);
+        self.streaming &= self.presence != Presence::Missing;
+        Finding::Done
+    }
+
+    /// Answers a job that ended.
+    fn finish_job(&mut self, progress: Progress, now: DeviceTime) {
+        let Some(job) = self.job.take() else { return };
+        let finding = if progress == Progress::Done { self.found_by(&job, now) } else { self.job_failed(&job, now) };
+        self.answer(job.ticket, finding);
+    }
+
+    /// What a job that ended well found.
+    fn found_by(&mut self, job: &Job, now: DeviceTime) -> Finding {
+        match job.goal {
+            Goal::Apply { settings, changes_rate } => {
+                self.settings = settings;
+                if changes_rate {
+                    self.clock = ConversionClock::new(settings.rate, now);
+                }
+                self.lately = [Stretch::default(); 2];
+                Finding::Done
+            }
+            Goal::Read(address) => {
+                let [value, ..] = job.words;
+                Finding::Register { address, value }
+            }
+            Goal::SelfTest => Finding::SelfTest(self.self_test(job.words)),
+        }
+    }
+
+    /// A job that gave up may have left anything behind: the former settings are written again.
+    fn job_failed(&mut self, job: &Job, now: DeviceTime) -> Finding {
+        if matches!(job.goal, Goal::Apply { .. }) {
+            self.restore_settings(now);
+        }
+        Finding::Refused(Refusal::FrontEndSilent)
+    }
+
+    /// Judges the registers read and what was seen lately.
+    fn self_test(&self, words: [u16; 5]) -> SelfTest {
+        let [id_word, mode, clock, gain, status_word] = words;
+        let silent = self.presence == Presence::Silent;
+        let period_ns = self.clock.measured_ns().filter(|_| !silent);
+        let settings_hold = is_mode(mode) && setting_words(self.settings).map(|(_, word)| word) == [clock, gain];
+        let is_known = silent || period_ns.is_some();
+        let checks = [
+            (Checks::ID, true, is_id(id_word)),
+            (Checks::SETTINGS, true, settings_hold),
+            (Checks::BUS, true, self.lately.iter().all(|stretch| stretch.damaged == 0)),
+            (Checks::RATE, is_known, period_ns.is_some_and(|period_ns| self.clock.is_as_set(period_ns))),
+            (Checks::RANGE, !silent, !self.lately.iter().any(|stretch| stretch.saturated)),
+        ];
+        let gather = |wanted: fn(bool) -> bool| {
+            let chosen = checks.iter().filter(|(_, checked, passed)| *checked && wanted(*passed));
+            chosen.fold(Checks::default(), |all, (check, ..)| all.with(*check))
+        };
+        let (checked, failed) = (gather(|_| true), gather(|passed| !passed));
+        SelfTest { checked, failed, id_word, status_word, period_ns: period_ns.unwrap_or(0) }
+    }
+
+    /// Resets the chip, writes its settings and says what came of it.
+    fn look_for_chip(&mut self, now: DeviceTime) {
+        self.tried = now;
+        match self.chip.init(self.settings) {
+            Ok(id_word) => self.found(id_word, now),
+            Err(error) => self.go_missing(error.word(), now),
+        }
+    }
+
+    /// The chip answers and has its settings.
+    fn found(&mut self, id_word: u16, now: DeviceTime) {
+        self.settling = SETTLING_CONVERSIONS;
+        self.damaged_run = 0;
+        self.restart_job();
+        match self.presence {
+            Presence::Unknown => {
+                self.presence = Presence::Present;
+                self.clock = ConversionClock::new(self.settings.rate, now);
+            }
+            // Its data are still to come.
+            Presence::Missing => self.presence = Presence::Silent,
+            Presence::Present | Presence::Silent => return,
+        }
+        info!("front-end found, id {=u16:x}", id_word);
+        self.end.notice(Notice::Found { id_word });
+    }
+
+    /// Nothing answers, or not the right chip; said once.
+    fn go_missing(&mut self, id_word: u16, now: DeviceTime) {
+        if self.presence == Presence::Missing {
+            return;
+        }
+        warning!("no front-end, id reads {=u16:x}", id_word);
+        self.presence = Presence::Missing;
+        self.damaged_run = 0;
+        self.unwell = true;
+        self.tried = now;
+        self.tell(now, EventKind::FrontEndMissing { id_word });
+        if let Some(job) = self.job.take() {
+            self.answer(job.ticket, Finding::Refused(Refusal::NoFrontEnd));
+        }
+    }
+
+    /// No edges for too long; said once.
+    fn fall_silent(&mut self, now: DeviceTime) {
+        let quiet_us = self.clock.quiet_us(now);
+        warning!("front-end silent for {=u32} us", quiet_us);
+        self.presence = Presence::Silent;
+        self.unwell = true;
+        self.tried = now;
+        self.tell(now, EventKind::FrontEndSilent { quiet_us });
+    }
+
+    /// The chip was reset, by a dip of its supply or a damaged command: writes its settings again.
+    fn restore_settings(&mut self, now: DeviceTime) {
+        self.tried = now;
+        match self.chip.init(self.settings) {
+            Ok(_) => {
+                // One more than usual, as the edge at work is taken off at its end.
+                self.settling = SETTLING_CONVERSIONS + 1;
+                self.damaged_run = 0;
+                self.restart_job();
+                self.tell(now, EventKind::FrontEndReset);
+            }
+            Err(error) => self.go_missing(error.word(), now),
+        }
+    }
+
+    /// A reset undid what the job at work did.
+    fn restart_job(&mut self) {
+        if let Some(job) = &mut self.job {
+            job.restart();
+        }
+    }
+
+    /// Counts what is missing in a long silence.
+    fn count_silence(&mut self, now: DeviceTime) {
+        if self.clock.quiet_us(now) >= COUNT_SILENCE_US {
+            let missed = self.clock.skip(now);
+            self.skip_numbers(missed);
+        }
+    }
+
+    /// Begins a new stretch after [`WINDOW`] edges.
+    fn begin_stretch_when_due(&mut self) {
+        let [current, _] = &mut self.lately;
+        current.edges += 1;
+        if current.edges >= WINDOW {
+            let finished = *current;
+            self.lately = [Stretch::default(), finished];
+        }
+    }
+
+    /// Answers a request.
+    fn answer(&mut self, ticket: u8, finding: Finding) {
+        let source = if self.chip.spi().is_simulated() { Source::Simulated } else { Source::Hardware };
+        let state = SamplerState { settings: self.settings, source, streaming: self.streaming };
+        self.end.notice(Notice::Answer { ticket, finding, state });
+    }
+
+    /// Reports an event.
+    fn tell(&mut self, time: DeviceTime, kind: EventKind) {
+        self.end.notice(Notice::Event { time, kind });
+    }
+}

@@ -1,0 +1,194 @@
+//! How the front-end can be set, and which rate a serial line carries.
+//!
+//! Errors: none; what is not possible is `None`.
+
+use palpate_shared::frame::FRAME_MAX;
+use palpate_shared::wire::BLOCK_SAMPLES;
+
+/// Largest frame of a block, in bytes, delimiter included: 79 of payload, 4 of CRC, 1 of COBS, 1 delimiter.
+pub const BLOCK_FRAME_BYTES_MAX: u32 = 85;
+
+const _: () = assert!(BLOCK_FRAME_BYTES_MAX as usize <= FRAME_MAX + 1);
+
+/// Samples in a full block.
+const SAMPLES_PER_BLOCK: u32 = 8;
+
+const _: () = assert!(SAMPLES_PER_BLOCK as usize == BLOCK_SAMPLES);
+
+/// Bits on a serial line for each byte: start, eight, stop.
+const LINE_BITS_PER_BYTE: u32 = 10;
+
+/// Part of the line kept for replies and events, as its inverse: one twentieth of what the blocks take.
+///
+/// With it 921600 baud carries 8 kHz (92 % of the line in the worst case) and 115200 baud 1 kHz.
+const HEADROOM_INVERSE: u32 = 20;
+
+/// Slowest rate, in Hz.
+const SLOWEST_HZ: u32 = 500;
+
+/// Fastest rate as a power of two above the slowest.
+const FASTEST_LOG2: u8 = 4;
+
+/// A sample rate of the front-end at its nominal clock of 8.192 MHz.
+///
+/// ```
+/// use palpate_firmware_core::Rate;
+/// assert_eq!(Rate::from_hz(4000).map(Rate::period_ns), Some(250_000));
+/// assert_eq!(Rate::from_hz(3000), None);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Rate {
+    /// Power of two above [`SLOWEST_HZ`], at most [`FASTEST_LOG2`].
+    log2: u8,
+}
+
+impl Rate {
+    /// 500 Hz.
+    pub const SLOWEST: Self = Self { log2: 0 };
+    /// 4 kHz: what a device starts with, where its line carries it.
+    pub const DEFAULT: Self = Self { log2: 3 };
+    /// 8 kHz.
+    pub const FASTEST: Self = Self { log2: FASTEST_LOG2 };
+
+    /// Every rate, fastest first.
+    pub fn all() -> impl Iterator<Item = Self> {
+        (0..=FASTEST_LOG2).rev().map(|log2| Self { log2 })
+    }
+
+    /// The rate of `hz` samples a second, if the front-end has it.
+    #[must_use]
+    pub fn from_hz(hz: u32) -> Option<Self> {
+        Self::all().find(|rate| rate.hz() == hz)
+    }
+
+    /// Samples a second.
+    #[must_use]
+    pub const fn hz(self) -> u32 {
+        SLOWEST_HZ << self.log2
+    }
+
+    /// Time between samples, in ns; exact for every rate.
+    #[must_use]
+    pub const fn period_ns(self) -> u32 {
+        (1_000_000_000 / SLOWEST_HZ) >> self.log2
+    }
+
+    /// The oversampling ratio's code in the CLOCK register: 2 for 512 (8 kHz) to 6 for 8192 (500 Hz).
+    #[must_use]
+    pub(crate) const fn oversampling_code(self) -> u16 {
+        6 - self.log2 as u16
+    }
+
+    /// Whether a line of so many baud carries this rate in the worst case; 0 baud has no limit.
+    #[must_use]
+    pub fn fits_line(self, link_baud: u32) -> bool {
+        let bits_per_block = BLOCK_FRAME_BYTES_MAX * LINE_BITS_PER_BYTE;
+        let blocks = self.hz() / SAMPLES_PER_BLOCK;
+        let needed = blocks * bits_per_block + blocks * bits_per_block / HEADROOM_INVERSE;
+        link_baud == 0 || needed <= link_baud
+    }
+
+    /// The fastest rate that a line of so many baud carries, if it carries any.
+    #[must_use]
+    pub fn fastest_on_line(link_baud: u32) -> Option<Self> {
+        Self::all().find(|rate| rate.fits_line(link_baud))
+    }
+}
+
+/// A gain of the front-end's amplifiers: 1, 2, 4 … 128.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Gain {
+    /// The gain is two to this power, at most 7.
+    log2: u8,
+}
+
+impl Gain {
+    /// 32: as little input noise as 128, with four times the range (datasheet's noise table).
+    pub const DEFAULT: Self = Self { log2: 5 };
+    /// 128.
+    pub const LARGEST: Self = Self { log2: 7 };
+
+    /// This gain, if the front-end has it.
+    #[must_use]
+    pub fn from_factor(factor: u8) -> Option<Self> {
+        (0..=Self::LARGEST.log2).map(|log2| Self { log2 }).find(|gain| gain.factor() == factor)
+    }
+
+    /// How much it amplifies.
+    #[must_use]
+    pub const fn factor(self) -> u8 {
+        1 << self.log2
+    }
+
+    /// The code in the GAIN1 register.
+    #[must_use]
+    pub(crate) const fn code(self) -> u16 {
+        self.log2 as u16
+    }
+}
+
+/// Rate and gain, the same for both channels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Samples a second.
+    pub rate: Rate,
+    /// Amplification.
+    pub gain: Gain,
+}
+
+impl Settings {
+    /// What a device starts with: gain 32, and 4 kHz or the fastest rate below it that the line carries.
+    #[must_use]
+    pub fn at_start(link_baud: u32) -> Self {
+        let rate = Rate::fastest_on_line(link_baud).unwrap_or(Rate::SLOWEST).min(Rate::DEFAULT);
+        Self { rate, gain: Gain::DEFAULT }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use palpate_shared::frame::encode;
+    use palpate_shared::units::{Counts, DeviceTime, Seq};
+    use palpate_shared::wire::{Block, FrameBuffer, FromDevice, Status};
+
+    use super::*;
+
+    #[test]
+    fn the_largest_block_takes_as_many_bytes_as_the_constant_says() {
+        let samples = [[Counts::MIN, Counts::MAX]; BLOCK_SAMPLES].into_iter().collect();
+        let (first, time, status) = (Seq(u32::MAX), DeviceTime(u32::MAX), Status(u16::MAX));
+        let message = FromDevice::Block(Block { first, time, status, samples });
+        let mut line: FrameBuffer = [0; FRAME_MAX + 1];
+        assert_eq!(encode(&message, &mut line).unwrap().len(), BLOCK_FRAME_BYTES_MAX as usize);
+    }
+
+    #[test]
+    fn rates_have_the_datasheets_oversampling_codes() {
+        // f_CLKIN / 2 / OSR with 8.192 MHz; CLOCK bits 4:2 are 0 for 128, doubling.
+        for (hz, ratio) in [(8000, 512), (4000, 1024), (2000, 2048), (1000, 4096), (500, 8192)] {
+            let rate = Rate::from_hz(hz).unwrap();
+            assert_eq!((rate.hz(), 8_192_000 / 2 / ratio), (hz, hz));
+            assert_eq!(128_u32 << rate.oversampling_code(), ratio);
+            assert_eq!(u64::from(rate.period_ns()) * u64::from(hz), 1_000_000_000);
+        }
+        for hz in [0, 1, 250, 499, 3999, 16_000, u32::MAX] {
+            assert_eq!(Rate::from_hz(hz), None, "{hz}");
+        }
+    }
+
+    #[test]
+    fn gains_are_the_powers_of_two_to_128() {
+        let gains: std::vec::Vec<u8> = (0..=255).filter(|&factor| Gain::from_factor(factor).is_some()).collect();
+        assert_eq!(gains, [1, 2, 4, 8, 16, 32, 64, 128]);
+        assert_eq!(Gain::from_factor(32).map(Gain::code), Some(5));
+    }
+
+    #[test]
+    fn lines_carry_what_their_bits_allow() {
+        // By hand: 85 bytes · 10 bits · rate / 8 · 1.05.
+        let fastest = |baud| Rate::fastest_on_line(baud).map(Rate::hz);
+        assert_eq!([0, 892_500, 921_600, 892_499].map(fastest), [Some(8000), Some(8000), Some(8000), Some(4000)]);
+        assert_eq!([115_200, 57_600, 9600, 1].map(fastest), [Some(1000), Some(500), None, None]);
+        assert_eq!([0, 921_600, 115_200, 9600].map(|baud| Settings::at_start(baud).rate.hz()), [4000, 4000, 1000, 500]);
+    }
+}

@@ -1,0 +1,372 @@
+//! A whole device on the bench: firmware core, simulated front-ends, and a host that listens.
+//!
+//! Shared by the tests of this package and by fuzz targets (include it with `#[path]`). Time is
+//! simulated: [`Rig::step`] lets one conversion period pass.
+//!
+//! ```ignore
+//! let mut world = World::new(FingerConfig::ideal(), 1);
+//! let mut rig = Rig::new(&mut world, Bench::default());
+//! rig.run_us(10_000);
+//! assert_eq!(rig.ask(Request::Start), Outcome::Done);
+//! ```
+#![allow(dead_code, unreachable_pub, reason = "each test and fuzz target uses a part of it")]
+
+use std::cell::RefCell;
+
+use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
+use palpate_firmware_core::device::Identity;
+use palpate_firmware_core::{Device, Queues, Sampler, SelectSource, Settings, SourceNotPossible};
+use palpate_shared::frame::{FRAME_MAX, FrameReader, encode};
+use palpate_shared::sim::{Faults, FingerConfig, PortBusy, SimulatedFrontEnd, SpiPort, SyncResetPin};
+use palpate_shared::units::{Counts, DeviceTime, Seq};
+use palpate_shared::wire::{
+    Axis, Block, Bridge, Channel, ClockSource, Command, CommandId, DeviceId, Event, EventKind, FrameBuffer, FromDevice,
+    Hello, Outcome, Reply, Request, RestartReason, Source, Status,
+};
+
+/// Room for outgoing bytes: 24 ms at 4 kHz.
+pub const OUTBOX: usize = 2048;
+
+/// How often the sampler's `idle` is called, in µs.
+const IDLE_EVERY_US: u64 = 1000;
+
+/// How long [`Rig::ask`] waits for a reply, in µs of device time; longer than any wait in the firmware.
+const REPLY_WAIT_US: u64 = 400_000;
+
+/// All that the rig's parts borrow.
+pub struct World {
+    /// The chip on the board.
+    hardware: RefCell<SimulatedFrontEnd>,
+    /// The simulated finger built into the firmware.
+    simulation: RefCell<SimulatedFrontEnd>,
+    queues: Queues,
+}
+
+impl World {
+    /// Two front-ends of the same kind with different noise.
+    pub fn new(config: FingerConfig, seed: u64) -> Self {
+        Self {
+            hardware: RefCell::new(SimulatedFrontEnd::new(config, seed)),
+            simulation: RefCell::new(SimulatedFrontEnd::new(config, seed.wrapping_add(1))),
+            queues: Queues::new(),
+        }
+    }
+}
+
+/// What is on the bench, apart from the world.
+#[derive(Clone, Copy, Debug)]
+pub struct Bench {
+    pub link_baud: u32,
+    /// Whether the firmware has a simulated finger.
+    pub has_simulation: bool,
+    /// The device's clock at the start.
+    pub start: DeviceTime,
+}
+
+impl Default for Bench {
+    fn default() -> Self {
+        Self { link_baud: 921_600, has_simulation: true, start: DeviceTime(0) }
+    }
+}
+
+/// The bus: either chip behind it.
+pub struct Bus<'w> {
+    hardware: SpiPort<'w>,
+    simulation: Option<SpiPort<'w>>,
+    is_simulated: bool,
+    pub transactions: u64,
+}
+
+impl ErrorType for Bus<'_> {
+    type Error = PortBusy;
+}
+
+impl SpiDevice for Bus<'_> {
+    fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), PortBusy> {
+        self.transactions += 1;
+        match &mut self.simulation {
+            Some(simulation) if self.is_simulated => simulation.transaction(operations),
+            _ => self.hardware.transaction(operations),
+        }
+    }
+}
+
+impl SelectSource for Bus<'_> {
+    fn select(&mut self, source: Source) -> Result<(), SourceNotPossible> {
+        if source == Source::Simulated && self.simulation.is_none() {
+            return Err(SourceNotPossible);
+        }
+        self.is_simulated = source == Source::Simulated;
+        Ok(())
+    }
+
+    fn is_simulated(&self) -> bool {
+        self.is_simulated
+    }
+}
+
+/// A sample as the host got it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Delivered {
+    pub seq: Seq,
+    pub counts: [Counts; 2],
+    pub status: Status,
+}
+
+/// What the host heard.
+#[derive(Debug, Default)]
+pub struct Heard {
+    pub messages: Vec<FromDevice>,
+    pub frames_bad: usize,
+}
+
+impl Heard {
+    pub fn blocks(&self) -> impl Iterator<Item = &Block> {
+        self.messages
+            .iter()
+            .filter_map(|message| if let FromDevice::Block(block) = message { Some(block) } else { None })
+    }
+
+    pub fn replies(&self) -> impl Iterator<Item = &Reply> {
+        self.messages
+            .iter()
+            .filter_map(|message| if let FromDevice::Reply(reply) = message { Some(reply) } else { None })
+    }
+
+    pub fn events(&self) -> impl Iterator<Item = &Event> {
+        self.messages
+            .iter()
+            .filter_map(|message| if let FromDevice::Event(event) = message { Some(event) } else { None })
+    }
+
+    pub fn hellos(&self) -> impl Iterator<Item = &Hello> {
+        self.messages
+            .iter()
+            .filter_map(|message| if let FromDevice::Hello(hello) = message { Some(hello) } else { None })
+    }
+
+    pub fn samples(&self) -> impl Iterator<Item = Delivered> {
+        self.blocks().flat_map(|block| {
+            block.samples.iter().zip(0..).map(|(&counts, n)| Delivered {
+                seq: block.first.plus(n),
+                counts,
+                status: block.status,
+            })
+        })
+    }
+
+    /// Kinds of the events, those of losses apart.
+    pub fn faults(&self) -> Vec<EventKind> {
+        let is_fault = |kind: &EventKind| !matches!(kind, EventKind::SamplesLost { .. });
+        self.events().map(|event| event.kind).filter(is_fault).collect()
+    }
+
+    /// Samples lost, as the events tell: missed, damaged, dropped.
+    pub fn losses(&self) -> [u32; 3] {
+        self.events().fold([0; 3], |[a, b, c], event| match event.kind {
+            EventKind::SamplesLost { missed, damaged, dropped } => [a + missed, b + damaged, c + dropped],
+            _ => [a, b, c],
+        })
+    }
+
+    /// Samples missing between blocks, and before the first one, which is numbered from 0.
+    pub fn gaps(&self) -> u32 {
+        let mut next = Seq(0);
+        self.blocks().fold(0, |gaps, block| {
+            let gap = block.first.since(next);
+            assert_eq!(gap > 0, block.status.contains(Status::GAP_BEFORE), "{block:?} after {next:?}");
+            next = block.first.plus(u32::try_from(block.samples.len()).expect("a block holds eight samples"));
+            gaps + gap
+        })
+    }
+}
+
+/// Firmware, front-ends and host.
+pub struct Rig<'w> {
+    hardware: &'w RefCell<SimulatedFrontEnd>,
+    simulation: &'w RefCell<SimulatedFrontEnd>,
+    pub sampler: Sampler<'w, Bus<'w>>,
+    pub device: Device<'w, OUTBOX>,
+    pub heard: Heard,
+    /// Whether the link takes bytes.
+    pub link_open: bool,
+    /// Whether the next data-ready edge is overlooked, as with interrupts held off.
+    pub overlook_edges: u32,
+    reader: FrameReader,
+    start: DeviceTime,
+    time_ns: u64,
+    idle_at_us: u64,
+    next_id: u32,
+}
+
+impl<'w> Rig<'w> {
+    /// A device just switched on.
+    pub fn new(world: &'w mut World, bench: Bench) -> Self {
+        let World { hardware, simulation, queues } = world;
+        let (hardware, simulation) = (&*hardware, &*simulation);
+        let (sampler_end, device_end) = queues.split();
+        let bus = Bus {
+            hardware: SpiPort::new(hardware),
+            simulation: bench.has_simulation.then(|| SpiPort::new(simulation)),
+            is_simulated: false,
+            transactions: 0,
+        };
+        Self {
+            hardware,
+            simulation,
+            sampler: Sampler::new(bus, sampler_end, Settings::at_start(bench.link_baud)),
+            device: Device::new(identity(bench.link_baud), device_end),
+            heard: Heard::default(),
+            link_open: true,
+            overlook_edges: 0,
+            reader: FrameReader::new(),
+            start: bench.start,
+            time_ns: 0,
+            idle_at_us: 0,
+            next_id: 1000,
+        }
+    }
+
+    /// The front-end behind the bus now.
+    pub fn front_end(&mut self) -> &'w RefCell<SimulatedFrontEnd> {
+        if self.sampler.spi_mut().is_simulated { self.simulation } else { self.hardware }
+    }
+
+    /// Breaks or mends the chip on the board.
+    pub fn set_faults(&mut self, faults: Faults) {
+        self.hardware.borrow_mut().set_faults(faults);
+    }
+
+    /// The chip on the board loses its supply for a moment.
+    pub fn reset_chip(&mut self) {
+        use embedded_hal::digital::OutputPin;
+        let mut pin = SyncResetPin::new(self.hardware);
+        pin.set_low().expect("nothing borrows the front-end");
+        // A reset needs 250 µs: at the fastest rate two periods.
+        self.hardware.borrow_mut().step();
+        self.hardware.borrow_mut().step();
+        pin.set_high().expect("nothing borrows the front-end");
+    }
+
+    /// The device's time.
+    #[expect(clippy::cast_possible_truncation, reason = "the device's time wraps")]
+    pub fn now(&self) -> DeviceTime {
+        DeviceTime(self.start.0.wrapping_add((self.time_ns / 1000) as u32))
+    }
+
+    /// One conversion period passes. Returns whether there was a data-ready edge.
+    pub fn step(&mut self) -> bool {
+        let front_end = self.front_end();
+        let fell = front_end.borrow_mut().step();
+        self.time_ns += u64::from(front_end.borrow().period_ns());
+        let now = self.now();
+        if fell && self.overlook_edges == 0 {
+            self.sampler.data_ready(now);
+        }
+        self.overlook_edges -= u32::from(fell && self.overlook_edges > 0);
+        if self.time_ns / 1000 >= self.idle_at_us {
+            self.idle_at_us = self.time_ns / 1000 + IDLE_EVERY_US;
+            self.sampler.idle(now);
+        }
+        self.turn_main_loop();
+        fell
+    }
+
+    /// The main side's loop, once.
+    pub fn turn_main_loop(&mut self) {
+        self.device.poll(self.now());
+        if self.link_open {
+            self.listen();
+        }
+    }
+
+    /// The host takes all that waits.
+    pub fn listen(&mut self) {
+        while !self.device.transmit().is_empty() {
+            let bytes = self.device.transmit().to_vec();
+            self.device.transmitted(bytes.len());
+            self.hear(&bytes);
+        }
+    }
+
+    fn hear(&mut self, bytes: &[u8]) {
+        let mut rest = bytes;
+        while !rest.is_empty() {
+            let (taken, frame) = self.reader.push(rest);
+            match frame.map(|frame| frame.ok().and_then(|payload| FromDevice::from_payload(payload).ok())) {
+                Some(Some(message)) => self.heard.messages.push(message),
+                Some(None) => self.heard.frames_bad += 1,
+                None => {}
+            }
+            rest = &rest[taken..];
+        }
+    }
+
+    /// Lets time pass.
+    pub fn run_us(&mut self, duration_us: u64) {
+        let end_ns = self.time_ns + duration_us * 1000;
+        while self.time_ns < end_ns {
+            self.step();
+        }
+    }
+
+    /// Lets so many conversions pass.
+    pub fn run(&mut self, steps: u32) {
+        for _ in 0..steps {
+            self.step();
+        }
+    }
+
+    /// Sends a command with a new id, which it returns.
+    pub fn send(&mut self, request: Request) -> CommandId {
+        self.next_id += 1;
+        let id = CommandId(self.next_id);
+        self.send_as(id, request);
+        id
+    }
+
+    /// Sends a command.
+    pub fn send_as(&mut self, id: CommandId, request: Request) {
+        let mut line: FrameBuffer = [0; FRAME_MAX + 1];
+        let frame = encode(&Command::new(id, request), &mut line).expect("a buffer for any frame").to_vec();
+        self.device.receive(&frame, self.now());
+    }
+
+    /// Every outcome heard so far for a command.
+    pub fn outcomes(&self, id: CommandId) -> Vec<Outcome> {
+        self.heard.replies().filter(|reply| reply.id == id).map(|reply| reply.outcome.clone()).collect()
+    }
+
+    /// Sends a command and waits for its one reply.
+    pub fn ask(&mut self, request: Request) -> Outcome {
+        let id = self.send(request);
+        let end_ns = self.time_ns + REPLY_WAIT_US * 1000;
+        while self.outcomes(id).is_empty() && self.time_ns < end_ns {
+            self.step();
+        }
+        let outcomes = self.outcomes(id);
+        assert_eq!(outcomes.len(), 1, "replies to {request:?}: {outcomes:?}");
+        outcomes[0].clone()
+    }
+
+    /// Starts a device and its stream.
+    pub fn start_streaming(&mut self) {
+        self.run_us(5000);
+        assert_eq!(self.ask(Request::Start), Outcome::Done);
+    }
+}
+
+/// Who the device on the bench is.
+pub fn identity(link_baud: u32) -> Identity {
+    let channel = |axis| Channel { axis, bridge: Bridge::Half };
+    Identity {
+        device: DeviceId(*b"palpate-rig0"),
+        board: "test rig",
+        clock: ClockSource::Host,
+        link_baud,
+        restart: RestartReason::PowerOn,
+        restarts: 0,
+        excitation_mv: 2500,
+        channels: [channel(Axis::X), channel(Axis::Y)],
+    }
+}
