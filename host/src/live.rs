@@ -54,7 +54,9 @@ pub fn in_words(kind: EventKind) -> String {
             format!("the front-end has announced no data for {:.1} ms", f64::from(quiet_us) / 1e3)
         }
         EventKind::FrontEndRecovered => "the front-end announces data again".to_owned(),
-        EventKind::FrontEndReset => "the front-end lost its settings (a dip of its supply?); they were restored".to_owned(),
+        EventKind::FrontEndReset => {
+            "the front-end lost its settings (a dip of its supply?); they were restored".to_owned()
+        }
         EventKind::SamplesLost { missed, damaged, dropped } => format!(
             "samples lost in the device: {missed} not read in time, {damaged} damaged on the bus, {dropped} without room"
         ),

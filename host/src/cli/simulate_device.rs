@@ -188,7 +188,10 @@ fn in_words(moment: &Moment) -> String {
         Some(angle) => format!("contact at {:.3} deg", angle.to_degrees()),
         None => "no contact".to_owned(),
     };
-    format!("conversion {}: {contact}, force on the finger ({x:.4}, {y:.4}) N, {:.2} C", moment.conversion, truth.temperature_c)
+    format!(
+        "conversion {}: {contact}, force on the finger ({x:.4}, {y:.4}) N, {:.2} C",
+        moment.conversion, truth.temperature_c
+    )
 }
 
 #[cfg(test)]

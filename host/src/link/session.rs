@@ -44,6 +44,10 @@ const HANDSHAKE_TRIES: u32 = 4;
 /// How long to wait between attempts to reopen a link that broke.
 const REOPEN_WAIT: Duration = Duration::from_millis(100);
 
+/// A stream that is silent for this long is asked whether it is still one: the hello of a device that restarted may
+/// have been damaged on its way.
+const QUIET: Duration = Duration::from_millis(500);
+
 /// After a gap longer than this the device's time may have wrapped unseen, so that samples cannot be counted
 /// across it: half of its 71.6 minutes, less a margin.
 const COUNTABLE_GAP: Duration = Duration::from_secs(30 * 60);
@@ -185,6 +189,7 @@ pub struct Session {
     /// Reader counts of lines that were closed.
     closed_lines: ReaderCounts,
     down_since: Option<Instant>,
+    last_heard: Instant,
 }
 
 impl Session {
@@ -217,7 +222,11 @@ impl Session {
         Self::open_with(&device.address().clone(), options, Some(device))
     }
 
-    fn open_with(address: &Address, options: Options, simulated: Option<Arc<SimulatedDevice>>,) -> Result<Self, LinkError> {
+    fn open_with(
+        address: &Address,
+        options: Options,
+        simulated: Option<Arc<SimulatedDevice>>,
+    ) -> Result<Self, LinkError> {
         let epoch = Instant::now();
         // A first id that no earlier host is likely to have used; see `CommandId`.
         #[expect(clippy::cast_possible_truncation, reason = "any 32 bits will do")]
@@ -239,6 +248,7 @@ impl Session {
             counts: SessionCounts::default(),
             closed_lines: ReaderCounts::default(),
             down_since: None,
+            last_heard: epoch,
         };
         session.take_early(greeted.early);
         Ok(session)
@@ -470,8 +480,9 @@ impl Session {
                 self.reopen()?;
             } else {
                 let left = deadline.saturating_duration_since(Instant::now());
-                match self.receive(left) {
+                match self.receive(left.min(QUIET)) {
                     Some(Arrival::Message(message, at)) => self.take_in(*message, at),
+                    None if self.wanted.streaming && self.last_heard.elapsed() > QUIET => self.ask_after_stream()?,
                     Some(Arrival::Broken(reason)) => {
                         let error = self.broken(reason);
                         if !self.options.reconnect {
@@ -487,7 +498,7 @@ impl Session {
         }
     }
 
-    fn receive(&mut self, wait: Duration) -> Option<Arrival> {
+    fn receive(&self, wait: Duration) -> Option<Arrival> {
         match self.line.as_ref()?.arrivals.recv_timeout(wait) {
             Ok(arrival) => Some(arrival),
             Err(RecvTimeoutError::Timeout) => None,
@@ -495,8 +506,21 @@ impl Session {
         }
     }
 
+    /// Finds out why the stream is silent: a device that does not stream any more has started anew.
+    fn ask_after_stream(&mut self) -> Result<(), LinkError> {
+        self.last_heard = Instant::now();
+        match self.request(Request::Hello) {
+            Ok(Outcome::Hello(hello)) if !hello.streaming => self.restarted(hello),
+            // It is there, or gone: either shows by itself.
+            Ok(_) | Err(LinkError::Unplugged { .. } | LinkError::Unanswered { .. }) => {}
+            Err(error) => return Err(error),
+        }
+        Ok(())
+    }
+
     /// Puts a message where it belongs.
     fn take_in(&mut self, message: FromDevice, at: Instant) {
+        self.last_heard = at;
         match message {
             FromDevice::Block(block) => self.take_block(block, at),
             FromDevice::Event(event) => self.backlog.push_back(Incoming::Event(event)),

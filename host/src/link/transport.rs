@@ -152,6 +152,8 @@ fn why_not_opened(path: &str, error: serialport::Error) -> LinkError {
             LinkError::Permission { path: path.to_owned(), remedy: platform::permission_remedy(file) }
         }
         (_, Err(io::ErrorKind::ResourceBusy)) => LinkError::Busy { path: path.to_owned(), holder },
+        // What can be opened but not locked is locked by another.
+        (serialport::ErrorKind::NoDevice, Ok(_)) => LinkError::Busy { path: path.to_owned(), holder },
         _ if holder.is_some() => LinkError::Busy { path: path.to_owned(), holder },
         _ => LinkError::Open {
             address: path.to_owned(),

@@ -22,9 +22,11 @@ const REST: Duration = Duration::from_micros(200);
 /// Conversions that a device at its host's pace makes between two looks at its line: one block.
 const STRIDE: u64 = 8;
 
+/// Conversions before a board listens to its line.
+const START_UP: u32 = 8;
+
 /// Bits that a byte takes on a serial line, start and stop bit included.
 const BITS_PER_BYTE: f64 = 10.0;
-
 
 /// Bytes that the firmware keeps for a line that is busy: 60 blocks, 0.1 s at 4 kHz, as on the board.
 const OUTBOX_BYTES: usize = 4096;
@@ -136,6 +138,8 @@ impl Board<'_> {
     /// Lives until ordered otherwise.
     fn live(&mut self, config: &Config, outlet: &mut Outlet, orders: &Receiver<Control>, epoch: Instant) -> Ended {
         let mut line = LineSpeed { baud: config.baud, allowance: 0.0, paid_us: 0 };
+        // A board looks for its front-end before it listens to its line.
+        (0..START_UP).for_each(|_| self.convert());
         loop {
             loop {
                 match orders.try_recv() {
@@ -152,12 +156,12 @@ impl Board<'_> {
                     std::thread::sleep(TICK);
                 }
                 Pace::AsRead => {
-                    let stuck = self.talk(outlet, &mut line);
-                    if !stuck {
+                    let talk = self.talk(outlet, &mut line);
+                    if talk != Talk::HostBusy {
                         (0..STRIDE).for_each(|_| self.convert());
                     }
                     let idle = !heard && self.device.transmit().is_empty();
-                    if stuck || idle {
+                    if talk == Talk::HostBusy || idle {
                         std::thread::sleep(REST);
                     }
                 }
@@ -239,18 +243,21 @@ impl Board<'_> {
         self.device.poll(now);
     }
 
-    /// Puts on the line what it takes; whether something is left over.
-    fn talk(&mut self, outlet: &mut Outlet, line: &mut LineSpeed) -> bool {
+    /// Puts on the line what it takes.
+    fn talk(&mut self, outlet: &mut Outlet, line: &mut LineSpeed) -> Talk {
         line.earn(self.now());
         loop {
             let waiting = self.device.transmit();
             let allowed = &waiting[..waiting.len().min(line.allowed())];
             if waiting.is_empty() {
-                return false;
+                return Talk::AllSent;
             }
-            let sent = if allowed.is_empty() { 0 } else { outlet.write(allowed) };
+            if allowed.is_empty() {
+                return Talk::LineBusy;
+            }
+            let sent = outlet.write(allowed);
             if sent == 0 {
-                return true;
+                return Talk::HostBusy;
             }
             line.spend(sent);
             self.device.transmitted(sent);
@@ -262,6 +269,16 @@ impl Board<'_> {
         #[expect(clippy::cast_possible_truncation, reason = "the device's clock wraps")]
         DeviceTime((self.front_end.borrow().truth().time_ns / 1000) as u32)
     }
+}
+
+/// How far the line took what the firmware had to send.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Talk {
+    AllSent,
+    /// A line of limited speed carries no more yet: the device's time must pass.
+    LineBusy,
+    /// The host has not read what was sent before.
+    HostBusy,
 }
 
 /// Tells the owner from when its order holds.
@@ -290,7 +307,11 @@ impl LineSpeed {
     }
 
     fn allowed(&self) -> usize {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small number, cut to whole bytes")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a small number, cut to whole bytes"
+        )]
         self.baud.map_or(usize::MAX, |_| self.allowance.max(0.0) as usize)
     }
 

@@ -1,0 +1,182 @@
+//! Devices, sessions and hostile lines for the end-to-end tests.
+
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::path::PathBuf;
+use std::sync::{Arc, OnceLock};
+use std::time::Duration;
+
+use palpate::link::session::Options;
+use palpate::link::{Incoming, LinkError, Samples, Session};
+use palpate::simulated_device::{Config, Line, Pace, SimulatedDevice};
+
+/// Longest wait for anything, in s: a hundred times what it takes on an idle machine.
+pub const PATIENCE: Duration = Duration::from_secs(20);
+
+/// A simulated device with the default finger, at the host's pace.
+///
+/// # Panics
+/// If it cannot be started.
+#[must_use]
+pub fn device(seed: u64, line: Line) -> Arc<SimulatedDevice> {
+    device_of(Config { seed, line, pace: Pace::AsRead, ..Config::default() })
+}
+
+/// A simulated device as configured.
+///
+/// # Panics
+/// If it cannot be started.
+#[must_use]
+pub fn device_of(config: Config) -> Arc<SimulatedDevice> {
+    Arc::new(SimulatedDevice::start(config).expect("the simulated device starts"))
+}
+
+/// A line that is as real as this system has it: a pseudo-terminal, or else TCP.
+#[must_use]
+pub fn real_line() -> Line {
+    if cfg!(unix) { Line::Pty { link: None } } else { Line::Tcp { host: "127.0.0.1:0".to_owned() } }
+}
+
+/// A session with a device.
+///
+/// # Panics
+/// If it cannot be opened.
+#[must_use]
+pub fn session(device: &Arc<SimulatedDevice>) -> Session {
+    Session::open_simulated(Arc::clone(device), Options::default()).expect("the session opens")
+}
+
+/// Blocks from `session` until `count` samples are there.
+///
+/// # Panics
+/// If the link fails or nothing comes within [`PATIENCE`].
+pub fn samples(session: &mut Session, count: usize) -> Vec<Samples> {
+    let mut blocks: Vec<Samples> = Vec::new();
+    while blocks.iter().map(|block| block.counts.len()).sum::<usize>() < count {
+        if let Incoming::Samples(block) = next(session) {
+            blocks.push(block);
+        }
+    }
+    blocks
+}
+
+/// Whatever comes next.
+///
+/// # Panics
+/// If the link fails or nothing comes within [`PATIENCE`].
+pub fn next(session: &mut Session) -> Incoming {
+    session.next(PATIENCE).expect("the link holds").expect("something arrives in time")
+}
+
+/// Waits for the first incoming thing that `wanted` accepts, and returns what it made of it.
+///
+/// # Panics
+/// If the link fails or it does not come within [`PATIENCE`].
+pub fn wait_for<T>(session: &mut Session, wanted: impl Fn(Incoming) -> Option<T>) -> T {
+    let begun = std::time::Instant::now();
+    while begun.elapsed() < PATIENCE {
+        if let Some(found) = wanted(next(session)) {
+            return found;
+        }
+    }
+    panic!("it did not come within {PATIENCE:?}");
+}
+
+/// A peer on TCP that answers each connection with `answer`, then listens on in silence.
+///
+/// # Panics
+/// If no port is to be had.
+#[must_use]
+pub fn peer_that_says(answer: Vec<u8>) -> SocketAddr {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
+    let address = listener.local_addr().expect("a bound port");
+    std::thread::spawn(move || {
+        for stream in listener.incoming().flatten() {
+            let answer = answer.clone();
+            std::thread::spawn(move || {
+                let mut stream = stream;
+                let _ = stream.write_all(&answer);
+                let _ = std::io::copy(&mut stream, &mut std::io::sink());
+            });
+        }
+    });
+    address
+}
+
+/// Opens a device by its TCP address.
+///
+/// # Errors
+/// What the link says.
+pub fn open_tcp(address: SocketAddr) -> Result<Session, LinkError> {
+    Session::open(&format!("tcp:{address}").parse()?, Options { baud: None, reconnect: false })
+}
+
+/// A line that swallows frames: `drops` decides for each frame, by direction and number, whether it is lost.
+///
+/// # Panics
+/// If no port is to be had.
+#[must_use]
+pub fn lossy_line(device: SocketAddr, drops: fn(Towards, usize) -> bool) -> SocketAddr {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
+    let address = listener.local_addr().expect("a bound port");
+    std::thread::spawn(move || {
+        for host in listener.incoming().flatten() {
+            let Ok(device) = TcpStream::connect(device) else { return };
+            let (Ok(host_too), Ok(device_too)) = (host.try_clone(), device.try_clone()) else { return };
+            std::thread::spawn(move || forward(host_too, device_too, |number| drops(Towards::Device, number)));
+            std::thread::spawn(move || forward(device, host, |number| drops(Towards::Host, number)));
+        }
+    });
+    address
+}
+
+/// Which way a frame goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Towards {
+    /// A command.
+    Device,
+    /// Samples, events, replies.
+    Host,
+}
+
+/// Passes frames on, except those that `drops` names by number.
+fn forward(mut from: TcpStream, mut to: TcpStream, drops: impl Fn(usize) -> bool) {
+    let (mut buffer, mut frame, mut number) = ([0; 4096], Vec::new(), 0);
+    while let Ok(length @ 1..) = from.read(&mut buffer) {
+        for &byte in &buffer[..length] {
+            frame.push(byte);
+            if byte == 0 {
+                let empty = frame.len() == 1;
+                if (empty || !drops(number)) && to.write_all(&frame).is_err() {
+                    return;
+                }
+                number += usize::from(!empty);
+                frame.clear();
+            }
+        }
+    }
+}
+
+/// The `palpate` binary of this build, built if it is not there yet.
+///
+/// # Panics
+/// If it cannot be built.
+pub fn palpate_binary() -> &'static PathBuf {
+    static BINARY: OnceLock<PathBuf> = OnceLock::new();
+    BINARY.get_or_init(|| {
+        // Tests run from `<target>/<profile>/deps`.
+        let mut profile = std::env::current_exe().expect("a test has a path");
+        profile.pop();
+        if profile.ends_with("deps") {
+            profile.pop();
+        }
+        let target = profile.parent().expect("the profile's folder lies in the target folder");
+        let mut cargo = std::process::Command::new(env!("CARGO"));
+        cargo.args(["build", "--quiet", "--package", "palpate", "--bin", "palpate", "--target-dir"]).arg(target);
+        if profile.ends_with("release") {
+            cargo.arg("--release");
+        }
+        assert!(cargo.status().expect("cargo starts").success(), "palpate is built");
+        profile.join(format!("palpate{}", std::env::consts::EXE_SUFFIX))
+    })
+}
