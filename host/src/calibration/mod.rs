@@ -12,8 +12,12 @@ pub mod force;
 pub mod front_end;
 pub mod held_back;
 mod least_squares;
+pub mod load_text;
 pub mod measurements;
 mod offset;
+pub mod person;
+pub mod plan;
+pub mod session;
 pub mod span;
 mod start;
 
