@@ -2,5 +2,6 @@
 
 pub mod calibration;
 pub mod contact;
+pub mod geometry;
 pub mod recording;
 pub mod solve;
