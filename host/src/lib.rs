@@ -6,6 +6,7 @@ pub mod diagnosis;
 pub mod experiment;
 pub mod link;
 pub mod live;
+pub mod geometry;
 pub mod recording;
 pub mod sensing;
 pub mod simulated_device;

@@ -3,13 +3,18 @@
 use std::time::{Duration, Instant};
 
 use miette::Diagnostic;
+use palpate_shared::sim::{Contact, Load};
 use palpate_shared::wire::{EventKind, Hello};
 use thiserror::Error;
 
-use crate::calibration::{Calibration, FrontEnd, FrontEndError, FrontEndSettings};
+use crate::calibration::dwell::{Refusal, SampleBlock};
+use crate::calibration::plan::{PlannedContact, Step};
+use crate::calibration::session::{Bench, BenchError, SampleSource, SourceError, Summary, Wish};
+use crate::calibration::{self, Calibration, FrontEnd, FrontEndError, FrontEndSettings};
 use crate::contact::{Settings, Tare, TareError};
 use crate::link::{Incoming, LinkError, Samples, Session};
 use crate::sensing;
+use crate::simulated_device::SimulatedDevice;
 
 /// Gauge factor of metal foil gauges, which the board cannot know.
 pub const GAUGE_FACTOR: f64 = 2.0;
@@ -146,4 +151,111 @@ pub fn tare(
     let blocks = collect(session, seconds, tell)?;
     let rest: Vec<_> = blocks.iter().flat_map(|samples| sensing::readings(samples, calibration)).collect();
     Tare::estimate(&rest, &settings.tare_settings()).map_err(|source| LiveError::Tare { source })
+}
+
+/// A session as a calibration's source of samples.
+#[derive(Debug)]
+pub struct LinkSource<'a> {
+    session: &'a mut Session,
+}
+
+impl<'a> LinkSource<'a> {
+    /// Takes samples from this session.
+    pub fn new(session: &'a mut Session) -> Self {
+        Self { session }
+    }
+}
+
+impl SampleSource for LinkSource<'_> {
+    fn next_block(&mut self) -> Result<SampleBlock, SourceError> {
+        let (mut block, mut trouble) = (None, None);
+        let taken = stream(
+            self.session,
+            |_, samples| {
+                block = Some(samples.clone());
+                false
+            },
+            |incoming| trouble = trouble.take().or_else(|| trouble_with(incoming)),
+        );
+        taken.map_err(|error| SourceError(error.to_string()))?;
+        let Samples { first, time_us, period_us, counts, .. } =
+            block.ok_or_else(|| SourceError("the stream ended".to_owned()))?;
+        Ok(SampleBlock { first, time_us, period_us, counts, trouble })
+    }
+
+    /// Stops the stream, drops what is under way, and starts it anew: between two steps a person may take as long
+    /// as they like, and nothing piles up meanwhile.
+    fn discard_waiting(&mut self) -> Result<(), SourceError> {
+        let fresh = || -> Result<(), LinkError> {
+            self.session.stop()?;
+            self.session.forget_waiting();
+            self.session.start()
+        };
+        { fresh }().map_err(|error| SourceError(error.to_string()))
+    }
+}
+
+/// What spoils a dwell, in words; lost samples show by themselves.
+fn trouble_with(incoming: &Incoming) -> Option<String> {
+    match incoming {
+        Incoming::Event(event) if !matches!(event.kind, EventKind::SamplesLost { .. }) => Some(in_words(event.kind)),
+        Incoming::Disconnected { reason } => Some(format!("the link broke: {reason}")),
+        Incoming::Restarted(_) => Some("the device started anew".to_owned()),
+        _ => None,
+    }
+}
+
+/// The hand of a simulated device as a calibration's bench: every step is set up at once, exactly.
+#[derive(Debug)]
+pub struct SimulatedBench<'a> {
+    hand: &'a SimulatedDevice,
+    /// Force along the contact's normal where the plan does not say, in N.
+    normal_force: f64,
+    /// How often a step may be refused before the bench gives up.
+    patience: u32,
+    tell: fn(&Step, Result<&Summary, &Refusal>),
+}
+
+/// Refusals of one step before a simulated bench gives up: its hand does not shake, so one is chance and more are not.
+const SIMULATED_PATIENCE: u32 = 3;
+
+impl<'a> SimulatedBench<'a> {
+    /// A bench that presses with `normal_force` newtons where the plan does not say, and reports to `tell`.
+    pub fn new(hand: &'a SimulatedDevice, normal_force: f64, tell: fn(&Step, Result<&Summary, &Refusal>)) -> Self {
+        Self { hand, normal_force, patience: SIMULATED_PATIENCE, tell }
+    }
+
+    fn press(&self, contact: &PlannedContact) -> Load {
+        let force = match contact.load {
+            calibration::Load::Newtons(newtons) => newtons,
+            calibration::Load::Same | calibration::Load::Unknown => self.normal_force,
+        };
+        #[expect(clippy::cast_possible_truncation, reason = "the simulation computes in single precision")]
+        Load::Static(Contact::frictionless(contact.angle_deg.to_radians() as f32, force as f32))
+    }
+}
+
+impl Bench for SimulatedBench<'_> {
+    fn place(&mut self, step: &Step, _number: usize, _of: usize) -> Result<Wish, BenchError> {
+        let load = match step {
+            Step::Tare { .. } => Load::Released,
+            Step::Contact(contact) => self.press(contact),
+        };
+        self.hand.set_load(load).map_err(|error| BenchError(error.to_string()))?;
+        Ok(Wish::Sample)
+    }
+
+    fn accepted(&mut self, step: &Step, summary: &Summary) {
+        self.patience = SIMULATED_PATIENCE;
+        (self.tell)(step, Ok(summary));
+    }
+
+    fn refused(&mut self, step: &Step, refusal: &Refusal) -> Result<Wish, BenchError> {
+        (self.tell)(step, Err(refusal));
+        self.patience -= 1;
+        if self.patience == 0 {
+            return Err(BenchError(format!("refused {SIMULATED_PATIENCE} times: {refusal}")));
+        }
+        Ok(Wish::Sample)
+    }
 }

@@ -11,7 +11,7 @@ use std::collections::VecDeque;
 use std::hash::{BuildHasher, RandomState};
 use std::io::{self, Read, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -43,6 +43,10 @@ const HANDSHAKE_TRIES: u32 = 4;
 
 /// How long to wait between attempts to reopen a link that broke.
 const REOPEN_WAIT: Duration = Duration::from_millis(100);
+
+/// Messages that wait for a slow consumer before the reading thread stops reading: half a minute of blocks at 4 kHz.
+/// What then comes is lost, and counted, on the device; memory stays bounded.
+const WAITING_MAX: usize = 16_384;
 
 /// A stream that is silent for this long is asked whether it is still one: the hello of a device that restarted may
 /// have been damaged on its way.
@@ -165,7 +169,8 @@ struct Shared {
 #[derive(Debug)]
 struct Line {
     transport: Transport,
-    arrivals: Receiver<Arrival>,
+    /// `None` only while it is being closed: the thread must not wait for room that nobody makes.
+    arrivals: Option<Receiver<Arrival>>,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
 }
@@ -498,8 +503,13 @@ impl Session {
         }
     }
 
+    /// Drops samples that have arrived and were not yet handed on; events and changes of the link stay.
+    pub fn forget_waiting(&mut self) {
+        self.backlog.retain(|incoming| !matches!(incoming, Incoming::Samples(_)));
+    }
+
     fn receive(&self, wait: Duration) -> Option<Arrival> {
-        match self.line.as_ref()?.arrivals.recv_timeout(wait) {
+        match self.line.as_ref()?.receive(wait) {
             Ok(arrival) => Some(arrival),
             Err(RecvTimeoutError::Timeout) => None,
             Err(RecvTimeoutError::Disconnected) => Some(Arrival::Broken("the reading thread ended".to_owned())),
@@ -638,12 +648,12 @@ impl Session {
 impl Line {
     fn start(transport: Transport) -> io::Result<Self> {
         let shared = Arc::new(Shared::default());
-        let (sender, arrivals) = channel();
+        let (sender, arrivals) = sync_channel(WAITING_MAX);
         let (mut reading_end, for_thread) = (transport.second()?, Arc::clone(&shared));
         let thread = std::thread::Builder::new()
             .name("palpate link".to_owned())
             .spawn(move || read_until_stopped(&mut reading_end, &for_thread, &sender))?;
-        Ok(Self { transport, arrivals, shared, thread: Some(thread) })
+        Ok(Self { transport, arrivals: Some(arrivals), shared, thread: Some(thread) })
     }
 
     fn send(&mut self, command: &Command) -> io::Result<()> {
@@ -652,6 +662,10 @@ impl Line {
         // The leading delimiter ends whatever noise the device may have received before.
         self.transport.write_all(&[&[DELIMITER], frame].concat())?;
         self.transport.flush()
+    }
+
+    fn receive(&self, wait: Duration) -> Result<Arrival, RecvTimeoutError> {
+        self.arrivals.as_ref().ok_or(RecvTimeoutError::Disconnected)?.recv_timeout(wait)
     }
 
     fn reader_counts(&self) -> ReaderCounts {
@@ -666,6 +680,7 @@ impl Line {
 impl Drop for Line {
     fn drop(&mut self) {
         self.shared.stop.store(true, Ordering::Relaxed);
+        self.arrivals = None;
         if let Some(thread) = self.thread.take() {
             // A panic in the thread has been reported by it.
             let _ = thread.join();
@@ -674,7 +689,7 @@ impl Drop for Line {
 }
 
 /// The reading thread: bytes in, stamped messages out.
-fn read_until_stopped(transport: &mut Transport, shared: &Shared, sender: &Sender<Arrival>) {
+fn read_until_stopped(transport: &mut Transport, shared: &Shared, sender: &SyncSender<Arrival>) {
     let mut reader = MessageReader::default();
     let mut buffer = vec![0; 65_536];
     while !shared.stop.load(Ordering::Relaxed) {
@@ -753,7 +768,7 @@ fn ask_who(line: &mut Line, address: &Address, next_id: &mut u32) -> Result<Opti
         line.send(&Command::new(id, Request::Hello)).map_err(|error| gone(error.to_string()))?;
         let deadline = Instant::now() + REPLY_WAIT;
         loop {
-            match line.arrivals.recv_timeout(deadline.saturating_duration_since(Instant::now())) {
+            match line.receive(deadline.saturating_duration_since(Instant::now())) {
                 Ok(Arrival::Message(message, at)) => match *message {
                     FromDevice::Reply(Reply { id: answered, outcome }) if answered == id => {
                         return greeting(outcome).map(|hello| Some((hello, early)));

@@ -1,1 +1,33 @@
 //! `palpate solve`: JSON Lines in, JSON Lines out.
+//!
+//! The machine-readable front door to every computation. This module is its frame; a kind of problem is a type that
+//! implements [`Problem`] and one entry in [`KINDS`]. For users the interface is described in `docs/SOLVE.md`.
+//!
+//! In reading order:
+//! - [`problem`](Problem): what a kind is, and the list of kinds;
+//! - [`fields`]: types of fields that kinds share, [`read()`] and [`tagged`] to read them with the place of every error;
+//! - `line`: one line to `id`, kind and fields, strictly JSON; `answer`: one line in, one line out;
+//! - `input`, `pipeline`: bytes to lines, solved side by side and answered in order by [`run`];
+//! - `error`: the codes, messages and places; `finite`: no NaN leaves; `panics`: a crash ends one line; [`schema`].
+//!
+//! Units: SI and radians. Errors: [`RunError`] where input or output fails; everything else is an answer.
+
+mod answer;
+mod error;
+pub mod fields;
+mod finite;
+mod input;
+mod line;
+mod panics;
+mod pipeline;
+mod problem;
+mod read;
+pub mod schema;
+mod spelling;
+#[cfg(test)]
+mod testing;
+
+pub use error::{ErrorCode, ErrorLine, Failure, InvalidInput, Pointer, SolveError};
+pub use pipeline::{RunError, Summary, run};
+pub use problem::{KINDS, Kind, KindSchema, Problem, Registry};
+pub use read::{Variant, read, tagged};

@@ -1,0 +1,5 @@
+//! Shapes in the plane. Pure: no files, clocks or threads.
+
+mod polygon;
+
+pub use polygon::{PolygonError, SimplePolygon};

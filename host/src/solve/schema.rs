@@ -1,0 +1,122 @@
+//! JSON Schema (draft 2020-12) of everything that goes into and comes out of `palpate solve`.
+
+use schemars::Schema;
+use schemars::generate::SchemaSettings;
+use serde_json::{Map, Value, json};
+
+use super::error::ErrorLine;
+use super::problem::{KindSchema, Problem, Registry};
+
+/// What `palpate solve --schema` prints: every kind by name with its `problem` and `result`, what all problems have in
+/// common, and the error line. Each schema stands on its own.
+#[must_use]
+pub fn document(registry: &Registry) -> Value {
+    let kinds: Map<String, Value> =
+        registry.kinds().iter().map(|kind| (kind.name().to_owned(), json!(kind.schema()))).collect();
+    json!({
+        "title": "palpate solve: one problem a line in, one result or error a line out",
+        "version": env!("CARGO_PKG_VERSION"),
+        "kinds": kinds,
+        "problem": any_problem(registry),
+        "error": error(),
+    })
+}
+
+/// The schema of a line that reports an error.
+#[must_use]
+pub fn error() -> Schema {
+    SchemaSettings::draft2020_12().for_serialize().into_generator().into_root_schema_for::<ErrorLine>()
+}
+
+/// What every problem has, whatever its kind.
+fn any_problem(registry: &Registry) -> Value {
+    let names: Vec<_> = registry.names().collect();
+    // An empty `enum` is bad style in JSON Schema, and a fair number of validators refuse it.
+    let kind = if names.is_empty() { json!({"type": "string"}) } else { json!({"enum": names}) };
+    json!({
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "type": "object",
+        "properties": {"problem": kind, "id": id()},
+        "required": ["problem"],
+    })
+}
+
+fn id() -> Value {
+    json!({"description": "Any JSON value; the result repeats it."})
+}
+
+/// The schemas of one kind.
+pub(super) fn of<P: Problem>() -> KindSchema {
+    let settings = SchemaSettings::draft2020_12;
+    let problem = settings().into_generator().into_root_schema_for::<P>();
+    let result = settings().for_serialize().into_generator().into_root_schema_for::<P::Answer>();
+    KindSchema {
+        problem: with_envelope(problem, P::KIND, &["problem"]),
+        result: with_envelope(result, P::KIND, &["id", "problem"]),
+    }
+}
+
+/// Adds the fields that the frame adds.
+fn with_envelope(mut schema: Schema, kind: &str, required: &[&str]) -> Schema {
+    let object = schema.ensure_object();
+    add_fields(object, kind, required);
+    schema
+}
+
+fn add_fields(object: &mut Map<String, Value>, kind: &str, required: &[&str]) {
+    // The variants of an enum are objects of their own, and each forbids fields that it does not list.
+    for variants in ["oneOf", "anyOf"] {
+        let Some(Value::Array(variants)) = object.get_mut(variants) else { continue };
+        variants.iter_mut().filter_map(Value::as_object_mut).for_each(|variant| add_fields(variant, kind, required));
+        return;
+    }
+    if let Value::Object(properties) = object.entry("properties").or_insert_with(|| json!({})) {
+        properties.insert("problem".to_owned(), json!({"const": kind}));
+        properties.insert("id".to_owned(), id());
+    }
+    if let Value::Array(names) = object.entry("required").or_insert_with(|| json!([])) {
+        names.extend(required.iter().map(|&name| json!(name)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::KINDS;
+    use super::super::testing;
+    use super::*;
+
+    #[test]
+    fn a_kind_comes_with_problem_and_result() {
+        let document = document(&testing::KINDS);
+        let area = &document["kinds"]["area"];
+        assert_eq!(area["problem"]["properties"]["problem"], json!({"const": "area"}));
+        assert_eq!(area["problem"]["required"], json!(["polygon", "problem"]));
+        assert_eq!(area["problem"]["additionalProperties"], json!(false));
+        assert_eq!(area["problem"]["$defs"]["Polygon"]["minItems"], json!(3));
+        assert_eq!(area["result"]["required"], json!(["area", "id", "problem"]));
+        assert!(document["problem"]["properties"]["problem"]["enum"].as_array().unwrap().contains(&json!("area")));
+    }
+
+    #[test]
+    fn the_error_line_is_described_without_any_kind() {
+        let document = document(&Registry::new(&[]));
+        assert_eq!(document["kinds"], json!({}));
+        assert_eq!(document["error"]["required"], json!(["id", "line", "error"]));
+        let codes = document["error"]["$defs"]["ErrorCode"].to_string();
+        for code in ["invalid_json", "unknown_problem", "invalid_input", "internal"] {
+            assert!(codes.contains(code), "{code} is not in {codes}");
+        }
+    }
+
+    /// The frame's fields would be written twice.
+    #[test]
+    fn no_answer_has_a_field_of_the_frame() {
+        for kind in KINDS.kinds().iter().chain(testing::KINDS.kinds()) {
+            let result = json!(kind.schema().result);
+            let required = result["required"].as_array().unwrap();
+            for name in ["id", "problem"] {
+                assert_eq!(required.iter().filter(|field| *field == name).count(), 1, "{} has {name}", kind.name());
+            }
+        }
+    }
+}
