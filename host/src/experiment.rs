@@ -179,14 +179,19 @@ fn after_load(
     seconds: f64,
 ) -> Result<Vec<Samples>, ExperimentError> {
     let from_s = hand.set_load(load)?.truth.time_ns as f64 * 1e-9 + SETTLE_S;
-    let mut blocks = Vec::new();
+    // What was sampled before is of no use, and a simulated device at its host's pace may have run seconds ahead.
+    session.stop().map_err(LiveError::from)?;
+    session.forget_waiting();
+    session.start().map_err(LiveError::from)?;
+    let mut blocks: Vec<Samples> = Vec::new();
     live::stream(
         session,
         |_, samples| {
             if samples.device_time_s(0) >= from_s {
                 blocks.push(samples.clone());
             }
-            samples.device_time_s(samples.counts.len()) < from_s + seconds
+            let begun_s = blocks.first().map_or(f64::INFINITY, |first| first.device_time_s(0));
+            samples.device_time_s(samples.counts.len()) < begun_s + seconds
         },
         |_| (),
     )?;

@@ -186,12 +186,9 @@ impl SampleSource for LinkSource<'_> {
     /// Stops the stream, drops what is under way, and starts it anew: between two steps a person may take as long
     /// as they like, and nothing piles up meanwhile.
     fn discard_waiting(&mut self) -> Result<(), SourceError> {
-        let fresh = || -> Result<(), LinkError> {
-            self.session.stop()?;
-            self.session.forget_waiting();
-            self.session.start()
-        };
-        { fresh }().map_err(|error| SourceError(error.to_string()))
+        let stopped = self.session.stop();
+        self.session.forget_waiting();
+        stopped.and_then(|()| self.session.start()).map_err(|error| SourceError(error.to_string()))
     }
 }
 

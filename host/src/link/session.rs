@@ -44,9 +44,9 @@ const HANDSHAKE_TRIES: u32 = 4;
 /// How long to wait between attempts to reopen a link that broke.
 const REOPEN_WAIT: Duration = Duration::from_millis(100);
 
-/// Messages that wait for a slow consumer before the reading thread stops reading: half a minute of blocks at 4 kHz.
+/// Messages that wait for a slow consumer before the reading thread stops reading: four seconds of blocks at 4 kHz.
 /// What then comes is lost, and counted, on the device; memory stays bounded.
-const WAITING_MAX: usize = 16_384;
+const WAITING_MAX: usize = 2048;
 
 /// A stream that is silent for this long is asked whether it is still one: the hello of a device that restarted may
 /// have been damaged on its way.
