@@ -1,1 +1,3 @@
 //! Rigs and oracles for the end-to-end tests in `tests/e2e`.
+
+pub mod force_logs;

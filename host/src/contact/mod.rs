@@ -44,6 +44,7 @@ pub mod average;
 pub mod detector;
 pub mod direction;
 pub mod noise;
+pub mod offline;
 pub mod tare;
 
 #[cfg(test)]
