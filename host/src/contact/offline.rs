@@ -59,7 +59,8 @@ pub enum Found {
     Given,
     /// From the recording's own time before the first contact.
     OwnFreeInterval,
-    /// Interpolated in time between neighbours that began free (numbers of the recordings).
+    /// Interpolated in time between neighbours that began free (numbers of the recordings). The tare's other figures
+    /// (noise, drift, samples) are the nearest neighbour's.
     Neighbours {
         /// The nearest earlier one.
         before: Option<usize>,

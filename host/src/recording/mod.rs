@@ -125,6 +125,9 @@ fn number(field: &str) -> Result<f64, String> {
     match field.parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),
         Ok(_) => Err(format!("`{}` is not finite", shorten(field))),
+        Err(_) if field.replacen(',', ".", 1).parse::<f64>().is_ok() => {
+            Err(format!("`{}` has a decimal comma, where a point is expected", shorten(field)))
+        }
         Err(_) if field.is_empty() => Err("the field is empty, where a number is expected".to_owned()),
         Err(_) => Err(format!("`{}` is not a number", shorten(field))),
     }
@@ -158,6 +161,11 @@ mod tests {
         assert_eq!(text(b"\xEF\xBB\xBFt").unwrap(), "t");
         assert_eq!(text(b"\xFF\xFEt\0"), Err(ReadError::NotText));
         assert_eq!(text(b"0,1\xFF,2").unwrap(), "0,1\u{FFFD},2");
+    }
+
+    #[test]
+    fn a_decimal_comma_is_named() {
+        assert_eq!(number("0,5").unwrap_err(), "`0,5` has a decimal comma, where a point is expected");
     }
 
     #[test]

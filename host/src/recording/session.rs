@@ -555,6 +555,32 @@ mod tests {
     }
 
     #[test]
+    fn a_drifting_bias_is_interpolated_to_the_push_s_own_time() {
+        let drift = |t: f64| [0.03 + 2e-4 * t, -0.08 - 1e-4 * t];
+        let times = [0.0, 60.0, 120.0, 180.0, 200.0, 280.0, 340.0, 400.0];
+        let mut pushes = times.map(|t0| PushSpec { t0, bias: drift(t0), ..PushSpec::default() });
+        pushes[4].onset = 0.0;
+        let report = &felt(&pushes)[4];
+        let bias = report.bias.unwrap().tare.bias;
+        // Halfway between the neighbours instead would be 6.7 mN off.
+        assert!((bias - bias_in_finger_axes(&pushes[4])).norm() < BIAS_ERROR_N, "{bias}");
+    }
+
+    #[test]
+    fn the_part_rests_until_the_onset_and_then_moves_evenly_to_its_end() {
+        let log = mlab::parse(&log(&session(1))).unwrap();
+        let push = log.good().next().unwrap();
+        let part = Part::parse(TRIANGLE).unwrap();
+        let (start, end) = (push.tips[0].t, push.tips[199].t);
+        let scene = Scene::new(push, &part, Some(start + 1.5), false);
+        let moved = |t: f64| (scene.part_pose(t).position_world - push.before.position_world).norm();
+        let whole = (push.after.position_world - push.before.position_world).norm();
+        for (t, want) in [(start, 0.0), (start + 1.5, 0.0), (0.5 * (start + 1.5 + end), 0.5 * whole), (end, whole)] {
+            assert!((moved(t) - want).abs() < 1e-6, "{t}: {} m, wanted {want} m", moved(t));
+        }
+    }
+
+    #[test]
     fn a_touch_too_early_for_an_own_tare_takes_the_neighbours_and_says_why() {
         let mut pushes = session(6);
         pushes[2] = PushSpec { onset: 0.19, force: 1.0, ..pushes[2] };
