@@ -1,5 +1,6 @@
 //! Rigs and oracles for the end-to-end tests in `tests/e2e`.
 
+pub mod force_logs;
 pub mod fuzz;
 pub mod oracle;
 pub mod rig;

@@ -199,6 +199,17 @@ mod tests {
     }
 
     #[test]
+    fn a_wild_value_leaves_no_rounding_behind() {
+        let mut average = MovingAverage::new(4, 0.02);
+        let mean = (0..20)
+            .map(|i| Reading::new(f64::from(i) * 0.01, Vector2::new(if i == 5 { 1e15 } else { 0.1 }, 0.0)))
+            .filter_map(|reading| average.push(&reading))
+            .last()
+            .unwrap();
+        assert!((mean.force_finger.x - 0.1).abs() < ROUNDING, "{mean:?}");
+    }
+
+    #[test]
     fn one_mains_period_of_readings_depends_on_the_rate() {
         assert_eq!(Averaging::Seconds(0.02).samples(1.0 / 4000.0), 80);
         assert_eq!(Averaging::Seconds(0.02).samples(0.00993), 2);

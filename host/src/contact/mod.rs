@@ -44,6 +44,7 @@ pub mod average;
 pub mod detector;
 pub mod direction;
 pub mod noise;
+pub mod offline;
 pub mod tare;
 
 #[cfg(test)]
@@ -343,6 +344,26 @@ mod tests {
         }
         assert_eq!(wrong, 0);
         assert!(false_touches > 0, "0.2 of drift is 40 standard deviations");
+    }
+
+    #[test]
+    fn the_force_s_covariance_is_noise_plus_tare_plus_the_bias_s_walk_since() {
+        let settings = Settings { bias_walk: 0.01, ..Settings::default() };
+        let mut tare = Tare::estimate(&Noise::white(6, SIGMA).readings(1000), &settings.tare_settings()).unwrap();
+        tare.bias_covariance = Matrix2::new(4e-6, 1e-6, 1e-6, 9e-6);
+        let known = tare.sample_covariance + tare.bias_covariance;
+        for age in [0.0, 4.0] {
+            let mut sense = ContactSense::new(&settings, tare).unwrap();
+            let mut felt = None;
+            for i in 0..3 {
+                let t = tare.t_to + age + f64::from(i) * 1e-6;
+                felt = sense.push(&Reading::new(t, Vector2::new(5.0, 0.0)));
+            }
+            let covariance = felt.unwrap().contact.touch().unwrap().force_covariance;
+            let want = known + Matrix2::identity() * (1e-4 * age);
+            // The last reading is 2 µs older than the age says.
+            assert!((covariance - want).amax() < 1e-9, "{covariance}, wanted {want}");
+        }
     }
 
     #[test]

@@ -487,7 +487,32 @@ mod tests {
     }
 
     #[test]
-    fn hum_and_small_drift_do_not_make_the_stated_noise_too_small() {
+    fn slow_noise_makes_the_bias_as_uncertain_as_it_says() {
+        // Noise that forgets itself in 10 ms: a second holds 50 independent values, not 1000. Blocks of 31 ms are not
+        // quite independent either, which makes up for the 7 % that 32 blocks cost.
+        let mut sum = 0.0;
+        for seed in 0..400 {
+            let mut noise = Noise { red: SIGMA, ..Noise::white(seed, 0.1 * SIGMA) };
+            let tare = Tare::estimate(&noise.readings(1000), &plain()).unwrap();
+            sum += noise::mahalanobis(&(tare.bias - noise.bias), &tare.bias_covariance).powi(2);
+        }
+        let mean_square = sum / 400.0;
+        // σ/√N would make it 40.
+        assert!((1.6..3.6).contains(&mean_square), "{mean_square}, wanted 2 to 3");
+    }
+
+    #[test]
+    fn a_drift_that_is_accepted_counts_in_the_bias_s_uncertainty() {
+        let mut noise = Noise { drift: 0.006, ..Noise::white(2, SIGMA) };
+        let tare = Tare::estimate(&noise.readings(1000), &plain()).unwrap();
+        let at_the_end = noise.bias + Vector2::new(0.006, 0.0);
+        let sigmas = noise::mahalanobis(&(tare.bias - at_the_end), &tare.bias_covariance);
+        assert!(sigmas < 2.0, "{sigmas} standard deviations; 10 without the drift");
+        assert!((tare.drift.x - 0.006).abs() < 0.001, "{}", tare.drift);
+    }
+
+    #[test]
+    fn hum_does_not_make_the_stated_noise_too_small() {
         let mut noise = Noise { hum: 0.01, ..Noise::white(8, SIGMA) }.sampled(4000.0);
         let settings = TareSettings { averaging: Averaging::Seconds(0.01), ..plain() };
         let tare = Tare::estimate(&noise.readings(4000), &settings).unwrap();

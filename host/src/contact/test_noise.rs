@@ -38,6 +38,9 @@ pub(crate) struct Noise {
     pub(crate) white: f64,
     /// Amplitude of 50 Hz hum; y lags by 1 rad.
     pub(crate) hum: f64,
+    /// Standard deviation of slow noise on each axis, which forgets itself in 10 ms.
+    pub(crate) red: f64,
+    pub(crate) red_now: Vector2<f64>,
     /// Drift on x, per second.
     pub(crate) drift: f64,
     pub(crate) rate_hz: f64,
@@ -47,7 +50,8 @@ pub(crate) struct Noise {
 impl Noise {
     pub(crate) fn white(seed: u64, white: f64) -> Self {
         let bias = Vector2::new(0.3, -0.7);
-        Self { random: Random(seed), bias, white, hum: 0.0, drift: 0.0, rate_hz: 1000.0, t: 0.0 }
+        let red_now = Vector2::zeros();
+        Self { random: Random(seed), bias, white, hum: 0.0, red: 0.0, red_now, drift: 0.0, rate_hz: 1000.0, t: 0.0 }
     }
 
     pub(crate) fn sampled(self, rate_hz: f64) -> Self {
@@ -58,7 +62,10 @@ impl Noise {
         let phase = TAU * 50.0 * self.t;
         let hum = Vector2::new(phase.sin(), (phase - 1.0).sin()) * self.hum;
         let drift = Vector2::new(self.drift * self.t, 0.0);
-        let reading = Reading::new(self.t, self.bias + self.random.normal2() * self.white + hum + drift);
+        let keep = (-100.0 / self.rate_hz).exp();
+        self.red_now = self.red_now * keep + self.random.normal2() * self.red * (1.0 - keep * keep).sqrt();
+        let noise = self.random.normal2() * self.white + self.red_now;
+        let reading = Reading::new(self.t, self.bias + noise + hum + drift);
         self.t += 1.0 / self.rate_hz;
         reading
     }
