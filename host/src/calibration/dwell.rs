@@ -601,7 +601,7 @@ fn check_sound(samples: &[RawSample], settings: &DwellSettings) -> Result<(), Re
         if pair[1].seq <= pair[0].seq {
             return Err(Refusal::Restarted { before: pair[0].seq, after: pair[1].seq });
         }
-        if pair[1].seq != pair[0].seq + 1 {
+        if pair[1].seq - pair[0].seq != 1 {
             let (lost, needed_s) = (pair[1].seq - pair[0].seq - 1, settings.duration_s);
             return Err(Refusal::LostSamples { lost, waited_s: needed_s, needed_s });
         }

@@ -24,7 +24,8 @@ pub struct FrontEnd {
 }
 
 /// The four numbers of a [`FrontEnd`], unchecked.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct FrontEndSettings {
     /// Gain of the converter's amplifier, 1 to 128.
     pub gain: u8,

@@ -54,8 +54,7 @@ fn is_enough_without(contacts: &[Contact], held: &[bool]) -> bool {
 }
 
 /// What the held-back contacts say.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeldBack {
     /// How many there are.
     pub contacts: usize,

@@ -6,7 +6,9 @@
 //! Frames: finger axes throughout; force is the force on the finger's disk. Units: counts, newtons (or the
 //! calibration's relative unit), radians.
 
+pub mod conclusion;
 pub mod dwell;
+pub mod file;
 pub mod fit;
 pub mod force;
 pub mod front_end;
@@ -17,6 +19,7 @@ pub mod measurements;
 mod offset;
 pub mod person;
 pub mod plan;
+pub mod raw;
 pub mod session;
 pub mod span;
 mod start;
@@ -32,5 +35,7 @@ pub use measurements::{Contact, Fixture, Load, Measurements};
 
 #[cfg(test)]
 mod fit_tests;
+#[cfg(test)]
+mod run_tests;
 #[cfg(test)]
 mod test_world;

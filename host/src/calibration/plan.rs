@@ -141,11 +141,13 @@ pub enum PlanError {
 }
 
 /// One thing to do at the bench.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Step {
     /// Take an unloaded reading.
     Tare {
         /// Position of the head as contact angle, degrees; `None` where the finger does not turn.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
         angle_deg: Option<f64>,
     },
     /// Take a contact.
