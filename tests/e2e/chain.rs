@@ -37,11 +37,11 @@ fn static_contacts_are_felt_within_the_bars() {
     let calibration = calibrate(&mut session, &hand);
     let averagings = [Averaging::Off, Averaging::Seconds(0.01), Averaging::Seconds(0.02)];
     for force in [2.0, 0.5, 1.0, 5.0] {
-    let contacts = Contacts::round_the_disk(36, force);
-    let felt = experiment::feel(&mut session, &hand, &calibration, &contacts, &averagings).unwrap();
-    for (averaging, felt) in averagings.iter().zip(&felt) {
-        eprintln!("{force} {averaging:?}: {:?}", in_degrees(&worst(felt)));
-    }
+        let contacts = Contacts::round_the_disk(36, force);
+        let felt = experiment::feel(&mut session, &hand, &calibration, &contacts, &averagings).unwrap();
+        for (averaging, felt) in averagings.iter().zip(&felt) {
+            eprintln!("{force} {averaging:?}: {:?}", in_degrees(&worst(felt)));
+        }
     }
     let contacts = Contacts::round_the_disk(36, FORCE_N).with_friction(0.2);
     let felt = experiment::feel(&mut session, &hand, &calibration, &contacts, &averagings).unwrap();

@@ -8,12 +8,16 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use miette::{IntoDiagnostic, WrapErr};
 use palpate::calibration::conclusion::{Conclusion, HELD_BACK_ERROR_MAX_DEG, conclude};
+use palpate::calibration::dwell::Refusal;
 use palpate::calibration::file::{save_raw, save_result};
 use palpate::calibration::person::Person;
-use palpate::calibration::plan::{Plan, TareMode};
+use palpate::calibration::plan::{Plan, Step, TareMode};
 use palpate::calibration::raw::{Provenance, RawRun};
-use palpate::calibration::session::{Bench, Ending, SampleSource, Session};
+use palpate::calibration::session::{Bench, Ending, SampleSource, Session, Summary};
 use palpate::calibration::{FrontEndSettings, Load, session};
+use palpate::live::{GAUGE_FACTOR, LinkSource, SimulatedBench};
+
+use super::device::DeviceArguments;
 
 /// Finds the finger's matrix from contacts at known angles, step by step.
 ///
@@ -21,6 +25,9 @@ use palpate::calibration::{FrontEndSettings, Load, session};
 /// out of the fit judge the result; it is written only if they are felt where they are. See calibration/PROCEDURE.md.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Arguments {
+    #[command(flatten)]
+    device: DeviceArguments,
+
     /// Name of the finger: letters, digits, - and _; results go to a folder of that name
     #[arg(long, value_name = "NAME", default_value = "finger-a")]
     finger: String,
@@ -58,7 +65,7 @@ pub(crate) struct Arguments {
     max_error_deg: f64,
 
     /// Gauge factor from the gauges' data sheet
-    #[arg(long, value_name = "GF", default_value_t = 2.0)]
+    #[arg(long, value_name = "GF", default_value_t = GAUGE_FACTOR)]
     gauge_factor: f64,
 
     /// Temperature of the finger, °C, for the record
@@ -75,9 +82,9 @@ pub(crate) struct Arguments {
 }
 
 /// A device that is ready to stream.
-pub(crate) struct Device {
+pub(crate) struct Device<'a> {
     /// Its samples.
-    pub(crate) source: Box<dyn SampleSource>,
+    pub(crate) source: &'a mut dyn SampleSource,
     /// Its name, as it gives it.
     pub(crate) name: String,
     /// Its sampling rate, Hz.
@@ -90,8 +97,8 @@ pub(crate) struct Device {
     pub(crate) full_scale_v: f64,
 }
 
-/// Fits kept samples, or takes new ones from the device that `open` gives with a person at the terminal.
-pub(crate) fn run(arguments: &Arguments, open: impl FnOnce() -> miette::Result<Device>) -> miette::Result<ExitCode> {
+/// Fits kept samples, or takes new ones: with a person at the terminal, or with the hand of a device simulated here.
+pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     if let Some(path) = &arguments.from_raw {
         return recalculate(arguments, path);
     }
@@ -100,18 +107,43 @@ pub(crate) fn run(arguments: &Arguments, open: impl FnOnce() -> miette::Result<D
         print!("{}", toml::to_string(&plan).into_diagnostic()?);
         return Ok(ExitCode::SUCCESS);
     }
-    let mut person = Person::new(io::stdin().lock(), io::stderr());
-    calibrate(arguments, &plan, open()?, &mut person)
+    let mut link = arguments.device.open(true)?;
+    eprint!("{}", super::simulated_note(&link));
+    let (hello, hand) = (link.hello().clone(), link.simulated().cloned());
+    let device = Device {
+        source: &mut LinkSource::new(&mut link),
+        name: hello.device.to_string(),
+        rate_hz: f64::from(hello.rate_hz),
+        gain: hello.gain,
+        excitation_v: f64::from(hello.excitation_mv) * 1e-3,
+        full_scale_v: f64::from(hello.full_scale_uv) * 1e-6,
+    };
+    match hand {
+        Some(hand) => {
+            calibrate(arguments, &plan, device, &mut SimulatedBench::new(&hand, SIMULATED_FORCE_N, tell_step))
+        }
+        None => calibrate(arguments, &plan, device, &mut Person::new(io::stdin().lock(), io::stderr())),
+    }
+}
+
+/// Force with which a simulated hand presses where the plan leaves it open, N.
+const SIMULATED_FORCE_N: f64 = 2.0;
+
+/// Says what a simulated hand did.
+fn tell_step(step: &Step, outcome: Result<&Summary, &Refusal>) {
+    match outcome {
+        Ok(summary) => eprintln!("[simulated hand] {}: accepted after {:.1} s", step.prompt(), summary.waited_s),
+        Err(refusal) => eprintln!("[simulated hand] {}: {refusal}", step.prompt()),
+    }
 }
 
 /// Takes the plan's contacts on any bench, fits, judges and writes.
 pub(crate) fn calibrate(
     arguments: &Arguments,
     plan: &Plan,
-    device: Device,
+    device: Device<'_>,
     bench: &mut dyn Bench,
 ) -> miette::Result<ExitCode> {
-    let mut source = device.source;
     let mut provenance = Provenance {
         device: device.name,
         finger: arguments.finger.clone(),
@@ -128,7 +160,7 @@ pub(crate) fn calibrate(
     // Whatever is wrong with names and settings is said before a quarter of an hour of work, not after.
     let settings = plan.dwell_settings(provenance.check()?, provenance.rate_hz)?;
     let mut run = Session::new(plan.steps(), settings);
-    let ending = session::run(&mut run, source.as_mut(), bench);
+    let ending = session::run(&mut run, device.source, bench);
     provenance.date = arguments.date.clone().unwrap_or_else(now);
     let raw = RawRun::new(provenance, plan.clone(), run.taken());
     match ending {
@@ -239,10 +271,9 @@ fn rfc3339(unix_s: u64) -> String {
 #[cfg(test)]
 mod tests {
     use clap::Parser;
-    use palpate::calibration::dwell::{Refusal, SampleBlock};
+    use palpate::calibration::dwell::SampleBlock;
     use palpate::calibration::file::{CalibrationFile, RawState};
-    use palpate::calibration::plan::Step;
-    use palpate::calibration::session::{BenchError, SourceError, Summary, Wish};
+    use palpate::calibration::session::{BenchError, SourceError, Wish};
     use palpate_shared::units::Counts;
 
     use super::*;
@@ -329,9 +360,8 @@ mod tests {
     fn go(line: &[&str], quits_at: usize) -> miette::Result<ExitCode> {
         let arguments = arguments(line);
         let force = std::rc::Rc::new(std::cell::Cell::new([0.0; 2]));
-        let source = Box::new(Ideal { force: force.clone(), seq: 0 });
         let device = Device {
-            source,
+            source: &mut Ideal { force: force.clone(), seq: 0 },
             name: "palpate-0001".to_owned(),
             rate_hz: 4000.0,
             gain: 32,
@@ -351,12 +381,11 @@ mod tests {
         assert!((file.matrix[0][0] - 27_000.0).abs() < 10.0, "{:?} counts/N", file.matrix);
         let raw = folder.path().join("finger-a/2024-05-02T101500Z.csv");
         let again = arguments(&["--from-raw", raw.to_str().unwrap(), "--date", "2024-06-01T00:00:00Z"]);
-        let no_device = || Err(miette::miette!("no device is needed"));
-        run(&again, no_device).unwrap();
+        run(&again).unwrap();
         let (recalculated, _) = CalibrationFile::read(&folder.path().join("finger-a/2024-06-01T000000Z.toml")).unwrap();
         assert_eq!((recalculated.matrix, recalculated.raw.file), (file.matrix, "2024-05-02T101500Z.csv".to_owned()));
         // Under its own date it would replace the first result.
-        assert!(run(&arguments(&["--from-raw", raw.to_str().unwrap()]), no_device).is_err());
+        assert!(run(&arguments(&["--from-raw", raw.to_str().unwrap()])).is_err());
     }
 
     #[test]

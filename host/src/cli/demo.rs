@@ -54,7 +54,8 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let begun = Instant::now();
     let line = if cfg!(unix) { Line::Pty { link: None } } else { Line::Pipe };
     let config = Config { seed: arguments.seed, pace: Pace::AsRead, line, ..Config::default() };
-    let hand = Arc::new(SimulatedDevice::start(config).into_diagnostic().wrap_err("cannot start the simulated finger")?);
+    let hand =
+        Arc::new(SimulatedDevice::start(config).into_diagnostic().wrap_err("cannot start the simulated finger")?);
     println!("A simulated finger runs the firmware at {}; the host opens it like any serial port.", hand.address());
     let mut session = Session::open_simulated(Arc::clone(&hand), Options::default())?;
     println!("It streams {} samples a second, gain {}.", session.hello().rate_hz, session.hello().gain);
@@ -82,7 +83,13 @@ fn print_calibration(fit: &Fit) {
     println!("  force [uN] = ({:8.3} {:8.3}) counts", inverse[(0, 0)], inverse[(0, 1)]);
     println!("               ({:8.3} {:8.3})", inverse[(1, 0)], inverse[(1, 1)]);
     if let Some(held) = fit.held_back() {
-        println!("  {held}");
+        println!(
+            "  {} contacts held back from the fit: worst error {:+.3} deg at {:.0} deg, rms {:.3} deg",
+            held.contacts,
+            held.worst_error.to_degrees(),
+            held.worst_angle.to_degrees(),
+            held.rms_error.to_degrees()
+        );
     }
 }
 

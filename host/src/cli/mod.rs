@@ -1,11 +1,14 @@
 //! The commands, one file each. They parse, call the library and print; they compute nothing.
 
-// Becomes a command as soon as there is a device to open.
-#[cfg(test)]
 mod calibrate;
+mod calibrated;
 mod contact;
+mod demo;
 mod device;
+mod diagnose;
 mod info;
+mod latency;
+mod monitor;
 mod ports;
 mod simulate_device;
 mod solve;
@@ -13,6 +16,8 @@ mod solve;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use palpate::link::{Incoming, Session};
+use palpate::live;
 
 /// Exit status for a wrong command line (`EX_USAGE` of BSD's sysexits; fixed by the `solve` interface).
 const EXIT_USAGE: u8 = 64;
@@ -27,11 +32,15 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    Contact(contact::Arguments),
-    Info(info::Arguments),
+    Demo(demo::Arguments),
     Ports(ports::Arguments),
-    SimulateDevice(simulate_device::Arguments),
+    Info(info::Arguments),
+    Diagnose(diagnose::Arguments),
+    Calibrate(calibrate::Arguments),
+    Monitor(monitor::Arguments),
+    Contact(contact::Arguments),
     Solve(solve::Arguments),
+    SimulateDevice(simulate_device::Arguments),
 }
 
 /// Runs the command named on the command line and returns the process's exit status.
@@ -46,11 +55,15 @@ pub(crate) fn run() -> ExitCode {
         }
     };
     let outcome = match arguments.command {
-        Command::Contact(arguments) => contact::run(&arguments),
-        Command::Info(arguments) => info::run(&arguments),
+        Command::Demo(arguments) => demo::run(&arguments),
         Command::Ports(arguments) => ports::run(&arguments),
-        Command::SimulateDevice(arguments) => simulate_device::run(&arguments),
+        Command::Info(arguments) => info::run(&arguments),
+        Command::Diagnose(arguments) => diagnose::run(&arguments),
+        Command::Calibrate(arguments) => calibrate::run(&arguments),
+        Command::Monitor(arguments) => monitor::run(&arguments),
+        Command::Contact(arguments) => contact::run(&arguments),
         Command::Solve(arguments) => solve::run(&arguments),
+        Command::SimulateDevice(arguments) => simulate_device::run(&arguments),
     };
     match outcome {
         Ok(status) => status,
@@ -58,5 +71,35 @@ pub(crate) fn run() -> ExitCode {
             eprintln!("{report:?}");
             ExitCode::FAILURE
         }
+    }
+}
+
+/// The words that go before anything shown of a simulated device; empty for a real one.
+fn simulated_note(session: &Session) -> &'static str {
+    if session.is_simulated() { "SIMULATED device: nothing that it sends was measured\n" } else { "" }
+}
+
+/// Tells a person what happened on the link, beside the samples.
+fn tell(incoming: &Incoming) {
+    match incoming {
+        Incoming::Event(event) => eprintln!("device: {}", live::in_words(event.kind)),
+        Incoming::Disconnected { reason } => eprintln!("link lost ({reason}); waiting for it to come back"),
+        Incoming::Reconnected { after } => eprintln!("link back after {:.1} s", after.as_secs_f64()),
+        Incoming::Restarted(_) => eprintln!("the device started anew; its settings were restored"),
+        Incoming::Samples(_) | Incoming::Temperature(_) => {}
+    }
+}
+
+/// A number above 0.
+fn positive(text: &str) -> Result<f64, String> {
+    not_negative(text).and_then(|value| if value > 0.0 { Ok(value) } else { Err("it must be above 0".to_owned()) })
+}
+
+/// A finite number, 0 or above.
+fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
+        Ok(value) => Err(format!("{value} is out of range: it must be finite and not negative")),
+        Err(_) => Err(format!("`{text}` is not a number")),
     }
 }

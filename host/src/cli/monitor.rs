@@ -115,11 +115,17 @@ fn report_tare(tare: &Tare, unit: &str) {
     );
 }
 
-fn show(session: &mut Session, finger: &mut FingerSense, arguments: &Arguments, unit: &str) -> miette::Result<ExitCode> {
+fn show(
+    session: &mut Session,
+    finger: &mut FingerSense,
+    arguments: &Arguments,
+    unit: &str,
+) -> miette::Result<ExitCode> {
     let mut out = io::BufWriter::new(io::stdout().lock());
     let mut latency = Latency::default();
     let mut written = Ok(());
-    let mut printing = Printing { period_s: (arguments.print_hz > 0.0).then(|| arguments.print_hz.recip()), next_s: None };
+    let mut printing =
+        Printing { period_s: (arguments.print_hz > 0.0).then(|| arguments.print_hz.recip()), next_s: None };
     let mut until_s = None;
     let ended = live::stream(
         session,
