@@ -13,6 +13,7 @@
 //! gains of 8 and above at AVDD = 3.3 V; at 3.3 V excitation it would not be.
 //! Frame: finger. Units: SI; strain as a plain ratio. Errors: none.
 
+use super::ads131m02::volts_per_count;
 use super::noise::{Source, Stream};
 use super::trig::{phase_of, sin_cos};
 
@@ -119,16 +120,27 @@ impl BridgesConfig {
         }
     }
 
-    /// Volts that a strain gives. ×1e-6 for a microstrain: 2.5 µV at 2.5 V and gauge factor 2.
+    /// Volts that a strain of 1 gives: half the excitation times the gauge factor.
     ///
     /// ```
-    /// use palpate_shared::sim::{BridgesConfig, ads131m02::volts_per_count};
-    /// let microstrain_per_count = volts_per_count(32) / BridgesConfig::default().volts_per_strain() * 1e6;
-    /// assert!((microstrain_per_count - 0.001788).abs() < 1e-6); // 560 counts to the microstrain
+    /// use palpate_shared::sim::{BridgesConfig, MICROSTRAIN};
+    /// assert!((BridgesConfig::default().volts_per_strain() * MICROSTRAIN - 2.5e-6).abs() < 1e-12);
     /// ```
     #[must_use]
     pub fn volts_per_strain(&self) -> f32 {
         0.5 * self.excitation_v * self.gauge_factor
+    }
+
+    /// Strain in one code at a gain.
+    ///
+    /// ```
+    /// use palpate_shared::sim::{BridgesConfig, MICROSTRAIN};
+    /// let microstrain = BridgesConfig::default().strain_per_count(32) / MICROSTRAIN;
+    /// assert!((microstrain - 0.001788).abs() < 1e-6); // 559 counts to the microstrain
+    /// ```
+    #[must_use]
+    pub fn strain_per_count(&self, gain: u8) -> f32 {
+        volts_per_count(gain) / self.volts_per_strain()
     }
 }
 
@@ -175,7 +187,7 @@ impl Hum {
 fn phase_per_step(hertz: f32, step_ns: u32) -> u32 {
     let millihertz = (hertz * 1e3) as u64;
     // · 2³² / 10¹² in integers: 2³² / 10¹² = 2²⁰ / 5¹².
-    (((millihertz * u64::from(step_ns)) << 20) / 244_140_625) as u32
+    ((millihertz.wrapping_mul(step_ns.into()) << 20) / 244_140_625) as u32
 }
 
 /// Both bridges at work.
@@ -317,6 +329,22 @@ mod tests {
             assert!(values().sum::<f32>().abs() / 80.0 < 1e-6 * 1e-6);
         }
         assert!((wave[0][0] - wave[0][1]).abs() > 0.1e-6, "each axis has its own phase");
+    }
+
+    #[test]
+    fn the_hum_of_a_long_step_is_the_mean_of_many_short_ones() {
+        let mut config = BridgesConfig { hum_peak_to_peak: MICROSTRAIN, ..BridgesConfig::ideal() };
+        config.bridges[1].hum_phase = 1.5;
+        let (mut long, mut short) = (bridges(config), bridges(config));
+        long.set_step(16 * STEP_NS);
+        for _ in 0..5 {
+            let mean = strains(&mut long, [0.0; 2], 0.0);
+            let parts: std::vec::Vec<[f32; 2]> = (0..16).map(|_| strains(&mut short, [0.0; 2], 0.0)).collect();
+            for axis in 0..2 {
+                let expected = parts.iter().map(|s| s[axis]).sum::<f32>() / 16.0;
+                assert!((mean[axis] - expected).abs() < 1e-5 * MICROSTRAIN, "{} {expected}", mean[axis]);
+            }
+        }
     }
 
     #[test]

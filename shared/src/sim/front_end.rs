@@ -83,7 +83,7 @@ impl FloatingBus {
 /// What is broken. Each can be switched at any time; the default is nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Faults {
-    /// No chip answers, DRDY stays high, and the bus reads this.
+    /// No chip answers, DRDY stays high, and the bus reads this. When it comes back it has been powered up anew.
     pub chip_absent: Option<FloatingBus>,
     /// Probability that a bit on the bus is inverted, in either direction, 0 to 1.
     pub bit_error_rate: f32,
@@ -228,6 +228,9 @@ impl SimulatedFrontEnd {
 
     /// What is broken from now on.
     pub fn set_faults(&mut self, faults: Faults) {
+        if self.faults.chip_absent.is_some() && faults.chip_absent.is_none() {
+            self.chip.reset_pulse();
+        }
         self.faults = faults;
         self.bit_errors.set_rate(faults.bit_error_rate);
         self.chip.set_stuck(faults.stuck_codes);
@@ -344,6 +347,9 @@ impl SimulatedFrontEnd {
 
     /// What the chip's pins have, given what sound bridges would have.
     fn break_inputs(&mut self, volts: [f32; 2]) -> [f32; 2] {
+        if self.faults.saturated == [false; 2] && self.faults.open_gauge == [false; 2] {
+            return volts;
+        }
         let open = self.bridges.open_gauge_volts();
         core::array::from_fn(|i| match (self.faults.saturated[i], self.faults.open_gauge[i]) {
             (true, _) => SATURATING_V,

@@ -1,11 +1,12 @@
 //! What presses on the disk, and when.
 //!
 //! A [`Load`] is one way of pressing; a [`Script`] is a list of loads with their times. A change from one load to the
-//! next takes [`Loading`]'s ramp, 20 ms by default: a real contact builds up while the surfaces meet, and a step
-//! would make the beam ring at twice the force.
+//! next takes a ramp, 20 ms by default: a real contact builds up while the surfaces meet, and a step would make the
+//! elastic force overshoot to nearly twice the load.
 //!
-//! Frame: finger. **Force is the force on the disk.** A contact at the angle u (seen from the disk's centre) presses the
-//! finger away from it: without friction along −(cos u, sin u), with the friction angle φ along −(cos(u+φ), sin(u+φ)).
+//! Frame: finger. **Force is the force on the disk.** A contact at the angle u (seen from the disk's centre) presses
+//! the finger away from it: without friction along −(cos u, sin u), with the friction angle φ along
+//! −(cos(u+φ), sin(u+φ)).
 //! Units: newtons, radians, microseconds. Errors: [`Script::push`] refuses steps out of order and more than it holds.
 
 use heapless::Vec;
@@ -68,7 +69,7 @@ pub enum Load {
         /// Time it takes, in microseconds.
         duration_us: u32,
     },
-    /// Any force on the disk, in newtons: what another simulation computes.
+    /// Any force on the disk, in newtons: what another simulation computes. One that is not finite counts as none.
     Force([f32; 2]),
 }
 
@@ -90,7 +91,7 @@ impl Load {
     #[must_use]
     pub fn force_at(&self, elapsed_us: u64) -> [f32; 2] {
         match self {
-            Self::Force(force) => *force,
+            Self::Force(force) if force.iter().all(|f| f.is_finite()) => *force,
             _ => self.contact_at(elapsed_us).map_or([0.0; 2], |contact| contact.force_finger()),
         }
     }
@@ -202,7 +203,7 @@ impl Loading {
     /// The force on the disk at a time, which must not run backwards.
     pub(super) fn advance_to(&mut self, now_us: u64) -> [f32; 2] {
         while let Some(&(start_us, load)) = self.script.steps.get(self.next_step) {
-            let start_us = self.script_start_us + start_us;
+            let start_us = self.script_start_us.saturating_add(start_us);
             if now_us < start_us {
                 break;
             }
@@ -210,7 +211,7 @@ impl Loading {
             self.begin(load, start_us);
         }
         let part = self.ramp(now_us);
-        let target = self.load.force_at(now_us - self.load_start_us);
+        let target = self.load.force_at(now_us.saturating_sub(self.load_start_us));
         self.force = core::array::from_fn(|i| self.force_before[i] + part * (target[i] - self.force_before[i]));
         self.force
     }
@@ -303,6 +304,22 @@ mod tests {
         force_is(1500, [1.0, 0.0]);
         force_is(2499, [1.0, 0.0]);
         force_is(9000, [0.0, 3.0]);
+    }
+
+    #[test]
+    fn a_ramp_begins_when_the_script_says_and_not_at_the_next_sample() {
+        let mut script = Script::new();
+        script.push(1000, Load::Force([4.0, 0.0])).unwrap();
+        let mut loading = Loading::new(RAMP_US);
+        loading.set_script(script, 0);
+        assert!((loading.advance_to(11_000)[0] - 2.0).abs() < FORCE_ERROR_N);
+    }
+
+    #[test]
+    fn a_force_that_is_not_finite_counts_as_none() {
+        for force in [[f32::NAN, 1.0], [1.0, f32::INFINITY]] {
+            assert!(Load::Force(force).force_at(0).iter().all(|f| f.abs() < FORCE_ERROR_N));
+        }
     }
 
     #[test]

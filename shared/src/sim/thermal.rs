@@ -100,6 +100,13 @@ mod tests {
     }
 
     #[test]
+    fn bridges_feel_the_departure_from_their_reference() {
+        let config = ThermalConfig { mean_c: 30.0, swing_k: 0.0, reference_c: 20.0 };
+        let thermal = Thermal::new(config, 1);
+        assert!((thermal.above_reference(thermal.at(0)) - 10.0).abs() < 1e-5);
+    }
+
+    #[test]
     fn without_a_swing_the_temperature_is_constant() {
         let thermal = Thermal::new(ThermalConfig { swing_k: 0.0, ..ThermalConfig::default() }, 3);
         assert!((0..100).all(|minute| (thermal.at(minute * MINUTE_NS) - 23.0).abs() < 1e-6));

@@ -8,8 +8,9 @@
 //!   After power-up or reset the first two outputs come from the fast filter, which is the last period alone.
 //! - noise: white noise through a sinc³ is coloured, because successive outputs share input. Its autocorrelation is
 //!   the B-spline's with itself: 66, 26, 1 (of 120) at lags 0, 1, 2, which a moving average of three terms
-//!   reproduces. The proof that this is the chip's noise is in its datasheet: averages of n outputs at 4 kSPS
-//!   predict the published noise at 2 and 1 kSPS to 1 % and at 250 SPS to 5 %, which white noise misses by 15 to 30 %.
+//!   reproduces. That the chip's noise is like this shows in its datasheet: averages of n outputs at 4 kSPS
+//!   predict the published noise at 2 and 1 kSPS to about 1 % and at 250 SPS to about 5 %, which white noise
+//!   misses by 15 to 30 %.
 //! - codes: LSB = 2.4 V / gain / 2²⁴, offset correction subtracted, gain correction multiplied, clipped at each step.
 //!
 //! Assumes: infinite input impedance, no distortion, no channel phase shift, DC block, global chop or current

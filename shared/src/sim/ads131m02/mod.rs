@@ -10,6 +10,8 @@
 //! - commands NULL, RESET (needs a full frame), STANDBY, WAKEUP, LOCK, UNLOCK, RREG and WREG of any length; a wrong
 //!   input CRC stops every command but WREG, whose words take effect as they are shifted in;
 //! - the register map with its reset values, read-only and reserved bits, offset and gain correction applied;
+//! - the frame that gives out several registers takes no command (stated for the related ADS131B26-Q1, and
+//!   reported for the ADS131M03 in TI's forum, thread 1333317): it is answered like NULL;
 //! - a two-deep FIFO: data are gone once both channels are shifted out; whoever lets one conversion pass reads data
 //!   one conversion old from then on, until two frames are read between two conversions or SYNC is pulsed;
 //! - DRDY: low while unread data are there (it pulses high before each new fall); with MODE.DRDY_FMT a short pulse,
@@ -21,7 +23,7 @@
 //! replies as if m were −1 in seven bits.
 //!
 //! Not modelled: start-up times (t_POR, t_REGACQ), SPI clock limits and time-out, power modes, channel phase,
-//! DC block, global chop, current detection.
+//! DC block, global chop, current detection, corrupted settings (REG_MAP stays 0).
 //! Units: volts, nanoseconds. Errors: none; a chip has no way to report one but STATUS.
 //!
 //! ```
@@ -211,7 +213,6 @@ impl Chip {
     pub fn sync_pulse(&mut self) {
         self.resynchronise();
         self.fifo = Fifo::default();
-        self.pulse_lost = false;
     }
 
     /// SYNC/RESET was low for [`RESET_PULSE_NS`] or longer: everything as after power-up, but for the noise's course.
@@ -247,7 +248,6 @@ impl Chip {
         }
         if self.has_data_in_frame() && frame.words() >= DATA_WORDS {
             self.fifo.pop();
-            self.pulse_lost = false;
         }
         self.reply = self.execute(&frame);
     }
@@ -328,7 +328,7 @@ impl Chip {
     /// Writes one word of a WREG command and tells whether there was a register to write.
     fn write(&mut self, address: u16, word: u16) -> bool {
         let Ok(address) = u8::try_from(address) else { return false };
-        if self.locked {
+        if self.locked || !self.has_data_in_frame() {
             return false;
         }
         let before = (self.registers.read(CLOCK), self.registers.read(GAIN1));
@@ -347,7 +347,7 @@ impl Chip {
             self.crc_error = true;
             return status;
         }
-        if self.locked && !command.passes_lock() {
+        if !self.has_data_in_frame() || self.locked && !command.passes_lock() {
             return status;
         }
         match command {
@@ -375,7 +375,6 @@ impl Chip {
         self.standby = false;
         self.crc_error = false;
         self.resynchronised = false;
-        self.pulse_lost = false;
         self.reply = Reply::Word(RESET_DONE);
         self.reply
     }
