@@ -9,7 +9,7 @@ use palpate::calibration::{ForceUnit, counts_vector};
 use palpate::diagnosis::{self, Figures, Finding, Observation, Verdict};
 use palpate::link::Session;
 use palpate::live;
-use palpate_shared::sim::noise_rms;
+use palpate_shared::sim::ads131m02::{CLKIN_HZ, noise_rms};
 
 use super::calibrated::CalibrationArguments;
 use super::device::DeviceArguments;
@@ -97,7 +97,7 @@ fn observe(
     session.stop()?;
     let after = session.counts();
     let hello = session.hello();
-    let oversampling = palpate_shared::sim::CLKIN_HZ / 2 / hello.rate_hz.max(1);
+    let oversampling = CLKIN_HZ / 2 / hello.rate_hz.max(1);
     let observation = Observation {
         counts,
         saturated,
