@@ -19,7 +19,7 @@ use embedded_hal::spi::SpiDevice;
 use palpate_shared::units::{Counts, DeviceTime, Seq};
 use palpate_shared::wire::{Checks, EventKind, Refusal, SelfTest, Source, Status};
 
-use crate::ads131m02::{Ads131m02, Command, Frame, is_id, is_mode, setting_words};
+use crate::ads131m02::{Ads131m02, Command, Error, Frame, is_id, is_mode, setting_words};
 use crate::clock::{ConversionClock, WINDOW};
 use crate::job::{Goal, Job, Progress};
 use crate::log::{info, warning};
@@ -131,6 +131,8 @@ pub struct Sampler<'q, Spi> {
     /// When the front-end was last looked for.
     tried: DeviceTime,
     job: Option<Job>,
+    /// A frame was damaged, and with it perhaps the settings.
+    in_doubt: bool,
     /// The stretch under way and the one before.
     lately: [Stretch; 2],
 }
@@ -151,6 +153,7 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
             damaged_run: 0,
             tried: DeviceTime(0),
             job: None,
+            in_doubt: false,
             lately: [Stretch::default(); 2],
         }
     }
@@ -316,10 +319,12 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
         let lost = result.as_ref().is_ok_and(Frame::tells_lost_settings);
         if result.as_ref().map_or(true, Frame::tells_input_damage) {
             self.lately[0].damaged += 1;
+            self.in_doubt = true;
         }
         let response = result.as_ref().ok().filter(|_| !lost).map(|frame| frame.response);
         self.advance_job(command, share, response);
         match result {
+            Err(Error::WordLength { .. }) => Err(Fault::LostSettings),
             Err(error) => Err(Fault::Damaged { word: error.word() }),
             Ok(_) if lost => Err(Fault::LostSettings),
             Ok(frame) => Ok(Sample { counts: frame.counts, is_new: frame.is_new() }),
@@ -342,11 +347,17 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
         match self.job.as_ref().map(Job::progress) {
             Some(Progress::UnderWay) => {}
             Some(progress) => self.finish_job(progress, now),
-            None => {
-                if let Some(request) = self.end.request() {
-                    self.take_up(request, now);
-                }
-            }
+            None => match self.end.request() {
+                Some(request) => self.take_up(request, now),
+                None => self.verify_when_in_doubt(),
+            },
+        }
+    }
+
+    /// Reads the settings back after damage: a command that a damaged bit made a write is carried out.
+    fn verify_when_in_doubt(&mut self) {
+        if self.presence == Presence::Present && core::mem::take(&mut self.in_doubt) {
+            self.job = Some(Job::verify());
         }
     }
 
@@ -396,7 +407,6 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
         // A source of its own begins at the present; what it could not have measured is not missing.
         self.clock = ConversionClock::new(self.settings.rate, now);
         self.presence = Presence::Unknown;
-        self.unwell = false;
         self.lately = [Stretch::default(); 2];
         self.look_for_chip(now);
         self.streaming &= self.presence != Presence::Missing;
@@ -406,8 +416,17 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
     /// Answers a job that ended.
     fn finish_job(&mut self, progress: Progress, now: DeviceTime) {
         let Some(job) = self.job.take() else { return };
-        let finding = if progress == Progress::Done { self.found_by(&job, now) } else { self.job_failed(&job, now) };
-        self.answer(job.ticket, finding);
+        let finding = if progress == Progress::Done {
+            self.found_by(&job, now)
+        } else {
+            Finding::Refused(Refusal::FrontEndSilent)
+        };
+        if job.may_have_strayed {
+            self.restore_settings(now);
+        }
+        if let Some(ticket) = job.ticket {
+            self.answer(ticket, finding);
+        }
     }
 
     /// What a job that ended well found.
@@ -426,15 +445,19 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
                 Finding::Register { address, value }
             }
             Goal::SelfTest => Finding::SelfTest(self.self_test(job.words)),
+            Goal::Verify => {
+                let [mode, clock, gain, ..] = job.words;
+                if !self.settings_are(mode, [clock, gain]) {
+                    self.restore_settings(now);
+                }
+                Finding::Done
+            }
         }
     }
 
-    /// A job that gave up may have left anything behind: the former settings are written again.
-    fn job_failed(&mut self, job: &Job, now: DeviceTime) -> Finding {
-        if matches!(job.goal, Goal::Apply { .. }) {
-            self.restore_settings(now);
-        }
-        Finding::Refused(Refusal::FrontEndSilent)
+    /// Whether the registers hold what was set.
+    fn settings_are(&self, mode: u16, rate_and_gain: [u16; 2]) -> bool {
+        is_mode(mode) && setting_words(self.settings).map(|(_, word)| word) == rate_and_gain
     }
 
     /// Judges the registers read and what was seen lately.
@@ -442,7 +465,7 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
         let [id_word, mode, clock, gain, status_word] = words;
         let silent = self.presence == Presence::Silent;
         let period_ns = self.clock.measured_ns().filter(|_| !silent);
-        let settings_hold = is_mode(mode) && setting_words(self.settings).map(|(_, word)| word) == [clock, gain];
+        let settings_hold = self.settings_are(mode, [clock, gain]);
         let is_known = silent || period_ns.is_some();
         let checks = [
             (Checks::ID, true, is_id(id_word)),
@@ -497,8 +520,8 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
         self.unwell = true;
         self.tried = now;
         self.tell(now, EventKind::FrontEndMissing { id_word });
-        if let Some(job) = self.job.take() {
-            self.answer(job.ticket, Finding::Refused(Refusal::NoFrontEnd));
+        if let Some(ticket) = self.job.take().and_then(|job| job.ticket) {
+            self.answer(ticket, Finding::Refused(Refusal::NoFrontEnd));
         }
     }
 
@@ -562,5 +585,79 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
     /// Reports an event.
     fn tell(&mut self, time: DeviceTime, kind: EventKind) {
         self.end.notice(Notice::Event { time, kind });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use core::cell::RefCell;
+    use std::vec::Vec;
+
+    use embedded_hal::spi::{ErrorType, Operation};
+    use palpate_shared::sim::{FingerConfig, PortBusy, SimulatedFrontEnd, SpiPort};
+
+    use super::*;
+    use crate::queues::Queues;
+
+    struct Bus<'a>(SpiPort<'a>);
+
+    impl ErrorType for Bus<'_> {
+        type Error = PortBusy;
+    }
+
+    impl SpiDevice for Bus<'_> {
+        fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), PortBusy> {
+            self.0.transaction(operations)
+        }
+    }
+
+    impl SelectSource for Bus<'_> {
+        fn select(&mut self, _: Source) -> Result<(), SourceNotPossible> {
+            Err(SourceNotPossible)
+        }
+
+        fn is_simulated(&self) -> bool {
+            false
+        }
+    }
+
+    #[test]
+    fn numbers_run_on_across_their_wrap() {
+        let front_end = RefCell::new(SimulatedFrontEnd::new(FingerConfig::ideal(), 1));
+        let mut queues = Queues::new();
+        let (end, mut main) = queues.split();
+        let mut sampler = Sampler::new(Bus(SpiPort::new(&front_end)), end, Settings::at_start(0));
+        sampler.streaming = true;
+        sampler.next = Seq(u32::MAX - 49);
+        let mut got = Vec::new();
+        for n in 0..=100 {
+            front_end.borrow_mut().step();
+            // Edge 0 brings up the chip; one conversion before the wrap and one after it are missed.
+            if ![40, 60].contains(&n) {
+                sampler.data_ready(DeviceTime(250 * n));
+            }
+            got.extend(core::iter::from_fn(|| main.reading()).map(|reading| reading.seq));
+        }
+        let wanted: Vec<Seq> =
+            (1..=100).filter(|n| ![40, 60].contains(n)).map(|n| Seq(u32::MAX - 49).plus(n - 1)).collect();
+        assert_eq!(got, wanted);
+        assert_eq!(main.tally().missed, 2);
+    }
+
+    #[test]
+    fn a_main_side_that_does_not_come_by_costs_counted_samples_only() {
+        let front_end = RefCell::new(SimulatedFrontEnd::new(FingerConfig::ideal(), 1));
+        let mut queues = Queues::new();
+        let (end, mut main) = queues.split();
+        let mut sampler = Sampler::new(Bus(SpiPort::new(&front_end)), end, Settings::at_start(0));
+        sampler.streaming = true;
+        for n in 0..=1000 {
+            front_end.borrow_mut().step();
+            sampler.data_ready(DeviceTime(250 * n));
+        }
+        let tally = main.tally();
+        let queued: Vec<u32> = core::iter::from_fn(|| main.reading()).map(|reading| reading.seq.0).collect();
+        assert!(queued.iter().copied().eq(0..127));
+        assert_eq!((tally.samples, tally.dropped, tally.missed, tally.damaged), (1000, 1000 - 127, 0, 0));
     }
 }
