@@ -12,13 +12,14 @@
 
 use std::collections::VecDeque;
 
-use nalgebra::Vector2;
+use nalgebra::{Matrix2, Vector2};
 use palpate_shared::units::Counts;
 use thiserror::Error;
 
 use super::fit::CONTACT_ANGLE_SIGMA_MAX;
 use super::force::{Reading, direction_variance};
 use super::front_end::{FrontEnd, counts_vector};
+use super::measurements::Fixture;
 use super::steadiness::Rest;
 
 /// Largest turn of a contact's direction between the halves of a dwell, degrees: half the bar for a mean.
@@ -68,6 +69,8 @@ pub struct DwellSettings {
     pub duration_s: f64,
     /// How long to wait for a window at rest, s.
     pub patience_s: f64,
+    /// Drift to be expected between a reading and its tare, standard deviation, counts.
+    pub drift_sigma: f64,
     /// What counts mean.
     pub front_end: FrontEnd,
 }
@@ -76,7 +79,8 @@ impl DwellSettings {
     /// One second at rest, as long as a weight on a 25 cm thread takes for one swing, within half a minute.
     #[must_use]
     pub fn new(front_end: FrontEnd, rate_hz: f64) -> Self {
-        Self { rate_hz, mains_hz: 50.0, duration_s: 1.0, patience_s: 30.0, front_end }
+        let drift_sigma = Fixture::of_a_dividing_head(front_end.microstrain_per_count()).drift_sigma;
+        Self { rate_hz, mains_hz: 50.0, duration_s: 1.0, patience_s: 30.0, drift_sigma, front_end }
     }
 
     /// Checks what comes from outside.
@@ -321,9 +325,9 @@ pub enum Refusal {
         microstrain: f64,
     },
     /// A load whose direction is lost in the noise.
-    #[error("the load is too small: noise leaves its direction uncertain by {sigma_deg:.2}° (limit {limit_deg:.2}°)",
+    #[error("the load is too small: noise and drift leave its direction uncertain by {sigma_deg:.2}° (limit {limit_deg:.2}°)",
         limit_deg = CONTACT_ANGLE_SIGMA_MAX.to_degrees())]
-    #[diagnostic(help("use {factor:.1} times the load, or a dwell {:.0} times as long", (factor * factor).ceil()))]
+    #[diagnostic(help("use at least {factor:.1} times the load"))]
     TooWeak {
         /// Standard deviation of the direction.
         sigma_deg: f64,
@@ -636,7 +640,8 @@ fn check_load(reading: &Reading, tare: Vector2<f64>, settings: &DwellSettings) -
     if microstrain < NO_LOAD_MICROSTRAIN {
         return Err(Refusal::NoLoad { microstrain });
     }
-    let sigma = direction_variance(load, &reading.covariance).sqrt();
+    let drift = Matrix2::identity() * settings.drift_sigma.powi(2);
+    let sigma = direction_variance(load, &(reading.covariance + drift)).sqrt();
     if sigma > CONTACT_ANGLE_SIGMA_MAX {
         return Err(Refusal::TooWeak { sigma_deg: sigma.to_degrees(), factor: sigma / CONTACT_ANGLE_SIGMA_MAX });
     }
