@@ -137,6 +137,14 @@ impl std::fmt::Display for Conclusion {
         let symbol = unit.symbol();
         writeln!(f, "matrix   x: {:+10.1} {:+10.1}   counts per {symbol}", matrix[(0, 0)], matrix[(0, 1)])?;
         writeln!(f, "         y: {:+10.1} {:+10.1}", matrix[(1, 0)], matrix[(1, 1)])?;
+        if matrix.determinant() < 0.0 {
+            // Data alone cannot tell the two apart: angles counted backwards fit a mirrored matrix exactly.
+            writeln!(
+                f,
+                "         it mirrors: one bridge is reversed (harmless), or the angles were counted the wrong way"
+            )?;
+            writeln!(f, "         round: touch the disk at its 90° mark and see that it is felt at 90°")?;
+        }
         if unit == ForceUnit::Relative {
             writeln!(f, "         no load was known, so force is relative; angles do not need newtons")?;
         }

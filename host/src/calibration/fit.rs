@@ -130,8 +130,8 @@ pub enum FitError {
     },
     /// The directions leave part of the matrix open.
     #[error(
-        "the contacts push along {lines} line(s) through the disk's centre; near {worst_deg:.0}° the contact angle would be {worst:.1} times \
-         as uncertain as one contact (limit {SPAN_MAX})"
+        "the contacts push along {lines} line(s) through the disk's centre, which leaves contact angles near {worst_deg:.0}° {} (limit {SPAN_MAX})",
+        how_uncertain(*worst)
     )]
     #[diagnostic(help("add contacts at {add} (or opposite); twelve evenly all round are best"))]
     DoesNotSpan {
@@ -210,6 +210,15 @@ pub enum FitError {
     #[error("the contacts give no usable matrix")]
     #[diagnostic(transparent)]
     Unusable(#[from] CalibrationError),
+}
+
+/// A number of times, or that there is none.
+fn how_uncertain(times: f64) -> String {
+    if times.is_finite() {
+        format!("{times:.1} times as uncertain as one contact")
+    } else {
+        "altogether open".to_owned()
+    }
 }
 
 /// Finds the finger's matrix.

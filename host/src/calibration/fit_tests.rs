@@ -397,3 +397,12 @@ fn a_fixture_worse_than_stated_widens_the_covariance() {
     let ratio = fitted.calibration.parts().covariance[(1, 1)] / told.calibration.parts().covariance[(1, 1)];
     assert!((0.3..3.0).contains(&ratio), "variance inflated by χ² is {ratio} of the one with the right fixture");
 }
+
+#[test]
+fn a_long_plan_is_fitted_as_well() {
+    // Unknown loads and pairs and triples thinned out: 180 contacts make 16 110 pairs and 955 860 triples.
+    let mut data = noisy(&Finger::TYPICAL, 180, &mut Noise(8), &FIXTURE_NOISE);
+    data.contacts.iter_mut().for_each(|contact| contact.load = Load::Unknown);
+    let fitted = fit(&data, &FitSettings { fixture: stated(&FIXTURE_NOISE), held_back_every: 4 }).unwrap();
+    assert!(fitted.held_back().unwrap().rms_error.to_degrees() < 0.1, "{:?}", fitted.held_back());
+}

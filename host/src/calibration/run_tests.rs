@@ -202,6 +202,20 @@ fn the_own_weight_of_a_lying_finger_is_found() {
 }
 
 #[test]
+fn angles_counted_backwards_are_pointed_out() {
+    let (mut run, ..) = take(5, &quick_plan(Load::Newtons(2.0), TareMode::Each), |_| {});
+    assert!(!conclude(&run).unwrap().to_string().contains("mirrors"));
+    for (step, _) in &mut run.dwells {
+        match step {
+            Step::Contact(contact) => contact.angle_deg = -contact.angle_deg,
+            Step::Tare { angle_deg } => *angle_deg = angle_deg.map(|angle| -angle),
+        }
+    }
+    let backwards = conclude(&run).unwrap();
+    assert!(backwards.to_string().contains("mirrors"), "{backwards}");
+}
+
+#[test]
 fn a_forgotten_weight_is_refused_and_taken_again() {
     let (run, ending, robot) = take(6, &quick_plan(Load::Same, TareMode::Each), |robot| robot.forgets_at = Some(8));
     assert_eq!(ending, Ending::Complete);
