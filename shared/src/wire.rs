@@ -500,7 +500,7 @@ impl Checks {
 pub struct Counters {
     /// Seconds since start-up.
     pub uptime_s: u32,
-    /// Conversions numbered by the sampler, whether or not they could be delivered.
+    /// Conversions while streaming, numbered by the sampler whether or not they could be delivered.
     pub samples: u32,
     /// Of these: data ready, but not read in time.
     pub samples_missed: u32,

@@ -4,7 +4,7 @@
 //! keep up with samples still carries replies and events.
 //! Errors: none; what does not fit is refused by return value.
 
-use palpate_shared::frame::{FRAME_MAX, encode};
+use palpate_shared::frame::{DELIMITER, FRAME_MAX, encode};
 use palpate_shared::wire::{FrameBuffer, FromDevice};
 
 /// Bytes that blocks leave free: three of the longest replies, with events beside them.
@@ -34,6 +34,13 @@ impl<const N: usize> Outbox<N> {
     pub const fn new() -> Self {
         const { assert!(N >= 2 * RESERVED, "an outbox needs at least 512 bytes") }
         Self { bytes: [0; N], start: 0, length: 0 }
+    }
+
+    /// Adds a bare delimiter, which ends whatever half a frame the line carried before a restart.
+    pub fn push_delimiter(&mut self) {
+        if self.length < N {
+            self.append(&[DELIMITER]);
+        }
     }
 
     /// Adds a message's frame; tells whether there was room.

@@ -195,6 +195,7 @@ pub struct Session {
     closed_lines: ReaderCounts,
     down_since: Option<Instant>,
     last_heard: Instant,
+    last_status: Status,
 }
 
 impl Session {
@@ -254,6 +255,7 @@ impl Session {
             closed_lines: ReaderCounts::default(),
             down_since: None,
             last_heard: epoch,
+            last_status: Status::default(),
         };
         session.take_early(greeted.early);
         Ok(session)
@@ -277,10 +279,10 @@ impl Session {
         self.simulated.as_ref()
     }
 
-    /// Whether what this device sends is made up.
+    /// Whether what this device sends is made up: it says so itself, or a block of samples did.
     #[must_use]
     pub fn is_simulated(&self) -> bool {
-        self.hello.source == Source::Simulated
+        self.hello.source == Source::Simulated || self.last_status.contains(Status::SIMULATED)
     }
 
     /// What was counted so far.
@@ -542,6 +544,7 @@ impl Session {
     }
 
     fn take_block(&mut self, block: Block, at: Instant) {
+        self.last_status = block.status;
         let place = self.sequence.place(block.first, block.time, block.samples.len());
         let period_us = 1e6 / f64::from(self.hello.rate_hz.max(1));
         let (missing_before, repeated) = match place.continuity {

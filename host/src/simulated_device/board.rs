@@ -97,6 +97,7 @@ fn identity(config: &Config, restarts: u16) -> Identity {
         restarts,
         excitation_mv,
         channels: [Axis::X, Axis::Y].map(|axis| Channel { axis, bridge: Bridge::Half }),
+        source: Source::Simulated,
     }
 }
 

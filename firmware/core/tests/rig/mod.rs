@@ -410,5 +410,6 @@ pub fn identity(link_baud: u32) -> Identity {
         restarts: 0,
         excitation_mv: 2500,
         channels: [channel(Axis::X), channel(Axis::Y)],
+        source: Source::Hardware,
     }
 }
