@@ -225,6 +225,29 @@ fn how_uncertain(times: f64) -> String {
 ///
 /// # Errors
 /// [`FitError`] says which contact or which missing angle is the reason.
+///
+/// ```
+/// use nalgebra::{Matrix2, Vector2};
+/// use palpate::calibration::{Contact, FitSettings, Fixture, Load, Measurements, Reading, Tare, fit};
+///
+/// // A finger of 26 700 counts/N on both axes, loaded with 2 N at six angles.
+/// let reading = |x: f64, y: f64| Reading { counts: Vector2::new(x, y), covariance: Matrix2::identity() * 36.0 };
+/// let contact = |degrees: f64| {
+///     let (sin, cos) = degrees.to_radians().sin_cos();
+///     let reading = reading(-53_400.0 * cos, -53_400.0 * sin);
+///     Contact { angle: degrees.to_radians(), load: Load::Newtons(2.0), reading, tare: None }
+/// };
+/// let contacts = [0.0, 60.0, 120.0, 180.0, 240.0, 300.0].map(contact).to_vec();
+/// let measurements = Measurements { contacts, tares: vec![Tare(reading(0.0, 0.0))] };
+/// let settings = FitSettings { fixture: Fixture::of_a_dividing_head(0.00179), held_back_every: 0 };
+/// let calibration = fit(&measurements, &settings)?.calibration;
+/// let force = calibration.force(&reading(0.0, 26_700.0), &Tare(reading(0.0, 0.0)));
+/// let (u, variance) = force.contact_angle();
+/// assert!((force.force_finger - Vector2::new(0.0, 1.0)).norm() < 1e-6);
+/// assert!((u.to_degrees() + 90.0).abs() < 1e-6, "pushed up from below");
+/// assert!(variance.sqrt().to_degrees() < 0.1);
+/// # Ok::<(), palpate::calibration::FitError>(())
+/// ```
 pub fn fit(measurements: &Measurements, settings: &FitSettings) -> Result<Fit, FitError> {
     check_contacts(measurements, &settings.fixture)?;
     let held_back = held_back::choose(&measurements.contacts, settings.held_back_every);

@@ -154,6 +154,18 @@ fn two_of_twelve_unknown_loads_set_wrong_do_no_harm() {
 }
 
 #[test]
+fn a_zero_that_slipped_for_the_last_four_contacts_is_seen_by_the_other_eight() {
+    for load in [Load::Newtons(LOAD_N), Load::Unknown] {
+        let mut data = noisy(&Finger::TYPICAL, 12, &mut Noise(15), &FIXTURE_NOISE);
+        data.contacts.iter_mut().for_each(|contact| contact.load = load);
+        data.contacts[8..].iter_mut().for_each(|contact| contact.angle += 15.0_f64.to_radians());
+        let fitted = fit(&data, &settings(stated(&FIXTURE_NOISE))).unwrap();
+        let outliers: Vec<usize> = (0..12).filter(|&index| fitted.contacts[index].is_outlier()).collect();
+        assert_eq!(outliers, [8, 9, 10, 11], "{load}");
+    }
+}
+
+#[test]
 fn a_contact_given_half_a_turn_off_is_named_even_if_its_load_is_unknown() {
     let mut data = noisy(&Finger::TYPICAL, 12, &mut Noise(6), &FIXTURE_NOISE);
     data.contacts.iter_mut().for_each(|contact| contact.load = Load::Unknown);
