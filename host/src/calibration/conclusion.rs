@@ -5,10 +5,11 @@
 use thiserror::Error;
 
 use super::fit::{ContactResult, Fit, FitError, Role, fit};
-use super::force::{ForceUnit, push_direction};
+use super::force::ForceUnit;
 use super::front_end::FrontEnd;
 use super::raw::{RawError, RawRun};
 use super::session::{Taken, drift_between_tares, measurements};
+use crate::geometry::angle::push_direction;
 
 /// Largest error of a held-back contact for which a calibration is kept, degrees: the bar for a mean at 2 N.
 pub const HELD_BACK_ERROR_MAX_DEG: f64 = 0.2;

@@ -17,10 +17,11 @@ use palpate_shared::units::Counts;
 use thiserror::Error;
 
 use super::fit::CONTACT_ANGLE_SIGMA_MAX;
-use super::force::{Reading, direction_variance};
+use super::force::Reading;
 use super::front_end::{FrontEnd, counts_vector};
 use super::measurements::Fixture;
 use super::steadiness::Rest;
+use crate::geometry::angle::direction_variance;
 
 /// Largest turn of a contact's direction between the halves of a dwell, degrees: half the bar for a mean.
 pub const TURN_MAX_DEG: f64 = 0.1;

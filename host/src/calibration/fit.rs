@@ -9,16 +9,14 @@
 use nalgebra::{Matrix2, Matrix6, Vector2};
 use thiserror::Error;
 
-use super::force::{
-    Calibration, CalibrationError, CalibrationParts, Force, Reading, Tare, contact_angle, direction_variance,
-    push_direction, wrap_angle,
-};
+use super::force::{Calibration, CalibrationError, CalibrationParts, Force, Reading, Tare};
 use super::held_back;
 use super::least_squares::{Problem, STEPS_MAX, Solution, solve};
 use super::measurements::{Contact, Fixture, Load, Measurements};
 use super::offset;
 use super::span::{self, SPAN_MAX};
 use super::start;
+use crate::geometry::angle::{contact_angle, direction_variance, push_direction, wrap_angle};
 
 /// Fewest contacts the matrix is fitted to: one more than three directions determine, so that the fit checks itself.
 pub const FITTED_MIN: usize = 4;

@@ -5,6 +5,7 @@ use proptest::prelude::*;
 
 use super::test_world::{COUNTS_PER_MICROSTRAIN, Finger, Noise};
 use super::*;
+use crate::geometry::angle::{contact_angle, wrap_angle};
 
 /// Relative error that rounding leaves in a matrix fitted to exact data.
 const EXACT: f64 = 1e-9;

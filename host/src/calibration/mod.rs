@@ -28,10 +28,7 @@ mod start;
 mod steadiness;
 
 pub use fit::{ContactResult, Fit, FitError, FitSettings, Quality, Role, fit};
-pub use force::{
-    Calibration, CalibrationError, CalibrationParts, Force, ForceUnit, Reading, Tare, contact_angle,
-    direction_variance, push_direction, wrap_angle,
-};
+pub use force::{Calibration, CalibrationError, CalibrationParts, Force, ForceUnit, Reading, Tare};
 pub use front_end::{FrontEnd, FrontEndError, FrontEndSettings, counts_vector};
 pub use held_back::HeldBack;
 pub use measurements::{Contact, Fixture, Load, Measurements};

@@ -16,6 +16,7 @@ use super::raw::{Provenance, RawError, RawRun};
 use super::session::{Bench, BenchError, Ending, SampleSource, Session, SourceError, Summary, Wish, run};
 use super::test_world::{COUNTS_PER_MICROSTRAIN, Finger, Noise};
 use super::*;
+use crate::geometry::angle::{contact_angle, wrap_angle};
 
 const RATE_HZ: f64 = 4000.0;
 

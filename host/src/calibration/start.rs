@@ -11,8 +11,8 @@
 
 use nalgebra::{Matrix2, Matrix3, Matrix3x4, Vector2, Vector4};
 
-use super::force::{push_direction, wrap_angle};
 use super::measurements::Load;
+use crate::geometry::angle::{contact_angle, push_direction, wrap_angle};
 
 /// One contact reduced to what a first guess needs.
 #[derive(Clone, Copy, Debug)]
@@ -129,7 +129,7 @@ fn middle_misfit(inverse: &Matrix2<f64>, observations: &[Observation]) -> f64 {
 }
 
 fn angle_misfit(inverse: &Matrix2<f64>, observation: &Observation) -> f64 {
-    wrap_angle(super::force::contact_angle(inverse * observation.counts) - observation.angle)
+    wrap_angle(contact_angle(inverse * observation.counts) - observation.angle)
 }
 
 /// Size of a force over what it was called, as a logarithm.

@@ -196,6 +196,7 @@ pub struct Session {
     down_since: Option<Instant>,
     last_heard: Instant,
     last_status: Status,
+    temperature_c: Option<f64>,
 }
 
 impl Session {
@@ -256,6 +257,7 @@ impl Session {
             down_since: None,
             last_heard: epoch,
             last_status: Status::default(),
+            temperature_c: None,
         };
         session.take_early(greeted.early);
         Ok(session)
@@ -283,6 +285,12 @@ impl Session {
     #[must_use]
     pub fn is_simulated(&self) -> bool {
         self.hello.source == Source::Simulated || self.last_status.contains(Status::SIMULATED)
+    }
+
+    /// The board's temperature as it last told, in °C; `None` where it has no sensor.
+    #[must_use]
+    pub fn temperature_c(&self) -> Option<f64> {
+        self.temperature_c
     }
 
     /// What was counted so far.
@@ -507,7 +515,7 @@ impl Session {
 
     /// Drops samples that have arrived and were not yet handed on; events and changes of the link stay.
     pub fn forget_waiting(&mut self) {
-        self.backlog.retain(|incoming| !matches!(incoming, Incoming::Samples(_)));
+        self.backlog.retain(|incoming| !matches!(incoming, Incoming::Samples(_) | Incoming::Temperature(_)));
     }
 
     fn receive(&self, wait: Duration) -> Option<Arrival> {
@@ -536,7 +544,10 @@ impl Session {
         match message {
             FromDevice::Block(block) => self.take_block(block, at),
             FromDevice::Event(event) => self.backlog.push_back(Incoming::Event(event)),
-            FromDevice::Temperature(temperature) => self.backlog.push_back(Incoming::Temperature(temperature)),
+            FromDevice::Temperature(temperature) => {
+                self.temperature_c = Some(f64::from(temperature.centi_celsius) / 100.0);
+                self.backlog.push_back(Incoming::Temperature(temperature));
+            }
             FromDevice::Hello(hello) => self.restarted(hello),
             // The reply to a command that was answered before: the first answer was slow, not lost.
             FromDevice::Reply(_) => {}

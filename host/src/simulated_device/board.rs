@@ -25,6 +25,9 @@ const STRIDE: u64 = 8;
 /// Conversions before a board listens to its line.
 const START_UP: u32 = 8;
 
+/// Time between two temperatures, in µs of device time.
+const TEMPERATURE_EVERY_US: u32 = 1_000_000;
+
 /// Bits that a byte takes on a serial line, start and stop bit included.
 const BITS_PER_BYTE: f64 = 10.0;
 
@@ -69,6 +72,7 @@ pub(super) fn run(config: &Config, mut outlet: Outlet, orders: &Receiver<Control
             sampler: Sampler::new(SimulatedOnly(SpiPort::new(&front_end)), sampler_end, settings),
             device: Device::new(identity(config, restarts), device_end),
             conversions: 0,
+            temperature_at: DeviceTime(0),
         };
         if let Some(asked) = asked.take() {
             answer(&asked, board.moment());
@@ -133,6 +137,8 @@ struct Board<'w> {
     sampler: Sampler<'w, SimulatedOnly<'w>>,
     device: Device<'w, OUTBOX_BYTES>,
     conversions: u64,
+    /// Device time of the last temperature sent.
+    temperature_at: DeviceTime,
 }
 
 impl Board<'_> {
@@ -242,6 +248,17 @@ impl Board<'_> {
             self.sampler.idle(now);
         }
         self.device.poll(now);
+        if now.since(self.temperature_at) >= TEMPERATURE_EVERY_US {
+            self.temperature_at = now;
+            self.tell_temperature(now);
+        }
+    }
+
+    /// What the board's temperature sensor does once a second.
+    fn tell_temperature(&mut self, now: DeviceTime) {
+        let celsius = self.front_end.borrow().truth().temperature_c;
+        #[expect(clippy::cast_possible_truncation, reason = "saturates beyond ±327 °C")]
+        self.device.temperature((celsius * 100.0).round() as i16, now);
     }
 
     /// Puts on the line what it takes.
