@@ -182,7 +182,10 @@ impl Frame {
     /// Whether the chip says that the previous command came damaged.
     #[must_use]
     pub fn tells_input_damage(&self) -> bool {
-        self.answers == Command::Null && self.response & STATUS_CRC_ERROR != 0
+        match self.answers {
+            Command::Null => self.response & STATUS_CRC_ERROR != 0,
+            _ => may_be_refusal(self.response),
+        }
     }
 
     /// Whether the chip cannot have the settings that it was given: it was reset, or a damaged write

@@ -197,6 +197,17 @@ mod tests {
     }
 
     #[test]
+    fn a_long_gap_is_counted_with_the_measured_period() {
+        // 1 % slow: counted with the nominal period, the gap would be 1010 conversions.
+        let mut clock = ConversionClock::new(Rate::DEFAULT, at(0));
+        let edge_at = |n: u64| at(n * 505 / 2);
+        for n in 0..3000 {
+            clock.edge(edge_at(n));
+        }
+        assert_eq!(clock.edge(edge_at(2999 + 1000)), 1000);
+    }
+
+    #[test]
     fn the_first_edge_after_a_restart_is_one_conversion() {
         let mut clock = running();
         clock.restart();
