@@ -308,7 +308,7 @@ impl<Spi: SpiDevice> Ads131m02<Spi> {
     /// Resets the chip, checks that it is the right one, writes its settings and reads them back.
     ///
     /// Returns the ID register. Leaves no unread samples behind, so that the next data-ready edge
-    /// announces a sample which the next frame brings. Takes 12 frames, or several times that on a
+    /// announces a sample which the next frame brings. Takes 16 frames, or several times that on a
     /// damaged bus.
     ///
     /// # Errors

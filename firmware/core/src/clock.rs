@@ -18,6 +18,9 @@ const WINDOW_MIN: u32 = 64;
 /// A measured period further than 1/20 from the nominal one is not the chip's: something is wrong with it.
 const TRUST_INVERSE: u32 = 20;
 
+/// The self-test's tolerance: 1/20, as the wire format documents it.
+const AS_SET_INVERSE: u32 = 20;
+
 /// Nanoseconds in a microsecond.
 const NS_PER_US: u64 = 1000;
 
@@ -164,7 +167,7 @@ impl ConversionClock {
     /// Whether a measured time between edges is the one that was set, within 5 %.
     pub(crate) fn is_as_set(&self, measured_ns: u32) -> bool {
         let nominal_ns = self.rate.period_ns();
-        measured_ns.abs_diff(nominal_ns) <= nominal_ns / 20
+        measured_ns.abs_diff(nominal_ns) <= nominal_ns / AS_SET_INVERSE
     }
 }
 
