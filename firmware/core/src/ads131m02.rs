@@ -182,7 +182,10 @@ impl Frame {
     /// Whether the chip says that the previous command came damaged.
     #[must_use]
     pub fn tells_input_damage(&self) -> bool {
-        self.answers == Command::Null && self.response & STATUS_CRC_ERROR != 0
+        match self.answers {
+            Command::Null => self.response & STATUS_CRC_ERROR != 0,
+            _ => may_be_refusal(self.response),
+        }
     }
 
     /// Whether the chip cannot have the settings that it was given: it was reset, or a damaged write
@@ -305,7 +308,7 @@ impl<Spi: SpiDevice> Ads131m02<Spi> {
     /// Resets the chip, checks that it is the right one, writes its settings and reads them back.
     ///
     /// Returns the ID register. Leaves no unread samples behind, so that the next data-ready edge
-    /// announces a sample which the next frame brings. Takes 12 frames, or several times that on a
+    /// announces a sample which the next frame brings. Takes 16 frames, or several times that on a
     /// damaged bus.
     ///
     /// # Errors

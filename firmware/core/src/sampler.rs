@@ -227,7 +227,7 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
         if matches!(outcome, Ok(Sample { is_new: Some(false), .. })) {
             return;
         }
-        if is_only_one && !self.clock.is_very_late(now) {
+        if is_only_one && self.presence == Presence::Present && !self.clock.is_very_late(now) {
             self.clock.edge_of(now, 1);
             return self.keep(outcome, now);
         }
@@ -589,75 +589,4 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
 }
 
 #[cfg(test)]
-mod tests {
-    use core::cell::RefCell;
-    use std::vec::Vec;
-
-    use embedded_hal::spi::{ErrorType, Operation};
-    use palpate_shared::sim::{FingerConfig, PortBusy, SimulatedFrontEnd, SpiPort};
-
-    use super::*;
-    use crate::queues::Queues;
-
-    struct Bus<'a>(SpiPort<'a>);
-
-    impl ErrorType for Bus<'_> {
-        type Error = PortBusy;
-    }
-
-    impl SpiDevice for Bus<'_> {
-        fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), PortBusy> {
-            self.0.transaction(operations)
-        }
-    }
-
-    impl SelectSource for Bus<'_> {
-        fn select(&mut self, _: Source) -> Result<(), SourceNotPossible> {
-            Err(SourceNotPossible)
-        }
-
-        fn is_simulated(&self) -> bool {
-            false
-        }
-    }
-
-    #[test]
-    fn numbers_run_on_across_their_wrap() {
-        let front_end = RefCell::new(SimulatedFrontEnd::new(FingerConfig::ideal(), 1));
-        let mut queues = Queues::new();
-        let (end, mut main) = queues.split();
-        let mut sampler = Sampler::new(Bus(SpiPort::new(&front_end)), end, Settings::at_start(0));
-        sampler.streaming = true;
-        sampler.next = Seq(u32::MAX - 49);
-        let mut got = Vec::new();
-        for n in 0..=100 {
-            front_end.borrow_mut().step();
-            // Edge 0 brings up the chip; one conversion before the wrap and one after it are missed.
-            if ![40, 60].contains(&n) {
-                sampler.data_ready(DeviceTime(250 * n));
-            }
-            got.extend(core::iter::from_fn(|| main.reading()).map(|reading| reading.seq));
-        }
-        let wanted: Vec<Seq> =
-            (1..=100).filter(|n| ![40, 60].contains(n)).map(|n| Seq(u32::MAX - 49).plus(n - 1)).collect();
-        assert_eq!(got, wanted);
-        assert_eq!(main.tally().missed, 2);
-    }
-
-    #[test]
-    fn a_main_side_that_does_not_come_by_costs_counted_samples_only() {
-        let front_end = RefCell::new(SimulatedFrontEnd::new(FingerConfig::ideal(), 1));
-        let mut queues = Queues::new();
-        let (end, mut main) = queues.split();
-        let mut sampler = Sampler::new(Bus(SpiPort::new(&front_end)), end, Settings::at_start(0));
-        sampler.streaming = true;
-        for n in 0..=1000 {
-            front_end.borrow_mut().step();
-            sampler.data_ready(DeviceTime(250 * n));
-        }
-        let tally = main.tally();
-        let queued: Vec<u32> = core::iter::from_fn(|| main.reading()).map(|reading| reading.seq.0).collect();
-        assert!(queued.iter().copied().eq(0..127));
-        assert_eq!((tally.samples, tally.dropped, tally.missed, tally.damaged), (1000, 1000 - 127, 0, 0));
-    }
-}
+mod tests;

@@ -44,6 +44,20 @@ fn self_test(rig: &mut Rig<'_>) -> SelfTest {
     }
 }
 
+/// RAM of everything but the stack, in bytes: a quarter of what a board has for it.
+const RAM_MAX: usize = 8 * 1024;
+
+#[test]
+fn the_whole_fits_into_a_small_board() {
+    // Pointers here are twice as large as a board's.
+    let parts = [
+        size_of::<palpate_firmware_core::Queues>(),
+        size_of::<palpate_firmware_core::Sampler<'_, rig::Bus<'_>>>(),
+        size_of::<palpate_firmware_core::Device<'_, { rig::OUTBOX }>>(),
+    ];
+    assert!(parts.iter().sum::<usize>() <= RAM_MAX, "{parts:?}");
+}
+
 #[test]
 fn the_first_message_is_an_unasked_hello() {
     started(Bench::default(), |rig| {

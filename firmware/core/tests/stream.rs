@@ -342,3 +342,20 @@ fn a_link_stalled_for_a_second_costs_blocks_and_no_replies() {
         assert_eq!(rig.wrong_samples(), 0);
     });
 }
+
+#[test]
+fn losses_that_could_not_be_reported_are_reported_later() {
+    streaming(Bench::default(), |rig| {
+        rig.link_open = false;
+        // Fills even the room that blocks leave free, so no report finds any.
+        for _ in 0..500 {
+            rig.send(Request::Counters);
+        }
+        rig.run(4000);
+        rig.link_open = true;
+        rig.run(4000);
+        stop_and_settle_accounts(rig);
+        assert!(rig.heard.losses()[2] > 3000);
+        assert!(rig.device.counters().notices_dropped > 400);
+    });
+}

@@ -87,6 +87,43 @@ fn a_frame_brings_both_codes_and_the_response_to_the_frame_before() {
 }
 
 #[test]
+fn responses_that_do_not_fit_tell_of_lost_settings() {
+    let tells = |answers, response| Frame { answers, response, counts: [Counts(0); 2] }.tells_lost_settings();
+    let (read, write) = (Command::Read(4), Command::Write(4, 0x55));
+    // After a reset; STATUS with RESET, LOCK, the other CRC, 16-bit words; a write nobody sent, or to another register.
+    let lost = [
+        (Command::Null, 0xFF22),
+        (read, 0xFF22),
+        (write, 0xFF22),
+        (Command::Null, 0x0503),
+        (Command::Null, 0x8103),
+        (Command::Null, 0x0903),
+        (Command::Null, 0x0003),
+        (Command::Null, 0x4180),
+        (Command::Null, 0x4200),
+        (read, 0x4200),
+        (write, 0x4280),
+    ];
+    // STATUS with and without new data, after a filter restart, after a damaged command; answers that fit.
+    let sound = [
+        (Command::Null, 0x0103),
+        (Command::Null, 0x0100),
+        (Command::Null, 0x4103),
+        (Command::Null, 0x1103),
+        (read, 0x0055),
+        (write, 0x4200),
+        (write, 0x1103),
+        (Command::Reset, 0xFF21),
+    ];
+    for (answers, response) in lost {
+        assert!(tells(answers, response), "{answers:?} {response:04X}");
+    }
+    for (answers, response) in sound {
+        assert!(!tells(answers, response), "{answers:?} {response:04X}");
+    }
+}
+
+#[test]
 fn a_frame_with_a_wrong_checksum_brings_nothing() {
     // The last bit of channel 1 differs from the frame above.
     let mut mock = Mock::new(&exchange("000000cc9c00000000000000", "010300000001fffffe9ffc00"));

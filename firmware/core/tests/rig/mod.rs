@@ -3,7 +3,7 @@
 //! Shared by the tests of this package and by fuzz targets (include it with `#[path]`). Time is
 //! simulated: [`Rig::step`] lets one conversion period pass.
 //!
-//! ```ignore
+//! ```text
 //! let mut world = World::new(FingerConfig::ideal(), 1);
 //! let mut rig = Rig::new(&mut world, Bench::default());
 //! rig.run_us(10_000);
