@@ -520,7 +520,7 @@ pub struct Counters {
     pub commands_repeated: u32,
     /// Commands refused.
     pub commands_refused: u32,
-    /// Frames from the host that were too long, miscoded or failed their checksum.
+    /// Frames from the host that were too long, miscoded, failed their checksum, or held not even a command's id.
     pub frames_damaged: u32,
 }
 

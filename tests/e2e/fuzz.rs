@@ -10,7 +10,7 @@ use rand_core::Rng as _;
 use rand_pcg::Pcg64Mcg;
 
 /// Mutations of each target: some seconds in all.
-const MUTATIONS: usize = 4000;
+const MUTATIONS: usize = 20_000;
 
 /// Longest input, in bytes: several frames.
 const INPUT_MAX: usize = 1200;
