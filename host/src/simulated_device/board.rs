@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use palpate_firmware_core::{Device, Identity, Queues, Sampler, SelectSource, Settings, SourceNotPossible};
-use palpate_shared::sim::{Faults, Load, PortBusy, Script, SimulatedFrontEnd, SpiPort};
+use palpate_shared::sim::{Faults, FloatingBus, Load, PortBusy, Script, SimulatedFrontEnd, SpiPort};
 use palpate_shared::units::DeviceTime;
 use palpate_shared::wire::{Axis, Bridge, Channel, ClockSource, DeviceId, RestartReason, Source};
 
@@ -57,17 +57,19 @@ enum Ended {
     ForGood,
 }
 
-/// Runs the device until its owner is gone, over as many restarts as are ordered.
-pub(super) fn run(config: &Config, mut outlet: Outlet, orders: &Receiver<Control>, mut epoch: Instant) {
+/// Runs the device until its owner is gone, over as many restarts as are ordered. The world goes on over a restart:
+/// what presses presses, what is broken stays broken.
+pub(super) fn run(config: &Config, mut outlet: Outlet, orders: &Receiver<Control>, epoch: Instant) {
+    let front_end = RefCell::new(SimulatedFrontEnd::new(config.finger, config.seed));
+    front_end.borrow_mut().set_faults(config.faults);
     let mut restarts = 0;
     let mut asked: Option<Sender<Moment>> = None;
     loop {
-        let front_end = RefCell::new(SimulatedFrontEnd::new(config.finger, config.seed));
-        front_end.borrow_mut().set_faults(config.faults);
         let mut queues = Queues::new();
         let (sampler_end, device_end) = queues.split();
         let settings = Settings::at_start(config.baud.unwrap_or(0));
         let mut board = Board {
+            started_ns: front_end.borrow().truth().time_ns,
             front_end: &front_end,
             sampler: Sampler::new(SimulatedOnly(SpiPort::new(&front_end)), sampler_end, settings),
             device: Device::new(identity(config, restarts), device_end),
@@ -81,9 +83,16 @@ pub(super) fn run(config: &Config, mut outlet: Outlet, orders: &Receiver<Control
             Ended::ForGood => return,
             Ended::Restart(sender) => asked = Some(sender),
         }
+        power_cycle(&mut front_end.borrow_mut());
         restarts += 1;
-        epoch = Instant::now();
     }
+}
+
+/// Takes the supply from the chip and gives it back: it forgets its settings.
+fn power_cycle(front_end: &mut SimulatedFrontEnd) {
+    let faults = front_end.faults();
+    front_end.set_faults(Faults { chip_absent: Some(FloatingBus::Low), ..faults });
+    front_end.set_faults(faults);
 }
 
 /// What the simulated board says of itself.
@@ -133,6 +142,8 @@ impl SelectSource for SimulatedOnly<'_> {
 
 /// A board: the firmware, and the world that its front-end stands in.
 struct Board<'w> {
+    /// World time at which it started.
+    started_ns: u64,
     front_end: &'w RefCell<SimulatedFrontEnd>,
     sampler: Sampler<'w, SimulatedOnly<'w>>,
     device: Device<'w, OUTBOX_BYTES>,
@@ -282,10 +293,10 @@ impl Board<'_> {
         }
     }
 
-    /// The device's clock, which counts conversions.
+    /// The device's clock, which counts conversions from its start.
     fn now(&self) -> DeviceTime {
         #[expect(clippy::cast_possible_truncation, reason = "the device's clock wraps")]
-        DeviceTime((self.front_end.borrow().truth().time_ns / 1000) as u32)
+        DeviceTime(((self.front_end.borrow().truth().time_ns - self.started_ns) / 1000) as u32)
     }
 }
 
