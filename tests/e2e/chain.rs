@@ -1,5 +1,7 @@
 //! The whole chain: force on the simulated disk, through firmware, wire and calibration, to a contact angle.
 
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
 use std::sync::Arc;
 
 use palpate::calibration::plan::{Plan, TareMode};

@@ -1,5 +1,6 @@
 //! The commands as a person uses them: the real binary, in two terminals, over a real pseudo-terminal.
 
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 #![cfg(unix)]
 
 use std::io::{BufRead, BufReader, Read, Write};

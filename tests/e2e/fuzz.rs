@@ -3,6 +3,8 @@
 //! The seed is fixed, so that a failure repeats; it prints the bytes that broke the law. For an unbounded search with
 //! coverage, see `fuzz/`. A file that libFuzzer finds goes into the corpus.
 
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
 use std::fs;
 use std::path::{Path, PathBuf};
 

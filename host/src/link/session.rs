@@ -557,7 +557,7 @@ impl Session {
     fn take_block(&mut self, block: Block, at: Instant) {
         self.last_status = block.status;
         let place = self.sequence.place(block.first, block.time, block.samples.len());
-        let period_us = 1e6 / f64::from(self.hello.rate_hz.max(1));
+        let rate_hz = self.hello.rate_hz.max(1);
         let (missing_before, repeated) = match place.continuity {
             Continuity::Missing(missing) => (missing, 0),
             Continuity::Repeated(repeated) => (0, usize::try_from(repeated).unwrap_or(usize::MAX)),
@@ -569,8 +569,8 @@ impl Session {
         let samples = Samples {
             first: place.first + repeated as u64,
             missing_before,
-            time_us: place.time_us + (period_us * repeated as f64) as u64,
-            period_us,
+            time_us: place.time_us + repeated as u64 * 1_000_000 / u64::from(rate_hz),
+            period_us: 1e6 / f64::from(rate_hz),
             status: block.status,
             counts,
             arrived: at,

@@ -16,6 +16,10 @@ use super::{Config, Moment, Pace};
 /// How often a device in real time wakes: half a block, so that samples are at most this late.
 const TICK: Duration = Duration::from_millis(1);
 
+/// Most conversions in one tick. A computer that is busy elsewhere may make the world late; catching up at some eight
+/// times the default rate, and not all at once, gives the host time to read: no line has to swallow seconds of samples.
+const CATCH_UP: u32 = 32;
+
 /// How long a device that has nothing to do, or whose host does not read, rests.
 const REST: Duration = Duration::from_micros(200);
 
@@ -41,7 +45,7 @@ const MV_PER_V: f32 = 1e3;
 #[derive(Debug)]
 pub(super) enum Control {
     Load(Load, Sender<Moment>),
-    Script(Script, Sender<Moment>),
+    Script(Box<Script>, Sender<Moment>),
     Faults(Faults, Sender<Moment>),
     Now(Sender<Moment>),
     Unplug(Sender<Moment>),
@@ -195,7 +199,7 @@ impl Board<'_> {
                 sender
             }
             Control::Script(script, sender) => {
-                front_end.set_script(script);
+                front_end.set_script(*script);
                 sender
             }
             Control::Faults(faults, sender) => {
@@ -238,10 +242,13 @@ impl Board<'_> {
         length > 0
     }
 
-    /// Takes all samples that a board would have taken by now.
+    /// Takes the samples that a board would have taken by now, up to [`CATCH_UP`] at a time.
     fn catch_up(&mut self, epoch: Instant, outlet: &mut Outlet, line: &mut LineSpeed) {
         let due_ns = epoch.elapsed().as_nanos();
-        while u128::from(self.front_end.borrow().truth().time_ns) < due_ns {
+        for _ in 0..CATCH_UP {
+            if u128::from(self.front_end.borrow().truth().time_ns) >= due_ns {
+                break;
+            }
             self.convert();
             self.talk(outlet, line);
         }

@@ -169,7 +169,7 @@ impl SimulatedDevice {
     /// # Errors
     /// If the device has ended.
     pub fn set_script(&self, script: Script) -> io::Result<Moment> {
-        self.ask(|answer| Control::Script(script, answer))
+        self.ask(|answer| Control::Script(Box::new(script), answer))
     }
 
     /// Breaks or mends things.
