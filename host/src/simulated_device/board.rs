@@ -20,6 +20,11 @@ const TICK: Duration = Duration::from_millis(1);
 /// times the default rate, and not all at once, gives the host time to read: no line has to swallow seconds of samples.
 const CATCH_UP: u32 = 32;
 
+/// How long the world waits for a host whose line is full. A pseudo-terminal holds 12 KiB, a third of a second; a USB
+/// driver five times that. On a computer that is busy elsewhere the host gets its turn within this time, and is not
+/// blamed for it; one that does not read for longer loses samples as it would on a board.
+const HOST_PATIENCE: Duration = Duration::from_secs(2);
+
 /// How long a device that has nothing to do, or whose host does not read, rests.
 const REST: Duration = Duration::from_micros(200);
 
@@ -160,6 +165,7 @@ impl Board<'_> {
     /// Lives until ordered otherwise.
     fn live(&mut self, config: &Config, outlet: &mut Outlet, orders: &Receiver<Control>, epoch: Instant) -> Ended {
         let mut line = LineSpeed { baud: config.baud, allowance: 0.0, paid_us: 0 };
+        let mut busy_since = None;
         // A board looks for its front-end before it listens to its line.
         (0..START_UP).for_each(|_| self.convert());
         loop {
@@ -174,7 +180,13 @@ impl Board<'_> {
             let heard = self.listen(outlet);
             match config.pace {
                 Pace::RealTime => {
-                    self.catch_up(epoch, outlet, &mut line);
+                    match self.talk(outlet, &mut line) {
+                        Talk::HostBusy => _ = busy_since.get_or_insert_with(Instant::now),
+                        Talk::AllSent | Talk::LineBusy => busy_since = None,
+                    }
+                    if busy_since.is_none_or(|since| since.elapsed() > HOST_PATIENCE) {
+                        self.catch_up(epoch, outlet, &mut line);
+                    }
                     std::thread::sleep(TICK);
                 }
                 Pace::AsRead => {
