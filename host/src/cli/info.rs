@@ -48,7 +48,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     }
     let about = About::of(&mut session, &arguments.registers)?;
     if arguments.json {
-        println!("{}", about.as_json(&session));
+        say!("{}", about.as_json(&session));
     } else {
         about.print(&session);
     }
@@ -62,7 +62,7 @@ struct About {
     /// The self-test, or why there is none.
     self_test: Result<SelfTest, LinkError>,
     counters: Counters,
-    registers: Vec<(u8, u16)>,
+    registers: Vec<(u8, Result<u16, LinkError>)>,
 }
 
 impl About {
@@ -70,10 +70,7 @@ impl About {
         let round_trips = (0..PINGS).map(|_| session.ping()).collect::<Result<Vec<_>, _>>()?;
         let self_test = session.self_test();
         let counters = session.device_counters()?;
-        let registers = registers
-            .iter()
-            .map(|&address| Ok((address, session.read_register(address)?)))
-            .collect::<Result<_, LinkError>>()?;
+        let registers = registers.iter().map(|&address| (address, session.read_register(address))).collect();
         Ok(Self { round_trip: round_trips.into_iter().min().unwrap_or_default(), self_test, counters, registers })
     }
 
@@ -86,7 +83,8 @@ impl About {
         }
         print_counters(&self.counters);
         for (address, value) in &self.registers {
-            row(&format!("register {address:#04x}"), &format!("{value:#06x}"));
+            let value = value.as_ref().map_or_else(ToString::to_string, |value| format!("{value:#06x}"));
+            row(&format!("register {address:#04x}"), &value);
         }
     }
 
@@ -104,13 +102,20 @@ impl About {
             "round_trip_s": self.round_trip.as_secs_f64(),
             "self_test": self_test,
             "counters": self.counters,
-            "registers": self.registers.iter().map(|(address, value)| serde_json::json!({ "address": address, "value": value })).collect::<Vec<_>>(),
+            "registers": self.registers.iter().map(register_as_json).collect::<Vec<_>>(),
         })
     }
 }
 
+fn register_as_json((address, value): &(u8, Result<u16, LinkError>)) -> serde_json::Value {
+    match value {
+        Ok(value) => serde_json::json!({ "address": address, "value": value }),
+        Err(error) => serde_json::json!({ "address": address, "error": error.to_string() }),
+    }
+}
+
 fn row(name: &str, value: &str) {
-    println!("{name:<14} {value}");
+    say!("{name:<14} {value}");
 }
 
 fn print_hello(session: &Session) {
