@@ -8,11 +8,11 @@ use std::process::{Command, Stdio};
 
 use serde_json::Value;
 
-/// The lines of a file of shared cases; `None`, said aloud, where there are none.
-fn cases(name: &str) -> Option<Vec<Value>> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/cases").join(name);
+/// The shared cases; `None`, said aloud, where there are none.
+fn cases() -> Option<Vec<Value>> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/cases/friction.jsonl");
     let Ok(text) = std::fs::read_to_string(&path) else {
-        eprintln!("skipped: {} is not there", path.display());
+        eprintln!("NOT TESTED: the reference cases {} are absent", path.display());
         return None;
     };
     Some(text.lines().map(|line| serde_json::from_str(line).unwrap()).collect())
@@ -42,7 +42,7 @@ fn numbers(value: &Value) -> Vec<f64> {
 
 #[test]
 fn the_shared_cases_come_out_within_their_tolerances() {
-    let Some(cases) = cases("friction.jsonl") else { return };
+    let Some(cases) = cases() else { return };
     assert!(!cases.is_empty());
     let answers = solve(&cases.iter().map(|case| case["problem"].to_string()).collect::<Vec<_>>());
     for (case, answer) in cases.iter().zip(&answers) {
@@ -52,29 +52,6 @@ fn the_shared_cases_come_out_within_their_tolerances() {
             for (got, wanted) in numbers(&answer[name]).iter().zip(numbers(&case["expected"][name])) {
                 assert!((got - wanted).abs() <= tolerance, "{name}: {got} {wanted} {tolerance:e} in {case}");
             }
-        }
-    }
-}
-
-#[test]
-fn the_shared_bad_lines_are_refused_by_name() {
-    let Some(cases) = cases("bad.jsonl") else { return };
-    let mine = |case: &&Value| {
-        case["line"].as_str().is_some_and(|line| line.contains("support_friction"))
-            && case["expected"]["error"].is_array()
-    };
-    let cases: Vec<_> = cases.iter().filter(mine).collect();
-    assert!(!cases.is_empty());
-    let answers = solve(&cases.iter().map(|case| case["line"].as_str().unwrap().to_owned()).collect::<Vec<_>>());
-    for (case, answer) in cases.iter().zip(&answers) {
-        let (expected, error) = (&case["expected"], &answer["error"]);
-        assert!(expected["error"].as_array().unwrap().contains(&error["code"]), "{answer} to {case}");
-        assert_eq!(answer["id"], expected["id"]);
-        let message = error["message"].as_str().unwrap();
-        for names in expected["names"].as_array().unwrap() {
-            // One name, or several of which one will do.
-            let any = names.as_array().cloned().unwrap_or_else(|| vec![names.clone()]);
-            assert!(any.iter().any(|name| message.contains(name.as_str().unwrap())), "{answer} to {case}");
         }
     }
 }
