@@ -8,6 +8,7 @@ pub mod geometry;
 pub mod interrupt;
 pub mod link;
 pub mod live;
+pub mod pushing;
 pub mod recording;
 pub mod sensing;
 pub mod simulated_device;
