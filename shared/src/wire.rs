@@ -500,7 +500,7 @@ impl Checks {
 pub struct Counters {
     /// Seconds since start-up.
     pub uptime_s: u32,
-    /// Conversions numbered by the sampler, whether or not they could be delivered.
+    /// Conversions while streaming, numbered by the sampler whether or not they could be delivered.
     pub samples: u32,
     /// Of these: data ready, but not read in time.
     pub samples_missed: u32,
@@ -520,7 +520,7 @@ pub struct Counters {
     pub commands_repeated: u32,
     /// Commands refused.
     pub commands_refused: u32,
-    /// Frames from the host that were too long, miscoded or failed their checksum.
+    /// Frames from the host that were too long, miscoded, failed their checksum, or held not even a command's id.
     pub frames_damaged: u32,
 }
 

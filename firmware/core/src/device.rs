@@ -87,6 +87,8 @@ pub struct Identity {
     pub excitation_mv: u16,
     /// What the two channels measure.
     pub channels: [Channel; 2],
+    /// Where samples come from until a host chooses.
+    pub source: Source,
 }
 
 /// What the main side knows of the front-end.
@@ -181,12 +183,14 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     #[must_use]
     pub fn new(identity: Identity, end: DeviceEnd<'q>) -> Self {
         let settings = Settings::at_start(identity.link_baud);
-        let state = SamplerState { settings, source: Source::Hardware, streaming: false };
+        let state = SamplerState { settings, source: identity.source, streaming: false };
+        let mut outbox = Outbox::new();
+        outbox.push_delimiter();
         Self {
             identity,
             end,
             reader: FrameReader::new(),
-            outbox: Outbox::new(),
+            outbox,
             blocks: BlockBuilder::new(),
             front_end: FrontEndView { id_word: 0, is_missing: false, state },
             pending: None,

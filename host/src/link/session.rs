@@ -195,6 +195,8 @@ pub struct Session {
     closed_lines: ReaderCounts,
     down_since: Option<Instant>,
     last_heard: Instant,
+    last_status: Status,
+    temperature_c: Option<f64>,
 }
 
 impl Session {
@@ -254,6 +256,8 @@ impl Session {
             closed_lines: ReaderCounts::default(),
             down_since: None,
             last_heard: epoch,
+            last_status: Status::default(),
+            temperature_c: None,
         };
         session.take_early(greeted.early);
         Ok(session)
@@ -277,10 +281,16 @@ impl Session {
         self.simulated.as_ref()
     }
 
-    /// Whether what this device sends is made up.
+    /// Whether what this device sends is made up: it says so itself, or a block of samples did.
     #[must_use]
     pub fn is_simulated(&self) -> bool {
-        self.hello.source == Source::Simulated
+        self.hello.source == Source::Simulated || self.last_status.contains(Status::SIMULATED)
+    }
+
+    /// The board's temperature as it last told, in °C; `None` where it has no sensor.
+    #[must_use]
+    pub fn temperature_c(&self) -> Option<f64> {
+        self.temperature_c
     }
 
     /// What was counted so far.
@@ -505,7 +515,7 @@ impl Session {
 
     /// Drops samples that have arrived and were not yet handed on; events and changes of the link stay.
     pub fn forget_waiting(&mut self) {
-        self.backlog.retain(|incoming| !matches!(incoming, Incoming::Samples(_)));
+        self.backlog.retain(|incoming| !matches!(incoming, Incoming::Samples(_) | Incoming::Temperature(_)));
     }
 
     fn receive(&self, wait: Duration) -> Option<Arrival> {
@@ -534,7 +544,10 @@ impl Session {
         match message {
             FromDevice::Block(block) => self.take_block(block, at),
             FromDevice::Event(event) => self.backlog.push_back(Incoming::Event(event)),
-            FromDevice::Temperature(temperature) => self.backlog.push_back(Incoming::Temperature(temperature)),
+            FromDevice::Temperature(temperature) => {
+                self.temperature_c = Some(f64::from(temperature.centi_celsius) / 100.0);
+                self.backlog.push_back(Incoming::Temperature(temperature));
+            }
             FromDevice::Hello(hello) => self.restarted(hello),
             // The reply to a command that was answered before: the first answer was slow, not lost.
             FromDevice::Reply(_) => {}
@@ -542,8 +555,9 @@ impl Session {
     }
 
     fn take_block(&mut self, block: Block, at: Instant) {
+        self.last_status = block.status;
         let place = self.sequence.place(block.first, block.time, block.samples.len());
-        let period_us = 1e6 / f64::from(self.hello.rate_hz.max(1));
+        let rate_hz = self.hello.rate_hz.max(1);
         let (missing_before, repeated) = match place.continuity {
             Continuity::Missing(missing) => (missing, 0),
             Continuity::Repeated(repeated) => (0, usize::try_from(repeated).unwrap_or(usize::MAX)),
@@ -555,8 +569,8 @@ impl Session {
         let samples = Samples {
             first: place.first + repeated as u64,
             missing_before,
-            time_us: place.time_us + (period_us * repeated as f64) as u64,
-            period_us,
+            time_us: place.time_us + repeated as u64 * 1_000_000 / u64::from(rate_hz),
+            period_us: 1e6 / f64::from(rate_hz),
             status: block.status,
             counts,
             arrived: at,
