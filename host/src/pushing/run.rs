@@ -45,8 +45,8 @@ const SEARCHES_MAX: usize = 80;
 /// First step, s: the next ones grow or shrink to what is needed.
 const STEP_FIRST: f64 = 1e-5;
 
-/// Steps of a push after which it is given up: some seconds of computing.
-const STEPS_MAX: usize = 5_000_000;
+/// Steps of a push after which it is given up: about a second of computing.
+const STEPS_MAX: usize = 500_000;
 
 /// Changes between rolling and sliding after which a push is given up.
 const CHANGES_MAX: usize = 10_000;
