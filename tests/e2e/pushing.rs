@@ -13,6 +13,10 @@ use serde_json::{Value, json};
 
 /// Pushes of each mode.
 const PUSHES: u64 = 40;
+/// Feet under each part.
+const FEET: u32 = 6;
+/// A foot slower than this may be coming to rest, which the oracle's steps cannot follow, m/s.
+const FOOT_SLOW: f64 = 2e-3;
 /// The oracle's step, s: friction changes within milliseconds, so its error is about (0.1)⁴ of what follows.
 const STEP_S: f64 = 5e-5;
 /// Steps between comparisons.
@@ -54,7 +58,6 @@ fn case(seed: u64, mode: &str) -> Case {
     let along = [(to[0] - from[0]) / length, (to[1] - from[1]) / length];
     let mass = [draw.between(-0.006, 0.006), draw.between(-0.006, 0.006)];
     let inertia = draw.between(2e-4, 5e-4);
-    let shares = [0.1, 0.2, 0.3, 0.25, 0.15];
     let u = draw.between(-PI, PI);
     let heading = u + draw.between(-0.2, 0.2);
     let (speed, acceleration) = (draw.between(0.03, 0.09), draw.between(0.0, 0.15));
@@ -62,13 +65,9 @@ fn case(seed: u64, mode: &str) -> Case {
     let (mu, mu_c, radius) = (draw.between(0.1, 0.4), draw.between(0.05, 0.4), draw.between(0.0, 0.015));
     let vertex = [from[0] - mass[0], from[1] - mass[1]];
     let s = along[0] * vertex[0] + along[1] * vertex[1] + length * draw.between(0.3, 0.7);
-    // All feet on the contact's side: the part turns about points on the other, and a foot there could come to rest.
-    let feet = shares.map(|share| {
-        let (forward, side) = (s.signum() * draw.between(0.004, 0.025), draw.between(-0.012, 0.012));
-        let place = [0, 1].map(|axis| mass[axis] + forward * along[axis] + side * [along[1], -along[0]][axis]);
-        (place, share)
-    });
-    let omega = s.signum() * draw.between(0.0, 0.5);
+    let feet: Vec<_> =
+        (0..FEET).map(|_| ([draw.between(-0.03, 0.03), draw.between(-0.02, 0.02)], 1.0 / f64::from(FEET))).collect();
+    let omega = draw.between(-0.5, 0.5);
     let centre = [draw.between(-0.1, 0.1), draw.between(-0.1, 0.1)];
     let world = World {
         normal: [along[1], -along[0]],
@@ -92,7 +91,7 @@ fn case(seed: u64, mode: &str) -> Case {
     let mut problem = json!({
         "polygon": polygon, "edge": edge, "mu": mu, "g": 9.81, "mode": mode,
         "finger": {"radius": radius, "centre0": centre, "velocity0": world.velocity, "acceleration": world.acceleration},
-        "support": {"feet": feet.map(|([x, y], share)| [x, y, share])},
+        "support": {"feet": feet.iter().map(|([x, y], share)| [x, y, share]).collect::<Vec<_>>()},
         "centre_of_mass": mass, "inertia_per_mass": inertia,
         "times": (0..=20).map(|i| f64::from(i * STEPS) * STEP_S).collect::<Vec<_>>(),
     });
@@ -128,12 +127,15 @@ fn follow(case: &Case, answer: &PushAnswer) -> usize {
         while f64::from(step + 1) * STEP_S <= t + 0.5 * STEP_S {
             motion = case.world.step(f64::from(step) * STEP_S, &motion, case.tangential, STEP_S);
             step += 1;
+            if case.world.slowest_foot(&motion) < FOOT_SLOW {
+                return None;
+            }
         }
         let now = f64::from(step) * STEP_S;
-        (motion, case.world.seen(now, &motion, case.tangential))
+        Some((motion, case.world.seen(now, &motion, case.tangential)))
     };
-    for sample in &answer.samples {
-        let (motion, seen) = to(sample.t);
+    for (i, sample) in answer.samples.iter().enumerate() {
+        let Some((motion, seen)) = to(sample.t) else { return i };
         agrees(sample, &motion, &seen);
     }
     // Without its events, the oracle goes on: what ended the push changes sign there.
@@ -146,11 +148,12 @@ fn follow(case: &Case, answer: &PushAnswer) -> usize {
     if answer.end.reason != Reason::Time && answer.end.t > 2.0 * EVENT_S {
         let last = answer.samples.last().map_or(0.0, |sample| sample.t);
         if answer.end.t - EVENT_S > last {
-            let before = margin(&to(answer.end.t - EVENT_S).1);
-            assert!(before > 0.0, "{:?}: {before:e} before", answer.end);
+            let Some((_, seen)) = to(answer.end.t - EVENT_S) else { return answer.samples.len() };
+            assert!(margin(&seen) > 0.0, "{:?}: {seen:?} before", answer.end);
         }
-        let after = margin(&to(answer.end.t + EVENT_S).1);
-        assert!(after < 0.0, "{:?}: {after:e} after", answer.end);
+        if let Some((_, seen)) = to(answer.end.t + EVENT_S) {
+            assert!(margin(&seen) < 0.0, "{:?}: {seen:?} after", answer.end);
+        }
     }
     answer.samples.len()
 }
@@ -171,7 +174,7 @@ fn compare(mode: &str) {
         compared += follow(&case, &answer);
     }
     // Pushes end early, but not most of them at once.
-    assert!(compared > 200, "only {compared} samples were compared");
+    assert!(compared > 120, "only {compared} samples were compared");
 }
 
 #[test]

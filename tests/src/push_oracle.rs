@@ -138,6 +138,17 @@ impl World {
         total
     }
 
+    /// Speed of the slowest foot, m/s.
+    #[must_use]
+    pub fn slowest_foot(&self, motion: &Motion) -> f64 {
+        let [_, _, angle, v_x, v_y, omega] = *motion;
+        let speed = |place: V| {
+            let velocity = plus([v_x, v_y], left(turned(place, angle)), omega);
+            velocity[0].hypot(velocity[1])
+        };
+        self.feet.iter().map(|&(place, _)| speed(place)).fold(f64::INFINITY, f64::min)
+    }
+
     /// Accelerations and the contact force's components (into the part, along the edge).
     fn solve(&self, t: f64, motion: &Motion, tangential: Tangential) -> [f64; 5] {
         let omega = motion[5];

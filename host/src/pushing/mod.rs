@@ -21,7 +21,7 @@ pub mod support;
 mod tests;
 
 pub use dynamics::Motion;
-pub use model::{Contact, Edge, Finger, Mass, ModelError, Part, PushModel, Slip, State};
+pub use model::{Contact, Edge, FOOT_AT_REST, Finger, Mass, ModelError, Part, PushModel, Slip, State};
 pub use push::{ContactLaw, EdgeEnd, Push, PushError, Start};
 pub use rest::{RestError, RestStart};
 pub use run::{Acceleration, Change, ContactForce, End, EndReason, Run, RunError, Sample};

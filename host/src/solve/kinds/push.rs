@@ -4,7 +4,6 @@ use nalgebra::Point2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::pushing::support::SupportFriction;
 use crate::pushing::{
     Contact, ContactForce, ContactLaw, EdgeEnd, EndReason, Finger as Disk, Mass, Part, Push as Simulation, PushError,
     PushModel, Run, Sample, Slip, Start, State,
@@ -137,11 +136,10 @@ impl From<Support> for SupportFields {
 }
 
 impl Support {
-    /// Its friction, in the part's frame.
+    /// Places in the part's frame, m, and shares of the weight.
     #[must_use]
-    pub fn friction(&self) -> SupportFriction {
-        let feet: Vec<_> = self.feet.iter().map(|&[x, y, share]| (Point2::new(x, y), share)).collect();
-        SupportFriction::feet(&feet)
+    pub fn feet(&self) -> Vec<(Point2<f64>, f64)> {
+        self.feet.iter().map(|&[x, y, share]| (Point2::new(x, y), share)).collect()
     }
 }
 
@@ -274,8 +272,10 @@ impl Push {
             (Some(_), None) => return Err(InvalidInput::missing("inertia_per_mass", "`centre_of_mass` needs it")),
             (None, Some(_)) => return Err(InvalidInput::missing("centre_of_mass", "`inertia_per_mass` needs it")),
         };
-        let support = self.support.as_ref().map_or_else(|| SupportFriction::uniform(&polygon), Support::friction);
-        Ok(Part::new(polygon, support, mass))
+        Ok(match &self.support {
+            None => Part::with_mass(polygon, mass),
+            Some(support) => Part::on_feet(polygon, &support.feet(), mass),
+        })
     }
 
     fn law(&self) -> Result<ContactLaw, InvalidInput> {
