@@ -58,7 +58,7 @@ impl<T: Scalar> PushModel<'_, T> {
         let k2 = rates(time + half, &state.moved(&k1, half));
         let k3 = rates(time + half, &state.moved(&k2, half));
         let k4 = rates(time + dt, &state.moved(&k3, dt));
-        let mean = |a: T, b: T, c: T, d: T| (a + (b + c) * 2.0 + d) / 6.0;
+        let mean = |a: T, b: T, c: T, d: T| (a + (b + c) * 2.0 + d) * (1.0 / 6.0);
         let rates = State {
             u: mean(k1.u, k2.u, k3.u, k4.u),
             s: mean(k1.s, k2.s, k3.s, k4.s),

@@ -145,6 +145,7 @@ impl Part {
     }
 
     /// How the support slides, in edge axes about the centre of mass: friction on the part per unit mass is −µg times that.
+    #[inline]
     pub(super) fn sliding<T: Scalar>(&self, edge: &Edge, twist: EdgeTwist<T>) -> EdgeTwist<T> {
         let (x, y) = (edge.normal.x, edge.normal.y);
         let body = [twist.normal * x - twist.along * y, twist.normal * y + twist.along * x, twist.turn];
