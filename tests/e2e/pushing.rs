@@ -111,7 +111,7 @@ fn case(seed: u64, mode: &str) -> Case {
 
 fn agrees(sample: &PushSample, motion: &Motion, seen: &Seen) {
     let place = format!("t = {} s: {sample:?}\n{seen:?}\n{motion:?}", sample.t);
-    let turn = (sample.u - seen.u + PI).rem_euclid(2.0 * PI) - PI;
+    let turn = wrapped(sample.u - seen.u);
     assert!(turn.abs() < ANGLE_RAD && (sample.omega - motion[5]).abs() < 1e2 * ANGLE_RAD, "{place}");
     assert!((sample.s - seen.s).abs() < LENGTH_M, "{place}");
     let velocity = (sample.velocity[0] - motion[3]).hypot(sample.velocity[1] - motion[4]);
@@ -190,4 +190,65 @@ fn a_rolling_push_is_that_of_the_world_frame() {
 #[test]
 fn a_sliding_push_is_that_of_the_world_frame() {
     compare("sliding");
+}
+
+/// An angle between −π and π.
+fn wrapped(angle: f64) -> f64 {
+    (angle + PI).rem_euclid(2.0 * PI) - PI
+}
+
+/// What a sample is off by, in tolerances.
+fn off_by(got: &Value, want: &Value, tolerance: &Value) -> f64 {
+    let number = |value: &Value, key: &str| value[key].as_f64().unwrap();
+    let scalar = |key: &str| (number(got, key) - number(want, key)).abs() / number(tolerance, key);
+    let vector = |key: &str, i: usize| got[key][i].as_f64().unwrap() - want[key][i].as_f64().unwrap();
+    let turn = wrapped(number(got, "u") - number(want, "u")).abs() / number(tolerance, "u");
+    let velocity = vector("velocity", 0).hypot(vector("velocity", 1)) / number(tolerance, "velocity");
+    let theta = wrapped(vector("pose", 2)).abs() / number(tolerance, "theta");
+    let forces = ["normal_force", "tangential_force"]
+        .map(|key| (number(got, key) - number(want, key)).abs() / number(tolerance, "force"));
+    [turn, scalar("s"), scalar("omega"), scalar("vT"), velocity, theta, forces[0], forces[1]]
+        .into_iter()
+        .fold(0.0, f64::max)
+}
+
+/// The checked problems of `../shared/cases`, at their tolerances.
+#[test]
+fn public_cases_are_answered_as_expected() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/cases/push.jsonl");
+    let Ok(text) = std::fs::read_to_string(path) else {
+        eprintln!("NOT CHECKED: ../shared/cases is absent, so no public case was compared");
+        return;
+    };
+    let cases: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert!(cases.len() >= 50, "only {} cases", cases.len());
+    for case in cases {
+        let (expected, tolerance) = (&case["expected"], &case["tolerance"]);
+        let mut problem = case["problem"].clone();
+        let id = problem["id"].clone();
+        for frame in ["problem", "id"] {
+            problem.as_object_mut().unwrap().remove(frame);
+        }
+        let answer = serde_json::from_value::<Push>(problem).unwrap().solve().unwrap();
+        let answer = serde_json::to_value(answer).unwrap();
+        if let Some(end) = expected.get("end") {
+            assert_eq!(answer["end"]["reason"], end["reason"], "{id}");
+            let late = answer["end"]["t"].as_f64().unwrap() - end["t"].as_f64().unwrap();
+            assert!(late.abs() <= tolerance["end_time"].as_f64().unwrap(), "{id}: {late:e} s late");
+        }
+        for want in expected["samples"].as_array().into_iter().flatten() {
+            let same_time =
+                |sample: &&Value| (sample["t"].as_f64().unwrap() - want["t"].as_f64().unwrap()).abs() < 1e-12;
+            let got = answer["samples"].as_array().unwrap().iter().find(same_time).unwrap();
+            let off = off_by(got, want, tolerance);
+            assert!(off <= 1.0, "{id}: off by {off} tolerances: {got} instead of {want}");
+        }
+        if let Some(want) = expected.get("initial_acceleration") {
+            let got = &answer["initial_acceleration"];
+            let off = |i: usize| got["centroid"][i].as_f64().unwrap() - want["centroid"][i].as_f64().unwrap();
+            assert!(off(0).hypot(off(1)) <= tolerance["acceleration"].as_f64().unwrap(), "{id}: {got}, {want}");
+            let alpha = got["alpha"].as_f64().unwrap() - want["alpha"].as_f64().unwrap();
+            assert!(alpha.abs() <= tolerance["alpha"].as_f64().unwrap(), "{id}: {got}, {want}");
+        }
+    }
 }
