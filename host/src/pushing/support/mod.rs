@@ -145,8 +145,9 @@ impl SupportFriction {
 
     /// Pressure uniform within a smooth closed curve, counter-clockwise, that sees its centroid at the frame's origin.
     ///
-    /// `outline` gives the point (m) and its derivative at a parameter from 0 to 1, with period 1. By quadrature on 16 panels of 16 points, which
-    /// are halved towards the centre of rotation: as exact as [`Self::ellipse`] where the panels resolve the curve.
+    /// `outline` gives the point (m) and its derivative at a parameter from 0 to 1, with period 1. By quadrature on 16 panels of
+    /// 16 points, which are halved towards the centre of rotation: as exact as [`Self::ellipse`] where the panels resolve
+    /// the curve.
     #[must_use]
     pub fn smooth(outline: impl Fn(f64) -> (Point2<f64>, Vector2<f64>) + Send + Sync + 'static) -> Self {
         Self { pressure: Pressure::Uniform(Uniform::smooth(Smooth::new(outline))), centre: Vector2::zeros() }
@@ -187,10 +188,12 @@ impl SupportFriction {
         }
     }
 
-    /// Points of the limit surface: the twists of [`limit_surface::twists`] with the friction each meets.
+    /// Points of the limit surface: twists in all directions with the friction each meets.
     ///
-    /// Every point is a (scaled) friction wrench; the surface's outward normal there has the direction of its twist. About the centre of pressure,
-    /// pure translations give the unit circle at no moment.
+    /// Every point is a friction wrench per `μ·m·g`, reversed; the surface's outward normal there has the direction of its
+    /// twist. About the centre of pressure, pure translations give the unit circle at no moment. There are `steps` circles of
+    /// latitude of `2·steps` points each, from turning right to turning left; `length` (m) weighs turning against
+    /// translation, and half the part's size spaces the points evenly.
     #[must_use]
     pub fn limit_surface(&self, length: f64, steps: usize) -> Vec<(Twist, MeanSliding)> {
         limit_surface::twists(length, steps).map(|twist| (twist, self.mean_sliding(&twist))).collect()
