@@ -15,7 +15,7 @@ use std::cmp::Ordering;
 use std::collections::BTreeSet;
 use std::ops::Bound;
 
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector2};
 
 /// Least extent (the longer side of the bounding box) of a polygon, in metres.
 ///
@@ -181,6 +181,20 @@ impl SimplePolygon {
         // Measured from a vertex, so that a polygon far from the origin loses no digits.
         let corner = self.vertices[0];
         self.edges().map(|(a, b)| (a - corner).perp(&(b - corner))).sum::<f64>() / 2.0
+    }
+
+    /// The area centroid, m.
+    #[must_use]
+    pub fn centroid(&self) -> Point2<f64> {
+        // Measured from a vertex, as the area is.
+        let corner = self.vertices[0];
+        let (mut twice_area, mut moment) = (0.0, Vector2::zeros());
+        for (a, b) in self.edges().map(|(a, b)| (a - corner, b - corner)) {
+            let cross = a.perp(&b);
+            twice_area += cross;
+            moment += cross * (a + b);
+        }
+        corner + moment / (3.0 * twice_area)
     }
 
     /// The first vertex with an inner angle over 180°, decided exactly; `None` for a convex polygon.
@@ -375,6 +389,7 @@ mod tests {
     fn a_block_has_its_area() {
         let block = polygon(&[[0.01, 0.02], [0.07, 0.02], [0.07, 0.06], [0.01, 0.06]]).unwrap();
         assert!((block.area() - 0.06 * 0.04).abs() < 1e-17, "{}", block.area());
+        assert!((block.centroid() - Point2::new(0.04, 0.04)).norm() < 1e-17, "{}", block.centroid());
         assert_eq!(block.edges().len(), 4);
         assert_eq!(block.edges().last().unwrap(), (Point2::new(0.01, 0.06), Point2::new(0.01, 0.02)));
     }

@@ -17,6 +17,7 @@ mod error;
 pub mod fields;
 mod finite;
 mod input;
+pub mod kinds;
 mod line;
 mod panics;
 mod pipeline;

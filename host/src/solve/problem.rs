@@ -11,10 +11,10 @@ use serde_json::{Map, Value};
 
 use super::error::{ErrorCode, Failure, Pointer, QUOTE_CHARS_MAX, SolveError, elide};
 use super::read::read;
-use super::{finite, schema, spelling};
+use super::{finite, kinds, schema, spelling};
 
 /// The kinds that `palpate solve` answers.
-pub const KINDS: Registry = Registry::new(&[]);
+pub const KINDS: Registry = Registry::new(&[Kind::of::<kinds::push::Push>()]);
 
 /// One kind of problem.
 ///

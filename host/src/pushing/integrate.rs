@@ -1,0 +1,193 @@
+//! Steps in time: a fixed one for observers, an error-controlled one for truth.
+//!
+//! Implements: the classical Runge–Kutta method of order 4; Dormand and Prince's pair of orders 5 and 4 with its interpolant
+//! of order 4 (Hairer, Nørsett, Wanner, *Solving Ordinary Differential Equations I*, 2nd ed., II.5 and II.6).
+//! Assumes: the contact stays as it is during a step.
+//! Units: SI. Errors: none; a step too large shows in its error estimate.
+
+use super::model::{Contact, PushModel, State};
+use super::scalar::Scalar;
+
+/// Error of one adaptive step that is accepted, relative to the scales of [`Scale`].
+///
+/// A second of pushing takes about a thousand steps; measured against steps a hundred times as exact, the state at its end is
+/// then within 1e-9 of these scales. Ten times smaller costs 1.6 times the time.
+pub(super) const STEP_TOLERANCE: f64 = 1e-11;
+
+/// Speeds below this, in m/s, count as this in the scale of a step's error: no sensor tells them from rest.
+const SPEED_FLOOR: f64 = 1e-11;
+
+/// Share of the step that the error estimate suggests: a rejected step costs as much as an accepted one.
+const SAFETY: f64 = 0.9;
+
+/// Least and greatest change from one step's length to the next.
+const GROWTH: (f64, f64) = (0.2, 5.0);
+
+impl<T: Scalar> State<T> {
+    /// The state after `dt` at constant rates.
+    #[must_use]
+    fn moved(&self, rates: &Self, dt: f64) -> Self {
+        Self {
+            u: self.u + rates.u * dt,
+            s: self.s + rates.s * dt,
+            omega: self.omega + rates.omega * dt,
+            v_t: self.v_t + rates.v_t * dt,
+        }
+    }
+}
+
+impl<T: Scalar> PushModel<'_, T> {
+    /// The state one step of `dt` (s) later, by the classical Runge–Kutta method of order 4.
+    ///
+    /// For observers: no error control, no events. At 5 ms, pushing at 5 cm/s with µ = 0.3, u is off by 4e-7 rad in the
+    /// median and 2e-5 rad in the worst of 100 pushes after 0.8 s; friction forgets speed within v/(µg), 17 ms there, and steps
+    /// much longer than that diverge.
+    #[must_use]
+    pub fn step(&self, contact: &Contact<T>, time: f64, state: &State<T>, dt: f64) -> State<T> {
+        let rates = |time: f64, state: &State<T>| self.motion(contact, time, state).rates;
+        let half = 0.5 * dt;
+        let k1 = rates(time, state);
+        let k2 = rates(time + half, &state.moved(&k1, half));
+        let k3 = rates(time + half, &state.moved(&k2, half));
+        let k4 = rates(time + dt, &state.moved(&k3, dt));
+        let mean = |a: T, b: T, c: T, d: T| (a + (b + c) * 2.0 + d) / 6.0;
+        let rates = State {
+            u: mean(k1.u, k2.u, k3.u, k4.u),
+            s: mean(k1.s, k2.s, k3.s, k4.s),
+            omega: mean(k1.omega, k2.omega, k3.omega, k4.omega),
+            v_t: mean(k1.v_t, k2.v_t, k3.v_t, k4.v_t),
+        };
+        state.moved(&rates, dt)
+    }
+}
+
+/// Components of a state, in the order of its fields.
+type Components = [f64; 4];
+
+impl From<State> for Components {
+    fn from(State { u, s, omega, v_t }: State) -> Self {
+        [u, s, omega, v_t]
+    }
+}
+
+impl From<Components> for State {
+    fn from([u, s, omega, v_t]: Components) -> Self {
+        Self { u, s, omega, v_t }
+    }
+}
+
+/// Where the stages of a step are, as shares of its length.
+const NODES: [f64; 7] = [0.0, 0.2, 0.3, 0.8, 8.0 / 9.0, 1.0, 1.0];
+
+/// What each stage starts from; the last row is the step itself, of order 5.
+const STAGES: [[f64; 6]; 7] = [
+    [0.0; 6],
+    [0.2, 0.0, 0.0, 0.0, 0.0, 0.0],
+    [3.0 / 40.0, 9.0 / 40.0, 0.0, 0.0, 0.0, 0.0],
+    [44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0, 0.0, 0.0, 0.0],
+    [19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0, 0.0, 0.0],
+    [9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0, 0.0],
+    [35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0],
+];
+
+/// The step of order 5 minus that of order 4.
+const ERROR: [f64; 7] =
+    [71.0 / 57600.0, 0.0, -71.0 / 16695.0, 71.0 / 1920.0, -17253.0 / 339_200.0, 22.0 / 525.0, -1.0 / 40.0];
+
+/// The fourth-order term of the interpolant.
+const INTERPOLANT: [f64; 7] = [
+    -12_715_105_075.0 / 11_282_082_432.0,
+    0.0,
+    87_487_479_700.0 / 32_700_410_799.0,
+    -10_690_763_975.0 / 1_880_347_072.0,
+    701_980_252_875.0 / 199_316_789_632.0,
+    -1_453_857_185.0 / 822_651_844.0,
+    69_997_945.0 / 29_380_423.0,
+];
+
+/// One step of the pair, with what it takes to look inside it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Step {
+    pub(super) time: f64,
+    pub(super) length: f64,
+    start: Components,
+    end: Components,
+    slopes: [Components; 7],
+}
+
+impl Step {
+    /// Takes a step of `length` s from `state`.
+    pub(super) fn take(model: &PushModel, contact: &Contact, time: f64, state: State, length: f64) -> Self {
+        let start = Components::from(state);
+        let mut slopes = [[0.0; 4]; 7];
+        let mut end = start;
+        for stage in 0..7 {
+            end = moved(start, &slopes, &STAGES[stage], length);
+            slopes[stage] = model.motion(contact, time + NODES[stage] * length, &end.into()).rates.into();
+        }
+        Self { time, length, start, end, slopes }
+    }
+
+    /// The state at the end, of order 5.
+    pub(super) fn end(&self) -> State {
+        self.end.into()
+    }
+
+    /// The state at the start.
+    pub(super) fn start(&self) -> State {
+        self.start.into()
+    }
+
+    /// The interpolant at a share of the step in [0, 1]: of order 4, good for finding where to look.
+    pub(super) fn within(&self, share: f64) -> State {
+        let rest = 1.0 - share;
+        let quartic = moved([0.0; 4], &self.slopes, &INTERPOLANT, self.length);
+        let at = |i: usize| {
+            let difference = self.end[i] - self.start[i];
+            let bend = self.length * self.slopes[0][i] - difference;
+            let skew = difference - self.length * self.slopes[6][i] - bend;
+            self.start[i] + share * (difference + rest * (bend + share * (skew + rest * quartic[i])))
+        };
+        [0, 1, 2, 3].map(at).into()
+    }
+
+    /// The estimated error of the step: above 1 it is too large.
+    pub(super) fn error(&self, scale: &Scale) -> f64 {
+        let error = moved([0.0; 4], &self.slopes, &ERROR, self.length);
+        let worst = error.iter().zip(scale.0).map(|(error, scale)| (error / scale).abs());
+        // `max` would drop a NaN, which must count as too large.
+        worst.fold(0.0, |worst, error| if error > worst || error.is_nan() { error } else { worst }) / STEP_TOLERANCE
+    }
+
+    /// The length that the next step, or another try of this one, should have.
+    pub(super) fn length_next(&self, error: f64) -> f64 {
+        let growth = SAFETY * error.powf(-0.2);
+        self.length * if growth.is_nan() { GROWTH.0 } else { growth.clamp(GROWTH.0, GROWTH.1) }
+    }
+}
+
+/// `start` plus `length` times the weighted slopes.
+fn moved<const N: usize>(start: Components, slopes: &[Components; 7], weights: &[f64; N], length: f64) -> Components {
+    let mut moved = start;
+    for (slope, weight) in slopes.iter().zip(weights).filter(|(_, weight)| **weight != 0.0) {
+        for (component, rate) in moved.iter_mut().zip(slope) {
+            *component += length * weight * rate;
+        }
+    }
+    moved
+}
+
+/// What an error in each component is measured by: 1 rad, the radius of gyration, and the present speeds.
+///
+/// Relative to the present speeds because the direction of friction depends on their ratio, however slow the part is.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Scale(Components);
+
+impl Scale {
+    pub(super) fn of(model: &PushModel, contact: &Contact, time: f64, state: &State) -> Self {
+        let radius = model.part.inertia_per_mass().sqrt();
+        let [x, y] = model.velocity(contact, time, state);
+        let speed = x.hypot(y) + radius * state.omega.abs() + SPEED_FLOOR;
+        Self([1.0, radius, speed / radius, speed])
+    }
+}

@@ -1,0 +1,24 @@
+//! Parts that slide on a plane while a finger pushes them. Pure: no files, clocks or threads.
+//!
+//! In reading order:
+//! - [`support`]: what the plane does to a sliding part;
+//! - `model`: part, edge, finger and contact, as plain data; `scalar`: the numbers they are written for;
+//! - `dynamics`: accelerations and contact force; `rest`: how a part at rest begins to move;
+//! - `integrate`: steps in time, fixed and error-controlled;
+//! - `push`: a push from its start; `run`: a push in time, with what ends it.
+
+mod dynamics;
+mod integrate;
+mod model;
+mod push;
+mod rest;
+mod run;
+mod scalar;
+pub mod support;
+
+pub use dynamics::Motion;
+pub use model::{Contact, Edge, Finger, Mass, ModelError, Part, PushModel, Slip, State};
+pub use push::{ContactLaw, EdgeEnd, Push, PushError, Start};
+pub use rest::{RestError, RestStart};
+pub use run::{Acceleration, Change, ContactForce, End, EndReason, Run, RunError, Sample};
+pub use scalar::Scalar;

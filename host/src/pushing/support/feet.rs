@@ -1,0 +1,50 @@
+//! Support on a few points.
+//!
+//! Frames: the support's own. Units: SI. Errors: none.
+
+use nalgebra::{Matrix3, Point2, Vector2, Vector3};
+
+use super::{MeanSliding, Twist, turn_left};
+
+/// Points and the share of the weight on each.
+#[derive(Clone, Debug)]
+pub(super) struct Feet(Vec<Foot>);
+
+#[derive(Clone, Copy, Debug)]
+struct Foot {
+    at: Vector2<f64>,
+    share: f64,
+}
+
+impl Feet {
+    pub(super) fn new(feet: &[(Point2<f64>, f64)]) -> Self {
+        Self(feet.iter().map(|&(at, share)| Foot { at: at.coords, share }).collect())
+    }
+
+    pub(super) fn mean_sliding(&self, twist: &Twist) -> MeanSliding {
+        let mut sum = MeanSliding::NONE;
+        for foot in &self.0 {
+            if let Some(direction) = twist.velocity_at(foot.at).try_normalize(0.0) {
+                sum.direction += foot.share * direction;
+                sum.moment += foot.share * foot.at.perp(&direction);
+            }
+        }
+        sum
+    }
+
+    /// With `n` across the direction in which a foot slides at speed `v`, its part of the gradient is `w wᵀ/v`, where
+    /// `w = (n, p × n)`.
+    pub(super) fn mean_sliding_and_gradient(&self, twist: &Twist) -> (MeanSliding, Matrix3<f64>) {
+        let mut gradient = Matrix3::zeros();
+        for foot in &self.0 {
+            let velocity = twist.velocity_at(foot.at);
+            let speed = velocity.norm();
+            if speed > 0.0 {
+                let across = turn_left(velocity / speed);
+                let lever = Vector3::new(across.x, across.y, foot.at.perp(&across));
+                gradient += foot.share / speed * lever * lever.transpose();
+            }
+        }
+        (self.mean_sliding(twist), gradient)
+    }
+}

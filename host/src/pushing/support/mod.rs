@@ -1,0 +1,197 @@
+//! Friction between a sliding part and the plane it lies on.
+//!
+//! Every bit of the support resists against the direction in which it slides. For a part with uniform pressure the
+//! force is `−μ·g·(m/A)·I₁` and the moment `−μ·g·(m/A)·I₂` with
+//! `I₁ = ∫ v̂ dA` and `I₂ = ∫ p × v̂ dA`, where `v̂` is the direction of the velocity at `p`. This module gives the two
+//! divided by the area, so that a support of any kind gives the means of `v̂` and of `p × v̂`, weighed by pressure: [`MeanSliding`].
+//! Both are gradients of the mean speed `Φ = ∫ |v| dA / A`, hence their own gradient is symmetric and positive semidefinite.
+//!
+//! Implements: thesis §5.1, eqs. (5.1) to (5.4), and appendix C, in closed forms of our own that need no angles and no
+//! inside test. Symbols in `docs/NOTATION.md`.
+//! Assumes: Coulomb friction, pressure known and constant. What rests exactly at the centre of rotation has no friction.
+//! Frames: any frame fixed to the part, of which the twist is that of the origin, in the part's axes. Units: SI.
+//! Errors: none. A centre of rotation inside, on an edge, at a vertex or infinitely far away is valid.
+//!
+//! - `edges`: closed form, one square root and one logarithm an edge, for centres of rotation near the part;
+//! - `far`: a power series for those far away, up to and through pure translation;
+//! - `feet`: support on a few points.
+
+mod edges;
+mod far;
+mod feet;
+
+use nalgebra::{Matrix3, Point2, Vector2};
+
+use self::edges::Edges;
+use self::feet::Feet;
+use crate::geometry::SimplePolygon;
+
+/// How a part moves in the plane: the velocity of its frame's origin, and its rate of turning.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Twist {
+    /// Velocity of the origin, m/s.
+    pub velocity: Vector2<f64>,
+    /// Rate of turning, counter-clockwise, rad/s.
+    pub omega: f64,
+}
+
+impl Twist {
+    /// A twist from its parts, m/s and rad/s.
+    #[must_use]
+    pub fn new(velocity: Vector2<f64>, omega: f64) -> Self {
+        Self { velocity, omega }
+    }
+
+    /// The velocity of the point that is now at `offset` (m) from the origin, m/s.
+    #[must_use]
+    pub fn velocity_at(&self, offset: Vector2<f64>) -> Vector2<f64> {
+        self.velocity + self.omega * turn_left(offset)
+    }
+
+    /// The same motion seen from the point that is now at `offset` (m) from the origin.
+    #[must_use]
+    pub fn seen_from(&self, offset: Vector2<f64>) -> Self {
+        Self { velocity: self.velocity_at(offset), omega: self.omega }
+    }
+}
+
+/// How a support slides, averaged over its pressure. Of no dimension but the moment's length.
+///
+/// Friction on the part is `−μ·g` times this, per unit mass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeanSliding {
+    /// Mean of the direction of sliding `v̂`: `I₁/A`. At most 1 long, in the part's axes.
+    pub direction: Vector2<f64>,
+    /// Mean of `p × v̂` about the frame's origin: `I₂/A`, m.
+    pub moment: f64,
+}
+
+/// Magnitudes of a twist (m/s and rad/s) within which squares neither overflow nor underflow.
+///
+/// Twists beyond are brought to size 1 first; all others keep every bit.
+const PLAIN_SIZES: std::ops::Range<f64> = 1e-100..1e100;
+
+impl MeanSliding {
+    /// A support that does not move.
+    const NONE: Self = Self { direction: Vector2::new(0.0, 0.0), moment: 0.0 };
+
+    /// Mean speed `Φ` of the support under the twist that this belongs to, m/s; `μ·g` times it is the power lost per mass.
+    #[must_use]
+    pub fn mean_speed(&self, twist: &Twist) -> f64 {
+        self.direction.dot(&twist.velocity) + self.moment * twist.omega
+    }
+
+    /// The same about an origin from which the present one is seen at `offset`, m.
+    fn about(self, offset: Vector2<f64>) -> Self {
+        Self { moment: self.moment + offset.perp(&self.direction), ..self }
+    }
+}
+
+/// The pressure with which a part rests on the plane, ready to give its friction.
+///
+/// ```
+/// use nalgebra::{Point2, Vector2};
+/// use palpate::geometry::SimplePolygon;
+/// use palpate::pushing::support::{SupportFriction, Twist};
+///
+/// let block = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?;
+/// let support = SupportFriction::uniform(&block);
+/// let spin = support.mean_sliding(&Twist::new(Vector2::zeros(), 0.5));
+/// // A block turning on the spot resists with μ·m·g times its mean distance from the middle, 19.3 mm.
+/// assert!((spin.moment - 0.0193).abs() < 0.0001 && spin.direction.norm() < 1e-15);
+/// # Ok::<(), palpate::geometry::PolygonError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct SupportFriction {
+    pressure: Pressure,
+    /// From the frame's origin to the pressure's own centre, m.
+    centre: Vector2<f64>,
+}
+
+/// Where the weight rests, relative to a centre of its own.
+#[derive(Clone, Debug)]
+enum Pressure {
+    Uniform(Edges),
+    Feet(Feet),
+}
+
+impl SupportFriction {
+    /// Pressure uniform over a polygon, in the polygon's frame.
+    #[must_use]
+    pub fn uniform(polygon: &SimplePolygon) -> Self {
+        let centroid = polygon.centroid();
+        Self { pressure: Pressure::Uniform(Edges::new(polygon, centroid)), centre: centroid.coords }
+    }
+
+    /// Feet that each bear a share of the weight: points in the part's frame, m, and shares, used as given.
+    ///
+    /// A foot momentarily at rest has no friction.
+    #[must_use]
+    pub fn feet(feet: &[(Point2<f64>, f64)]) -> Self {
+        Self { pressure: Pressure::Feet(Feet::new(feet)), centre: Vector2::zeros() }
+    }
+
+    /// The same support in a frame with its origin moved to `origin`, which is given in the present frame, m.
+    ///
+    /// With the centre of mass as origin, twists and moments are those of the part's dynamics.
+    #[must_use]
+    pub fn with_origin(self, origin: Point2<f64>) -> Self {
+        Self { centre: self.centre - origin.coords, ..self }
+    }
+
+    /// Mean direction of sliding and its moment, both about the frame's origin, under a twist of that origin.
+    ///
+    /// Of degree 0: only the twist's direction counts. No motion at all gives zero.
+    #[must_use]
+    pub fn mean_sliding(&self, twist: &Twist) -> MeanSliding {
+        let (twist, _) = of_plain_size(twist.seen_from(self.centre));
+        let sliding = match &self.pressure {
+            Pressure::Uniform(edges) => edges.mean_sliding(&twist),
+            Pressure::Feet(feet) => feet.mean_sliding(&twist),
+        };
+        sliding.about(self.centre)
+    }
+
+    /// [`Self::mean_sliding`] and its gradient: rows direction x, direction y, moment; columns velocity x, y, omega.
+    ///
+    /// The gradient is symmetric and positive semidefinite, and takes the twist itself to zero. It does not exist without
+    /// motion, nor for feet at a foot at rest: there it counts that foot, or everything, as having none.
+    #[must_use]
+    pub fn mean_sliding_and_gradient(&self, twist: &Twist) -> (MeanSliding, Matrix3<f64>) {
+        let (twist, size) = of_plain_size(twist.seen_from(self.centre));
+        let (sliding, gradient) = match &self.pressure {
+            Pressure::Uniform(edges) => edges.mean_sliding_and_gradient(&twist),
+            Pressure::Feet(feet) => feet.mean_sliding_and_gradient(&twist),
+        };
+        (sliding.about(self.centre), gradient_about(&gradient, self.centre) / size)
+    }
+}
+
+/// A twist with which to compute and what it has been divided by.
+fn of_plain_size(twist: Twist) -> (Twist, f64) {
+    let size = twist.velocity.amax().max(twist.omega.abs());
+    if PLAIN_SIZES.contains(&size) || size == 0.0 {
+        return (twist, 1.0);
+    }
+    (Twist { velocity: twist.velocity / size, omega: twist.omega / size }, size)
+}
+
+/// What [`MeanSliding::about`] does to the gradient.
+fn gradient_about(gradient: &Matrix3<f64>, offset: Vector2<f64>) -> Matrix3<f64> {
+    let lever = turn_left(offset);
+    #[rustfmt::skip]
+    let twist_there = Matrix3::new(
+        1.0, 0.0, lever.x,
+        0.0, 1.0, lever.y,
+        0.0, 0.0, 1.0,
+    );
+    twist_there.transpose() * gradient * twist_there
+}
+
+/// A vector turned by a right angle counter-clockwise: `ẑ × v`.
+fn turn_left(v: Vector2<f64>) -> Vector2<f64> {
+    Vector2::new(-v.y, v.x)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,3 @@
+//! The kinds of problem, one module each.
+
+pub mod push;
