@@ -3,4 +3,5 @@
 pub mod force_logs;
 pub mod fuzz;
 pub mod oracle;
+pub mod push_oracle;
 pub mod rig;

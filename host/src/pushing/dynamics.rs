@@ -70,6 +70,7 @@ struct Instant<T> {
 impl<T: Scalar> PushModel<'_, T> {
     /// Rates and contact force at time `time` (s).
     #[must_use]
+    #[inline]
     pub fn motion(&self, contact: &Contact<T>, time: f64, state: &State<T>) -> Motion<T> {
         let instant = self.instant(contact, time, state);
         match contact {
@@ -113,6 +114,7 @@ impl<T: Scalar> PushModel<'_, T> {
         [-(cos * n) - sin * t, cos * t - sin * n]
     }
 
+    #[inline]
     fn part_velocity(&self, contact: &Contact<T>, finger: Components<T>, state: &State<T>) -> Components<T> {
         let t = match contact {
             Contact::Rolling => finger.t + state.omega * self.edge.height,
@@ -121,6 +123,7 @@ impl<T: Scalar> PushModel<'_, T> {
         Components { n: finger.n + state.s * state.omega, t }
     }
 
+    #[inline]
     fn instant(&self, contact: &Contact<T>, time: f64, state: &State<T>) -> Instant<T> {
         let turn = state.u.sin_cos();
         let finger_velocity = Components::of(self.finger.velocity(time), turn);
@@ -133,12 +136,14 @@ impl<T: Scalar> PushModel<'_, T> {
         }
     }
 
+    #[inline]
     fn drag(&self, velocity: Components<T>, omega: T) -> Drag<T> {
         let twist = EdgeTwist { normal: velocity.n, along: -velocity.t, turn: omega };
         let sliding = self.part.sliding(&self.edge, twist);
         Drag { n: sliding.normal * self.grip, t: -(sliding.along * self.grip), moment: sliding.turn * self.grip }
     }
 
+    #[inline]
     fn sliding(&self, m: T, state: &State<T>, instant: &Instant<T>) -> Motion<T> {
         let &State { s, omega, .. } = state;
         let Instant { finger_velocity, finger_acceleration, velocity, drag } = instant;
@@ -157,6 +162,7 @@ impl<T: Scalar> PushModel<'_, T> {
         Motion { rates, normal_force, tangential_force: -(m * normal_force) }
     }
 
+    #[inline]
     fn rolling(&self, state: &State<T>, instant: &Instant<T>) -> Motion<T> {
         let &State { s, omega, .. } = state;
         let Instant { finger_acceleration, drag, .. } = instant;

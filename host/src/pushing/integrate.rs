@@ -10,8 +10,8 @@ use super::scalar::Scalar;
 
 /// Error of one adaptive step that is accepted, relative to the scales of [`Scale`].
 ///
-/// A second of pushing takes about a thousand steps; measured against steps a hundred times as exact, the state at its end is
-/// then within 1e-9 of these scales. Ten times smaller costs 1.6 times the time.
+/// Errors of some hundred steps then stay below 3e-11 of these scales after a second of pushing (measured, see
+/// [`Push::run`](super::Push::run)): far below any sensor, near what rounding leaves.
 pub(super) const STEP_TOLERANCE: f64 = 1e-11;
 
 /// Speeds below this, in m/s, count as this in the scale of a step's error: no sensor tells them from rest.
@@ -39,9 +39,17 @@ impl<T: Scalar> State<T> {
 impl<T: Scalar> PushModel<'_, T> {
     /// The state one step of `dt` (s) later, by the classical Runge–Kutta method of order 4.
     ///
-    /// For observers: no error control, no events. At 5 ms, pushing at 5 cm/s with µ = 0.3, u is off by 4e-7 rad in the
-    /// median and 2e-5 rad in the worst of 100 pushes after 0.8 s; friction forgets speed within v/(µg), 17 ms there, and steps
-    /// much longer than that diverge.
+    /// For observers: no error control, no events. Measured error of u after 0.8 s at 5 cm/s with µ = 0.3, on 100 random pushes
+    /// each, rolling | frictionless, in rad:
+    ///
+    /// | step | median | worst |
+    /// |---|---|---|
+    /// | 10 ms | 7e-7 \| 1e-6 | 9e-6 \| 1e-4 |
+    /// | 5 ms | 4e-8 \| 7e-8 | 5e-7 \| 2e-6 |
+    /// | 2 ms | 1e-9 \| 1e-9 | 1e-8 \| 4e-8 |
+    /// | 1 ms | 6e-11 \| 9e-11 | 8e-10 \| 6e-9 |
+    ///
+    /// Friction forgets speed within v/(µg), 17 ms there; steps much longer than that diverge.
     #[must_use]
     pub fn step(&self, contact: &Contact<T>, time: f64, state: &State<T>, dt: f64) -> State<T> {
         let rates = |time: f64, state: &State<T>| self.motion(contact, time, state).rates;
@@ -50,7 +58,7 @@ impl<T: Scalar> PushModel<'_, T> {
         let k2 = rates(time + half, &state.moved(&k1, half));
         let k3 = rates(time + half, &state.moved(&k2, half));
         let k4 = rates(time + dt, &state.moved(&k3, dt));
-        let mean = |a: T, b: T, c: T, d: T| (a + (b + c) * 2.0 + d) / 6.0;
+        let mean = |a: T, b: T, c: T, d: T| (a + (b + c) * 2.0 + d) * (1.0 / 6.0);
         let rates = State {
             u: mean(k1.u, k2.u, k3.u, k4.u),
             s: mean(k1.s, k2.s, k3.s, k4.s),

@@ -17,9 +17,43 @@ use crate::geometry::SimplePolygon;
 pub struct Part {
     polygon: SimplePolygon,
     /// About the centre of mass.
-    support: SupportFriction,
+    support: Support,
     centre_of_mass: Point2<f64>,
     inertia_per_mass: f64,
+}
+
+/// What a part rests on, about its centre of mass.
+#[derive(Clone, Debug)]
+enum Support {
+    Uniform(SupportFriction),
+    Feet(Vec<Foot>),
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Foot {
+    at: Vector2<f64>,
+    share: f64,
+}
+
+/// Speed of a foot below which it counts as creeping, m/s.
+///
+/// Friction holds a foot at rest with any force up to its limit; here it does so by a creep below this speed, under a
+/// micrometre a second. Less creep makes the motion stiffer in proportion: a held foot with a third of the weight already
+/// needs a step each microsecond.
+pub const FOOT_AT_REST: f64 = 1e-6;
+
+/// Mean direction of sliding and its moment, over the feet.
+fn feet_sliding<T: Scalar>(feet: &[Foot], [x, y, omega]: [T; 3]) -> [T; 3] {
+    let mut sum = [T::from(0.0); 3];
+    for Foot { at, share } in feet {
+        let velocity = [x - omega * at.y, y + omega * at.x];
+        let squared = velocity[0] * velocity[0] + velocity[1] * velocity[1];
+        let creeps = squared.re() < FOOT_AT_REST * FOOT_AT_REST;
+        let speed = if creeps { T::from(FOOT_AT_REST) } else { squared.sqrt() };
+        let direction = velocity.map(|component| component / speed * *share);
+        sum = [sum[0] + direction[0], sum[1] + direction[1], sum[2] + direction[1] * at.x - direction[0] * at.y];
+    }
+    sum
 }
 
 /// Where a part's mass is.
@@ -53,15 +87,29 @@ impl Part {
     /// A plate of uniform density that presses uniformly on the plane.
     #[must_use]
     pub fn uniform(polygon: SimplePolygon) -> Self {
-        let (support, mass) = (SupportFriction::uniform(&polygon), Mass::uniform(&polygon));
-        Self::new(polygon, support, mass)
+        let mass = Mass::uniform(&polygon);
+        Self::with_mass(polygon, mass)
     }
 
-    /// A part with known support and mass, which need not fit each other.
+    /// A part that presses uniformly on the plane, its mass wherever it is.
     #[must_use]
-    pub fn new(polygon: SimplePolygon, support: SupportFriction, mass: Mass) -> Self {
+    pub fn with_mass(polygon: SimplePolygon, mass: Mass) -> Self {
+        let support = SupportFriction::uniform(&polygon).with_origin(mass.centre_of_mass);
+        Self::new(polygon, Support::Uniform(support), mass)
+    }
+
+    /// A part on feet: points in the part's frame, m, each with its share of the weight.
+    ///
+    /// A foot slower than [`FOOT_AT_REST`] has friction in proportion to its speed, so that one that comes to rest under a
+    /// moving part, as many do, stays there.
+    #[must_use]
+    pub fn on_feet(polygon: SimplePolygon, feet: &[(Point2<f64>, f64)], mass: Mass) -> Self {
+        let feet = feet.iter().map(|&(at, share)| Foot { at: at - mass.centre_of_mass, share });
+        Self::new(polygon, Support::Feet(feet.collect()), mass)
+    }
+
+    fn new(polygon: SimplePolygon, support: Support, mass: Mass) -> Self {
         let Mass { centre_of_mass, inertia_per_mass } = mass;
-        let support = support.with_origin(centre_of_mass);
         Self { polygon, support, centre_of_mass, inertia_per_mass }
     }
 
@@ -97,10 +145,14 @@ impl Part {
     }
 
     /// How the support slides, in edge axes about the centre of mass: friction on the part per unit mass is −µg times that.
+    #[inline]
     pub(super) fn sliding<T: Scalar>(&self, edge: &Edge, twist: EdgeTwist<T>) -> EdgeTwist<T> {
         let (x, y) = (edge.normal.x, edge.normal.y);
         let body = [twist.normal * x - twist.along * y, twist.normal * y + twist.along * x, twist.turn];
-        let [d_x, d_y, turn] = T::mean_sliding(&self.support, body);
+        let [d_x, d_y, turn] = match &self.support {
+            Support::Uniform(support) => T::mean_sliding(support, body),
+            Support::Feet(feet) => feet_sliding(feet, body),
+        };
         EdgeTwist { normal: d_x * x + d_y * y, along: d_y * x - d_x * y, turn }
     }
 }

@@ -6,7 +6,7 @@
 //! §5.1.3 finds it by a Newton iteration on the centre of rotation). In sliding the contact force is at an angle to the
 //! constraint; the same equations are solved in a plane across the force, and are reached from the frictionless ones.
 //!
-//! Assumes: no point of the support stays at rest (feet could).
+//! Assumes: as [`super::model`]; a foot that stays at rest creeps ([`super::FOOT_AT_REST`], here in m/s²).
 //! Frames: components along N and T of [`super::dynamics`]; per unit mass. Units: SI.
 //! Errors: [`RestError`] where the iteration does not settle.
 

@@ -45,7 +45,7 @@ const SEARCHES_MAX: usize = 80;
 /// First step, s: the next ones grow or shrink to what is needed.
 const STEP_FIRST: f64 = 1e-5;
 
-/// Steps of a push after which it is given up: some seconds of computing.
+/// Steps of a push after which it is given up: some seconds of computing. A foot held at rest takes a million a second.
 const STEPS_MAX: usize = 5_000_000;
 
 /// Changes between rolling and sliding after which a push is given up.
@@ -154,7 +154,7 @@ pub enum RunError {
     },
     /// Too many steps.
     #[error(
-        "the push needs more than {STEPS_MAX} steps and got to t = {t:?} s: support friction on so slow a part is too stiff"
+        "the push needs more than {STEPS_MAX} steps and got to t = {t:?} s: support friction on so slow a part, or on a foot at rest, is too stiff"
     )]
     TooLong {
         /// How far it got, s.
@@ -207,9 +207,8 @@ struct Found {
 impl Push<'_> {
     /// Simulates the push, and samples it at `times`: s, increasing, from 0 on, at least one.
     ///
-    /// Measured against steps a hundred times as exact, over a second at 5 cm/s: u within 1e-9 rad, s within 1e-11 m, events
-    /// within 1e-9 s. Follows speeds down to some tenths of a millimetre a second at about a thousand steps a second or less,
-    /// then at v/(3µg) a step.
+    /// Measured on 200 random pushes over 0.8 s at 5 cm/s, rolling and frictionless, against fixed steps of 20 µs: u within
+    /// 3e-11 rad, s within 3e-13 m. A slow part is stiff: a step takes about 3v/(µg), 0.1 ms at 0.1 mm/s.
     ///
     /// # Errors
     /// [`RunError`].

@@ -14,6 +14,7 @@ pub trait Scalar: DualNum<f64> + Copy {
 }
 
 impl Scalar for f64 {
+    #[inline]
     fn mean_sliding(support: &SupportFriction, [x, y, omega]: [f64; 3]) -> [f64; 3] {
         let sliding = support.mean_sliding(&Twist::new(Vector2::new(x, y), omega));
         [sliding.direction.x, sliding.direction.y, sliding.moment]

@@ -4,7 +4,6 @@ use nalgebra::Point2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::pushing::support::SupportFriction;
 use crate::pushing::{
     Contact, ContactForce, ContactLaw, EdgeEnd, EndReason, Finger as Disk, Mass, Part, Push as Simulation, PushError,
     PushModel, Run, Sample, Slip, Start, State,
@@ -137,11 +136,10 @@ impl From<Support> for SupportFields {
 }
 
 impl Support {
-    /// Its friction, in the part's frame.
+    /// Places in the part's frame, m, and shares of the weight.
     #[must_use]
-    pub fn friction(&self) -> SupportFriction {
-        let feet: Vec<_> = self.feet.iter().map(|&[x, y, share]| (Point2::new(x, y), share)).collect();
-        SupportFriction::feet(&feet)
+    pub fn feet(&self) -> Vec<(Point2<f64>, f64)> {
+        self.feet.iter().map(|&[x, y, share]| (Point2::new(x, y), share)).collect()
     }
 }
 
@@ -274,8 +272,10 @@ impl Push {
             (Some(_), None) => return Err(InvalidInput::missing("inertia_per_mass", "`centre_of_mass` needs it")),
             (None, Some(_)) => return Err(InvalidInput::missing("centre_of_mass", "`inertia_per_mass` needs it")),
         };
-        let support = self.support.as_ref().map_or_else(|| SupportFriction::uniform(&polygon), Support::friction);
-        Ok(Part::new(polygon, support, mass))
+        Ok(match &self.support {
+            None => Part::with_mass(polygon, mass),
+            Some(support) => Part::on_feet(polygon, &support.feet(), mass),
+        })
     }
 
     fn law(&self) -> Result<ContactLaw, InvalidInput> {
@@ -382,5 +382,180 @@ impl From<&Sample> for PushSample {
             normal_force: force(|force| force.normal),
             tangential_force: force(|force| force.tangential),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Value, json};
+
+    use super::*;
+    use crate::solve::read;
+
+    /// A block pushed up at the middle of its lower edge.
+    fn problem() -> Value {
+        json!({
+            "polygon": [[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]], "edge": 0, "mu": 0.3,
+            "mode": "rolling", "times": [0, 0.1],
+            "finger": {"radius": 0.01, "centre0": [0, 0], "velocity0": [0, 0.05], "acceleration": [0, 0]},
+            "initial": {"u": 1.6, "s": 0.002, "omega": 0.1},
+        })
+    }
+
+    fn changed(changes: Value) -> Value {
+        let mut problem = problem();
+        for (key, value) in changes.as_object().unwrap() {
+            problem[key] = value.clone();
+        }
+        problem
+    }
+
+    fn answer(problem: Value) -> Value {
+        serde_json::to_value(read::<Push>(problem).unwrap().solve().unwrap()).unwrap()
+    }
+
+    fn refuse(problem: Value) -> String {
+        let solved = read::<Push>(problem).map_err(SolveError::from).and_then(|push| push.solve());
+        match solved.unwrap_err() {
+            SolveError::InvalidInput(error) => error.to_string(),
+            SolveError::Internal(error) => panic!("internal: {error}"),
+        }
+    }
+
+    #[test]
+    fn every_impossible_start_has_a_message_of_its_own() {
+        let moving = json!({"u": 1.6, "s": 0.002, "omega": 0.1, "vT": 0.0, "sliding_sign": -1});
+        let finger = |velocity: [f64; 2], acceleration: [f64; 2]| json!({"radius": 0.01, "centre0": [0, 0], "velocity0": velocity, "acceleration": acceleration});
+        let rest = json!({"u": 1.6, "s": 0.002, "at_rest": true});
+        // A notch narrower than the disk.
+        let notch = json!([
+            [-0.03, -0.02],
+            [-0.004, -0.02],
+            [-0.004, 0.0],
+            [0.004, 0.0],
+            [0.004, -0.02],
+            [0.03, -0.02],
+            [0.03, 0.02],
+            [-0.03, 0.02]
+        ]);
+        let cases = [
+            (json!({"edge": 4}), "/edge", "4 is no edge of a polygon with 4"),
+            (json!({"mu": -0.1}), "/mu", "-0.1 is out of range"),
+            (json!({"mode": "sliding", "initial": moving}), "/mu_c", "is missing"),
+            (json!({"initial": {"u": 1.6, "s": 0.031, "omega": 0.0}}), "/initial/s", "beyond the edge"),
+            (
+                json!({"polygon": notch, "edge": 2, "initial": {"u": 1.6, "s": 0.0, "omega": 0.0}}),
+                "/finger/radius",
+                "overlaps the part",
+            ),
+            (json!({"initial": rest}), "/finger/velocity0", "at rest its velocity must be 0"),
+            (
+                json!({"initial": rest, "finger": finger([0.0; 2], [0.0, -1.0])}),
+                "/finger/acceleration",
+                "accelerates away from the part",
+            ),
+            (
+                json!({"mode": "sliding", "mu_c": 0.2, "initial": moving, "finger": finger([-0.02, 0.05], [0.0; 2])}),
+                "/initial/sliding_sign",
+                "against the sliding sign",
+            ),
+            (json!({"initial": moving}), "/initial/sliding_sign", "for the mode `sliding` only"),
+            (json!({"initial": {"u": 1.6, "s": 0.0, "omega": 0.0, "vT": 0.0}}), "/initial/vT", "leave it out"),
+            (json!({"initial": {"u": 1.6, "s": 0.0}}), "/initial/omega", "is missing"),
+            (json!({"mode": "frictionless"}), "/initial/vT", "is missing"),
+            (json!({"centre_of_mass": [0, 0]}), "/inertia_per_mass", "`centre_of_mass` needs it"),
+            (json!({"inertia_per_mass": 1e-4}), "/centre_of_mass", "`inertia_per_mass` needs it"),
+            (json!({"support": {"feet": []}}), "/support/feet", "is empty"),
+            (json!({"support": {"feet": [[0, 0, 0.5]]}}), "/support/feet", "must sum to 1"),
+            (json!({"support": {"feet": [[0, 0, 2], [0, 0, -1]]}}), "/support/feet/1/2", "is negative"),
+            (json!({"colour": "red"}), "/colour", "colour"),
+        ];
+        for (changes, place, message) in cases {
+            let told = refuse(changed(changes.clone()));
+            assert!(told.contains(&format!("{place:?}")) && told.contains(message), "{changes}: {told}");
+        }
+    }
+
+    #[test]
+    fn samples_are_those_asked_for_up_to_the_end() {
+        let run = answer(changed(json!({"times": [0.05, 0.1, 5.0]})));
+        let times: Vec<_> =
+            run["samples"].as_array().unwrap().iter().map(|sample| sample["t"].as_f64().unwrap()).collect();
+        assert_eq!(times, [0.05, 0.1]);
+        assert_eq!(run["end"]["reason"], "break");
+        assert_eq!(run["final"]["t"], run["end"]["t"]);
+        assert!(run.get("transitions").is_none() && run.get("initial_acceleration").is_none());
+    }
+
+    #[test]
+    fn a_time_of_zero_alone_asks_for_the_forces_there() {
+        let run = answer(changed(json!({"times": [0]})));
+        assert_eq!(run["end"], json!({"reason": "time", "t": 0.0}));
+        assert_eq!(run["samples"][0], run["final"]);
+    }
+
+    #[test]
+    fn rolling_beyond_the_friction_cone_slips_at_once() {
+        let run = answer(changed(json!({"mu_c": 0.0})));
+        assert_eq!(run["end"], json!({"reason": "slip", "t": 0.0}));
+    }
+
+    #[test]
+    fn a_jam_has_no_force() {
+        let run = answer(changed(json!({
+            "mode": "sliding", "mu_c": 5.0,
+            "initial": {"u": 1.6, "s": 0.02, "omega": 0.1, "vT": -0.05, "sliding_sign": 1},
+        })));
+        assert_eq!(run["end"], json!({"reason": "jam", "t": 0.0}));
+        assert_eq!(run["samples"][0]["normal_force"], Value::Null);
+        assert_eq!(run["final"]["tangential_force"], Value::Null);
+    }
+
+    #[test]
+    fn a_finger_that_slows_down_faster_than_the_part_breaks_contact_at_once() {
+        let finger = json!({"radius": 0.01, "centre0": [0, 0], "velocity0": [0, 0.05], "acceleration": [0, -9.0]});
+        let run = answer(changed(json!({"finger": finger})));
+        assert_eq!(run["end"], json!({"reason": "break", "t": 0.0}));
+    }
+
+    #[test]
+    fn a_problem_is_written_as_it_is_read() {
+        let problem = changed(json!({"g": 9.81, "stop_at_edge_end": true, "support": {"feet": [[0.0, 0.01, 1.0]]}}));
+        let written = serde_json::to_value(read::<Push>(problem.clone()).unwrap()).unwrap();
+        assert_eq!(
+            read::<Push>(written.clone()).unwrap().solve().unwrap().samples,
+            read::<Push>(problem).unwrap().solve().unwrap().samples
+        );
+        assert_eq!(written["support"], json!({"feet": [[0.0, 0.01, 1.0]]}));
+    }
+
+    /// Numbers that differ in their last digits on another processor.
+    const PRINTED: f64 = 1e-9;
+
+    fn alike(a: &Value, b: &Value) -> bool {
+        match (a, b) {
+            (Value::Number(a), Value::Number(b)) => {
+                a.as_f64().zip(b.as_f64()).is_some_and(|(a, b)| (a - b).abs() <= PRINTED)
+            }
+            (Value::Array(a), Value::Array(b)) => a.len() == b.len() && a.iter().zip(b).all(|(a, b)| alike(a, b)),
+            (Value::Object(a), Value::Object(b)) => {
+                a.len() == b.len() && a.iter().all(|(key, a)| b.get(key).is_some_and(|b| alike(a, b)))
+            }
+            _ => a == b,
+        }
+    }
+
+    #[test]
+    fn the_documented_line_is_answered_as_documented() {
+        let page = include_str!("../../../../docs/SOLVE.md");
+        let mut lines = page.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+        let mut problem = lines.find(|line| line["problem"] == "push").unwrap();
+        let mut documented = lines.find(|line| line["problem"] == "push").unwrap();
+        for frame in ["problem", "id"] {
+            problem.as_object_mut().unwrap().remove(frame);
+            documented.as_object_mut().unwrap().remove(frame);
+        }
+        let answered = answer(problem);
+        assert!(alike(&answered, &documented), "{answered}");
     }
 }

@@ -1,0 +1,516 @@
+//! Laws that pushes keep.
+
+use std::f64::consts::{PI, TAU};
+
+use nalgebra::{Isometry2, Point2, Rotation2, Vector2, Vector3};
+use proptest::prelude::*;
+
+use super::support::{SupportFriction, Twist};
+use super::*;
+use crate::geometry::SimplePolygon;
+
+/// Two ways to compute one acceleration, m/s² or rad/s² over ρ: rounding of values up to a hundred.
+const ACCELERATION_ROUNDING: f64 = 1e-10;
+
+/// Two runs of one push in other coordinates: each is within 1e-9 of the truth, relative to 1 rad, ρ and the speed.
+const RUN_TOLERANCE: f64 = 1e-7;
+
+/// A push drawn at random.
+#[derive(Clone, Debug)]
+struct Scene {
+    outline: Vec<Point2<f64>>,
+    edge: usize,
+    grip: f64,
+    finger: Finger,
+    start: State,
+}
+
+impl Scene {
+    fn part(&self) -> Part {
+        Part::uniform(SimplePolygon::new(self.outline.clone()).unwrap())
+    }
+
+    fn model<'p>(&self, part: &'p Part) -> PushModel<'p> {
+        PushModel { part, edge: part.edge(self.edge).unwrap(), grip: self.grip, finger: self.finger }
+    }
+
+    fn run(&self, law: ContactLaw, times: &[f64]) -> Run {
+        let part = self.part();
+        let start = Start::Moving(self.start);
+        Push::new(self.model(&part), law, start, EdgeEnd::Stop).unwrap().run(times).unwrap()
+    }
+}
+
+prop_compose! {
+    /// A star-shaped outline with its radii in m, convex or not.
+    fn outlines()(n in 3_usize..8)(
+        radii in proptest::collection::vec(0.025..0.04, n),
+        turns in proptest::collection::vec(-0.2..0.2, n),
+    ) -> Vec<Point2<f64>> {
+        let count = radii.len() as f64;
+        let vertex = |(i, (radius, turn)): (usize, (f64, f64))| {
+            Rotation2::new(TAU * (i as f64 + turn) / count) * Point2::new(radius, 0.0)
+        };
+        radii.into_iter().zip(turns).enumerate().map(vertex).collect()
+    }
+}
+
+prop_compose! {
+    /// A finger that pushes at a few cm/s into an edge, not too near its ends.
+    fn scenes()(outline in outlines())(
+        edge in 0..outline.len(),
+        outline in Just(outline),
+        u in -PI..PI,
+        share in 0.2..0.8,
+        heading in -0.3..0.3,
+        (speed, acceleration, grip) in (0.02..0.08, 0.0..0.1, 1.0..5.0),
+        (omega, v_t) in (-0.8..0.8, -0.02..0.02),
+        radius in 0.0..0.01,
+    ) -> Scene {
+        let part = Part::uniform(SimplePolygon::new(outline.clone()).unwrap());
+        let place = part.edge(edge).unwrap();
+        let toward = Rotation2::new(u + heading) * Vector2::x();
+        let finger = Finger {
+            radius,
+            centre0: [0.3, -0.2],
+            velocity0: [toward.x * speed, toward.y * speed],
+            acceleration: [toward.x * acceleration, toward.y * acceleration],
+        };
+        let start = State { u, s: place.s_min + share * (place.s_max - place.s_min), omega, v_t };
+        Scene { outline, edge, grip, finger, start }
+    }
+}
+
+/// Scenes in which the disk touches its edge only.
+fn possible_scenes() -> impl Strategy<Value = Scene> {
+    scenes().prop_filter("the disk overlaps the part", |scene| {
+        let (part, start) = (scene.part(), Start::Moving(scene.start));
+        Push::new(scene.model(&part), ContactLaw::Frictionless, start, EdgeEnd::Stop).is_ok()
+    })
+}
+
+fn contacts() -> impl Strategy<Value = Contact> {
+    let slip = prop_oneof![Just(Slip::Forward), Just(Slip::Backward)];
+    let sliding = (0.0..0.5, slip).prop_map(|(friction, slip)| Contact::Sliding { friction, slip });
+    prop_oneof![Just(Contact::Frictionless), Just(Contact::Rolling), sliding]
+}
+
+fn grid(step: f64, count: u32) -> Vec<f64> {
+    (0..=count).map(|i| f64::from(i) * step).collect()
+}
+
+/// Largest difference of two states, relative to 1 rad, ρ and the speed.
+fn distance(a: &State, b: &State, radius: f64, speed: f64) -> f64 {
+    let errors = [(a.u - b.u), (a.s - b.s) / radius, (a.omega - b.omega) * radius / speed, (a.v_t - b.v_t) / speed];
+    errors.into_iter().map(f64::abs).fold(0.0, f64::max)
+}
+
+/// Kinetic energy per mass, m²/s².
+fn kinetic(part: &Part, sample: &Sample) -> f64 {
+    0.5 * (sample.velocity.norm_squared() + part.inertia_per_mass() * sample.state.omega.powi(2))
+}
+
+/// Power that the finger puts in less what support friction takes, per mass, m²/s³. From forces and velocities alone.
+fn power(scene: &Scene, part: &Part, support: &SupportFriction, sample: &Sample) -> f64 {
+    let State { u, omega, .. } = sample.state;
+    let (normal, tangent) = (-Vector2::new(u.cos(), u.sin()), Vector2::new(-u.sin(), u.cos()));
+    let force = sample.force.unwrap();
+    let force = -(normal * force.normal) - tangent * force.tangential;
+    let contact = scene.finger.centre(sample.t) - normal * scene.finger.radius;
+    let centre = Isometry2::new(sample.position.coords, sample.theta) * part.centre_of_mass();
+    let arm = contact - centre;
+    let contact_velocity = sample.velocity + omega * Vector2::new(-arm.y, arm.x);
+    let body_velocity = Rotation2::new(sample.theta).inverse() * sample.velocity;
+    let twist = Twist::new(body_velocity, omega);
+    force.dot(&contact_velocity) - scene.grip * support.mean_sliding(&twist).mean_speed(&twist)
+}
+
+/// Scaling of lengths and times: both to powers of two, so that rounding stays the same.
+const LENGTH_SCALE: f64 = 4.0;
+const TIME_SCALE: f64 = 2.0;
+
+fn scaled(scene: &Scene) -> Scene {
+    let (speed, acceleration) = (LENGTH_SCALE / TIME_SCALE, LENGTH_SCALE / TIME_SCALE.powi(2));
+    let State { u, s, omega, v_t } = scene.start;
+    Scene {
+        outline: scene.outline.iter().map(|point| point * LENGTH_SCALE).collect(),
+        edge: scene.edge,
+        grip: scene.grip * acceleration,
+        finger: Finger {
+            radius: scene.finger.radius * LENGTH_SCALE,
+            centre0: scene.finger.centre0.map(|x| x * LENGTH_SCALE),
+            velocity0: scene.finger.velocity0.map(|x| x * speed),
+            acceleration: scene.finger.acceleration.map(|x| x * acceleration),
+        },
+        start: State { u, s: s * LENGTH_SCALE, omega: omega / TIME_SCALE, v_t: v_t * speed },
+    }
+}
+
+/// The scene seen in a mirror on the y-axis of the world and on that of the part.
+fn mirrored(scene: &Scene) -> Scene {
+    let flip = |[x, y]: [f64; 2]| [-x, y];
+    let State { u, s, omega, v_t } = scene.start;
+    let n = scene.outline.len();
+    Scene {
+        outline: scene.outline.iter().rev().map(|point| flip((*point).into()).into()).collect(),
+        // Reversed, edge i runs from what was vertex n − 1 − i to the one before.
+        edge: (2 * n - 2 - scene.edge) % n,
+        grip: scene.grip,
+        finger: Finger {
+            radius: scene.finger.radius,
+            centre0: flip(scene.finger.centre0),
+            velocity0: flip(scene.finger.velocity0),
+            acceleration: flip(scene.finger.acceleration),
+        },
+        start: State { u: PI - u, s: -s, omega: -omega, v_t: -v_t },
+    }
+}
+
+fn turned(scene: &Scene, angle: f64) -> Scene {
+    let turn = |axes: [f64; 2]| (Rotation2::new(angle) * Vector2::from(axes)).into();
+    let Finger { radius, centre0, velocity0, acceleration } = scene.finger;
+    let finger =
+        Finger { radius, centre0: turn(centre0), velocity0: turn(velocity0), acceleration: turn(acceleration) };
+    Scene { finger, start: State { u: scene.start.u + angle, ..scene.start }, ..scene.clone() }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    /// Work of the finger = energy of the part + what support friction turned to heat.
+    #[test]
+    fn energy_is_accounted_for(scene in possible_scenes(), contact in contacts()) {
+        let law = match contact {
+            Contact::Rolling => ContactLaw::Rolling { friction: None },
+            Contact::Frictionless => ContactLaw::Frictionless,
+            Contact::Sliding { friction, .. } => ContactLaw::Coulomb { friction },
+        };
+        let run = scene.run(law, &grid(1e-4, 4000));
+        // One kind of contact: the force jumps between kinds, and with it the power.
+        let kind = run.samples[0].contact;
+        let last = run.samples.iter().take_while(|sample| sample.contact == kind).count();
+        let samples = &run.samples[..(last - 1) / 2 * 2 + 1];
+        let part = scene.part();
+        let support = SupportFriction::uniform(part.polygon()).with_origin(part.centre_of_mass());
+        let powers: Vec<_> = samples.iter().map(|sample| power(&scene, &part, &support, sample)).collect();
+        let simpson = powers.windows(3).step_by(2).map(|p| (p[0] + 4.0 * p[1] + p[2]) * 1e-4 / 3.0).sum::<f64>();
+        let gained = kinetic(&part, &samples[samples.len() - 1]) - kinetic(&part, &samples[0]);
+        let scale = samples.iter().map(|sample| kinetic(&part, sample)).fold(0.0, f64::max);
+        // Simpson's rule at 0.1 ms on powers that change within 5 ms or more.
+        prop_assert!((gained - simpson).abs() <= 1e-6 * scale, "gained {gained:e}, put in {simpson:e} m²/s²");
+    }
+
+    /// Seen from a finger in steady motion, a part without any friction keeps its kinetic energy: the contact does no work.
+    #[test]
+    fn without_any_friction_energy_relative_to_a_steady_finger_is_kept(scene in possible_scenes()) {
+        let scene = Scene { grip: 0.0, finger: Finger { acceleration: [0.0; 2], ..scene.finger }, ..scene };
+        let (run, part) = (scene.run(ContactLaw::Frictionless, &[0.0, 0.5]), scene.part());
+        let energy = |sample: &Sample| {
+            let velocity = sample.velocity - Vector2::from(scene.finger.velocity0);
+            0.5 * (velocity.norm_squared() + part.inertia_per_mass() * sample.state.omega.powi(2))
+        };
+        let (start, end) = (energy(&run.samples[0]), energy(&run.last));
+        prop_assert!((start - end).abs() <= RUN_TOLERANCE * start, "{start:e} became {end:e} m²/s²");
+    }
+
+    #[test]
+    fn turning_the_world_turns_the_push(scene in possible_scenes(), angle in -PI..PI) {
+        let law = ContactLaw::Coulomb { friction: 0.2 };
+        let (run, other) = (scene.run(law, &[0.0, 0.3]), turned(&scene, angle).run(law, &[0.0, 0.3]));
+        let back = State { u: other.last.state.u - angle, ..other.last.state };
+        let radius = scene.part().inertia_per_mass().sqrt();
+        prop_assert_eq!(run.end.reason, other.end.reason);
+        prop_assert!(distance(&run.last.state, &back, radius, 0.05) < RUN_TOLERANCE, "{:?} {:?}", run.last, other.last);
+        let turned_back = Rotation2::new(-angle) * other.last.position;
+        prop_assert!((turned_back - run.last.position).norm() < RUN_TOLERANCE * radius);
+    }
+
+    #[test]
+    fn the_part_frame_does_not_matter(scene in possible_scenes(), x in -0.1..0.1, y in -0.1..0.1, turn in -PI..PI) {
+        let frame = Isometry2::new(Vector2::new(x, y), turn);
+        let outline = scene.outline.iter().map(|point| frame * point).collect();
+        let other = Scene { outline, ..scene.clone() };
+        let law = ContactLaw::Coulomb { friction: 0.2 };
+        let (run, other) = (scene.run(law, &[0.3]), other.run(law, &[0.3]));
+        let radius = scene.part().inertia_per_mass().sqrt();
+        prop_assert!(distance(&run.last.state, &other.last.state, radius, 0.05) < RUN_TOLERANCE);
+        let vertex = |run: &Run, vertex| Isometry2::new(run.last.position.coords, run.last.theta) * vertex;
+        let (here, there) = (vertex(&run, scene.outline[0]), vertex(&other, frame * scene.outline[0]));
+        prop_assert!((here - there).norm() < RUN_TOLERANCE * radius, "{here} {there}");
+    }
+
+    #[test]
+    fn a_mirror_image_moves_as_the_mirror_image(scene in possible_scenes()) {
+        let law = ContactLaw::Coulomb { friction: 0.2 };
+        let (run, image) = (scene.run(law, &[0.3]), mirrored(&scene).run(law, &[0.3]));
+        let State { u, s, omega, v_t } = image.last.state;
+        let seen = State { u: PI - u, s: -s, omega: -omega, v_t: -v_t };
+        let radius = scene.part().inertia_per_mass().sqrt();
+        prop_assert!(distance(&run.last.state, &seen, radius, 0.05) < RUN_TOLERANCE, "{:?} {:?}", run.last, image.last);
+        let mirrored_end = match run.end.reason {
+            EndReason::EdgeMin => EndReason::EdgeMax,
+            EndReason::EdgeMax => EndReason::EdgeMin,
+            other => other,
+        };
+        prop_assert_eq!(image.end.reason, mirrored_end);
+    }
+
+    #[test]
+    fn lengths_and_times_have_no_scale_of_their_own(scene in possible_scenes()) {
+        let law = ContactLaw::Coulomb { friction: 0.2 };
+        let (run, large) = (scene.run(law, &[0.3]), scaled(&scene).run(law, &[0.3 * TIME_SCALE]));
+        let State { u, s, omega, v_t } = large.last.state;
+        let speed = LENGTH_SCALE / TIME_SCALE;
+        let small = State { u, s: s / LENGTH_SCALE, omega: omega * TIME_SCALE, v_t: v_t / speed };
+        let radius = scene.part().inertia_per_mass().sqrt();
+        prop_assert_eq!(run.end.reason, large.end.reason);
+        prop_assert!(distance(&run.last.state, &small, radius, 0.05) < RUN_TOLERANCE, "{:?} {:?}", run.last, large.last);
+    }
+
+    /// Thesis §5.4.1: in rolling the contact covers the same length on disk and part.
+    #[test]
+    fn a_rolling_contact_moves_by_the_disks_radius_times_its_turn(scene in possible_scenes()) {
+        let run = scene.run(ContactLaw::Rolling { friction: None }, &[0.0, 0.3]);
+        let (start, end) = (run.samples[0].state, run.last.state);
+        let unequal = (end.s - start.s) + scene.finger.radius * (end.u - start.u);
+        prop_assert!(unequal.abs() < 1e-12, "{unequal:e} m");
+    }
+
+    /// Thesis §5.2.1 divides by s; these equations do not, and pass through s = 0 smoothly.
+    #[test]
+    fn nothing_is_special_about_the_foot_of_the_perpendicular(scene in scenes(), contact in contacts()) {
+        let part = scene.part();
+        let motion = |s: f64| scene.model(&part).motion(&contact, 0.0, &State { s, ..scene.start });
+        let (below, at, above) = (motion(-1e-7), motion(0.0), motion(1e-7));
+        let bend = |of: fn(&Motion) -> f64| (of(&below) + of(&above) - 2.0 * of(&at)).abs();
+        // A tenth of a micrometre changes no acceleration's slope by more than 1e-7 of a value of some hundred.
+        for of in [|m: &Motion| m.rates.omega, |m: &Motion| m.normal_force, |m: &Motion| m.rates.v_t] {
+            prop_assert!(bend(of) < 1e-5, "{below:?} {at:?} {above:?}");
+        }
+    }
+
+    #[test]
+    fn sliding_without_friction_is_frictionless(scene in scenes(), backward in any::<bool>()) {
+        let slip = if backward { Slip::Backward } else { Slip::Forward };
+        let part = scene.part();
+        let motion = |contact| scene.model(&part).motion(&contact, 0.0, &scene.start);
+        let (sliding, frictionless) = (motion(Contact::Sliding { friction: 0.0, slip }), motion(Contact::Frictionless));
+        prop_assert!((sliding.rates.omega - frictionless.rates.omega).abs() < ACCELERATION_ROUNDING);
+        prop_assert!((sliding.normal_force - frictionless.normal_force).abs() < ACCELERATION_ROUNDING);
+    }
+
+    /// Where the friction is just what rolling needs, sliding and rolling are one motion.
+    #[test]
+    fn sliding_on_the_rolling_force_is_rolling(scene in scenes()) {
+        let part = scene.part();
+        let model = scene.model(&part);
+        let state = State { v_t: model.rolling_v_t(0.0, &scene.start), ..scene.start };
+        let rolling = model.motion(&Contact::Rolling, 0.0, &state);
+        prop_assume!(rolling.normal_force.abs() > 1e-3);
+        let needed = rolling.tangential_force / rolling.normal_force;
+        let contact = Contact::Sliding { friction: needed.abs(), slip: Slip::of(-needed) };
+        prop_assume!(model.sliding_denominator(-needed, state.s).abs() > 1e-3);
+        let sliding = model.motion(&contact, 0.0, &state);
+        let scale = 1.0 + rolling.rates.omega.abs() + rolling.normal_force.abs();
+        prop_assert!((sliding.rates.omega - rolling.rates.omega).abs() < 1e-7 * scale, "{rolling:?} {sliding:?}");
+        prop_assert!((sliding.normal_force - rolling.normal_force).abs() < 1e-7 * scale, "{rolling:?} {sliding:?}");
+    }
+
+    #[test]
+    fn coulombs_law_holds_at_every_sample(scene in possible_scenes(), friction in 0.0..0.6) {
+        let part = scene.part();
+        let run = scene.run(ContactLaw::Coulomb { friction }, &grid(0.01, 40));
+        for sample in &run.samples {
+            let Some(ContactForce { normal, tangential }) = sample.force else { continue };
+            let slip = scene.model(&part).slip(sample.t, &sample.state);
+            match sample.contact {
+                Contact::Rolling => {
+                    prop_assert!(slip.abs() < ACCELERATION_ROUNDING && tangential.abs() <= friction * normal + 1e-9);
+                }
+                Contact::Sliding { slip: direction, .. } => {
+                    prop_assert!(slip * direction.sign() > -1e-9, "slips at {slip:e} m/s against {direction:?}");
+                    prop_assert!((tangential + direction.sign() * friction * normal).abs() < ACCELERATION_ROUNDING);
+                }
+                Contact::Frictionless => prop_assert!(false, "no contact friction under Coulomb's law"),
+            }
+        }
+    }
+
+    /// The start from rest minimises Gauss's function, without a word about its gradient.
+    #[test]
+    fn the_start_from_rest_is_the_least_constrained(
+        scene in scenes(),
+        toward in 0.1..3.0,
+        shift in -0.01..0.01,
+        turn in -0.5..0.5,
+        rolls in any::<bool>(),
+    ) {
+        let part = scene.part();
+        let State { u, s, .. } = scene.start;
+        let finger = [u.cos() * toward, u.sin() * toward];
+        let model = PushModel { finger: Finger { acceleration: finger, ..scene.finger }, ..scene.model(&part) };
+        let contact = if rolls { Contact::Rolling } else { Contact::Frictionless };
+        let start = model.rest_start(&contact, u, s).unwrap();
+        let support = SupportFriction::uniform(part.polygon()).with_origin(part.centre_of_mass());
+        let gauss = |a_n: f64, a_t: f64, alpha: f64| {
+            let (normal, along) = (model.edge.normal, Vector2::new(-model.edge.normal.y, model.edge.normal.x));
+            let twist = Twist::new(normal * a_n - along * a_t, alpha);
+            let inertia = a_n * a_n + a_t * a_t + part.inertia_per_mass() * alpha * alpha;
+            0.5 * inertia + scene.grip * support.mean_sliding(&twist).mean_speed(&twist)
+        };
+        // Neighbours that the contact permits: alike along N, in rolling along T too.
+        let a_t = start.a_t + if rolls { model.edge.height * turn } else { shift };
+        let (least, neighbour) =
+            (gauss(start.a_n, start.a_t, start.alpha), gauss(start.a_n + s * turn, a_t, start.alpha + turn));
+        prop_assert!(least <= neighbour + 1e-12 * least.abs(), "{start:?}: {least:e} > {neighbour:e}");
+        let meets: f64 = start.a_n - s * start.alpha + toward;
+        prop_assert!(meets.abs() < ACCELERATION_ROUNDING * (1.0 + toward), "the contact parts at {meets:e} m/s²");
+        if !rolls {
+            // Thesis §5.1.3: the part turns to the side on which it is pushed.
+            prop_assert!(start.alpha * s >= -ACCELERATION_ROUNDING);
+        }
+    }
+
+    #[test]
+    fn a_start_from_rest_goes_on_as_its_motion_does(scene in scenes(), toward in 0.3..3.0, contact in contacts()) {
+        let part = scene.part();
+        let State { u, s, .. } = scene.start;
+        let acceleration = [u.cos() * toward, u.sin() * toward];
+        let finger = Finger { acceleration, velocity0: [0.0; 2], ..scene.finger };
+        let model = PushModel { finger, ..scene.model(&part) };
+        let start = model.rest_start(&contact, u, s).unwrap();
+        // A moment later, the state that the start leads to accelerates as the start does.
+        let t = 1e-7;
+        let state = State { u, s, omega: start.alpha * t, v_t: start.a_t * t };
+        let motion = model.motion(&contact, t, &state);
+        let scale = 1.0 + start.alpha.abs() + start.normal_force.abs();
+        prop_assert!((motion.rates.omega - start.alpha).abs() < 1e-6 * scale, "{start:?} {motion:?}");
+        prop_assert!((motion.normal_force - start.normal_force).abs() < 1e-6 * scale, "{start:?} {motion:?}");
+        prop_assert!((motion.tangential_force - start.tangential_force).abs() < 1e-6 * scale, "{start:?} {motion:?}");
+    }
+
+    /// Every parameter, against central differences of the same steps.
+    #[test]
+    fn derivatives_are_those_of_finite_differences(scene in scenes(), contact in contacts()) {
+        const ALL: [Parameter; 10] = [
+            Parameter::U, Parameter::S, Parameter::Omega, Parameter::VT, Parameter::Grip, Parameter::ContactFriction,
+            Parameter::FingerVelocity(0), Parameter::FingerVelocity(1),
+            Parameter::FingerAcceleration(0), Parameter::FingerAcceleration(1),
+        ];
+        // Large enough to stand above rounding, small enough for the third derivative not to show.
+        const SMALL: [f64; 10] = [1e-5, 1e-7, 1e-5, 1e-6, 1e-5, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6];
+        /// Of a difference quotient, relative to the derivative or to what rounding leaves of it.
+        const QUOTIENT: f64 = 2e-4;
+        let part = scene.part();
+        let model = scene.model(&part);
+        let seeded = Seeded::new(&model, &contact, &scene.start, ALL);
+        let exact = seeded.model.rollout(&seeded.contact, &seeded.start, 1e-3).nth(29).unwrap();
+        let columns = derivatives(&exact);
+        for (column, (parameter, small)) in ALL.into_iter().zip(SMALL).enumerate() {
+            let end = |change: f64| {
+                let (model, contact, start) = changed(model, contact, scene.start, parameter, change);
+                let end = model.rollout(&contact, &start, 1e-3).nth(29).unwrap();
+                nalgebra::Vector4::new(end.u, end.s / 0.02, end.omega * 0.1, end.v_t / 0.1)
+            };
+            let quotient = (end(small) - end(-small)) / (2.0 * small);
+            let column = columns.column(column);
+            let column = nalgebra::Vector4::new(column[0], column[1] / 0.02, column[2] * 0.1, column[3] / 0.1);
+            prop_assert!(
+                (quotient - column).norm() <= QUOTIENT * (column.norm() + 1e-9 / small),
+                "{parameter:?}: {column:?}, by differences {quotient:?}"
+            );
+        }
+    }
+}
+
+/// A push with one parameter changed.
+fn changed<'p>(
+    mut model: PushModel<'p>,
+    mut contact: Contact,
+    mut start: State,
+    parameter: Parameter,
+    change: f64,
+) -> (PushModel<'p>, Contact, State) {
+    match parameter {
+        Parameter::U => start.u += change,
+        Parameter::S => start.s += change,
+        Parameter::Omega => start.omega += change,
+        Parameter::VT => start.v_t += change,
+        Parameter::Grip => model.grip += change,
+        Parameter::ContactFriction => {
+            if let Contact::Sliding { friction, .. } = &mut contact {
+                *friction += change;
+            }
+        }
+        Parameter::FingerVelocity(axis) => model.finger.velocity0[axis] += change,
+        Parameter::FingerAcceleration(axis) => model.finger.acceleration[axis] += change,
+    }
+    (model, contact, start)
+}
+
+/// A square of 6 cm by 4 cm about its frame's origin.
+fn block() -> Part {
+    Part::uniform(
+        SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from)).unwrap(),
+    )
+}
+
+/// The finger of most tests: up at 5 cm/s.
+fn finger() -> Finger {
+    Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] }
+}
+
+#[test]
+fn a_blocks_mass_is_that_of_the_textbook() {
+    let part = block();
+    // (a² + b²)/12
+    assert!((part.inertia_per_mass() - (0.06_f64.powi(2) + 0.04_f64.powi(2)) / 12.0).abs() < 1e-18);
+    assert!(part.centre_of_mass().coords.norm() < 1e-16);
+    let edge = part.edge(0).unwrap();
+    assert_eq!(edge.normal, Vector2::new(0.0, -1.0));
+    assert!(Vector3::new(edge.height - 0.02, edge.s_min + 0.03, edge.s_max - 0.03).norm() < 1e-16);
+}
+
+/// Pushed through its centre of mass along its own symmetry, a block follows the finger and nothing else happens.
+#[test]
+fn a_block_pushed_at_its_middle_goes_straight() {
+    let part = block();
+    let model = PushModel { part: &part, edge: part.edge(0).unwrap(), grip: 2.943, finger: finger() };
+    let start = Start::Moving(State { u: PI / 2.0, s: 0.0, omega: 0.0, v_t: 0.0 });
+    let push = Push::new(model, ContactLaw::Frictionless, start, EdgeEnd::Stop).unwrap();
+    let run = push.run(&[0.0, 0.5, 1.0]).unwrap();
+    assert_eq!((run.end.reason, run.samples.len()), (EndReason::Time, 3));
+    let Sample { position, force, theta, .. } = run.last;
+    assert!((position - Point2::new(0.0, 0.05 + 0.03)).norm() < 1e-12 && theta.abs() < 1e-12, "{position} {theta}");
+    // It does not accelerate, so the finger carries all of the friction.
+    assert!((force.unwrap().normal - 2.943).abs() < 1e-12);
+}
+
+#[test]
+fn a_finger_that_stops_loses_the_part_where_it_stops() {
+    let part = block();
+    // Slower to brake than friction would be, so that the part is pushed to the end: at rest after 1 s.
+    let finger = Finger { acceleration: [0.0, -0.05], ..finger() };
+    let model = PushModel { part: &part, edge: part.edge(0).unwrap(), grip: 2.943, finger };
+    let start = Start::Moving(State { u: PI / 2.0, s: 0.004, omega: 0.3, v_t: 0.0 });
+    let run =
+        Push::new(model, ContactLaw::Rolling { friction: None }, start, EdgeEnd::Stop).unwrap().run(&[2.0]).unwrap();
+    assert_eq!(run.end.reason, EndReason::Break);
+    assert!((run.end.t - 1.0).abs() < 1e-6 && run.last.velocity.norm() < 1e-8, "{:?}", run.last);
+}
+
+#[test]
+fn a_contact_at_the_end_of_its_edge_stops_there_or_not_as_asked() {
+    let part = block();
+    let model = PushModel { part: &part, edge: part.edge(0).unwrap(), grip: 2.943, finger: finger() };
+    // At the vertex, sliding outwards.
+    let start = Start::Moving(State { u: PI / 2.0, s: 0.03, omega: 0.0, v_t: 0.01 });
+    let run =
+        |edge_end| Push::new(model, ContactLaw::Frictionless, start, edge_end).unwrap().run(&[0.0, 1e-3]).unwrap();
+    let stopped = run(EdgeEnd::Stop);
+    assert_eq!((stopped.end.reason, stopped.samples.len()), (EndReason::EdgeMax, 1));
+    assert!(stopped.end.t.abs() < f64::EPSILON);
+    let extended = run(EdgeEnd::Extend);
+    assert_eq!(extended.end.reason, EndReason::Time);
+    assert!(extended.last.state.s > 0.03, "{:?}", extended.last);
+}
