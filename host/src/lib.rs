@@ -7,6 +7,7 @@ pub mod experiment;
 pub mod geometry;
 pub mod link;
 pub mod live;
+pub mod plot;
 pub mod pushing;
 pub mod recording;
 pub mod sensing;
