@@ -56,6 +56,10 @@ fn main() {
     {
         report(&format!("{name}, 160 steps of 5 ms"), per_push(|| roll_out(&model, &contact, &start)));
     }
+    let seconds = per_push(|| {
+        black_box(black_box(&model).fast_rollout(&Contact::Rolling, black_box(&start), STEP).nth(STEPS - 1));
+    });
+    report("rolling, 160 steps of 5 ms, two rates a step", seconds);
     let parameters = [Parameter::U, Parameter::S, Parameter::Omega];
     let seeded = Seeded::new(&model, &Contact::Rolling, &start, parameters);
     let seconds = per_push(|| roll_out(&seeded.model, &seeded.contact, &seeded.start));

@@ -82,7 +82,11 @@ fn case(seed: u64, mode: &str) -> Case {
     };
     // Rolling fixes the velocity along the disk: v_T that makes the slip zero. Slip is what v_T falls short of it.
     let rolling = world.seen(0.0, &world.start(u, s, omega, 0.0), Tangential::Multiple(0.0)).slip;
-    let slip = if mode == "rolling" { 0.0 } else { draw.between(0.01, 0.06) * if seed % 3 == 0 { -1.0 } else { 1.0 } };
+    let slip = if mode == "rolling" {
+        0.0
+    } else {
+        draw.between(0.01, 0.06) * if seed.is_multiple_of(3) { -1.0 } else { 1.0 }
+    };
     let v_t = rolling - slip;
     let mut initial = json!({"u": u, "s": s, "omega": omega});
     if mode != "rolling" {

@@ -4,7 +4,7 @@
 //! - [`support`]: what the plane does to a sliding part;
 //! - `model`: part, edge, finger and contact, as plain data; `scalar`: the numbers they are written for;
 //! - `dynamics`: accelerations and contact force; `rest`: how a part at rest begins to move;
-//! - `integrate`: steps in time, fixed and error-controlled;
+//! - `integrate`: steps in time, fixed and error-controlled; `rollout`: fixed steps, state after state;
 //! - `sensitivity`: derivatives of a push by its start and its parameters;
 //! - `push`: a push from its start; `run`: a push in time, with what ends it.
 
@@ -13,6 +13,7 @@ mod integrate;
 mod model;
 mod push;
 mod rest;
+mod rollout;
 mod run;
 mod scalar;
 mod sensitivity;

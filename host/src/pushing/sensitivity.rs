@@ -10,7 +10,6 @@ use nalgebra::{Const, SMatrix};
 use num_dual::{Derivative, DualSVec64};
 
 use super::model::{Contact, Finger, PushModel, State};
-use super::scalar::Scalar;
 
 /// What a push can be derived by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,15 +106,4 @@ impl<'p, const N: usize> Seeded<'p, N> {
 pub fn derivatives<const N: usize>(state: &State<DualSVec64<N>>) -> SMatrix<f64, 4, N> {
     let rows = [state.u, state.s, state.omega, state.v_t].map(|part| part.eps.unwrap_generic(Const, Const).transpose());
     SMatrix::from_rows(&rows)
-}
-
-impl<T: Scalar> PushModel<'_, T> {
-    /// The states after each step of `dt` (s), without end: see [`PushModel::step`].
-    pub fn rollout(&self, contact: &Contact<T>, start: &State<T>, dt: f64) -> impl Iterator<Item = State<T>> {
-        let mut state = *start;
-        (0_u32..).map(move |i| {
-            state = self.step(contact, f64::from(i) * dt, &state, dt);
-            state
-        })
-    }
 }

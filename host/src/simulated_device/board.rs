@@ -80,7 +80,7 @@ pub(super) fn run(config: &Config, mut outlet: Outlet, orders: &Receiver<Control
         let mut board = Board {
             started_ns: front_end.borrow().truth().time_ns,
             front_end: &front_end,
-            sampler: Sampler::new(SimulatedOnly(SpiPort::new(&front_end)), sampler_end, settings),
+            sampler: Sampler::new(SimulatedOnly::new(&front_end), sampler_end, settings),
             device: Device::new(identity(config, restarts), device_end),
             conversions: 0,
             temperature_at: DeviceTime(0),
@@ -124,7 +124,16 @@ fn identity(config: &Config, restarts: u16) -> Identity {
 }
 
 /// A bus with nothing but the simulation behind it, which therefore never passes for hardware.
-struct SimulatedOnly<'w>(SpiPort<'w>);
+#[derive(Clone, Copy, Debug)]
+pub struct SimulatedOnly<'w>(SpiPort<'w>);
+
+impl<'w> SimulatedOnly<'w> {
+    /// The bus of a simulated front-end.
+    #[must_use]
+    pub const fn new(front_end: &'w RefCell<SimulatedFrontEnd>) -> Self {
+        Self(SpiPort::new(front_end))
+    }
+}
 
 impl ErrorType for SimulatedOnly<'_> {
     type Error = PortBusy;

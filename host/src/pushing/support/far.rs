@@ -26,9 +26,12 @@ use super::{MeanSliding, Twist, turn_left};
 /// below 1e-16 of them.
 const DEGREE: usize = 20;
 
+/// Share of the second derivatives at which the series ends early.
+const LEFT_OUT: f64 = 1e-17;
+
 /// Points and weights of the Gauss rule on an edge, exact up to degree 21.
 const NODES: [(f64, f64); 6] = [
-    (0.125_233_408_511_468_91, 0.249_147_045_813_402_78),
+    (0.125_233_408_511_468_9, 0.249_147_045_813_402_78),
     (0.367_831_498_998_180_2, 0.233_492_536_538_354_8),
     (0.587_317_954_286_617_4, 0.203_167_426_723_065_92),
     (0.769_902_674_194_304_7, 0.160_078_328_543_346_22),
@@ -55,26 +58,16 @@ struct Expansion {
 }
 
 impl Far {
-    /// The series of a polygon with these vertices, relative to its centroid.
-    pub(super) fn of_polygon(
-        vertices: impl ExactSizeIterator<Item = Vector2<f64>> + Clone,
-        area: f64,
-        radius: f64,
-    ) -> Self {
+    /// The series of a shape whose outline is given by points and `p × dp` there, relative to its centroid.
+    pub(super) fn new(rays: impl Iterator<Item = (Vector2<f64>, f64)>, area: f64, radius: f64) -> Self {
         let mut series = Self { rows: (0..=DEGREE).map(|m| vec![0.0; DEGREE + 1 - m]).collect(), radius };
-        let ends = vertices.clone().cycle().skip(1);
-        for (start, end) in vertices.zip(ends) {
-            let (middle, half) = ((start + end) / (2.0 * radius), (end - start) / (2.0 * radius));
-            let weight = start.perp(&end) / (2.0 * area);
-            for (x, w) in NODES {
-                series.add_ray(middle + x * half, w * weight);
-                series.add_ray(middle - x * half, w * weight);
-            }
+        for (p, cross) in rays {
+            series.add_ray(p / radius, cross / area);
         }
         series
     }
 
-    /// Adds the triangles between the centroid and a bit of the outline at `p` (in radii), with twice their share of the area.
+    /// Adds the triangles between the centroid and a bit of the outline at `p` (in radii); `weight` is twice their share of the area.
     ///
     /// `|1 + εp| = Σ Pₙ`, homogeneous of degree `n` in `ε` and `p` each: `n Pₙ = −(2n − 3) ℓ Pₙ₋₁ − (n − 3) |ε|²|p|² Pₙ₋₂`, with
     /// `ℓ = Re εp` (the recurrence of Gegenbauer polynomials). From the centroid outwards it integrates to `Pₙ/(n + 2)`.
@@ -84,8 +77,8 @@ impl Far {
         here[0] = 1.0;
         for n in 0..=DEGREE {
             let share = weight / (n as f64 + 2.0);
-            for m in 0..=n {
-                self.rows[m][n - m] += share * here[m];
+            for (m, p_m) in here[..=n].iter().enumerate() {
+                self.rows[m][n - m] += share * p_m;
             }
             let next_n = n as f64 + 1.0;
             let (c1, c2) = (-(2.0 * next_n - 3.0) / next_n, -(next_n - 3.0) / next_n * p2);
@@ -139,10 +132,11 @@ impl Far {
     fn expand(&self, ahead: Vector2<f64>, kappa: f64) -> Expansion {
         let k = Vector2::new(ahead.y, ahead.x);
         let (a, b) = (kappa * k.x, kappa * k.y);
+        let degree = degree_for(kappa);
         let (mut f, mut fa, mut fb, mut faa, mut fab, mut fbb) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-        for row in self.rows.iter().rev() {
+        for (m, row) in self.rows[..=degree].iter().enumerate().rev() {
             let (mut g, mut ga, mut gaa) = (0.0, 0.0, 0.0);
-            for coefficient in row.iter().rev() {
+            for coefficient in row[..=degree - m].iter().rev() {
                 gaa = gaa * a + 2.0 * ga;
                 ga = ga * a + g;
                 g = g * a + coefficient;
@@ -164,6 +158,27 @@ impl Far {
             mm: faa * y * y - 2.0 * fab * x * y + fbb * x * x,
         }
     }
+}
+
+/// The degree at which the series may end, from how much its terms shrink with each degree.
+fn degree_for(kappa: f64) -> usize {
+    // The second derivatives begin at degree 2, and their error with the power of one degree less than the last.
+    let mut degree = 2;
+    let mut left_out = kappa.abs();
+    while left_out > LEFT_OUT && degree < DEGREE {
+        left_out *= kappa.abs();
+        degree += 1;
+    }
+    degree
+}
+
+/// Points of a polygon's outline and `p × dp` there, with which the series comes out exactly.
+pub(super) fn rays_of_polygon(vertices: &[Vector2<f64>]) -> impl Iterator<Item = (Vector2<f64>, f64)> {
+    let ends = vertices.iter().cycle().skip(1);
+    vertices.iter().zip(ends).flat_map(|(start, end)| {
+        let (middle, half, cross) = ((start + end) / 2.0, (end - start) / 2.0, start.perp(end) / 2.0);
+        NODES.into_iter().flat_map(move |(x, w)| [(middle + x * half, w * cross), (middle - x * half, w * cross)])
+    })
 }
 
 /// The direction in which the centroid moves and its speed; `None` if it does not move.

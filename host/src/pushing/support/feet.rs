@@ -21,6 +21,12 @@ impl Feet {
         Self(feet.iter().map(|&(at, share)| Foot { at: at.coords, share }).collect())
     }
 
+    pub(super) fn centre_of_pressure(&self) -> Vector2<f64> {
+        let weight: f64 = self.0.iter().map(|foot| foot.share).sum();
+        let moment: Vector2<f64> = self.0.iter().map(|foot| foot.share * foot.at).sum();
+        if weight == 0.0 { Vector2::zeros() } else { moment / weight }
+    }
+
     pub(super) fn mean_sliding(&self, twist: &Twist) -> MeanSliding {
         let mut sum = MeanSliding::NONE;
         for foot in &self.0 {

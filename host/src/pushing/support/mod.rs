@@ -12,18 +12,26 @@
 //! Frames: any frame fixed to the part, of which the twist is that of the origin, in the part's axes. Units: SI.
 //! Errors: none. A centre of rotation inside, on an edge, at a vertex or infinitely far away is valid.
 //!
-//! - `edges`: closed form, one square root and one logarithm an edge, for centres of rotation near the part;
-//! - `far`: a power series for those far away, up to and through pure translation;
-//! - `feet`: support on a few points.
+//! - `uniform`: uniform pressure; near centres of rotation by integrals along the outline,
+//!   - `lanes`: those of a polygon, in closed form, one square root and one logarithm an edge, four edges at a time;
+//!   - `smooth`: those of a smooth curve, by quadrature;
+//!   - `far`: far centres of rotation, by a power series that goes through pure translation;
+//! - `feet`: support on a few points;
+//! - [`EllipsoidalLimitSurface`]: what others use instead, for comparison.
 
-mod edges;
 mod far;
 mod feet;
+mod lanes;
+mod limit_surface;
+mod smooth;
+mod uniform;
 
 use nalgebra::{Matrix3, Point2, Vector2};
 
-use self::edges::Edges;
 use self::feet::Feet;
+pub use self::limit_surface::EllipsoidalLimitSurface;
+use self::smooth::Smooth;
+use self::uniform::Uniform;
 use crate::geometry::SimplePolygon;
 
 /// How a part moves in the plane: the velocity of its frame's origin, and its rate of turning.
@@ -111,7 +119,7 @@ pub struct SupportFriction {
 /// Where the weight rests, relative to a centre of its own.
 #[derive(Clone, Debug)]
 enum Pressure {
-    Uniform(Edges),
+    Uniform(Uniform),
     Feet(Feet),
 }
 
@@ -120,7 +128,28 @@ impl SupportFriction {
     #[must_use]
     pub fn uniform(polygon: &SimplePolygon) -> Self {
         let centroid = polygon.centroid();
-        Self { pressure: Pressure::Uniform(Edges::new(polygon, centroid)), centre: centroid.coords }
+        Self { pressure: Pressure::Uniform(Uniform::polygon(polygon, centroid)), centre: centroid.coords }
+    }
+
+    /// Pressure uniform over an ellipse with these semi-axes along x and y, m, in the frame at its middle.
+    ///
+    /// By quadrature: up to an aspect ratio of 50, errors stay below 1e-12 (gradients 1e-10) of the largest possible values.
+    ///
+    /// # Panics
+    /// If a semi-axis is not a positive number.
+    #[must_use]
+    pub fn ellipse(semi_axes: [f64; 2]) -> Self {
+        assert!(semi_axes.iter().all(|a| *a > 0.0 && a.is_finite()), "semi-axes {semi_axes:?} m must be positive");
+        Self { pressure: Pressure::Uniform(Uniform::smooth(Smooth::ellipse(semi_axes))), centre: Vector2::zeros() }
+    }
+
+    /// Pressure uniform within a smooth closed curve, counter-clockwise, that sees its centroid at the frame's origin.
+    ///
+    /// `outline` gives the point (m) and its derivative at a parameter from 0 to 1, with period 1. By quadrature on 16 panels of 16 points, which
+    /// are halved towards the centre of rotation: as exact as [`Self::ellipse`] where the panels resolve the curve.
+    #[must_use]
+    pub fn smooth(outline: impl Fn(f64) -> (Point2<f64>, Vector2<f64>) + Send + Sync + 'static) -> Self {
+        Self { pressure: Pressure::Uniform(Uniform::smooth(Smooth::new(outline))), centre: Vector2::zeros() }
     }
 
     /// Feet that each bear a share of the weight: points in the part's frame, m, and shares, used as given.
@@ -139,14 +168,42 @@ impl SupportFriction {
         Self { centre: self.centre - origin.coords, ..self }
     }
 
+    /// The point about which the pressure has no moment, in the frame, m; for feet whose shares cancel, the origin.
+    #[must_use]
+    pub fn centre_of_pressure(&self) -> Point2<f64> {
+        let own = match &self.pressure {
+            Pressure::Uniform(_) => Vector2::zeros(),
+            Pressure::Feet(feet) => feet.centre_of_pressure(),
+        };
+        Point2::from(self.centre + own)
+    }
+
+    /// The area over which a uniform pressure rests, m².
+    #[must_use]
+    pub fn area(&self) -> Option<f64> {
+        match &self.pressure {
+            Pressure::Uniform(shape) => Some(shape.area()),
+            Pressure::Feet(_) => None,
+        }
+    }
+
+    /// Points of the limit surface: the twists of [`limit_surface::twists`] with the friction each meets.
+    ///
+    /// Every point is a (scaled) friction wrench; the surface's outward normal there has the direction of its twist. About the centre of pressure,
+    /// pure translations give the unit circle at no moment.
+    #[must_use]
+    pub fn limit_surface(&self, length: f64, steps: usize) -> Vec<(Twist, MeanSliding)> {
+        limit_surface::twists(length, steps).map(|twist| (twist, self.mean_sliding(&twist))).collect()
+    }
+
     /// Mean direction of sliding and its moment, both about the frame's origin, under a twist of that origin.
     ///
     /// Of degree 0: only the twist's direction counts. No motion at all gives zero.
     #[must_use]
     pub fn mean_sliding(&self, twist: &Twist) -> MeanSliding {
-        let (twist, _) = of_plain_size(twist.seen_from(self.centre));
+        let twist = of_plain_size(twist).0.seen_from(self.centre);
         let sliding = match &self.pressure {
-            Pressure::Uniform(edges) => edges.mean_sliding(&twist),
+            Pressure::Uniform(shape) => shape.mean_sliding(&twist),
             Pressure::Feet(feet) => feet.mean_sliding(&twist),
         };
         sliding.about(self.centre)
@@ -158,9 +215,10 @@ impl SupportFriction {
     /// motion, nor for feet at a foot at rest: there it counts that foot, or everything, as having none.
     #[must_use]
     pub fn mean_sliding_and_gradient(&self, twist: &Twist) -> (MeanSliding, Matrix3<f64>) {
-        let (twist, size) = of_plain_size(twist.seen_from(self.centre));
+        let (twist, size) = of_plain_size(twist);
+        let twist = twist.seen_from(self.centre);
         let (sliding, gradient) = match &self.pressure {
-            Pressure::Uniform(edges) => edges.mean_sliding_and_gradient(&twist),
+            Pressure::Uniform(shape) => shape.mean_sliding_and_gradient(&twist),
             Pressure::Feet(feet) => feet.mean_sliding_and_gradient(&twist),
         };
         (sliding.about(self.centre), gradient_about(&gradient, self.centre) / size)
@@ -168,10 +226,10 @@ impl SupportFriction {
 }
 
 /// A twist with which to compute and what it has been divided by.
-fn of_plain_size(twist: Twist) -> (Twist, f64) {
+fn of_plain_size(twist: &Twist) -> (Twist, f64) {
     let size = twist.velocity.amax().max(twist.omega.abs());
     if PLAIN_SIZES.contains(&size) || size == 0.0 {
-        return (twist, 1.0);
+        return (*twist, 1.0);
     }
     (Twist { velocity: twist.velocity / size, omega: twist.omega / size }, size)
 }
