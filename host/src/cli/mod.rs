@@ -14,7 +14,9 @@ mod diagnose;
 mod info;
 mod latency;
 mod monitor;
+mod plot;
 mod ports;
+mod push;
 mod simulate_device;
 mod solve;
 
@@ -45,6 +47,7 @@ enum Command {
     Calibrate(calibrate::Arguments),
     Monitor(monitor::Arguments),
     Contact(contact::Arguments),
+    Push(push::Arguments),
     Solve(solve::Arguments),
     SimulateDevice(simulate_device::Arguments),
 }
@@ -68,6 +71,7 @@ pub(crate) fn run() -> ExitCode {
         Command::Calibrate(arguments) => calibrate::run(&arguments),
         Command::Monitor(arguments) => monitor::run(&arguments),
         Command::Contact(arguments) => contact::run(&arguments),
+        Command::Push(arguments) => push::run(&arguments),
         Command::Solve(arguments) => solve::run(&arguments),
         Command::SimulateDevice(arguments) => simulate_device::run(&arguments),
     };

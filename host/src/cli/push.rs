@@ -1,0 +1,281 @@
+//! `palpate push`.
+
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::ValueEnum;
+use miette::{IntoDiagnostic as _, WrapErr as _};
+use palpate::part_file::PartFile;
+use palpate::plot::Figure;
+use palpate::push_picture::{PushPicture, SAMPLES};
+use palpate::push_plan::{GRAVITY, PushPlan, Pushed, to_world};
+use palpate::pushing::{Contact, ContactForce, ContactLaw, EndReason, Run, Sample};
+use palpate::solve::kinds::push::{InitialAcceleration, PushAnswer, PushEnd, PushSample, Transition};
+
+use super::plot::PlotArguments;
+use super::{not_negative, positive};
+
+/// Most rows of the table; far beyond what anybody reads, and short of what would exhaust memory.
+const ROWS_MAX: i64 = 100_000;
+
+const LONG_HELP: &str = "\
+The part file is TOML; every length in it is in its `unit`:
+  unit = \"mm\"                                  # m, cm, mm or in
+  vertices = [[0, 0], [90, 0], [90, 40], [30, 60]]   # counter-clockwise
+  mu = 0.25                                    # friction between part and table
+  mu_c = 0.3                                   # friction between part and finger (optional)
+  feet = [[5, 5, 1], [85, 5, 1], [45, 45, 2]]  # x, y, weight on it in any unit (optional: else all of the base)
+  centre_of_mass = [48, 25]                    # both or neither of these two;
+  radius_of_gyration = 28                      # without them the part is a uniform plate
+
+At first the part lies as drawn and the finger touches it. Without --speed-mm-s both are at rest; with it the part
+already goes along with the finger. Forces are those on the part, as shares of its weight.
+
+Exit status: 0, 1 if the push is impossible or a file cannot be read or written, 64 wrong command line.";
+
+/// Simulates how a part moves on the table when the finger pushes it.
+///
+/// Prints where the part is, where the finger touches it and what force it takes, up to when the finger loses the part,
+/// the contact reaches the end of the edge, or the time is up.
+#[derive(Debug, clap::Args)]
+#[command(after_long_help = LONG_HELP)]
+pub(crate) struct Arguments {
+    /// The part file
+    #[arg(value_name = "PART.toml")]
+    part: PathBuf,
+    /// The edge to push at: from this vertex to the next, counted from 0
+    #[arg(long, value_name = "N")]
+    edge: usize,
+    /// Where on the edge: counter-clockwise from the foot of the perpendicular through the centre of mass [default: the
+    /// edge's middle]
+    #[arg(long, value_name = "MM", value_parser = finite, allow_negative_numbers = true)]
+    s_mm: Option<f64>,
+    /// Radius of the finger's disk
+    #[arg(long, value_name = "MM", value_parser = positive, default_value_t = 15.0)]
+    radius_mm: f64,
+    /// The finger's speed at the start; 0 starts from rest
+    #[arg(long, value_name = "MM/S", value_parser = not_negative, default_value_t = 0.0)]
+    speed_mm_s: f64,
+    /// Where the finger moves: 0 is straight into the edge, counter-clockwise
+    #[arg(long, value_name = "DEGREES", value_parser = finite, default_value_t = 0.0, allow_negative_numbers = true)]
+    direction_deg: f64,
+    /// The finger's acceleration; negative brakes
+    #[arg(long, value_name = "MM/S²", value_parser = finite, default_value_t = 0.0, allow_negative_numbers = true)]
+    acceleration_mm_s2: f64,
+    /// Where the finger accelerates, counted like the direction [default: the direction]
+    #[arg(long, value_name = "DEGREES", value_parser = finite, allow_negative_numbers = true)]
+    acceleration_direction_deg: Option<f64>,
+    /// How fast the part turns at the start, counter-clockwise; only with a speed
+    #[arg(long, value_name = "DEGREES/S", value_parser = finite, default_value_t = 0.0, allow_negative_numbers = true)]
+    turning_deg_s: f64,
+    /// What happens at the contact
+    #[arg(long, value_enum, default_value_t = ContactChoice::Auto)]
+    contact: ContactChoice,
+    /// Friction between part and finger [default: the part file's]
+    #[arg(long, value_name = "MU", value_parser = not_negative, allow_negative_numbers = true)]
+    mu_c: Option<f64>,
+    /// How long to push
+    #[arg(long, value_name = "S", value_parser = positive, default_value_t = 1.0)]
+    time_s: f64,
+    /// Rows of the table after the first
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=ROWS_MAX), default_value_t = 10)]
+    rows: u32,
+    /// Print one JSON object as `palpate solve` does for the problem `push`: m, rad, SI throughout
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    plot: PlotArguments,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum ContactChoice {
+    /// Coulomb friction if a coefficient is given, otherwise none
+    Auto,
+    /// No friction
+    Frictionless,
+    /// Never slips
+    Rolling,
+    /// Rolls or slides as Coulomb's law demands
+    Coulomb,
+}
+
+/// A finite number.
+fn finite(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok(value),
+        Ok(value) => Err(format!("{value} is out of range: it must be finite")),
+        Err(_) => Err(format!("`{text}` is not a number")),
+    }
+}
+
+pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
+    let file = read(&arguments.part)?;
+    let plan = arguments.plan(&file)?;
+    let cannot = || format!("cannot push {}", arguments.part.display());
+    let run = |times: &[f64]| plan.run(&file, times).into_diagnostic().wrap_err_with(cannot);
+    let pushed = run(&times(arguments.time_s, f64::from(arguments.rows)))?;
+    let text = if arguments.json { json(&pushed)? } else { table(&file, &plan, &pushed) };
+    arguments.plot.draw(|| {
+        // Not beyond the end: all that is drawn is what happened.
+        let smooth = run(&times(pushed.run.end.t, f64::from(u32::try_from(SAMPLES).unwrap_or(u32::MAX))))?;
+        Ok(arguments.figure(&file, &plan, &Pushed { run: Run { end: pushed.run.end, ..smooth.run }, ..smooth }))
+    })?;
+    print(&text)
+}
+
+fn read(path: &Path) -> miette::Result<PartFile> {
+    let cannot = || format!("cannot use the part file {}", path.display());
+    let text = fs::read_to_string(path).into_diagnostic().wrap_err_with(cannot)?;
+    PartFile::parse(&text).into_diagnostic().wrap_err_with(cannot)
+}
+
+/// From 0 to the end in equal steps; only 0 for a push that ends at once.
+fn times(end: f64, steps: f64) -> Vec<f64> {
+    if end <= 0.0 {
+        return vec![0.0];
+    }
+    let places = std::iter::successors(Some(0.0), |k| Some(k + 1.0)).take_while(|k| *k <= steps);
+    places.map(|k| end * k / steps).collect()
+}
+
+impl Arguments {
+    fn plan(&self, file: &PartFile) -> miette::Result<PushPlan> {
+        Ok(PushPlan {
+            edge: self.edge,
+            s: self.s_mm.map(|s| s * 1e-3),
+            radius: self.radius_mm * 1e-3,
+            speed: self.speed_mm_s * 1e-3,
+            direction: self.direction_deg.to_radians(),
+            acceleration: self.acceleration_mm_s2 * 1e-3,
+            acceleration_direction: self.acceleration_direction_deg.unwrap_or(self.direction_deg).to_radians(),
+            omega: self.turning_deg_s.to_radians(),
+            contact: self.law(self.mu_c.or(file.mu_c))?,
+        })
+    }
+
+    fn law(&self, friction: Option<f64>) -> miette::Result<ContactLaw> {
+        match (self.contact, friction) {
+            (ContactChoice::Auto | ContactChoice::Coulomb, Some(friction)) => Ok(ContactLaw::Coulomb { friction }),
+            (ContactChoice::Auto, None) | (ContactChoice::Frictionless, _) => Ok(ContactLaw::Frictionless),
+            (ContactChoice::Rolling, _) => Ok(ContactLaw::Rolling { friction: None }),
+            (ContactChoice::Coulomb, None) => Err(miette::miette!(
+                help = "give --mu-c, or mu_c in the part file",
+                "a contact by Coulomb's law needs its coefficient of friction"
+            )),
+        }
+    }
+
+    fn figure(&self, file: &PartFile, plan: &PushPlan, pushed: &Pushed) -> Figure {
+        let name = self.part.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        let friction = if let ContactLaw::Coulomb { friction } = plan.contact { Some(friction) } else { None };
+        let subtitles = [self.setting(file, plan), end_in_words(file, plan, pushed)];
+        let title = format!("Pushing {name} at edge {}", plan.edge);
+        PushPicture { file, pushed, friction, title: &title, subtitles: &subtitles }.figure()
+    }
+
+    /// Friction and motion in a line.
+    fn setting(&self, file: &PartFile, plan: &PushPlan) -> String {
+        let contact = match plan.contact {
+            ContactLaw::Coulomb { friction } => format!("µ {friction} at the finger"),
+            ContactLaw::Rolling { .. } => "no slip at the finger".to_owned(),
+            _ => "no friction at the finger".to_owned(),
+        };
+        let motion = match (self.speed_mm_s > 0.0, self.acceleration_mm_s2) {
+            (false, acceleration) => format!("from rest with {acceleration} mm/s²"),
+            (true, 0.0) => format!("{} mm/s", self.speed_mm_s),
+            (true, acceleration) => format!("{} mm/s and {acceleration} mm/s²", self.speed_mm_s),
+        };
+        format!("µ {} on the table, {contact}; finger: radius {} mm, {motion}", file.mu, self.radius_mm)
+    }
+}
+
+const HEADER: &str = concat!(
+    "   time   centre of mass    turned     contact          turning     force / weight\n",
+    "    [s]   x [mm]   y [mm]      [°]   u [°]   s [mm]       [°/s]      into     along  contact\n",
+);
+
+fn table(file: &PartFile, plan: &PushPlan, pushed: &Pushed) -> String {
+    let run = &pushed.run;
+    let before_end = run.samples.iter().filter(|sample| sample.t < run.end.t);
+    let rows = before_end.chain([&run.last]).map(|sample| row(file, sample));
+    let mut text = HEADER.to_owned() + &rows.collect::<String>();
+    for change in &run.changes {
+        text += &format!("{:.4} s: the contact begins to {}\n", change.t, verb(&change.to));
+    }
+    text + &end_in_words(file, plan, pushed) + "\n"
+}
+
+fn row(file: &PartFile, sample: &Sample) -> String {
+    let centre = to_world(sample, file.part.centre_of_mass()) * 1e3;
+    let force = |component: fn(ContactForce) -> f64| match sample.force {
+        Some(force) => fixed(component(force) / GRAVITY, 4),
+        None => "--".to_owned(),
+    };
+    format!(
+        "{:>7} {:>8} {:>8} {:>8} {:>7} {:>8} {:>11} {:>9} {:>9}  {}s\n",
+        fixed(sample.t, 4),
+        fixed(centre.x, 2),
+        fixed(centre.y, 2),
+        fixed(sample.theta.to_degrees(), 2),
+        fixed(sample.state.u.to_degrees(), 2),
+        fixed(sample.state.s * 1e3, 3),
+        fixed(sample.state.omega.to_degrees(), 2),
+        force(|force| force.normal),
+        force(|force| force.tangential),
+        verb(&sample.contact)
+    )
+}
+
+/// A number with so many decimals, and no minus sign before a zero.
+fn fixed(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    match text.strip_prefix('-') {
+        Some(zero) if zero.chars().all(|c| c == '0' || c == '.') => zero.to_owned(),
+        _ => text,
+    }
+}
+
+/// What a contact does.
+fn verb(contact: &Contact) -> &'static str {
+    match contact {
+        Contact::Rolling => "roll",
+        Contact::Frictionless | Contact::Sliding { .. } => "slide",
+    }
+}
+
+fn end_in_words(file: &PartFile, plan: &PushPlan, pushed: &Pushed) -> String {
+    let vertices = file.part.polygon().vertices().len();
+    let why = match pushed.run.end.reason {
+        EndReason::Time => "the time was up".to_owned(),
+        EndReason::Break => "the finger lost the part: no force is left at the contact".to_owned(),
+        EndReason::Stick => "sliding stopped".to_owned(),
+        EndReason::Slip => "rolling needs more friction than there is".to_owned(),
+        EndReason::EdgeMin => format!("the contact reached vertex {}", plan.edge),
+        EndReason::EdgeMax => format!("the contact reached vertex {}", (plan.edge + 1) % vertices),
+        EndReason::Jam => "the contact jams: no finite force fits (Painlevé's paradox)".to_owned(),
+    };
+    format!("ended after {:.4} s: {why}", pushed.run.end.t)
+}
+
+fn json(pushed: &Pushed) -> miette::Result<String> {
+    let run = &pushed.run;
+    let start =
+        run.rest_start.map(|start| InitialAcceleration { centroid: start.centre_of_mass.into(), alpha: start.alpha });
+    let answer = PushAnswer {
+        samples: run.samples.iter().map(PushSample::from).collect(),
+        end: PushEnd { reason: run.end.reason.into(), t: run.end.t },
+        last: (&run.last).into(),
+        initial_acceleration: start,
+        transitions: Some(run.changes.iter().map(|change| Transition { t: change.t, to: change.to.into() }).collect()),
+    };
+    Ok(serde_json::to_string(&answer).into_diagnostic()? + "\n")
+}
+
+fn print(text: &str) -> miette::Result<ExitCode> {
+    match io::stdout().write_all(text.as_bytes()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error).into_diagnostic(),
+        _ => Ok(ExitCode::SUCCESS),
+    }
+}

@@ -1,0 +1,264 @@
+//! The file in which a person describes a part: TOML, with the unit of its lengths.
+//!
+//! ```toml
+//! unit = "mm"                                     # of every length below: m, cm, mm or in
+//! vertices = [[0, 0], [90, 0], [90, 40], [30, 60]]    # counter-clockwise
+//! mu = 0.25                                       # friction between part and table
+//! mu_c = 0.3                                      # friction between part and finger (optional)
+//! feet = [[5, 5, 1], [85, 5, 1], [45, 45, 2]]     # x, y, weight on it in any unit; else all of the base (optional)
+//! centre_of_mass = [48, 25]                       # with radius_of_gyration; else those of a uniform plate (optional)
+//! radius_of_gyration = 28                         # √(moment of inertia about the centre of mass / mass)
+//! ```
+//!
+//! Frames: the part's own, as its vertices are given. Units: SI once read.
+//! Errors: [`PartFileError`] names the key, the value, the limit and what to do.
+
+use nalgebra::Point2;
+use serde::Deserialize;
+
+use crate::geometry::{PolygonError, SimplePolygon};
+use crate::pushing::{Mass, Part};
+
+/// A part that a person has described.
+#[derive(Clone, Debug)]
+pub struct PartFile {
+    /// Outline, support and mass.
+    pub part: Part,
+    /// µ between part and table.
+    pub mu: f64,
+    /// µ_c between part and finger, if the file says.
+    pub mu_c: Option<f64>,
+    /// The unit in which the person thinks.
+    pub unit: Unit,
+}
+
+/// A unit of length.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+pub enum Unit {
+    /// Metre.
+    #[serde(rename = "m")]
+    Metre,
+    /// Centimetre.
+    #[serde(rename = "cm")]
+    Centimetre,
+    /// Millimetre.
+    #[serde(rename = "mm")]
+    Millimetre,
+    /// Inch.
+    #[serde(rename = "in")]
+    Inch,
+}
+
+impl Unit {
+    /// m.
+    #[must_use]
+    pub fn metres(self) -> f64 {
+        match self {
+            Self::Metre => 1.0,
+            Self::Centimetre => 1e-2,
+            Self::Millimetre => 1e-3,
+            Self::Inch => 0.0254,
+        }
+    }
+}
+
+/// The file's keys.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Keys {
+    unit: Unit,
+    vertices: Vec<[f64; 2]>,
+    mu: f64,
+    mu_c: Option<f64>,
+    feet: Option<Vec<[f64; 3]>>,
+    centre_of_mass: Option<[f64; 2]>,
+    radius_of_gyration: Option<f64>,
+}
+
+/// Why a file does not describe a part.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PartFileError {
+    /// Not TOML, a key missing, unknown or of another type; the message shows the place.
+    #[error("{0}")]
+    Toml(String),
+    /// The outline.
+    #[error("vertices: {0}")]
+    Outline(#[from] PolygonError),
+    /// A coefficient of friction that cannot be.
+    #[error("{key} = {value:?}, but friction coefficients are finite and not negative: check its sign")]
+    Friction {
+        /// `mu` or `mu_c`.
+        key: &'static str,
+        /// What was given.
+        value: f64,
+    },
+    /// No feet.
+    #[error("feet is empty: give at least one, or leave the key out for a base that bears everywhere")]
+    NoFeet,
+    /// A foot that cannot be.
+    #[error("foot {index} is {foot:?}: its place must be finite and the weight on it above 0")]
+    Foot {
+        /// Which, from 0.
+        index: usize,
+        /// As given.
+        foot: [f64; 3],
+    },
+    /// One of two keys that belong together.
+    #[error("{given} needs {missing} beside it: give both, or neither for a plate of uniform density")]
+    Alone {
+        /// In the file.
+        given: &'static str,
+        /// Not in the file.
+        missing: &'static str,
+    },
+    /// A centre of mass that is no number.
+    #[error("centre_of_mass = {value:?} must be finite")]
+    CentreOfMass {
+        /// What was given.
+        value: [f64; 2],
+    },
+    /// A radius of gyration that cannot be.
+    #[error("radius_of_gyration = {value:?} must be finite and above 0")]
+    RadiusOfGyration {
+        /// What was given.
+        value: f64,
+    },
+}
+
+impl PartFile {
+    /// Reads the text of a file.
+    ///
+    /// ```
+    /// use palpate::part_file::PartFile;
+    ///
+    /// let block = PartFile::parse("unit = 'mm'\nvertices = [[0, 0], [60, 0], [60, 40], [0, 40]]\nmu = 0.3")?;
+    /// assert!((block.part.polygon().area() - 0.0024).abs() < 1e-12); // m²
+    /// # Ok::<(), palpate::part_file::PartFileError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`PartFileError`] names the first thing found wrong.
+    pub fn parse(text: &str) -> Result<Self, PartFileError> {
+        let keys: Keys = toml::from_str(text).map_err(|error| PartFileError::Toml(error.to_string()))?;
+        let mu = friction("mu", keys.mu)?;
+        let mu_c = keys.mu_c.map(|value| friction("mu_c", value)).transpose()?;
+        let metres = keys.unit.metres();
+        let vertices: Vec<_> = keys.vertices.iter().map(|vertex| Point2::from(*vertex) * metres).collect();
+        let polygon = SimplePolygon::new(vertices)?;
+        let mass = keys.mass(&polygon)?;
+        let part = match &keys.feet {
+            None => Part::with_mass(polygon, mass),
+            Some(feet) => Part::on_feet(polygon, &shares(feet, metres)?, mass),
+        };
+        Ok(Self { part, mu, mu_c, unit: keys.unit })
+    }
+}
+
+fn friction(key: &'static str, value: f64) -> Result<f64, PartFileError> {
+    if value.is_finite() && value >= 0.0 { Ok(value) } else { Err(PartFileError::Friction { key, value }) }
+}
+
+/// Feet in m with their shares of the weight.
+fn shares(feet: &[[f64; 3]], metres: f64) -> Result<Vec<(Point2<f64>, f64)>, PartFileError> {
+    if feet.is_empty() {
+        return Err(PartFileError::NoFeet);
+    }
+    let possible = |foot: &[f64; 3]| foot.iter().all(|value| value.is_finite()) && foot[2] > 0.0;
+    if let Some(index) = feet.iter().position(|foot| !possible(foot)) {
+        return Err(PartFileError::Foot { index, foot: feet[index] });
+    }
+    let weight: f64 = feet.iter().map(|[_, _, weight]| weight).sum();
+    Ok(feet.iter().map(|&[x, y, share]| (Point2::new(x, y) * metres, share / weight)).collect())
+}
+
+impl Keys {
+    fn mass(&self, polygon: &SimplePolygon) -> Result<Mass, PartFileError> {
+        let metres = self.unit.metres();
+        let (centre, radius) = match (self.centre_of_mass, self.radius_of_gyration) {
+            (None, None) => return Ok(Mass::uniform(polygon)),
+            (Some(centre), Some(radius)) => (centre, radius),
+            (Some(_), None) => return Err(alone("centre_of_mass", "radius_of_gyration")),
+            (None, Some(_)) => return Err(alone("radius_of_gyration", "centre_of_mass")),
+        };
+        if !centre.iter().all(|value| value.is_finite()) {
+            return Err(PartFileError::CentreOfMass { value: centre });
+        }
+        if !(radius.is_finite() && radius > 0.0) {
+            return Err(PartFileError::RadiusOfGyration { value: radius });
+        }
+        Ok(Mass { centre_of_mass: Point2::from(centre) * metres, inertia_per_mass: (radius * metres).powi(2) })
+    }
+}
+
+fn alone(given: &'static str, missing: &'static str) -> PartFileError {
+    PartFileError::Alone { given, missing }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BLOCK: &str = "unit = 'mm'\nvertices = [[0, 0], [60, 0], [60, 40], [0, 40]]\nmu = 0.3\n";
+
+    /// Relative rounding of a few operations.
+    const ROUNDING: f64 = 1e-12;
+
+    #[test]
+    fn units_change_nothing_but_the_numbers() {
+        let areas = [("m", 1.0), ("cm", 1e-4), ("mm", 1e-6), ("in", 0.0254 * 0.0254)];
+        for (unit, square) in areas {
+            let file = PartFile::parse(&BLOCK.replace("mm", unit)).unwrap();
+            assert!((file.part.polygon().area() / (2400.0 * square) - 1.0).abs() < ROUNDING, "{unit}");
+        }
+    }
+
+    #[test]
+    fn without_more_keys_a_part_is_a_uniform_plate() {
+        let PartFile { part, mu, mu_c, unit } = PartFile::parse(BLOCK).unwrap();
+        assert_eq!((mu, mu_c, unit), (0.3, None, Unit::Millimetre));
+        assert!((part.centre_of_mass() - Point2::new(0.03, 0.02)).norm() < ROUNDING);
+        let inertia = (0.06_f64.powi(2) + 0.04_f64.powi(2)) / 12.0;
+        assert!((part.inertia_per_mass() / inertia - 1.0).abs() < ROUNDING);
+    }
+
+    #[test]
+    fn weights_on_feet_are_shares_whatever_their_unit() {
+        for unit in [1.0, 250.0] {
+            let feet = shares(&[[0.0, 0.0, unit], [60.0, 10.0, 3.0 * unit]], 1e-3).unwrap();
+            assert!((feet[0].1 - 0.25).abs() < ROUNDING && (feet[1].1 - 0.75).abs() < ROUNDING, "{feet:?}");
+            assert!((feet[1].0 - Point2::new(0.06, 0.01)).norm() < ROUNDING, "{feet:?}");
+        }
+    }
+
+    #[test]
+    fn a_given_mass_is_taken_in_the_files_unit() {
+        let text = format!("{BLOCK}centre_of_mass = [20, 10]\nradius_of_gyration = 25");
+        let part = PartFile::parse(&text).unwrap().part;
+        assert!((part.centre_of_mass() - Point2::new(0.02, 0.01)).norm() < ROUNDING);
+        assert!((part.inertia_per_mass() / 0.025_f64.powi(2) - 1.0).abs() < ROUNDING);
+    }
+
+    #[test]
+    fn every_mistake_is_named_with_its_key() {
+        let bad = [
+            (BLOCK.replace("mu = 0.3", "mu = -0.3"), "mu = -0.3"),
+            (format!("{BLOCK}mu_c = nan"), "mu_c = NaN"),
+            (BLOCK.replace("'mm'", "'furlong'"), "furlong"),
+            (BLOCK.replace("unit = 'mm'\n", ""), "missing field `unit`"),
+            (BLOCK.replace("[60, 40], [0, 40]", "[0, 40], [60, 40]"), "vertices: edge"),
+            (BLOCK.replace("[60, 40]", "[60]"), "expected"),
+            (format!("{BLOCK}mass = 2"), "unknown field `mass`"),
+            (format!("{BLOCK}feet = []"), "feet is empty"),
+            (format!("{BLOCK}feet = [[1, 1, 1], [2, 2, -1]]"), "foot 1 is [2.0, 2.0, -1.0]"),
+            (format!("{BLOCK}centre_of_mass = [1, 1]"), "centre_of_mass needs radius_of_gyration"),
+            (format!("{BLOCK}radius_of_gyration = 1"), "radius_of_gyration needs centre_of_mass"),
+            (format!("{BLOCK}centre_of_mass = [1, inf]\nradius_of_gyration = 1"), "must be finite"),
+            (format!("{BLOCK}centre_of_mass = [1, 1]\nradius_of_gyration = 0"), "above 0"),
+        ];
+        for (text, wanted) in bad {
+            let message = PartFile::parse(&text).unwrap_err().to_string();
+            assert!(message.contains(wanted), "wanted {wanted}, got {message}");
+        }
+    }
+}

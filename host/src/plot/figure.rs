@@ -1,0 +1,114 @@
+//! Panels side by side and one above the other on a page with a title.
+
+use super::axis::TITLE_SIZE;
+use super::chart::Chart;
+use super::page::{Area, Margins, Page, PagePoint, Text};
+use super::scene::Scene;
+use super::style::Colour;
+
+/// Height of the font of a figure's title and of its subtitle.
+const HEADLINE_SIZE: f64 = TITLE_SIZE + 4.0;
+const SUBTITLE_SIZE: f64 = TITLE_SIZE - 1.0;
+
+/// Left free at the page's edges, and height of the title and of each line below it.
+const EDGE: f64 = 10.0;
+const HEADLINE_HEIGHT: f64 = 32.0;
+const SUBTITLE_HEIGHT: f64 = 20.0;
+
+/// What can be drawn into a part of a page.
+pub trait Panel {
+    /// Draws into an area of a page.
+    fn draw(&self, page: &mut Page, panel: Area);
+}
+
+/// A page of panels.
+pub struct Figure {
+    title: String,
+    subtitles: Vec<String>,
+    size: [f64; 2],
+    columns: Vec<Column>,
+}
+
+/// Panels one above the other, all of one height.
+struct Column {
+    share: f64,
+    panels: Vec<Box<dyn Panel>>,
+}
+
+impl Figure {
+    /// An empty figure of a width and a height in page units.
+    #[must_use]
+    pub fn new(title: impl Into<String>, width: f64, height: f64) -> Self {
+        Self { title: title.into(), subtitles: Vec::new(), size: [width, height], columns: Vec::new() }
+    }
+
+    /// The figure with a line below its title.
+    #[must_use]
+    pub fn subtitle(mut self, text: impl Into<String>) -> Self {
+        self.subtitles.push(text.into());
+        self
+    }
+
+    /// The figure with a column to the right of those it has: its share of the width, and its panels from the top down.
+    #[must_use]
+    pub fn column(mut self, share: f64, panels: Vec<Box<dyn Panel>>) -> Self {
+        self.columns.push(Column { share, panels });
+        self
+    }
+
+    /// Draws it.
+    #[must_use]
+    pub fn to_page(&self) -> Page {
+        let [width, height] = self.size;
+        let mut page = Page::new(width, height, self.title.clone());
+        let body = self.draw_titles(&mut page);
+        let shares: f64 = self.columns.iter().map(|column| column.share).sum();
+        let mut left = body.left;
+        for column in &self.columns {
+            let width = body.width * column.share / shares;
+            column.draw(&mut page, Area { left, width, ..body });
+            left += width;
+        }
+        page
+    }
+
+    /// Draws title and subtitles, and gives the area that is left.
+    fn draw_titles(&self, page: &mut Page) -> Area {
+        let body = page.area().inside(Margins { left: EDGE, top: EDGE, right: EDGE, bottom: EDGE });
+        if self.title.is_empty() {
+            return body;
+        }
+        let mut at = PagePoint::new(body.left + EDGE, body.top + 0.5 * HEADLINE_HEIGHT);
+        page.text(Text::new(self.title.clone(), at, HEADLINE_SIZE, Colour::BLACK));
+        at = at.moved(0.0, 0.5 * (HEADLINE_HEIGHT + SUBTITLE_HEIGHT) - 4.0);
+        let mut top = HEADLINE_HEIGHT;
+        for subtitle in &self.subtitles {
+            page.text(Text::new(subtitle.clone(), at, SUBTITLE_SIZE, Colour::DARK_GREY));
+            at = at.moved(0.0, SUBTITLE_HEIGHT);
+            top += SUBTITLE_HEIGHT;
+        }
+        body.inside(Margins { top, ..Margins::default() })
+    }
+}
+
+impl Column {
+    fn draw(&self, page: &mut Page, area: Area) {
+        let count = u32::try_from(self.panels.len()).unwrap_or(u32::MAX);
+        let height = area.height / f64::from(count.max(1));
+        for (row, panel) in (0_u32..).zip(&self.panels) {
+            panel.draw(page, Area { top: area.top + f64::from(row) * height, height, ..area });
+        }
+    }
+}
+
+impl From<Scene> for Box<dyn Panel> {
+    fn from(scene: Scene) -> Self {
+        Box::new(scene)
+    }
+}
+
+impl From<Chart> for Box<dyn Panel> {
+    fn from(chart: Chart) -> Self {
+        Box::new(chart)
+    }
+}

@@ -1,0 +1,133 @@
+//! How things are drawn: colours that colour-blind people tell apart, strokes and fills.
+//!
+//! Units: page units, of which a screen shows 96 an inch.
+
+/// An sRGB colour.
+///
+/// The named ones are those of Okabe and Ito ("Color Universal Design", 2008), chosen so that people with any kind of
+/// colour vision tell them apart; yellow is left out, it is too pale for lines on white.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Colour {
+    /// Red, green and blue.
+    pub rgb: [u8; 3],
+}
+
+impl Colour {
+    /// Text and what matters most.
+    pub const BLACK: Self = Self { rgb: [0, 0, 0] };
+    /// Captions and frames.
+    pub const DARK_GREY: Self = Self { rgb: [80, 80, 80] };
+    /// What stays in the background.
+    pub const GREY: Self = Self { rgb: [150, 150, 150] };
+    /// Grids.
+    pub const PALE_GREY: Self = Self { rgb: [230, 230, 230] };
+    /// The page.
+    pub const WHITE: Self = Self { rgb: [255, 255, 255] };
+    /// Okabe and Ito's blue.
+    pub const BLUE: Self = Self { rgb: [0, 114, 178] };
+    /// Okabe and Ito's vermillion.
+    pub const VERMILLION: Self = Self { rgb: [213, 94, 0] };
+    /// Okabe and Ito's bluish green.
+    pub const GREEN: Self = Self { rgb: [0, 158, 115] };
+    /// Okabe and Ito's reddish purple.
+    pub const PURPLE: Self = Self { rgb: [204, 121, 167] };
+    /// Okabe and Ito's orange.
+    pub const ORANGE: Self = Self { rgb: [230, 159, 0] };
+    /// Okabe and Ito's sky blue.
+    pub const SKY_BLUE: Self = Self { rgb: [86, 180, 233] };
+
+    /// Colours for series that have none of their own, in the order in which to use them.
+    pub const SERIES: [Self; 6] =
+        [Self::BLUE, Self::VERMILLION, Self::GREEN, Self::PURPLE, Self::ORANGE, Self::SKY_BLUE];
+}
+
+/// The pattern of a stroke.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dash {
+    /// Unbroken.
+    Solid,
+    /// Long dashes.
+    Dashed,
+    /// Short dashes, nearly dots.
+    Dotted,
+}
+
+impl Dash {
+    /// Lengths drawn and left out, in stroke widths; none for an unbroken stroke.
+    pub(super) fn pattern(self) -> Option<[f64; 2]> {
+        match self {
+            Self::Solid => None,
+            Self::Dashed => Some([5.0, 3.0]),
+            Self::Dotted => Some([1.5, 2.0]),
+        }
+    }
+}
+
+/// A line's look.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stroke {
+    /// Its colour.
+    pub colour: Colour,
+    /// Its width.
+    pub width: f64,
+    /// Its pattern.
+    pub dash: Dash,
+}
+
+impl Stroke {
+    /// An unbroken stroke.
+    #[must_use]
+    pub const fn solid(colour: Colour, width: f64) -> Self {
+        Self { colour, width, dash: Dash::Solid }
+    }
+
+    /// The same with another pattern.
+    #[must_use]
+    pub const fn with(self, dash: Dash) -> Self {
+        Self { dash, ..self }
+    }
+}
+
+/// An area's look.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fill {
+    /// Its colour.
+    pub colour: Colour,
+    /// From 0, not to be seen, to 1, hiding what is behind.
+    pub opacity: f64,
+}
+
+/// A shape's look: nothing is drawn of a shape with neither.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Style {
+    /// Its outline.
+    pub stroke: Option<Stroke>,
+    /// Its area.
+    pub fill: Option<Fill>,
+}
+
+impl Style {
+    /// An outline alone.
+    #[must_use]
+    pub const fn line(stroke: Stroke) -> Self {
+        Self { stroke: Some(stroke), fill: None }
+    }
+
+    /// An area alone.
+    #[must_use]
+    pub const fn area(colour: Colour, opacity: f64) -> Self {
+        Self { stroke: None, fill: Some(Fill { colour, opacity }) }
+    }
+
+    /// The same with an outline.
+    #[must_use]
+    pub const fn outlined(self, stroke: Stroke) -> Self {
+        Self { stroke: Some(stroke), ..self }
+    }
+}
+
+impl From<Stroke> for Style {
+    fn from(stroke: Stroke) -> Self {
+        Self::line(stroke)
+    }
+}
