@@ -1,4 +1,10 @@
-//! `cargo xtask check`: formatting, lints, documentation, tests, as CI runs them.
+//! `cargo xtask check`: formatting, lints, documentation, tests, as CI runs them. `cargo xtask firmware`: the board's
+//! image.
+
+mod emulator;
+mod firmware;
+mod image;
+mod toolchain;
 
 use std::env;
 use std::process::{Command, ExitCode};
@@ -16,12 +22,17 @@ fn main() -> ExitCode {
     match words.as_slice() {
         ["check"] => run_all(CHECKS.iter().chain(&[(&["test"][..], &[][..])])),
         ["lint"] => run_all(CHECKS.iter()),
-        _ => {
-            eprintln!("usage: cargo xtask check   formatting, lints, documentation and tests");
-            eprintln!("       cargo xtask lint    the same without the tests");
-            ExitCode::from(64)
-        }
+        ["firmware", rest @ ..] => firmware::run(rest).unwrap_or_else(usage),
+        _ => usage(),
     }
+}
+
+/// Says how it is used.
+fn usage() -> ExitCode {
+    eprintln!("usage: cargo xtask check                     formatting, lints, documentation and tests");
+    eprintln!("       cargo xtask lint                      the same without the tests");
+    eprintln!("{}", firmware::USAGE);
+    ExitCode::from(64)
 }
 
 /// Runs each command and stops at the first that fails.
