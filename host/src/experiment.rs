@@ -11,11 +11,11 @@ use std::f64::consts::TAU;
 use palpate_shared::sim::{Contact, Load};
 
 use crate::calibration::Calibration;
-use crate::contact::direction::wrap;
 use crate::contact::{Averaging, Settings, SettingsError};
+use crate::geometry::angle::wrap_angle;
 use crate::link::{Samples, Session};
 use crate::live::{self, LiveError};
-use crate::sensing::FingerSense;
+use crate::sensing::{self, FingerSense};
 use crate::simulated_device::SimulatedDevice;
 
 /// Time from a new load to the first reading used, in s: the default beam's ringing falls by 1/e in 43 ms, so to
@@ -47,7 +47,7 @@ impl Contacts {
     /// `count` contacts without friction, evenly round the disk, beginning half a step from 0.
     #[must_use]
     pub fn round_the_disk(count: u32, normal_force: f64) -> Self {
-        let angles = (0..count).map(|i| wrap((f64::from(i) + 0.5) * TAU / f64::from(count))).collect();
+        let angles = (0..count).map(|i| wrap_angle((f64::from(i) + 0.5) * TAU / f64::from(count))).collect();
         Self { angles, normal_force, friction_angles: vec![0.0], mu_c: 0.0, readings: 1000 }
     }
 
@@ -141,11 +141,13 @@ fn tared(
     averagings: &[Averaging],
 ) -> Result<Vec<FingerSense>, ExperimentError> {
     let rest = after_load(session, hand, Load::Released, TARE_S)?;
-    let readings: Vec<_> = rest.iter().flat_map(|block| crate::sensing::readings(block, calibration)).collect();
+    let readings: Vec<_> = rest.iter().flat_map(|block| sensing::readings(block, calibration)).collect();
+    let front_end = live::front_end(session.hello()).map_err(LiveError::from)?;
+    let bias_walk = sensing::bias_walk(calibration, &front_end);
     averagings
         .iter()
         .map(|&averaging| {
-            let settings = Settings { averaging, contact_friction: contacts.mu_c, ..Settings::default() };
+            let settings = Settings { averaging, contact_friction: contacts.mu_c, bias_walk, ..Settings::default() };
             let tare = crate::contact::Tare::estimate(&readings, &settings.tare_settings())
                 .map_err(|source| LiveError::Tare { source })?;
             Ok(FingerSense::new(calibration.clone(), tare, &settings)?)
@@ -219,7 +221,7 @@ fn judge(
         });
     }
     let count = touches.len() as f64;
-    let errors: Vec<f64> = touches.iter().map(|touch| wrap(touch.u - angle)).collect();
+    let errors: Vec<f64> = touches.iter().map(|touch| wrap_angle(touch.u - angle)).collect();
     let error = errors.iter().sum::<f64>() / count;
     let variance = errors.iter().map(|value| (value - error).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
     Ok(Felt {

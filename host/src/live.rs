@@ -22,6 +22,9 @@ pub const GAUGE_FACTOR: f64 = 2.0;
 /// How long a stream may be silent before it counts as broken: many blocks, and longer than a busy host pauses.
 const SILENCE: Duration = Duration::from_secs(2);
 
+/// How long a board with a temperature sensor may take to tell: it does so about once a second.
+const TEMPERATURE_WAIT: Duration = Duration::from_millis(1500);
+
 /// Why no samples could be taken.
 #[derive(Debug, Error, Diagnostic)]
 pub enum LiveError {
@@ -117,6 +120,18 @@ pub fn stream(
             None => {}
         }
     }
+}
+
+/// The board's temperature in °C; `None` if it tells none within a little more than the second between two of them.
+///
+/// # Errors
+/// [`LinkError`] if the link fails.
+pub fn temperature(session: &mut Session) -> Result<Option<f64>, LinkError> {
+    let begun = Instant::now();
+    while session.temperature_c().is_none() && begun.elapsed() < TEMPERATURE_WAIT {
+        session.next(Duration::from_millis(50))?;
+    }
+    Ok(session.temperature_c())
 }
 
 /// Takes blocks for `seconds` of device time, from now on.

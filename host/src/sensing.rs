@@ -9,9 +9,23 @@
 use nalgebra::Vector2;
 use palpate_shared::units::Counts;
 
-use crate::calibration::{Calibration, counts_vector};
+use crate::calibration::{Calibration, FrontEnd, counts_vector};
 use crate::contact::{ContactSense, Felt, Reading, Settings, SettingsError, Tare};
 use crate::link::Samples;
+
+/// How far a bridge's offset wanders after the tare, in microstrain per √s.
+///
+/// A half bridge of compensated foil gauges drifts by half a microstrain per kelvin, and a finger in a room changes by
+/// about 0.15 K in a minute: 0.08 microstrain then, which is 0.05° of a 2 N contact.
+pub const BIAS_WALK_MICROSTRAIN: f64 = 0.01;
+
+/// [`BIAS_WALK_MICROSTRAIN`] as force per √s in a calibration's unit, for [`Settings::bias_walk`].
+#[must_use]
+pub fn bias_walk(calibration: &Calibration, front_end: &FrontEnd) -> f64 {
+    // Both axes alike: the mean of the matrix over directions.
+    let force_per_count = calibration.inverse().determinant().abs().sqrt();
+    BIAS_WALK_MICROSTRAIN / front_end.microstrain_per_count() * force_per_count
+}
 
 /// Force readings of a block, tare included, oldest first.
 pub fn readings<'a>(samples: &'a Samples, calibration: &'a Calibration) -> impl Iterator<Item = Reading> + 'a {

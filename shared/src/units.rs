@@ -39,7 +39,8 @@ impl DeviceTime {
 
 /// Number of a sample, counted by the sampler from 0 at start-up; wraps after 12.4 days at 4 kHz.
 ///
-/// It counts conversions of the front-end, not samples delivered, so every loss leaves a gap.
+/// While streaming it counts conversions of the front-end, not samples delivered, so every loss leaves a gap. It
+/// rests while the stream is stopped.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Seq(pub u32);

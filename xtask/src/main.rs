@@ -9,19 +9,31 @@ mod toolchain;
 use std::env;
 use std::process::{Command, ExitCode};
 
-/// What `check` runs, in order. CI runs the same list and then the README's test command.
-const CHECKS: &[(&[&str], &[(&str, &str)])] = &[
-    (&["fmt", "--all", "--check"], &[]),
-    (&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"], &[]),
-    (&["doc", "--workspace", "--no-deps", "--document-private-items"], &[("RUSTDOCFLAGS", "-D warnings")]),
+/// A run of cargo.
+struct Check {
+    arguments: &'static [&'static str],
+    /// A variable to set for it.
+    environment: Option<(&'static str, &'static str)>,
+}
+
+/// What CI runs before the README's test command, in order.
+const LINTS: [Check; 3] = [
+    Check { arguments: &["fmt", "--all", "--check"], environment: None },
+    Check { arguments: &["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"], environment: None },
+    Check {
+        arguments: &["doc", "--workspace", "--no-deps", "--document-private-items"],
+        environment: Some(("RUSTDOCFLAGS", "-D warnings")),
+    },
 ];
+
+const TESTS: Check = Check { arguments: &["test"], environment: None };
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = env::args().skip(1).collect();
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match words.as_slice() {
-        ["check"] => run_all(CHECKS.iter().chain(&[(&["test"][..], &[][..])])),
-        ["lint"] => run_all(CHECKS.iter()),
+        ["check"] => run_all(LINTS.iter().chain([&TESTS])),
+        ["lint"] => run_all(LINTS.iter()),
         ["firmware", rest @ ..] => firmware::run(rest).unwrap_or_else(usage),
         _ => usage(),
     }
@@ -36,12 +48,11 @@ fn usage() -> ExitCode {
 }
 
 /// Runs each command and stops at the first that fails.
-fn run_all<'a>(checks: impl Iterator<Item = &'a (&'a [&'a str], &'a [(&'a str, &'a str)])>) -> ExitCode {
+fn run_all<'a>(checks: impl Iterator<Item = &'a Check>) -> ExitCode {
     let cargo = env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
-    for (arguments, environment) in checks {
-        eprintln!("+ cargo {}", arguments.join(" "));
-        let status = Command::new(&cargo).args(*arguments).envs(environment.iter().copied()).status();
-        match status {
+    for check in checks {
+        eprintln!("+ cargo {}", check.arguments.join(" "));
+        match Command::new(&cargo).args(check.arguments).envs(check.environment).status() {
             Ok(status) if status.success() => {}
             Ok(_) => return ExitCode::FAILURE,
             Err(error) => {

@@ -65,6 +65,8 @@ const STATUS_RESET: u16 = 1 << 10;
 const STATUS_WORD_LENGTH: u16 = 0b11 << 8;
 /// STATUS: words of 24 bits.
 const STATUS_24_BIT: u16 = 0b01 << 8;
+/// STATUS: bits that are always 0.
+const STATUS_RESERVED: u16 = 0xFC;
 /// STATUS: both channels have codes that were not read yet.
 const STATUS_DATA_READY: u16 = 0b11;
 
@@ -180,19 +182,24 @@ impl Frame {
     /// Whether the chip says that the previous command came damaged.
     #[must_use]
     pub fn tells_input_damage(&self) -> bool {
-        self.answers == Command::Null && self.response & STATUS_CRC_ERROR != 0
+        match self.answers {
+            Command::Null => self.response & STATUS_CRC_ERROR != 0,
+            _ => may_be_refusal(self.response),
+        }
     }
 
     /// Whether the chip cannot have the settings that it was given: it was reset, or a damaged write
     /// went astray. Its codes then say nothing.
     #[must_use]
     pub fn tells_lost_settings(&self) -> bool {
-        const SHAPE: u16 = STATUS_LOCK | STATUS_CRC_TYPE | STATUS_RESET | STATUS_WORD_LENGTH;
+        const SHAPE: u16 = STATUS_LOCK | STATUS_CRC_TYPE | STATUS_RESET | STATUS_WORD_LENGTH | STATUS_RESERVED;
         match self.answers {
             _ if self.response == RESET_DONE => true,
             Command::Null => self.response & SHAPE != STATUS_24_BIT,
             Command::Write(address, _) => is_write_done(self.response) && self.response != Command::write_done(address),
-            _ => false,
+            // Two damaged bits make a write of a read.
+            Command::Read(address) => self.response == Command::write_done(address),
+            Command::Reset | Command::Unlock => false,
         }
     }
 }
@@ -204,7 +211,8 @@ fn is_write_done(response: u16) -> bool {
 
 /// Whether a register's value may as well be the STATUS register after a damaged command.
 pub(crate) fn may_be_refusal(response: u16) -> bool {
-    const SHAPE: u16 = STATUS_CRC_ERROR | STATUS_LOCK | STATUS_CRC_TYPE | STATUS_RESET | STATUS_WORD_LENGTH | 0xFC;
+    const SHAPE: u16 =
+        STATUS_CRC_ERROR | STATUS_LOCK | STATUS_CRC_TYPE | STATUS_RESET | STATUS_WORD_LENGTH | STATUS_RESERVED;
     response & SHAPE == STATUS_CRC_ERROR | STATUS_24_BIT
 }
 
@@ -215,6 +223,11 @@ pub enum Error<E> {
     Bus(E),
     /// What came in is damaged, or nothing answers; `response` is its first word.
     Checksum {
+        /// The first word of the frame.
+        response: u16,
+    },
+    /// The chip sends words of 16 bits: a damaged write changed its settings.
+    WordLength {
         /// The first word of the frame.
         response: u16,
     },
@@ -243,7 +256,7 @@ impl<E> Error<E> {
     pub fn word(&self) -> u16 {
         match *self {
             Self::Bus(_) => u16::MAX,
-            Self::Checksum { response } | Self::NotReset { response } => response,
+            Self::Checksum { response } | Self::WordLength { response } | Self::NotReset { response } => response,
             Self::OtherChip { id_word } => id_word,
             Self::NotSet { value, .. } => value,
         }
@@ -284,7 +297,7 @@ impl<Spi: SpiDevice> Ads131m02<Spi> {
     /// Exchanges one frame: sends a command, gets the previous one's response and a sample.
     ///
     /// # Errors
-    /// [`Error::Bus`] and [`Error::Checksum`]; whether the command arrived is then unknown.
+    /// [`Error::Bus`], [`Error::Checksum`] and [`Error::WordLength`]; whether the command arrived is then unknown.
     pub fn read_frame(&mut self, command: Command) -> Result<Frame, Error<Spi::Error>> {
         let answers = core::mem::replace(&mut self.previous, command);
         let mut bytes = command.frame();
@@ -295,7 +308,7 @@ impl<Spi: SpiDevice> Ads131m02<Spi> {
     /// Resets the chip, checks that it is the right one, writes its settings and reads them back.
     ///
     /// Returns the ID register. Leaves no unread samples behind, so that the next data-ready edge
-    /// announces a sample which the next frame brings. Takes 12 frames, or several times that on a
+    /// announces a sample which the next frame brings. Takes 16 frames, or several times that on a
     /// damaged bus.
     ///
     /// # Errors
@@ -326,7 +339,7 @@ impl<Spi: SpiDevice> Ads131m02<Spi> {
     /// Reads a register with two frames of its own; the samples in them are lost.
     ///
     /// # Errors
-    /// [`Error::Bus`] and [`Error::Checksum`].
+    /// As [`Self::read_frame`].
     pub fn read_register(&mut self, address: u8) -> Result<u16, Error<Spi::Error>> {
         self.read_frame(Command::Read(address))?;
         Ok(self.read_frame(Command::Null)?.response)
@@ -335,17 +348,20 @@ impl<Spi: SpiDevice> Ads131m02<Spi> {
     /// Writes a register and reads it back, with three frames of its own.
     ///
     /// # Errors
-    /// [`Error::Bus`], [`Error::Checksum`] and [`Error::NotSet`].
+    /// As [`Self::read_frame`], and [`Error::NotSet`].
     pub fn write_register(&mut self, address: u8, value: u16) -> Result<(), Error<Spi::Error>> {
         self.read_frame(Command::Write(address, value))?;
-        let read = self.read_register(address)?;
-        if read == value { Ok(()) } else { Err(Error::NotSet { address, value: read }) }
+        let reply = self.read_frame(Command::Read(address))?.response;
+        let read = self.read_frame(Command::Null)?.response;
+        // A damaged write may have gone to another register; the reply names the one it went to.
+        let is_done = reply == Command::write_done(address) && read == value;
+        if is_done { Ok(()) } else { Err(Error::NotSet { address, value: read }) }
     }
 
     /// Reads the ID register and checks it.
     ///
     /// # Errors
-    /// [`Error::Bus`], [`Error::Checksum`] and [`Error::OtherChip`].
+    /// As [`Self::read_frame`], and [`Error::OtherChip`].
     pub fn id(&mut self) -> Result<u16, Error<Spi::Error>> {
         let id_word = self.read_register(register::ID)?;
         if is_id(id_word) { Ok(id_word) } else { Err(Error::OtherChip { id_word }) }
@@ -354,7 +370,7 @@ impl<Spi: SpiDevice> Ads131m02<Spi> {
     /// Resets the chip; it then has none of its settings.
     ///
     /// # Errors
-    /// [`Error::Bus`], [`Error::Checksum`] and [`Error::NotReset`].
+    /// As [`Self::read_frame`], and [`Error::NotReset`].
     pub fn reset(&mut self) -> Result<(), Error<Spi::Error>> {
         // Another program may have left the chip locked; it would not take the reset.
         self.read_frame(Command::Unlock)?;
@@ -368,7 +384,7 @@ impl<Spi: SpiDevice> Ads131m02<Spi> {
     /// Reads both places of the chip's memory for samples, so that the next one read is new.
     ///
     /// # Errors
-    /// [`Error::Bus`] and [`Error::Checksum`].
+    /// As [`Self::read_frame`].
     pub fn discard_samples(&mut self) -> Result<(), Error<Spi::Error>> {
         self.read_frame(Command::Null)?;
         self.read_frame(Command::Null)?;
@@ -421,6 +437,11 @@ fn parse<E>(answers: Command, bytes: [u8; FRAME_BYTES]) -> Result<Frame, Error<E
     if CRC.checksum(&bytes[..9]) != u16::from_be_bytes([c0, c1]) {
         return Err(Error::Checksum { response });
     }
+    // A checksum over data and their checksum is 0, and stays so over zeros: what a chip sends in words of
+    // 16 bits, with its checksum in bytes 6 and 7 and zeros from there on, always passes the check above.
+    if [b2, c0, c1] == [0; 3] && CRC.checksum(&bytes[..8]) == 0 {
+        return Err(Error::WordLength { response });
+    }
     Ok(Frame { answers, response, counts: [code([a0, a1, a2]), code([b0, b1, b2])] })
 }
 
@@ -428,3 +449,6 @@ fn parse<E>(answers: Command, bytes: [u8; FRAME_BYTES]) -> Result<Frame, Error<E
 fn code([high, middle, low]: [u8; 3]) -> Counts {
     Counts(i32::from_be_bytes([high, middle, low, 0]) >> 8)
 }
+
+#[cfg(test)]
+mod tests;

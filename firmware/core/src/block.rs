@@ -96,3 +96,86 @@ fn next_after(block: &Block) -> Seq {
     // At most BLOCK_SAMPLES.
     block.first.plus(u32::try_from(block.samples.len()).unwrap_or(0))
 }
+
+#[cfg(test)]
+mod tests {
+    use std::vec::Vec;
+
+    use palpate_shared::units::{Counts, DeviceTime};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn reading(seq: u32, status: Status) -> Reading {
+        let counts = [Counts(seq.cast_signed() >> 8), Counts(0)];
+        Reading { seq: Seq(seq), time: DeviceTime(seq.wrapping_mul(250)), counts, status }
+    }
+
+    #[test]
+    fn saturation_marks_its_block_and_does_not_end_it() {
+        let mut builder = BlockBuilder::new();
+        for seq in 0..8 {
+            let status = if seq == 3 { Status::SATURATED_1 } else { Status::default() };
+            let block = builder.push(reading(seq, status));
+            assert_eq!(block.map(|block| block.status), (seq == 7).then_some(Status::SATURATED_1));
+        }
+        assert_eq!(builder.finish(), None);
+    }
+
+    #[test]
+    fn a_block_that_did_not_go_out_is_a_gap_before_the_next() {
+        let mut builder = BlockBuilder::new();
+        let mut blocks = (0..24).filter_map(|seq| {
+            let block = builder.push(reading(seq, Status::default()));
+            if seq == 7 {
+                builder.lost();
+            }
+            block
+        });
+        let has_gap: Vec<bool> = blocks.by_ref().map(|block| block.status.contains(Status::GAP_BEFORE)).collect();
+        assert_eq!(has_gap, [false, true, false]);
+    }
+
+    proptest! {
+        /// Whatever the steps in the numbers and the changes of status: all samples come out once, in order, with
+        /// their own status, and a gap is marked exactly where one is. Numbers wrap on the way.
+        #[test]
+        fn blocks_hold_what_went_in(
+            start in any::<u32>(), samples in prop::collection::vec((1_u32..4, 0_u16..3, any::<bool>()), 0..200),
+        ) {
+            let mut builder = BlockBuilder { expected: Seq(start), ..BlockBuilder::new() };
+            let mut seq = start;
+            let mut given = Vec::new();
+            let mut blocks = Vec::new();
+            for (n, (step, kind, saturated)) in samples.into_iter().enumerate() {
+                // Mostly in a row.
+                seq = seq.wrapping_add(if n % 7 == 0 { step } else { u32::from(n > 0) });
+                let kind = [Status::default(), Status::SETTLING, Status::SIMULATED][usize::from(if n % 11 == 0 { kind } else { 0 })];
+                let status = if saturated { kind.with(Status::SATURATED_0) } else { kind };
+                given.push(reading(seq, status));
+                blocks.extend(builder.push(reading(seq, status)));
+            }
+            blocks.extend(builder.finish());
+            let mut left = given.iter();
+            let mut next = Seq(start);
+            for block in &blocks {
+                prop_assert_eq!(block.status.contains(Status::GAP_BEFORE), block.first != next);
+                prop_assert!((1..=BLOCK_SAMPLES).contains(&block.samples.len()));
+                let mut any_saturated = false;
+                for (counts, n) in block.samples.iter().zip(0..) {
+                    let one = left.next().unwrap();
+                    prop_assert_eq!((block.first.plus(n), *counts), (one.seq, one.counts));
+                    prop_assert_eq!(block.status.contains(Status::SETTLING), one.status.contains(Status::SETTLING));
+                    prop_assert_eq!(block.status.contains(Status::SIMULATED), one.status.contains(Status::SIMULATED));
+                    any_saturated |= one.status.contains(Status::SATURATED_0);
+                    if n == 0 {
+                        prop_assert_eq!(block.time, one.time);
+                    }
+                }
+                prop_assert_eq!(block.status.contains(Status::SATURATED_0), any_saturated);
+                next = next_after(block);
+            }
+            prop_assert_eq!(left.next(), None);
+        }
+    }
+}

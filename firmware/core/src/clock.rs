@@ -18,6 +18,9 @@ const WINDOW_MIN: u32 = 64;
 /// A measured period further than 1/20 from the nominal one is not the chip's: something is wrong with it.
 const TRUST_INVERSE: u32 = 20;
 
+/// The self-test's tolerance: 1/20, as the wire format documents it.
+const AS_SET_INVERSE: u32 = 20;
+
 /// Nanoseconds in a microsecond.
 const NS_PER_US: u64 = 1000;
 
@@ -164,6 +167,104 @@ impl ConversionClock {
     /// Whether a measured time between edges is the one that was set, within 5 %.
     pub(crate) fn is_as_set(&self, measured_ns: u32) -> bool {
         let nominal_ns = self.rate.period_ns();
-        measured_ns.abs_diff(nominal_ns) <= nominal_ns / 20
+        measured_ns.abs_diff(nominal_ns) <= nominal_ns / AS_SET_INVERSE
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn at(us: u64) -> DeviceTime {
+        DeviceTime(u32::try_from(us % (1 << 32)).unwrap())
+    }
+
+    /// A clock at 4 kHz that has seen its first edge at 0 µs.
+    fn running() -> ConversionClock {
+        let mut clock = ConversionClock::new(Rate::DEFAULT, at(0));
+        clock.edge(at(0));
+        clock
+    }
+
+    #[test]
+    fn an_edge_more_than_one_and_a_half_periods_after_the_last_means_missed_ones() {
+        for (us, conversions) in
+            [(1, 1), (250, 1), (375, 1), (376, 2), (500, 2), (624, 2), (625, 3), (2_500_000, 10_000)]
+        {
+            assert_eq!(running().edge(at(us)), conversions, "{us} µs");
+        }
+        assert!(!running().is_very_late(at(625)) && running().is_very_late(at(626)));
+        assert!(running().is_early(at(124)) && !running().is_early(at(125)));
+    }
+
+    #[test]
+    fn a_long_gap_is_counted_with_the_measured_period() {
+        // 1 % slow: counted with the nominal period, the gap would be 1010 conversions.
+        let mut clock = ConversionClock::new(Rate::DEFAULT, at(0));
+        let edge_at = |n: u64| at(n * 505 / 2);
+        for n in 0..3000 {
+            clock.edge(edge_at(n));
+        }
+        assert_eq!(clock.edge(edge_at(2999 + 1000)), 1000);
+    }
+
+    #[test]
+    fn the_first_edge_after_a_restart_is_one_conversion() {
+        let mut clock = running();
+        clock.restart();
+        assert_eq!(clock.edge(at(10_000)), 1);
+        assert_eq!(clock.edge(at(11_000)), 4);
+    }
+
+    #[test]
+    fn a_silence_longer_than_the_clocks_wrap_is_counted_to_the_last_conversion() {
+        let mut clock = running();
+        let mut conversions = 0;
+        // Two hours, looked at every 1.1 s; the clock wraps after 71.6 minutes.
+        for look in 1..=6545_u64 {
+            conversions += u64::from(clock.skip(at(look * 1_100_000)));
+        }
+        conversions += u64::from(clock.edge(at(6546 * 1_100_000)));
+        assert_eq!(conversions, 6546 * 4400);
+    }
+
+    proptest! {
+        /// Whatever the wrap, the jitter below a fifth of a period, a clock 1 % off, and the edges missed:
+        /// every conversion is counted once.
+        #[test]
+        fn every_conversion_is_counted_once(
+            log2 in 0_u32..5, start in any::<u32>(), error_ppm in -10_000_i64..10_000,
+            jitter in prop::collection::vec(0_u64..20, 4000), missed in prop::collection::vec(1_usize..4000, 0..20),
+        ) {
+            let rate = Rate::from_hz(500 << log2).unwrap();
+            let period_ns = u64::from(rate.period_ns()) * u64::try_from(1_000_000 + error_ppm).unwrap() / 1_000_000;
+            let edge_at = |n: usize| {
+                let late_ns = jitter[n] * period_ns / 100;
+                at(u64::from(start) + (n as u64 * period_ns + late_ns) / 1000)
+            };
+            let mut clock = ConversionClock::new(rate, at(start.into()));
+            clock.edge(edge_at(0));
+            let (mut counted, mut last) = (0_u32, 0_u32);
+            for n in (1..jitter.len()).filter(|n| !missed.contains(n)) {
+                counted += clock.edge(edge_at(n));
+                last = u32::try_from(n).unwrap();
+            }
+            prop_assert_eq!(counted, last);
+        }
+
+        #[test]
+        fn the_period_is_measured(error_ppm in -10_000_i64..10_000, start in any::<u32>()) {
+            let period_ns = u64::try_from(250 * (1_000_000 + error_ppm) / 1000).unwrap();
+            let mut clock = ConversionClock::new(Rate::DEFAULT, at(start.into()));
+            for n in 0..3000 {
+                clock.edge(at(u64::from(start) + n * period_ns / 1000));
+            }
+            let measured_ns = u64::from(clock.measured_ns().unwrap());
+            // Both ends of the window are rounded to 1 µs; the window has 1024 periods.
+            prop_assert!(measured_ns.abs_diff(period_ns) <= 2, "{measured_ns} for {period_ns}");
+            prop_assert!(clock.is_as_set(clock.measured_ns().unwrap()));
+        }
     }
 }

@@ -31,11 +31,16 @@ pub(crate) enum Goal {
     Read(u8),
     /// Read identity, settings and status.
     SelfTest,
+    /// Read the settings, after damage that may have changed them; nobody asked for it.
+    Verify,
 }
 
 /// Registers that a self-test reads, in the order of its results.
 const SELF_TEST_READS: [u8; STEPS_MAX] =
     [register::ID, register::MODE, register::CLOCK, register::GAIN1, register::STATUS];
+
+/// Registers that hold the settings.
+const VERIFY_READS: [u8; 3] = [register::MODE, register::CLOCK, register::GAIN1];
 
 /// How a job stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,7 +53,8 @@ pub(crate) enum Progress {
 /// A request at work.
 #[derive(Clone, Debug)]
 pub(crate) struct Job {
-    pub(crate) ticket: u8,
+    /// Whom to answer, if anyone.
+    pub(crate) ticket: Option<u8>,
     pub(crate) goal: Goal,
     /// The step whose command goes out next.
     next: usize,
@@ -58,6 +64,8 @@ pub(crate) struct Job {
     pub(crate) words: [u16; STEPS_MAX],
     failures: u8,
     suspicions: u8,
+    /// A write was not acknowledged, so it may have gone to another register, or the job gave up halfway.
+    pub(crate) may_have_strayed: bool,
     progress: Progress,
 }
 
@@ -70,18 +78,28 @@ impl Job {
             RequestKind::SelfTest => Goal::SelfTest,
             RequestKind::Stream(_) | RequestKind::Select(_) => return None,
         };
+        Some(Self::new(Some(request.ticket), goal))
+    }
+
+    /// A job to read the settings.
+    pub(crate) fn verify() -> Self {
+        Self::new(None, Goal::Verify)
+    }
+
+    fn new(ticket: Option<u8>, goal: Goal) -> Self {
         let mut job = Self {
-            ticket: request.ticket,
+            ticket,
             goal,
             next: 0,
             awaited: None,
             words: [0; STEPS_MAX],
             failures: 0,
             suspicions: 0,
+            may_have_strayed: false,
             progress: Progress::UnderWay,
         };
         job.next = job.first();
-        Some(job)
+        job
     }
 
     /// The first step: a rate that stays is not written.
@@ -115,7 +133,10 @@ impl Job {
         if let Some(step) = self.awaited.take() {
             match response.filter(|&word| self.accepts(step, word)) {
                 Some(word) => self.words[step % STEPS_MAX] = word,
-                None => return self.fail(step),
+                None => {
+                    self.may_have_strayed |= matches!(self.step(step), Some(Command::Write(..)));
+                    return self.fail(step);
+                }
             }
         }
         self.awaited = sent;
@@ -137,6 +158,8 @@ impl Job {
         self.awaited = None;
         if self.failures > FAILURES_MAX {
             self.progress = Progress::Failed;
+            // Half done, perhaps.
+            self.may_have_strayed |= matches!(self.goal, Goal::Apply { .. });
         }
     }
 
@@ -146,6 +169,7 @@ impl Job {
             Goal::Apply { settings, .. } => apply_step(settings, step),
             Goal::Read(address) => (step == 0).then_some(Command::Read(address)),
             Goal::SelfTest => SELF_TEST_READS.get(step).copied().map(Command::Read),
+            Goal::Verify => VERIFY_READS.get(step).copied().map(Command::Read),
         }
     }
 

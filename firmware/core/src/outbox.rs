@@ -4,7 +4,7 @@
 //! keep up with samples still carries replies and events.
 //! Errors: none; what does not fit is refused by return value.
 
-use palpate_shared::frame::{FRAME_MAX, encode};
+use palpate_shared::frame::{DELIMITER, FRAME_MAX, encode};
 use palpate_shared::wire::{FrameBuffer, FromDevice};
 
 /// Bytes that blocks leave free: three of the longest replies, with events beside them.
@@ -34,6 +34,13 @@ impl<const N: usize> Outbox<N> {
     pub const fn new() -> Self {
         const { assert!(N >= 2 * RESERVED, "an outbox needs at least 512 bytes") }
         Self { bytes: [0; N], start: 0, length: 0 }
+    }
+
+    /// Adds a bare delimiter, which ends whatever half a frame the line carried before a restart.
+    pub fn push_delimiter(&mut self) {
+        if self.length < N {
+            self.append(&[DELIMITER]);
+        }
     }
 
     /// Adds a message's frame; tells whether there was room.
@@ -83,5 +90,79 @@ impl<const N: usize> Outbox<N> {
         after[..straight].copy_from_slice(head);
         before[..tail.len()].copy_from_slice(tail);
         self.length += frame.len();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::vec::Vec;
+
+    use palpate_shared::frame::FrameReader;
+    use palpate_shared::units::{Counts, DeviceTime, Seq};
+    use palpate_shared::wire::{Block, CommandId, Outcome, Reply, Status};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn block(n: u32) -> FromDevice {
+        let samples = [[Counts(1000), Counts(-1000)]; 8].into_iter().collect();
+        FromDevice::Block(Block { first: Seq(n), time: DeviceTime(n), status: Status::default(), samples })
+    }
+
+    fn reply(n: u32) -> FromDevice {
+        FromDevice::Reply(Reply { id: CommandId(n), outcome: Outcome::Done })
+    }
+
+    #[test]
+    fn blocks_leave_room_for_replies() {
+        let mut outbox = Outbox::<1024>::new();
+        while outbox.push_message(&block(1)) {}
+        let blocks = outbox.len();
+        // One more block might have fitted but for the reserve; blocks here take about 50 bytes.
+        assert!((1024 - RESERVED - 60..=1024 - RESERVED).contains(&blocks), "{blocks}");
+        assert!(outbox.push_message(&reply(1)) && !outbox.push_message(&block(2)));
+        let replies = (2..1000).filter(|&n| outbox.push_message(&reply(n))).count();
+        assert!(replies >= RESERVED / 10, "{replies}");
+        assert!(outbox.len() <= 1024);
+    }
+
+    #[test]
+    fn consuming_more_than_there_is_empties_the_box() {
+        let mut outbox = Outbox::<512>::new();
+        outbox.consume(7);
+        assert!(outbox.push_message(&reply(1)));
+        outbox.consume(usize::MAX);
+        assert!(outbox.is_empty() && outbox.readable().is_empty());
+    }
+
+    proptest! {
+        /// Every message that went in comes out, whole and in order, whatever the pieces it is read in.
+        #[test]
+        fn what_goes_in_comes_out(steps in prop::collection::vec((any::<bool>(), 0_usize..200), 1..300)) {
+            let mut outbox = Outbox::<512>::new();
+            let (mut given, mut got) = (Vec::new(), Vec::new());
+            let mut reader = FrameReader::new();
+            let mut drain = |outbox: &mut Outbox<512>, most: usize, got: &mut Vec<FromDevice>| {
+                let bytes: Vec<u8> = outbox.readable().iter().copied().take(most).collect();
+                outbox.consume(bytes.len());
+                let mut rest = &bytes[..];
+                while !rest.is_empty() {
+                    let (taken, payload) = reader.push(rest);
+                    got.extend(payload.map(|payload| FromDevice::from_payload(payload.unwrap()).unwrap()));
+                    rest = &rest[taken..];
+                }
+            };
+            for (n, (is_block, most)) in (0..).zip(steps) {
+                let message = if is_block { block(n) } else { reply(n) };
+                if outbox.push_message(&message) {
+                    given.push(message);
+                }
+                drain(&mut outbox, most, &mut got);
+            }
+            while !outbox.is_empty() {
+                drain(&mut outbox, 512, &mut got);
+            }
+            prop_assert_eq!(got, given);
+        }
     }
 }

@@ -19,7 +19,7 @@ use embedded_hal::spi::SpiDevice;
 use palpate_shared::units::{Counts, DeviceTime, Seq};
 use palpate_shared::wire::{Checks, EventKind, Refusal, SelfTest, Source, Status};
 
-use crate::ads131m02::{Ads131m02, Command, Frame, is_id, is_mode, setting_words};
+use crate::ads131m02::{Ads131m02, Command, Error, Frame, is_id, is_mode, setting_words};
 use crate::clock::{ConversionClock, WINDOW};
 use crate::job::{Goal, Job, Progress};
 use crate::log::{info, warning};
@@ -131,6 +131,8 @@ pub struct Sampler<'q, Spi> {
     /// When the front-end was last looked for.
     tried: DeviceTime,
     job: Option<Job>,
+    /// A frame was damaged, and with it perhaps the settings.
+    in_doubt: bool,
     /// The stretch under way and the one before.
     lately: [Stretch; 2],
 }
@@ -151,6 +153,7 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
             damaged_run: 0,
             tried: DeviceTime(0),
             job: None,
+            in_doubt: false,
             lately: [Stretch::default(); 2],
         }
     }
@@ -224,7 +227,7 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
         if matches!(outcome, Ok(Sample { is_new: Some(false), .. })) {
             return;
         }
-        if is_only_one && !self.clock.is_very_late(now) {
+        if is_only_one && self.presence == Presence::Present && !self.clock.is_very_late(now) {
             self.clock.edge_of(now, 1);
             return self.keep(outcome, now);
         }
@@ -316,10 +319,12 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
         let lost = result.as_ref().is_ok_and(Frame::tells_lost_settings);
         if result.as_ref().map_or(true, Frame::tells_input_damage) {
             self.lately[0].damaged += 1;
+            self.in_doubt = true;
         }
         let response = result.as_ref().ok().filter(|_| !lost).map(|frame| frame.response);
         self.advance_job(command, share, response);
         match result {
+            Err(Error::WordLength { .. }) => Err(Fault::LostSettings),
             Err(error) => Err(Fault::Damaged { word: error.word() }),
             Ok(_) if lost => Err(Fault::LostSettings),
             Ok(frame) => Ok(Sample { counts: frame.counts, is_new: frame.is_new() }),
@@ -342,11 +347,17 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
         match self.job.as_ref().map(Job::progress) {
             Some(Progress::UnderWay) => {}
             Some(progress) => self.finish_job(progress, now),
-            None => {
-                if let Some(request) = self.end.request() {
-                    self.take_up(request, now);
-                }
-            }
+            None => match self.end.request() {
+                Some(request) => self.take_up(request, now),
+                None => self.verify_when_in_doubt(),
+            },
+        }
+    }
+
+    /// Reads the settings back after damage: a command that a damaged bit made a write is carried out.
+    fn verify_when_in_doubt(&mut self) {
+        if self.presence == Presence::Present && core::mem::take(&mut self.in_doubt) {
+            self.job = Some(Job::verify());
         }
     }
 
@@ -396,7 +407,6 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
         // A source of its own begins at the present; what it could not have measured is not missing.
         self.clock = ConversionClock::new(self.settings.rate, now);
         self.presence = Presence::Unknown;
-        self.unwell = false;
         self.lately = [Stretch::default(); 2];
         self.look_for_chip(now);
         self.streaming &= self.presence != Presence::Missing;
@@ -406,8 +416,17 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
     /// Answers a job that ended.
     fn finish_job(&mut self, progress: Progress, now: DeviceTime) {
         let Some(job) = self.job.take() else { return };
-        let finding = if progress == Progress::Done { self.found_by(&job, now) } else { self.job_failed(&job, now) };
-        self.answer(job.ticket, finding);
+        let finding = if progress == Progress::Done {
+            self.found_by(&job, now)
+        } else {
+            Finding::Refused(Refusal::FrontEndSilent)
+        };
+        if job.may_have_strayed {
+            self.restore_settings(now);
+        }
+        if let Some(ticket) = job.ticket {
+            self.answer(ticket, finding);
+        }
     }
 
     /// What a job that ended well found.
@@ -426,15 +445,19 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
                 Finding::Register { address, value }
             }
             Goal::SelfTest => Finding::SelfTest(self.self_test(job.words)),
+            Goal::Verify => {
+                let [mode, clock, gain, ..] = job.words;
+                if !self.settings_are(mode, [clock, gain]) {
+                    self.restore_settings(now);
+                }
+                Finding::Done
+            }
         }
     }
 
-    /// A job that gave up may have left anything behind: the former settings are written again.
-    fn job_failed(&mut self, job: &Job, now: DeviceTime) -> Finding {
-        if matches!(job.goal, Goal::Apply { .. }) {
-            self.restore_settings(now);
-        }
-        Finding::Refused(Refusal::FrontEndSilent)
+    /// Whether the registers hold what was set.
+    fn settings_are(&self, mode: u16, rate_and_gain: [u16; 2]) -> bool {
+        is_mode(mode) && setting_words(self.settings).map(|(_, word)| word) == rate_and_gain
     }
 
     /// Judges the registers read and what was seen lately.
@@ -442,7 +465,7 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
         let [id_word, mode, clock, gain, status_word] = words;
         let silent = self.presence == Presence::Silent;
         let period_ns = self.clock.measured_ns().filter(|_| !silent);
-        let settings_hold = is_mode(mode) && setting_words(self.settings).map(|(_, word)| word) == [clock, gain];
+        let settings_hold = self.settings_are(mode, [clock, gain]);
         let is_known = silent || period_ns.is_some();
         let checks = [
             (Checks::ID, true, is_id(id_word)),
@@ -497,8 +520,8 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
         self.unwell = true;
         self.tried = now;
         self.tell(now, EventKind::FrontEndMissing { id_word });
-        if let Some(job) = self.job.take() {
-            self.answer(job.ticket, Finding::Refused(Refusal::NoFrontEnd));
+        if let Some(ticket) = self.job.take().and_then(|job| job.ticket) {
+            self.answer(ticket, Finding::Refused(Refusal::NoFrontEnd));
         }
     }
 
@@ -564,3 +587,6 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
         self.end.notice(Notice::Event { time, kind });
     }
 }
+
+#[cfg(test)]
+mod tests;

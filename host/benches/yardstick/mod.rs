@@ -9,7 +9,7 @@ use std::time::Instant;
 const RUNS: usize = 30;
 
 /// Seconds that the fastest of [`RUNS`] runs of `work` takes.
-pub fn best_of_runs(mut work: impl FnMut()) -> f64 {
+pub(crate) fn best_of_runs(mut work: impl FnMut()) -> f64 {
     let time = |work: &mut dyn FnMut()| {
         let begun = Instant::now();
         work();

@@ -5,10 +5,11 @@
 use thiserror::Error;
 
 use super::fit::{ContactResult, Fit, FitError, Role, fit};
-use super::force::{ForceUnit, push_direction};
+use super::force::ForceUnit;
 use super::front_end::FrontEnd;
 use super::raw::{RawError, RawRun};
 use super::session::{Taken, drift_between_tares, measurements};
+use crate::geometry::angle::push_direction;
 
 /// Largest error of a held-back contact for which a calibration is kept, degrees: the bar for a mean at 2 N.
 pub const HELD_BACK_ERROR_MAX_DEG: f64 = 0.2;
@@ -137,6 +138,14 @@ impl std::fmt::Display for Conclusion {
         let symbol = unit.symbol();
         writeln!(f, "matrix   x: {:+10.1} {:+10.1}   counts per {symbol}", matrix[(0, 0)], matrix[(0, 1)])?;
         writeln!(f, "         y: {:+10.1} {:+10.1}", matrix[(1, 0)], matrix[(1, 1)])?;
+        if matrix.determinant() < 0.0 {
+            // Data alone cannot tell the two apart: angles counted backwards fit a mirrored matrix exactly.
+            writeln!(
+                f,
+                "         it mirrors: one bridge is reversed (harmless), or the angles were counted the wrong way"
+            )?;
+            writeln!(f, "         round: touch the disk at its 90° mark and see that it is felt at 90°")?;
+        }
         if unit == ForceUnit::Relative {
             writeln!(f, "         no load was known, so force is relative; angles do not need newtons")?;
         }

@@ -17,9 +17,11 @@ use palpate_shared::units::Counts;
 use thiserror::Error;
 
 use super::fit::CONTACT_ANGLE_SIGMA_MAX;
-use super::force::{Reading, direction_variance};
+use super::force::Reading;
 use super::front_end::{FrontEnd, counts_vector};
-use super::start::median;
+use super::measurements::Fixture;
+use super::steadiness::Rest;
+use crate::geometry::angle::direction_variance;
 
 /// Largest turn of a contact's direction between the halves of a dwell, degrees: half the bar for a mean.
 pub const TURN_MAX_DEG: f64 = 0.1;
@@ -30,11 +32,8 @@ pub const SIZE_CHANGE_MAX_PERCENT: f64 = 0.5;
 /// Largest change of an unloaded reading between the halves of a dwell, microstrain: 0.1° of a 2 N contact.
 pub const TARE_CHANGE_MAX_MICROSTRAIN: f64 = 0.17;
 
-/// A change below this many of its standard deviations is chance: one dwell in 16 000 for each axis.
-const SIGNIFICANT: f64 = 4.0;
-
 /// Load below which a contact counts as none, microstrain: 0.02 N on the default finger, ten times a tare's error.
-const NO_LOAD_MICROSTRAIN: f64 = 1.0;
+pub(super) const NO_LOAD_MICROSTRAIN: f64 = 1.0;
 
 /// Share of the largest load seen in a dwell below which it has been taken away.
 const REMOVED_SHARE: f64 = 0.25;
@@ -48,6 +47,9 @@ const SATURATED_MAX_S: f64 = 0.1;
 /// Relative difference between stated and measured sampling rate from which block means no longer cancel hum.
 const RATE_TOLERANCE: f64 = 0.02;
 
+/// Longest dwell, s: beyond it the drift of a room decides, and memory.
+const DURATION_MAX_S: f64 = 600.0;
+
 /// Fewest block means that tell noise from movement.
 const BLOCKS_MIN: usize = 8;
 
@@ -56,12 +58,6 @@ const PERIODS_MAX: u32 = 12;
 
 /// Samples by which a block may miss a whole number of mains periods, relative to the block.
 const PERIOD_MISFIT: f64 = 1e-3;
-
-/// Median of χ² with one degree of freedom.
-const CHI2_MEDIAN: f64 = 0.4549;
-
-/// Variance of a rounded code, counts²: keeps noise-free samples from claiming perfect means.
-const ROUNDING_VARIANCE: f64 = 1.0 / 12.0;
 
 /// How a dwell is taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -74,6 +70,8 @@ pub struct DwellSettings {
     pub duration_s: f64,
     /// How long to wait for a window at rest, s.
     pub patience_s: f64,
+    /// Drift to be expected between a reading and its tare, standard deviation, counts.
+    pub drift_sigma: f64,
     /// What counts mean.
     pub front_end: FrontEnd,
 }
@@ -82,7 +80,8 @@ impl DwellSettings {
     /// One second at rest, as long as a weight on a 25 cm thread takes for one swing, within half a minute.
     #[must_use]
     pub fn new(front_end: FrontEnd, rate_hz: f64) -> Self {
-        Self { rate_hz, mains_hz: 50.0, duration_s: 1.0, patience_s: 30.0, front_end }
+        let drift_sigma = Fixture::of_a_dividing_head(front_end.microstrain_per_count()).drift_sigma;
+        Self { rate_hz, mains_hz: 50.0, duration_s: 1.0, patience_s: 30.0, drift_sigma, front_end }
     }
 
     /// Checks what comes from outside.
@@ -100,6 +99,18 @@ impl DwellSettings {
             positive.iter().find(|(_, value)| !(value.is_finite() && *value > 0.0 && *value < 1e6))
         {
             return Err(DwellSettingsError::Impossible { name, value });
+        }
+        if self.duration_s > DURATION_MAX_S {
+            return Err(DwellSettingsError::Impossible {
+                name: "dwell in s (at most ten minutes)",
+                value: self.duration_s,
+            });
+        }
+        if self.patience_s < self.duration_s {
+            return Err(DwellSettingsError::Impossible {
+                name: "patience in s (at least the dwell)",
+                value: self.patience_s,
+            });
         }
         if self.rate_hz < 2.0 * self.mains_hz {
             return Err(DwellSettingsError::Impossible {
@@ -133,7 +144,7 @@ impl DwellSettings {
 }
 
 /// The nearest whole number of samples, at least 1.
-fn whole(samples: f64) -> usize {
+pub(super) fn whole(samples: f64) -> usize {
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -147,7 +158,7 @@ fn whole(samples: f64) -> usize {
 #[derive(Clone, Copy, Debug, PartialEq, Error, miette::Diagnostic)]
 pub enum DwellSettingsError {
     /// Not a quantity that can be.
-    #[error("the {name} is {value}, which is not above 0 and finite")]
+    #[error("the {name} is {value}, which cannot be")]
     #[diagnostic(help("50 or 60 Hz mains, 1 s dwell and 4000 Hz are usual"))]
     Impossible {
         /// Which one.
@@ -238,7 +249,7 @@ pub enum Change {
 
 impl Change {
     /// Share of the limit that is used up; above 1 it is too much.
-    fn of_limit(&self) -> f64 {
+    pub(super) fn of_limit(&self) -> f64 {
         match *self {
             Self::Tare { microstrain } => microstrain.abs() / TARE_CHANGE_MAX_MICROSTRAIN,
             Self::Contact { turn_deg, size_percent } => {
@@ -315,9 +326,9 @@ pub enum Refusal {
         microstrain: f64,
     },
     /// A load whose direction is lost in the noise.
-    #[error("the load is too small: noise leaves its direction uncertain by {sigma_deg:.2}° (limit {limit_deg:.2}°)",
+    #[error("the load is too small: noise and drift leave its direction uncertain by {sigma_deg:.2}° (limit {limit_deg:.2}°)",
         limit_deg = CONTACT_ANGLE_SIGMA_MAX.to_degrees())]
-    #[diagnostic(help("use {factor:.1} times the load, or a dwell {:.0} times as long", (factor * factor).ceil()))]
+    #[diagnostic(help("use at least {factor:.1} times the load"))]
     TooWeak {
         /// Standard deviation of the direction.
         sigma_deg: f64,
@@ -581,8 +592,7 @@ pub fn measure(samples: &[RawSample], settings: &DwellSettings, expected: Expect
     let samples = &samples[..needed];
     check_sound(samples, settings)?;
     let blocks: Vec<Vector2<f64>> = samples.chunks_exact(settings.block_samples()).map(mean).collect();
-    let rest =
-        Rest { settings, expected, noise: block_noise(&blocks), quiet_noise: quiet_noise(&blocks), blocks: &blocks };
+    let rest = Rest::new(settings, expected, &blocks);
     rest.check()?;
     let reading = rest.reading();
     if let Expected::Load { tare } = expected {
@@ -631,383 +641,10 @@ fn check_load(reading: &Reading, tare: Vector2<f64>, settings: &DwellSettings) -
     if microstrain < NO_LOAD_MICROSTRAIN {
         return Err(Refusal::NoLoad { microstrain });
     }
-    let sigma = direction_variance(load, &reading.covariance).sqrt();
+    let drift = Matrix2::identity() * settings.drift_sigma.powi(2);
+    let sigma = direction_variance(load, &(reading.covariance + drift)).sqrt();
     if sigma > CONTACT_ANGLE_SIGMA_MAX {
         return Err(Refusal::TooWeak { sigma_deg: sigma.to_degrees(), factor: sigma / CONTACT_ANGLE_SIGMA_MAX });
     }
     Ok(())
-}
-
-/// Covariance of one block mean from neighbouring ones: a slow trend hardly enters differences of neighbours.
-fn block_noise(blocks: &[Vector2<f64>]) -> Matrix2<f64> {
-    let squares: Matrix2<f64> =
-        blocks.windows(2).map(|pair| (pair[1] - pair[0]) * (pair[1] - pair[0]).transpose()).sum();
-    #[expect(clippy::cast_precision_loss, reason = "a dwell has tens of blocks")]
-    let pairs = blocks.len().saturating_sub(1).max(1) as f64;
-    squares / (2.0 * pairs) + Matrix2::identity() * ROUNDING_VARIANCE
-}
-
-/// The same for each bridge from the middle squared difference: one step or a few do not hide behind it.
-fn quiet_noise(blocks: &[Vector2<f64>]) -> Vector2<f64> {
-    let variance = |axis: usize| {
-        let squares = blocks.windows(2).map(|pair| (pair[1][axis] - pair[0][axis]).powi(2));
-        median(squares.collect()).unwrap_or(0.0) / (2.0 * CHI2_MEDIAN) + ROUNDING_VARIANCE
-    };
-    Vector2::new(variance(0), variance(1)).map(f64::sqrt)
-}
-
-/// Block means of one window and what they are compared with.
-struct Rest<'a> {
-    settings: &'a DwellSettings,
-    expected: Expected,
-    blocks: &'a [Vector2<f64>],
-    /// Covariance of one block mean, counts².
-    noise: Matrix2<f64>,
-    /// Standard deviation of a block mean on each bridge, counts, that a single jump does not enlarge.
-    quiet_noise: Vector2<f64>,
-}
-
-impl Rest<'_> {
-    fn check(&self) -> Result<(), Refusal> {
-        let seconds = self.settings.duration_s;
-        let trend = self.halves_apart();
-        let change = self.change(trend);
-        if change.of_limit() > 1.0 && self.is_significant(trend, 4.0 / self.count()) {
-            return Err(match self.step_at() {
-                Some(at) => Refusal::Stepped { change, at_s: at * seconds, seconds },
-                None => Refusal::Drifts { change, seconds },
-            });
-        }
-        let swing = self.widest_swing();
-        let change = self.change(swing);
-        // The widest of all pairs of blocks: chance reaches further than for one pair given beforehand.
-        if change.of_limit() > 2.0 && self.is_significant(swing, 4.0) {
-            return Err(Refusal::Swings { change, seconds });
-        }
-        Ok(())
-    }
-
-    /// Mean of all blocks, with the noise of the blocks and what a trend within the limits may hide.
-    fn reading(&self) -> Reading {
-        let trend = self.halves_apart();
-        let counts = self.blocks.iter().sum::<Vector2<f64>>() / self.count();
-        // An even trend of twice that size over the dwell has this variance about its middle; chance has it too.
-        let excess = trend * trend.transpose() / 12.0;
-        let significant = self.is_significant(trend, 4.0 / self.count());
-        let covariance = self.noise / self.count() + if significant { excess } else { Matrix2::zeros() };
-        Reading { counts, covariance }
-    }
-
-    fn count(&self) -> f64 {
-        #[expect(clippy::cast_precision_loss, reason = "a dwell has tens of blocks")]
-        let count = self.blocks.len() as f64;
-        count
-    }
-
-    /// Mean of the second half minus mean of the first, counts.
-    fn halves_apart(&self) -> Vector2<f64> {
-        let (first, second) = self.blocks.split_at(self.blocks.len() / 2);
-        average(second) - average(first)
-    }
-
-    /// Whether a difference exceeds chance, given its variance in units of a block mean's.
-    fn is_significant(&self, difference: Vector2<f64>, variance_in_blocks: f64) -> bool {
-        difference.component_div(&self.quiet_noise).norm_squared() > SIGNIFICANT.powi(2) * variance_in_blocks
-    }
-
-    /// A difference of counts in the words of what is measured.
-    fn change(&self, difference: Vector2<f64>) -> Change {
-        let microstrain_per_count = self.settings.front_end.microstrain_per_count();
-        match self.expected {
-            Expected::Nothing => Change::Tare { microstrain: difference.norm() * microstrain_per_count },
-            Expected::Load { tare } => {
-                let load = average(self.blocks) - tare;
-                // Below that load there is no direction to speak of, and the load check refuses it.
-                let size = load.norm().max(NO_LOAD_MICROSTRAIN / microstrain_per_count);
-                let along = load.normalize();
-                let turn_deg = (along.perp(&difference) / size).atan().to_degrees();
-                Change::Contact { turn_deg, size_percent: 100.0 * along.dot(&difference) / size }
-            }
-        }
-    }
-
-    /// Where a single step explains the blocks much better than a straight line does, as a share of the window.
-    fn step_at(&self) -> Option<f64> {
-        let (at, left_by_step) = (1..self.blocks.len())
-            .map(|at| (at, scatter(&self.blocks[..at]) + scatter(&self.blocks[at..])))
-            .min_by(|a, b| a.1.total_cmp(&b.1))?;
-        #[expect(clippy::cast_precision_loss, reason = "a dwell has tens of blocks")]
-        let share = at as f64 / self.count();
-        (left_by_step < 0.5 * self.scatter_about_line()).then_some(share)
-    }
-
-    /// Sum of squares about the best straight line in time.
-    fn scatter_about_line(&self) -> f64 {
-        self.about_line().iter().map(Vector2::norm_squared).sum()
-    }
-
-    /// Blocks without their mean and linear trend.
-    fn about_line(&self) -> Vec<Vector2<f64>> {
-        let middle = 0.5 * (self.count() - 1.0);
-        let time = |index: usize| {
-            #[expect(clippy::cast_precision_loss, reason = "a dwell has tens of blocks")]
-            let index = index as f64;
-            index - middle
-        };
-        let mean = average(self.blocks);
-        let moment: Vector2<f64> =
-            self.blocks.iter().enumerate().map(|(index, block)| (block - mean) * time(index)).sum();
-        let squares: f64 = (0..self.blocks.len()).map(|index| time(index).powi(2)).sum();
-        let slope = moment / squares.max(1.0);
-        self.blocks.iter().enumerate().map(|(index, block)| block - mean - slope * time(index)).collect()
-    }
-
-    /// Largest difference between block means smoothed over three, after the trend is taken off.
-    fn widest_swing(&self) -> Vector2<f64> {
-        let detrended = self.about_line();
-        let smooth: Vec<Vector2<f64>> = detrended.windows(3).map(average).collect();
-        let pairs = smooth.iter().enumerate().flat_map(|(index, a)| smooth[index + 1..].iter().map(move |b| b - a));
-        pairs.max_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared())).unwrap_or_else(Vector2::zeros)
-    }
-}
-
-fn average(blocks: &[Vector2<f64>]) -> Vector2<f64> {
-    #[expect(clippy::cast_precision_loss, reason = "a dwell has tens of blocks")]
-    let count = blocks.len().max(1) as f64;
-    blocks.iter().sum::<Vector2<f64>>() / count
-}
-
-/// Sum of squares about the mean.
-fn scatter(blocks: &[Vector2<f64>]) -> f64 {
-    let mean = average(blocks);
-    blocks.iter().map(|block| (block - mean).norm_squared()).sum()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::front_end::FrontEndSettings;
-    use super::super::test_world::{COUNTS_PER_MICROSTRAIN, Noise};
-    use super::*;
-
-    const RATE_HZ: f64 = 4000.0;
-
-    /// Noise of a single sample, microstrain, and hum from peak to peak, of the default finger.
-    const NOISE: f64 = 0.48;
-    const HUM: f64 = 1.0;
-
-    fn settings() -> DwellSettings {
-        let front_end =
-            FrontEnd::new(FrontEndSettings { gain: 32, excitation_v: 2.5, full_scale_v: 1.2, gauge_factor: 2.0 })
-                .unwrap();
-        DwellSettings::new(front_end, RATE_HZ)
-    }
-
-    /// Blocks of eight samples of microstrain(t) with the default finger's noise and hum, for `seconds`.
-    fn stream(seed: u64, mains_hz: f64, seconds: f64, microstrain: impl Fn(f64) -> [f64; 2]) -> Vec<SampleBlock> {
-        let mut noise = Noise(seed);
-        let phases = [noise.uniform(), noise.uniform()].map(|turn| turn * std::f64::consts::TAU);
-        let mut sample = |seq: u64| {
-            let t = seq as f64 / RATE_HZ;
-            let clean = microstrain(t);
-            [0, 1].map(|axis| {
-                let hum = 0.5 * HUM * (std::f64::consts::TAU * mains_hz * t + phases[axis]).sin();
-                let counts = COUNTS_PER_MICROSTRAIN * (clean[axis] + hum + NOISE * noise.normal());
-                #[expect(clippy::cast_possible_truncation, reason = "far below 2^23")]
-                Counts(counts.round() as i32)
-            })
-        };
-        (0..whole(seconds * RATE_HZ) as u64 / 8)
-            .map(|block| SampleBlock {
-                first: 8 * block,
-                time_us: 2000 * block,
-                period_us: 250.0,
-                counts: (0..8).map(|index| sample(8 * block + index)).collect(),
-                trouble: None,
-            })
-            .collect()
-    }
-
-    fn samples_of(block: &SampleBlock) -> Vec<RawSample> {
-        (block.first..).zip(&block.counts).map(|(seq, &counts)| RawSample { seq, t_us: 250 * seq, counts }).collect()
-    }
-
-    fn watch(blocks: &[SampleBlock], settings: DwellSettings, expected: Expected) -> Verdict {
-        let mut watcher = Watcher::new(settings, expected);
-        let mut verdict = Verdict::NeedsMoreTime(None);
-        for block in blocks {
-            verdict = watcher.push(block);
-            if !matches!(verdict, Verdict::NeedsMoreTime(_)) {
-                break;
-            }
-        }
-        verdict
-    }
-
-    /// The dwell, without printing thousands of samples if it was another verdict.
-    fn accepted(blocks: &[SampleBlock], settings: DwellSettings, expected: Expected) -> Dwell {
-        match watch(blocks, settings, expected) {
-            Verdict::Accepted(dwell) => dwell,
-            Verdict::Refused(refusal) | Verdict::NeedsMoreTime(Some(refusal)) => panic!("not accepted: {refusal}"),
-            Verdict::NeedsMoreTime(None) => panic!("not decided"),
-        }
-    }
-
-    fn refused(blocks: &[SampleBlock], settings: DwellSettings, expected: Expected) -> Refusal {
-        match watch(blocks, settings, expected) {
-            Verdict::Accepted(dwell) => panic!("accepted after {} s: {:?}", dwell.waited_s, dwell.reading),
-            Verdict::Refused(refusal) => refusal,
-            Verdict::NeedsMoreTime(reason) => panic!("not decided: {reason:?}"),
-        }
-    }
-
-    const LOADED: Expected = Expected::Load { tare: Vector2::new(0.0, 0.0) };
-
-    fn short_of_patience() -> DwellSettings {
-        DwellSettings { patience_s: 3.0, ..settings() }
-    }
-
-    #[test]
-    fn a_contact_at_rest_is_accepted_after_one_second_with_an_honest_covariance() {
-        let truth = [80.0, -50.0];
-        let mut sum = 0.0;
-        let dwells = 150;
-        for seed in 0..dwells {
-            let dwell = accepted(&stream(seed, 50.0, 1.0, |_| truth), settings(), LOADED);
-            let error = dwell.reading.counts - Vector2::from(truth) * COUNTS_PER_MICROSTRAIN;
-            sum += error.dot(&(dwell.reading.covariance.try_inverse().unwrap() * error)) / 2.0;
-            assert_eq!(dwell.samples.len(), 4000);
-            assert!((dwell.noise_microstrain[0] - NOISE.hypot(0.5 * HUM / f64::sqrt(2.0))).abs() < 0.03);
-        }
-        let got = sum / dwells as f64;
-        // Its own scatter over 150 dwells of two components is 0.08; 49 degrees of freedom in each covariance add 5 %.
-        assert!((0.75..1.3).contains(&got), "mean normalised squared error {got}, wanted 1");
-    }
-
-    #[test]
-    fn hum_cancels_at_60_hertz_too() {
-        let settings = DwellSettings { mains_hz: 60.0, ..settings() };
-        let variance = |seed| {
-            accepted(&stream(seed, 60.0, 1.0, |_| [80.0, -50.0]), settings, LOADED).reading.covariance.trace() / 2.0
-        };
-        let mean_variance = (0..20).map(variance).sum::<f64>() / 20.0;
-        // Noise alone: 0.48 microstrain over √4000. Twenty dwells of twenty blocks and two axes know it to 5 %.
-        let sigma = mean_variance.sqrt() / COUNTS_PER_MICROSTRAIN;
-        assert!((sigma / 0.00759 - 1.0).abs() < 0.15, "got {sigma} microstrain, wanted 0.0076");
-    }
-
-    #[test]
-    fn ring_down_is_waited_for() {
-        let ringing = |t: f64| [80.0 + 30.0 * (-t / 0.2).exp() * (std::f64::consts::TAU * 3.0 * t).sin(), -50.0];
-        let dwell = accepted(&stream(4, 50.0, 10.0, ringing), settings(), LOADED);
-        assert!(dwell.waited_s > 1.5, "accepted after {} s, still ringing", dwell.waited_s);
-        let error = (dwell.reading.counts.x / COUNTS_PER_MICROSTRAIN - 80.0).abs();
-        assert!(error < 0.1, "mean off by {error} microstrain");
-    }
-
-    #[test]
-    fn a_drifting_tare_is_refused_with_its_size() {
-        let refusal = refused(&stream(5, 50.0, 4.0, |t| [0.8 * t, 0.0]), short_of_patience(), Expected::Nothing);
-        let Refusal::Drifts { change: Change::Tare { microstrain }, .. } = refusal else { panic!("{refusal}") };
-        assert!((microstrain - 0.4).abs() < 0.1, "halves are 0.4 microstrain apart, got {microstrain}");
-    }
-
-    #[test]
-    fn a_slowly_turning_contact_is_refused_in_degrees() {
-        let turning = |t: f64| [95.0 * (0.02 * t).cos(), 95.0 * (0.02 * t).sin()];
-        let refusal = refused(&stream(6, 50.0, 4.0, turning), short_of_patience(), LOADED);
-        let Refusal::Drifts { change: Change::Contact { turn_deg, .. }, .. } = refusal else { panic!("{refusal}") };
-        assert!((turn_deg - 0.573).abs() < 0.05, "0.01 rad in half a second, got {turn_deg}°");
-    }
-
-    #[test]
-    fn a_slip_is_told_from_a_drift() {
-        let slip = |t: f64| if t < 0.4 || t.fract() < 0.5 { [95.0, 0.0] } else { [95.0, 1.0] };
-        let blocks = stream(7, 50.0, 1.01, slip);
-        let samples: Vec<RawSample> = blocks.iter().flat_map(samples_of).collect();
-        let refusal = measure(&samples, &settings(), LOADED).unwrap_err();
-        let Refusal::Stepped { at_s, .. } = refusal else { panic!("{refusal}") };
-        assert!((at_s - 0.5).abs() < 0.05, "{at_s}");
-    }
-
-    #[test]
-    fn a_swinging_weight_is_refused() {
-        let swing = |t: f64| [95.0, 1.5 * (std::f64::consts::TAU * 2.0 * t).sin()];
-        let refusal = refused(&stream(8, 50.0, 4.0, swing), short_of_patience(), LOADED);
-        assert!(matches!(refusal, Refusal::Swings { .. } | Refusal::Drifts { .. }), "{refusal}");
-    }
-
-    #[test]
-    fn a_load_that_falls_off_is_noticed() {
-        let falls = |t: f64| if t < 0.7 { [95.0, 0.0] } else { [0.2, 0.0] };
-        let refusal = refused(&stream(9, 50.0, 4.0, falls), settings(), LOADED);
-        assert!(matches!(refusal, Refusal::LoadRemoved { .. }), "{refusal}");
-    }
-
-    #[test]
-    fn no_load_and_too_little_load_are_different_refusals() {
-        let nothing = refused(&stream(10, 50.0, 4.0, |_| [0.1, 0.0]), short_of_patience(), LOADED);
-        assert!(matches!(nothing, Refusal::NoLoad { .. }), "{nothing}");
-        let little = refused(&stream(11, 50.0, 4.0, |_| [3.0, 0.0]), short_of_patience(), LOADED);
-        assert!(matches!(little, Refusal::TooWeak { factor, .. } if factor > 1.0), "{little}");
-    }
-
-    #[test]
-    fn a_saturated_a_stuck_and_a_restarted_device_are_refused() {
-        let mut saturated = stream(12, 50.0, 2.0, |_| [95.0, 0.0]);
-        saturated.iter_mut().for_each(|block| block.counts.iter_mut().for_each(|counts| counts[1] = Counts::MAX));
-        let refusal = refused(&saturated, settings(), LOADED);
-        assert!(matches!(refusal, Refusal::Saturated { bridge: 'y', .. }), "{refusal}");
-        let mut stuck = stream(13, 50.0, 2.0, |_| [95.0, 0.0]);
-        stuck.iter_mut().skip(100).for_each(|block| block.counts.iter_mut().for_each(|counts| counts[0] = Counts(7)));
-        let refusal = refused(&stuck, settings(), LOADED);
-        assert!(matches!(refusal, Refusal::Stuck { bridge: 'x', code: 7, .. }), "{refusal}");
-        let mut restarted = stream(14, 50.0, 2.0, |_| [95.0, 0.0]);
-        restarted.iter_mut().skip(100).for_each(|block| block.first -= 800);
-        let refusal = refused(&restarted, settings(), LOADED);
-        assert!(matches!(refusal, Refusal::Restarted { .. }), "{refusal}");
-    }
-
-    #[test]
-    fn a_gap_starts_the_window_anew_and_endless_gaps_are_counted() {
-        let mut one_gap = stream(15, 50.0, 3.0, |_| [95.0, 0.0]);
-        one_gap.remove(200);
-        let dwell = accepted(&one_gap, settings(), LOADED);
-        assert_eq!((dwell.lost, dwell.samples[0].seq), (8, 8 * 201));
-        let mut many = stream(16, 50.0, 5.0, |_| [95.0, 0.0]);
-        let mut index = 0;
-        many.retain(|_| {
-            index += 1;
-            index % 100 != 0
-        });
-        let refusal = refused(&many, short_of_patience(), LOADED);
-        assert!(matches!(refusal, Refusal::LostSamples { lost, .. } if lost > 0 && lost % 8 == 0), "{refusal}");
-    }
-
-    #[test]
-    fn a_wrong_rate_and_a_complaint_are_refused() {
-        let mut slow = stream(17, 50.0, 1.0, |_| [95.0, 0.0]);
-        slow.iter_mut().for_each(|block| block.period_us = 500.0);
-        assert!(matches!(refused(&slow, settings(), LOADED), Refusal::WrongRate { .. }));
-        let mut complaint = stream(18, 50.0, 1.0, |_| [95.0, 0.0]);
-        complaint[3].trouble = Some("no front-end answers".to_owned());
-        assert!(matches!(refused(&complaint, settings(), LOADED), Refusal::Trouble(_)));
-    }
-
-    #[test]
-    fn settings_that_cannot_work_are_refused() {
-        assert!(settings().check().is_ok());
-        assert!(DwellSettings { duration_s: 0.16, ..settings() }.check().is_ok());
-        assert!(matches!(
-            DwellSettings { duration_s: 0.1, ..settings() }.check(),
-            Err(DwellSettingsError::TooShort { .. })
-        ));
-        assert!(DwellSettings { mains_hz: f64::NAN, ..settings() }.check().is_err());
-        assert!(DwellSettings { rate_hz: 80.0, ..settings() }.check().is_err());
-    }
-
-    #[test]
-    fn what_was_accepted_measures_the_same_again() {
-        let dwell = accepted(&stream(19, 50.0, 2.0, |_| [95.0, 10.0]), settings(), LOADED);
-        assert_eq!(measure(&dwell.samples, &settings(), LOADED).unwrap().reading, dwell.reading);
-    }
 }

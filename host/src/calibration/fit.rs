@@ -9,16 +9,14 @@
 use nalgebra::{Matrix2, Matrix6, Vector2};
 use thiserror::Error;
 
-use super::force::{
-    Calibration, CalibrationError, CalibrationParts, Force, Reading, Tare, contact_angle, direction_variance,
-    push_direction, wrap_angle,
-};
+use super::force::{Calibration, CalibrationError, CalibrationParts, Force, Reading, Tare};
 use super::held_back;
 use super::least_squares::{Problem, STEPS_MAX, Solution, solve};
 use super::measurements::{Contact, Fixture, Load, Measurements};
 use super::offset;
 use super::span::{self, SPAN_MAX};
 use super::start;
+use crate::geometry::angle::{contact_angle, direction_variance, push_direction, wrap_angle};
 
 /// Fewest contacts the matrix is fitted to: one more than three directions determine, so that the fit checks itself.
 pub const FITTED_MIN: usize = 4;
@@ -130,8 +128,8 @@ pub enum FitError {
     },
     /// The directions leave part of the matrix open.
     #[error(
-        "the contacts push along {lines} line(s) through the disk's centre; near {worst_deg:.0}° the contact angle would be {worst:.1} times \
-         as uncertain as one contact (limit {SPAN_MAX})"
+        "the contacts push along {lines} line(s) through the disk's centre, which leaves contact angles near {worst_deg:.0}° {} (limit {SPAN_MAX})",
+        how_uncertain(*worst)
     )]
     #[diagnostic(help("add contacts at {add} (or opposite); twelve evenly all round are best"))]
     DoesNotSpan {
@@ -212,10 +210,42 @@ pub enum FitError {
     Unusable(#[from] CalibrationError),
 }
 
+/// A number of times, or that there is none.
+fn how_uncertain(times: f64) -> String {
+    if times.is_finite() {
+        format!("{times:.1} times as uncertain as one contact")
+    } else {
+        "altogether open".to_owned()
+    }
+}
+
 /// Finds the finger's matrix.
 ///
 /// # Errors
 /// [`FitError`] says which contact or which missing angle is the reason.
+///
+/// ```
+/// use nalgebra::{Matrix2, Vector2};
+/// use palpate::calibration::{Contact, FitSettings, Fixture, Load, Measurements, Reading, Tare, fit};
+///
+/// // A finger of 26 700 counts/N on both axes, loaded with 2 N at six angles.
+/// let reading = |x: f64, y: f64| Reading { counts: Vector2::new(x, y), covariance: Matrix2::identity() * 36.0 };
+/// let contact = |degrees: f64| {
+///     let (sin, cos) = degrees.to_radians().sin_cos();
+///     let reading = reading(-53_400.0 * cos, -53_400.0 * sin);
+///     Contact { angle: degrees.to_radians(), load: Load::Newtons(2.0), reading, tare: None }
+/// };
+/// let contacts = [0.0, 60.0, 120.0, 180.0, 240.0, 300.0].map(contact).to_vec();
+/// let measurements = Measurements { contacts, tares: vec![Tare(reading(0.0, 0.0))] };
+/// let settings = FitSettings { fixture: Fixture::of_a_dividing_head(0.00179), held_back_every: 0 };
+/// let calibration = fit(&measurements, &settings)?.calibration;
+/// let force = calibration.force(&reading(0.0, 26_700.0), &Tare(reading(0.0, 0.0)));
+/// let (u, variance) = force.contact_angle();
+/// assert!((force.force_finger - Vector2::new(0.0, 1.0)).norm() < 1e-6);
+/// assert!((u.to_degrees() + 90.0).abs() < 1e-6, "pushed up from below");
+/// assert!(variance.sqrt().to_degrees() < 0.1);
+/// # Ok::<(), palpate::calibration::FitError>(())
+/// ```
 pub fn fit(measurements: &Measurements, settings: &FitSettings) -> Result<Fit, FitError> {
     check_contacts(measurements, &settings.fixture)?;
     let held_back = held_back::choose(&measurements.contacts, settings.held_back_every);

@@ -5,6 +5,7 @@ use proptest::prelude::*;
 
 use super::test_world::{COUNTS_PER_MICROSTRAIN, Finger, Noise};
 use super::*;
+use crate::geometry::angle::{contact_angle, wrap_angle};
 
 /// Relative error that rounding leaves in a matrix fitted to exact data.
 const EXACT: f64 = 1e-9;
@@ -151,6 +152,18 @@ fn two_of_twelve_unknown_loads_set_wrong_do_no_harm() {
     let fitted = fit(&data, &settings(stated(&FIXTURE_NOISE))).unwrap();
     let outliers: Vec<usize> = (0..12).filter(|&index| fitted.contacts[index].is_outlier()).collect();
     assert_eq!(outliers, [3, 8]);
+}
+
+#[test]
+fn a_zero_that_slipped_for_the_last_four_contacts_is_seen_by_the_other_eight() {
+    for load in [Load::Newtons(LOAD_N), Load::Unknown] {
+        let mut data = noisy(&Finger::TYPICAL, 12, &mut Noise(15), &FIXTURE_NOISE);
+        data.contacts.iter_mut().for_each(|contact| contact.load = load);
+        data.contacts[8..].iter_mut().for_each(|contact| contact.angle += 15.0_f64.to_radians());
+        let fitted = fit(&data, &settings(stated(&FIXTURE_NOISE))).unwrap();
+        let outliers: Vec<usize> = (0..12).filter(|&index| fitted.contacts[index].is_outlier()).collect();
+        assert_eq!(outliers, [8, 9, 10, 11], "{load}");
+    }
 }
 
 #[test]
@@ -396,4 +409,13 @@ fn a_fixture_worse_than_stated_widens_the_covariance() {
     let told = fit(&data, &settings(stated(&worse))).unwrap();
     let ratio = fitted.calibration.parts().covariance[(1, 1)] / told.calibration.parts().covariance[(1, 1)];
     assert!((0.3..3.0).contains(&ratio), "variance inflated by χ² is {ratio} of the one with the right fixture");
+}
+
+#[test]
+fn a_long_plan_is_fitted_as_well() {
+    // Unknown loads and pairs and triples thinned out: 180 contacts make 16 110 pairs and 955 860 triples.
+    let mut data = noisy(&Finger::TYPICAL, 180, &mut Noise(8), &FIXTURE_NOISE);
+    data.contacts.iter_mut().for_each(|contact| contact.load = Load::Unknown);
+    let fitted = fit(&data, &FitSettings { fixture: stated(&FIXTURE_NOISE), held_back_every: 4 }).unwrap();
+    assert!(fitted.held_back().unwrap().rms_error.to_degrees() < 0.1, "{:?}", fitted.held_back());
 }

@@ -17,9 +17,10 @@
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x4, Matrix6, Vector2};
 
 use super::fit::{FitError, Quality};
-use super::force::{ForceUnit, Tare, contact_angle, push_direction};
+use super::force::{ForceUnit, Tare};
 use super::measurements::{Contact, Fixture, Load, Measurements};
 use super::start;
+use crate::geometry::angle::{contact_angle, push_direction};
 
 /// Variance of a value rounded to a whole code, counts²: no reading is known better, even one without any noise.
 const ROUNDING_VARIANCE: f64 = 1.0 / 12.0;

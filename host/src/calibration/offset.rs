@@ -8,8 +8,8 @@
 
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
 
-use super::force::push_direction;
 use super::measurements::{Contact, Fixture};
+use crate::geometry::angle::push_direction;
 
 /// Share of the loads' directions that must not cancel out for the weight to be told from the offset.
 ///

@@ -229,6 +229,13 @@ impl Plan {
                 });
             }
         }
+        if self.held_back_every == 1 {
+            return Err(PlanError::Value {
+                name: "held_back_every".to_owned(),
+                value: 1.0,
+                wanted: "0 for none, or at least 2",
+            });
+        }
         self.contacts.iter().enumerate().try_for_each(|(index, contact)| check_contact(index + 1, contact))
     }
 
@@ -259,6 +266,7 @@ impl Plan {
             mains_hz: self.mains_hz,
             duration_s: self.dwell_s,
             patience_s: self.patience_s,
+            drift_sigma: self.fit_settings(&front_end).fixture.drift_sigma,
             front_end,
         };
         settings.check()?;
@@ -318,6 +326,7 @@ mod tests {
             ("angle_deg = 0", "angle_deg = nan", "contact 1"),
             ("2 N", "2 stone", "2 stone"),
             ("format = 1", "format = 1\nangle_sigma_deg = -1", "angle_sigma_deg"),
+            ("format = 1", "format = 1\nheld_back_every = 1", "held_back_every"),
             ("format = 1", "format = 1\ntypo = 1", "typo"),
         ] {
             let error = Plan::from_toml(&good.replace(from, to)).unwrap_err();

@@ -16,6 +16,7 @@ use super::raw::{Provenance, RawError, RawRun};
 use super::session::{Bench, BenchError, Ending, SampleSource, Session, SourceError, Summary, Wish, run};
 use super::test_world::{COUNTS_PER_MICROSTRAIN, Finger, Noise};
 use super::*;
+use crate::geometry::angle::{contact_angle, wrap_angle};
 
 const RATE_HZ: f64 = 4000.0;
 
@@ -199,6 +200,20 @@ fn the_own_weight_of_a_lying_finger_is_found() {
     assert!((weight - OWN_WEIGHT_N).abs() < 0.01, "got {weight} N");
     let upright = conclude(&take(5, &quick_plan(Load::Newtons(2.0), TareMode::Once), |_| {}).0).unwrap();
     assert_eq!(upright.fit.own_weight, None);
+}
+
+#[test]
+fn angles_counted_backwards_are_pointed_out() {
+    let (mut run, ..) = take(5, &quick_plan(Load::Newtons(2.0), TareMode::Each), |_| {});
+    assert!(!conclude(&run).unwrap().to_string().contains("mirrors"));
+    for (step, _) in &mut run.dwells {
+        match step {
+            Step::Contact(contact) => contact.angle_deg = -contact.angle_deg,
+            Step::Tare { angle_deg } => *angle_deg = angle_deg.map(|angle| -angle),
+        }
+    }
+    let backwards = conclude(&run).unwrap();
+    assert!(backwards.to_string().contains("mirrors"), "{backwards}");
 }
 
 #[test]

@@ -10,8 +10,8 @@
 
 use nalgebra::{Matrix2x4, Matrix3, Matrix4, RowVector4, Vector2, Vector3, Vector4};
 
-use super::force::push_direction;
 use super::measurements::Load;
+use crate::geometry::angle::push_direction;
 
 /// Largest uncertainty of a later contact angle, in uncertainties of one calibration contact, that is accepted.
 ///

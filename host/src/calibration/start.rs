@@ -11,8 +11,8 @@
 
 use nalgebra::{Matrix2, Matrix3, Matrix3x4, Vector2, Vector4};
 
-use super::force::{push_direction, wrap_angle};
 use super::measurements::Load;
+use crate::geometry::angle::{contact_angle, push_direction, wrap_angle};
 
 /// One contact reduced to what a first guess needs.
 #[derive(Clone, Copy, Debug)]
@@ -27,6 +27,9 @@ pub(super) struct Observation {
 
 /// At most this many triples are tried; 24 contacts have 2024. More are thinned evenly, which keeps it under 0.1 s.
 const TRIPLES_MAX: usize = 20_000;
+
+/// The same for pairs; 72 contacts have 2556.
+const PAIRS_MAX: usize = 5_000;
 
 /// A determinant below this, of unit vectors, means that a subset does not determine a matrix.
 const DEGENERATE: f64 = 1e-6;
@@ -59,13 +62,10 @@ fn compare(a: Load, b: Load) -> bool {
 }
 
 fn from_pairs(observations: &[Observation]) -> Vec<Matrix2<f64>> {
-    let mut matrices = Vec::new();
-    for (index, a) in observations.iter().enumerate() {
-        for b in observations[index + 1..].iter().filter(|b| compare(a.load, b.load)) {
-            matrices.extend(from_pair(a, b));
-        }
-    }
-    matrices
+    let n = observations.len();
+    let stride = (n * n.saturating_sub(1) / 2).div_ceil(PAIRS_MAX).max(1);
+    let pairs = (0..n).flat_map(|i| (i + 1..n).map(move |j| (&observations[i], &observations[j])));
+    pairs.step_by(stride).filter(|(a, b)| compare(a.load, b.load)).filter_map(|(a, b)| from_pair(a, b)).collect()
 }
 
 /// `A = [F₁ F₂] [d₁ d₂]⁻¹`.
@@ -129,7 +129,7 @@ fn middle_misfit(inverse: &Matrix2<f64>, observations: &[Observation]) -> f64 {
 }
 
 fn angle_misfit(inverse: &Matrix2<f64>, observation: &Observation) -> f64 {
-    wrap_angle(super::force::contact_angle(inverse * observation.counts) - observation.angle)
+    wrap_angle(contact_angle(inverse * observation.counts) - observation.angle)
 }
 
 /// Size of a force over what it was called, as a logarithm.

@@ -15,7 +15,7 @@ use palpate::calibration::plan::{Plan, Step, TareMode};
 use palpate::calibration::raw::{Provenance, RawRun};
 use palpate::calibration::session::{Bench, Ending, SampleSource, Session, Summary};
 use palpate::calibration::{FrontEndSettings, Load, session};
-use palpate::live::{GAUGE_FACTOR, LinkSource, SimulatedBench};
+use palpate::live::{self, GAUGE_FACTOR, LinkSource, SimulatedBench};
 
 use super::device::DeviceArguments;
 
@@ -68,7 +68,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "GF", default_value_t = GAUGE_FACTOR)]
     gauge_factor: f64,
 
-    /// Temperature of the finger, °C, for the record
+    /// Temperature of the finger, °C, for the record [default: what the board's sensor says, if it has one]
     #[arg(long, value_name = "CELSIUS")]
     temperature_c: Option<f64>,
 
@@ -95,6 +95,8 @@ pub(crate) struct Device<'a> {
     pub(crate) excitation_v: f64,
     /// Input of its converter at full scale and gain 1, V.
     pub(crate) full_scale_v: f64,
+    /// Temperature there, °C, where it is known.
+    pub(crate) temperature_c: Option<f64>,
 }
 
 /// Fits kept samples, or takes new ones: with a person at the terminal, or with the hand of a device simulated here.
@@ -110,6 +112,10 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let mut link = arguments.device.open(true)?;
     eprint!("{}", super::simulated_note(&link));
     let (hello, hand) = (link.hello().clone(), link.simulated().cloned());
+    let temperature_c = match arguments.temperature_c {
+        Some(celsius) => Some(celsius),
+        None => live::temperature(&mut link)?,
+    };
     let device = Device {
         source: &mut LinkSource::new(&mut link),
         name: hello.device.to_string(),
@@ -117,6 +123,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         gain: hello.gain,
         excitation_v: f64::from(hello.excitation_mv) * 1e-3,
         full_scale_v: f64::from(hello.full_scale_uv) * 1e-6,
+        temperature_c,
     };
     match hand {
         Some(hand) => {
@@ -148,7 +155,7 @@ pub(crate) fn calibrate(
         device: device.name,
         finger: arguments.finger.clone(),
         date: arguments.date.clone().unwrap_or_else(now),
-        temperature_c: arguments.temperature_c,
+        temperature_c: device.temperature_c,
         rate_hz: device.rate_hz,
         front_end: FrontEndSettings {
             gain: device.gain,
@@ -367,6 +374,7 @@ mod tests {
             gain: 32,
             excitation_v: 2.5,
             full_scale_v: 1.2,
+            temperature_c: Some(23.5),
         };
         calibrate(&arguments, &arguments.plan()?, device, &mut Hand { force, quits_at })
     }

@@ -3,7 +3,9 @@
 use std::process::ExitCode;
 
 use palpate::link::Session;
-use palpate_shared::wire::{Checks, ClockSource, Counters, FrontEndKind, Hello, RestartReason, SelfTest, Source};
+use palpate_shared::wire::{
+    Checks, ClockSource, Counters, Fault, FaultCause, FrontEndKind, Hello, RestartReason, SelfTest, Source,
+};
 
 use super::device::DeviceArguments;
 
@@ -46,6 +48,13 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         Err(error) => row("self-test", &error.to_string()),
     }
     print_counters(&session.device_counters()?);
+    // Simulated devices and older firmware do not know these.
+    if let Ok(fault) = session.last_fault() {
+        row("last fault", &fault.as_ref().map_or_else(|| "none since power-on".to_owned(), fault_in_words));
+    }
+    if let Ok(health) = session.health() {
+        row("stack", &format!("{} of {} bytes at most", health.stack_used_max, health.stack_bytes));
+    }
     for &address in &arguments.registers {
         let value = session.read_register(address)?;
         row(&format!("register {address:#04x}"), &format!("{value:#06x}"));
@@ -102,6 +111,19 @@ fn restart(reason: RestartReason) -> &'static str {
         RestartReason::Requested => "requested",
         RestartReason::Unknown => "reason unknown",
     }
+}
+
+fn fault_in_words(fault: &Fault) -> String {
+    let what = match fault.cause {
+        FaultCause::Panic => format!("panic at {}", fault.place),
+        FaultCause::Processor => format!(
+            "processor fault {:#010x} at {:#010x}, called from {:#010x}",
+            fault.fault_status, fault.program_counter, fault.return_address
+        ),
+        FaultCause::StackOverflow => "stack overflow".to_owned(),
+        FaultCause::Hang => "hang".to_owned(),
+    };
+    format!("{what}, {} s and {} samples after the start", fault.uptime_s, fault.samples)
 }
 
 fn print_self_test(result: &SelfTest) {

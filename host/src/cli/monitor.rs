@@ -2,13 +2,13 @@
 
 use std::io::{self, Write as _};
 use std::process::ExitCode;
-use std::time::Instant;
+use std::time::{Instant, SystemTime};
 
 use miette::IntoDiagnostic as _;
 use palpate::contact::{Averaging, Contact, Felt, Settings, Tare};
 use palpate::link::Session;
 use palpate::live::{self, LiveError};
-use palpate::sensing::FingerSense;
+use palpate::sensing::{self, FingerSense};
 
 use super::calibrated::CalibrationArguments;
 use super::device::DeviceArguments;
@@ -70,7 +70,8 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let mut session = arguments.device.open(true)?;
     let calibration = arguments.calibration.require(&session)?;
-    let settings = settings(arguments);
+    let front_end = live::front_end(session.hello())?;
+    let settings = Settings { bias_walk: sensing::bias_walk(&calibration, &front_end), ..settings(arguments) };
     settings.check().into_diagnostic()?;
     session.start()?;
     session.ping()?;
@@ -133,7 +134,11 @@ fn show(
             let simulated = session.is_simulated();
             for felt in finger.feel(samples) {
                 if printing.is_due(&felt) {
-                    let line = if arguments.json { as_json(&felt, simulated) } else { as_line(&felt, unit, simulated) };
+                    let line = if arguments.json {
+                        as_json(&felt, simulated, unix_time(session, felt.t))
+                    } else {
+                        as_line(&felt, unit, simulated)
+                    };
                     written = writeln!(out, "{line}").and_then(|()| out.flush());
                 }
             }
@@ -202,15 +207,22 @@ fn as_line(felt: &Felt, unit: &str, simulated: bool) -> String {
     }
 }
 
-/// A reading for a program: SI units and radians.
-fn as_json(felt: &Felt, simulated: bool) -> String {
+/// A moment on the device's clock as Unix time, in s, by the clock map.
+fn unix_time(session: &Session, device_s: f64) -> Option<f64> {
+    let host_s = session.clock()?.host_time(device_s);
+    let since_epoch = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).ok()?.as_secs_f64();
+    Some(since_epoch - session.epoch().elapsed().as_secs_f64() + host_s)
+}
+
+/// A reading for a program: SI units and radians; `t` on the device's clock, `unix_time` on the host's.
+fn as_json(felt: &Felt, simulated: bool, unix_time: Option<f64>) -> String {
     match &felt.contact {
         Contact::None { force_finger, sigmas } => serde_json::json!({
-            "t": felt.t, "contact": false, "sigmas": sigmas, "force": [force_finger.x, force_finger.y],
+            "t": felt.t, "unix_time": unix_time, "contact": false, "sigmas": sigmas, "force": [force_finger.x, force_finger.y],
             "simulated": simulated,
         }),
         Contact::Touching(touch) => serde_json::json!({
-            "t": felt.t, "contact": true, "u": touch.u, "u_sd": touch.u_sd,
+            "t": felt.t, "unix_time": unix_time, "contact": true, "u": touch.u, "u_sd": touch.u_sd,
             "friction_half_angle": touch.friction_half_angle, "force": [touch.force_finger.x, touch.force_finger.y],
             "magnitude": touch.magnitude, "magnitude_sd": touch.magnitude_sd, "onset": touch.onset,
             "simulated": simulated,

@@ -3,6 +3,7 @@
 use std::io::{self, BufRead as _, Write as _};
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Duration;
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use palpate::simulated_device::{Config, Line, Moment, Pace, SimulatedDevice};
@@ -10,8 +11,8 @@ use palpate_shared::sim::{Contact, Faults, FloatingBus, Load};
 
 /// Runs a finger without hardware: the firmware on a simulated front-end, behind a pseudo-terminal.
 ///
-/// Prints the path to open, then takes orders from standard input, one a line; `help` lists them.
-/// Ends with the input's end, or with `quit`.
+/// Prints the path to open, then takes orders from standard input, one a line; `help` lists them. A file of orders with
+/// `wait`s between them is a script. Ends with the input's end, or with `quit`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     /// Listen on a TCP port instead of a pseudo-terminal: tcp:HOST:PORT (port 0 takes any free one)
@@ -45,6 +46,7 @@ press ANGLE FORCE [MU]   press at ANGLE degrees with FORCE newtons, on the edge 
 sweep FROM TO SECONDS FORCE   move a contact round the disk, angles in degrees
 force X Y                push with this force on the disk, in newtons
 release                  let go
+wait SECONDS             read the next order after so much of the device's time
 fault none|absent|silent|open0|open1|saturate0|saturate1|stuck|bits RATE
 unplug | plug            pull the cable, plug it in again
 restart                  switch off and on
@@ -96,6 +98,7 @@ enum Order {
     PlugIn,
     Restart,
     Truth,
+    Wait(f64),
     Help,
     Quit,
 }
@@ -109,6 +112,7 @@ impl Order {
             ["quit"] => Self::Quit,
             ["unplug"] => Self::Unplug,
             ["plug"] => Self::PlugIn,
+            ["wait", seconds] => Self::Wait(f64::from(not_negative(seconds, "the time")?)),
             ["restart"] => Self::Restart,
             ["release"] => Self::Load(Load::Released),
             ["force", x, y] => Self::Load(Load::Force([number(x)?, number(y)?])),
@@ -175,10 +179,24 @@ fn carry_out(device: &SimulatedDevice, order: Order) -> io::Result<String> {
         Order::PlugIn => device.plug_in()?,
         Order::Restart => device.restart()?,
         Order::Truth => device.now()?,
+        Order::Wait(seconds) => wait(device, seconds)?,
         Order::Help => return Ok(ORDERS.to_owned()),
         Order::Quit => return Ok(String::new()),
     };
     Ok(in_words(&moment))
+}
+
+/// Waits until so much of the device's time has passed.
+fn wait(device: &SimulatedDevice, seconds: f64) -> io::Result<Moment> {
+    let time_s = |moment: &Moment| moment.truth.time_ns as f64 * 1e-9;
+    let mut moment = device.now()?;
+    let until_s = time_s(&moment) + seconds;
+    while time_s(&moment) < until_s {
+        // One tick of the simulation.
+        std::thread::sleep(Duration::from_millis(1));
+        moment = device.now()?;
+    }
+    Ok(moment)
 }
 
 fn in_words(moment: &Moment) -> String {

@@ -8,8 +8,9 @@
 //! Friction turns the force away from the normal by an unknown angle of up to `atan(mu_c)`. That is not noise: it does
 //! not average away, and is kept apart from the standard deviation as [`Touch::friction_half_angle`].
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
+use crate::geometry::angle::{contact_angle, wrap_angle};
 use nalgebra::{Matrix2, Vector2};
 use serde::Serialize;
 
@@ -55,7 +56,7 @@ impl Interval {
     /// Whether `angle` (rad, any turn) lies in it.
     #[must_use]
     pub fn contains(&self, angle: f64) -> bool {
-        wrap(angle - self.centre).abs() <= self.half_width
+        wrap_angle(angle - self.centre).abs() <= self.half_width
     }
 }
 
@@ -146,17 +147,10 @@ impl Axes {
     }
 }
 
-/// Contact angle of a force on the finger, rad in (−π, π]: its opposite direction, less the mounting angle.
+/// Contact angle of a force on the finger, rad in (−π, π], less the mounting angle.
 #[must_use]
 pub fn angle(force_finger: &Vector2<f64>, mounting_angle: f64) -> f64 {
-    wrap((-force_finger.y).atan2(-force_finger.x) - mounting_angle)
-}
-
-/// The same angle in (−π, π].
-#[must_use]
-pub fn wrap(angle: f64) -> f64 {
-    let turned = angle.rem_euclid(TAU);
-    if turned > PI { turned - TAU } else { turned }
+    wrap_angle(contact_angle(*force_finger) - mounting_angle)
 }
 
 /// The standard normal value that a share `p` in (0, 1) of all values is below; infinite at the ends.
@@ -331,7 +325,7 @@ mod tests {
             prop_assume!(force.norm() > 0.01);
             let c = covariance(sd, 0.3);
             let (here, there) = (touch(force, c), touch(rotation(turn) * force, rotation(turn) * c * rotation(-turn)));
-            prop_assert!(wrap(there.u - here.u - turn).abs() < ROUNDING);
+            prop_assert!(wrap_angle(there.u - here.u - turn).abs() < ROUNDING);
             prop_assert!((there.u_sd - here.u_sd).abs() < ROUNDING * (1.0 + here.u_sd));
             prop_assert!((there.magnitude_sd - here.magnitude_sd).abs() < ROUNDING);
         }
@@ -339,7 +333,7 @@ mod tests {
         #[test]
         fn the_mounting_angle_is_subtracted(force in [-5.0..5.0, -5.0..5.0_f64], mounting in -10.0..10.0_f64) {
             let force = Vector2::from(force);
-            prop_assert!(wrap(angle(&force, mounting) - angle(&force, 0.0) + mounting).abs() < ROUNDING);
+            prop_assert!(wrap_angle(angle(&force, mounting) - angle(&force, 0.0) + mounting).abs() < ROUNDING);
         }
 
         #[test]
@@ -350,7 +344,7 @@ mod tests {
             prop_assume!(force.norm() > 0.01);
             let c = covariance(sd, 1.1);
             let (here, there) = (touch(force, c), touch(force * scale, c * scale * scale));
-            prop_assert!(wrap(there.u - here.u).abs() < ROUNDING);
+            prop_assert!(wrap_angle(there.u - here.u).abs() < ROUNDING);
             prop_assert!((there.u_sd / here.u_sd - 1.0).abs() < ROUNDING);
             let (wide, wide_there) = (here.noise_half_width(0.95), there.noise_half_width(0.95));
             prop_assert!((wide - wide_there).abs() < 1e-6);
@@ -358,9 +352,9 @@ mod tests {
 
         #[test]
         fn wrapped_angles_are_in_range_and_a_whole_number_of_turns_away(angle in -1e3..1e3_f64) {
-            let wrapped = wrap(angle);
+            let wrapped = wrap_angle(angle);
             prop_assert!(wrapped > -PI && wrapped <= PI);
-            let turns = (angle - wrapped) / TAU;
+            let turns = (angle - wrapped) / std::f64::consts::TAU;
             prop_assert!((turns - turns.round()).abs() < ROUNDING);
         }
 
@@ -373,7 +367,7 @@ mod tests {
             let spread = rotation(turn) * Matrix2::from_diagonal(&Vector2::from(sd));
             let (mut random, n, u) = (Random(seed), 2000, angle(&force, 0.0));
             let square: f64 =
-                (0..n).map(|_| wrap(angle(&(force + spread * random.normal2()), 0.0) - u).powi(2)).sum();
+                (0..n).map(|_| wrap_angle(angle(&(force + spread * random.normal2()), 0.0) - u).powi(2)).sum();
             let seen = (square / f64::from(n)).sqrt();
             let said = touch(force, c).u_sd;
             // A standard deviation from 2000 copies is known to 1.6 %; six of those for the many cases run.

@@ -1,5 +1,6 @@
 //! Shapes in the plane. Pure: no files, clocks or threads.
 
+pub mod angle;
 mod polygon;
 
 pub use polygon::{PolygonError, SimplePolygon};

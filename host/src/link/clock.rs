@@ -2,7 +2,7 @@
 //!
 //! A block can only arrive after its last sample was taken, so every arrival bounds the offset between the two
 //! clocks from one side, and the least delayed arrivals lie on a straight line: its slope is the drift. The map
-//! keeps the earliest arrival of every interval of [`BIN_S`] and fits the line through those minima. A ping
+//! keeps the earliest arrival of every half second and fits the line through those minima. A ping
 //! bounds the offset from the other side as well: the device took its time between our sending and receiving.
 //!
 //! Times are seconds on either clock, each from its own arbitrary zero.
@@ -104,6 +104,7 @@ impl ClockMap {
 }
 
 /// Whether two device times lie in the same interval.
+#[expect(clippy::float_cmp, reason = "both sides are whole numbers")]
 fn same_bin(a: f64, b: f64) -> bool {
     (a / BIN_S).floor() == (b / BIN_S).floor()
 }

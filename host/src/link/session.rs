@@ -19,8 +19,8 @@ use std::time::{Duration, Instant};
 use palpate_shared::frame::{DELIMITER, FRAME_MAX, encode};
 use palpate_shared::units::Counts;
 use palpate_shared::wire::{
-    Block, Command, CommandId, Counters, Event, FromDevice, Hello, Outcome, ProtocolVersion, Refusal, Reply, Request,
-    SelfTest, Source, Status, Temperature,
+    Block, Command, CommandId, Counters, Event, Failure, Fault, FromDevice, Health, Hello, Outcome, ProtocolVersion,
+    Refusal, Reply, Request, SelfTest, Source, Status, Temperature,
 };
 
 use super::address::Address;
@@ -195,6 +195,8 @@ pub struct Session {
     closed_lines: ReaderCounts,
     down_since: Option<Instant>,
     last_heard: Instant,
+    last_status: Status,
+    temperature_c: Option<f64>,
 }
 
 impl Session {
@@ -254,6 +256,8 @@ impl Session {
             closed_lines: ReaderCounts::default(),
             down_since: None,
             last_heard: epoch,
+            last_status: Status::default(),
+            temperature_c: None,
         };
         session.take_early(greeted.early);
         Ok(session)
@@ -277,10 +281,16 @@ impl Session {
         self.simulated.as_ref()
     }
 
-    /// Whether what this device sends is made up.
+    /// Whether what this device sends is made up: it says so itself, or a block of samples did.
     #[must_use]
     pub fn is_simulated(&self) -> bool {
-        self.hello.source == Source::Simulated
+        self.hello.source == Source::Simulated || self.last_status.contains(Status::SIMULATED)
+    }
+
+    /// The board's temperature as it last told, in °C; `None` where it has no sensor.
+    #[must_use]
+    pub fn temperature_c(&self) -> Option<f64> {
+        self.temperature_c
     }
 
     /// What was counted so far.
@@ -413,6 +423,36 @@ impl Session {
         }
     }
 
+    /// What the device recorded of its last fault; `None` if there was none since power-on.
+    ///
+    /// # Errors
+    /// As [`Session::request`]; refused by devices that keep no record.
+    pub fn last_fault(&mut self) -> Result<Option<Fault>, LinkError> {
+        match self.request(Request::LastFault)? {
+            Outcome::LastFault(fault) => Ok(fault),
+            _ => Err(LinkError::WrongAnswer { request: in_words(Request::LastFault) }),
+        }
+    }
+
+    /// How much stack and processor time the device uses.
+    ///
+    /// # Errors
+    /// As [`Session::request`]; refused by devices that do not know.
+    pub fn health(&mut self) -> Result<Health, LinkError> {
+        match self.request(Request::Health)? {
+            Outcome::Health(health) => Ok(health),
+            _ => Err(LinkError::WrongAnswer { request: in_words(Request::Health) }),
+        }
+    }
+
+    /// Restarts the device. [`Session::next`] then hands on [`Incoming::Restarted`] and restores the settings.
+    ///
+    /// # Errors
+    /// As [`Session::request`]; refused by devices that cannot.
+    pub fn reboot(&mut self) -> Result<(), LinkError> {
+        self.request(Request::Reboot).map(drop)
+    }
+
     /// Measures the round trip to the device, and with it the offset between the clocks.
     ///
     /// # Errors
@@ -505,7 +545,7 @@ impl Session {
 
     /// Drops samples that have arrived and were not yet handed on; events and changes of the link stay.
     pub fn forget_waiting(&mut self) {
-        self.backlog.retain(|incoming| !matches!(incoming, Incoming::Samples(_)));
+        self.backlog.retain(|incoming| !matches!(incoming, Incoming::Samples(_) | Incoming::Temperature(_)));
     }
 
     fn receive(&self, wait: Duration) -> Option<Arrival> {
@@ -534,7 +574,10 @@ impl Session {
         match message {
             FromDevice::Block(block) => self.take_block(block, at),
             FromDevice::Event(event) => self.backlog.push_back(Incoming::Event(event)),
-            FromDevice::Temperature(temperature) => self.backlog.push_back(Incoming::Temperature(temperature)),
+            FromDevice::Temperature(temperature) => {
+                self.temperature_c = Some(f64::from(temperature.centi_celsius) / 100.0);
+                self.backlog.push_back(Incoming::Temperature(temperature));
+            }
             FromDevice::Hello(hello) => self.restarted(hello),
             // The reply to a command that was answered before: the first answer was slow, not lost.
             FromDevice::Reply(_) => {}
@@ -542,8 +585,9 @@ impl Session {
     }
 
     fn take_block(&mut self, block: Block, at: Instant) {
+        self.last_status = block.status;
         let place = self.sequence.place(block.first, block.time, block.samples.len());
-        let period_us = 1e6 / f64::from(self.hello.rate_hz.max(1));
+        let rate_hz = self.hello.rate_hz.max(1);
         let (missing_before, repeated) = match place.continuity {
             Continuity::Missing(missing) => (missing, 0),
             Continuity::Repeated(repeated) => (0, usize::try_from(repeated).unwrap_or(usize::MAX)),
@@ -555,8 +599,8 @@ impl Session {
         let samples = Samples {
             first: place.first + repeated as u64,
             missing_before,
-            time_us: place.time_us + (period_us * repeated as f64) as u64,
-            period_us,
+            time_us: place.time_us + repeated as u64 * 1_000_000 / u64::from(rate_hz),
+            period_us: 1e6 / f64::from(rate_hz),
             status: block.status,
             counts,
             arrived: at,
@@ -820,5 +864,12 @@ fn in_words(request: Request) -> String {
         Request::Ping => "a ping".to_owned(),
         Request::SelfTest => "a self-test".to_owned(),
         Request::Counters => "its counters".to_owned(),
+        Request::LastFault => "its last fault".to_owned(),
+        Request::Health => "its use of stack and processor".to_owned(),
+        Request::Reboot => "to restart".to_owned(),
+        Request::Fail { failure: Failure::Panic } => "to panic".to_owned(),
+        Request::Fail { failure: Failure::Hang } => "to hang".to_owned(),
+        Request::Fail { failure: Failure::BadAccess } => "to read where no memory is".to_owned(),
+        Request::Fail { failure: Failure::StackOverflow } => "to overflow its stack".to_owned(),
     }
 }

@@ -122,7 +122,7 @@ impl Pose {
     /// The pose a share of the way from here to `end`, along a straight line and the shorter turn.
     #[must_use]
     pub fn interpolate(&self, end: &Self, share: f64) -> Self {
-        let turn = crate::contact::direction::wrap(end.yaw - self.yaw);
+        let turn = crate::geometry::angle::wrap_angle(end.yaw - self.yaw);
         Self { position_world: self.position_world.lerp(&end.position_world, share), yaw: self.yaw + share * turn }
     }
 }
@@ -130,7 +130,7 @@ impl Pose {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::direction::wrap;
+    use crate::geometry::angle::wrap_angle;
     use std::f64::consts::PI;
 
     const TRIANGLE: &str = "3\n0 0 0 \n150 0 0\n0 150 0\n50\n";
@@ -144,7 +144,7 @@ mod tests {
             assert!((below.distance - 0.001).abs() < 1e-12);
             assert!((part.inward_normal(below.edge) - PI / 2.0).abs() < 1e-12);
             let slanted = part.nearest(&Vector2::new(0.08, 0.08));
-            assert!(wrap(part.inward_normal(slanted.edge) + 0.75 * PI).abs() < 1e-12);
+            assert!(wrap_angle(part.inward_normal(slanted.edge) + 0.75 * PI).abs() < 1e-12);
         }
     }
 
@@ -153,7 +153,7 @@ mod tests {
         let start = Pose { position_world: Vector2::new(0.0, 0.0), yaw: 3.0 };
         let end = Pose { position_world: Vector2::new(1.0, 2.0), yaw: -3.0 };
         let middle = start.interpolate(&end, 0.5);
-        assert!(wrap(middle.yaw - PI).abs() < 1e-12, "{middle:?}");
+        assert!(wrap_angle(middle.yaw - PI).abs() < 1e-12, "{middle:?}");
         assert!((middle.from_world(&middle.position_world)).norm() < 1e-12);
     }
 

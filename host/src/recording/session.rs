@@ -14,9 +14,9 @@ use serde::Serialize;
 use super::csv::Table;
 use super::mlab::{Log, Pose, Push, Tip};
 use super::part::Part;
-use crate::contact::direction::wrap;
 use crate::contact::offline::{self, Bias, BiasUnknown, Found, Judged, Start};
 use crate::contact::{Contact, Event, Felt, Reading, Settings, SettingsError, Tare, noise};
+use crate::geometry::angle::wrap_angle;
 
 /// Probability that the intervals are stated for.
 pub const COVERAGE: f64 = 0.95;
@@ -345,7 +345,7 @@ impl View<'_> {
         };
         let tip = self.tips.map(|tips| tip_at(tips, felt.t));
         let touch = touch.map(|touch| {
-            let u = wrap(touch.u + tip.map_or(0.0, |tip| tip.yaw));
+            let u = wrap_angle(touch.u + tip.map_or(0.0, |tip| tip.yaw));
             let normal = self.scene.zip(tip).map(|(scene, tip)| scene.normal(felt.t, &tip));
             RowTouch {
                 u,
@@ -353,7 +353,7 @@ impl View<'_> {
                 u_half_width: touch.interval(COVERAGE).half_width,
                 magnitude: touch.magnitude,
                 magnitude_sd: touch.magnitude_sd,
-                angle_to_normal: normal.map(|(_, angle)| wrap(u - angle)),
+                angle_to_normal: normal.map(|(_, angle)| wrap_angle(u - angle)),
                 edge: normal.map(|(edge, _)| edge),
             }
         });
@@ -527,7 +527,7 @@ mod tests {
             assert!((report.onset.unwrap() - 1.5).abs() < ONSET_ERROR_S, "{:?}", report.onset);
             let touch = report.touch.unwrap();
             let truth = yaw + std::f64::consts::FRAC_PI_2 + 0.2;
-            assert!(wrap(touch.u_mean - truth).abs() < 0.005, "yaw {yaw}: {}, wanted {truth}", touch.u_mean);
+            assert!(wrap_angle(touch.u_mean - truth).abs() < 0.005, "yaw {yaw}: {}, wanted {truth}", touch.u_mean);
             assert!((touch.force_max - 3.0).abs() < 0.02, "{}", touch.force_max);
             let edge = report.edge.unwrap();
             assert_eq!(edge.edge, 0);

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use palpate_firmware_core::{Device, Identity, Queues, Sampler, SelectSource, Settings, SourceNotPossible};
-use palpate_shared::sim::{Faults, Load, PortBusy, Script, SimulatedFrontEnd, SpiPort};
+use palpate_shared::sim::{Faults, FloatingBus, Load, PortBusy, Script, SimulatedFrontEnd, SpiPort};
 use palpate_shared::units::DeviceTime;
 use palpate_shared::wire::{Axis, Bridge, Channel, ClockSource, DeviceId, RestartReason, Source};
 
@@ -16,6 +16,10 @@ use super::{Config, Moment, Pace};
 /// How often a device in real time wakes: half a block, so that samples are at most this late.
 const TICK: Duration = Duration::from_millis(1);
 
+/// Most conversions in one tick. A computer that is busy elsewhere may make the world late; catching up at some eight
+/// times the default rate, and not all at once, gives the host time to read: no line has to swallow seconds of samples.
+const CATCH_UP: u32 = 32;
+
 /// How long a device that has nothing to do, or whose host does not read, rests.
 const REST: Duration = Duration::from_micros(200);
 
@@ -24,6 +28,9 @@ const STRIDE: u64 = 8;
 
 /// Conversions before a board listens to its line.
 const START_UP: u32 = 8;
+
+/// Time between two temperatures, in µs of device time.
+const TEMPERATURE_EVERY_US: u32 = 1_000_000;
 
 /// Bits that a byte takes on a serial line, start and stop bit included.
 const BITS_PER_BYTE: f64 = 10.0;
@@ -38,7 +45,7 @@ const MV_PER_V: f32 = 1e3;
 #[derive(Debug)]
 pub(super) enum Control {
     Load(Load, Sender<Moment>),
-    Script(Script, Sender<Moment>),
+    Script(Box<Script>, Sender<Moment>),
     Faults(Faults, Sender<Moment>),
     Now(Sender<Moment>),
     Unplug(Sender<Moment>),
@@ -54,21 +61,24 @@ enum Ended {
     ForGood,
 }
 
-/// Runs the device until its owner is gone, over as many restarts as are ordered.
-pub(super) fn run(config: &Config, mut outlet: Outlet, orders: &Receiver<Control>, mut epoch: Instant) {
+/// Runs the device until its owner is gone, over as many restarts as are ordered. The world goes on over a restart:
+/// what presses presses, what is broken stays broken.
+pub(super) fn run(config: &Config, mut outlet: Outlet, orders: &Receiver<Control>, epoch: Instant) {
+    let front_end = RefCell::new(SimulatedFrontEnd::new(config.finger, config.seed));
+    front_end.borrow_mut().set_faults(config.faults);
     let mut restarts = 0;
     let mut asked: Option<Sender<Moment>> = None;
     loop {
-        let front_end = RefCell::new(SimulatedFrontEnd::new(config.finger, config.seed));
-        front_end.borrow_mut().set_faults(config.faults);
         let mut queues = Queues::new();
         let (sampler_end, device_end) = queues.split();
         let settings = Settings::at_start(config.baud.unwrap_or(0));
         let mut board = Board {
+            started_ns: front_end.borrow().truth().time_ns,
             front_end: &front_end,
             sampler: Sampler::new(SimulatedOnly(SpiPort::new(&front_end)), sampler_end, settings),
             device: Device::new(identity(config, restarts), device_end),
             conversions: 0,
+            temperature_at: DeviceTime(0),
         };
         if let Some(asked) = asked.take() {
             answer(&asked, board.moment());
@@ -77,9 +87,16 @@ pub(super) fn run(config: &Config, mut outlet: Outlet, orders: &Receiver<Control
             Ended::ForGood => return,
             Ended::Restart(sender) => asked = Some(sender),
         }
+        power_cycle(&mut front_end.borrow_mut());
         restarts += 1;
-        epoch = Instant::now();
     }
+}
+
+/// Takes the supply from the chip and gives it back: it forgets its settings.
+fn power_cycle(front_end: &mut SimulatedFrontEnd) {
+    let faults = front_end.faults();
+    front_end.set_faults(Faults { chip_absent: Some(FloatingBus::Low), ..faults });
+    front_end.set_faults(faults);
 }
 
 /// What the simulated board says of itself.
@@ -97,6 +114,7 @@ fn identity(config: &Config, restarts: u16) -> Identity {
         restarts,
         excitation_mv,
         channels: [Axis::X, Axis::Y].map(|axis| Channel { axis, bridge: Bridge::Half }),
+        source: Source::Simulated,
     }
 }
 
@@ -128,10 +146,14 @@ impl SelectSource for SimulatedOnly<'_> {
 
 /// A board: the firmware, and the world that its front-end stands in.
 struct Board<'w> {
+    /// World time at which it started.
+    started_ns: u64,
     front_end: &'w RefCell<SimulatedFrontEnd>,
     sampler: Sampler<'w, SimulatedOnly<'w>>,
     device: Device<'w, OUTBOX_BYTES>,
     conversions: u64,
+    /// Device time of the last temperature sent.
+    temperature_at: DeviceTime,
 }
 
 impl Board<'_> {
@@ -177,7 +199,7 @@ impl Board<'_> {
                 sender
             }
             Control::Script(script, sender) => {
-                front_end.set_script(script);
+                front_end.set_script(*script);
                 sender
             }
             Control::Faults(faults, sender) => {
@@ -220,10 +242,13 @@ impl Board<'_> {
         length > 0
     }
 
-    /// Takes all samples that a board would have taken by now.
+    /// Takes the samples that a board would have taken by now, up to [`CATCH_UP`] at a time.
     fn catch_up(&mut self, epoch: Instant, outlet: &mut Outlet, line: &mut LineSpeed) {
         let due_ns = epoch.elapsed().as_nanos();
-        while u128::from(self.front_end.borrow().truth().time_ns) < due_ns {
+        for _ in 0..CATCH_UP {
+            if u128::from(self.front_end.borrow().truth().time_ns) >= due_ns {
+                break;
+            }
             self.convert();
             self.talk(outlet, line);
         }
@@ -241,6 +266,17 @@ impl Board<'_> {
             self.sampler.idle(now);
         }
         self.device.poll(now);
+        if now.since(self.temperature_at) >= TEMPERATURE_EVERY_US {
+            self.temperature_at = now;
+            self.tell_temperature(now);
+        }
+    }
+
+    /// What the board's temperature sensor does once a second.
+    fn tell_temperature(&mut self, now: DeviceTime) {
+        let celsius = self.front_end.borrow().truth().temperature_c;
+        #[expect(clippy::cast_possible_truncation, reason = "saturates beyond ±327 °C")]
+        self.device.temperature((celsius * 100.0).round() as i16, now);
     }
 
     /// Puts on the line what it takes.
@@ -264,10 +300,10 @@ impl Board<'_> {
         }
     }
 
-    /// The device's clock, which counts conversions.
+    /// The device's clock, which counts conversions from its start.
     fn now(&self) -> DeviceTime {
         #[expect(clippy::cast_possible_truncation, reason = "the device's clock wraps")]
-        DeviceTime((self.front_end.borrow().truth().time_ns / 1000) as u32)
+        DeviceTime(((self.front_end.borrow().truth().time_ns - self.started_ns) / 1000) as u32)
     }
 }
 

@@ -77,7 +77,7 @@ pub struct Config {
 /// The simulated world at one moment.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment {
-    /// Number of the last conversion, counted like the firmware counts samples.
+    /// Conversions since the device started.
     pub conversion: u64,
     /// The truth there.
     pub truth: Truth,
@@ -169,7 +169,7 @@ impl SimulatedDevice {
     /// # Errors
     /// If the device has ended.
     pub fn set_script(&self, script: Script) -> io::Result<Moment> {
-        self.ask(|answer| Control::Script(script, answer))
+        self.ask(|answer| Control::Script(Box::new(script), answer))
     }
 
     /// Breaks or mends things.

@@ -3,7 +3,7 @@
 //! Shared by the tests of this package and by fuzz targets (include it with `#[path]`). Time is
 //! simulated: [`Rig::step`] lets one conversion period pass.
 //!
-//! ```ignore
+//! ```text
 //! let mut world = World::new(FingerConfig::ideal(), 1);
 //! let mut rig = Rig::new(&mut world, Bench::default());
 //! rig.run_us(10_000);
@@ -12,6 +12,7 @@
 #![allow(dead_code, unreachable_pub, reason = "each test and fuzz target uses a part of it")]
 
 use std::cell::RefCell;
+use std::collections::HashMap;
 
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use palpate_firmware_core::device::Identity;
@@ -190,8 +191,12 @@ pub struct Rig<'w> {
     pub heard: Heard,
     /// Whether the link takes bytes.
     pub link_open: bool,
-    /// Whether the next data-ready edge is overlooked, as with interrupts held off.
+    /// Whether the main side's loop is held up.
+    pub main_loop_hangs: bool,
+    /// How many of the next data-ready edges are overlooked, as with interrupts held off.
     pub overlook_edges: u32,
+    /// When each conversion of the front-end in use was ready, and its true codes.
+    pub conversions: Vec<(DeviceTime, [Counts; 2])>,
     reader: FrameReader,
     start: DeviceTime,
     time_ns: u64,
@@ -218,7 +223,9 @@ impl<'w> Rig<'w> {
             device: Device::new(identity(bench.link_baud), device_end),
             heard: Heard::default(),
             link_open: true,
+            main_loop_hangs: false,
             overlook_edges: 0,
+            conversions: Vec::new(),
             reader: FrameReader::new(),
             start: bench.start,
             time_ns: 0,
@@ -237,14 +244,14 @@ impl<'w> Rig<'w> {
         self.hardware.borrow_mut().set_faults(faults);
     }
 
-    /// The chip on the board loses its supply for a moment.
+    /// The chip on the board loses its supply for two conversions, whose edges are lost too.
     pub fn reset_chip(&mut self) {
         use embedded_hal::digital::OutputPin;
         let mut pin = SyncResetPin::new(self.hardware);
         pin.set_low().expect("nothing borrows the front-end");
         // A reset needs 250 µs: at the fastest rate two periods.
-        self.hardware.borrow_mut().step();
-        self.hardware.borrow_mut().step();
+        self.overlook_edges = 2;
+        self.run(2);
         pin.set_high().expect("nothing borrows the front-end");
     }
 
@@ -260,6 +267,7 @@ impl<'w> Rig<'w> {
         let fell = front_end.borrow_mut().step();
         self.time_ns += u64::from(front_end.borrow().period_ns());
         let now = self.now();
+        self.conversions.push((now, newest_codes(&front_end.borrow())));
         if fell && self.overlook_edges == 0 {
             self.sampler.data_ready(now);
         }
@@ -268,7 +276,9 @@ impl<'w> Rig<'w> {
             self.idle_at_us = self.time_ns / 1000 + IDLE_EVERY_US;
             self.sampler.idle(now);
         }
-        self.turn_main_loop();
+        if !self.main_loop_hangs {
+            self.turn_main_loop();
+        }
         fell
     }
 
@@ -349,11 +359,43 @@ impl<'w> Rig<'w> {
         outcomes[0].clone()
     }
 
+    /// Delivered samples whose codes are not those of the conversion that they stand for.
+    ///
+    /// A block names its first conversion by its time; the others follow.
+    pub fn wrong_samples(&self) -> usize {
+        let index: HashMap<u32, usize> = self.conversions.iter().zip(0..).map(|((time, _), n)| (time.0, n)).collect();
+        let wrong_in = |block: &Block| {
+            let first = index[&block.time.0];
+            let truth = self.conversions[first..].iter().map(|(_, codes)| codes);
+            block.samples.iter().zip(truth).filter(|(got, wanted)| got != wanted).count()
+        };
+        self.heard.blocks().map(wrong_in).sum()
+    }
+
+    /// For each block, how many more conversions there were than numbers, up to its first sample.
+    pub fn unnumbered_conversions(&self) -> Vec<i64> {
+        let index: HashMap<u32, i64> = self.conversions.iter().zip(0..).map(|((time, _), n)| (time.0, n)).collect();
+        self.heard.blocks().map(|block| index[&block.time.0] - i64::from(block.first.0)).collect()
+    }
+
     /// Starts a device and its stream.
     pub fn start_streaming(&mut self) {
         self.run_us(5000);
         assert_eq!(self.ask(Request::Start), Outcome::Done);
     }
+}
+
+/// The codes of the newest conversion, by a road that never is behind: two frames on a copy.
+fn newest_codes(front_end: &SimulatedFrontEnd) -> [Counts; 2] {
+    let copy = RefCell::new(front_end.clone());
+    copy.borrow_mut().set_faults(Faults::default());
+    let mut frame = [0; 12];
+    for _ in 0..2 {
+        frame = [0; 12];
+        SpiPort::new(&copy).transfer_in_place(&mut frame).expect("nothing else borrows the copy");
+    }
+    let code = |at: usize| Counts(i32::from_be_bytes([frame[at], frame[at + 1], frame[at + 2], 0]) >> 8);
+    [code(3), code(6)]
 }
 
 /// Who the device on the bench is.
@@ -368,5 +410,6 @@ pub fn identity(link_baud: u32) -> Identity {
         restarts: 0,
         excitation_mv: 2500,
         channels: [channel(Axis::X), channel(Axis::Y)],
+        source: Source::Hardware,
     }
 }

@@ -1,0 +1,162 @@
+//! Nothing is lost without being counted, whatever happens, at every moment.
+
+mod rig;
+
+use palpate_firmware_core::queues::READINGS;
+use palpate_shared::sim::{Faults, FingerConfig, FloatingBus};
+use palpate_shared::units::DeviceTime;
+use palpate_shared::wire::{BLOCK_SAMPLES, Counters, EventKind, Outcome, Request, Source};
+use proptest::prelude::*;
+use rig::{Bench, Rig, World};
+
+/// Most samples between sampler and outbox: the queue, and a block that is not full.
+const IN_FLIGHT_MAX: usize = READINGS - 1 + BLOCK_SAMPLES - 1;
+
+/// Something that goes wrong, or a setting.
+#[derive(Clone, Debug)]
+enum Happening {
+    Nothing,
+    Faults(Faults),
+    Reset,
+    Overlooked(u32),
+    /// The main loop hangs for so many conversions.
+    MainLoopHangs(u32),
+    LinkStalls(u32),
+    Command(Request),
+}
+
+fn any_happening() -> impl Strategy<Value = Happening> {
+    let absent = prop_oneof![Just(FloatingBus::High), Just(FloatingBus::Low)];
+    let faults = prop_oneof![
+        Just(Faults::default()),
+        // Beyond, four damaged bits in one frame, the least that can pass its CRC, would be too common.
+        (0.0_f32..0.004).prop_map(|bit_error_rate| Faults { bit_error_rate, ..Faults::default() }),
+        Just(Faults { data_ready_stuck: true, ..Faults::default() }),
+        absent.prop_map(|floating| Faults { chip_absent: Some(floating), ..Faults::default() }),
+        Just(Faults { saturated: [true, false], ..Faults::default() }),
+    ];
+    let request = prop_oneof![
+        Just(Request::Start),
+        Just(Request::Stop),
+        prop::sample::select(vec![500, 1000, 2000, 4000, 8000]).prop_map(|rate_hz| Request::SetRate { rate_hz }),
+        prop::sample::select(vec![1, 32, 128]).prop_map(|gain| Request::SetGain { gain }),
+        (0_u8..64).prop_map(|address| Request::ReadRegister { address }),
+        prop::sample::select(vec![Source::Hardware, Source::Simulated])
+            .prop_map(|source| Request::SetSource { source }),
+        Just(Request::SelfTest),
+    ];
+    prop_oneof![
+        2 => Just(Happening::Nothing),
+        3 => faults.prop_map(Happening::Faults),
+        1 => Just(Happening::Reset),
+        2 => (1_u32..200).prop_map(Happening::Overlooked),
+        1 => (1_u32..400).prop_map(Happening::MainLoopHangs),
+        1 => (1_u32..2000).prop_map(Happening::LinkStalls),
+        4 => request.prop_map(Happening::Command),
+    ]
+}
+
+/// Makes it happen.
+fn happen(rig: &mut Rig<'_>, happening: Happening) {
+    match happening {
+        Happening::Nothing => {}
+        Happening::Faults(faults) => rig.set_faults(faults),
+        Happening::Reset => rig.reset_chip(),
+        Happening::Overlooked(edges) => rig.overlook_edges = edges,
+        Happening::MainLoopHangs(steps) => {
+            rig.main_loop_hangs = true;
+            rig.run(steps);
+            rig.main_loop_hangs = false;
+        }
+        Happening::LinkStalls(steps) => {
+            rig.link_open = false;
+            rig.run(steps);
+            rig.link_open = true;
+        }
+        Happening::Command(request) => {
+            rig.send(request);
+        }
+    }
+}
+
+/// Samples numbered, less those that were delivered and those that the counters name as lost, not counting
+/// those in dropped blocks.
+fn unaccounted(counters: &Counters, delivered: usize) -> i64 {
+    let lost = counters.samples_missed + counters.samples_damaged + counters.samples_dropped;
+    i64::from(counters.samples) - i64::from(lost) - i64::try_from(delivered).unwrap_or(i64::MAX)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(96))]
+
+    #[test]
+    fn samples_are_delivered_or_counted_as_lost(
+        seed in any::<u64>(), start in any::<u32>(),
+        happenings in prop::collection::vec((any_happening(), 1_u32..400), 0..25),
+    ) {
+        let mut world = World::new(FingerConfig::default(), seed);
+        let mut rig = Rig::new(&mut world, Bench { start: DeviceTime(start), ..Bench::default() });
+        rig.start_streaming();
+        for (happening, steps) in happenings {
+            happen(&mut rig, happening);
+            for _ in 0..steps {
+                rig.step();
+            }
+            // While the link is open all that is in the outbox is heard at once.
+            let counters = rig.device.counters();
+            let left = unaccounted(&counters, rig.heard.samples().count());
+            let in_blocks = i64::from(counters.blocks_dropped) * i64::try_from(BLOCK_SAMPLES).unwrap();
+            let most = in_blocks + i64::try_from(IN_FLIGHT_MAX).unwrap();
+            prop_assert!((0..=most).contains(&left), "{left} of at most {most} in flight: {counters:?}");
+        }
+        rig.set_faults(Faults::default());
+        rig.overlook_edges = 0;
+        // A chip given up on is looked for again within 200 ms; then all commands are through.
+        rig.run_us(600_000);
+        prop_assert_eq!(rig.ask(Request::Stop), Outcome::Done);
+        // The last report of losses may be 250 ms away.
+        rig.run_us(300_000);
+        let counters = rig.device.counters();
+        let delivered = u32::try_from(rig.heard.samples().count()).unwrap();
+        let [missed, damaged, dropped] = rig.heard.losses();
+        prop_assert_eq!(counters.samples, delivered + missed + damaged + dropped);
+        prop_assert_eq!([missed, damaged], [counters.samples_missed, counters.samples_damaged]);
+        let after_last = counters.samples - rig.heard.samples().last().map_or(0, |sample| sample.seq.0 + 1);
+        prop_assert_eq!(rig.heard.gaps() + after_last, missed + damaged + dropped);
+        prop_assert_eq!(rig.heard.frames_bad, 0);
+        prop_assert_eq!(rig.wrong_samples(), 0);
+    }
+
+    /// After any faults the device is as good as new.
+    #[test]
+    fn a_device_recovers_from_anything(
+        seed in any::<u64>(), happenings in prop::collection::vec((any_happening(), 1_u32..400), 0..25),
+    ) {
+        let mut world = World::new(FingerConfig::default(), seed);
+        let mut rig = Rig::new(&mut world, Bench::default());
+        rig.run_us(5000);
+        for (happening, steps) in happenings {
+            happen(&mut rig, happening);
+            rig.run(steps);
+        }
+        rig.set_faults(Faults::default());
+        rig.overlook_edges = 0;
+        rig.run_us(600_000);
+        for request in [Request::SetSource { source: Source::Hardware }, Request::SetRate { rate_hz: 4000 }, Request::SetGain { gain: 32 }, Request::Start] {
+            prop_assert_eq!(rig.ask(request), Outcome::Done);
+        }
+        let before = rig.device.counters();
+        let heard = rig.heard.samples().count();
+        rig.run(4000);
+        let after = rig.device.counters();
+        prop_assert_eq!(after.samples - before.samples, 4000);
+        prop_assert_eq!(after.samples_missed + after.samples_damaged + after.samples_dropped, before.samples_missed + before.samples_damaged + before.samples_dropped);
+        prop_assert!(rig.heard.samples().count() - heard + BLOCK_SAMPLES > 4000);
+        let Outcome::SelfTest(result) = rig.ask(Request::SelfTest) else { panic!("no self-test") };
+        prop_assert_eq!(result.failed.0, 0);
+        prop_assert_eq!(rig.wrong_samples(), 0);
+        // Each fault that was told is followed by the news that it is over.
+        let last = rig.heard.faults().into_iter().rfind(|kind| *kind != EventKind::FrontEndReset);
+        prop_assert!(matches!(last, None | Some(EventKind::FrontEndRecovered)), "{:?}", rig.heard.faults());
+    }
+}
