@@ -29,8 +29,11 @@ pub(crate) const USAGE: &str = "\
        cargo xtask firmware emulate --test   build it and run the end-to-end test on it
        cargo xtask firmware size             build it, print its size, count its instructions in the emulator";
 
-/// A command that failed; it has said why.
-pub(crate) struct Failed;
+/// Exit status where no compiler builds for the board, by sysexits.h "unavailable"; the end-to-end test asks for it.
+const NO_COMPILER: u8 = 69;
+
+/// A command that failed; it has said why. Holds the exit status.
+pub(crate) struct Failed(u8);
 
 /// Runs one firmware command; `None` if there is no such one.
 pub(crate) fn run(words: &[&str]) -> Option<ExitCode> {
@@ -43,13 +46,13 @@ pub(crate) fn run(words: &[&str]) -> Option<ExitCode> {
         ["size"] => build().and_then(|image| size(&image)),
         _ => return None,
     };
-    Some(if result.is_ok() { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    Some(result.map_or_else(|Failed(status)| ExitCode::from(status), |()| ExitCode::SUCCESS))
 }
 
 /// Says what went wrong.
 fn fail<T>(message: &str) -> Result<T, Failed> {
     eprintln!("error: {message}");
-    Err(Failed)
+    Err(Failed(1))
 }
 
 /// Runs a command to its end.
@@ -72,7 +75,8 @@ fn target_folder() -> PathBuf {
 fn build() -> Result<PathBuf, Failed> {
     let folder = target_folder();
     let Some(mut cargo) = toolchain::cargo("build", &folder) else {
-        return fail(&format!("no compiler here builds for {TARGET}; {}", toolchain::REMEDY));
+        return fail(&format!("no compiler here builds for {TARGET}; {}", toolchain::REMEDY))
+            .map_err(|Failed(_)| Failed(NO_COMPILER));
     };
     finish(&mut cargo)?;
     Ok(folder.join(TARGET).join("firmware").join("palpate-firmware"))

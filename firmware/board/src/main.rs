@@ -7,6 +7,9 @@
 #[cfg(target_os = "none")]
 mod image;
 
+#[cfg(any(test, target_os = "none"))]
+mod record;
+
 #[cfg(not(target_os = "none"))]
 fn main() {
     eprintln!("this program runs on a board: `cargo xtask firmware flash` puts it there");

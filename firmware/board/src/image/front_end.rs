@@ -12,6 +12,8 @@ use palpate_shared::sim::{Contact, FingerConfig, Load, SimulatedFrontEnd, SpiPor
 use palpate_shared::wire::Source;
 use stm32f4::stm32f405::{GPIOA, SPI1};
 
+use super::meter;
+
 /// How often the bus is looked at for one byte, which takes 128 cycles: ten times as long.
 const BYTE_POLLS: u32 = 400;
 
@@ -121,6 +123,11 @@ impl Bus {
 
     /// Lets one simulated conversion happen; tells whether data are ready.
     pub(super) fn step(&mut self) -> bool {
+        meter::SIMULATION.measure(|| self.convert())
+    }
+
+    /// One conversion, with the contact where it is by now.
+    fn convert(&mut self) -> bool {
         let simulation = self.simulation.get_mut();
         let period_us = simulation.period_ns() / NS_PER_US;
         match self.round_left_us.checked_sub(period_us) {
@@ -148,7 +155,8 @@ impl SpiDevice for Bus {
     fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), BusTimeout> {
         if self.is_simulated {
             // Never busy: it is borrowed nowhere else while the sampler has the bus.
-            SpiPort::new(self.simulation).transaction(operations).map_err(|_| BusTimeout)
+            let mut port = SpiPort::new(self.simulation);
+            meter::SIMULATION.measure(|| port.transaction(operations).map_err(|_| BusTimeout))
         } else {
             self.chip.transaction(operations)
         }

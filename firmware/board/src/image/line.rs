@@ -75,6 +75,16 @@ impl Line {
         }
         taken
     }
+
+    /// Whether something has come.
+    pub(super) fn has_received(&self) -> bool {
+        self.received.ready()
+    }
+
+    /// Whether the interrupt has taken all bytes.
+    pub(super) fn is_idle(&self) -> bool {
+        self.to_send.is_empty()
+    }
 }
 
 impl Wire {

@@ -8,6 +8,7 @@ use stm32f4::stm32f405::{EXTI, Interrupt, interrupt};
 
 use super::front_end::Bus;
 use super::handover::Handover;
+use super::meter;
 use super::time::{self, TICK_US};
 
 /// Priority of the interrupt, in the upper four bits.
@@ -85,6 +86,7 @@ fn EXTI4() {
         *OWN = SAMPLING.fetch();
     }
     if let Some(sampling) = OWN {
-        sampling.interrupt();
+        meter::SAMPLER.measure(|| sampling.interrupt());
+        meter::SAMPLER_RUNS.add(1);
     }
 }

@@ -9,6 +9,8 @@ use cortex_m_rt::exception;
 use palpate_shared::units::DeviceTime;
 use stm32f4::stm32f405::Interrupt;
 
+use super::fault;
+
 /// Time between ticks, in µs: the period of the fastest sample rate.
 pub(super) const TICK_US: u32 = 125;
 
@@ -91,6 +93,7 @@ pub(super) fn woken_at() -> Option<DeviceTime> {
 fn SysTick() {
     let ticks = TICKS.load(Ordering::Relaxed).wrapping_add(1);
     TICKS.store(ticks, Ordering::Relaxed);
+    fault::watch(ticks);
     if ticks % STRIDE.load(Ordering::Relaxed) == 0 {
         WOKEN_BY.store(ticks.saturating_add(1), Ordering::Relaxed);
         NVIC::pend(Interrupt::EXTI4);
