@@ -178,7 +178,7 @@ fn every_command_works_on_the_simulated_finger_and_twenty_thousand_samples_arriv
     assert_eq!(session.hello().front_end.id_word >> 8, 0x22);
     assert_eq!(session.read_register(0).unwrap(), session.hello().front_end.id_word);
     let blocks = stream(&mut session, 20_000);
-    // A force of 2 N that travels round the disk: both bridges see it, in both directions.
+    // Three seconds free, then a force of 2 N that travels round the disk: both bridges see it come or go.
     for channel in 0..2 {
         let counts = || blocks.iter().flat_map(|block| &block.counts).map(|counts| counts[channel].0);
         let (least, most) = (counts().min().unwrap(), counts().max().unwrap());

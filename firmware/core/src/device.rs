@@ -226,10 +226,8 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     }
 
     /// The board takes orders ([`Self::take_order`]), and this is what it recorded of its last fault.
-    #[must_use]
-    pub fn with_orders(mut self, last_fault: Option<Fault>) -> Self {
+    pub fn accept_orders(&mut self, last_fault: Option<Fault>) {
         self.board = Some(BoardReport { last_fault, health: Health::default() });
-        self
     }
 
     /// What the board uses now, on a board that takes orders; a few times a second.

@@ -26,7 +26,10 @@ const SEED: u64 = 1;
 /// Force with which the simulated finger is pressed, in N.
 const FORCE_N: f32 = 2.0;
 
-/// The simulated contact travels round the disk once in this time, in µs.
+/// The simulated finger is free for this time, so that a tare can be taken, in µs.
+const FREE_US: u32 = 3_000_000;
+
+/// Then a contact travels round the disk once, in this time, in µs; and so on.
 const ROUND_US: u32 = 8_000_000;
 
 /// Nanoseconds in a microsecond.
@@ -106,19 +109,28 @@ pub(super) fn simulation() -> RefCell<SimulatedFrontEnd> {
     RefCell::new(SimulatedFrontEnd::new(FingerConfig::default(), SEED))
 }
 
+/// What the simulated finger goes through, again and again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Doing {
+    /// Nothing touches it.
+    Free,
+    /// A contact travels round its disk.
+    Round,
+}
+
 /// The bus, with what a host selected behind it.
 pub(super) struct Bus {
     chip: ChipBus,
     simulation: &'static mut RefCell<SimulatedFrontEnd>,
     is_simulated: bool,
-    /// Time until the simulated contact has gone round, in µs.
-    round_left_us: u32,
+    /// What the simulated finger does now, and for how long still, in µs.
+    doing: (Doing, u32),
 }
 
 impl Bus {
     /// The chip's, with a simulated finger at hand.
     pub(super) fn new(spi: SPI1, port: GPIOA, simulation: &'static mut RefCell<SimulatedFrontEnd>) -> Self {
-        Self { chip: ChipBus::new(spi, port), simulation, is_simulated: false, round_left_us: 0 }
+        Self { chip: ChipBus::new(spi, port), simulation, is_simulated: false, doing: (Doing::Free, FREE_US) }
     }
 
     /// Lets one simulated conversion happen; tells whether data are ready.
@@ -130,14 +142,19 @@ impl Bus {
     fn convert(&mut self) -> bool {
         let simulation = self.simulation.get_mut();
         let period_us = simulation.period_ns() / NS_PER_US;
-        match self.round_left_us.checked_sub(period_us) {
-            Some(left) => self.round_left_us = left,
-            None => {
-                self.round_left_us = ROUND_US;
+        let (doing, left_us) = self.doing;
+        self.doing = match (left_us.checked_sub(period_us), doing) {
+            (Some(left_us), _) => (doing, left_us),
+            (None, Doing::Free) => {
                 let from = Contact::frictionless(0.0, FORCE_N);
                 simulation.set_load(Load::Sweep { from, to_angle: TAU, duration_us: ROUND_US });
+                (Doing::Round, ROUND_US)
             }
-        }
+            (None, Doing::Round) => {
+                simulation.set_load(Load::Released);
+                (Doing::Free, FREE_US)
+            }
+        };
         simulation.step()
     }
 

@@ -86,7 +86,8 @@ fn main() -> ! {
     let sampler = Sampler::new(bus, sampler_end, Settings::at_start(clock.link_baud));
     sampling::start(SAMPLING.write(Sampling::new(sampler, board.EXTI)), &mut core.NVIC);
     let line = line::start(board.USART1, clock.line_divider(), (RECEIVED, TO_SEND), &mut core.NVIC);
-    let device = DEVICE.write(Device::new(identity, device_end).with_orders(before.fault));
+    let device = DEVICE.write(Device::new(identity, device_end));
+    device.accept_orders(before.fault);
     let watchdog = Watchdog::start(board.IWDG, &board.DBGMCU);
     let health = Health { stack_bytes: stack::size(), core_hz: clock.core_hz, ..Health::default() };
     Main { device, line, watchdog, health, looked_at: time::ticks(), turned_at: (0, 0), order: None }.serve()
