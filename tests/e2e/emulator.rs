@@ -8,7 +8,7 @@ mod emulator;
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
@@ -88,10 +88,77 @@ fn build() -> Option<PathBuf> {
 /// A machine that waits for its host at a TCP port.
 fn tcp_machine() -> Option<Machine> {
     let (image, machine) = image()?;
+    Some(tcp_machine_of(machine, image, &[]))
+}
+
+/// A machine at a TCP port, with more arguments for the emulator.
+fn tcp_machine_of(machine: &str, image: &Path, more: &[&str]) -> Machine {
     let port = TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr()).expect("a free port").port();
     let mut command = emulator::command(machine, image, Serial::Tcp { port, wait: true });
-    let process = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("the emulator starts");
-    Some(Machine { process, address: Address::Tcp(format!("127.0.0.1:{port}")) })
+    command.args(more).stdout(Stdio::null()).stderr(Stdio::null());
+    let process = command.spawn().expect("the emulator starts");
+    Machine { process, address: Address::Tcp(format!("127.0.0.1:{port}")) }
+}
+
+/// The chip's RAM: address and size.
+#[cfg(unix)]
+const RAM: (u32, usize) = (0x2000_0000, 128 * 1024);
+
+/// What a debug probe would see of the log: the bytes in the first channel of the RTT block, which it finds by its name.
+///
+/// Source: SEGGER's RTT description: 16 bytes of name, two counts, then for each channel six words: name, buffer, size,
+/// write, read, flags.
+#[cfg(unix)]
+fn rtt_bytes(ram: &[u8]) -> Option<&[u8]> {
+    let block = ram.windows(16).position(|name| name == b"SEGGER RTT\0\0\0\0\0\0")?;
+    let word = |index: usize| Some(u32::from_le_bytes(ram.get(block + 24 + 4 * index..)?.get(..4)?.try_into().ok()?));
+    let start = usize::try_from(word(1)?.checked_sub(RAM.0)?).ok()?;
+    ram.get(start..)?.get(..usize::try_from(word(3)?).ok()?)
+}
+
+/// The machine's memory, by way of the emulator's control socket.
+#[cfg(unix)]
+fn memory(control: &std::path::Path, folder: &std::path::Path) -> std::io::Result<Vec<u8>> {
+    let (stream, file) = (std::os::unix::net::UnixStream::connect(control)?, folder.join("ram"));
+    let (mut answers, mut orders) = (BufReader::new(stream.try_clone()?), stream);
+    let save = serde_json::json!({
+        "execute": "pmemsave",
+        "arguments": { "val": RAM.0, "size": RAM.1, "filename": file },
+    });
+    for order in [serde_json::json!({ "execute": "qmp_capabilities" }), save] {
+        orders.write_all(format!("{order}\n").as_bytes())?;
+    }
+    let mut returned = 0;
+    while returned < 2 {
+        let mut line = String::new();
+        if answers.read_line(&mut line)? == 0 || line.contains("\"error\"") {
+            return Err(std::io::Error::other(line));
+        }
+        returned += usize::from(line.contains("\"return\""));
+    }
+    std::fs::read(file)
+}
+
+#[cfg(unix)]
+#[test]
+fn the_log_is_there_and_readable() {
+    let Some((image, machine)) = image() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let control = folder.path().join("control");
+    let machine = tcp_machine_of(machine, image, &["-qmp", &format!("unix:{},server=on,wait=off", control.display())]);
+    machine.open_simulated();
+    let ram = memory(&control, folder.path()).unwrap();
+    let table = defmt_decoder::Table::parse(&std::fs::read(image).unwrap()).unwrap().expect("the image has log lines");
+    let mut decoder = table.new_stream_decoder();
+    decoder.received(rtt_bytes(&ram).expect("an RTT block"));
+    let mut log = Vec::new();
+    while let Ok(frame) = decoder.decode() {
+        log.push(frame.display(false).to_string());
+    }
+    println!("{}", log.join("\n"));
+    for wanted in ["core at 168000000 Hz", "no front-end", "front-end found"] {
+        assert!(log.iter().any(|line| line.contains(wanted)), "{wanted:?} is not in {log:#?}");
+    }
 }
 
 /// A machine at a pseudo-terminal.

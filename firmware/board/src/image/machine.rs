@@ -10,9 +10,6 @@ use stm32f4::stm32f405::DBGMCU;
 
 use super::clock::Clock;
 
-/// `DBGMCU_IDCODE`'s device field for STM32F405 and F407 (RM0090, section 38.6.1).
-const STM32F405: u16 = 0x413;
-
 /// The factory-programmed unique number, 96 bits (RM0090, section 39.1).
 const UNIQUE_NUMBER: *const [u8; 12] = 0x1FFF_7A10 as *const _;
 
@@ -32,9 +29,10 @@ pub(super) enum Machine {
 }
 
 impl Machine {
-    /// Asks the debug unit.
+    /// Asks the debug unit for its `DBGMCU_IDCODE` (RM0090, section 38.6.1). Any answer is a chip's: early ones name
+    /// another device than 413.
     pub(super) fn detect(debug_unit: &DBGMCU) -> Self {
-        if debug_unit.idcode().read().dev_id().bits() == STM32F405 { Self::Chip } else { Self::Emulator }
+        if debug_unit.idcode().read().bits() == 0 { Self::Emulator } else { Self::Chip }
     }
 
     /// The board's name.

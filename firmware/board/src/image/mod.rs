@@ -81,16 +81,22 @@ fn main() -> ! {
     defmt::info!("core at {=u32} Hz, line at {=u32} baud", clock.core_hz, clock.link_baud);
 
     let (sampler_end, device_end) = QUEUES.split();
-    let simulation = SIMULATION.write(front_end::simulation());
+    let simulation = settle(SIMULATION, front_end::simulation);
     let bus = Bus::new(board.SPI1, board.GPIOA, simulation);
     let sampler = Sampler::new(bus, sampler_end, Settings::at_start(clock.link_baud));
     sampling::start(SAMPLING.write(Sampling::new(sampler, board.EXTI)), &mut core.NVIC);
     let line = line::start(board.USART1, clock.line_divider(), (RECEIVED, TO_SEND), &mut core.NVIC);
-    let device = DEVICE.write(Device::new(identity, device_end));
+    let device = settle(DEVICE, || Device::new(identity, device_end));
     device.accept_orders(before.fault);
     let watchdog = Watchdog::start(board.IWDG, &board.DBGMCU);
     let health = Health { stack_bytes: stack::size(), core_hz: clock.core_hz, ..Health::default() };
     Main { device, line, watchdog, health, looked_at: time::ticks(), turned_at: (0, 0), order: None }.serve()
+}
+
+/// Makes something large in a place of its own. Not inlined, so that the stack which that takes is free afterwards.
+#[inline(never)]
+fn settle<T>(place: &'static mut MaybeUninit<T>, make: impl FnOnce() -> T) -> &'static mut T {
+    place.write(make())
 }
 
 /// How long the main loop may do nothing, in ticks: 1 ms.
