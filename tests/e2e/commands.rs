@@ -154,6 +154,8 @@ fn info_tells_who_the_device_is_and_that_it_is_simulated() {
     for wanted in ["SIMULATED", "ADS131M02", "4000 Hz, gain 32", "chip identity: ok", "register 0x00"] {
         assert!(said.contains(wanted), "`{wanted}` in:\n{said}");
     }
+    let about: Value = serde_json::from_slice(&run(&["info", "--json", "-d", &device.path]).stdout).unwrap();
+    assert_eq!((about["simulated"].as_bool(), about["hello"]["rate_hz"].as_u64()), (Some(true), Some(4000)), "{about}");
 }
 
 #[test]

@@ -6,10 +6,10 @@
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 
-use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use palpate::link::reader::{MessageReader, ReaderCounts};
-use palpate_firmware_core::{Device, Identity, Queues, Sampler, SelectSource, Settings, SourceNotPossible};
-use palpate_shared::sim::{FingerConfig, PortBusy, SimulatedFrontEnd, SpiPort};
+use palpate::simulated_device::SimulatedOnly;
+use palpate_firmware_core::{Device, Identity, Queues, Sampler, Settings};
+use palpate_shared::sim::{FingerConfig, SimulatedFrontEnd};
 use palpate_shared::units::DeviceTime;
 use palpate_shared::wire::{
     Axis, Bridge, Channel, ClockSource, Command, CommandRead, Counters, DeviceId, FromDevice, RestartReason, Source,
@@ -94,7 +94,7 @@ impl Board {
         let front_end = RefCell::new(SimulatedFrontEnd::new(FingerConfig::default(), 1));
         let mut queues = Queues::new();
         let (sampler_end, device_end) = queues.split();
-        let mut sampler = Sampler::new(Simulation(SpiPort::new(&front_end)), sampler_end, Settings::at_start(0));
+        let mut sampler = Sampler::new(SimulatedOnly::new(&front_end), sampler_end, Settings::at_start(0));
         let mut device: Device<'_, 4096> = Device::new(identity(), device_end);
         let (mut reader, mut answered) = (MessageReader::default(), BTreeMap::new());
         // After the last byte the device gets the time to answer: 50 ms.
@@ -137,31 +137,5 @@ fn identity() -> Identity {
         excitation_mv: 2500,
         channels: [Axis::X, Axis::Y].map(|axis| Channel { axis, bridge: Bridge::Half }),
         source: Source::Simulated,
-    }
-}
-
-/// A bus with the simulation behind it and nothing else.
-struct Simulation<'w>(SpiPort<'w>);
-
-impl ErrorType for Simulation<'_> {
-    type Error = PortBusy;
-}
-
-impl SpiDevice for Simulation<'_> {
-    fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), PortBusy> {
-        self.0.transaction(operations)
-    }
-}
-
-impl SelectSource for Simulation<'_> {
-    fn select(&mut self, source: Source) -> Result<(), SourceNotPossible> {
-        match source {
-            Source::Simulated => Ok(()),
-            Source::Hardware => Err(SourceNotPossible),
-        }
-    }
-
-    fn is_simulated(&self) -> bool {
-        true
     }
 }

@@ -1,10 +1,11 @@
 //! `palpate info`.
 
 use std::process::ExitCode;
+use std::time::Duration;
 
-use palpate::link::Session;
+use palpate::link::{LinkError, Session};
 use palpate_shared::wire::{
-    Checks, ClockSource, Counters, Fault, FaultCause, FrontEndKind, Hello, RestartReason, SelfTest, Source,
+    Checks, ClockSource, Counters, Fault, FaultCause, FrontEndKind, Health, Hello, RestartReason, SelfTest, Source,
 };
 
 use super::device::DeviceArguments;
@@ -22,7 +23,14 @@ pub(crate) struct Arguments {
     /// Also read this register of the front-end (repeatable; decimal or 0x hexadecimal)
     #[arg(long = "register", value_name = "ADDRESS", value_parser = parse_address)]
     registers: Vec<u8>,
+
+    /// Print one JSON object instead
+    #[arg(long)]
+    json: bool,
 }
+
+/// Round trips of which the shortest counts.
+const PINGS: u32 = 5;
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum SourceName {
@@ -40,26 +48,77 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
             SourceName::Simulated => Source::Simulated,
         })?;
     }
-    print_hello(&session);
-    let round_trip = (0..5).map(|_| session.ping()).collect::<Result<Vec<_>, _>>()?.into_iter().min();
-    row("round trip", &format!("{:.1} ms", round_trip.unwrap_or_default().as_secs_f64() * 1e3));
-    match session.self_test() {
-        Ok(result) => print_self_test(&result),
-        Err(error) => row("self-test", &error.to_string()),
-    }
-    print_counters(&session.device_counters()?);
-    // Simulated devices and older firmware do not know these.
-    if let Ok(fault) = session.last_fault() {
-        row("last fault", &fault.as_ref().map_or_else(|| "none since power-on".to_owned(), fault_in_words));
-    }
-    if let Ok(health) = session.health() {
-        row("stack", &format!("{} of {} bytes at most", health.stack_used_max, health.stack_bytes));
-    }
-    for &address in &arguments.registers {
-        let value = session.read_register(address)?;
-        row(&format!("register {address:#04x}"), &format!("{value:#06x}"));
+    let about = About::of(&mut session, &arguments.registers)?;
+    if arguments.json {
+        println!("{}", about.as_json(&session));
+    } else {
+        about.print(&session);
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// What a device answered.
+struct About {
+    /// Shortest of a few round trips.
+    round_trip: Duration,
+    /// The self-test, or why there is none.
+    self_test: Result<SelfTest, LinkError>,
+    counters: Counters,
+    /// The last fault and the use of the board, from devices that know them: simulated ones and older firmware do not.
+    board: Option<(Option<Fault>, Health)>,
+    registers: Vec<(u8, u16)>,
+}
+
+impl About {
+    fn of(session: &mut Session, registers: &[u8]) -> Result<Self, LinkError> {
+        let round_trips = (0..PINGS).map(|_| session.ping()).collect::<Result<Vec<_>, _>>()?;
+        let self_test = session.self_test();
+        let counters = session.device_counters()?;
+        let board = session.last_fault().ok().zip(session.health().ok());
+        let registers = registers
+            .iter()
+            .map(|&address| Ok((address, session.read_register(address)?)))
+            .collect::<Result<_, LinkError>>()?;
+        let round_trip = round_trips.into_iter().min().unwrap_or_default();
+        Ok(Self { round_trip, self_test, counters, board, registers })
+    }
+
+    fn print(&self, session: &Session) {
+        print_hello(session);
+        row("round trip", &format!("{:.1} ms", self.round_trip.as_secs_f64() * 1e3));
+        match &self.self_test {
+            Ok(result) => print_self_test(result),
+            Err(error) => row("self-test", &error.to_string()),
+        }
+        print_counters(&self.counters);
+        if let Some((fault, health)) = &self.board {
+            row("last fault", &fault.as_ref().map_or_else(|| "none since power-on".to_owned(), fault_in_words));
+            row("stack", &format!("{} of {} bytes at most", health.stack_used_max, health.stack_bytes));
+        }
+        for (address, value) in &self.registers {
+            row(&format!("register {address:#04x}"), &format!("{value:#06x}"));
+        }
+    }
+
+    /// The fields of `docs/PROTOCOL.md` by their names, with what was measured beside them.
+    fn as_json(&self, session: &Session) -> serde_json::Value {
+        let self_test = match &self.self_test {
+            Ok(result) => serde_json::json!(result),
+            Err(error) => serde_json::json!({ "error": error.to_string() }),
+        };
+        serde_json::json!({
+            "address": session.address().to_string(),
+            "device": session.hello().device.to_string(),
+            "simulated": session.is_simulated(),
+            "hello": session.hello(),
+            "round_trip_s": self.round_trip.as_secs_f64(),
+            "self_test": self_test,
+            "counters": self.counters,
+            "last_fault": self.board.as_ref().and_then(|(fault, _)| fault.as_ref()),
+            "health": self.board.as_ref().map(|(_, health)| health),
+            "registers": self.registers.iter().map(|(address, value)| serde_json::json!({ "address": address, "value": value })).collect::<Vec<_>>(),
+        })
+    }
 }
 
 fn row(name: &str, value: &str) {

@@ -20,6 +20,11 @@ const TICK: Duration = Duration::from_millis(1);
 /// times the default rate, and not all at once, gives the host time to read: no line has to swallow seconds of samples.
 const CATCH_UP: u32 = 32;
 
+/// How long the world waits for a host whose line is full. A pseudo-terminal holds 12 KiB, a third of a second; a USB
+/// driver five times that. On a computer that is busy elsewhere the host gets its turn within this time, and is not
+/// blamed for it; one that does not read for longer loses samples as it would on a board.
+const HOST_PATIENCE: Duration = Duration::from_secs(2);
+
 /// How long a device that has nothing to do, or whose host does not read, rests.
 const REST: Duration = Duration::from_micros(200);
 
@@ -75,7 +80,7 @@ pub(super) fn run(config: &Config, mut outlet: Outlet, orders: &Receiver<Control
         let mut board = Board {
             started_ns: front_end.borrow().truth().time_ns,
             front_end: &front_end,
-            sampler: Sampler::new(SimulatedOnly(SpiPort::new(&front_end)), sampler_end, settings),
+            sampler: Sampler::new(SimulatedOnly::new(&front_end), sampler_end, settings),
             device: Device::new(identity(config, restarts), device_end),
             conversions: 0,
             temperature_at: DeviceTime(0),
@@ -119,7 +124,16 @@ fn identity(config: &Config, restarts: u16) -> Identity {
 }
 
 /// A bus with nothing but the simulation behind it, which therefore never passes for hardware.
-struct SimulatedOnly<'w>(SpiPort<'w>);
+#[derive(Clone, Copy, Debug)]
+pub struct SimulatedOnly<'w>(SpiPort<'w>);
+
+impl<'w> SimulatedOnly<'w> {
+    /// The bus of a simulated front-end.
+    #[must_use]
+    pub const fn new(front_end: &'w RefCell<SimulatedFrontEnd>) -> Self {
+        Self(SpiPort::new(front_end))
+    }
+}
 
 impl ErrorType for SimulatedOnly<'_> {
     type Error = PortBusy;
@@ -160,6 +174,7 @@ impl Board<'_> {
     /// Lives until ordered otherwise.
     fn live(&mut self, config: &Config, outlet: &mut Outlet, orders: &Receiver<Control>, epoch: Instant) -> Ended {
         let mut line = LineSpeed { baud: config.baud, allowance: 0.0, paid_us: 0 };
+        let mut busy_since = None;
         // A board looks for its front-end before it listens to its line.
         (0..START_UP).for_each(|_| self.convert());
         loop {
@@ -174,7 +189,13 @@ impl Board<'_> {
             let heard = self.listen(outlet);
             match config.pace {
                 Pace::RealTime => {
-                    self.catch_up(epoch, outlet, &mut line);
+                    match self.talk(outlet, &mut line) {
+                        Talk::HostBusy => _ = busy_since.get_or_insert_with(Instant::now),
+                        Talk::AllSent | Talk::LineBusy => busy_since = None,
+                    }
+                    if busy_since.is_none_or(|since| since.elapsed() > HOST_PATIENCE) {
+                        self.catch_up(epoch, outlet, &mut line);
+                    }
                     std::thread::sleep(TICK);
                 }
                 Pace::AsRead => {

@@ -26,6 +26,7 @@ use palpate_shared::sim::{Faults, FingerConfig, Load, Script, Truth};
 
 use crate::link::Address;
 use board::Control;
+pub use board::SimulatedOnly;
 use outlet::Outlet;
 use pipe::{End, Pipe};
 
