@@ -22,8 +22,7 @@ const CHIP: &str = "STM32F405RG";
 const IMAGE_VARIABLE: &str = "PALPATE_FIRMWARE";
 
 /// How the firmware commands are used.
-pub(crate) const USAGE: &str = "\
-       cargo xtask firmware build            build the board's image
+pub(crate) const USAGE: &str = "       cargo xtask firmware build            build the board's image
        cargo xtask firmware flash            build it and put it onto a board, through a debug probe
        cargo xtask firmware emulate [--pty]  build it and run it in the emulator, until interrupted
        cargo xtask firmware emulate --test   build it and run the end-to-end test on it

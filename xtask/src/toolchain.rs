@@ -44,8 +44,10 @@ pub(crate) fn cargo(subcommand: &str, target_folder: &Path) -> Option<Command> {
     if let Toolchain::WithSources { rustc, linker, .. } = toolchain {
         command.arg("-Zbuild-std=core").env("RUSTC_BOOTSTRAP", "1").env("RUSTC", &rustc);
         command.env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER", linker);
-        // rustup's, if this runs under it, would put its own compiler back.
-        command.env_remove("RUSTUP_TOOLCHAIN").env_remove("CARGO").env_remove("RUSTC_WRAPPER");
+        if rustc == system() {
+            // rustup, if this runs under it, would put its own compiler back.
+            command.env_remove("RUSTUP_TOOLCHAIN").env_remove("CARGO").env_remove("RUSTC_WRAPPER");
+        }
     }
     Some(command)
 }
