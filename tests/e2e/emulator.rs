@@ -6,6 +6,10 @@
 #[path = "../../xtask/src/emulator.rs"]
 mod emulator;
 
+#[path = "../../xtask/src/image.rs"]
+#[allow(dead_code, reason = "only the log's lines are wanted here")]
+mod image;
+
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
@@ -139,24 +143,72 @@ fn memory(control: &std::path::Path, folder: &std::path::Path) -> std::io::Resul
     std::fs::read(file)
 }
 
+/// Undoes defmt's packing of a frame (rzCOBS: read from its end, each control byte tells which of the seven bytes before
+/// it were zero, or how many were not).
+#[cfg(unix)]
+fn unpack(packed: &[u8]) -> Option<Vec<u8>> {
+    let mut bytes = packed.iter().rev().copied();
+    let mut frame = Vec::new();
+    while let Some(control) = bytes.next() {
+        match control {
+            0 => return None,
+            1..=0x7F => {
+                for bit in (0..7).rev() {
+                    frame.push(if control >> bit & 1 == 1 { 0 } else { bytes.next()? });
+                }
+            }
+            0x80..=0xFE => {
+                frame.push(0);
+                for _ in 0..(control & 0x7F) + 7 {
+                    frame.push(bytes.next()?);
+                }
+            }
+            0xFF => {
+                for _ in 0..134 {
+                    frame.push(bytes.next()?);
+                }
+            }
+        }
+    }
+    frame.reverse();
+    Some(frame)
+}
+
+/// A frame as a person reads it: level and text, its numbers put in where they are whole ones of 32 bits.
+#[cfg(unix)]
+fn line_of(frame: &[u8], lines: &[(u32, String)]) -> Option<String> {
+    let (number, mut arguments) = frame.split_first_chunk::<2>()?;
+    let number = u32::from(u16::from_le_bytes(*number));
+    let (_, about) = lines.iter().find(|(known, _)| *known == number)?;
+    let about: serde_json::Value = serde_json::from_str(about).ok()?;
+    let level = about["tag"].as_str()?.strip_prefix("defmt_")?.to_owned();
+    let mut text = about["data"].as_str()?.to_owned();
+    while let (Some(at), Some((value, rest))) = (text.find("{=u32}"), arguments.split_first_chunk::<4>()) {
+        text.replace_range(at..at + "{=u32}".len(), &u32::from_le_bytes(*value).to_string());
+        arguments = rest;
+    }
+    Some(format!("{level} {text}"))
+}
+
 #[cfg(unix)]
 #[test]
 fn the_log_is_there_and_readable() {
-    let Some((image, machine)) = image() else { return };
+    let Some((image_path, machine)) = image() else { return };
     let folder = tempfile::tempdir().unwrap();
     let control = folder.path().join("control");
-    let machine = tcp_machine_of(machine, image, &["-qmp", &format!("unix:{},server=on,wait=off", control.display())]);
+    let machine =
+        tcp_machine_of(machine, image_path, &["-qmp", &format!("unix:{},server=on,wait=off", control.display())]);
     machine.open_simulated();
     let ram = memory(&control, folder.path()).unwrap();
-    let table = defmt_decoder::Table::parse(&std::fs::read(image).unwrap()).unwrap().expect("the image has log lines");
-    let mut decoder = table.new_stream_decoder();
-    decoder.received(rtt_bytes(&ram).expect("an RTT block"));
-    let mut log = Vec::new();
-    while let Ok(frame) = decoder.decode() {
-        log.push(frame.display(false).to_string());
-    }
+    let lines = image::Image::read(image_path).expect("the image can be read").log_lines;
+    let log: Vec<String> = rtt_bytes(&ram)
+        .expect("an RTT block")
+        .split(|&byte| byte == 0)
+        .filter_map(unpack)
+        .filter_map(|frame| line_of(&frame, &lines))
+        .collect();
     println!("{}", log.join("\n"));
-    for wanted in ["core at 168000000 Hz", "no front-end", "front-end found"] {
+    for wanted in ["info core at 168000000 Hz", "warn no front-end", "info front-end found"] {
         assert!(log.iter().any(|line| line.contains(wanted)), "{wanted:?} is not in {log:#?}");
     }
 }

@@ -144,6 +144,10 @@ fn size(image: &Path) -> Result<(), Failed> {
     println!("flash  {:6} bytes, at most {FLASH_MAX}", found.flash);
     println!("RAM    {ram:6} bytes, at most {RAM_MAX}: {} of variables, {} of stack", found.variables, found.stack);
     println!("double precision: {} functions", found.double_precision.len());
+    println!("log    {:6} lines", found.log_lines.len());
+    if !found.log_lines.iter().any(|(_, line)| line.contains("defmt_info")) {
+        return fail("no log line at level info is in the image: DEFMT_LOG must be `info` or lower when it is built");
+    }
     if !found.double_precision.is_empty() {
         return fail(&format!("double-precision arithmetic, which the processor lacks: {:?}", found.double_precision));
     }

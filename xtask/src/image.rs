@@ -31,6 +31,8 @@ pub(crate) struct Image {
     pub(crate) stack: u32,
     /// Functions for double-precision arithmetic, of which there should be none.
     pub(crate) double_precision: Vec<String>,
+    /// The log's lines: the number that stands for each in the log, and what defmt says of it, as JSON.
+    pub(crate) log_lines: Vec<(u32, String)>,
 }
 
 /// Why a file is not such an image.
@@ -131,7 +133,12 @@ impl Image {
             flash: sum(&|section| section.kind != NO_BITS),
             variables: sum(&|section| section.address >= RAM_START),
             stack: value("_stack_start")?.checked_sub(value("_stack_end")?)?,
-            double_precision: symbols.into_iter().map(|(name, _)| name).filter(|name| is_double(name)).collect(),
+            double_precision: symbols.iter().map(|(name, _)| name).filter(|name| is_double(name)).cloned().collect(),
+            log_lines: symbols
+                .iter()
+                .filter(|(name, _)| name.starts_with('{'))
+                .map(|(name, at)| (*at, name.clone()))
+                .collect(),
         })
     }
 }
