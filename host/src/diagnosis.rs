@@ -9,6 +9,7 @@
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 
 use crate::calibration::FrontEnd;
+use crate::sensing::STUCK_SAMPLES;
 
 /// Length of the averages by which hum and drift are told from noise, in s: one mains period at 50 Hz.
 const AVERAGE_S: f64 = 0.02;
@@ -26,15 +27,12 @@ const DRIFT_MAX: f64 = 1.0;
 /// A rate further than this from what was set, as a ratio: a bare internal oscillator is 1 % off at most.
 const RATE_ERROR_MAX: f64 = 0.02;
 
-/// So many equal samples in a row are a stuck converter: with noise of a hundred counts, equal neighbours are rare.
-const STUCK_RUN: usize = 20;
-
 /// Everything observed at rest.
 #[derive(Clone, Debug)]
 pub struct Observation {
     /// Counts of both channels, sample by sample.
     pub counts: Vec<Vector2<f64>>,
-    /// Which samples were at the end of the converter's range on either channel.
+    /// How many samples were at the end of the converter's range on either channel.
     pub saturated: usize,
     /// Sample rate that was set, in Hz.
     pub rate_hz: f64,
@@ -265,7 +263,7 @@ fn drift(figures: &Figures) -> Finding {
 }
 
 fn range(seen: &Observation, figures: &Figures) -> Finding {
-    let stuck = figures.longest_run >= STUCK_RUN;
+    let stuck = figures.longest_run >= STUCK_SAMPLES;
     let centre = mean(&seen.counts) * seen.front_end.microstrain_per_count();
     Finding {
         subject: "range",

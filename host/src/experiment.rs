@@ -15,7 +15,7 @@ use crate::contact::{Averaging, Settings, SettingsError};
 use crate::geometry::angle::wrap_angle;
 use crate::link::{Samples, Session};
 use crate::live::{self, LiveError};
-use crate::sensing::{self, FingerSense};
+use crate::sensing::{self, FingerSense, Sensed};
 use crate::simulated_device::SimulatedDevice;
 
 /// Time from a new load to the first reading used, in s: the default beam's ringing falls by 1/e in 43 ms, so to
@@ -207,7 +207,14 @@ fn judge(
     angle: f64,
     contacts: &Contacts,
 ) -> Result<Felt, ExperimentError> {
-    let felt: Vec<_> = blocks.iter().flat_map(|block| finger.feel(block).collect::<Vec<_>>()).collect();
+    let felt: Vec<_> = blocks
+        .iter()
+        .flat_map(|block| finger.feel(block))
+        .filter_map(|sensed| match sensed {
+            Sensed::Felt(felt) => Some(felt),
+            Sensed::NotMeasured { .. } => None,
+        })
+        .collect();
     let touches: Vec<_> = felt.iter().filter_map(|felt| felt.contact.touch()).collect();
     // The averaging window, and the detector's confirmation, are still full of the contact before.
     let fresh = finger.tare().averaging_samples + DETECTOR_LAG;

@@ -12,6 +12,7 @@ use crate::calibration::plan::{PlannedContact, Step};
 use crate::calibration::session::{Bench, BenchError, SampleSource, SourceError, Summary, Wish};
 use crate::calibration::{self, Calibration, FrontEnd, FrontEndError, FrontEndSettings};
 use crate::contact::{Settings, Tare, TareError};
+use crate::interrupt;
 use crate::link::{Incoming, LinkError, Samples, Session};
 use crate::sensing;
 use crate::simulated_device::SimulatedDevice;
@@ -40,7 +41,7 @@ pub enum LiveError {
         last_event: Option<EventKind>,
     },
     /// The stretch taken for the tare was not at rest.
-    #[error("cannot tare: {source}")]
+    #[error("cannot tare")]
     #[diagnostic(help("{}", source.help()))]
     Tare {
         /// What was wrong with it.
@@ -84,7 +85,7 @@ pub fn front_end(hello: &Hello) -> Result<FrontEnd, FrontEndError> {
     })
 }
 
-/// Hands every block to `take` until it returns `false`, and everything else to `tell`.
+/// Hands every block to `take` until it returns `false` or the user interrupts, and everything else to `tell`.
 ///
 /// # Errors
 /// [`LiveError::Link`], [`LiveError::Silent`].
@@ -97,6 +98,9 @@ pub fn stream(
     let mut last_event = None;
     let mut connected = true;
     loop {
+        if interrupt::requested() {
+            return Ok(());
+        }
         match session.next(Duration::from_millis(100))? {
             Some(Incoming::Samples(samples)) => {
                 last_heard = Instant::now();
@@ -106,7 +110,10 @@ pub fn stream(
             }
             Some(other) => {
                 match &other {
-                    Incoming::Event(event) => last_event = Some(event.kind),
+                    // Lost samples are a consequence; what came before is the cause.
+                    Incoming::Event(event) if !matches!(event.kind, EventKind::SamplesLost { .. }) => {
+                        last_event = Some(event.kind);
+                    }
                     Incoming::Disconnected { .. } => connected = false,
                     Incoming::Reconnected { .. } | Incoming::Restarted(_) => {
                         (connected, last_heard) = (true, Instant::now());

@@ -146,6 +146,47 @@ fn a_person_calibrates_and_then_sees_where_the_finger_is_touched() {
 }
 
 #[test]
+fn a_monitor_survives_a_restart_and_tells_a_broken_bridge_from_no_contact() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut device = Terminal::simulate_device(&["--as-read", "--seed", "6"]);
+    let (calibration, _) = calibrate_by_hand(&mut device, folder.path());
+    drop(device);
+    let mut device = Terminal::simulate_device(&["--seed", "6"]);
+    let mut monitor = palpate(&["monitor", "--json", "--print-hz", "50", "--tare", "0.5"])
+        .args(["-d", &device.path, "-c", calibration.to_str().unwrap()])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(monitor.stdout.take().unwrap())
+        .lines()
+        .map(|line| -> Value { serde_json::from_str(&line.unwrap()).unwrap() });
+    let measured = |line: &Value| line["contact"].is_boolean();
+    assert!(lines.any(|line| measured(&line)));
+    device.order("restart");
+    assert!(lines.any(|line| line["device"].as_str().is_some_and(|what| what.contains("started anew"))));
+    assert!(lines.any(|line| measured(&line)), "it goes on");
+    device.order("fault saturate0");
+    assert!(lines.any(|line| line["fault"].as_str().is_some_and(|fault| fault.contains("bridge x"))));
+    device.order("fault none");
+    assert!(lines.any(|line| measured(&line)), "and on");
+    device.order("fault stuck");
+    assert!(lines.any(|line| line["fault"].as_str().is_some_and(|fault| fault.contains("repeats"))));
+    let _ = monitor.kill();
+    let _ = monitor.wait();
+}
+
+#[test]
+fn output_that_nobody_reads_is_no_crash() {
+    for arguments in [&["demo"][..], &["ports"], &["info", "-d", "sim:"]] {
+        let mut child = palpate(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        drop(child.stdout.take());
+        let output = child.wait_with_output().unwrap();
+        assert!(!text(&output.stderr).contains("panicked"), "{arguments:?}: {}", text(&output.stderr));
+    }
+}
+
+#[test]
 fn info_tells_who_the_device_is_and_that_it_is_simulated() {
     let device = Terminal::simulate_device(&["--seed", "9"]);
     let output = run(&["info", "-d", &device.path, "--register", "0"]);
@@ -215,8 +256,16 @@ fn without_a_calibration_the_monitor_says_how_to_get_one() {
 
 #[test]
 fn a_wrong_command_line_ends_with_64_and_help_with_0() {
-    for wrong in [&["--no-such-option"][..], &["monitor", "--tare", "-1"], &["info", "--register", "300"], &["dance"]] {
-        assert_eq!(run(wrong).status.code(), Some(EXIT_USAGE), "{wrong:?}");
+    let wrong: [(&[&str], &str); 4] = [
+        (&["--no-such-option"], "--no-such-option"),
+        (&["monitor", "--tare", "-1"], "must be finite and not negative"),
+        (&["info", "--register", "300"], "not a register address"),
+        (&["dance"], "dance"),
+    ];
+    for (arguments, reason) in wrong {
+        let output = run(arguments);
+        assert_eq!(output.status.code(), Some(EXIT_USAGE), "{arguments:?}");
+        assert!(text(&output.stderr).contains(reason), "{}", text(&output.stderr));
     }
     for help in [&["--help"][..], &["monitor", "--help"], &["--version"]] {
         assert_eq!(run(help).status.code(), Some(0), "{help:?}");

@@ -136,9 +136,47 @@ fn a_device_that_restarts_gets_its_settings_back() {
 }
 
 #[test]
+fn time_goes_on_over_a_restart() {
+    let device = rig::device(13, rig::real_line());
+    let mut session = rig::session(&device);
+    session.start().unwrap();
+    let before = rig::samples(&mut session, 20_000);
+    device.restart().unwrap();
+    rig::wait_for(&mut session, |incoming| matches!(incoming, Incoming::Restarted(_)).then_some(()));
+    let after = rig::samples(&mut session, 1000);
+    let times: Vec<u64> = before.iter().chain(&after).map(|block| block.time_us).collect();
+    assert!(times.is_sorted(), "a monitor that waits for its next line must not wait for an old time to come round");
+}
+
+#[cfg(unix)]
+#[test]
+fn another_finger_on_the_same_port_is_not_taken_for_the_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let link = folder.path().join("finger");
+    let line = Line::Pty { link: Some(link.clone()) };
+    let first = rig::device(14, line.clone());
+    let mut session = Session::open(first.address(), Options::default()).unwrap();
+    session.start().unwrap();
+    rig::samples(&mut session, 100);
+    drop(first);
+    rig::wait_for(&mut session, |incoming| matches!(incoming, Incoming::Disconnected { .. }).then_some(()));
+    let _second = rig::device(15, line);
+    let begun = std::time::Instant::now();
+    let error = loop {
+        match session.next(Duration::from_millis(100)) {
+            Ok(Some(Incoming::Samples(_))) => panic!("samples of another finger"),
+            Ok(_) => assert!(begun.elapsed() < rig::PATIENCE),
+            Err(error) => break error,
+        }
+    };
+    assert!(matches!(error, LinkError::OtherDevice { .. }), "{error:?}");
+}
+
+#[test]
 fn a_lost_command_is_repeated_and_acted_on_once() {
     let device = tcp_device(5);
-    // Every second command is lost on its way, and every second reply: each needs two or three tries.
+    // Every second command is lost on its way, and every second reply: each needs two or three tries. (Blocks carry the
+    // same first byte as commands, but none are streamed here.)
     let line = rig::lossy_line(tcp_address(&device), |towards, number| match towards {
         Towards::Device => number % 2 == 1,
         Towards::Host => number % 2 == 1,

@@ -111,7 +111,8 @@ pub fn open_tcp(address: SocketAddr) -> Result<Session, LinkError> {
     Session::open(&format!("tcp:{address}").parse()?, Options { baud: None, reconnect: false })
 }
 
-/// A line that swallows frames: `drops` decides for each frame, by direction and number, whether it is lost.
+/// A line that swallows commands and replies: `drops` decides for each, by direction and number, whether it is lost.
+/// Samples, events and the like pass.
 ///
 /// # Panics
 /// If no port is to be had.
@@ -146,16 +147,29 @@ fn forward(mut from: TcpStream, mut to: TcpStream, drops: impl Fn(usize) -> bool
         for &byte in &buffer[..length] {
             frame.push(byte);
             if byte == 0 {
-                let empty = frame.len() == 1;
-                if (empty || !drops(number)) && to.write_all(&frame).is_err() {
+                let counts = is_command_or_reply(&frame);
+                if !(counts && drops(number)) && to.write_all(&frame).is_err() {
                     return;
                 }
-                number += usize::from(!empty);
+                number += usize::from(counts);
                 frame.clear();
             }
         }
     }
 }
+
+/// Whether a frame, delimiter included, is a command (first byte: the protocol's major version) or a reply (variant 3).
+fn is_command_or_reply(frame: &[u8]) -> bool {
+    let mut frame = frame[..frame.len() - 1].to_vec();
+    let payload = palpate_shared::frame::decode_in_place(&mut frame).unwrap_or_default();
+    matches!(payload.first(), Some(&PROTOCOL_MAJOR | &REPLY))
+}
+
+/// First byte of a command.
+const PROTOCOL_MAJOR: u8 = palpate_shared::wire::PROTOCOL.major;
+
+/// First byte of a reply.
+const REPLY: u8 = 3;
 
 /// The `palpate` binary of this build, built if it is not there yet.
 ///

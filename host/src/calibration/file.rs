@@ -149,7 +149,7 @@ pub struct HeldBackRecord {
 pub enum FileError {
     /// The system refused.
     #[error("cannot {doing} {path}")]
-    #[diagnostic(help("check that the folder exists, is writable and has space"))]
+    #[diagnostic(help("check the path, and that you may read and write there"))]
     Io {
         /// What was tried.
         doing: &'static str,

@@ -106,7 +106,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     }
     let plan = arguments.plan()?;
     if arguments.print_plan {
-        print!("{}", toml::to_string(&plan).into_diagnostic()?);
+        super::write_out(format_args!("{}", toml::to_string(&plan).into_diagnostic()?));
         return Ok(ExitCode::SUCCESS);
     }
     let mut link = arguments.device.open(true)?;
@@ -127,6 +127,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     };
     match hand {
         Some(hand) => {
+            eprintln!("a simulated hand sets every angle exactly: a reduced chi² near 0 is right for it");
             calibrate(arguments, &plan, device, &mut SimulatedBench::new(&hand, SIMULATED_FORCE_N, tell_step))
         }
         None => calibrate(arguments, &plan, device, &mut Person::new(io::stdin().lock(), io::stderr())),
@@ -164,7 +165,8 @@ pub(crate) fn calibrate(
             gauge_factor: arguments.gauge_factor,
         },
     };
-    // Whatever is wrong with names and settings is said before a quarter of an hour of work, not after.
+    // Whatever is wrong with names, settings and folders is said before a quarter of an hour of work, not after.
+    check_writable(&arguments.out.join(&provenance.finger))?;
     let settings = plan.dwell_settings(provenance.check()?, provenance.rate_hz)?;
     let mut run = Session::new(plan.steps(), settings);
     let ending = session::run(&mut run, device.source, bench);
@@ -184,6 +186,19 @@ pub(crate) fn calibrate(
     }
 }
 
+/// Makes sure that results can be written to a folder, and leaves nothing there.
+fn check_writable(folder: &Path) -> miette::Result<()> {
+    let trial = folder.join(".palpate-can-write");
+    let written =
+        fs::create_dir_all(folder).and_then(|()| fs::write(&trial, "")).and_then(|()| fs::remove_file(&trial));
+    // A folder with results in it stays; that is what this call refuses to remove.
+    let _ = fs::remove_dir(folder);
+    written
+        .into_diagnostic()
+        .wrap_err_with(|| format!("cannot write results to {}", folder.display()))
+        .map_err(|error| error.context("choose another folder with --out"))
+}
+
 fn conclude_and_write(arguments: &Arguments, raw: &RawRun) -> miette::Result<ExitCode> {
     let judged = conclude(raw).map_err(miette::Report::from).and_then(|conclusion| judge(arguments, conclusion));
     if judged.is_err() {
@@ -192,7 +207,7 @@ fn conclude_and_write(arguments: &Arguments, raw: &RawRun) -> miette::Result<Exi
     let conclusion = judged?;
     let raw_path = save_raw(&arguments.out, raw)?;
     let path = save_result(&arguments.out, &conclusion.fit, &conclusion.taken, &raw.provenance, &raw_path)?;
-    println!("written  {}\nsamples  {}", path.display(), raw_path.display());
+    say!("written  {}\nsamples  {}", path.display(), raw_path.display());
     Ok(ExitCode::SUCCESS)
 }
 
@@ -222,13 +237,13 @@ fn recalculate(arguments: &Arguments, path: &Path) -> miette::Result<ExitCode> {
         )
     })?;
     let written = save_result(root, &conclusion.fit, &conclusion.taken, &provenance, path)?;
-    println!("written  {}", written.display());
+    say!("written  {}", written.display());
     Ok(ExitCode::SUCCESS)
 }
 
 /// Prints the report and asks the held-back contacts.
 fn judge(arguments: &Arguments, conclusion: Conclusion) -> miette::Result<Conclusion> {
-    print!("{conclusion}");
+    super::write_out(format_args!("{conclusion}"));
     conclusion.judge(arguments.max_error_deg)?;
     Ok(conclusion)
 }

@@ -43,7 +43,7 @@ pub(crate) struct Arguments {
     /// With `--json`: add every reading.
     #[arg(long, requires = "json")]
     series: bool,
-    /// Write every reading to this CSV file: file, push, time, force, direction and its uncertainty.
+    /// Write every reading to this new CSV file: file, push, time, force, direction and its uncertainty.
     #[arg(long, value_name = "FILE")]
     csv_out: Option<PathBuf>,
     /// A stretch without contact, in s after the first reading, from which to take the bias. Without it the bias is
@@ -51,10 +51,10 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "T0:T1")]
     tare: Option<Span>,
     /// Friction coefficient between finger and part.
-    #[arg(long, value_name = "MU", default_value_t = 0.0)]
+    #[arg(long, value_name = "MU", default_value_t = 0.0, allow_negative_numbers = true, value_parser = super::not_negative)]
     mu_c: f64,
     /// Polar angle in finger axes that shall read 0.
-    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_negative_numbers = true, value_parser = super::finite)]
     mounting_deg: f64,
     /// Average readings over this time; 20 ms is one mains period at 50 Hz.
     #[arg(long, value_name = "MS")]
@@ -124,6 +124,13 @@ impl FromStr for SensorFrame {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
+    if let Some(folder) = arguments.files.iter().find(|file| file.is_dir()) {
+        return Err(miette!(
+            help = format!("name its files, for example {}/*.txt", folder.display()),
+            "{} is a folder",
+            folder.display()
+        ));
+    }
     let mut csv_out = arguments.csv_out.as_deref().map(SeriesFile::create).transpose()?;
     let mut all = Vec::new();
     let mut some_bad = false;
@@ -365,7 +372,8 @@ struct SeriesFile {
 impl SeriesFile {
     fn create(path: &Path) -> miette::Result<Self> {
         let place = || format!("cannot write {}", path.display());
-        let file = fs::File::create(path).into_diagnostic().wrap_err_with(place)?;
+        // A file that is there stays as it is: it may be the recording itself.
+        let file = fs::File::create_new(path).into_diagnostic().wrap_err_with(place)?;
         let mut series = Self { out: io::BufWriter::new(file), path: path.to_owned() };
         let heading = "file,push,t [s],Fx,Fy,u [rad],u_sd [rad],u_half_width [rad],magnitude,magnitude_sd,angle_to_normal [rad],edge";
         writeln!(series.out, "{heading}").into_diagnostic().wrap_err_with(place)?;

@@ -45,7 +45,8 @@ const AVERAGINGS: [(&str, Averaging); 3] = [
 /// is what a real finger goes through, from the serial port on.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// Seed of everything random: the finger's noise, hum and drift
+    /// Seed of everything random: the finger's noise, hum and drift. When a contact begins depends on the host's timing,
+    /// so that figures differ a little from run to run
     #[arg(long, default_value_t = 1)]
     seed: u64,
 }
@@ -56,9 +57,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let config = Config { seed: arguments.seed, pace: Pace::AsRead, line, ..Config::default() };
     let hand =
         Arc::new(SimulatedDevice::start(config).into_diagnostic().wrap_err("cannot start the simulated finger")?);
-    println!("A simulated finger runs the firmware at {}; the host opens it like any serial port.", hand.address());
+    say!("A simulated finger runs the firmware at {}; the host opens it like any serial port.", hand.address());
     let mut session = Session::open_simulated(Arc::clone(&hand), Options::default())?;
-    println!("It streams {} samples a second, gain {}.", session.hello().rate_hz, session.hello().gain);
+    say!("It streams {} samples a second, gain {}.", session.hello().rate_hz, session.hello().gain);
     let fit = calibrate(&mut session, &hand)?;
     print_calibration(&fit);
     feel_and_print(&mut session, &hand, &fit)?;
@@ -78,12 +79,12 @@ fn calibrate(session: &mut Session, hand: &SimulatedDevice) -> miette::Result<Fi
 
 fn print_calibration(fit: &Fit) {
     let inverse = fit.calibration.inverse() * 1e6;
-    println!();
-    println!("Calibrated on {CALIBRATION_CONTACTS} contacts of {CALIBRATION_FORCE_N} N:");
-    println!("  force [uN] = ({:8.3} {:8.3}) counts", inverse[(0, 0)], inverse[(0, 1)]);
-    println!("               ({:8.3} {:8.3})", inverse[(1, 0)], inverse[(1, 1)]);
+    say!("");
+    say!("Calibrated on {CALIBRATION_CONTACTS} contacts of {CALIBRATION_FORCE_N} N:");
+    say!("  force [uN] = ({:8.3} {:8.3}) counts", inverse[(0, 0)], inverse[(0, 1)]);
+    say!("               ({:8.3} {:8.3})", inverse[(1, 0)], inverse[(1, 1)]);
     if let Some(held) = fit.held_back() {
-        println!(
+        say!(
             "  {} contacts held back from the fit: worst error {:+.3} deg at {:.0} deg, rms {:.3} deg",
             held.contacts,
             held.worst_error.to_degrees(),
@@ -104,31 +105,31 @@ fn feel_and_print(session: &mut Session, hand: &SimulatedDevice, fit: &Fit) -> m
         }
         rows.extend(AVERAGINGS.iter().zip(felt).map(|((name, _), felt)| (format!("{force} N, {name}"), felt)));
     }
-    println!();
-    println!("All {FELT_CONTACTS} contacts, none of them used for calibration; the worst of them, in degrees:");
-    println!("  {:<24} {:>11} {:>10} {:>22}", "", "mean error", "noise sd", "stated 99 % held");
+    say!("");
+    say!("All {FELT_CONTACTS} contacts, none of them used for calibration; the worst of them, in degrees:");
+    say!("  {:<24} {:>11} {:>10} {:>22}", "", "mean error", "noise sd", "stated 99 % held");
     rows.iter().for_each(|(name, felt)| print_row(name, felt));
-    println!("  {:<24} {:>11} {:>10}", "thesis, 1000 readings", "within 1", "below 0.5");
+    say!("  {:<24} {:>11} {:>10}", "thesis, 1000 readings", "within 1", "below 0.5");
 
     let contacts = Contacts::round_the_disk(FELT_CONTACTS, CALIBRATION_FORCE_N).with_friction(MU_C);
     let felt = experiment::feel(session, hand, &fit.calibration, &contacts, &averagings)?;
-    println!();
-    println!(
+    say!("");
+    say!(
         "With friction {MU_C} the force leaves the normal by up to {:.1} deg, which no force sensor can see; the stated",
         MU_C.atan().to_degrees()
     );
-    println!("interval allows for it:");
+    say!("interval allows for it:");
     AVERAGINGS.iter().zip(felt).for_each(|((name, _), felt)| print_row(&format!("2 N, {name}"), &felt));
     Ok(())
 }
 
 /// Some contacts one by one.
 fn print_contacts(force: f64, felt: &[Felt]) {
-    println!();
-    println!("Felt with {force} N, 20 ms average, in degrees:");
-    println!("  {:>8} {:>9} {:>7} {:>9} {:>9} {:>9}", "true", "felt", "error", "noise sd", "stated sd", "force [N]");
+    say!("");
+    say!("Felt with {force} N, 20 ms average, in degrees:");
+    say!("  {:>8} {:>9} {:>7} {:>9} {:>9} {:>9}", "true", "felt", "error", "noise sd", "stated sd", "force [N]");
     for felt in felt.iter().step_by(PRINTED_EVERY) {
-        println!(
+        say!(
             "  {:>8.2} {:>9.2} {:>+7.2} {:>9.2} {:>9.2} {:>9.4}",
             felt.angle.to_degrees(),
             (felt.angle + felt.error).to_degrees(),
@@ -143,7 +144,7 @@ fn print_contacts(force: f64, felt: &[Felt]) {
 fn print_row(name: &str, felt: &[Felt]) {
     let worst = worst(felt);
     let held = felt.iter().map(|felt| felt.covered).sum::<f64>() / felt.len() as f64;
-    println!(
+    say!(
         "  {name:<24} {:>11.3} {:>10.3} {:>12.1} % of readings",
         worst.error.to_degrees(),
         worst.sd.to_degrees(),
@@ -153,8 +154,8 @@ fn print_row(name: &str, felt: &[Felt]) {
 
 fn print_ending(session: &Session, begun: Instant) {
     let counts = session.counts();
-    println!();
-    println!(
+    say!("");
+    say!(
         "{} samples received, {} lost, {} repeated, {} damaged frames; {:.1} s in all.",
         counts.samples,
         counts.missing,
@@ -162,5 +163,5 @@ fn print_ending(session: &Session, begun: Instant) {
         counts.damaged_frames,
         begun.elapsed().as_secs_f64()
     );
-    println!("Nothing here was measured: the finger was simulated. README.md says how to build a real one.");
+    say!("Nothing here was measured: the finger was simulated. README.md says how to build a real one.");
 }

@@ -7,6 +7,7 @@ use miette::IntoDiagnostic as _;
 use nalgebra::Matrix2;
 use palpate::calibration::{ForceUnit, counts_vector};
 use palpate::diagnosis::{self, Figures, Finding, Observation, Verdict};
+use palpate::interrupt;
 use palpate::link::Session;
 use palpate::live;
 use palpate_shared::sim::ads131m02::{CLKIN_HZ, noise_rms};
@@ -27,7 +28,7 @@ pub(crate) struct Arguments {
     calibration: CalibrationArguments,
 
     /// How long to look, in seconds
-    #[arg(long, default_value_t = 10.0, value_name = "S", value_parser = super::positive)]
+    #[arg(long, default_value_t = 10.0, value_name = "S", allow_negative_numbers = true, value_parser = super::stretch)]
     seconds: f64,
 
     /// Print one JSON object instead
@@ -36,10 +37,11 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
+    interrupt::listen();
     let mut session = arguments.device.open(true)?;
     let newtons_per_count = newtons_per_count(&session, &arguments.calibration)?;
     if !arguments.json {
-        println!(
+        say!(
             "{}looking at {} for {} s; keep the finger free",
             super::simulated_note(&session),
             session.address(),
@@ -55,11 +57,11 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         ));
     };
     if arguments.json {
-        println!("{}", as_json(&session, &figures, &findings));
+        say!("{}", as_json(&session, &figures, &findings));
     } else {
         findings.iter().for_each(print_finding);
         if let Some(latency) = latency.in_words() {
-            println!("latency {latency}");
+            say!("latency {latency}");
         }
     }
     let fault = findings.iter().any(|finding| finding.verdict == Verdict::Fault);
@@ -118,9 +120,9 @@ fn print_finding(finding: &Finding) {
         Verdict::Look => "LOOK ",
         Verdict::Fault => "FAULT",
     };
-    println!("{:<7} {verdict} {}", finding.subject, finding.figures);
+    say!("{:<7} {verdict} {}", finding.subject, finding.figures);
     if !finding.remedy.is_empty() {
-        println!("              -> {}", finding.remedy);
+        say!("              -> {}", finding.remedy);
     }
 }
 

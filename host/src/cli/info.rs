@@ -50,7 +50,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     }
     let about = About::of(&mut session, &arguments.registers)?;
     if arguments.json {
-        println!("{}", about.as_json(&session));
+        say!("{}", about.as_json(&session));
     } else {
         about.print(&session);
     }
@@ -66,7 +66,7 @@ struct About {
     counters: Counters,
     /// The last fault and the use of the board, from devices that know them: simulated ones and older firmware do not.
     board: Option<(Option<Fault>, Health)>,
-    registers: Vec<(u8, u16)>,
+    registers: Vec<(u8, Result<u16, LinkError>)>,
 }
 
 impl About {
@@ -75,10 +75,7 @@ impl About {
         let self_test = session.self_test();
         let counters = session.device_counters()?;
         let board = session.last_fault().ok().zip(session.health().ok());
-        let registers = registers
-            .iter()
-            .map(|&address| Ok((address, session.read_register(address)?)))
-            .collect::<Result<_, LinkError>>()?;
+        let registers = registers.iter().map(|&address| (address, session.read_register(address))).collect();
         let round_trip = round_trips.into_iter().min().unwrap_or_default();
         Ok(Self { round_trip, self_test, counters, board, registers })
     }
@@ -96,7 +93,8 @@ impl About {
             row("stack", &format!("{} of {} bytes at most", health.stack_used_max, health.stack_bytes));
         }
         for (address, value) in &self.registers {
-            row(&format!("register {address:#04x}"), &format!("{value:#06x}"));
+            let value = value.as_ref().map_or_else(ToString::to_string, |value| format!("{value:#06x}"));
+            row(&format!("register {address:#04x}"), &value);
         }
     }
 
@@ -116,13 +114,20 @@ impl About {
             "counters": self.counters,
             "last_fault": self.board.as_ref().and_then(|(fault, _)| fault.as_ref()),
             "health": self.board.as_ref().map(|(_, health)| health),
-            "registers": self.registers.iter().map(|(address, value)| serde_json::json!({ "address": address, "value": value })).collect::<Vec<_>>(),
+            "registers": self.registers.iter().map(register_as_json).collect::<Vec<_>>(),
         })
     }
 }
 
+fn register_as_json((address, value): &(u8, Result<u16, LinkError>)) -> serde_json::Value {
+    match value {
+        Ok(value) => serde_json::json!({ "address": address, "value": value }),
+        Err(error) => serde_json::json!({ "address": address, "error": error.to_string() }),
+    }
+}
+
 fn row(name: &str, value: &str) {
-    println!("{name:<14} {value}");
+    say!("{name:<14} {value}");
 }
 
 fn print_hello(session: &Session) {

@@ -4,7 +4,10 @@ use std::time::{Duration, Instant};
 
 use palpate::link::{Samples, Session};
 
-/// Delays seen, in s.
+/// Most delays kept: half an hour of blocks at 4 kHz.
+const DELAYS_MAX: usize = 1_000_000;
+
+/// Delays seen, in s, the first million of them.
 ///
 /// For a simulated device of this process the moment of each sample is known exactly; for any other it is estimated
 /// by the clock map, within half a ping's round trip.
@@ -16,11 +19,14 @@ pub(crate) struct Latency {
 impl Latency {
     /// Takes in that what these samples tell was known at `known`.
     pub(crate) fn take(&mut self, session: &Session, samples: &Samples, known: Instant) {
+        if self.delays_s.len() == DELAYS_MAX {
+            return;
+        }
         let last_s = samples.device_time_s(samples.counts.len().saturating_sub(1));
         let taken = match (session.simulated(), session.clock()) {
-            (Some(device), _) => device.epoch() + Duration::from_secs_f64(last_s),
-            (None, Some(clock)) => session.epoch() + Duration::from_secs_f64(clock.host_time(last_s).max(0.0)),
-            (None, None) => return,
+            (Some(device), _) if session.counts().restarts == 0 => device.epoch() + Duration::from_secs_f64(last_s),
+            (_, Some(clock)) => session.epoch() + Duration::from_secs_f64(clock.host_time(last_s).max(0.0)),
+            (_, None) => return,
         };
         self.delays_s.push(known.saturating_duration_since(taken).as_secs_f64());
     }

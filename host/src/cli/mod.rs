@@ -1,5 +1,10 @@
 //! The commands, one file each. They parse, call the library and print; they compute nothing.
 
+/// Prints a line to standard output, as `println!` does, but ends in order when nobody reads it any more.
+macro_rules! say {
+    ($($argument:tt)*) => { $crate::cli::write_out(format_args!("{}\n", format_args!($($argument)*))) };
+}
+
 mod calibrate;
 mod calibrated;
 mod contact;
@@ -13,6 +18,7 @@ mod ports;
 mod simulate_device;
 mod solve;
 
+use std::io::Write as _;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -74,6 +80,20 @@ pub(crate) fn run() -> ExitCode {
     }
 }
 
+/// Writes to standard output. If that fails the program ends: in peace where the reader has seen enough, and with a
+/// complaint where the disk is full.
+fn write_out(text: std::fmt::Arguments<'_>) {
+    let mut out = std::io::stdout().lock();
+    match out.write_fmt(text).and_then(|()| out.flush()) {
+        Ok(()) => {}
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => std::process::exit(0),
+        Err(error) => {
+            eprintln!("cannot write the output: {error}");
+            std::process::exit(1);
+        }
+    }
+}
+
 /// The words that go before anything shown of a simulated device; empty for a real one.
 fn simulated_note(session: &Session) -> &'static str {
     if session.is_simulated() { "SIMULATED device: nothing that it sends was measured\n" } else { "" }
@@ -84,7 +104,10 @@ fn tell(incoming: &Incoming) {
     match incoming {
         Incoming::Event(event) => eprintln!("device: {}", live::in_words(event.kind)),
         Incoming::Disconnected { reason } => eprintln!("link lost ({reason}); waiting for it to come back"),
-        Incoming::Reconnected { after } => eprintln!("link back after {:.1} s", after.as_secs_f64()),
+        Incoming::Reconnected { after, countable: true } => eprintln!("link back after {:.1} s", after.as_secs_f64()),
+        Incoming::Reconnected { after, countable: false } => {
+            eprintln!("link back after {:.1} s; the samples missed meanwhile cannot be counted", after.as_secs_f64());
+        }
         Incoming::Restarted(_) => eprintln!("the device started anew; its settings were restored"),
         Incoming::Samples(_) | Incoming::Temperature(_) => {}
     }
@@ -93,6 +116,23 @@ fn tell(incoming: &Incoming) {
 /// A number above 0.
 fn positive(text: &str) -> Result<f64, String> {
     not_negative(text).and_then(|value| if value > 0.0 { Ok(value) } else { Err("it must be above 0".to_owned()) })
+}
+
+/// A stretch of samples that is kept whole, in s: above 0, and no more than ten minutes.
+fn stretch(text: &str) -> Result<f64, String> {
+    const LONGEST_S: f64 = 600.0;
+    positive(text).and_then(|value| match value {
+        value if value <= LONGEST_S => Ok(value),
+        value => Err(format!("{value} s is too long: at most {LONGEST_S} s")),
+    })
+}
+
+/// A finite number.
+fn finite(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok(value),
+        _ => Err(format!("`{text}` is not a finite number")),
+    }
 }
 
 /// A finite number, 0 or above.

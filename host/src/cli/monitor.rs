@@ -1,16 +1,19 @@
 //! `palpate monitor`.
 
+use std::cell::RefCell;
 use std::io::{self, Write as _};
 use std::process::ExitCode;
 use std::time::{Instant, SystemTime};
 
 use miette::IntoDiagnostic as _;
-use palpate::contact::{Averaging, Contact, Felt, Settings, Tare};
-use palpate::link::Session;
+use palpate::contact::{Averaging, Contact, Felt, Settings, Tare, detector};
+use palpate::interrupt;
+use palpate::link::{Incoming, Session};
 use palpate::live::{self, LiveError};
-use palpate::sensing::{self, FingerSense};
+use palpate::sensing::{self, Fault, FingerSense, Sensed};
+use serde_json::{Value, json};
 
-use super::calibrated::CalibrationArguments;
+use super::calibrated::{CalibrationArguments, KeptTare};
 use super::device::DeviceArguments;
 use super::latency::Latency;
 
@@ -27,7 +30,7 @@ pub(crate) struct Arguments {
     calibration: CalibrationArguments,
 
     /// Take the tare over so many seconds at the start
-    #[arg(long, default_value_t = 1.0, value_name = "S", value_parser = super::positive)]
+    #[arg(long, default_value_t = 1.0, value_name = "S", allow_negative_numbers = true, value_parser = super::stretch)]
     tare: f64,
 
     /// Use the tare kept in this file instead of taking one
@@ -38,24 +41,25 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     keep_tare: Option<std::path::PathBuf>,
 
-    /// Average over so many milliseconds: 20 is a mains period at 50 Hz, 0 is every sample by itself
-    #[arg(long, default_value_t = 20.0, value_name = "MS", value_parser = super::not_negative)]
+    /// Average over so many milliseconds: 20 is a mains period at 50 Hz, 0 is every sample by itself. A kept tare brings
+    /// its own
+    #[arg(long, default_value_t = 20.0, conflicts_with = "tare_file", value_name = "MS", allow_negative_numbers = true, value_parser = super::not_negative)]
     average_ms: f64,
 
     /// Print so many readings a second; 0 prints every one
-    #[arg(long, default_value_t = 10.0, value_name = "HZ", value_parser = super::not_negative)]
+    #[arg(long, default_value_t = 10.0, value_name = "HZ", allow_negative_numbers = true, value_parser = super::not_negative)]
     print_hz: f64,
 
     /// Friction coefficient between finger and part
-    #[arg(long, default_value_t = 0.0, value_name = "MU", value_parser = super::not_negative)]
+    #[arg(long, default_value_t = 0.0, value_name = "MU", allow_negative_numbers = true, value_parser = super::not_negative)]
     mu_c: f64,
 
-    /// Angle of the finger's x axis in the frame of the angles that are shown, in degrees
-    #[arg(long, default_value_t = 0.0, value_name = "DEG", allow_negative_numbers = true)]
+    /// Polar angle in finger axes that shall read 0, in degrees
+    #[arg(long, default_value_t = 0.0, value_name = "DEG", allow_negative_numbers = true, value_parser = super::finite)]
     mounting_deg: f64,
 
     /// Stop after so many seconds [default: until Ctrl-C]
-    #[arg(long, value_name = "S", value_parser = super::positive)]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = super::positive)]
     seconds: Option<f64>,
 
     /// Print one JSON object a line
@@ -68,6 +72,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
+    interrupt::listen();
     let mut session = arguments.device.open(true)?;
     let calibration = arguments.calibration.require(&session)?;
     let front_end = live::front_end(session.hello())?;
@@ -75,26 +80,35 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     settings.check().into_diagnostic()?;
     session.start()?;
     session.ping()?;
+    let unit = calibration.unit().symbol();
     let tare = match &arguments.tare_file {
-        Some(file) => super::calibrated::load_tare(file)?,
+        Some(file) => KeptTare::load(file, &session, unit)?,
         None => {
             eprintln!("{}taring for {} s: keep the finger free", super::simulated_note(&session), arguments.tare);
             live::tare(&mut session, arguments.tare, &calibration, &settings, super::tell)?
         }
     };
-    report_tare(&tare, calibration.unit().symbol());
+    report_tare(&tare, unit);
     if let Some(file) = &arguments.keep_tare {
-        super::calibrated::keep_tare(file, &tare)?;
+        KeptTare::new(&session, unit, tare).save(file)?;
     }
-    let unit = calibration.unit().symbol();
-    let mut finger = FingerSense::new(calibration, tare, &settings).into_diagnostic()?;
-    show(&mut session, &mut finger, arguments, unit)
+    let finger = FingerSense::new(calibration, tare, &settings).into_diagnostic()?;
+    let shown = Monitor::new(arguments, finger, unit).show(&mut session);
+    // Whatever ended it, nobody listens any more.
+    let stopped = session.stop();
+    shown?;
+    stopped?;
+    let counts = session.counts();
+    eprintln!(
+        "{} samples, {} missing, {} repeated, {} damaged frames",
+        counts.samples, counts.missing, counts.repeated, counts.damaged_frames
+    );
+    Ok(ExitCode::SUCCESS)
 }
 
 fn settings(arguments: &Arguments) -> Settings {
     Settings {
-        // A finger turned counter-clockwise by the mounting angle feels everything turned clockwise by it.
-        mounting_angle: -arguments.mounting_deg.to_radians(),
+        mounting_angle: arguments.mounting_deg.to_radians(),
         contact_friction: arguments.mu_c,
         averaging: if arguments.average_ms > 0.0 {
             Averaging::Seconds(arguments.average_ms * 1e-3)
@@ -116,79 +130,132 @@ fn report_tare(tare: &Tare, unit: &str) {
     );
 }
 
-fn show(
-    session: &mut Session,
-    finger: &mut FingerSense,
-    arguments: &Arguments,
-    unit: &str,
-) -> miette::Result<ExitCode> {
-    let mut out = io::BufWriter::new(io::stdout().lock());
-    let mut latency = Latency::default();
-    let mut written = Ok(());
-    let mut printing =
-        Printing { period_s: (arguments.print_hz > 0.0).then(|| arguments.print_hz.recip()), next_s: None };
-    let mut until_s = None;
-    let ended = live::stream(
-        session,
-        |session, samples| {
-            let simulated = session.is_simulated();
-            for felt in finger.feel(samples) {
-                if printing.is_due(&felt) {
-                    let line = if arguments.json {
-                        as_json(&felt, simulated, unix_time(session, felt.t))
-                    } else {
-                        as_line(&felt, unit, simulated)
-                    };
-                    written = writeln!(out, "{line}").and_then(|()| out.flush());
+/// The stream of lines, and what it needs from one to the next.
+struct Monitor<'a> {
+    arguments: &'a Arguments,
+    finger: FingerSense,
+    unit: &'static str,
+    latency: Latency,
+    /// Device time of the next line, s.
+    next_s: f64,
+    /// Device time at which to stop, s.
+    until_s: Option<f64>,
+    fault: Option<Fault>,
+}
+
+impl<'a> Monitor<'a> {
+    fn new(arguments: &'a Arguments, finger: FingerSense, unit: &'static str) -> Self {
+        let latency = Latency::default();
+        Self { arguments, finger, unit, latency, next_s: 0.0, until_s: None, fault: None }
+    }
+
+    /// Prints until it is time to stop, or nobody reads.
+    fn show(self, session: &mut Session) -> miette::Result<()> {
+        let monitor = RefCell::new(self);
+        let mut written = Ok(());
+        let mut silent = false;
+        loop {
+            let ended = live::stream(
+                session,
+                |session, samples| {
+                    silent = false;
+                    let mut monitor = monitor.borrow_mut();
+                    let lines = monitor.lines(session, samples);
+                    if monitor.arguments.latency {
+                        monitor.latency.take(session, samples, Instant::now());
+                    }
+                    written = lines.into_iter().try_for_each(|line| write_line(&line));
+                    written.is_ok() && !monitor.is_over(samples)
+                },
+                |incoming| monitor.borrow().tell(incoming),
+            );
+            match ended {
+                // The device is there and its front-end is not: it may come back as a cable does.
+                Err(error @ LiveError::Silent { .. }) => {
+                    if !silent {
+                        eprintln!("{error}; waiting");
+                    }
+                    silent = true;
                 }
+                Err(error) => return Err(error.into()),
+                Ok(()) => break,
             }
-            latency.take(session, samples, Instant::now());
-            let end_s = samples.device_time_s(samples.counts.len());
-            let until_s = until_s.get_or_insert(arguments.seconds.map_or(f64::INFINITY, |seconds| end_s + seconds));
-            written.is_ok() && end_s < *until_s
-        },
-        super::tell,
-    );
-    drop(out);
-    match written {
-        // Whoever read the lines has seen enough.
-        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => return Ok(ExitCode::SUCCESS),
-        other => other.into_diagnostic()?,
-    }
-    ended.map_err(|error: LiveError| miette::Report::new(error))?;
-    let counts = session.counts();
-    eprintln!(
-        "{} samples, {} missing, {} repeated, {} damaged frames",
-        counts.samples, counts.missing, counts.repeated, counts.damaged_frames
-    );
-    if let Some(latency) = latency.in_words().filter(|_| arguments.latency) {
-        eprintln!("{latency}");
-    }
-    Ok(ExitCode::SUCCESS)
-}
-
-/// Decides which readings are printed: those at which contact begins or ends, and otherwise some a second.
-struct Printing {
-    period_s: Option<f64>,
-    next_s: Option<f64>,
-}
-
-impl Printing {
-    fn is_due(&mut self, felt: &Felt) -> bool {
-        let Some(period_s) = self.period_s else { return true };
-        let due = self.next_s.is_none_or(|next_s| felt.t >= next_s);
-        if due {
-            self.next_s = Some(felt.t + period_s);
         }
-        due || felt.event.is_some()
+        match written {
+            // Whoever read the lines has seen enough.
+            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => return Ok(()),
+            other => other.into_diagnostic()?,
+        }
+        if let Some(latency) = monitor.borrow().latency.in_words() {
+            eprintln!("latency {latency}");
+        }
+        Ok(())
     }
+
+    fn is_over(&mut self, samples: &palpate::link::Samples) -> bool {
+        let end_s = samples.device_time_s(samples.counts.len());
+        let seconds = self.arguments.seconds.unwrap_or(f64::INFINITY);
+        end_s >= *self.until_s.get_or_insert(end_s + seconds)
+    }
+
+    /// The lines that a block gives.
+    fn lines(&mut self, session: &Session, samples: &palpate::link::Samples) -> Vec<String> {
+        let mut lines = Vec::new();
+        for sensed in self.finger.feel(samples) {
+            let (t, fault, event) = match &sensed {
+                Sensed::Felt(felt) => (felt.t, None, felt.event),
+                Sensed::NotMeasured { t, fault } => (*t, Some(*fault), None),
+            };
+            let news = event.is_some() || fault != self.fault;
+            self.fault = fault;
+            if news || t >= self.next_s {
+                self.next_s = if self.arguments.print_hz > 0.0 { t + self.arguments.print_hz.recip() } else { t };
+                lines.push(self.line(session, &sensed, samples.missing_before));
+            }
+        }
+        lines
+    }
+
+    fn line(&self, session: &Session, sensed: &Sensed, missing_before: u64) -> String {
+        if self.arguments.json {
+            return as_json(session, sensed, self.unit, missing_before).to_string();
+        }
+        let mark = if session.is_simulated() { "  [simulated]" } else { "" };
+        match sensed {
+            Sensed::Felt(felt) => format!("{}{mark}", as_words(felt, self.unit)),
+            Sensed::NotMeasured { t, fault } => format!("{t:10.4} s  NOT MEASURING: {fault}{mark}"),
+        }
+    }
+
+    /// What happened beside the samples: for a person on standard error, for a program in the stream.
+    fn tell(&self, incoming: &Incoming) {
+        if !self.arguments.json {
+            return super::tell(incoming);
+        }
+        let what = match incoming {
+            Incoming::Event(event) => json!({ "device": live::in_words(event.kind) }),
+            Incoming::Disconnected { reason } => json!({ "link": "lost", "reason": reason }),
+            Incoming::Reconnected { after, countable } => {
+                json!({ "link": "back", "after_s": after.as_secs_f64(), "missing_counted": countable })
+            }
+            Incoming::Restarted(_) => json!({ "device": "started anew; its settings were restored" }),
+            Incoming::Samples(_) | Incoming::Temperature(_) => return,
+        };
+        // If nobody reads, the next line of samples finds out.
+        let _ = write_line(&what.to_string());
+    }
+}
+
+/// Writes a line at once: somebody waits for it.
+fn write_line(line: &str) -> io::Result<()> {
+    let mut out = io::stdout().lock();
+    writeln!(out, "{line}").and_then(|()| out.flush())
 }
 
 /// A reading for a person.
-fn as_line(felt: &Felt, unit: &str, simulated: bool) -> String {
-    let mark = if simulated { "  [simulated]" } else { "" };
+fn as_words(felt: &Felt, unit: &str) -> String {
     match &felt.contact {
-        Contact::None { sigmas, .. } => format!("{:10.4} s  no contact ({sigmas:.1} sigma){mark}", felt.t),
+        Contact::None { sigmas, .. } => format!("{:10.4} s  no contact ({sigmas:.1} sigma)", felt.t),
         Contact::Touching(touch) => {
             let friction = if touch.friction_half_angle > 0.0 {
                 format!(" +/-{:.1} (friction)", touch.friction_half_angle.to_degrees())
@@ -196,7 +263,7 @@ fn as_line(felt: &Felt, unit: &str, simulated: bool) -> String {
                 String::new()
             };
             format!(
-                "{:10.4} s  contact at {:8.2} deg, sd {:.2}{friction}, force {:.4} {unit}, sd {:.4}{mark}",
+                "{:10.4} s  contact at {:8.2} deg, sd {:.2}{friction}, force {:.4} {unit}, sd {:.4}",
                 felt.t,
                 touch.u.to_degrees(),
                 touch.u_sd.to_degrees(),
@@ -214,19 +281,43 @@ fn unix_time(session: &Session, device_s: f64) -> Option<f64> {
     Some(since_epoch - session.epoch().elapsed().as_secs_f64() + host_s)
 }
 
-/// A reading for a program: SI units and radians; `t` on the device's clock, `unix_time` on the host's.
-fn as_json(felt: &Felt, simulated: bool, unix_time: Option<f64>) -> String {
+/// A reading for a program: s, rad, and force in `unit` (`N`, or the calibration's relative unit). `t` is on the
+/// device's clock, `unix_time` on the host's; `contact` is null where nothing was measured.
+fn as_json(session: &Session, sensed: &Sensed, unit: &str, missing_before: u64) -> Value {
+    let t = match sensed {
+        Sensed::Felt(felt) => felt.t,
+        Sensed::NotMeasured { t, .. } => *t,
+    };
+    let mut line = json!({
+        "t": t,
+        "unix_time": unix_time(session, t),
+        "simulated": session.is_simulated(),
+        "unit": unit,
+        "missing_before": missing_before,
+    });
+    let more = match sensed {
+        Sensed::NotMeasured { fault, .. } => json!({ "contact": null, "fault": fault.to_string() }),
+        Sensed::Felt(felt) => felt_as_json(felt),
+    };
+    if let (Value::Object(line), Value::Object(more)) = (&mut line, more) {
+        line.extend(more);
+    }
+    line
+}
+
+fn felt_as_json(felt: &Felt) -> Value {
+    let event = felt.event.map(|event| match event {
+        detector::Event::Onset { .. } => "onset",
+        detector::Event::Release { .. } => "release",
+    });
     match &felt.contact {
-        Contact::None { force_finger, sigmas } => serde_json::json!({
-            "t": felt.t, "unix_time": unix_time, "contact": false, "sigmas": sigmas, "force": [force_finger.x, force_finger.y],
-            "simulated": simulated,
+        Contact::None { force_finger, sigmas } => json!({
+            "contact": false, "event": event, "sigmas": sigmas, "force": [force_finger.x, force_finger.y],
         }),
-        Contact::Touching(touch) => serde_json::json!({
-            "t": felt.t, "unix_time": unix_time, "contact": true, "u": touch.u, "u_sd": touch.u_sd,
+        Contact::Touching(touch) => json!({
+            "contact": true, "event": event, "u": touch.u, "u_sd": touch.u_sd,
             "friction_half_angle": touch.friction_half_angle, "force": [touch.force_finger.x, touch.force_finger.y],
             "magnitude": touch.magnitude, "magnitude_sd": touch.magnitude_sd, "onset": touch.onset,
-            "simulated": simulated,
         }),
     }
-    .to_string()
 }

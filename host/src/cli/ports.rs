@@ -15,7 +15,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let ports = address::ports()?;
     for port in &ports {
-        println!("{}", if arguments.json { as_json(port) } else { as_line(port) });
+        say!("{}", if arguments.json { as_json(port) } else { as_line(port) });
     }
     if ports.is_empty() {
         eprintln!("no serial port found; `--device sim:` stands for a simulated finger everywhere");

@@ -1,11 +1,13 @@
 //! `palpate simulate-device`.
 
-use std::io::{self, BufRead as _, Write as _};
+use std::io::{self, BufRead as _};
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
+use palpate::interrupt;
 use palpate::simulated_device::{Config, Line, Moment, Pace, SimulatedDevice};
 use palpate_shared::sim::{Contact, Faults, FloatingBus, Load};
 
@@ -27,8 +29,8 @@ pub(crate) struct Arguments {
     #[arg(long, default_value_t = 0)]
     seed: u64,
 
-    /// Speed of the line in baud [default: as fast as it goes]
-    #[arg(long, value_name = "BAUD")]
+    /// Speed of the line in baud, 9600 or more [default: as fast as it goes]
+    #[arg(long, value_name = "BAUD", value_parser = clap::value_parser!(u32).range(9600..))]
     baud: Option<u32>,
 
     /// Let time pass as fast as the host reads, instead of as on the clock
@@ -50,7 +52,7 @@ wait SECONDS             read the next order after so much of the device's time
 fault none|absent|silent|open0|open1|saturate0|saturate1|stuck|bits RATE
 unplug | plug            pull the cable, plug it in again
 restart                  switch off and on
-truth                    what presses now
+truth (or nothing)       what presses now
 quit";
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
@@ -67,26 +69,50 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     })
     .into_diagnostic()
     .wrap_err("cannot start the simulated device")?;
-    say(&device.address().to_string())?;
-    if arguments.detached {
-        loop {
-            std::thread::park();
-        }
+    interrupt::listen();
+    say!("{}", device.address());
+    if !arguments.detached {
+        eprintln!("type `help` for the orders, `quit` to end");
     }
-    for line in io::stdin().lock().lines() {
-        match Order::parse(&line.into_diagnostic()?) {
-            Ok(Order::Quit) => break,
-            Ok(order) => say(&carry_out(&device, order).into_diagnostic()?)?,
-            Err(complaint) => say(&complaint)?,
+    let orders = if arguments.detached { None } else { Some(lines_of_input()?) };
+    while !interrupt::requested() {
+        let Some(orders) = &orders else {
+            std::thread::sleep(LISTEN_WAIT);
+            continue;
+        };
+        match orders.recv_timeout(LISTEN_WAIT) {
+            Ok(line) => match Order::parse(&line) {
+                Ok(Order::Quit) => break,
+                Ok(order) => say!("{}", carry_out(&device, order).into_diagnostic()?),
+                Err(complaint) => say!("{complaint}"),
+            },
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => break,
         }
     }
     Ok(ExitCode::SUCCESS)
 }
 
-/// Prints a line at once, so that a program at the other end of a pipe can wait for it.
-fn say(line: &str) -> miette::Result<()> {
-    let mut out = io::stdout().lock();
-    writeln!(out, "{line}").and_then(|()| out.flush()).into_diagnostic()
+/// How long to wait for an order before looking whether the user wants to stop.
+const LISTEN_WAIT: Duration = Duration::from_millis(100);
+
+/// Lines of standard input, read by a thread of their own; what is not UTF-8 in them is replaced, and refused later.
+fn lines_of_input() -> miette::Result<Receiver<String>> {
+    let (sender, receiver) = channel();
+    std::thread::Builder::new()
+        .name("orders".to_owned())
+        .spawn(move || {
+            let mut input = io::stdin().lock();
+            let mut line = Vec::new();
+            while let Ok(1..) = input.read_until(b'\n', &mut line) {
+                if sender.send(String::from_utf8_lossy(&line).trim().to_owned()).is_err() {
+                    return;
+                }
+                line.clear();
+            }
+        })
+        .into_diagnostic()?;
+    Ok(receiver)
 }
 
 /// One line of input, understood.
@@ -112,10 +138,10 @@ impl Order {
             ["quit"] => Self::Quit,
             ["unplug"] => Self::Unplug,
             ["plug"] => Self::PlugIn,
-            ["wait", seconds] => Self::Wait(f64::from(not_negative(seconds, "the time")?)),
+            ["wait", seconds] => Self::Wait(f64::from(time_s(seconds)?)),
             ["restart"] => Self::Restart,
             ["release"] => Self::Load(Load::Released),
-            ["force", x, y] => Self::Load(Load::Force([number(x)?, number(y)?])),
+            ["force", x, y] => Self::Load(Load::Force([force(x)?, force(y)?])),
             ["press", angle, force] => Self::Load(Load::Static(contact(angle, force, "0")?)),
             ["press", angle, force, mu] => Self::Load(Load::Static(contact(angle, force, mu)?)),
             ["sweep", from, to, seconds, force] => Self::Load(sweep(from, to, seconds, force)?),
@@ -134,21 +160,40 @@ fn not_negative(word: &str, what: &str) -> Result<f32, String> {
     if value >= 0.0 { Ok(value) } else { Err(format!("{what} is {value}, and cannot be negative")) }
 }
 
-fn contact(angle_deg: &str, force: &str, mu: &str) -> Result<Contact, String> {
-    Ok(Contact {
-        angle: number(angle_deg)?.to_radians(),
-        normal_force: not_negative(force, "the force")?,
-        friction_angle: number(mu)?.atan(),
-    })
+/// Largest force, in N: the default beam would long have bent for good.
+const FORCE_MAX_N: f32 = 1000.0;
+
+/// Largest angle, in degrees, for sweeps of many turns; beyond it single precision makes angles coarse.
+const ANGLE_MAX_DEG: f32 = 36_000.0;
+
+/// Longest time that an order may take, in s.
+const TIME_MAX_S: f32 = 4000.0;
+
+fn at_most(value: f32, limit: f32, what: &str) -> Result<f32, String> {
+    if value.abs() <= limit { Ok(value) } else { Err(format!("{what} is {value}, and the limit is {limit}")) }
 }
 
-fn sweep(from_deg: &str, to_deg: &str, seconds: &str, force: &str) -> Result<Load, String> {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to lie within range")]
-    let duration_us = match not_negative(seconds, "the time")? {
-        seconds if seconds <= 4000.0 => (f64::from(seconds) * 1e6) as u32,
-        seconds => return Err(format!("the sweep takes {seconds} s; the longest is 4000 s")),
-    };
-    Ok(Load::Sweep { from: contact(from_deg, force, "0")?, to_angle: number(to_deg)?.to_radians(), duration_us })
+fn force(word: &str) -> Result<f32, String> {
+    at_most(number(word)?, FORCE_MAX_N, "the force in N")
+}
+
+fn angle(word: &str) -> Result<f32, String> {
+    Ok(at_most(number(word)?, ANGLE_MAX_DEG, "the angle in degrees")?.to_radians())
+}
+
+fn time_s(word: &str) -> Result<f32, String> {
+    at_most(not_negative(word, "the time")?, TIME_MAX_S, "the time in s")
+}
+
+fn contact(angle_deg: &str, newtons: &str, mu: &str) -> Result<Contact, String> {
+    let normal_force = at_most(not_negative(newtons, "the force")?, FORCE_MAX_N, "the force in N")?;
+    Ok(Contact { angle: angle(angle_deg)?, normal_force, friction_angle: number(mu)?.atan() })
+}
+
+fn sweep(from_deg: &str, to_deg: &str, seconds: &str, newtons: &str) -> Result<Load, String> {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 4000 s, and not negative")]
+    let duration_us = (f64::from(time_s(seconds)?) * 1e6) as u32;
+    Ok(Load::Sweep { from: contact(from_deg, newtons, "0")?, to_angle: angle(to_deg)?, duration_us })
 }
 
 fn faults(words: &[&str]) -> Result<Faults, String> {
@@ -188,10 +233,10 @@ fn carry_out(device: &SimulatedDevice, order: Order) -> io::Result<String> {
 
 /// Waits until so much of the device's time has passed.
 fn wait(device: &SimulatedDevice, seconds: f64) -> io::Result<Moment> {
-    let time_s = |moment: &Moment| moment.truth.time_ns as f64 * 1e-9;
+    let elapsed_s = |moment: &Moment| moment.truth.time_ns as f64 * 1e-9;
     let mut moment = device.now()?;
-    let until_s = time_s(&moment) + seconds;
-    while time_s(&moment) < until_s {
+    let until_s = elapsed_s(&moment) + seconds;
+    while elapsed_s(&moment) < until_s && !interrupt::requested() {
         // One tick of the simulation.
         std::thread::sleep(Duration::from_millis(1));
         moment = device.now()?;
@@ -232,7 +277,10 @@ mod tests {
             ("press north 2", "north"),
             ("fault bits 3", "between 0 and 1"),
             ("fault fire", "fire"),
-            ("sweep 0 90 1e9 2", "longest"),
+            ("sweep 0 90 1e9 2", "4000"),
+            ("press 0 1e38", "1000"),
+            ("press 1e38 1", "36000"),
+            ("wait 1e30", "4000"),
             ("force nan 0", "nan"),
             ("dance", "dance"),
         ] {

@@ -151,9 +151,23 @@ pub enum LinkError {
         request: String,
     },
 
+    /// Another device answers where the first one was.
+    #[error("another device answers: {is} instead of {was}")]
+    #[diagnostic(help("calibration and tare belong to one finger: start again with the one that is connected now"))]
+    OtherDevice {
+        /// Number of the device that was connected before.
+        was: String,
+        /// Number of the device that answers now; the same where only its bridge supply or range differ.
+        is: String,
+    },
+
     /// The device is gone.
     #[error("{address} is gone: {reason}")]
-    #[diagnostic(help("plug it in again"))]
+    #[diagnostic(help("{}", if address.starts_with("tcp:") {
+        "the device may have ended, or another program may be connected to it: it talks to one at a time"
+    } else {
+        "plug it in again"
+    }))]
     Unplugged {
         /// What was open.
         address: String,

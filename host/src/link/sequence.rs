@@ -65,6 +65,12 @@ impl Sequence {
         self.last.map_or(u64::from(time.0), |(_, last_time_us)| unwrap_near(last_time_us, time.0))
     }
 
+    /// Device time of the last block, in µs; 0 before the first.
+    #[must_use]
+    pub fn last_time_us(&self) -> u64 {
+        self.last.map_or(0, |(_, last_time_us)| last_time_us)
+    }
+
     /// Samples received so far, repeated ones included.
     #[must_use]
     pub fn received(&self) -> u64 {

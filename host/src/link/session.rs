@@ -94,7 +94,7 @@ pub enum Incoming {
     Temperature(Temperature),
     /// The device started anew: its settings were restored, its sample numbers begin again at 0.
     Restarted(Hello),
-    /// The link broke.
+    /// The link broke, or cannot be opened again for another reason than before.
     Disconnected {
         /// How that was noticed.
         reason: String,
@@ -103,6 +103,9 @@ pub enum Incoming {
     Reconnected {
         /// How long the link was down.
         after: Duration,
+        /// Whether the samples that were missed can be counted. After half an hour the device's clock may have
+        /// wrapped unseen.
+        countable: bool,
     },
 }
 
@@ -115,7 +118,7 @@ pub struct SessionCounts {
     pub missing: u64,
     /// Samples that came again and were dropped.
     pub repeated: u64,
-    /// Frames damaged on the way.
+    /// Frames damaged on the way, or whose contents make no sense.
     pub damaged_frames: u64,
     /// Messages of a newer device, skipped.
     pub unknown_messages: u64,
@@ -197,6 +200,12 @@ pub struct Session {
     last_heard: Instant,
     last_status: Status,
     temperature_c: Option<f64>,
+    /// Added to the device's time, so that it goes on over the device's restarts.
+    time_base_us: u64,
+    /// Found while taking in a message; told by the next call.
+    pending_error: Option<LinkError>,
+    /// Why the link could not be opened again, as last told.
+    still_down: String,
 }
 
 impl Session {
@@ -258,6 +267,9 @@ impl Session {
             last_heard: epoch,
             last_status: Status::default(),
             temperature_c: None,
+            time_base_us: 0,
+            pending_error: None,
+            still_down: String::new(),
         };
         session.take_early(greeted.early);
         Ok(session)
@@ -301,7 +313,7 @@ impl Session {
             samples: self.sequence.received() - self.sequence.repeated(),
             missing: self.sequence.missing(),
             repeated: self.sequence.repeated(),
-            damaged_frames: self.closed_lines.damaged + open.damaged,
+            damaged_frames: self.closed_lines.damaged + self.closed_lines.malformed + open.damaged + open.malformed,
             unknown_messages: self.closed_lines.unknown + open.unknown,
             ..self.counts
         }
@@ -365,6 +377,7 @@ impl Session {
     /// As [`Session::request`]; refused where the front-end or the line cannot do it.
     pub fn set_rate(&mut self, rate_hz: u32) -> Result<(), LinkError> {
         self.request(Request::SetRate { rate_hz })?;
+        self.hello.rate_hz = rate_hz;
         self.wanted.rate_hz = Some(rate_hz);
         self.refresh_hello()
     }
@@ -510,11 +523,15 @@ impl Session {
     /// The next samples, event or change of the link; `None` if nothing came within `wait`.
     ///
     /// # Errors
-    /// [`LinkError::Unplugged`] if the link broke and may not be reopened; any other error means that the device
-    /// came back but refuses what it accepted before.
+    /// [`LinkError::Unplugged`] if the link broke and may not be reopened; [`LinkError::OtherDevice`] or
+    /// [`LinkError::OtherProtocol`] if what came back is not what was there; any other error means that the device
+    /// refuses what it accepted before.
     pub fn next(&mut self, wait: Duration) -> Result<Option<Incoming>, LinkError> {
         let deadline = Instant::now() + wait;
         loop {
+            if let Some(error) = self.pending_error.take() {
+                return Err(error);
+            }
             if let Some(incoming) = self.backlog.pop_front() {
                 if let Incoming::Restarted(_) = incoming {
                     self.restore()?;
@@ -599,7 +616,7 @@ impl Session {
         let samples = Samples {
             first: place.first + repeated as u64,
             missing_before,
-            time_us: place.time_us + repeated as u64 * 1_000_000 / u64::from(rate_hz),
+            time_us: self.time_base_us + place.time_us + repeated as u64 * 1_000_000 / u64::from(rate_hz),
             period_us: 1e6 / f64::from(rate_hz),
             status: block.status,
             counts,
@@ -610,7 +627,12 @@ impl Session {
     }
 
     fn restarted(&mut self, hello: Hello) {
+        if !is_same_finger(&self.hello, &hello) {
+            let (was, is) = (self.hello.device.to_string(), hello.device.to_string());
+            self.pending_error = Some(LinkError::OtherDevice { was, is });
+        }
         self.counts.restarts += 1;
+        self.time_base_us += self.sequence.last_time_us();
         self.sequence.restart();
         self.clock.restart();
         self.hello = hello.clone();
@@ -623,6 +645,7 @@ impl Session {
             let counts = line.reader_counts();
             self.closed_lines.damaged += counts.damaged;
             self.closed_lines.unknown += counts.unknown;
+            self.closed_lines.malformed += counts.malformed;
             self.counts.disconnections += 1;
             self.down_since = Some(Instant::now());
             self.backlog.push_back(Incoming::Disconnected { reason: reason.clone() });
@@ -633,23 +656,44 @@ impl Session {
     /// Tries once to open the link again. Not being able to is no error: the cable may come back.
     fn reopen(&mut self) -> Result<(), LinkError> {
         let options = Options { baud: Some(self.baud), ..self.options.clone() };
-        let Ok(greeted) = greet(&self.address, &options, self.simulated.as_deref(), &mut self.next_id) else {
-            std::thread::sleep(REOPEN_WAIT);
-            return Ok(());
+        let greeted = match greet(&self.address, &options, self.simulated.as_deref(), &mut self.next_id) {
+            Ok(greeted) => greeted,
+            Err(error @ LinkError::OtherProtocol { .. }) => return Err(error),
+            Err(error) => {
+                self.tell_still_down(&error);
+                std::thread::sleep(REOPEN_WAIT);
+                return Ok(());
+            }
         };
         let after = self.down_since.take().map(|since| since.elapsed()).unwrap_or_default();
         let began_anew =
-            greeted.hello.restarts != self.hello.restarts || self.wanted.streaming && !greeted.hello.streaming;
+            !is_set_alike(&self.hello, &greeted.hello) || self.wanted.streaming && !greeted.hello.streaming;
+        let countable = !began_anew && after <= COUNTABLE_GAP;
         self.line = Some(greeted.line);
-        self.backlog.push_back(Incoming::Reconnected { after });
+        self.still_down.clear();
+        self.backlog.push_back(Incoming::Reconnected { after, countable });
         if began_anew {
             // `next` restores the settings when it hands this on.
             self.restarted(greeted.hello);
-        } else if after > COUNTABLE_GAP {
+        } else if !countable {
+            self.time_base_us += self.sequence.last_time_us();
             self.sequence.restart();
+            self.clock.restart();
         }
         self.take_early(greeted.early);
         Ok(())
+    }
+
+    /// Says why the link cannot be opened again, once for each reason.
+    fn tell_still_down(&mut self, error: &LinkError) {
+        let reason = error.to_string();
+        // That nothing is there is what a pulled cable looks like, and was told when the link broke.
+        let expected =
+            matches!(error, LinkError::NoSuchPort { .. } | LinkError::Unplugged { .. } | LinkError::Open { .. });
+        if !expected && reason != self.still_down {
+            self.backlog.push_back(Incoming::Disconnected { reason: reason.clone() });
+        }
+        self.still_down = reason;
     }
 
     /// Takes in what arrived during the greeting, except a hello that was sent unasked: it tells of a start-up
@@ -687,6 +731,16 @@ impl Session {
     fn seconds(&self, at: Instant) -> f64 {
         at.saturating_duration_since(self.epoch).as_secs_f64()
     }
+}
+
+/// Whether calibration and tare of a device hold for another hello.
+fn is_same_finger(a: &Hello, b: &Hello) -> bool {
+    (a.device, a.excitation_mv, a.full_scale_uv, a.channels) == (b.device, b.excitation_mv, b.full_scale_uv, b.channels)
+}
+
+/// Whether a device still is as it was left: it did not start anew in between.
+fn is_set_alike(a: &Hello, b: &Hello) -> bool {
+    (a.device, a.restarts, a.rate_hz, a.gain, a.source) == (b.device, b.restarts, b.rate_hz, b.gain, b.source)
 }
 
 impl Line {

@@ -143,6 +143,7 @@ fn why_not_opened(path: &str, error: serialport::Error) -> LinkError {
     let holder = platform::holder(file);
     // The crate reports some failures by a kind of its own and words only, so the file itself is asked as well.
     let may_read = std::fs::OpenOptions::new().read(true).write(true).open(file);
+    let is_terminal = may_read.as_ref().is_ok_and(io::IsTerminal::is_terminal);
     match (error.kind(), may_read.map_err(|error| error.kind())) {
         (_, Err(io::ErrorKind::NotFound)) => LinkError::NoSuchPort {
             path: path.to_owned(),
@@ -153,8 +154,8 @@ fn why_not_opened(path: &str, error: serialport::Error) -> LinkError {
         }
         (_, Err(io::ErrorKind::ResourceBusy)) => LinkError::Busy { path: path.to_owned(), holder },
         // What can be opened but not locked is locked by another.
-        (serialport::ErrorKind::NoDevice, Ok(_)) => LinkError::Busy { path: path.to_owned(), holder },
-        _ if holder.is_some() => LinkError::Busy { path: path.to_owned(), holder },
+        (serialport::ErrorKind::NoDevice, Ok(_)) if is_terminal => LinkError::Busy { path: path.to_owned(), holder },
+        _ if is_terminal && holder.is_some() => LinkError::Busy { path: path.to_owned(), holder },
         _ => LinkError::Open {
             address: path.to_owned(),
             remedy: "is it a serial port? `palpate ports` lists those there are",

@@ -18,7 +18,7 @@ pub(super) enum Outlet {
     #[cfg(unix)]
     Pty {
         open: Option<Pty>,
-        link: Option<PathBuf>,
+        link: Option<OwnLink>,
     },
     Tcp {
         listener: TcpListener,
@@ -36,7 +36,7 @@ impl Outlet {
     /// A new pseudo-terminal, reachable through the symbolic link `link` where one is given.
     #[cfg(unix)]
     pub(super) fn pty(link: Option<PathBuf>) -> io::Result<Self> {
-        let mut outlet = Self::Pty { open: None, link };
+        let mut outlet = Self::Pty { open: None, link: link.map(OwnLink::at) };
         outlet.plug_in()?;
         Ok(outlet)
     }
@@ -53,7 +53,7 @@ impl Outlet {
         match self {
             Self::Pipe(_) => Address::Simulated { seed },
             #[cfg(unix)]
-            Self::Pty { link: Some(link), .. } => Address::Serial(link.display().to_string()),
+            Self::Pty { link: Some(link), .. } => Address::Serial(link.path.display().to_string()),
             #[cfg(unix)]
             Self::Pty { open, .. } => Address::Serial(open.as_ref().map(|pty| pty.path.clone()).unwrap_or_default()),
             Self::Tcp { listener, .. } => {
@@ -80,7 +80,7 @@ impl Outlet {
             Self::Pty { open, link } => {
                 let pty = Pty::open()?;
                 if let Some(link) = link {
-                    replace_link(link, &pty.path)?;
+                    link.lead_to(&pty.path)?;
                 }
                 *open = Some(pty);
             }
@@ -149,23 +149,76 @@ fn accept(listener: &TcpListener, peer: &mut Option<TcpStream>, plugged_in: bool
     }
 }
 
-/// Points the symbolic link `link` to `target`; a file of another kind there is left alone.
+/// A symbolic link that this device made, and may therefore change and remove; any other file is left alone.
 #[cfg(unix)]
-fn replace_link(link: &std::path::Path, target: &str) -> io::Result<()> {
-    match std::fs::symlink_metadata(link) {
-        Ok(there) if there.file_type().is_symlink() => std::fs::remove_file(link)?,
-        Ok(_) => return Err(io::Error::new(ErrorKind::AlreadyExists, format!("{} is not a link", link.display()))),
-        Err(_) => {}
-    }
-    std::os::unix::fs::symlink(target, link)
+#[derive(Debug)]
+pub(super) struct OwnLink {
+    path: PathBuf,
+    /// Where it leads, once it is made.
+    target: Option<String>,
 }
 
 #[cfg(unix)]
-impl Drop for Outlet {
-    fn drop(&mut self) {
-        if let Self::Pty { link: Some(link), .. } = self {
-            // Somebody else may have removed it.
-            let _ = std::fs::remove_file(link);
+impl OwnLink {
+    fn at(path: PathBuf) -> Self {
+        Self { path, target: None }
+    }
+
+    /// Makes the link, or points it elsewhere. A link that leads nowhere is a leftover and is replaced.
+    fn lead_to(&mut self, target: &str) -> io::Result<()> {
+        let is_leftover = self.path.is_symlink() && !self.path.exists();
+        if self.is_ours() || is_leftover {
+            std::fs::remove_file(&self.path)?;
         }
+        std::os::unix::fs::symlink(target, &self.path).map_err(|error| match error.kind() {
+            ErrorKind::AlreadyExists => io::Error::new(
+                ErrorKind::AlreadyExists,
+                format!("{} exists; choose another --link or remove it", self.path.display()),
+            ),
+            _ => error,
+        })?;
+        self.target = Some(target.to_owned());
+        Ok(())
+    }
+
+    fn is_ours(&self) -> bool {
+        let leads_to = std::fs::read_link(&self.path).ok();
+        leads_to.is_some() && leads_to.as_deref() == self.target.as_deref().map(std::path::Path::new)
+    }
+}
+
+#[cfg(unix)]
+impl Drop for OwnLink {
+    fn drop(&mut self) {
+        if self.is_ours() {
+            // Somebody else may have removed it in between.
+            let _ = std::fs::remove_file(&self.path);
+        }
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_link_of_its_own_is_changed_and_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, foreign) = (folder.path().join("file"), folder.path().join("foreign"));
+        std::fs::write(&file, "kept").unwrap();
+        std::os::unix::fs::symlink(&file, &foreign).unwrap();
+        for taken in [&file, &foreign] {
+            let refused = Outlet::pty(Some(taken.clone())).map(drop).unwrap_err();
+            assert!(refused.to_string().contains("choose another --link"), "{refused}");
+            assert_eq!(std::fs::read_to_string(taken).unwrap(), "kept");
+        }
+        let own = folder.path().join("own");
+        let mut outlet = Outlet::pty(Some(own.clone())).unwrap();
+        assert!(Outlet::pty(Some(own.clone())).is_err(), "a second device does not take the link of a first");
+        outlet.unplug();
+        outlet.plug_in().unwrap();
+        assert!(own.exists());
+        drop(outlet);
+        assert!(!own.is_symlink());
     }
 }
