@@ -21,7 +21,7 @@ use crate::frame::{self, FrameError};
 use crate::units::{Counts, DeviceTime, Seq};
 
 /// The version that this code speaks.
-pub const PROTOCOL: ProtocolVersion = ProtocolVersion { major: 1, minor: 0 };
+pub const PROTOCOL: ProtocolVersion = ProtocolVersion { major: 1, minor: 1 };
 
 /// Samples in a full block: 2 ms at 4 kHz, and 65 bytes on the line for a typical load.
 pub const BLOCK_SAMPLES: usize = 8;
@@ -362,6 +362,30 @@ pub enum Request {
     SelfTest,
     /// What was counted since start-up.
     Counters,
+    /// What the firmware recorded of its last fault. Since version 1.1, as is all that follows.
+    LastFault,
+    /// How much stack and processor time the firmware uses.
+    Health,
+    /// Answer, then restart; every setting is forgotten.
+    Reboot,
+    /// Answer, then fail, so that it can be seen whether the firmware recovers.
+    Fail {
+        /// In which way.
+        failure: Failure,
+    },
+}
+
+/// A way to fail on purpose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Failure {
+    /// A panic, as after a bug that the firmware notices.
+    Panic,
+    /// A main loop that stands still.
+    Hang,
+    /// A read where there is no memory.
+    BadAccess,
+    /// Calls without end.
+    StackOverflow,
 }
 
 /// The one answer to a command.
@@ -398,6 +422,10 @@ pub enum Outcome {
     Counters(Counters),
     /// Not done, and why.
     Refused(Refusal),
+    /// Answer to [`Request::LastFault`]; `None` if there was none since power-on.
+    LastFault(Option<Fault>),
+    /// Answer to [`Request::Health`].
+    Health(Health),
 }
 
 /// Why a device did not do what it was asked to.
@@ -440,6 +468,8 @@ pub enum Refusal {
     },
     /// The front-end is still busy with an earlier command; repeat.
     Busy,
+    /// This board cannot do that.
+    NotOnThisBoard,
 }
 
 /// What the self-test found.
@@ -522,6 +552,57 @@ pub struct Counters {
     pub commands_refused: u32,
     /// Frames from the host that were too long, miscoded, failed their checksum, or held not even a command's id.
     pub frames_damaged: u32,
+}
+
+/// What the firmware recorded before it restarted itself.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Fault {
+    /// What kind it was.
+    pub cause: FaultCause,
+    /// Seconds from start-up to the fault.
+    pub uptime_s: u32,
+    /// Samples numbered from start-up to the fault.
+    pub samples: u32,
+    /// Where the processor was; 0 where that is not known.
+    pub program_counter: u32,
+    /// Where it would have returned to; 0 where that is not known.
+    pub return_address: u32,
+    /// The processor's fault status (CFSR of a Cortex-M); 0 where it reported none.
+    pub fault_status: u32,
+    /// For a panic, the end of the source file's path, and the line.
+    pub place: String<40>,
+}
+
+/// A kind of fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum FaultCause {
+    /// The firmware noticed a bug.
+    Panic,
+    /// The processor met something impossible, such as a read where there is no memory.
+    Processor,
+    /// The stack had no more room.
+    StackOverflow,
+    /// The main loop stood still.
+    Hang,
+}
+
+/// What the firmware uses of its board. The cycles are the processor's, counted since start-up, and wrap.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Health {
+    /// Size of the stack, in bytes.
+    pub stack_bytes: u32,
+    /// The most of it that was ever in use, in bytes.
+    pub stack_used_max: u32,
+    /// Cycles of the processor in a second.
+    pub core_hz: u32,
+    /// Cycles in the sampler's interrupt, the simulated finger's included.
+    pub sampler_cycles: u32,
+    /// Of these: in the simulated finger.
+    pub simulation_cycles: u32,
+    /// Cycles in the main loop.
+    pub main_cycles: u32,
+    /// Runs of the sampler's interrupt.
+    pub sampler_runs: u32,
 }
 
 /// Why a payload is not a message.
@@ -673,13 +754,25 @@ mod tests {
         }
     }
 
+    fn fault() -> Fault {
+        Fault {
+            cause: FaultCause::Panic,
+            uptime_s: 60,
+            samples: 4000,
+            program_counter: 0,
+            return_address: 0,
+            fault_status: 0,
+            place: String::try_from("main.rs:7").unwrap(),
+        }
+    }
+
     /// Every message a device can send, with its payload worked out by hand from the rules in the header.
     fn from_device_golden() -> List<(FromDevice, &'static str)> {
         let event = |kind| FromDevice::Event(Event { time: DeviceTime(128), kind });
         let reply = |outcome| FromDevice::Reply(Reply { id: CommandId(7), outcome });
         let refused = |refusal| reply(Outcome::Refused(refusal));
         let hello_fields = concat!(
-            "0100000102",
+            "0101000102",
             "70616c706174652d30303031",
             "0a53544d33322d48343035",
             "008345",
@@ -699,7 +792,7 @@ mod tests {
         std::vec![
             (
                 FromDevice::Hello(hello()),
-                "000100000102\
+                "000101000102\
               70616c706174652d303030310a53544d33322d4834303500834500000100a01f20809f49c413000080a038000000"
             ),
             (FromDevice::Block(block()), "01ac02f8c904090201 7e86c206ffffff07"),
@@ -722,7 +815,7 @@ mod tests {
                 "0307041f0883458 30a90a10f",
             ),
             (reply(Outcome::Counters(counters())), "0307050102030405060708090a0b0c"),
-            (refused(Refusal::OtherProtocol { device: PROTOCOL }), "030706000100"),
+            (refused(Refusal::OtherProtocol { device: PROTOCOL }), "030706000101"),
             (refused(Refusal::UnknownRequest), "03070601"),
             (refused(Refusal::RateNotPossible { slowest_hz: 500, fastest_hz: 8000 }), "03070602f403c03e"),
             (refused(Refusal::LinkTooSlow { fastest_hz: 1000 }), "03070603e807"),
@@ -732,6 +825,21 @@ mod tests {
             (refused(Refusal::FrontEndSilent), "03070607"),
             (refused(Refusal::AddressNotPossible { last: 63 }), "030706083f"),
             (refused(Refusal::Busy), "03070609"),
+            (refused(Refusal::NotOnThisBoard), "0307060a"),
+            (reply(Outcome::LastFault(None)), "03070700"),
+            (reply(Outcome::LastFault(Some(fault()))), "030707 01 00 3c a01f 00 00 00 09 6d61696e2e72733a37"),
+            (
+                reply(Outcome::Health(Health {
+                    stack_bytes: 8192,
+                    stack_used_max: 300,
+                    core_hz: 168_000_000,
+                    sampler_cycles: 1,
+                    simulation_cycles: 2,
+                    main_cycles: 3,
+                    sampler_runs: 4,
+                })),
+                "030708 8040 ac02 80f48d50 01 02 03 04"
+            ),
             (FromDevice::Temperature(Temperature { time: DeviceTime(1), centi_celsius: -250 }), "0401f303"),
         ]
     }
@@ -749,6 +857,13 @@ mod tests {
             (Request::Ping, "01ac0207"),
             (Request::SelfTest, "01ac0208"),
             (Request::Counters, "01ac0209"),
+            (Request::LastFault, "01ac020a"),
+            (Request::Health, "01ac020b"),
+            (Request::Reboot, "01ac020c"),
+            (Request::Fail { failure: Failure::Panic }, "01ac020d00"),
+            (Request::Fail { failure: Failure::Hang }, "01ac020d01"),
+            (Request::Fail { failure: Failure::BadAccess }, "01ac020d02"),
+            (Request::Fail { failure: Failure::StackOverflow }, "01ac020d03"),
         ]
     }
 
@@ -815,12 +930,18 @@ mod tests {
         (named.front_end.id_word, named.excitation_mv, named.restarts) = (u16::MAX, u16::MAX, u16::MAX);
         let reply = FromDevice::Reply(Reply { id: CommandId(u32::MAX), outcome: Outcome::Hello(named) });
         assert!(hex_payload(&reply).len() / 2 <= frame::PAYLOAD_MAX, "{}", hex_payload(&reply).len() / 2);
+        let mut fault = fault();
+        fault.place = String::try_from("x".repeat(40).as_str()).unwrap();
+        (fault.uptime_s, fault.samples, fault.program_counter) = (u32::MAX, u32::MAX, u32::MAX);
+        (fault.return_address, fault.fault_status) = (u32::MAX, u32::MAX);
+        let reply = FromDevice::Reply(Reply { id: CommandId(u32::MAX), outcome: Outcome::LastFault(Some(fault)) });
+        assert!(hex_payload(&reply).len() / 2 <= frame::PAYLOAD_MAX, "{}", hex_payload(&reply).len() / 2);
     }
 
     #[test]
     fn names_print_as_a_person_reads_them() {
         assert_eq!(hello().device.to_string(), "70616c706174652d30303031");
-        assert_eq!(format!("{} {}", hello().firmware, PROTOCOL), "0.1.2 1.0");
+        assert_eq!(format!("{} {}", hello().firmware, PROTOCOL), "0.1.2 1.1");
     }
 
     proptest! {

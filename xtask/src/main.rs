@@ -1,4 +1,10 @@
-//! `cargo xtask check`: formatting, lints, documentation, tests, as CI runs them.
+//! `cargo xtask check`: formatting, lints, documentation, tests, as CI runs them. `cargo xtask firmware`: the board's
+//! image.
+
+mod emulator;
+mod firmware;
+mod image;
+mod toolchain;
 
 use std::env;
 use std::process::{Command, ExitCode};
@@ -28,15 +34,20 @@ fn main() -> ExitCode {
     match words.as_slice() {
         ["check"] => run_all(LINTS.iter().chain([&TESTS])),
         ["lint"] => run_all(LINTS.iter()),
-        _ => {
-            eprintln!("usage: cargo xtask check   formatting, lints, documentation and tests");
-            eprintln!("       cargo xtask lint    the same without the tests");
-            ExitCode::from(64)
-        }
+        ["firmware", rest @ ..] => firmware::run(rest).unwrap_or_else(usage),
+        _ => usage(),
     }
 }
 
-/// Runs each and stops at the first that fails.
+/// Says how it is used.
+fn usage() -> ExitCode {
+    eprintln!("usage: cargo xtask check                     formatting, lints, documentation and tests");
+    eprintln!("       cargo xtask lint                      the same without the tests");
+    eprintln!("{}", firmware::USAGE);
+    ExitCode::from(64)
+}
+
+/// Runs each command and stops at the first that fails.
 fn run_all<'a>(checks: impl Iterator<Item = &'a Check>) -> ExitCode {
     let cargo = env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
     for check in checks {

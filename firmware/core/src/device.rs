@@ -20,8 +20,8 @@ use palpate_shared::frame::FrameReader;
 use palpate_shared::units::DeviceTime;
 use palpate_shared::wire::{
     Block, Channel, ClockSource, Command, CommandId, CommandRead, Counters, DecodeError, DeviceId, Event, EventKind,
-    FirmwareVersion, FromDevice, FrontEnd, FrontEndKind, Hello, Outcome, PROTOCOL, Refusal, Reply, Request,
-    RestartReason, Source, Temperature,
+    Failure, Fault, FirmwareVersion, FromDevice, FrontEnd, FrontEndKind, Health, Hello, Outcome, PROTOCOL, Refusal,
+    Reply, Request, RestartReason, Source, Temperature,
 };
 
 use crate::ads131m02::register;
@@ -91,6 +91,22 @@ pub struct Identity {
     pub source: Source,
 }
 
+/// What only the board can do. Its reply is on its way already.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// Restart.
+    Reboot,
+    /// Fail on purpose.
+    Fail(Failure),
+}
+
+/// What a board that takes orders has told about itself.
+#[derive(Clone, Debug)]
+struct BoardReport {
+    last_fault: Option<Fault>,
+    health: Health,
+}
+
 /// What the main side knows of the front-end.
 #[derive(Clone, Copy, Debug)]
 struct FrontEndView {
@@ -147,12 +163,12 @@ struct Uptime {
 impl Uptime {
     /// Follows the clock; right if called within its wrap of 71 minutes.
     fn advance(&mut self, now: DeviceTime) {
-        // Both parts are below 2³², their sum may not be.
-        let passed_us = u64::from(now.since(self.last)) + u64::from(self.rest_us);
-        let (seconds, rest) = (passed_us / u64::from(US_PER_S), passed_us % u64::from(US_PER_S));
+        // In 32 bits throughout: a division of 64 takes a small processor longer than all else here.
+        let passed_us = now.since(self.last);
+        let rest_us = passed_us % US_PER_S + self.rest_us;
         self.last = now;
-        self.seconds = self.seconds.wrapping_add(u32::try_from(seconds).unwrap_or(0));
-        self.rest_us = u32::try_from(rest).unwrap_or(0);
+        self.seconds = self.seconds.wrapping_add(passed_us / US_PER_S + rest_us / US_PER_S);
+        self.rest_us = rest_us % US_PER_S;
     }
 }
 
@@ -176,6 +192,9 @@ pub struct Device<'q, const OUTBOX: usize> {
     uptime: Option<Uptime>,
     /// When the first call came, until the unasked hello went out.
     hello_due: Option<DeviceTime>,
+    /// `None` on a board that takes no orders.
+    board: Option<BoardReport>,
+    order: Option<Order>,
 }
 
 impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
@@ -201,7 +220,26 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
             reported_at: DeviceTime(0),
             uptime: None,
             hello_due: None,
+            board: None,
+            order: None,
         }
+    }
+
+    /// The board takes orders ([`Self::take_order`]), and this is what it recorded of its last fault.
+    pub fn accept_orders(&mut self, last_fault: Option<Fault>) {
+        self.board = Some(BoardReport { last_fault, health: Health::default() });
+    }
+
+    /// What the board uses now, on a board that takes orders; a few times a second.
+    pub fn report_health(&mut self, health: Health) {
+        if let Some(board) = &mut self.board {
+            board.health = health;
+        }
+    }
+
+    /// What the board is to do once all of [`Self::transmit`] has gone out, or after a short while.
+    pub fn take_order(&mut self) -> Option<Order> {
+        self.order.take()
     }
 
     /// Takes bytes from the host, in pieces of any size.
@@ -329,6 +367,10 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
             Request::Hello => return Ok(Taken::Answered(Outcome::Hello(self.hello()))),
             Request::Ping => return Ok(Taken::Answered(Outcome::Pong { time: now })),
             Request::Counters => return Ok(Taken::Answered(Outcome::Counters(self.counters()))),
+            Request::LastFault => return Ok(Taken::Answered(Outcome::LastFault(self.board()?.last_fault.clone()))),
+            Request::Health => return Ok(Taken::Answered(Outcome::Health(self.board()?.health))),
+            Request::Reboot => return self.order(Order::Reboot),
+            Request::Fail { failure } => return self.order(Order::Fail(failure)),
             Request::Start => self.check_start()?,
             Request::Stop => RequestKind::Stream(false),
             Request::SetRate { rate_hz } => RequestKind::Apply(self.with_rate(rate_hz)?),
@@ -338,6 +380,18 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
             Request::SelfTest => RequestKind::SelfTest,
         };
         self.ask(kind)
+    }
+
+    /// What the board told about itself.
+    fn board(&self) -> Result<&BoardReport, Refusal> {
+        self.board.as_ref().ok_or(Refusal::NotOnThisBoard)
+    }
+
+    /// Leaves an order for the board.
+    fn order(&mut self, order: Order) -> Result<Taken, Refusal> {
+        self.board()?;
+        self.order = Some(order);
+        Ok(Taken::Answered(Outcome::Done))
     }
 
     /// Passes a request on to the sampler.

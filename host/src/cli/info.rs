@@ -4,7 +4,9 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use palpate::link::{LinkError, Session};
-use palpate_shared::wire::{Checks, ClockSource, Counters, FrontEndKind, Hello, RestartReason, SelfTest, Source};
+use palpate_shared::wire::{
+    Checks, ClockSource, Counters, Fault, FaultCause, FrontEndKind, Health, Hello, RestartReason, SelfTest, Source,
+};
 
 use super::device::DeviceArguments;
 
@@ -62,6 +64,8 @@ struct About {
     /// The self-test, or why there is none.
     self_test: Result<SelfTest, LinkError>,
     counters: Counters,
+    /// The last fault and the use of the board, from devices that know them: simulated ones and older firmware do not.
+    board: Option<(Option<Fault>, Health)>,
     registers: Vec<(u8, Result<u16, LinkError>)>,
 }
 
@@ -70,8 +74,10 @@ impl About {
         let round_trips = (0..PINGS).map(|_| session.ping()).collect::<Result<Vec<_>, _>>()?;
         let self_test = session.self_test();
         let counters = session.device_counters()?;
+        let board = session.last_fault().ok().zip(session.health().ok());
         let registers = registers.iter().map(|&address| (address, session.read_register(address))).collect();
-        Ok(Self { round_trip: round_trips.into_iter().min().unwrap_or_default(), self_test, counters, registers })
+        let round_trip = round_trips.into_iter().min().unwrap_or_default();
+        Ok(Self { round_trip, self_test, counters, board, registers })
     }
 
     fn print(&self, session: &Session) {
@@ -82,6 +88,10 @@ impl About {
             Err(error) => row("self-test", &error.to_string()),
         }
         print_counters(&self.counters);
+        if let Some((fault, health)) = &self.board {
+            row("last fault", &fault.as_ref().map_or_else(|| "none since power-on".to_owned(), fault_in_words));
+            row("stack", &format!("{} of {} bytes at most", health.stack_used_max, health.stack_bytes));
+        }
         for (address, value) in &self.registers {
             let value = value.as_ref().map_or_else(ToString::to_string, |value| format!("{value:#06x}"));
             row(&format!("register {address:#04x}"), &value);
@@ -102,6 +112,8 @@ impl About {
             "round_trip_s": self.round_trip.as_secs_f64(),
             "self_test": self_test,
             "counters": self.counters,
+            "last_fault": self.board.as_ref().and_then(|(fault, _)| fault.as_ref()),
+            "health": self.board.as_ref().map(|(_, health)| health),
             "registers": self.registers.iter().map(register_as_json).collect::<Vec<_>>(),
         })
     }
@@ -163,6 +175,19 @@ fn restart(reason: RestartReason) -> &'static str {
         RestartReason::Requested => "requested",
         RestartReason::Unknown => "reason unknown",
     }
+}
+
+fn fault_in_words(fault: &Fault) -> String {
+    let what = match fault.cause {
+        FaultCause::Panic => format!("panic at {}", fault.place),
+        FaultCause::Processor => format!(
+            "processor fault {:#010x} at {:#010x}, called from {:#010x}",
+            fault.fault_status, fault.program_counter, fault.return_address
+        ),
+        FaultCause::StackOverflow => "stack overflow".to_owned(),
+        FaultCause::Hang => "hang".to_owned(),
+    };
+    format!("{what}, {} s and {} samples after the start", fault.uptime_s, fault.samples)
 }
 
 fn print_self_test(result: &SelfTest) {

@@ -199,6 +199,7 @@ fn in_words(refusal: Refusal) -> String {
         Refusal::FrontEndSilent => "its front-end does not answer".to_owned(),
         Refusal::AddressNotPossible { last } => format!("the last register is {last:#04x}"),
         Refusal::Busy => "it is busy with an earlier command".to_owned(),
+        Refusal::NotOnThisBoard => "this kind of board cannot do that".to_owned(),
     }
 }
 
@@ -216,6 +217,7 @@ fn remedy(refusal: Refusal) -> &'static str {
             "check the converter's supply, clock and bus wiring; `palpate info --source simulated` works without one"
         }
         Refusal::Busy => "try again",
+        Refusal::NotOnThisBoard => "a board with palpate's own firmware image can; see docs/HARDWARE.md",
     }
 }
 

@@ -19,8 +19,8 @@ use std::time::{Duration, Instant};
 use palpate_shared::frame::{DELIMITER, FRAME_MAX, encode};
 use palpate_shared::units::Counts;
 use palpate_shared::wire::{
-    Block, Command, CommandId, Counters, Event, FromDevice, Hello, Outcome, ProtocolVersion, Refusal, Reply, Request,
-    SelfTest, Source, Status, Temperature,
+    Block, Command, CommandId, Counters, Event, Failure, Fault, FromDevice, Health, Hello, Outcome, ProtocolVersion,
+    Refusal, Reply, Request, SelfTest, Source, Status, Temperature,
 };
 
 use super::address::Address;
@@ -434,6 +434,36 @@ impl Session {
             Outcome::Counters(counters) => Ok(counters),
             _ => Err(LinkError::WrongAnswer { request: in_words(Request::Counters) }),
         }
+    }
+
+    /// What the device recorded of its last fault; `None` if there was none since power-on.
+    ///
+    /// # Errors
+    /// As [`Session::request`]; refused by devices that keep no record.
+    pub fn last_fault(&mut self) -> Result<Option<Fault>, LinkError> {
+        match self.request(Request::LastFault)? {
+            Outcome::LastFault(fault) => Ok(fault),
+            _ => Err(LinkError::WrongAnswer { request: in_words(Request::LastFault) }),
+        }
+    }
+
+    /// How much stack and processor time the device uses.
+    ///
+    /// # Errors
+    /// As [`Session::request`]; refused by devices that do not know.
+    pub fn health(&mut self) -> Result<Health, LinkError> {
+        match self.request(Request::Health)? {
+            Outcome::Health(health) => Ok(health),
+            _ => Err(LinkError::WrongAnswer { request: in_words(Request::Health) }),
+        }
+    }
+
+    /// Restarts the device. [`Session::next`] then hands on [`Incoming::Restarted`] and restores the settings.
+    ///
+    /// # Errors
+    /// As [`Session::request`]; refused by devices that cannot.
+    pub fn reboot(&mut self) -> Result<(), LinkError> {
+        self.request(Request::Reboot).map(drop)
     }
 
     /// Measures the round trip to the device, and with it the offset between the clocks.
@@ -888,5 +918,12 @@ fn in_words(request: Request) -> String {
         Request::Ping => "a ping".to_owned(),
         Request::SelfTest => "a self-test".to_owned(),
         Request::Counters => "its counters".to_owned(),
+        Request::LastFault => "its last fault".to_owned(),
+        Request::Health => "its use of stack and processor".to_owned(),
+        Request::Reboot => "to restart".to_owned(),
+        Request::Fail { failure: Failure::Panic } => "to panic".to_owned(),
+        Request::Fail { failure: Failure::Hang } => "to hang".to_owned(),
+        Request::Fail { failure: Failure::BadAccess } => "to read where no memory is".to_owned(),
+        Request::Fail { failure: Failure::StackOverflow } => "to overflow its stack".to_owned(),
     }
 }

@@ -1,0 +1,212 @@
+//! The image: start-up, the main loop, and the three interrupts.
+//!
+//! ```text
+//!  priority 0  SysTick  counts time, wakes the sampler          (`time`)
+//!  priority 1  USART1   bytes in, bytes out                     (`line`)
+//!  priority 2  EXTI4    DRDY fell, or SysTick asks: the sampler (`sampling`)
+//!  thread      main     commands, blocks, events                (here)
+//! ```
+//!
+//! The sides share only lock-free queues (`firmware/core`'s, and one each way for the line's bytes), so no interrupt
+//! ever waits for another one or is held off by a lock longer than a hand-over at start-up.
+
+mod clock;
+mod fault;
+mod front_end;
+mod handover;
+mod line;
+mod machine;
+mod meter;
+mod pins;
+mod sampling;
+mod stack;
+mod time;
+
+use core::cell::RefCell;
+use core::mem::MaybeUninit;
+
+use cortex_m_rt::entry;
+use defmt_rtt as _;
+use heapless::spsc::Queue;
+use palpate_firmware_core::device::Order;
+use palpate_firmware_core::{Device, Identity, Queues, Sampler, Settings};
+use palpate_shared::sim::SimulatedFrontEnd;
+use palpate_shared::wire::{Axis, Bridge, Channel, Health, Source};
+use stm32f4::stm32f405::Peripherals;
+
+use fault::Watchdog;
+use front_end::Bus;
+use line::Line;
+use machine::Machine;
+use sampling::Sampling;
+use time::TICKS_PER_S;
+
+/// Bytes for the host that the main loop keeps while the line is busy: 60 blocks, 0.1 s at 4 kHz.
+const OUTBOX_BYTES: usize = 4096;
+
+/// Bridge excitation on the board, in mV: `docs/HARDWARE.md` says why not more.
+const EXCITATION_MV: u16 = 2500;
+
+/// What the two channels measure.
+const CHANNELS: [Channel; 2] =
+    [Channel { axis: Axis::X, bridge: Bridge::Half }, Channel { axis: Axis::Y, bridge: Bridge::Half }];
+
+#[entry]
+fn main() -> ! {
+    static mut QUEUES: Queues = Queues::new();
+    static mut RECEIVED: Queue<u8, { line::RECEIVED }> = Queue::new();
+    static mut TO_SEND: Queue<u8, { line::TO_SEND }> = Queue::new();
+    static mut SIMULATION: MaybeUninit<RefCell<SimulatedFrontEnd>> = MaybeUninit::uninit();
+    static mut SAMPLING: MaybeUninit<Sampling> = MaybeUninit::uninit();
+    static mut DEVICE: MaybeUninit<Device<'static, OUTBOX_BYTES>> = MaybeUninit::uninit();
+
+    // Both are there: nothing has run before.
+    let (Some(mut core), Some(board)) = (cortex_m::Peripherals::take(), Peripherals::take()) else { halt() };
+    let before = fault::begin(&board.RCC);
+    let machine = Machine::detect(&board.DBGMCU);
+    let clock = machine.clock(clock::start(&board.RCC, &board.FLASH), &core.SYST);
+    pins::set_up(&board.RCC, &board.GPIOA, &board.GPIOC, &board.SYSCFG, &board.EXTI);
+    time::start(&mut core.SYST, &mut core.SCB, clock.core_hz);
+    let identity = Identity {
+        device: machine.device_id(),
+        board: machine.name(),
+        clock: clock.source,
+        link_baud: clock.link_baud,
+        restart: before.reason,
+        restarts: before.restarts,
+        source: Source::Hardware,
+        excitation_mv: EXCITATION_MV,
+        channels: CHANNELS,
+    };
+    defmt::info!("core at {=u32} Hz, line at {=u32} baud", clock.core_hz, clock.link_baud);
+
+    let (sampler_end, device_end) = QUEUES.split();
+    let simulation = settle(SIMULATION, front_end::simulation);
+    let bus = Bus::new(board.SPI1, board.GPIOA, simulation);
+    let sampler = Sampler::new(bus, sampler_end, Settings::at_start(clock.link_baud));
+    sampling::start(SAMPLING.write(Sampling::new(sampler, board.EXTI)), &mut core.NVIC);
+    let line = line::start(board.USART1, clock.line_divider(), (RECEIVED, TO_SEND), &mut core.NVIC);
+    let device = settle(DEVICE, || Device::new(identity, device_end));
+    device.accept_orders(before.fault);
+    let watchdog = Watchdog::start(board.IWDG, &board.DBGMCU);
+    let health = Health { stack_bytes: stack::size(), core_hz: clock.core_hz, ..Health::default() };
+    Main { device, line, watchdog, health, looked_at: time::ticks(), turned_at: (0, 0), order: None }.serve()
+}
+
+/// Makes something large in a place of its own. Not inlined, so that the stack which that takes is free afterwards.
+#[inline(never)]
+fn settle<T>(place: &'static mut MaybeUninit<T>, make: impl FnOnce() -> T) -> &'static mut T {
+    place.write(make())
+}
+
+/// How long the main loop may do nothing, in ticks: 1 ms.
+const IDLE_TICKS: u32 = TICKS_PER_S / 1000;
+
+/// How often the use of stack and processor is looked at, in ticks: a tenth of a second.
+const LOOK_TICKS: u32 = TICKS_PER_S / 10;
+
+/// How long an order waits for the line to take what is due, in ticks: a tenth of a second.
+const ORDER_TICKS: u32 = TICKS_PER_S / 10;
+
+/// How long an order waits after that for the last byte to leave the transmitter, in ticks: 1 ms, two bytes at the
+/// slower speed take 0.2 ms.
+const LAST_BYTE_TICKS: u32 = TICKS_PER_S / 1000;
+
+/// What the main loop works with.
+struct Main {
+    device: &'static mut Device<'static, OUTBOX_BYTES>,
+    line: Line,
+    watchdog: Watchdog,
+    health: Health,
+    /// The tick at which stack and processor were last looked at.
+    looked_at: u32,
+    /// Runs of the sampler, and the tick, at the last turn.
+    turned_at: (u32, u32),
+    /// What the host ordered, and the tick by which it is carried out.
+    order: Option<(Order, u32)>,
+}
+
+impl Main {
+    /// The main loop: never waits for anything but the next interrupt.
+    fn serve(mut self) -> ! {
+        loop {
+            meter::MAIN.measure_below_sampler(|| {
+                if self.has_work() {
+                    self.turn();
+                }
+            });
+            // SysTick wakes it after 125 µs at the latest.
+            cortex_m::asm::wfi();
+        }
+    }
+
+    /// Whether a turn is due: the sampler ran, bytes came or wait, or nothing of this happened for a while.
+    fn has_work(&mut self) -> bool {
+        let (runs, ticks) = (meter::SAMPLER_RUNS.read(), time::ticks());
+        let idle = runs == self.turned_at.0 && ticks.wrapping_sub(self.turned_at.1) < IDLE_TICKS;
+        let due = !idle || self.line.has_received() || !self.device.transmit().is_empty();
+        if due {
+            self.turned_at = (runs, ticks);
+        }
+        due
+    }
+
+    /// One turn of the main loop.
+    fn turn(&mut self) {
+        let mut buffer = [0; line::RECEIVED];
+        let now = time::now();
+        let received = self.line.receive(&mut buffer);
+        if !received.is_empty() {
+            self.device.receive(received, now);
+        }
+        self.device.poll(now);
+        let sent = self.line.send(self.device.transmit());
+        self.device.transmitted(sent);
+        let ticks = time::ticks();
+        if ticks.wrapping_sub(self.looked_at) >= LOOK_TICKS {
+            self.looked_at = ticks;
+            self.look();
+        }
+        self.watchdog.feed();
+        self.obey(ticks);
+    }
+
+    /// Looks at the use of stack and processor.
+    fn look(&mut self) {
+        self.health = Health {
+            stack_used_max: stack::used_max(self.health.stack_used_max),
+            sampler_cycles: meter::SAMPLER.read(),
+            simulation_cycles: meter::SIMULATION.read(),
+            main_cycles: meter::MAIN.read(),
+            sampler_runs: meter::SAMPLER_RUNS.read(),
+            ..self.health
+        };
+        self.device.report_health(self.health);
+        fault::note_samples(self.device.counters().samples);
+    }
+
+    /// Carries out what the host ordered, once its answer has gone out.
+    fn obey(&mut self, ticks: u32) {
+        if let Some(order) = self.device.take_order() {
+            self.order = Some((order, ticks.wrapping_add(ORDER_TICKS)));
+        }
+        let Some((order, due)) = self.order else { return };
+        let left = due.wrapping_sub(ticks);
+        if left > ORDER_TICKS {
+            match order {
+                Order::Reboot => fault::reboot(),
+                Order::Fail(failure) => fault::fail(failure),
+            }
+        }
+        if left > LAST_BYTE_TICKS && self.device.transmit().is_empty() && self.line.is_idle() {
+            self.order = Some((order, ticks.wrapping_add(LAST_BYTE_TICKS)));
+        }
+    }
+}
+
+/// Stands still for good.
+fn halt() -> ! {
+    loop {
+        cortex_m::asm::wfi();
+    }
+}

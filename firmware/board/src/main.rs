@@ -1,0 +1,16 @@
+//! palpate's firmware for the STM32F405. See `firmware/board/README.md` and `docs/HARDWARE.md`.
+//!
+//! Built for the processor by `cargo xtask firmware build`. For any other target this is an empty program, so that
+//! the whole workspace can be checked on a laptop that knows nothing of microcontrollers.
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+#[cfg(target_os = "none")]
+mod image;
+
+#[cfg(any(test, target_os = "none"))]
+mod record;
+
+#[cfg(not(target_os = "none"))]
+fn main() {
+    eprintln!("this program runs on a board: `cargo xtask firmware flash` puts it there");
+}

@@ -1,0 +1,162 @@
+//! `cargo xtask firmware build|flash|emulate|size`: one front door to the board's image.
+
+use std::env;
+use std::net::TcpListener;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+
+use crate::emulator::{self, Serial};
+use crate::image::Image;
+use crate::toolchain::{self, TARGET};
+
+/// Most flash that the image may take, in bytes.
+const FLASH_MAX: u32 = 64 * 1024;
+
+/// Most RAM, stack included, in bytes.
+const RAM_MAX: u32 = 32 * 1024;
+
+/// The chip, as probe-rs names it.
+const CHIP: &str = "STM32F405RG";
+
+/// Where the end-to-end test finds the image.
+const IMAGE_VARIABLE: &str = "PALPATE_FIRMWARE";
+
+/// How the firmware commands are used.
+pub(crate) const USAGE: &str = "       cargo xtask firmware build            build the board's image
+       cargo xtask firmware flash            build it and put it onto a board, through a debug probe
+       cargo xtask firmware emulate [--pty]  build it and run it in the emulator, until interrupted
+       cargo xtask firmware emulate --test   build it and run the end-to-end test on it
+       cargo xtask firmware size             build it, print its size, count its instructions in the emulator";
+
+/// Exit status where no compiler builds for the board, by sysexits.h "unavailable"; the end-to-end test asks for it.
+const NO_COMPILER: u8 = 69;
+
+/// A command that failed; it has said why. Holds the exit status.
+pub(crate) struct Failed(u8);
+
+/// Runs one firmware command; `None` if there is no such one.
+pub(crate) fn run(words: &[&str]) -> Option<ExitCode> {
+    let result = match words {
+        ["build"] => build().map(|image| println!("{}", image.display())),
+        ["flash"] => build().and_then(|image| flash(&image)),
+        ["emulate"] => build().and_then(|image| emulate(&image, false)),
+        ["emulate", "--pty"] => build().and_then(|image| emulate(&image, true)),
+        ["emulate", "--test"] => build().and_then(|image| test(&image, &[])),
+        ["size"] => build().and_then(|image| size(&image)),
+        _ => return None,
+    };
+    Some(result.map_or_else(|Failed(status)| ExitCode::from(status), |()| ExitCode::SUCCESS))
+}
+
+/// Says what went wrong.
+fn fail<T>(message: &str) -> Result<T, Failed> {
+    eprintln!("error: {message}");
+    Err(Failed(1))
+}
+
+/// Runs a command to its end.
+fn finish(command: &mut Command) -> Result<(), Failed> {
+    let program = command.get_program().to_string_lossy().into_owned();
+    match command.status() {
+        Ok(status) if status.success() => Ok(()),
+        Ok(status) => fail(&format!("{program} ended with {status}")),
+        Err(error) => fail(&format!("cannot start {program}: {error}")),
+    }
+}
+
+/// The folder of the image's build, apart from the host's: another compiler may build it.
+fn target_folder() -> PathBuf {
+    let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    env::var_os("CARGO_TARGET_DIR").map_or_else(|| workspace.join("target"), PathBuf::from).join("firmware")
+}
+
+/// Builds the image.
+fn build() -> Result<PathBuf, Failed> {
+    let folder = target_folder();
+    let Some(mut cargo) = toolchain::cargo("build", &folder) else {
+        return fail(&format!("no compiler here builds for {TARGET}; {}", toolchain::REMEDY))
+            .map_err(|Failed(_)| Failed(NO_COMPILER));
+    };
+    finish(&mut cargo)?;
+    Ok(folder.join(TARGET).join("firmware").join("palpate-firmware"))
+}
+
+/// Puts the image onto a board and shows its log.
+fn flash(image: &Path) -> Result<(), Failed> {
+    if Command::new("probe-rs").arg("--version").output().is_err() {
+        return fail(
+            "probe-rs is not installed: `cargo install probe-rs-tools --locked`, and see https://probe.rs for \
+                     the permissions that a debug probe needs. Without a probe, the chip's own USB loader does it: \
+                     docs/HARDWARE.md, \"Flashing without a probe\"",
+        );
+    }
+    finish(Command::new("probe-rs").args(["run", "--chip", CHIP]).arg(image))
+}
+
+/// The machine to emulate.
+fn machine() -> Result<&'static str, Failed> {
+    match emulator::machine() {
+        Some(machine) => Ok(machine),
+        None => fail(
+            "no emulator with an STM32F405: install qemu-system-arm 7.2 or newer \
+                      (Debian: `apt-get install qemu-system-arm`)",
+        ),
+    }
+}
+
+/// Runs the image in the emulator until interrupted.
+fn emulate(image: &Path, as_pty: bool) -> Result<(), Failed> {
+    let machine = machine()?;
+    let serial = if as_pty { Serial::Pty } else { Serial::Tcp { port: free_port()?, wait: false } };
+    match serial {
+        Serial::Tcp { port, .. } => println!("emulating {machine}; try: palpate info --device tcp:127.0.0.1:{port}"),
+        Serial::Pty => {
+            println!("emulating {machine}; the emulator names the terminal: palpate info --device /dev/pts/N")
+        }
+    }
+    println!("it has no sensor: `palpate info --source simulated` switches to its simulated finger. Ctrl-C ends it.");
+    finish(&mut emulator::command(machine, image, serial))
+}
+
+/// A TCP port that nobody uses.
+fn free_port() -> Result<u16, Failed> {
+    match TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr()) {
+        Ok(address) => Ok(address.port()),
+        Err(error) => fail(&format!("no free TCP port: {error}")),
+    }
+}
+
+/// Runs the end-to-end test on an image.
+fn test(image: &Path, arguments: &[&str]) -> Result<(), Failed> {
+    machine()?;
+    let mut cargo = Command::new(env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned()));
+    cargo.args(["test", "--package", "palpate-tests", "--test", "emulator", "--"]).args(arguments);
+    finish(cargo.env(IMAGE_VARIABLE, image))
+}
+
+/// Prints an image's size, and how many instructions a sample takes; fails if a limit is broken.
+fn size(image: &Path) -> Result<(), Failed> {
+    let found = match Image::read(image) {
+        Ok(found) => found,
+        Err(error) => return fail(&format!("{}: {error}", image.display())),
+    };
+    let ram = found.variables + found.stack;
+    println!("flash  {:6} bytes, at most {FLASH_MAX}", found.flash);
+    println!("RAM    {ram:6} bytes, at most {RAM_MAX}: {} of variables, {} of stack", found.variables, found.stack);
+    println!("double precision: {} functions", found.double_precision.len());
+    println!("log    {:6} lines", found.log_lines.len());
+    if !found.log_lines.iter().any(|(_, line)| line.contains("defmt_info")) {
+        return fail("no log line at level info is in the image: DEFMT_LOG must be `info` or lower when it is built");
+    }
+    if !found.double_precision.is_empty() {
+        return fail(&format!("double-precision arithmetic, which the processor lacks: {:?}", found.double_precision));
+    }
+    if found.flash > FLASH_MAX || ram > RAM_MAX {
+        return fail("the image is too large");
+    }
+    if emulator::machine().is_none() {
+        eprintln!("instructions were not counted: {} is not installed", emulator::PROGRAM);
+        return Ok(());
+    }
+    test(image, &["--nocapture", "the_sampling_path_stays_within_its_share_of_the_processor"])
+}

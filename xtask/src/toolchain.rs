@@ -1,0 +1,91 @@
+//! Which compiler builds the image.
+//!
+//! A rustup toolchain with the target installed builds it as it is. Where the target cannot be had, a compiler that
+//! brings the sources of `core` (Debian's `rustc-web` with `rust-web-src`, or rustup's `rust-src`) builds `core` too.
+//! All of this is environment and arguments of one command: no committed configuration file knows of it.
+
+use std::env;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// The target.
+pub(crate) const TARGET: &str = "thumbv7em-none-eabihf";
+
+/// The package whose program is the image.
+const PACKAGE: &str = "palpate-firmware-board";
+
+/// What to do where nothing can build it.
+pub(crate) const REMEDY: &str = "install the target with `rustup target add thumbv7em-none-eabihf`, or on Debian a compiler \
+                          with sources: `apt-get install rustc-web cargo-web rust-web-src`";
+
+/// A compiler that can build the image.
+#[derive(Debug)]
+enum Toolchain {
+    /// It has the target's `core`.
+    WithTarget,
+    /// It has the sources of `core`.
+    WithSources { rustc: PathBuf, cargo: PathBuf, linker: PathBuf },
+}
+
+/// The command that runs cargo on the image's package; `None` if no compiler can build it.
+#[must_use]
+pub(crate) fn cargo(subcommand: &str, target_folder: &Path) -> Option<Command> {
+    let toolchain = find()?;
+    let mut command = match &toolchain {
+        Toolchain::WithTarget => Command::new(env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned())),
+        Toolchain::WithSources { cargo, .. } => Command::new(cargo),
+    };
+    command.args([subcommand, "--package", PACKAGE, "--profile", "firmware", "--target", TARGET]);
+    command.arg("--target-dir").arg(target_folder);
+    if env::var_os("DEFMT_LOG").is_none() {
+        // defmt's own default is `error`: every other line would be missing from the image.
+        command.env("DEFMT_LOG", "info");
+    }
+    if let Toolchain::WithSources { rustc, linker, .. } = toolchain {
+        command.arg("-Zbuild-std=core").env("RUSTC_BOOTSTRAP", "1").env("RUSTC", &rustc);
+        command.env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER", linker);
+        if rustc == system() {
+            // rustup, if this runs under it, would put its own compiler back.
+            command.env_remove("RUSTUP_TOOLCHAIN").env_remove("CARGO").env_remove("RUSTC_WRAPPER");
+        }
+    }
+    Some(command)
+}
+
+fn find() -> Option<Toolchain> {
+    let own = PathBuf::from("rustc");
+    if answer(&own, &["--print", "target-libdir", "--target", TARGET]).is_some_and(|folder| has_core(&folder)) {
+        return Some(Toolchain::WithTarget);
+    }
+    let linker = [&own, &system()].into_iter().find_map(|rustc| linker_of(rustc))?;
+    let with_sources = |rustc: PathBuf, cargo: PathBuf| {
+        let sources = answer(&rustc, &["--print", "sysroot"])?.join("lib/rustlib/src/rust/library/core");
+        sources.is_dir().then(|| Toolchain::WithSources { rustc, cargo, linker: linker.clone() })
+    };
+    let own_cargo = PathBuf::from(env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned()));
+    with_sources(own, own_cargo).or_else(|| with_sources(system(), PathBuf::from("/usr/bin/cargo")))
+}
+
+/// The compiler of the operating system, beside which rustup's comes first in the path.
+fn system() -> PathBuf {
+    PathBuf::from("/usr/bin/rustc")
+}
+
+/// What a compiler prints, as a path; `None` if it does not run or fails.
+fn answer(rustc: &Path, arguments: &[&str]) -> Option<PathBuf> {
+    let output = Command::new(rustc).args(arguments).stderr(Stdio::null()).output().ok()?;
+    let line = String::from_utf8(output.stdout).ok()?;
+    output.status.success().then(|| PathBuf::from(line.trim()))
+}
+
+fn has_core(folder: &Path) -> bool {
+    let Ok(entries) = folder.read_dir() else { return false };
+    entries.flatten().any(|entry| entry.file_name().to_string_lossy().starts_with("libcore-"))
+}
+
+/// The linker that comes with a compiler.
+fn linker_of(rustc: &Path) -> Option<PathBuf> {
+    let hosts = answer(rustc, &["--print", "sysroot"])?.join("lib/rustlib").read_dir().ok()?;
+    let linkers = hosts.flatten().map(|host| host.path().join("bin").join("rust-lld"));
+    linkers.map(|linker| linker.with_extension(env::consts::EXE_EXTENSION)).find(|linker| linker.is_file())
+}
