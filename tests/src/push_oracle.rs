@@ -247,6 +247,8 @@ mod tests {
         let seen = world.seen(0.0, &start, Tangential::Multiple(0.0));
         assert!((seen.normal_force - 0.5).abs() < 1e-12 && seen.s.abs() < 1e-15, "{seen:?}");
         let end = world.step(0.0, &start, Tangential::NoSlip, 0.1);
-        assert!((end[1] - (0.03 + 0.01 + 0.0025)).abs() < 1e-12 && end[2].abs() < 1e-12, "{end:?}");
+        // No turn, or a whole one: where it began is only known modulo 2π.
+        let turned = end[2].sin().abs() > 1e-12 || end[2].cos() < 0.0;
+        assert!((end[1] - (0.03 + 0.01 + 0.0025)).abs() < 1e-12 && !turned, "{end:?}");
     }
 }
