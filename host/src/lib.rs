@@ -17,3 +17,4 @@ pub mod recording;
 pub mod sensing;
 pub mod simulated_device;
 pub mod solve;
+pub mod tables;

@@ -19,6 +19,7 @@ mod ports;
 mod push;
 mod simulate_device;
 mod solve;
+mod tables;
 
 use std::io::Write as _;
 use std::process::ExitCode;
@@ -48,6 +49,7 @@ enum Command {
     Monitor(monitor::Arguments),
     Contact(contact::Arguments),
     Push(push::Arguments),
+    Tables(tables::Arguments),
     Solve(solve::Arguments),
     SimulateDevice(simulate_device::Arguments),
 }
@@ -72,6 +74,7 @@ pub(crate) fn run() -> ExitCode {
         Command::Monitor(arguments) => monitor::run(&arguments),
         Command::Contact(arguments) => contact::run(&arguments),
         Command::Push(arguments) => push::run(&arguments),
+        Command::Tables(arguments) => tables::run(&arguments),
         Command::Solve(arguments) => solve::run(&arguments),
         Command::SimulateDevice(arguments) => simulate_device::run(&arguments),
     };
