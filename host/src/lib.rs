@@ -2,6 +2,7 @@
 
 pub mod calibration;
 pub mod contact;
+pub mod corner;
 pub mod diagnosis;
 pub mod experiment;
 pub mod geometry;
@@ -14,6 +15,7 @@ pub mod push_picture;
 pub mod push_plan;
 pub mod pushing;
 pub mod recording;
+pub mod sampling;
 pub mod sensing;
 pub mod simulated_device;
 pub mod solve;

@@ -14,8 +14,12 @@ use super::read::read;
 use super::{finite, kinds, schema, spelling};
 
 /// The kinds that `palpate solve` answers.
-pub const KINDS: Registry =
-    Registry::new(&[Kind::of::<kinds::support_friction::SupportFriction>(), Kind::of::<kinds::push::Push>()]);
+pub const KINDS: Registry = Registry::new(&[
+    Kind::of::<kinds::support_friction::SupportFriction>(),
+    Kind::of::<kinds::push::Push>(),
+    Kind::of::<kinds::point_sampling::PointSampling>(),
+    Kind::of::<kinds::corner_poses::CornerPoses>(),
+]);
 
 /// One kind of problem.
 ///

@@ -8,6 +8,7 @@
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
 
 pub mod random;
+pub mod scenes;
 
 use std::fmt;
 

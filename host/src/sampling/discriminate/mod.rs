@@ -1,0 +1,12 @@
+mod branch;
+mod cuts;
+mod greedy;
+mod local;
+mod partition;
+mod simplex;
+mod solve;
+mod system;
+mod tree;
+pub use solve::*;
+pub use system::SetSystem;
+pub use tree::{Question, questions};

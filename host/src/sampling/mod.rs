@@ -1,0 +1,13 @@
+mod bits;
+mod circle;
+mod decode;
+mod discriminate;
+mod exact;
+mod plan;
+mod subdivision;
+pub use bits::{BitMatrix, BitRow, BitSet};
+pub use circle::{Circle, largest_circle};
+pub use decode::{Decoded, Reading, decode};
+pub use discriminate::{Choice, Effort, Proof, Question, Search, SetSystem, fewest, questions};
+pub use plan::{Objective, Plan, Request, Scene, contains, plan};
+pub use subdivision::{Piece, Region, Subdivision};
