@@ -115,7 +115,7 @@ pub(super) fn log2_ceil(count: u32) -> usize {
 /// partitions (see the test). Beyond, a bound: with every bit turned so that fewer codes have it set, the codes' weights sum up
 /// to `count − 1` at least, and a bit set in `k` codes adds `k (count − k)`, which for given sum is least where bits are set in
 /// none or in half.
-fn distances(count: u32) -> u32 {
+pub(super) fn distances(count: u32) -> u32 {
     const EXACT: [u32; 9] = [0, 0, 1, 4, 8, 16, 25, 36, 48];
     if let Some(&exact) = EXACT.get(count as usize) {
         return exact;

@@ -238,32 +238,32 @@ fn by_components(columns: &Columns, parts: &[(Vec<usize>, Vec<usize>)], search: 
         proof: Proof { digits: log2_ceil(u32::try_from(columns.sets).unwrap_or(u32::MAX)), ..Proof::default() },
         ..Found::default()
     };
-    let mut without_saved = None;
-    let mut may_save = 0;
+    // A set without any column is the one without a chosen element.
+    let mut settled = parts.iter().any(|(_, own)| own.is_empty());
+    let mut saved = 0;
     for part in parts {
         let with = solve_part(columns, part, true, search);
         let mut chosen = with.columns.clone();
         total.lower_bound += with.lower_bound;
         add_proof(&mut total.proof, &with.proof);
-        if without_saved.is_none() {
+        if !settled {
             let target = with.columns.len().saturating_sub(1);
             let without = if part.0.len() == 1 {
                 Found::default()
             } else {
                 solve_part(columns, part, false, &Search { target, ..*search })
             };
-            add_proof(&mut total.proof, &Proof { program: 0, digits: 0, ..without.proof });
-            // What is saved is certain only where the bound with the empty set is.
+            total.proof.branches += without.proof.branches;
+            total.proof.partitions += without.proof.partitions;
+            // Something may be saved as long as no bound says otherwise.
+            saved |= usize::from(without.lower_bound < with.lower_bound);
             if without.columns.len() < with.columns.len() {
                 chosen = without.columns;
-                without_saved = Some(());
-            } else if without.lower_bound < with.lower_bound {
-                may_save = 1;
+                (settled, saved) = (true, 1);
             }
         }
         total.columns.extend(chosen);
     }
-    let saved = if without_saved.is_some() { 1 } else { may_save };
     total.lower_bound = total.lower_bound.saturating_sub(saved).max(total.proof.digits);
     total.proof.program = total.proof.program.saturating_sub(saved);
     total

@@ -12,6 +12,8 @@
 mod crossings;
 mod graph;
 mod grid;
+#[cfg(test)]
+mod tests;
 
 use nalgebra::{Point2, Vector2};
 

@@ -46,7 +46,8 @@ pub struct RestPose {
     pub flush: FlushName,
     /// Whether the part comes back to it: a strict local minimum of −push·centroid.
     pub stable: bool,
-    /// The smaller uphill slope of −push·centroid on the two sides, m/rad, for a push of length 1.
+    /// The smaller uphill slope of −push·centroid on the two sides, m/rad, for a push of length 1; the mean over the first
+    /// microradian.
     pub margin: f64,
 }
 
