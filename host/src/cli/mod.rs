@@ -8,6 +8,7 @@ macro_rules! say {
 mod calibrate;
 mod calibrated;
 mod contact;
+mod corner;
 mod demo;
 mod device;
 mod diagnose;
@@ -17,6 +18,7 @@ mod monitor;
 mod plot;
 mod ports;
 mod push;
+mod sample;
 mod simulate_device;
 mod solve;
 mod tables;
@@ -49,6 +51,8 @@ enum Command {
     Monitor(monitor::Arguments),
     Contact(contact::Arguments),
     Push(push::Arguments),
+    Sample(sample::Arguments),
+    Corner(corner::Arguments),
     Tables(tables::Arguments),
     Solve(solve::Arguments),
     SimulateDevice(simulate_device::Arguments),
@@ -74,6 +78,8 @@ pub(crate) fn run() -> ExitCode {
         Command::Monitor(arguments) => monitor::run(&arguments),
         Command::Contact(arguments) => contact::run(&arguments),
         Command::Push(arguments) => push::run(&arguments),
+        Command::Sample(arguments) => sample::run(&arguments),
+        Command::Corner(arguments) => corner::run(&arguments),
         Command::Tables(arguments) => tables::run(&arguments),
         Command::Solve(arguments) => solve::run(&arguments),
         Command::SimulateDevice(arguments) => simulate_device::run(&arguments),

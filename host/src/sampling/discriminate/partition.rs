@@ -69,7 +69,7 @@ impl<'a> Partition<'a> {
             return Some(false);
         }
         self.states += 1;
-        if self.states > self.budget || (self.states % 256 == 0 && (self.stop)()) {
+        if self.states > self.budget || (self.states.is_multiple_of(256) && (self.stop)()) {
             return None;
         }
         let mut splits = distinct(classes, splits, left);

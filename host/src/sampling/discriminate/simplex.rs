@@ -80,10 +80,6 @@ impl Simplex {
         self.bounds[column]
     }
 
-    pub(super) fn rows(&self) -> usize {
-        self.rows.len()
-    }
-
     /// The shares of columns that have any, as they are now.
     pub(super) fn shares(&self) -> Vec<(usize, f64)> {
         let mut share: Vec<f64> = self.bounds.iter().map(|[low, _]| *low).collect();

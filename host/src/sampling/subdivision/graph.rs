@@ -185,7 +185,7 @@ impl<'a> Directions<'a> {
             return p.total_cmp(&q);
         }
         let segment = |half_edge: u32| self.cuts.edges[self.graph.edge_of[half_edge as usize / 2] as usize].segment;
-        let sign = if (a ^ b) % 2 == 0 { 1 } else { -1 };
+        let sign = if (a ^ b).is_multiple_of(2) { 1 } else { -1 };
         0.cmp(&(sign * cross_sign(segment(a), segment(b))))
     }
 }

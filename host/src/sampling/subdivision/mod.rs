@@ -128,7 +128,7 @@ impl Subdivision {
         let around = self.graph.around(node);
         let is_upward = |&&half_edge: &&u32| self.direction(half_edge).y >= 0.0;
         // They are sorted from +x on: first those that go up, then those that go down.
-        let last_upward = around.iter().filter(is_upward).next_back();
+        let last_upward = around.iter().rfind(is_upward);
         let half_edge = last_upward.or(around.last()).copied().unwrap_or(0);
         self.graph.loop_of[half_edge as usize]
     }
@@ -137,7 +137,7 @@ impl Subdivision {
     fn direction(&self, half_edge: u32) -> Vector2<f64> {
         let segment = self.cuts.edges[self.graph.edge_of[half_edge as usize / 2] as usize].segment;
         let along = segment.end - segment.start;
-        if half_edge % 2 == 0 { along } else { -along }
+        if half_edge.is_multiple_of(2) { along } else { -along }
     }
 
     fn half_edge_place(&self, half_edge: u32) -> Point2<f64> {
