@@ -273,6 +273,17 @@ fn refusal<T: std::fmt::Debug>(result: Result<T, LinkError>) -> Refusal {
 }
 
 #[test]
+fn where_no_emulator_is_installed_these_tests_say_so_in_one_line() {
+    let me = std::env::current_exe().expect("a test knows its program");
+    let skipped = ["--skip", "where_no_emulator_is_installed", "--test-threads", "1"];
+    let mut command = Command::new(me);
+    let output = command.args(skipped).env("PATH", "").env_remove(IMAGE_VARIABLE).output().expect("it starts");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{said}");
+    assert_eq!(said, "the emulator's end-to-end test did not run: qemu-system-arm is not installed\n");
+}
+
+#[test]
 fn without_a_chip_the_image_says_so_and_streams_nothing() {
     let Some(machine) = tcp_machine() else { return };
     let mut session = machine.open();

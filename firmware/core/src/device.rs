@@ -306,6 +306,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
 
     /// What was counted since start-up.
     #[must_use]
+    #[inline(never)]
     pub fn counters(&self) -> Counters {
         let (sampled, main) = (self.end.tally(), &self.tally);
         Counters {
@@ -326,6 +327,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
 
     /// Who the device is and how it is set.
     #[must_use]
+    #[inline(never)]
     pub fn hello(&self) -> Hello {
         let (identity, SamplerState { settings, source, streaming }) = (&self.identity, self.front_end.state);
         Hello {
@@ -369,6 +371,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     }
 
     /// Takes up a sound command.
+    #[inline(never)]
     fn take_command(&mut self, command: Asked, request: Request, now: DeviceTime) {
         if self.is_pending(command) {
             // Its one reply is still to come.
@@ -396,6 +399,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     }
 
     /// Answers a request, passes it on to the sampler, or refuses it.
+    #[inline(never)]
     fn decide(&mut self, request: Request, now: DeviceTime) -> Result<Taken, Refusal> {
         let kind = match request {
             Request::Hello => return Ok(Taken::Answered(Outcome::Hello(self.hello()))),
@@ -429,6 +433,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     }
 
     /// Passes a request on to the sampler.
+    #[inline(never)]
     fn ask(&mut self, kind: RequestKind) -> Result<Taken, Refusal> {
         let needs_front_end = !matches!(kind, RequestKind::Stream(false) | RequestKind::Select(_));
         if needs_front_end && self.front_end.is_missing {
@@ -481,6 +486,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     }
 
     /// Replies, and remembers the reply. A host that is no longer talked to gets it when it asks again.
+    #[inline(never)]
     fn conclude(&mut self, command: Asked, outcome: Outcome) {
         self.remembered.write((command, outcome.clone()));
         if command.by == self.link() {
@@ -489,6 +495,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     }
 
     /// Replies.
+    #[inline(never)]
     fn reply(&mut self, id: CommandId, outcome: Outcome) {
         if matches!(outcome, Outcome::Refused(_)) {
             count(&mut self.tally.commands_refused);
@@ -511,6 +518,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     }
 
     /// Passes an event on.
+    #[inline(never)]
     fn take_event(&mut self, event: Event) {
         match event.kind {
             EventKind::FrontEndMissing { .. } => {
@@ -525,6 +533,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     }
 
     /// Replies with the sampler's answer, if anyone still waits for it.
+    #[inline(never)]
     fn take_answer(&mut self, ticket: u8, finding: Finding, state: SamplerState) {
         self.front_end.state = state;
         if !state.streaming {
@@ -566,6 +575,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     }
 
     /// Sends a message that is no block, or drops and counts it; tells whether there was room.
+    #[inline(never)]
     fn send_notice(&mut self, message: &FromDevice) -> bool {
         let sent = self.outbox.push_message(message);
         if !sent {

@@ -32,7 +32,7 @@ impl Host {
 
     fn outcomes(&self, id: CommandId) -> Vec<&Outcome> {
         let outcome = |message| match message {
-            &FromDevice::Reply(ref reply) if reply.id == id => Some(&reply.outcome),
+            FromDevice::Reply(reply) if reply.id == id => Some(&reply.outcome),
             _ => None,
         };
         self.messages.iter().filter_map(outcome).collect()
@@ -66,7 +66,7 @@ impl<'w> Between<'w> {
 
     fn send(&mut self, link: Link, id: u32, request: Request) -> CommandId {
         let (mut line, id): (FrameBuffer, _) = ([0; FRAME_MAX + 1], CommandId(id));
-        let frame = encode(&Command::new(id, request), &mut line).unwrap();
+        let frame = encode(&Command::new(id, request), &mut line).expect("a buffer for any frame");
         self.rig.device.receive_by(link, frame, self.rig.now());
         id
     }
