@@ -18,4 +18,5 @@ pub mod recording;
 pub mod sensing;
 pub mod simulated_device;
 pub mod solve;
+pub mod statistics;
 pub mod tables;

@@ -3,6 +3,7 @@
 //! - [`Known`], [`Observation`]: what is known and what was felt; [`estimate`]: what that says; [`Estimate`].
 
 mod observation;
+pub mod planning;
 
 pub use observation::{Channel, Estimate, Fit, Hypothesis, Known, Measured, Observation, Prior, Touch};
 
