@@ -1,4 +1,5 @@
 //! The kinds of problem, one module each.
 
 pub mod push;
+pub mod roll;
 pub mod support_friction;
