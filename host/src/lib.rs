@@ -15,6 +15,7 @@ pub mod push_picture;
 pub mod push_plan;
 pub mod pushing;
 pub mod recording;
+pub mod rolling;
 pub mod sensing;
 pub mod simulated_device;
 pub mod solve;
