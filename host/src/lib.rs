@@ -8,6 +8,7 @@ pub mod geometry;
 pub mod interrupt;
 pub mod link;
 pub mod live;
+pub mod observability;
 pub mod observing;
 pub mod part_file;
 pub mod plot;

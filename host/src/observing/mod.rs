@@ -26,6 +26,12 @@ mod data;
 mod fit;
 mod launch;
 mod manifold;
+//! - [`Gho`]: the thesis's observer; [`observe_gho`]: one for each edge;
+//! - [`RestingPush`]: the pose before a push from rest; [`Table`]: looked up instead of simulated;
+//! - [`Known`], [`Observation`]: what is known and what was felt; [`estimate`]: what that says; [`Estimate`].
+mod gho;
+mod gho_bank;
+mod initial_pose;
 mod observation;
 mod path;
 pub mod planning;
@@ -33,5 +39,8 @@ mod seed;
 mod select;
 mod sites;
 
+pub use gho::{Gho, GhoSettings};
+pub use gho_bank::{Felt, GhoRun, observe_gho};
+pub use initial_pose::{InitialPoseError, Object, RestingPose, RestingPoses, RestingPush, Table, TimedContact};
 pub use observation::{Channel, Estimate, Fit, Hypothesis, Known, Measured, Observation, Prior, Touch};
 pub use select::estimate;

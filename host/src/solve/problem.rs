@@ -19,6 +19,8 @@ pub const KINDS: Registry = Registry::new(&[
     Kind::of::<kinds::push::Push>(),
     Kind::of::<kinds::observe_push::ObservePush>(),
     Kind::of::<kinds::roll::Roll>(),
+    Kind::of::<kinds::observability::Observability>(),
+    Kind::of::<kinds::initial_pose::InitialPose>(),
 ]);
 
 /// One kind of problem.

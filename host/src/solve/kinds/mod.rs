@@ -1,5 +1,7 @@
 //! The kinds of problem, one module each.
 
+pub mod initial_pose;
+pub mod observability;
 pub mod observe_push;
 pub mod push;
 pub mod roll;
