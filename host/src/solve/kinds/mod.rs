@@ -1,5 +1,6 @@
 //! The kinds of problem, one module each.
 
+pub mod inscription;
 pub mod observe_push;
 pub mod push;
 pub mod support_friction;
