@@ -136,6 +136,27 @@ pub fn nearest_misses(part: &ConvexPolygon, lines: &[HalfPlane]) -> Vec<(Pose, u
     judged
 }
 
+/// Whether lines can determine a pose at all.
+///
+/// # Errors
+/// [`Continuum`] says why not.
+pub fn determined(part: &ConvexPolygon, lines: &[HalfPlane]) -> Result<(), Continuum> {
+    Problem::new(part, lines).triple().map(|_| ())
+}
+
+/// The poses that touch three of the lines, for every three of them: places to begin from when lines are not exact.
+pub(super) fn triple_poses(part: &ConvexPolygon, lines: &[HalfPlane]) -> Vec<Pose> {
+    let problem = Problem::new(part, lines);
+    let m = lines.len();
+    let triples = (0..m).flat_map(|a| (a + 1..m).flat_map(move |b| (b + 1..m).map(move |c| [a, b, c])));
+    let triples = triples.filter_map(|three| Triple::new(lines, &problem.offsets, three));
+    let poses = triples.flat_map(|triple| {
+        let turns = Turns::of(part, lines, &triple, problem.miss_max).found;
+        turns.into_iter().map(|turn| problem.to_pose(&problem.place(turn, &triple))).collect::<Vec<_>>()
+    });
+    poses.filter(|pose| [pose.x, pose.y, pose.theta].iter().all(|value| value.is_finite())).collect()
+}
+
 /// A part and lines, seen from a point near the lines.
 struct Problem<'a> {
     part: &'a ConvexPolygon,
