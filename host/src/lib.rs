@@ -5,6 +5,7 @@ pub mod contact;
 pub mod diagnosis;
 pub mod experiment;
 pub mod geometry;
+pub mod inscription;
 pub mod interrupt;
 pub mod link;
 pub mod live;

@@ -21,6 +21,7 @@ pub const KINDS: Registry = Registry::new(&[
     Kind::of::<kinds::roll::Roll>(),
     Kind::of::<kinds::observability::Observability>(),
     Kind::of::<kinds::initial_pose::InitialPose>(),
+    Kind::of::<kinds::inscription::Inscription>(),
 ]);
 
 /// One kind of problem.

@@ -2,6 +2,7 @@
 
 pub mod initial_pose;
 pub mod observability;
+pub mod inscription;
 pub mod observe_push;
 pub mod push;
 pub mod roll;
