@@ -22,6 +22,7 @@ pub const KINDS: Registry = Registry::new(&[
     Kind::of::<kinds::observability::Observability>(),
     Kind::of::<kinds::initial_pose::InitialPose>(),
     Kind::of::<kinds::inscription::Inscription>(),
+    Kind::of::<kinds::observe_roll::ObserveRoll>(),
 ]);
 
 /// One kind of problem.

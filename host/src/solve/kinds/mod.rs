@@ -4,6 +4,7 @@ pub mod initial_pose;
 pub mod observability;
 pub mod inscription;
 pub mod observe_push;
+pub mod observe_roll;
 pub mod push;
 pub mod roll;
 pub mod support_friction;
