@@ -19,19 +19,19 @@
 //! how a push can begin; `clock`, `path`: simulation; `fit`; `manifold`, `seed`; `select`: the judgement; `planning`: what to do
 //! next.
 //!
-//! Implements: MAP estimation in place of the observers of thesis chapters 5 and 6. Frames: world, unless named. Units: SI.
+//! The thesis's own observers are beside it: [`Gho`], with one for each edge in [`observe_gho`]; and [`RestingPush`], the pose
+//! before a push from rest, with [`Table`], looked up instead of simulated.
+//!
+//! Implements: MAP estimation beside the observers of thesis chapters 5 and 6. Frames: world, unless named. Units: SI.
 
 mod clock;
 mod data;
 mod fit;
-mod launch;
-mod manifold;
-//! - [`Gho`]: the thesis's observer; [`observe_gho`]: one for each edge;
-//! - [`RestingPush`]: the pose before a push from rest; [`Table`]: looked up instead of simulated;
-//! - [`Known`], [`Observation`]: what is known and what was felt; [`estimate`]: what that says; [`Estimate`].
 mod gho;
 mod gho_bank;
 mod initial_pose;
+mod launch;
+mod manifold;
 mod observation;
 mod path;
 pub mod planning;

@@ -24,8 +24,8 @@ pub use self::table::Table;
 use crate::geometry::SimplePolygon;
 use crate::geometry::angle::wrap_angle;
 use crate::pushing::{
-    Body, ContactLaw, EdgeEnd, FingerPath, FingerShape, Mass, Part, PartSide, ShapeError, ShapedModel, ShapedPush, Start,
-    State,
+    Body, ContactLaw, EdgeEnd, FingerPath, FingerShape, Mass, Part, PartSide, ShapeError, ShapedModel, ShapedPush,
+    Start, State,
 };
 
 /// Places looked at on each edge. Motions change with s₀ on the scale of the part, so that folds are wide against a 48th of an edge.
@@ -233,7 +233,9 @@ impl RestingPush {
         let apart = |list: Vec<(Site, NearZero)>| {
             let mut kept: Vec<(Site, NearZero)> = Vec::new();
             for (site, near) in list {
-                let same = |(other, kept): &(Site, NearZero)| other.edge == site.edge && site.gap(kept.at, near.at) < SAME_PLACE * site.length();
+                let same = |(other, kept): &(Site, NearZero)| {
+                    other.edge == site.edge && site.gap(kept.at, near.at) < SAME_PLACE * site.length()
+                };
                 if !kept.iter().any(same) && !self.overlaps(&site, near.at) {
                     kept.push((site, near));
                 }
@@ -255,14 +257,24 @@ impl RestingPush {
     }
 
     /// One pose for each stretch of places that all fit.
-    fn one_each(&self, mut found: Vec<(Site, NearZero)>, contacts: &[TimedContact], tolerance: f64) -> Vec<RestingPose> {
-        let fits = |site: &Site, s0: f64| self.misfits(site, s0, contacts).filter(|misfits| all_within(misfits, tolerance));
-        let size = |(site, near): &(Site, NearZero)| fits(site, near.at).map_or(f64::INFINITY, |misfits| squares(&misfits));
+    fn one_each(
+        &self,
+        mut found: Vec<(Site, NearZero)>,
+        contacts: &[TimedContact],
+        tolerance: f64,
+    ) -> Vec<RestingPose> {
+        let fits =
+            |site: &Site, s0: f64| self.misfits(site, s0, contacts).filter(|misfits| all_within(misfits, tolerance));
+        let size =
+            |(site, near): &(Site, NearZero)| fits(site, near.at).map_or(f64::INFINITY, |misfits| squares(&misfits));
         found.sort_by(|a, b| size(a).total_cmp(&size(b)));
         let mut kept: Vec<(Site, NearZero)> = Vec::new();
         for (site, near) in found {
             let joined = |(other, best): &(Site, NearZero)| {
-                other.edge == site.edge && [0.25, 0.5, 0.75].iter().all(|share| fits(&site, best.at + share * (near.at - best.at)).is_some())
+                other.edge == site.edge
+                    && [0.25, 0.5, 0.75]
+                        .iter()
+                        .all(|share| fits(&site, best.at + share * (near.at - best.at)).is_some())
             };
             if !kept.iter().any(joined) {
                 kept.push((site, near));
@@ -293,14 +305,17 @@ impl RestingPush {
             FingerShape::Ellipse { semi_axes } => semi_axes,
             FingerShape::Line => return false,
         };
-        let (Object::Polygon(polygon), Some(pose)) = (&self.object, self.resting_pose(site.edge, s0)) else { return false };
+        let (Object::Polygon(polygon), Some(pose)) = (&self.object, self.resting_pose(site.edge, s0)) else {
+            return false;
+        };
         let world = nalgebra::Isometry2::new(Vector2::new(pose[0], pose[1]), pose[2]);
         // Where the finger is a disk of radius 1 about the origin.
         let seen = |point: Point2<f64>| {
             let from_centre = world * point - self.path.centre(0.0);
             Vector2::new(from_centre.x / semi_axes[0], from_centre.y / semi_axes[1])
         };
-        semi_axes[0] > 0.0 && polygon.edges().any(|(a, b)| distance_from_origin(seen(a), seen(b)) < 1.0 - OVERLAP_TOLERANCE)
+        semi_axes[0] > 0.0
+            && polygon.edges().any(|(a, b)| distance_from_origin(seen(a), seen(b)) < 1.0 - OVERLAP_TOLERANCE)
     }
 
     /// Contacts with whole turns taken out, each within half a turn of the one before; on a line as they are.
@@ -383,12 +398,7 @@ fn polished(s0: f64, site: Site, misfits: &dyn Fn(f64) -> Option<Vec<f64>>, tole
 }
 
 /// A Gauss–Newton step, shortened until it improves; none if it does not.
-fn improved(
-    at: f64,
-    here: &[f64],
-    site: Site,
-    misfits: &dyn Fn(f64) -> Option<Vec<f64>>,
-) -> Option<(f64, Vec<f64>)> {
+fn improved(at: f64, here: &[f64], site: Site, misfits: &dyn Fn(f64) -> Option<Vec<f64>>) -> Option<(f64, Vec<f64>)> {
     let look = POLISH_DIFFERENCE * site.length();
     let beside = misfits(at + look).map(|there| (there, look)).or_else(|| Some((misfits(at - look)?, -look)))?;
     let slopes: Vec<_> = beside.0.iter().zip(here).map(|(there, here)| (there - here) / beside.1).collect();

@@ -53,7 +53,9 @@ fn stretches(function: &dyn Fn(f64) -> Option<f64>, grid: &[f64]) -> Vec<Vec<Loo
         let before = index.checked_sub(1).map(|index| looks[index]);
         match (before, here) {
             (Some((outside, None)), Some(inside)) => stretches.push(vec![border(&look, inside, outside), inside]),
-            (Some((_, Some(inside))), None) => stretches[..].last_mut().into_iter().for_each(|stretch| stretch.push(border(&look, inside, at))),
+            (Some((_, Some(inside))), None) => {
+                stretches[..].last_mut().into_iter().for_each(|stretch| stretch.push(border(&look, inside, at)))
+            }
             (_, Some(inside)) if open => stretches[..].last_mut().into_iter().for_each(|stretch| stretch.push(inside)),
             (_, Some(inside)) => stretches.push(vec![inside]),
             (_, None) => {}
@@ -91,7 +93,10 @@ fn within(function: &dyn Fn(f64) -> Option<f64>, stretch: &[Look], tolerance: f6
     for three in stretch.windows(3) {
         let [left, middle, right] = [three[0], three[1], three[2]];
         if turns_at(left, middle, right) {
-            turning(function, [left, middle, right]).into_iter().filter(|look| look.value.abs() <= tolerance).for_each(&mut take);
+            turning(function, [left, middle, right])
+                .into_iter()
+                .filter(|look| look.value.abs() <= tolerance)
+                .for_each(&mut take);
         }
     }
     for end in ends(stretch).into_iter().flatten().filter(|end| end.value.abs() <= tolerance && end.value != 0.0) {
@@ -119,7 +124,9 @@ fn ends(stretch: &[Look]) -> [Option<Look>; 2] {
     match stretch {
         [] => [None, None],
         [only] => [Some(*only), None],
-        [first, second, ..] => [nearest(first, Some(second)), nearest(&stretch[stretch.len() - 1], stretch.get(stretch.len() - 2))],
+        [first, second, ..] => {
+            [nearest(first, Some(second)), nearest(&stretch[stretch.len() - 1], stretch.get(stretch.len() - 2))]
+        }
     }
 }
 

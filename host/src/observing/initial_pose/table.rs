@@ -95,7 +95,13 @@ impl<'p> Table<'p> {
     }
 
     /// Places between one whose contact lasts and one whose does not: simulated where the misfit can reach zero there.
-    fn near_borders(&self, table: &SiteTable, now: &[Option<f64>], first: TimedContact, tolerance: f64) -> Vec<NearZero> {
+    fn near_borders(
+        &self,
+        table: &SiteTable,
+        now: &[Option<f64>],
+        first: TimedContact,
+        tolerance: f64,
+    ) -> Vec<NearZero> {
         let exact = |s0: f64| self.misfit(&table.site, s0, first);
         let near = |index: usize, further: usize| {
             let (here, beside) = (now[index]? - first.u, now.get(further).copied().flatten());
@@ -118,7 +124,11 @@ impl<'p> Table<'p> {
     fn at_time(&self, motion: &[f64], t: f64) -> Option<f64> {
         let step = self.times[0];
         let whole = (t / step).floor().min(TIMES as f64 - 2.0).max(0.0);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and the number of times")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "between 0 and the number of times"
+        )]
         let from = whole as usize;
         // The motion from rest is even in time to the order kept.
         let value = |index: usize, back: usize| match (index + 1).checked_sub(back) {
@@ -190,6 +200,11 @@ impl SiteTable {
 
 /// The cubic through values at −1, 0, 1 and 2.
 fn cubic([before, here, next, after]: [f64; 4], x: f64) -> f64 {
-    let weights = [-x * (x - 1.0) * (x - 2.0) / 6.0, (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0, -(x + 1.0) * x * (x - 2.0) / 2.0, (x + 1.0) * x * (x - 1.0) / 6.0];
+    let weights = [
+        -x * (x - 1.0) * (x - 2.0) / 6.0,
+        (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0,
+        -(x + 1.0) * x * (x - 2.0) / 2.0,
+        (x + 1.0) * x * (x - 1.0) / 6.0,
+    ];
     weights[0] * before + weights[1] * here + weights[2] * next + weights[3] * after
 }

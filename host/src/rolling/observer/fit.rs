@@ -151,7 +151,9 @@ impl Unknowns {
             u: state.u + Vector2::new(step[P - 2], step[P - 1]),
         };
         let body = match (self.columns.semi_axes, body.shape()) {
-            (true, Shape::Ellipsoid(ellipsoid)) => self.reshaped(body, ellipsoid, &step.fixed_rows::<3>(STATE_COLUMNS).into()),
+            (true, Shape::Ellipsoid(ellipsoid)) => {
+                self.reshaped(body, ellipsoid, &step.fixed_rows::<3>(STATE_COLUMNS).into())
+            }
             _ => body.clone(),
         };
         let palm = if self.columns.palm { palm + step.fixed_rows::<3>(P - 5) } else { *palm };

@@ -97,7 +97,9 @@ pub enum ObserveError {
         least: usize,
     },
     /// A window in which gravity moves nothing.
-    #[error("the contacts span {duration:.4} s, too short to see anything: at least {least:.4} s are needed, {good:.2} s are good")]
+    #[error(
+        "the contacts span {duration:.4} s, too short to see anything: at least {least:.4} s are needed, {good:.2} s are good"
+    )]
     TooShort {
         /// s.
         duration: f64,
@@ -214,7 +216,8 @@ fn polish(unknowns: &Unknowns, coarse: &Readings, track: &track::Track, fine: &t
     let shift = fine.centre_time - track.centre_time;
     debug_assert!(shift.abs() <= coarse.dt, "both middles are within a block");
     let felt = track.forward.first().map_or(Vector3::zeros(), |leap| leap.felt[0]) + point.palm;
-    point.state = super::mechanics::Model { body: &point.body, spin: unknowns.spin }.step(&point.state, &[felt; 3], shift);
+    point.state =
+        super::mechanics::Model { body: &point.body, spin: unknowns.spin }.step(&point.state, &[felt; 3], shift);
     let ranks = fine.ranks_max();
     let effort = Effort { ranks, iterations: 40, enough: [1e-12, 1e-4], palm_sigma: f64::INFINITY };
     let fit = unknowns.fit(fine, point, &effort);

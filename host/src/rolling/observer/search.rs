@@ -218,7 +218,8 @@ impl Ground<'_> {
         let mut starts: Vec<Candidate> = Vec::new();
         for candidate in candidates {
             let known = |start: &Candidate| {
-                start.body == candidate.body && self.differ(&self.bodies[start.body], &start.state, &candidate.state) < SAME_START
+                start.body == candidate.body
+                    && self.differ(&self.bodies[start.body], &start.state, &candidate.state) < SAME_START
             };
             if starts.len() < count && !starts.iter().any(known) {
                 starts.push(candidate);

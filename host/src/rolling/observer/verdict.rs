@@ -236,7 +236,13 @@ impl Solution {
         let [a, b] = [self, other].map(|solution| solution.fit.point.state.attitude());
         let apart = |turn: &UnitQuaternion<f64>| {
             let angle = a.angle_to(&(b * turn));
-            let axes = |solution: &Self| if let Shape::Ellipsoid(shape) = solution.fit.point.body.shape() { Vector3::from(shape.semi_axes) } else { Vector3::zeros() };
+            let axes = |solution: &Self| {
+                if let Shape::Ellipsoid(shape) = solution.fit.point.body.shape() {
+                    Vector3::from(shape.semi_axes)
+                } else {
+                    Vector3::zeros()
+                }
+            };
             let renamed = (turn.inverse() * axes(other)).abs();
             angle + (axes(self) - renamed).norm() / axes(self).norm()
         };

@@ -1,8 +1,8 @@
 //! The kinds of problem, one module each.
 
 pub mod initial_pose;
-pub mod observability;
 pub mod inscription;
+pub mod observability;
 pub mod observe_push;
 pub mod observe_roll;
 pub mod push;
