@@ -23,17 +23,17 @@ struct Stage {
 impl Stage {
     /// A stage with these stand-ins; each notes its arguments and then does what its script says.
     fn new(programs: &[(&str, &str)]) -> Self {
-        let stage = Self { folder: tempfile::tempdir().unwrap() };
+        let stage = Self { folder: tempfile::tempdir().expect("a folder") };
         for program in SHELL {
             let place = ["/bin", "/usr/bin"].map(|folder| Path::new(folder).join(program));
             let found = place.iter().find(|path| path.exists()).expect("a shell");
-            std::os::unix::fs::symlink(found, stage.folder.path().join(program)).unwrap();
+            std::os::unix::fs::symlink(found, stage.folder.path().join(program)).expect("the folder takes it");
         }
         for (name, script) in programs {
             let (path, calls) = (stage.folder.path().join(name), stage.folder.path().join("calls"));
             let text = format!("#!/bin/sh\necho \"{name} $*\" >> '{}'\n{script}\n", calls.display());
-            fs::write(&path, text).unwrap();
-            fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).unwrap();
+            fs::write(&path, text).expect("the folder takes it");
+            fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).expect("the folder takes it");
         }
         stage
     }
@@ -44,8 +44,8 @@ impl Stage {
         let mut programs = vec![("rustc", rustc), ("cargo", "exit 0")];
         programs.extend(more);
         let stage = Self::new(&programs);
-        fs::create_dir(stage.folder.path().join("lib")).unwrap();
-        fs::write(stage.folder.path().join("lib/libcore-0.rlib"), "").unwrap();
+        fs::create_dir(stage.folder.path().join("lib")).expect("the folder takes it");
+        fs::write(stage.folder.path().join("lib/libcore-0.rlib"), "").expect("the folder takes it");
         stage
     }
 

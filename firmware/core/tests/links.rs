@@ -31,11 +31,11 @@ impl Host {
     }
 
     fn outcomes(&self, id: CommandId) -> Vec<&Outcome> {
-        let outcome = |message| match message {
+        let replies = self.messages.iter().filter_map(|message| match message {
             FromDevice::Reply(reply) if reply.id == id => Some(&reply.outcome),
             _ => None,
-        };
-        self.messages.iter().filter_map(outcome).collect()
+        });
+        replies.collect()
     }
 
     /// First number and length of each block.
