@@ -6,8 +6,6 @@
 //! Assumes: the contact lasts. Where it would not, shows in the path's [`Walls`].
 //! Frames: world. Units: SI, forces per unit mass. Errors: none; a motion without a physical force is no path.
 
-use nalgebra::Vector2;
-
 use super::clock::Clock;
 use super::observation::{Known, Touch};
 use crate::pushing::{Contact, Edge, Motion, PushModel, Scalar, Slip, State};
@@ -387,9 +385,4 @@ fn quintic<T: Scalar>(from: &Now<T>, to: &Now<T>, length: f64, x: f64) -> T {
         + to.state.omega * (length * (-4.0 * x3 + 7.0 * x4 - 3.0 * x5))
         + from.motion.rates.omega * (length * length * 0.5 * (x2 - 3.0 * x3 + 3.0 * x4 - x5))
         + to.motion.rates.omega * (length * length * 0.5 * (x3 - 2.0 * x4 + x5))
-}
-
-/// The finger's speed into the part at a contact angle, m/s.
-pub(super) fn speed_into(known: &Known, time: f64, u: f64) -> f64 {
-    Vector2::from(known.finger.velocity(time)).dot(&Vector2::new(u.cos(), u.sin()))
 }

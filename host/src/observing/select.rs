@@ -256,19 +256,30 @@ fn covariance(fitting: &Fitting, descent: &Descent) -> Option<Matrix3<f64>> {
     if unknown || !contact.iter().all(|c| c.is_finite()) {
         return None;
     }
-    let by_contact = pose_by_contact(fitting, descent);
-    Some(by_contact * contact * by_contact.transpose())
+    Some(pose_covariance(fitting, descent, &contact))
 }
 
-/// Derivatives of the pose at the end by angle and place of the contact.
-fn pose_by_contact(fitting: &Fitting, descent: &Descent) -> Matrix3x2<f64> {
+/// That of the pose at the end from that of the contact's angle and place, to second order.
+///
+/// The part touches the disk, so to first order the pose has two freedoms, and this would be a singular matrix. What the curved
+/// motions add, however little, makes it invertible.
+fn pose_covariance(fitting: &Fitting, descent: &Descent, contact: &Matrix2<f64>) -> Matrix3<f64> {
     let Descent { candidate, evaluation, .. } = descent;
+    let time = fitting.data.duration();
     let model = fitting.known.model(candidate.site.edge);
     let (sin, cos) = evaluation.end.u.sin_cos();
-    let [x, y, _] = pose(&model, evaluation.start.u, fitting.data.duration(), &evaluation.end);
+    let [x, y, _] = pose(&model, evaluation.start.u, time, &evaluation.end);
+    let arm = Vector2::new(x, y) - fitting.known.finger.centre(time).coords;
     // The part turns about the disk's centre with the angle, and moves along the tangent with the place.
-    let centre = fitting.known.finger.centre(fitting.data.duration());
-    Matrix3x2::new(centre.y - y, -sin, x - centre.x, cos, 1.0, 0.0)
+    let slopes = Matrix3x2::new(-arm.y, -sin, arm.x, cos, 1.0, 0.0);
+    let bends = [Matrix2::new(-arm.x, -cos, -cos, 0.0), Matrix2::new(-arm.y, -sin, -sin, 0.0)];
+    let mut covariance = slopes * contact * slopes.transpose();
+    for (i, a) in bends.iter().enumerate() {
+        for (j, b) in bends.iter().enumerate() {
+            covariance[(i, j)] += 0.5 * (a * contact * b * contact).trace();
+        }
+    }
+    covariance
 }
 
 /// Laplace's approximation of the probability of the data, up to a factor that all hypotheses share.
