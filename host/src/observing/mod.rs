@@ -16,11 +16,11 @@
 //! - all candidates go down side by side, and those that cannot come near the best are given up early: see `select`.
 //!
 //! In reading order: [`Known`], [`Observation`], [`Estimate`] (`observation`); `data`; `sites`: where the disk can touch; `launch`:
-//! how a push can begin; `clock`, `path`: simulation; `fit`; `manifold`, `seed`; `select`, `chi_square`: the judgement.
+//! how a push can begin; `clock`, `path`: simulation; `fit`; `manifold`, `seed`; `select`: the judgement; `planning`: what to do
+//! next.
 //!
 //! Implements: MAP estimation in place of the observers of thesis chapters 5 and 6. Frames: world, unless named. Units: SI.
 
-mod chi_square;
 mod clock;
 mod data;
 mod fit;
@@ -28,6 +28,7 @@ mod launch;
 mod manifold;
 mod observation;
 mod path;
+pub mod planning;
 mod seed;
 mod select;
 mod sites;

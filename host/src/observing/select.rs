@@ -10,7 +10,6 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix4, Vector2};
 
-use super::chi_square::quantile;
 use super::clock::Fineness;
 use super::data::Data;
 use super::fit::{Candidate, Descent, Fitting};
@@ -18,6 +17,7 @@ use super::launch::{Begin, UNKNOWNS};
 use super::observation::{Estimate, Fit, Hypothesis, Known, Observation, pose};
 use super::seed::seeds;
 use super::sites::sites;
+use crate::statistics::chi_square_quantile;
 
 /// Costs up to this above the best belong to the set. Fixed by the interface.
 pub(super) const GATE: f64 = 16.0;
@@ -168,7 +168,7 @@ fn conclude(fitting: &Fitting, descents: Vec<Descent>, begins: usize) -> Estimat
     };
     let cost = possible.first().map(|best| best.evaluation.cost);
     let degrees_of_freedom = possible.first().map_or(fitting.data.terms(), degrees);
-    let fit = Fit { cost, degrees_of_freedom, cost_max: quantile(FIT_PROBABILITY, degrees_of_freedom) };
+    let fit = Fit { cost, degrees_of_freedom, cost_max: chi_square_quantile(FIT_PROBABILITY, degrees_of_freedom) };
     let Some(best) = cost.filter(|cost| *cost <= fit.cost_max.max(COST_OF_NO_DATA)) else {
         return Estimate { hypotheses: Vec::new(), fit };
     };

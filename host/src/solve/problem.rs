@@ -18,6 +18,7 @@ pub const KINDS: Registry = Registry::new(&[
     Kind::of::<kinds::support_friction::SupportFriction>(),
     Kind::of::<kinds::push::Push>(),
     Kind::of::<kinds::observe_push::ObservePush>(),
+    Kind::of::<kinds::roll::Roll>(),
 ]);
 
 /// One kind of problem.

@@ -2,4 +2,5 @@
 
 pub mod observe_push;
 pub mod push;
+pub mod roll;
 pub mod support_friction;
