@@ -15,7 +15,8 @@ use super::data::Data;
 use super::fit::{Candidate, Descent, Fitting};
 use super::launch::{Begin, UNKNOWNS};
 use super::observation::{Estimate, Fit, Hypothesis, Known, Observation, pose};
-use super::seed::seeds;
+use super::path::Site;
+use super::seed::{Width, seeds};
 use super::sites::sites;
 use crate::statistics::chi_square_quantile;
 
@@ -32,6 +33,10 @@ const FIT_PROBABILITY: f64 = 0.999;
 /// fine before it is known where they matter.
 const SIGMA_FIRST: f64 = 1e-3;
 
+/// From there to the data's own standard deviation by steps of this: where little is known, minima lie in valleys that grow
+/// narrow as it falls, and are followed rather than looked for.
+const SIGMA_RATIO: f64 = 10.0;
+
 /// Step over the time in which friction forgets speed, for a standard deviation of [`SIGMA_OF_SHARE`]; finer as its fourth root,
 /// like the error of the steps.
 const SHARE: f64 = 0.9;
@@ -43,8 +48,13 @@ const SHARE_MAX: f64 = 1.0;
 /// Error of angles after a start from rest, in standard deviations.
 const REST_ERROR: f64 = 0.05;
 
+/// Steps are halved at most so often, as long as costs change by more than [`ROUGH`].
+const FINER_MAX: i32 = 3;
+/// See [`FINER_MAX`].
+const ROUGH: f64 = 0.3;
+
 /// Rounds of descent: a step each.
-const ROUNDS_MAX: usize = 40;
+const ROUNDS_MAX: usize = 60;
 
 /// A descent whose next step promises less is over.
 const PROMISE_NONE: f64 = 1e-3;
@@ -75,24 +85,85 @@ const CURVATURE_NONE: f64 = 1e-9;
 /// Every pose and motion that explains an observation.
 #[must_use]
 pub fn estimate(known: &Known, observation: &Observation) -> Estimate {
-    let data = Data::new(observation);
-    let sigma = data.sigma_min();
-    let (sites, begins) = (sites(known.part, known.finger.radius), Begin::all(known));
-    let first = fitting(known, observation, data.with_sigma_floor(SIGMA_FIRST), sigma.max(SIGMA_FIRST));
-    let candidates = seeds(&first, &sites, &begins);
-    let mut descents = descend_together(&first, &candidates);
-    let last = if sigma < SIGMA_FIRST { fitting(known, observation, data, sigma) } else { first };
-    if sigma < SIGMA_FIRST {
-        let candidates: Vec<_> = descents.iter().map(|descent| descent.candidate).collect();
-        descents = descend_together(&last, &candidates);
+    let task = Task {
+        known,
+        observation,
+        data: Data::new(observation),
+        sites: sites(known.part, known.finger.radius),
+        begins: Begin::all(known),
+    };
+    let mut minima = task.minima(Width::Narrow);
+    let fits = |minima: &[Descent]| {
+        let terms = task.data.terms();
+        minima.iter().any(|descent| descent.evaluation.cost <= chi_square_quantile(FIT_PROBABILITY, terms))
+    };
+    let mut searched = Width::Narrow;
+    if !fits(&minima) {
+        (minima, searched) = (task.minima(Width::Wide), Width::Wide);
     }
-    conclude(&last, descents, begins.len())
+    let found = task.conclude(minima);
+    // A good fit to coarse data may be none to exact ones.
+    match (found.hypotheses.is_empty(), searched) {
+        (true, Width::Narrow) => task.conclude(task.minima(Width::Wide)),
+        _ => found,
+    }
 }
 
-fn fitting<'a, 'p>(known: &'a Known<'p>, observation: &Observation, data: Data, sigma: f64) -> Fitting<'a, 'p> {
-    let share = (SHARE * (sigma / SIGMA_OF_SHARE).powf(0.25)).min(SHARE_MAX);
-    let fineness = Fineness { share, on_values: false };
-    Fitting::new(known, data, observation.prior, fineness, REST_ERROR * sigma)
+/// What all steps of an estimate need.
+struct Task<'a, 'p> {
+    known: &'a Known<'p>,
+    observation: &'a Observation,
+    data: Data,
+    sites: Vec<Site>,
+    begins: Vec<Begin>,
+}
+
+impl<'a, 'p> Task<'a, 'p> {
+    /// The minima of the cost at the standard deviation to begin with.
+    fn minima(&self, width: Width) -> Vec<Descent> {
+        let fitting = self.fitting(self.data.sigma_min().max(SIGMA_FIRST), 1.0);
+        let candidates = seeds(&fitting, &self.sites, &self.begins, width);
+        descend_together(&fitting, &candidates)
+    }
+
+    /// With angles of at least a standard deviation and steps fine enough for it, or finer by a factor.
+    fn fitting(&self, sigma: f64, factor: f64) -> Fitting<'a, 'p> {
+        let share = factor * (SHARE * (sigma / SIGMA_OF_SHARE).powf(0.25)).min(SHARE_MAX);
+        let fineness = Fineness { share, on_values: false };
+        let data = self.data.with_sigma_floor(sigma);
+        Fitting::new(self.known, data, self.observation.prior, fineness, REST_ERROR * factor * sigma)
+    }
+
+    /// Follows minima to the data as they are, and judges them.
+    fn conclude(&self, mut minima: Vec<Descent>) -> Estimate {
+        let (least, mut sigma) = (self.data.sigma_min(), SIGMA_FIRST);
+        while sigma > least {
+            sigma = (sigma / SIGMA_RATIO).max(least);
+            minima = again(&self.fitting(sigma, 1.0), &minima);
+        }
+        let mut last = self.fitting(least, 1.0);
+        for power in 1..=FINER_MAX {
+            let finer = self.fitting(least, 0.5_f64.powi(power));
+            if !minima.iter().any(|descent| is_rough(&finer, descent)) {
+                break;
+            }
+            minima = again(&finer, &minima);
+            last = finer;
+        }
+        judge_all(&last, &minima, self.begins.len())
+    }
+}
+
+/// Descents that go on from where others ended.
+fn again(fitting: &Fitting, descents: &[Descent]) -> Vec<Descent> {
+    let candidates: Vec<_> = descents.iter().map(|descent| descent.candidate).collect();
+    descend_together(fitting, &candidates)
+}
+
+/// Whether finer steps see another cost.
+fn is_rough(finer: &Fitting, descent: &Descent) -> bool {
+    let cost = finer.cost(&descent.candidate);
+    cost.is_none_or(|cost| (cost - descent.evaluation.total()).abs() > ROUGH)
 }
 
 /// Takes all candidates down, and gives up those that cannot come near the best.
@@ -158,7 +229,7 @@ fn onto_walls(fitting: &Fitting, descent: &Descent) -> Option<Descent> {
 }
 
 /// Judges the minima.
-fn conclude(fitting: &Fitting, descents: Vec<Descent>, begins: usize) -> Estimate {
+fn judge_all(fitting: &Fitting, descents: &[Descent], begins: usize) -> Estimate {
     let mut possible: Vec<_> = descents.iter().filter_map(|descent| onto_walls(fitting, descent)).collect();
     possible.sort_by(|a, b| a.evaluation.cost.total_cmp(&b.evaluation.cost));
     let degrees = |descent: &Descent| {
@@ -287,7 +358,7 @@ fn log_evidence(fitting: &Fitting, descent: &Descent, begins: usize) -> f64 {
     let Descent { candidate, evaluation, .. } = descent;
     let mut information = descent.evaluation.information;
     let unknowns = candidate.begin.unknowns();
-    let bounds = fitting.bounds(&candidate.site);
+    let bounds = fitting.bounds(candidate);
     let sigmas = [None, None, fitting.prior.omega0_sigma, fitting.prior.v_t0_sigma];
     let mut log_prior = -super::clock::count(begins).ln();
     for i in 0..UNKNOWNS {

@@ -101,7 +101,8 @@ fn try_case(case: &Case) -> Outcome {
     let estimate: Estimate = estimate(&known, &case.observation());
     let tolerance = if case.sigma > 0.0 { NOISY } else { EXACT };
     let right = |hypothesis: &Hypothesis| case.is_truth(hypothesis, tolerance);
-    let false_members = estimate.hypotheses.iter().filter(|hypothesis| !case.reproduces(hypothesis, REPRODUCED)).count();
+    let false_members =
+        estimate.hypotheses.iter().filter(|hypothesis| !case.reproduces(hypothesis, REPRODUCED)).count();
     Outcome {
         ambiguous: rivals::nearest(case) < CLEAR,
         first: estimate.hypotheses.first().is_some_and(right),

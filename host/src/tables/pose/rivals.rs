@@ -70,17 +70,6 @@ fn rivals_on(case: &Case, edge: usize) -> Vec<f64> {
     costs
 }
 
-fn states<'a>(
-    model: &'a PushModel<'_>,
-    contact: &'a Contact,
-    start: &State,
-    dt: f64,
-    count: usize,
-) -> impl Iterator<Item = State> + 'a {
-    let first = *start;
-    std::iter::once(first).chain(model.rollout(contact, start, dt)).step_by(STEPS).take(count)
-}
-
 fn step(case: &Case) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "2")]
     let steps = STEPS as f64;
@@ -88,7 +77,7 @@ fn step(case: &Case) -> f64 {
 }
 
 fn plain_cost(case: &Case, model: &PushModel, contact: &Contact, start: &State) -> f64 {
-    let path = states(model, contact, start, step(case), case.angles.len());
+    let path = std::iter::once(*start).chain(model.rollout(contact, start, step(case))).step_by(STEPS);
     path.zip(&case.angles).map(|(state, angle)| (state.u - angle).powi(2)).sum()
 }
 

@@ -72,14 +72,14 @@ impl Case {
         let edge_index = draw.index(part.polygon().vertices().len());
         let edge = part.edge(edge_index).ok()?;
         // Sliding lasts only where the finger goes along.
-        let along = if kind == Kind::Sliding { draw.uniform(0.08, 0.20) * if draw.chance(0.5) { 1.0 } else { -1.0 } } else { 0.0 };
-        let acceleration = if draw.chance(0.5) { 0.025 } else { 0.0 };
-        let finger = Finger {
-            radius: 0.01,
-            centre0: [0.0; 2],
-            velocity0: [along, 0.05],
-            acceleration: [0.0, acceleration],
+        let along = if kind == Kind::Sliding {
+            draw.uniform(0.08, 0.20) * if draw.chance(0.5) { 1.0 } else { -1.0 }
+        } else {
+            0.0
         };
+        let acceleration = if draw.chance(0.5) { 0.025 } else { 0.0 };
+        let finger =
+            Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [along, 0.05], acceleration: [0.0, acceleration] };
         let s = draw.uniform(edge.s_min, edge.s_max);
         let u = FRAC_PI_2 + draw.uniform(-0.3, 0.3);
         let omega = PRIOR.0 * draw.normal();
@@ -131,9 +131,8 @@ impl Case {
     /// Whether a hypothesis has the true edge, and its end is within tolerances (m, rad).
     pub(super) fn is_truth(&self, hypothesis: &Hypothesis, (place, turn): (f64, f64)) -> bool {
         let end = self.end();
-        let centroid = |position: Point2<f64>, theta: f64| {
-            position + Rotation2::new(theta) * self.part.centre_of_mass().coords
-        };
+        let centroid =
+            |position: Point2<f64>, theta: f64| position + Rotation2::new(theta) * self.part.centre_of_mass().coords;
         let [x, y, theta] = hypothesis.pose_end;
         let off = centroid(Point2::new(x, y), theta) - centroid(end.position, end.theta);
         hypothesis.edge == self.edge
