@@ -19,11 +19,17 @@
 //! how a push can begin; `clock`, `path`: simulation; `fit`; `manifold`, `seed`; `select`: the judgement; `planning`: what to do
 //! next.
 //!
-//! Implements: MAP estimation in place of the observers of thesis chapters 5 and 6. Frames: world, unless named. Units: SI.
+//! The thesis's own observers are beside it: [`Gho`], with one for each edge in [`observe_gho`]; and [`RestingPush`], the pose
+//! before a push from rest, with [`Table`], looked up instead of simulated.
+//!
+//! Implements: MAP estimation beside the observers of thesis chapters 5 and 6. Frames: world, unless named. Units: SI.
 
 mod clock;
 mod data;
 mod fit;
+mod gho;
+mod gho_bank;
+mod initial_pose;
 mod launch;
 mod manifold;
 mod observation;
@@ -33,5 +39,8 @@ mod seed;
 mod select;
 mod sites;
 
+pub use gho::{Gho, GhoSettings};
+pub use gho_bank::{Felt, GhoRun, observe_gho};
+pub use initial_pose::{InitialPoseError, Object, RestingPose, RestingPoses, RestingPush, Table, TimedContact};
 pub use observation::{Channel, Estimate, Fit, Hypothesis, Known, Measured, Observation, Prior, Touch};
 pub use select::estimate;

@@ -14,7 +14,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
-use num_dual::{DualNum, DualSVec64};
+use num_dual::DualNum;
 
 /// A number that formulas of a shape are written for: `f64`, or one that carries derivatives.
 pub trait Real: DualNum<f64> + Copy {}
@@ -367,9 +367,6 @@ impl PartialEq for Custom {
         Arc::ptr_eq(&self.0, &other.0)
     }
 }
-
-/// A dual number with as many derivatives as an attitude and an angular velocity have components.
-pub(super) type Dual6 = DualSVec64<6>;
 
 #[cfg(test)]
 mod tests {

@@ -22,6 +22,7 @@ pub struct Roll {
     /// State at t = 0.
     pub initial: Initial,
     /// Of the palm; null for a palm at rest or at constant velocity.
+    #[serde(deserialize_with = "Option::deserialize")]
     pub palm_acceleration: Option<Acceleration>,
     /// When to sample, s. The run ends at the last, or with the lift-off.
     pub times: Times,
