@@ -7,8 +7,7 @@
 //!
 //! Frames: world. Units: SI; costs of no dimension. Errors: none; unknowns that lead to no motion have no evaluation.
 
-use nalgebra::{Const, Matrix2x4, Matrix4, SMatrix, SVector, Vector2, Vector4};
-use num_dual::DualSVec64;
+use nalgebra::{Matrix4, SMatrix, SVector, Vector2, Vector4};
 
 use super::clock::{Clock, Fineness};
 use super::data::Data;
@@ -16,7 +15,7 @@ use super::launch::{Begin, UNKNOWNS, Unknowns, Variable, launch, rest_span};
 use super::observation::{Channel, Known, Prior, Touch};
 use super::path::{Seen, Site, WALLS, follow, plain_contact, plain_state};
 use crate::geometry::angle::wrap_angle;
-use crate::pushing::{Contact, Scalar, State};
+use crate::pushing::{Contact, Jet, Scalar, State};
 
 /// |ω| at t = 0 at most, where there is no prior, rad/s. Fixed by the interface.
 const OMEGA0_MAX: f64 = 10.0;
@@ -108,8 +107,8 @@ pub(super) struct Evaluation {
     pub(super) start: State,
     /// At t = 0.
     pub(super) contact_start: Contact,
-    /// Derivatives of u and s at the end by the unknowns.
-    pub(super) end_by_start: Matrix2x4<f64>,
+    /// Derivatives of the state at the end by the unknowns.
+    pub(super) end_by_start: Matrix4<f64>,
     /// The most that a wall gave way: in [`WALL_GIVES`].
     pub(super) overrun: f64,
 }
@@ -143,10 +142,10 @@ impl<const N: usize> Sums<N> {
         Self { cost: 0.0, gradient: SVector::zeros(), curvature: SMatrix::zeros() }
     }
 
-    fn add(&mut self, residual: DualSVec64<N>) {
-        let slope = residual.eps.unwrap_generic(Const, Const);
-        self.cost += residual.re * residual.re;
-        self.gradient += slope * residual.re;
+    fn add(&mut self, residual: Jet<N>) {
+        let slope = SVector::from(residual.slopes);
+        self.cost += residual.value * residual.value;
+        self.gradient += slope * residual.value;
         self.curvature += slope * slope.transpose();
     }
 }
@@ -209,7 +208,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
 
     fn evaluate_with<const N: usize>(&self, candidate: &Candidate) -> Option<Evaluation> {
         let Candidate { site, begin, unknowns } = candidate;
-        let launch = launch::<DualSVec64<N>>(self.known, site, *begin, unknowns, self.rest_span)?;
+        let launch = launch::<Jet<N>>(self.known, site, *begin, unknowns, self.rest_span)?;
         let mut sums = Sums::<N>::new();
         let path = follow(self.known, site, &launch, &self.clock, |value, seen| {
             self.residuals(value, &seen, |residual| sums.add(residual));
@@ -219,7 +218,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
         let [low, high, push, cone, slip] = self.wall_residuals(&path.walls);
         let walls = [low, high, push, cone, slip, self.fast(*begin, &launch.state)];
         walls.iter().for_each(|residual| sums.add(*residual));
-        let slopes = |value: &DualSVec64<N>| widened_row(&value.eps.unwrap_generic(Const, Const));
+        let slopes = |value: &Jet<N>| widened_row(&SVector::from(value.slopes));
         let evaluation = Evaluation {
             cost,
             penalty: sums.cost - cost,
@@ -230,8 +229,10 @@ impl<'a, 'p> Fitting<'a, 'p> {
             contact_end: plain_contact(&path.contact),
             start: self.start(candidate, plain_state(&launch.state)),
             contact_start: plain_contact(&launch.contact),
-            end_by_start: Matrix2x4::from_rows(&[slopes(&path.end.u), slopes(&path.end.s)]),
-            overrun: walls.iter().map(|wall| wall.re.abs()).fold(0.0, f64::max) / self.wall_stiffness,
+            end_by_start: Matrix4::from_rows(
+                &[path.end.u, path.end.s, path.end.omega, path.end.v_t].map(|value| slopes(&value)),
+            ),
+            overrun: walls.iter().map(|wall| wall.value.abs()).fold(0.0, f64::max) / self.wall_stiffness,
         };
         evaluation.total().is_finite().then_some(evaluation)
     }
@@ -252,13 +253,13 @@ impl<'a, 'p> Fitting<'a, 'p> {
             add((u - values[value]) / *sigma);
         }
         if let Some(Channel { values, sigma }) = direction {
-            let off = u - tangential_force.atan2(normal_force) - values[value];
+            let off = u - direction_of(normal_force, tangential_force) - values[value];
             // Whole turns do not count.
             add((off - (off.re() - wrap_angle(off.re()))) / *sigma);
         }
         if let Some(Channel { values, sigma }) = log_magnitude {
             let squared = normal_force * normal_force + tangential_force * tangential_force;
-            add((squared.ln() * 0.5 - values[value]) / *sigma);
+            add((ln(squared) * 0.5 - values[value]) / *sigma);
         }
     }
 
@@ -369,6 +370,20 @@ impl<'a, 'p> Fitting<'a, 'p> {
         // A place or angle at its limit is still uncertain by what the data say.
         std::array::from_fn(|i| i < begin.unknowns() && (i < 2 || !held[i]))
     }
+}
+
+/// Angle of a vector, rad.
+fn direction_of<T: Scalar>(x: T, y: T) -> T {
+    let (x_re, y_re) = (x.re(), y.re());
+    let squared = x_re * x_re + y_re * y_re;
+    // What is left of a number without its value are its derivatives.
+    T::from(y_re.atan2(x_re)) + (y - y_re) * (x_re / squared) - (x - x_re) * (y_re / squared)
+}
+
+/// Natural logarithm.
+fn ln<T: Scalar>(x: T) -> T {
+    let value = x.re();
+    (x - value) / value + value.ln()
 }
 
 fn widened<const N: usize>(matrix: &SMatrix<f64, N, N>) -> Matrix4<f64> {

@@ -9,12 +9,11 @@
 //!
 //! Frames: world. Units: SI. Errors: none; a start without a pushing force is none.
 
-use nalgebra::{Const, Vector2};
-use num_dual::{Derivative, DualSVec64};
+use nalgebra::Vector2;
 
 use super::observation::{Known, Touch};
 use super::path::{Launch, Site, lifted, without_slip};
-use crate::pushing::{Contact, PushModel, RestStart, Scalar, Slip, State};
+use crate::pushing::{Contact, Jet, PushModel, RestStart, Scalar, Slip, State};
 
 /// Numbers of unknowns that a hypothesis can have at most.
 pub(super) const UNKNOWNS: usize = 4;
@@ -79,13 +78,9 @@ impl Variable for f64 {
     }
 }
 
-impl<const N: usize> Variable for DualSVec64<N> {
+impl<const N: usize> Variable for Jet<N> {
     fn variable(value: f64, index: usize) -> Self {
-        if index < N {
-            Self::new(value, Derivative::derivative_generic(Const, Const, index))
-        } else {
-            Self::from_re(value)
-        }
+        Self::variable(value, index)
     }
 }
 

@@ -232,7 +232,9 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
         let (mut cone, mut slipping) = (never, never);
         match (contact, self.touch) {
             (Contact::Rolling, Touch::Rolling { friction: Some(friction) }) => {
-                cone = motion.normal_force * friction - motion.tangential_force.abs();
+                let along = motion.tangential_force;
+                let along = if along.re() < 0.0 { -along } else { along };
+                cone = motion.normal_force * friction - along;
             }
             (Contact::Sliding { slip, .. }, Touch::Sliding { .. }) => {
                 slipping = self.model.slip(*time, state) * slip.sign();
@@ -354,8 +356,8 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
         // No length of its own, only derivatives: how the instant moves with the start.
         let later = -(fading - fading.re()) / rate;
         let after = self.model.motion(&contact, time, &state).rates;
-        state.omega += (before.motion.rates.omega - after.omega) * later;
-        state.v_t += (before.motion.rates.v_t - after.v_t) * later;
+        state.omega = state.omega + (before.motion.rates.omega - after.omega) * later;
+        state.v_t = state.v_t + (before.motion.rates.v_t - after.v_t) * later;
         self.at(time, state, contact)
     }
 

@@ -45,6 +45,9 @@ const SIGMA_OF_SHARE: f64 = 2e-3;
 /// Steps that keep the slowest parts stable.
 const SHARE_MAX: f64 = 1.0;
 
+/// Standard deviation of what the last, finer steps leave, over that of a value: they are chosen by it.
+const STEP_ERROR: f64 = 1e-3;
+
 /// Error of angles after a start from rest, in standard deviations.
 const REST_ERROR: f64 = 0.05;
 
@@ -143,12 +146,15 @@ impl<'a, 'p> Task<'a, 'p> {
         }
         let mut last = self.fitting(least, 1.0);
         for power in 1..=FINER_MAX {
-            let finer = self.fitting(least, 0.5_f64.powi(power));
-            if !minima.iter().any(|descent| is_rough(&finer, descent)) {
-                break;
+            last = self.fitting(least, 0.5_f64.powi(power));
+            let finer: Option<Vec<_>> = minima.iter().map(|descent| polished(&last, descent)).collect();
+            match finer {
+                Some(finer) => {
+                    minima = finer;
+                    break;
+                }
+                None => minima = again(&last, &minima),
             }
-            minima = again(&finer, &minima);
-            last = finer;
         }
         judge_all(&last, &minima, self.begins.len())
     }
@@ -160,10 +166,12 @@ fn again(fitting: &Fitting, descents: &[Descent]) -> Vec<Descent> {
     descend_together(fitting, &candidates)
 }
 
-/// Whether finer steps see another cost.
-fn is_rough(finer: &Fitting, descent: &Descent) -> bool {
-    let cost = finer.cost(&descent.candidate);
-    cost.is_none_or(|cost| (cost - descent.evaluation.total()).abs() > ROUGH)
+/// A step further down with finer steps; none if those see another cost.
+fn polished(finer: &Fitting, descent: &Descent) -> Option<Descent> {
+    let mut polished = finer.descend(descent.candidate)?;
+    let rough = (polished.evaluation.total() - descent.evaluation.total()).abs() > ROUGH;
+    finer.improve(&mut polished);
+    (!rough).then_some(polished)
 }
 
 /// Takes all candidates down, and gives up those that cannot come near the best.
@@ -283,6 +291,7 @@ fn judge(fitting: &Fitting, descent: &Descent, begins: usize) -> Judged {
     let Descent { candidate, evaluation, .. } = descent;
     let (site, time) = (candidate.site, fitting.data.duration());
     let model = fitting.known.model(site.edge);
+    let state_covariance = state_covariance(fitting, descent);
     let hypothesis = Hypothesis {
         edge: site.index,
         start: evaluation.start,
@@ -291,7 +300,9 @@ fn judge(fitting: &Fitting, descent: &Descent, begins: usize) -> Judged {
         contact_end: evaluation.contact_end,
         pose_end: pose(&model, evaluation.start.u, time, &evaluation.end),
         velocity_end: Vector2::from(model.velocity(&evaluation.contact_end, time, &evaluation.end)),
-        covariance: covariance(fitting, descent),
+        covariance: state_covariance
+            .map(|state| pose_covariance(fitting, descent, &state.fixed_view::<2, 2>(0, 0).into())),
+        state_covariance,
         cost: evaluation.cost,
         probability: 0.0,
     };
@@ -309,8 +320,8 @@ fn information(fitting: &Fitting, descent: &Descent) -> Matrix4<f64> {
     information
 }
 
-/// That of the pose at the end; none where the data leave the place free.
-fn covariance(fitting: &Fitting, descent: &Descent) -> Option<Matrix3<f64>> {
+/// That of the state at the end; none where the data leave the place free.
+fn state_covariance(fitting: &Fitting, descent: &Descent) -> Option<Matrix4<f64>> {
     let Descent { candidate, evaluation, .. } = descent;
     let length = candidate.site.high - candidate.site.low;
     let mut information = information(fitting, descent);
@@ -322,12 +333,14 @@ fn covariance(fitting: &Fitting, descent: &Descent) -> Option<Matrix3<f64>> {
     for i in (0..UNKNOWNS).filter(|i| !fitting.free(descent)[*i]) {
         unknowns[(i, i)] = 0.0;
     }
-    let contact: Matrix2<f64> = evaluation.end_by_start * unknowns * evaluation.end_by_start.transpose();
-    let unknown = contact.m22.sqrt() > UNKNOWN_PLACE * length || contact.m11.sqrt() > UNKNOWN_PLACE;
-    if unknown || !contact.iter().all(|c| c.is_finite()) {
-        return None;
-    }
-    Some(pose_covariance(fitting, descent, &contact))
+    let mut covariance: Matrix4<f64> = evaluation.end_by_start * unknowns * evaluation.end_by_start.transpose();
+    let unknown = covariance.m22.sqrt() > UNKNOWN_PLACE * length || covariance.m11.sqrt() > UNKNOWN_PLACE;
+    // What steps leave, of the angle and, over the part's size, of the place.
+    let left = STEP_ERROR * fitting.data.sigma_min();
+    let radius = fitting.known.part.inertia_per_mass().sqrt();
+    covariance.m11 += left * left;
+    covariance.m22 += (left * radius).powi(2);
+    (!unknown && covariance.iter().all(|c| c.is_finite())).then_some(covariance)
 }
 
 /// That of the pose at the end from that of the contact's angle and place, to second order.
