@@ -7,6 +7,7 @@
 //!
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
 
+mod pose;
 pub mod random;
 
 use std::fmt;
@@ -15,7 +16,12 @@ use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
 /// The experiments, in the order of the thesis.
-pub const EXPERIMENTS: &[Experiment] = &[];
+pub const EXPERIMENTS: &[Experiment] = &[Experiment {
+    name: "pose",
+    title: "pose of a pushed part from contact angles, edge unknown: how often it is named",
+    cases: 200,
+    run: pose::run,
+}];
 
 /// An experiment that `palpate tables` can run.
 #[derive(Clone, Copy, Debug)]
