@@ -8,6 +8,7 @@ pub mod geometry;
 pub mod interrupt;
 pub mod link;
 pub mod live;
+pub mod observing;
 pub mod part_file;
 pub mod plot;
 pub mod push_picture;

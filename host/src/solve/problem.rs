@@ -14,8 +14,11 @@ use super::read::read;
 use super::{finite, kinds, schema, spelling};
 
 /// The kinds that `palpate solve` answers.
-pub const KINDS: Registry =
-    Registry::new(&[Kind::of::<kinds::support_friction::SupportFriction>(), Kind::of::<kinds::push::Push>()]);
+pub const KINDS: Registry = Registry::new(&[
+    Kind::of::<kinds::support_friction::SupportFriction>(),
+    Kind::of::<kinds::push::Push>(),
+    Kind::of::<kinds::observe_push::ObservePush>(),
+]);
 
 /// One kind of problem.
 ///
