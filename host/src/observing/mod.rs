@@ -2,6 +2,7 @@
 //!
 //! - [`Known`], [`Observation`]: what is known and what was felt; [`estimate`]: what that says; [`Estimate`].
 
+pub mod from_rest;
 mod observation;
 
 pub use observation::{Channel, Estimate, Fit, Hypothesis, Known, Measured, Observation, Prior, Touch};

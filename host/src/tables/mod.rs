@@ -7,6 +7,7 @@
 //!
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
 
+pub mod chain;
 pub mod random;
 
 use std::fmt;
@@ -15,7 +16,12 @@ use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
 /// The experiments, in the order of the thesis.
-pub const EXPERIMENTS: &[Experiment] = &[];
+pub const EXPERIMENTS: &[Experiment] = &[Experiment {
+    name: "chain",
+    title: "a part pushed from rest, its pose from the force on the finger, through the whole chain",
+    cases: 600,
+    run: chain::run,
+}];
 
 /// An experiment that `palpate tables` can run.
 #[derive(Clone, Copy, Debug)]
