@@ -23,7 +23,6 @@ use crate::geometry::SimplePolygon;
 use crate::link::session::Options;
 use crate::link::{LinkError, Session};
 use crate::live::{self, LinkSource, LiveError, SimulatedBench};
-use crate::observing::from_rest::FeltForce;
 use crate::push_plan::GRAVITY;
 use crate::push_sense::{PushSense, RestNoise};
 use crate::pushed_world::{Played, PushedWorld};
@@ -84,10 +83,6 @@ pub enum RigError {
     /// The finger was not at rest before the push.
     #[error("the simulated finger is not at rest")]
     Rest(#[from] TareError),
-    /// Nothing was felt.
-    #[error("the push was not felt: its force does not stand out of the noise")]
-    #[diagnostic(help("a heavier part, or less noise (--noise), makes it stand out"))]
-    NotFelt,
 }
 
 impl Rig {
@@ -115,11 +110,11 @@ impl Rig {
         &self.session
     }
 
-    /// Lets forces act on the finger after a while at rest, and gives what was felt up to `until` seconds after the onset.
+    /// Lets forces act on the finger after a while at rest, and feels them to their end.
     ///
     /// # Errors
     /// [`RigError`].
-    pub fn push(&mut self, course: ForceCourse, until: f64) -> Result<FeltForce, RigError> {
+    pub fn push(&mut self, course: ForceCourse) -> Result<PushSense, RigError> {
         let rest = RestNoise::estimate(&self.rest()?)?;
         let mut sense = PushSense::new(rest, Some(&self.fit.calibration));
         let duration = course.duration_s();
@@ -127,7 +122,7 @@ impl Rig {
         for reading in self.readings_until(begun_s + duration + AFTER_S)? {
             sense.push(&reading);
         }
-        sense.felt(until).ok_or(RigError::NotFelt)
+        Ok(sense)
     }
 
     fn rest(&mut self) -> Result<Vec<Reading>, RigError> {

@@ -212,6 +212,12 @@ impl PushSense {
         crossing.unwrap_or(begun) - RISE_TIME_S
     }
 
+    /// Time of the last reading, s.
+    #[must_use]
+    pub fn now(&self) -> f64 {
+        self.now
+    }
+
     /// When the push began, s.
     #[must_use]
     pub fn onset_time(&self) -> Option<f64> {

@@ -86,8 +86,9 @@ fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<Outcome, String> {
     };
     let finger_seed = seed.wrapping_mul(1_000_003).wrapping_add(number as u64);
     let duration = ranges.motion.duration();
-    let felt = Rig::start(finger_seed, 1.0, Line::Pipe).and_then(|mut rig| rig.push(drawn.played.course(), duration));
-    let felt = felt.map_err(|error| format!("case {number}: {error}"))?;
+    let sense = Rig::start(finger_seed, 1.0, Line::Pipe).and_then(|mut rig| rig.push(drawn.played.course()));
+    let sense = sense.map_err(|error| format!("case {number}: {error}"))?;
+    let felt = sense.felt(duration).ok_or_else(|| format!("case {number}: the push was not felt"))?;
     let known = Known { part: &part, grip: ranges.mu * GRAVITY, radius: RADIUS_M, motion: &ranges.motion };
     Ok(Outcome::new(&part, &drawn, &from_rest::estimate(&known, &felt)))
 }

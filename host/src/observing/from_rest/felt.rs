@@ -70,7 +70,8 @@ impl FeltForce {
     }
 
     /// How many windows there are.
-    pub(super) fn count(&self) -> usize {
+    #[must_use]
+    pub fn count(&self) -> usize {
         self.forces_finger.len()
     }
 

@@ -27,7 +27,7 @@ use nalgebra::{Isometry2, Matrix2x3, Matrix3};
 
 pub use felt::{CalibrationError, FeltForce, Uncertainty};
 use fit::{Problem, Tried, difference};
-use path::Course;
+use path::{Course, Guess};
 
 use crate::finger_motion::FingerMotion;
 use crate::pushing::{EdgeEnd, Part, Push, Start, ContactLaw};
@@ -49,6 +49,9 @@ const SAME_PLACE: (f64, f64) = (5e-4, 0.0175);
 
 /// Ends of fits nearer than this are the same minimum: m, rad.
 const ONE_MINIMUM: (f64, f64) = (2e-5, 2e-4);
+
+/// Fewest windows from which an answer is sought: there are up to four unknowns, and two numbers a window.
+pub const WINDOWS_MIN: usize = 4;
 
 /// What is known of a push beforehand.
 #[derive(Clone, Copy, Debug)]
@@ -154,6 +157,17 @@ pub fn estimate(known: &Known, felt: &FeltForce) -> Estimate {
     conclude(&problem, descend_all(&problem, starts), symmetry)
 }
 
+/// The same, sought only where an earlier answer from the beginning of the same push had found something: what was excluded then
+/// stays excluded.
+#[must_use]
+pub fn follow(known: &Known, felt: &FeltForce, earlier: &Estimate) -> Estimate {
+    let course = course(known, felt);
+    let problem = Problem { course: &course, felt };
+    let starts = earlier.hypotheses.iter().filter_map(|hypothesis| problem.try_guess(hypothesis.guess()));
+    let starts = starts.collect::<Vec<_>>();
+    conclude(&problem, descend_all(&problem, starts), earlier.symmetry)
+}
+
 fn course<'p>(known: &Known<'p>, felt: &FeltForce) -> Course<'p> {
     Course {
         part: known.part,
@@ -233,6 +247,10 @@ fn joined(hypotheses: Vec<Hypothesis>) -> Vec<Hypothesis> {
 }
 
 impl Hypothesis {
+    fn guess(&self) -> Guess {
+        Guess { edge: self.edge, u: self.u0, s: self.s0, mu_c: self.mu_c.unwrap_or(f64::INFINITY) }
+    }
+
     /// Covers another one too, of a greater cost.
     fn take_in(&mut self, other: &Self) {
         let share = other.probability / (self.probability + other.probability);
