@@ -2,8 +2,10 @@
 
 pub mod calibration;
 pub mod contact;
+pub mod demonstration;
 pub mod diagnosis;
 pub mod experiment;
+pub mod finger_motion;
 pub mod geometry;
 pub mod inscription;
 pub mod interrupt;
@@ -15,6 +17,8 @@ pub mod part_file;
 pub mod plot;
 pub mod push_picture;
 pub mod push_plan;
+pub mod push_sense;
+pub mod pushed_world;
 pub mod pushing;
 pub mod recording;
 pub mod rolling;

@@ -32,6 +32,7 @@ mod gho_bank;
 mod initial_pose;
 mod launch;
 mod manifold;
+pub mod from_rest;
 mod observation;
 mod path;
 pub mod planning;

@@ -1,12 +1,14 @@
 //! The thesis's experiments, run again: its numbers beside ours.
 //!
 //! An experiment draws random problems from a seed, solves them with the library and returns a [`Table`]. To add one:
-//! write `fn run(&Settings) -> Table` in a module of its own here, and list it in [`EXPERIMENTS`]. It says in
+//! write `fn run(&Settings) -> Table` in a module of its own here, describe it by an
+//! [`Experiment`] beside it, and list that in [`EXPERIMENTS`]. It says in
 //! `definitions` what was drawn and what counts as a success, and lists every case that failed, so that each can be
 //! looked at by itself: case `k` of a seed is always the same problem, whatever the number of cases.
 //!
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
 
+mod chain;
 mod pose;
 pub mod random;
 
@@ -16,12 +18,7 @@ use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
 /// The experiments, in the order of the thesis.
-pub const EXPERIMENTS: &[Experiment] = &[Experiment {
-    name: "pose",
-    title: "pose of a pushed part from contact angles, edge unknown: how often it is named",
-    cases: 200,
-    run: pose::run,
-}];
+pub const EXPERIMENTS: &[Experiment] = &[pose::EXPERIMENT, chain::EXPERIMENT];
 
 /// An experiment that `palpate tables` can run.
 #[derive(Clone, Copy, Debug)]

@@ -12,7 +12,7 @@ mod world;
 use crate::observing::{Estimate, Hypothesis, estimate};
 
 use self::world::{Case, Kind};
-use super::{Cell, Settings, Table};
+use super::{Cell, Experiment, Settings, Table};
 
 /// rad: 0.5° each 0.5 ms, averaged over 10 ms.
 const SIGMA_RAD: f64 = 0.112 / 180.0 * std::f64::consts::PI;
@@ -51,9 +51,16 @@ struct Outcome {
     false_members: usize,
 }
 
-/// Runs the experiment.
-#[must_use]
-pub fn run(settings: &Settings) -> Table {
+/// The table `pose`.
+pub(super) const EXPERIMENT: Experiment = Experiment {
+    name: "pose",
+    title: "pose of a pushed part from contact angles, edge unknown: how often it is named",
+    cases: 200,
+    run,
+};
+
+/// Runs it.
+fn run(settings: &Settings) -> Table {
     let mut table = Table::new([
         "contact",
         "cases",
