@@ -32,6 +32,9 @@ use crate::geometry::ConvexPolygon;
 /// Sums of some products, each rounded at 1e-16 of the size; a hundred roundings leave room for lines from far away.
 const ROUNDING_RELATIVE: f64 = 1e-14;
 
+/// Where the sweep ends, rad: late enough that an edge flush at θ = 0 is met at a full turn, whatever rounding makes of it.
+const SWEEP_END: f64 = TAU + 1e-9;
+
 /// Room for the roots of most parts.
 const ROOTS_USUAL: usize = 16;
 
@@ -147,7 +150,7 @@ impl Turns {
             let clear = (start.value.abs() - self.miss_max) * sweep.clear_a_metre;
             if clear > sweep.leap_min {
                 theta += clear;
-                if theta >= TAU {
+                if theta > SWEEP_END {
                     return;
                 }
                 sweep.leap(theta);
@@ -155,7 +158,7 @@ impl Turns {
                 start = sweep.end(wave, Vector2::new(theta.cos(), theta.sin()));
             }
             let line = sweep.next_line();
-            if sweep.lines[line].next >= TAU {
+            if sweep.lines[line].next > SWEEP_END {
                 break;
             }
             theta = sweep.lines[line].next;
