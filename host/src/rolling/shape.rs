@@ -368,7 +368,6 @@ impl PartialEq for Custom {
     }
 }
 
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;

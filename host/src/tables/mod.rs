@@ -8,6 +8,7 @@
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
 
 pub mod random;
+mod rolling;
 
 use std::fmt;
 
@@ -15,7 +16,7 @@ use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
 /// The experiments, in the order of the thesis.
-pub const EXPERIMENTS: &[Experiment] = &[];
+pub const EXPERIMENTS: &[Experiment] = &[rolling::ATTITUDE, rolling::SEMI_AXES, rolling::WHICH];
 
 /// An experiment that `palpate tables` can run.
 #[derive(Clone, Copy, Debug)]

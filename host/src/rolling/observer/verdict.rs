@@ -13,7 +13,7 @@ use super::super::mechanics::{Spin, State};
 use super::super::shape::Shape;
 use super::super::symmetry::Symmetry;
 use super::covariance;
-use super::fit::{Ends, Fit, Unknowns};
+use super::fit::{Ends, Fit, Residuals, Unknowns};
 use super::track::Noise;
 
 /// Cost above the best up to which a minimum is listed.
@@ -23,7 +23,7 @@ pub(super) const LISTED: f64 = 16.0;
 pub(super) const PROMISE_RAD: f64 = 0.034_906_585;
 
 /// Standard deviations that the promise must leave room for.
-const PROMISE_SIGMAS: f64 = 3.0;
+const PROMISE_SIGMAS: f64 = 4.0;
 
 /// Quantile of the normal distribution for 99.9 %.
 const NORMAL_999: f64 = 3.090_232_306;
@@ -50,6 +50,9 @@ pub(super) struct Solution {
     pub(super) unknowns: Unknowns,
     pub(super) fit: Fit,
     pub(super) ends: Ends,
+    /// After least squares.
+    pub(super) residuals: Residuals,
+    /// Of a coordinate after the last fit, m.
     pub(super) residual_max: f64,
 }
 
@@ -161,12 +164,20 @@ impl Gate {
             _ => Verdict::Ambiguous,
         };
         let sure = |solution: &Solution| match solution.attitude_sigma() {
-            Some(sigma) => sigma * PROMISE_SIGMAS <= PROMISE_RAD,
+            Some(sigma) => sigma * solution.residuals.dilution() * PROMISE_SIGMAS <= PROMISE_RAD,
             None => false,
         };
         let certified = verdict == Verdict::Unique && listed.iter().all(sure);
         let hypotheses = listed.iter().map(Solution::hypothesis).collect();
         Estimate { verdict, hypotheses, cost, degrees_of_freedom: degrees, cost_max: self.cost_max(degrees), certified }
+    }
+}
+
+impl Residuals {
+    /// By what neighbours that err alike widen the bound: readings of a slow contact repeat each other's rounding error.
+    fn dilution(self) -> f64 {
+        let correlation = self.correlation.clamp(0.0, 0.99);
+        ((1.0 + correlation) / (1.0 - correlation)).sqrt()
     }
 }
 
@@ -236,7 +247,13 @@ impl Solution {
         let [a, b] = [self, other].map(|solution| solution.fit.point.state.attitude());
         let apart = |turn: &UnitQuaternion<f64>| {
             let angle = a.angle_to(&(b * turn));
-            let axes = |solution: &Self| if let Shape::Ellipsoid(shape) = solution.fit.point.body.shape() { Vector3::from(shape.semi_axes) } else { Vector3::zeros() };
+            let axes = |solution: &Self| {
+                if let Shape::Ellipsoid(shape) = solution.fit.point.body.shape() {
+                    Vector3::from(shape.semi_axes)
+                } else {
+                    Vector3::zeros()
+                }
+            };
             let renamed = (turn.inverse() * axes(other)).abs();
             angle + (axes(self) - renamed).norm() / axes(self).norm()
         };

@@ -8,8 +8,8 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::roll::{Acceleration, Body, EggFields, Harmonic, Piecewise, RoundedFields, palm_acceleration, wxyz};
 use crate::rolling::{
-    BodyKnowledge, Estimate, Hypothesis, Noise as ReadingNoise, ObserveError, PalmKnowledge, Question, Spin, SymmetryName,
-    Verdict,
+    BodyKnowledge, Estimate, Hypothesis, Noise as ReadingNoise, ObserveError, PalmKnowledge, Question, Spin,
+    SymmetryName, Verdict,
 };
 use crate::solve::fields::{NonNegative, Positive, default_gravity};
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError, read};
@@ -216,7 +216,7 @@ pub struct Certificate {
     pub cost: Option<f64>,
     /// The cost up to which it counts as explained: 99.9 % of chi-square.
     pub cost_max: f64,
-    /// Whether the estimate is unique and its attitude known, by the Cramér–Rao bound, to 2° with three standard deviations.
+    /// Whether the estimate is unique and its attitude known, by the Cramér–Rao bound, to 2° with four standard deviations.
     pub certified: bool,
 }
 
@@ -346,8 +346,7 @@ fn several(bodies: &[Body]) -> Result<BodyKnowledge, InvalidInput> {
     if bodies.is_empty() {
         return Err(InvalidInput::at("bodies", "is empty: give at least one body"));
     }
-    let build = |(index, body): (usize, &Body)| {
-        body.build().map_err(|error| error.below(Pointer::from("bodies").index(index)))
-    };
+    let build =
+        |(index, body): (usize, &Body)| body.build().map_err(|error| error.below(Pointer::from("bodies").index(index)));
     Ok(BodyKnowledge::OneOf(bodies.iter().enumerate().map(build).collect::<Result<_, _>>()?))
 }
