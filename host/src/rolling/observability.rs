@@ -16,10 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use super::flow::{Columns, STATE_COLUMNS, Tangent};
 use super::mechanics::{Mobility, Model, Spin, State};
-
-/// Singular values below this share of the largest count as 0. Those that are 0 come out below 1e-10, others above 7e-5 on
-/// all bodies and states tried.
-pub const RANK_THRESHOLD: f64 = 1e-7;
+use crate::observability::Spectrum;
 
 /// Length of the window, in units of √(L/g): about 0.2 s for 3 cm.
 const WINDOW: f64 = 4.0;
@@ -56,14 +53,8 @@ pub const STATE_NAMES: [&str; 8] =
 /// What the contact path tells.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Observability {
-    /// Numbers in a state: 8, or 7 without spin.
-    pub dimension: usize,
-    /// Independent changes of state that change the path.
-    pub rank: usize,
-    /// All singular values over the largest, largest first.
-    pub singular_values: Vec<f64>,
-    /// Changes that the path does not show: weights by the names of [`STATE_NAMES`], scaled.
-    pub unobservable_directions: Vec<Vec<(&'static str, f64)>>,
+    /// Rank and unseen directions, in the order of [`STATE_NAMES`]; without spin the last is missing.
+    pub spectrum: Spectrum,
     /// Theorem 32.
     pub sufficient_condition: SufficientCondition,
 }
@@ -89,33 +80,10 @@ pub struct SufficientCondition {
 /// The rank test and the thesis's condition at one state.
 #[must_use]
 pub fn observability(model: &Model, state: &State, g: f64, inputs: Inputs) -> Observability {
-    let dimension = model.dimension();
-    let svd = sensitivities(model, state, g, inputs).svd(false, true);
-    let mut order: Vec<usize> = (0..svd.singular_values.len()).collect();
-    order.sort_by(|&a, &b| svd.singular_values[b].total_cmp(&svd.singular_values[a]));
-    let largest = svd.singular_values.max();
-    let singular_values: Vec<f64> = order.iter().map(|&i| svd.singular_values[i] / largest).collect();
-    let rank = singular_values.iter().filter(|value| **value > RANK_THRESHOLD).count();
-    let direction = |&i: &usize| {
-        let row = |rows: &DMatrix<f64>| rows.row(i).iter().copied().collect::<Vec<f64>>();
-        svd.v_t.as_ref().map(row).map_or_else(Vec::new, |weights| named(&weights))
-    };
     Observability {
-        dimension,
-        rank,
-        singular_values,
-        unobservable_directions: order[rank..].iter().map(direction).collect(),
+        spectrum: Spectrum::of(sensitivities(model, state, g, inputs)),
         sufficient_condition: sufficient_condition(model, state),
     }
-}
-
-/// Components of a direction that matter, with their names.
-fn named(weights: &[f64]) -> Vec<(&'static str, f64)> {
-    const NEGLIGIBLE: f64 = 1e-6;
-    let largest =
-        weights.iter().fold(0.0_f64, |largest, weight| if weight.abs() > largest.abs() { *weight } else { largest });
-    let signed = weights.iter().map(|weight| weight * largest.signum());
-    STATE_NAMES.into_iter().zip(signed).filter(|(_, weight)| weight.abs() > NEGLIGIBLE).collect()
 }
 
 /// Changes of the contact over the window, over L, by the scaled state: two rows a contact.
@@ -223,7 +191,7 @@ mod tests {
     const GRAVITY: f64 = 9.81;
 
     fn rank(body: &Body, spin: Spin, state: &State, inputs: Inputs) -> usize {
-        observability(&Model { body, spin }, state, GRAVITY, inputs).rank
+        observability(&Model { body, spin }, state, GRAVITY, inputs).spectrum.rank()
     }
 
     #[test]
@@ -277,8 +245,11 @@ mod tests {
         assert_eq!(ranks(&at(5.0), Spin::Free), [6, 6, 8]);
         assert_eq!(ranks(&at(0.0), Spin::None), [6, 6, 7]);
         let hidden = observability(&Model { body: &body, spin: Spin::Free }, &at(0.0), GRAVITY, Inputs::Zero);
-        let names: Vec<_> = hidden.unobservable_directions.iter().flatten().map(|(name, _)| *name).collect();
-        assert!(names.iter().all(|name| ["rotation_z", "omega_palm_z"].contains(name)), "{hidden:?}");
+        for direction in &hidden.spectrum.unseen {
+            let seen =
+                STATE_NAMES.iter().zip(direction).filter(|(name, _)| !["rotation_z", "omega_palm_z"].contains(name));
+            assert!(seen.map(|(_, weight)| weight.abs()).sum::<f64>() < 1e-6, "{hidden:?}");
+        }
     }
 
     /// b₁ and b₂ by their meaning: minus the derivative of the contact along the principal curves, in the principal frame.
@@ -338,6 +309,6 @@ mod tests {
         }
         let (_, state) = signed(low);
         let at = observability(&model, &state, GRAVITY, Inputs::Zero);
-        assert_eq!((at.rank, at.sufficient_condition.holds), (8, false), "{at:?}");
+        assert_eq!((at.spectrum.rank(), at.sufficient_condition.holds), (8, false), "{at:?}");
     }
 }

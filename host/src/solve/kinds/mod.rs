@@ -1,5 +1,9 @@
 //! The kinds of problem, one module each.
 
+pub mod initial_pose;
+pub mod inscription;
+pub mod observability;
+pub mod observe_push;
 pub mod observe_roll;
 pub mod push;
 pub mod roll;
