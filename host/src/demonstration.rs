@@ -200,10 +200,8 @@ pub struct Ranges {
 /// Never: the segments are constants.
 #[must_use]
 pub fn default_motion() -> FingerMotion {
-    let segments = [
-        Segment { seconds: 0.3, acceleration: [0.15, 0.0] },
-        Segment { seconds: 0.5, acceleration: [0.0, 0.15] },
-    ];
+    let segments =
+        [Segment { seconds: 0.3, acceleration: [0.15, 0.0] }, Segment { seconds: 0.5, acceleration: [0.0, 0.15] }];
     FingerMotion::new([0.0; 2], &segments).expect("constant segments are sound")
 }
 
@@ -249,8 +247,12 @@ const REDRAWS_MAX: usize = 2000;
 #[must_use]
 pub fn random_part(draw: &mut Draw) -> Part {
     let convex = draw.chance(2.0 / 3.0);
-    let polygon: SimplePolygon =
-        if convex { draw.convex_polygon(8, 0.05) } else { let n = 5 + draw.index(4); draw.star_polygon(n, 0.025, 0.055) };
+    let polygon: SimplePolygon = if convex {
+        draw.convex_polygon(8, 0.05)
+    } else {
+        let n = 5 + draw.index(4);
+        draw.star_polygon(n, 0.025, 0.055)
+    };
     Part::uniform(polygon)
 }
 

@@ -27,12 +27,12 @@
 mod clock;
 mod data;
 mod fit;
+pub mod from_rest;
 mod gho;
 mod gho_bank;
 mod initial_pose;
 mod launch;
 mod manifold;
-pub mod from_rest;
 mod observation;
 mod path;
 pub mod planning;

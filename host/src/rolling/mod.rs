@@ -11,6 +11,7 @@
 pub mod body;
 pub mod flow;
 pub mod mechanics;
+pub mod observability;
 pub mod observer;
 pub mod palm;
 pub mod run;
@@ -20,6 +21,7 @@ pub mod symmetry;
 pub use body::{Body, BodyError};
 pub use flow::{Columns, STATE_COLUMNS, Tangent};
 pub use mechanics::{Model, Rates, Spin, State, felt};
+pub use observability::{Inputs, Observability, SufficientCondition, observability};
 pub use observer::{BodyKnowledge, Estimate, Hypothesis, Noise, ObserveError, PalmKnowledge, Question, Verdict};
 pub use palm::{Harmonic, PalmAcceleration, Pieces, PiecesError};
 pub use run::{End, EndReason, Roll, RollError, Run, Sample};

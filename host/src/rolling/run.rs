@@ -197,6 +197,12 @@ impl<'a> Roll<'a> {
         Ok(Run { samples, end, last, friction_needed: friction })
     }
 
+    /// The state at t = 0.
+    #[must_use]
+    pub fn start(&self) -> &State {
+        &self.start
+    }
+
     fn felt(&self, t: f64, inside: f64) -> Vector3<f64> {
         felt(self.palm.at_within(t, inside), self.g)
     }

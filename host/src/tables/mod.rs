@@ -11,6 +11,7 @@
 mod chain;
 mod pose;
 pub mod random;
+mod rolling;
 
 use std::fmt;
 
@@ -18,7 +19,8 @@ use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
 /// The experiments, in the order of the thesis.
-pub const EXPERIMENTS: &[Experiment] = &[pose::EXPERIMENT, chain::EXPERIMENT];
+pub const EXPERIMENTS: &[Experiment] =
+    &[pose::EXPERIMENT, chain::EXPERIMENT, rolling::ATTITUDE, rolling::SEMI_AXES, rolling::WHICH];
 
 /// An experiment that `palpate tables` can run.
 #[derive(Clone, Copy, Debug)]

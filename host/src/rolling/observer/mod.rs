@@ -21,29 +21,32 @@ use nalgebra::{DMatrix, Vector2, Vector3};
 pub use track::{Noise, Readings};
 pub use verdict::{Estimate, Hypothesis, Verdict};
 
-use self::fit::{Effort, Fit, Unknowns};
+use self::fit::{Effort, Fit, Norm, Unknowns};
 use self::search::{Ground, Width};
+use self::track::Track;
 use self::verdict::{Gate, Solution};
 use super::body::Body;
 use super::flow::Columns;
-use super::mechanics::{Spin, felt};
+use super::mechanics::{Model, Spin, felt};
 use super::palm::PalmAcceleration;
 
 /// Least window, in units of √(size/g): before that gravity has moved nothing.
 const WINDOW_MIN: f64 = 0.25;
 
-/// Widths of the search, tried in turn until one explains the readings well.
-const WIDTHS: [Width; 3] = [
-    Width { attitudes: 4000, rolled: 300, starts: 16, kept: 8 },
-    Width { attitudes: 8000, rolled: 1500, starts: 60, kept: 20 },
-    Width { attitudes: 24_000, rolled: 8000, starts: 200, kept: 60 },
+/// Widths of the search, tried in turn until one explains the readings well; what the others found is kept.
+const WIDTHS: [Width; 4] = [
+    Width { attitudes: 4000, rolled: 300, starts: 16, kept: 8, horizon: 1.1 },
+    Width { attitudes: 8000, rolled: 1500, starts: 40, kept: 16, horizon: 2.0 },
+    Width { attitudes: 12_000, rolled: 3000, starts: 100, kept: 40, horizon: 1.1 },
+    Width { attitudes: 24_000, rolled: 8000, starts: 200, kept: 60, horizon: 3.0 },
 ];
 
-/// Widths for a search over shapes too: `attitudes` for each of [`SHAPES`].
-const WIDTHS_SHAPE: [Width; 3] = [
-    Width { attitudes: 1200, rolled: 1500, starts: 60, kept: 24 },
-    Width { attitudes: 2500, rolled: 4000, starts: 160, kept: 50 },
-    Width { attitudes: 6000, rolled: 12_000, starts: 400, kept: 100 },
+/// Widths for a search over shapes too: `attitudes` for each of [`shapes`].
+const WIDTHS_SHAPE: [Width; 4] = [
+    Width { attitudes: 1200, rolled: 1500, starts: 60, kept: 24, horizon: 1.1 },
+    Width { attitudes: 1200, rolled: 3000, starts: 100, kept: 40, horizon: 2.0 },
+    Width { attitudes: 2500, rolled: 4000, starts: 160, kept: 60, horizon: 1.1 },
+    Width { attitudes: 6000, rolled: 12_000, starts: 400, kept: 100, horizon: 3.0 },
 ];
 
 /// What is asked.
@@ -123,7 +126,8 @@ impl Question {
         self.check(&readings)?;
         let mut solutions = Vec::new();
         for width in 0..WIDTHS.len() {
-            solutions = self.solve(&readings, width);
+            solutions.extend(self.solve(&readings, width));
+            solutions.sort_by(|a: &Solution, b| a.fit.cost.total_cmp(&b.fit.cost));
             if self.gate(&readings).is_good(&solutions) {
                 break;
             }
@@ -169,7 +173,7 @@ impl Question {
         }
     }
 
-    /// The minima found for every model that may be, best first.
+    /// The minima found for every model that may be.
     fn solve(&self, readings: &Readings, width: usize) -> Vec<Solution> {
         let mut solutions = Vec::new();
         for &spin in &self.spins {
@@ -186,7 +190,6 @@ impl Question {
                 }
             }
         }
-        solutions.sort_by(|a, b| a.fit.cost.total_cmp(&b.fit.cost));
         solutions
     }
 
@@ -200,30 +203,45 @@ impl Question {
         let fine = readings.fine_track(self.palm(), self.g);
         let best = found.first().map_or(0.0, |fit| fit.cost);
         let worth = found.into_iter().filter(|fit| fit.cost <= best + WORTH_POLISHING);
-        worth.map(|fit| polish(&unknowns, &coarse, &track, &fine, fit)).collect()
+        let polished = worth.map(|fit| polish(&unknowns, &track, &fine, fit, self.noise));
+        polished.filter(|solution| solution.fit.cost.is_finite()).collect()
     }
 }
 
 /// Cost above the best of the search up to which a fit may still turn out to be listed.
 const WORTH_POLISHING: f64 = 100.0;
 
-/// The last fit of all readings.
-///
-/// With perfect readings the search's minimum is off by many of the last fit's standard deviations: the accuracy asked for
-/// grows in steps.
-fn polish(unknowns: &Unknowns, coarse: &Readings, track: &track::Track, fine: &track::Track, fit: Fit) -> Solution {
+/// Residual, in pitches, up to which a fit of rounded readings may be refined by their bounds: half a pitch if the fit were
+/// exact, more because it is not.
+const ROUNDING_MAX: f64 = 0.75;
+
+/// The last fit of all readings, by least squares; where they were rounded, then by the bounds of rounding.
+fn polish(unknowns: &Unknowns, track: &Track, fine: &Track, fit: Fit, noise: Noise) -> Solution {
     let mut point = fit.point;
     let shift = fine.centre_time - track.centre_time;
-    debug_assert!(shift.abs() <= coarse.dt, "both middles are within a block");
     let felt = track.forward.first().map_or(Vector3::zeros(), |leap| leap.felt[0]) + point.palm;
-    point.state =
-        super::mechanics::Model { body: &point.body, spin: unknowns.spin }.step(&point.state, &[felt; 3], shift);
+    point.state = Model { body: &point.body, spin: unknowns.spin }.step(&point.state, &[felt; 3], shift);
     let ranks = fine.ranks_max();
-    let effort = Effort { ranks, iterations: 40, enough: [1e-12, 1e-4], palm_sigma: f64::INFINITY };
-    let fit = unknowns.fit(fine, point, &effort);
+    let squares =
+        Effort { ranks, iterations: 40, enough: [1e-12, 1e-4], palm_sigma: f64::INFINITY, norm: Norm::Squares };
+    let mut fit = unknowns.fit(fine, point, &squares);
+    let residuals = unknowns.residuals(fine, &fit.point);
+    if let Noise::Grid(pitch) = noise
+        && residuals.max <= ROUNDING_MAX * pitch
+    {
+        let bounded = Effort { iterations: 20, enough: [1e-4, 0.0], norm: Norm::Bounded(0.5 * pitch), ..squares };
+        // Cost and information stay those of least squares: the bound they give is on the safe side.
+        fit.point = unknowns.fit(fine, fit.point, &bounded).point;
+    }
     let ends = unknowns.ends(fine, &fit.point);
-    let residual_max = unknowns.residual_max(fine, &fit.point);
-    Solution { body: 0, unknowns: *unknowns, fit, ends, residual_max }
+    Solution {
+        body: 0,
+        unknowns: *unknowns,
+        residual_max: unknowns.residuals(fine, &fit.point).max,
+        residuals,
+        fit,
+        ends,
+    }
 }
 
 /// Ellipsoids all over a range of semi-axes, the shortest first: which axis is which is the attitude's business.

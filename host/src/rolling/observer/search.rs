@@ -14,13 +14,9 @@ use nalgebra::{Matrix2, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
 
 use super::super::body::Body;
 use super::super::mechanics::{Instant, Model, Rows, Spin, State};
-use super::fit::{Effort, Fit, Point, Unknowns};
+use super::fit::{Effort, Fit, Norm, Point, Unknowns};
 use super::rotations::spread;
 use super::track::Track;
-
-/// Half the horizon of the first fits, in units of √(size/g): long enough for gravity to show, short enough to be nearly
-/// linear.
-const FIRST_HORIZON: f64 = 1.1;
 
 /// Half the stretch that the derivatives are taken from, in units of √(size/g).
 const CUBIC_HORIZON: f64 = 0.9;
@@ -45,7 +41,7 @@ const LEFT_BEHIND: (f64, f64) = (1.0, 60.0);
 const PALM_SIGMA: f64 = 1.0;
 
 /// How wide to search.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Width {
     /// Attitudes over all of SO(3).
     pub(super) attitudes: usize,
@@ -55,6 +51,9 @@ pub(super) struct Width {
     pub(super) starts: usize,
     /// Fits to take along from stage to stage.
     pub(super) kept: usize,
+    /// Half the horizon of the first fits, in units of √(size/g): long enough for gravity to show, short enough to be nearly
+    /// linear. What is long enough depends on how unlike a sphere the body is, so the wider searches try others.
+    pub(super) horizon: f64,
 }
 
 /// A body's state in the middle of the window that may be.
@@ -90,7 +89,7 @@ impl Ground<'_> {
     pub(super) fn search(&self, width: &Width) -> Vec<Fit> {
         let time = self.time_unit();
         let derivatives = self.derivatives(self.track.ranks(CUBIC_HORIZON * time));
-        let mut horizon = FIRST_HORIZON * time;
+        let mut horizon = width.horizon * time;
         let candidates = self.roll(self.candidates(width, &derivatives), horizon, width);
         let starts: Vec<Point> = self.starts(candidates, width.starts);
         let mut fits = self.fit_all(starts, horizon, 8, width);
@@ -238,7 +237,13 @@ impl Ground<'_> {
     /// Fits each over a horizon; leaves behind what is hopeless and what has met another.
     fn fit_all(&self, points: Vec<Point>, horizon: f64, iterations: usize, width: &Width) -> Vec<Fit> {
         let palm_sigma = if self.unknowns.columns.palm { PALM_SIGMA } else { f64::INFINITY };
-        let effort = Effort { ranks: self.track.ranks(horizon), iterations, enough: [1e-3, 0.02], palm_sigma };
+        let effort = Effort {
+            ranks: self.track.ranks(horizon),
+            iterations,
+            enough: [1e-3, 0.02],
+            palm_sigma,
+            norm: Norm::Squares,
+        };
         let mut fits: Vec<Fit> =
             points.into_iter().map(|point| self.unknowns.fit(self.track, point, &effort)).collect();
         fits.retain(|fit| fit.cost.is_finite());
@@ -262,6 +267,8 @@ impl Ground<'_> {
 
 /// The `count` with the lowest scores, in order.
 fn nearest(mut candidates: Vec<Candidate>, count: usize) -> Vec<Candidate> {
+    // Rolls that ran away are no candidates; a NaN would even sort before all numbers.
+    candidates.retain(|candidate| candidate.score.is_finite());
     let by_score = |a: &Candidate, b: &Candidate| -> Ordering { a.score.total_cmp(&b.score) };
     if candidates.len() > count && count > 0 {
         candidates.select_nth_unstable_by(count - 1, by_score);

@@ -13,8 +13,9 @@ use super::super::mechanics::{Spin, State};
 use super::super::shape::Shape;
 use super::super::symmetry::Symmetry;
 use super::covariance;
-use super::fit::{Ends, Fit, Unknowns};
+use super::fit::{Ends, Fit, Residuals, Unknowns};
 use super::track::Noise;
+use crate::statistics::chi_square_quantile;
 
 /// Cost above the best up to which a minimum is listed.
 pub(super) const LISTED: f64 = 16.0;
@@ -23,10 +24,10 @@ pub(super) const LISTED: f64 = 16.0;
 pub(super) const PROMISE_RAD: f64 = 0.034_906_585;
 
 /// Standard deviations that the promise must leave room for.
-const PROMISE_SIGMAS: f64 = 3.0;
+const PROMISE_SIGMAS: f64 = 4.0;
 
-/// Quantile of the normal distribution for 99.9 %.
-const NORMAL_999: f64 = 3.090_232_306;
+/// Share of right models whose cost stays below the limit.
+const EXPLAINED: f64 = 0.999;
 
 /// Standard deviations of the expected cost above which a wider search is worth its time.
 const WIDER_SIGMAS: f64 = 1.3;
@@ -50,6 +51,9 @@ pub(super) struct Solution {
     pub(super) unknowns: Unknowns,
     pub(super) fit: Fit,
     pub(super) ends: Ends,
+    /// After least squares.
+    pub(super) residuals: Residuals,
+    /// Of a coordinate after the last fit, m.
     pub(super) residual_max: f64,
 }
 
@@ -119,19 +123,15 @@ impl Gate {
         (2 * self.readings).saturating_sub(unknowns).max(1)
     }
 
-    /// 99.9 % of chi-square, by Wilson and Hilferty's cube.
-    fn cost_max(self, degrees: usize) -> f64 {
-        #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
-        let degrees = degrees as f64;
-        let ninth = 2.0 / (9.0 * degrees);
-        degrees * (1.0 - ninth + NORMAL_999 * ninth.sqrt()).powi(3)
+    fn cost_max(degrees: usize) -> f64 {
+        chi_square_quantile(EXPLAINED, degrees)
     }
 
     fn explains(self, solution: &Solution) -> bool {
         let degrees = self.degrees_of_freedom(solution.unknowns.count());
         // Rounding errors of a slow contact are not independent, but never exceed half the pitch.
         let rounds = matches!(self.noise, Noise::Grid(pitch) if solution.residual_max <= 0.5 * pitch * (1.0 + 1e-6));
-        solution.fit.cost <= self.cost_max(degrees) || rounds
+        solution.fit.cost <= Self::cost_max(degrees) || rounds
     }
 
     /// Whether nothing better is to be expected of a wider search.
@@ -161,12 +161,27 @@ impl Gate {
             _ => Verdict::Ambiguous,
         };
         let sure = |solution: &Solution| match solution.attitude_sigma() {
-            Some(sigma) => sigma * PROMISE_SIGMAS <= PROMISE_RAD,
+            Some(sigma) => sigma * solution.residuals.dilution() * PROMISE_SIGMAS <= PROMISE_RAD,
             None => false,
         };
         let certified = verdict == Verdict::Unique && listed.iter().all(sure);
         let hypotheses = listed.iter().map(Solution::hypothesis).collect();
-        Estimate { verdict, hypotheses, cost, degrees_of_freedom: degrees, cost_max: self.cost_max(degrees), certified }
+        Estimate {
+            verdict,
+            hypotheses,
+            cost,
+            degrees_of_freedom: degrees,
+            cost_max: Self::cost_max(degrees),
+            certified,
+        }
+    }
+}
+
+impl Residuals {
+    /// By what neighbours that err alike widen the bound: readings of a slow contact repeat each other's rounding error.
+    fn dilution(self) -> f64 {
+        let correlation = self.correlation.clamp(0.0, 0.99);
+        ((1.0 + correlation) / (1.0 - correlation)).sqrt()
     }
 }
 

@@ -216,7 +216,7 @@ pub struct Certificate {
     pub cost: Option<f64>,
     /// The cost up to which it counts as explained: 99.9 % of chi-square.
     pub cost_max: f64,
-    /// Whether the estimate is unique and its attitude known, by the Cramér–Rao bound, to 2° with three standard deviations.
+    /// Whether the estimate is unique and its attitude known, by the Cramér–Rao bound, to 2° with four standard deviations.
     pub certified: bool,
 }
 
