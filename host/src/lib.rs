@@ -6,6 +6,7 @@ pub mod diagnosis;
 pub mod experiment;
 pub mod geometry;
 pub mod interrupt;
+pub mod limit_picture;
 pub mod link;
 pub mod live;
 pub mod part_file;

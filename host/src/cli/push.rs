@@ -7,6 +7,7 @@ use std::process::ExitCode;
 
 use clap::ValueEnum;
 use miette::{IntoDiagnostic as _, WrapErr as _};
+use palpate::limit_picture;
 use palpate::part_file::PartFile;
 use palpate::plot::Figure;
 use palpate::push_picture::{PushPicture, SAMPLES};
@@ -14,7 +15,7 @@ use palpate::push_plan::{GRAVITY, Place, PushPlan, Pushed, Turn, to_world};
 use palpate::pushing::{Contact, ContactForce, ContactLaw, EndReason, FingerShape, PartSide, Run, Sample};
 use palpate::solve::kinds::push::{InitialAcceleration, Meeting, PushAnswer, PushEnd, PushSample, Transition};
 
-use super::plot::PlotArguments;
+use super::plot::{PlotArguments, draw_to, picture_file};
 use super::{not_negative, positive};
 
 /// Most rows of the table; far beyond what anybody reads, and short of what would exhaust memory.
@@ -64,8 +65,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "MM", value_parser = positive, default_value_t = 15.0)]
     radius_mm: f64,
     /// Semi-axes of an elliptic finger along x and y
-    #[arg(long, value_name = "MM,MM", value_parser = positive, value_delimiter = ',', num_args = 2, default_values_t = [20.0, 10.0])]
-    semi_axes_mm: Vec<f64>,
+    #[arg(long, value_name = "MM,MM", value_parser = semi_axes, default_value = "20,10")]
+    semi_axes_mm: SemiAxes,
     /// The finger's speed at the start; 0 starts from rest
     #[arg(long, value_name = "MM/S", value_parser = not_negative, default_value_t = 0.0)]
     speed_mm_s: f64,
@@ -101,6 +102,9 @@ pub(crate) struct Arguments {
     json: bool,
     #[command(flatten)]
     plot: PlotArguments,
+    /// Draw the part's limit surface with the friction during the push to this file, .svg or .png
+    #[arg(long, value_name = "FILE", value_parser = picture_file)]
+    limit_surface: Option<PathBuf>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -123,6 +127,17 @@ enum FingerChoice {
     Ellipse,
     /// Everything below a line along x; touches elliptic parts from below (--around-deg -90)
     Line,
+}
+
+/// The value of `--semi-axes-mm`.
+#[derive(Clone, Copy, Debug)]
+struct SemiAxes([f64; 2]);
+
+fn semi_axes(text: &str) -> Result<SemiAxes, String> {
+    let Some((a, b)) = text.split_once(',') else {
+        return Err(format!("`{text}` is not two lengths: write for example 20,10"));
+    };
+    Ok(SemiAxes([positive(a)?, positive(b)?]))
 }
 
 /// The value of `--then`.
@@ -160,11 +175,16 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let run = |times: &[f64]| plan.run(&file, times).into_diagnostic().wrap_err_with(cannot);
     let pushed = run(&times(arguments.time_s, f64::from(arguments.rows)))?;
     let text = if arguments.json { json(&pushed)? } else { table(&file, &plan, &pushed) };
-    arguments.plot.draw(|| {
+    let smooth = || -> miette::Result<Pushed> {
         // Not beyond the end: all that is drawn is what happened.
         let smooth = run(&times(pushed.run.end.t, f64::from(u32::try_from(SAMPLES).unwrap_or(u32::MAX))))?;
-        Ok(arguments.figure(&file, &plan, &Pushed { run: Run { end: pushed.run.end, ..smooth.run }, ..smooth }))
-    })?;
+        Ok(Pushed { run: Run { end: pushed.run.end, ..smooth.run }, ..smooth })
+    };
+    arguments.plot.draw(|| Ok(arguments.figure(&file, &plan, &smooth()?)))?;
+    if let Some(path) = &arguments.limit_surface {
+        let title = format!("Limit surface of {}", arguments.name());
+        draw_to(path, &limit_picture::figure(&title, file.part.body(), &smooth()?.run.samples))?;
+    }
     print(&text)
 }
 
@@ -212,10 +232,10 @@ impl Arguments {
     }
 
     fn shape(&self) -> FingerShape {
-        match (self.finger, &self.semi_axes_mm[..]) {
-            (FingerChoice::Ellipse, &[a, b]) => FingerShape::Ellipse { semi_axes: [a * 1e-3, b * 1e-3] },
-            (FingerChoice::Line, _) => FingerShape::Line,
-            _ => FingerShape::Disk { radius: self.radius_mm * 1e-3 },
+        match self.finger {
+            FingerChoice::Disk => FingerShape::Disk { radius: self.radius_mm * 1e-3 },
+            FingerChoice::Ellipse => FingerShape::Ellipse { semi_axes: self.semi_axes_mm.0.map(|mm| mm * 1e-3) },
+            FingerChoice::Line => FingerShape::Line,
         }
     }
 
@@ -231,8 +251,13 @@ impl Arguments {
         }
     }
 
+    /// The part file's, without its folder.
+    fn name(&self) -> String {
+        self.part.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+    }
+
     fn figure(&self, file: &PartFile, plan: &PushPlan, pushed: &Pushed) -> Figure {
-        let name = self.part.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        let name = self.name();
         let friction = if let ContactLaw::Coulomb { friction } = plan.contact { Some(friction) } else { None };
         let subtitles = [self.setting(file, plan), end_in_words(file, plan, pushed)];
         let title = match plan.place {
@@ -306,7 +331,7 @@ fn row(file: &PartFile, pushed: &Pushed, sample: &Sample) -> String {
         None => "--".to_owned(),
     };
     format!(
-        "{:>7} {:>8} {:>8} {:>8} {:>7} {:>8} {:>11} {:>9} {:>9}  {}s\n",
+        "{:>7} {:>8} {:>8} {:>8} {:>7} {:>8} {:>11} {:>9} {:>9}  {}\n",
         fixed(sample.t, 4),
         fixed(centre.x, 2),
         fixed(centre.y, 2),
@@ -316,8 +341,14 @@ fn row(file: &PartFile, pushed: &Pushed, sample: &Sample) -> String {
         fixed(sample.state.omega.to_degrees(), 2),
         force(|force| force.normal),
         force(|force| force.tangential),
-        verb(&sample.contact)
+        state_in_words(sample)
     )
+}
+
+/// What the contact does now.
+fn state_in_words(sample: &Sample) -> String {
+    let rests = sample.force.is_none() && sample.velocity.norm() == 0.0;
+    if rests { "rests".to_owned() } else { format!("{}s", verb(&sample.contact)) }
 }
 
 /// A number with so many decimals, and no minus sign before a zero.
