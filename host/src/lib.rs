@@ -9,6 +9,7 @@ pub mod finger_motion;
 pub mod geometry;
 pub mod inscription;
 pub mod interrupt;
+pub mod limit_picture;
 pub mod link;
 pub mod live;
 pub mod observability;
