@@ -7,6 +7,8 @@
 //!
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
 
+mod gho;
+mod initial_pose;
 pub mod random;
 
 use std::fmt;
@@ -15,7 +17,8 @@ use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
 /// The experiments, in the order of the thesis.
-pub const EXPERIMENTS: &[Experiment] = &[];
+pub const EXPERIMENTS: &[Experiment] =
+    &[gho::KNOWN_EDGE, gho::UNKNOWN_EDGE, initial_pose::FRICTIONLESS, initial_pose::FRICTION, gho::SIDE_BY_SIDE];
 
 /// An experiment that `palpate tables` can run.
 #[derive(Clone, Copy, Debug)]

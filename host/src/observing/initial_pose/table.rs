@@ -6,6 +6,7 @@
 //! Implements: the table lookup that thesis §8.2.2 proposes.
 //! Assumes: as [`super`]. Units: SI. Errors: none; contacts later than the table are simulated as without it.
 
+use super::closing::Rough;
 use super::search::{NearZero, near_zeros};
 use super::{RestingPoses, RestingPush, Site, TimedContact};
 
@@ -17,12 +18,6 @@ const TABLE_ERROR: f64 = 1e-4;
 
 /// How many times the change over one step of the grid a misfit may change in the last, cut one.
 const BORDER_REACH: f64 = 3.0;
-
-/// Simulations that make a candidate exact; the table is off by 1e-6, and each gains some five digits.
-const CORRECTIONS: usize = 4;
-
-/// A misfit that needs no further simulation, in the unit of u: what the simulation itself is off by.
-const EXACT: f64 = 1e-10;
 
 /// The motions of one push from all places on the part.
 ///
@@ -87,16 +82,21 @@ impl<'p> Table<'p> {
     fn places(&self, table: &SiteTable, first: TimedContact, tolerance: f64) -> Vec<(Site, NearZero)> {
         let now: Vec<_> = table.motions.iter().map(|motion| self.at_time(motion, first.t)).collect();
         let misfit = |s0: f64| Some(table.at_place(&now, s0)? - first.u);
-        let near = near_zeros(&misfit, &table.places, tolerance + TABLE_ERROR);
-        let exact = |near: NearZero| self.corrected(table, &misfit, near, first, tolerance);
-        let inside = near.into_iter().filter_map(exact);
+        let rough = Rough { site: table.site, misfit: &misfit, grid: &table.places, error: TABLE_ERROR };
+        let inside = self.push.places(&rough, first, tolerance);
         let at_borders = self.near_borders(table, &now, first, tolerance);
-        inside.chain(at_borders).map(|near| (table.site, near)).collect()
+        inside.into_iter().chain(at_borders).map(|near| (table.site, near)).collect()
     }
 
     /// Places between one whose contact lasts and one whose does not: simulated where the misfit can reach zero there.
-    fn near_borders(&self, table: &SiteTable, now: &[Option<f64>], first: TimedContact, tolerance: f64) -> Vec<NearZero> {
-        let exact = |s0: f64| self.misfit(&table.site, s0, first);
+    fn near_borders(
+        &self,
+        table: &SiteTable,
+        now: &[Option<f64>],
+        first: TimedContact,
+        tolerance: f64,
+    ) -> Vec<NearZero> {
+        let exact = |s0: f64| self.push.misfit(&table.site, s0, first);
         let near = |index: usize, further: usize| {
             let (here, beside) = (now[index]? - first.u, now.get(further).copied().flatten());
             let change = beside.map_or(f64::INFINITY, |beside| (beside - first.u - here).abs());
@@ -110,15 +110,15 @@ impl<'p> Table<'p> {
         cells.flat_map(|index| near_zeros(&exact, &table.places[index - 1..=index], tolerance)).collect()
     }
 
-    fn misfit(&self, site: &Site, s0: f64, first: TimedContact) -> Option<f64> {
-        self.push.angles(site, s0, &[first.t]).first().map(|u| u - first.u)
-    }
-
     /// u at a time, of one motion; a cubic through the four times around it, u₀ at 0 and its mirror image before.
     fn at_time(&self, motion: &[f64], t: f64) -> Option<f64> {
         let step = self.times[0];
         let whole = (t / step).floor().min(TIMES as f64 - 2.0).max(0.0);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and the number of times")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "between 0 and the number of times"
+        )]
         let from = whole as usize;
         // The motion from rest is even in time to the order kept.
         let value = |index: usize, back: usize| match (index + 1).checked_sub(back) {
@@ -130,41 +130,6 @@ impl<'p> Table<'p> {
         // Where the contact ends early the motion goes on straight.
         let after = value(from + 1, 0).unwrap_or(2.0 * next - here);
         Some(cubic([before, here, next, after], t / step - whole))
-    }
-
-    /// A place moved by simulations until it fits the first contact, if it does.
-    fn corrected(
-        &self,
-        table: &SiteTable,
-        misfit: &dyn Fn(f64) -> Option<f64>,
-        near: NearZero,
-        first: TimedContact,
-        tolerance: f64,
-    ) -> Option<NearZero> {
-        let (site, mut at) = (table.site, near.at);
-        let exact = |s0: f64| self.misfit(&site, s0, first);
-        let look = 1e-4 * site.length();
-        let slope = Some((misfit(at + look)? - misfit(at - look)?) / (2.0 * look)).filter(|slope| *slope != 0.0);
-        let mut value = exact(at)?;
-        for _ in 0..CORRECTIONS {
-            if value.abs() <= EXACT {
-                break;
-            }
-            let next = slope.map(|slope| at - value / slope).filter(|next| (next - at).abs() < 0.1 * site.length());
-            let Some((next, better)) = next.and_then(|next| Some((next, exact(next)?))) else { break };
-            if better.abs() >= value.abs() {
-                break;
-            }
-            (at, value) = (next, better);
-        }
-        if value.abs() <= EXACT {
-            return Some(NearZero { at, value, ..near });
-        }
-        // A fold, where the slope says nothing: search around it by simulation.
-        let step = site.length() / (table.places.len() - 1) as f64;
-        let around = [-1.0, -0.3, 0.0, 0.3, 1.0].map(|share| near.at + share * step);
-        let found = near_zeros(&exact, &around, tolerance);
-        found.into_iter().min_by(|a, b| (a.at - near.at).abs().total_cmp(&(b.at - near.at).abs()))
     }
 }
 
@@ -190,6 +155,11 @@ impl SiteTable {
 
 /// The cubic through values at −1, 0, 1 and 2.
 fn cubic([before, here, next, after]: [f64; 4], x: f64) -> f64 {
-    let weights = [-x * (x - 1.0) * (x - 2.0) / 6.0, (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0, -(x + 1.0) * x * (x - 2.0) / 2.0, (x + 1.0) * x * (x - 1.0) / 6.0];
+    let weights = [
+        -x * (x - 1.0) * (x - 2.0) / 6.0,
+        (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0,
+        -(x + 1.0) * x * (x - 2.0) / 2.0,
+        (x + 1.0) * x * (x - 1.0) / 6.0,
+    ];
     weights[0] * before + weights[1] * here + weights[2] * next + weights[3] * after
 }
