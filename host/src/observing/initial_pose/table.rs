@@ -17,7 +17,7 @@ const TIMES: usize = 32;
 const TABLE_ERROR: f64 = 1e-4;
 
 /// How many times the change over one step of the grid a misfit may change in the last, cut one.
-const BORDER_REACH: f64 = 3.0;
+const BORDER_REACH: f64 = 5.0;
 
 /// The motions of one push from all places on the part.
 ///
@@ -97,14 +97,16 @@ impl<'p> Table<'p> {
         tolerance: f64,
     ) -> Vec<NearZero> {
         let exact = |s0: f64| self.push.misfit(&table.site, s0, first);
-        let near = |index: usize, further: usize| {
-            let (here, beside) = (now[index]? - first.u, now.get(further).copied().flatten());
-            let change = beside.map_or(f64::INFINITY, |beside| (beside - first.u - here).abs());
-            (here.abs() <= tolerance + BORDER_REACH * change).then_some(())
+        // Changes of the two steps of the grid that lead to the border; where there are none, anything is possible.
+        let reaches = |here: usize, beside: usize, beyond: usize| {
+            let value = |index: usize| now.get(index).copied().flatten();
+            let change = |a: usize, b: usize| value(a).zip(value(b)).map_or(f64::INFINITY, |(a, b)| (a - b).abs());
+            let change = change(here, beside).max(change(beside, beyond));
+            value(here).is_some_and(|u| (u - first.u).abs() <= tolerance + BORDER_REACH * change)
         };
         let cells = (1..now.len()).filter(|&index| match (now[index - 1], now[index]) {
-            (Some(_), None) => near(index - 1, index.wrapping_sub(2)).is_some(),
-            (None, Some(_)) => near(index, index + 1).is_some(),
+            (Some(_), None) => reaches(index - 1, index.wrapping_sub(2), index.wrapping_sub(3)),
+            (None, Some(_)) => reaches(index, index + 1, index + 2),
             _ => false,
         });
         cells.flat_map(|index| near_zeros(&exact, &table.places[index - 1..=index], tolerance)).collect()

@@ -8,9 +8,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::push::{Initial, Mode, Push, Support, needed_friction};
+use super::roll::Body;
 use crate::observability::Spectrum;
 use crate::observability::push::{PushObservabilityError, STATE_NAMES, Scales, spectrum};
 use crate::pushing::{Contact, Slip, Start};
+use crate::rolling::observability::STATE_NAMES as ROLL_STATE_NAMES;
+use crate::rolling::{Inputs, Model, PalmAcceleration, Roll, RollError, Spin, SufficientCondition, observability};
 use crate::solve::fields::{Finger, GRAVITY_DEFAULT, NonNegative, Polygon, Positive, Times, default_gravity};
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError, read, tagged};
 
@@ -21,11 +24,17 @@ use crate::solve::{InvalidInput, Pointer, Problem, SolveError, read, tagged};
 pub enum Observability {
     /// A part that a finger pushes, observed by its contact angle.
     Push(Box<PushSystem>),
+    /// A smooth convex body that rolls on a palm, observed by the contact's path.
+    Roll(Box<RollSystem>),
 }
 
 impl<'de> Deserialize<'de> for Observability {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        tagged(deserializer, "system", &[("push", |fields| read(fields).map(Self::Push))])
+        tagged(
+            deserializer,
+            "system",
+            &[("push", |fields| read(fields).map(Self::Push)), ("roll", |fields| read(fields).map(Self::Roll))],
+        )
     }
 }
 
@@ -43,6 +52,9 @@ pub struct ObservabilityAnswer {
     pub singular_values: Vec<f64>,
     /// A basis of the changes that do not show: weights of the states, each in its scale.
     pub unobservable_directions: Vec<BTreeMap<&'static str, f64>>,
+    /// For `roll`: the thesis's Theorem 32, which is sufficient but not necessary.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sufficient_condition: Option<SufficientConditionFields>,
 }
 
 impl ObservabilityAnswer {
@@ -55,6 +67,7 @@ impl ObservabilityAnswer {
             observable: spectrum.observable(),
             unobservable_directions: spectrum.unseen.iter().map(named).collect(),
             singular_values: spectrum.singular_values,
+            sufficient_condition: None,
         }
     }
 }
@@ -66,8 +79,83 @@ impl Problem for Observability {
     fn solve(&self) -> Result<ObservabilityAnswer, SolveError> {
         match self {
             Self::Push(push) => push.solve(),
+            Self::Roll(roll) => roll.solve(),
         }
     }
+}
+
+/// A body that rolls: the state in question.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RollSystem {
+    /// The body.
+    pub body: Body,
+    /// Whether the contact lets the body spin about the normal.
+    pub spin: Spin,
+    /// Gravity, m/s².
+    #[serde(default = "default_gravity")]
+    pub g: NonNegative,
+    /// Quaternion `[w, x, y, z]` of length 1, body → palm.
+    pub orientation: [f64; 4],
+    /// Body axes, rad/s.
+    pub omega: [f64; 3],
+    /// How the palm accelerates while it feels.
+    pub inputs: Inputs,
+}
+
+/// The thesis's Theorem 32 at one contact, with its terms. Lengths in units of the body's size L.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct SufficientConditionFields {
+    /// Whether the theorem says that the state is observable; where it does not, the rank decides.
+    pub holds: bool,
+    /// det(b₁, b₂, β) of (7.32); null at an umbilic.
+    pub det_b1_b2_beta: Option<f64>,
+    /// β·(I z) of (7.33), over the mass; without spin h(n), which takes its place.
+    pub beta_dot_inertia_z: f64,
+    /// |β × z|: where it is 0, (7.34) is asked instead of (7.33).
+    pub beta_cross_z: f64,
+    /// κ₁ xᵀD⁻¹x − κ₂ yᵀD⁻¹y of (7.34).
+    pub curvature_term: f64,
+    /// xᵀD⁻¹y of (7.34).
+    pub mobility_term: f64,
+}
+
+impl From<SufficientCondition> for SufficientConditionFields {
+    fn from(condition: SufficientCondition) -> Self {
+        Self {
+            holds: condition.holds,
+            det_b1_b2_beta: condition.determinant,
+            beta_dot_inertia_z: condition.contact_and_inertia,
+            beta_cross_z: condition.contact_across_normal,
+            curvature_term: condition.curvature_and_mobility,
+            mobility_term: condition.mobility_across,
+        }
+    }
+}
+
+impl RollSystem {
+    fn solve(&self) -> Result<ObservabilityAnswer, SolveError> {
+        let body = self.body.build().map_err(|error| error.inside("body"))?;
+        if self.g.get() == 0.0 {
+            return Err(
+                InvalidInput::at("g", "is 0: nothing presses the body onto the palm, give a gravity above 0").into()
+            );
+        }
+        let on = (&body, self.spin, &PalmAcceleration::Rest, self.g.get());
+        let roll = Roll::new(on, self.orientation, self.omega, [0.0; 2]).map_err(refuse_start)?;
+        let model = Model { body: &body, spin: self.spin };
+        let found = observability(&model, roll.start(), self.g.get(), self.inputs);
+        let states = found.spectrum.singular_values.len();
+        Ok(ObservabilityAnswer {
+            sufficient_condition: Some(found.sufficient_condition.into()),
+            ..ObservabilityAnswer::of(found.spectrum, &ROLL_STATE_NAMES[..states])
+        })
+    }
+}
+
+fn refuse_start(error: RollError) -> InvalidInput {
+    let field = if matches!(error, RollError::Quaternion { .. }) { "orientation" } else { "omega" };
+    InvalidInput::at(field, error.to_string())
 }
 
 /// A push in motion: the fields of the kind `push`, without times.
