@@ -74,7 +74,7 @@ struct Attempt {
 
 /// What came of observers side by side.
 enum Choice {
-    Right { steps: usize },
+    Right,
     WrongPlace,
     WrongEdge,
     Diverged,
@@ -193,9 +193,7 @@ impl Case {
         runs.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.total_cmp(&b.1)));
         match runs.first() {
             Some((_, _, edge, Some(_))) if *edge != self.edge => Choice::WrongEdge,
-            Some((_, _, _, Some((at, end)))) if (end.s - self.truth[*at].s).abs() < NEGLIGIBLE.s => {
-                Choice::Right { steps: *at }
-            }
+            Some((_, _, _, Some((at, end)))) if (end.s - self.truth[*at].s).abs() < NEGLIGIBLE.s => Choice::Right,
             Some((_, _, _, Some(_))) => Choice::WrongPlace,
             _ => Choice::Diverged,
         }
@@ -343,7 +341,7 @@ fn choices<T>(
         let edges = case.part.polygon().vertices().len();
         let all: Vec<_> = (0..edges).flat_map(|edge| attempts(&mut case, edge)).collect();
         let (slot, what) = match case.chosen(&all) {
-            Choice::Right { .. } => (0, None),
+            Choice::Right => (0, None),
             Choice::WrongPlace => (1, Some("wrong place")),
             Choice::WrongEdge => (2, Some("wrong edge")),
             Choice::Diverged => (3, Some("diverged")),
