@@ -1,13 +1,9 @@
-//! `palpate solve` on the shared cases of kind `initial_pose`, and on the documented ones.
-
-#![allow(clippy::unwrap_used, reason = "clippy exempts tests, but not their helpers")]
-
-mod solving;
+//! The kind `initial_pose`.
 
 use std::f64::consts::PI;
 
+use crate::solving::{assert_documented, shared_cases, solve};
 use serde_json::{Value, json};
-use solving::{assert_documented, shared_cases, solve};
 
 /// How far apart two places on the part are: on an ellipse they repeat after half a turn.
 fn gap(a: &Value, b: &Value) -> f64 {
