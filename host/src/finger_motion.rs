@@ -86,7 +86,9 @@ pub enum MotionError {
         acceleration: [f64; 2],
     },
     /// The finger would stay at rest.
-    #[error("segment 0 has no acceleration: the motion starts at rest, and its clock starts when the finger begins to push")]
+    #[error(
+        "segment 0 has no acceleration: the motion starts at rest, and its clock starts when the finger begins to push"
+    )]
     AtRest,
     /// A start that is no number.
     #[error("start = {0:?} must be finite")]

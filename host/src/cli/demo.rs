@@ -125,12 +125,16 @@ where
 }
 
 fn introduce(rig: &Rig, part: &Part, ranges: &Ranges) {
-    say!("A simulated finger runs the firmware at {}; the host opens it like any serial port.", rig.session().address());
+    say!(
+        "A simulated finger runs the firmware at {}; the host opens it like any serial port.",
+        rig.session().address()
+    );
     let worst = rig.fit().held_back().map_or_else(String::new, |held| {
         format!("; those held back are off by at most {:.2}°", held.worst_error.abs().to_degrees())
     });
     say!("It was calibrated on {CALIBRATION_CONTACTS} contacts of {CALIBRATION_FORCE_N} N{worst}.");
-    let vertices: Vec<_> = part.polygon().vertices().iter().map(|v| format!("({:.0}, {:.0})", v.x * 1e3, v.y * 1e3)).collect();
+    let vertices: Vec<_> =
+        part.polygon().vertices().iter().map(|v| format!("({:.0}, {:.0})", v.x * 1e3, v.y * 1e3)).collect();
     say!("The part, in mm: {}; µ {} on the table.", vertices.join(" "), ranges.mu);
     let segments = ranges.motion.segments().iter().map(|segment| {
         let [x, y] = segment.acceleration.map(|value| value * 1e3);

@@ -95,7 +95,11 @@ impl ForceCourse {
     #[must_use]
     pub fn at(&self, t: f64) -> Option<[f32; 2]> {
         let place = (t / self.step_s).max(0.0);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative; large ones saturate")]
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "not negative; large ones saturate"
+        )]
         let index = place as usize;
         let (&from, &to) = (self.forces_finger.get(index)?, self.forces_finger.get(index + 1)?);
         #[expect(clippy::cast_possible_truncation, reason = "a share of 1")]

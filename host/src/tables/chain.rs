@@ -48,7 +48,8 @@ impl Outcome {
             truth.as_ref().map(|truth| pose_error(part, estimate.symmetry, &hypothesis.pose_end, truth))
         };
         let errors: Vec<_> = estimate.hypotheses.iter().filter_map(error).collect();
-        let holds_truth = estimate.hypotheses.iter().zip(&errors).any(|(hypothesis, error)| is_right(part, hypothesis, error));
+        let holds_truth =
+            estimate.hypotheses.iter().zip(&errors).any(|(hypothesis, error)| is_right(part, hypothesis, error));
         let nearest = errors.iter().copied().min_by(|a, b| a.size(part).total_cmp(&b.size(part)));
         Self {
             status: estimate.status(),
@@ -120,8 +121,18 @@ fn cases(ranges: &Ranges, settings: &Settings) -> Vec<Result<Outcome, String>> {
 #[must_use]
 pub fn run(settings: &Settings) -> Table {
     let mut table = Table::new([
-        "finger's path", "cases", "unique", "ambiguous", "none", "wrong", "wrong and certain", "median mm", "95 % mm",
-        "median deg", "95 % deg", "listed",
+        "finger's path",
+        "cases",
+        "unique",
+        "ambiguous",
+        "none",
+        "wrong",
+        "wrong and certain",
+        "median mm",
+        "95 % mm",
+        "median deg",
+        "95 % deg",
+        "listed",
     ]);
     table.definitions = definitions();
     let turning = Ranges::default();

@@ -83,7 +83,8 @@ impl FeltForce {
     /// Predicted means, whitened.
     pub(super) fn whiten(&self, forces: impl Iterator<Item = Vector2<f64>>) -> DVector<f64> {
         let plain = stacked(forces, self.data.len());
-        let rows = (0..plain.len()).map(|row| self.whitener.view((row, 0), (1, row + 1)).tr_dot(&plain.rows(0, row + 1)));
+        let rows =
+            (0..plain.len()).map(|row| self.whitener.view((row, 0), (1, row + 1)).tr_dot(&plain.rows(0, row + 1)));
         DVector::from_iterator(plain.len(), rows)
     }
 }

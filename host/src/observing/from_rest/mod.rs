@@ -30,7 +30,7 @@ use fit::{Problem, Tried, difference};
 use path::{Course, Guess};
 
 use crate::finger_motion::FingerMotion;
-use crate::pushing::{EdgeEnd, Part, Push, Start, ContactLaw};
+use crate::pushing::{ContactLaw, EdgeEnd, Part, Push, Start};
 
 /// A minimum is listed if its cost is at most this much above the best one's: four standard deviations.
 pub const COST_MARGIN: f64 = 16.0;
@@ -200,7 +200,8 @@ fn conclude(problem: &Problem, mut tried: Vec<Tried>, symmetry: usize) -> Estima
         Some(best) if best <= cost_max => distinct(tried, best + COST_MARGIN),
         _ => Vec::new(),
     };
-    let mut hypotheses: Vec<_> = listed.iter().filter_map(|tried| hypothesis(problem, tried, best.unwrap_or(tried.cost))).collect();
+    let mut hypotheses: Vec<_> =
+        listed.iter().filter_map(|tried| hypothesis(problem, tried, best.unwrap_or(tried.cost))).collect();
     let total: f64 = hypotheses.iter().map(|hypothesis| hypothesis.probability).sum();
     hypotheses.iter_mut().for_each(|hypothesis| hypothesis.probability /= total);
     let mut hypotheses = joined(hypotheses);
@@ -221,7 +222,9 @@ fn distinct(tried: Vec<Tried>, cost_max: f64) -> Vec<Tried> {
     for tried in tried.into_iter().take_while(|tried| tried.cost <= cost_max) {
         let same = |other: &Tried| {
             let [a, b] = [&tried, other].map(|tried| tried.path.end);
-            other.guess.edge == tried.guess.edge && (a.s - b.s).abs() < ONE_MINIMUM.0 && (a.u - b.u).abs() < ONE_MINIMUM.1
+            other.guess.edge == tried.guess.edge
+                && (a.s - b.s).abs() < ONE_MINIMUM.0
+                && (a.u - b.u).abs() < ONE_MINIMUM.1
         };
         if !kept.iter().any(same) {
             kept.push(tried);

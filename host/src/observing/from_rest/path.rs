@@ -288,8 +288,7 @@ impl<'p> Player<'p> {
         let local = self.time - self.leg_from;
         self.state.v_t = self.model.rolling_v_t(local, &self.state);
         let rolling = self.model.motion(&Contact::Rolling, local, &self.state);
-        let sticks = rolling.normal_force > 0.0
-            && rolling.tangential_force.abs() <= self.mu_c * rolling.normal_force;
+        let sticks = rolling.normal_force > 0.0 && rolling.tangential_force.abs() <= self.mu_c * rolling.normal_force;
         self.contact = match self.contact {
             Contact::Sliding { .. } if sticks => Contact::Rolling,
             Contact::Sliding { friction, slip } => Contact::Sliding { friction, slip: slip.reversed() },

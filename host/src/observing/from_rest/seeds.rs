@@ -41,7 +41,9 @@ pub(super) fn on_edge(problem: &Problem, edge: usize) -> Vec<Tried> {
     let seeds: Vec<_> = places(problem, &line)
         .into_iter()
         .enumerate()
-        .flat_map(|(place, s)| at_place(problem, edge, &line, s).into_iter().map(move |(friction, tried)| Seed { place, friction, tried }))
+        .flat_map(|(place, s)| {
+            at_place(problem, edge, &line, s).into_iter().map(move |(friction, tried)| Seed { place, friction, tried })
+        })
         .collect();
     let best: Vec<_> = seeds.iter().map(|seed| is_best_around(seed, &seeds)).collect();
     seeds.into_iter().zip(best).filter(|(_, best)| *best).map(|(seed, _)| seed.tried).collect()
@@ -72,14 +74,16 @@ fn at_place(problem: &Problem, edge: usize, line: &Edge, s: f64) -> Vec<(usize, 
     // The largest friction first: where it suffices to roll, smaller ones that suffice too change nothing.
     for u in angles.solutions(f64::INFINITY) {
         let tried = problem.try_guess(Guess { edge, u, s, mu_c: f64::INFINITY });
-        found.extend(tried.filter(|tried| tried.path.friction_needed < 2.0 * MU_C_MAX).map(|tried| (FRICTIONS.len(), tried)));
+        found.extend(
+            tried.filter(|tried| tried.path.friction_needed < 2.0 * MU_C_MAX).map(|tried| (FRICTIONS.len(), tried)),
+        );
     }
     let rolling = found.len();
     for (index, &mu_c) in FRICTIONS.iter().enumerate() {
         for u in angles.solutions(mu_c) {
-            let rolls = found[..rolling].iter().any(|(_, tried)| {
-                (tried.guess.u - u).abs() < 1e-6 && tried.path.friction_needed <= mu_c
-            });
+            let rolls = found[..rolling]
+                .iter()
+                .any(|(_, tried)| (tried.guess.u - u).abs() < 1e-6 && tried.path.friction_needed <= mu_c);
             if !rolls {
                 found.extend(problem.try_guess(Guess { edge, u, s, mu_c }).map(|tried| (index, tried)));
             }

@@ -21,7 +21,8 @@ pub(super) fn order(part: &Part) -> usize {
 
 fn same(part: &Part, a: &Edge, b: &Edge, size: f64) -> bool {
     let lengths = [(a.height, b.height), (a.s_min, b.s_min), (a.s_max, b.s_max)];
-    lengths.iter().all(|(a, b)| (a - b).abs() < SAME * size) && PROBES.iter().all(|&probe| same_start(part, a, b, probe))
+    lengths.iter().all(|(a, b)| (a - b).abs() < SAME * size)
+        && PROBES.iter().all(|&probe| same_start(part, a, b, probe))
 }
 
 /// Whether pushes at two edges begin alike: what rests on feet may look symmetric and not be.

@@ -67,8 +67,15 @@ pub(super) fn share_after(window: usize, time: f64) -> f64 {
 /// Mean under a window of what is given on the grid.
 pub(super) fn mean_of_grid(window: usize, grid: &[Vector2<f64>]) -> Vector2<f64> {
     /// Weights of the grid points of a window after its start, where it is 0: (1 − cos(k π/4))/8.
-    const WEIGHTS: [f64; GRID_POINTS - 1] =
-        [0.036_611_652_351_681_56, 0.125, 0.213_388_347_648_318_44, 0.25, 0.213_388_347_648_318_44, 0.125, 0.036_611_652_351_681_56];
+    const WEIGHTS: [f64; GRID_POINTS - 1] = [
+        0.036_611_652_351_681_56,
+        0.125,
+        0.213_388_347_648_318_44,
+        0.25,
+        0.213_388_347_648_318_44,
+        0.125,
+        0.036_611_652_351_681_56,
+    ];
     let first = GRID_HOP * window + 1;
     WEIGHTS.iter().zip(&grid[first..]).map(|(weight, value)| value * *weight).sum()
 }
