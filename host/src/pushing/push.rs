@@ -5,7 +5,9 @@
 
 use nalgebra::{Point2, Vector2};
 
-use super::model::{Contact, PushModel, Slip, State};
+use super::contact_model::{ContactModel, normal};
+use super::model::{Contact, FingerPath, PushModel, Slip, State};
+use super::shaped::ShapedModel;
 
 /// Slip and speed that count as none, m/s: an atom's width a second. Rounding in the velocities is a million times less.
 pub(super) const SLIP_NONE: f64 = 1e-9;
@@ -60,14 +62,20 @@ impl Start {
     }
 }
 
-/// A push to simulate: see [`Push::run`].
-#[derive(Clone, Copy, Debug)]
-pub struct Push<'p> {
-    pub(super) model: PushModel<'p>,
+/// A push to simulate: see [`PushOf::run`].
+#[derive(Clone, Debug)]
+pub struct PushOf<M> {
+    pub(super) model: M,
     pub(super) law: ContactLaw,
     pub(super) start: Start,
     pub(super) edge_end: EdgeEnd,
 }
+
+/// A disk that pushes an edge of a polygon.
+pub type Push<'p> = PushOf<PushModel<'p>>;
+
+/// A finger of any shape that pushes an edge or an ellipse.
+pub type ShapedPush<'p> = PushOf<ShapedModel<'p>>;
 
 /// What is at an edge's vertices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -136,27 +144,17 @@ impl<'p> Push<'p> {
     /// [`PushError`].
     pub fn new(model: PushModel<'p>, law: ContactLaw, start: Start, edge_end: EdgeEnd) -> Result<Self, PushError> {
         let push = Self { model, law, start, edge_end };
-        push.check_place()?;
-        match start {
-            Start::Rest { u, .. } => push.check_rest(u)?,
-            Start::Moving(state) => push.check_slip(&state)?,
-        }
+        push.check()?;
+        push.check_overlap()?;
         Ok(push)
     }
 
-    fn check_place(&self) -> Result<(), PushError> {
-        let (_, s) = self.start.contact();
-        let (s_min, s_max) = (self.model.edge.s_min, self.model.edge.s_max);
-        let beyond = (s_min - s).max(s - s_max);
-        match self.edge_end {
-            EdgeEnd::Stop if beyond > PLACE_TOLERANCE => Err(PushError::BeyondEdge { s, s_min, s_max }),
+    fn check_overlap(&self) -> Result<(), PushError> {
+        let s = self.start.contact().1;
+        if !(self.model.edge.s_min..=self.model.edge.s_max).contains(&s) {
             // On an edge's extension there is nothing to overlap with that would mean anything.
-            _ if beyond > 0.0 => Ok(()),
-            _ => self.check_overlap(s),
+            return Ok(());
         }
-    }
-
-    fn check_overlap(&self, s: f64) -> Result<(), PushError> {
         let (part, edge, radius) = (self.model.part, self.model.edge, self.model.finger.radius);
         let along = Vector2::new(-edge.normal.y, edge.normal.x);
         let centre = part.centre_of_mass() + edge.normal * (edge.height + radius) + along * s;
@@ -164,10 +162,42 @@ impl<'p> Push<'p> {
         let near = distances.enumerate().find(|(_, distance)| *distance < radius - PLACE_TOLERANCE);
         near.map_or(Ok(()), |(edge, distance)| Err(PushError::Overlap { edge, distance, radius }))
     }
+}
 
-    fn check_rest(&self, u: f64) -> Result<(), PushError> {
-        let [[v_x, v_y], [a_x, a_y]] = [self.model.finger.velocity0, self.model.finger.acceleration];
-        let (speed, toward) = (v_x.hypot(v_y), a_x * u.cos() + a_y * u.sin());
+impl<'p> ShapedPush<'p> {
+    /// Checks that the start is possible.
+    ///
+    /// # Errors
+    /// [`PushError`].
+    pub fn new(model: ShapedModel<'p>, law: ContactLaw, start: Start, edge_end: EdgeEnd) -> Result<Self, PushError> {
+        let push = Self { model, law, start, edge_end };
+        push.check()?;
+        Ok(push)
+    }
+}
+
+impl<M: ContactModel> PushOf<M> {
+    fn check(&self) -> Result<(), PushError> {
+        self.check_place()?;
+        match self.start {
+            Start::Rest { u, s } => self.check_rest(&State { u, s, omega: 0.0, v_t: 0.0 }),
+            Start::Moving(state) => self.check_slip(&state),
+        }
+    }
+
+    fn check_place(&self) -> Result<(), PushError> {
+        let (_, s) = self.start.contact();
+        let [s_min, s_max] = self.model.side().range();
+        let beyond = (s_min - s).max(s - s_max);
+        if self.edge_end == EdgeEnd::Stop && beyond > PLACE_TOLERANCE {
+            return Err(PushError::BeyondEdge { s, s_min, s_max });
+        }
+        Ok(())
+    }
+
+    fn check_rest(&self, state: &State) -> Result<(), PushError> {
+        let FingerPath { velocity0: [v_x, v_y], acceleration, .. } = self.model.path();
+        let (speed, toward) = (v_x.hypot(v_y), -normal(&self.model, state).dot(&Vector2::from(acceleration)));
         match () {
             () if speed > 0.0 => Err(PushError::FingerMoves { speed }),
             () if toward <= 0.0 => Err(PushError::MovesAway { toward }),

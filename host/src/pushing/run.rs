@@ -7,13 +7,14 @@
 //! Implements: the contact modes of thesis §5.2.1 and §5.4 with Coulomb's law deciding between them.
 //! Assumes: nothing but the contact edge meets the finger after the start.
 //! Frames: world, unless named. Units: SI, forces per unit mass of the part.
-//! Errors: [`RunError`], for motions too stiff to follow. Measured error: see [`Push::run`].
+//! Errors: [`RunError`], for motions too stiff to follow. Measured error: see [`PushOf::run`].
 
 use nalgebra::{Point2, Rotation2, Vector2};
 
+use super::contact_model::{ContactModel, arm, normal, rest_start};
 use super::integrate::{Scale, Step};
-use super::model::{Contact, PushModel, Slip, State};
-use super::push::{ContactLaw, EdgeEnd, Push, SLIP_NONE, Start};
+use super::model::{Contact, Slip, State};
+use super::push::{ContactLaw, EdgeEnd, PushOf, SLIP_NONE, Start};
 use super::rest::{RestError, RestStart};
 
 /// A sliding denominator (1 for s = 0) below this is a jam: the contact force is a thousand million times its usual size, and
@@ -204,7 +205,7 @@ struct Found {
     share: f64,
 }
 
-impl Push<'_> {
+impl<M: ContactModel> PushOf<M> {
     /// Simulates the push, and samples it at `times`: s, increasing, from 0 on, at least one.
     ///
     /// Measured on 200 random pushes over 0.8 s at 5 cm/s, rolling and frictionless, against fixed steps of 20 µs: u within
@@ -236,7 +237,7 @@ impl Push<'_> {
         let (mut jam, mut stick, mut cone) = (NEVER, NEVER, [NEVER, NEVER]);
         match (*contact, self.law) {
             (Contact::Sliding { friction, slip }, _) => {
-                jam = model.sliding_denominator(friction * slip.sign(), state.s) - JAM_DENOMINATOR;
+                jam = model.sliding_denominator(friction * slip.sign(), state) - JAM_DENOMINATOR;
                 stick = model.slip(time, state) * slip.sign();
             }
             (Contact::Rolling, ContactLaw::Rolling { friction: Some(friction) } | ContactLaw::Coulomb { friction }) => {
@@ -245,7 +246,10 @@ impl Push<'_> {
             _ => {}
         }
         let edge = match self.edge_end {
-            EdgeEnd::Stop => [state.s - model.edge.s_min, model.edge.s_max - state.s],
+            EdgeEnd::Stop => {
+                let [s_min, s_max] = model.side().range();
+                [state.s - s_min, s_max - state.s]
+            }
             EdgeEnd::Extend => [NEVER; 2],
         };
         [jam, normal, stick, cone[0], cone[1], edge[0], edge[1]]
@@ -267,11 +271,11 @@ fn rolls_or_slides(normal: f64, tangential: f64, friction: f64) -> Contact {
 }
 
 /// A push under way.
-struct Runner<'a, 'p> {
-    push: &'a Push<'p>,
+struct Runner<'a, M> {
+    push: &'a PushOf<M>,
     times: &'a [f64],
     time_end: f64,
-    /// θ − u, rad.
+    /// What brings θ into (−π, π] at the start, rad.
     theta_offset: f64,
     /// Length of the next step, s.
     step: f64,
@@ -282,15 +286,15 @@ struct Runner<'a, 'p> {
     last: Option<Sample>,
 }
 
-impl<'a, 'p> Runner<'a, 'p> {
-    fn new(push: &'a Push<'p>, times: &'a [f64], time_end: f64) -> Self {
-        let (u, normal) = (push.start.contact().0, push.model.edge.normal);
-        let theta = Rotation2::rotation_between(&normal, &Vector2::new(-u.cos(), -u.sin())).angle();
+impl<'a, M: ContactModel> Runner<'a, M> {
+    fn new(push: &'a PushOf<M>, times: &'a [f64], time_end: f64) -> Self {
+        let (u, s) = push.start.contact();
+        let theta = push.model.theta(&State { u, s, omega: 0.0, v_t: 0.0 });
         Self {
             push,
             times,
             time_end,
-            theta_offset: theta - u,
+            theta_offset: Rotation2::new(theta).angle() - theta,
             step: STEP_FIRST,
             steps: 0,
             samples: Vec::new(),
@@ -300,7 +304,7 @@ impl<'a, 'p> Runner<'a, 'p> {
         }
     }
 
-    fn model(&self) -> &'a PushModel<'p> {
+    fn model(&self) -> &'a M {
         &self.push.model
     }
 
@@ -391,7 +395,7 @@ impl<'a, 'p> Runner<'a, 'p> {
             return Ok(Next::End(EndReason::Time));
         }
         let speed = |time, state| Vector2::from(self.model().velocity(&leg.contact, time, state)).norm();
-        let spin = self.model().part.inertia_per_mass().sqrt() * state.omega.abs();
+        let spin = self.model().body().inertia_per_mass().sqrt() * state.omega.abs();
         if speed(time, &state) + spin < SLIP_NONE && speed(time, &state) < speed(leg.time, &leg.state) {
             return self.begin_at_rest(time, State { omega: 0.0, ..state });
         }
@@ -509,10 +513,9 @@ impl<'a, 'p> Runner<'a, 'p> {
             sample.force = None;
         }
         self.record(sample);
-        if let (Start::Rest { u, .. }, true) = (self.push.start, time == 0.0) {
-            let (sin, cos) = u.sin_cos();
-            let (normal, along) = (Vector2::new(-cos, -sin), Vector2::new(-sin, cos));
-            let centre_of_mass = normal * start.a_n + along * start.a_t;
+        if let (Start::Rest { .. }, true) = (self.push.start, time == 0.0) {
+            let normal = normal(self.model(), &state);
+            let centre_of_mass = normal * start.a_n + Vector2::new(normal.y, -normal.x) * start.a_t;
             self.rest_start = Some(Acceleration { centre_of_mass, alpha: start.alpha });
         }
         Ok(pushed)
@@ -520,7 +523,7 @@ impl<'a, 'p> Runner<'a, 'p> {
 
     /// Contact and accelerations of the start from rest.
     fn start_from_rest(&self, time: f64, state: &State) -> Result<(Contact, RestStart), RestError> {
-        let start = |contact: Contact| Ok((contact, self.model().rest_start(&contact, state.u, state.s)?));
+        let start = |contact: Contact| Ok((contact, rest_start(self.model(), &contact, state.u, state.s)?));
         let law = self.push.law;
         let slip = self.model().slip(time, state);
         match law {
@@ -541,15 +544,14 @@ impl<'a, 'p> Runner<'a, 'p> {
     /// The leg that a start from rest leads to.
     fn after_rest(&mut self, time: f64, contact: &Contact, start: &RestStart, state: &State) -> Next {
         let model = self.model();
-        let finger = model.finger_along(time, state.u);
         // How the slip grows from the finger's own speed.
-        let slip_rate = finger.acceleration + model.edge.height * start.alpha - start.a_t;
+        let (slip, slip_rate) = (model.slip(time, state), self.slip_rate(start, state));
         let cone = |friction: f64| friction * start.normal_force - start.tangential_force.abs();
         match (*contact, self.push.law) {
-            (Contact::Sliding { friction, slip }, law) => {
-                let m = friction * slip.sign();
-                let slips = model.slip(time, state) * slip.sign() >= SLIP_NONE || slip_rate * slip.sign() > 0.0;
-                if model.sliding_denominator(m, state.s) <= JAM_DENOMINATOR {
+            (Contact::Sliding { friction, slip: direction }, law) => {
+                let m = friction * direction.sign();
+                let slips = slip * direction.sign() >= SLIP_NONE || slip_rate * direction.sign() > 0.0;
+                if model.sliding_denominator(m, state) <= JAM_DENOMINATOR {
                     return Next::End(EndReason::Jam);
                 } else if !slips && matches!(law, ContactLaw::Sliding { .. }) {
                     return Next::End(EndReason::Stick);
@@ -563,14 +565,14 @@ impl<'a, 'p> Runner<'a, 'p> {
         if start.normal_force <= 0.0 {
             return Next::End(EndReason::Break);
         }
-        let span = REST_SHARE * (model.part.inertia_per_mass().sqrt() / start.a_n.hypot(start.a_t)).sqrt();
+        let span = REST_SHARE * (model.body().inertia_per_mass().sqrt() / start.a_n.hypot(start.a_t)).sqrt();
         let span = span.min(self.time_end - time);
-        let at = |span: f64| State {
-            u: state.u + 0.5 * start.alpha * span * span,
-            s: state.s - finger.velocity * span
-                + 0.5 * span * span * (start.a_t - finger.acceleration - start.alpha * model.reach()),
-            omega: start.alpha * span,
-            v_t: start.a_t * span,
+        let [slipping, starting] =
+            [(0.0, slip), (start.alpha, slip_rate)].map(|(omega, slip)| model.contact_rates(state, omega, slip));
+        let at = |span: f64| {
+            let travelled = |i: usize| slipping[i] * span + 0.5 * span * span * starting[i];
+            let (u, s) = (state.u + travelled(0), state.s + travelled(1));
+            State { u, s, omega: start.alpha * span, v_t: start.a_t * span }
         };
         while let Some(&asked) =
             self.times.get(self.samples.len()).filter(|&&asked| asked > time && asked < time + span)
@@ -580,6 +582,13 @@ impl<'a, 'p> Runner<'a, 'p> {
         self.step = span;
         let none = [SLIP_NONE; EVENTS.len()];
         Next::Leg(Leg { contact: *contact, time: time + span, state: at(span), slack: none })
+    }
+
+    /// How the slip begins to grow in a start from rest, m/s².
+    fn slip_rate(&self, start: &RestStart, state: &State) -> f64 {
+        let (model, normal) = (self.model(), normal(self.model(), state));
+        let finger = -normal.perp(&Vector2::from(model.path().acceleration));
+        finger + arm(model, state).height * start.alpha - start.a_t
     }
 
     /// Records the times asked for within the first `share` of a step.
@@ -606,13 +615,13 @@ impl<'a, 'p> Runner<'a, 'p> {
             Contact::Frictionless | Contact::Sliding { .. } => *state,
         };
         let motion = model.motion(contact, t, &state);
-        let theta = state.u + self.theta_offset;
+        let theta = model.theta(&state) + self.theta_offset;
         let centre_of_mass = model.centre_of_mass(t, &state);
         Sample {
             t,
             state,
             contact: *contact,
-            position: centre_of_mass - Rotation2::new(theta) * model.part.centre_of_mass().coords,
+            position: centre_of_mass - Rotation2::new(theta) * model.body().centre_of_mass().coords,
             theta,
             velocity: model.velocity(contact, t, &state).into(),
             force: Some(ContactForce { normal: motion.normal_force, tangential: motion.tangential_force }),

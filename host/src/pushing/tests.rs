@@ -267,6 +267,32 @@ proptest! {
         prop_assert!(distance(&run.last.state, &small, radius, 0.05) < RUN_TOLERANCE, "{:?} {:?}", run.last, large.last);
     }
 
+    /// The model of any two outlines, of a disk on an edge, is the fast one.
+    #[test]
+    fn shaped_outlines_continue_the_disk_on_an_edge(scene in scenes(), contact in contacts(), t in 0.0..0.5) {
+        let part = scene.part();
+        let model = scene.model(&part);
+        let shape = FingerShape::Disk { radius: scene.finger.radius };
+        let side = PartSide::Edge(model.edge);
+        let shaped = ShapedModel::new(part.body(), side, scene.grip, shape, scene.finger.path()).unwrap();
+        let state = scene.start;
+        let (fast, general) = (model.motion(&contact, t, &state), shaped.motion(&contact, t, &state));
+        let scale = 1.0 + fast.normal_force.abs() + fast.rates.omega.abs();
+        let difference = [
+            fast.rates.u - general.rates.u,
+            fast.rates.s - general.rates.s,
+            fast.rates.omega - general.rates.omega,
+            fast.rates.v_t - general.rates.v_t,
+            fast.normal_force - general.normal_force,
+            fast.tangential_force - general.tangential_force,
+        ];
+        for difference in difference {
+            prop_assert!(difference.abs() < ACCELERATION_ROUNDING * scale, "{fast:?} {general:?}");
+        }
+        prop_assert!((model.slip(t, &state) - shaped.slip(t, &state)).abs() < 1e-14);
+        prop_assert!((model.centre_of_mass(t, &state) - shaped.centre_of_mass(t, &state)).norm() < 1e-14);
+    }
+
     /// Thesis §5.4.1: in rolling the contact covers the same length on disk and part.
     #[test]
     fn a_rolling_contact_moves_by_the_disks_radius_times_its_turn(scene in possible_scenes()) {
@@ -406,6 +432,10 @@ proptest! {
         let seeded = Seeded::new(&model, &contact, &scene.start, ALL);
         let exact = seeded.model.rollout(&seeded.contact, &seeded.start, 1e-3).nth(29).unwrap();
         let columns = derivatives(&exact);
+        let jets = Seeded::jets(&model, &contact, &scene.start, ALL);
+        let by_jets = slopes(&jets.model.rollout(&jets.contact, &jets.start, 1e-3).nth(29).unwrap());
+        // The same derivatives, rounded in another order.
+        prop_assert!((by_jets - columns).amax() <= 1e-9 * columns.amax(), "{by_jets} {columns}");
         for (column, (parameter, small)) in ALL.into_iter().zip(SMALL).enumerate() {
             let end = |change: f64| {
                 let (model, contact, start) = changed(model, contact, scene.start, parameter, change);

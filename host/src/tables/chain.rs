@@ -8,7 +8,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::random::Draw;
-use super::{Cell, Settings, Table};
+use super::{Cell, Experiment, Settings, Table};
 use crate::demonstration::{Drawn, PoseError, RADIUS_M, Ranges, Rig, pose_error, random_part, straight_motion};
 use crate::observing::from_rest::{self, Estimate, Hypothesis, Known, Status};
 use crate::push_plan::GRAVITY;
@@ -118,8 +118,15 @@ fn cases(ranges: &Ranges, settings: &Settings) -> Vec<Result<Outcome, String>> {
 }
 
 /// The table `chain`.
-#[must_use]
-pub fn run(settings: &Settings) -> Table {
+pub(super) const EXPERIMENT: Experiment = Experiment {
+    name: "chain",
+    title: "a part pushed from rest, its pose from the force on the finger, through the whole chain",
+    cases: 600,
+    run,
+};
+
+/// Runs it.
+fn run(settings: &Settings) -> Table {
     let mut table = Table::new([
         "finger's path",
         "cases",
