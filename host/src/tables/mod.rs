@@ -8,9 +8,9 @@
 //!
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
 
-mod chain;
 mod gho;
 mod initial_pose;
+pub(crate) mod chain;
 mod pose;
 pub mod random;
 mod rolling;
