@@ -109,7 +109,11 @@ fn flush_edges_tangencies_and_parallel_lines_agree_with_exhaustion() {
     let cases: [(&str, &[[f64; 2]], Vec<oracle::Line>); 8] = [
         ("a corner and a far wall", &square, vec![(2.0 * quarter, 0.0), (-quarter, 0.0), (0.0, 1.0)]),
         ("a box that fits exactly", &square, vec![(2.0 * quarter, 0.0), (-quarter, 0.0), (0.0, 1.0), (quarter, 1.0)]),
-        ("jaws at the diagonal, a tangency", &square, vec![(0.0, 2.0_f64.sqrt()), (2.0 * quarter, 0.0), (quarter, 1.0)]),
+        (
+            "jaws at the diagonal, a tangency",
+            &square,
+            vec![(0.0, 2.0_f64.sqrt()), (2.0 * quarter, 0.0), (quarter, 1.0)],
+        ),
         ("jaws wider than the diagonal", &square, vec![(0.0, 1.5), (2.0 * quarter, 0.0), (quarter, 1.0)]),
         ("jaws nearer than the width", &square, vec![(0.0, 0.9), (2.0 * quarter, 0.0), (quarter, 1.0)]),
         ("two walls that face one way", &square, vec![(0.0, 1.0), (0.0, 1.1), (quarter, 1.0)]),
@@ -182,7 +186,10 @@ fn readings(cones: &[oracle::Cone], sigma: f64) -> NoisyReadings {
 }
 
 fn noisy(draw: &mut Draw, cones: &[oracle::Cone], sigma: f64) -> Vec<oracle::Cone> {
-    cones.iter().map(|(apex, right, left)| (*apex, right + sigma * draw.normal(), left + sigma * draw.normal())).collect()
+    cones
+        .iter()
+        .map(|(apex, right, left)| (*apex, right + sigma * draw.normal(), left + sigma * draw.normal()))
+        .collect()
 }
 
 /// Every minimum that a blind search finds inside the gate is listed, and what is listed is a minimum.
@@ -214,7 +221,11 @@ fn the_modes_are_the_minima_that_a_blind_search_finds() {
             let (at, value) = oracle::descend(chi2, from, size, 0.05, || sphere(&mut draw));
             // The search may come to rest in a valley, above its minimum.
             let listed = |mode: &Mode| mode.chi2 <= value + CHI2 * (1.0 + value) && near(mode, at, size);
-            assert!(value > 0.98 * estimate.gate || estimate.modes.iter().any(listed), "case {case}: {at:?} with {value} is not in {:?}", estimate.modes);
+            assert!(
+                value > 0.98 * estimate.gate || estimate.modes.iter().any(listed),
+                "case {case}: {at:?} with {value} is not in {:?}",
+                estimate.modes
+            );
         }
     }
 }
