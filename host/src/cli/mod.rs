@@ -14,11 +14,14 @@ mod diagnose;
 mod info;
 mod latency;
 mod monitor;
+mod observe;
 mod plot;
 mod ports;
+mod pose;
 mod push;
 mod simulate_device;
 mod solve;
+mod static_demo;
 mod tables;
 
 use std::io::Write as _;
@@ -47,6 +50,7 @@ enum Command {
     Diagnose(diagnose::Arguments),
     Calibrate(calibrate::Arguments),
     Monitor(monitor::Arguments),
+    Observe(observe::Arguments),
     Contact(contact::Arguments),
     Push(push::Arguments),
     Tables(tables::Arguments),
@@ -72,6 +76,7 @@ pub(crate) fn run() -> ExitCode {
         Command::Diagnose(arguments) => diagnose::run(&arguments),
         Command::Calibrate(arguments) => calibrate::run(&arguments),
         Command::Monitor(arguments) => monitor::run(&arguments),
+        Command::Observe(arguments) => observe::run(&arguments),
         Command::Contact(arguments) => contact::run(&arguments),
         Command::Push(arguments) => push::run(&arguments),
         Command::Tables(arguments) => tables::run(&arguments),

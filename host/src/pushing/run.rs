@@ -7,7 +7,7 @@
 //! Implements: the contact modes of thesis §5.2.1 and §5.4 with Coulomb's law deciding between them.
 //! Assumes: nothing but the contact edge meets the finger after the start.
 //! Frames: world, unless named. Units: SI, forces per unit mass of the part.
-//! Errors: [`RunError`], for motions too stiff to follow. Measured error: see [`Push::run`].
+//! Errors: [`RunError`], for motions too stiff to follow. Measured error: see [`PushOf::run`].
 
 use nalgebra::{Point2, Rotation2, Vector2};
 

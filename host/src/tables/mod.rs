@@ -1,13 +1,17 @@
 //! The thesis's experiments, run again: its numbers beside ours.
 //!
 //! An experiment draws random problems from a seed, solves them with the library and returns a [`Table`]. To add one:
-//! write `fn run(&Settings) -> Table` in a module of its own here, and list it in [`EXPERIMENTS`]. It says in
+//! write `fn run(&Settings) -> Table` in a module of its own here, describe it by an
+//! [`Experiment`] beside it, and list that in [`EXPERIMENTS`]. It says in
 //! `definitions` what was drawn and what counts as a success, and lists every case that failed, so that each can be
 //! looked at by itself: case `k` of a seed is always the same problem, whatever the number of cases.
 //!
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
 
+mod chain;
+mod pose;
 pub mod random;
+mod rolling;
 
 use std::fmt;
 
@@ -15,7 +19,8 @@ use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
 /// The experiments, in the order of the thesis.
-pub const EXPERIMENTS: &[Experiment] = &[];
+pub const EXPERIMENTS: &[Experiment] =
+    &[pose::EXPERIMENT, chain::EXPERIMENT, rolling::ATTITUDE, rolling::SEMI_AXES, rolling::WHICH];
 
 /// An experiment that `palpate tables` can run.
 #[derive(Clone, Copy, Debug)]

@@ -4,10 +4,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::push::{Mode, Plate, Support, needed_friction};
-use crate::observing::{self, Channel, Estimate, Known, Measured, Observation, Prior as Belief, Touch};
-use crate::pushing::{Contact, Finger as Disk, Part};
-use crate::solve::fields::{Finger, NonNegative, Polygon, Pose, Positive, Sigma, default_gravity};
-use crate::solve::{InvalidInput, Problem, SolveError};
+use crate::observing::{
+    self, Channel, Estimate, Felt, GhoRun, GhoSettings, Known, Measured, Observation, Prior as Belief, Touch,
+};
+use crate::pushing::{Contact, Finger as Disk, Part, Slip, State};
+use crate::solve::fields::{Finger, NonNegative, Polygon, Pose, Positive, SIGMA_LEAST, Sigma, default_gravity};
+use crate::solve::{InvalidInput, Pointer, Problem, SolveError};
 
 /// A push of which the contact was felt: where is the part, and how does it move at the end?
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -240,15 +242,59 @@ impl ObservePush {
         Ok(ObservePushAnswer::from(&observing::estimate(known, &observation)))
     }
 
-    /// The thesis's observer.
-    fn gho(&self, _known: &Known) -> Result<ObservePushAnswer, SolveError> {
-        if self.contact_angle.is_none() {
+    /// The thesis's observer: one for each edge and direction of slip that is not given.
+    fn gho(&self, known: &Known) -> Result<ObservePushAnswer, SolveError> {
+        let Some(angles) = &self.contact_angle else {
             return Err(InvalidInput::missing("contact_angle", "the method `gho` corrects by contact angles").into());
-        }
+        };
         let needs = |field: &str| InvalidInput::missing(field, "the method `gho` needs it");
-        let _zeta = self.zeta.ok_or_else(|| needs("zeta"))?;
-        let _start = self.initial_estimate.ok_or_else(|| needs("initial_estimate"))?;
-        Err(SolveError::Internal("the method `gho` is not built in yet".to_owned()))
+        let zeta = self.zeta.ok_or_else(|| needs("zeta"))?.get();
+        let start = self.initial_estimate.ok_or_else(|| needs("initial_estimate"))?;
+        let mut settings = GhoSettings::new(zeta);
+        if let Some(correction) = self.correction {
+            settings.correction = correction.map(NonNegative::get);
+        }
+        let felt = Felt { angles, sigma: self.sigma.map_or(SIGMA_LEAST, Sigma::get), dt: self.dt.get() };
+        let contacts = self.gho_contacts(known)?;
+        let sites = self.gho_edges(known.part)?.into_iter().flat_map(|edge| contacts.iter().map(move |&on| (edge, on)));
+        let runs = observing::observe_gho(known, &sites.collect::<Vec<_>>(), self.gho_start(start)?, &felt, settings);
+        Ok(ObservePushAnswer::of_gho(&runs, known, &felt))
+    }
+
+    fn gho_contacts(&self, known: &Known) -> Result<Vec<Contact>, InvalidInput> {
+        match known.touch {
+            Touch::Frictionless => Ok(vec![Contact::Frictionless]),
+            Touch::Rolling { .. } => Ok(vec![Contact::Rolling]),
+            Touch::Sliding { friction } => {
+                Ok([Slip::Forward, Slip::Backward].map(|slip| Contact::Sliding { friction, slip }).to_vec())
+            }
+            Touch::Coulomb { .. } => {
+                let message = "the method `gho` follows one kind of contact: ask for `rolling` or `sliding`";
+                Err(InvalidInput::at("mode", message))
+            }
+        }
+    }
+
+    fn gho_edges(&self, part: &Part) -> Result<Vec<usize>, InvalidInput> {
+        let Some(edge) = self.initial_estimate.and_then(|estimate| estimate.edge) else {
+            return Ok((0..part.polygon().vertices().len()).collect());
+        };
+        let place = || Pointer::from("initial_estimate").key("edge");
+        part.edge(edge).map_err(|error| InvalidInput::at(place(), error.to_string()))?;
+        Ok(vec![edge])
+    }
+
+    /// Where the observers start. In rolling v_T follows from the rest, whatever is given.
+    fn gho_start(&self, estimate: InitialEstimate) -> Result<State, InvalidInput> {
+        let InitialEstimate { u, s, omega, v_t, .. } = estimate;
+        match (self.mode, v_t) {
+            (Mode::Rolling, _) => Ok(State { u, s, omega, v_t: 0.0 }),
+            (_, Some(v_t)) => Ok(State { u, s, omega, v_t }),
+            (_, None) => {
+                let place = Pointer::from("initial_estimate").key("vT");
+                Err(InvalidInput::missing(place, "every mode but `rolling` needs it"))
+            }
+        }
     }
 
     fn part(&self) -> Result<Part, InvalidInput> {
@@ -353,13 +399,44 @@ fn same_length(direction: &Channel, magnitude: &Channel) -> Result<(), InvalidIn
     Err(InvalidInput::at("force_magnitude", message))
 }
 
+impl ObservePushAnswer {
+    /// Every observer that came to the end, best first, as a hypothesis; the first one's trace, even if none did.
+    fn of_gho(runs: &[GhoRun], known: &Known, felt: &Felt) -> Self {
+        let trace = |run: &GhoRun| {
+            let at = |index: usize| felt.dt * index as f64;
+            run.trace.iter().enumerate().map(|(index, state)| TracePoint::of(at(index), state)).collect::<Vec<_>>()
+        };
+        let complete = runs.iter().filter(|run| run.cost.is_some());
+        let hypothesis = |run: &GhoRun| {
+            let mut hypothesis = Hypothesis::from(&run.hypothesis(known, felt)?);
+            (hypothesis.probability, hypothesis.unobservable) = (None, false);
+            hypothesis.trace = Some(trace(run));
+            Some(hypothesis)
+        };
+        let hypotheses: Vec<_> = complete.filter_map(hypothesis).collect();
+        Self { status: Status::of(hypotheses.len()), hypotheses, fit: None, trace: runs.first().map(trace) }
+    }
+}
+
+impl Status {
+    fn of(explanations: usize) -> Self {
+        match explanations {
+            0 => Self::None,
+            1 => Self::Unique,
+            _ => Self::Ambiguous,
+        }
+    }
+}
+
+impl TracePoint {
+    fn of(t: f64, &State { u, s, omega, v_t }: &State) -> Self {
+        Self { t, u, s, omega, v_t }
+    }
+}
+
 impl From<&Estimate> for ObservePushAnswer {
     fn from(estimate: &Estimate) -> Self {
-        let status = match estimate.hypotheses.len() {
-            0 => Status::None,
-            1 => Status::Unique,
-            _ => Status::Ambiguous,
-        };
+        let status = Status::of(estimate.hypotheses.len());
         let observing::Fit { cost, degrees_of_freedom, cost_max } = estimate.fit;
         Self {
             status,

@@ -240,12 +240,7 @@ impl Problem for Push {
 
     fn solve(&self) -> Result<PushAnswer, SolveError> {
         let part = self.part()?;
-        let edge = part.edge(self.edge).map_err(|error| InvalidInput::at("edge", error.to_string()))?;
-        let Finger { radius, centre0, velocity0, acceleration } = self.finger;
-        let finger = Disk { radius: radius.get(), centre0, velocity0, acceleration };
-        let model = PushModel { part: &part, edge, grip: self.mu.get() * self.g.get(), finger };
-        let edge_end = if self.stop_at_edge_end { EdgeEnd::Stop } else { EdgeEnd::Extend };
-        let push = Simulation::new(model, self.law()?, self.start()?, edge_end).map_err(refuse)?;
+        let push = Simulation::new(self.model(&part)?, self.law()?, self.start()?, self.edge_end()).map_err(refuse)?;
         let run = push.run(&self.times).map_err(|error| SolveError::Internal(error.to_string()))?;
         Ok(self.answer(&run))
     }
@@ -296,7 +291,25 @@ pub(super) fn needed_friction(mu_c: Option<NonNegative>) -> Result<f64, InvalidI
 }
 
 impl Push {
-    fn part(&self) -> Result<Part, InvalidInput> {
+    /// The push as the simulation has it, its start checked.
+    pub(super) fn checked<'p>(&self, part: &'p Part) -> Result<(PushModel<'p>, Start), InvalidInput> {
+        let (model, start) = (self.model(part)?, self.start()?);
+        Simulation::new(model, self.law()?, start, self.edge_end()).map_err(refuse)?;
+        Ok((model, start))
+    }
+
+    fn model<'p>(&self, part: &'p Part) -> Result<PushModel<'p>, InvalidInput> {
+        let edge = part.edge(self.edge).map_err(|error| InvalidInput::at("edge", error.to_string()))?;
+        let Finger { radius, centre0, velocity0, acceleration } = self.finger;
+        let finger = Disk { radius: radius.get(), centre0, velocity0, acceleration };
+        Ok(PushModel { part, edge, grip: self.mu.get() * self.g.get(), finger })
+    }
+
+    fn edge_end(&self) -> EdgeEnd {
+        if self.stop_at_edge_end { EdgeEnd::Stop } else { EdgeEnd::Extend }
+    }
+
+    pub(super) fn part(&self) -> Result<Part, InvalidInput> {
         let Self { polygon, support, centre_of_mass, inertia_per_mass, .. } = self;
         let plate = Plate {
             polygon,
