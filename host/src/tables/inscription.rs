@@ -21,8 +21,12 @@ pub(super) const HALF_PLANES: Experiment =
 pub(super) const TWO_CONES: Experiment =
     Experiment { name: "2.2", title: "poses of a polygon in two cones", cases: 10_000, run: two_cones };
 /// Table 2.3.
-pub(super) const MORE_CONES: Experiment =
-    Experiment { name: "2.3", title: "poses of a polygon in more and in farther cones", cases: 10_000, run: more_cones };
+pub(super) const MORE_CONES: Experiment = Experiment {
+    name: "2.3",
+    title: "poses of a polygon in more and in farther cones",
+    cases: 10_000,
+    run: more_cones,
+};
 /// Appendix A.
 pub(super) const WORST_CASE: Experiment =
     Experiment { name: "A", title: "parts with six poses a vertex", cases: 1, run: worst_case };
@@ -94,32 +98,43 @@ fn in_disk(draw: &mut Draw, radius: f64) -> Point2<f64> {
     }
 }
 
-/// Tries for one corner of the march before it begins anew: the room for it may be all but used up.
-const MARCH_TRIES: usize = 20_000;
-
 /// 3 to 15 points of the unit disk, each uniform where the chain stays convex when it is closed.
 fn march(draw: &mut Draw) -> Vec<Point2<f64>> {
     let count = 3 + draw.index(13);
+    let mut chain = vec![in_disk(draw, 1.0), in_disk(draw, 1.0)];
+    while chain.len() < count {
+        let next = next_corner(draw, &chain);
+        chain.push(next);
+    }
+    chain
+}
+
+/// A point of the disk that keeps the closed chain convex: outside its closing edge and inside its first and last.
+fn next_corner(draw: &mut Draw, chain: &[Point2<f64>]) -> Point2<f64> {
+    let (first, last) = (chain[0], chain[chain.len() - 1]);
+    let (onward, back) = (last - chain[chain.len() - 2], first - chain[1]);
+    // Where the first and last edge meet when they are drawn on: ahead of both, or the room is bounded by the disk alone.
+    let across = onward.perp(&back);
+    let (ahead, behind) = ((first - last).perp(&back) / across, (first - last).perp(&onward) / across);
+    let corner = (ahead > 0.0 && behind > 0.0).then(|| last + onward * ahead);
+    let fits = |p: &Point2<f64>| {
+        onward.perp(&(p - last)) > 0.0 && (first - p).perp(&-back) > 0.0 && (p - last).perp(&(first - p)) > 0.0
+    };
     loop {
-        let mut chain = vec![in_disk(draw, 1.0), in_disk(draw, 1.0)];
-        while chain.len() < count {
-            let fits = |point: &Point2<f64>| {
-                let turns = |a: Point2<f64>, b: Point2<f64>, c: Point2<f64>| (b - a).perp(&(c - b)) > 0.0;
-                let [first, second, .., before, last] = [&chain[..2], &chain[chain.len() - 2..]].concat()[..] else {
-                    return false;
-                };
-                turns(before, last, *point) && turns(last, *point, first) && turns(*point, first, second)
-            };
-            let next = (0..MARCH_TRIES).map(|_| in_disk(draw, 1.0)).find(fits);
-            match next {
-                Some(next) => chain.push(next),
-                None => break,
-            }
-        }
-        if chain.len() == count {
-            return chain;
+        let point = match corner {
+            Some(corner) if chain.len() > 2 => in_triangle(draw, [last, corner, first]),
+            _ => in_disk(draw, 1.0),
+        };
+        if fits(&point) && point.coords.norm() < 1.0 {
+            return point;
         }
     }
+}
+
+fn in_triangle(draw: &mut Draw, [a, b, c]: [Point2<f64>; 3]) -> Point2<f64> {
+    let (x, y) = (draw.unit(), draw.unit());
+    let (x, y) = if x + y > 1.0 { (1.0 - x, 1.0 - y) } else { (x, y) };
+    a + (b - a) * x + (c - a) * y
 }
 
 /// One row of the thesis.
@@ -258,9 +273,8 @@ fn supporting_lines(draw: &mut Draw, part: &ConvexPolygon, truth: &Pose) -> Vec<
         let angles = [0, 1, 2].map(|_| draw.uniform(0.0, TAU));
         let corners = angles.map(|angle| part.support(wrap_angle(angle - truth.theta)));
         if corners != [corners[0]; 3] {
-            let turned = |corner: usize| {
-                nalgebra::Rotation2::new(truth.theta) * (part.centre().coords + part.corners()[corner])
-            };
+            let turned =
+                |corner: usize| nalgebra::Rotation2::new(truth.theta) * (part.centre().coords + part.corners()[corner]);
             let height = |k: usize| turned(corners[k]).dot(&Vector2::new(angles[k].cos(), angles[k].sin()));
             return (0..3).map(|k| HalfPlane::new(angles[k], height(k))).collect();
         }
@@ -325,7 +339,8 @@ fn fan_poses(vertices: u32, share: f64) -> usize {
     let step = FAN_ANGLE / f64::from(vertices - 2);
     let radius_max = (1.0 / (FRAC_PI_6 - FAN_ANGLE).cos()).min(1.0 / (step / 2.0).cos());
     let radius = 1.0 + share * (radius_max - 1.0);
-    let arc = (0..vertices - 1).map(|k| radius * Vector2::new((step * f64::from(k)).cos(), (step * f64::from(k)).sin()));
+    let arc =
+        (0..vertices - 1).map(|k| radius * Vector2::new((step * f64::from(k)).cos(), (step * f64::from(k)).sin()));
     let points: Vec<_> = arc.chain([Vector2::zeros()]).map(Point2::from).collect();
     let Some(part) = ConvexPolygon::hull_of_points(&points) else { return 0 };
     let lines = [0.0, 1.0, 2.0].map(|third| HalfPlane::new(TAU / 4.0 + third * TAU / 3.0, 1.0 / 3.0));
@@ -336,8 +351,7 @@ fn fan_poses(vertices: u32, share: f64) -> usize {
 }
 
 /// Errors and cones of the rows with noise: deg, and how many.
-const NOISES: [(f64, usize); 8] =
-    [(0.1, 2), (0.1, 3), (0.1, 5), (0.1, 10), (0.5, 2), (0.5, 3), (0.5, 5), (0.5, 10)];
+const NOISES: [(f64, usize); 8] = [(0.1, 2), (0.1, 3), (0.1, 5), (0.1, 10), (0.5, 2), (0.5, 3), (0.5, 5), (0.5, 10)];
 
 fn noise(settings: &Settings) -> Table {
     let columns = [
@@ -365,7 +379,9 @@ fn noise(settings: &Settings) -> Table {
         let trials: Vec<_> = (0..settings.cases).map(|case| trial(settings.seed, case, sigma_deg, cones)).collect();
         let judged: Vec<_> = trials.iter().filter_map(|trial| trial.as_ref().ok()).collect();
         let true_modes: Vec<_> = judged.iter().filter_map(|judged| judged.truth.as_ref()).collect();
-        let average = |value: fn(&(f64, Mode)) -> f64| true_modes.iter().map(|mode| value(mode)).sum::<f64>() / real(true_modes.len());
+        let average = |value: fn(&(f64, Mode)) -> f64| {
+            true_modes.iter().map(|mode| value(mode)).sum::<f64>() / real(true_modes.len())
+        };
         let median = |value: fn(&Mode) -> f64| {
             let mut values: Vec<_> = true_modes.iter().map(|(_, mode)| value(mode)).collect();
             values.sort_by(f64::total_cmp);
