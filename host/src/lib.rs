@@ -7,6 +7,7 @@ pub mod diagnosis;
 pub mod experiment;
 pub mod finger_motion;
 pub mod geometry;
+pub mod inscribe;
 pub mod inscription;
 pub mod interrupt;
 pub mod limit_picture;

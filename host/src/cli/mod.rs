@@ -12,6 +12,7 @@ mod demo;
 mod device;
 mod diagnose;
 mod info;
+mod inscribe;
 mod latency;
 mod monitor;
 mod observe;
@@ -53,6 +54,7 @@ enum Command {
     Observe(observe::Arguments),
     Contact(contact::Arguments),
     Push(push::Arguments),
+    Inscribe(inscribe::Arguments),
     Tables(tables::Arguments),
     Solve(solve::Arguments),
     SimulateDevice(simulate_device::Arguments),
@@ -79,6 +81,7 @@ pub(crate) fn run() -> ExitCode {
         Command::Observe(arguments) => observe::run(&arguments),
         Command::Contact(arguments) => contact::run(&arguments),
         Command::Push(arguments) => push::run(&arguments),
+        Command::Inscribe(arguments) => inscribe::run(&arguments),
         Command::Tables(arguments) => tables::run(&arguments),
         Command::Solve(arguments) => solve::run(&arguments),
         Command::SimulateDevice(arguments) => simulate_device::run(&arguments),

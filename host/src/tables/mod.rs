@@ -8,9 +8,10 @@
 //!
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
 
+pub(crate) mod chain;
 mod gho;
 mod initial_pose;
-pub(crate) mod chain;
+mod inscription;
 mod pose;
 pub mod random;
 mod rolling;
@@ -22,11 +23,16 @@ use serde::ser::{SerializeMap, Serializer};
 
 /// The experiments, in the order of the thesis.
 pub const EXPERIMENTS: &[Experiment] = &[
+    inscription::HALF_PLANES,
+    inscription::TWO_CONES,
+    inscription::MORE_CONES,
+    inscription::WORST_CASE,
+    inscription::NOISE,
     gho::KNOWN_EDGE,
     gho::UNKNOWN_EDGE,
+    gho::SIDE_BY_SIDE,
     initial_pose::FRICTIONLESS,
     initial_pose::FRICTION,
-    gho::SIDE_BY_SIDE,
     pose::EXPERIMENT,
     chain::EXPERIMENT,
     rolling::ATTITUDE,
