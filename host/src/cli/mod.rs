@@ -8,6 +8,7 @@ macro_rules! say {
 mod calibrate;
 mod calibrated;
 mod contact;
+mod corner;
 mod demo;
 mod device;
 mod diagnose;
@@ -20,6 +21,7 @@ mod plot;
 mod ports;
 mod pose;
 mod push;
+mod sample;
 mod simulate_device;
 mod solve;
 mod static_demo;
@@ -55,6 +57,8 @@ enum Command {
     Contact(contact::Arguments),
     Push(push::Arguments),
     Inscribe(inscribe::Arguments),
+    Sample(sample::Arguments),
+    Corner(corner::Arguments),
     Tables(tables::Arguments),
     Solve(solve::Arguments),
     SimulateDevice(simulate_device::Arguments),
@@ -82,6 +86,8 @@ pub(crate) fn run() -> ExitCode {
         Command::Contact(arguments) => contact::run(&arguments),
         Command::Push(arguments) => push::run(&arguments),
         Command::Inscribe(arguments) => inscribe::run(&arguments),
+        Command::Sample(arguments) => sample::run(&arguments),
+        Command::Corner(arguments) => corner::run(&arguments),
         Command::Tables(arguments) => tables::run(&arguments),
         Command::Solve(arguments) => solve::run(&arguments),
         Command::SimulateDevice(arguments) => simulate_device::run(&arguments),

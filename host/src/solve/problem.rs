@@ -23,6 +23,8 @@ pub const KINDS: Registry = Registry::new(&[
     Kind::of::<kinds::initial_pose::InitialPose>(),
     Kind::of::<kinds::inscription::Inscription>(),
     Kind::of::<kinds::observe_roll::ObserveRoll>(),
+    Kind::of::<kinds::point_sampling::PointSampling>(),
+    Kind::of::<kinds::corner_poses::CornerPoses>(),
 ]);
 
 /// One kind of problem.

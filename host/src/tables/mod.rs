@@ -15,6 +15,8 @@ mod inscription;
 mod pose;
 pub mod random;
 mod rolling;
+pub mod sampling;
+pub mod scenes;
 
 use std::fmt;
 
@@ -39,6 +41,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     rolling::SEMI_AXES,
     rolling::WHICH,
 ];
+pub const EXPERIMENTS: &[Experiment] = &[sampling::SPARSE, sampling::DENSE];
 
 /// An experiment that `palpate tables` can run.
 #[derive(Clone, Copy, Debug)]
