@@ -1,5 +1,6 @@
 //! Feel where a known part is and how it moves.
 
+pub mod body_file;
 pub mod calibration;
 pub mod contact;
 pub mod diagnosis;
@@ -17,6 +18,7 @@ pub mod push_picture;
 pub mod push_plan;
 pub mod pushing;
 pub mod recording;
+pub mod roll_picture;
 pub mod rolling;
 pub mod sensing;
 pub mod simulated_device;

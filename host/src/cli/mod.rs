@@ -14,9 +14,11 @@ mod diagnose;
 mod info;
 mod latency;
 mod monitor;
+mod palm;
 mod plot;
 mod ports;
 mod push;
+mod roll;
 mod simulate_device;
 mod solve;
 mod tables;
@@ -49,6 +51,8 @@ enum Command {
     Monitor(monitor::Arguments),
     Contact(contact::Arguments),
     Push(push::Arguments),
+    Roll(roll::Arguments),
+    Palm(palm::Arguments),
     Tables(tables::Arguments),
     Solve(solve::Arguments),
     SimulateDevice(simulate_device::Arguments),
@@ -74,6 +78,8 @@ pub(crate) fn run() -> ExitCode {
         Command::Monitor(arguments) => monitor::run(&arguments),
         Command::Contact(arguments) => contact::run(&arguments),
         Command::Push(arguments) => push::run(&arguments),
+        Command::Roll(arguments) => roll::run(&arguments),
+        Command::Palm(arguments) => palm::run(&arguments),
         Command::Tables(arguments) => tables::run(&arguments),
         Command::Solve(arguments) => solve::run(&arguments),
         Command::SimulateDevice(arguments) => simulate_device::run(&arguments),
