@@ -1,5 +1,6 @@
 //! Feel where a known part is and how it moves.
 
+pub mod body_file;
 pub mod calibration;
 pub mod contact;
 pub mod demonstration;
@@ -25,6 +26,7 @@ pub mod push_sense;
 pub mod pushed_world;
 pub mod pushing;
 pub mod recording;
+pub mod roll_picture;
 pub mod rolling;
 pub mod sampling;
 pub mod sampling_picture;

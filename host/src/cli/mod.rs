@@ -17,11 +17,13 @@ mod inscribe;
 mod latency;
 mod monitor;
 mod observe;
+mod palm;
 mod plot;
 mod ports;
 mod pose;
 mod push;
 mod sample;
+mod roll;
 mod simulate_device;
 mod solve;
 mod static_demo;
@@ -59,6 +61,8 @@ enum Command {
     Inscribe(inscribe::Arguments),
     Sample(sample::Arguments),
     Corner(corner::Arguments),
+    Roll(roll::Arguments),
+    Palm(palm::Arguments),
     Tables(tables::Arguments),
     Solve(solve::Arguments),
     SimulateDevice(simulate_device::Arguments),
@@ -88,6 +92,8 @@ pub(crate) fn run() -> ExitCode {
         Command::Inscribe(arguments) => inscribe::run(&arguments),
         Command::Sample(arguments) => sample::run(&arguments),
         Command::Corner(arguments) => corner::run(&arguments),
+        Command::Roll(arguments) => roll::run(&arguments),
+        Command::Palm(arguments) => palm::run(&arguments),
         Command::Tables(arguments) => tables::run(&arguments),
         Command::Solve(arguments) => solve::run(&arguments),
         Command::SimulateDevice(arguments) => simulate_device::run(&arguments),
