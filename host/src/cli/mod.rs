@@ -13,14 +13,20 @@ mod demo;
 mod device;
 mod diagnose;
 mod info;
+mod inscribe;
 mod latency;
 mod monitor;
+mod observe;
+mod palm;
 mod plot;
 mod ports;
+mod pose;
 mod push;
+mod roll;
 mod sample;
 mod simulate_device;
 mod solve;
+mod static_demo;
 mod tables;
 
 use std::io::Write as _;
@@ -49,10 +55,14 @@ enum Command {
     Diagnose(diagnose::Arguments),
     Calibrate(calibrate::Arguments),
     Monitor(monitor::Arguments),
+    Observe(observe::Arguments),
     Contact(contact::Arguments),
     Push(push::Arguments),
+    Inscribe(inscribe::Arguments),
     Sample(sample::Arguments),
     Corner(corner::Arguments),
+    Roll(roll::Arguments),
+    Palm(palm::Arguments),
     Tables(tables::Arguments),
     Solve(solve::Arguments),
     SimulateDevice(simulate_device::Arguments),
@@ -76,10 +86,14 @@ pub(crate) fn run() -> ExitCode {
         Command::Diagnose(arguments) => diagnose::run(&arguments),
         Command::Calibrate(arguments) => calibrate::run(&arguments),
         Command::Monitor(arguments) => monitor::run(&arguments),
+        Command::Observe(arguments) => observe::run(&arguments),
         Command::Contact(arguments) => contact::run(&arguments),
         Command::Push(arguments) => push::run(&arguments),
+        Command::Inscribe(arguments) => inscribe::run(&arguments),
         Command::Sample(arguments) => sample::run(&arguments),
         Command::Corner(arguments) => corner::run(&arguments),
+        Command::Roll(arguments) => roll::run(&arguments),
+        Command::Palm(arguments) => palm::run(&arguments),
         Command::Tables(arguments) => tables::run(&arguments),
         Command::Solve(arguments) => solve::run(&arguments),
         Command::SimulateDevice(arguments) => simulate_device::run(&arguments),

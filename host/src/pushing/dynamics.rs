@@ -178,25 +178,7 @@ impl<T: Scalar> PushModel<'_, T> {
     }
 }
 
-/// The finger's motion along T.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct FingerAlong {
-    /// v_FT, m/s.
-    pub(super) velocity: f64,
-    /// a_FT, m/s².
-    pub(super) acceleration: f64,
-}
-
 impl PushModel<'_> {
-    /// The finger's motion along the contact's tangent.
-    pub(super) fn finger_along(&self, time: f64, u: f64) -> FingerAlong {
-        let turn = u.sin_cos();
-        FingerAlong {
-            velocity: Components::of(self.finger.velocity(time), turn).t,
-            acceleration: Components::of(self.finger.acceleration, turn).t,
-        }
-    }
-
     /// The centre of mass, world axes, m.
     #[must_use]
     pub fn centre_of_mass(&self, time: f64, state: &State) -> Point2<f64> {

@@ -5,6 +5,7 @@
 //! Assumes: the contact stays as it is during a step.
 //! Units: SI. Errors: none; a step too large shows in its error estimate.
 
+use super::contact_model::ContactModel;
 use super::model::{Contact, PushModel, State};
 use super::scalar::Scalar;
 
@@ -125,7 +126,7 @@ pub(super) struct Step {
 
 impl Step {
     /// Takes a step of `length` s from `state`.
-    pub(super) fn take(model: &PushModel, contact: &Contact, time: f64, state: State, length: f64) -> Self {
+    pub(super) fn take(model: &impl ContactModel, contact: &Contact, time: f64, state: State, length: f64) -> Self {
         let start = Components::from(state);
         let mut slopes = [[0.0; 4]; 7];
         let mut end = start;
@@ -192,8 +193,8 @@ fn moved<const N: usize>(start: Components, slopes: &[Components; 7], weights: &
 pub(super) struct Scale(Components);
 
 impl Scale {
-    pub(super) fn of(model: &PushModel, contact: &Contact, time: f64, state: &State) -> Self {
-        let radius = model.part.inertia_per_mass().sqrt();
+    pub(super) fn of(model: &impl ContactModel, contact: &Contact, time: f64, state: &State) -> Self {
+        let radius = model.body().inertia_per_mass().sqrt();
         let [x, y] = model.velocity(contact, time, state);
         let speed = x.hypot(y) + radius * state.omega.abs() + SPEED_FLOOR;
         Self([1.0, radius, speed / radius, speed])

@@ -8,79 +8,16 @@
 
 use nalgebra::{Point2, Vector2};
 
+use super::body::{Body, Mass};
 use super::scalar::Scalar;
 use super::support::SupportFriction;
 use crate::geometry::SimplePolygon;
 
-/// A part on its plane: what friction under it and its inertia are.
+/// A polygon on its plane: outline, mass and what it rests on.
 #[derive(Clone, Debug)]
 pub struct Part {
     polygon: SimplePolygon,
-    /// About the centre of mass.
-    support: Support,
-    centre_of_mass: Point2<f64>,
-    inertia_per_mass: f64,
-}
-
-/// What a part rests on, about its centre of mass.
-#[derive(Clone, Debug)]
-enum Support {
-    Uniform(SupportFriction),
-    Feet(Vec<Foot>),
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Foot {
-    at: Vector2<f64>,
-    share: f64,
-}
-
-/// Speed of a foot below which it counts as creeping, m/s.
-///
-/// Friction holds a foot at rest with any force up to its limit; here it does so by a creep below this speed, under a
-/// micrometre a second. Less creep makes the motion stiffer in proportion: a held foot with a third of the weight already
-/// needs a step each microsecond.
-pub const FOOT_AT_REST: f64 = 1e-6;
-
-/// Mean direction of sliding and its moment, over the feet.
-fn feet_sliding<T: Scalar>(feet: &[Foot], [x, y, omega]: [T; 3]) -> [T; 3] {
-    let mut sum = [T::from(0.0); 3];
-    for Foot { at, share } in feet {
-        let velocity = [x - omega * at.y, y + omega * at.x];
-        let squared = velocity[0] * velocity[0] + velocity[1] * velocity[1];
-        let creeps = squared.re() < FOOT_AT_REST * FOOT_AT_REST;
-        let speed = if creeps { T::from(FOOT_AT_REST) } else { squared.sqrt() };
-        let direction = velocity.map(|component| component / speed * *share);
-        sum = [sum[0] + direction[0], sum[1] + direction[1], sum[2] + direction[1] * at.x - direction[0] * at.y];
-    }
-    sum
-}
-
-/// Where a part's mass is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Mass {
-    /// Part frame, m.
-    pub centre_of_mass: Point2<f64>,
-    /// Moment of inertia about the centre of mass over the mass (the radius of gyration squared), m².
-    pub inertia_per_mass: f64,
-}
-
-impl Mass {
-    /// That of a plate of uniform density.
-    #[must_use]
-    pub fn uniform(polygon: &SimplePolygon) -> Self {
-        // Measured from a vertex, so that a polygon far from the origin loses no digits.
-        let corner = polygon.vertices()[0];
-        let edges = || polygon.edges().map(|(a, b)| (a - corner, b - corner));
-        let doubled_area: f64 = edges().map(|(a, b)| a.perp(&b)).sum();
-        let from_corner = edges().map(|(a, b)| (a + b) * a.perp(&b)).sum::<Vector2<f64>>() / (3.0 * doubled_area);
-        let second_moment = |(a, b): (Vector2<f64>, Vector2<f64>)| {
-            let (a, b) = (a - from_corner, b - from_corner);
-            a.perp(&b) * (a.norm_squared() + a.dot(&b) + b.norm_squared())
-        };
-        let inertia_per_mass = edges().map(second_moment).sum::<f64>() / (6.0 * doubled_area);
-        Self { centre_of_mass: corner + from_corner, inertia_per_mass }
-    }
+    body: Body,
 }
 
 impl Part {
@@ -94,23 +31,14 @@ impl Part {
     /// A part that presses uniformly on the plane, its mass wherever it is.
     #[must_use]
     pub fn with_mass(polygon: SimplePolygon, mass: Mass) -> Self {
-        let support = SupportFriction::uniform(&polygon).with_origin(mass.centre_of_mass);
-        Self::new(polygon, Support::Uniform(support), mass)
+        let body = Body::uniform(SupportFriction::uniform(&polygon), mass);
+        Self { polygon, body }
     }
 
-    /// A part on feet: points in the part's frame, m, each with its share of the weight.
-    ///
-    /// A foot slower than [`FOOT_AT_REST`] has friction in proportion to its speed, so that one that comes to rest under a
-    /// moving part, as many do, stays there.
+    /// A part on feet: points in the part's frame, m, each with its share of the weight. See [`Body::on_feet`].
     #[must_use]
     pub fn on_feet(polygon: SimplePolygon, feet: &[(Point2<f64>, f64)], mass: Mass) -> Self {
-        let feet = feet.iter().map(|&(at, share)| Foot { at: at - mass.centre_of_mass, share });
-        Self::new(polygon, Support::Feet(feet.collect()), mass)
-    }
-
-    fn new(polygon: SimplePolygon, support: Support, mass: Mass) -> Self {
-        let Mass { centre_of_mass, inertia_per_mass } = mass;
-        Self { polygon, support, centre_of_mass, inertia_per_mass }
+        Self { polygon, body: Body::on_feet(feet, mass) }
     }
 
     /// The outline, part frame.
@@ -119,16 +47,22 @@ impl Part {
         &self.polygon
     }
 
+    /// Mass and support.
+    #[must_use]
+    pub fn body(&self) -> &Body {
+        &self.body
+    }
+
     /// The centre of mass, part frame, m.
     #[must_use]
     pub fn centre_of_mass(&self) -> Point2<f64> {
-        self.centre_of_mass
+        self.body.centre_of_mass()
     }
 
     /// ρ², m²: see [`Mass`].
     #[must_use]
     pub fn inertia_per_mass(&self) -> f64 {
-        self.inertia_per_mass
+        self.body.inertia_per_mass()
     }
 
     /// An edge as seen from the centre of mass.
@@ -138,7 +72,8 @@ impl Part {
     pub fn edge(&self, index: usize) -> Result<Edge, ModelError> {
         let edges = self.polygon.vertices().len();
         let (start, end) = self.polygon.edges().nth(index).ok_or(ModelError::NoSuchEdge { index, edges })?;
-        let (from, to) = (start - self.centre_of_mass, end - self.centre_of_mass);
+        let centre_of_mass = self.centre_of_mass();
+        let (from, to) = (start - centre_of_mass, end - centre_of_mass);
         let direction = (to - from).normalize();
         let normal = Vector2::new(direction.y, -direction.x);
         Ok(Edge { normal, height: normal.dot(&from), s_min: direction.dot(&from), s_max: direction.dot(&to) })
@@ -148,11 +83,8 @@ impl Part {
     #[inline]
     pub(super) fn sliding<T: Scalar>(&self, edge: &Edge, twist: EdgeTwist<T>) -> EdgeTwist<T> {
         let (x, y) = (edge.normal.x, edge.normal.y);
-        let body = [twist.normal * x - twist.along * y, twist.normal * y + twist.along * x, twist.turn];
-        let [d_x, d_y, turn] = match &self.support {
-            Support::Uniform(support) => T::mean_sliding(support, body),
-            Support::Feet(feet) => feet_sliding(feet, body),
-        };
+        let twist_body = [twist.normal * x - twist.along * y, twist.normal * y + twist.along * x, twist.turn];
+        let [d_x, d_y, turn] = self.body.sliding(twist_body);
         EdgeTwist { normal: d_x * x + d_y * y, along: d_y * x - d_x * y, turn }
     }
 }
@@ -182,6 +114,43 @@ pub(super) struct EdgeTwist<T> {
     pub(super) turn: T,
 }
 
+/// The contact seen from the centre of mass, m.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Arm<T = f64> {
+    /// Along the part's outward normal: h of an edge.
+    pub(super) height: T,
+    /// Along the part's counter-clockwise direction: s of an edge.
+    pub(super) along: T,
+}
+
+/// A parabola on which a finger translates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FingerPath<T = f64> {
+    /// The finger's own point at t = 0 (the centre of a disk or an ellipse, a point on a line), world axes, m.
+    pub centre0: [f64; 2],
+    /// Velocity at t = 0, world axes, m/s.
+    pub velocity0: [T; 2],
+    /// Acceleration a_F, world axes, m/s².
+    pub acceleration: [T; 2],
+}
+
+impl FingerPath {
+    /// The finger's own point at time `t` (s), m.
+    #[must_use]
+    pub fn centre(&self, t: f64) -> Point2<f64> {
+        let [centre, velocity, acceleration] = [self.centre0, self.velocity0, self.acceleration].map(Vector2::from);
+        Point2::from(centre + velocity * t + acceleration * (0.5 * t * t))
+    }
+}
+
+impl<T: Scalar> FingerPath<T> {
+    /// The velocity at time `t` (s), m/s.
+    #[must_use]
+    pub fn velocity(&self, t: f64) -> [T; 2] {
+        [0, 1].map(|axis| self.velocity0[axis] + self.acceleration[axis] * t)
+    }
+}
+
 /// A disk that translates on a parabola and never turns.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Finger<T = f64> {
@@ -199,8 +168,15 @@ impl Finger {
     /// The centre at time `t` (s), m.
     #[must_use]
     pub fn centre(&self, t: f64) -> Point2<f64> {
-        let [centre, velocity, acceleration] = [self.centre0, self.velocity0, self.acceleration].map(Vector2::from);
-        Point2::from(centre + velocity * t + acceleration * (0.5 * t * t))
+        self.path().centre(t)
+    }
+}
+
+impl<T: Copy> Finger<T> {
+    /// Its motion.
+    #[must_use]
+    pub fn path(&self) -> FingerPath<T> {
+        FingerPath { centre0: self.centre0, velocity0: self.velocity0, acceleration: self.acceleration }
     }
 }
 

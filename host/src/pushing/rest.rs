@@ -10,10 +10,11 @@
 //! Frames: components along N and T of [`super::dynamics`]; per unit mass. Units: SI.
 //! Errors: [`RestError`] where the iteration does not settle.
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
 use num_dual::{Derivative, DualSVec64};
 
-use super::model::{Contact, EdgeTwist, PushModel};
+use super::body::Body;
+use super::model::{Arm, Contact};
 
 /// Iterations after which a solution is given up: a few suffice.
 const ITERATIONS_MAX: usize = 60;
@@ -61,19 +62,25 @@ struct Equations<const K: usize> {
     across: SMatrix<f64, 3, K>,
 }
 
-impl PushModel<'_> {
-    /// How the part begins to move, at rest with the finger's velocity along the normal zero.
-    ///
-    /// # Errors
-    /// [`RestError`].
-    pub fn rest_start(&self, contact: &Contact, u: f64, s: f64) -> Result<RestStart, RestError> {
-        let (sin, cos) = u.sin_cos();
-        let [x, y] = self.finger.acceleration;
-        let finger = Vector3::new(-(cos * x + sin * y), cos * y - sin * x, 0.0);
+/// A part at rest and what sets it in motion.
+pub(super) struct AtRest<'a> {
+    pub(super) body: &'a Body,
+    pub(super) grip: f64,
+    /// N, part axes.
+    pub(super) normal: Vector2<f64>,
+    pub(super) arm: Arm,
+    /// The finger's acceleration along N and T, m/s².
+    pub(super) finger: [f64; 2],
+}
+
+impl AtRest<'_> {
+    /// How the part begins to move.
+    pub(super) fn start(&self, contact: &Contact) -> Result<RestStart, RestError> {
+        let finger = Vector3::new(self.finger[0], self.finger[1], 0.0);
         let acceleration = match contact {
-            Contact::Frictionless => self.slide_from_rest(0.0, finger, s),
-            Contact::Sliding { friction, slip } => self.slide_from_rest(friction * slip.sign(), finger, s),
-            Contact::Rolling => self.roll_from_rest(finger, s),
+            Contact::Frictionless => self.slide(0.0, finger),
+            Contact::Sliding { friction, slip } => self.slide(friction * slip.sign(), finger),
+            Contact::Rolling => self.roll(finger),
         }?;
         Ok(self.start_with(acceleration))
     }
@@ -89,24 +96,25 @@ impl PushModel<'_> {
         }
     }
 
-    fn roll_from_rest(&self, finger: Vector3<f64>, s: f64) -> Result<Vector3<f64>, RestError> {
+    fn roll(&self, finger: Vector3<f64>) -> Result<Vector3<f64>, RestError> {
         // The turn is counted as the speed it gives the radius of gyration, so that all unknowns are accelerations.
-        let turning = Vector3::new(s, self.edge.height, 1.0) / self.part.inertia_per_mass().sqrt();
+        let turning = Vector3::new(self.arm.along, self.arm.height, 1.0) / self.body.inertia_per_mass().sqrt();
         let equations = Equations::<1> { offset: finger, along: turning, across: turning };
         self.solve(&equations, SVector::zeros()).map(|x| equations.acceleration(&x))
     }
 
     /// Approaches the wanted friction from none, where the problem is convex, by steps that shrink where they fail.
-    fn slide_from_rest(&self, m: f64, finger: Vector3<f64>, s: f64) -> Result<Vector3<f64>, RestError> {
+    fn slide(&self, m: f64, finger: Vector3<f64>) -> Result<Vector3<f64>, RestError> {
+        let Arm { height, along } = self.arm;
         let equations = |m: f64| {
-            let radius = self.part.inertia_per_mass().sqrt();
+            let radius = self.body.inertia_per_mass().sqrt();
             let shift = Vector3::y();
             Equations::<2> {
                 offset: Vector3::new(finger.x, 0.0, 0.0),
-                along: SMatrix::from_columns(&[shift, Vector3::new(s, 0.0, 1.0) / radius]),
+                along: SMatrix::from_columns(&[shift, Vector3::new(along, 0.0, 1.0) / radius]),
                 across: SMatrix::from_columns(&[
                     Vector3::new(m, 1.0, 0.0),
-                    Vector3::new(s - m * self.edge.height, 0.0, 1.0) / radius,
+                    Vector3::new(along - m * height, 0.0, 1.0) / radius,
                 ]),
             }
         };
@@ -150,7 +158,7 @@ impl PushModel<'_> {
         x: &SVector<f64, K>,
     ) -> (SVector<f64, K>, SMatrix<f64, K, K>) {
         let acceleration = equations.acceleration(x);
-        let inertia = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, self.part.inertia_per_mass()));
+        let inertia = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, self.body.inertia_per_mass()));
         let (friction, gradient) = self.friction(&acceleration);
         let across = equations.across.transpose();
         (across * (inertia * acceleration + friction), across * (inertia + gradient) * equations.along)
@@ -161,9 +169,11 @@ impl PushModel<'_> {
         let seed = |i: usize| {
             DualSVec64::<3>::new(twist[i], Derivative::derivative_generic(nalgebra::Const, nalgebra::Const, i))
         };
-        let moving = EdgeTwist { normal: seed(0), along: -seed(1), turn: seed(2) };
-        let sliding = self.part.sliding(&self.edge, moving);
-        let components = [sliding.normal, -sliding.along, sliding.turn];
+        let (x, y) = (self.normal.x, self.normal.y);
+        // T is a quarter turn clockwise from N.
+        let (n, t) = (seed(0), seed(1));
+        let [d_x, d_y, turn] = self.body.sliding([n * x + t * y, n * y - t * x, seed(2)]);
+        let components = [d_x * x + d_y * y, d_x * y - d_y * x, turn];
         let rows = components.map(|part| part.eps.unwrap_generic(nalgebra::Const, nalgebra::Const).transpose());
         let values = Vector3::from(components.map(|part: DualSVec64<3>| part.re));
         (values * self.grip, Matrix3::from_rows(&rows) * self.grip)

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::pushing::{
     Contact, ContactForce, ContactLaw, EdgeEnd, EndReason, Finger as Disk, Mass, Part, Push as Simulation, PushError,
-    PushModel, Run, Sample, Slip, Start, State,
+    PushModel, Run, Sample, SecondContact, Slip, Start, State,
 };
 use crate::solve::fields::{Finger, NonNegative, Polygon, Pose, Positive, Times, default_gravity};
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError};
@@ -156,9 +156,27 @@ pub struct PushAnswer {
     /// How the part begins to move; for a start `at_rest`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub initial_acceleration: Option<InitialAcceleration>,
+    /// When the finger first reached another edge of a part that is not convex: what follows leaves that contact out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub second_contact: Option<Meeting>,
     /// When rolling and sliding took turns; for `coulomb`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transitions: Option<Vec<Transition>>,
+}
+
+/// The finger reaches an edge that it does not push.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Meeting {
+    /// s.
+    pub t: f64,
+    /// Which.
+    pub edge: usize,
+}
+
+impl From<SecondContact> for Meeting {
+    fn from(SecondContact { t, edge }: SecondContact) -> Self {
+        Self { t, edge }
+    }
 }
 
 /// A part at one instant.
@@ -214,6 +232,8 @@ pub enum Reason {
     EdgeHi,
     /// No contact force fits (Painlevé).
     Jam,
+    /// The finger reached another edge; `palpate push` only, `palpate solve` notes it in `second_contact` and goes on.
+    SecondContact,
 }
 
 /// Acceleration from rest.
@@ -240,12 +260,7 @@ impl Problem for Push {
 
     fn solve(&self) -> Result<PushAnswer, SolveError> {
         let part = self.part()?;
-        let edge = part.edge(self.edge).map_err(|error| InvalidInput::at("edge", error.to_string()))?;
-        let Finger { radius, centre0, velocity0, acceleration } = self.finger;
-        let finger = Disk { radius: radius.get(), centre0, velocity0, acceleration };
-        let model = PushModel { part: &part, edge, grip: self.mu.get() * self.g.get(), finger };
-        let edge_end = if self.stop_at_edge_end { EdgeEnd::Stop } else { EdgeEnd::Extend };
-        let push = Simulation::new(model, self.law()?, self.start()?, edge_end).map_err(refuse)?;
+        let push = Simulation::new(self.model(&part)?, self.law()?, self.start()?, self.edge_end()).map_err(refuse)?;
         let run = push.run(&self.times).map_err(|error| SolveError::Internal(error.to_string()))?;
         Ok(self.answer(&run))
     }
@@ -257,34 +272,78 @@ fn refuse(error: PushError) -> InvalidInput {
         PushError::BeyondEdge { .. } => Pointer::from("initial").key("s"),
         PushError::Overlap { .. } => Pointer::from("finger").key("radius"),
         PushError::FingerMoves { .. } => Pointer::from("finger").key("velocity0"),
-        PushError::MovesAway { .. } => Pointer::from("finger").key("acceleration"),
+        PushError::MovesAway { .. } | PushError::ChangesOutOfOrder { .. } => {
+            Pointer::from("finger").key("acceleration")
+        }
         PushError::SlipAgainstSign { .. } => Pointer::from("initial").key("sliding_sign"),
     };
     InvalidInput::at(field, error.to_string())
 }
 
-impl Push {
-    fn part(&self) -> Result<Part, InvalidInput> {
-        let polygon = (*self.polygon).clone();
+/// The fields that say what part it is, as `push` and its relatives have them.
+pub(super) struct Plate<'a> {
+    pub(super) polygon: &'a Polygon,
+    pub(super) support: Option<&'a Support>,
+    pub(super) centre_of_mass: Option<[f64; 2]>,
+    pub(super) inertia_per_mass: Option<Positive>,
+}
+
+impl Plate<'_> {
+    /// The part, or which field is missing.
+    pub(super) fn part(&self) -> Result<Part, InvalidInput> {
+        let polygon = (**self.polygon).clone();
         let mass = match (self.centre_of_mass, self.inertia_per_mass) {
             (None, None) => Mass::uniform(&polygon),
             (Some(centre), Some(inertia)) => Mass { centre_of_mass: centre.into(), inertia_per_mass: inertia.get() },
             (Some(_), None) => return Err(InvalidInput::missing("inertia_per_mass", "`centre_of_mass` needs it")),
             (None, Some(_)) => return Err(InvalidInput::missing("centre_of_mass", "`inertia_per_mass` needs it")),
         };
-        Ok(match &self.support {
+        Ok(match self.support {
             None => Part::with_mass(polygon, mass),
             Some(support) => Part::on_feet(polygon, &support.feet(), mass),
         })
     }
+}
+
+/// The friction of the contact, for a mode that cannot do without.
+pub(super) fn needed_friction(mu_c: Option<NonNegative>) -> Result<f64, InvalidInput> {
+    let missing =
+        || InvalidInput::missing("mu_c", "the modes `sliding` and `coulomb` need the friction of the contact");
+    mu_c.map(NonNegative::get).ok_or_else(missing)
+}
+
+impl Push {
+    /// The push as the simulation has it, its start checked.
+    pub(super) fn checked<'p>(&self, part: &'p Part) -> Result<(PushModel<'p>, Start), InvalidInput> {
+        let (model, start) = (self.model(part)?, self.start()?);
+        Simulation::new(model, self.law()?, start, self.edge_end()).map_err(refuse)?;
+        Ok((model, start))
+    }
+
+    fn model<'p>(&self, part: &'p Part) -> Result<PushModel<'p>, InvalidInput> {
+        let edge = part.edge(self.edge).map_err(|error| InvalidInput::at("edge", error.to_string()))?;
+        let Finger { radius, centre0, velocity0, acceleration } = self.finger;
+        let finger = Disk { radius: radius.get(), centre0, velocity0, acceleration };
+        Ok(PushModel { part, edge, grip: self.mu.get() * self.g.get(), finger })
+    }
+
+    fn edge_end(&self) -> EdgeEnd {
+        if self.stop_at_edge_end { EdgeEnd::Stop } else { EdgeEnd::Extend }
+    }
+
+    pub(super) fn part(&self) -> Result<Part, InvalidInput> {
+        let Self { polygon, support, centre_of_mass, inertia_per_mass, .. } = self;
+        let plate = Plate {
+            polygon,
+            support: support.as_ref(),
+            centre_of_mass: *centre_of_mass,
+            inertia_per_mass: *inertia_per_mass,
+        };
+        plate.part()
+    }
 
     fn law(&self) -> Result<ContactLaw, InvalidInput> {
-        let needed = || {
-            let friction = self.mu_c.ok_or_else(|| {
-                InvalidInput::missing("mu_c", "the modes `sliding` and `coulomb` need the friction of the contact")
-            });
-            friction.map(NonNegative::get)
-        };
+        let needed = || needed_friction(self.mu_c);
         match self.mode {
             Mode::Frictionless => Ok(ContactLaw::Frictionless),
             Mode::Rolling => Ok(ContactLaw::Rolling { friction: self.mu_c.map(NonNegative::get) }),
@@ -325,6 +384,7 @@ impl Push {
             initial_acceleration: run.rest_start.filter(|_| self.initial.at_rest).map(|acceleration| {
                 InitialAcceleration { centroid: acceleration.centre_of_mass.into(), alpha: acceleration.alpha }
             }),
+            second_contact: run.second_contact.map(Meeting::from),
             transitions: (self.mode == Mode::Coulomb).then(changes),
         }
     }
@@ -362,6 +422,7 @@ impl From<EndReason> for Reason {
             EndReason::EdgeMin => Self::EdgeLo,
             EndReason::EdgeMax => Self::EdgeHi,
             EndReason::Jam => Self::Jam,
+            EndReason::SecondContact => Self::SecondContact,
         }
     }
 }

@@ -1,0 +1,211 @@
+//! What a push in time asks of a model, whatever touches what.
+//!
+//! Units: SI. Frames: world, unless named. Errors: none of its own.
+
+use nalgebra::{Point2, Vector2};
+
+use super::body::Body;
+use super::curve::{FingerShape, PartSide};
+use super::dynamics::Motion;
+use super::model::{Arm, Contact, FingerPath, PushModel, State};
+use super::rest::{AtRest, RestError, RestStart};
+use super::shaped::ShapedModel;
+
+/// A model of a finger that pushes a part: [`PushModel`] or [`ShapedModel`].
+pub trait ContactModel: Copy {
+    /// Rates and contact force.
+    fn motion(&self, contact: &Contact, time: f64, state: &State) -> Motion;
+    /// Slip of the part relative to the finger along the part's counter-clockwise direction, m/s.
+    fn slip(&self, time: f64, state: &State) -> f64;
+    /// v_T of a part that rolls, m/s.
+    fn rolling_v_t(&self, time: f64, state: &State) -> f64;
+    /// At 0 and below, no contact force fits a sliding part.
+    fn sliding_denominator(&self, signed_friction: f64, state: &State) -> f64;
+    /// Velocity of the centre of mass, m/s.
+    fn velocity(&self, contact: &Contact, time: f64, state: &State) -> [f64; 2];
+    /// The centre of mass, m.
+    fn centre_of_mass(&self, time: f64, state: &State) -> Point2<f64>;
+    /// Turn from world to part axes, rad, continuous in the state.
+    fn theta(&self, state: &State) -> f64;
+    /// Rates of u and s where the part turns at `omega` and slips at `slip`.
+    fn contact_rates(&self, state: &State, omega: f64, slip: f64) -> [f64; 2];
+    /// Mass and support.
+    fn body(&self) -> &Body;
+    /// Where the part is touched.
+    fn side(&self) -> PartSide;
+    /// Outline of the finger.
+    fn shape(&self) -> FingerShape;
+    /// µ g, m/s².
+    fn grip(&self) -> f64;
+    /// Motion of the finger.
+    fn path(&self) -> FingerPath;
+    /// The same with another motion of the finger.
+    #[must_use]
+    fn with_path(self, path: FingerPath) -> Self;
+}
+
+impl ContactModel for PushModel<'_> {
+    fn motion(&self, contact: &Contact, time: f64, state: &State) -> Motion {
+        self.motion(contact, time, state)
+    }
+
+    fn slip(&self, time: f64, state: &State) -> f64 {
+        self.slip(time, state)
+    }
+
+    fn rolling_v_t(&self, time: f64, state: &State) -> f64 {
+        self.rolling_v_t(time, state)
+    }
+
+    fn sliding_denominator(&self, signed_friction: f64, state: &State) -> f64 {
+        self.sliding_denominator(signed_friction, state.s)
+    }
+
+    fn velocity(&self, contact: &Contact, time: f64, state: &State) -> [f64; 2] {
+        self.velocity(contact, time, state)
+    }
+
+    fn centre_of_mass(&self, time: f64, state: &State) -> Point2<f64> {
+        self.centre_of_mass(time, state)
+    }
+
+    fn theta(&self, state: &State) -> f64 {
+        state.u + std::f64::consts::PI - self.side().normal_angle(state.s)
+    }
+
+    fn contact_rates(&self, _state: &State, omega: f64, slip: f64) -> [f64; 2] {
+        [omega, -self.finger.radius * omega - slip]
+    }
+
+    fn body(&self) -> &Body {
+        self.part.body()
+    }
+
+    fn side(&self) -> PartSide {
+        PartSide::Edge(self.edge)
+    }
+
+    fn shape(&self) -> FingerShape {
+        FingerShape::Disk { radius: self.finger.radius }
+    }
+
+    fn grip(&self) -> f64 {
+        self.grip
+    }
+
+    fn path(&self) -> FingerPath {
+        self.finger.path()
+    }
+
+    fn with_path(mut self, path: FingerPath) -> Self {
+        let FingerPath { centre0, velocity0, acceleration } = path;
+        self.finger = super::model::Finger { radius: self.finger.radius, centre0, velocity0, acceleration };
+        self
+    }
+}
+
+impl ContactModel for ShapedModel<'_> {
+    fn motion(&self, contact: &Contact, time: f64, state: &State) -> Motion {
+        self.motion(contact, time, state)
+    }
+
+    fn slip(&self, time: f64, state: &State) -> f64 {
+        self.slip(time, state)
+    }
+
+    fn rolling_v_t(&self, time: f64, state: &State) -> f64 {
+        self.rolling_v_t(time, state)
+    }
+
+    fn sliding_denominator(&self, signed_friction: f64, state: &State) -> f64 {
+        self.sliding_denominator(signed_friction, state)
+    }
+
+    fn velocity(&self, contact: &Contact, time: f64, state: &State) -> [f64; 2] {
+        self.velocity(contact, time, state)
+    }
+
+    fn centre_of_mass(&self, time: f64, state: &State) -> Point2<f64> {
+        self.centre_of_mass(time, state)
+    }
+
+    fn theta(&self, state: &State) -> f64 {
+        self.theta(state)
+    }
+
+    fn contact_rates(&self, state: &State, omega: f64, slip: f64) -> [f64; 2] {
+        self.contact_rates(state, omega, slip)
+    }
+
+    fn body(&self) -> &Body {
+        self.body
+    }
+
+    fn side(&self) -> PartSide {
+        self.side
+    }
+
+    fn shape(&self) -> FingerShape {
+        self.shape
+    }
+
+    fn grip(&self) -> f64 {
+        self.grip
+    }
+
+    fn path(&self) -> FingerPath {
+        self.path
+    }
+
+    fn with_path(mut self, path: FingerPath) -> Self {
+        self.path = path;
+        self
+    }
+}
+
+/// N, world axes.
+pub(super) fn normal(model: &impl ContactModel, state: &State) -> Vector2<f64> {
+    -Vector2::from(model.shape().at(state.u).normal)
+}
+
+/// The contact seen from the centre of mass.
+pub(super) fn arm(model: &impl ContactModel, state: &State) -> Arm {
+    let side = model.side().at(state.s);
+    let (place, normal) = (Vector2::from(side.place), Vector2::from(side.normal));
+    Arm { height: normal.dot(&place), along: normal.perp(&place) }
+}
+
+/// How the part begins to move, at rest with the finger's velocity along N zero.
+pub(super) fn rest_start(model: &impl ContactModel, contact: &Contact, u: f64, s: f64) -> Result<RestStart, RestError> {
+    let state = State { u, s, omega: 0.0, v_t: 0.0 };
+    let (normal, acceleration) = (normal(model, &state), Vector2::from(model.path().acceleration));
+    let at_rest = AtRest {
+        body: model.body(),
+        grip: model.grip(),
+        normal: model.side().at(s).normal.into(),
+        arm: arm(model, &state),
+        // T is a quarter turn clockwise from N.
+        finger: [normal.dot(&acceleration), -normal.perp(&acceleration)],
+    };
+    at_rest.start(contact)
+}
+
+impl PushModel<'_> {
+    /// How the part begins to move, at rest with the finger's velocity along the normal zero.
+    ///
+    /// # Errors
+    /// [`RestError`].
+    pub fn rest_start(&self, contact: &Contact, u: f64, s: f64) -> Result<RestStart, RestError> {
+        rest_start(self, contact, u, s)
+    }
+}
+
+impl ShapedModel<'_> {
+    /// How the part begins to move, at rest with the finger's velocity along the normal zero.
+    ///
+    /// # Errors
+    /// [`RestError`].
+    pub fn rest_start(&self, contact: &Contact, u: f64, s: f64) -> Result<RestStart, RestError> {
+        rest_start(self, contact, u, s)
+    }
+}
