@@ -30,6 +30,8 @@ pub const EXPERIMENTS: &[Experiment] = &[
     inscription::MORE_CONES,
     inscription::WORST_CASE,
     inscription::NOISE,
+    sampling::SPARSE,
+    sampling::DENSE,
     gho::KNOWN_EDGE,
     gho::UNKNOWN_EDGE,
     gho::SIDE_BY_SIDE,
@@ -41,7 +43,6 @@ pub const EXPERIMENTS: &[Experiment] = &[
     rolling::SEMI_AXES,
     rolling::WHICH,
 ];
-pub const EXPERIMENTS: &[Experiment] = &[sampling::SPARSE, sampling::DENSE];
 
 /// An experiment that `palpate tables` can run.
 #[derive(Clone, Copy, Debug)]
