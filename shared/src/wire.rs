@@ -224,6 +224,28 @@ pub struct Block {
     pub samples: Vec<[Counts; 2], BLOCK_SAMPLES>,
 }
 
+/// What sets of bits can do.
+macro_rules! bit_set {
+    ($set:ident) => {
+        impl $set {
+            /// Whether every bit of `other` is set.
+            #[must_use]
+            pub fn contains(self, other: Self) -> bool {
+                self.0 & other.0 == other.0
+            }
+
+            /// With the bits of `other` set too.
+            #[must_use]
+            pub fn with(self, other: Self) -> Self {
+                Self(self.0 | other.0)
+            }
+        }
+    };
+}
+
+bit_set!(Status);
+bit_set!(Checks);
+
 /// Bits that qualify the samples of a block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
@@ -240,18 +262,6 @@ impl Status {
     pub const GAP_BEFORE: Self = Self(1 << 3);
     /// The filter had not settled after a start or a change of rate or gain.
     pub const SETTLING: Self = Self(1 << 4);
-
-    /// Whether every bit of `other` is set.
-    #[must_use]
-    pub fn contains(self, other: Self) -> bool {
-        self.0 & other.0 == other.0
-    }
-
-    /// With the bits of `other` set too.
-    #[must_use]
-    pub fn with(self, other: Self) -> Self {
-        Self(self.0 | other.0)
-    }
 }
 
 /// Something that happened.
@@ -511,18 +521,6 @@ impl Checks {
         (Self::RATE, "sample rate"),
         (Self::RANGE, "inputs within range"),
     ];
-
-    /// Whether every bit of `other` is set.
-    #[must_use]
-    pub fn contains(self, other: Self) -> bool {
-        self.0 & other.0 == other.0
-    }
-
-    /// With the bits of `other` set too.
-    #[must_use]
-    pub fn with(self, other: Self) -> Self {
-        Self(self.0 | other.0)
-    }
 }
 
 /// What the device has counted since it started; every counter wraps.

@@ -423,6 +423,27 @@ pub fn save_raw(root: &Path, run: &RawRun) -> Result<PathBuf, FileError> {
     Ok(path)
 }
 
+/// Writes the raw samples of a run that is not over to `<root>/<finger>/<date>.unfinished.csv`, in place of those it has
+/// written before, and returns the path.
+///
+/// # Errors
+/// [`FileError`]; what was there before stays until the new file is whole.
+pub fn save_unfinished(root: &Path, run: &RawRun) -> Result<PathBuf, FileError> {
+    run.provenance.check()?;
+    let path = path_of(root, &run.provenance, "unfinished.csv");
+    let at = |doing: &'static str, path: &Path| {
+        let path = path.to_owned();
+        move |source: io::Error| FileError::Io { doing, path, source }
+    };
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder).map_err(at("create", folder))?;
+    }
+    let temporary = temporary_name(&path);
+    fs::write(&temporary, run.to_text()?).map_err(at("write", &temporary))?;
+    fs::rename(&temporary, &path).map_err(at("name", &path))?;
+    Ok(path)
+}
+
 /// Writes the result of a fit to `<root>/<finger>/<date>.toml`, for raw samples already written, and returns the path.
 ///
 /// # Errors
@@ -461,12 +482,16 @@ fn write_new(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     if let Some(folder) = path.parent() {
         fs::create_dir_all(folder).map_err(at("create", folder))?;
     }
-    let temporary = path.with_extension(format!("{}.tmp", std::process::id()));
+    let temporary = temporary_name(path);
     let written =
         write_synced(&temporary, bytes).map_err(at("write", &temporary)).and_then(|()| publish(&temporary, path));
     // Whether or not it has been published, the temporary name has done its work.
     let _ = fs::remove_file(&temporary);
     written
+}
+
+fn temporary_name(path: &Path) -> PathBuf {
+    path.with_extension(format!("{}.tmp", std::process::id()))
 }
 
 fn write_synced(path: &Path, bytes: &[u8]) -> io::Result<()> {

@@ -312,6 +312,19 @@ pub fn measure_again(
 /// # Errors
 /// The device or the bench failed; what was accepted stays in the session.
 pub fn run(session: &mut Session, source: &mut dyn SampleSource, bench: &mut dyn Bench) -> Result<Ending, RunError> {
+    run_keeping(session, source, bench, &mut |_| {})
+}
+
+/// Drives a session to its end and hands out everything accepted so far after each step, to be kept.
+///
+/// # Errors
+/// The device or the bench failed; what was accepted stays in the session.
+pub fn run_keeping(
+    session: &mut Session,
+    source: &mut dyn SampleSource,
+    bench: &mut dyn Bench,
+    keep: &mut dyn FnMut(&[Taken]),
+) -> Result<Ending, RunError> {
     let mut retry = None;
     while let Some(&step) = session.step() {
         let wish = match retry.take() {
@@ -326,6 +339,7 @@ pub fn run(session: &mut Session, source: &mut dyn SampleSource, bench: &mut dyn
                     retry = Some(bench.refused(&step, &refusal)?);
                 } else if let Some(summary) = session.summary() {
                     bench.accepted(&step, &summary);
+                    keep(session.taken());
                 }
             }
         }

@@ -9,11 +9,11 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use miette::{IntoDiagnostic, WrapErr};
 use palpate::calibration::conclusion::{Conclusion, HELD_BACK_ERROR_MAX_DEG, conclude};
 use palpate::calibration::dwell::Refusal;
-use palpate::calibration::file::{save_raw, save_result};
+use palpate::calibration::file::{FileError, save_raw, save_result, save_unfinished};
 use palpate::calibration::person::Person;
 use palpate::calibration::plan::{Plan, Step, TareMode};
 use palpate::calibration::raw::{Provenance, RawRun};
-use palpate::calibration::session::{Bench, Ending, SampleSource, Session, Summary};
+use palpate::calibration::session::{Bench, Ending, SampleSource, Session, Summary, Taken};
 use palpate::calibration::{FrontEndSettings, Load, session};
 use palpate::live::{self, GAUGE_FACTOR, LinkSource, SimulatedBench};
 
@@ -56,7 +56,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["plan", "keep"])]
     from_raw: Option<PathBuf>,
 
-    /// Keep the raw samples of the accepted steps even if the run is stopped or gives no result
+    /// Keep the raw samples of the accepted steps when the run is stopped with `q`; a run that ends otherwise always
+    /// leaves them
     #[arg(long)]
     keep: bool,
 
@@ -169,19 +170,67 @@ pub(crate) fn calibrate(
     check_writable(&arguments.out.join(&provenance.finger))?;
     let settings = plan.dwell_settings(provenance.check()?, provenance.rate_hz)?;
     let mut run = Session::new(plan.steps(), settings);
-    let ending = session::run(&mut run, device.source, bench);
+    let mut unfinished = Unfinished::new(&arguments.out, &provenance, plan);
+    let ending = session::run_keeping(&mut run, device.source, bench, &mut |taken| unfinished.keep(taken));
     provenance.date = arguments.date.clone().unwrap_or_else(now);
     let raw = RawRun::new(provenance, plan.clone(), run.taken());
     match ending {
-        Ok(Ending::Complete) => conclude_and_write(arguments, &raw),
+        Ok(Ending::Complete) => {
+            let raw_path = save_raw(&arguments.out, &raw)?;
+            unfinished.remove();
+            conclude_and_write(arguments, &raw, &raw_path)
+        }
         Ok(Ending::Quit) => {
             keep_if_wished(arguments, &raw)?;
+            unfinished.remove();
             eprintln!("stopped after {} of {} steps; no calibration written", raw.dwells.len(), run.len());
             Ok(ExitCode::FAILURE)
         }
-        Err(error) => {
-            keep_if_wished(arguments, &raw)?;
-            Err(error.into())
+        Err(error) => Err(match unfinished.path() {
+            Some(path) => {
+                let kept = format!("the steps so far are kept in {}", path.display());
+                miette::Report::from(error).wrap_err(kept)
+            }
+            None => error.into(),
+        }),
+    }
+}
+
+/// The samples of a run that is not over, on disk after every step: a killed program or a pulled cable loses none.
+struct Unfinished<'a> {
+    root: &'a Path,
+    provenance: Provenance,
+    plan: &'a Plan,
+    written: Option<Result<PathBuf, FileError>>,
+}
+
+impl<'a> Unfinished<'a> {
+    fn new(root: &'a Path, provenance: &Provenance, plan: &'a Plan) -> Self {
+        Self { root, provenance: provenance.clone(), plan, written: None }
+    }
+
+    /// Keeps what was taken so far. A failure is said once and is no reason to stop: the end of the run writes again.
+    fn keep(&mut self, taken: &[Taken]) {
+        let written = save_unfinished(self.root, &RawRun::new(self.provenance.clone(), self.plan.clone(), taken));
+        if let (Err(error), None | Some(Ok(_))) = (&written, &self.written) {
+            tracing::warn!(%error, "the samples so far cannot be kept; the run goes on");
+        }
+        self.written = Some(written);
+    }
+
+    /// Where they are.
+    fn path(&self) -> Option<&Path> {
+        self.written.as_ref()?.as_ref().ok().map(PathBuf::as_path)
+    }
+
+    /// Removes them: they are not wanted, or in their own file by now.
+    fn remove(self) {
+        if let Some(path) = self.path() {
+            if let Err(error) = fs::remove_file(path) {
+                tracing::warn!(path = %path.display(), %error, "this file is left over");
+            }
+            // Only an empty folder goes.
+            let _ = path.parent().map(fs::remove_dir);
         }
     }
 }
@@ -199,14 +248,12 @@ fn check_writable(folder: &Path) -> miette::Result<()> {
         .map_err(|error| error.context("choose another folder with --out"))
 }
 
-fn conclude_and_write(arguments: &Arguments, raw: &RawRun) -> miette::Result<ExitCode> {
-    let judged = conclude(raw).map_err(miette::Report::from).and_then(|conclusion| judge(arguments, conclusion));
-    if judged.is_err() {
-        keep_if_wished(arguments, raw)?;
-    }
-    let conclusion = judged?;
-    let raw_path = save_raw(&arguments.out, raw)?;
-    let path = save_result(&arguments.out, &conclusion.fit, &conclusion.taken, &raw.provenance, &raw_path)?;
+fn conclude_and_write(arguments: &Arguments, raw: &RawRun, raw_path: &Path) -> miette::Result<ExitCode> {
+    let conclusion = conclude(raw)
+        .map_err(miette::Report::from)
+        .and_then(|conclusion| judge(arguments, conclusion))
+        .wrap_err_with(|| format!("no calibration; the samples are kept in {}", raw_path.display()))?;
+    let path = save_result(&arguments.out, &conclusion.fit, &conclusion.taken, &raw.provenance, raw_path)?;
     say!("written  {}\nsamples  {}", path.display(), raw_path.display());
     Ok(ExitCode::SUCCESS)
 }
@@ -354,10 +401,17 @@ mod tests {
         }
     }
 
-    /// Puts 2 N where the step says; from `quits_at` on it stops.
+    /// Puts 2 N where the step says; stops at step `quits_at`, breaks at `lets_go_at`.
     struct Hand {
         force: std::rc::Rc<std::cell::Cell<[f64; 2]>>,
         quits_at: usize,
+        lets_go_at: usize,
+    }
+
+    impl Default for Hand {
+        fn default() -> Self {
+            Self { force: std::rc::Rc::default(), quits_at: usize::MAX, lets_go_at: usize::MAX }
+        }
     }
 
     impl Bench for Hand {
@@ -369,7 +423,11 @@ mod tests {
                     [-2.0 * cos, -2.0 * sin]
                 }
             });
-            Ok(if number < self.quits_at { Wish::Sample } else { Wish::Quit })
+            match number {
+                _ if number >= self.lets_go_at => Err(BenchError("the hand let go".to_owned())),
+                _ if number >= self.quits_at => Ok(Wish::Quit),
+                _ => Ok(Wish::Sample),
+            }
         }
 
         fn accepted(&mut self, _step: &Step, _summary: &Summary) {}
@@ -379,11 +437,10 @@ mod tests {
         }
     }
 
-    fn go(line: &[&str], quits_at: usize) -> miette::Result<ExitCode> {
+    fn go(line: &[&str], mut hand: Hand) -> miette::Result<ExitCode> {
         let arguments = arguments(line);
-        let force = std::rc::Rc::new(std::cell::Cell::new([0.0; 2]));
         let device = Device {
-            source: &mut Ideal { force: force.clone(), seq: 0 },
+            source: &mut Ideal { force: hand.force.clone(), seq: 0 },
             name: "palpate-0001".to_owned(),
             rate_hz: 4000.0,
             gain: 32,
@@ -391,14 +448,14 @@ mod tests {
             full_scale_v: 1.2,
             temperature_c: Some(23.5),
         };
-        calibrate(&arguments, &arguments.plan()?, device, &mut Hand { force, quits_at })
+        calibrate(&arguments, &arguments.plan()?, device, &mut hand)
     }
 
     #[test]
     fn a_whole_run_writes_a_calibration_that_recalculates() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().to_str().unwrap();
-        go(&["--load", "2 N", "--out", out, "--date", "2024-05-02T10:15:00Z"], usize::MAX).unwrap();
+        go(&["--load", "2 N", "--out", out, "--date", "2024-05-02T10:15:00Z"], Hand::default()).unwrap();
         let (file, state) = CalibrationFile::read(&folder.path().join("finger-a/2024-05-02T101500Z.toml")).unwrap();
         assert_eq!(state, RawState::Verified);
         assert!((file.matrix[0][0] - 27_000.0).abs() < 10.0, "{:?} counts/N", file.matrix);
@@ -415,9 +472,9 @@ mod tests {
     fn a_stopped_run_leaves_nothing_unless_wished() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().to_str().unwrap();
-        go(&["--out", out], 5).unwrap();
+        go(&["--out", out], Hand { quits_at: 5, ..Hand::default() }).unwrap();
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
-        go(&["--out", out, "--keep"], 5).unwrap();
+        go(&["--out", out, "--keep"], Hand { quits_at: 5, ..Hand::default() }).unwrap();
         let kept: Vec<_> =
             fs::read_dir(folder.path().join("finger-a")).unwrap().map(|entry| entry.unwrap().path()).collect();
         assert_eq!((kept.len(), kept[0].extension().unwrap().to_str()), (1, Some("csv")));
@@ -425,8 +482,30 @@ mod tests {
     }
 
     #[test]
+    fn samples_outlive_a_run_that_is_not_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().to_str().unwrap();
+        let line = ["--out", out, "--date", "2024-05-02T10:15:00Z"];
+        let error = go(&line, Hand { lets_go_at: 5, ..Hand::default() }).unwrap_err();
+        let kept = folder.path().join("finger-a/2024-05-02T101500Z.unfinished.csv");
+        assert!(error.to_string().contains(kept.to_str().unwrap()), "{error}");
+        assert_eq!(RawRun::from_text(&fs::read_to_string(&kept).unwrap()).unwrap().dwells.len(), 4);
+    }
+
+    #[test]
+    fn a_run_that_gives_no_result_leaves_its_samples() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().to_str().unwrap();
+        let line = ["--out", out, "--date", "2024-05-02T10:15:00Z", "--max-error-deg", "0"];
+        let error = go(&line, Hand::default()).unwrap_err();
+        let names: Vec<_> =
+            fs::read_dir(folder.path().join("finger-a")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        assert_eq!(names, ["2024-05-02T101500Z.csv"], "{error}");
+    }
+
+    #[test]
     fn a_bad_name_is_said_before_any_step() {
-        let error = go(&["--finger", "a/b"], usize::MAX).unwrap_err();
+        let error = go(&["--finger", "a/b"], Hand::default()).unwrap_err();
         assert!(error.to_string().contains("a/b"), "{error}");
     }
 }

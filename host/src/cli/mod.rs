@@ -14,11 +14,15 @@ mod diagnose;
 mod info;
 mod latency;
 mod monitor;
+mod observe;
 mod plot;
 mod ports;
+mod pose;
 mod push;
 mod simulate_device;
 mod solve;
+mod static_demo;
+mod tables;
 
 use std::io::Write as _;
 use std::process::ExitCode;
@@ -46,8 +50,10 @@ enum Command {
     Diagnose(diagnose::Arguments),
     Calibrate(calibrate::Arguments),
     Monitor(monitor::Arguments),
+    Observe(observe::Arguments),
     Contact(contact::Arguments),
     Push(push::Arguments),
+    Tables(tables::Arguments),
     Solve(solve::Arguments),
     SimulateDevice(simulate_device::Arguments),
 }
@@ -70,8 +76,10 @@ pub(crate) fn run() -> ExitCode {
         Command::Diagnose(arguments) => diagnose::run(&arguments),
         Command::Calibrate(arguments) => calibrate::run(&arguments),
         Command::Monitor(arguments) => monitor::run(&arguments),
+        Command::Observe(arguments) => observe::run(&arguments),
         Command::Contact(arguments) => contact::run(&arguments),
         Command::Push(arguments) => push::run(&arguments),
+        Command::Tables(arguments) => tables::run(&arguments),
         Command::Solve(arguments) => solve::run(&arguments),
         Command::SimulateDevice(arguments) => simulate_device::run(&arguments),
     };

@@ -15,6 +15,7 @@ use nalgebra::{Matrix2, Vector2};
 use serde::Serialize;
 
 use super::noise;
+use crate::statistics::normal_quantile;
 
 /// Standard deviation of an angle about which nothing is known, rad: of a uniform one, π/√3. None is ever larger.
 const UNIFORM_SD: f64 = 1.813_799_364_234_217_8;
@@ -153,65 +154,6 @@ pub fn angle(force_finger: &Vector2<f64>, mounting_angle: f64) -> f64 {
     wrap_angle(contact_angle(*force_finger) - mounting_angle)
 }
 
-/// The standard normal value that a share `p` in (0, 1) of all values is below; infinite at the ends.
-///
-/// Acklam's rational approximation, relative error below 1.2e-9.
-#[must_use]
-pub fn normal_quantile(p: f64) -> f64 {
-    /// Below this the tail formula holds, above one minus this its mirror image.
-    const TAIL: f64 = 0.024_25;
-    if p <= 0.0 || p >= 1.0 {
-        return if p > 0.5 { f64::INFINITY } else { f64::NEG_INFINITY };
-    }
-    if p < TAIL {
-        quantile_tail(p)
-    } else if p > 1.0 - TAIL {
-        -quantile_tail(1.0 - p)
-    } else {
-        quantile_middle(p - 0.5)
-    }
-}
-
-fn quantile_tail(p: f64) -> f64 {
-    let q = (-2.0 * p.ln()).sqrt();
-    let top = [
-        -7.784894002430293e-3,
-        -3.223964580411365e-1,
-        -2.400758277161838,
-        -2.549732539343734,
-        4.374664141464968,
-        2.938163982698783,
-    ];
-    let bottom = [7.784695709041462e-3, 3.224671290700398e-1, 2.445134137142996, 3.754408661907416, 1.0];
-    horner(&top, q) / horner(&bottom, q)
-}
-
-fn quantile_middle(q: f64) -> f64 {
-    let r = q * q;
-    let top = [
-        -3.969683028665376e1,
-        2.209460984245205e2,
-        -2.759285104469687e2,
-        1.38357751867269e2,
-        -3.066479806614716e1,
-        2.506628277459239,
-    ];
-    let bottom = [
-        -5.447609879822406e1,
-        1.615858368580409e2,
-        -1.556989798598866e2,
-        6.680131188771972e1,
-        -1.328068155288572e1,
-        1.0,
-    ];
-    q * horner(&top, r) / horner(&bottom, r)
-}
-
-/// A polynomial, highest power first.
-fn horner(coefficients: &[f64], x: f64) -> f64 {
-    coefficients.iter().fold(0.0, |sum, coefficient| sum * x + coefficient)
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::test_noise::Random;
@@ -241,16 +183,6 @@ mod tests {
             let got = angle(&Vector2::from(force), 0.0);
             assert!((got - u).abs() < ROUNDING, "{force:?}: {got}, wanted {u}");
         }
-    }
-
-    #[test]
-    fn normal_quantiles_are_those_of_the_tables() {
-        for (p, z) in
-            [(0.5, 0.0), (0.841_344_746_068_543, 1.0), (0.975, 1.959_963_984_540_054), (0.001, -3.090_232_306_167_814)]
-        {
-            assert!((normal_quantile(p) - z).abs() < 1e-8, "{p}: {}", normal_quantile(p));
-        }
-        assert!(normal_quantile(1.0).is_infinite() && normal_quantile(0.0).is_infinite());
     }
 
     #[test]

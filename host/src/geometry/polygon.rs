@@ -101,6 +101,12 @@ pub enum PolygonError {
         /// The tip.
         vertex: usize,
     },
+    /// No three vertices span an area.
+    #[error("all {count} vertices lie on one line: a part has an area, list the corners round its outline")]
+    OnOneLine {
+        /// How many vertices there are.
+        count: usize,
+    },
     /// Two edges that are not neighbours meet.
     #[error("edge {first} crosses or touches edge {second}: list the corners in order round the outline")]
     Crossing {
@@ -132,7 +138,11 @@ impl PolygonError {
             Self::CoordinateOutOfRange { vertex, .. } | Self::Spike { vertex } => Some(vertex),
             Self::Closed { last } => Some(last),
             Self::Repeated { second, .. } | Self::Crossing { second, .. } => Some(second),
-            Self::TooFewVertices { .. } | Self::TooSmall { .. } | Self::Clockwise | Self::TooThin { .. } => None,
+            Self::TooFewVertices { .. }
+            | Self::TooSmall { .. }
+            | Self::OnOneLine { .. }
+            | Self::Clockwise
+            | Self::TooThin { .. } => None,
         }
     }
 }
@@ -208,13 +218,13 @@ impl SimplePolygon {
 }
 
 /// Positive where `a → b → c` turns left, negative where it turns right, zero exactly where it goes straight.
-fn turn(a: Point2<f64>, b: Point2<f64>, c: Point2<f64>) -> f64 {
+pub(super) fn turn(a: Point2<f64>, b: Point2<f64>, c: Point2<f64>) -> f64 {
     let coordinates = |p: Point2<f64>| robust::Coord { x: p.x, y: p.y };
     robust::orient2d(coordinates(a), coordinates(b), coordinates(c))
 }
 
 /// A vertex between its neighbours.
-fn around(vertices: &[Point2<f64>], i: usize) -> [Point2<f64>; 3] {
+pub(super) fn around(vertices: &[Point2<f64>], i: usize) -> [Point2<f64>; 3] {
     let n = vertices.len();
     [vertices[(i + n - 1) % n], vertices[i], vertices[(i + 1) % n]]
 }
@@ -234,8 +244,16 @@ fn check_neighbours(vertices: &[Point2<f64>], extent: f64) -> Result<(), Polygon
         Some(first) => return Err(PolygonError::Repeated { first, second: first + 1 }),
         None => {}
     }
+    if (0..n).all(|i| turn_is_straight(around(vertices, i))) {
+        return Err(PolygonError::OnOneLine { count: n });
+    }
     let spike = (0..n).find(|&i| is_spike(around(vertices, i)));
     spike.map_or(Ok(()), |vertex| Err(PolygonError::Spike { vertex }))
+}
+
+/// Whether three points lie on one line, decided exactly.
+fn turn_is_straight([before, here, after]: [Point2<f64>; 3]) -> bool {
+    turn(before, here, after) == 0.0
 }
 
 /// Whether the second of three points is a turn straight back. Exact: on one line, order is order in either coordinate.
@@ -253,7 +271,7 @@ fn is_counter_clockwise(vertices: &[Point2<f64>]) -> bool {
 }
 
 /// The longer side of the bounding box, m.
-fn extent_of(vertices: &[Point2<f64>]) -> f64 {
+pub(super) fn extent_of(vertices: &[Point2<f64>]) -> f64 {
     let (low, high) = vertices.iter().fold((vertices[0], vertices[0]), |(low, high), p| (low.inf(p), high.sup(p)));
     (high - low).max()
 }
@@ -267,7 +285,7 @@ fn check_repeats(vertices: &[Point2<f64>]) -> Result<(), PolygonError> {
 }
 
 /// The order in which a sweep meets points: from left to right, those on one vertical from the bottom up.
-fn sweep_order(a: Point2<f64>, b: Point2<f64>) -> Ordering {
+pub(super) fn sweep_order(a: Point2<f64>, b: Point2<f64>) -> Ordering {
     // As numbers, where -0 is 0; NaN was refused before.
     let compare = |a: f64, b: f64| a.partial_cmp(&b).unwrap_or(Ordering::Equal);
     compare(a.x, b.x).then(compare(a.y, b.y))
@@ -420,7 +438,7 @@ mod tests {
                 E::Repeated { first: 1, second: 4 },
             ),
             (&[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [1.0, 2.0], [1.0, 1.0], [0.0, 1.0]], E::Spike { vertex: 3 }),
-            (&[[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]], E::Spike { vertex: 0 }),
+            (&[[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]], E::OnOneLine { count: 3 }),
             // A vertex in the middle of another edge.
             (&[[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [1.0, 0.0], [0.0, 2.0]], E::Crossing { first: 0, second: 3 }),
             (&[[0.0, 0.0], [1e-300, 0.0], [0.0, 1e-300]], E::TooSmall { extent: 1e-300 }),

@@ -14,8 +14,16 @@ use super::read::read;
 use super::{finite, kinds, schema, spelling};
 
 /// The kinds that `palpate solve` answers.
-pub const KINDS: Registry =
-    Registry::new(&[Kind::of::<kinds::support_friction::SupportFrictionProblem>(), Kind::of::<kinds::push::Push>()]);
+pub const KINDS: Registry = Registry::new(&[
+    Kind::of::<kinds::support_friction::SupportFrictionProblem>(),
+    Kind::of::<kinds::push::Push>(),
+    Kind::of::<kinds::observe_push::ObservePush>(),
+    Kind::of::<kinds::roll::Roll>(),
+    Kind::of::<kinds::observability::Observability>(),
+    Kind::of::<kinds::initial_pose::InitialPose>(),
+    Kind::of::<kinds::inscription::Inscription>(),
+    Kind::of::<kinds::observe_roll::ObserveRoll>(),
+]);
 
 /// One kind of problem.
 ///

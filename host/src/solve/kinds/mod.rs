@@ -1,4 +1,10 @@
 //! The kinds of problem, one module each.
 
+pub mod initial_pose;
+pub mod inscription;
+pub mod observability;
+pub mod observe_push;
+pub mod observe_roll;
 pub mod push;
+pub mod roll;
 pub mod support_friction;

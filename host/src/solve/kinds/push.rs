@@ -260,12 +260,7 @@ impl Problem for Push {
 
     fn solve(&self) -> Result<PushAnswer, SolveError> {
         let part = self.part()?;
-        let edge = part.edge(self.edge).map_err(|error| InvalidInput::at("edge", error.to_string()))?;
-        let Finger { radius, centre0, velocity0, acceleration } = self.finger;
-        let finger = Disk { radius: radius.get(), centre0, velocity0, acceleration };
-        let model = PushModel { part: &part, edge, grip: self.mu.get() * self.g.get(), finger };
-        let edge_end = if self.stop_at_edge_end { EdgeEnd::Stop } else { EdgeEnd::Extend };
-        let push = Simulation::new(model, self.law()?, self.start()?, edge_end).map_err(refuse)?;
+        let push = Simulation::new(self.model(&part)?, self.law()?, self.start()?, self.edge_end()).map_err(refuse)?;
         let run = push.run(&self.times).map_err(|error| SolveError::Internal(error.to_string()))?;
         Ok(self.answer(&run))
     }
@@ -285,28 +280,70 @@ fn refuse(error: PushError) -> InvalidInput {
     InvalidInput::at(field, error.to_string())
 }
 
-impl Push {
-    fn part(&self) -> Result<Part, InvalidInput> {
-        let polygon = (*self.polygon).clone();
+/// The fields that say what part it is, as `push` and its relatives have them.
+pub(super) struct Plate<'a> {
+    pub(super) polygon: &'a Polygon,
+    pub(super) support: Option<&'a Support>,
+    pub(super) centre_of_mass: Option<[f64; 2]>,
+    pub(super) inertia_per_mass: Option<Positive>,
+}
+
+impl Plate<'_> {
+    /// The part, or which field is missing.
+    pub(super) fn part(&self) -> Result<Part, InvalidInput> {
+        let polygon = (**self.polygon).clone();
         let mass = match (self.centre_of_mass, self.inertia_per_mass) {
             (None, None) => Mass::uniform(&polygon),
             (Some(centre), Some(inertia)) => Mass { centre_of_mass: centre.into(), inertia_per_mass: inertia.get() },
             (Some(_), None) => return Err(InvalidInput::missing("inertia_per_mass", "`centre_of_mass` needs it")),
             (None, Some(_)) => return Err(InvalidInput::missing("centre_of_mass", "`inertia_per_mass` needs it")),
         };
-        Ok(match &self.support {
+        Ok(match self.support {
             None => Part::with_mass(polygon, mass),
             Some(support) => Part::on_feet(polygon, &support.feet(), mass),
         })
     }
+}
+
+/// The friction of the contact, for a mode that cannot do without.
+pub(super) fn needed_friction(mu_c: Option<NonNegative>) -> Result<f64, InvalidInput> {
+    let missing =
+        || InvalidInput::missing("mu_c", "the modes `sliding` and `coulomb` need the friction of the contact");
+    mu_c.map(NonNegative::get).ok_or_else(missing)
+}
+
+impl Push {
+    /// The push as the simulation has it, its start checked.
+    pub(super) fn checked<'p>(&self, part: &'p Part) -> Result<(PushModel<'p>, Start), InvalidInput> {
+        let (model, start) = (self.model(part)?, self.start()?);
+        Simulation::new(model, self.law()?, start, self.edge_end()).map_err(refuse)?;
+        Ok((model, start))
+    }
+
+    fn model<'p>(&self, part: &'p Part) -> Result<PushModel<'p>, InvalidInput> {
+        let edge = part.edge(self.edge).map_err(|error| InvalidInput::at("edge", error.to_string()))?;
+        let Finger { radius, centre0, velocity0, acceleration } = self.finger;
+        let finger = Disk { radius: radius.get(), centre0, velocity0, acceleration };
+        Ok(PushModel { part, edge, grip: self.mu.get() * self.g.get(), finger })
+    }
+
+    fn edge_end(&self) -> EdgeEnd {
+        if self.stop_at_edge_end { EdgeEnd::Stop } else { EdgeEnd::Extend }
+    }
+
+    pub(super) fn part(&self) -> Result<Part, InvalidInput> {
+        let Self { polygon, support, centre_of_mass, inertia_per_mass, .. } = self;
+        let plate = Plate {
+            polygon,
+            support: support.as_ref(),
+            centre_of_mass: *centre_of_mass,
+            inertia_per_mass: *inertia_per_mass,
+        };
+        plate.part()
+    }
 
     fn law(&self) -> Result<ContactLaw, InvalidInput> {
-        let needed = || {
-            let friction = self.mu_c.ok_or_else(|| {
-                InvalidInput::missing("mu_c", "the modes `sliding` and `coulomb` need the friction of the contact")
-            });
-            friction.map(NonNegative::get)
-        };
+        let needed = || needed_friction(self.mu_c);
         match self.mode {
             Mode::Frictionless => Ok(ContactLaw::Frictionless),
             Mode::Rolling => Ok(ContactLaw::Rolling { friction: self.mu_c.map(NonNegative::get) }),

@@ -1,0 +1,24 @@
+//! A part's pose from its supporting lines: thesis chapter 2 and appendix A.
+//!
+//! A sensor that looks at a part from outside sees it between two tangents, a cone. Two cones nearly always leave one pose of a
+//! known convex part.
+//!
+//! In reading order:
+//! - [`readings`](Cone): cones, half-planes and what else a sensor says;
+//! - `triple`: three lines, and all turns at which a part touches them;
+//! - `exact`: all poses for any number of exact lines ([`poses`]), or why there is a continuum of them.
+//! - `noise`: bearings with errors, all modes with their covariances ([`estimate`]); `chi_square`: its gate.
+//!
+//! Pure. Frames: world, and the part's own. Units: m, rad. Errors: impossible readings only; "no pose" and "not determined" are
+//! answers.
+
+mod chi_square;
+mod exact;
+mod noise;
+mod readings;
+mod triple;
+
+pub use chi_square::chi_square_quantile;
+pub use exact::{Continuum, Inscription, MISS_MAX_RELATIVE, Pose, determined, misses, nearest_misses, poses};
+pub use noise::{Estimate, FENCE_SD_RELATIVE, GATE, Mode, NoisyReadings, estimate, view};
+pub use readings::{Bearing, Cone, ConeError, HalfPlane, Side};

@@ -1,0 +1,97 @@
+//! Where to begin the search for modes, so that none is missed.
+//!
+//! For each turn the best place is a small linear problem, so the turn alone needs a search: at the turns where an edge lies on a
+//! line, and between them in steps. Every local minimum along this profile is a start. With few lines the profile has tight
+//! pairs of minima between two steps; there the exact poses of all triples of lines are starts as well.
+
+use std::f64::consts::{PI, TAU};
+
+use nalgebra::{Matrix2, Vector2};
+
+use super::objective::{Objective, Placed};
+use crate::geometry::angle::wrap_angle;
+use crate::inscription::exact::triple_poses;
+use crate::inscription::readings::HalfPlane;
+
+/// Largest step of the turn, rad: the profile between two corner changes is a sum of a few squared sinusoids.
+const STEP_MAX: f64 = 0.035;
+
+/// Rounds of reweighting by distance; the weights change by a few per cent in the second already.
+const ROUNDS: usize = 3;
+
+/// With more lines than this the triples are left out: redundant lines make the profile steep, with minima far apart.
+const LINES_MAX_FOR_TRIPLES: usize = 6;
+
+/// Places near every mode.
+pub(super) fn starts(objective: &Objective<'_>, lines: &[HalfPlane]) -> Vec<Placed> {
+    let turns = turns(objective, lines);
+    let profile: Vec<_> = turns.iter().map(|&theta| best_place(objective, lines, theta)).collect();
+    let n = profile.len();
+    let is_minimum = |k: &usize| {
+        let (before, after) = (profile[(k + n - 1) % n].1, profile[(k + 1) % n].1);
+        profile[*k].1.is_finite() && profile[*k].1 <= before && profile[*k].1 <= after
+    };
+    let mut found: Vec<Placed> = (0..n).filter(is_minimum).map(|k| profile[k].0).collect();
+    if lines.len() <= LINES_MAX_FOR_TRIPLES {
+        found.extend(triple_poses(objective.part, lines).iter().map(|pose| objective.placed(pose)));
+    }
+    found
+}
+
+/// Turns at which an edge lies on a line, and others between them.
+fn turns(objective: &Objective<'_>, lines: &[HalfPlane]) -> Vec<f64> {
+    let edges = objective.part.angles();
+    let mut flush: Vec<f64> =
+        lines.iter().flat_map(|line| edges.iter().map(|edge| wrap_angle(line.angle - edge))).collect();
+    flush.sort_by(f64::total_cmp);
+    let mut turns = Vec::new();
+    for (k, &from) in flush.iter().enumerate() {
+        let to = flush.get(k + 1).copied().unwrap_or(flush[0] + TAU);
+        let steps = ((to - from) / STEP_MAX).ceil().clamp(1.0, TAU / STEP_MAX + 1.0);
+        let places = std::iter::successors(Some(0.0), |step| Some(step + 1.0)).take_while(|step| *step < steps);
+        turns.extend(
+            places
+                .map(|step| from + (to - from) * step / steps)
+                .map(|theta| if theta > PI { theta - TAU } else { theta }),
+        );
+    }
+    turns
+}
+
+/// The place that fits best with this turn, by linear least squares, and its misfit.
+fn best_place(objective: &Objective<'_>, lines: &[HalfPlane], theta: f64) -> (Placed, f64) {
+    let turned = Placed::new(Vector2::zeros(), theta);
+    let arms: Vec<_> = lines
+        .iter()
+        .map(|line| turned.turned(objective.part.corners()[objective.part.support(line.angle - theta)]))
+        .collect();
+    let mut placed = turned;
+    let mut misfit = f64::INFINITY;
+    for round in 0..ROUNDS {
+        let weights = weights(objective, &arms, &placed, round);
+        let (mut normal, mut right) = (Matrix2::zeros(), Vector2::zeros());
+        for ((line, arm), weight) in lines.iter().zip(&arms).zip(&weights) {
+            normal += line.normal * line.normal.transpose() * *weight;
+            right += line.normal * (line.normal.dot(&(line.point - objective.origin - arm)) * *weight);
+        }
+        let Some(inverse) = normal.try_inverse() else { return (turned, f64::INFINITY) };
+        placed.centre = inverse * right;
+        let squared = |((line, arm), weight): ((&HalfPlane, &Vector2<f64>), &f64)| {
+            line.normal.dot(&(placed.centre + arm - (line.point - objective.origin))).powi(2) * weight
+        };
+        misfit = lines.iter().zip(&arms).zip(&weights).map(squared).sum();
+    }
+    (placed, misfit)
+}
+
+/// One over the variance of each line's distance from its corner: that of a bearing grows with the distance from the sensor.
+fn weights(objective: &Objective<'_>, arms: &[Vector2<f64>], placed: &Placed, round: usize) -> Vec<f64> {
+    let (readings, size) = (objective.readings, objective.part.size());
+    let of_bearing = |(bearing, arm): (&super::Bearing, &Vector2<f64>)| {
+        let away = placed.centre + arm - (bearing.apex - objective.origin);
+        let distance = if round == 0 { size } else { away.norm().max(1e-3 * size) };
+        (readings.sigma * distance).powi(-2)
+    };
+    let fence = (super::FENCE_SD_RELATIVE * size).powi(-2);
+    readings.bearings.iter().zip(arms).map(of_bearing).chain(readings.fences.iter().map(|_| fence)).collect()
+}

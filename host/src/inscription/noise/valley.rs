@@ -1,0 +1,149 @@
+//! Minima of χ² at corner changes.
+//!
+//! Where the sensor sees more of the part than it should, the residual is that of the larger of two corners' bearings, and χ² has
+//! a valley where they are equal: where the edge between them points at the sensor. A place in it is a minimum if it is one along
+//! the valley, and the slopes on both sides rise: some mean of the two corners' gradients cancels those of all other readings.
+
+use nalgebra::{DMatrix, DVector, Vector3};
+
+use super::Settled;
+use super::objective::{Objective, Placed, Quadratic};
+use crate::inscription::readings::Side;
+
+/// Valleys are sought among edges that point at a sensor to within this many σ where descent stalled, or [`NEAR_MIN`].
+const NEAR_SD: f64 = 0.3;
+
+/// And to within this angle, rad, however small σ is.
+const NEAR_MIN: f64 = 1e-6;
+
+/// Most edges considered: a pose has three unknowns, so no more than three can be fixed.
+const EDGES_MAX: usize = 3;
+
+/// Steps along a valley; each is Newton's.
+const STEPS_MAX: usize = 30;
+
+/// Steps are good enough when they are shorter than this share of the part's size.
+const STEP_MIN_RELATIVE: f64 = 1e-12;
+
+/// A mean's weight may be outside [0, 1] by this much, for rounding.
+const WEIGHT_ROUNDING: f64 = 1e-6;
+
+/// χ² of the corners held and of the outermost corners are equal up to this share of 1 + χ².
+const HELD_ROUNDING: f64 = 1e-7;
+
+/// The mean gradient cancels up to this share of the largest of its terms.
+const BALANCE: f64 = 1e-6;
+
+/// An edge that points at a sensor: its ends are both outermost.
+#[derive(Clone, Copy, Debug)]
+struct Edge {
+    bearing: usize,
+    corners: [usize; 2],
+    gap: f64,
+}
+
+impl Objective<'_> {
+    /// The minima in valleys near a place at which descent stalled.
+    pub(super) fn valley_minima(&self, stalled: &Placed) -> Vec<Settled> {
+        let Some(edges) = self.edges_near(stalled) else { return Vec::new() };
+        let subsets = 1_usize..1 << edges.len();
+        let chosen =
+            |subset: usize| (0..edges.len()).filter(|k| subset >> k & 1 == 1).map(|k| edges[k]).collect::<Vec<_>>();
+        subsets.filter_map(|subset| self.minimum_along(stalled, &chosen(subset))).collect()
+    }
+
+    /// The edges nearest to pointing at a sensor that sees too much of the part.
+    fn edges_near(&self, placed: &Placed) -> Option<Vec<Edge>> {
+        let (n, sigma) = (self.part.corners().len(), self.readings.sigma);
+        let mut edges = Vec::new();
+        for (index, bearing) in self.readings.bearings.iter().enumerate() {
+            let residual = self.residual(index, placed)?;
+            let excess = if bearing.side == Side::Left { -residual.value } else { residual.value };
+            if excess <= 0.0 {
+                continue;
+            }
+            for other in [(residual.corner + 1) % n, (residual.corner + n - 1) % n] {
+                let corners = [residual.corner, other];
+                let gap = self.bearing_between(bearing, corners, placed).abs();
+                if gap <= (NEAR_SD * sigma).max(NEAR_MIN) {
+                    edges.push(Edge { bearing: index, corners, gap });
+                }
+            }
+        }
+        edges.sort_by(|a, b| a.gap.total_cmp(&b.gap));
+        edges.truncate(EDGES_MAX);
+        Some(edges)
+    }
+
+    /// The minimum with these edges pointing at their sensors, if it is one of χ².
+    fn minimum_along(&self, start: &Placed, edges: &[Edge]) -> Option<Settled> {
+        let mut placed = *start;
+        for _ in 0..STEPS_MAX {
+            let step = self.step_along(&placed, edges)?;
+            placed = self.stepped(&placed, &step);
+            if step.norm() <= STEP_MIN_RELATIVE * self.part.size() {
+                break;
+            }
+        }
+        let held = self.held(&placed, edges)?;
+        let free = self.quadratic(&placed)?;
+        let is_outermost = (free.chi2 - held.chi2).abs() <= HELD_ROUNDING * (1.0 + free.chi2);
+        let settled = Settled { placed, chi2: free.chi2, information: held.information, at_corner_change: true };
+        (is_outermost && self.is_balanced(&placed, edges, &held)).then_some(settled)
+    }
+
+    /// χ² with the first corner of each edge held.
+    fn held(&self, placed: &Placed, edges: &[Edge]) -> Option<Quadratic> {
+        let mut sum = Quadratic::zero();
+        for index in 0..self.count() {
+            let residual = match edges.iter().find(|edge| edge.bearing == index) {
+                Some(edge) => self.bearing_residual(&self.readings.bearings[index], edge.corners[0], placed),
+                None => self.residual(index, placed)?,
+            };
+            sum.add(&residual);
+        }
+        Some(sum)
+    }
+
+    /// Newton's step for the least χ² on which each edge points at its sensor.
+    fn step_along(&self, placed: &Placed, edges: &[Edge]) -> Option<Vector3<f64>> {
+        let held = self.held(placed, edges)?;
+        let count = 3 + edges.len();
+        let (mut matrix, mut right) = (DMatrix::zeros(count, count), DVector::zeros(count));
+        // The constraints in the scale of the residuals.
+        matrix.view_mut((0, 0), (3, 3)).copy_from(&held.information);
+        right.rows_mut(0, 3).copy_from(&-held.gradient);
+        for (k, edge) in edges.iter().enumerate() {
+            let [a, b] = self.pair(placed, edge);
+            let row = b.row - a.row;
+            for axis in 0..3 {
+                matrix[(3 + k, axis)] = row[axis];
+                matrix[(axis, 3 + k)] = row[axis];
+            }
+            right[3 + k] = a.value - b.value;
+        }
+        let solution = matrix.lu().solve(&right)?;
+        Some(Vector3::new(solution[0], solution[1], solution[2])).filter(|step| step.iter().all(|x| x.is_finite()))
+    }
+
+    /// The residuals of an edge's two corners.
+    fn pair(&self, placed: &Placed, edge: &Edge) -> [super::objective::Residual; 2] {
+        let bearing = &self.readings.bearings[edge.bearing];
+        edge.corners.map(|corner| self.bearing_residual(bearing, corner, placed))
+    }
+
+    /// Whether means of the corners' gradients cancel the rest, each with a weight in [0, 1].
+    fn is_balanced(&self, placed: &Placed, edges: &[Edge], held: &Quadratic) -> bool {
+        let pairs: Vec<_> = edges.iter().map(|edge| self.pair(placed, edge)).collect();
+        let across = DMatrix::from_fn(3, pairs.len(), |axis, k| (pairs[k][1].row - pairs[k][0].row)[axis]);
+        let gradient = DVector::from_column_slice((-held.gradient).as_slice());
+        let Ok(shares) = across.clone().svd(true, true).solve(&gradient, f64::EPSILON) else { return false };
+        let scale = held.gradient.norm().max(f64::MIN_POSITIVE);
+        let cancels = (across * &shares - &gradient).norm() <= BALANCE * scale;
+        let within = |(share, pair): (&f64, &[super::objective::Residual; 2])| {
+            let weight = share / pair[0].value;
+            (-WEIGHT_ROUNDING..=1.0 + WEIGHT_ROUNDING).contains(&weight)
+        };
+        cancels && shares.iter().zip(&pairs).all(within)
+    }
+}

@@ -1,0 +1,97 @@
+//! When to step: instants that do not depend on what is to be found, so that costs are smooth in it.
+//!
+//! Friction makes a part forget its speed within v/(µg). Steps in proportion to that follow it with an error that is the same
+//! for fast and slow pushes; between knots, values are interpolated (see [`super::path`]).
+//!
+//! Units: SI. Errors: none.
+
+/// How finely to step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Fineness {
+    /// Step over the time in which friction forgets the finger's speed.
+    pub(super) share: f64,
+    /// Whether each value needs a knot of its own.
+    pub(super) on_values: bool,
+}
+
+/// Longest step over the share, s: the part turns by a tenth of a radian at 1 rad/s.
+const STEP_MAX_PER_SHARE_S: f64 = 0.1;
+
+/// Shortest step as a part of the time between values: below it a finger at a stop would cost without end.
+const STEP_MIN_SHARE: f64 = 1e-3;
+
+/// The first steps are finer by this factor: a part that has not settled moves on the scale of its friction.
+const FIRST_FACTOR: f64 = 0.2;
+
+/// How much of the full step is added to the first one for each time in which friction forgets.
+const FIRST_GROWTH: f64 = 0.2;
+
+/// The instants at which a path is computed.
+#[derive(Clone, Debug)]
+pub(super) struct Clock {
+    /// From the start to the last value, s.
+    pub(super) knots: Vec<f64>,
+    /// Between values, s.
+    pub(super) dt: f64,
+    /// How many values.
+    pub(super) values: usize,
+}
+
+impl Clock {
+    /// From `start` (s), for values each `dt` (s), for a part that forgets its speed within `forgets` (s) at each time.
+    pub(super) fn new(
+        (dt, values): (f64, usize),
+        start: f64,
+        fineness: Fineness,
+        forgets: impl Fn(f64) -> f64,
+    ) -> Self {
+        let mut clock = Self { knots: vec![start], dt, values };
+        let step_min = STEP_MIN_SHARE * dt;
+        let (mut now, end) = (start, clock.time_of(values - 1));
+        while now < end {
+            let forgets = forgets(now).min(STEP_MAX_PER_SHARE_S);
+            let settled = (FIRST_FACTOR + FIRST_GROWTH * (now - start) / forgets).min(1.0);
+            let wished = (fineness.share * settled * forgets).max(step_min);
+            let (until, on_value) = clock.stretch(now, wished, fineness);
+            let steps = ((until - now) / wished).ceil().max(1.0);
+            now = if steps <= 1.0 { until } else { now + (until - now) / steps };
+            // The last step to a value ends on it to the bit.
+            if on_value && until - now < 0.5 * step_min {
+                now = until;
+            }
+            clock.knots.push(now.min(end));
+        }
+        clock
+    }
+
+    /// Where the present stretch of equal steps ends, s, and whether that is a value.
+    fn stretch(&self, now: f64, wished: f64, fineness: Fineness) -> (f64, bool) {
+        let end = self.time_of(self.values - 1);
+        if !fineness.on_values && wished >= self.dt {
+            return ((now + wished).min(end), now + wished >= end);
+        }
+        (self.time_of(self.first_after(now)).min(end), true)
+    }
+
+    /// The time of a value, s.
+    pub(super) fn time_of(&self, value: usize) -> f64 {
+        count(value) * self.dt
+    }
+
+    /// The first value later than a time.
+    pub(super) fn first_after(&self, time: f64) -> usize {
+        let guess = (time / self.dt).floor().max(0.0);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole, ≥ 0, and below the count")]
+        let mut value = guess as usize;
+        while self.time_of(value) <= time + 1e-9 * self.dt {
+            value += 1;
+        }
+        value
+    }
+}
+
+/// A count as a number.
+#[expect(clippy::cast_precision_loss, reason = "counts of values and steps are far below 2^53")]
+pub(super) fn count(n: usize) -> f64 {
+    n as f64
+}

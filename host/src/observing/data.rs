@@ -1,0 +1,142 @@
+//! Measured values made ready: angles without jumps, the instants they belong to, and smooth estimates at one instant.
+//!
+//! Units: SI. Errors: none.
+
+use crate::geometry::angle::wrap_angle;
+
+use super::clock::count;
+use super::observation::{Channel, Measured, Observation};
+
+/// What is fitted, one value each `dt` from t = 0 on.
+#[derive(Clone, Debug)]
+pub(super) struct Data {
+    /// Between values, s.
+    pub(super) dt: f64,
+    /// How many instants.
+    pub(super) values: usize,
+    /// Contact angles, continuous, rad.
+    pub(super) angle: Option<Channel>,
+    /// Directions of the force on the part, continuous, rad.
+    pub(super) direction: Option<Channel>,
+    /// Logarithms of the force per mass.
+    pub(super) log_magnitude: Option<Channel>,
+    /// Where the contact angle at t = 0 can be, rad; of force data.
+    pub(super) u0_range: Option<[f64; 2]>,
+}
+
+/// A straight line fitted to values around one instant.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Local {
+    /// The value there.
+    pub(super) value: f64,
+    /// Its rate, 1/s; zero from a single value.
+    pub(super) rate: f64,
+}
+
+impl Data {
+    pub(super) fn new(observation: &Observation) -> Self {
+        let (dt, values) = (observation.dt, observation.len());
+        let none = Self { dt, values, angle: None, direction: None, log_magnitude: None, u0_range: None };
+        match &observation.measured {
+            Measured::ContactAngle(channel) => Self { angle: Some(continuous(channel)), ..none },
+            Measured::Force { direction, magnitude, u0_range } => Self {
+                direction: direction.as_ref().map(continuous),
+                log_magnitude: magnitude.clone(),
+                u0_range: *u0_range,
+                ..none
+            },
+        }
+    }
+
+    /// Time of the last value, s.
+    pub(super) fn duration(&self) -> f64 {
+        count(self.values - 1) * self.dt
+    }
+
+    /// The value whose time is nearest.
+    pub(super) fn nearest(&self, time: f64) -> usize {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole, ≥ 0, cut to the count")]
+        let value = (time / self.dt).round().max(0.0) as usize;
+        value.min(self.values - 1)
+    }
+
+    /// How many numbers were measured.
+    pub(super) fn terms(&self) -> usize {
+        self.channels().map(|channel| channel.values.len()).sum()
+    }
+
+    /// The least standard deviation of an angle or a logarithm.
+    pub(super) fn sigma_min(&self) -> f64 {
+        self.channels().map(|channel| channel.sigma).fold(f64::INFINITY, f64::min)
+    }
+
+    /// The same data with no standard deviation below a floor.
+    pub(super) fn with_sigma_floor(&self, floor: f64) -> Self {
+        let raised = |channel: &Option<Channel>| {
+            channel.as_ref().map(|channel| Channel { values: channel.values.clone(), sigma: channel.sigma.max(floor) })
+        };
+        Self {
+            angle: raised(&self.angle),
+            direction: raised(&self.direction),
+            log_magnitude: raised(&self.log_magnitude),
+            ..self.clone()
+        }
+    }
+
+    fn channels(&self) -> impl Iterator<Item = &Channel> {
+        self.angle.iter().chain(&self.direction).chain(&self.log_magnitude)
+    }
+}
+
+/// Angles without jumps of whole turns.
+fn continuous(channel: &Channel) -> Channel {
+    let mut values = channel.values.clone();
+    for i in 1..values.len() {
+        values[i] = values[i - 1] + wrap_angle(channel.values[i] - values[i - 1]);
+    }
+    Channel { values, sigma: channel.sigma }
+}
+
+/// The straight line through the values within `half_width` of an instant (all in values), by least squares.
+pub(super) fn local(values: &[f64], dt: f64, time: f64, half_width: f64) -> Local {
+    let inside = |i: &usize| (count(*i) * dt - time).abs() <= half_width + 1e-9 * dt;
+    let mut sums = [0.0; 5];
+    for i in (0..values.len()).filter(inside) {
+        let (x, y) = (count(i) * dt - time, values[i]);
+        for (sum, term) in sums.iter_mut().zip([1.0, x, x * x, y, x * y]) {
+            *sum += term;
+        }
+    }
+    let [n, x, xx, y, xy] = sums;
+    let spread = n * xx - x * x;
+    if n < 2.0 || spread <= 0.0 {
+        let nearest =
+            (0..values.len()).min_by(|&i, &j| (count(i) * dt - time).abs().total_cmp(&(count(j) * dt - time).abs()));
+        return Local { value: nearest.map_or(0.0, |i| values[i]), rate: 0.0 };
+    }
+    Local { value: (xx * y - x * xy) / spread, rate: (n * xy - x * y) / spread }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use super::*;
+
+    #[test]
+    fn whole_turns_between_values_do_not_count() {
+        let wrapped = Channel { values: vec![3.1, -3.1, -3.0, 3.1 + TAU], sigma: 1e-3 };
+        let continuous = continuous(&wrapped).values;
+        assert!(continuous.windows(2).all(|pair| (pair[1] - pair[0]).abs() < 0.3), "{continuous:?}");
+    }
+
+    #[test]
+    fn a_straight_line_is_found_to_rounding() {
+        let values: Vec<_> = (0..30).map(|i| 1.5 - 0.7 * 0.01 * f64::from(i)).collect();
+        for time in [0.0, 0.123, 0.29] {
+            let Local { value, rate } = local(&values, 0.01, time, 0.05);
+            assert!((value - (1.5 - 0.7 * time)).abs() < 1e-13 && (rate + 0.7).abs() < 1e-11);
+        }
+        assert!((local(&values, 0.01, 0.1, 0.0).value - 1.43).abs() < 1e-13);
+    }
+}

@@ -1,0 +1,210 @@
+//! Motions looked up instead of simulated: for a push that is made again and again.
+//!
+//! Finger, part, path and u₀ fixed, the motions from a grid of s₀ are kept. Contacts are then compared with the table, and a few
+//! simulations make the candidates exact: one that shows how far off the table is, and one or two to be sure.
+//!
+//! Implements: the table lookup that thesis §8.2.2 proposes.
+//! Assumes: as [`super`]. Units: SI. Errors: none; contacts later than the table are simulated as without it.
+
+use super::search::{NearZero, near_zeros};
+use super::{RestingPoses, RestingPush, Site, TimedContact};
+
+/// Times kept of each motion.
+const TIMES: usize = 32;
+
+/// How far a table may be off, in the unit of u: between its places and times it is interpolated by cubics.
+const TABLE_ERROR: f64 = 1e-4;
+
+/// How many times the change over one step of the grid a misfit may change in the last, cut one.
+const BORDER_REACH: f64 = 3.0;
+
+/// Simulations that make a candidate exact; the table is off by 1e-6, and each gains some five digits.
+const CORRECTIONS: usize = 4;
+
+/// A misfit that needs no further simulation, in the unit of u: what the simulation itself is off by.
+const EXACT: f64 = 1e-10;
+
+/// The motions of one push from all places on the part.
+///
+/// ```
+/// use nalgebra::Point2;
+/// use palpate::geometry::SimplePolygon;
+/// use palpate::observing::{Object, RestingPush, Table, TimedContact};
+/// use palpate::pushing::{FingerPath, FingerShape};
+///
+/// let block = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.02, 0.03]].map(Point2::from))?;
+/// let path = FingerPath { centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [0.01, 0.1] };
+/// let push = RestingPush::new(Object::Polygon(block), 0.0, FingerShape::Disk { radius: 0.01 }, path, 1.5)?;
+/// let table = Table::new(&push, 1.0);
+/// let felt = push.predicted(Some(0), 0.005, &[0.6, 0.9]);
+/// let contacts = [TimedContact { t: 0.6, u: felt[0] }, TimedContact { t: 0.9, u: felt[1] }];
+/// assert!((table.observe(&contacts, 1e-6).solutions[0].s0 - 0.005).abs() < 1e-9); // m
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Table<'p> {
+    push: &'p RestingPush,
+    times: Vec<f64>,
+    sites: Vec<SiteTable>,
+}
+
+#[derive(Clone, Debug)]
+struct SiteTable {
+    site: Site,
+    places: Vec<f64>,
+    /// u at each of the times, of each place, while the contact lasts.
+    motions: Vec<Vec<f64>>,
+}
+
+impl<'p> Table<'p> {
+    /// Simulates the push from every place up to `time_end` (s).
+    #[must_use]
+    pub fn new(push: &'p RestingPush, time_end: f64) -> Self {
+        let step = time_end / TIMES as f64;
+        let times: Vec<_> = (1..=TIMES).map(|index| step * index as f64).collect();
+        let table = |&site: &Site| {
+            let places = site.grid();
+            let motions = places.iter().map(|&s0| push.angles(&site, s0, &times)).collect();
+            SiteTable { site, places, motions }
+        };
+        Self { push, sites: push.sites.iter().map(table).collect(), times }
+    }
+
+    /// The same as [`RestingPush::observe`].
+    #[must_use]
+    pub fn observe(&self, contacts: &[TimedContact], tolerance: f64) -> RestingPoses {
+        let beyond = |contact: &TimedContact| !(contact.t > 0.0 && contact.t <= self.times[TIMES - 1]);
+        if contacts.first().is_none_or(beyond) {
+            return self.push.observe(contacts, tolerance);
+        }
+        let contacts = self.push.without_turns(contacts);
+        let places = self.sites.iter().flat_map(|table| self.places(table, contacts[0], tolerance));
+        let places: Vec<_> = places.collect();
+        self.push.judged(&places, &contacts, tolerance)
+    }
+
+    /// Places of one site that fit the first contact.
+    fn places(&self, table: &SiteTable, first: TimedContact, tolerance: f64) -> Vec<(Site, NearZero)> {
+        let now: Vec<_> = table.motions.iter().map(|motion| self.at_time(motion, first.t)).collect();
+        let misfit = |s0: f64| Some(table.at_place(&now, s0)? - first.u);
+        let near = near_zeros(&misfit, &table.places, tolerance + TABLE_ERROR);
+        let exact = |near: NearZero| self.corrected(table, &misfit, near, first, tolerance);
+        let inside = near.into_iter().filter_map(exact);
+        let at_borders = self.near_borders(table, &now, first, tolerance);
+        inside.chain(at_borders).map(|near| (table.site, near)).collect()
+    }
+
+    /// Places between one whose contact lasts and one whose does not: simulated where the misfit can reach zero there.
+    fn near_borders(
+        &self,
+        table: &SiteTable,
+        now: &[Option<f64>],
+        first: TimedContact,
+        tolerance: f64,
+    ) -> Vec<NearZero> {
+        let exact = |s0: f64| self.misfit(&table.site, s0, first);
+        let near = |index: usize, further: usize| {
+            let (here, beside) = (now[index]? - first.u, now.get(further).copied().flatten());
+            let change = beside.map_or(f64::INFINITY, |beside| (beside - first.u - here).abs());
+            (here.abs() <= tolerance + BORDER_REACH * change).then_some(())
+        };
+        let cells = (1..now.len()).filter(|&index| match (now[index - 1], now[index]) {
+            (Some(_), None) => near(index - 1, index.wrapping_sub(2)).is_some(),
+            (None, Some(_)) => near(index, index + 1).is_some(),
+            _ => false,
+        });
+        cells.flat_map(|index| near_zeros(&exact, &table.places[index - 1..=index], tolerance)).collect()
+    }
+
+    fn misfit(&self, site: &Site, s0: f64, first: TimedContact) -> Option<f64> {
+        self.push.angles(site, s0, &[first.t]).first().map(|u| u - first.u)
+    }
+
+    /// u at a time, of one motion; a cubic through the four times around it, u₀ at 0 and its mirror image before.
+    fn at_time(&self, motion: &[f64], t: f64) -> Option<f64> {
+        let step = self.times[0];
+        let whole = (t / step).floor().min(TIMES as f64 - 2.0).max(0.0);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "between 0 and the number of times"
+        )]
+        let from = whole as usize;
+        // The motion from rest is even in time to the order kept.
+        let value = |index: usize, back: usize| match (index + 1).checked_sub(back) {
+            Some(0) => Some(self.push.u0),
+            Some(index) => motion.get(index - 1).copied(),
+            None => motion.first().copied(),
+        };
+        let (before, here, next) = (value(from, 2)?, value(from, 1)?, value(from, 0)?);
+        // Where the contact ends early the motion goes on straight.
+        let after = value(from + 1, 0).unwrap_or(2.0 * next - here);
+        Some(cubic([before, here, next, after], t / step - whole))
+    }
+
+    /// A place moved by simulations until it fits the first contact, if it does.
+    fn corrected(
+        &self,
+        table: &SiteTable,
+        misfit: &dyn Fn(f64) -> Option<f64>,
+        near: NearZero,
+        first: TimedContact,
+        tolerance: f64,
+    ) -> Option<NearZero> {
+        let (site, mut at) = (table.site, near.at);
+        let exact = |s0: f64| self.misfit(&site, s0, first);
+        let look = 1e-4 * site.length();
+        let slope = Some((misfit(at + look)? - misfit(at - look)?) / (2.0 * look)).filter(|slope| *slope != 0.0);
+        let mut value = exact(at)?;
+        for _ in 0..CORRECTIONS {
+            if value.abs() <= EXACT {
+                break;
+            }
+            let next = slope.map(|slope| at - value / slope).filter(|next| (next - at).abs() < 0.1 * site.length());
+            let Some((next, better)) = next.and_then(|next| Some((next, exact(next)?))) else { break };
+            if better.abs() >= value.abs() {
+                break;
+            }
+            (at, value) = (next, better);
+        }
+        if value.abs() <= EXACT {
+            return Some(NearZero { at, value, ..near });
+        }
+        // A fold, where the slope says nothing: search around it by simulation.
+        let step = site.length() / (table.places.len() - 1) as f64;
+        let around = [-1.0, -0.3, 0.0, 0.3, 1.0].map(|share| near.at + share * step);
+        let found = near_zeros(&exact, &around, tolerance);
+        found.into_iter().min_by(|a, b| (a.at - near.at).abs().total_cmp(&(b.at - near.at).abs()))
+    }
+}
+
+impl SiteTable {
+    /// The kept values between their places: a cubic through the four around.
+    fn at_place(&self, values: &[Option<f64>], s0: f64) -> Option<f64> {
+        let step = self.places[1] - self.places[0];
+        let last = self.places.len() - 2;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the places there are")]
+        let from = (((s0 - self.places[0]) / step).floor().max(0.0) as usize).min(last);
+        let share = (s0 - self.places[from]) / step;
+        let (here, next) = (values[from], values[from + 1]);
+        if share == 0.0 {
+            return here;
+        }
+        let (here, next) = (here?, next?);
+        // Beyond an end the values go on straight.
+        let before = from.checked_sub(1).and_then(|index| values[index]).unwrap_or(2.0 * here - next);
+        let after = values.get(from + 2).copied().flatten().unwrap_or(2.0 * next - here);
+        Some(cubic([before, here, next, after], share))
+    }
+}
+
+/// The cubic through values at −1, 0, 1 and 2.
+fn cubic([before, here, next, after]: [f64; 4], x: f64) -> f64 {
+    let weights = [
+        -x * (x - 1.0) * (x - 2.0) / 6.0,
+        (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0,
+        -(x + 1.0) * x * (x - 2.0) / 2.0,
+        (x + 1.0) * x * (x - 1.0) / 6.0,
+    ];
+    weights[0] * before + weights[1] * here + weights[2] * next + weights[3] * after
+}

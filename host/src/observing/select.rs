@@ -1,0 +1,392 @@
+//! From seeds to the set of hypotheses that the data cannot exclude.
+//!
+//! All candidates go down side by side, a step each in turn; those whose cost will stay far above the best are given up, those
+//! that meet are one. What remains is fitted to the data as they are and judged: by the laws of contact, by the gate above the best
+//! cost, and the best by chi-square.
+//!
+//! Units: costs of no dimension. Errors: none.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix4, Vector2};
+
+use super::clock::Fineness;
+use super::data::Data;
+use super::fit::{Candidate, Descent, Fitting};
+use super::launch::{Begin, UNKNOWNS};
+use super::observation::{Estimate, Fit, Hypothesis, Known, Observation, pose};
+use super::path::Site;
+use super::seed::{Width, seeds};
+use super::sites::sites;
+use crate::statistics::chi_square_quantile;
+
+/// Costs up to this above the best belong to the set. Fixed by the interface.
+pub(super) const GATE: f64 = 16.0;
+
+/// Minima on one edge whose ends are nearer than this are one, m. Fixed by the interface.
+const SAME_END_M: f64 = 5e-4;
+
+/// Probability with which data of the model pass the test of fit. Fixed by the interface.
+const FIT_PROBABILITY: f64 = 0.999;
+
+/// Standard deviation to begin with at least, rad: with less, far starts have costs beyond all comparison, and steps would have to be
+/// fine before it is known where they matter.
+const SIGMA_FIRST: f64 = 1e-3;
+
+/// From there to the data's own standard deviation by steps of this: where little is known, minima lie in valleys that grow
+/// narrow as it falls, and are followed rather than looked for.
+const SIGMA_RATIO: f64 = 10.0;
+
+/// Step over the time in which friction forgets speed, for a standard deviation of [`SIGMA_OF_SHARE`]; finer as its fourth root,
+/// like the error of the steps.
+const SHARE: f64 = 0.9;
+/// rad; see [`SHARE`].
+const SIGMA_OF_SHARE: f64 = 2e-3;
+/// Steps that keep the slowest parts stable.
+const SHARE_MAX: f64 = 1.0;
+
+/// Standard deviation of what the last, finer steps leave, over that of a value: they are chosen by it.
+const STEP_ERROR: f64 = 1e-3;
+
+/// Error of angles after a start from rest, in standard deviations.
+const REST_ERROR: f64 = 0.05;
+
+/// Steps are halved at most so often, as long as costs change by more than [`ROUGH`].
+const FINER_MAX: i32 = 3;
+/// See [`FINER_MAX`].
+const ROUGH: f64 = 0.3;
+
+/// Rounds of descent: a step each.
+const ROUNDS_MAX: usize = 60;
+
+/// A descent whose next step promises less is over.
+const PROMISE_NONE: f64 = 1e-3;
+
+/// A descent is given up when its cost less this many times its promise is beyond the gate by [`SLACK`].
+const PROMISES: f64 = 3.0;
+/// See [`PROMISES`].
+const SLACK: f64 = 24.0;
+/// Rounds before any descent is given up.
+const ROUNDS_MIN: usize = 2;
+
+/// Descents on one site that are as near as this (angle in rad, place in m) and go on alike are one.
+const MET: [f64; UNKNOWNS] = [2e-3, 2e-4, 0.1, 2e-3];
+
+/// A wall may give way by so much, in its own measure: 50 µm of an edge.
+const OVERRUN_MAX: f64 = 5.0;
+
+/// Times that walls are made ten times as stiff for a minimum that leans on one.
+const STIFFER_MAX: i32 = 4;
+
+/// A place is unknown if its standard deviation is more than this many lengths of its stretch of the edge: along it, the cost
+/// then changes by less than a hundredth.
+const UNKNOWN_PLACE: f64 = 10.0;
+
+/// Curvature that makes a matrix invertible, relative to the inverse squares of natural sizes.
+const CURVATURE_NONE: f64 = 1e-9;
+
+/// Every pose and motion that explains an observation.
+#[must_use]
+pub fn estimate(known: &Known, observation: &Observation) -> Estimate {
+    let task = Task {
+        known,
+        observation,
+        data: Data::new(observation),
+        sites: sites(known.part, known.finger.radius),
+        begins: Begin::all(known),
+    };
+    let mut minima = task.minima(Width::Narrow);
+    let fits = |minima: &[Descent]| {
+        let terms = task.data.terms();
+        minima.iter().any(|descent| descent.evaluation.cost <= chi_square_quantile(FIT_PROBABILITY, terms))
+    };
+    let mut searched = Width::Narrow;
+    if !fits(&minima) {
+        (minima, searched) = (task.minima(Width::Wide), Width::Wide);
+    }
+    let found = task.conclude(minima);
+    // A good fit to coarse data may be none to exact ones.
+    match (found.hypotheses.is_empty(), searched) {
+        (true, Width::Narrow) => task.conclude(task.minima(Width::Wide)),
+        _ => found,
+    }
+}
+
+/// What all steps of an estimate need.
+struct Task<'a, 'p> {
+    known: &'a Known<'p>,
+    observation: &'a Observation,
+    data: Data,
+    sites: Vec<Site>,
+    begins: Vec<Begin>,
+}
+
+impl<'a, 'p> Task<'a, 'p> {
+    /// The minima of the cost at the standard deviation to begin with.
+    fn minima(&self, width: Width) -> Vec<Descent> {
+        let fitting = self.fitting(self.data.sigma_min().max(SIGMA_FIRST), 1.0);
+        let candidates = seeds(&fitting, &self.sites, &self.begins, width);
+        descend_together(&fitting, &candidates)
+    }
+
+    /// With angles of at least a standard deviation and steps fine enough for it, or finer by a factor.
+    fn fitting(&self, sigma: f64, factor: f64) -> Fitting<'a, 'p> {
+        let share = factor * (SHARE * (sigma / SIGMA_OF_SHARE).powf(0.25)).min(SHARE_MAX);
+        let fineness = Fineness { share, on_values: false };
+        let data = self.data.with_sigma_floor(sigma);
+        Fitting::new(self.known, data, self.observation.prior, fineness, REST_ERROR * factor * sigma)
+    }
+
+    /// Follows minima to the data as they are, and judges them.
+    fn conclude(&self, mut minima: Vec<Descent>) -> Estimate {
+        let (least, mut sigma) = (self.data.sigma_min(), SIGMA_FIRST);
+        while sigma > least {
+            sigma = (sigma / SIGMA_RATIO).max(least);
+            minima = again(&self.fitting(sigma, 1.0), &minima);
+        }
+        let mut last = self.fitting(least, 1.0);
+        for power in 1..=FINER_MAX {
+            last = self.fitting(least, 0.5_f64.powi(power));
+            let finer: Option<Vec<_>> = minima.iter().map(|descent| polished(&last, descent)).collect();
+            match finer {
+                Some(finer) => {
+                    minima = finer;
+                    break;
+                }
+                None => minima = again(&last, &minima),
+            }
+        }
+        judge_all(&last, &minima, self.begins.len())
+    }
+}
+
+/// Descents that go on from where others ended.
+fn again(fitting: &Fitting, descents: &[Descent]) -> Vec<Descent> {
+    let candidates: Vec<_> = descents.iter().map(|descent| descent.candidate).collect();
+    descend_together(fitting, &candidates)
+}
+
+/// A step further down with finer steps; none if those see another cost.
+fn polished(finer: &Fitting, descent: &Descent) -> Option<Descent> {
+    let mut polished = finer.descend(descent.candidate)?;
+    let rough = (polished.evaluation.total() - descent.evaluation.total()).abs() > ROUGH;
+    finer.improve(&mut polished);
+    (!rough).then_some(polished)
+}
+
+/// Takes all candidates down, and gives up those that cannot come near the best.
+fn descend_together(fitting: &Fitting, candidates: &[Candidate]) -> Vec<Descent> {
+    let mut alive: Vec<_> = candidates.iter().filter_map(|candidate| fitting.descend(*candidate)).collect();
+    let mut over: Vec<Descent> = Vec::new();
+    for round in 0..ROUNDS_MAX {
+        let best = alive.iter().chain(&over).map(|descent| descent.evaluation.total()).fold(f64::INFINITY, f64::min);
+        if round >= ROUNDS_MIN {
+            alive.retain(|descent| descent.evaluation.total() - PROMISES * descent.promise <= best + GATE + SLACK);
+        }
+        if alive.is_empty() {
+            break;
+        }
+        let mut going = Vec::new();
+        for mut descent in alive {
+            let moved = fitting.improve(&mut descent);
+            if !moved || descent.promise < PROMISE_NONE { over.push(descent) } else { going.push(descent) }
+        }
+        alive = going;
+        if round >= ROUNDS_MIN {
+            merge_met(&mut alive);
+        }
+    }
+    over.extend(alive);
+    merge_met(&mut over);
+    over
+}
+
+/// Keeps the lowest of descents that have met.
+fn merge_met(descents: &mut Vec<Descent>) {
+    descents.sort_by(|a, b| a.evaluation.total().total_cmp(&b.evaluation.total()));
+    let mut kept: Vec<Descent> = Vec::new();
+    for descent in descents.drain(..) {
+        if !kept.iter().any(|other| have_met(&descent.candidate, &other.candidate)) {
+            kept.push(descent);
+        }
+    }
+    *descents = kept;
+}
+
+fn have_met(a: &Candidate, b: &Candidate) -> bool {
+    let near = |i: usize| (a.unknowns[i] - b.unknowns[i]).abs() < MET[i];
+    a.site == b.site && a.begin == b.begin && (0..a.begin.unknowns()).all(near)
+}
+
+/// Stiffens the walls until the minimum lies on them; none if it cannot.
+fn onto_walls(fitting: &Fitting, descent: &Descent) -> Option<Descent> {
+    let mut descent = descent.clone();
+    for power in 1..=STIFFER_MAX {
+        if descent.evaluation.overrun <= OVERRUN_MAX {
+            return Some(descent);
+        }
+        let stiffer = Fitting { wall_stiffness: 10_f64.powi(power), ..fitting.clone() };
+        descent = stiffer.descend(descent.candidate)?;
+        for _ in 0..ROUNDS_MAX {
+            if !stiffer.improve(&mut descent) || descent.promise < PROMISE_NONE {
+                break;
+            }
+        }
+    }
+    (descent.evaluation.overrun <= OVERRUN_MAX).then_some(descent)
+}
+
+/// Judges the minima.
+fn judge_all(fitting: &Fitting, descents: &[Descent], begins: usize) -> Estimate {
+    let mut possible: Vec<_> = descents.iter().filter_map(|descent| onto_walls(fitting, descent)).collect();
+    possible.sort_by(|a, b| a.evaluation.cost.total_cmp(&b.evaluation.cost));
+    let degrees = |descent: &Descent| {
+        let begin = descent.candidate.begin;
+        let unknowns = fitting.free(descent).iter().filter(|free| **free).count();
+        (fitting.data.terms() + fitting.prior_terms(begin)).saturating_sub(unknowns)
+    };
+    let cost = possible.first().map(|best| best.evaluation.cost);
+    let degrees_of_freedom = possible.first().map_or(fitting.data.terms(), degrees);
+    let fit = Fit { cost, degrees_of_freedom, cost_max: chi_square_quantile(FIT_PROBABILITY, degrees_of_freedom) };
+    let Some(best) = cost.filter(|cost| *cost <= fit.cost_max.max(COST_OF_NO_DATA)) else {
+        return Estimate { hypotheses: Vec::new(), fit };
+    };
+    possible.retain(|descent| descent.evaluation.cost <= best + GATE);
+    let mut judged: Vec<Judged> = Vec::new();
+    for descent in &possible {
+        let next = judge(fitting, descent, begins);
+        if !judged.iter().any(|other| are_one(other, &next)) {
+            judged.push(next);
+        }
+    }
+    Estimate { hypotheses: by_probability(judged), fit }
+}
+
+/// A cost that counts as none where there are no more data than unknowns: what steps and walls leave.
+const COST_OF_NO_DATA: f64 = 1e-2;
+
+/// A hypothesis and the logarithm of its evidence.
+struct Judged {
+    hypothesis: Hypothesis,
+    log_evidence: f64,
+    place: (f64, f64),
+}
+
+fn are_one(a: &Judged, b: &Judged) -> bool {
+    let (x, y) = (&a.hypothesis, &b.hypothesis);
+    let continuum = x.covariance.is_none() && y.covariance.is_none() && a.place == b.place;
+    x.edge == y.edge && ((x.end.s - y.end.s).abs() < SAME_END_M || continuum)
+}
+
+fn by_probability(mut judged: Vec<Judged>) -> Vec<Hypothesis> {
+    judged.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+    let most = judged.first().map_or(0.0, |first| first.log_evidence);
+    let weights: Vec<_> = judged.iter().map(|judged| (judged.log_evidence - most).exp()).collect();
+    let sum: f64 = weights.iter().sum();
+    let shares = judged.into_iter().zip(weights);
+    shares.map(|(judged, weight)| Hypothesis { probability: weight / sum, ..judged.hypothesis }).collect()
+}
+
+fn judge(fitting: &Fitting, descent: &Descent, begins: usize) -> Judged {
+    let Descent { candidate, evaluation, .. } = descent;
+    let (site, time) = (candidate.site, fitting.data.duration());
+    let model = fitting.known.model(site.edge);
+    let state_covariance = state_covariance(fitting, descent);
+    let hypothesis = Hypothesis {
+        edge: site.index,
+        start: evaluation.start,
+        contact_start: evaluation.contact_start,
+        end: evaluation.end,
+        contact_end: evaluation.contact_end,
+        pose_end: pose(&model, evaluation.start.u, time, &evaluation.end),
+        velocity_end: Vector2::from(model.velocity(&evaluation.contact_end, time, &evaluation.end)),
+        covariance: state_covariance
+            .map(|state| pose_covariance(fitting, descent, &state.fixed_view::<2, 2>(0, 0).into())),
+        state_covariance,
+        cost: evaluation.cost,
+        probability: 0.0,
+    };
+    Judged { hypothesis, log_evidence: log_evidence(fitting, descent, begins), place: (site.low, site.high) }
+}
+
+/// The information about the unknowns, the identity for those not free.
+fn information(fitting: &Fitting, descent: &Descent) -> Matrix4<f64> {
+    let (mut information, free) = (descent.evaluation.information, fitting.free(descent));
+    for i in (0..UNKNOWNS).filter(|i| !free[*i]) {
+        information.row_mut(i).fill(0.0);
+        information.column_mut(i).fill(0.0);
+        information[(i, i)] = 1.0;
+    }
+    information
+}
+
+/// That of the state at the end; none where the data leave the place free.
+fn state_covariance(fitting: &Fitting, descent: &Descent) -> Option<Matrix4<f64>> {
+    let Descent { candidate, evaluation, .. } = descent;
+    let length = candidate.site.high - candidate.site.low;
+    let mut information = information(fitting, descent);
+    let sizes = [1.0, length, 1.0, 0.1];
+    for (i, size) in sizes.iter().enumerate() {
+        information[(i, i)] += CURVATURE_NONE / (size * size);
+    }
+    let mut unknowns = information.cholesky()?.inverse();
+    for i in (0..UNKNOWNS).filter(|i| !fitting.free(descent)[*i]) {
+        unknowns[(i, i)] = 0.0;
+    }
+    let mut covariance: Matrix4<f64> = evaluation.end_by_start * unknowns * evaluation.end_by_start.transpose();
+    let unknown = covariance.m22.sqrt() > UNKNOWN_PLACE * length || covariance.m11.sqrt() > UNKNOWN_PLACE;
+    // What steps leave, of the angle and, over the part's size, of the place.
+    let left = STEP_ERROR * fitting.data.sigma_min();
+    let radius = fitting.known.part.inertia_per_mass().sqrt();
+    covariance.m11 += left * left;
+    covariance.m22 += (left * radius).powi(2);
+    (!unknown && covariance.iter().all(|c| c.is_finite())).then_some(covariance)
+}
+
+/// That of the pose at the end from that of the contact's angle and place, to second order.
+///
+/// The part touches the disk, so to first order the pose has two freedoms, and this would be a singular matrix. What the curved
+/// motions add, however little, makes it invertible.
+fn pose_covariance(fitting: &Fitting, descent: &Descent, contact: &Matrix2<f64>) -> Matrix3<f64> {
+    let Descent { candidate, evaluation, .. } = descent;
+    let time = fitting.data.duration();
+    let model = fitting.known.model(candidate.site.edge);
+    let (sin, cos) = evaluation.end.u.sin_cos();
+    let [x, y, _] = pose(&model, evaluation.start.u, time, &evaluation.end);
+    let arm = Vector2::new(x, y) - fitting.known.finger.centre(time).coords;
+    // The part turns about the disk's centre with the angle, and moves along the tangent with the place.
+    let slopes = Matrix3x2::new(-arm.y, -sin, arm.x, cos, 1.0, 0.0);
+    let bends = [Matrix2::new(-arm.x, -cos, -cos, 0.0), Matrix2::new(-arm.y, -sin, -sin, 0.0)];
+    let mut covariance = slopes * contact * slopes.transpose();
+    for (i, a) in bends.iter().enumerate() {
+        for (j, b) in bends.iter().enumerate() {
+            covariance[(i, j)] += 0.5 * (a * contact * b * contact).trace();
+        }
+    }
+    covariance
+}
+
+/// Laplace's approximation of the probability of the data, up to a factor that all hypotheses share.
+fn log_evidence(fitting: &Fitting, descent: &Descent, begins: usize) -> f64 {
+    let Descent { candidate, evaluation, .. } = descent;
+    let mut information = descent.evaluation.information;
+    let unknowns = candidate.begin.unknowns();
+    let bounds = fitting.bounds(candidate);
+    let sigmas = [None, None, fitting.prior.omega0_sigma, fitting.prior.v_t0_sigma];
+    let mut log_prior = -super::clock::count(begins).ln();
+    for i in 0..UNKNOWNS {
+        let width = bounds[i][1] - bounds[i][0];
+        match sigmas[i] {
+            _ if i >= unknowns => information[(i, i)] = TAU, // Cancels below.
+            Some(sigma) => log_prior -= (sigma * TAU.sqrt()).ln(),
+            None if width.is_finite() && width > 0.0 => {
+                // Flat over its range: no wider than that, however little the data say. The perimeter is shared by all.
+                information[(i, i)] += 12.0 / (width * width);
+                log_prior -= if i == 1 { 0.0 } else { width.ln() };
+            }
+            None => {}
+        }
+    }
+    let spread = (information / TAU).determinant();
+    -0.5 * evaluation.cost + log_prior - 0.5 * spread.ln()
+}

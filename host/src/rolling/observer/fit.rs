@@ -1,0 +1,364 @@
+//! Least squares: the state in the middle, and what else is unknown, that explain the readings best.
+//!
+//! Levenberg and Marquardt's iteration on the rotation group, with sensitivities from [`flow`](super::super::flow).
+//!
+//! Units: residuals over their standard deviation. Errors: none; a fit that fails has an infinite cost.
+
+use nalgebra::{Const, DMatrix, DimMin, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
+
+use super::super::body::Body;
+use super::super::flow::{Columns, STATE_COLUMNS, Tangent};
+use super::super::mechanics::{Model, Spin, State};
+use super::super::shape::{Ellipsoid, Shape};
+use super::track::{Leap, Track};
+
+/// Column of the spin among those of a state: fixed where there is none.
+const SPIN_COLUMN: usize = 5;
+
+/// Longest step of an iteration, rad: beyond it the linear model says nothing.
+const TURN_MAX: f64 = 0.6;
+
+/// Damping at the start, relative to the diagonal, and its change.
+const DAMPING: f64 = 1e-3;
+const DAMPING_UP: f64 = 6.0;
+const DAMPING_DOWN: f64 = 0.2;
+
+/// Damping beyond which nothing moves.
+const DAMPING_MAX: f64 = 1e9;
+
+/// Angular velocity that no rolling body has, rad/s: the fit has run away.
+const OMEGA_MAX: f64 = 1e3;
+
+/// What a fit looks for.
+#[derive(Clone, Debug)]
+pub(super) struct Point {
+    /// In the middle.
+    pub(super) state: State,
+    pub(super) body: Body,
+    /// Constant acceleration of the palm beside the known one, m/s².
+    pub(super) palm: Vector3<f64>,
+}
+
+/// What is unknown, and within which limits.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Unknowns {
+    pub(super) spin: Spin,
+    pub(super) columns: Columns,
+    /// Of semi-axes, m.
+    pub(super) range: [f64; 2],
+}
+
+/// How hard to try.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Effort {
+    /// Readings away from the middle to explain.
+    pub(super) ranks: usize,
+    pub(super) iterations: usize,
+    /// Decrease of the cost, relative and absolute, at which to stop.
+    pub(super) enough: [f64; 2],
+    /// Standard deviation of a zero-mean prior of the palm's unknown acceleration, m/s²; infinite for none.
+    pub(super) palm_sigma: f64,
+    pub(super) norm: Norm,
+}
+
+/// What is summed over the residuals.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Norm {
+    /// Squares over the variance: best for normal errors.
+    Squares,
+    /// Eighth powers over that of a bound, m: errors of rounding are uniform up to it, and the variance of this estimate is a
+    /// fifth of that of least squares (1/(2p − 1) against 1/3 of the bound's square, for power p).
+    Bounded(f64),
+}
+
+/// Where a fit ended.
+#[derive(Clone, Debug)]
+pub(super) struct Fit {
+    pub(super) point: Point,
+    pub(super) cost: f64,
+    /// Half the second derivatives of the cost by the state's columns, the further columns and `u`.
+    pub(super) information: DMatrix<f64>,
+}
+
+impl Unknowns {
+    /// Numbers that are fitted.
+    pub(super) fn count(&self) -> usize {
+        self.columns.count() + 2 - usize::from(self.spin == Spin::None)
+    }
+
+    /// The best fit near `start`.
+    pub(super) fn fit(&self, track: &Track, start: Point, effort: &Effort) -> Fit {
+        match self.columns.count() {
+            6 => self.fit_columns::<6, 8>(track, start, effort),
+            9 => self.fit_columns::<9, 11>(track, start, effort),
+            _ => self.fit_columns::<12, 14>(track, start, effort),
+        }
+    }
+
+    fn fit_columns<const N: usize, const P: usize>(&self, track: &Track, start: Point, effort: &Effort) -> Fit
+    where
+        Const<P>: DimMin<Const<P>, Output = Const<P>>,
+    {
+        let mut best = self.weigh::<N, P>(track, &start, effort);
+        let mut point = start;
+        let mut damping = DAMPING;
+        for _ in 0..effort.iterations {
+            let Some(step) = self.propose(&best, damping) else { break };
+            let next = self.moved(&point, &step);
+            let tried = self.weigh::<N, P>(track, &next, effort);
+            let gain = best.cost - tried.cost;
+            // Written so that NaN and infinity are refused.
+            if gain >= 0.0 {
+                let enough = gain <= effort.enough[0] * tried.cost + effort.enough[1] && damping <= 1.0;
+                (point, best) = (next, tried);
+                damping = (damping * DAMPING_DOWN).max(1e-12);
+                if enough {
+                    break;
+                }
+            } else {
+                damping *= DAMPING_UP;
+                if damping > DAMPING_MAX || gain > -effort.enough[1] && gain <= 0.0 {
+                    break;
+                }
+            }
+        }
+        let information = DMatrix::from_column_slice(P, P, best.hessian.as_slice());
+        Fit { point, cost: best.cost, information }
+    }
+
+    /// The damped Gauss–Newton step.
+    fn propose<const P: usize>(&self, normal: &Normal<P>, damping: f64) -> Option<SVector<f64, P>>
+    where
+        Const<P>: DimMin<Const<P>, Output = Const<P>>,
+    {
+        let mut damped = normal.hessian;
+        let floor = damped.diagonal().amax() * 1e-15;
+        for i in 0..P {
+            damped[(i, i)] += damping * damped[(i, i)] + floor;
+        }
+        let mut gradient = normal.gradient;
+        if self.spin == Spin::None {
+            damped.row_mut(SPIN_COLUMN).fill(0.0);
+            damped.column_mut(SPIN_COLUMN).fill(0.0);
+            damped[(SPIN_COLUMN, SPIN_COLUMN)] = 1.0;
+            gradient[SPIN_COLUMN] = 0.0;
+        }
+        let mut step = -damped.cholesky()?.solve(&gradient);
+        let turn = step.fixed_rows::<3>(0).norm();
+        if turn > TURN_MAX {
+            step *= TURN_MAX / turn;
+        }
+        Some(step)
+    }
+
+    fn moved<const P: usize>(&self, point: &Point, step: &SVector<f64, P>) -> Point {
+        let Point { state, body, palm } = point;
+        let attitude = state.attitude();
+        let turned = attitude * UnitQuaternion::from_scaled_axis(step.fixed_rows::<3>(0).into_owned());
+        let spinning = attitude * state.omega + step.fixed_rows::<3>(3);
+        let state = State {
+            orientation: turned.into_inner(),
+            omega: turned.inverse() * spinning,
+            u: state.u + Vector2::new(step[P - 2], step[P - 1]),
+        };
+        let body = match (self.columns.semi_axes, body.shape()) {
+            (true, Shape::Ellipsoid(ellipsoid)) => {
+                self.reshaped(body, ellipsoid, &step.fixed_rows::<3>(STATE_COLUMNS).into())
+            }
+            _ => body.clone(),
+        };
+        let palm = if self.columns.palm { palm + step.fixed_rows::<3>(P - 5) } else { *palm };
+        Point { state, body, palm }
+    }
+
+    fn reshaped(&self, body: &Body, ellipsoid: &Ellipsoid, longer: &[f64; 3]) -> Body {
+        let [low, high] = self.range;
+        let axis = |i: usize| (ellipsoid.semi_axes[i] * longer[i].clamp(-0.5, 0.5).exp()).clamp(low, high);
+        Body::ellipsoid([axis(0), axis(1), axis(2)]).unwrap_or_else(|_| body.clone())
+    }
+
+    /// Cost, gradient and normal matrix.
+    fn weigh<const N: usize, const P: usize>(&self, track: &Track, point: &Point, effort: &Effort) -> Normal<P> {
+        let model = Model { body: &point.body, spin: self.spin };
+        let mut normal = Normal::<P>::new(effort.norm);
+        normal.add(&[[0.0; N]; 2], point.state.u - track.centre);
+        for leaps in [&track.forward, &track.backward] {
+            let mut here = (point.state, Tangent::<N>::seed(&point.state));
+            for Leap { dt, felt, reading, rank } in leaps {
+                if *rank > effort.ranks {
+                    break;
+                }
+                let felt = felt.map(|felt| felt + point.palm);
+                here = model.step_with(self.columns, (&here.0, &here.1), &felt, *dt);
+                if let Some(reading) = reading {
+                    normal.add(&here.1.u, here.0.u - reading);
+                }
+            }
+            if here.0.omega.norm_squared().partial_cmp(&(OMEGA_MAX * OMEGA_MAX)) != Some(std::cmp::Ordering::Less) {
+                normal.cost = f64::INFINITY;
+            }
+        }
+        normal.finish(match effort.norm {
+            Norm::Squares => 1.0 / (track.sigma * track.sigma),
+            Norm::Bounded(_) => 1.0,
+        });
+        if self.columns.palm && effort.palm_sigma.is_finite() {
+            normal.prior(P - 5, &point.palm, effort.palm_sigma);
+        }
+        normal
+    }
+
+    /// The cost alone, with the mean residual taken out: what is left if `u` is free.
+    pub(super) fn cost(&self, track: &Track, point: &Point, ranks: usize) -> f64 {
+        let model = Model { body: &point.body, spin: self.spin };
+        let first = point.state.u - track.centre;
+        let (mut count, mut sum, mut squares) = (1.0, first, first.norm_squared());
+        for leaps in [&track.forward, &track.backward] {
+            let mut state = point.state;
+            for Leap { dt, felt, reading, rank } in leaps {
+                if *rank > ranks {
+                    break;
+                }
+                state = model.step(&state, &felt.map(|felt| felt + point.palm), *dt);
+                if let Some(reading) = reading {
+                    let residual = state.u - reading;
+                    count += 1.0;
+                    sum += residual;
+                    squares += residual.norm_squared();
+                }
+            }
+        }
+        (squares - sum.norm_squared() / count) / (track.sigma * track.sigma)
+    }
+
+    /// The states at the first and the last reading, and the columns there.
+    pub(super) fn ends(&self, track: &Track, point: &Point) -> Ends {
+        match self.columns.count() {
+            6 => self.ends_of::<6>(track, point),
+            9 => self.ends_of::<9>(track, point),
+            _ => self.ends_of::<12>(track, point),
+        }
+    }
+
+    fn ends_of<const N: usize>(&self, track: &Track, point: &Point) -> Ends {
+        let model = Model { body: &point.body, spin: self.spin };
+        let go = |leaps: &[Leap]| {
+            let start = (point.state, Tangent::<N>::seed(&point.state));
+            leaps.iter().fold(start, |here, leap| {
+                let felt = leap.felt.map(|felt| felt + point.palm);
+                model.step_with(self.columns, (&here.0, &here.1), &felt, leap.dt)
+            })
+        };
+        let ((start, _), (end, tangent)) = (go(&track.backward), go(&track.forward));
+        let rows = tangent.theta.iter().chain(&tangent.omega);
+        let columns = SMatrix::<f64, STATE_COLUMNS, N>::from_row_iterator(rows.flatten().copied());
+        Ends { start, end, columns: DMatrix::from_column_slice(STATE_COLUMNS, N, columns.as_slice()) }
+    }
+
+    /// What is left over after a fit.
+    pub(super) fn residuals(&self, track: &Track, point: &Point) -> Residuals {
+        let model = Model { body: &point.body, spin: self.spin };
+        let first = point.state.u - track.centre;
+        let (mut max, mut squares, mut products) = (first.amax(), first.norm_squared(), 0.0);
+        for leaps in [&track.forward, &track.backward] {
+            let (mut state, mut before) = (point.state, first);
+            for leap in leaps {
+                state = model.step(&state, &leap.felt.map(|felt| felt + point.palm), leap.dt);
+                if let Some(reading) = leap.reading {
+                    let residual = state.u - reading;
+                    max = residual.amax().max(max);
+                    squares += residual.norm_squared();
+                    products += residual.dot(&before);
+                    before = residual;
+                }
+            }
+        }
+        Residuals { max, correlation: products / squares.max(f64::MIN_POSITIVE) }
+    }
+}
+
+/// What a fit leaves over.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Residuals {
+    /// The largest of a coordinate, m.
+    pub(super) max: f64,
+    /// Of each residual with its neighbour: 0 for independent errors.
+    pub(super) correlation: f64,
+}
+
+/// The two ends of a fitted motion.
+#[derive(Clone, Debug)]
+pub(super) struct Ends {
+    pub(super) start: State,
+    pub(super) end: State,
+    /// Changes of attitude and angular velocity (body axes) at the end, by column.
+    pub(super) columns: DMatrix<f64>,
+}
+
+/// A cost with its derivatives.
+struct Normal<const P: usize> {
+    norm: Norm,
+    cost: f64,
+    gradient: SVector<f64, P>,
+    hessian: SMatrix<f64, P, P>,
+}
+
+impl<const P: usize> Normal<P> {
+    fn new(norm: Norm) -> Self {
+        Self { norm, cost: 0.0, gradient: SVector::zeros(), hessian: SMatrix::zeros() }
+    }
+
+    /// One reading's residual (m) and its slopes; those by `u` are 1.
+    #[inline]
+    fn add<const N: usize>(&mut self, slopes: &[[f64; N]; 2], residual: Vector2<f64>) {
+        match self.norm {
+            Norm::Squares => {
+                self.cost += residual.norm_squared();
+                self.accumulate(slopes, residual.into(), [1.0; 2]);
+            }
+            Norm::Bounded(bound) => {
+                let shares: [f64; 2] = (residual / bound).into();
+                let sixths = shares.map(|share| share.powi(6));
+                self.cost += sixths[0] * shares[0] * shares[0] + sixths[1] * shares[1] * shares[1];
+                // Halves of the derivatives of the eighth power, as those of squares are.
+                let pull = |axis: usize| 4.0 * sixths[axis] * shares[axis] / bound;
+                let bends = sixths.map(|sixth| 28.0 * sixth / (bound * bound));
+                self.accumulate(slopes, [pull(0), pull(1)], bends);
+            }
+        }
+    }
+
+    #[inline]
+    fn accumulate<const N: usize>(&mut self, [x, y]: &[[f64; N]; 2], [px, py]: [f64; 2], [bx, by]: [f64; 2]) {
+        for i in 0..N {
+            self.gradient[i] += x[i] * px + y[i] * py;
+            let (bent_x, bent_y) = (x[i] * bx, y[i] * by);
+            for j in 0..=i {
+                self.hessian[(j, i)] += bent_x * x[j] + bent_y * y[j];
+            }
+            self.hessian[(i, P - 2)] += bent_x;
+            self.hessian[(i, P - 1)] += bent_y;
+        }
+        self.gradient[P - 2] += px;
+        self.gradient[P - 1] += py;
+        self.hessian[(P - 2, P - 2)] += bx;
+        self.hessian[(P - 1, P - 1)] += by;
+    }
+
+    /// Weighs everything and completes the matrix.
+    fn finish(&mut self, weight: f64) {
+        self.cost *= weight;
+        self.gradient *= weight;
+        self.hessian *= weight;
+        self.hessian.fill_lower_triangle_with_upper_triangle();
+    }
+
+    fn prior(&mut self, first: usize, value: &Vector3<f64>, sigma: f64) {
+        let weight = 1.0 / (sigma * sigma);
+        self.cost += value.norm_squared() * weight;
+        for i in 0..3 {
+            self.gradient[first + i] += value[i] * weight;
+            self.hessian[(first + i, first + i)] += weight;
+        }
+    }
+}

@@ -1,0 +1,271 @@
+//! Pose and motion of a rolling body from the path of its contact, without a prior.
+//!
+//! A global search over attitude, modulo the body's symmetry, and spin; fits over ever longer horizons; a last fit of all
+//! readings at full accuracy; then a verdict: what explains the readings within their noise, and nothing else. Parts of the
+//! model may be unknown too: which of several bodies, the semi-axes of an ellipsoid, a constant acceleration of the palm,
+//! whether the contact transmits spin.
+//!
+//! Implements: the observer that thesis §7.3 leaves to future work.
+//! Assumes: contact kept, no slip; readings at equal steps of time from t = 0.
+//! Frames: as in [`mechanics`](super::mechanics). Units: SI.
+//! Errors: [`ObserveError`] for readings too few or too short. That nothing fits, or several hypotheses do, is an answer.
+
+mod fit;
+mod rotations;
+mod search;
+mod track;
+mod verdict;
+
+use nalgebra::{DMatrix, Vector2, Vector3};
+
+pub use track::{Noise, Readings};
+pub use verdict::{Estimate, Hypothesis, Verdict};
+
+use self::fit::{Effort, Fit, Norm, Unknowns};
+use self::search::{Ground, Width};
+use self::track::Track;
+use self::verdict::{Gate, Solution};
+use super::body::Body;
+use super::flow::Columns;
+use super::mechanics::{Model, Spin, felt};
+use super::palm::PalmAcceleration;
+
+/// Least window, in units of √(size/g): before that gravity has moved nothing.
+const WINDOW_MIN: f64 = 0.25;
+
+/// Widths of the search, tried in turn until one explains the readings well; what the others found is kept.
+const WIDTHS: [Width; 4] = [
+    Width { attitudes: 4000, rolled: 300, starts: 16, kept: 8, horizon: 1.1 },
+    Width { attitudes: 8000, rolled: 1500, starts: 40, kept: 16, horizon: 2.0 },
+    Width { attitudes: 12_000, rolled: 3000, starts: 100, kept: 40, horizon: 1.1 },
+    Width { attitudes: 24_000, rolled: 8000, starts: 200, kept: 60, horizon: 3.0 },
+];
+
+/// Widths for a search over shapes too: `attitudes` for each of [`shapes`].
+const WIDTHS_SHAPE: [Width; 4] = [
+    Width { attitudes: 1200, rolled: 1500, starts: 60, kept: 24, horizon: 1.1 },
+    Width { attitudes: 1200, rolled: 3000, starts: 100, kept: 40, horizon: 2.0 },
+    Width { attitudes: 2500, rolled: 4000, starts: 160, kept: 60, horizon: 1.1 },
+    Width { attitudes: 6000, rolled: 12_000, starts: 400, kept: 100, horizon: 3.0 },
+];
+
+/// What is asked.
+#[derive(Clone, Debug)]
+pub struct Question {
+    /// The body, or what it may be.
+    pub body: BodyKnowledge,
+    /// What the contact transmits; both where that is unknown.
+    pub spins: Vec<Spin>,
+    /// How the palm accelerates.
+    pub palm: PalmKnowledge,
+    /// Gravity, m/s².
+    pub g: f64,
+    /// How the readings err.
+    pub noise: Noise,
+}
+
+/// What is known of the body.
+#[derive(Clone, Debug)]
+pub enum BodyKnowledge {
+    /// One of these; usually one alone.
+    OneOf(Vec<Body>),
+    /// An ellipsoid of uniform density with semi-axes in this range, m.
+    Ellipsoid {
+        /// Lowest and highest.
+        range: [f64; 2],
+    },
+}
+
+/// What is known of the palm's acceleration.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PalmKnowledge {
+    /// All.
+    Known(PalmAcceleration),
+    /// That it is constant.
+    Constant,
+}
+
+/// Why readings cannot be used.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ObserveError {
+    /// Fewer numbers than unknowns.
+    #[error("{count} contacts are too few for {unknowns} unknowns: give at least {least}")]
+    TooFew {
+        /// Readings given.
+        count: usize,
+        /// Numbers to find.
+        unknowns: usize,
+        /// Readings needed.
+        least: usize,
+    },
+    /// A window in which gravity moves nothing.
+    #[error(
+        "the contacts span {duration:.4} s, too short to see anything: at least {least:.4} s are needed, {good:.2} s are good"
+    )]
+    TooShort {
+        /// s.
+        duration: f64,
+        /// s.
+        least: f64,
+        /// s.
+        good: f64,
+    },
+    /// Nothing holds the body on the palm.
+    #[error("without gravity nothing presses the body onto the palm: g must be above 0")]
+    NoGravity,
+}
+
+impl Question {
+    /// Everything that explains contacts `u` (m), `dt` seconds apart from t = 0 on.
+    ///
+    /// # Errors
+    /// [`ObserveError`] for readings too few or too short, and without gravity.
+    pub fn answer(&self, dt: f64, u: &[Vector2<f64>]) -> Result<Estimate, ObserveError> {
+        let readings = Readings { start: 0.0, dt, u: u.to_vec(), sigma: self.noise.sigma() };
+        self.check(&readings)?;
+        let mut solutions = Vec::new();
+        for width in 0..WIDTHS.len() {
+            solutions.extend(self.solve(&readings, width));
+            solutions.sort_by(|a: &Solution, b| a.fit.cost.total_cmp(&b.fit.cost));
+            if self.gate(&readings).is_good(&solutions) {
+                break;
+            }
+        }
+        Ok(self.gate(&readings).judge(solutions))
+    }
+
+    fn gate(&self, readings: &Readings) -> Gate {
+        Gate { readings: readings.u.len(), noise: self.noise }
+    }
+
+    fn check(&self, readings: &Readings) -> Result<(), ObserveError> {
+        if self.g <= 0.0 {
+            return Err(ObserveError::NoGravity);
+        }
+        let unknowns = self.columns().count() + 2 - usize::from(!self.spins.contains(&Spin::Free));
+        let (count, least) = (readings.u.len(), unknowns / 2 + 1);
+        if count < least.max(7) {
+            return Err(ObserveError::TooFew { count, unknowns, least: least.max(7) });
+        }
+        let size = match &self.body {
+            BodyKnowledge::OneOf(bodies) => bodies.iter().map(Body::size).fold(f64::INFINITY, f64::min),
+            BodyKnowledge::Ellipsoid { range } => range[0],
+        };
+        let (duration, time) = (readings.duration(), (size / self.g).sqrt());
+        if duration < WINDOW_MIN * time {
+            return Err(ObserveError::TooShort { duration, least: WINDOW_MIN * time, good: 7.0 * time });
+        }
+        Ok(())
+    }
+
+    fn columns(&self) -> Columns {
+        Columns {
+            semi_axes: matches!(self.body, BodyKnowledge::Ellipsoid { .. }),
+            palm: self.palm == PalmKnowledge::Constant,
+        }
+    }
+
+    fn palm(&self) -> &PalmAcceleration {
+        match &self.palm {
+            PalmKnowledge::Known(palm) => palm,
+            PalmKnowledge::Constant => &PalmAcceleration::Rest,
+        }
+    }
+
+    /// The minima found for every model that may be.
+    fn solve(&self, readings: &Readings, width: usize) -> Vec<Solution> {
+        let mut solutions = Vec::new();
+        for &spin in &self.spins {
+            match &self.body {
+                BodyKnowledge::OneOf(bodies) => {
+                    for (index, body) in bodies.iter().enumerate() {
+                        let found = self.solve_model(readings, spin, std::slice::from_ref(body), &WIDTHS[width]);
+                        solutions.extend(found.into_iter().map(|solution| Solution { body: index, ..solution }));
+                    }
+                }
+                BodyKnowledge::Ellipsoid { range } => {
+                    let shapes = shapes(*range);
+                    solutions.extend(self.solve_model(readings, spin, &shapes, &WIDTHS_SHAPE[width]));
+                }
+            }
+        }
+        solutions
+    }
+
+    fn solve_model(&self, readings: &Readings, spin: Spin, bodies: &[Body], width: &Width) -> Vec<Solution> {
+        let range = if let BodyKnowledge::Ellipsoid { range } = self.body { range } else { [0.0, f64::INFINITY] };
+        let unknowns = Unknowns { spin, columns: self.columns(), range };
+        let coarse = readings.averaged();
+        let track = coarse.search_track(self.palm(), self.g);
+        let felt = felt(self.palm().at(track.centre_time), self.g);
+        let found = Ground { unknowns, bodies, track: &track, felt }.search(width);
+        let fine = readings.fine_track(self.palm(), self.g);
+        let best = found.first().map_or(0.0, |fit| fit.cost);
+        let worth = found.into_iter().filter(|fit| fit.cost <= best + WORTH_POLISHING);
+        let polished = worth.map(|fit| polish(&unknowns, &track, &fine, fit, self.noise));
+        polished.filter(|solution| solution.fit.cost.is_finite()).collect()
+    }
+}
+
+/// Cost above the best of the search up to which a fit may still turn out to be listed.
+const WORTH_POLISHING: f64 = 100.0;
+
+/// Residual, in pitches, up to which a fit of rounded readings may be refined by their bounds: half a pitch if the fit were
+/// exact, more because it is not.
+const ROUNDING_MAX: f64 = 0.75;
+
+/// The last fit of all readings, by least squares; where they were rounded, then by the bounds of rounding.
+fn polish(unknowns: &Unknowns, track: &Track, fine: &Track, fit: Fit, noise: Noise) -> Solution {
+    let mut point = fit.point;
+    let shift = fine.centre_time - track.centre_time;
+    let felt = track.forward.first().map_or(Vector3::zeros(), |leap| leap.felt[0]) + point.palm;
+    point.state = Model { body: &point.body, spin: unknowns.spin }.step(&point.state, &[felt; 3], shift);
+    let ranks = fine.ranks_max();
+    let squares =
+        Effort { ranks, iterations: 40, enough: [1e-12, 1e-4], palm_sigma: f64::INFINITY, norm: Norm::Squares };
+    let mut fit = unknowns.fit(fine, point, &squares);
+    let residuals = unknowns.residuals(fine, &fit.point);
+    if let Noise::Grid(pitch) = noise
+        && residuals.max <= ROUNDING_MAX * pitch
+    {
+        let bounded = Effort { iterations: 20, enough: [1e-4, 0.0], norm: Norm::Bounded(0.5 * pitch), ..squares };
+        // Cost and information stay those of least squares: the bound they give is on the safe side.
+        fit.point = unknowns.fit(fine, fit.point, &bounded).point;
+    }
+    let ends = unknowns.ends(fine, &fit.point);
+    Solution {
+        body: 0,
+        unknowns: *unknowns,
+        residual_max: unknowns.residuals(fine, &fit.point).max,
+        residuals,
+        fit,
+        ends,
+    }
+}
+
+/// Ellipsoids all over a range of semi-axes, the shortest first: which axis is which is the attitude's business.
+fn shapes(range: [f64; 2]) -> Vec<Body> {
+    const STEPS: u32 = 6;
+    let [low, high] = range;
+    let axis = |k: u32| low * (high / low).powf((f64::from(k) + 0.5) / f64::from(STEPS));
+    let mut shapes = Vec::new();
+    for i in 0..STEPS {
+        for j in i..STEPS {
+            for k in j..STEPS {
+                // Slightly apart where they would be equal: a body of revolution has no third axis to fit.
+                let semi_axes = [axis(i) * 0.97, axis(j), axis(k) * 1.03];
+                shapes.extend(Body::ellipsoid(semi_axes).ok());
+            }
+        }
+    }
+    shapes
+}
+
+/// Inverse of a symmetric positive definite matrix, scaled by its diagonal first; `None` where it is singular.
+pub(super) fn covariance(information: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let scale = information.diagonal().map(|entry| 1.0 / entry.max(f64::MIN_POSITIVE).sqrt());
+    let scaled = DMatrix::from_diagonal(&scale) * information * DMatrix::from_diagonal(&scale);
+    let inverse = scaled.cholesky()?.inverse();
+    Some(DMatrix::from_diagonal(&scale) * inverse * DMatrix::from_diagonal(&scale))
+}

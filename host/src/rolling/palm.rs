@@ -1,0 +1,166 @@
+//! How the palm accelerates.
+//!
+//! Only acceleration matters: the motion on a palm of constant velocity is that on a palm at rest. Gravity acts as an
+//! acceleration `g` upward, so the body feels `a(t) + g e₃`.
+//!
+//! Implements: the input `a_P` of thesis §7.1.2 (corrected: its velocity terms break Galilean invariance).
+//! Frames: palm axes, e₃ up along the palm's normal; the palm does not turn. Units: m/s², s, Hz, rad. Errors: none.
+
+use std::f64::consts::TAU;
+
+use nalgebra::Vector3;
+
+/// The acceleration of a palm over time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum PalmAcceleration {
+    /// At rest, or at constant velocity.
+    #[default]
+    Rest,
+    /// m/s².
+    Constant(Vector3<f64>),
+    /// A sum of harmonics.
+    Harmonic(Vec<Harmonic>),
+    /// Constant from each instant to the next.
+    Piecewise(Pieces),
+}
+
+/// `amplitude · sin(2π·frequency_hz·t + phase)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Harmonic {
+    /// m/s².
+    pub amplitude: Vector3<f64>,
+    /// Hz.
+    pub frequency_hz: f64,
+    /// rad.
+    pub phase: f64,
+}
+
+/// Accelerations and when each begins; the last lasts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pieces {
+    starts: Vec<f64>,
+    values: Vec<Vector3<f64>>,
+}
+
+/// Why a list is no piecewise acceleration.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PiecesError {
+    /// Nothing to hold.
+    #[error("is empty: give at least one instant with its acceleration")]
+    Empty,
+    /// As many instants as accelerations are needed.
+    #[error("has {values} accelerations for {starts} instants: give one for each")]
+    Lengths {
+        /// Instants.
+        starts: usize,
+        /// Accelerations.
+        values: usize,
+    },
+    /// The instants do not increase.
+    #[error("{start:?} s is not after the instant before it: instants must increase")]
+    Order {
+        /// Which, from 0.
+        index: usize,
+        /// s.
+        start: f64,
+    },
+}
+
+impl Pieces {
+    /// Joins instants (s) and accelerations (m/s²).
+    ///
+    /// # Errors
+    /// [`PiecesError`] for lists of different lengths and instants out of order.
+    pub fn new(starts: Vec<f64>, values: Vec<Vector3<f64>>) -> Result<Self, PiecesError> {
+        if starts.is_empty() {
+            return Err(PiecesError::Empty);
+        }
+        if starts.len() != values.len() {
+            return Err(PiecesError::Lengths { starts: starts.len(), values: values.len() });
+        }
+        // Written so that NaN fails.
+        match (1..starts.len()).find(|&i| !(starts[i] > starts[i - 1])) {
+            Some(index) => Err(PiecesError::Order { index, start: starts[index] }),
+            None => Ok(Self { starts, values }),
+        }
+    }
+
+    /// The first instant, s.
+    #[must_use]
+    pub fn start(&self) -> f64 {
+        self.starts[0]
+    }
+
+    /// The piece that holds at `time`; right-continuous.
+    fn at(&self, time: f64) -> Vector3<f64> {
+        let after = self.starts.partition_point(|start| *start <= time);
+        self.values[after.saturating_sub(1)]
+    }
+}
+
+impl PalmAcceleration {
+    /// At `time` (s), m/s²; from the right where it jumps.
+    #[must_use]
+    pub fn at(&self, time: f64) -> Vector3<f64> {
+        match self {
+            Self::Rest => Vector3::zeros(),
+            Self::Constant(value) => *value,
+            Self::Harmonic(harmonics) => harmonics.iter().map(|harmonic| harmonic.at(time)).sum(),
+            Self::Piecewise(pieces) => pieces.at(time),
+        }
+    }
+
+    /// At `time` as seen from within the step that has `inside` in it: from the left at the step's end.
+    #[must_use]
+    pub fn at_within(&self, time: f64, inside: f64) -> Vector3<f64> {
+        match self {
+            Self::Piecewise(pieces) => pieces.at(inside),
+            _ => self.at(time),
+        }
+    }
+
+    /// The instants after `from` and before `to` (s) at which it jumps.
+    pub fn jumps(&self, from: f64, to: f64) -> impl Iterator<Item = f64> + '_ {
+        let starts = if let Self::Piecewise(pieces) = self { pieces.starts.as_slice() } else { &[] };
+        starts.iter().copied().filter(move |start| *start > from && *start < to)
+    }
+}
+
+impl Harmonic {
+    fn at(&self, time: f64) -> Vector3<f64> {
+        self.amplitude * (TAU * self.frequency_hz * time + self.phase).sin()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pieces_are_continuous_from_the_right_and_last() {
+        let values = [1.0, 2.0, 3.0].map(|x| Vector3::new(x, 0.0, 0.0));
+        let palm = PalmAcceleration::Piecewise(Pieces::new(vec![0.0, 0.5, 1.0], values.to_vec()).unwrap());
+        assert_eq!([0.0, 0.499, 0.5, 1.0, 9.0].map(|t| palm.at(t).x), [1.0, 1.0, 2.0, 3.0, 3.0]);
+        assert_eq!(palm.at_within(0.5, 0.4).x, 1.0);
+        assert_eq!(palm.jumps(0.0, 1.0).collect::<Vec<_>>(), [0.5]);
+    }
+
+    #[test]
+    fn instants_out_of_order_are_named() {
+        let values = vec![Vector3::zeros(); 2];
+        assert_eq!(
+            Pieces::new(vec![0.5, 0.5], values.clone()).unwrap_err(),
+            PiecesError::Order { index: 1, start: 0.5 }
+        );
+        assert_eq!(Pieces::new(vec![0.5], values).unwrap_err(), PiecesError::Lengths { starts: 1, values: 2 });
+        assert_eq!(Pieces::new(vec![], vec![]).unwrap_err(), PiecesError::Empty);
+    }
+
+    #[test]
+    fn harmonics_add_up() {
+        let harmonic = |x: f64, phase: f64| Harmonic { amplitude: Vector3::new(x, 0.0, 0.0), frequency_hz: 2.0, phase };
+        let palm = PalmAcceleration::Harmonic(vec![harmonic(1.0, 0.0), harmonic(3.0, TAU / 4.0)]);
+        assert!((palm.at(0.125).x - 1.0).abs() < 1e-15);
+    }
+}
