@@ -16,7 +16,7 @@ use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
 /// The experiments, in the order of the thesis.
-pub const EXPERIMENTS: &[Experiment] = &[rolling::ATTITUDE, rolling::SEMI_AXES, rolling::WHICH];
+pub const EXPERIMENTS: &[Experiment] = &[rolling::ATTITUDE, rolling::SEMI_AXES, rolling::WHICH, rolling::GHO];
 
 /// An experiment that `palpate tables` can run.
 #[derive(Clone, Copy, Debug)]
