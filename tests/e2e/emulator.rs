@@ -208,7 +208,7 @@ fn the_log_is_there_and_readable() {
         .filter_map(|frame| line_of(&frame, &lines))
         .collect();
     println!("{}", log.join("\n"));
-    for wanted in ["info core at 168000000 Hz", "warn no front-end", "info front-end found"] {
+    for wanted in ["info core at 168000000 Hz", "info no USB", "warn no front-end", "info front-end found"] {
         assert!(log.iter().any(|line| line.contains(wanted)), "{wanted:?} is not in {log:#?}");
     }
 }
@@ -270,6 +270,17 @@ fn refusal<T: std::fmt::Debug>(result: Result<T, LinkError>) -> Refusal {
         Err(LinkError::Refused { refusal, .. }) => refusal,
         other => panic!("{other:?} is no refusal"),
     }
+}
+
+#[test]
+fn where_no_emulator_is_installed_these_tests_say_so_in_one_line() {
+    let me = std::env::current_exe().expect("a test knows its program");
+    let skipped = ["--skip", "where_no_emulator_is_installed", "--test-threads", "1"];
+    let mut command = Command::new(me);
+    let output = command.args(skipped).env("PATH", "").env_remove(IMAGE_VARIABLE).output().expect("it starts");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{said}");
+    assert_eq!(said, "the emulator's end-to-end test did not run: qemu-system-arm is not installed\n");
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 pub mod force_logs;
 pub mod fuzz;
+pub mod inscription_oracle;
 pub mod oracle;
 pub mod push_oracle;
 pub mod rig;

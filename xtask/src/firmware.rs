@@ -18,11 +18,15 @@ const RAM_MAX: u32 = 32 * 1024;
 /// The chip, as probe-rs names it.
 const CHIP: &str = "STM32F405RG";
 
+/// The program that writes the flash.
+const PROBE: &str = "probe-rs";
+
 /// Where the end-to-end test finds the image.
 const IMAGE_VARIABLE: &str = "PALPATE_FIRMWARE";
 
 /// How the firmware commands are used.
 pub(crate) const USAGE: &str = "       cargo xtask firmware build            build the board's image
+       cargo xtask firmware lint             check the code that only the board's target compiles
        cargo xtask firmware flash            build it and put it onto a board, through a debug probe
        cargo xtask firmware emulate [--pty]  build it and run it in the emulator, until interrupted
        cargo xtask firmware emulate --test   build it and run the end-to-end test on it
@@ -38,6 +42,7 @@ pub(crate) struct Failed(u8);
 pub(crate) fn run(words: &[&str]) -> Option<ExitCode> {
     let result = match words {
         ["build"] => build().map(|image| println!("{}", image.display())),
+        ["lint"] => lint(),
         ["flash"] => build().and_then(|image| flash(&image)),
         ["emulate"] => build().and_then(|image| emulate(&image, false)),
         ["emulate", "--pty"] => build().and_then(|image| emulate(&image, true)),
@@ -70,6 +75,16 @@ fn target_folder() -> PathBuf {
     env::var_os("CARGO_TARGET_DIR").map_or_else(|| workspace.join("target"), PathBuf::from).join("firmware")
 }
 
+/// Checks the code that only the board's own target compiles; where nothing here can, says so and is content.
+pub(crate) fn lint() -> Result<(), Failed> {
+    let Some(mut cargo) = toolchain::cargo("clippy", &target_folder()) else {
+        eprintln!("the board's own code was not checked: no compiler with clippy here builds for {TARGET}");
+        return Ok(());
+    };
+    eprintln!("+ cargo clippy for {TARGET}");
+    finish(cargo.args(["--package", "palpate-firmware-usb", "--", "-D", "warnings"]))
+}
+
 /// Builds the image.
 fn build() -> Result<PathBuf, Failed> {
     let folder = target_folder();
@@ -83,14 +98,14 @@ fn build() -> Result<PathBuf, Failed> {
 
 /// Puts the image onto a board and shows its log.
 fn flash(image: &Path) -> Result<(), Failed> {
-    if Command::new("probe-rs").arg("--version").output().is_err() {
+    if Command::new(PROBE).arg("--version").output().is_err() {
         return fail(
             "probe-rs is not installed: `cargo install probe-rs-tools --locked`, and see https://probe.rs for \
                      the permissions that a debug probe needs. Without a probe, the chip's own USB loader does it: \
                      docs/HARDWARE.md, \"Flashing without a probe\"",
         );
     }
-    finish(Command::new("probe-rs").args(["run", "--chip", CHIP]).arg(image))
+    finish(Command::new(PROBE).args(["run", "--chip", CHIP]).arg(image))
 }
 
 /// The machine to emulate.

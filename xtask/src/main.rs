@@ -32,11 +32,25 @@ fn main() -> ExitCode {
     let arguments: Vec<String> = env::args().skip(1).collect();
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match words.as_slice() {
-        ["check"] => run_all(LINTS.iter().chain([&TESTS])),
-        ["lint"] => run_all(LINTS.iter()),
+        ["check"] => ended(lint().and_then(|()| run_all(&[TESTS]))),
+        ["lint"] => ended(lint()),
         ["firmware", rest @ ..] => firmware::run(rest).unwrap_or_else(usage),
         _ => usage(),
     }
+}
+
+/// A command that failed; it has said why.
+struct Failed;
+
+/// The exit status of a chore.
+fn ended(result: Result<(), Failed>) -> ExitCode {
+    result.map_or(ExitCode::FAILURE, |()| ExitCode::SUCCESS)
+}
+
+/// What CI runs before the README's test command.
+fn lint() -> Result<(), Failed> {
+    run_all(&LINTS)?;
+    firmware::lint().map_err(|_| Failed)
 }
 
 /// Says how it is used.
@@ -48,18 +62,18 @@ fn usage() -> ExitCode {
 }
 
 /// Runs each command and stops at the first that fails.
-fn run_all<'a>(checks: impl Iterator<Item = &'a Check>) -> ExitCode {
+fn run_all(checks: &[Check]) -> Result<(), Failed> {
     let cargo = env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
     for check in checks {
         eprintln!("+ cargo {}", check.arguments.join(" "));
         match Command::new(&cargo).args(check.arguments).envs(check.environment).status() {
             Ok(status) if status.success() => {}
-            Ok(_) => return ExitCode::FAILURE,
+            Ok(_) => return Err(Failed),
             Err(error) => {
                 eprintln!("cannot start {cargo}: {error}");
-                return ExitCode::FAILURE;
+                return Err(Failed);
             }
         }
     }
-    ExitCode::SUCCESS
+    Ok(())
 }

@@ -11,6 +11,13 @@ use std::process::{Command, Stdio};
 /// The target.
 pub(crate) const TARGET: &str = "thumbv7em-none-eabihf";
 
+/// Where cargo finds flags for the compiler, whatever characters are in them. It takes the place of flags that are meant
+/// for this computer's own programs.
+const FLAGS: &str = "CARGO_ENCODED_RUSTFLAGS";
+
+/// Clippy for the operating system's compiler.
+const SYSTEM_CLIPPY: &str = "/usr/bin/cargo-clippy";
+
 /// The package whose program is the image.
 const PACKAGE: &str = "palpate-firmware-board";
 
@@ -27,16 +34,22 @@ enum Toolchain {
     WithSources { rustc: PathBuf, cargo: PathBuf, linker: PathBuf },
 }
 
-/// The command that runs cargo on the image's package; `None` if no compiler can build it.
+/// The command that runs cargo on the image's package; `None` if no compiler can build it, or it has no clippy where
+/// that is asked for.
 #[must_use]
 pub(crate) fn cargo(subcommand: &str, target_folder: &Path) -> Option<Command> {
     let toolchain = find()?;
     let mut command = match &toolchain {
         Toolchain::WithTarget => Command::new(env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned())),
+        // By its own name, or the operating system's cargo would take rustup's.
+        Toolchain::WithSources { rustc, .. } if subcommand == "clippy" && *rustc == system() => {
+            Command::new(Path::new(SYSTEM_CLIPPY).is_file().then_some(SYSTEM_CLIPPY)?)
+        }
         Toolchain::WithSources { cargo, .. } => Command::new(cargo),
     };
     command.args([subcommand, "--package", PACKAGE, "--profile", "firmware", "--target", TARGET]);
     command.arg("--target-dir").arg(target_folder);
+    command.env(FLAGS, remap(&registry()));
     if env::var_os("DEFMT_LOG").is_none() {
         // defmt's own default is `error`: every other line would be missing from the image.
         command.env("DEFMT_LOG", "info");
@@ -46,10 +59,24 @@ pub(crate) fn cargo(subcommand: &str, target_folder: &Path) -> Option<Command> {
         command.env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_LINKER", linker);
         if rustc == system() {
             // rustup, if this runs under it, would put its own compiler back.
-            command.env_remove("RUSTUP_TOOLCHAIN").env_remove("CARGO").env_remove("RUSTC_WRAPPER");
+            command.env_remove("RUSTUP_TOOLCHAIN").env_remove("RUSTC_WRAPPER").env("CARGO", system_cargo());
         }
     }
     Some(command)
+}
+
+/// Where a panic's place is told, dependencies are named without the folder that cargo keeps them in: it is another one
+/// on every computer, and takes a kilobyte of flash.
+fn remap(registry: &Path) -> String {
+    format!("--remap-path-prefix={}=", registry.join("").display())
+}
+
+/// The folder in which cargo keeps the sources of dependencies; the one that there is, where a computer has one.
+fn registry() -> PathBuf {
+    let home = env::var_os("CARGO_HOME").map(PathBuf::from).or_else(|| Some(env::home_dir()?.join(".cargo")));
+    let sources = home.unwrap_or_default().join("registry").join("src");
+    let first = sources.read_dir().ok().and_then(|mut entries| entries.find_map(Result::ok));
+    first.map_or(sources, |entry| entry.path())
 }
 
 fn find() -> Option<Toolchain> {
@@ -63,12 +90,17 @@ fn find() -> Option<Toolchain> {
         sources.is_dir().then(|| Toolchain::WithSources { rustc, cargo, linker: linker.clone() })
     };
     let own_cargo = PathBuf::from(env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned()));
-    with_sources(own, own_cargo).or_else(|| with_sources(system(), PathBuf::from("/usr/bin/cargo")))
+    with_sources(own, own_cargo).or_else(|| with_sources(system(), system_cargo()))
 }
 
 /// The compiler of the operating system, beside which rustup's comes first in the path.
 fn system() -> PathBuf {
     PathBuf::from("/usr/bin/rustc")
+}
+
+/// Its cargo.
+fn system_cargo() -> PathBuf {
+    PathBuf::from("/usr/bin/cargo")
 }
 
 /// What a compiler prints, as a path; `None` if it does not run or fails.

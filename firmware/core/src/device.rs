@@ -1,8 +1,8 @@
 //! The main side: the host's commands, blocks, events, counters.
 //!
-//! Call [`Device::receive`] with what the host sent, [`Device::poll`] as often as possible (every few
-//! milliseconds at least), and put out what [`Device::transmit`] shows. None of them waits; each does
-//! bounded work.
+//! Call [`Device::receive`] (or [`Device::receive_by`], on a board with two links) with what the host sent,
+//! [`Device::poll`] as often as possible (every few milliseconds at least), and put out what
+//! [`Device::transmit`] shows, on [`Device::link`]. None of them waits; each does bounded work.
 //!
 //! - A command gets at most one reply. One that came before (the last [`REMEMBERED`] are kept) is answered
 //!   again, not acted on again.
@@ -16,16 +16,16 @@
 //! Errors: none; a command that cannot be obeyed gets a [`Refusal`].
 
 use heapless::{HistoryBuf, String};
-use palpate_shared::frame::FrameReader;
 use palpate_shared::units::DeviceTime;
 use palpate_shared::wire::{
-    Block, Channel, ClockSource, Command, CommandId, CommandRead, Counters, DecodeError, DeviceId, Event, EventKind,
-    Failure, Fault, FirmwareVersion, FromDevice, FrontEnd, FrontEndKind, Health, Hello, Outcome, PROTOCOL, Refusal,
-    Reply, Request, RestartReason, Source, Temperature,
+    Block, Channel, ClockSource, Command, CommandId, CommandRead, Counters, DeviceId, Event, EventKind, Failure, Fault,
+    FirmwareVersion, FromDevice, FrontEnd, FrontEndKind, Health, Hello, Outcome, PROTOCOL, Refusal, Reply, Request,
+    RestartReason, Source, Temperature,
 };
 
 use crate::ads131m02::register;
 use crate::block::BlockBuilder;
+use crate::link::{Link, Links};
 use crate::log::{info, warning};
 use crate::outbox::Outbox;
 use crate::queues::{DeviceEnd, Finding, FrontEndRequest, Notice, READINGS, RequestKind, SamplerState, Tally};
@@ -116,11 +116,18 @@ struct FrontEndView {
     state: SamplerState,
 }
 
+/// A command, told apart from those of another host that happens to count alike.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Asked {
+    by: Link,
+    id: CommandId,
+}
+
 /// A command that waits for the sampler.
 #[derive(Clone, Copy, Debug)]
 struct Pending {
     ticket: u8,
-    id: CommandId,
+    command: Asked,
     since: DeviceTime,
 }
 
@@ -176,14 +183,14 @@ impl Uptime {
 pub struct Device<'q, const OUTBOX: usize> {
     identity: Identity,
     end: DeviceEnd<'q>,
-    reader: FrameReader,
+    links: Links,
     outbox: Outbox<OUTBOX>,
     blocks: BlockBuilder,
     front_end: FrontEndView,
     pending: Option<Pending>,
     /// The number that the next request's answer will carry.
     ticket: u8,
-    remembered: HistoryBuf<(CommandId, Outcome), REMEMBERED>,
+    remembered: HistoryBuf<(Asked, Outcome), REMEMBERED>,
     tally: MainTally,
     /// Losses that events have told.
     reported: Losses,
@@ -208,7 +215,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
         Self {
             identity,
             end,
-            reader: FrameReader::new(),
+            links: Links::default(),
             outbox,
             blocks: BlockBuilder::new(),
             front_end: FrontEndView { id_word: 0, is_missing: false, state },
@@ -242,20 +249,30 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
         self.order.take()
     }
 
-    /// Takes bytes from the host, in pieces of any size.
+    /// Takes bytes from the host on the serial line, in pieces of any size.
     pub fn receive(&mut self, bytes: &[u8], now: DeviceTime) {
+        self.receive_by(Link::Serial, bytes, now);
+    }
+
+    /// Takes bytes from a host, in pieces of any size, that came by this link.
+    pub fn receive_by(&mut self, link: Link, bytes: &[u8], now: DeviceTime) {
         self.follow_clock(now);
         let mut rest = bytes;
         while !rest.is_empty() {
-            let (taken, frame) = self.reader.push(rest);
-            let read = frame.map(|frame| frame.map_err(DecodeError::from).and_then(Command::from_payload));
+            let (taken, read) = self.links.listen(link, rest);
             rest = rest.get(taken..).unwrap_or_default();
             match read {
                 None => {}
-                Some(Ok(read)) => self.take_up(read, now),
+                Some(Ok(read)) => self.take_up(link, read, now),
                 Some(Err(_)) => count(&mut self.tally.frames_damaged),
             }
         }
+    }
+
+    /// The link that [`Self::transmit`]'s bytes are for.
+    #[must_use]
+    pub fn link(&self) -> Link {
+        self.links.in_use()
     }
 
     /// Moves samples into blocks and blocks into the outbox, passes on what the sampler told, watches the time.
@@ -289,6 +306,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
 
     /// What was counted since start-up.
     #[must_use]
+    #[inline(never)]
     pub fn counters(&self) -> Counters {
         let (sampled, main) = (self.end.tally(), &self.tally);
         Counters {
@@ -309,6 +327,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
 
     /// Who the device is and how it is set.
     #[must_use]
+    #[inline(never)]
     pub fn hello(&self) -> Hello {
         let (identity, SamplerState { settings, source, streaming }) = (&self.identity, self.front_end.state);
         Hello {
@@ -324,44 +343,63 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
             excitation_mv: identity.excitation_mv,
             source,
             clock: identity.clock,
-            link_baud: identity.link_baud,
+            link_baud: self.link_baud(),
             restart: identity.restart,
             restarts: identity.restarts,
             streaming,
         }
     }
 
-    /// Takes up a command, new or repeated.
-    fn take_up(&mut self, read: CommandRead, now: DeviceTime) {
+    /// Speed of the line in use, in baud; 0 where it has none.
+    fn link_baud(&self) -> u32 {
+        match self.link() {
+            Link::Serial => self.identity.link_baud,
+            Link::Usb => 0,
+        }
+    }
+
+    /// Takes up a command, new or repeated. Whoever sent it is talked to from now on.
+    fn take_up(&mut self, by: Link, read: CommandRead, now: DeviceTime) {
         count(&mut self.tally.commands);
+        if self.links.heard(by) {
+            self.outbox.redirect();
+        }
         match read {
             CommandRead::Refuse(id, refusal) => self.reply(id, Outcome::Refused(refusal)),
-            CommandRead::Command(Command { id, .. }) if self.is_pending(id) => {
-                // Its one reply is still to come.
+            CommandRead::Command(Command { id, request, .. }) => self.take_command(Asked { by, id }, request, now),
+        }
+    }
+
+    /// Takes up a sound command.
+    #[inline(never)]
+    fn take_command(&mut self, command: Asked, request: Request, now: DeviceTime) {
+        if self.is_pending(command) {
+            // Its one reply is still to come.
+            count(&mut self.tally.commands_repeated);
+            return;
+        }
+        match self.remembered_outcome(command) {
+            Some(outcome) => {
                 count(&mut self.tally.commands_repeated);
+                self.send_notice(&FromDevice::Reply(Reply { id: command.id, outcome }));
             }
-            CommandRead::Command(Command { id, request, .. }) => match self.remembered_outcome(id) {
-                Some(outcome) => {
-                    count(&mut self.tally.commands_repeated);
-                    self.send_notice(&FromDevice::Reply(Reply { id, outcome }));
-                }
-                None => self.act(id, request, now),
-            },
+            None => self.act(command, request, now),
         }
     }
 
     /// Does what a new command asks for, or has it done.
-    fn act(&mut self, id: CommandId, request: Request, now: DeviceTime) {
+    fn act(&mut self, command: Asked, request: Request, now: DeviceTime) {
         match self.decide(request, now) {
-            Ok(Taken::Answered(outcome)) => self.conclude(id, outcome),
-            Ok(Taken::Asked) => self.pending = Some(Pending { ticket: self.ticket, id, since: now }),
+            Ok(Taken::Answered(outcome)) => self.conclude(command, outcome),
+            Ok(Taken::Asked) => self.pending = Some(Pending { ticket: self.ticket, command, since: now }),
             // Repeated with the same id, it shall be acted on, so it is not remembered.
-            Err(Refusal::Busy) => self.reply(id, Outcome::Refused(Refusal::Busy)),
-            Err(refusal) => self.conclude(id, Outcome::Refused(refusal)),
+            Err(Refusal::Busy) => self.reply(command.id, Outcome::Refused(Refusal::Busy)),
+            Err(refusal) => self.conclude(command, Outcome::Refused(refusal)),
         }
     }
 
     /// Answers a request, passes it on to the sampler, or refuses it.
+    #[inline(never)]
     fn decide(&mut self, request: Request, now: DeviceTime) -> Result<Taken, Refusal> {
         let kind = match request {
             Request::Hello => return Ok(Taken::Answered(Outcome::Hello(self.hello()))),
@@ -395,6 +433,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     }
 
     /// Passes a request on to the sampler.
+    #[inline(never)]
     fn ask(&mut self, kind: RequestKind) -> Result<Taken, Refusal> {
         let needs_front_end = !matches!(kind, RequestKind::Stream(false) | RequestKind::Select(_));
         if needs_front_end && self.front_end.is_missing {
@@ -431,28 +470,32 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
 
     /// Whether the serial line carries a rate; the refusal says 0 Hz if it carries none.
     fn check_line(&self, rate: Rate) -> Result<(), Refusal> {
-        let link_baud = self.identity.link_baud;
+        let link_baud = self.link_baud();
         let fastest_hz = Rate::fastest_on_line(link_baud).map_or(0, Rate::hz);
         if rate.fits_line(link_baud) { Ok(()) } else { Err(Refusal::LinkTooSlow { fastest_hz }) }
     }
 
     /// Whether a command still waits for the sampler.
-    fn is_pending(&self, id: CommandId) -> bool {
-        self.pending.is_some_and(|pending| pending.id == id)
+    fn is_pending(&self, command: Asked) -> bool {
+        self.pending.is_some_and(|pending| pending.command == command)
     }
 
     /// What came of a command that came before.
-    fn remembered_outcome(&self, id: CommandId) -> Option<Outcome> {
-        self.remembered.as_slice().iter().find(|(known, _)| *known == id).map(|(_, outcome)| outcome.clone())
+    fn remembered_outcome(&self, command: Asked) -> Option<Outcome> {
+        self.remembered.as_slice().iter().find(|(known, _)| *known == command).map(|(_, outcome)| outcome.clone())
     }
 
-    /// Replies, and remembers the reply.
-    fn conclude(&mut self, id: CommandId, outcome: Outcome) {
-        self.remembered.write((id, outcome.clone()));
-        self.reply(id, outcome);
+    /// Replies, and remembers the reply. A host that is no longer talked to gets it when it asks again.
+    #[inline(never)]
+    fn conclude(&mut self, command: Asked, outcome: Outcome) {
+        self.remembered.write((command, outcome.clone()));
+        if command.by == self.link() {
+            self.reply(command.id, outcome);
+        }
     }
 
     /// Replies.
+    #[inline(never)]
     fn reply(&mut self, id: CommandId, outcome: Outcome) {
         if matches!(outcome, Outcome::Refused(_)) {
             count(&mut self.tally.commands_refused);
@@ -475,6 +518,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     }
 
     /// Passes an event on.
+    #[inline(never)]
     fn take_event(&mut self, event: Event) {
         match event.kind {
             EventKind::FrontEndMissing { .. } => {
@@ -489,14 +533,15 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     }
 
     /// Replies with the sampler's answer, if anyone still waits for it.
+    #[inline(never)]
     fn take_answer(&mut self, ticket: u8, finding: Finding, state: SamplerState) {
         self.front_end.state = state;
         if !state.streaming {
             self.finish_block();
         }
         if let Some(pending) = self.pending.take_if(|pending| pending.ticket == ticket) {
-            info!("command {=u32} answered", pending.id.0);
-            self.conclude(pending.id, outcome_of(finding));
+            info!("command {=u32} answered", pending.command.id.0);
+            self.conclude(pending.command, outcome_of(finding));
         }
     }
 
@@ -530,6 +575,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     }
 
     /// Sends a message that is no block, or drops and counts it; tells whether there was room.
+    #[inline(never)]
     fn send_notice(&mut self, message: &FromDevice) -> bool {
         let sent = self.outbox.push_message(message);
         if !sent {
@@ -569,8 +615,8 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     fn give_up_when_due(&mut self, now: DeviceTime) {
         let overdue = |pending: &mut Pending| now.since(pending.since) >= ANSWER_WAIT_US;
         if let Some(pending) = self.pending.take_if(overdue) {
-            warning!("no answer from the front-end for command {=u32}", pending.id.0);
-            self.conclude(pending.id, Outcome::Refused(Refusal::FrontEndSilent));
+            warning!("no answer from the front-end for command {=u32}", pending.command.id.0);
+            self.conclude(pending.command, Outcome::Refused(Refusal::FrontEndSilent));
         }
     }
 

@@ -13,6 +13,7 @@
 //! - [`sampler`]: reads a frame at each data-ready edge, numbers it, serves requests in the same frames;
 //! - [`queues`]: all that the two sides share, without locks;
 //! - [`block`], [`outbox`]: samples into messages, messages into bytes;
+//! - [`link`]: which of two ways to a host is in use;
 //! - [`device`]: the host's commands, events, counters.
 //!
 //! Nothing here allocates, blocks, uses floating point or panics on input. Time is an argument, so the
@@ -27,6 +28,7 @@ mod log;
 pub mod ads131m02;
 pub mod block;
 pub mod device;
+pub mod link;
 pub mod outbox;
 pub mod queues;
 pub mod sampler;
@@ -36,6 +38,7 @@ mod clock;
 mod job;
 
 pub use device::{Device, Identity};
+pub use link::Link;
 pub use queues::Queues;
 pub use sampler::{Sampler, SelectSource, SourceNotPossible};
 pub use settings::{Gain, Rate, Settings};

@@ -1,7 +1,8 @@
 //! Messages on their way to the host: a bounded ring of encoded frames.
 //!
 //! A frame goes in whole or not at all. Blocks leave [`RESERVED`] bytes free, so that a link which cannot
-//! keep up with samples still carries replies and events.
+//! keep up with samples still carries replies and events. One byte stays free for the delimiter with which
+//! [`Outbox::redirect`] begins on another link.
 //! Errors: none; what does not fit is refused by return value.
 
 use palpate_shared::frame::{DELIMITER, FRAME_MAX, encode};
@@ -16,8 +17,10 @@ pub struct Outbox<const N: usize> {
     bytes: [u8; N],
     /// Where the oldest byte is; less than `N`.
     start: usize,
-    /// How many bytes wait; at most `N`.
+    /// How many bytes wait; less than `N`.
     length: usize,
+    /// Whether the last byte that went out is in the middle of a frame.
+    is_mid_frame: bool,
 }
 
 impl<const N: usize> Default for Outbox<N> {
@@ -33,12 +36,12 @@ impl<const N: usize> Outbox<N> {
     #[must_use]
     pub const fn new() -> Self {
         const { assert!(N >= 2 * RESERVED, "an outbox needs at least 512 bytes") }
-        Self { bytes: [0; N], start: 0, length: 0 }
+        Self { bytes: [0; N], start: 0, length: 0, is_mid_frame: false }
     }
 
     /// Adds a bare delimiter, which ends whatever half a frame the line carried before a restart.
     pub fn push_delimiter(&mut self) {
-        if self.length < N {
+        if self.length + 1 < N {
             self.append(&[DELIMITER]);
         }
     }
@@ -48,7 +51,7 @@ impl<const N: usize> Outbox<N> {
         let mut line: FrameBuffer = [0; FRAME_MAX + 1];
         let Ok(frame) = encode(message, &mut line) else { return false };
         let kept_free = if matches!(message, FromDevice::Block(_)) { RESERVED } else { 0 };
-        let has_room = frame.len() + kept_free <= N - self.length;
+        let has_room = frame.len() + kept_free < N - self.length;
         if has_room {
             self.append(frame);
         }
@@ -65,8 +68,33 @@ impl<const N: usize> Outbox<N> {
     /// Lets go of the oldest `n` bytes, or of all if there are fewer.
     pub fn consume(&mut self, n: usize) {
         let n = n.min(self.length);
+        if let Some(last) = n.checked_sub(1) {
+            self.is_mid_frame = self.waiting(last) != Some(DELIMITER);
+        }
         self.length -= n;
         self.start = if self.length == 0 { 0 } else { (self.start + n) % N };
+    }
+
+    /// What waits goes another way from here on: lets go of a message that is half out, and begins with a delimiter,
+    /// which ends whatever half a frame that way carried before.
+    pub fn redirect(&mut self) {
+        if self.is_mid_frame {
+            let rest = (0..self.length).take_while(|&at| self.waiting(at) != Some(DELIMITER)).count();
+            self.consume(rest + 1);
+        }
+        if self.waiting(0) == Some(DELIMITER) {
+            return;
+        }
+        self.start = (self.start + N - 1) % N;
+        if let Some(place) = self.bytes.get_mut(self.start) {
+            *place = DELIMITER;
+            self.length += 1;
+        }
+    }
+
+    /// One of the bytes that wait, by its place in the row.
+    fn waiting(&self, at: usize) -> Option<u8> {
+        if at < self.length { self.bytes.get((self.start + at) % N).copied() } else { None }
     }
 
     /// How many bytes wait.
@@ -135,7 +163,74 @@ mod tests {
         assert!(outbox.is_empty() && outbox.readable().is_empty());
     }
 
+    /// All messages in a row of bytes, and how many frames in it were damaged.
+    fn read(bytes: &[u8]) -> (Vec<FromDevice>, usize) {
+        let (mut reader, mut rest, mut messages, mut damaged) = (FrameReader::new(), bytes, Vec::new(), 0);
+        while !rest.is_empty() {
+            let (taken, frame) = reader.push(rest);
+            rest = &rest[taken..];
+            match frame {
+                None => {}
+                Some(Ok(payload)) => messages.push(FromDevice::from_payload(payload).unwrap()),
+                Some(Err(_)) => damaged += 1,
+            }
+        }
+        (messages, damaged)
+    }
+
+    #[test]
+    fn a_full_box_has_room_for_the_delimiter_of_another_link() {
+        let mut outbox = Outbox::<512>::new();
+        while outbox.push_message(&reply(1)) {}
+        while outbox.len() < 511 {
+            outbox.push_delimiter();
+        }
+        outbox.push_delimiter();
+        assert_eq!(outbox.len(), 511);
+        for _ in 0..2 {
+            outbox.redirect();
+            assert_eq!((outbox.len(), outbox.readable().first()), (512, Some(&DELIMITER)));
+        }
+    }
+
     proptest! {
+        /// However much of the messages has gone one way when the rest is sent another: what arrives on either is whole
+        /// but for the one under way, and that is lost, not garbled, even where the other way carried half a frame.
+        #[test]
+        fn a_message_under_way_when_the_link_changes_is_lost_and_no_other(
+            lead in 0_usize..500, sent in 0_usize..400, count in 1_u32..7, half in prop::collection::vec(1_u8.., 0..40),
+        ) {
+            let mut outbox = Outbox::<512>::new();
+            // Somewhere in the ring.
+            outbox.push_delimiter();
+            for _ in 0..lead {
+                outbox.push_delimiter();
+                outbox.consume(1);
+            }
+            let given: Vec<FromDevice> = (1..=count).map(|n| if n % 2 == 0 { block(n) } else { reply(n) }).collect();
+            let taken: Vec<_> = given.iter().take_while(|message| outbox.push_message(message)).cloned().collect();
+            let take = |outbox: &mut Outbox<512>, most: usize| {
+                let mut bytes = Vec::new();
+                while bytes.len() < most && !outbox.is_empty() {
+                    let piece: Vec<u8> = outbox.readable().iter().copied().take(most - bytes.len()).collect();
+                    outbox.consume(piece.len());
+                    bytes.extend(piece);
+                }
+                bytes
+            };
+            let first = take(&mut outbox, sent);
+            outbox.redirect();
+            let second = take(&mut outbox, 512);
+            let ((before, damaged), was_cut) = (read(&first), first.last().is_some_and(|&byte| byte != DELIMITER));
+            prop_assert_eq!(damaged, 0);
+            let (after, damaged) = read(&[half.clone(), second].concat());
+            prop_assert!(damaged <= usize::from(!half.is_empty()));
+            let lost = usize::from(was_cut);
+            prop_assert_eq!(before.len() + lost + after.len(), taken.len());
+            prop_assert_eq!(&before[..], &taken[..before.len()]);
+            prop_assert_eq!(&after[..], &taken[before.len() + lost..]);
+        }
+
         /// Every message that went in comes out, whole and in order, whatever the pieces it is read in.
         #[test]
         fn what_goes_in_comes_out(steps in prop::collection::vec((any::<bool>(), 0_usize..200), 1..300)) {

@@ -1,167 +1,183 @@
 //! `palpate demo`.
 
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::time::Instant;
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
-use palpate::calibration::plan::{Plan, TareMode};
-use palpate::calibration::{self, Fit, Load};
-use palpate::contact::Averaging;
-use palpate::experiment::{self, Contacts, Felt, worst};
-use palpate::link::Session;
-use palpate::link::session::Options;
-use palpate::live::{self, LinkSource, SimulatedBench};
-use palpate::simulated_device::{Config, Line, Pace, SimulatedDevice};
+use palpate::demonstration::{
+    CALIBRATION_CONTACTS, CALIBRATION_FORCE_N, Drawn, RADIUS_M, Ranges, Rig, pose_error, random_part, straight_motion,
+};
+use palpate::finger_motion::FingerMotion;
+use palpate::observing::from_rest::{self, Estimate, Known};
+use palpate::part_file::PartFile;
+use palpate::push_plan::GRAVITY;
+use palpate::push_sense::PushSense;
+use palpate::pushing::Part;
+use palpate::simulated_device::Line;
+use palpate::tables::random::Draw;
 
-/// Force of the calibration weight, N.
-const CALIBRATION_FORCE_N: f64 = 2.0;
+use super::{not_negative, pose, static_demo};
 
-/// Contacts that the finger is calibrated on, evenly round the disk.
-const CALIBRATION_CONTACTS: u32 = 12;
+/// Times since the onset at which the host says what it knows, s; the end of the push comes last.
+const TIMES_S: [f64; 3] = [0.1, 0.2, 0.4];
 
-/// Contacts that are felt, evenly round the disk and between those of the calibration.
-const FELT_CONTACTS: u32 = 36;
+/// Largest factor of the noise: a part's force is then lost in it.
+const NOISE_MAX: f64 = 1000.0;
 
-/// Forces that are felt, N.
-const FORCES_N: [f64; 4] = [0.5, 1.0, 2.0, 5.0];
-
-/// Friction coefficient of the contacts with friction.
-const MU_C: f64 = 0.2;
-
-/// Contacts that are printed one by one: every sixth.
-const PRINTED_EVERY: usize = 6;
-
-/// The averagings that are compared, with their names.
-const AVERAGINGS: [(&str, Averaging); 3] = [
-    ("single readings", Averaging::Off),
-    ("10 ms average", Averaging::Seconds(0.01)),
-    ("20 ms average", Averaging::Seconds(0.02)),
-];
-
-/// Shows the whole chain without hardware: calibrates a simulated finger, then feels contacts round its disk.
+/// Shows the whole chain without hardware: a part is pushed, and the host names its pose from the force on the finger.
 ///
-/// Everything between the force and the bytes is the firmware's own code on a model of its chip; everything after
-/// is what a real finger goes through, from the serial port on.
+/// A simulated world puts a part before a simulated finger, which begins to push it. Between the force and the bytes is the
+/// firmware's own code on a model of its chip; the host calibrates the finger, knows the part's shape, the friction under it and
+/// how the finger moves, and finds where the part is. Then the truth is revealed. With --static, the thesis's experiment
+/// with contacts that do not move.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// Seed of everything random: the finger's noise, hum and drift. When a contact begins depends on the host's timing,
-    /// so that figures differ a little from run to run
+    /// Push this part (a part file as for `palpate push`) instead of a random one
+    #[arg(long, value_name = "FILE", conflicts_with = "static_contacts")]
+    part: Option<PathBuf>,
+
+    /// Move the finger so (a motion file as for `palpate observe`) instead of along x, then aside
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["static_contacts", "straight"])]
+    motion: Option<PathBuf>,
+
+    /// Push straight, so that more poses feel alike
+    #[arg(long, conflicts_with = "static_contacts")]
+    straight: bool,
+
+    /// Seed of everything random
     #[arg(long, default_value_t = 1)]
     seed: u64,
+
+    /// Noise and hum of the finger, as a multiple of the datasheet's
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = noise, conflicts_with = "static_contacts", allow_negative_numbers = true)]
+    noise: f64,
+
+    /// Feel contacts round the disk that do not move, as the thesis did, and compare with its figures
+    #[arg(long = "static")]
+    static_contacts: bool,
+}
+
+fn noise(text: &str) -> Result<f64, String> {
+    not_negative(text).and_then(|factor| {
+        if factor <= NOISE_MAX { Ok(factor) } else { Err(format!("{factor} is too much: at most {NOISE_MAX}")) }
+    })
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
-    let begun = Instant::now();
-    let line = if cfg!(unix) { Line::Pty { link: None } } else { Line::Pipe };
-    let config = Config { seed: arguments.seed, pace: Pace::AsRead, line, ..Config::default() };
-    let hand =
-        Arc::new(SimulatedDevice::start(config).into_diagnostic().wrap_err("cannot start the simulated finger")?);
-    say!("A simulated finger runs the firmware at {}; the host opens it like any serial port.", hand.address());
-    let mut session = Session::open_simulated(Arc::clone(&hand), Options::default())?;
-    say!("It streams {} samples a second, gain {}.", session.hello().rate_hz, session.hello().gain);
-    let fit = calibrate(&mut session, &hand)?;
-    print_calibration(&fit);
-    feel_and_print(&mut session, &hand, &fit)?;
-    print_ending(&session, begun);
+    if arguments.static_contacts {
+        return static_demo::run(arguments.seed);
+    }
+    let mut draw = Draw::case(arguments.seed, 0);
+    let (part, mut ranges) = arguments.part(&mut draw)?;
+    if let Some(motion) = arguments.motion()? {
+        ranges.motion = motion;
+    }
+    let drawn = ranges.draw(&mut draw, &part).ok_or_else(|| {
+        miette::miette!(
+            help = "choose a larger part, or a shorter motion",
+            "the finger finds no edge of this part to push at for {} s without leaving it",
+            ranges.motion.duration()
+        )
+    })?;
+    let mut rig = Rig::start(arguments.seed, arguments.noise, line())?;
+    introduce(&rig, &part, &ranges);
+    let sense = rig.push(drawn.played.course())?;
+    let known = Known { part: &part, grip: ranges.mu * GRAVITY, radius: RADIUS_M, motion: &ranges.motion };
+    let Some(estimate) = say_what_is_felt(&known, &sense) else {
+        say!("The push was not felt: its force does not stand out of {} times the noise.", arguments.noise);
+        return Ok(ExitCode::SUCCESS);
+    };
+    reveal(&part, &drawn, &estimate);
     Ok(ExitCode::SUCCESS)
 }
 
-fn calibrate(session: &mut Session, hand: &SimulatedDevice) -> miette::Result<Fit> {
-    let plan = Plan::all_round(CALIBRATION_CONTACTS, Load::Newtons(CALIBRATION_FORCE_N), TareMode::Each);
-    let front_end = live::front_end(session.hello()).into_diagnostic()?;
-    let settings = plan.dwell_settings(front_end, f64::from(session.hello().rate_hz))?;
-    let mut run = calibration::session::Session::new(plan.steps(), settings);
-    let mut bench = SimulatedBench::new(hand, CALIBRATION_FORCE_N, |_, _| ());
-    calibration::session::run(&mut run, &mut LinkSource::new(session), &mut bench)?;
-    Ok(calibration::fit(&calibration::session::measurements(run.taken()), &plan.fit_settings(&front_end))?)
+/// As real a line as the system has.
+fn line() -> Line {
+    if cfg!(unix) { Line::Pty { link: None } } else { Line::Pipe }
 }
 
-fn print_calibration(fit: &Fit) {
-    let inverse = fit.calibration.inverse() * 1e6;
-    say!("");
-    say!("Calibrated on {CALIBRATION_CONTACTS} contacts of {CALIBRATION_FORCE_N} N:");
-    say!("  force [uN] = ({:8.3} {:8.3}) counts", inverse[(0, 0)], inverse[(0, 1)]);
-    say!("               ({:8.3} {:8.3})", inverse[(1, 0)], inverse[(1, 1)]);
-    if let Some(held) = fit.held_back() {
-        say!(
-            "  {} contacts held back from the fit: worst error {:+.3} deg at {:.0} deg, rms {:.3} deg",
-            held.contacts,
-            held.worst_error.to_degrees(),
-            held.worst_angle.to_degrees(),
-            held.rms_error.to_degrees()
-        );
+impl Arguments {
+    fn part(&self, draw: &mut Draw) -> miette::Result<(Part, Ranges)> {
+        let Some(path) = &self.part else { return Ok((random_part(draw), Ranges::default())) };
+        let file = read(path, PartFile::parse)?;
+        let default = Ranges::default();
+        let mu_c = file.mu_c.map_or(default.mu_c, |mu_c| [mu_c, mu_c]);
+        Ok((file.part, Ranges { mu: file.mu, mu_c, ..default }))
     }
-}
 
-fn feel_and_print(session: &mut Session, hand: &SimulatedDevice, fit: &Fit) -> miette::Result<()> {
-    let averagings = AVERAGINGS.map(|(_, averaging)| averaging);
-    let mut rows = Vec::new();
-    for force in FORCES_N {
-        let contacts = Contacts::round_the_disk(FELT_CONTACTS, force);
-        let felt = experiment::feel(session, hand, &fit.calibration, &contacts, &averagings)?;
-        if force.to_bits() == CALIBRATION_FORCE_N.to_bits() {
-            print_contacts(force, &felt[2]);
+    fn motion(&self) -> miette::Result<Option<FingerMotion>> {
+        match &self.motion {
+            Some(path) => read(path, FingerMotion::parse).map(Some),
+            None => Ok(self.straight.then(straight_motion)),
         }
-        rows.extend(AVERAGINGS.iter().zip(felt).map(|((name, _), felt)| (format!("{force} N, {name}"), felt)));
-    }
-    say!("");
-    say!("All {FELT_CONTACTS} contacts, none of them used for calibration; the worst of them, in degrees:");
-    say!("  {:<24} {:>11} {:>10} {:>22}", "", "mean error", "noise sd", "stated 99 % held");
-    rows.iter().for_each(|(name, felt)| print_row(name, felt));
-    say!("  {:<24} {:>11} {:>10}", "thesis, 1000 readings", "within 1", "below 0.5");
-
-    let contacts = Contacts::round_the_disk(FELT_CONTACTS, CALIBRATION_FORCE_N).with_friction(MU_C);
-    let felt = experiment::feel(session, hand, &fit.calibration, &contacts, &averagings)?;
-    say!("");
-    say!(
-        "With friction {MU_C} the force leaves the normal by up to {:.1} deg, which no force sensor can see; the stated",
-        MU_C.atan().to_degrees()
-    );
-    say!("interval allows for it:");
-    AVERAGINGS.iter().zip(felt).for_each(|((name, _), felt)| print_row(&format!("2 N, {name}"), &felt));
-    Ok(())
-}
-
-/// Some contacts one by one.
-fn print_contacts(force: f64, felt: &[Felt]) {
-    say!("");
-    say!("Felt with {force} N, 20 ms average, in degrees:");
-    say!("  {:>8} {:>9} {:>7} {:>9} {:>9} {:>9}", "true", "felt", "error", "noise sd", "stated sd", "force [N]");
-    for felt in felt.iter().step_by(PRINTED_EVERY) {
-        say!(
-            "  {:>8.2} {:>9.2} {:>+7.2} {:>9.2} {:>9.2} {:>9.4}",
-            felt.angle.to_degrees(),
-            (felt.angle + felt.error).to_degrees(),
-            felt.error.to_degrees(),
-            felt.sd.to_degrees(),
-            felt.stated_sd.to_degrees(),
-            felt.magnitude,
-        );
     }
 }
 
-fn print_row(name: &str, felt: &[Felt]) {
-    let worst = worst(felt);
-    let held = felt.iter().map(|felt| felt.covered).sum::<f64>() / felt.len() as f64;
-    say!(
-        "  {name:<24} {:>11.3} {:>10.3} {:>12.1} % of readings",
-        worst.error.to_degrees(),
-        worst.sd.to_degrees(),
-        held * 100.0
-    );
+/// Reads a file and understands it.
+pub(super) fn read<T, E>(path: &Path, parse: impl FnOnce(&str) -> Result<T, E>) -> miette::Result<T>
+where
+    E: std::error::Error + Send + Sync + 'static,
+{
+    let cannot = || format!("cannot use {}", path.display());
+    let text = fs::read_to_string(path).into_diagnostic().wrap_err_with(cannot)?;
+    parse(&text).into_diagnostic().wrap_err_with(cannot)
 }
 
-fn print_ending(session: &Session, begun: Instant) {
-    let counts = session.counts();
-    say!("");
+fn introduce(rig: &Rig, part: &Part, ranges: &Ranges) {
     say!(
-        "{} samples received, {} lost, {} repeated, {} damaged frames; {:.1} s in all.",
-        counts.samples,
-        counts.missing,
-        counts.repeated,
-        counts.damaged_frames,
-        begun.elapsed().as_secs_f64()
+        "A simulated finger runs the firmware at {}; the host opens it like any serial port.",
+        rig.session().address()
     );
-    say!("Nothing here was measured: the finger was simulated. README.md says how to build a real one.");
+    let worst = rig.fit().held_back().map_or_else(String::new, |held| {
+        format!("; those held back are off by at most {:.2}°", held.worst_error.abs().to_degrees())
+    });
+    say!("It was calibrated on {CALIBRATION_CONTACTS} contacts of {CALIBRATION_FORCE_N} N{worst}.");
+    let vertices: Vec<_> =
+        part.polygon().vertices().iter().map(|v| format!("({:.0}, {:.0})", v.x * 1e3, v.y * 1e3)).collect();
+    say!("The part, in mm: {}; µ {} on the table.", vertices.join(" "), ranges.mu);
+    let segments = ranges.motion.segments().iter().map(|segment| {
+        let [x, y] = segment.acceleration.map(|value| value * 1e3);
+        format!("{} s with ({x:.0}, {y:.0}) mm/s²", segment.seconds)
+    });
+    say!("The finger touches it somewhere, at rest, and then moves: {}.", segments.collect::<Vec<_>>().join(", then "));
+    say!("What the host is not told: where and at what angle it touches, the part's mass, the friction at the finger.");
+}
+
+/// The host's answers as the push goes on; the last one.
+fn say_what_is_felt(known: &Known, sense: &PushSense) -> Option<Estimate> {
+    let end = known.motion.duration();
+    let mut last = None;
+    for until in TIMES_S.into_iter().filter(|&until| until < end).chain([end]) {
+        let Some(felt) = sense.felt(until).filter(|felt| felt.count() >= from_rest::WINDOWS_MIN) else { continue };
+        if last.is_none() {
+            say!("\n{}", pose::HEADINGS);
+        }
+        let estimate = from_rest::estimate(known, &felt);
+        pose::lines(known.part, &estimate).iter().for_each(|line| say!("{line}"));
+        last = Some(estimate);
+    }
+    last
+}
+
+fn reveal(part: &Part, drawn: &Drawn, estimate: &Estimate) {
+    say!("\n{}", pose::in_words(part, estimate));
+    let Some(truth) = drawn.played.pose(estimate.duration) else { return };
+    let centre = truth * part.centre_of_mass();
+    say!(
+        "The truth after {:.2} s: edge {}, centre of mass at ({:.2}, {:.2}) mm, turned {:.2}°; {:.3} kg, µ_c {:.3}.",
+        estimate.duration,
+        drawn.edge,
+        centre.x * 1e3,
+        centre.y * 1e3,
+        truth.rotation.angle().to_degrees(),
+        drawn.mass,
+        drawn.mu_c
+    );
+    for (place, hypothesis) in estimate.hypotheses.iter().enumerate() {
+        let error = pose_error(part, estimate.symmetry, &hypothesis.pose_end, &truth);
+        let which = if place == 0 { "The likeliest pose".to_owned() } else { format!("Number {}", place + 1) };
+        say!("{which} is off by {:.3} mm and {:.3}°.", error.distance * 1e3, error.angle.to_degrees());
+    }
+    say!("Nothing here was measured: finger and part were simulated. README.md says how to build a real finger.");
 }

@@ -8,19 +8,25 @@ macro_rules! say {
 mod calibrate;
 mod calibrated;
 mod contact;
+mod corner;
 mod demo;
 mod device;
 mod diagnose;
 mod info;
+mod inscribe;
 mod latency;
 mod monitor;
+mod observe;
 mod palm;
 mod plot;
 mod ports;
+mod pose;
 mod push;
+mod sample;
 mod roll;
 mod simulate_device;
 mod solve;
+mod static_demo;
 mod tables;
 
 use std::io::Write as _;
@@ -49,8 +55,12 @@ enum Command {
     Diagnose(diagnose::Arguments),
     Calibrate(calibrate::Arguments),
     Monitor(monitor::Arguments),
+    Observe(observe::Arguments),
     Contact(contact::Arguments),
     Push(push::Arguments),
+    Inscribe(inscribe::Arguments),
+    Sample(sample::Arguments),
+    Corner(corner::Arguments),
     Roll(roll::Arguments),
     Palm(palm::Arguments),
     Tables(tables::Arguments),
@@ -76,8 +86,12 @@ pub(crate) fn run() -> ExitCode {
         Command::Diagnose(arguments) => diagnose::run(&arguments),
         Command::Calibrate(arguments) => calibrate::run(&arguments),
         Command::Monitor(arguments) => monitor::run(&arguments),
+        Command::Observe(arguments) => observe::run(&arguments),
         Command::Contact(arguments) => contact::run(&arguments),
         Command::Push(arguments) => push::run(&arguments),
+        Command::Inscribe(arguments) => inscribe::run(&arguments),
+        Command::Sample(arguments) => sample::run(&arguments),
+        Command::Corner(arguments) => corner::run(&arguments),
         Command::Roll(arguments) => roll::run(&arguments),
         Command::Palm(arguments) => palm::run(&arguments),
         Command::Tables(arguments) => tables::run(&arguments),

@@ -33,6 +33,8 @@ const FLAT_DEPTH_RELATIVE: f64 = 1e-12;
 pub struct ConvexPolygon {
     centre: Point2<f64>,
     size: f64,
+    /// Largest distance of a corner from the centre.
+    reach: f64,
     /// From the centre, counter-clockwise; corner 0 starts the edge whose normal has the least angle.
     corners: Vec<Vector2<f64>>,
     /// Outward unit normal of the edge from each corner to the next.
@@ -115,8 +117,9 @@ impl ConvexPolygon {
         angles.rotate_left(first);
         // Edges that differ by a rounding error must not change places.
         (1..n).for_each(|edge| angles[edge] = angles[edge].max(angles[edge - 1]));
-        let corners = vertices.iter().map(|&vertex| points[vertex] - centre).collect();
-        Self { centre, size: extent_of(points), corners, normals, angles, vertices }
+        let corners: Vec<_> = vertices.iter().map(|&vertex| points[vertex] - centre).collect();
+        let reach = corners.iter().map(Vector2::norm_squared).fold(0.0, f64::max).sqrt();
+        Self { centre, size: extent_of(points), reach, corners, normals, angles, vertices }
     }
 
     /// The area centroid, part frame, m.
@@ -129,6 +132,12 @@ impl ConvexPolygon {
     #[must_use]
     pub fn size(&self) -> f64 {
         self.size
+    }
+
+    /// The largest distance of a corner from the centre, m.
+    #[must_use]
+    pub fn reach(&self) -> f64 {
+        self.reach
     }
 
     /// The corners from the centre, counter-clockwise, part axes, m.

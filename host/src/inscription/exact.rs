@@ -200,13 +200,15 @@ impl<'a> Problem<'a> {
     fn triple(&self) -> Result<Triple, Continuum> {
         let count = self.lines.len();
         let across = |line: usize| self.lines[0].normal.perp(&self.lines[line].normal).abs();
-        let second = (1..count).max_by(|&a, &b| across(a).total_cmp(&across(b)));
-        let Some(second) = second.filter(|&second| across(second) > PARALLEL) else { return Err(self.continuum(None)) };
-        let with = |third: usize| Triple::new(self.lines, &self.offsets, [0, second, third]);
-        let candidates = (1..count).filter(|&third| third != second).filter_map(with);
-        let best = candidates.max_by(|a, b| a.offset.abs().total_cmp(&b.offset.abs()));
+        let (second, sine) = largest((1..count).map(|line| (line, across(line))));
+        if sine <= PARALLEL {
+            return Err(self.continuum(None));
+        }
+        let apartness = |third: usize| Triple::apartness(self.lines, &self.offsets, [0, second, third]);
+        let (third, apart) = largest((1..count).map(|line| (line, apartness(line))));
         let concurrent = CONCURRENT_RELATIVE * self.part.size() + MISS_MAX_FAR * self.origin.coords.amax();
-        best.filter(|triple| triple.offset.abs() > concurrent).ok_or_else(|| self.continuum(Some(second)))
+        let triple = Triple::new(self.lines, &self.offsets, [0, second, third]).filter(|_| apart > concurrent);
+        triple.ok_or_else(|| self.continuum(Some(second)))
     }
 
     /// Why there is no such triple; `second` is a line that is not parallel to the first.
@@ -239,7 +241,7 @@ impl<'a> Problem<'a> {
 
     fn poses(&self, triple: &Triple) -> Vec<Pose> {
         let turns = Turns::of(self.part, self.lines, triple, self.miss_max).found;
-        let placed = turns.iter().filter_map(|&turn| self.verified(self.place(turn, triple)));
+        let placed = turns.iter().filter_map(|&turn| self.verified(self.place(turn, triple), triple));
         let mut poses: Vec<Pose> = Vec::with_capacity(4);
         for pose in placed.map(|placed| self.to_pose(&placed)) {
             if !poses.iter().any(|other| self.is_same(other, &pose)) {
@@ -283,9 +285,12 @@ impl<'a> Problem<'a> {
     }
 
     /// The largest miss, or the first that is beyond a limit.
-    fn worst_miss(&self, placed: &Placed, limit: f64) -> f64 {
+    ///
+    /// The lines of the triple come last: only the others exclude a candidate.
+    fn worst_miss(&self, placed: &Placed, triple: &Triple, limit: f64) -> f64 {
         let mut worst = 0.0_f64;
-        for line in 0..self.lines.len() {
+        let others = (0..self.lines.len()).filter(|line| !triple.lines.contains(line));
+        for line in others.chain(triple.lines) {
             worst = worst.max(self.touch(line, placed).miss.abs());
             if worst > limit {
                 break;
@@ -295,9 +300,9 @@ impl<'a> Problem<'a> {
     }
 
     /// The place if it touches all lines, perhaps after improvement.
-    fn verified(&self, candidate: Placed) -> Option<Placed> {
+    fn verified(&self, candidate: Placed, triple: &Triple) -> Option<Placed> {
         let limit = self.miss_max + WORTH_IMPROVING_RELATIVE * self.part.size();
-        let (mut best, mut miss) = (candidate, self.worst_miss(&candidate, limit));
+        let (mut best, mut miss) = (candidate, self.worst_miss(&candidate, triple, limit));
         if miss > limit {
             return None;
         }
@@ -308,7 +313,7 @@ impl<'a> Problem<'a> {
             }
             let Some(improved) = self.improved(&next) else { break };
             next = improved;
-            let improved_miss = self.worst_miss(&next, f64::INFINITY);
+            let improved_miss = self.worst_miss(&next, triple, f64::INFINITY);
             if improved_miss < miss {
                 (best, miss) = (next, improved_miss);
             }
@@ -355,6 +360,11 @@ impl<'a> Problem<'a> {
         let reach = self.part.size() + self.part.centre().coords.norm();
         apart.min(TAU - apart) <= SAME_POSE && distance <= SAME_POSE * reach
     }
+}
+
+/// The first largest of measures, with its index; 0 and 0 of none above 0.
+fn largest(measures: impl Iterator<Item = (usize, f64)>) -> (usize, f64) {
+    measures.fold((0, 0.0), |best, next| if next.1 > best.1 { next } else { best })
 }
 
 /// How a miss changes with the part's centre and with size times its turn.

@@ -181,6 +181,6 @@ impl Cone {
 }
 
 /// The angle in (−π, π], quickly where it is there already.
-fn wrapped(angle: f64) -> f64 {
+pub(super) fn wrapped(angle: f64) -> f64 {
     if angle > -PI && angle <= PI { angle } else { wrap_angle(angle) }
 }

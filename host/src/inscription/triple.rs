@@ -12,6 +12,9 @@
 //! poses (thesis, theorem 2; this form has none of its special cases). One sweep over the stretches visits all of them in O(n),
 //! without an angle function: z at a flush edge is ū_k times the edge's normal.
 //!
+//! With many corners most stretches are far from a root. No corner is farther than r from the reference point, so g cannot change
+//! by more than r|Δθ|, and a stretch of |g|/r ahead has no root: where that is worth a binary search, the sweep leaps.
+//!
 //! Whether g changes its sign is decided by its values at the ends, computed once for the two stretches they belong to. So
 //! crossings come in pairs, as they must for a periodic function, whatever the rounding errors are.
 //!
@@ -21,13 +24,25 @@ use std::f64::consts::TAU;
 
 use nalgebra::Vector2;
 
-use super::readings::HalfPlane;
+use super::readings::{HalfPlane, wrapped};
 use crate::geometry::ConvexPolygon;
 
 /// Where |g| is below this share of the part's size, it may be zero: a tangency, or a flush edge at a kink.
 ///
 /// Sums of some products, each rounded at 1e-16 of the size; a hundred roundings leave room for lines from far away.
 const ROUNDING_RELATIVE: f64 = 1e-14;
+
+/// Where the sweep ends, rad: late enough that an edge flush at θ = 0 is met at a full turn, whatever rounding makes of it.
+const SWEEP_END: f64 = TAU + 1e-9;
+
+/// Room for the roots of most parts.
+const ROOTS_USUAL: usize = 16;
+
+/// A leap must be worth so many stretches: what three binary searches and a sine cost.
+const LEAP_STRETCHES: f64 = 8.0;
+
+/// Share of the way to the nearest possible root that a leap goes, so that rounding never takes it past one.
+const LEAP_SHARE: f64 = 0.999;
 
 /// Three lines by their numbers, with what makes the position drop out.
 #[derive(Clone, Copy, Debug)]
@@ -42,15 +57,28 @@ pub(super) struct Triple {
 impl Triple {
     /// None if the lines are parallel.
     pub(super) fn new(half_planes: &[HalfPlane], offsets: &[f64], lines: [usize; 3]) -> Option<Self> {
-        let [a, b, c] = lines.map(|line| half_planes[line].normal);
-        let weights = [b.perp(&c), c.perp(&a), a.perp(&b)];
-        let sum: f64 = weights.iter().map(|weight| weight.abs()).sum();
+        let (weights, sum, offset) = Self::unscaled(half_planes, offsets, lines);
         if sum < PARALLEL {
             return None;
         }
-        let weights = weights.map(|weight| weight / sum);
-        let offset = lines.iter().zip(weights).map(|(&line, weight)| weight * offsets[line]).sum();
-        Some(Self { lines, weights, offset })
+        Some(Self { lines, weights: weights.map(|weight| weight / sum), offset: offset / sum })
+    }
+
+    /// How far three lines are from meeting in one point, as |C|, m.
+    #[inline]
+    pub(super) fn apartness(half_planes: &[HalfPlane], offsets: &[f64], lines: [usize; 3]) -> f64 {
+        let (_, sum, offset) = Self::unscaled(half_planes, offsets, lines);
+        if sum < PARALLEL { 0.0 } else { offset.abs() / sum }
+    }
+
+    /// λ, Σ |λ| and C before they are scaled.
+    #[inline]
+    fn unscaled(half_planes: &[HalfPlane], offsets: &[f64], lines: [usize; 3]) -> ([f64; 3], f64, f64) {
+        let [a, b, c] = lines.map(|line| half_planes[line].normal);
+        let weights = [b.perp(&c), c.perp(&a), a.perp(&b)];
+        let sum = weights[0].abs() + weights[1].abs() + weights[2].abs();
+        let [c, d, e] = lines.map(|line| offsets[line]);
+        (weights, sum, weights[0] * c + weights[1] * d + weights[2] * e)
     }
 }
 
@@ -71,8 +99,14 @@ pub(super) struct Turns {
 /// The sweep over θ.
 struct Sweep<'a> {
     part: &'a ConvexPolygon,
+    half_planes: [HalfPlane; 3],
+    weights: [f64; 3],
     lines: [Line; 3],
     offset: f64,
+    /// For each metre of |g|, the angle ahead without a root, rad.
+    clear_a_metre: f64,
+    /// A leap over this angle is cheaper than going from edge to edge, rad.
+    leap_min: f64,
 }
 
 /// One line in the sweep.
@@ -102,7 +136,7 @@ impl Turns {
     pub(super) fn of(part: &ConvexPolygon, half_planes: &[HalfPlane], triple: &Triple, miss_max: f64) -> Self {
         let sweep = Sweep::new(part, half_planes, triple);
         let rounding = ROUNDING_RELATIVE * (part.size() + triple.offset.abs());
-        let mut turns = Self { found: Vec::new(), miss_max, rounding };
+        let mut turns = Self { found: Vec::with_capacity(ROOTS_USUAL), miss_max: miss_max.max(rounding), rounding };
         turns.collect(sweep);
         turns
     }
@@ -111,8 +145,23 @@ impl Turns {
         let mut wave = sweep.wave();
         let first = sweep.end(wave, Vector2::x());
         let mut start = first;
-        for _ in 0..3 * sweep.part.corners().len() {
+        let mut theta = 0.0;
+        loop {
+            let clear = (start.value.abs() - self.miss_max) * sweep.clear_a_metre;
+            if clear > sweep.leap_min {
+                theta += clear;
+                if theta > SWEEP_END {
+                    return;
+                }
+                sweep.leap(theta);
+                wave = sweep.wave();
+                start = sweep.end(wave, Vector2::new(theta.cos(), theta.sin()));
+            }
             let line = sweep.next_line();
+            if sweep.lines[line].next > SWEEP_END {
+                break;
+            }
+            theta = sweep.lines[line].next;
             let turn = sweep.flush_turn(line);
             let end = sweep.end(wave, turn);
             self.stretch(&start, &end, wave, sweep.offset);
@@ -126,35 +175,44 @@ impl Turns {
         self.stretch(&start, &last, wave, sweep.offset);
     }
 
-    /// Roots strictly between two flush turns.
-    #[inline]
+    /// Roots between two flush turns.
+    #[inline(always)]
     fn stretch(&mut self, start: &End, end: &End, wave: Vector2<f64>, offset: f64) {
-        match (start.value >= 0.0, end.value >= 0.0) {
+        let (above, ends_above) = (start.value >= 0.0, end.value >= 0.0);
+        let toward_zero = (start.slope < 0.0) == above;
+        let from_zero = (end.slope > 0.0) == ends_above;
+        // Without a short circuit: one branch, seldom taken.
+        if (above != ends_above) | (toward_zero & from_zero) {
+            self.roots(above, ends_above, wave, offset);
+        }
+    }
+
+    #[cold]
+    fn roots(&mut self, above: bool, ends_above: bool, wave: Vector2<f64>, offset: f64) {
+        match (above, ends_above) {
             (true, false) => self.found.push(crossing(wave, offset, 1.0)),
             (false, true) => self.found.push(crossing(wave, offset, -1.0)),
-            (true, true) if start.slope < 0.0 && end.slope > 0.0 => self.bottom(wave, offset, -1.0),
-            (false, false) if start.slope > 0.0 && end.slope < 0.0 => self.bottom(wave, offset, 1.0),
-            _ => {}
+            (true, true) => self.bottom(wave, offset, -1.0),
+            (false, false) => self.bottom(wave, offset, 1.0),
         }
     }
 
     /// An extremum that points toward zero: of g = Re(zW) − C the least where `sign` is −1, the largest where it is 1.
-    #[cold]
     fn bottom(&mut self, wave: Vector2<f64>, offset: f64, sign: f64) {
         // Positive once g is past zero there.
         let past = wave.norm() - sign * offset;
         if past > self.rounding {
             self.found.extend([crossing(wave, offset, 1.0), crossing(wave, offset, -1.0)]);
-        } else if past >= -self.miss_max.max(self.rounding) {
+        } else if past >= -self.miss_max {
             self.found.push(sign * Vector2::new(wave.x, -wave.y) / wave.norm());
         }
     }
 
     /// A flush turn at which g comes near zero without crossing it, or is zero but for rounding.
-    #[inline]
+    #[inline(always)]
     fn kink(&mut self, before: &End, after: &End) {
         let miss = before.value.abs();
-        if miss > self.miss_max.max(self.rounding) {
+        if miss > self.miss_max {
             return;
         }
         let sign = before.value.signum();
@@ -166,8 +224,23 @@ impl Turns {
 
 impl<'a> Sweep<'a> {
     fn new(part: &'a ConvexPolygon, half_planes: &[HalfPlane], triple: &Triple) -> Self {
-        let line = |k: usize| Line::new(part, &half_planes[triple.lines[k]], triple.weights[k]);
-        Self { part, lines: [line(0), line(1), line(2)], offset: triple.offset }
+        let half_planes = triple.lines.map(|line| half_planes[line]);
+        let line = |k: usize| Line::new(part, &half_planes[k], triple.weights[k], 0.0);
+        let corners = f64::from(u32::try_from(part.corners().len()).unwrap_or(u32::MAX));
+        Self {
+            part,
+            half_planes,
+            weights: triple.weights,
+            lines: [line(0), line(1), line(2)],
+            offset: triple.offset,
+            clear_a_metre: LEAP_SHARE / part.reach(),
+            leap_min: LEAP_STRETCHES * TAU / (3.0 * corners),
+        }
+    }
+
+    /// Goes to a turn without looking at what is between.
+    fn leap(&mut self, theta: f64) {
+        self.lines = [0, 1, 2].map(|k| Line::new(self.part, &self.half_planes[k], self.weights[k], theta));
     }
 
     /// W.
@@ -208,13 +281,15 @@ impl<'a> Sweep<'a> {
 }
 
 impl Line {
-    fn new(part: &ConvexPolygon, half_plane: &HalfPlane, weight: f64) -> Self {
+    /// At a turn in [0, 2π).
+    fn new(part: &ConvexPolygon, half_plane: &HalfPlane, weight: f64, theta: f64) -> Self {
         let conjugate = Vector2::new(half_plane.normal.x, -half_plane.normal.y);
-        let corner = part.support(half_plane.angle);
+        let facing = wrapped(half_plane.angle - theta);
+        let corner = part.support(facing);
         let edge = before(corner, part.corners().len());
-        // The flush turn is at most one turn ahead.
-        let ahead = half_plane.angle - part.angles()[edge];
-        let base = if ahead < 0.0 { half_plane.angle + TAU } else { half_plane.angle };
+        // The edge before the corner is behind what faces the line; the last edge may be so only a full turn on.
+        let turns = if part.angles()[edge] > facing { TAU } else { 0.0 };
+        let base = facing + theta + turns;
         let weighted_conjugate = weight * conjugate;
         let term = product(weighted_conjugate, part.corners()[corner]);
         Self { conjugate, weighted_conjugate, corner, term, next: base - part.angles()[edge], base }
@@ -255,9 +330,11 @@ fn crossing(wave: Vector2<f64>, offset: f64, side: f64) -> Vector2<f64> {
     let squared = wave.norm_squared();
     // (|W| − C)(|W| + C) keeps its digits near a tangency.
     let norm = squared.sqrt();
-    let across = ((norm - offset) * (norm + offset)).max(0.0).sqrt();
+    let across_squared = (norm - offset) * (norm + offset);
     let conjugate = Vector2::new(wave.x, -wave.y);
-    let turn = product(Vector2::new(offset, side * across), conjugate) / squared;
-    // No longer a unit where C exceeds |W| by rounding.
-    turn / turn.norm()
+    if across_squared <= 0.0 {
+        // C exceeds |W| by rounding.
+        return conjugate * (offset.signum() / norm);
+    }
+    product(Vector2::new(offset, side * across_squared.sqrt()), conjugate) * squared.recip()
 }

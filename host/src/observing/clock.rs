@@ -5,8 +5,6 @@
 //!
 //! Units: SI. Errors: none.
 
-use crate::pushing::Finger;
-
 /// How finely to step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Fineness {
@@ -22,6 +20,12 @@ const STEP_MAX_PER_SHARE_S: f64 = 0.1;
 /// Shortest step as a part of the time between values: below it a finger at a stop would cost without end.
 const STEP_MIN_SHARE: f64 = 1e-3;
 
+/// The first steps are finer by this factor: a part that has not settled moves on the scale of its friction.
+const FIRST_FACTOR: f64 = 0.2;
+
+/// How much of the full step is added to the first one for each time in which friction forgets.
+const FIRST_GROWTH: f64 = 0.2;
+
 /// The instants at which a path is computed.
 #[derive(Clone, Debug)]
 pub(super) struct Clock {
@@ -34,15 +38,20 @@ pub(super) struct Clock {
 }
 
 impl Clock {
-    /// From `start` (s), for values each `dt` (s), under a finger that pushes against friction `grip` (m/s²).
-    pub(super) fn new(finger: &Finger, grip: f64, (dt, values): (f64, usize), start: f64, fineness: Fineness) -> Self {
+    /// From `start` (s), for values each `dt` (s), for a part that forgets its speed within `forgets` (s) at each time.
+    pub(super) fn new(
+        (dt, values): (f64, usize),
+        start: f64,
+        fineness: Fineness,
+        forgets: impl Fn(f64) -> f64,
+    ) -> Self {
         let mut clock = Self { knots: vec![start], dt, values };
         let step_min = STEP_MIN_SHARE * dt;
         let (mut now, end) = (start, clock.time_of(values - 1));
         while now < end {
-            let [x, y] = finger.velocity(now);
-            let forgets = if grip > 0.0 { x.hypot(y) / grip } else { f64::INFINITY };
-            let wished = (fineness.share * forgets.min(STEP_MAX_PER_SHARE_S)).max(step_min);
+            let forgets = forgets(now).min(STEP_MAX_PER_SHARE_S);
+            let settled = (FIRST_FACTOR + FIRST_GROWTH * (now - start) / forgets).min(1.0);
+            let wished = (fineness.share * settled * forgets).max(step_min);
             let (until, on_value) = clock.stretch(now, wished, fineness);
             let steps = ((until - now) / wished).ceil().max(1.0);
             now = if steps <= 1.0 { until } else { now + (until - now) / steps };

@@ -53,6 +53,13 @@ impl Data {
         count(self.values - 1) * self.dt
     }
 
+    /// The value whose time is nearest.
+    pub(super) fn nearest(&self, time: f64) -> usize {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole, ≥ 0, cut to the count")]
+        let value = (time / self.dt).round().max(0.0) as usize;
+        value.min(self.values - 1)
+    }
+
     /// How many numbers were measured.
     pub(super) fn terms(&self) -> usize {
         self.channels().map(|channel| channel.values.len()).sum()

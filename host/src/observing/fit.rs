@@ -7,16 +7,15 @@
 //!
 //! Frames: world. Units: SI; costs of no dimension. Errors: none; unknowns that lead to no motion have no evaluation.
 
-use nalgebra::{Const, Matrix2x4, Matrix4, SMatrix, SVector, Vector4};
-use num_dual::DualSVec64;
+use nalgebra::{Matrix4, SMatrix, SVector, Vector2, Vector4};
 
 use super::clock::{Clock, Fineness};
 use super::data::Data;
 use super::launch::{Begin, UNKNOWNS, Unknowns, Variable, launch, rest_span};
-use super::observation::{Channel, Known, Prior};
+use super::observation::{Channel, Known, Prior, Touch};
 use super::path::{Seen, Site, WALLS, follow, plain_contact, plain_state};
 use crate::geometry::angle::wrap_angle;
-use crate::pushing::{Contact, Scalar, State};
+use crate::pushing::{Contact, Jet, Scalar, State};
 
 /// |ω| at t = 0 at most, where there is no prior, rad/s. Fixed by the interface.
 const OMEGA0_MAX: f64 = 10.0;
@@ -41,6 +40,30 @@ const DAMPING_FIRST: f64 = 1e-3;
 
 /// Damping at which no step helps any more.
 const DAMPING_MAX: f64 = 1e8;
+
+/// A part that slides along the finger moves no slower than this share of the finger's speed, as far as steps are concerned.
+const SPEED_SHARE_MIN: f64 = 0.1;
+
+/// The same where it is not known how the finger moves to the contact.
+const SPEED_SHARE: f64 = 0.7;
+
+/// In how long friction forgets the part's speed, s: infinite without friction or motion.
+///
+/// A part that rolls on the finger moves about as fast as it does; one that slides along it, as fast as it moves into the part.
+pub(super) fn forgets(known: &Known, data: &Data, time: f64) -> f64 {
+    let velocity = Vector2::from(known.finger.velocity(time));
+    let angle = || {
+        let angle = data.angle.as_ref()?;
+        let value = data.nearest(time);
+        Some(Vector2::new(angle.values[value].cos(), angle.values[value].sin()))
+    };
+    let speed = match (known.touch, angle()) {
+        (Touch::Rolling { .. }, _) => velocity.norm(),
+        (_, Some(toward)) => velocity.dot(&toward).abs().max(SPEED_SHARE_MIN * velocity.norm()),
+        (_, None) => SPEED_SHARE * velocity.norm(),
+    };
+    if speed > 0.0 && known.grip > 0.0 { speed / known.grip } else { f64::INFINITY }
+}
 
 /// What to fit to what.
 #[derive(Clone, Debug)]
@@ -84,8 +107,8 @@ pub(super) struct Evaluation {
     pub(super) start: State,
     /// At t = 0.
     pub(super) contact_start: Contact,
-    /// Derivatives of u and s at the end by the unknowns.
-    pub(super) end_by_start: Matrix2x4<f64>,
+    /// Derivatives of the state at the end by the unknowns.
+    pub(super) end_by_start: Matrix4<f64>,
     /// The most that a wall gave way: in [`WALL_GIVES`].
     pub(super) overrun: f64,
 }
@@ -119,10 +142,10 @@ impl<const N: usize> Sums<N> {
         Self { cost: 0.0, gradient: SVector::zeros(), curvature: SMatrix::zeros() }
     }
 
-    fn add(&mut self, residual: DualSVec64<N>) {
-        let slope = residual.eps.unwrap_generic(Const, Const);
-        self.cost += residual.re * residual.re;
-        self.gradient += slope * residual.re;
+    fn add(&mut self, residual: Jet<N>) {
+        let slope = SVector::from(residual.slopes);
+        self.cost += residual.value * residual.value;
+        self.gradient += slope * residual.value;
         self.curvature += slope * slope.transpose();
     }
 }
@@ -135,19 +158,22 @@ impl<'a, 'p> Fitting<'a, 'p> {
         // The direction of the first move changes with the way gone, so angles err by its square.
         let rest_span = if at_rest { rest_span(known, rest_error.sqrt()).min(0.5 * duration) } else { 0.0 };
         let fineness = Fineness { on_values: data.angle.is_none(), ..fineness };
-        let clock = Clock::new(&known.finger, known.grip, (data.dt, data.values), rest_span, fineness);
+        let clock = Clock::new((data.dt, data.values), rest_span, fineness, |time| forgets(known, &data, time));
         Self { known, data, prior, clock, rest_span, wall_stiffness: 1.0 }
     }
 
     /// The range of each unknown.
-    pub(super) fn bounds(&self, site: &Site) -> [[f64; 2]; UNKNOWNS] {
+    pub(super) fn bounds(&self, Candidate { site, begin, .. }: &Candidate) -> [[f64; 2]; UNKNOWNS] {
+        // Slip has a direction of its own; how fast it is follows from the bounds of the velocity, which are walls then.
+        let slip_or =
+            |begin: &Begin, bounds| if matches!(begin, Begin::Slips(_)) { [0.0, f64::INFINITY] } else { bounds };
         let free = [f64::NEG_INFINITY, f64::INFINITY];
         let unless = |sigma: Option<f64>, most: f64| if sigma.is_some() { free } else { [-most, most] };
         [
             self.data.u0_range.unwrap_or(free),
             [site.low, site.high],
             unless(self.prior.omega0_sigma, OMEGA0_MAX),
-            unless(self.prior.v_t0_sigma, V_T0_MAX),
+            slip_or(begin, unless(self.prior.v_t0_sigma, V_T0_MAX)),
         ]
     }
 
@@ -173,8 +199,8 @@ impl<'a, 'p> Fitting<'a, 'p> {
         let path = follow(self.known, site, &launch, &self.clock, |value, seen| {
             self.residuals(value, &seen, |residual: f64| cost += residual * residual);
         })?;
-        self.prior_residuals(*begin, unknowns, |residual: f64| cost += residual * residual);
-        for residual in self.wall_residuals(&path.walls) {
+        self.prior_residuals(*begin, &launch.state, |residual: f64| cost += residual * residual);
+        for residual in self.wall_residuals(&path.walls).into_iter().chain([self.fast(*begin, &launch.state)]) {
             cost += residual * residual;
         }
         Some(cost)
@@ -182,16 +208,17 @@ impl<'a, 'p> Fitting<'a, 'p> {
 
     fn evaluate_with<const N: usize>(&self, candidate: &Candidate) -> Option<Evaluation> {
         let Candidate { site, begin, unknowns } = candidate;
-        let launch = launch::<DualSVec64<N>>(self.known, site, *begin, unknowns, self.rest_span)?;
+        let launch = launch::<Jet<N>>(self.known, site, *begin, unknowns, self.rest_span)?;
         let mut sums = Sums::<N>::new();
         let path = follow(self.known, site, &launch, &self.clock, |value, seen| {
             self.residuals(value, &seen, |residual| sums.add(residual));
         })?;
-        self.prior_residuals(*begin, unknowns, |residual| sums.add(residual));
+        self.prior_residuals(*begin, &launch.state, |residual| sums.add(residual));
         let (cost, information) = (sums.cost, widened(&sums.curvature));
-        let walls = self.wall_residuals(&path.walls);
+        let [low, high, push, cone, slip] = self.wall_residuals(&path.walls);
+        let walls = [low, high, push, cone, slip, self.fast(*begin, &launch.state)];
         walls.iter().for_each(|residual| sums.add(*residual));
-        let slopes = |value: &DualSVec64<N>| widened_row(&value.eps.unwrap_generic(Const, Const));
+        let slopes = |value: &Jet<N>| widened_row(&SVector::from(value.slopes));
         let evaluation = Evaluation {
             cost,
             penalty: sums.cost - cost,
@@ -202,8 +229,10 @@ impl<'a, 'p> Fitting<'a, 'p> {
             contact_end: plain_contact(&path.contact),
             start: self.start(candidate, plain_state(&launch.state)),
             contact_start: plain_contact(&launch.contact),
-            end_by_start: Matrix2x4::from_rows(&[slopes(&path.end.u), slopes(&path.end.s)]),
-            overrun: walls.iter().map(|wall| wall.re.abs()).fold(0.0, f64::max) / self.wall_stiffness,
+            end_by_start: Matrix4::from_rows(
+                &[path.end.u, path.end.s, path.end.omega, path.end.v_t].map(|value| slopes(&value)),
+            ),
+            overrun: walls.iter().map(|wall| wall.value.abs()).fold(0.0, f64::max) / self.wall_stiffness,
         };
         evaluation.total().is_finite().then_some(evaluation)
     }
@@ -224,23 +253,32 @@ impl<'a, 'p> Fitting<'a, 'p> {
             add((u - values[value]) / *sigma);
         }
         if let Some(Channel { values, sigma }) = direction {
-            let off = u - tangential_force.atan2(normal_force) - values[value];
+            let off = u - direction_of(normal_force, tangential_force) - values[value];
             // Whole turns do not count.
             add((off - (off.re() - wrap_angle(off.re()))) / *sigma);
         }
         if let Some(Channel { values, sigma }) = log_magnitude {
             let squared = normal_force * normal_force + tangential_force * tangential_force;
-            add((squared.ln() * 0.5 - values[value]) / *sigma);
+            add((ln(squared) * 0.5 - values[value]) / *sigma);
         }
     }
 
-    fn prior_residuals<T: Variable>(&self, begin: Begin, unknowns: &Unknowns, mut add: impl FnMut(T)) {
-        let sigmas = [None, None, self.prior.omega0_sigma, self.prior.v_t0_sigma];
-        for index in 2..begin.unknowns() {
-            if let Some(sigma) = sigmas[index] {
-                add(T::variable(unknowns[index], index) / sigma);
+    fn prior_residuals<T: Variable>(&self, begin: Begin, start: &State<T>, mut add: impl FnMut(T)) {
+        let terms = [(self.prior.omega0_sigma, start.omega), (self.prior.v_t0_sigma, start.v_t)];
+        for (sigma, value) in terms.into_iter().take(begin.unknowns() - 2) {
+            if let Some(sigma) = sigma {
+                add(value / sigma);
             }
         }
+    }
+
+    /// The wall at the greatest velocity along the contact, where the slip is the unknown.
+    fn fast<T: Variable>(&self, begin: Begin, start: &State<T>) -> T {
+        let over = start.v_t.re().abs() - V_T0_MAX;
+        if !matches!(begin, Begin::Slips(_)) || self.prior.v_t0_sigma.is_some() || over <= 0.0 {
+            return T::from(0.0);
+        }
+        (start.v_t - V_T0_MAX.copysign(start.v_t.re())) * (self.wall_stiffness / WALL_GIVES[WALLS - 1])
     }
 
     fn wall_residuals<T: Scalar>(&self, margins: &[T; WALLS]) -> [T; WALLS] {
@@ -255,7 +293,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
 
     /// Begins a descent; none where the candidate leads to no motion.
     pub(super) fn descend(&self, mut candidate: Candidate) -> Option<Descent> {
-        let bounds = self.bounds(&candidate.site);
+        let bounds = self.bounds(&candidate);
         for (unknown, [low, high]) in candidate.unknowns.iter_mut().zip(bounds) {
             *unknown = unknown.clamp(low, high);
         }
@@ -270,7 +308,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
         while descent.damping < DAMPING_MAX {
             let Some((step, promise)) = self.step(descent, descent.damping) else { return false };
             let mut next = descent.candidate;
-            let bounds = self.bounds(&next.site);
+            let bounds = self.bounds(&next);
             for i in 0..UNKNOWNS {
                 next.unknowns[i] = (next.unknowns[i] + step[i]).clamp(bounds[i][0], bounds[i][1]);
             }
@@ -316,8 +354,8 @@ impl<'a, 'p> Fitting<'a, 'p> {
 
     /// Which unknowns are at a bound that the cost presses them against, or not there at all.
     fn held(&self, descent: &Descent) -> [bool; UNKNOWNS] {
-        let Candidate { site, begin, unknowns } = descent.candidate;
-        let (bounds, gradient) = (self.bounds(&site), descent.evaluation.gradient);
+        let Candidate { begin, unknowns, .. } = descent.candidate;
+        let (bounds, gradient) = (self.bounds(&descent.candidate), descent.evaluation.gradient);
         std::array::from_fn(|i| {
             let [low, high] = bounds[i];
             let pressed = (unknowns[i] <= low && gradient[i] > 0.0) || (unknowns[i] >= high && gradient[i] < 0.0);
@@ -332,6 +370,20 @@ impl<'a, 'p> Fitting<'a, 'p> {
         // A place or angle at its limit is still uncertain by what the data say.
         std::array::from_fn(|i| i < begin.unknowns() && (i < 2 || !held[i]))
     }
+}
+
+/// Angle of a vector, rad.
+fn direction_of<T: Scalar>(x: T, y: T) -> T {
+    let (x_re, y_re) = (x.re(), y.re());
+    let squared = x_re * x_re + y_re * y_re;
+    // What is left of a number without its value are its derivatives.
+    T::from(y_re.atan2(x_re)) + (y - y_re) * (x_re / squared) - (x - x_re) * (y_re / squared)
+}
+
+/// Natural logarithm.
+fn ln<T: Scalar>(x: T) -> T {
+    let value = x.re();
+    (x - value) / value + value.ln()
 }
 
 fn widened<const N: usize>(matrix: &SMatrix<f64, N, N>) -> Matrix4<f64> {

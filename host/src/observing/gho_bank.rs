@@ -84,6 +84,7 @@ impl GhoRun {
             pose_end: pose(&model, start.u, time_end, &end),
             velocity_end: Vector2::from(model.velocity(&self.contact, time_end, &end)),
             covariance: None,
+            state_covariance: None,
             cost,
             probability: 1.0,
         })

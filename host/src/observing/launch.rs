@@ -1,29 +1,32 @@
 //! How a push can begin: the unknowns of a hypothesis, and the path's start that they make.
 //!
-//! The unknowns are, in this order, contact angle, place on the edge, angular velocity and velocity along the contact. A contact
-//! without slip has no say in the last; a push from rest only in the first two.
+//! The unknowns are, in this order, contact angle, place on the edge, angular velocity and the motion along the contact: its
+//! velocity where there is no friction, and its slip, from 0 on, where the contact slides. A contact without slip lacks the last; a
+//! push from rest has only the first two.
 //!
 //! A push from rest is followed in closed form until the part has gone a small share of its size: up to then it moves straight, with
 //! the acceleration of the start (see [`crate::pushing`]), and direction of friction and all.
 //!
 //! Frames: world. Units: SI. Errors: none; a start without a pushing force is none.
 
-use nalgebra::{Const, Vector2};
-use num_dual::{Derivative, DualSVec64};
+use nalgebra::Vector2;
 
 use super::observation::{Known, Touch};
 use super::path::{Launch, Site, lifted, without_slip};
-use crate::pushing::{Contact, PushModel, RestStart, Scalar, Slip, State};
+use crate::pushing::{Contact, Jet, PushModel, RestStart, Scalar, Slip, State};
 
 /// Numbers of unknowns that a hypothesis can have at most.
 pub(super) const UNKNOWNS: usize = 4;
 
-/// Contact angle (rad), place on the edge (m), angular velocity (rad/s), velocity along the contact (m/s), all at t = 0.
+/// Contact angle (rad), place on the edge (m), angular velocity (rad/s), velocity or slip along the contact (m/s), all at t = 0.
 pub(super) type Unknowns = [f64; UNKNOWNS];
 
 /// Differences of angle (rad) and place (in radii of gyration) by which a start from rest is derived: the solution is exact to
 /// 1e-14, so the derivatives are to 1e-9.
 const REST_DIFFERENCE: f64 = 1e-5;
+
+/// Of a finger that stays where it is.
+const NO_START: RestStart = RestStart { a_n: 0.0, a_t: 0.0, alpha: 0.0, normal_force: 0.0, tangential_force: 0.0 };
 
 /// How a push begins.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,13 +78,9 @@ impl Variable for f64 {
     }
 }
 
-impl<const N: usize> Variable for DualSVec64<N> {
+impl<const N: usize> Variable for Jet<N> {
     fn variable(value: f64, index: usize) -> Self {
-        if index < N {
-            Self::new(value, Derivative::derivative_generic(Const, Const, index))
-        } else {
-            Self::from_re(value)
-        }
+        Self::variable(value, index)
     }
 }
 
@@ -93,26 +92,23 @@ pub(super) fn launch<T: Variable>(
     unknowns: &Unknowns,
     rest_span: f64,
 ) -> Option<Launch<T>> {
-    let [u, s, omega, v_t] = [0, 1, 2, 3].map(|index| T::variable(unknowns[index], index));
-    let state = State { u, s, omega, v_t };
+    let [u, s, omega, along] = [0, 1, 2, 3].map(|index| T::variable(unknowns[index], index));
+    let state = State { u, s, omega, v_t: along };
     let model = lifted::<T>(&known.model(site.edge));
-    let contact = match begin {
-        Begin::Free => Contact::Frictionless,
+    let rolling = |state: State<T>| State { v_t: model.rolling_v_t(0.0, &state), ..state };
+    let (state, contact) = match begin {
+        Begin::Free => (state, Contact::Frictionless),
         Begin::Slips(slip) => {
-            let along = model.slip(0.0, &state).re() * slip.sign();
-            return (along >= 0.0).then_some(moving(state, sliding(known.touch, slip)));
+            let without = rolling(state);
+            (State { v_t: without.v_t - along * slip.sign(), ..without }, sliding(known.touch, slip))
         }
         Begin::NoSlip => {
-            let rolling = State { v_t: model.rolling_v_t(0.0, &state), ..state };
-            return Some(moving(rolling, no_slip(known.touch, &model, &rolling)));
+            let state = rolling(state);
+            (state, no_slip(known.touch, &model, &state))
         }
         Begin::Rest(slip) => return from_rest(known, site, slip, (u, s), rest_span),
     };
-    Some(moving(state, contact))
-}
-
-fn moving<T>(state: State<T>, contact: Contact<T>) -> Launch<T> {
-    Launch { time: 0.0, state, contact, rest: None }
+    Some(Launch { time: 0.0, state, contact, rest: None })
 }
 
 fn sliding<T: Scalar>(touch: Touch, slip: Slip) -> Contact<T> {
@@ -178,6 +174,9 @@ fn from_rest<T: Variable>(
 /// Contact and accelerations of the start from rest.
 fn rest_start(known: &Known, model: &PushModel, slip: Option<Slip>, u: f64, s: f64) -> Option<(Contact, RestStart)> {
     let [x, y] = known.finger.acceleration;
+    if [x, y] == [0.0; 2] {
+        return Some((Contact::Frictionless, NO_START)); // Nothing ever moves.
+    }
     if x * u.cos() + y * u.sin() <= 0.0 {
         return None; // The finger leaves.
     }

@@ -5,12 +5,11 @@
 //!
 //! Frames: world. Units: SI. Errors: none; a start from which the iteration does not settle has no motion.
 
-use nalgebra::{Const, SMatrix, SVector};
-use num_dual::{Derivative, DualSVec64};
+use nalgebra::{SMatrix, SVector};
 
 use super::observation::Touch;
 use super::path::lifted;
-use crate::pushing::{Contact, PushModel, Slip, State};
+use crate::pushing::{Contact, Jet, PushModel, Slip, State};
 
 /// Iterations: the friction law is convex, and from a neighbouring place two or three suffice.
 const ITERATIONS_MAX: usize = 12;
@@ -57,11 +56,11 @@ pub(super) fn settled(model: &PushModel, touch: Touch, slip: Option<Slip>, time:
 
 /// Newton's method on the first `K` of ω and v_T.
 fn settle<const K: usize>(model: &PushModel, contact: &Contact, time: f64, near: &State) -> Option<Settled> {
-    let dual = lifted::<DualSVec64<K>>(model);
+    let dual = lifted::<Jet<K>>(model);
     let contact = match *contact {
         Contact::Frictionless => Contact::Frictionless,
         Contact::Rolling => Contact::Rolling,
-        Contact::Sliding { friction, slip } => Contact::Sliding { friction: DualSVec64::from_re(friction), slip },
+        Contact::Sliding { friction, slip } => Contact::Sliding { friction: Jet::constant(friction), slip },
     };
     // Velocities as the speeds they give the radius of gyration, so that all are alike.
     let radius = model.part.inertia_per_mass().sqrt();
@@ -73,28 +72,20 @@ fn settle<const K: usize>(model: &PushModel, contact: &Contact, time: f64, near:
     };
     let motion = |x: &SVector<f64, K>| {
         let State { u, s, omega, v_t } = place(x);
-        let seed = |value: f64, index: usize, scale: f64| {
-            let mut seeded = DualSVec64::<K>::from_re(value);
-            if index < K {
-                seeded.eps = Derivative::derivative_generic(Const, Const, index);
-                seeded.eps = seeded.eps * scale;
-            }
-            seeded
-        };
         let state = State {
-            u: DualSVec64::from_re(u),
-            s: DualSVec64::from_re(s),
-            omega: seed(omega, 0, 1.0 / radius),
-            v_t: seed(v_t, 1, 1.0),
+            u: Jet::constant(u),
+            s: Jet::constant(s),
+            omega: Jet::variable(omega * radius, 0) / radius,
+            v_t: Jet::variable(v_t, 1),
         };
         dual.motion(&contact, time, &state)
     };
     let mut x = SVector::<f64, K>::from_fn(|i, _| if i == 0 { near.omega * radius } else { near.v_t });
     let mut now = motion(&x);
-    let residual = |rates: &State<DualSVec64<K>>| {
+    let residual = |rates: &State<Jet<K>>| {
         let rows = [rates.omega * radius, rates.v_t];
-        let values = SVector::<f64, K>::from_fn(|i, _| rows[i].re);
-        let slopes = SMatrix::<f64, K, K>::from_fn(|i, j| rows[i].eps.unwrap_generic(Const, Const)[j]);
+        let values = SVector::<f64, K>::from_fn(|i, _| rows[i].value);
+        let slopes = SMatrix::<f64, K, K>::from_fn(|i, j| rows[i].slopes[j]);
         (values, slopes)
     };
     let (mut off, mut slopes) = residual(&now.rates);
@@ -121,8 +112,8 @@ fn settle<const K: usize>(model: &PushModel, contact: &Contact, time: f64, near:
     };
     Some(Settled {
         state,
-        s_rate: now.rates.s.re,
-        normal_force: now.normal_force.re,
-        tangential_force: now.tangential_force.re,
+        s_rate: now.rates.s.value,
+        normal_force: now.normal_force.value,
+        tangential_force: now.tangential_force.value,
     })
 }

@@ -27,6 +27,7 @@
 mod clock;
 mod data;
 mod fit;
+pub mod from_rest;
 mod gho;
 mod gho_bank;
 mod initial_pose;

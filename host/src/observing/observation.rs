@@ -4,10 +4,12 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::{Matrix3, Point2, Rotation2, Vector2};
+use nalgebra::{Matrix3, Matrix4, Point2, Rotation2, Vector2};
 
 use crate::geometry::angle::wrap_angle;
-use crate::pushing::{Contact, Edge, Finger, Part, PushModel, State};
+use crate::pushing::{Contact, ContactLaw, Edge, Finger, Part, PushModel, State};
+
+use super::planning::Belief;
 
 /// What is known of a push beforehand.
 #[derive(Clone, Copy, Debug)]
@@ -96,6 +98,21 @@ pub struct Observation {
     pub prior: Prior,
 }
 
+impl Hypothesis {
+    /// What a motion planner starts from, where the pose is known at all: the same at the last value's time.
+    #[must_use]
+    pub fn belief(&self, known: &Known) -> Option<Belief> {
+        let law = match (known.touch, self.contact_end) {
+            (Touch::Frictionless, _) => ContactLaw::Frictionless,
+            (Touch::Rolling { friction }, _) => ContactLaw::Rolling { friction },
+            (Touch::Sliding { friction }, Contact::Sliding { slip, .. }) => ContactLaw::Sliding { friction, slip },
+            (Touch::Sliding { friction } | Touch::Coulomb { friction }, _) => ContactLaw::Coulomb { friction },
+        };
+        let (covariance, probability) = (self.state_covariance?, self.probability);
+        Some(Belief { edge: self.edge, law, state: self.end, covariance, probability })
+    }
+}
+
 impl Observation {
     /// How many instants were measured.
     #[must_use]
@@ -149,6 +166,8 @@ pub struct Hypothesis {
     pub velocity_end: Vector2<f64>,
     /// Of `pose_end`; none where the data leave the pose free.
     pub covariance: Option<Matrix3<f64>>,
+    /// Of `end`: u, s, ω, v_T; none where `covariance` is none. In rolling, v_T follows from the others.
+    pub state_covariance: Option<Matrix4<f64>>,
     /// Squared residuals in standard deviations, prior terms included.
     pub cost: f64,
     /// Among the hypotheses, by Laplace's approximation; before the push every place of the perimeter is as likely.

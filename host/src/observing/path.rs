@@ -6,8 +6,6 @@
 //! Assumes: the contact lasts. Where it would not, shows in the path's [`Walls`].
 //! Frames: world. Units: SI, forces per unit mass. Errors: none; a motion without a physical force is no path.
 
-use nalgebra::Vector2;
-
 use super::clock::Clock;
 use super::observation::{Known, Touch};
 use crate::pushing::{Contact, Edge, Motion, PushModel, Scalar, Slip, State};
@@ -21,8 +19,8 @@ const SEARCHES_MAX: usize = 60;
 /// How near to a step's ends an instant of change is taken for the end itself, as a share of the step.
 const SHARE_NONE: f64 = 1e-10;
 
-/// Difference of time by which to see how fast a margin falls, as a share of the step.
-const PROBE_SHARE: f64 = 1e-4;
+/// The first step after a change, as a share of the usual one; the following double.
+const SHARE_AFTER_CHANGE: f64 = 0.125;
 
 /// What a contact must stay within, in the order of [`Walls`].
 pub(super) const WALLS: usize = 5;
@@ -234,7 +232,9 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
         let (mut cone, mut slipping) = (never, never);
         match (contact, self.touch) {
             (Contact::Rolling, Touch::Rolling { friction: Some(friction) }) => {
-                cone = motion.normal_force * friction - motion.tangential_force.abs();
+                let along = motion.tangential_force;
+                let along = if along.re() < 0.0 { -along } else { along };
+                cone = motion.normal_force * friction - along;
             }
             (Contact::Sliding { slip, .. }, Touch::Sliding { .. }) => {
                 slipping = self.model.slip(*time, state) * slip.sign();
@@ -262,19 +262,27 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
         self.next_value += 1;
     }
 
-    /// From one instant to another, through changes of the contact.
+    /// From one instant to another, through changes of the contact. After a change, steps begin small: the force has jumped.
     fn reach(&mut self, mut now: Now<T>, until: f64) -> Option<Now<T>> {
+        let (whole, mut share) = (until - now.time, 1.0);
         loop {
-            let length = until - now.time;
+            let left = until - now.time;
+            let length = if left <= 1.5 * share * whole { left } else { share * whole };
             let state = step(&self.model, &now.contact, now.time, (&now.state, &now.motion.rates), length);
             let there = self.changing(&now, length, &plain_state(&state));
-            let Some(share) = there else {
-                let next = self.at(until, state, now.contact)?;
+            let Some(there) = there else {
+                let time = if length < left { now.time + length } else { until };
+                let next = self.at(time, state, now.contact)?;
                 self.see_between(&now, &next);
-                return Some(next);
+                if length >= left {
+                    return Some(next);
+                }
+                (now, share) = (next, 2.0 * share);
+                continue;
             };
-            now = self.change(&now, share, length)?;
-            if until - now.time <= SHARE_NONE * length {
+            now = self.change(&now, there, length)?;
+            share = SHARE_AFTER_CHANGE;
+            if until - now.time <= SHARE_NONE * whole {
                 return Some(now);
             }
         }
@@ -344,16 +352,24 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
         if matches!(contact, Contact::Sliding { .. }) {
             contact = Contact::Sliding { friction: T::from(friction), slip: slip.reversed() };
         }
-        let probe = PROBE_SHARE * share;
-        let rate = (self.margin_within(now, length, share) - self.margin_within(now, length, share - probe))
-            / (probe * length)
-            * slip.sign();
+        let rate = self.slip_rate(&before);
         // No length of its own, only derivatives: how the instant moves with the start.
         let later = -(fading - fading.re()) / rate;
         let after = self.model.motion(&contact, time, &state).rates;
-        state.omega += (before.motion.rates.omega - after.omega) * later;
-        state.v_t += (before.motion.rates.v_t - after.v_t) * later;
+        state.omega = state.omega + (before.motion.rates.omega - after.omega) * later;
+        state.v_t = state.v_t + (before.motion.rates.v_t - after.v_t) * later;
         self.at(time, state, contact)
+    }
+
+    /// How fast the slip of a sliding contact changes, m/s².
+    fn slip_rate(&self, now: &Now<T>) -> f64 {
+        let Now { time, state, motion, .. } = now;
+        let (sin, cos) = state.u.re().sin_cos();
+        let ([v_x, v_y], [a_x, a_y]) = (self.plain.finger.velocity(*time), self.plain.finger.acceleration);
+        let (finger_v_n, finger_a_t) = (-(cos * v_x + sin * v_y), cos * a_y - sin * a_x);
+        // The rate of v_FT + hω − v_T, in which T turns with the contact.
+        let rates = &motion.rates;
+        finger_a_t + state.omega.re() * finger_v_n + self.plain.edge.height * rates.omega.re() - rates.v_t.re()
     }
 
     /// Shows the values between two instants.
@@ -387,9 +403,4 @@ fn quintic<T: Scalar>(from: &Now<T>, to: &Now<T>, length: f64, x: f64) -> T {
         + to.state.omega * (length * (-4.0 * x3 + 7.0 * x4 - 3.0 * x5))
         + from.motion.rates.omega * (length * length * 0.5 * (x2 - 3.0 * x3 + 3.0 * x4 - x5))
         + to.motion.rates.omega * (length * length * 0.5 * (x3 - 2.0 * x4 + x5))
-}
-
-/// The finger's speed into the part at a contact angle, m/s.
-pub(super) fn speed_into(known: &Known, time: f64, u: f64) -> f64 {
-    Vector2::from(known.finger.velocity(time)).dot(&Vector2::new(u.cos(), u.sin()))
 }

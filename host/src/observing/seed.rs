@@ -16,7 +16,7 @@ use nalgebra::Vector2;
 
 use super::clock::count;
 use super::data::{Data, Local, local};
-use super::fit::{Candidate, Fitting};
+use super::fit::{Candidate, Fitting, forgets};
 use super::launch::{Begin, Unknowns};
 use super::manifold::{Settled, settled};
 use super::observation::{Known, Touch};
@@ -46,27 +46,43 @@ const FIRST_MOMENTS: f64 = 2.0;
 /// Distance of the contact angles tried, rad, where the data do not tell it.
 const ANGLE_STEP: f64 = 0.035;
 
+/// Rates at t = 0 that are tried in a wide search, from the settled one (0) to the mean of the first moments (1) and beyond.
+const OMEGA_SHARES: [f64; 4] = [0.0, 1.0, 2.0, 3.5];
+
 /// Velocities along the contact that are tried beside the settled one, in finger speeds.
 const ALONG: [f64; 4] = [-0.6, -0.2, 0.2, 0.6];
 
-/// Slip that is tried where a push begins with slip and then rolls, in finger speeds.
-const SLIPS: [f64; 2] = [0.1, 0.6];
+/// A slip that is tried in any case, and the least distance of others, in finger speeds.
+const SLIP_SMALL: f64 = 0.1;
+
+/// By how much more than its mean over the first moments the rate at t = 0 differs from the settled one, which it decays to:
+/// x/(1 − e⁻ˣ) for x of [`FIRST_MOMENTS`].
+const FIRST_EXCESS: f64 = 2.3;
 
 /// Candidates from a grid of simulations that are worth a descent, for each site and beginning.
 const FROM_GRID_MAX: usize = 12;
 
+/// How widely to look for beginnings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Width {
+    /// On the slow manifold, where there is one.
+    Narrow,
+    /// Among simulations from many starts: for what the slow manifold does not lead to.
+    Wide,
+}
+
 /// Hypotheses to begin with.
-pub(super) fn seeds(fitting: &Fitting, sites: &[Site], begins: &[Begin]) -> Vec<Candidate> {
+pub(super) fn seeds(fitting: &Fitting, sites: &[Site], begins: &[Begin], width: Width) -> Vec<Candidate> {
     let mut found = Vec::new();
     for &begin in begins {
         match angles(fitting.known, &fitting.data, begin) {
-            Some(angles) if settles(fitting.known, &fitting.data) => {
+            Some(angles) if width == Width::Narrow && settles(fitting.known, &fitting.data) => {
                 let felt = Felt::new(fitting, &angles);
                 sites.iter().for_each(|site| found.extend(felt.seeds(site, begin)));
             }
             angles => {
                 let starts = start_angles(fitting, angles.as_deref());
-                sites.iter().for_each(|site| found.extend(grid_seeds(fitting, site, begin, &starts)));
+                sites.iter().for_each(|site| found.extend(grid_seeds(fitting, site, begin, (&starts, width))));
             }
         }
     }
@@ -96,14 +112,10 @@ fn angles(known: &Known, data: &Data, begin: Begin) -> Option<Vec<f64>> {
     Some(angles.map(|angle| angle + turns).collect())
 }
 
-/// In how long friction forgets the finger's speed, s.
-fn forgets(known: &Known, time: f64) -> f64 {
-    Vector2::from(known.finger.velocity(time)).norm() / known.grip
-}
-
 /// Whether the push lasts long enough for the part to settle.
 fn settles(known: &Known, data: &Data) -> bool {
-    data.values > 2 && SETTLED_SHARE * SETTLING * forgets(known, 0.0) < data.duration()
+    data.values > 2 && SETTLED_SHARE * SETTLING * forgets(known, data, 0.0) < data.duration()
+        || known.finger.velocity0 == [0.0; 2] && known.grip > 0.0
 }
 
 /// Places on a stretch of an edge, ends included.
@@ -114,6 +126,11 @@ fn places(known: &Known, site: &Site) -> Vec<f64> {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a few dozen")]
     let steps_whole = steps as usize;
     (0..=steps_whole).map(|i| site.low + length * count(i) / steps).collect()
+}
+
+/// Contact angle and its rate at t = 0, of a part that forgets its start within `forgets` (s).
+fn first_moments(angles: &[f64], dt: f64, forgets: f64) -> Local {
+    local(angles, dt, 0.0, (FIRST_MOMENTS * forgets).max(dt))
 }
 
 /// What was felt, at some instants.
@@ -130,13 +147,14 @@ struct Felt<'a, 'p> {
 impl<'a, 'p> Felt<'a, 'p> {
     fn new(fitting: &'a Fitting<'a, 'p>, angles: &[f64]) -> Self {
         let data = &fitting.data;
-        let forgets = forgets(fitting.known, 0.0);
+        let at_rest = fitting.rest_span > 0.0;
+        let forgets = if at_rest { 0.0 } else { forgets(fitting.known, data, 0.0) };
         let from = (SETTLING * forgets).max(fitting.rest_span);
         let spacing = (data.duration() - from) / count(NODES - 1);
         let times: Vec<_> = (0..NODES).map(|i| from + spacing * count(i)).collect();
         let width = (0.5 * spacing).max(data.dt);
         let smooth = times.iter().map(|&time| local(angles, data.dt, time, width).value).collect();
-        let first = local(angles, data.dt, 0.0, (FIRST_MOMENTS * forgets).max(data.dt));
+        let first = first_moments(angles, data.dt, forgets);
         Self { fitting, times, angles: smooth, first }
     }
 
@@ -145,37 +163,40 @@ impl<'a, 'p> Felt<'a, 'p> {
         let model = self.fitting.known.model(site.edge);
         let places = places(self.fitting.known, site);
         let off: Vec<_> = places.iter().map(|&s| self.mismatch(site, &model, begin, s)).collect();
-        let minima = minima(&off).into_iter().map(|i| vertex(&places, &off, i));
-        minima.flat_map(|s| self.candidates(site, &model, begin, s)).collect()
+        let squares: Vec<_> = off.iter().map(|off| off.square).collect();
+        let minima = minima(&squares).into_iter().map(|i| (vertex(&places, &squares, i), off[i].first_turn));
+        minima.flat_map(|(s, first_turn)| self.candidates(site, &model, begin, (s, first_turn))).collect()
     }
 
-    /// How far off the angles are that the settled rates add up to, from a place at t = 0, rad².
-    fn mismatch(&self, site: &Site, model: &PushModel, begin: Begin, s0: f64) -> f64 {
-        let slip = slip_of(begin);
+    /// How far off the angles are that the settled rates add up to, from a place at t = 0.
+    fn mismatch(&self, site: &Site, model: &PushModel, begin: Begin, s0: f64) -> Mismatch {
+        let slip = slip_of(self.fitting.known, begin);
         let beyond = BEYOND * self.fitting.known.part.inertia_per_mass().sqrt();
         let mut near = State { u: self.first.value, s: s0, omega: 0.0, v_t: 0.0 };
         let (mut time, mut turned, mut last): (f64, f64, Option<Settled>) = (0.0, 0.0, None);
         let mut offsets = [0.0; NODES];
         for (i, offset) in offsets.iter_mut().enumerate() {
-            let step = self.times[i] - time;
+            let step = self.times[i] - time; // The first one from t = 0.
             near.s = self.moved(model, &near, last.as_ref(), s0, (i, step));
             (near.u, time) = (self.angles[i], self.times[i]);
             if near.s < site.low - beyond || near.s > site.high + beyond {
-                return f64::INFINITY;
+                return Mismatch::HOPELESS;
             }
-            let Some(now) = settled(model, self.fitting.known.touch, slip, time, &near) else { return f64::INFINITY };
+            let Some(now) = settled(model, self.fitting.known.touch, slip, time, &near) else {
+                return Mismatch::HOPELESS;
+            };
             if now.normal_force < 0.0 {
-                return f64::INFINITY;
+                return Mismatch::HOPELESS;
             }
-            if let (Some(last), true) = (last, i > 0) {
-                turned += 0.5 * step * (last.state.omega + now.state.omega);
-            }
+            let before = last.map_or(now.state.omega, |last| last.state.omega);
+            turned += 0.5 * step * (before + now.state.omega);
             *offset = near.u - turned;
             near = now.state;
             last = Some(now);
         }
         let mean = offsets.iter().sum::<f64>() / count(NODES);
-        offsets.iter().map(|offset| (offset - mean) * (offset - mean)).sum()
+        let square = offsets.iter().map(|offset| (offset - mean) * (offset - mean)).sum();
+        Mismatch { square, first_turn: mean - self.first.value }
     }
 
     /// The place at a node: exactly by the angle where the contact rolls, otherwise by its rate.
@@ -187,44 +208,81 @@ impl<'a, 'p> Felt<'a, 'p> {
         }
     }
 
-    fn candidates(&self, site: &Site, model: &PushModel, begin: Begin, s0: f64) -> Vec<Candidate> {
-        let start = State { u: self.first.value, s: s0, omega: self.first.rate, v_t: 0.0 };
-        let near = settled(model, self.fitting.known.touch, slip_of(begin), 0.0, &start).map_or(start, |now| now.state);
-        along_contact(self.fitting.known, model, begin, &near)
-            .into_iter()
-            .map(|v_t| Candidate { site: *site, begin, unknowns: [start.u, s0, near.omega, v_t] })
-            .collect()
+    fn candidates(
+        &self,
+        site: &Site,
+        model: &PushModel,
+        begin: Begin,
+        (place, first_turn): (f64, f64),
+    ) -> Vec<Candidate> {
+        let known = self.fitting.known;
+        // What the part turned by before it settled has moved the contact, by rolling or by sliding.
+        let (r, h) = (known.finger.radius, site.edge.height);
+        let levers = match known.touch {
+            Touch::Rolling { .. } => vec![0.0], // The measured angle has been followed.
+            Touch::Frictionless | Touch::Sliding { .. } => vec![r + h],
+            Touch::Coulomb { .. } => vec![r, r + h],
+        };
+        let places = levers.into_iter().map(|lever| (place + lever * first_turn).clamp(site.low, site.high));
+        places.flat_map(|s| self.candidates_at(site, model, begin, s)).collect()
+    }
+
+    fn candidates_at(&self, site: &Site, model: &PushModel, begin: Begin, s: f64) -> Vec<Candidate> {
+        let known = self.fitting.known;
+        let start = State { u: self.first.value, s, omega: self.first.rate, v_t: 0.0 };
+        let near = settled(model, known.touch, slip_of(known, begin), 0.0, &start).map_or(start, |now| now.state);
+        let omega = near.omega + FIRST_EXCESS * (self.first.rate - near.omega);
+        let near = State { omega, ..near };
+        let along = along_contact(known, model, begin, &near).into_iter();
+        along.map(|along| Candidate { site: *site, begin, unknowns: [start.u, s, omega, along] }).collect()
     }
 }
 
-fn slip_of(begin: Begin) -> Option<Slip> {
-    match begin {
-        Begin::Slips(slip) => Some(slip),
-        Begin::Rest(slip) => slip,
-        Begin::Free | Begin::NoSlip => None,
+/// How far the settled rates are from explaining the angles.
+#[derive(Clone, Copy, Debug)]
+struct Mismatch {
+    /// Sum of squares, rad².
+    square: f64,
+    /// What the part turned by before it settled, beyond what the settled rates say, rad.
+    first_turn: f64,
+}
+
+impl Mismatch {
+    /// Of a place from which nothing moves as it should.
+    const HOPELESS: Self = Self { square: f64::INFINITY, first_turn: 0.0 };
+}
+
+/// Where the contact slides throughout: in which direction.
+fn slip_of(known: &Known, begin: Begin) -> Option<Slip> {
+    match (known.touch, begin) {
+        (Touch::Sliding { .. }, Begin::Slips(slip)) => Some(slip),
+        (Touch::Sliding { .. }, Begin::Rest(slip)) => slip,
+        _ => None,
     }
 }
 
-/// Velocities along the contact to begin with: the settled one, or where a push begins with slip, some slips.
+/// What to begin with along the contact: the settled velocity; where a push begins with slip, the settled slip or some others.
 fn along_contact(known: &Known, model: &PushModel, begin: Begin, near: &State) -> Vec<f64> {
     let Begin::Slips(slip) = begin else { return vec![near.v_t] };
-    let none = model.rolling_v_t(0.0, near);
     let speed = Vector2::from(known.finger.velocity0).norm();
-    let settled = (none - near.v_t) * slip.sign();
-    if matches!(known.touch, Touch::Sliding { .. }) && settled > 0.0 {
-        return vec![near.v_t];
+    let rolling = model.rolling_v_t(0.0, near);
+    // The settled slip of a contact that slides on, and that of a part at rest, which the finger drags along.
+    let slips = [rolling - near.v_t, rolling].map(|v_t| v_t * slip.sign());
+    let mut tried = vec![SLIP_SMALL * speed];
+    for slip in slips {
+        if tried.iter().all(|other| (slip - other) > SLIP_SMALL * speed) {
+            tried.push(slip);
+        }
     }
-    SLIPS.iter().map(|share| none - slip.sign() * share * speed).collect()
+    tried
 }
 
-/// Indices of local minima, ends included.
+/// Indices of local minima, ends included; of equal neighbours the first.
 fn minima(values: &[f64]) -> Vec<usize> {
-    let at = |i: Option<usize>| i.and_then(|i| values.get(i)).copied().unwrap_or(f64::INFINITY);
-    let lowest = |i: &usize| {
-        let value = values[*i];
-        value.is_finite() && value <= at(i.checked_sub(1)) && value < at(Some(i + 1)).max(value.next_up())
-    };
-    (0..values.len()).filter(|i| lowest(i) && values[*i] <= at(Some(i + 1))).collect()
+    let before = |i: usize| if i == 0 { f64::INFINITY } else { values[i - 1] };
+    let after = |i: usize| values.get(i + 1).copied().unwrap_or(f64::INFINITY);
+    let lowest = |i: &usize| values[*i].is_finite() && values[*i] < before(*i) && values[*i] <= after(*i);
+    (0..values.len()).filter(lowest).collect()
 }
 
 /// Where the parabola through a minimum and its neighbours is lowest.
@@ -243,8 +301,8 @@ fn vertex(places: &[f64], values: &[f64], i: usize) -> f64 {
 fn start_angles(fitting: &Fitting, angles: Option<&[f64]>) -> Vec<Local> {
     let data = &fitting.data;
     if let Some(angles) = angles {
-        let width = (FIRST_MOMENTS * forgets(fitting.known, 0.0)).clamp(data.dt, (0.1 * data.duration()).max(data.dt));
-        return vec![local(angles, data.dt, 0.0, width)];
+        let forgets = forgets(fitting.known, data, 0.0).min(0.1 * data.duration());
+        return vec![first_moments(angles, data.dt, forgets)];
     }
     let [low, high] = data.u0_range.unwrap_or_else(|| {
         // The finger pushes ahead of itself.
@@ -261,15 +319,14 @@ fn start_angles(fitting: &Fitting, angles: Option<&[f64]>) -> Vec<Local> {
     (0..=whole).map(|i| Local { value: low + (high - low) * count(i) / steps, rate: 0.0 }).collect()
 }
 
-/// Near the local minima among coarse simulations from a grid of starts.
-fn grid_seeds(fitting: &Fitting, site: &Site, begin: Begin, starts: &[Local]) -> Vec<Candidate> {
+/// Near the local minima among simulations from a grid of starts.
+fn grid_seeds(fitting: &Fitting, site: &Site, begin: Begin, (starts, width): (&[Local], Width)) -> Vec<Candidate> {
     let model = fitting.known.model(site.edge);
-    let settles = settles(fitting.known, &fitting.data);
     let places = places(fitting.known, site);
     let mut rows: Vec<Vec<(f64, Option<Candidate>)>> = Vec::new();
     for start in starts {
         let tried = places.iter().map(|&s| {
-            let unknowns = tries(fitting, &model, begin, (start, s), settles);
+            let unknowns = tries(fitting, &model, begin, (start, s), width);
             let costs = unknowns.into_iter().filter_map(|unknowns| {
                 let candidate = Candidate { site: *site, begin, unknowns };
                 Some((fitting.cost(&candidate)?, Some(candidate)))
@@ -285,24 +342,33 @@ fn grid_seeds(fitting: &Fitting, site: &Site, begin: Begin, starts: &[Local]) ->
 }
 
 /// Starts to try at one angle and place.
-fn tries(
-    fitting: &Fitting,
-    model: &PushModel,
-    begin: Begin,
-    (start, s): (&Local, f64),
-    settles: bool,
-) -> Vec<Unknowns> {
+fn tries(fitting: &Fitting, model: &PushModel, begin: Begin, (start, s): (&Local, f64), width: Width) -> Vec<Unknowns> {
     let known = fitting.known;
-    let near = State { u: start.value, s, omega: start.rate, v_t: 0.0 };
-    let settled = settled(model, known.touch, slip_of(begin), 0.0, &near).map(|now| now.state);
-    let from = settled.filter(|_| settles).unwrap_or(near);
-    let mut along = along_contact(known, model, begin, &from);
-    if !settles && matches!(begin, Begin::Free | Begin::Slips(_)) {
-        let speed = Vector2::from(known.finger.velocity0).norm();
-        along.extend(ALONG.map(|share| share * speed));
-        along.extend(settled.map(|state| state.v_t));
+    let felt = State { u: start.value, s, omega: start.rate, v_t: 0.0 };
+    let settled = settled(model, known.touch, slip_of(known, begin), 0.0, &felt).map(|now| now.state);
+    let settles = settles(known, &fitting.data);
+    let from = settled.filter(|_| settles).unwrap_or(felt);
+    let angle_known = angles(known, &fitting.data, begin).is_some();
+    let omegas = match (width, angle_known) {
+        (Width::Wide, true) => {
+            OMEGA_SHARES.iter().map(|share| from.omega + share * (felt.omega - from.omega)).collect()
+        }
+        _ => vec![from.omega],
+    };
+    let mut tried = Vec::new();
+    for omega in omegas {
+        let mut along = along_contact(known, model, begin, &State { omega, ..from });
+        if width == Width::Wide || !settles {
+            let speed = Vector2::from(known.finger.velocity0).norm();
+            match begin {
+                Begin::Free => along.extend(ALONG.map(|share| share * speed)),
+                Begin::Slips(_) => along.extend(ALONG.map(|share| share.abs() * speed)),
+                Begin::NoSlip | Begin::Rest(_) => {}
+            }
+        }
+        tried.extend(along.into_iter().map(|along| [from.u, s, omega, along]));
     }
-    along.into_iter().map(|v_t| [from.u, s, from.omega, v_t]).collect()
+    tried
 }
 
 /// Entries that are no larger than their neighbours in their row and in those beside it.

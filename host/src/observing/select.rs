@@ -15,7 +15,8 @@ use super::data::Data;
 use super::fit::{Candidate, Descent, Fitting};
 use super::launch::{Begin, UNKNOWNS};
 use super::observation::{Estimate, Fit, Hypothesis, Known, Observation, pose};
-use super::seed::seeds;
+use super::path::Site;
+use super::seed::{Width, seeds};
 use super::sites::sites;
 use crate::statistics::chi_square_quantile;
 
@@ -32,6 +33,10 @@ const FIT_PROBABILITY: f64 = 0.999;
 /// fine before it is known where they matter.
 const SIGMA_FIRST: f64 = 1e-3;
 
+/// From there to the data's own standard deviation by steps of this: where little is known, minima lie in valleys that grow
+/// narrow as it falls, and are followed rather than looked for.
+const SIGMA_RATIO: f64 = 10.0;
+
 /// Step over the time in which friction forgets speed, for a standard deviation of [`SIGMA_OF_SHARE`]; finer as its fourth root,
 /// like the error of the steps.
 const SHARE: f64 = 0.9;
@@ -40,11 +45,19 @@ const SIGMA_OF_SHARE: f64 = 2e-3;
 /// Steps that keep the slowest parts stable.
 const SHARE_MAX: f64 = 1.0;
 
+/// Standard deviation of what the last, finer steps leave, over that of a value: they are chosen by it.
+const STEP_ERROR: f64 = 1e-3;
+
 /// Error of angles after a start from rest, in standard deviations.
 const REST_ERROR: f64 = 0.05;
 
+/// Steps are halved at most so often, as long as costs change by more than [`ROUGH`].
+const FINER_MAX: i32 = 3;
+/// See [`FINER_MAX`].
+const ROUGH: f64 = 0.3;
+
 /// Rounds of descent: a step each.
-const ROUNDS_MAX: usize = 40;
+const ROUNDS_MAX: usize = 60;
 
 /// A descent whose next step promises less is over.
 const PROMISE_NONE: f64 = 1e-3;
@@ -75,24 +88,90 @@ const CURVATURE_NONE: f64 = 1e-9;
 /// Every pose and motion that explains an observation.
 #[must_use]
 pub fn estimate(known: &Known, observation: &Observation) -> Estimate {
-    let data = Data::new(observation);
-    let sigma = data.sigma_min();
-    let (sites, begins) = (sites(known.part, known.finger.radius), Begin::all(known));
-    let first = fitting(known, observation, data.with_sigma_floor(SIGMA_FIRST), sigma.max(SIGMA_FIRST));
-    let candidates = seeds(&first, &sites, &begins);
-    let mut descents = descend_together(&first, &candidates);
-    let last = if sigma < SIGMA_FIRST { fitting(known, observation, data, sigma) } else { first };
-    if sigma < SIGMA_FIRST {
-        let candidates: Vec<_> = descents.iter().map(|descent| descent.candidate).collect();
-        descents = descend_together(&last, &candidates);
+    let task = Task {
+        known,
+        observation,
+        data: Data::new(observation),
+        sites: sites(known.part, known.finger.radius),
+        begins: Begin::all(known),
+    };
+    let mut minima = task.minima(Width::Narrow);
+    let fits = |minima: &[Descent]| {
+        let terms = task.data.terms();
+        minima.iter().any(|descent| descent.evaluation.cost <= chi_square_quantile(FIT_PROBABILITY, terms))
+    };
+    let mut searched = Width::Narrow;
+    if !fits(&minima) {
+        (minima, searched) = (task.minima(Width::Wide), Width::Wide);
     }
-    conclude(&last, descents, begins.len())
+    let found = task.conclude(minima);
+    // A good fit to coarse data may be none to exact ones.
+    match (found.hypotheses.is_empty(), searched) {
+        (true, Width::Narrow) => task.conclude(task.minima(Width::Wide)),
+        _ => found,
+    }
 }
 
-fn fitting<'a, 'p>(known: &'a Known<'p>, observation: &Observation, data: Data, sigma: f64) -> Fitting<'a, 'p> {
-    let share = (SHARE * (sigma / SIGMA_OF_SHARE).powf(0.25)).min(SHARE_MAX);
-    let fineness = Fineness { share, on_values: false };
-    Fitting::new(known, data, observation.prior, fineness, REST_ERROR * sigma)
+/// What all steps of an estimate need.
+struct Task<'a, 'p> {
+    known: &'a Known<'p>,
+    observation: &'a Observation,
+    data: Data,
+    sites: Vec<Site>,
+    begins: Vec<Begin>,
+}
+
+impl<'a, 'p> Task<'a, 'p> {
+    /// The minima of the cost at the standard deviation to begin with.
+    fn minima(&self, width: Width) -> Vec<Descent> {
+        let fitting = self.fitting(self.data.sigma_min().max(SIGMA_FIRST), 1.0);
+        let candidates = seeds(&fitting, &self.sites, &self.begins, width);
+        descend_together(&fitting, &candidates)
+    }
+
+    /// With angles of at least a standard deviation and steps fine enough for it, or finer by a factor.
+    fn fitting(&self, sigma: f64, factor: f64) -> Fitting<'a, 'p> {
+        let share = factor * (SHARE * (sigma / SIGMA_OF_SHARE).powf(0.25)).min(SHARE_MAX);
+        let fineness = Fineness { share, on_values: false };
+        let data = self.data.with_sigma_floor(sigma);
+        Fitting::new(self.known, data, self.observation.prior, fineness, REST_ERROR * factor * sigma)
+    }
+
+    /// Follows minima to the data as they are, and judges them.
+    fn conclude(&self, mut minima: Vec<Descent>) -> Estimate {
+        let (least, mut sigma) = (self.data.sigma_min(), SIGMA_FIRST);
+        while sigma > least {
+            sigma = (sigma / SIGMA_RATIO).max(least);
+            minima = again(&self.fitting(sigma, 1.0), &minima);
+        }
+        let mut last = self.fitting(least, 1.0);
+        for power in 1..=FINER_MAX {
+            last = self.fitting(least, 0.5_f64.powi(power));
+            let finer: Option<Vec<_>> = minima.iter().map(|descent| polished(&last, descent)).collect();
+            match finer {
+                Some(finer) => {
+                    minima = finer;
+                    break;
+                }
+                None => minima = again(&last, &minima),
+            }
+        }
+        judge_all(&last, &minima, self.begins.len())
+    }
+}
+
+/// Descents that go on from where others ended.
+fn again(fitting: &Fitting, descents: &[Descent]) -> Vec<Descent> {
+    let candidates: Vec<_> = descents.iter().map(|descent| descent.candidate).collect();
+    descend_together(fitting, &candidates)
+}
+
+/// A step further down with finer steps; none if those see another cost.
+fn polished(finer: &Fitting, descent: &Descent) -> Option<Descent> {
+    let mut polished = finer.descend(descent.candidate)?;
+    let rough = (polished.evaluation.total() - descent.evaluation.total()).abs() > ROUGH;
+    finer.improve(&mut polished);
+    (!rough).then_some(polished)
 }
 
 /// Takes all candidates down, and gives up those that cannot come near the best.
@@ -158,7 +237,7 @@ fn onto_walls(fitting: &Fitting, descent: &Descent) -> Option<Descent> {
 }
 
 /// Judges the minima.
-fn conclude(fitting: &Fitting, descents: Vec<Descent>, begins: usize) -> Estimate {
+fn judge_all(fitting: &Fitting, descents: &[Descent], begins: usize) -> Estimate {
     let mut possible: Vec<_> = descents.iter().filter_map(|descent| onto_walls(fitting, descent)).collect();
     possible.sort_by(|a, b| a.evaluation.cost.total_cmp(&b.evaluation.cost));
     let degrees = |descent: &Descent| {
@@ -212,6 +291,7 @@ fn judge(fitting: &Fitting, descent: &Descent, begins: usize) -> Judged {
     let Descent { candidate, evaluation, .. } = descent;
     let (site, time) = (candidate.site, fitting.data.duration());
     let model = fitting.known.model(site.edge);
+    let state_covariance = state_covariance(fitting, descent);
     let hypothesis = Hypothesis {
         edge: site.index,
         start: evaluation.start,
@@ -220,7 +300,9 @@ fn judge(fitting: &Fitting, descent: &Descent, begins: usize) -> Judged {
         contact_end: evaluation.contact_end,
         pose_end: pose(&model, evaluation.start.u, time, &evaluation.end),
         velocity_end: Vector2::from(model.velocity(&evaluation.contact_end, time, &evaluation.end)),
-        covariance: covariance(fitting, descent),
+        covariance: state_covariance
+            .map(|state| pose_covariance(fitting, descent, &state.fixed_view::<2, 2>(0, 0).into())),
+        state_covariance,
         cost: evaluation.cost,
         probability: 0.0,
     };
@@ -238,8 +320,8 @@ fn information(fitting: &Fitting, descent: &Descent) -> Matrix4<f64> {
     information
 }
 
-/// That of the pose at the end; none where the data leave the place free.
-fn covariance(fitting: &Fitting, descent: &Descent) -> Option<Matrix3<f64>> {
+/// That of the state at the end; none where the data leave the place free.
+fn state_covariance(fitting: &Fitting, descent: &Descent) -> Option<Matrix4<f64>> {
     let Descent { candidate, evaluation, .. } = descent;
     let length = candidate.site.high - candidate.site.low;
     let mut information = information(fitting, descent);
@@ -251,24 +333,37 @@ fn covariance(fitting: &Fitting, descent: &Descent) -> Option<Matrix3<f64>> {
     for i in (0..UNKNOWNS).filter(|i| !fitting.free(descent)[*i]) {
         unknowns[(i, i)] = 0.0;
     }
-    let contact: Matrix2<f64> = evaluation.end_by_start * unknowns * evaluation.end_by_start.transpose();
-    let unknown = contact.m22.sqrt() > UNKNOWN_PLACE * length || contact.m11.sqrt() > UNKNOWN_PLACE;
-    if unknown || !contact.iter().all(|c| c.is_finite()) {
-        return None;
-    }
-    let by_contact = pose_by_contact(fitting, descent);
-    Some(by_contact * contact * by_contact.transpose())
+    let mut covariance: Matrix4<f64> = evaluation.end_by_start * unknowns * evaluation.end_by_start.transpose();
+    let unknown = covariance.m22.sqrt() > UNKNOWN_PLACE * length || covariance.m11.sqrt() > UNKNOWN_PLACE;
+    // What steps leave, of the angle and, over the part's size, of the place.
+    let left = STEP_ERROR * fitting.data.sigma_min();
+    let radius = fitting.known.part.inertia_per_mass().sqrt();
+    covariance.m11 += left * left;
+    covariance.m22 += (left * radius).powi(2);
+    (!unknown && covariance.iter().all(|c| c.is_finite())).then_some(covariance)
 }
 
-/// Derivatives of the pose at the end by angle and place of the contact.
-fn pose_by_contact(fitting: &Fitting, descent: &Descent) -> Matrix3x2<f64> {
+/// That of the pose at the end from that of the contact's angle and place, to second order.
+///
+/// The part touches the disk, so to first order the pose has two freedoms, and this would be a singular matrix. What the curved
+/// motions add, however little, makes it invertible.
+fn pose_covariance(fitting: &Fitting, descent: &Descent, contact: &Matrix2<f64>) -> Matrix3<f64> {
     let Descent { candidate, evaluation, .. } = descent;
+    let time = fitting.data.duration();
     let model = fitting.known.model(candidate.site.edge);
     let (sin, cos) = evaluation.end.u.sin_cos();
-    let [x, y, _] = pose(&model, evaluation.start.u, fitting.data.duration(), &evaluation.end);
+    let [x, y, _] = pose(&model, evaluation.start.u, time, &evaluation.end);
+    let arm = Vector2::new(x, y) - fitting.known.finger.centre(time).coords;
     // The part turns about the disk's centre with the angle, and moves along the tangent with the place.
-    let centre = fitting.known.finger.centre(fitting.data.duration());
-    Matrix3x2::new(centre.y - y, -sin, x - centre.x, cos, 1.0, 0.0)
+    let slopes = Matrix3x2::new(-arm.y, -sin, arm.x, cos, 1.0, 0.0);
+    let bends = [Matrix2::new(-arm.x, -cos, -cos, 0.0), Matrix2::new(-arm.y, -sin, -sin, 0.0)];
+    let mut covariance = slopes * contact * slopes.transpose();
+    for (i, a) in bends.iter().enumerate() {
+        for (j, b) in bends.iter().enumerate() {
+            covariance[(i, j)] += 0.5 * (a * contact * b * contact).trace();
+        }
+    }
+    covariance
 }
 
 /// Laplace's approximation of the probability of the data, up to a factor that all hypotheses share.
@@ -276,7 +371,7 @@ fn log_evidence(fitting: &Fitting, descent: &Descent, begins: usize) -> f64 {
     let Descent { candidate, evaluation, .. } = descent;
     let mut information = descent.evaluation.information;
     let unknowns = candidate.begin.unknowns();
-    let bounds = fitting.bounds(&candidate.site);
+    let bounds = fitting.bounds(candidate);
     let sigmas = [None, None, fitting.prior.omega0_sigma, fitting.prior.v_t0_sigma];
     let mut log_prior = -super::clock::count(begins).ln();
     for i in 0..UNKNOWNS {

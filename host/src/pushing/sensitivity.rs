@@ -9,7 +9,9 @@
 use nalgebra::{Const, SMatrix};
 use num_dual::{Derivative, DualSVec64};
 
+use super::jet::Jet;
 use super::model::{Contact, Finger, PushModel, State};
+use super::scalar::Scalar;
 
 /// What a push can be derived by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,24 +53,44 @@ pub enum Parameter {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Copy, Debug)]
-pub struct Seeded<'p, const N: usize> {
+pub struct Seeded<'p, const N: usize, T = DualSVec64<N>> {
     /// The model.
-    pub model: PushModel<'p, DualSVec64<N>>,
+    pub model: PushModel<'p, T>,
     /// The contact.
-    pub contact: Contact<DualSVec64<N>>,
+    pub contact: Contact<T>,
     /// The start.
-    pub start: State<DualSVec64<N>>,
+    pub start: State<T>,
 }
 
 impl<'p, const N: usize> Seeded<'p, N> {
     /// Makes each of `parameters` a variable. Naming one that the contact does not depend on gives zeros.
     #[must_use]
     pub fn new(model: &PushModel<'p>, contact: &Contact, start: &State, parameters: [Parameter; N]) -> Self {
+        let variable =
+            |value: f64, row: usize| DualSVec64::new(value, Derivative::derivative_generic(Const, Const, row));
+        Self::with_variables(model, contact, start, parameters, variable)
+    }
+}
+
+impl<'p, const N: usize> Seeded<'p, N, Jet<N>> {
+    /// The same with [`Jet`]s: for estimators, which derive thousands of pushes.
+    #[must_use]
+    pub fn jets(model: &PushModel<'p>, contact: &Contact, start: &State, parameters: [Parameter; N]) -> Self {
+        Self::with_variables(model, contact, start, parameters, Jet::variable)
+    }
+}
+
+impl<'p, const N: usize, T: Scalar> Seeded<'p, N, T> {
+    fn with_variables(
+        model: &PushModel<'p>,
+        contact: &Contact,
+        start: &State,
+        parameters: [Parameter; N],
+        variable: impl Fn(f64, usize) -> T,
+    ) -> Self {
         let seed = |value: f64, parameter: Parameter| {
-            parameters.iter().position(|&wanted| wanted == parameter).map_or_else(
-                || DualSVec64::from_re(value),
-                |row| DualSVec64::new(value, Derivative::derivative_generic(Const, Const, row)),
-            )
+            let row = parameters.iter().position(|&wanted| wanted == parameter);
+            row.map_or_else(|| T::from(value), |row| variable(value, row))
         };
         let Finger { radius, centre0, velocity0, acceleration } = model.finger;
         let axes = |values: [f64; 2], parameter: fn(usize) -> Parameter| {
@@ -99,6 +121,13 @@ impl<'p, const N: usize> Seeded<'p, N> {
             start,
         }
     }
+}
+
+/// [`derivatives`] of a state made of [`Jet`]s.
+#[must_use]
+pub fn slopes<const N: usize>(state: &State<Jet<N>>) -> SMatrix<f64, 4, N> {
+    let rows = [state.u, state.s, state.omega, state.v_t].map(|part| part.slopes);
+    SMatrix::from_fn(|row, column| rows[row][column])
 }
 
 /// The derivatives that a state carries: rows u, s, ω, v_T; columns the parameters.

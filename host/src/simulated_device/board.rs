@@ -11,7 +11,7 @@ use palpate_shared::units::DeviceTime;
 use palpate_shared::wire::{Axis, Bridge, Channel, ClockSource, DeviceId, RestartReason, Source};
 
 use super::outlet::Outlet;
-use super::{Config, Moment, Pace};
+use super::{Config, ForceCourse, Moment, Pace};
 
 /// How often a device in real time wakes: half a block, so that samples are at most this late.
 const TICK: Duration = Duration::from_millis(1);
@@ -51,6 +51,7 @@ const MV_PER_V: f32 = 1e3;
 pub(super) enum Control {
     Load(Load, Sender<Moment>),
     Script(Box<Script>, Sender<Moment>),
+    Course(ForceCourse, Sender<Moment>),
     Faults(Faults, Sender<Moment>),
     Now(Sender<Moment>),
     Unplug(Sender<Moment>),
@@ -84,6 +85,7 @@ pub(super) fn run(config: &Config, mut outlet: Outlet, orders: &Receiver<Control
             device: Device::new(identity(config, restarts), device_end),
             conversions: 0,
             temperature_at: DeviceTime(0),
+            course: None,
         };
         if let Some(asked) = asked.take() {
             answer(&asked, board.moment());
@@ -168,6 +170,8 @@ struct Board<'w> {
     conversions: u64,
     /// Device time of the last temperature sent.
     temperature_at: DeviceTime,
+    /// Forces that act in turn, and the world's time at which they began.
+    course: Option<(ForceCourse, u64)>,
 }
 
 impl Board<'_> {
@@ -213,6 +217,9 @@ impl Board<'_> {
     }
 
     fn obey(&mut self, order: Control, outlet: &mut Outlet) {
+        if matches!(order, Control::Load(..) | Control::Script(..)) {
+            self.course = None;
+        }
         let mut front_end = self.front_end.borrow_mut();
         let sender = match order {
             Control::Load(load, sender) => {
@@ -221,6 +228,10 @@ impl Board<'_> {
             }
             Control::Script(script, sender) => {
                 front_end.set_script(*script);
+                sender
+            }
+            Control::Course(course, sender) => {
+                self.course = Some((course, front_end.truth().time_ns));
                 sender
             }
             Control::Faults(faults, sender) => {
@@ -279,6 +290,7 @@ impl Board<'_> {
     /// Lets one conversion happen: the world moves, the interrupt comes, the main loop runs.
     fn convert(&mut self) {
         self.conversions += 1;
+        self.follow_course();
         let data_ready = self.front_end.borrow_mut().step();
         let now = self.now();
         if data_ready {
@@ -290,6 +302,20 @@ impl Board<'_> {
         if now.since(self.temperature_at) >= TEMPERATURE_EVERY_US {
             self.temperature_at = now;
             self.tell_temperature(now);
+        }
+    }
+
+    /// Presses with the force that a course has at the end of the next conversion.
+    fn follow_course(&mut self) {
+        let Some((course, began_ns)) = &self.course else { return };
+        let mut front_end = self.front_end.borrow_mut();
+        let end_ns = front_end.truth().time_ns + u64::from(front_end.period_ns());
+        match course.at((end_ns - began_ns) as f64 * 1e-9) {
+            Some(force) => front_end.set_force(force),
+            None => {
+                front_end.set_load(Load::Released);
+                self.course = None;
+            }
         }
     }
 

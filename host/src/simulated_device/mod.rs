@@ -75,6 +75,45 @@ pub struct Config {
     pub baud: Option<u32>,
 }
 
+/// Forces on the disk that another simulation computed, evenly spaced in time, with straight lines between them.
+///
+/// The first acts at once, without a ramp; after the last the finger is released.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ForceCourse {
+    step_s: f64,
+    forces_finger: Vec<[f32; 2]>,
+}
+
+impl ForceCourse {
+    /// Forces on the disk in finger axes, N, each `step_s` seconds after the one before.
+    #[must_use]
+    pub fn new(step_s: f64, forces_finger: Vec<[f32; 2]>) -> Self {
+        Self { step_s, forces_finger }
+    }
+
+    /// The force at a time since the course began, s; `None` after its end.
+    #[must_use]
+    pub fn at(&self, t: f64) -> Option<[f32; 2]> {
+        let place = (t / self.step_s).max(0.0);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "not negative; large ones saturate"
+        )]
+        let index = place as usize;
+        let (&from, &to) = (self.forces_finger.get(index)?, self.forces_finger.get(index + 1)?);
+        #[expect(clippy::cast_possible_truncation, reason = "a share of 1")]
+        let share = place.fract() as f32;
+        Some([0, 1].map(|axis| from[axis] + share * (to[axis] - from[axis])))
+    }
+
+    /// How long it lasts, s.
+    #[must_use]
+    pub fn duration_s(&self) -> f64 {
+        self.step_s * self.forces_finger.len().saturating_sub(1) as f64
+    }
+}
+
 /// The simulated world at one moment.
 #[derive(Clone, Copy, Debug)]
 pub struct Moment {
@@ -171,6 +210,14 @@ impl SimulatedDevice {
     /// If the device has ended.
     pub fn set_script(&self, script: Script) -> io::Result<Moment> {
         self.ask(|answer| Control::Script(Box::new(script), answer))
+    }
+
+    /// Starts a course of forces.
+    ///
+    /// # Errors
+    /// If the device has ended.
+    pub fn set_course(&self, course: ForceCourse) -> io::Result<Moment> {
+        self.ask(|answer| Control::Course(course, answer))
     }
 
     /// Breaks or mends things.

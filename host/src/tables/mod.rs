@@ -1,14 +1,22 @@
 //! The thesis's experiments, run again: its numbers beside ours.
 //!
 //! An experiment draws random problems from a seed, solves them with the library and returns a [`Table`]. To add one:
-//! write `fn run(&Settings) -> Table` in a module of its own here, and list it in [`EXPERIMENTS`]. It says in
+//! write `fn run(&Settings) -> Table` in a module of its own here, describe it by an
+//! [`Experiment`] beside it, and list that in [`EXPERIMENTS`]. It says in
 //! `definitions` what was drawn and what counts as a success, and lists every case that failed, so that each can be
 //! looked at by itself: case `k` of a seed is always the same problem, whatever the number of cases.
 //!
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
 
+pub(crate) mod chain;
+mod gho;
+mod initial_pose;
+mod inscription;
+mod pose;
 pub mod random;
 mod rolling;
+pub mod sampling;
+pub mod scenes;
 
 use std::fmt;
 
@@ -16,7 +24,26 @@ use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
 /// The experiments, in the order of the thesis.
-pub const EXPERIMENTS: &[Experiment] = &[rolling::ATTITUDE, rolling::SEMI_AXES, rolling::WHICH, rolling::GHO];
+pub const EXPERIMENTS: &[Experiment] = &[
+    inscription::HALF_PLANES,
+    inscription::TWO_CONES,
+    inscription::MORE_CONES,
+    inscription::WORST_CASE,
+    inscription::NOISE,
+    sampling::SPARSE,
+    sampling::DENSE,
+    gho::KNOWN_EDGE,
+    gho::UNKNOWN_EDGE,
+    gho::SIDE_BY_SIDE,
+    initial_pose::FRICTIONLESS,
+    initial_pose::FRICTION,
+    pose::EXPERIMENT,
+    chain::EXPERIMENT,
+    rolling::ATTITUDE,
+    rolling::SEMI_AXES,
+    rolling::WHICH,
+    rolling::GHO,
+];
 
 /// An experiment that `palpate tables` can run.
 #[derive(Clone, Copy, Debug)]

@@ -28,8 +28,8 @@ pub struct FingerConfig {
     pub bridges: BridgesConfig,
     /// Temperature's course.
     pub thermal: ThermalConfig,
-    /// Whether the converter has its datasheet noise.
-    pub converter_noise: bool,
+    /// The converter's noise as a multiple of the datasheet's; 0 is none.
+    pub converter_noise: f32,
     /// Time for one load to give way to the next, in microseconds.
     pub ramp_us: u32,
 }
@@ -40,7 +40,7 @@ impl Default for FingerConfig {
             beam: BeamConfig::default(),
             bridges: BridgesConfig::default(),
             thermal: ThermalConfig::default(),
-            converter_noise: true,
+            converter_noise: 1.0,
             ramp_us: RAMP_US,
         }
     }
@@ -54,7 +54,7 @@ impl FingerConfig {
             beam: BeamConfig { resonance: false, ..BeamConfig::default() },
             bridges: BridgesConfig::ideal(),
             thermal: ThermalConfig { swing_k: 0.0, ..ThermalConfig::default() },
-            converter_noise: false,
+            converter_noise: 0.0,
             ramp_us: 0,
         }
     }
@@ -196,7 +196,7 @@ impl SimulatedFrontEnd {
     #[must_use]
     pub fn new(config: FingerConfig, seed: u64) -> Self {
         let mut chip = Chip::new(seed);
-        chip.set_noise(config.converter_noise);
+        chip.set_noise_factor(config.converter_noise);
         let period_ns = chip.period_ns();
         let thermal = Thermal::new(config.thermal, seed);
         Self {
@@ -224,6 +224,12 @@ impl SimulatedFrontEnd {
     /// Starts a script; its times count from now.
     pub fn set_script(&mut self, script: Script) {
         self.loading.set_script(script, self.time_us());
+    }
+
+    /// Presses with this force (finger frame, N) from now on, without a ramp: what another simulation computes, conversion by
+    /// conversion.
+    pub fn set_force(&mut self, force_finger: [f32; 2]) {
+        self.loading.set_force(force_finger, self.time_us());
     }
 
     /// What is broken from now on.

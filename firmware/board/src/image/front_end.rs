@@ -58,7 +58,8 @@ impl ChipBus {
         Self { spi, port }
     }
 
-    /// Eight clocks.
+    /// Eight clocks. Not inlined: the bus is slower than the call.
+    #[inline(never)]
     fn exchange(&mut self, byte: u8) -> Result<u8, BusTimeout> {
         self.wait(|spi| spi.sr().read().txe().bit_is_set())?;
         // SAFETY: eight bits, as the bus is set.

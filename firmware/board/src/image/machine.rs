@@ -35,11 +35,12 @@ impl Machine {
         if debug_unit.idcode().read().bits() == 0 { Self::Emulator } else { Self::Chip }
     }
 
-    /// The board's name.
-    pub(super) const fn name(self) -> &'static str {
-        match self {
-            Self::Chip => "STM32-H405",
-            Self::Emulator => "STM32-H405, emulated",
+    /// The board's name, and whether it can be talked to over USB.
+    pub(super) const fn name(self, has_usb: bool) -> &'static str {
+        match (self, has_usb) {
+            (Self::Chip, true) => "STM32-H405 with USB",
+            (Self::Chip, false) => "STM32-H405, no USB",
+            (Self::Emulator, _) => "STM32-H405, emulated",
         }
     }
 

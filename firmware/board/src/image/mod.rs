@@ -3,12 +3,13 @@
 //! ```text
 //!  priority 0  SysTick  counts time, wakes the sampler          (`time`)
 //!  priority 1  USART1   bytes in, bytes out                     (`line`)
-//!  priority 2  EXTI4    DRDY fell, or SysTick asks: the sampler (`sampling`)
-//!  thread      main     commands, blocks, events                (here)
+//!  priority 2  EXTI3    DRDY fell, or SysTick asks: the sampler (`sampling`)
+//!  thread      main     commands, blocks, events, USB           (here, `firmware/usb`)
 //! ```
 //!
 //! The sides share only lock-free queues (`firmware/core`'s, and one each way for the line's bytes), so no interrupt
-//! ever waits for another one or is held off by a lock longer than a hand-over at start-up.
+//! ever waits for another one. None is held off by a lock but for a hand-over at start-up and, where a host uses USB,
+//! for a packet's way in or out of its unit.
 
 mod clock;
 mod fault;
@@ -29,9 +30,10 @@ use cortex_m_rt::entry;
 use defmt_rtt as _;
 use heapless::spsc::Queue;
 use palpate_firmware_core::device::Order;
-use palpate_firmware_core::{Device, Identity, Queues, Sampler, Settings};
+use palpate_firmware_core::{Device, Identity, Link, Queues, Sampler, Settings};
+use palpate_firmware_usb::unit::{self as usb, Usb};
 use palpate_shared::sim::SimulatedFrontEnd;
-use palpate_shared::wire::{Axis, Bridge, Channel, Health, Source};
+use palpate_shared::wire::{Axis, Bridge, Channel, ClockSource, Health, Source};
 use stm32f4::stm32f405::Peripherals;
 
 use fault::Watchdog;
@@ -56,6 +58,7 @@ fn main() -> ! {
     static mut QUEUES: Queues = Queues::new();
     static mut RECEIVED: Queue<u8, { line::RECEIVED }> = Queue::new();
     static mut TO_SEND: Queue<u8, { line::TO_SEND }> = Queue::new();
+    static mut USB: usb::Memory = usb::Memory::new();
     static mut SIMULATION: MaybeUninit<RefCell<SimulatedFrontEnd>> = MaybeUninit::uninit();
     static mut SAMPLING: MaybeUninit<Sampling> = MaybeUninit::uninit();
     static mut DEVICE: MaybeUninit<Device<'static, OUTBOX_BYTES>> = MaybeUninit::uninit();
@@ -67,9 +70,13 @@ fn main() -> ! {
     let clock = machine.clock(clock::start(&board.RCC, &board.FLASH), &core.SYST);
     pins::set_up(&board.RCC, &board.GPIOA, &board.GPIOC, &board.SYSCFG, &board.EXTI);
     time::start(&mut core.SYST, &mut core.SCB, clock.core_hz);
+    let watchdog = Watchdog::start(board.IWDG, &board.DBGMCU);
+    let registers = (board.OTG_FS_GLOBAL, board.OTG_FS_DEVICE, board.OTG_FS_PWRCLK);
+    let usb_clock = usb::Clock { core_hz: clock.core_hz, is_precise: clock.source == ClockSource::Crystal };
+    let usb = usb::start(registers, &board.RCC, (usb_clock, machine.device_id().0), USB);
     let identity = Identity {
         device: machine.device_id(),
-        board: machine.name(),
+        board: machine.name(usb.is_some()),
         clock: clock.source,
         link_baud: clock.link_baud,
         restart: before.reason,
@@ -88,9 +95,8 @@ fn main() -> ! {
     let line = line::start(board.USART1, clock.line_divider(), (RECEIVED, TO_SEND), &mut core.NVIC);
     let device = settle(DEVICE, || Device::new(identity, device_end));
     device.accept_orders(before.fault);
-    let watchdog = Watchdog::start(board.IWDG, &board.DBGMCU);
     let health = Health { stack_bytes: stack::size(), core_hz: clock.core_hz, ..Health::default() };
-    Main { device, line, watchdog, health, looked_at: time::ticks(), turned_at: (0, 0), order: None }.serve()
+    Main { device, line, usb, watchdog, health, looked_at: time::ticks(), turned_at: (0, 0), order: None }.serve()
 }
 
 /// Makes something large in a place of its own. Not inlined, so that the stack which that takes is free afterwards.
@@ -108,14 +114,15 @@ const LOOK_TICKS: u32 = TICKS_PER_S / 10;
 /// How long an order waits for the line to take what is due, in ticks: a tenth of a second.
 const ORDER_TICKS: u32 = TICKS_PER_S / 10;
 
-/// How long an order waits after that for the last byte to leave the transmitter, in ticks: 1 ms, two bytes at the
-/// slower speed take 0.2 ms.
-const LAST_BYTE_TICKS: u32 = TICKS_PER_S / 1000;
+/// How long an order waits after that for the last byte to leave the transmitter, in ticks: 3 ms. Two bytes at the
+/// slower speed take 0.2 ms; over USB a host fetches once in 1 ms.
+const LAST_BYTE_TICKS: u32 = 3 * TICKS_PER_S / 1000;
 
 /// What the main loop works with.
 struct Main {
     device: &'static mut Device<'static, OUTBOX_BYTES>,
     line: Line,
+    usb: Option<Usb>,
     watchdog: Watchdog,
     health: Health,
     /// The tick at which stack and processor were last looked at.
@@ -131,6 +138,7 @@ impl Main {
     fn serve(mut self) -> ! {
         loop {
             meter::MAIN.measure_below_sampler(|| {
+                self.listen_to_usb();
                 if self.has_work() {
                     self.turn();
                 }
@@ -138,6 +146,26 @@ impl Main {
             // SysTick wakes it after 125 µs at the latest.
             cortex_m::asm::wfi();
         }
+    }
+
+    /// Hands on what came by USB.
+    fn listen_to_usb(&mut self) {
+        let Some(usb) = &mut self.usb else { return };
+        let mut buffer = [0; line::RECEIVED];
+        let received = usb.receive(&mut buffer);
+        if !received.is_empty() {
+            self.device.receive_by(Link::Usb, received, time::now());
+        }
+    }
+
+    /// Hands as much of what is due to the link in use as that takes.
+    fn talk(&mut self) {
+        let bytes = self.device.transmit();
+        let sent = match (self.device.link(), &mut self.usb) {
+            (Link::Usb, Some(usb)) => usb.send(bytes),
+            _ => self.line.send(bytes),
+        };
+        self.device.transmitted(sent);
     }
 
     /// Whether a turn is due: the sampler ran, bytes came or wait, or nothing of this happened for a while.
@@ -160,8 +188,7 @@ impl Main {
             self.device.receive(received, now);
         }
         self.device.poll(now);
-        let sent = self.line.send(self.device.transmit());
-        self.device.transmitted(sent);
+        self.talk();
         let ticks = time::ticks();
         if ticks.wrapping_sub(self.looked_at) >= LOOK_TICKS {
             self.looked_at = ticks;

@@ -6,20 +6,24 @@
 //! | PA5 | SPI1 SCK (AF5) | ADS131M02 SCLK |
 //! | PA6 | SPI1 MISO (AF5) | ADS131M02 DOUT |
 //! | PA7 | SPI1 MOSI (AF5) | ADS131M02 DIN |
-//! | PC4 | input with pull-up, EXTI4 | ADS131M02 DRDY |
+//! | PC3 | input with pull-up, EXTI3 | ADS131M02 DRDY |
 //! | PC5 | output, high | ADS131M02 SYNC/RESET |
 //! | PA9 | USART1 TX (AF7) | RX of the serial adapter |
 //! | PA10 | USART1 RX with pull-up (AF7) | TX of the serial adapter |
+//! | PA11 | USB D− (AF10) | the board's USB socket |
+//! | PA12 | USB D+ (AF10) | the board's USB socket |
 //! | PC12 | output, low is lit | the board's LED: on while the firmware runs |
+//!
+//! PC4 stays free: the board senses the USB supply on it.
 //!
 //! Source: STM32F405 datasheet (DocID022152), table 9; Olimex STM32-H405 schematic.
 
 use stm32f4::stm32f405::{EXTI, GPIOA, GPIOC, RCC, SYSCFG};
 
-/// `SYSCFG_EXTICR2`'s code for port C.
+/// `SYSCFG_EXTICR1`'s code for port C.
 const PORT_C: u8 = 2;
 
-/// Gives every pin its function, and EXTI4 the falling edge of DRDY.
+/// Gives every pin its function, and EXTI3 the falling edge of DRDY.
 pub(super) fn set_up(rcc: &RCC, a: &GPIOA, c: &GPIOC, routing: &SYSCFG, edges: &EXTI) {
     rcc.ahb1enr().modify(|_, w| w.gpioaen().set_bit().gpiocen().set_bit());
     rcc.apb2enr().modify(|_, w| w.spi1en().set_bit().usart1en().set_bit().syscfgen().set_bit());
@@ -28,20 +32,21 @@ pub(super) fn set_up(rcc: &RCC, a: &GPIOA, c: &GPIOC, routing: &SYSCFG, edges: &
     a.bsrr().write(|w| w.bs4().set_bit());
     c.bsrr().write(|w| w.bs5().set_bit().br12().set_bit());
     a.afrl().modify(|_, w| w.afrl5().af5().afrl6().af5().afrl7().af5());
-    a.afrh().modify(|_, w| w.afrh9().af7().afrh10().af7());
+    a.afrh().modify(|_, w| w.afrh9().af7().afrh10().af7().afrh11().af10().afrh12().af10());
     a.pupdr().modify(|_, w| w.pupdr10().pull_up());
     a.ospeedr().modify(|_, w| w.ospeedr4().high_speed().ospeedr5().high_speed().ospeedr7().high_speed());
+    a.ospeedr().modify(|_, w| w.ospeedr11().very_high_speed().ospeedr12().very_high_speed());
     a.moder().modify(|_, w| {
         w.moder4().output();
         w.moder5().alternate().moder6().alternate().moder7().alternate();
-        w.moder9().alternate().moder10().alternate()
+        w.moder9().alternate().moder10().alternate().moder11().alternate().moder12().alternate()
     });
-    c.pupdr().modify(|_, w| w.pupdr4().pull_up());
-    c.moder().modify(|_, w| w.moder4().input().moder5().output().moder12().output());
+    c.pupdr().modify(|_, w| w.pupdr3().pull_up());
+    c.moder().modify(|_, w| w.moder3().input().moder5().output().moder12().output());
 
     // SAFETY: a code of four bits that names a port of this chip.
     #[expect(unsafe_code, reason = "the register's numeric fields are not checked by the access crate")]
-    routing.exticr2().modify(|_, w| unsafe { w.exti4().bits(PORT_C) });
-    edges.ftsr().modify(|_, w| w.tr4().set_bit());
-    edges.imr().modify(|_, w| w.mr4().set_bit());
+    routing.exticr1().modify(|_, w| unsafe { w.exti3().bits(PORT_C) });
+    edges.ftsr().modify(|_, w| w.tr3().set_bit());
+    edges.imr().modify(|_, w| w.mr3().set_bit());
 }

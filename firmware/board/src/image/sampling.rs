@@ -1,4 +1,4 @@
-//! The sampler's interrupt: DRDY fell (EXTI4), or SysTick raised it.
+//! The sampler's interrupt: DRDY fell (EXTI3), or SysTick raised it.
 
 use cortex_m::peripheral::NVIC;
 use palpate_firmware_core::sampler::IDLE_US;
@@ -28,8 +28,8 @@ pub(super) fn start(sampling: &'static mut Sampling, interrupts: &mut NVIC) {
     // SAFETY: no critical section is built on priorities.
     #[expect(unsafe_code, reason = "priorities can break critical sections that are built on them; none are")]
     unsafe {
-        interrupts.set_priority(Interrupt::EXTI4, PRIORITY);
-        NVIC::unmask(Interrupt::EXTI4);
+        interrupts.set_priority(Interrupt::EXTI3, PRIORITY);
+        NVIC::unmask(Interrupt::EXTI3);
     }
 }
 
@@ -41,9 +41,9 @@ impl Sampling {
 
     /// DRDY fell, or a tick came, or both.
     fn interrupt(&mut self) {
-        let fell = self.edges.pr().read().pr4().bit_is_set();
+        let fell = self.edges.pr().read().pr3().bit_is_set();
         if fell {
-            self.edges.pr().write(|w| w.pr4().clear_bit_by_one());
+            self.edges.pr().write(|w| w.pr3().clear_bit_by_one());
         }
         let tick = time::woken_at();
         if self.sampler.spi_mut().is_simulated() {
@@ -80,7 +80,7 @@ impl Sampling {
 }
 
 #[interrupt]
-fn EXTI4() {
+fn EXTI3() {
     static mut OWN: Option<&'static mut Sampling> = None;
     if OWN.is_none() {
         *OWN = SAMPLING.fetch();

@@ -94,8 +94,8 @@ fn SysTick() {
     let ticks = TICKS.load(Ordering::Relaxed).wrapping_add(1);
     TICKS.store(ticks, Ordering::Relaxed);
     fault::watch(ticks);
-    if ticks % STRIDE.load(Ordering::Relaxed) == 0 {
+    if ticks.is_multiple_of(STRIDE.load(Ordering::Relaxed)) {
         WOKEN_BY.store(ticks.saturating_add(1), Ordering::Relaxed);
-        NVIC::pend(Interrupt::EXTI4);
+        NVIC::pend(Interrupt::EXTI3);
     }
 }

@@ -17,6 +17,7 @@
 //! Frames: the part's axes, origin at the centroid. Units: SI. Errors: none.
 
 use nalgebra::{Matrix3, Vector2};
+use pulp::{Arch, Simd, WithSimd};
 
 use super::{MeanSliding, Twist, turn_left};
 
@@ -39,12 +40,19 @@ const NODES: [(f64, f64); 6] = [
     (0.981_560_634_246_719_3, 0.047_175_336_386_511_83),
 ];
 
+/// Coefficients of one power of `a`, for the powers of `b` up to whole registers.
+const ROWS: usize = 24;
+
+/// One number for each power of `b`.
+type Column = [f64; ROWS];
+
 /// The series of one part.
 #[derive(Clone, Debug)]
 pub(super) struct Far {
-    /// `rows[m][j]` is the factor of `a^j b^m` in `f`, where `(a, b) = ε·radius`.
-    rows: Vec<Vec<f64>>,
+    /// `columns[j][m]` is the factor of `a^j b^m` in `f`, where `(a, b) = ε·radius`.
+    columns: Vec<Column>,
     radius: f64,
+    arch: Arch,
 }
 
 /// Value and derivatives of the series, the derivatives along `k` and `m`, by `ε·radius`.
@@ -60,7 +68,7 @@ struct Expansion {
 impl Far {
     /// The series of a shape whose outline is given by points and `p × dp` there, relative to its centroid.
     pub(super) fn new(rays: impl Iterator<Item = (Vector2<f64>, f64)>, area: f64, radius: f64) -> Self {
-        let mut series = Self { rows: (0..=DEGREE).map(|m| vec![0.0; DEGREE + 1 - m]).collect(), radius };
+        let mut series = Self { columns: vec![[0.0; ROWS]; DEGREE + 1], radius, arch: Arch::new() };
         for (p, cross) in rays {
             series.add_ray(p / radius, cross / area);
         }
@@ -78,7 +86,7 @@ impl Far {
         for n in 0..=DEGREE {
             let share = weight / (n as f64 + 2.0);
             for (m, p_m) in here[..=n].iter().enumerate() {
-                self.rows[m][n - m] += share * p_m;
+                self.columns[n - m][m] += share * p_m;
             }
             let next_n = n as f64 + 1.0;
             let (c1, c2) = (-(2.0 * next_n - 3.0) / next_n, -(next_n - 3.0) / next_n * p2);
@@ -94,13 +102,13 @@ impl Far {
     pub(super) fn mean_sliding(&self, twist: &Twist) -> MeanSliding {
         let Some((ahead, speed)) = direction(twist) else { return MeanSliding::NONE };
         let kappa = twist.omega / speed * self.radius;
-        self.sliding(&self.expand(ahead, kappa), ahead, kappa)
+        self.sliding(&self.expand::<false>(ahead, kappa), ahead, kappa)
     }
 
     pub(super) fn mean_sliding_and_gradient(&self, twist: &Twist) -> (MeanSliding, Matrix3<f64>) {
         let Some((ahead, speed)) = direction(twist) else { return (MeanSliding::NONE, Matrix3::zeros()) };
         let kappa = twist.omega / speed * self.radius;
-        let expansion = self.expand(ahead, kappa);
+        let expansion = self.expand::<true>(ahead, kappa);
         (self.sliding(&expansion, ahead, kappa), self.gradient(&expansion, ahead, kappa) / speed)
     }
 
@@ -128,26 +136,11 @@ impl Far {
         gradient
     }
 
-    /// Horner's scheme in both variables.
-    fn expand(&self, ahead: Vector2<f64>, kappa: f64) -> Expansion {
+    fn expand<const BENDS: bool>(&self, ahead: Vector2<f64>, kappa: f64) -> Expansion {
         let k = Vector2::new(ahead.y, ahead.x);
         let (a, b) = (kappa * k.x, kappa * k.y);
-        let degree = degree_for(kappa);
-        let (mut f, mut fa, mut fb, mut faa, mut fab, mut fbb) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-        for (m, row) in self.rows[..=degree].iter().enumerate().rev() {
-            let (mut g, mut ga, mut gaa) = (0.0, 0.0, 0.0);
-            for coefficient in row[..=degree - m].iter().rev() {
-                gaa = gaa * a + 2.0 * ga;
-                ga = ga * a + g;
-                g = g * a + coefficient;
-            }
-            fbb = fbb * b + 2.0 * fb;
-            fb = fb * b + f;
-            f = f * b + g;
-            fab = fab * b + fa;
-            fa = fa * b + ga;
-            faa = faa * b + gaa;
-        }
+        let expanding = Expanding::<BENDS> { columns: &self.columns[..=degree_for(kappa)], a, b };
+        let Derivatives { f, fa, fb, faa, fab, fbb } = self.arch.dispatch(expanding);
         let (x, y) = (k.x, k.y);
         Expansion {
             f,
@@ -157,6 +150,88 @@ impl Far {
             km: (faa - fbb) * x * y + fab * (y * y - x * x),
             mm: faa * y * y - 2.0 * fab * x * y + fbb * x * x,
         }
+    }
+}
+
+/// `f` and its derivatives by `a` and `b`; those of second order only where wanted.
+#[derive(Clone, Copy, Debug)]
+struct Derivatives {
+    f: f64,
+    fa: f64,
+    fb: f64,
+    faa: f64,
+    fab: f64,
+    fbb: f64,
+}
+
+/// The sum of the series, with the machine's widest vectors.
+struct Expanding<'a, const BENDS: bool> {
+    columns: &'a [Column],
+    a: f64,
+    b: f64,
+}
+
+impl<const BENDS: bool> WithSimd for Expanding<'_, BENDS> {
+    type Output = Derivatives;
+
+    /// Horner's scheme in `a` for as many powers of `b` at once as fit, then the sum over these. Nothing is fused, so that every
+    /// machine gives the same digits but for the order of that sum.
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Derivatives {
+        let Self { columns, a, b } = self;
+        let powers = Powers::of(b);
+        let [power, slope, bend] = [&powers.powers, &powers.slopes, &powers.bends].map(|rows| S::as_simd_f64s(rows).0);
+        let (zero, a) = (simd.splat_f64s(0.0), simd.splat_f64s(a));
+        let mut sums = [zero; 6];
+        for block in 0..columns.len().div_ceil(S::F64_LANES) {
+            let (mut g, mut ga, mut gaa) = (zero, zero, zero);
+            // Beyond this there are no coefficients.
+            for column in columns[..columns.len() - S::F64_LANES * block].iter().rev() {
+                if BENDS {
+                    gaa = simd.add_f64s(simd.mul_f64s(gaa, a), ga);
+                }
+                ga = simd.add_f64s(simd.mul_f64s(ga, a), g);
+                g = simd.add_f64s(simd.mul_f64s(g, a), S::as_simd_f64s(column).0[block]);
+            }
+            let add = |sum: &mut S::f64s, x, y| *sum = simd.add_f64s(*sum, simd.mul_f64s(x, y));
+            add(&mut sums[0], g, power[block]);
+            add(&mut sums[1], ga, power[block]);
+            add(&mut sums[2], g, slope[block]);
+            if BENDS {
+                add(&mut sums[3], gaa, power[block]);
+                add(&mut sums[4], ga, slope[block]);
+                add(&mut sums[5], g, bend[block]);
+            }
+        }
+        let [f, fa, fb, half_faa, fab, fbb] = sums.map(|sum| simd.reduce_sum_f64s(sum));
+        Derivatives { f, fa, fb, faa: 2.0 * half_faa, fab, fbb }
+    }
+}
+
+/// The powers of a number, from 0, and their first and second derivatives.
+struct Powers {
+    powers: Column,
+    slopes: Column,
+    bends: Column,
+}
+
+impl Powers {
+    #[inline(always)]
+    fn of(b: f64) -> Self {
+        let (mut powers, mut slopes, mut bends) = ([1.0; ROWS], [0.0; ROWS], [0.0; ROWS]);
+        let square = b * b;
+        powers[1] = b;
+        for m in 2..ROWS {
+            // Two chains, so that few products wait for others.
+            powers[m] = powers[m - 2] * square;
+        }
+        for m in 1..ROWS {
+            slopes[m] = m as f64 * powers[m - 1];
+        }
+        for m in 2..ROWS {
+            bends[m] = (m * (m - 1)) as f64 * powers[m - 2];
+        }
+        Self { powers, slopes, bends }
     }
 }
 

@@ -5,6 +5,8 @@ pub mod inscription;
 pub mod observability;
 pub mod observe_push;
 pub mod observe_roll;
+pub mod corner_poses;
+pub mod point_sampling;
 pub mod push;
 pub mod roll;
 pub mod support_friction;

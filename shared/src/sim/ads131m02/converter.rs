@@ -125,7 +125,8 @@ pub(super) struct Converter {
     /// Conversions that the fast filter still makes.
     fast_left: u8,
     noise: Stream,
-    noise_on: bool,
+    /// Of the datasheet's noise; 0 is none.
+    noise_factor: f32,
 }
 
 impl Converter {
@@ -138,13 +139,13 @@ impl Converter {
             shape: NoiseShape::new(SINC3_OVERSAMPLING_MAX),
             fast_left: 2,
             noise: Stream::new(seed, Source::Converter),
-            noise_on: true,
+            noise_factor: 1.0,
         }
     }
 
-    /// Switches the noise on or off. Its stream runs on either way.
-    pub(super) fn set_noise(&mut self, on: bool) {
-        self.noise_on = on;
+    /// Multiplies the noise; 0 switches it off. Its stream runs on either way.
+    pub(super) fn set_noise_factor(&mut self, factor: f32) {
+        self.noise_factor = factor;
     }
 
     /// Empties the filter, which then takes three conversions to settle.
@@ -187,12 +188,9 @@ impl Converter {
     fn noise(&mut self, white: f32, channel: usize, registers: &Registers) -> f32 {
         let [previous, before] = self.whites[channel];
         self.whites[channel] = [white, previous];
-        if !self.noise_on {
-            return 0.0;
-        }
         let [w0, w1, w2] = self.shape.weights;
         let gain_log2 = registers.gain_log2(channel);
-        let rms_v = NOISE_4KSPS_V[usize::from(gain_log2)] * self.shape.relative_rms;
+        let rms_v = self.noise_factor * NOISE_4KSPS_V[usize::from(gain_log2)] * self.shape.relative_rms;
         (w0 * white + w1 * previous + w2 * before) * rms_v * full_scales_per_volt(gain_log2)
     }
 }

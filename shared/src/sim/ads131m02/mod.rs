@@ -146,9 +146,9 @@ impl Chip {
         }
     }
 
-    /// Switches the converter's noise, on at first.
-    pub fn set_noise(&mut self, on: bool) {
-        self.converter.set_noise(on);
+    /// Multiplies the converter's noise, which is the datasheet's at first; 0 switches it off.
+    pub fn set_noise_factor(&mut self, factor: f32) {
+        self.converter.set_noise_factor(factor);
     }
 
     /// While set, every conversion repeats the last codes: a converter that hangs while its bus works.

@@ -41,7 +41,7 @@ impl Bench {
     /// A chip just powered up.
     fn new() -> Self {
         let mut chip = Chip::new(1);
-        chip.set_noise(false);
+        chip.set_noise_factor(0.0);
         Self { chip }
     }
 
@@ -658,7 +658,7 @@ proptest! {
     ) {
         // Oracle: a queue that drops its oldest when a third comes. The fast filter makes each code its own input.
         let mut chip = Chip::new(1);
-        chip.set_noise(false);
+        chip.set_noise_factor(0.0);
         let mut queue = std::collections::VecDeque::new();
         let mut last = 0;
         for (i, &reads) in (1..).zip(&reads) {
@@ -757,7 +757,7 @@ fn the_reset_pin_restores_every_register() {
 /// Codes of a channel whose input is shorted, at a gain and an oversampling code.
 fn noise_codes(gain_code: u16, osr_code: u16, n: usize) -> Vec<[f64; 2]> {
     let mut bench = Bench::settled();
-    bench.chip.set_noise(true);
+    bench.chip.set_noise_factor(1.0);
     bench.set(GAIN1, gain_code << 4 | gain_code);
     bench.set(CLOCK, 0x0302 | osr_code << 2);
     (0..n).map(|_| bench.sample([0.0; 2]).map(f64::from)).collect()
@@ -832,7 +832,7 @@ fn the_channels_have_independent_noise() {
 #[test]
 fn a_saturated_code_sits_still_in_the_noise() {
     let mut bench = Bench::settled();
-    bench.chip.set_noise(true);
+    bench.chip.set_noise_factor(1.0);
     settled_codes(&mut bench, [2.0, -2.0]);
     assert!((0..1000).all(|_| bench.sample([2.0, -2.0]) == [0x7F_FFFF, -0x80_0000]));
 }

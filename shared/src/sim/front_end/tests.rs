@@ -242,11 +242,11 @@ fn switching_one_source_of_noise_leaves_the_others_as_they_were() {
         (0..100).map(|_| sample(&mut front_end)).collect::<Vec<_>>()
     };
     let plain = run(|_| (), Faults::default());
-    let quiet = run(|config| config.converter_noise = false, Faults::default());
+    let quiet = run(|config| config.converter_noise = 0.0, Faults::default());
     let no_hum = run(|config| config.bridges.hum_peak_to_peak = 0.0, Faults::default());
     let quiet_no_hum = run(
         |config| {
-            config.converter_noise = false;
+            config.converter_noise = 0.0;
             config.bridges.hum_peak_to_peak = 0.0;
         },
         Faults::default(),

@@ -1,0 +1,196 @@
+//! Fitting a guess to what was felt: Levenberg and Marquardt's method, the mass found in closed form at every step.
+//!
+//! The force is the part's mass times what a guess predicts, so that for every guess the best mass follows at once. A contact
+//! beyond its edge's end, or one that takes more friction than can be, adds to the cost instead of ending the search: the
+//! minimum may lie at the limit.
+//!
+//! Units: SI. Errors: none; a guess that cannot be played through has no fit.
+
+use nalgebra::{DMatrix, DVector, Isometry2, Matrix3, Vector3};
+
+use super::felt::FeltForce;
+use super::path::{Course, Guess, Path};
+
+/// Largest friction coefficient between finger and part that is considered: rubber on a clean part.
+pub(super) const MU_C_MAX: f64 = 1.0;
+
+/// Least one: no dry contact has less.
+pub(super) const MU_C_MIN: f64 = 0.02;
+
+/// A contact so far beyond its edge's end costs 1, m: a rounded corner.
+const EDGE_SLACK_M: f64 = 1e-4;
+
+/// Friction so far above the largest costs 1.
+const FRICTION_SLACK: f64 = 0.01;
+
+/// Steps of a fit.
+const STEPS_MAX: usize = 30;
+
+/// A step that lowers the cost by less ends the fit: a fiftieth of what one standard deviation does.
+const COST_STEP: f64 = 0.02;
+
+/// Damping at first, and what it is multiplied or divided by; beyond the largest there is no way down.
+const DAMPING: (f64, f64, f64) = (1e-3, 5.0, 1e8);
+
+/// Least curvature of a parameter relative to the largest that counts: below it the data say nothing about it.
+const CURVATURE_MIN: f64 = 1e-12;
+
+/// Differences that stand for derivatives: rad, of the radius of gyration, of µ_c. Forces change by some 1e-4 over them,
+/// a thousand times what rounding and the bisection of events leave.
+const DIFFERENCES: [f64; 3] = [1e-4, 1e-4, 1e-4];
+
+/// Parameters of a guess: contact angle, place, friction.
+const PARAMETERS: usize = 3;
+
+/// What was felt and what is known.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Problem<'a, 'p> {
+    pub(super) course: &'a Course<'p>,
+    pub(super) felt: &'a FeltForce,
+}
+
+/// A guess with what came of it.
+#[derive(Clone, Debug)]
+pub(super) struct Tried {
+    pub(super) guess: Guess,
+    pub(super) path: Path,
+    /// Best mass, kg.
+    pub(super) mass: f64,
+    /// Squared whitened residuals and penalties.
+    pub(super) cost: f64,
+    /// Whitened force per unit mass.
+    shape: DVector<f64>,
+    /// What is asked too much.
+    penalties: [f64; 2],
+}
+
+impl Problem<'_, '_> {
+    /// Plays a guess through.
+    pub(super) fn try_guess(&self, guess: Guess) -> Option<Tried> {
+        let path = self.course.play(&guess).ok()?;
+        let edge = self.course.part.edge(guess.edge).ok()?;
+        let shape = self.felt.whiten(path.windows(self.felt.count()));
+        let data = self.felt.data();
+        let mass = shape.dot(data) / shape.norm_squared();
+        if mass.is_nan() || mass <= 0.0 {
+            return None;
+        }
+        let beyond = (edge.s_min - path.s_span[0]).max(path.s_span[1] - edge.s_max).max(0.0) / EDGE_SLACK_M;
+        let needed = if guess.mu_c.is_finite() { 0.0 } else { (path.friction_needed - MU_C_MAX).max(0.0) };
+        let penalties = [beyond, needed / FRICTION_SLACK];
+        let squares = |values: [f64; 2]| values.iter().map(|value| value * value).sum::<f64>();
+        let cost = (data - &shape * mass).norm_squared() + squares(penalties);
+        Some(Tried { guess, path, mass, cost, shape, penalties })
+    }
+
+    /// Goes down to the nearest minimum.
+    pub(super) fn descend(&self, start: Tried, steps_max: usize) -> Tried {
+        let (mut best, mut damping) = (start, DAMPING.0);
+        for _ in 0..steps_max.min(STEPS_MAX) {
+            let slopes = self.slopes(&best);
+            let cost_before = best.cost;
+            while damping < DAMPING.2 {
+                let next = self.stepped(&best, &slopes, damping).filter(|next| next.cost < best.cost);
+                if let Some(next) = next {
+                    (best, damping) = (next, damping / DAMPING.1);
+                    break;
+                }
+                damping *= DAMPING.1;
+            }
+            if cost_before - best.cost < COST_STEP {
+                break;
+            }
+        }
+        best
+    }
+
+    fn differences(&self) -> [f64; PARAMETERS] {
+        let [u, s, mu] = DIFFERENCES;
+        [u, s * self.course.part.inertia_per_mass().sqrt(), mu]
+    }
+
+    /// Derivatives of the whitened residuals, penalties included, by the parameters and the mass's logarithm.
+    fn slopes(&self, at: &Tried) -> DMatrix<f64> {
+        let size = at.shape.len();
+        let mut slopes = DMatrix::zeros(size + 2, PARAMETERS + 1);
+        slopes.view_mut((0, PARAMETERS), (size, 1)).copy_from(&(&at.shape * -at.mass));
+        for (column, difference) in self.differences().into_iter().enumerate() {
+            if column == 2 && !at.path.slipped {
+                continue;
+            }
+            // Where a difference leads to where nothing can be played, the other way will do.
+            let moved = [difference, -difference]
+                .into_iter()
+                .find_map(|step| Some((step, self.try_guess(moved(&at.guess, column, step))?)));
+            let Some((step, moved)) = moved else { continue };
+            let change = (&at.shape - &moved.shape) * (at.mass / step);
+            slopes.view_mut((0, column), (size, 1)).copy_from(&change);
+            for (row, (after, before)) in moved.penalties.iter().zip(at.penalties).enumerate() {
+                slopes[(size + row, column)] = (after - before) / step;
+            }
+        }
+        slopes
+    }
+
+    fn stepped(&self, at: &Tried, slopes: &DMatrix<f64>, damping: f64) -> Option<Tried> {
+        let size = at.shape.len();
+        let mut residuals = DVector::zeros(size + 2);
+        residuals.rows_mut(0, size).copy_from(&(self.felt.data() - &at.shape * at.mass));
+        residuals.rows_mut(size, 2).copy_from_slice(&at.penalties);
+        let mut normal = slopes.tr_mul(slopes);
+        let largest = normal.diagonal().max();
+        for i in 0..normal.nrows() {
+            normal[(i, i)] += damping * normal[(i, i)].max(CURVATURE_MIN * largest);
+        }
+        let step = normal.cholesky()?.solve(&slopes.tr_mul(&residuals));
+        let guess = (0..PARAMETERS).fold(at.guess, |guess, column| moved(&guess, column, -step[column]));
+        self.try_guess(guess)
+    }
+
+    /// Covariance of the guess's parameters; those that the data say nothing about have none.
+    fn covariance(&self, at: &Tried) -> Option<DMatrix<f64>> {
+        let slopes = self.slopes(at);
+        let mut normal = slopes.tr_mul(&slopes);
+        let silent: Vec<_> = (0..normal.nrows()).filter(|&i| normal[(i, i)] <= 0.0).collect();
+        silent.iter().for_each(|&i| normal[(i, i)] = 1.0);
+        let mut covariance = normal.cholesky()?.inverse();
+        silent.iter().for_each(|&i| covariance[(i, i)] = 0.0);
+        Some(covariance)
+    }
+
+    /// Covariance of the pose at the end (x, y, θ), and the square root of the determinant for contact angle and place.
+    pub(super) fn pose_covariance(&self, at: &Tried) -> Option<(Matrix3<f64>, f64)> {
+        let parameters = self.covariance(at)?;
+        let end = self.course.pose_at_end(&at.guess, &at.path)?;
+        let mut by_parameters = nalgebra::SMatrix::<f64, 3, PARAMETERS>::zeros();
+        for (column, step) in self.differences().into_iter().enumerate() {
+            if column == 2 && !at.path.slipped {
+                continue;
+            }
+            let guess = moved(&at.guess, column, step);
+            let path = self.course.play(&guess).ok()?;
+            by_parameters.set_column(column, &(difference(&end, &self.course.pose_at_end(&guess, &path)?) / step));
+        }
+        let parameters = parameters.fixed_view::<PARAMETERS, PARAMETERS>(0, 0);
+        let spread = parameters.fixed_view::<2, 2>(0, 0).determinant().max(0.0).sqrt();
+        Some((by_parameters * parameters * by_parameters.transpose(), spread))
+    }
+}
+
+/// From one pose to another: x, y, θ.
+pub(super) fn difference(from: &Isometry2<f64>, to: &Isometry2<f64>) -> Vector3<f64> {
+    let shift = to.translation.vector - from.translation.vector;
+    Vector3::new(shift.x, shift.y, from.rotation.angle_to(&to.rotation))
+}
+
+/// A guess with one parameter changed, within its limits.
+fn moved(guess: &Guess, parameter: usize, by: f64) -> Guess {
+    let mut guess = *guess;
+    match parameter {
+        0 => guess.u += by,
+        1 => guess.s += by,
+        _ if guess.mu_c.is_finite() => guess.mu_c = (guess.mu_c + by).clamp(MU_C_MIN, MU_C_MAX),
+        _ => {}
+    }
+    guess
+}

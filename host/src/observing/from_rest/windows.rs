@@ -1,0 +1,81 @@
+//! The windows under which force is averaged: raised cosines, each 40 ms long and 20 ms after the one before.
+//!
+//! Such a window takes out the hum of the mains at 50 Hz altogether (and at 60 Hz nearly), and the ringing of the finger's disk at
+//! some 190 Hz to a thousandth, so that neither has to be known. Neighbours overlap by half: independent noise has a
+//! correlation of 1/6 between them.
+//!
+//! Times are since the onset, s. Errors: none.
+
+use std::f64::consts::TAU;
+
+use nalgebra::Vector2;
+
+/// Length of a window, s: two periods of the mains.
+pub const LENGTH_S: f64 = 0.04;
+
+/// From one window to the next, s.
+pub const HOP_S: f64 = 0.02;
+
+/// Spacing of the grid on which predicted forces are summed, s. Where the finger's acceleration changes, force bends within
+/// some 10 ms: sums are then off by up to a thousandth of it.
+pub(super) const GRID_S: f64 = 0.005;
+
+/// Grid points in a window.
+const GRID_POINTS: usize = 8;
+
+/// Grid points from one window to the next.
+const GRID_HOP: usize = 4;
+
+/// Correlation of neighbouring windows under independent noise.
+pub(super) const NEIGHBOUR_CORRELATION: f64 = 1.0 / 6.0;
+
+/// How many windows are over by a time.
+#[must_use]
+pub fn count(duration: f64) -> usize {
+    let past = (duration - LENGTH_S) / HOP_S + SAME;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not below 0; seconds over a hop")]
+    let count = if past < 0.0 { 0 } else { past as usize + 1 };
+    count
+}
+
+/// A share of a hop that rounding of times can reach.
+const SAME: f64 = 1e-6;
+
+/// When a window is over, s.
+#[must_use]
+pub fn end(window: usize) -> f64 {
+    start(window) + LENGTH_S
+}
+
+/// When a window begins, s.
+pub(super) fn start(window: usize) -> f64 {
+    f64::from(u32::try_from(window).unwrap_or(u32::MAX)) * HOP_S
+}
+
+/// Weight of a time in a window, relative to its mean; 0 outside.
+pub(crate) fn weight(window: usize, time: f64) -> f64 {
+    let share = (time - start(window)) / LENGTH_S;
+    if (0.0..1.0).contains(&share) { 1.0 - (TAU * share).cos() } else { 0.0 }
+}
+
+/// Share of a window's weight that is after a time.
+pub(super) fn share_after(window: usize, time: f64) -> f64 {
+    let share = ((time - start(window)) / LENGTH_S).clamp(0.0, 1.0);
+    1.0 - share + (TAU * share).sin() / TAU
+}
+
+/// Mean under a window of what is given on the grid.
+pub(super) fn mean_of_grid(window: usize, grid: &[Vector2<f64>]) -> Vector2<f64> {
+    /// Weights of the grid points of a window after its start, where it is 0: (1 − cos(k π/4))/8.
+    const WEIGHTS: [f64; GRID_POINTS - 1] = [
+        0.036_611_652_351_681_56,
+        0.125,
+        0.213_388_347_648_318_44,
+        0.25,
+        0.213_388_347_648_318_44,
+        0.125,
+        0.036_611_652_351_681_56,
+    ];
+    let first = GRID_HOP * window + 1;
+    WEIGHTS.iter().zip(&grid[first..]).map(|(weight, value)| value * *weight).sum()
+}

@@ -1,0 +1,199 @@
+//! The whole chain, many times: how often a pushed part's pose is named, and how well.
+//!
+//! Each case is a finger of its own, calibrated, and a random part pushed from rest; see [`crate::demonstration`]. Nothing of the
+//! thesis is beside it: its sensor was never used on a moving part (§6.4).
+
+use std::num::NonZeroUsize;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use super::random::Draw;
+use super::{Cell, Experiment, Settings, Table};
+use crate::demonstration::{Drawn, PoseError, RADIUS_M, Ranges, Rig, pose_error, random_part, straight_motion};
+use crate::observing::from_rest::{self, Estimate, Hypothesis, Known, Status};
+use crate::push_plan::GRAVITY;
+use crate::pushing::Part;
+use crate::simulated_device::Line;
+
+/// A pose counts as right within this many of its stated standard deviations, of distance and of angle. A Gaussian's distance in
+/// the plane is beyond five once in 270,000 times.
+pub const RIGHT_SDS: f64 = 5.0;
+
+/// Nearer than this to the truth a pose is right, whatever it states: m, rad.
+pub const RIGHT: PoseError = PoseError { distance: 2e-4, angle: 3e-3 };
+
+/// What came of one case.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// What the host said.
+    pub status: Status,
+    /// How far its best answer was from the truth.
+    pub best: Option<PoseError>,
+    /// The same of the listed answer nearest to the truth.
+    pub nearest: Option<PoseError>,
+    /// Whether one of the listed is right, within what it states.
+    pub holds_truth: bool,
+    /// How many were listed.
+    pub listed: usize,
+    /// Starts drawn before.
+    pub redrawn: usize,
+}
+
+impl Outcome {
+    /// Judges an estimate.
+    #[must_use]
+    pub fn new(part: &Part, drawn: &Drawn, estimate: &Estimate) -> Self {
+        let truth = drawn.played.pose(estimate.duration);
+        let error = |hypothesis: &Hypothesis| {
+            truth.as_ref().map(|truth| pose_error(part, estimate.symmetry, &hypothesis.pose_end, truth))
+        };
+        let errors: Vec<_> = estimate.hypotheses.iter().filter_map(error).collect();
+        let holds_truth =
+            estimate.hypotheses.iter().zip(&errors).any(|(hypothesis, error)| is_right(part, hypothesis, error));
+        let nearest = errors.iter().copied().min_by(|a, b| a.size(part).total_cmp(&b.size(part)));
+        Self {
+            status: estimate.status(),
+            best: errors.first().copied(),
+            nearest,
+            holds_truth,
+            listed: errors.len(),
+            redrawn: drawn.redrawn,
+        }
+    }
+}
+
+impl PoseError {
+    /// As one length, m: the turn counts at the radius of gyration.
+    fn size(&self, part: &Part) -> f64 {
+        self.distance + self.angle * part.inertia_per_mass().sqrt()
+    }
+}
+
+/// Whether a pose is right within what it states.
+fn is_right(part: &Part, hypothesis: &Hypothesis, error: &PoseError) -> bool {
+    let (distance_sd, angle_sd) = hypothesis.spread(part);
+    error.distance <= (RIGHT_SDS * distance_sd).max(RIGHT.distance)
+        && error.angle <= (RIGHT_SDS * angle_sd).max(RIGHT.angle)
+}
+
+/// Runs one case: None where no push of the part lasts, or the chain broke.
+fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<Outcome, String> {
+    let mut draw = Draw::case(seed, number);
+    let (part, drawn) = loop {
+        let part = random_part(&mut draw);
+        if let Some(drawn) = ranges.draw(&mut draw, &part) {
+            break (part, drawn);
+        }
+    };
+    let finger_seed = seed.wrapping_mul(1_000_003).wrapping_add(number as u64);
+    let duration = ranges.motion.duration();
+    let sense = Rig::start(finger_seed, 1.0, Line::Pipe).and_then(|mut rig| rig.push(drawn.played.course()));
+    let sense = sense.map_err(|error| format!("case {number}: {error}"))?;
+    let felt = sense.felt(duration).ok_or_else(|| format!("case {number}: the push was not felt"))?;
+    let known = Known { part: &part, grip: ranges.mu * GRAVITY, radius: RADIUS_M, motion: &ranges.motion };
+    Ok(Outcome::new(&part, &drawn, &from_rest::estimate(&known, &felt)))
+}
+
+/// All cases, on as many threads as the machine has; in order.
+fn cases(ranges: &Ranges, settings: &Settings) -> Vec<Result<Outcome, String>> {
+    let next = AtomicUsize::new(0);
+    let done = Mutex::new(Vec::new());
+    let work = || {
+        loop {
+            let number = next.fetch_add(1, Ordering::Relaxed);
+            if number >= settings.cases {
+                return;
+            }
+            let outcome = case(ranges, settings.seed, number);
+            if let Ok(mut done) = done.lock() {
+                done.push((number, outcome));
+            }
+        }
+    };
+    let threads = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
+    std::thread::scope(|scope| (0..threads).for_each(|_| drop(scope.spawn(work))));
+    let mut done = done.into_inner().unwrap_or_default();
+    done.sort_by_key(|(number, _)| *number);
+    done.into_iter().map(|(_, outcome)| outcome).collect()
+}
+
+/// The table `chain`.
+pub(super) const EXPERIMENT: Experiment = Experiment {
+    name: "chain",
+    title: "a part pushed from rest, its pose from the force on the finger, through the whole chain",
+    cases: 600,
+    run,
+};
+
+/// Runs it.
+fn run(settings: &Settings) -> Table {
+    let mut table = Table::new([
+        "finger's path",
+        "cases",
+        "unique",
+        "ambiguous",
+        "none",
+        "wrong",
+        "wrong and certain",
+        "median mm",
+        "95 % mm",
+        "median deg",
+        "95 % deg",
+        "listed",
+    ]);
+    table.definitions = definitions();
+    let turning = Ranges::default();
+    let straight = Ranges { motion: straight_motion(), ..Ranges::default() };
+    for (name, ranges) in [("with a turn", turning), ("straight", straight)] {
+        let outcomes = cases(&ranges, settings);
+        add(&mut table, name, &outcomes);
+    }
+    table
+}
+
+fn definitions() -> Vec<String> {
+    let text = [
+        "Drawn: two of three parts convex (hull of 8 points in a disk of 5 cm), one a star of 5 to 8 vertices 2.5 to 5.5 cm out; the contact uniform along the outline, its angle within 46 deg of the finger's way, mu_c 0.1 to 0.5, mass 0.2 to 0.8 kg, mu 0.3; starts redrawn where the finger does not fit, or whose contact does not stay on its edge for 0.8 s.",
+        "The finger starts at rest on the part: 0.15 m/s² for 0.3 s, then 0.15 m/s² across for 0.5 s (with a turn), or 0.12 m/s² for 0.8 s (straight). Known to the host: polygon, mu, g, the finger's motion.",
+        "Each case has its own simulated finger with the datasheet's noise and hum, calibrated on 12 contacts of 2 N through its own firmware and wire.",
+        "unique, ambiguous, none: one pose listed, several, or none explains the force. wrong: no listed pose is within 5 of its stated standard deviations (or 0.2 mm and 0.17 deg) of the truth. wrong and certain: so, and only one was listed.",
+        "Errors at the end of the push: of the centre of mass and of the angle, of the best pose listed. listed: mean number of poses.",
+    ];
+    text.map(str::to_owned).to_vec()
+}
+
+fn add(table: &mut Table, name: &str, outcomes: &[Result<Outcome, String>]) {
+    let sound: Vec<_> = outcomes.iter().filter_map(|outcome| outcome.as_ref().ok()).collect();
+    let all = outcomes.len();
+    let share = |pick: &dyn Fn(&&Outcome) -> bool| Cell::share(sound.iter().copied().filter(pick).count(), all);
+    let errors = |pick: fn(&PoseError) -> f64| {
+        let mut errors: Vec<_> = sound.iter().filter_map(|outcome| outcome.best.as_ref().map(pick)).collect();
+        errors.sort_by(f64::total_cmp);
+        errors
+    };
+    let (millimetres, degrees) = (errors(|error| error.distance * 1e3), errors(|error| error.angle.to_degrees()));
+    let at = |sorted: &[f64], per_cent: usize| match sorted.get(sorted.len() * per_cent / 100) {
+        Some(&value) => Cell::number(value, 3),
+        None => Cell::Empty,
+    };
+    let listed = sound.iter().map(|outcome| outcome.listed).sum::<usize>();
+    table.push([
+        name.into(),
+        Cell::count(all),
+        share(&|outcome| outcome.status == Status::Unique),
+        share(&|outcome| outcome.status == Status::Ambiguous),
+        share(&|outcome| outcome.status == Status::None),
+        share(&|outcome| !outcome.holds_truth),
+        share(&|outcome| !outcome.holds_truth && outcome.status == Status::Unique),
+        at(&millimetres, 50),
+        at(&millimetres, 95),
+        at(&degrees, 50),
+        at(&degrees, 95),
+        Cell::number(listed as f64 / (all as f64).max(1.0), 2),
+    ]);
+    table.failures.extend(outcomes.iter().enumerate().filter_map(|(number, outcome)| match outcome {
+        Ok(outcome) if outcome.holds_truth => None,
+        Ok(outcome) => Some(format!("{name}, case {number}: {outcome:?}")),
+        Err(error) => Some(format!("{name}, {error}")),
+    }));
+}

@@ -1,0 +1,145 @@
+//! The chores with stand-ins for the programs that they start: which are started, how, and what is said where one is
+//! missing. The stand-ins are shell scripts that note how they were called.
+#![cfg(unix)]
+
+use std::fs;
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use tempfile::TempDir;
+
+/// What the path holds beside the stand-ins: the shell's own few programs.
+const SHELL: [&str; 2] = ["bash", "dirname"];
+
+/// `cargo xtask firmware build` ends with this where no compiler is there for it.
+const NO_COMPILER: i32 = 69;
+
+/// A folder with stand-ins, and nothing else in the path.
+struct Stage {
+    folder: TempDir,
+}
+
+impl Stage {
+    /// A stage with these stand-ins; each notes its arguments and then does what its script says.
+    fn new(programs: &[(&str, &str)]) -> Self {
+        let stage = Self { folder: tempfile::tempdir().expect("a folder") };
+        for program in SHELL {
+            let place = ["/bin", "/usr/bin"].map(|folder| Path::new(folder).join(program));
+            let found = place.iter().find(|path| path.exists()).expect("a shell");
+            std::os::unix::fs::symlink(found, stage.folder.path().join(program)).expect("the folder takes it");
+        }
+        for (name, script) in programs {
+            let (path, calls) = (stage.folder.path().join(name), stage.folder.path().join("calls"));
+            let text = format!("#!/bin/sh\necho \"{name} $*\" >> '{}'\n{script}\n", calls.display());
+            fs::write(&path, text).expect("the folder takes it");
+            fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).expect("the folder takes it");
+        }
+        stage
+    }
+
+    /// A compiler that has the board's target, and a cargo that builds at once.
+    fn with_compiler(more: &[(&str, &str)]) -> Self {
+        let rustc = "case \"$*\" in *target-libdir*) echo \"${0%/*}/lib\";; *) exit 1;; esac";
+        let mut programs = vec![("rustc", rustc), ("cargo", "exit 0")];
+        programs.extend(more);
+        let stage = Self::new(&programs);
+        fs::create_dir(stage.folder.path().join("lib")).expect("the folder takes it");
+        fs::write(stage.folder.path().join("lib/libcore-0.rlib"), "").expect("the folder takes it");
+        stage
+    }
+
+    /// Runs a program with the stage as its path.
+    fn run(&self, program: &Path, arguments: &[&str]) -> Output {
+        let mut command = Command::new(program);
+        command.args(arguments).env("PATH", self.folder.path()).env("CARGO", self.folder.path().join("cargo"));
+        command.env("CARGO_TARGET_DIR", self.folder.path().join("target")).output().expect("it starts")
+    }
+
+    fn xtask(&self, arguments: &[&str]) -> Output {
+        self.run(Path::new(env!("CARGO_BIN_EXE_xtask")), arguments)
+    }
+
+    /// How the stand-ins were called, in order.
+    fn calls(&self) -> Vec<String> {
+        let text = fs::read_to_string(self.folder.path().join("calls")).unwrap_or_default();
+        text.lines().map(str::to_owned).collect()
+    }
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[test]
+fn flash_builds_the_image_and_hands_it_to_the_probe_with_the_chips_name() {
+    let stage = Stage::with_compiler(&[("probe-rs", "exit 0")]);
+    let output = stage.xtask(&["firmware", "flash"]);
+    assert!(output.status.success(), "{}", said(&output));
+    let calls = stage.calls();
+    let build = calls.iter().position(|call| call.starts_with("cargo build --package palpate-firmware-board"));
+    let image = stage.folder.path().join("target/firmware/thumbv7em-none-eabihf/firmware/palpate-firmware");
+    let run = format!("probe-rs run --chip STM32F405RG {}", image.display());
+    let flash = calls.iter().position(|call| *call == run);
+    assert!(build.is_some() && flash > build, "{calls:#?}");
+}
+
+#[test]
+fn flash_fails_as_the_probe_does_and_says_what_to_install_where_it_is_missing() {
+    let output = Stage::with_compiler(&[("probe-rs", "[ \"$1\" = --version ]")]).xtask(&["firmware", "flash"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(said(&output).contains("probe-rs ended with exit status: 1"), "{}", said(&output));
+
+    let output = Stage::with_compiler(&[]).xtask(&["firmware", "flash"]);
+    assert_eq!(output.status.code(), Some(1));
+    for wanted in ["probe-rs is not installed", "cargo install probe-rs-tools --locked", "docs/HARDWARE.md"] {
+        assert!(said(&output).contains(wanted), "{wanted:?} in {}", said(&output));
+    }
+}
+
+#[test]
+fn an_image_that_does_not_build_is_not_flashed() {
+    let stage = Stage::with_compiler(&[("probe-rs", "exit 0"), ("cargo", "exit 101")]);
+    assert_eq!(stage.xtask(&["firmware", "flash"]).status.code(), Some(1));
+    assert!(!stage.calls().iter().any(|call| call.starts_with("probe-rs")), "{:?}", stage.calls());
+}
+
+#[test]
+fn without_a_compiler_for_the_board_the_remedy_is_named_and_the_status_tells() {
+    let stage = Stage::new(&[("rustc", "exit 1"), ("cargo", "exit 0")]);
+    let linker = Path::new("/usr/lib/rustlib/x86_64-unknown-linux-gnu/bin/rust-lld");
+    if linker.exists() {
+        eprintln!("not run: this computer's own compiler builds for the board, whatever is in the path");
+        return;
+    }
+    let output = stage.xtask(&["firmware", "build"]);
+    assert_eq!(output.status.code(), Some(NO_COMPILER), "{}", said(&output));
+    assert!(said(&output).contains("rustup target add thumbv7em-none-eabihf"), "{}", said(&output));
+    assert!(!stage.calls().iter().any(|call| call.starts_with("cargo")), "{:?}", stage.calls());
+}
+
+#[test]
+fn emulate_says_what_to_install_where_the_emulator_is_missing_or_too_old() {
+    for more in [&[][..], &[("qemu-system-arm", "echo 'mps2-an386 a board'")]] {
+        let output = Stage::with_compiler(more).xtask(&["firmware", "emulate"]);
+        assert_eq!(output.status.code(), Some(1));
+        assert!(said(&output).contains("install qemu-system-arm 7.2 or newer"), "{}", said(&output));
+    }
+}
+
+#[test]
+fn the_checks_install_the_emulator_where_it_is_missing_and_nothing_where_it_is_there() {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../.ci/run");
+    let programs = [("apt-get", "exit 0"), ("rustup", "exit 0")];
+    let stage = Stage::with_compiler(&programs);
+    let output = stage.run(&script, &[]);
+    assert!(output.status.success(), "{}", said(&output));
+    let calls = stage.calls();
+    let installs: Vec<&String> = calls.iter().filter(|call| call.starts_with("apt-get")).collect();
+    assert_eq!(installs, ["apt-get update", "apt-get install --yes --no-install-recommends qemu-system-arm"]);
+    assert!(calls.iter().any(|call| call == "cargo xtask lint"), "{calls:#?}");
+
+    let stage = Stage::with_compiler(&[programs[0], programs[1], ("qemu-system-arm", "exit 0")]);
+    assert!(stage.run(&script, &[]).status.success());
+    assert!(!stage.calls().iter().any(|call| call.starts_with("apt-get")), "{:?}", stage.calls());
+}
