@@ -3,8 +3,8 @@
 pub mod body_file;
 pub mod calibration;
 pub mod contact;
-pub mod demonstration;
 pub mod corner;
+pub mod demonstration;
 pub mod diagnosis;
 pub mod experiment;
 pub mod finger_motion;

@@ -354,7 +354,8 @@ mod tests {
                 for (fence, edges) in corner.outward().into_iter().zip([[Flush::A, Flush::Both], [Flush::B, Flush::Both]]) {
                     let beyond = |p: &&Point2<f64>| fence.dot(&p.coords) > -1e-8 * 0.1;
                     let touching = placed.vertices().iter().filter(beyond).count();
-                    prop_assert!(touching >= if edges.contains(&pose.flush) { 2 } else { 1 });
+                    let least = if edges.contains(&pose.flush) { 2 } else { 1 };
+                    prop_assert!(touching >= least);
                     prop_assert!(placed.vertices().iter().all(|p| fence.dot(&p.coords) < 1e-8));
                 }
             }

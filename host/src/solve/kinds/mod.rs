@@ -1,11 +1,11 @@
 //! The kinds of problem, one module each.
 
+pub mod corner_poses;
 pub mod initial_pose;
 pub mod inscription;
 pub mod observability;
 pub mod observe_push;
 pub mod observe_roll;
-pub mod corner_poses;
 pub mod point_sampling;
 pub mod push;
 pub mod roll;
