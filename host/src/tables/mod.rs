@@ -42,6 +42,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     rolling::ATTITUDE,
     rolling::SEMI_AXES,
     rolling::WHICH,
+    rolling::GHO,
 ];
 
 /// An experiment that `palpate tables` can run.
