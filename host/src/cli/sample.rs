@@ -270,7 +270,10 @@ fn print_question(question: &Question, indent: &str, ask: &dyn Fn(usize) -> Stri
 fn decode(path: &Path, readings: &str) -> miette::Result<ExitCode> {
     let cannot = || format!("cannot use the plan {}", path.display());
     let text = fs::read_to_string(path).into_diagnostic().wrap_err_with(cannot)?;
-    let plan: PlanFile = serde_json::from_str(&text).into_diagnostic().wrap_err_with(cannot)?;
+    let mut value: serde_json::Value = serde_json::from_str(&text).into_diagnostic().wrap_err_with(cannot)?;
+    // What `palpate inscribe --resolve` prints has its plan inside.
+    let value = value.get_mut("resolve").map(serde_json::Value::take).unwrap_or(value);
+    let plan: PlanFile = serde_json::from_value(value).into_diagnostic().wrap_err_with(cannot)?;
     let decoded = plan.decode(readings).into_diagnostic()?;
     say!("{}", in_words(&plan, &decoded));
     Ok(ExitCode::SUCCESS)

@@ -116,6 +116,10 @@ pub(super) fn cross_sign(first: Segment, second: Segment) -> i32 {
 
 /// Which of two segments is higher at the abscissa `x`, which both span, or just right of it where they meet there.
 pub(super) fn order_above(first: Segment, second: Segment, x: f64) -> Ordering {
+    let (a, b) = (rough_height(first, x), rough_height(second, x));
+    if (a.0 - b.0).abs() > a.1 + b.1 {
+        return a.0.total_cmp(&b.0);
+    }
     let height = |segment: Segment| {
         let extent = [0, 1].map(|axis| Expansion::difference(segment.end[axis], segment.start[axis]));
         let along = Expansion::difference(x, segment.start.x);
@@ -129,6 +133,13 @@ pub(super) fn order_above(first: Segment, second: Segment, x: f64) -> Ordering {
         false => Segment { start: segment.end, end: segment.start },
     };
     sign.cmp(&0).then_with(|| 0.cmp(&cross_sign(rightward(first), rightward(second))))
+}
+
+/// The ordinate of a segment at an abscissa that it spans, and a bound on its error: a dozen roundings of its parts.
+fn rough_height(segment: Segment, x: f64) -> (f64, f64) {
+    let extent = segment.end - segment.start;
+    let rise = extent.y * ((x - segment.start.x) / extent.x);
+    (segment.start.y + rise, 12.0 * f64::EPSILON * (segment.start.y.abs() + extent.y.abs()))
 }
 
 /// Twice the area of the triangle of a segment and a point.

@@ -15,7 +15,7 @@ mod inscription;
 mod pose;
 pub mod random;
 mod rolling;
-pub mod sampling;
+mod sampling;
 pub mod scenes;
 
 use std::fmt;

@@ -98,9 +98,11 @@ pub fn fewest(system: &SetSystem, order: &[usize], search: &Search<'_>) -> Choic
     };
     let found =
         if parts.len() > 1 { by_components(&columns, &parts, search) } else { Rounds::new(&columns, search).run() };
+    // A component's own bound may be one more than what it takes beside the others.
+    let proof = Proof { program: found.proof.program.min(found.lower_bound), ..found.proof };
     let mut elements: Vec<usize> = found.columns.iter().map(|&column| columns.elements[column]).collect();
     elements.sort_unstable();
-    Choice { elements, lower_bound: found.lower_bound, proof: found.proof }
+    Choice { elements, lower_bound: found.lower_bound, proof }
 }
 
 /// A choice of columns.
