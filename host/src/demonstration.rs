@@ -60,6 +60,15 @@ pub struct Rig {
     fit: Fit,
 }
 
+/// A push as the host felt it.
+#[derive(Clone, Debug)]
+pub struct FeltPush {
+    /// What it makes of it.
+    pub sense: PushSense,
+    /// Every reading, those at rest before included.
+    pub readings: Vec<Reading>,
+}
+
 /// Why the chain broke.
 #[derive(Debug, thiserror::Error, Diagnostic)]
 pub enum RigError {
@@ -117,26 +126,28 @@ impl Rig {
     ///
     /// # Errors
     /// [`RigError`].
-    pub fn push(&mut self, course: ForceCourse) -> Result<PushSense, RigError> {
-        let rest = self.rest_noise()?;
+    pub fn push(&mut self, course: ForceCourse) -> Result<FeltPush, RigError> {
+        let (rest, mut readings) = self.rest_noise()?;
         let mut sense = PushSense::new(rest, Some(&self.fit.calibration));
         let duration = course.duration_s();
         let begun_s = self.hand.set_course(course)?.truth.time_ns as f64 * 1e-9;
-        for reading in self.readings_until(begun_s + duration + AFTER_S)? {
-            sense.push(&reading);
-        }
-        Ok(sense)
+        let push = self.readings_until(begun_s + duration + AFTER_S)?;
+        push.iter().for_each(|reading| sense.push(reading));
+        readings.extend(push);
+        Ok(FeltPush { sense, readings })
     }
 
     /// Bias and noise; a stretch that is refused is taken again, as a person would.
-    fn rest_noise(&mut self) -> Result<RestNoise, RigError> {
+    fn rest_noise(&mut self) -> Result<(RestNoise, Vec<Reading>), RigError> {
         for _ in 1..REST_TRIES {
-            match RestNoise::estimate(&self.rest()?) {
-                Ok(rest) => return Ok(rest),
+            let readings = self.rest()?;
+            match RestNoise::estimate(&readings) {
+                Ok(rest) => return Ok((rest, readings)),
                 Err(refused) => tracing::warn!(%refused, "the tare is taken again"),
             }
         }
-        RestNoise::estimate(&self.rest()?).map_err(RigError::Rest)
+        let readings = self.rest()?;
+        Ok((RestNoise::estimate(&readings)?, readings))
     }
 
     fn rest(&mut self) -> Result<Vec<Reading>, RigError> {

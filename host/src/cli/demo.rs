@@ -5,10 +5,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
+use palpate::contact::Reading;
 use palpate::demonstration::{
-    CALIBRATION_CONTACTS, CALIBRATION_FORCE_N, Drawn, RADIUS_M, Ranges, Rig, pose_error, random_part, straight_motion,
+    CALIBRATION_CONTACTS, CALIBRATION_FORCE_N, Drawn, FeltPush, RADIUS_M, Ranges, Rig, pose_error, random_part,
+    straight_motion,
 };
-use palpate::finger_motion::FingerMotion;
+use palpate::finger_motion::{FingerMotion, Segment};
 use palpate::observing::from_rest::{self, Estimate, Known};
 use palpate::part_file::PartFile;
 use palpate::push_plan::GRAVITY;
@@ -53,6 +55,10 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = noise, conflicts_with = "static_contacts", allow_negative_numbers = true)]
     noise: f64,
 
+    /// Keep what the host had to go by in this folder: part.toml, motion.toml and forces.csv, for `palpate observe`
+    #[arg(long, value_name = "DIR", conflicts_with = "static_contacts")]
+    keep: Option<PathBuf>,
+
     /// Feel contacts round the disk that do not move, as the thesis did, and compare with its figures
     #[arg(long = "static")]
     static_contacts: bool,
@@ -82,9 +88,12 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     })?;
     let mut rig = Rig::start(arguments.seed, arguments.noise, line())?;
     introduce(&rig, &part, &ranges);
-    let sense = rig.push(drawn.played.course())?;
+    let felt = rig.push(drawn.played.course())?;
+    if let Some(folder) = &arguments.keep {
+        arguments.keep_files(folder, &part, &ranges, &felt)?;
+    }
     let known = Known { part: &part, grip: ranges.mu * GRAVITY, radius: RADIUS_M, motion: &ranges.motion };
-    let Some(estimate) = say_what_is_felt(&known, &sense) else {
+    let Some(estimate) = say_what_is_felt(&known, &felt.sense) else {
         say!("The push was not felt: its force does not stand out of {} times the noise.", arguments.noise);
         return Ok(ExitCode::SUCCESS);
     };
@@ -106,12 +115,57 @@ impl Arguments {
         Ok((file.part, Ranges { mu: file.mu, mu_c, ..default }))
     }
 
+    fn keep_files(&self, folder: &Path, part: &Part, ranges: &Ranges, felt: &FeltPush) -> miette::Result<()> {
+        let cannot = || format!("cannot keep the push in {}", folder.display());
+        let part = match &self.part {
+            Some(path) => fs::read_to_string(path).into_diagnostic().wrap_err_with(cannot)?,
+            None => part_as_toml(part, ranges.mu),
+        };
+        let files = [
+            ("part.toml", part),
+            ("motion.toml", motion_as_toml(&ranges.motion)),
+            ("forces.csv", as_table(&felt.readings)),
+        ];
+        fs::create_dir_all(folder).into_diagnostic().wrap_err_with(cannot)?;
+        files
+            .iter()
+            .try_for_each(|(name, text)| fs::write(folder.join(name), text))
+            .into_diagnostic()
+            .wrap_err_with(cannot)?;
+        let named = |name: &str| folder.join(name).display().to_string();
+        let [part, motion, forces] = ["part.toml", "motion.toml", "forces.csv"].map(named);
+        eprintln!("kept; to look again: palpate observe {forces} --part {part} --motion {motion}");
+        Ok(())
+    }
+
     fn motion(&self) -> miette::Result<Option<FingerMotion>> {
         match &self.motion {
             Some(path) => read(path, FingerMotion::parse).map(Some),
             None => Ok(self.straight.then(straight_motion)),
         }
     }
+}
+
+/// A part without feet or a mass of its own, as its file.
+fn part_as_toml(part: &Part, mu: f64) -> String {
+    let vertices: Vec<_> =
+        part.polygon().vertices().iter().map(|vertex| format!("[{}, {}]", vertex.x, vertex.y)).collect();
+    format!("unit = \"m\"\nvertices = [{}]\nmu = {mu}\n", vertices.join(", "))
+}
+
+fn motion_as_toml(motion: &FingerMotion) -> String {
+    let start = motion.centre(0.0);
+    let segments = motion.segments().iter().map(|Segment { seconds, acceleration: [x, y] }| {
+        format!("\n[[segment]]\nseconds = {seconds}\nacceleration = [{x}, {y}]\n")
+    });
+    format!("unit = \"m\"\nstart = [{}, {}]\n{}", start.x, start.y, segments.collect::<String>())
+}
+
+fn as_table(readings: &[Reading]) -> String {
+    let rows = readings
+        .iter()
+        .map(|Reading { t, force_finger, .. }| format!("{t:.6}, {:.6}, {:.6}\n", force_finger.x, force_finger.y));
+    "t [s], Fx [N], Fy [N]\n".to_owned() + &rows.collect::<String>()
 }
 
 /// Reads a file and understands it.
