@@ -24,8 +24,8 @@ use super::{not_negative, pose, static_demo};
 /// Times since the onset at which the host says what it knows, s; the end of the push comes last.
 const TIMES_S: [f64; 3] = [0.1, 0.2, 0.4];
 
-/// Largest factor of the noise: a part's force is then lost in it.
-const NOISE_MAX: f64 = 1000.0;
+/// Largest factor of the noise: a light part's force is lost in it, and a heavier calibration weight would bend the beam for good.
+const NOISE_MAX: f64 = 20.0;
 
 /// Shows the whole chain without hardware: a part is pushed, and the host names its pose from the force on the finger.
 ///
@@ -87,7 +87,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         )
     })?;
     let mut rig = Rig::start(arguments.seed, arguments.noise, line())?;
-    introduce(&rig, &part, &ranges);
+    introduce(&rig, &part, &ranges, CALIBRATION_FORCE_N * arguments.noise.max(1.0));
     let felt = rig.push(drawn.played.course())?;
     if let Some(folder) = &arguments.keep {
         arguments.keep_files(folder, &part, &ranges, &felt)?;
@@ -178,7 +178,7 @@ where
     parse(&text).into_diagnostic().wrap_err_with(cannot)
 }
 
-fn introduce(rig: &Rig, part: &Part, ranges: &Ranges) {
+fn introduce(rig: &Rig, part: &Part, ranges: &Ranges, force: f64) {
     say!(
         "A simulated finger runs the firmware at {}; the host opens it like any serial port.",
         rig.session().address()
@@ -186,7 +186,7 @@ fn introduce(rig: &Rig, part: &Part, ranges: &Ranges) {
     let worst = rig.fit().held_back().map_or_else(String::new, |held| {
         format!("; those held back are off by at most {:.2}°", held.worst_error.abs().to_degrees())
     });
-    say!("It was calibrated on {CALIBRATION_CONTACTS} contacts of {CALIBRATION_FORCE_N} N{worst}.");
+    say!("It was calibrated on {CALIBRATION_CONTACTS} contacts of {force} N{worst}.");
     let vertices: Vec<_> =
         part.polygon().vertices().iter().map(|v| format!("({:.0}, {:.0})", v.x * 1e3, v.y * 1e3)).collect();
     say!("The part, in mm: {}; µ {} on the table.", vertices.join(" "), ranges.mu);
