@@ -7,6 +7,8 @@
 //!
 //! Frames: world. Units: SI; costs of no dimension. Errors: none; unknowns that lead to no motion have no evaluation.
 
+use std::cell::Cell;
+
 use nalgebra::{Matrix4, SMatrix, SVector, Vector2, Vector4};
 
 use super::clock::{Clock, Fineness};
@@ -76,6 +78,8 @@ pub(super) struct Fitting<'a, 'p> {
     pub(super) rest_span: f64,
     /// By how much the walls are stiffer than [`WALL_GIVES`].
     pub(super) wall_stiffness: f64,
+    /// Counts simulations.
+    pub(super) simulations: &'a Cell<usize>,
 }
 
 /// A hypothesis.
@@ -152,14 +156,19 @@ impl<const N: usize> Sums<N> {
 
 impl<'a, 'p> Fitting<'a, 'p> {
     /// With steps of a fineness and starts from rest that leave out no more than `rest_error` rad.
-    pub(super) fn new(known: &'a Known<'p>, data: Data, prior: Prior, fineness: Fineness, rest_error: f64) -> Self {
-        let at_rest = known.finger.velocity0.iter().all(|v| *v == 0.0);
+    pub(super) fn new(
+        (known, data, prior): (&'a Known<'p>, Data, Prior),
+        fineness: Fineness,
+        rest_error: f64,
+        simulations: &'a Cell<usize>,
+    ) -> Self {
         let duration = data.duration();
         // The direction of the first move changes with the way gone, so angles err by its square.
-        let rest_span = if at_rest { rest_span(known, rest_error.sqrt()).min(0.5 * duration) } else { 0.0 };
+        let rest_span =
+            if known.starts_at_rest() { rest_span(known, rest_error.sqrt()).min(0.5 * duration) } else { 0.0 };
         let fineness = Fineness { on_values: data.angle.is_none(), ..fineness };
         let clock = Clock::new((data.dt, data.values), rest_span, fineness, |time| forgets(known, &data, time));
-        Self { known, data, prior, clock, rest_span, wall_stiffness: 1.0 }
+        Self { known, data, prior, clock, rest_span, wall_stiffness: 1.0, simulations }
     }
 
     /// The range of each unknown.
@@ -194,6 +203,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
     /// The cost alone, without derivatives.
     pub(super) fn cost(&self, candidate: &Candidate) -> Option<f64> {
         let Candidate { site, begin, unknowns } = candidate;
+        self.simulations.update(|count| count + 1);
         let launch = launch::<f64>(self.known, site, *begin, unknowns, self.rest_span)?;
         let mut cost = 0.0;
         let path = follow(self.known, site, &launch, &self.clock, |value, seen| {
@@ -208,6 +218,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
 
     fn evaluate_with<const N: usize>(&self, candidate: &Candidate) -> Option<Evaluation> {
         let Candidate { site, begin, unknowns } = candidate;
+        self.simulations.update(|count| count + 1);
         let launch = launch::<Jet<N>>(self.known, site, *begin, unknowns, self.rest_span)?;
         let mut sums = Sums::<N>::new();
         let path = follow(self.known, site, &launch, &self.clock, |value, seen| {
@@ -285,9 +296,8 @@ impl<'a, 'p> Fitting<'a, 'p> {
         let force = self.known.grip + FORCE_FLOOR;
         let units = [1.0, 1.0, force, force, 1.0];
         std::array::from_fn(|wall| {
-            let inside = !(margins[wall].re() < 0.0);
             let scale = WALL_GIVES[wall] * units[wall] / self.wall_stiffness;
-            if inside { T::from(0.0) } else { margins[wall] / scale }
+            if margins[wall].re() < 0.0 { margins[wall] / scale } else { T::from(0.0) }
         })
     }
 

@@ -25,6 +25,11 @@ pub struct Known<'p> {
 }
 
 impl<'p> Known<'p> {
+    /// Whether the finger is at rest at t = 0, and with it the part.
+    pub(super) fn starts_at_rest(&self) -> bool {
+        Vector2::from(self.finger.velocity0).norm_squared() <= 0.0
+    }
+
     /// The dynamics with one edge in contact.
     pub(super) fn model(&self, edge: Edge) -> PushModel<'p> {
         PushModel { part: self.part, edge, grip: self.grip, finger: self.finger }
@@ -134,6 +139,8 @@ pub struct Estimate {
     pub hypotheses: Vec<Hypothesis>,
     /// How well the best one fits.
     pub fit: Fit,
+    /// Forward simulations that it took, those with derivatives included.
+    pub simulations: usize,
 }
 
 /// Goodness of fit.

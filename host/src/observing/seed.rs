@@ -115,7 +115,7 @@ fn angles(known: &Known, data: &Data, begin: Begin) -> Option<Vec<f64>> {
 /// Whether the push lasts long enough for the part to settle.
 fn settles(known: &Known, data: &Data) -> bool {
     data.values > 2 && SETTLED_SHARE * SETTLING * forgets(known, data, 0.0) < data.duration()
-        || known.finger.velocity0 == [0.0; 2] && known.grip > 0.0
+        || known.starts_at_rest() && known.grip > 0.0
 }
 
 /// Places on a stretch of an edge, ends included.
@@ -147,8 +147,7 @@ struct Felt<'a, 'p> {
 impl<'a, 'p> Felt<'a, 'p> {
     fn new(fitting: &'a Fitting<'a, 'p>, angles: &[f64]) -> Self {
         let data = &fitting.data;
-        let at_rest = fitting.rest_span > 0.0;
-        let forgets = if at_rest { 0.0 } else { forgets(fitting.known, data, 0.0) };
+        let forgets = if fitting.known.starts_at_rest() { 0.0 } else { forgets(fitting.known, data, 0.0) };
         let from = (SETTLING * forgets).max(fitting.rest_span);
         let spacing = (data.duration() - from) / count(NODES - 1);
         let times: Vec<_> = (0..NODES).map(|i| from + spacing * count(i)).collect();
@@ -306,10 +305,8 @@ fn start_angles(fitting: &Fitting, angles: Option<&[f64]>) -> Vec<Local> {
     }
     let [low, high] = data.u0_range.unwrap_or_else(|| {
         // The finger pushes ahead of itself.
-        let [x, y] = [0, 1].map(|axis| {
-            let velocity = fitting.known.finger.velocity0;
-            if velocity == [0.0; 2] { fitting.known.finger.acceleration[axis] } else { velocity[axis] }
-        });
+        let finger = &fitting.known.finger;
+        let [x, y] = if fitting.known.starts_at_rest() { finger.acceleration } else { finger.velocity0 };
         let ahead = y.atan2(x);
         [ahead - 0.5 * TAU, ahead + 0.5 * TAU]
     });

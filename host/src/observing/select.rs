@@ -6,6 +6,7 @@
 //!
 //! Units: costs of no dimension. Errors: none.
 
+use std::cell::Cell;
 use std::f64::consts::TAU;
 
 use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix4, Vector2};
@@ -94,6 +95,7 @@ pub fn estimate(known: &Known, observation: &Observation) -> Estimate {
         data: Data::new(observation),
         sites: sites(known.part, known.finger.radius),
         begins: Begin::all(known),
+        simulations: Cell::new(0),
     };
     let mut minima = task.minima(Width::Narrow);
     let fits = |minima: &[Descent]| {
@@ -106,10 +108,11 @@ pub fn estimate(known: &Known, observation: &Observation) -> Estimate {
     }
     let found = task.conclude(minima);
     // A good fit to coarse data may be none to exact ones.
-    match (found.hypotheses.is_empty(), searched) {
+    let found = match (found.hypotheses.is_empty(), searched) {
         (true, Width::Narrow) => task.conclude(task.minima(Width::Wide)),
         _ => found,
-    }
+    };
+    Estimate { simulations: task.simulations.get(), ..found }
 }
 
 /// What all steps of an estimate need.
@@ -119,9 +122,10 @@ struct Task<'a, 'p> {
     data: Data,
     sites: Vec<Site>,
     begins: Vec<Begin>,
+    simulations: Cell<usize>,
 }
 
-impl<'a, 'p> Task<'a, 'p> {
+impl<'p> Task<'_, 'p> {
     /// The minima of the cost at the standard deviation to begin with.
     fn minima(&self, width: Width) -> Vec<Descent> {
         let fitting = self.fitting(self.data.sigma_min().max(SIGMA_FIRST), 1.0);
@@ -130,11 +134,12 @@ impl<'a, 'p> Task<'a, 'p> {
     }
 
     /// With angles of at least a standard deviation and steps fine enough for it, or finer by a factor.
-    fn fitting(&self, sigma: f64, factor: f64) -> Fitting<'a, 'p> {
+    fn fitting(&self, sigma: f64, factor: f64) -> Fitting<'_, 'p> {
         let share = factor * (SHARE * (sigma / SIGMA_OF_SHARE).powf(0.25)).min(SHARE_MAX);
         let fineness = Fineness { share, on_values: false };
         let data = self.data.with_sigma_floor(sigma);
-        Fitting::new(self.known, data, self.observation.prior, fineness, REST_ERROR * factor * sigma)
+        let prior = self.observation.prior;
+        Fitting::new((self.known, data, prior), fineness, REST_ERROR * factor * sigma, &self.simulations)
     }
 
     /// Follows minima to the data as they are, and judges them.
@@ -249,7 +254,7 @@ fn judge_all(fitting: &Fitting, descents: &[Descent], begins: usize) -> Estimate
     let degrees_of_freedom = possible.first().map_or(fitting.data.terms(), degrees);
     let fit = Fit { cost, degrees_of_freedom, cost_max: chi_square_quantile(FIT_PROBABILITY, degrees_of_freedom) };
     let Some(best) = cost.filter(|cost| *cost <= fit.cost_max.max(COST_OF_NO_DATA)) else {
-        return Estimate { hypotheses: Vec::new(), fit };
+        return Estimate { hypotheses: Vec::new(), fit, simulations: 0 };
     };
     possible.retain(|descent| descent.evaluation.cost <= best + GATE);
     let mut judged: Vec<Judged> = Vec::new();
@@ -259,7 +264,7 @@ fn judge_all(fitting: &Fitting, descents: &[Descent], begins: usize) -> Estimate
             judged.push(next);
         }
     }
-    Estimate { hypotheses: by_probability(judged), fit }
+    Estimate { hypotheses: by_probability(judged), fit, simulations: 0 }
 }
 
 /// A cost that counts as none where there are no more data than unknowns: what steps and walls leave.

@@ -16,12 +16,26 @@ use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
 /// The experiments, in the order of the thesis.
-pub const EXPERIMENTS: &[Experiment] = &[Experiment {
-    name: "pose",
-    title: "pose of a pushed part from contact angles, edge unknown: how often it is named",
-    cases: 200,
-    run: pose::run,
-}];
+pub const EXPERIMENTS: &[Experiment] = &[
+    Experiment {
+        name: "pose",
+        title: "pose of a pushed part from contact angles, edge unknown: how often it is named",
+        cases: 200,
+        run: pose::pose,
+    },
+    Experiment {
+        name: "pose-friction",
+        title: "the same where the contact slides, or rolls and slides",
+        cases: 100,
+        run: pose::pose_friction,
+    },
+    Experiment {
+        name: "force",
+        title: "pose of a pushed part from the direction of the force alone",
+        cases: 100,
+        run: pose::force,
+    },
+];
 
 /// An experiment that `palpate tables` can run.
 #[derive(Clone, Copy, Debug)]
