@@ -49,6 +49,12 @@ const ANGLE_STEP: f64 = 0.035;
 /// Rates at t = 0 that are tried in a wide search, from the settled one (0) to the mean of the first moments (1) and beyond.
 const OMEGA_SHARES: [f64; 4] = [0.0, 1.0, 2.0, 3.5];
 
+/// Rates at t = 0 that are tried in a wide search where the angles are not known, in standard deviations of the prior.
+const OMEGA_SIGMAS: [f64; 7] = [-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0];
+
+/// Those where there is no prior, rad/s.
+const OMEGA_USUAL: f64 = 1.0;
+
 /// Velocities along the contact that are tried beside the settled one, in finger speeds.
 const ALONG: [f64; 4] = [-0.6, -0.2, 0.2, 0.6];
 
@@ -346,11 +352,13 @@ fn tries(fitting: &Fitting, model: &PushModel, begin: Begin, (start, s): (&Local
     let settles = settles(known, &fitting.data);
     let from = settled.filter(|_| settles).unwrap_or(felt);
     let angle_known = angles(known, &fitting.data, begin).is_some();
-    let omegas = match (width, angle_known) {
-        (Width::Wide, true) => {
-            OMEGA_SHARES.iter().map(|share| from.omega + share * (felt.omega - from.omega)).collect()
-        }
-        _ => vec![from.omega],
+    let toward_felt = |share: &f64| from.omega + share * (felt.omega - from.omega);
+    let sigma = fitting.prior.omega0_sigma.unwrap_or(OMEGA_USUAL);
+    let omegas: Vec<f64> = match (width, angle_known) {
+        (Width::Narrow, true) => vec![from.omega],
+        (Width::Wide, true) => OMEGA_SHARES.iter().map(toward_felt).collect(),
+        (Width::Narrow, false) => vec![from.omega, 0.0, -from.omega],
+        (Width::Wide, false) => OMEGA_SIGMAS.iter().map(|share| share * sigma).chain([from.omega]).collect(),
     };
     let mut tried = Vec::new();
     for omega in omegas {
