@@ -61,7 +61,7 @@ pub enum Touch {
 /// Values of one kind, one each `dt`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
-    /// At 0, dt, 2 dt, …; at least one.
+    /// At 0, dt, 2 dt, …; at least one. NaN for one that is missing.
     pub values: Vec<f64>,
     /// Standard deviation of one, above 0.
     pub sigma: f64,

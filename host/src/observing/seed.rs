@@ -239,7 +239,7 @@ impl<'a, 'p> Felt<'a, 'p> {
         let omega = near.omega + FIRST_EXCESS * (self.first.rate - near.omega);
         let near = State { omega, ..near };
         let along = along_contact(known, model, begin, &near).into_iter();
-        along.map(|along| Candidate { site: *site, begin, unknowns: [start.u, s, omega, along] }).collect()
+        along.map(|along| Candidate { site: *site, begin, unknowns: [start.u, s, omega, along], past: None }).collect()
     }
 }
 
@@ -331,7 +331,7 @@ fn grid_seeds(fitting: &Fitting, site: &Site, begin: Begin, (starts, width): (&[
         let tried = places.iter().map(|&s| {
             let unknowns = tries(fitting, &model, begin, (start, s), width);
             let costs = unknowns.into_iter().filter_map(|unknowns| {
-                let candidate = Candidate { site: *site, begin, unknowns };
+                let candidate = Candidate { site: *site, begin, unknowns, past: None };
                 Some((fitting.cost(&candidate)?, Some(candidate)))
             });
             costs.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, None))

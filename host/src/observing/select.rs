@@ -50,7 +50,7 @@ const SHARE_MAX: f64 = 1.0;
 const STEP_ERROR: f64 = 1e-3;
 
 /// Error of angles after a start from rest, in standard deviations.
-const REST_ERROR: f64 = 0.05;
+pub(super) const REST_ERROR: f64 = 0.05;
 
 /// Steps are halved at most so often, as long as costs change by more than [`ROUGH`].
 const FINER_MAX: i32 = 3;
@@ -66,7 +66,7 @@ const PROMISE_NONE: f64 = 1e-3;
 /// A descent is given up when its cost less this many times its promise is beyond the gate by [`SLACK`].
 const PROMISES: f64 = 3.0;
 /// See [`PROMISES`].
-const SLACK: f64 = 24.0;
+pub(super) const SLACK: f64 = 24.0;
 /// Rounds before any descent is given up.
 const ROUNDS_MIN: usize = 2;
 
@@ -115,6 +115,12 @@ pub fn estimate(known: &Known, observation: &Observation) -> Estimate {
     Estimate { simulations: task.simulations.get(), ..found }
 }
 
+/// Steps fine enough for a standard deviation (rad), or finer by a factor.
+pub(super) fn fineness(sigma: f64, factor: f64) -> Fineness {
+    let share = factor * (SHARE * (sigma / SIGMA_OF_SHARE).powf(0.25)).min(SHARE_MAX);
+    Fineness { share, on_values: false }
+}
+
 /// What all steps of an estimate need.
 struct Task<'a, 'p> {
     known: &'a Known<'p>,
@@ -135,11 +141,9 @@ impl<'p> Task<'_, 'p> {
 
     /// With angles of at least a standard deviation and steps fine enough for it, or finer by a factor.
     fn fitting(&self, sigma: f64, factor: f64) -> Fitting<'_, 'p> {
-        let share = factor * (SHARE * (sigma / SIGMA_OF_SHARE).powf(0.25)).min(SHARE_MAX);
-        let fineness = Fineness { share, on_values: false };
         let data = self.data.with_sigma_floor(sigma);
         let prior = self.observation.prior;
-        Fitting::new((self.known, data, prior), fineness, REST_ERROR * factor * sigma, &self.simulations)
+        Fitting::new((self.known, data, prior), fineness(sigma, factor), REST_ERROR * factor * sigma, &self.simulations)
     }
 
     /// Follows minima to the data as they are, and judges them.
@@ -180,7 +184,7 @@ fn polished(finer: &Fitting, descent: &Descent) -> Option<Descent> {
 }
 
 /// Takes all candidates down, and gives up those that cannot come near the best.
-fn descend_together(fitting: &Fitting, candidates: &[Candidate]) -> Vec<Descent> {
+pub(super) fn descend_together(fitting: &Fitting, candidates: &[Candidate]) -> Vec<Descent> {
     let mut alive: Vec<_> = candidates.iter().filter_map(|candidate| fitting.descend(*candidate)).collect();
     let mut over: Vec<Descent> = Vec::new();
     for round in 0..ROUNDS_MAX {
@@ -207,7 +211,7 @@ fn descend_together(fitting: &Fitting, candidates: &[Candidate]) -> Vec<Descent>
 }
 
 /// Keeps the lowest of descents that have met.
-fn merge_met(descents: &mut Vec<Descent>) {
+pub(super) fn merge_met(descents: &mut Vec<Descent>) {
     descents.sort_by(|a, b| a.evaluation.total().total_cmp(&b.evaluation.total()));
     let mut kept: Vec<Descent> = Vec::new();
     for descent in descents.drain(..) {
@@ -242,13 +246,12 @@ fn onto_walls(fitting: &Fitting, descent: &Descent) -> Option<Descent> {
 }
 
 /// Judges the minima.
-fn judge_all(fitting: &Fitting, descents: &[Descent], begins: usize) -> Estimate {
+pub(super) fn judge_all(fitting: &Fitting, descents: &[Descent], begins: usize) -> Estimate {
     let mut possible: Vec<_> = descents.iter().filter_map(|descent| onto_walls(fitting, descent)).collect();
     possible.sort_by(|a, b| a.evaluation.cost.total_cmp(&b.evaluation.cost));
     let degrees = |descent: &Descent| {
-        let begin = descent.candidate.begin;
         let unknowns = fitting.free(descent).iter().filter(|free| **free).count();
-        (fitting.data.terms() + fitting.prior_terms(begin)).saturating_sub(unknowns)
+        (fitting.data.terms() + fitting.prior_terms(&descent.candidate)).saturating_sub(unknowns)
     };
     let cost = possible.first().map(|best| best.evaluation.cost);
     let degrees_of_freedom = possible.first().map_or(fitting.data.terms(), degrees);
