@@ -17,7 +17,7 @@
 //!
 //! In reading order: [`Known`], [`Observation`], [`Estimate`] (`observation`); `data`; `sites`: where the disk can touch; `launch`:
 //! how a push can begin; `clock`, `path`: simulation; `fit`; `manifold`, `seed`; `select`: the judgement; `planning`: what to do
-//! next.
+//! next; `which_part`: several parts.
 //!
 //! The thesis's own observers are beside it: [`Gho`], with one for each edge in [`observe_gho`]; and [`RestingPush`], the pose
 //! before a push from rest, with [`Table`], looked up instead of simulated.
@@ -39,9 +39,11 @@ pub mod planning;
 mod seed;
 mod select;
 mod sites;
+mod which_part;
 
 pub use gho::{Gho, GhoSettings};
 pub use gho_bank::{Felt, GhoRun, observe_gho};
 pub use initial_pose::{InitialPoseError, Object, RestingPose, RestingPoses, RestingPush, Table, TimedContact};
 pub use observation::{Channel, Estimate, Fit, Hypothesis, Known, Measured, Observation, Prior, Touch};
 pub use select::estimate;
+pub use which_part::{PartEstimate, Weight, log_evidence, ranked, which_part};

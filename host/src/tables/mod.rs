@@ -9,6 +9,8 @@
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
 
 mod chain;
+mod parts;
+mod plan;
 mod pose;
 pub mod random;
 mod rolling;
@@ -19,8 +21,15 @@ use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
 /// The experiments, in the order of the thesis.
-pub const EXPERIMENTS: &[Experiment] =
-    &[pose::EXPERIMENT, chain::EXPERIMENT, rolling::ATTITUDE, rolling::SEMI_AXES, rolling::WHICH];
+pub const EXPERIMENTS: &[Experiment] = &[
+    pose::EXPERIMENT,
+    plan::EXPERIMENT,
+    parts::EXPERIMENT,
+    chain::EXPERIMENT,
+    rolling::ATTITUDE,
+    rolling::SEMI_AXES,
+    rolling::WHICH,
+];
 
 /// An experiment that `palpate tables` can run.
 #[derive(Clone, Copy, Debug)]
