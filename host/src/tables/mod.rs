@@ -12,6 +12,8 @@ pub(crate) mod chain;
 mod gho;
 mod initial_pose;
 mod inscription;
+mod parts;
+mod plan;
 mod pose;
 pub mod random;
 mod rolling;
@@ -39,6 +41,8 @@ pub const EXPERIMENTS: &[Experiment] = &[
     initial_pose::FRICTION,
     pose::EXPERIMENT,
     chain::EXPERIMENT,
+    plan::EXPERIMENT,
+    parts::EXPERIMENT,
     rolling::ATTITUDE,
     rolling::SEMI_AXES,
     rolling::WHICH,
