@@ -11,10 +11,32 @@ mod world;
 
 use crate::observing::{Hypothesis, estimate};
 
-use self::world::{Case, Kind};
-use super::{Cell, Experiment, Settings, Table};
 use self::world::{Case, Kind, Sense, Setting};
-use super::{Cell, Settings, Table};
+use super::{Cell, Experiment, Settings, Table};
+
+/// The table `pose`.
+pub(super) const CONTACTS: Experiment = Experiment {
+    name: "pose",
+    title: "pose of a pushed part from contact angles, edge unknown: how often it is named",
+    cases: 200,
+    run: pose,
+};
+
+/// The table `pose-friction`.
+pub(super) const FRICTION: Experiment = Experiment {
+    name: "pose-friction",
+    title: "the same where the contact slides, or rolls and slides",
+    cases: 100,
+    run: pose_friction,
+};
+
+/// The table `force`.
+pub(super) const FORCES: Experiment = Experiment {
+    name: "force",
+    title: "pose of a pushed part from the direction of the force alone",
+    cases: 100,
+    run: force,
+};
 
 /// rad: 0.5° each 0.5 ms, averaged over 10 ms.
 const SIGMA_RAD: f64 = 0.112 / 180.0 * std::f64::consts::PI;
@@ -78,24 +100,16 @@ struct Outcome {
     sign: bool,
 }
 
-/// The table `pose`.
-pub(super) const EXPERIMENT: Experiment = Experiment {
-    name: "pose",
-    title: "pose of a pushed part from contact angles, edge unknown: how often it is named",
-    cases: 200,
-    run,
-};
-
-/// Runs it.
-fn run(settings: &Settings) -> Table {
 /// Contacts without friction or without slip: the thesis's.
-pub(super) fn pose(settings: &Settings) -> Table {
+fn pose(settings: &Settings) -> Table {
     of_angles(settings, POSE)
 }
+
 /// Contacts that slide, and that roll or slide.
-pub(super) fn pose_friction(settings: &Settings) -> Table {
+fn pose_friction(settings: &Settings) -> Table {
     of_angles(settings, POSE_FRICTION)
 }
+
 fn of_angles(settings: &Settings, rows: Rows) -> Table {
     let mut table = Table::new([
         "contact",
@@ -125,7 +139,7 @@ fn of_angles(settings: &Settings, rows: Rows) -> Table {
 }
 
 /// Force instead of angle.
-pub(super) fn force(settings: &Settings) -> Table {
+fn force(settings: &Settings) -> Table {
     let mut table = Table::new(["felt", "cases", "first right", "truth in set", "sign right", "mean set"]);
     table.definitions = vec![
         PUSHES.to_owned(),
