@@ -34,7 +34,7 @@ use crate::tables::random::Draw;
 /// Radius of the default finger's disk, m.
 pub const RADIUS_M: f64 = 0.015;
 
-/// Force of the calibration weight, N.
+/// Force of the calibration weight, N. A noisier finger takes one as many times heavier, or its directions would be refused.
 pub const CALIBRATION_FORCE_N: f64 = 2.0;
 
 /// Contacts that the finger is calibrated on, evenly round the disk.
@@ -58,6 +58,15 @@ pub struct Rig {
     hand: Arc<SimulatedDevice>,
     session: Session,
     fit: Fit,
+}
+
+/// A push as the host felt it.
+#[derive(Clone, Debug)]
+pub struct FeltPush {
+    /// What it makes of it.
+    pub sense: PushSense,
+    /// Every reading, those at rest before included.
+    pub readings: Vec<Reading>,
 }
 
 /// Why the chain broke.
@@ -97,7 +106,7 @@ impl Rig {
         let config = Config { seed, finger: finger(noise), pace: Pace::AsRead, line, ..Config::default() };
         let hand = Arc::new(SimulatedDevice::start(config)?);
         let mut session = Session::open_simulated(Arc::clone(&hand), Options::default())?;
-        let fit = calibrate(&mut session, &hand)?;
+        let fit = calibrate(&mut session, &hand, CALIBRATION_FORCE_N * noise.max(1.0))?;
         Ok(Self { hand, session, fit })
     }
 
@@ -117,26 +126,28 @@ impl Rig {
     ///
     /// # Errors
     /// [`RigError`].
-    pub fn push(&mut self, course: ForceCourse) -> Result<PushSense, RigError> {
-        let rest = self.rest_noise()?;
+    pub fn push(&mut self, course: ForceCourse) -> Result<FeltPush, RigError> {
+        let (rest, mut readings) = self.rest_noise()?;
         let mut sense = PushSense::new(rest, Some(&self.fit.calibration));
         let duration = course.duration_s();
         let begun_s = self.hand.set_course(course)?.truth.time_ns as f64 * 1e-9;
-        for reading in self.readings_until(begun_s + duration + AFTER_S)? {
-            sense.push(&reading);
-        }
-        Ok(sense)
+        let push = self.readings_until(begun_s + duration + AFTER_S)?;
+        push.iter().for_each(|reading| sense.push(reading));
+        readings.extend(push);
+        Ok(FeltPush { sense, readings })
     }
 
     /// Bias and noise; a stretch that is refused is taken again, as a person would.
-    fn rest_noise(&mut self) -> Result<RestNoise, RigError> {
+    fn rest_noise(&mut self) -> Result<(RestNoise, Vec<Reading>), RigError> {
         for _ in 1..REST_TRIES {
-            match RestNoise::estimate(&self.rest()?) {
-                Ok(rest) => return Ok(rest),
+            let readings = self.rest()?;
+            match RestNoise::estimate(&readings) {
+                Ok(rest) => return Ok((rest, readings)),
                 Err(refused) => tracing::warn!(%refused, "the tare is taken again"),
             }
         }
-        RestNoise::estimate(&self.rest()?).map_err(RigError::Rest)
+        let readings = self.rest()?;
+        Ok((RestNoise::estimate(&readings)?, readings))
     }
 
     fn rest(&mut self) -> Result<Vec<Reading>, RigError> {
@@ -178,17 +189,17 @@ fn finger(noise: f64) -> FingerConfig {
     }
 }
 
-/// Calibrates a simulated finger with the default weight, all round its disk.
+/// Calibrates a simulated finger with a weight of so many newtons, all round its disk.
 ///
 /// # Errors
 /// [`RigError`].
-pub fn calibrate(session: &mut Session, hand: &SimulatedDevice) -> Result<Fit, RigError> {
-    let load = calibration::Load::Newtons(CALIBRATION_FORCE_N);
+pub fn calibrate(session: &mut Session, hand: &SimulatedDevice, force: f64) -> Result<Fit, RigError> {
+    let load = calibration::Load::Newtons(force);
     let plan = Plan::all_round(CALIBRATION_CONTACTS, load, TareMode::Each);
     let front_end = live::front_end(session.hello()).map_err(LiveError::from)?;
     let settings = plan.dwell_settings(front_end, f64::from(session.hello().rate_hz))?;
     let mut run = calibration::session::Session::new(plan.steps(), settings);
-    let mut bench = SimulatedBench::new(hand, CALIBRATION_FORCE_N, |_, _| ());
+    let mut bench = SimulatedBench::new(hand, force, |_, _| ());
     calibration::session::run(&mut run, &mut LinkSource::new(session), &mut bench)?;
     Ok(calibration::fit(&calibration::session::measurements(run.taken()), &plan.fit_settings(&front_end))?)
 }

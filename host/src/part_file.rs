@@ -158,6 +158,9 @@ pub enum PartFileError {
         /// What is there.
         what: &'static str,
     },
+    /// An ellipse where edges are needed.
+    #[error("the part is an ellipse, and this works on polygons only: describe it by `vertices`")]
+    NotAPolygon,
     /// A semi-axis that cannot be.
     #[error("ellipse: {key} = {value:?} must be finite and above 0")]
     SemiAxis {
@@ -232,6 +235,33 @@ impl PartFile {
             (Some(_), Some(_)) => return Err(PartFileError::OneOutline { what: "two outlines" }),
         };
         Ok(Self { part, mu, mu_c, unit: keys.unit })
+    }
+}
+
+/// A described part that is a polygon: for what is made for edges.
+#[derive(Clone, Debug)]
+pub struct PolygonFile {
+    /// Outline, support and mass.
+    pub part: Part,
+    /// µ between part and table.
+    pub mu: f64,
+    /// µ_c between part and finger, if the file says.
+    pub mu_c: Option<f64>,
+    /// The unit in which the person thinks.
+    pub unit: Unit,
+}
+
+impl PolygonFile {
+    /// Reads the text of a file.
+    ///
+    /// # Errors
+    /// [`PartFileError`], also for an elliptic part.
+    pub fn parse(text: &str) -> Result<Self, PartFileError> {
+        let PartFile { part, mu, mu_c, unit } = PartFile::parse(text)?;
+        match part {
+            DescribedPart::Polygon(part) => Ok(Self { part, mu, mu_c, unit }),
+            DescribedPart::Ellipse { .. } => Err(PartFileError::NotAPolygon),
+        }
     }
 }
 
@@ -356,6 +386,8 @@ mod tests {
         assert!((part.body().inertia_per_mass() / (0.05_f64.powi(2) / 4.0) - 1.0).abs() < ROUNDING);
         let on_it = |p: &Point2<f64>| ((p.x / 0.04).hypot(p.y / 0.03) - 1.0).abs() < ROUNDING;
         assert!(part.outline().iter().all(on_it) && part.polygon().is_none());
+        let refused = PolygonFile::parse("unit = 'mm'\nellipse = {a = 40, b = 30}\nmu = 0.3").unwrap_err();
+        assert_eq!(refused, PartFileError::NotAPolygon);
     }
 
     #[test]

@@ -192,8 +192,11 @@ fn what_cannot_be_used_is_named_with_the_reason() {
 }
 
 #[test]
-fn the_demo_reveals_the_truth_and_how_far_it_was_off() {
-    let output = palpate(&["demo", "--seed", "3", "--part"]).arg(example("part.toml")).output().unwrap();
+fn the_demo_reveals_the_truth_and_what_it_keeps_says_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let (part, kept) = (example("part.toml"), folder.path().join("kept"));
+    let mut demo = palpate(&["demo", "--seed", "3", "--part"]);
+    let output = demo.arg(&part).arg("--keep").arg(&kept).output().unwrap();
     let said = text(&output.stdout);
     assert!(output.status.success(), "{said}{}", text(&output.stderr));
     let off = said
@@ -203,6 +206,14 @@ fn the_demo_reveals_the_truth_and_how_far_it_was_off() {
     let millimetres: f64 = off.split(' ').next().unwrap().parse().unwrap();
     assert!(millimetres < POSE_ERROR.0 * 1e3, "{said}");
     assert!(said.contains("One pose explains what was felt") && said.contains("Nothing here was measured"), "{said}");
+
+    let mut again = palpate(&["observe", "--json", "--part"]);
+    let again = again.arg(kept.join("part.toml")).arg("--motion").arg(kept.join("motion.toml"));
+    let answer = last_answer(&again.arg(kept.join("forces.csv")).output().unwrap());
+    let mass = answer["hypotheses"][0]["mass"].as_f64().unwrap();
+    let truth = said.lines().find(|line| line.starts_with("The truth")).unwrap();
+    let wanted: f64 = truth.split("°; ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+    assert!((mass / wanted - 1.0).abs() < 0.02, "{mass} kg, {wanted} wanted");
 }
 
 #[test]

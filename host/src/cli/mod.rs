@@ -12,12 +12,14 @@ mod corner;
 mod demo;
 mod device;
 mod diagnose;
+mod felt_push;
 mod info;
 mod inscribe;
 mod latency;
 mod monitor;
 mod observe;
 mod palm;
+mod plan_push;
 mod plot;
 mod ports;
 mod pose;
@@ -28,6 +30,7 @@ mod simulate_device;
 mod solve;
 mod static_demo;
 mod tables;
+mod which_part;
 
 use std::io::Write as _;
 use std::process::ExitCode;
@@ -56,6 +59,8 @@ enum Command {
     Calibrate(calibrate::Arguments),
     Monitor(monitor::Arguments),
     Observe(observe::Arguments),
+    PlanPush(plan_push::Arguments),
+    WhichPart(which_part::Arguments),
     Contact(contact::Arguments),
     Push(push::Arguments),
     Inscribe(inscribe::Arguments),
@@ -87,6 +92,8 @@ pub(crate) fn run() -> ExitCode {
         Command::Calibrate(arguments) => calibrate::run(&arguments),
         Command::Monitor(arguments) => monitor::run(&arguments),
         Command::Observe(arguments) => observe::run(&arguments),
+        Command::PlanPush(arguments) => plan_push::run(&arguments),
+        Command::WhichPart(arguments) => which_part::run(&arguments),
         Command::Contact(arguments) => contact::run(&arguments),
         Command::Push(arguments) => push::run(&arguments),
         Command::Inscribe(arguments) => inscribe::run(&arguments),

@@ -9,11 +9,13 @@
 //! - `exact`: all poses for any number of exact lines ([`poses`]), or why there is a continuum of them.
 //! - `noise`: bearings with errors, all modes with their covariances ([`estimate`]); `chi_square`: its gate.
 //! - `quality`: how well lines hold a pose, and which poses of a symmetric part look the same;
-//! - `planner`: where to take another view.
+//! - `planner`: where to take another view;
+//! - `boundary`: piecewise smooth outlines by their support function.
 //!
 //! Pure. Frames: world, and the part's own. Units: m, rad. Errors: impossible readings only; "no pose" and "not determined" are
 //! answers.
 
+mod boundary;
 mod chi_square;
 mod exact;
 mod noise;
@@ -22,6 +24,7 @@ mod quality;
 mod readings;
 mod triple;
 
+pub use boundary::{Boundary, Ellipse, Rounded, boundary_poses};
 pub use chi_square::chi_square_quantile;
 pub use exact::{Continuum, Inscription, MISS_MAX_RELATIVE, Pose, determined, misses, nearest_misses, poses};
 pub use noise::{Estimate, FENCE_SD_RELATIVE, GATE, Mode, NoisyReadings, estimate, view};

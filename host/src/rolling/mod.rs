@@ -10,6 +10,7 @@
 
 pub mod body;
 pub mod flow;
+pub mod gho;
 pub mod mechanics;
 pub mod observability;
 pub mod observer;
@@ -21,6 +22,7 @@ pub mod tracker;
 
 pub use body::{Body, BodyError};
 pub use flow::{Columns, STATE_COLUMNS, Tangent};
+pub use gho::Gho;
 pub use mechanics::{Model, Rates, Spin, State, felt};
 pub use observability::{Inputs, Observability, SufficientCondition, observability};
 pub use observer::{BodyKnowledge, Estimate, Hypothesis, Noise, ObserveError, PalmKnowledge, Question, Verdict};

@@ -12,6 +12,8 @@ pub(crate) mod chain;
 mod gho;
 mod initial_pose;
 mod inscription;
+mod parts;
+mod plan;
 mod pose;
 pub mod random;
 mod rolling;
@@ -37,11 +39,16 @@ pub const EXPERIMENTS: &[Experiment] = &[
     gho::SIDE_BY_SIDE,
     initial_pose::FRICTIONLESS,
     initial_pose::FRICTION,
-    pose::EXPERIMENT,
+    pose::CONTACTS,
+    pose::FRICTION,
+    pose::FORCES,
     chain::EXPERIMENT,
+    plan::EXPERIMENT,
+    parts::EXPERIMENT,
     rolling::ATTITUDE,
     rolling::SEMI_AXES,
     rolling::WHICH,
+    rolling::GHO,
 ];
 
 /// An experiment that `palpate tables` can run.

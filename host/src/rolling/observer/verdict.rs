@@ -38,6 +38,9 @@ const WEAK_RAD: f64 = 0.02;
 /// Minima nearer than this are one: rad; or nearer than a standard deviation of their own.
 const SAME_RAD: f64 = 0.01;
 
+/// Continua whose contacts' normals are nearer than this are one, rad.
+const SAME_NORMAL_RAD: f64 = 0.1;
+
 /// How much more angular velocities of one minimum may differ, 1/s over rad.
 const SAME_TURNING: f64 = 3.0;
 
@@ -243,8 +246,8 @@ impl Solution {
         if !same_model {
             return false;
         }
-        if self.unobservable() && other.unobservable() && (self.fit.cost - other.fit.cost).abs() < 1.0 {
-            return true;
+        if self.unobservable() && other.unobservable() {
+            return self.normal_angle(other) < SAME_NORMAL_RAD;
         }
         let sigma = self.attitude_sigma().unwrap_or(0.0);
         let [a, b] = [self, other].map(|solution| solution.fit.point.state.attitude());
@@ -256,6 +259,13 @@ impl Solution {
         // A sphere's spin cannot be seen.
         let seen = if self.symmetry() == Symmetry::Sphere { Vector3::new(1.0, 1.0, 0.0) } else { Vector3::repeat(1.0) };
         near && (v - w).component_mul(&seen).norm() < SAME_RAD.max(sigma) * SAME_TURNING * (1.0 + v.norm())
+    }
+
+    /// The angle between the contacts' normals, modulo symmetry: what a continuum of headings and spins has in common.
+    fn normal_angle(&self, other: &Self) -> f64 {
+        let [a, b] = [self, other].map(|solution| solution.fit.point.state.normal());
+        let apart = |turn: UnitQuaternion<f64>| a.angle(&(turn * b));
+        self.symmetry().turns().into_iter().map(apart).fold(f64::INFINITY, f64::min)
     }
 
     /// The angle between attitudes of unknown ellipsoids, whose axes may be named in another order.
