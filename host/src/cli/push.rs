@@ -188,7 +188,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     print(&text)
 }
 
-pub(super) fn read(path: &Path) -> miette::Result<PartFile> {
+fn read(path: &Path) -> miette::Result<PartFile> {
     let cannot = || format!("cannot use the part file {}", path.display());
     let text = fs::read_to_string(path).into_diagnostic().wrap_err_with(cannot)?;
     PartFile::parse(&text).into_diagnostic().wrap_err_with(cannot)
