@@ -34,7 +34,7 @@ use crate::tables::random::Draw;
 /// Radius of the default finger's disk, m.
 pub const RADIUS_M: f64 = 0.015;
 
-/// Force of the calibration weight, N.
+/// Force of the calibration weight, N. A noisier finger takes one as many times heavier, or its directions would be refused.
 pub const CALIBRATION_FORCE_N: f64 = 2.0;
 
 /// Contacts that the finger is calibrated on, evenly round the disk.
@@ -46,6 +46,9 @@ const REST_S: f64 = 2.0;
 /// Time after a released finger has rung out, s: by 1/e in 43 ms.
 const SETTLE_S: f64 = 0.5;
 
+/// Stretches at rest that may be refused before a push is given up: one is chance.
+const REST_TRIES: u32 = 3;
+
 /// Time after a push until nothing of it is on its way any more, s.
 const AFTER_S: f64 = 0.1;
 
@@ -55,6 +58,15 @@ pub struct Rig {
     hand: Arc<SimulatedDevice>,
     session: Session,
     fit: Fit,
+}
+
+/// A push as the host felt it.
+#[derive(Clone, Debug)]
+pub struct FeltPush {
+    /// What it makes of it.
+    pub sense: PushSense,
+    /// Every reading, those at rest before included.
+    pub readings: Vec<Reading>,
 }
 
 /// Why the chain broke.
@@ -81,7 +93,7 @@ pub enum RigError {
     #[error("the simulated finger's calibration does not fit")]
     Fit(#[from] FitError),
     /// The finger was not at rest before the push.
-    #[error("the simulated finger is not at rest")]
+    #[error("the simulated finger was refused as not at rest {REST_TRIES} times, at last because {0}")]
     Rest(#[from] TareError),
 }
 
@@ -94,7 +106,7 @@ impl Rig {
         let config = Config { seed, finger: finger(noise), pace: Pace::AsRead, line, ..Config::default() };
         let hand = Arc::new(SimulatedDevice::start(config)?);
         let mut session = Session::open_simulated(Arc::clone(&hand), Options::default())?;
-        let fit = calibrate(&mut session, &hand)?;
+        let fit = calibrate(&mut session, &hand, CALIBRATION_FORCE_N * noise.max(1.0))?;
         Ok(Self { hand, session, fit })
     }
 
@@ -114,15 +126,28 @@ impl Rig {
     ///
     /// # Errors
     /// [`RigError`].
-    pub fn push(&mut self, course: ForceCourse) -> Result<PushSense, RigError> {
-        let rest = RestNoise::estimate(&self.rest()?)?;
+    pub fn push(&mut self, course: ForceCourse) -> Result<FeltPush, RigError> {
+        let (rest, mut readings) = self.rest_noise()?;
         let mut sense = PushSense::new(rest, Some(&self.fit.calibration));
         let duration = course.duration_s();
         let begun_s = self.hand.set_course(course)?.truth.time_ns as f64 * 1e-9;
-        for reading in self.readings_until(begun_s + duration + AFTER_S)? {
-            sense.push(&reading);
+        let push = self.readings_until(begun_s + duration + AFTER_S)?;
+        push.iter().for_each(|reading| sense.push(reading));
+        readings.extend(push);
+        Ok(FeltPush { sense, readings })
+    }
+
+    /// Bias and noise; a stretch that is refused is taken again, as a person would.
+    fn rest_noise(&mut self) -> Result<(RestNoise, Vec<Reading>), RigError> {
+        for _ in 1..REST_TRIES {
+            let readings = self.rest()?;
+            match RestNoise::estimate(&readings) {
+                Ok(rest) => return Ok((rest, readings)),
+                Err(refused) => tracing::warn!(%refused, "the tare is taken again"),
+            }
         }
-        Ok(sense)
+        let readings = self.rest()?;
+        Ok((RestNoise::estimate(&readings)?, readings))
     }
 
     fn rest(&mut self) -> Result<Vec<Reading>, RigError> {
@@ -164,17 +189,17 @@ fn finger(noise: f64) -> FingerConfig {
     }
 }
 
-/// Calibrates a simulated finger with the default weight, all round its disk.
+/// Calibrates a simulated finger with a weight of so many newtons, all round its disk.
 ///
 /// # Errors
 /// [`RigError`].
-pub fn calibrate(session: &mut Session, hand: &SimulatedDevice) -> Result<Fit, RigError> {
-    let load = calibration::Load::Newtons(CALIBRATION_FORCE_N);
+pub fn calibrate(session: &mut Session, hand: &SimulatedDevice, force: f64) -> Result<Fit, RigError> {
+    let load = calibration::Load::Newtons(force);
     let plan = Plan::all_round(CALIBRATION_CONTACTS, load, TareMode::Each);
     let front_end = live::front_end(session.hello()).map_err(LiveError::from)?;
     let settings = plan.dwell_settings(front_end, f64::from(session.hello().rate_hz))?;
     let mut run = calibration::session::Session::new(plan.steps(), settings);
-    let mut bench = SimulatedBench::new(hand, CALIBRATION_FORCE_N, |_, _| ());
+    let mut bench = SimulatedBench::new(hand, force, |_, _| ());
     calibration::session::run(&mut run, &mut LinkSource::new(session), &mut bench)?;
     Ok(calibration::fit(&calibration::session::measurements(run.taken()), &plan.fit_settings(&front_end))?)
 }

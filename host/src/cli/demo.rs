@@ -5,12 +5,14 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
+use palpate::contact::Reading;
 use palpate::demonstration::{
-    CALIBRATION_CONTACTS, CALIBRATION_FORCE_N, Drawn, RADIUS_M, Ranges, Rig, pose_error, random_part, straight_motion,
+    CALIBRATION_CONTACTS, CALIBRATION_FORCE_N, Drawn, FeltPush, RADIUS_M, Ranges, Rig, pose_error, random_part,
+    straight_motion,
 };
-use palpate::finger_motion::FingerMotion;
+use palpate::finger_motion::{FingerMotion, Segment};
 use palpate::observing::from_rest::{self, Estimate, Known};
-use palpate::part_file::PartFile;
+use palpate::part_file::PolygonFile;
 use palpate::push_plan::GRAVITY;
 use palpate::push_sense::PushSense;
 use palpate::pushing::Part;
@@ -22,8 +24,8 @@ use super::{not_negative, pose, static_demo};
 /// Times since the onset at which the host says what it knows, s; the end of the push comes last.
 const TIMES_S: [f64; 3] = [0.1, 0.2, 0.4];
 
-/// Largest factor of the noise: a part's force is then lost in it.
-const NOISE_MAX: f64 = 1000.0;
+/// Largest factor of the noise: a light part's force is lost in it, and a heavier calibration weight would bend the beam for good.
+const NOISE_MAX: f64 = 20.0;
 
 /// Shows the whole chain without hardware: a part is pushed, and the host names its pose from the force on the finger.
 ///
@@ -53,6 +55,10 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = noise, conflicts_with = "static_contacts", allow_negative_numbers = true)]
     noise: f64,
 
+    /// Keep what the host had to go by in this folder: part.toml, motion.toml and forces.csv, for `palpate observe`
+    #[arg(long, value_name = "DIR", conflicts_with = "static_contacts")]
+    keep: Option<PathBuf>,
+
     /// Feel contacts round the disk that do not move, as the thesis did, and compare with its figures
     #[arg(long = "static")]
     static_contacts: bool,
@@ -81,10 +87,13 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         )
     })?;
     let mut rig = Rig::start(arguments.seed, arguments.noise, line())?;
-    introduce(&rig, &part, &ranges);
-    let sense = rig.push(drawn.played.course())?;
+    introduce(&rig, &part, &ranges, CALIBRATION_FORCE_N * arguments.noise.max(1.0));
+    let felt = rig.push(drawn.played.course())?;
+    if let Some(folder) = &arguments.keep {
+        arguments.keep_files(folder, &part, &ranges, &felt)?;
+    }
     let known = Known { part: &part, grip: ranges.mu * GRAVITY, radius: RADIUS_M, motion: &ranges.motion };
-    let Some(estimate) = say_what_is_felt(&known, &sense) else {
+    let Some(estimate) = say_what_is_felt(&known, &felt.sense) else {
         say!("The push was not felt: its force does not stand out of {} times the noise.", arguments.noise);
         return Ok(ExitCode::SUCCESS);
     };
@@ -100,10 +109,33 @@ fn line() -> Line {
 impl Arguments {
     fn part(&self, draw: &mut Draw) -> miette::Result<(Part, Ranges)> {
         let Some(path) = &self.part else { return Ok((random_part(draw), Ranges::default())) };
-        let file = read(path, PartFile::parse)?;
+        let file = read(path, PolygonFile::parse)?;
         let default = Ranges::default();
         let mu_c = file.mu_c.map_or(default.mu_c, |mu_c| [mu_c, mu_c]);
         Ok((file.part, Ranges { mu: file.mu, mu_c, ..default }))
+    }
+
+    fn keep_files(&self, folder: &Path, part: &Part, ranges: &Ranges, felt: &FeltPush) -> miette::Result<()> {
+        let cannot = || format!("cannot keep the push in {}", folder.display());
+        let part = match &self.part {
+            Some(path) => fs::read_to_string(path).into_diagnostic().wrap_err_with(cannot)?,
+            None => part_as_toml(part, ranges.mu),
+        };
+        let files = [
+            ("part.toml", part),
+            ("motion.toml", motion_as_toml(&ranges.motion)),
+            ("forces.csv", as_table(&felt.readings)),
+        ];
+        fs::create_dir_all(folder).into_diagnostic().wrap_err_with(cannot)?;
+        files
+            .iter()
+            .try_for_each(|(name, text)| fs::write(folder.join(name), text))
+            .into_diagnostic()
+            .wrap_err_with(cannot)?;
+        let named = |name: &str| folder.join(name).display().to_string();
+        let [part, motion, forces] = ["part.toml", "motion.toml", "forces.csv"].map(named);
+        eprintln!("kept; to look again: palpate observe {forces} --part {part} --motion {motion}");
+        Ok(())
     }
 
     fn motion(&self) -> miette::Result<Option<FingerMotion>> {
@@ -112,6 +144,28 @@ impl Arguments {
             None => Ok(self.straight.then(straight_motion)),
         }
     }
+}
+
+/// A part without feet or a mass of its own, as its file.
+fn part_as_toml(part: &Part, mu: f64) -> String {
+    let vertices: Vec<_> =
+        part.polygon().vertices().iter().map(|vertex| format!("[{}, {}]", vertex.x, vertex.y)).collect();
+    format!("unit = \"m\"\nvertices = [{}]\nmu = {mu}\n", vertices.join(", "))
+}
+
+fn motion_as_toml(motion: &FingerMotion) -> String {
+    let start = motion.centre(0.0);
+    let segments = motion.segments().iter().map(|Segment { seconds, acceleration: [x, y] }| {
+        format!("\n[[segment]]\nseconds = {seconds}\nacceleration = [{x}, {y}]\n")
+    });
+    format!("unit = \"m\"\nstart = [{}, {}]\n{}", start.x, start.y, segments.collect::<String>())
+}
+
+fn as_table(readings: &[Reading]) -> String {
+    let rows = readings
+        .iter()
+        .map(|Reading { t, force_finger, .. }| format!("{t:.6}, {:.6}, {:.6}\n", force_finger.x, force_finger.y));
+    "t [s], Fx [N], Fy [N]\n".to_owned() + &rows.collect::<String>()
 }
 
 /// Reads a file and understands it.
@@ -124,7 +178,7 @@ where
     parse(&text).into_diagnostic().wrap_err_with(cannot)
 }
 
-fn introduce(rig: &Rig, part: &Part, ranges: &Ranges) {
+fn introduce(rig: &Rig, part: &Part, ranges: &Ranges, force: f64) {
     say!(
         "A simulated finger runs the firmware at {}; the host opens it like any serial port.",
         rig.session().address()
@@ -132,7 +186,7 @@ fn introduce(rig: &Rig, part: &Part, ranges: &Ranges) {
     let worst = rig.fit().held_back().map_or_else(String::new, |held| {
         format!("; those held back are off by at most {:.2}°", held.worst_error.abs().to_degrees())
     });
-    say!("It was calibrated on {CALIBRATION_CONTACTS} contacts of {CALIBRATION_FORCE_N} N{worst}.");
+    say!("It was calibrated on {CALIBRATION_CONTACTS} contacts of {force} N{worst}.");
     let vertices: Vec<_> =
         part.polygon().vertices().iter().map(|v| format!("({:.0}, {:.0})", v.x * 1e3, v.y * 1e3)).collect();
     say!("The part, in mm: {}; µ {} on the table.", vertices.join(" "), ranges.mu);

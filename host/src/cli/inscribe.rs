@@ -5,16 +5,19 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
-use palpate::geometry::ConvexPolygon;
+use palpate::geometry::{ConvexPolygon, SimplePolygon};
 use palpate::inscribe::{InscribePicture, NamedPart, Shown, Views};
 use palpate::inscription::{
     Continuum, Estimate, Inscription, Mode, PlannedView, Pose, conditioning, congruent_groups, estimate, plan_view,
     poses,
 };
+use palpate::plan_file::PlanFile;
+use palpate::sampling::Plan;
 use serde_json::{Value, json};
 
 use super::plot::PlotArguments;
 use super::positive;
+use super::sample::{PlanArguments, print_plan};
 
 const LONG_HELP: &str = "\
 A part file is the one of `palpate push` (only unit and vertices matter here). The view file is TOML:
@@ -58,6 +61,11 @@ pub(crate) struct Arguments {
     /// Print one JSON object: m, rad, SI throughout
     #[arg(long)]
     json: bool,
+    /// Where several poses fit, plan the fewest points that tell them apart by which of them the part covers
+    #[arg(long)]
+    resolve: bool,
+    #[command(flatten)]
+    plan: PlanArguments,
     #[command(flatten)]
     plot: PlotArguments,
 }
@@ -90,10 +98,20 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     });
     let found = parts.collect::<miette::Result<Vec<_>>>()?;
     let next = arguments.next_view(&found, &views);
+    let resolved = arguments.resolve.then(|| resolve(&found, &arguments.plan)).flatten();
     if arguments.json {
-        say!("{}", serde_json::to_string(&json(&found, &views, next)).into_diagnostic()?);
+        let mut object = json(&found, &views, next);
+        if let Some((names, plan)) = &resolved {
+            object["resolve"] = serde_json::to_value(PlanFile::new(names.clone(), plan)).into_diagnostic()?;
+        }
+        say!("{}", serde_json::to_string(&object).into_diagnostic()?);
     } else {
         tell(&found, &views, next);
+        match &resolved {
+            Some((names, plan)) => print_plan(names, plan),
+            None if arguments.resolve => say!("there are not two poses to tell apart by points"),
+            None => {}
+        }
     }
     arguments.plot.draw(|| Ok(arguments.figure(&found, &views, next)))?;
     let any = found.iter().any(|found| found.outcome.as_ref().is_ok_and(|fits| !fits.poses().is_empty()));
@@ -124,6 +142,22 @@ fn find(part: NamedPart, views: &Views) -> Found {
         }
     };
     Found { part, outcome }
+}
+
+/// Points that tell the poses that fit apart, with the poses' names; none for fewer than two (thesis §2.3, last paragraph).
+fn resolve(found: &[Found], request: &PlanArguments) -> Option<(Vec<String>, Plan)> {
+    let (mut names, mut outlines) = (Vec::new(), Vec::new());
+    for Found { part, outcome } in found {
+        let poses = outcome.as_ref().map_or_else(|_| Vec::new(), Fits::poses);
+        for (k, pose) in poses.iter().enumerate() {
+            let motion = nalgebra::Isometry2::new([pose.x, pose.y].into(), pose.theta);
+            let placed: Vec<_> = part.outline.vertices().iter().map(|p| motion * p).collect();
+            // A pose moves the outline by rounding alone, so what was a polygon is one.
+            outlines.push(SimplePolygon::new(placed).ok()?);
+            names.push(format!("{}, pose {}", part.name, k + 1));
+        }
+    }
+    (outlines.len() > 1).then(|| (names, request.plan(&outlines, 0.0)))
 }
 
 impl Arguments {

@@ -45,7 +45,7 @@ pub(super) fn run(seed: u64) -> miette::Result<ExitCode> {
     say!("A simulated finger runs the firmware at {}; the host opens it like any serial port.", hand.address());
     let mut session = Session::open_simulated(Arc::clone(&hand), Options::default())?;
     say!("It streams {} samples a second, gain {}.", session.hello().rate_hz, session.hello().gain);
-    let fit = demonstration::calibrate(&mut session, &hand)?;
+    let fit = demonstration::calibrate(&mut session, &hand, CALIBRATION_FORCE_N)?;
     print_calibration(&fit);
     feel_and_print(&mut session, &hand, &fit)?;
     print_ending(&session, begun);

@@ -17,32 +17,32 @@ use crate::simulated_device::Line;
 
 /// A pose counts as right within this many of its stated standard deviations, of distance and of angle. A Gaussian's distance in
 /// the plane is beyond five once in 270,000 times.
-pub const RIGHT_SDS: f64 = 5.0;
+const RIGHT_SDS: f64 = 5.0;
 
 /// Nearer than this to the truth a pose is right, whatever it states: m, rad.
-pub const RIGHT: PoseError = PoseError { distance: 2e-4, angle: 3e-3 };
+const RIGHT: PoseError = PoseError { distance: 2e-4, angle: 3e-3 };
 
 /// What came of one case.
 #[derive(Clone, Debug)]
-pub struct Outcome {
+pub(crate) struct Outcome {
     /// What the host said.
-    pub status: Status,
+    pub(crate) status: Status,
     /// How far its best answer was from the truth.
-    pub best: Option<PoseError>,
+    pub(crate) best: Option<PoseError>,
     /// The same of the listed answer nearest to the truth.
-    pub nearest: Option<PoseError>,
+    pub(crate) nearest: Option<PoseError>,
     /// Whether one of the listed is right, within what it states.
-    pub holds_truth: bool,
+    pub(crate) holds_truth: bool,
     /// How many were listed.
-    pub listed: usize,
+    pub(crate) listed: usize,
     /// Starts drawn before.
-    pub redrawn: usize,
+    pub(crate) redrawn: usize,
 }
 
 impl Outcome {
     /// Judges an estimate.
     #[must_use]
-    pub fn new(part: &Part, drawn: &Drawn, estimate: &Estimate) -> Self {
+    pub(crate) fn new(part: &Part, drawn: &Drawn, estimate: &Estimate) -> Self {
         let truth = drawn.played.pose(estimate.duration);
         let error = |hypothesis: &Hypothesis| {
             truth.as_ref().map(|truth| pose_error(part, estimate.symmetry, &hypothesis.pose_end, truth))
@@ -87,9 +87,9 @@ fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<Outcome, String> {
     };
     let finger_seed = seed.wrapping_mul(1_000_003).wrapping_add(number as u64);
     let duration = ranges.motion.duration();
-    let sense = Rig::start(finger_seed, 1.0, Line::Pipe).and_then(|mut rig| rig.push(drawn.played.course()));
-    let sense = sense.map_err(|error| format!("case {number}: {error}"))?;
-    let felt = sense.felt(duration).ok_or_else(|| format!("case {number}: the push was not felt"))?;
+    let felt = Rig::start(finger_seed, 1.0, Line::Pipe).and_then(|mut rig| rig.push(drawn.played.course()));
+    let felt = felt.map_err(|error| format!("case {number}: {error}"))?;
+    let felt = felt.sense.felt(duration).ok_or_else(|| format!("case {number}: the push was not felt"))?;
     let known = Known { part: &part, grip: ranges.mu * GRAVITY, radius: RADIUS_M, motion: &ranges.motion };
     Ok(Outcome::new(&part, &drawn, &from_rest::estimate(&known, &felt)))
 }
@@ -139,7 +139,9 @@ fn run(settings: &Settings) -> Table {
         "95 % mm",
         "median deg",
         "95 % deg",
+        "nearest 95 % mm",
         "listed",
+        "redrawn",
     ]);
     table.definitions = definitions();
     let turning = Ranges::default();
@@ -157,7 +159,7 @@ fn definitions() -> Vec<String> {
         "The finger starts at rest on the part: 0.15 m/s² for 0.3 s, then 0.15 m/s² across for 0.5 s (with a turn), or 0.12 m/s² for 0.8 s (straight). Known to the host: polygon, mu, g, the finger's motion.",
         "Each case has its own simulated finger with the datasheet's noise and hum, calibrated on 12 contacts of 2 N through its own firmware and wire.",
         "unique, ambiguous, none: one pose listed, several, or none explains the force. wrong: no listed pose is within 5 of its stated standard deviations (or 0.2 mm and 0.17 deg) of the truth. wrong and certain: so, and only one was listed.",
-        "Errors at the end of the push: of the centre of mass and of the angle, of the best pose listed. listed: mean number of poses.",
+        "Errors at the end of the push: of the centre of mass and of the angle, of the best pose listed; nearest: of the listed one nearest to the truth. listed: mean number of poses. redrawn: mean number of starts drawn in vain.",
     ];
     text.map(str::to_owned).to_vec()
 }
@@ -166,17 +168,21 @@ fn add(table: &mut Table, name: &str, outcomes: &[Result<Outcome, String>]) {
     let sound: Vec<_> = outcomes.iter().filter_map(|outcome| outcome.as_ref().ok()).collect();
     let all = outcomes.len();
     let share = |pick: &dyn Fn(&&Outcome) -> bool| Cell::share(sound.iter().copied().filter(pick).count(), all);
-    let errors = |pick: fn(&PoseError) -> f64| {
-        let mut errors: Vec<_> = sound.iter().filter_map(|outcome| outcome.best.as_ref().map(pick)).collect();
+    let errors = |of: fn(&Outcome) -> Option<f64>| {
+        let mut errors: Vec<_> = sound.iter().filter_map(|outcome| of(outcome)).collect();
         errors.sort_by(f64::total_cmp);
         errors
     };
-    let (millimetres, degrees) = (errors(|error| error.distance * 1e3), errors(|error| error.angle.to_degrees()));
+    let millimetres = errors(|outcome| outcome.best.map(|error| error.distance * 1e3));
+    let degrees = errors(|outcome| outcome.best.map(|error| error.angle.to_degrees()));
+    let nearest = errors(|outcome| outcome.nearest.map(|error| error.distance * 1e3));
     let at = |sorted: &[f64], per_cent: usize| match sorted.get(sorted.len() * per_cent / 100) {
         Some(&value) => Cell::number(value, 3),
         None => Cell::Empty,
     };
     let listed = sound.iter().map(|outcome| outcome.listed).sum::<usize>();
+    let redrawn = sound.iter().map(|outcome| outcome.redrawn).sum::<usize>();
+    let mean = |sum: usize, of: usize| sum as f64 / (of as f64).max(1.0);
     table.push([
         name.into(),
         Cell::count(all),
@@ -189,7 +195,9 @@ fn add(table: &mut Table, name: &str, outcomes: &[Result<Outcome, String>]) {
         at(&millimetres, 95),
         at(&degrees, 50),
         at(&degrees, 95),
-        Cell::number(listed as f64 / (all as f64).max(1.0), 2),
+        at(&nearest, 95),
+        Cell::number(mean(listed, all), 2),
+        Cell::number(mean(redrawn, all), 1),
     ]);
     table.failures.extend(outcomes.iter().enumerate().filter_map(|(number, outcome)| match outcome {
         Ok(outcome) if outcome.holds_truth => None,

@@ -16,7 +16,7 @@ pub(super) fn order(part: &Part) -> usize {
     let edges: Vec<_> = (0..count).filter_map(|index| part.edge(index).ok()).collect();
     let size = part.inertia_per_mass().sqrt();
     let fits = |shift: usize| (0..count).all(|index| same(part, &edges[index], &edges[(index + shift) % count], size));
-    (1..count).filter(|shift| count % shift == 0).find(|&shift| fits(shift)).map_or(1, |shift| count / shift)
+    (1..count).filter(|&shift| count.is_multiple_of(shift)).find(|&shift| fits(shift)).map_or(1, |shift| count / shift)
 }
 
 fn same(part: &Part, a: &Edge, b: &Edge, size: f64) -> bool {
