@@ -24,6 +24,10 @@ use crate::part_file::Unit;
 /// How far chords may be from their arc where the file does not say, m.
 const CURVE_ERROR_DEFAULT_M: f64 = 1e-5;
 
+/// Places on the table are rounded to multiples of this, m (2⁻⁴⁰: about a picometre), so that edges that are meant to lie on one
+/// another do, whatever conversion of units and turns by right angles did to their last digits.
+const PLACE_STEP_M: f64 = 9.094_947_017_729_282e-13;
+
 /// Most chords of one arc: beyond it the error asked for is a mistake.
 const CHORDS_MAX: f64 = 10_000.0;
 
@@ -132,9 +136,8 @@ impl SceneFile {
         let poses = if shape.poses.is_empty() { &identity } else { &shape.poses };
         for (k, &[x, y, degrees]) in poses.iter().enumerate() {
             let motion = Isometry2::new(metres * Vector2::new(x, y), degrees.to_radians());
-            // A scene without poses keeps its coordinates to the bit.
-            let placed =
-                if shape.poses.is_empty() { outline.clone() } else { outline.iter().map(|p| motion * p).collect() };
+            let round = |value: f64| (value / PLACE_STEP_M).round() * PLACE_STEP_M;
+            let placed: Vec<_> = outline.iter().map(|p| (motion * p).map(round)).collect();
             let polygon = SimplePolygon::new(placed);
             self.polygons.push(polygon.map_err(|error| SceneFileError::Polygon { shape: name.clone(), error })?);
             let pose = if poses.len() > 1 { format!(", pose {}", k + 1) } else { String::new() };
@@ -216,7 +219,7 @@ mod tests {
         let scene = SceneFile::parse(text).unwrap();
         assert!(scene.curve_error > 1e-5 && scene.curve_error <= 5e-5, "{}", scene.curve_error);
         for point in scene.polygons[0].vertices() {
-            assert!((point.coords.norm() - 0.02).abs() < 1e-15, "{point}");
+            assert!((point.coords.norm() - 0.02).abs() < PLACE_STEP_M, "{point}");
         }
         let full = std::f64::consts::PI * 0.02 * 0.02;
         assert!(scene.polygons[0].area() > 0.99 * full && scene.polygons[0].area() < full);
@@ -228,6 +231,17 @@ mod tests {
         let scene = SceneFile::parse(text).unwrap();
         assert!(scene.polygons[0].area() < 0.0024 - 1e-5);
         assert!(scene.polygons[0].vertices().iter().all(|p| p.y >= 0.0));
+    }
+
+    #[test]
+    fn turns_by_right_angles_leave_no_slivers() {
+        let text = "unit = 'mm'\n[[shape]]\nvertices = [[0, 0], [60, 0], [60, 20], [0, 20]]\n\
+                    poses = [[0, 0, 0], [60, 0, 90], [60, 20, 180], [0, 60, 270]]";
+        let scene = SceneFile::parse(text).unwrap();
+        // A lying bar twice, one to the left of x = 60 standing, and one to the right of x = 0 hanging down to y = 0.
+        assert_eq!(scene.polygons.len(), 4);
+        let regions = crate::sampling::Subdivision::new(&scene.polygons).regions().count();
+        assert_eq!(regions, 5);
     }
 
     #[test]

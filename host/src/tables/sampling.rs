@@ -12,11 +12,11 @@ use std::time::{Duration, Instant};
 const TIME_LIMIT: Duration = Duration::from_secs(60);
 
 /// Table 3.1.
-pub const SPARSE: Experiment =
+pub(super) const SPARSE: Experiment =
     Experiment { name: "3.1", title: "points that tell sparse polygons or poses apart", cases: 1, run: sparse };
 
 /// Table 3.2.
-pub const DENSE: Experiment =
+pub(super) const DENSE: Experiment =
     Experiment { name: "3.2", title: "points that tell dense polygons or poses apart", cases: 1, run: dense };
 
 /// Polygons, regions and points of one of the thesis's tests.

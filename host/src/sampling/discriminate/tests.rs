@@ -297,13 +297,13 @@ fn with_midvertices(graph: &Graph) -> Graph {
 /// Lemma 33: from independent sets to k-independent sets, k > 3. A path replaces each vertex, and its ends are joined to those
 /// of its neighbours, for odd k through a vertex in the middle.
 fn with_paths(graph: &Graph, k: usize) -> Graph {
-    let length = if k % 2 == 0 { k - 1 } else { k - 2 };
+    let length = if k.is_multiple_of(2) { k - 1 } else { k - 2 };
     let ends = |v: usize| [v * length, v * length + length - 1];
     let mut edges: Vec<[usize; 2]> =
         (0..graph.vertices).flat_map(|v| (1..length).map(move |i| [v * length + i - 1, v * length + i])).collect();
     let mut vertices = graph.vertices * length;
     for &[u, v] in &graph.edges {
-        if k % 2 == 0 {
+        if k.is_multiple_of(2) {
             edges.extend(ends(u).into_iter().flat_map(|a| ends(v).map(|b| [a, b])));
         } else {
             edges.extend([ends(u), ends(v)].concat().into_iter().map(|end| [end, vertices]));
