@@ -140,7 +140,8 @@ fn closed_in(function: &dyn Fn(f64) -> Option<f64>, a: Look, b: Look) -> Look {
         let (value_a, value_b) = (a.value * weight_a, b.value * weight_b);
         let at = (a.at * value_b - b.at * value_a) / (value_b - value_a);
         let at = if at > a.at.min(b.at) && at < a.at.max(b.at) { at } else { 0.5 * (a.at + b.at) };
-        if at == a.at || at == b.at {
+        // No number lies between the two any more.
+        if at <= a.at.min(b.at) || at >= a.at.max(b.at) {
             break;
         }
         let Some(value) = function(at) else { break };
