@@ -12,7 +12,7 @@ use palpate::demonstration::{
 };
 use palpate::finger_motion::{FingerMotion, Segment};
 use palpate::observing::from_rest::{self, Estimate, Known};
-use palpate::part_file::PartFile;
+use palpate::part_file::PolygonFile;
 use palpate::push_plan::GRAVITY;
 use palpate::push_sense::PushSense;
 use palpate::pushing::Part;
@@ -109,7 +109,7 @@ fn line() -> Line {
 impl Arguments {
     fn part(&self, draw: &mut Draw) -> miette::Result<(Part, Ranges)> {
         let Some(path) = &self.part else { return Ok((random_part(draw), Ranges::default())) };
-        let file = read(path, PartFile::parse)?;
+        let file = read(path, PolygonFile::parse)?;
         let default = Ranges::default();
         let mu_c = file.mu_c.map_or(default.mu_c, |mu_c| [mu_c, mu_c]);
         Ok((file.part, Ranges { mu: file.mu, mu_c, ..default }))

@@ -13,7 +13,7 @@ use palpate::interrupt;
 use palpate::link::Session;
 use palpate::live;
 use palpate::observing::from_rest::{self, Estimate, Known, windows};
-use palpate::part_file::PartFile;
+use palpate::part_file::PolygonFile;
 use palpate::push_plan::GRAVITY;
 use palpate::push_sense::{PushSense, RestNoise};
 use palpate::recording::csv;
@@ -90,7 +90,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
-    let file = read(&arguments.part, PartFile::parse)?;
+    let file = read(&arguments.part, PolygonFile::parse)?;
     let motion = MotionSource::open(&arguments.motion)?;
     let observer = Observer { arguments, file: &file, motion, last: None, next_s: 0.0 };
     match &arguments.forces {
@@ -162,7 +162,7 @@ fn at_rest(error: TareError) -> miette::Report {
 /// What goes on from look to look.
 struct Observer<'a> {
     arguments: &'a Arguments,
-    file: &'a PartFile,
+    file: &'a PolygonFile,
     motion: MotionSource,
     last: Option<Estimate>,
     /// Time since the onset of the next estimate, s.

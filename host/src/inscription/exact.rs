@@ -115,7 +115,7 @@ pub fn poses(part: &ConvexPolygon, lines: &[HalfPlane]) -> Inscription {
 #[must_use]
 pub fn misses(part: &ConvexPolygon, lines: &[HalfPlane], pose: &Pose) -> Vec<f64> {
     let problem = Problem::new(part, lines);
-    let placed = problem.from_pose(pose);
+    let placed = problem.placed_at(pose);
     (0..lines.len()).map(|line| problem.touch(line, &placed).miss).collect()
 }
 
@@ -345,7 +345,7 @@ impl<'a> Problem<'a> {
         Pose { x: at.x, y: at.y, theta: full_turn(placed.theta) }
     }
 
-    fn from_pose(&self, pose: &Pose) -> Placed {
+    fn placed_at(&self, pose: &Pose) -> Placed {
         let (sin, cos) = pose.theta.sin_cos();
         let centre = self.part.centre();
         let carried = Vector2::new(cos * centre.x - sin * centre.y, sin * centre.x + cos * centre.y);
@@ -376,5 +376,5 @@ pub(super) fn miss_gradient(line: &HalfPlane, arm: Vector2<f64>, size: f64) -> V
 pub(super) fn full_turn(angle: f64) -> f64 {
     let turned = if angle < 0.0 { angle + TAU } else { angle };
     // A negative rounding error becomes 2π itself.
-    if turned >= TAU || turned < 0.0 { turned.rem_euclid(TAU) % TAU } else { turned }
+    if (0.0..TAU).contains(&turned) { turned } else { turned.rem_euclid(TAU) % TAU }
 }

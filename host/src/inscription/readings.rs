@@ -145,7 +145,7 @@ impl Cone {
             return Err(ConeError::NotFinite);
         }
         let opening = if left > right && left - right < TAU { left - right } else { (left - right).rem_euclid(TAU) };
-        if opening < OPENING_MIN || opening > TAU - OPENING_MIN {
+        if !(OPENING_MIN..=TAU - OPENING_MIN).contains(&opening) {
             return Err(ConeError::Closed { right });
         }
         if opening > PI - OPENING_MIN {

@@ -53,16 +53,18 @@ impl Data {
         count(self.values - 1) * self.dt
     }
 
-    /// The value whose time is nearest.
-    pub(super) fn nearest(&self, time: f64) -> usize {
+    /// The contact angle measured nearest to a time, rad.
+    pub(super) fn angle_near(&self, time: f64) -> Option<f64> {
+        let angle = self.angle.as_ref()?;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole, ≥ 0, cut to the count")]
-        let value = (time / self.dt).round().max(0.0) as usize;
-        value.min(self.values - 1)
+        let value = ((time / self.dt).round().max(0.0) as usize).min(self.values - 1);
+        let (before, after) = angle.values.split_at(value);
+        after.iter().chain(before.iter().rev()).copied().find(|angle| angle.is_finite())
     }
 
     /// How many numbers were measured.
     pub(super) fn terms(&self) -> usize {
-        self.channels().map(|channel| channel.values.len()).sum()
+        self.channels().flat_map(|channel| &channel.values).filter(|value| value.is_finite()).count()
     }
 
     /// The least standard deviation of an angle or a logarithm.
@@ -91,15 +93,17 @@ impl Data {
 /// Angles without jumps of whole turns.
 fn continuous(channel: &Channel) -> Channel {
     let mut values = channel.values.clone();
-    for i in 1..values.len() {
-        values[i] = values[i - 1] + wrap_angle(channel.values[i] - values[i - 1]);
+    let mut last = channel.values.iter().copied().find(|value| value.is_finite()).unwrap_or(0.0);
+    for value in values.iter_mut().filter(|value| value.is_finite()) {
+        *value = last + wrap_angle(*value - last);
+        last = *value;
     }
     Channel { values, sigma: channel.sigma }
 }
 
 /// The straight line through the values within `half_width` of an instant (all in values), by least squares.
 pub(super) fn local(values: &[f64], dt: f64, time: f64, half_width: f64) -> Local {
-    let inside = |i: &usize| (count(*i) * dt - time).abs() <= half_width + 1e-9 * dt;
+    let inside = |i: &usize| values[*i].is_finite() && (count(*i) * dt - time).abs() <= half_width + 1e-9 * dt;
     let mut sums = [0.0; 5];
     for i in (0..values.len()).filter(inside) {
         let (x, y) = (count(i) * dt - time, values[i]);

@@ -7,6 +7,8 @@
 //!
 //! Frames: world. Units: SI; costs of no dimension. Errors: none; unknowns that lead to no motion have no evaluation.
 
+use std::cell::Cell;
+
 use nalgebra::{Matrix4, SMatrix, SVector, Vector2, Vector4};
 
 use super::clock::{Clock, Fineness};
@@ -53,9 +55,8 @@ const SPEED_SHARE: f64 = 0.7;
 pub(super) fn forgets(known: &Known, data: &Data, time: f64) -> f64 {
     let velocity = Vector2::from(known.finger.velocity(time));
     let angle = || {
-        let angle = data.angle.as_ref()?;
-        let value = data.nearest(time);
-        Some(Vector2::new(angle.values[value].cos(), angle.values[value].sin()))
+        let angle = data.angle_near(time)?;
+        Some(Vector2::new(angle.cos(), angle.sin()))
     };
     let speed = match (known.touch, angle()) {
         (Touch::Rolling { .. }, _) => velocity.norm(),
@@ -76,6 +77,8 @@ pub(super) struct Fitting<'a, 'p> {
     pub(super) rest_span: f64,
     /// By how much the walls are stiffer than [`WALL_GIVES`].
     pub(super) wall_stiffness: f64,
+    /// Counts simulations.
+    pub(super) simulations: &'a Cell<usize>,
 }
 
 /// A hypothesis.
@@ -84,6 +87,21 @@ pub(super) struct Candidate {
     pub(super) site: Site,
     pub(super) begin: Begin,
     pub(super) unknowns: Unknowns,
+    /// In place of the prior: what values before t = 0 say.
+    pub(super) past: Option<Past>,
+}
+
+/// What values that are no longer kept said about the unknowns: their cost, near its minimum.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Past {
+    /// Where it is least.
+    pub(super) best: Vector4<f64>,
+    /// Half its curvature there.
+    pub(super) information: Matrix4<f64>,
+    /// What it is there.
+    pub(super) cost: f64,
+    /// Values and prior terms that went into it.
+    pub(super) terms: usize,
 }
 
 /// A candidate's cost and what comes with it.
@@ -94,7 +112,7 @@ pub(super) struct Evaluation {
     /// Energy of the springs.
     pub(super) penalty: f64,
     /// Half the gradient of cost and penalty.
-    gradient: Vector4<f64>,
+    pub(super) gradient: Vector4<f64>,
     /// Half their curvature, after Gauss.
     curvature: Matrix4<f64>,
     /// The same of the cost alone: the information that the data hold about the unknowns.
@@ -148,18 +166,39 @@ impl<const N: usize> Sums<N> {
         self.gradient += slope * residual.value;
         self.curvature += slope * slope.transpose();
     }
+
+    fn add_past(&mut self, past: &Past, unknowns: &Unknowns) {
+        let (cost, slope) = past.at(unknowns);
+        self.cost += cost;
+        self.gradient += slope.fixed_rows::<N>(0);
+        self.curvature += past.information.fixed_view::<N, N>(0, 0);
+    }
+}
+
+impl Past {
+    /// Cost and half its gradient.
+    fn at(&self, unknowns: &Unknowns) -> (f64, Vector4<f64>) {
+        let off = Vector4::from(*unknowns) - self.best;
+        let slope = self.information * off;
+        (self.cost + off.dot(&slope), slope)
+    }
 }
 
 impl<'a, 'p> Fitting<'a, 'p> {
     /// With steps of a fineness and starts from rest that leave out no more than `rest_error` rad.
-    pub(super) fn new(known: &'a Known<'p>, data: Data, prior: Prior, fineness: Fineness, rest_error: f64) -> Self {
-        let at_rest = known.finger.velocity0.iter().all(|v| *v == 0.0);
+    pub(super) fn new(
+        (known, data, prior): (&'a Known<'p>, Data, Prior),
+        fineness: Fineness,
+        rest_error: f64,
+        simulations: &'a Cell<usize>,
+    ) -> Self {
         let duration = data.duration();
         // The direction of the first move changes with the way gone, so angles err by its square.
-        let rest_span = if at_rest { rest_span(known, rest_error.sqrt()).min(0.5 * duration) } else { 0.0 };
+        let rest_span =
+            if known.starts_at_rest() { rest_span(known, rest_error.sqrt()).min(0.5 * duration) } else { 0.0 };
         let fineness = Fineness { on_values: data.angle.is_none(), ..fineness };
         let clock = Clock::new((data.dt, data.values), rest_span, fineness, |time| forgets(known, &data, time));
-        Self { known, data, prior, clock, rest_span, wall_stiffness: 1.0 }
+        Self { known, data, prior, clock, rest_span, wall_stiffness: 1.0, simulations }
     }
 
     /// The range of each unknown.
@@ -177,8 +216,11 @@ impl<'a, 'p> Fitting<'a, 'p> {
         ]
     }
 
-    /// Terms of the prior that a hypothesis has.
-    pub(super) fn prior_terms(&self, begin: Begin) -> usize {
+    /// Terms of the prior, or values in its place, that a hypothesis has.
+    pub(super) fn prior_terms(&self, Candidate { begin, past, .. }: &Candidate) -> usize {
+        if let Some(past) = past {
+            return past.terms;
+        }
         let sigmas = [self.prior.omega0_sigma, self.prior.v_t0_sigma];
         sigmas.iter().take(begin.unknowns() - 2).flatten().count()
     }
@@ -193,13 +235,17 @@ impl<'a, 'p> Fitting<'a, 'p> {
 
     /// The cost alone, without derivatives.
     pub(super) fn cost(&self, candidate: &Candidate) -> Option<f64> {
-        let Candidate { site, begin, unknowns } = candidate;
+        let Candidate { site, begin, unknowns, past } = candidate;
+        self.simulations.update(|count| count + 1);
         let launch = launch::<f64>(self.known, site, *begin, unknowns, self.rest_span)?;
         let mut cost = 0.0;
         let path = follow(self.known, site, &launch, &self.clock, |value, seen| {
             self.residuals(value, &seen, |residual: f64| cost += residual * residual);
         })?;
-        self.prior_residuals(*begin, &launch.state, |residual: f64| cost += residual * residual);
+        match past {
+            Some(past) => cost += past.at(unknowns).0,
+            None => self.prior_residuals(*begin, &launch.state, |residual: f64| cost += residual * residual),
+        }
         for residual in self.wall_residuals(&path.walls).into_iter().chain([self.fast(*begin, &launch.state)]) {
             cost += residual * residual;
         }
@@ -207,13 +253,17 @@ impl<'a, 'p> Fitting<'a, 'p> {
     }
 
     fn evaluate_with<const N: usize>(&self, candidate: &Candidate) -> Option<Evaluation> {
-        let Candidate { site, begin, unknowns } = candidate;
+        let Candidate { site, begin, unknowns, past } = candidate;
+        self.simulations.update(|count| count + 1);
         let launch = launch::<Jet<N>>(self.known, site, *begin, unknowns, self.rest_span)?;
         let mut sums = Sums::<N>::new();
         let path = follow(self.known, site, &launch, &self.clock, |value, seen| {
             self.residuals(value, &seen, |residual| sums.add(residual));
         })?;
-        self.prior_residuals(*begin, &launch.state, |residual| sums.add(residual));
+        match past {
+            Some(past) => sums.add_past(past, unknowns),
+            None => self.prior_residuals(*begin, &launch.state, |residual| sums.add(residual)),
+        }
         let (cost, information) = (sums.cost, widened(&sums.curvature));
         let [low, high, push, cone, slip] = self.wall_residuals(&path.walls);
         let walls = [low, high, push, cone, slip, self.fast(*begin, &launch.state)];
@@ -249,15 +299,21 @@ impl<'a, 'p> Fitting<'a, 'p> {
     fn residuals<T: Scalar>(&self, value: usize, seen: &Seen<T>, mut add: impl FnMut(T)) {
         let Seen { u, normal_force, tangential_force } = *seen;
         let Data { angle, direction, log_magnitude, .. } = &self.data;
-        if let Some(Channel { values, sigma }) = angle {
+        if let Some(Channel { values, sigma }) = angle
+            && values[value].is_finite()
+        {
             add((u - values[value]) / *sigma);
         }
-        if let Some(Channel { values, sigma }) = direction {
+        if let Some(Channel { values, sigma }) = direction
+            && values[value].is_finite()
+        {
             let off = u - direction_of(normal_force, tangential_force) - values[value];
             // Whole turns do not count.
             add((off - (off.re() - wrap_angle(off.re()))) / *sigma);
         }
-        if let Some(Channel { values, sigma }) = log_magnitude {
+        if let Some(Channel { values, sigma }) = log_magnitude
+            && values[value].is_finite()
+        {
             let squared = normal_force * normal_force + tangential_force * tangential_force;
             add((ln(squared) * 0.5 - values[value]) / *sigma);
         }
@@ -285,9 +341,8 @@ impl<'a, 'p> Fitting<'a, 'p> {
         let force = self.known.grip + FORCE_FLOOR;
         let units = [1.0, 1.0, force, force, 1.0];
         std::array::from_fn(|wall| {
-            let inside = !(margins[wall].re() < 0.0);
             let scale = WALL_GIVES[wall] * units[wall] / self.wall_stiffness;
-            if inside { T::from(0.0) } else { margins[wall] / scale }
+            if margins[wall].re() < 0.0 { margins[wall] / scale } else { T::from(0.0) }
         })
     }
 
@@ -361,6 +416,23 @@ impl<'a, 'p> Fitting<'a, 'p> {
             let pressed = (unknowns[i] <= low && gradient[i] > 0.0) || (unknowns[i] >= high && gradient[i] < 0.0);
             i >= begin.unknowns() || pressed
         })
+    }
+
+    /// Covariance of the unknowns, and what is left to their minimum, by the data and prior alone.
+    pub(super) fn spread(&self, descent: &Descent) -> Option<(Matrix4<f64>, Vector4<f64>)> {
+        let begin = descent.candidate.begin;
+        let (mut information, mut slope) = (descent.evaluation.information, descent.evaluation.gradient);
+        for i in 0..UNKNOWNS {
+            information[(i, i)] += CURVATURE_MIN / (STEP_MAX[i] * STEP_MAX[i]);
+            if i >= begin.unknowns() {
+                (information[(i, i)], slope[i]) = (1.0, 0.0);
+            }
+        }
+        let mut covariance = information.cholesky()?.inverse();
+        for i in begin.unknowns()..UNKNOWNS {
+            covariance[(i, i)] = 0.0;
+        }
+        Some((covariance, -(covariance * slope)))
     }
 
     /// Which unknowns are fitted: neither absent nor at a bound of the motion.

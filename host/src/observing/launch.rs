@@ -45,8 +45,7 @@ impl Begin {
     /// All the ways in which a push can begin, for what is known of the contact and the finger.
     pub(super) fn all(known: &Known) -> Vec<Self> {
         let both = [Slip::Forward, Slip::Backward];
-        let at_rest = Vector2::from(known.finger.velocity0) == Vector2::zeros();
-        match (known.touch, at_rest) {
+        match (known.touch, known.starts_at_rest()) {
             (Touch::Sliding { .. }, true) => both.map(|slip| Self::Rest(Some(slip))).to_vec(),
             (_, true) => vec![Self::Rest(None)],
             (Touch::Frictionless, false) => vec![Self::Free],
@@ -174,7 +173,7 @@ fn from_rest<T: Variable>(
 /// Contact and accelerations of the start from rest.
 fn rest_start(known: &Known, model: &PushModel, slip: Option<Slip>, u: f64, s: f64) -> Option<(Contact, RestStart)> {
     let [x, y] = known.finger.acceleration;
-    if [x, y] == [0.0; 2] {
+    if x.hypot(y) <= 0.0 {
         return Some((Contact::Frictionless, NO_START)); // Nothing ever moves.
     }
     if x * u.cos() + y * u.sin() <= 0.0 {

@@ -25,6 +25,11 @@ pub struct Known<'p> {
 }
 
 impl<'p> Known<'p> {
+    /// Whether the finger is at rest at t = 0, and with it the part.
+    pub(super) fn starts_at_rest(&self) -> bool {
+        Vector2::from(self.finger.velocity0).norm_squared() <= 0.0
+    }
+
     /// The dynamics with one edge in contact.
     pub(super) fn model(&self, edge: Edge) -> PushModel<'p> {
         PushModel { part: self.part, edge, grip: self.grip, finger: self.finger }
@@ -56,7 +61,7 @@ pub enum Touch {
 /// Values of one kind, one each `dt`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
-    /// At 0, dt, 2 dt, …; at least one.
+    /// At 0, dt, 2 dt, …; at least one. NaN for one that is missing.
     pub values: Vec<f64>,
     /// Standard deviation of one, above 0.
     pub sigma: f64,
@@ -134,6 +139,8 @@ pub struct Estimate {
     pub hypotheses: Vec<Hypothesis>,
     /// How well the best one fits.
     pub fit: Fit,
+    /// Forward simulations that it took, those with derivatives included.
+    pub simulations: usize,
 }
 
 /// Goodness of fit.

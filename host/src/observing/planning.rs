@@ -5,7 +5,7 @@
 //! derivatives by the state that the data so far left uncertain, and each pair is compared:
 //!
 //! ```text
-//! D² = rᵀ (σ² 1 + J_a P_a J_aᵀ + J_b P_b J_bᵀ)⁻¹ r     r: difference of the predicted contact angles
+//! D² = rᵀ (σ² 1 + J_a P_a J_aᵀ + J_b P_b J_bᵀ)⁻¹ r     r: difference of the predicted angles
 //! ```
 //!
 //! with P the covariance of a hypothesis's present state and J the derivatives of its prediction. A wrong choice between
@@ -13,13 +13,13 @@
 //! hypothesis, bounded by the sum over all pairs. Pairs that no motion separates (a symmetric part) add the same to every
 //! motion, so they do not hide what can be told.
 //!
-//! Assumes: predictions are linear in what is uncertain; contact angles are felt; they are compared as long as both
+//! Assumes: predictions are linear in what is uncertain; one angle is felt, that of the contact or of the force; it is compared as long as both
 //! hypotheses keep the contact, so losing it is never taken as evidence. Frames: world. Units: SI, rad. Errors: none; a
 //! motion that a hypothesis does not survive counts as telling nothing.
 
 use nalgebra::{DMatrix, DVector, Matrix4};
 
-use crate::pushing::{ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, Run, Start, State};
+use crate::pushing::{ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, Run, Sample, Start, State};
 use crate::statistics::normal_tail;
 
 /// Distance D² of two hypotheses below which they count as ambiguous: a wrong choice in one case of 740.
@@ -28,9 +28,20 @@ pub const AMBIGUOUS_BELOW: f64 = 36.0;
 /// Steps of the central differences, in units of the state: far above rounding, far below what bends the prediction.
 const DIFFERENCE_STEPS: [f64; 4] = [1e-5, 1e-6, 1e-4, 1e-5];
 
-/// How the contact angle is felt.
+/// What the finger feels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Felt {
+    /// Where it is touched.
+    ContactAngle,
+    /// The direction of the force, which is that of the contact only without friction.
+    ForceDirection,
+}
+
+/// How it is felt.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampling {
+    /// The angle that is compared.
+    pub felt: Felt,
     /// Time between values, s.
     pub dt: f64,
     /// Standard deviation of one, rad.
@@ -76,6 +87,8 @@ pub struct Prospect {
     pub risk: f64,
     /// D² of each pair of hypotheses, first index below second.
     pub pairs: Vec<Pair>,
+    /// How long each hypothesis keeps the contact, s; the horizon at most.
+    pub contact_s: Vec<f64>,
 }
 
 /// How far two hypotheses come apart.
@@ -116,6 +129,26 @@ pub fn motions(ahead: [f64; 2], acceleration: f64) -> Vec<[f64; 2]> {
     vec![straight, left, right, [x, y], between(left), between(right)]
 }
 
+/// What to call [`motions`], in their order.
+pub const MOTION_NAMES: [&str; 6] =
+    ["straight on", "to the left", "to the right", "faster ahead", "ahead and left", "ahead and right"];
+
+/// The greatest speed (m/s) that a finger reaches with an acceleration (m/s²) in so many seconds.
+#[must_use]
+pub fn top_speed(velocity: [f64; 2], acceleration: [f64; 2], seconds: f64) -> f64 {
+    // Speed squared is a parabola that opens upwards: greatest at an end.
+    let after = [0, 1].map(|axis| velocity[axis] + acceleration[axis] * seconds);
+    velocity[0].hypot(velocity[1]).max(after[0].hypot(after[1]))
+}
+
+/// Pairs of hypotheses that stay ambiguous whatever the motion.
+#[must_use]
+pub fn inseparable(prospects: &[Prospect]) -> Vec<[usize; 2]> {
+    let Some((first, others)) = prospects.split_first() else { return Vec::new() };
+    let stays = |pair: &&Pair| others.iter().all(|other| other.ambiguous().any(|p| p.hypotheses == pair.hypotheses));
+    first.ambiguous().filter(stays).map(|pair| pair.hypotheses).collect()
+}
+
 /// What each motion would tell within `horizon` (s), the best first.
 #[must_use]
 pub fn prospects(
@@ -128,7 +161,7 @@ pub fn prospects(
     let times = times(sampling.dt, horizon);
     let prospect = |&acceleration: &[f64; 2]| {
         let foreseen: Vec<_> =
-            beliefs.iter().map(|belief| Foreseen::of(present, belief, acceleration, &times)).collect();
+            beliefs.iter().map(|belief| Foreseen::of(present, belief, acceleration, (&times, sampling.felt))).collect();
         judge(acceleration, beliefs, &foreseen, sampling)
     };
     let mut prospects: Vec<_> = accelerations.iter().map(prospect).collect();
@@ -143,7 +176,7 @@ fn times(dt: f64, horizon: f64) -> Vec<f64> {
     (1..=count).map(|step| f64::from(step) * dt).collect()
 }
 
-/// Contact angles that a hypothesis predicts, and how they depend on what is uncertain of it.
+/// Angles that a hypothesis predicts, and how they depend on what is uncertain of it.
 struct Foreseen {
     angles: Vec<f64>,
     /// J P^½: one column a direction of uncertainty, scaled to one standard deviation.
@@ -151,8 +184,8 @@ struct Foreseen {
 }
 
 impl Foreseen {
-    fn of(present: &Present<'_>, belief: &Belief, acceleration: [f64; 2], times: &[f64]) -> Self {
-        let angles = |state: State| angles(present, belief, state, acceleration, times);
+    fn of(present: &Present<'_>, belief: &Belief, acceleration: [f64; 2], when: (&[f64], Felt)) -> Self {
+        let angles = |state: State| angles(present, belief, state, acceleration, when);
         let nominal = angles(belief.state);
         let root = root(&belief.covariance);
         let columns = root.column_iter().filter(|column| column.norm() > 0.0).map(|column| {
@@ -193,10 +226,25 @@ fn slope(upper: &[f64], lower: &[f64], distance: f64) -> Vec<f64> {
     upper.iter().zip(lower).map(|(upper, lower)| (upper - lower) / distance).collect()
 }
 
-/// Contact angles at `times`, as long as the contact lasts; none where such a push is impossible.
-fn angles(present: &Present<'_>, belief: &Belief, state: State, acceleration: [f64; 2], times: &[f64]) -> Vec<f64> {
+/// What is felt at `times`, as long as the contact lasts; nothing where such a push is impossible.
+fn angles(
+    present: &Present<'_>,
+    belief: &Belief,
+    state: State,
+    acceleration: [f64; 2],
+    (times, felt): (&[f64], Felt),
+) -> Vec<f64> {
     let run = run(present, belief, state, acceleration, times);
-    run.map(|run| run.samples.iter().map(|sample| sample.state.u).collect()).unwrap_or_default()
+    run.map(|run| run.samples.iter().map_while(|sample| angle(sample, felt)).collect()).unwrap_or_default()
+}
+
+/// World angle of the contact or of the force on the part, rad; none where the part jams.
+fn angle(sample: &Sample, felt: Felt) -> Option<f64> {
+    match felt {
+        Felt::ContactAngle => Some(sample.state.u),
+        // The tangential force is counted along the edge, clockwise about the disk.
+        Felt::ForceDirection => sample.force.map(|force| sample.state.u - force.tangential.atan2(force.normal)),
+    }
 }
 
 fn run(present: &Present<'_>, belief: &Belief, state: State, acceleration: [f64; 2], times: &[f64]) -> Option<Run> {
@@ -216,12 +264,19 @@ fn judge(acceleration: [f64; 2], beliefs: &[Belief], foreseen: &[Foreseen], samp
             // Whichever of the two is true, the other is named with Q(D/2).
             risk +=
                 (beliefs[first].probability + beliefs[second].probability) * normal_tail(0.5 * distance_squared.sqrt());
-            #[expect(clippy::cast_precision_loss, reason = "a count of samples")]
-            let shared_s = shared as f64 * sampling.dt;
+            let shared_s = span(shared, sampling);
             pairs.push(Pair { hypotheses: [first, second], distance_squared, shared_s });
         }
     }
-    Prospect { acceleration, risk: risk.min(1.0), pairs }
+    let contact_s = foreseen.iter().map(|foreseen| span(foreseen.angles.len(), sampling)).collect();
+    Prospect { acceleration, risk: risk.min(1.0), pairs, contact_s }
+}
+
+/// How long so many values take, s.
+fn span(values: usize, sampling: Sampling) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "a count of samples")]
+    let values = values as f64;
+    values * sampling.dt
 }
 
 /// D² of two predictions, and how many values they share.
@@ -251,7 +306,7 @@ mod tests {
     use crate::geometry::SimplePolygon;
 
     /// One value at 100 Hz of a sensor with 0.5° at 2 kHz, rad.
-    const SAMPLING: Sampling = Sampling { dt: 0.01, sigma: 0.001_95 };
+    const SAMPLING: Sampling = Sampling { felt: Felt::ContactAngle, dt: 0.01, sigma: 0.001_95 };
     const SPEED: f64 = 0.05; // m/s
     const LATERAL: f64 = 0.08; // m/s²
 
@@ -279,11 +334,12 @@ mod tests {
         let part = rectangle(0.06, 0.04);
         let beliefs = [belief(0, 0.005, 1e-4), belief(2, 0.005, 1e-4)];
         let all = prospects(&present(&part), &beliefs, &motions([0.0, SPEED], LATERAL), SAMPLING, 0.5);
-        for prospect in all {
+        for prospect in &all {
             let pair = prospect.nearest().unwrap();
             assert!(pair.distance_squared < 1e-6, "{pair:?}");
             assert!((prospect.risk - 0.5).abs() < 1e-3, "{}", prospect.risk);
         }
+        assert_eq!(inseparable(&all), [[0, 1]]);
     }
 
     #[test]
@@ -296,6 +352,29 @@ mod tests {
         assert!(straight.nearest().unwrap().distance_squared < 1e-6);
         assert!(all[0].acceleration[0] != 0.0 && all[0].ambiguous().count() == 0, "{:?}", all[0]);
         assert!(all.windows(2).all(|pair| pair[0].risk <= pair[1].risk));
+        assert!(inseparable(&all).is_empty());
+        // A push through the centre of mass keeps the contact for as long as it is asked to.
+        assert!(straight.contact_s.iter().all(|seconds| (seconds - 0.5).abs() < 1e-9), "{:?}", straight.contact_s);
+    }
+
+    #[test]
+    fn without_tangential_force_the_force_points_along_the_contact() {
+        // Straight through the centre of mass nothing pulls along the edge; aside, friction has to.
+        let part = rectangle(0.06, 0.03);
+        let (present, belief) = (present(&part), belief(0, 0.0, 0.0));
+        let angles = |acceleration, felt| angles(&present, &belief, belief.state, acceleration, (&[0.1, 0.2], felt));
+        let straight = [Felt::ContactAngle, Felt::ForceDirection].map(|felt| angles([0.0, 0.0], felt));
+        assert!(straight[0].iter().zip(&straight[1]).all(|(contact, force)| (contact - force).abs() < 1e-9));
+        // The finger drags the part to +x: the force on the part turns from straight up towards +x.
+        let aside = angles([LATERAL, 0.0], Felt::ForceDirection);
+        let contact = angles([LATERAL, 0.0], Felt::ContactAngle);
+        assert!(aside.iter().zip(&contact).all(|(force, contact)| force < contact), "{aside:?} {contact:?}");
+    }
+
+    #[test]
+    fn the_top_speed_is_at_the_beginning_or_the_end() {
+        assert!((top_speed([0.05, 0.0], [0.0, 0.24], 0.5) - 0.13).abs() < 1e-12);
+        assert!((top_speed([0.05, 0.0], [-0.1, 0.0], 0.5) - 0.05).abs() < 1e-12);
     }
 
     #[test]

@@ -49,6 +49,12 @@ const ANGLE_STEP: f64 = 0.035;
 /// Rates at t = 0 that are tried in a wide search, from the settled one (0) to the mean of the first moments (1) and beyond.
 const OMEGA_SHARES: [f64; 4] = [0.0, 1.0, 2.0, 3.5];
 
+/// Rates at t = 0 that are tried in a wide search where the angles are not known, in standard deviations of the prior.
+const OMEGA_SIGMAS: [f64; 7] = [-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0];
+
+/// Those where there is no prior, rad/s.
+const OMEGA_USUAL: f64 = 1.0;
+
 /// Velocities along the contact that are tried beside the settled one, in finger speeds.
 const ALONG: [f64; 4] = [-0.6, -0.2, 0.2, 0.6];
 
@@ -115,7 +121,7 @@ fn angles(known: &Known, data: &Data, begin: Begin) -> Option<Vec<f64>> {
 /// Whether the push lasts long enough for the part to settle.
 fn settles(known: &Known, data: &Data) -> bool {
     data.values > 2 && SETTLED_SHARE * SETTLING * forgets(known, data, 0.0) < data.duration()
-        || known.finger.velocity0 == [0.0; 2] && known.grip > 0.0
+        || known.starts_at_rest() && known.grip > 0.0
 }
 
 /// Places on a stretch of an edge, ends included.
@@ -147,8 +153,7 @@ struct Felt<'a, 'p> {
 impl<'a, 'p> Felt<'a, 'p> {
     fn new(fitting: &'a Fitting<'a, 'p>, angles: &[f64]) -> Self {
         let data = &fitting.data;
-        let at_rest = fitting.rest_span > 0.0;
-        let forgets = if at_rest { 0.0 } else { forgets(fitting.known, data, 0.0) };
+        let forgets = if fitting.known.starts_at_rest() { 0.0 } else { forgets(fitting.known, data, 0.0) };
         let from = (SETTLING * forgets).max(fitting.rest_span);
         let spacing = (data.duration() - from) / count(NODES - 1);
         let times: Vec<_> = (0..NODES).map(|i| from + spacing * count(i)).collect();
@@ -234,7 +239,7 @@ impl<'a, 'p> Felt<'a, 'p> {
         let omega = near.omega + FIRST_EXCESS * (self.first.rate - near.omega);
         let near = State { omega, ..near };
         let along = along_contact(known, model, begin, &near).into_iter();
-        along.map(|along| Candidate { site: *site, begin, unknowns: [start.u, s, omega, along] }).collect()
+        along.map(|along| Candidate { site: *site, begin, unknowns: [start.u, s, omega, along], past: None }).collect()
     }
 }
 
@@ -306,10 +311,8 @@ fn start_angles(fitting: &Fitting, angles: Option<&[f64]>) -> Vec<Local> {
     }
     let [low, high] = data.u0_range.unwrap_or_else(|| {
         // The finger pushes ahead of itself.
-        let [x, y] = [0, 1].map(|axis| {
-            let velocity = fitting.known.finger.velocity0;
-            if velocity == [0.0; 2] { fitting.known.finger.acceleration[axis] } else { velocity[axis] }
-        });
+        let finger = &fitting.known.finger;
+        let [x, y] = if fitting.known.starts_at_rest() { finger.acceleration } else { finger.velocity0 };
         let ahead = y.atan2(x);
         [ahead - 0.5 * TAU, ahead + 0.5 * TAU]
     });
@@ -328,7 +331,7 @@ fn grid_seeds(fitting: &Fitting, site: &Site, begin: Begin, (starts, width): (&[
         let tried = places.iter().map(|&s| {
             let unknowns = tries(fitting, &model, begin, (start, s), width);
             let costs = unknowns.into_iter().filter_map(|unknowns| {
-                let candidate = Candidate { site: *site, begin, unknowns };
+                let candidate = Candidate { site: *site, begin, unknowns, past: None };
                 Some((fitting.cost(&candidate)?, Some(candidate)))
             });
             costs.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, None))
@@ -349,11 +352,13 @@ fn tries(fitting: &Fitting, model: &PushModel, begin: Begin, (start, s): (&Local
     let settles = settles(known, &fitting.data);
     let from = settled.filter(|_| settles).unwrap_or(felt);
     let angle_known = angles(known, &fitting.data, begin).is_some();
-    let omegas = match (width, angle_known) {
-        (Width::Wide, true) => {
-            OMEGA_SHARES.iter().map(|share| from.omega + share * (felt.omega - from.omega)).collect()
-        }
-        _ => vec![from.omega],
+    let toward_felt = |share: &f64| from.omega + share * (felt.omega - from.omega);
+    let sigma = fitting.prior.omega0_sigma.unwrap_or(OMEGA_USUAL);
+    let omegas: Vec<f64> = match (width, angle_known) {
+        (Width::Narrow, true) => vec![from.omega],
+        (Width::Wide, true) => OMEGA_SHARES.iter().map(toward_felt).collect(),
+        (Width::Narrow, false) => vec![from.omega, 0.0, -from.omega],
+        (Width::Wide, false) => OMEGA_SIGMAS.iter().map(|share| share * sigma).chain([from.omega]).collect(),
     };
     let mut tried = Vec::new();
     for omega in omegas {

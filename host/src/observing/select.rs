@@ -6,6 +6,7 @@
 //!
 //! Units: costs of no dimension. Errors: none.
 
+use std::cell::Cell;
 use std::f64::consts::TAU;
 
 use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix4, Vector2};
@@ -49,7 +50,7 @@ const SHARE_MAX: f64 = 1.0;
 const STEP_ERROR: f64 = 1e-3;
 
 /// Error of angles after a start from rest, in standard deviations.
-const REST_ERROR: f64 = 0.05;
+pub(super) const REST_ERROR: f64 = 0.05;
 
 /// Steps are halved at most so often, as long as costs change by more than [`ROUGH`].
 const FINER_MAX: i32 = 3;
@@ -65,7 +66,7 @@ const PROMISE_NONE: f64 = 1e-3;
 /// A descent is given up when its cost less this many times its promise is beyond the gate by [`SLACK`].
 const PROMISES: f64 = 3.0;
 /// See [`PROMISES`].
-const SLACK: f64 = 24.0;
+pub(super) const SLACK: f64 = 24.0;
 /// Rounds before any descent is given up.
 const ROUNDS_MIN: usize = 2;
 
@@ -94,6 +95,7 @@ pub fn estimate(known: &Known, observation: &Observation) -> Estimate {
         data: Data::new(observation),
         sites: sites(known.part, known.finger.radius),
         begins: Begin::all(known),
+        simulations: Cell::new(0),
     };
     let mut minima = task.minima(Width::Narrow);
     let fits = |minima: &[Descent]| {
@@ -106,10 +108,17 @@ pub fn estimate(known: &Known, observation: &Observation) -> Estimate {
     }
     let found = task.conclude(minima);
     // A good fit to coarse data may be none to exact ones.
-    match (found.hypotheses.is_empty(), searched) {
+    let found = match (found.hypotheses.is_empty(), searched) {
         (true, Width::Narrow) => task.conclude(task.minima(Width::Wide)),
         _ => found,
-    }
+    };
+    Estimate { simulations: task.simulations.get(), ..found }
+}
+
+/// Steps fine enough for a standard deviation (rad), or finer by a factor.
+pub(super) fn fineness(sigma: f64, factor: f64) -> Fineness {
+    let share = factor * (SHARE * (sigma / SIGMA_OF_SHARE).powf(0.25)).min(SHARE_MAX);
+    Fineness { share, on_values: false }
 }
 
 /// What all steps of an estimate need.
@@ -119,9 +128,10 @@ struct Task<'a, 'p> {
     data: Data,
     sites: Vec<Site>,
     begins: Vec<Begin>,
+    simulations: Cell<usize>,
 }
 
-impl<'a, 'p> Task<'a, 'p> {
+impl<'p> Task<'_, 'p> {
     /// The minima of the cost at the standard deviation to begin with.
     fn minima(&self, width: Width) -> Vec<Descent> {
         let fitting = self.fitting(self.data.sigma_min().max(SIGMA_FIRST), 1.0);
@@ -130,11 +140,10 @@ impl<'a, 'p> Task<'a, 'p> {
     }
 
     /// With angles of at least a standard deviation and steps fine enough for it, or finer by a factor.
-    fn fitting(&self, sigma: f64, factor: f64) -> Fitting<'a, 'p> {
-        let share = factor * (SHARE * (sigma / SIGMA_OF_SHARE).powf(0.25)).min(SHARE_MAX);
-        let fineness = Fineness { share, on_values: false };
+    fn fitting(&self, sigma: f64, factor: f64) -> Fitting<'_, 'p> {
         let data = self.data.with_sigma_floor(sigma);
-        Fitting::new(self.known, data, self.observation.prior, fineness, REST_ERROR * factor * sigma)
+        let prior = self.observation.prior;
+        Fitting::new((self.known, data, prior), fineness(sigma, factor), REST_ERROR * factor * sigma, &self.simulations)
     }
 
     /// Follows minima to the data as they are, and judges them.
@@ -175,7 +184,7 @@ fn polished(finer: &Fitting, descent: &Descent) -> Option<Descent> {
 }
 
 /// Takes all candidates down, and gives up those that cannot come near the best.
-fn descend_together(fitting: &Fitting, candidates: &[Candidate]) -> Vec<Descent> {
+pub(super) fn descend_together(fitting: &Fitting, candidates: &[Candidate]) -> Vec<Descent> {
     let mut alive: Vec<_> = candidates.iter().filter_map(|candidate| fitting.descend(*candidate)).collect();
     let mut over: Vec<Descent> = Vec::new();
     for round in 0..ROUNDS_MAX {
@@ -202,7 +211,7 @@ fn descend_together(fitting: &Fitting, candidates: &[Candidate]) -> Vec<Descent>
 }
 
 /// Keeps the lowest of descents that have met.
-fn merge_met(descents: &mut Vec<Descent>) {
+pub(super) fn merge_met(descents: &mut Vec<Descent>) {
     descents.sort_by(|a, b| a.evaluation.total().total_cmp(&b.evaluation.total()));
     let mut kept: Vec<Descent> = Vec::new();
     for descent in descents.drain(..) {
@@ -237,19 +246,18 @@ fn onto_walls(fitting: &Fitting, descent: &Descent) -> Option<Descent> {
 }
 
 /// Judges the minima.
-fn judge_all(fitting: &Fitting, descents: &[Descent], begins: usize) -> Estimate {
+pub(super) fn judge_all(fitting: &Fitting, descents: &[Descent], begins: usize) -> Estimate {
     let mut possible: Vec<_> = descents.iter().filter_map(|descent| onto_walls(fitting, descent)).collect();
     possible.sort_by(|a, b| a.evaluation.cost.total_cmp(&b.evaluation.cost));
     let degrees = |descent: &Descent| {
-        let begin = descent.candidate.begin;
         let unknowns = fitting.free(descent).iter().filter(|free| **free).count();
-        (fitting.data.terms() + fitting.prior_terms(begin)).saturating_sub(unknowns)
+        (fitting.data.terms() + fitting.prior_terms(&descent.candidate)).saturating_sub(unknowns)
     };
     let cost = possible.first().map(|best| best.evaluation.cost);
     let degrees_of_freedom = possible.first().map_or(fitting.data.terms(), degrees);
     let fit = Fit { cost, degrees_of_freedom, cost_max: chi_square_quantile(FIT_PROBABILITY, degrees_of_freedom) };
     let Some(best) = cost.filter(|cost| *cost <= fit.cost_max.max(COST_OF_NO_DATA)) else {
-        return Estimate { hypotheses: Vec::new(), fit };
+        return Estimate { hypotheses: Vec::new(), fit, simulations: 0 };
     };
     possible.retain(|descent| descent.evaluation.cost <= best + GATE);
     let mut judged: Vec<Judged> = Vec::new();
@@ -259,7 +267,7 @@ fn judge_all(fitting: &Fitting, descents: &[Descent], begins: usize) -> Estimate
             judged.push(next);
         }
     }
-    Estimate { hypotheses: by_probability(judged), fit }
+    Estimate { hypotheses: by_probability(judged), fit, simulations: 0 }
 }
 
 /// A cost that counts as none where there are no more data than unknowns: what steps and walls leave.

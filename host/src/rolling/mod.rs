@@ -10,6 +10,7 @@
 
 pub mod body;
 pub mod flow;
+pub mod gho;
 pub mod mechanics;
 pub mod observability;
 pub mod observer;
@@ -17,9 +18,11 @@ pub mod palm;
 pub mod run;
 pub mod shape;
 pub mod symmetry;
+pub mod tracker;
 
 pub use body::{Body, BodyError};
 pub use flow::{Columns, STATE_COLUMNS, Tangent};
+pub use gho::Gho;
 pub use mechanics::{Model, Rates, Spin, State, felt};
 pub use observability::{Inputs, Observability, SufficientCondition, observability};
 pub use observer::{BodyKnowledge, Estimate, Hypothesis, Noise, ObserveError, PalmKnowledge, Question, Verdict};
@@ -27,6 +30,7 @@ pub use palm::{Harmonic, PalmAcceleration, Pieces, PiecesError};
 pub use run::{End, EndReason, Roll, RollError, Run, Sample};
 pub use shape::{Custom, Egg, Ellipsoid, Local, Real, Rounded, Shape, SupportFunction};
 pub use symmetry::{Symmetry, SymmetryName};
+pub use tracker::{Report, Tracked, Tracker};
 
 #[cfg(test)]
 mod tests;

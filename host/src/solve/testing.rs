@@ -145,3 +145,8 @@ impl Problem for Sleep {
         Ok(Nothing {})
     }
 }
+
+/// Whether every number of an answer can be written.
+pub(super) fn all_finite(answer: &impl Serialize) {
+    super::finite::check(answer).unwrap();
+}

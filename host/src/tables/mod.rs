@@ -9,9 +9,16 @@
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
 
 pub(crate) mod chain;
+mod gho;
+mod initial_pose;
+mod inscription;
+mod parts;
+mod plan;
 mod pose;
 pub mod random;
 mod rolling;
+mod sampling;
+pub mod scenes;
 
 use std::fmt;
 
@@ -19,8 +26,30 @@ use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
 /// The experiments, in the order of the thesis.
-pub const EXPERIMENTS: &[Experiment] =
-    &[pose::EXPERIMENT, chain::EXPERIMENT, rolling::ATTITUDE, rolling::SEMI_AXES, rolling::WHICH];
+pub const EXPERIMENTS: &[Experiment] = &[
+    inscription::HALF_PLANES,
+    inscription::TWO_CONES,
+    inscription::MORE_CONES,
+    inscription::WORST_CASE,
+    inscription::NOISE,
+    sampling::SPARSE,
+    sampling::DENSE,
+    gho::KNOWN_EDGE,
+    gho::UNKNOWN_EDGE,
+    gho::SIDE_BY_SIDE,
+    initial_pose::FRICTIONLESS,
+    initial_pose::FRICTION,
+    pose::CONTACTS,
+    pose::FRICTION,
+    pose::FORCES,
+    chain::EXPERIMENT,
+    plan::EXPERIMENT,
+    parts::EXPERIMENT,
+    rolling::ATTITUDE,
+    rolling::SEMI_AXES,
+    rolling::WHICH,
+    rolling::GHO,
+];
 
 /// An experiment that `palpate tables` can run.
 #[derive(Clone, Copy, Debug)]

@@ -114,7 +114,7 @@ pub fn estimate(part: &ConvexPolygon, readings: &NoisyReadings) -> Result<Estima
     let dof = readings.dof();
     let gate = chi_square_quantile(GATE, dof).max(GATE_WITHOUT_DOF);
     let mut modes: Vec<Settled> = Vec::new();
-    for start in starts::starts(&objective, &lines) {
+    for start in starts::starts(&objective, &lines, gate) {
         for settled in objective.settle(&start) {
             if settled.chi2 <= gate && !modes.iter().any(|mode| objective.is_same(mode, &settled)) {
                 modes.push(settled);

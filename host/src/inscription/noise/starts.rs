@@ -19,17 +19,29 @@ const STEP_MAX: f64 = 0.035;
 /// Rounds of reweighting by distance; the weights change by a few per cent in the second already.
 const ROUNDS: usize = 3;
 
+/// The profile at the step nearest to a mode may exceed the gate by this many times what the step changes every bearing by, in σ²:
+/// a sensor half the part's size away from it sees the corners move twice as fast as they turn.
+const PROFILE_ROOM: f64 = 4.0;
+
 /// With more lines than this the triples are left out: redundant lines make the profile steep, with minima far apart.
 const LINES_MAX_FOR_TRIPLES: usize = 6;
 
 /// Places near every mode.
-pub(super) fn starts(objective: &Objective<'_>, lines: &[HalfPlane]) -> Vec<Placed> {
+pub(super) fn starts(objective: &Objective<'_>, lines: &[HalfPlane], gate: f64) -> Vec<Placed> {
     let turns = turns(objective, lines);
     let profile: Vec<_> = turns.iter().map(|&theta| best_place(objective, lines, theta)).collect();
     let n = profile.len();
+    let sigma = objective.readings.sigma;
+    let worth_a_start = if objective.readings.fences.is_empty() {
+        let readings = f64::from(u32::try_from(lines.len()).unwrap_or(u32::MAX));
+        gate + PROFILE_ROOM * readings * (STEP_MAX / sigma).powi(2)
+    } else {
+        // Fences are so exact that any step off a mode is far from it.
+        f64::MAX
+    };
     let is_minimum = |k: &usize| {
         let (before, after) = (profile[(k + n - 1) % n].1, profile[(k + 1) % n].1);
-        profile[*k].1.is_finite() && profile[*k].1 <= before && profile[*k].1 <= after
+        profile[*k].1 <= worth_a_start && profile[*k].1 <= before && profile[*k].1 <= after
     };
     let mut found: Vec<Placed> = (0..n).filter(is_minimum).map(|k| profile[k].0).collect();
     if lines.len() <= LINES_MAX_FOR_TRIPLES {

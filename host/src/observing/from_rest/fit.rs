@@ -6,10 +6,11 @@
 //!
 //! Units: SI. Errors: none; a guess that cannot be played through has no fit.
 
-use nalgebra::{DMatrix, DVector, Isometry2, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector, Isometry2, Matrix3, Matrix4, SMatrix, Vector3, Vector4};
 
 use super::felt::FeltForce;
 use super::path::{Course, Guess, Path};
+use crate::pushing::State;
 
 /// Largest friction coefficient between finger and part that is considered: rubber on a clean part.
 pub(super) const MU_C_MAX: f64 = 1.0;
@@ -158,23 +159,42 @@ impl Problem<'_, '_> {
         Some(covariance)
     }
 
-    /// Covariance of the pose at the end (x, y, θ), and the square root of the determinant for contact angle and place.
-    pub(super) fn pose_covariance(&self, at: &Tried) -> Option<(Matrix3<f64>, f64)> {
+    /// What is uncertain at the end.
+    pub(super) fn end_covariance(&self, at: &Tried) -> Option<EndCovariance> {
         let parameters = self.covariance(at)?;
         let end = self.course.pose_at_end(&at.guess, &at.path)?;
-        let mut by_parameters = nalgebra::SMatrix::<f64, 3, PARAMETERS>::zeros();
+        let mut pose = SMatrix::<f64, 3, PARAMETERS>::zeros();
+        let mut state = SMatrix::<f64, 4, PARAMETERS>::zeros();
         for (column, step) in self.differences().into_iter().enumerate() {
             if column == 2 && !at.path.slipped {
                 continue;
             }
             let guess = moved(&at.guess, column, step);
             let path = self.course.play(&guess).ok()?;
-            by_parameters.set_column(column, &(difference(&end, &self.course.pose_at_end(&guess, &path)?) / step));
+            pose.set_column(column, &(difference(&end, &self.course.pose_at_end(&guess, &path)?) / step));
+            state.set_column(column, &((vector(&path.end) - vector(&at.path.end)) / step));
         }
         let parameters = parameters.fixed_view::<PARAMETERS, PARAMETERS>(0, 0);
-        let spread = parameters.fixed_view::<2, 2>(0, 0).determinant().max(0.0).sqrt();
-        Some((by_parameters * parameters * by_parameters.transpose(), spread))
+        Some(EndCovariance {
+            pose: pose * parameters * pose.transpose(),
+            state: state * parameters * state.transpose(),
+            spread: parameters.fixed_view::<2, 2>(0, 0).determinant().max(0.0).sqrt(),
+        })
     }
+}
+
+/// What is uncertain at the end of a fit.
+pub(super) struct EndCovariance {
+    /// Of x, y, θ.
+    pub(super) pose: Matrix3<f64>,
+    /// Of u, s, ω, v_T.
+    pub(super) state: Matrix4<f64>,
+    /// Square root of the determinant for contact angle and place at the start.
+    pub(super) spread: f64,
+}
+
+fn vector(state: &State) -> Vector4<f64> {
+    Vector4::new(state.u, state.s, state.omega, state.v_t)
 }
 
 /// From one pose to another: x, y, θ.

@@ -23,14 +23,16 @@ mod seeds;
 mod symmetry;
 pub mod windows;
 
-use nalgebra::{Isometry2, Matrix2x3, Matrix3};
+use nalgebra::{Isometry2, Matrix2x3, Matrix3, Matrix4, Vector2};
 
 pub use felt::{CalibrationError, FeltForce, Uncertainty};
-use fit::{Problem, Tried, difference};
+use fit::{EndCovariance, Problem, Tried, difference};
 use path::{Course, Guess};
 
+use super::planning::{Belief, Present};
+use super::which_part::{PartEstimate, Weight, log_evidence, ranked};
 use crate::finger_motion::FingerMotion;
-use crate::pushing::{ContactLaw, EdgeEnd, Part, Push, Start};
+use crate::pushing::{ContactLaw, EdgeEnd, Part, Push, Start, State};
 
 /// A minimum is listed if its cost is at most this much above the best one's: four standard deviations.
 pub const COST_MARGIN: f64 = 16.0;
@@ -106,6 +108,10 @@ pub struct Hypothesis {
     pub pose_end: Isometry2<f64>,
     /// Covariance of `pose_end`: x, y, θ.
     pub covariance: Matrix3<f64>,
+    /// How the part moves at the end.
+    pub state_end: State,
+    /// Covariance of `state_end`: u, s, ω, v_T; in rolling, v_T follows from the others.
+    pub state_covariance: Matrix4<f64>,
     /// Squared whitened residuals.
     pub cost: f64,
     /// Share of probability among those listed (Laplace's approximation; every place on the outline alike).
@@ -123,6 +129,21 @@ impl Hypothesis {
     }
 }
 
+impl Hypothesis {
+    /// What a motion planner starts from. A contact that never slipped is taken to roll on: its friction is not known.
+    #[must_use]
+    pub fn belief(&self) -> Belief {
+        let rolling = ContactLaw::Rolling { friction: None };
+        Belief {
+            edge: self.edge,
+            law: self.mu_c.map_or(rolling, |friction| ContactLaw::Coulomb { friction }),
+            state: self.state_end,
+            covariance: self.state_covariance,
+            probability: self.probability,
+        }
+    }
+}
+
 /// What the answer is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
@@ -135,6 +156,29 @@ pub enum Status {
 }
 
 impl Estimate {
+    /// Finger and part at the time up to which the force was used: what a motion planner starts from.
+    #[must_use]
+    pub fn present<'p>(&self, known: &Known<'p>) -> Present<'p> {
+        let legs: Vec<_> = known.motion.legs(known.radius).collect();
+        // A motion has at least one segment.
+        let leg = legs.iter().rev().find(|leg| leg.from < self.duration).unwrap_or(&legs[0]);
+        let since = self.duration - leg.from;
+        Present {
+            part: known.part,
+            grip: known.grip,
+            radius: known.radius,
+            centre: leg.finger.centre(since).coords.into(),
+            velocity: leg.finger.velocity(since),
+        }
+    }
+
+    fn weights(&self) -> impl Iterator<Item = Weight> + '_ {
+        self.hypotheses.iter().map(|hypothesis| {
+            let covariance = hypothesis.state_covariance.fixed_view::<2, 2>(0, 0).into();
+            Weight { cost: hypothesis.cost, covariance }
+        })
+    }
+
     /// What the answer is.
     #[must_use]
     pub fn status(&self) -> Status {
@@ -155,6 +199,16 @@ pub fn estimate(known: &Known, felt: &FeltForce) -> Estimate {
     let problem = Problem { course: &course, felt };
     let starts = (0..edges).flat_map(|edge| seeds::on_edge(&problem, edge)).collect();
     conclude(&problem, descend_all(&problem, starts), symmetry)
+}
+
+/// Which of several parts explains what was felt, the likeliest first; `known` differs in the part.
+#[must_use]
+pub fn which_part(known: &[Known], felt: &FeltForce) -> Vec<PartEstimate<Estimate>> {
+    ranked(known.iter().map(|known| {
+        let estimate = estimate(known, felt);
+        let evidence = log_evidence(known.part, estimate.weights());
+        (estimate, evidence)
+    }))
 }
 
 /// The same, sought only where an earlier answer from the beginning of the same push had found something: what was excluded then
@@ -259,12 +313,17 @@ impl Hypothesis {
         let share = other.probability / (self.probability + other.probability);
         let apart = difference(&self.pose_end, &other.pose_end);
         self.covariance = self.covariance * (1.0 - share) + (other.covariance + apart * apart.transpose()) * share;
+        let state = Vector2::new(other.state_end.u - self.state_end.u, other.state_end.s - self.state_end.s);
+        let mut states = self.state_covariance * (1.0 - share) + other.state_covariance * share;
+        let mut of_place = states.fixed_view_mut::<2, 2>(0, 0);
+        of_place += state * state.transpose() * share;
+        self.state_covariance = states;
         self.probability += other.probability;
     }
 }
 
 fn hypothesis(problem: &Problem, tried: &Tried, best: f64) -> Option<Hypothesis> {
-    let (covariance, spread) = problem.pose_covariance(tried)?;
+    let EndCovariance { pose: covariance, state: state_covariance, spread } = problem.end_covariance(tried)?;
     let Tried { guess, path, mass, cost, .. } = tried;
     Some(Hypothesis {
         edge: guess.edge,
@@ -278,6 +337,8 @@ fn hypothesis(problem: &Problem, tried: &Tried, best: f64) -> Option<Hypothesis>
         pose_start: problem.course.pose_at_start(guess)?,
         pose_end: problem.course.pose_at_end(guess, path)?,
         covariance,
+        state_end: path.end,
+        state_covariance,
         cost: *cost,
         // Relative to the others: a cost of hundreds would leave nothing of its exponential.
         probability: spread * (-0.5 * (cost - best)).exp(),

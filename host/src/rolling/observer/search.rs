@@ -180,11 +180,17 @@ impl Ground<'_> {
         let (slope, bend) = ((high - low) * 0.5, (high + low) * 0.5 - middle);
         let score = |x: f64| (middle + slope * x + bend * (x * x)).norm_squared();
         let place = |k: i32| f64::from(k) / f64::from(SPIN_STEPS);
+        let mut any = false;
         for k in -SPIN_STEPS..=SPIN_STEPS {
             let [before, here, after] = [k - 1, k, k + 1].map(|k| score(place(k)));
             if here <= before && here < after {
+                any = true;
                 found(state(range * place(k)), here);
             }
+        }
+        if !any {
+            // A sphere's path does not show its spin.
+            found(state(0.0), score(0.0));
         }
     }
 

@@ -32,11 +32,17 @@ const EXPLAINED: f64 = 0.999;
 /// Standard deviations of the expected cost above which a wider search is worth its time.
 const WIDER_SIGMAS: f64 = 1.3;
 
+/// Half a pitch, with room for a fit that is not the best possible in this respect.
+const HALF_PITCH: f64 = 0.505;
+
 /// Standard deviation of attitude, rad, above which a minimum may have neighbours that a narrow search misses.
 const WEAK_RAD: f64 = 0.02;
 
 /// Minima nearer than this are one: rad; or nearer than a standard deviation of their own.
 const SAME_RAD: f64 = 0.01;
+
+/// Continua whose contacts' normals are nearer than this are one, rad.
+const SAME_NORMAL_RAD: f64 = 0.1;
 
 /// How much more angular velocities of one minimum may differ, 1/s over rad.
 const SAME_TURNING: f64 = 3.0;
@@ -111,6 +117,17 @@ pub struct Hypothesis {
     pub unobservable: bool,
 }
 
+/// How good the best minimum of a search is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Quality {
+    /// As good as the truth would be.
+    Good,
+    /// So too, but so flat that others may fit as well.
+    Weak,
+    /// The truth would be better.
+    Poor,
+}
+
 /// The limits a cost is judged by.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gate {
@@ -129,19 +146,25 @@ impl Gate {
 
     fn explains(self, solution: &Solution) -> bool {
         let degrees = self.degrees_of_freedom(solution.unknowns.count());
-        // Rounding errors of a slow contact are not independent, but never exceed half the pitch.
-        let rounds = matches!(self.noise, Noise::Grid(pitch) if solution.residual_max <= 0.5 * pitch * (1.0 + 1e-6));
-        solution.fit.cost <= Self::cost_max(degrees) || rounds
+        solution.fit.cost <= Self::cost_max(degrees) || self.rounds(solution)
     }
 
-    /// Whether nothing better is to be expected of a wider search.
-    pub(super) fn is_good(self, solutions: &[Solution]) -> bool {
-        let Some(best) = solutions.first() else { return false };
+    /// Whether rounding alone explains what is left over. Rounding errors of a slow contact are not independent, so that
+    /// chi-square says little, but they never exceed half the pitch.
+    fn rounds(self, solution: &Solution) -> bool {
+        matches!(self.noise, Noise::Grid(pitch) if solution.residual_max <= HALF_PITCH * pitch)
+    }
+
+    /// Whether a wider search is worth its time.
+    pub(super) fn quality(self, solutions: &[Solution]) -> Quality {
+        let Some(best) = solutions.first() else { return Quality::Poor };
         #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
         let degrees = self.degrees_of_freedom(best.unknowns.count()) as f64;
-        let usual = best.fit.cost <= degrees + WIDER_SIGMAS * (2.0 * degrees).sqrt();
+        if best.fit.cost > degrees + WIDER_SIGMAS * (2.0 * degrees).sqrt() && !self.rounds(best) {
+            return Quality::Poor;
+        }
         let weak = best.attitude_sigma().is_some_and(|sigma| sigma > WEAK_RAD);
-        usual && !weak
+        if weak { Quality::Weak } else { Quality::Good }
     }
 
     pub(super) fn judge(self, solutions: Vec<Solution>) -> Estimate {
@@ -230,8 +253,8 @@ impl Solution {
         if !same_model {
             return false;
         }
-        if self.unobservable() && other.unobservable() && (self.fit.cost - other.fit.cost).abs() < 1.0 {
-            return true;
+        if self.unobservable() && other.unobservable() {
+            return self.normal_angle(other) < SAME_NORMAL_RAD;
         }
         let sigma = self.attitude_sigma().unwrap_or(0.0);
         let [a, b] = [self, other].map(|solution| solution.fit.point.state.attitude());
@@ -243,6 +266,13 @@ impl Solution {
         // A sphere's spin cannot be seen.
         let seen = if self.symmetry() == Symmetry::Sphere { Vector3::new(1.0, 1.0, 0.0) } else { Vector3::repeat(1.0) };
         near && (v - w).component_mul(&seen).norm() < SAME_RAD.max(sigma) * SAME_TURNING * (1.0 + v.norm())
+    }
+
+    /// The angle between the contacts' normals, modulo symmetry: what a continuum of headings and spins has in common.
+    fn normal_angle(&self, other: &Self) -> f64 {
+        let [a, b] = [self, other].map(|solution| solution.fit.point.state.normal());
+        let apart = |turn: UnitQuaternion<f64>| a.angle(&(turn * b));
+        self.symmetry().turns().into_iter().map(apart).fold(f64::INFINITY, f64::min)
     }
 
     /// The angle between attitudes of unknown ellipsoids, whose axes may be named in another order.

@@ -473,3 +473,181 @@ impl From<&observing::Hypothesis> for Hypothesis {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Value, json};
+
+    use super::*;
+    use crate::solve::read;
+
+    /// A block pushed up at its lower edge.
+    fn problem() -> Value {
+        json!({
+            "polygon": [[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]], "mu": 0.3, "mode": "rolling",
+            "finger": {"radius": 0.01, "centre0": [0, 0], "velocity0": [0, 0.05], "acceleration": [0, 0]},
+            "dt": 0.05, "contact_angle": [1.6, 1.605, 1.62, 1.64, 1.67], "sigma": 0.002,
+        })
+    }
+
+    /// The same with fields changed; null leaves one out.
+    fn changed(changes: &Value) -> Value {
+        let mut problem = problem();
+        for (key, value) in changes.as_object().unwrap() {
+            match value {
+                Value::Null => drop(problem.as_object_mut().unwrap().remove(key)),
+                value => problem[key] = value.clone(),
+            }
+        }
+        problem
+    }
+
+    fn solve(changes: &Value) -> ObservePushAnswer {
+        read::<ObservePush>(changed(changes)).unwrap().solve().unwrap()
+    }
+
+    fn refuse(changes: &Value) -> String {
+        let solved = read::<ObservePush>(changed(changes)).map_err(SolveError::from).and_then(|push| push.solve());
+        match solved.unwrap_err() {
+            SolveError::InvalidInput(error) => error.to_string(),
+            SolveError::Internal(error) => panic!("internal: {error}"),
+        }
+    }
+
+    #[test]
+    fn every_mistake_has_a_message_and_a_place_of_its_own() {
+        let forces = |extra: Value| {
+            let mut force = json!({"contact_angle": null, "force_direction": [1.6, 1.6]});
+            extra.as_object().unwrap().iter().for_each(|(key, value)| force[key] = value.clone());
+            force
+        };
+        let cases = [
+            (json!({"contact_angle": null}), "/contact_angle", "or `force_direction`"),
+            (json!({"contact_angle": []}), "/contact_angle", "is empty"),
+            (json!({"force_direction": [1.6]}), "/force_direction", "together with `contact_angle`"),
+            (json!({"force_magnitude": [1.6]}), "/force_magnitude", "together with `contact_angle`"),
+            (json!({"sigma": null}), "/sigma", "needs the standard deviation"),
+            (json!({"sigma": -1}), "/sigma", "≥ 0"),
+            (json!({"dt": 0}), "/dt", "> 0"),
+            (json!({"mode": "sliding"}), "/mu_c", "is missing"),
+            (json!({"mode": "coulomb"}), "/mu_c", "is missing"),
+            (json!({"u0_range": [0, 1]}), "/u0_range", "for force data"),
+            (json!({"sigma_magnitude_log": 0.1}), "/sigma_magnitude_log", "for `force_magnitude`"),
+            (json!({"zeta": 10}), "/zeta", "for the method `gho` only"),
+            (json!({"prior": {"omega0_sigma": 0}}), "/prior/omega0_sigma", "> 0"),
+            (json!({"prior": {"omega_sigma": 1}}), "/prior/omega_sigma", "did you mean `omega0_sigma`"),
+            (json!({"centre_of_mass": [0, 0]}), "/inertia_per_mass", "is missing"),
+            (forces(json!({"force_direction": []})), "/force_direction", "is empty"),
+            (forces(json!({"u0_range": [2, 1]})), "/u0_range", "lower limit first"),
+            (forces(json!({"force_magnitude": [1.0, 1.0]})), "/sigma_magnitude_log", "is missing"),
+            (
+                forces(json!({"force_magnitude": [1.0], "sigma_magnitude_log": 0.01})),
+                "/force_magnitude",
+                "has 1 values",
+            ),
+            (forces(json!({"force_magnitude": [1.0, 0.0], "sigma_magnitude_log": 0.01})), "/force_magnitude/1", "> 0"),
+        ];
+        for (changes, place, message) in cases {
+            let told = refuse(&changes);
+            assert!(told.contains(&format!("{place:?}")) && told.contains(message), "{changes}: {told}");
+        }
+    }
+
+    #[test]
+    fn the_edges_of_a_symmetric_part_are_as_probable() {
+        let answer = solve(&json!({}));
+        assert_eq!(answer.status, Status::Ambiguous);
+        let best = &answer.hypotheses[0];
+        let twin = answer.hypotheses.iter().find(|other| other.edge == (best.edge + 2) % 4).unwrap();
+        assert!((twin.s_end - best.s_end).abs() < 1e-6 && (twin.cost - best.cost).abs() < 1e-3, "{answer:?}");
+        assert!((twin.probability.unwrap() / best.probability.unwrap() - 1.0).abs() < 1e-2, "{answer:?}");
+        let all: f64 = answer.hypotheses.iter().filter_map(|hypothesis| hypothesis.probability).sum();
+        assert!((all - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn whole_turns_in_the_angles_do_not_count() {
+        let turned =
+            json!({"contact_angle": [1.6, 1.605 + std::f64::consts::TAU, 1.62, 1.64 - std::f64::consts::TAU, 1.67]});
+        let (plain, turned) = (solve(&json!({})), solve(&turned));
+        for (a, b) in plain.hypotheses.iter().zip(&turned.hypotheses) {
+            assert!(a.edge == b.edge && (a.s_end - b.s_end).abs() < 1e-9 && (a.u_end - b.u_end).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_part_that_nothing_moves_can_be_anywhere() {
+        let still = json!({"radius": 0.01, "centre0": [0, 0], "velocity0": [0, 0], "acceleration": [0, 0]});
+        let answer = solve(&json!({"finger": still, "contact_angle": [1.6, 1.6, 1.6]}));
+        assert_eq!(answer.hypotheses.len(), 4, "one for each edge: {answer:?}");
+        assert!(answer.hypotheses.iter().all(|hypothesis| hypothesis.unobservable && hypothesis.covariance.is_none()));
+    }
+
+    #[test]
+    fn a_finger_that_moves_away_pushes_nothing() {
+        let away = json!({"radius": 0.01, "centre0": [0, 0], "velocity0": [0, -0.05], "acceleration": [0, 0]});
+        let answer = solve(&json!({"finger": away}));
+        assert!(answer.status == Status::None && answer.hypotheses.is_empty(), "{answer:?}");
+    }
+
+    #[test]
+    fn strange_problems_are_answered_too() {
+        let finger = |radius: f64, velocity: [f64; 2]| json!({"radius": radius, "centre0": [0, 0], "velocity0": velocity, "acceleration": [0, 0.1]});
+        for changes in [
+            json!({"contact_angle": [1.6]}),
+            json!({"contact_angle": [1.6, 1.6]}),
+            json!({"contact_angle": [1.6, 1.5, 1.9], "sigma": 0}),
+            json!({"mu": 0}),
+            json!({"mu": 0, "mode": "frictionless"}),
+            json!({"g": 0, "mode": "coulomb", "mu_c": 0.3}),
+            json!({"mu_c": 0}),
+            json!({"mode": "coulomb", "mu_c": 0}),
+            json!({"mode": "sliding", "mu_c": 50}),
+            json!({"finger": finger(0.0, [0.0, 0.05])}),
+            json!({"finger": finger(10.0, [0.0, 0.05])}),
+            json!({"finger": finger(0.01, [0.0, 0.0])}),
+            json!({"finger": finger(0.01, [0.0, 0.0]), "mode": "coulomb", "mu_c": 0.3}),
+            json!({"finger": finger(0.01, [0.0, 0.0]), "mode": "sliding", "mu_c": 0.3}),
+            json!({"finger": finger(0.01, [1e-6, 1e-6])}),
+            json!({"dt": 1e-6}),
+            json!({"dt": 100}),
+            json!({"sigma": 100}),
+            json!({"contact_angle": null, "force_magnitude": [3, 3, 3], "sigma_magnitude_log": 0.1, "u0_range": [1.5, 1.7]}),
+            json!({"contact_angle": null, "force_direction": [1.6, 1.6, 1.6], "u0_range": [1.6, 1.6]}),
+        ] {
+            let answer = solve(&changes);
+            crate::solve::testing::all_finite(&answer);
+            assert_eq!(answer.status, Status::of(answer.hypotheses.len()), "{changes}");
+        }
+    }
+
+    /// Numbers that differ in their last digits on another processor, relative to 1.
+    const PRINTED: f64 = 1e-6;
+
+    fn alike(a: &Value, b: &Value) -> bool {
+        match (a, b) {
+            (Value::Number(a), Value::Number(b)) => {
+                a.as_f64().zip(b.as_f64()).is_some_and(|(a, b)| (a - b).abs() <= PRINTED * (1.0 + a.abs()))
+            }
+            (Value::Array(a), Value::Array(b)) => a.len() == b.len() && a.iter().zip(b).all(|(a, b)| alike(a, b)),
+            (Value::Object(a), Value::Object(b)) => {
+                a.len() == b.len() && a.iter().all(|(key, a)| b.get(key).is_some_and(|b| alike(a, b)))
+            }
+            _ => a == b,
+        }
+    }
+
+    #[test]
+    fn the_documented_line_is_answered_as_documented() {
+        let page = include_str!("../../../../docs/SOLVE.md");
+        let mut lines = page.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+        let mut problem = lines.find(|line| line["problem"] == "observe_push").unwrap();
+        let mut documented = lines.find(|line| line["problem"] == "observe_push").unwrap();
+        for frame in ["problem", "id"] {
+            problem.as_object_mut().unwrap().remove(frame);
+            documented.as_object_mut().unwrap().remove(frame);
+        }
+        let answered = serde_json::to_value(read::<ObservePush>(problem).unwrap().solve().unwrap()).unwrap();
+        assert!(alike(&answered, &documented), "{answered}");
+    }
+}

@@ -2,7 +2,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use nalgebra::{Point2, Rotation2};
+use nalgebra::{Point2, Rotation2, Vector3};
 
 use crate::geometry::angle::wrap_angle;
 use crate::observing::{Channel, Hypothesis, Known, Measured, Observation, Prior, Touch};
@@ -33,34 +33,72 @@ pub(super) enum Kind {
     Coulomb,
 }
 
+/// What the finger feels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Sense {
+    /// The contact angle.
+    Angle,
+    /// The direction of the force; where the contact is, to ±10° about straight ahead.
+    Direction,
+    /// That and the magnitude of the force.
+    Force,
+}
+
+/// A row of an experiment.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Setting {
+    pub(super) kind: Kind,
+    pub(super) sense: Sense,
+    /// Of one angle, rad; 0 for exact ones.
+    pub(super) sigma: f64,
+}
+
+/// Half the range of contact angles of pushes felt by their force, rad: 10°.
+const ANGLE_RANGE: f64 = 10.0 / 180.0 * std::f64::consts::PI;
+
+/// Standard deviation of a force, relative.
+const SIGMA_FORCE: f64 = 0.01;
+
 /// A push that was felt.
 #[derive(Clone, Debug)]
 pub(super) struct Case {
     pub(super) part: Part,
     pub(super) finger: Finger,
     pub(super) kind: Kind,
+    sense: Sense,
     /// Of one value, rad; 0 for exact ones.
     pub(super) sigma: f64,
     pub(super) edge: usize,
     pub(super) samples: Vec<Sample>,
     pub(super) angles: Vec<f64>,
-    pub(super) felt: Vec<f64>,
+    /// Angles of what is felt: of the contact or of the force.
+    felt: Vec<f64>,
+    /// Logarithms of the force per mass.
+    magnitudes: Vec<f64>,
 }
 
 impl Case {
     /// The case of a number under a seed: drawn until the contact lasts.
-    pub(super) fn draw(seed: u64, number: usize, kind: Kind, sigma: f64) -> Self {
+    pub(super) fn draw(seed: u64, number: usize, setting: Setting) -> Self {
         let mut draw = Draw::case(seed, number);
         loop {
-            if let Some(mut case) = Self::try_draw(&mut draw, kind) {
-                case.sigma = sigma;
-                case.felt = case.angles.iter().map(|angle| angle + sigma * draw.normal()).collect();
+            if let Some(mut case) = Self::try_draw(&mut draw, setting) {
+                case.feel(&mut draw);
                 return case;
             }
         }
     }
 
-    fn try_draw(draw: &mut Draw, kind: Kind) -> Option<Self> {
+    fn feel(&mut self, draw: &mut Draw) {
+        for (sample, angle) in self.samples.iter().zip(&self.angles) {
+            let (normal, along) = sample.force.map_or((1.0, 0.0), |force| (force.normal, force.tangential));
+            let from_normal = if self.sense == Sense::Angle { 0.0 } else { along.atan2(normal) };
+            self.felt.push(angle - from_normal + self.sigma * draw.normal());
+            self.magnitudes.push(normal.hypot(along).ln() + SIGMA_FORCE * draw.normal());
+        }
+    }
+
+    fn try_draw(draw: &mut Draw, Setting { kind, sense, sigma }: Setting) -> Option<Self> {
         let polygon = if draw.chance(0.6) {
             let points = 3 + draw.index(7);
             draw.convex_polygon(points, 0.05)
@@ -81,7 +119,8 @@ impl Case {
         let finger =
             Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [along, 0.05], acceleration: [0.0, acceleration] };
         let s = draw.uniform(edge.s_min, edge.s_max);
-        let u = FRAC_PI_2 + draw.uniform(-0.3, 0.3);
+        let range = if sense == Sense::Angle { 0.3 } else { ANGLE_RANGE };
+        let u = FRAC_PI_2 + draw.uniform(-range, range);
         let omega = PRIOR.0 * draw.normal();
         let state = State { u, s, omega, v_t: PRIOR.1 * draw.normal() };
         let model = PushModel { part: &part, edge, grip: GRIP, finger };
@@ -93,7 +132,8 @@ impl Case {
             return None;
         }
         let angles = samples.iter().map(|sample| sample.state.u).collect();
-        Some(Self { edge: edge_index, finger, kind, sigma: 0.0, samples, angles, felt: Vec::new(), part })
+        let (felt, magnitudes) = (Vec::new(), Vec::new());
+        Some(Self { edge: edge_index, finger, kind, sense, sigma, samples, angles, felt, magnitudes, part })
     }
 
     pub(super) fn known(&self) -> Known<'_> {
@@ -120,8 +160,15 @@ impl Case {
     }
 
     pub(super) fn observation(&self) -> Observation {
-        let channel = Channel { values: self.felt.clone(), sigma: self.sigma_used() };
-        Observation { dt: DT_S, measured: Measured::ContactAngle(channel), prior: Self::prior() }
+        let angles = Channel { values: self.felt.clone(), sigma: self.sigma_used() };
+        let magnitudes = Channel { values: self.magnitudes.clone(), sigma: SIGMA_FORCE };
+        let u0_range = Some([FRAC_PI_2 - ANGLE_RANGE, FRAC_PI_2 + ANGLE_RANGE]);
+        let measured = match self.sense {
+            Sense::Angle => Measured::ContactAngle(angles),
+            Sense::Direction => Measured::Force { direction: Some(angles), magnitude: None, u0_range },
+            Sense::Force => Measured::Force { direction: Some(angles), magnitude: Some(magnitudes), u0_range },
+        };
+        Observation { dt: DT_S, measured, prior: Self::prior() }
     }
 
     pub(super) fn end(&self) -> &Sample {
@@ -139,6 +186,14 @@ impl Case {
             && (hypothesis.end.s - end.state.s).abs() < place
             && off.norm() < place
             && wrap_angle(theta - end.theta).abs() < turn
+    }
+
+    /// Squared error of a hypothesis's pose in its own standard deviations.
+    pub(super) fn squared_error(&self, hypothesis: &Hypothesis) -> Option<f64> {
+        let end = self.end();
+        let [x, y, theta] = hypothesis.pose_end;
+        let off = Vector3::new(x - end.position.x, y - end.position.y, wrap_angle(theta - end.theta));
+        Some((off.transpose() * hypothesis.covariance?.try_inverse()? * off)[0])
     }
 
     /// Whether a hypothesis, simulated with error control, has the cost it claims and keeps its contact.

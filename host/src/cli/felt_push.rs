@@ -1,0 +1,74 @@
+//! Forces and a motion from files: what a finger felt of a push from rest.
+
+use std::path::PathBuf;
+
+use miette::WrapErr as _;
+use palpate::finger_motion::FingerMotion;
+use palpate::observing::from_rest::{FeltForce, Known, WINDOWS_MIN};
+use palpate::part_file::PartFile;
+use palpate::push_plan::GRAVITY;
+use palpate::push_sense::{PushSense, RestNoise};
+use palpate::recording::csv;
+
+use super::demo::read;
+use super::positive;
+
+/// The files, as `palpate observe` takes them.
+#[derive(Debug, clap::Args)]
+pub(super) struct FeltPushArguments {
+    /// Forces on the finger: a table of t, Fx, Fy, with the finger at rest at its beginning
+    #[arg(value_name = "FORCES")]
+    forces: PathBuf,
+
+    /// How the finger moved: a motion file, see `palpate observe --help`
+    #[arg(long, value_name = "MOTION.toml")]
+    motion: PathBuf,
+
+    /// Radius of the finger's disk
+    #[arg(long, value_name = "MM", value_parser = positive, default_value_t = 15.0)]
+    radius_mm: f64,
+
+    /// Take the tare over so many seconds at rest, at the beginning
+    #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true, value_parser = super::stretch)]
+    tare: f64,
+}
+
+/// A push that was felt.
+pub(super) struct FeltPush {
+    pub(super) force: FeltForce,
+    motion: FingerMotion,
+    radius: f64,
+}
+
+impl FeltPushArguments {
+    pub(super) fn read(&self) -> miette::Result<FeltPush> {
+        let motion = read(&self.motion, FingerMotion::parse)?;
+        let named = || format!("cannot use the forces {}", self.forces.display());
+        let force = self.feel(&motion).wrap_err_with(named)?;
+        Ok(FeltPush { force, motion, radius: self.radius_mm * 1e-3 })
+    }
+
+    fn feel(&self, motion: &FingerMotion) -> miette::Result<FeltForce> {
+        let readings = read(&self.forces, csv::parse)?.readings;
+        let rest_end = readings.first().map_or(0.0, |first| first.t) + self.tare;
+        let (rest, push) = readings.split_at(readings.partition_point(|reading| reading.t < rest_end));
+        let noise = RestNoise::estimate(rest).map_err(|error| {
+            miette::miette!(help = error.help(), "the finger was not at rest while the tare was taken: {error}")
+        })?;
+        let mut sense = PushSense::new(noise, None);
+        push.iter().for_each(|reading| sense.push(reading));
+        sense.felt(motion.duration()).filter(|felt| felt.count() >= WINDOWS_MIN).ok_or_else(|| {
+            miette::miette!(
+                help = "a push must stand out of the noise for a tenth of a second at least, and begin after the tare",
+                "no push was felt, or too short a one"
+            )
+        })
+    }
+}
+
+impl FeltPush {
+    /// What is known of the push if this part was pushed.
+    pub(super) fn known<'p>(&'p self, file: &'p PartFile) -> Known<'p> {
+        Known { part: &file.part, grip: file.mu * GRAVITY, radius: self.radius, motion: &self.motion }
+    }
+}

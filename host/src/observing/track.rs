@@ -1,0 +1,302 @@
+//! The estimate while the push goes on: one value in, everything that is still possible out.
+//!
+//! Each hypothesis starts where the value before left it and takes one Gauss–Newton step, so a value costs a few simulations, not a
+//! search. While the window grows, one site of the outline after the other is searched anew, so that nothing is lost that
+//! more values bring out. When the window is full, its older part is dropped and what it said about each hypothesis is kept as a
+//! Gaussian about the state at the window's new start (a moving horizon with an arrival cost).
+//!
+//! Assumes: values come each `dt` from contact onset on; one that got lost is given as none. Frames: world. Units: SI.
+//! Errors: none. Until there are values enough, or where nothing explains them, there are no hypotheses.
+
+use std::cell::Cell;
+
+use nalgebra::{Matrix4, Vector2, Vector4};
+
+use super::data::Data;
+use super::fit::{Candidate, Descent, Fitting, Past};
+use super::launch::{Begin, UNKNOWNS};
+use super::observation::{Channel, Estimate, Fit, Known, Measured, Observation, Prior};
+use super::path::Site;
+use super::seed::{Width, seeds};
+use super::select::{GATE, REST_ERROR, SLACK, descend_together, fineness, judge_all, merge_met};
+use super::sites::sites;
+use crate::pushing::{Contact, Finger};
+
+/// Values before the first estimate.
+const VALUES_FIRST: usize = 15;
+
+/// Values between one search of a site and the next.
+const SEARCH_EACH: usize = 4;
+
+/// Part of the window that is dropped when it is full: one in so many.
+const DROPPED_SHARE: usize = 4;
+
+/// What the model may be off by while a part of the window passes: rad, m, rad/s, m/s. It keeps the memory of the past finite.
+const DRIFT: [f64; UNKNOWNS] = [1e-4, 1e-5, 1e-3, 1e-4];
+
+/// How to follow a push.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrackerSettings {
+    /// Time between values, s.
+    pub dt: f64,
+    /// Standard deviation of one, rad, above 0.
+    pub sigma: f64,
+    /// The start.
+    pub prior: Prior,
+    /// Most values in the window; at least twice [`Tracker::VALUES_FIRST`].
+    pub window: usize,
+}
+
+/// Follows a push from contact onset on.
+///
+/// ```
+/// use nalgebra::Point2;
+/// use palpate::geometry::SimplePolygon;
+/// use palpate::observing::{Known, Prior, Touch, Tracker, TrackerSettings};
+/// use palpate::pushing::{Contact, Finger, Part, PushModel, State};
+///
+/// let wedge = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.02, 0.025], [-0.03, 0.01]].map(Point2::from))?;
+/// let part = Part::uniform(wedge);
+/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+/// let known = Known { part: &part, grip: 0.3 * 9.81, finger, touch: Touch::Rolling { friction: None } };
+/// let settings = TrackerSettings { dt: 0.01, sigma: 2e-3, prior: Prior::default(), window: 80 };
+/// let mut tracker = Tracker::new(known, settings);
+///
+/// let model = PushModel { part: &part, edge: part.edge(0)?, grip: 0.3 * 9.81, finger };
+/// let start = State { u: 1.6, s: 0.012, omega: 0.1, v_t: 0.0 };
+/// let felt = std::iter::once(start).chain(model.rollout(&Contact::Rolling, &start, 0.01)).take(50);
+/// let mut end = start;
+/// for state in felt {
+///     tracker.push_sample(Some(state.u));
+///     end = state;
+/// }
+/// let found = tracker.estimate().hypotheses.iter().find(|found| found.edge == 0).unwrap();
+/// assert!((found.end.s - end.s).abs() < 1e-3); // m
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Tracker<'p> {
+    /// With the finger as it is at the start of the window.
+    known: Known<'p>,
+    settings: TrackerSettings,
+    sites: Vec<Site>,
+    begins: Vec<Begin>,
+    window: Vec<f64>,
+    /// Whether older values were dropped.
+    full: bool,
+    /// Values so far.
+    count: usize,
+    next_site: usize,
+    live: Vec<Candidate>,
+    estimate: Estimate,
+}
+
+impl<'p> Tracker<'p> {
+    /// Values before the first estimate.
+    pub const VALUES_FIRST: usize = VALUES_FIRST;
+
+    /// Starts at contact onset; `known` has the finger's motion from there on.
+    #[must_use]
+    pub fn new(known: Known<'p>, settings: TrackerSettings) -> Self {
+        let settings = TrackerSettings { window: settings.window.max(2 * VALUES_FIRST), ..settings };
+        let fit = Fit { cost: None, degrees_of_freedom: 0, cost_max: 0.0 };
+        Self {
+            sites: sites(known.part, known.finger.radius),
+            begins: Begin::all(&known),
+            known,
+            settings,
+            window: Vec::new(),
+            full: false,
+            count: 0,
+            next_site: 0,
+            live: Vec::new(),
+            estimate: Estimate { hypotheses: Vec::new(), fit, simulations: 0 },
+        }
+    }
+
+    /// The estimate at the last value's time.
+    #[must_use]
+    pub fn estimate(&self) -> &Estimate {
+        &self.estimate
+    }
+
+    /// The finger's motion with t = 0 moved to the last value's time: what a planner or another estimate goes on from.
+    #[must_use]
+    pub fn finger_now(&self) -> Finger {
+        moved(&self.known.finger, self.time_of(self.window.len().saturating_sub(1)))
+    }
+
+    /// Takes the next contact angle, rad; none for one that got lost. Whole turns do not count.
+    pub fn push_sample(&mut self, angle: Option<f64>) -> &Estimate {
+        self.window.push(angle.unwrap_or(f64::NAN));
+        self.count += 1;
+        if self.window.len() >= VALUES_FIRST {
+            self.update();
+        }
+        if self.window.len() >= self.settings.window {
+            self.drop_oldest(self.settings.window / DROPPED_SHARE);
+        }
+        &self.estimate
+    }
+
+    fn time_of(&self, value: usize) -> f64 {
+        super::clock::count(value) * self.settings.dt
+    }
+
+    fn update(&mut self) {
+        let simulations = Cell::new(0);
+        let (known, values) = (self.known, self.window.clone());
+        let fitting = self.fitting(&known, values, &simulations);
+        let mut minima: Vec<_> = self.live.iter().filter_map(|candidate| fitting.descend(*candidate)).collect();
+        for descent in &mut minima {
+            fitting.improve(descent);
+        }
+        minima.extend(self.searched(&fitting));
+        keep_near_best(&mut minima);
+        self.estimate = Estimate { simulations: simulations.get(), ..judge_all(&fitting, &minima, self.begins.len()) };
+        self.live = minima.iter().map(|descent| descent.candidate).collect();
+    }
+
+    fn fitting<'a>(&self, known: &'a Known<'p>, values: Vec<f64>, simulations: &'a Cell<usize>) -> Fitting<'a, 'p> {
+        let TrackerSettings { dt, sigma, prior, .. } = self.settings;
+        let measured = Measured::ContactAngle(Channel { values, sigma });
+        let data = Data::new(&Observation { dt, measured, prior });
+        Fitting::new((known, data, prior), fineness(sigma, 1.0), REST_ERROR * sigma, simulations)
+    }
+
+    /// Minima of the sites whose turn it is: all at first, then one now and then until values are dropped.
+    fn searched(&mut self, fitting: &Fitting) -> Vec<Descent> {
+        let first = self.window.len() == VALUES_FIRST && !self.full;
+        let due = !self.full && self.window.len().is_multiple_of(SEARCH_EACH) && !self.sites.is_empty();
+        let candidates = if first {
+            seeds(fitting, &self.sites, &self.begins, Width::Narrow)
+        } else if due {
+            self.next_site = (self.next_site + 1) % self.sites.len();
+            seeds(fitting, &[self.sites[self.next_site]], &self.begins, Width::Narrow)
+        } else {
+            return Vec::new();
+        };
+        descend_together(fitting, &candidates)
+    }
+
+    /// Moves the window's start, and keeps what the values before it said.
+    fn drop_oldest(&mut self, dropped: usize) {
+        let simulations = Cell::new(0);
+        let known = self.known;
+        // The value at the new start stays in the window.
+        let mut values = self.window[..=dropped].to_vec();
+        values[dropped] = f64::NAN;
+        let fitting = self.fitting(&known, values, &simulations);
+        let time = self.time_of(dropped);
+        self.live = self.live.iter().filter_map(|candidate| remembered(&fitting, candidate, time)).collect();
+        self.window.drain(..dropped);
+        self.known.finger = moved(&known.finger, time);
+        self.full = true;
+    }
+}
+
+/// The same motion with another t = 0.
+fn moved(finger: &Finger, time: f64) -> Finger {
+    Finger { centre0: finger.centre(time).into(), velocity0: finger.velocity(time), ..*finger }
+}
+
+/// Drops what is far above the best, and the worse of two that are one.
+fn keep_near_best(minima: &mut Vec<Descent>) {
+    let total = |descent: &Descent| descent.evaluation.total();
+    let best = minima.iter().map(total).fold(f64::INFINITY, f64::min);
+    minima.retain(|descent| total(descent) <= best + GATE + SLACK);
+    merge_met(minima);
+}
+
+/// A candidate at the end of some values, with what they say about it there. None where they say it cannot be.
+fn remembered(fitting: &Fitting, candidate: &Candidate, time: f64) -> Option<Candidate> {
+    let descent = fitting.descend(*candidate)?;
+    let evaluation = &descent.evaluation;
+    let (end, edge) = (evaluation.end, candidate.site.edge);
+    let mut by_start = evaluation.end_by_start;
+    let (begin, along) = match evaluation.contact_end {
+        Contact::Frictionless => (Begin::Free, end.v_t),
+        Contact::Rolling => (Begin::NoSlip, 0.0),
+        Contact::Sliding { slip, .. } => {
+            // v_FT + hω − v_T in the direction of the slip; T turns with the contact.
+            let model = fitting.known.model(edge);
+            let finger_v_n = -Vector2::from(model.finger.velocity(time)).dot(&Vector2::new(end.u.cos(), end.u.sin()));
+            let row = by_start.row(0) * finger_v_n + by_start.row(2) * edge.height - by_start.row(3);
+            by_start.set_row(3, &(row * slip.sign()));
+            (Begin::Slips(slip), (model.slip(time, &end) * slip.sign()).max(0.0))
+        }
+    };
+    let (covariance, step) = fitting.spread(&descent)?;
+    let drift = Matrix4::from_diagonal(&Vector4::from(DRIFT).map(|drift| drift * drift));
+    let spread = by_start * covariance * by_start.transpose() + drift;
+    let unknowns = [end.u, end.s, end.omega, along];
+    let past = Past {
+        best: Vector4::from(unknowns) + by_start * step,
+        information: leading_inverse(&spread, begin.unknowns())?,
+        cost: evaluation.cost - step.dot(&(evaluation.information * step)),
+        terms: fitting.data.terms() + fitting.prior_terms(candidate),
+    };
+    Some(Candidate { site: candidate.site, begin, unknowns, past: Some(past) })
+}
+
+/// The inverse of the leading block, zeros elsewhere.
+fn leading_inverse(matrix: &Matrix4<f64>, size: usize) -> Option<Matrix4<f64>> {
+    let inverse = matrix.view((0, 0), (size, size)).clone_owned().cholesky()?.inverse();
+    let mut widened = Matrix4::zeros();
+    widened.view_mut((0, 0), (size, size)).copy_from(&inverse);
+    Some(widened)
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point2;
+
+    use super::*;
+    use crate::geometry::SimplePolygon;
+    use crate::observing::Touch;
+    use crate::pushing::{Part, PushModel, State};
+
+    /// rad: 0.112°.
+    const SIGMA: f64 = 1.95e-3;
+
+    /// Four of the estimate's own standard deviations.
+    const DEVIATIONS: f64 = 4.0;
+
+    /// Follows a push of `values` values with an alternating error of one standard deviation.
+    fn follow(touch: Touch, contact: Contact, values: usize) {
+        let outline = [[-0.031, -0.022], [0.03, -0.018], [0.022, 0.027], [-0.028, 0.012]].map(Point2::from);
+        let part = Part::uniform(SimplePolygon::new(outline).unwrap());
+        let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+        let known = Known { part: &part, grip: 0.3 * 9.81, finger, touch };
+        let prior = Prior { omega0_sigma: Some(1.0), v_t0_sigma: Some(0.004) };
+        let mut tracker = Tracker::new(known, TrackerSettings { dt: 0.01, sigma: SIGMA, prior, window: 60 });
+        let model = PushModel { part: &part, edge: part.edge(0).unwrap(), grip: 0.3 * 9.81, finger };
+        let start = State { u: 1.6, s: 0.006, omega: 0.2, v_t: 0.0 };
+        let path = std::iter::once(start).chain(model.rollout(&contact, &start, 0.002)).step_by(5).take(values);
+        for (i, truth) in path.enumerate() {
+            let error = if i.is_multiple_of(2) { SIGMA } else { -SIGMA };
+            let lost = i % 17 == 16;
+            tracker.push_sample((!lost).then_some(truth.u + error));
+            if i + 1 < 2 * VALUES_FIRST {
+                continue;
+            }
+            let off = |found: &&crate::observing::Hypothesis| {
+                let deviation = found.state_covariance.map_or(f64::INFINITY, |covariance| covariance.m22.sqrt());
+                (found.end.s - truth.s).abs() / deviation
+            };
+            let found = tracker.estimate().hypotheses.iter().filter(|found| found.edge == 0);
+            let nearest = found.map(|found| off(&found)).fold(f64::INFINITY, f64::min);
+            assert!(nearest < DEVIATIONS, "value {i}: {nearest} deviations off: {:?}", tracker.estimate());
+        }
+    }
+
+    #[test]
+    fn a_rolling_part_stays_in_the_set_beyond_the_window() {
+        follow(Touch::Rolling { friction: None }, Contact::Rolling, 110);
+    }
+
+    #[test]
+    fn a_part_without_contact_friction_stays_in_the_set_beyond_the_window() {
+        follow(Touch::Frictionless, Contact::Frictionless, 110);
+    }
+}

@@ -1,0 +1,173 @@
+//! Which of several known parts was pushed: the same push is explained with each, and the explanations are compared.
+//!
+//! Laplace's approximation gives each hypothesis the weight exp(−cost/2) √det C, with C the covariance of contact angle and place
+//! at the end; a part's evidence is the sum over its hypotheses. Before the push every part is as likely, and of one part every
+//! place of its perimeter, so that a large part is not preferred for having more places. A part that the data exclude by
+//! themselves has no hypotheses and the probability 0.
+//!
+//! Units: SI. Errors: none; if no part explains the data, each has the probability 0.
+//!
+//! Implements: thesis §8.2, recognition of the part beside its pose.
+
+use std::f64::consts::TAU;
+
+use nalgebra::Matrix2;
+
+use super::{Estimate, Known, Observation, estimate};
+use crate::pushing::Part;
+
+/// What a push says about one of several parts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PartEstimate<E> {
+    /// Its place among those given.
+    pub part: usize,
+    /// That it was this one, if it was one of them.
+    pub probability: f64,
+    /// Where it is then.
+    pub estimate: E,
+}
+
+/// An explanation's part in the evidence.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Weight {
+    /// Squared residuals in standard deviations.
+    pub cost: f64,
+    /// Of contact angle (rad) and place (m) at the end.
+    pub covariance: Matrix2<f64>,
+}
+
+/// Which of several parts explains an observation, the likeliest first; `known` differs in the part.
+#[must_use]
+pub fn which_part(known: &[Known], observation: &Observation) -> Vec<PartEstimate<Estimate>> {
+    let estimates = known.iter().map(|known| estimate(known, observation));
+    ranked(estimates.zip(known).map(|(estimate, known)| {
+        let evidence = log_evidence(known.part, weights(&estimate));
+        (estimate, evidence)
+    }))
+}
+
+fn weights(estimate: &Estimate) -> impl Iterator<Item = Weight> + '_ {
+    estimate.hypotheses.iter().filter_map(|hypothesis| {
+        let covariance = hypothesis.state_covariance?.fixed_view::<2, 2>(0, 0).into();
+        Some(Weight { cost: hypothesis.cost, covariance })
+    })
+}
+
+/// Logarithm of a part's evidence, up to what all parts share; none without an explanation.
+#[must_use]
+pub fn log_evidence(part: &Part, weights: impl Iterator<Item = Weight>) -> Option<f64> {
+    let logarithms: Vec<_> = weights.map(|weight| weight.log()).filter(|log| log.is_finite()).collect();
+    let most = logarithms.iter().copied().reduce(f64::max)?;
+    let sum: f64 = logarithms.iter().map(|log| (log - most).exp()).sum();
+    Some(most + sum.ln() - perimeter(part).ln())
+}
+
+fn perimeter(part: &Part) -> f64 {
+    let corners = part.polygon().vertices();
+    let next = corners.iter().cycle().skip(1);
+    corners.iter().zip(next).map(|(from, to)| (to - from).norm()).sum()
+}
+
+impl Weight {
+    fn log(&self) -> f64 {
+        TAU.ln() + 0.5 * (self.covariance.determinant().ln() - self.cost)
+    }
+}
+
+/// Estimates by the probability of their parts, from the logarithms of evidence.
+#[must_use]
+pub fn ranked<E>(parts: impl Iterator<Item = (E, Option<f64>)>) -> Vec<PartEstimate<E>> {
+    let parts: Vec<_> = parts.collect();
+    let most = parts.iter().filter_map(|(_, evidence)| *evidence).fold(f64::NEG_INFINITY, f64::max);
+    let share = |evidence: Option<f64>| evidence.map_or(0.0, |evidence| (evidence - most).exp());
+    let sum: f64 = parts.iter().map(|(_, evidence)| share(*evidence)).sum();
+    let probability = |evidence| if sum > 0.0 { share(evidence) / sum } else { 0.0 };
+    let numbered = parts.into_iter().enumerate();
+    let mut ranked: Vec<_> = numbered
+        .map(|(part, (estimate, evidence))| PartEstimate { part, probability: probability(evidence), estimate })
+        .collect();
+    ranked.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    ranked
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::FRAC_PI_2;
+
+    use nalgebra::Point2;
+
+    use super::*;
+    use crate::geometry::SimplePolygon;
+    use crate::observing::{Channel, Measured, Prior, Touch};
+    use crate::pushing::{ContactLaw, EdgeEnd, Finger, Push, PushModel, Start, State};
+
+    const GRIP: f64 = 0.3 * 9.81;
+    const DT: f64 = 0.01; // s
+    const SIGMA: f64 = 0.001_95; // rad
+    const FINGER: Finger =
+        Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.06, 0.0] };
+
+    fn part(corners: &[[f64; 2]]) -> Part {
+        Part::uniform(SimplePolygon::new(corners.iter().copied().map(Point2::from).collect::<Vec<_>>()).unwrap())
+    }
+
+    fn rectangle(width: f64, height: f64) -> Part {
+        part(&[[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]])
+    }
+
+    fn known(part: &Part) -> Known<'_> {
+        Known { part, grip: GRIP, finger: FINGER, touch: Touch::Rolling { friction: None } }
+    }
+
+    /// Exact angles of a part that is pushed at edge 0.
+    fn push(part: &Part) -> Observation {
+        let model = PushModel { part, edge: part.edge(0).unwrap(), grip: GRIP, finger: FINGER };
+        let start = Start::Moving(State { u: FRAC_PI_2, s: 0.006, omega: 0.0, v_t: 0.0 });
+        let law = ContactLaw::Rolling { friction: None };
+        let times: Vec<_> = (0..61).map(|i| f64::from(i) * DT).collect();
+        let run = Push::new(model, law, start, EdgeEnd::Stop).unwrap().run(&times).unwrap();
+        let values = run.samples.iter().map(|sample| sample.state.u).collect();
+        let prior = Prior { omega0_sigma: Some(1.0), v_t0_sigma: None };
+        Observation { dt: DT, measured: Measured::ContactAngle(Channel { values, sigma: SIGMA }), prior }
+    }
+
+    #[test]
+    fn the_part_that_was_pushed_is_named_whichever_it_is() {
+        let parts = [rectangle(0.06, 0.04), rectangle(0.08, 0.02), part(&[[0.0, 0.0], [0.07, 0.0], [0.02, 0.05]])];
+        let all = parts.each_ref().map(known);
+        for (truth, part) in parts.iter().enumerate() {
+            let ranked = which_part(&all, &push(part));
+            assert_eq!(ranked.len(), parts.len());
+            assert_eq!(ranked[0].part, truth);
+            assert!(ranked[0].probability > 0.9, "{truth}: {}", ranked[0].probability);
+            assert!(!ranked[0].estimate.hypotheses.is_empty());
+        }
+    }
+
+    #[test]
+    fn parts_that_are_alike_share_the_probability() {
+        let parts = [rectangle(0.06, 0.04), rectangle(0.06, 0.04)];
+        let ranked = which_part(&parts.each_ref().map(known), &push(&parts[0]));
+        assert!(ranked.iter().all(|part| (part.probability - 0.5).abs() < 1e-9), "{ranked:?}");
+    }
+
+    #[test]
+    fn evidence_is_weighed_as_gaussians_are() {
+        // Two explanations of one part against one of another: e⁰ + e⁻¹ to e⁻¹, with equal widths and perimeters.
+        let part = rectangle(0.06, 0.04);
+        let weight = |cost| Weight { cost, covariance: Matrix2::identity() };
+        let both = log_evidence(&part, [weight(0.0), weight(2.0)].into_iter());
+        let one = log_evidence(&part, [weight(2.0)].into_iter());
+        let none = log_evidence(&part, std::iter::empty());
+        let ranked = ranked([((), none), ((), one), ((), both)].into_iter());
+        let wanted = (1.0 + (-1.0_f64).exp()) / (1.0 + 2.0 * (-1.0_f64).exp());
+        assert_eq!(ranked.iter().map(|part| part.part).collect::<Vec<_>>(), [2, 1, 0]);
+        assert!((ranked[0].probability - wanted).abs() < 1e-12 && ranked[2].probability.abs() < 1e-300);
+    }
+
+    #[test]
+    fn if_no_part_explains_the_data_none_is_named() {
+        let ranked = ranked([((), None), ((), None)].into_iter());
+        assert!(ranked.iter().all(|part| part.probability.abs() < 1e-300));
+    }
+}

@@ -1,0 +1,189 @@
+//! The observer of Gauthier, Hammouri and Othman for a body that rolls, and why not to use it here.
+//!
+//! It copies the motion and adds the error of the contact through the inverse of the Jacobian of `Z = (u, u', u'', u''')`
+//! by the state: eight numbers for eight. For rolling that map is no diffeomorphism: its determinant changes sign several
+//! times a second, and there the correction is infinite. The observer is kept so that anybody can see this (`palpate tables
+//! 7-gho`); [`observer`](super::observer) needs no such map.
+//!
+//! Implements: thesis §4.2.2 with all poles at −ζ (its printed s₁₁ has the wrong sign), for the point contact of chapter 7.
+//! Frames: changes of attitude and angular velocity in body axes. Units: SI; ζ in 1/s.
+//! Errors: none; where the map is singular the state stops being a number. `None` for custom shapes, which carry no
+//! derivatives of higher order.
+
+use nalgebra::{Const, Quaternion, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
+use num_dual::{Derivative, Dual, DualSVec64};
+
+use super::mechanics::{Model, State, StateOf};
+use super::shape::Real;
+
+/// A number with the derivatives by a small turn and a change of the angular velocity.
+type BySix = DualSVec64<6>;
+
+/// The observer.
+#[derive(Clone, Copy, Debug)]
+pub struct Gho<'a> {
+    /// The body, free to spin.
+    pub model: Model<'a>,
+    /// What it feels, palm axes, m/s²; constant.
+    pub felt: Vector3<f64>,
+    /// Rate of all poles, 1/s.
+    pub zeta: f64,
+}
+
+impl Gho<'_> {
+    /// `∂(u, u', u'', u''')/∂(u, θ, ω)`.
+    #[must_use]
+    pub fn jacobian(&self, state: &State) -> Option<SMatrix<f64, 8, 8>> {
+        let seeded = seed(state);
+        let feel = &self.felt;
+        let orders = [
+            velocity(&self.model, &seeded, feel)?,
+            acceleration(&self.model, &seeded, feel)?,
+            jerk(&self.model, &seeded, feel)?,
+        ];
+        let mut jacobian = SMatrix::<f64, 8, 8>::zeros();
+        for axis in 0..2 {
+            jacobian[(axis, axis)] = 1.0;
+            for (order, value) in orders.iter().enumerate() {
+                let slopes = value[axis].eps.unwrap_generic(Const, Const);
+                for column in 0..6 {
+                    jacobian[(2 * (order + 1) + axis, 2 + column)] = slopes[column];
+                }
+            }
+        }
+        Some(jacobian)
+    }
+
+    /// The determinant of the Jacobian, in units of the body's size and √(g/size). The map is singular where it is 0.
+    #[must_use]
+    pub fn determinant(&self, state: &State) -> Option<f64> {
+        let size = self.model.body.size();
+        let rate = (self.felt.norm() / size).sqrt();
+        // Rows: velocities, accelerations and jerks over the size; columns: angular velocities.
+        let scale = size.powi(6) * rate.powi(12) / rate.powi(3);
+        Some(self.jacobian(state)?.determinant() / scale)
+    }
+
+    /// One Runge–Kutta step of `dt` (s), for contacts `u` (m) that change linearly from its start to its end.
+    #[must_use]
+    pub fn step(&self, state: &State, u: [Vector2<f64>; 2], dt: f64) -> Option<State> {
+        let at = |share: f64| u[0] * (1.0 - share) + u[1] * share;
+        let k1 = self.slope(state, at(0.0))?;
+        let k2 = self.slope(&moved(state, &k1, 0.5 * dt), at(0.5))?;
+        let k3 = self.slope(&moved(state, &k2, 0.5 * dt), at(0.5))?;
+        let k4 = self.slope(&moved(state, &k3, dt), at(1.0))?;
+        let mean = (k1 + (k2 + k3) * 2.0 + k4) / 6.0;
+        Some(moved(state, &mean, dt))
+    }
+
+    /// Rates of (u, θ, ω): the motion's own, and the correction.
+    fn slope(&self, state: &State, u: Vector2<f64>) -> Option<SVector<f64, 8>> {
+        let rates = self.model.rates(state, &self.felt);
+        let miss = u - state.u;
+        let z = self.zeta;
+        let gains = [4.0 * z, 6.0 * z * z, 4.0 * z.powi(3), z.powi(4)];
+        let push = SVector::<f64, 8>::from_fn(|row, _| gains[row / 2] * miss[row % 2]);
+        let correction = self.jacobian(state)?.lu().solve(&push)?;
+        let mut slope = SVector::<f64, 8>::zeros();
+        slope.fixed_rows_mut::<2>(0).copy_from(&rates.u);
+        slope.fixed_rows_mut::<3>(2).copy_from(&state.omega);
+        slope.fixed_rows_mut::<3>(5).copy_from(&rates.omega);
+        Some(slope + correction)
+    }
+}
+
+/// The state after `dt` at constant rates of (u, θ, ω).
+fn moved(state: &State, slope: &SVector<f64, 8>, dt: f64) -> State {
+    let turn = UnitQuaternion::from_scaled_axis(slope.fixed_rows::<3>(2) * dt);
+    State {
+        orientation: (state.attitude() * turn).into_inner(),
+        omega: state.omega + slope.fixed_rows::<3>(5) * dt,
+        u: state.u + slope.fixed_rows::<2>(0) * dt,
+    }
+}
+
+/// A state with its derivatives by (θ, ω).
+fn seed(state: &State) -> StateOf<BySix> {
+    let unit = |column: usize| SVector::<f64, 6>::ith(column, 1.0);
+    let number = |value: f64, slopes: SVector<f64, 6>| BySix::new(value, Derivative::some(slopes));
+    let q = state.orientation.normalize();
+    // q ⊗ (1, θ/2)
+    let turned = |axis: usize| q * Quaternion::from_imag(Vector3::ith(axis, 0.5));
+    let turns = [turned(0), turned(1), turned(2)];
+    let component = |pick: fn(&Quaternion<f64>) -> f64| {
+        let slopes = (0..3).map(|axis| unit(axis) * pick(&turns[axis])).sum();
+        number(pick(&q), slopes)
+    };
+    StateOf {
+        orientation: [component(|q| q.w), component(|q| q.i), component(|q| q.j), component(|q| q.k)],
+        omega: [0, 1, 2].map(|axis| number(state.omega[axis], unit(3 + axis))),
+    }
+}
+
+/// The state a moment later: its rates as derivatives by time.
+fn flowing<T: Real>(model: &Model, state: &StateOf<T>, felt: &Vector3<f64>) -> Option<StateOf<Dual<T, f64>>> {
+    let (_, rates) = model.rates_with(state, felt)?;
+    Some(StateOf {
+        orientation: [0, 1, 2, 3].map(|i| Dual::new(state.orientation[i], rates.orientation[i])),
+        omega: [0, 1, 2].map(|i| Dual::new(state.omega[i], rates.omega[i])),
+    })
+}
+
+fn velocity<T: Real>(model: &Model, state: &StateOf<T>, felt: &Vector3<f64>) -> Option<[T; 2]> {
+    Some(model.rates_with(state, felt)?.0)
+}
+
+fn acceleration<T: Real>(model: &Model, state: &StateOf<T>, felt: &Vector3<f64>) -> Option<[T; 2]> {
+    Some(velocity(model, &flowing(model, state, felt)?, felt)?.map(|component| component.eps))
+}
+
+fn jerk<T: Real>(model: &Model, state: &StateOf<T>, felt: &Vector3<f64>) -> Option<[T; 2]> {
+    Some(acceleration(model, &flowing(model, state, felt)?, felt)?.map(|component| component.eps))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::mechanics::{Spin, felt};
+    use super::super::tests::{bodies, state_of};
+    use super::*;
+
+    #[test]
+    fn the_map_is_that_of_the_motions_derivatives() {
+        let felt = felt(Vector3::new(0.3, -0.2, 0.1), 9.81);
+        for body in bodies() {
+            let model = Model { body, spin: Spin::Free };
+            let gho = Gho { model, felt, zeta: 10.0 };
+            let state = state_of(Spin::Free, [0.4, -0.3, 0.8, 0.1], [2.0, -3.0, 1.0]);
+            let jacobian = gho.jacobian(&state).unwrap();
+            // Derivatives by time from a stencil of whole motions, by the state from differences.
+            let derivatives = |state: &State| {
+                let h = 2e-3;
+                let at = |steps: f64| {
+                    model.step(&model.step(state, &[felt; 3], steps * h / 2.0), &[felt; 3], steps * h / 2.0).u
+                };
+                let [a, b, c, d] = [-2.0, -1.0, 1.0, 2.0].map(at);
+                [
+                    (c - b) * (2.0 / 3.0 / h) - (d - a) / (12.0 * h),
+                    (b + c - state.u * 2.0) / (h * h),
+                    (d - c * 2.0 + b * 2.0 - a) / (2.0 * h.powi(3)),
+                ]
+            };
+            for column in 0..6 {
+                let step = 1e-3;
+                let mut slope = SVector::<f64, 8>::zeros();
+                slope[2 + column] = step;
+                let (ahead, behind) =
+                    (derivatives(&moved(&state, &slope, 1.0)), derivatives(&moved(&state, &slope, -1.0)));
+                for order in 0..3 {
+                    let wanted = (ahead[order] - behind[order]) / (2.0 * step);
+                    for axis in 0..2 {
+                        let got = jacobian[(2 * (order + 1) + axis, 2 + column)];
+                        // Stencils of 2 ms: three digits of the third derivative.
+                        let scale = 1.0 + jacobian.rows(2 * (order + 1), 2).abs().max();
+                        assert!((got - wanted[axis]).abs() < 5e-3 * scale, "{column} {order}: {got} {}", wanted[axis]);
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,88 @@
+//! `palpate inscribe` as a user runs it: exit status, what is printed, the picture, and a message for each mistake.
+
+#![expect(clippy::unwrap_used, reason = "a test stops at what it cannot read")]
+
+use std::fs;
+use std::process::{Command, Output};
+
+use tempfile::TempDir;
+
+const BLOCK: &str = "unit = 'mm'\nvertices = [[0, 0], [60, 0], [60, 40], [10, 50]]\nmu = 0.3\n";
+const WEDGE: &str = "unit = 'mm'\nvertices = [[0, 0], [150, 0], [0, 20]]\nmu = 0.3\n";
+/// The block at (20, 10) mm, turned by 40.1°, seen by two sensors to 0.03°.
+const VIEWS: &str = "unit = 'mm'\nsigma = 0.03\n[[cone]]\napex = [-200, 50]\nright = -10.28\nleft = 6.93\n\
+                     [[cone]]\napex = [50, -250]\nright = 86.92\nleft = 100.16\n";
+
+fn inscribe(views: &str, arguments: &[&str]) -> (TempDir, Output) {
+    let folder = TempDir::new().unwrap();
+    for (name, text) in [("block.toml", BLOCK), ("wedge.toml", WEDGE), ("views.toml", views)] {
+        fs::write(folder.path().join(name), text).unwrap();
+    }
+    let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
+    let output = command
+        .args([&["inscribe", "--views", "views.toml"], arguments].concat())
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    (folder, output)
+}
+
+fn printed(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+fn complaint(output: &Output) -> String {
+    let text = String::from_utf8_lossy(&output.stderr).replace(['│', '\n'], " ");
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[test]
+fn two_views_with_errors_leave_two_poses_and_a_third_view_is_advised() {
+    let (_folder, output) = inscribe(VIEWS, &["block.toml"]);
+    assert_eq!(output.status.code(), Some(0), "{}", complaint(&output));
+    let text = printed(&output);
+    assert!(text.starts_with("block: 2 poses"), "{text}");
+    assert!(text.contains("1 degrees of freedom") && text.contains("would tell the poses apart"), "{text}");
+}
+
+#[test]
+fn the_part_is_named_among_several() {
+    let (_folder, output) = inscribe(VIEWS, &["wedge.toml", "block.toml"]);
+    let text = printed(&output);
+    assert!(text.contains("wedge: no pose fits") && text.contains("block: 2 poses"), "{text}");
+    let (_folder, output) = inscribe(VIEWS, &["wedge.toml"]);
+    assert_eq!(output.status.code(), Some(2));
+}
+
+#[test]
+fn json_holds_the_same_modes_in_metres() {
+    let (_folder, output) = inscribe(VIEWS, &["block.toml", "--json"]);
+    let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let modes = value["parts"][0]["modes"].as_array().unwrap();
+    let is_truth = |mode: &serde_json::Value| {
+        let at = |k: usize| mode["pose"][k].as_f64().unwrap();
+        (at(0) - 0.02).abs() < 1e-3 && (at(1) - 0.01).abs() < 1e-3 && (at(2) - 0.7).abs() < 0.03
+    };
+    assert!(modes.iter().any(is_truth), "{value}");
+    assert_eq!(value["next_view"]["tells_apart"], true, "{value}");
+}
+
+#[test]
+fn one_view_is_no_mistake_but_determines_nothing() {
+    let one = VIEWS.split("[[cone]]").take(2).collect::<Vec<_>>().join("[[cone]]");
+    let (_folder, output) = inscribe(&one, &["block.toml"]);
+    assert_eq!(output.status.code(), Some(0), "{}", complaint(&output));
+    assert!(printed(&output).contains("take another view from elsewhere"), "{}", printed(&output));
+}
+
+#[test]
+fn pictures_are_drawn_and_mistakes_are_named() {
+    let (folder, output) = inscribe(VIEWS, &["block.toml", "--plot", "poses.svg"]);
+    assert_eq!(output.status.code(), Some(0), "{}", complaint(&output));
+    assert!(fs::read_to_string(folder.path().join("poses.svg")).unwrap().contains("look from here next"));
+    let (_folder, output) = inscribe(&VIEWS.replace("6.93", "-20"), &["block.toml"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(complaint(&output).contains("cone 0: the cone opens by"), "{}", complaint(&output));
+    let (_folder, output) = inscribe(VIEWS, &["absent.toml"]);
+    assert!(complaint(&output).contains("cannot use absent.toml"), "{}", complaint(&output));
+}
