@@ -171,7 +171,7 @@ fn turning(function: &dyn Fn(f64) -> Option<f64>, [left, middle, right]: [Look; 
         }
         let larger_right = right.at - middle.at > middle.at - left.at;
         let at = middle.at + GOLDEN * if larger_right { right.at - middle.at } else { left.at - middle.at };
-        let Some(value) = function(at).filter(|_| at != middle.at) else { break };
+        let Some(value) = function(at).filter(|_| (at - middle.at).abs() > 0.0) else { break };
         let look = Look { at, value };
         if value == 0.0 {
             return vec![look];
