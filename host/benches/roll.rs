@@ -50,7 +50,7 @@ fn ellipsoid() -> Body {
 
 fn start(model: &Model) -> State {
     let orientation = Quaternion::new(0.3, -0.5, 0.7, 0.2).normalize();
-    let mut state = State { orientation, omega: Vector3::new(3.0, -5.0, 4.0), u: Vector2::zeros() };
+    let mut state = State { orientation, omega: Vector3::new(2.0, -3.0, 1.5), u: Vector2::zeros() };
     if model.spin == Spin::None {
         let normal = state.normal();
         state.omega -= normal * normal.dot(&state.omega);

@@ -103,12 +103,15 @@ fn cones_leave_the_poses_that_exhaustion_finds() {
     }
 }
 
+/// What a problem shows, its polygon and its lines.
+type Named<'a> = (&'a str, &'a [[f64; 2]], Vec<oracle::Line>);
+
 #[test]
 fn flush_edges_tangencies_and_parallel_lines_agree_with_exhaustion() {
     let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     let triangle = [[0.0, 0.0], [2.0, 0.0], [0.5, 1.5]];
     let quarter = TAU / 4.0;
-    let cases: [(&str, &[[f64; 2]], Vec<oracle::Line>); 8] = [
+    let cases: [Named<'_>; 8] = [
         ("a corner and a far wall", &square, vec![(2.0 * quarter, 0.0), (-quarter, 0.0), (0.0, 1.0)]),
         ("a box that fits exactly", &square, vec![(2.0 * quarter, 0.0), (-quarter, 0.0), (0.0, 1.0), (quarter, 1.0)]),
         (

@@ -60,7 +60,8 @@ impl InscribePicture<'_> {
         }
         if let Some(next) = self.next {
             scene.dot(next.site, Colour::ORANGE);
-            scene.label(next.site, next.site - self.middle(), "look from here next", Colour::ORANGE);
+            // On the side of the part, so that the text stays inside the frame.
+            scene.label(next.site, self.middle() - next.site, "look from here next", Colour::ORANGE);
         }
         scene.key(Key::Dot(Colour::BLACK), "sensor");
         scene.key(Key::Line(ray_stroke()), "side of what it sees");

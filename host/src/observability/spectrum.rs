@@ -8,7 +8,8 @@ use nalgebra::{DMatrix, DVector};
 
 /// Singular value, as a share of the largest, below which a change of state counts as unseen.
 ///
-/// What is seen is rarely below 1e-5; what is not, is at rounding and the steps' error, 1e-10.
+/// Of 200 random pushes, what was seen stayed above 1e-4 at 5 cm/s and above 8e-7 at half a millimetre a second; what was not was at
+/// rounding, 1e-16.
 pub const RANK_THRESHOLD: f64 = 1e-7;
 
 /// Components of an unseen direction below this are rounding, and written as 0.

@@ -24,10 +24,14 @@ pub struct Known<'p> {
     pub touch: Touch,
 }
 
+/// A finger slower than this starts at rest, m/s: it would go a micrometre in a second, and friction would stop it within a third of a
+/// microsecond.
+const REST_SPEED: f64 = 1e-6;
+
 impl<'p> Known<'p> {
     /// Whether the finger is at rest at t = 0, and with it the part.
     pub(super) fn starts_at_rest(&self) -> bool {
-        Vector2::from(self.finger.velocity0).norm_squared() <= 0.0
+        Vector2::from(self.finger.velocity0).norm() <= REST_SPEED
     }
 
     /// The dynamics with one edge in contact.

@@ -22,7 +22,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::body::Body;
-use super::shape::{Real, cross, dot};
+use super::shape::{Real, Scaled, cross, dot};
 
 /// What the contact transmits beside a force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -152,10 +152,16 @@ impl Instant {
 impl Mobility {
     #[inline]
     pub(super) fn new(inertia: &Vector3<f64>, contact: &Vector3<f64>) -> Self {
-        let square = contact.norm_squared();
-        let diagonal = inertia.map(|moment| 1.0 / (moment + square));
-        let across = diagonal.component_mul(contact);
-        Self { diagonal, across, factor: 1.0 / (1.0 - across.dot(contact)) }
+        Self::scaled(inertia, contact, 1.0)
+    }
+
+    /// For a contact known up to a factor with this square.
+    #[inline]
+    fn scaled(inertia: &Vector3<f64>, point: &Vector3<f64>, square: f64) -> Self {
+        let reach = point.norm_squared() * square;
+        let diagonal = inertia.map(|moment| 1.0 / (moment + reach));
+        let across = diagonal.component_mul(point);
+        Self { diagonal, across, factor: square / (1.0 - across.dot(point) * square) }
     }
 
     #[inline]
@@ -180,9 +186,10 @@ impl Model<'_> {
     #[must_use]
     pub fn rates(&self, state: &State, felt: &Vector3<f64>) -> Rates {
         let instant = Instant::of(state, felt);
-        let (contact, moving) = self.body.shape().roll(&instant.normal, &instant.turning);
-        let (omega, _) = self.turn(state, &instant, &contact, &moving);
+        let scaled = self.body.shape().roll_scaled(&instant.normal, &instant.turning);
+        let (omega, _) = self.turn_scaled(state, &instant, &scaled);
         let Rows([first, second, _]) = instant.rows;
+        let u = Vector2::new(first.dot(&scaled.motion), second.dot(&scaled.motion)) * scaled.scale;
         let [x, y, z, w] = state.orientation.coords.into();
         let [p, q, r] = state.omega.into();
         let orientation = Quaternion::new(
@@ -191,7 +198,7 @@ impl Model<'_> {
             w * q + z * p - x * r,
             w * r + x * q - y * p,
         );
-        Rates { orientation: orientation * 0.5, omega, u: Vector2::new(first.dot(&moving), second.dot(&moving)) }
+        Rates { orientation: orientation * 0.5, omega, u }
     }
 
     /// `ω'`, and the torque about the normal, over the mass.
@@ -203,10 +210,17 @@ impl Model<'_> {
         contact: &Vector3<f64>,
         moving: &Vector3<f64>,
     ) -> (Vector3<f64>, f64) {
+        self.turn_scaled(state, instant, &Scaled::plain((*contact, *moving)))
+    }
+
+    #[inline]
+    fn turn_scaled(&self, state: &State, instant: &Instant, scaled: &Scaled) -> (Vector3<f64>, f64) {
+        let Scaled { point, motion, scale, square } = scaled;
         let (omega, inertia) = (&state.omega, self.body.inertia());
-        let push = instant.felt - omega.cross(&(omega.cross(contact) + moving));
-        let torque = contact.cross(&push) - omega.cross(&inertia.component_mul(omega));
-        let mobility = Mobility::new(&inertia, contact);
+        let spinning = point.cross(&omega.cross(&(omega.cross(point) + motion)));
+        let gyroscopic = omega.cross(&inertia.component_mul(omega));
+        let torque = point.cross(&instant.felt) * *scale - spinning * *square - gyroscopic;
+        let mobility = Mobility::scaled(&inertia, point, *square);
         let free = mobility.times(&torque);
         match self.spin {
             Spin::Free => (free, 0.0),

@@ -425,6 +425,6 @@ mod tests {
             assert!((row[4..].iter().map(share).sum::<f64>() - 1.0).abs() < 1e-12, "{table}");
         }
         let failed: f64 = table.rows().map(|row| 1.0 - share(&row[4])).sum();
-        assert_eq!((failed * 12.0).round(), table.failures.len() as f64, "{table}");
+        assert!((failed * 12.0 - table.failures.len() as f64).abs() < 0.5, "{table}");
     }
 }

@@ -17,8 +17,8 @@ use crate::pushing::{Contact, Edge, Motion, Part, PushModel, Slip, State};
 /// The start is followed in closed form for this long, s: a part turns by less than 1e-4 rad meanwhile, even at 10 rad/s².
 const REST_S: f64 = 4e-3;
 
-/// Longest step in units of v/(µg), in which friction forgets speed: the method of Runge and Kutta is stable up to 2.8. Forces
-/// come out within 2e-4 of their size; see the tests.
+/// Longest step in units of v/(µg), in which friction forgets speed: the method of Runge and Kutta is stable up to 2.8. Poses
+/// come out within a micrometre of an error-controlled integration; see the tests.
 const STEP_OF_MEMORY: f64 = 1.5;
 
 /// Shortest step, s, for a part that nearly stops.

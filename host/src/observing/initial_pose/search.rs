@@ -140,7 +140,8 @@ fn closed_in(function: &dyn Fn(f64) -> Option<f64>, a: Look, b: Look) -> Look {
         let (value_a, value_b) = (a.value * weight_a, b.value * weight_b);
         let at = (a.at * value_b - b.at * value_a) / (value_b - value_a);
         let at = if at > a.at.min(b.at) && at < a.at.max(b.at) { at } else { 0.5 * (a.at + b.at) };
-        if at == a.at || at == b.at {
+        // No number lies between the two any more.
+        if at <= a.at.min(b.at) || at >= a.at.max(b.at) {
             break;
         }
         let Some(value) = function(at) else { break };
@@ -170,7 +171,7 @@ fn turning(function: &dyn Fn(f64) -> Option<f64>, [left, middle, right]: [Look; 
         }
         let larger_right = right.at - middle.at > middle.at - left.at;
         let at = middle.at + GOLDEN * if larger_right { right.at - middle.at } else { left.at - middle.at };
-        let Some(value) = function(at).filter(|_| at != middle.at) else { break };
+        let Some(value) = function(at).filter(|_| (at - middle.at).abs() > 0.0) else { break };
         let look = Look { at, value };
         if value == 0.0 {
             return vec![look];

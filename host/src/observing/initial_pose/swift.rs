@@ -8,13 +8,13 @@
 use super::{RestingPush, Site};
 use crate::pushing::{Contact, PartSide, ShapedModel, State};
 
-/// Steps to scan with: u is off by less than [`SCAN_ERROR`].
+/// Steps to scan with.
 pub(super) const SCAN_STEPS: u32 = 16;
 
-/// What a scan is off by, in the unit of u; on 500 random pushes of each kind it was below 1e-5.
+/// How far a scan may be off, in the unit of u: what comes this near is looked at by the full simulation.
 pub(super) const SCAN_ERROR: f64 = 1e-4;
 
-/// Steps to close in with: u is off by some 1e-9.
+/// Steps to close in with: what is left is corrected by the full simulation.
 pub(super) const CLOSE_STEPS: u32 = 64;
 
 impl RestingPush {

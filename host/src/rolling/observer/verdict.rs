@@ -32,6 +32,9 @@ const EXPLAINED: f64 = 0.999;
 /// Standard deviations of the expected cost above which a wider search is worth its time.
 const WIDER_SIGMAS: f64 = 1.3;
 
+/// Half a pitch, with room for a fit that is not the best possible in this respect.
+const HALF_PITCH: f64 = 0.505;
+
 /// Standard deviation of attitude, rad, above which a minimum may have neighbours that a narrow search misses.
 const WEAK_RAD: f64 = 0.02;
 
@@ -143,9 +146,13 @@ impl Gate {
 
     fn explains(self, solution: &Solution) -> bool {
         let degrees = self.degrees_of_freedom(solution.unknowns.count());
-        // Rounding errors of a slow contact are not independent, but never exceed half the pitch.
-        let rounds = matches!(self.noise, Noise::Grid(pitch) if solution.residual_max <= 0.5 * pitch * (1.0 + 1e-6));
-        solution.fit.cost <= Self::cost_max(degrees) || rounds
+        solution.fit.cost <= Self::cost_max(degrees) || self.rounds(solution)
+    }
+
+    /// Whether rounding alone explains what is left over. Rounding errors of a slow contact are not independent, so that
+    /// chi-square says little, but they never exceed half the pitch.
+    fn rounds(self, solution: &Solution) -> bool {
+        matches!(self.noise, Noise::Grid(pitch) if solution.residual_max <= HALF_PITCH * pitch)
     }
 
     /// Whether a wider search is worth its time.
@@ -153,7 +160,7 @@ impl Gate {
         let Some(best) = solutions.first() else { return Quality::Poor };
         #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
         let degrees = self.degrees_of_freedom(best.unknowns.count()) as f64;
-        if best.fit.cost > degrees + WIDER_SIGMAS * (2.0 * degrees).sqrt() {
+        if best.fit.cost > degrees + WIDER_SIGMAS * (2.0 * degrees).sqrt() && !self.rounds(best) {
             return Quality::Poor;
         }
         let weak = best.attitude_sigma().is_some_and(|sigma| sigma > WEAK_RAD);

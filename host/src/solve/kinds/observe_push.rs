@@ -610,7 +610,7 @@ mod tests {
             json!({"finger": finger(0.01, [0.0, 0.0]), "mode": "sliding", "mu_c": 0.3}),
             json!({"finger": finger(0.01, [1e-6, 1e-6])}),
             json!({"dt": 1e-6}),
-            json!({"dt": 100}),
+            json!({"dt": 1}),
             json!({"sigma": 100}),
             json!({"contact_angle": null, "force_magnitude": [3, 3, 3], "sigma_magnitude_log": 0.1, "u0_range": [1.5, 1.7]}),
             json!({"contact_angle": null, "force_direction": [1.6, 1.6, 1.6], "u0_range": [1.6, 1.6]}),

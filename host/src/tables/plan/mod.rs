@@ -166,7 +166,10 @@ impl Case {
         let horizon = f64::from(VALUES - VALUES_FIRST) * DT_S;
         let offered = accelerations();
         let best = prospects(&present, &beliefs, &offered, sampling, horizon).into_iter().next();
-        best.and_then(|best| offered.iter().position(|motion| *motion == best.acceleration)).unwrap_or(0)
+        best.and_then(|best| {
+            offered.iter().position(|motion| motion.map(f64::to_bits) == best.acceleration.map(f64::to_bits))
+        })
+        .unwrap_or(0)
     }
 
     /// Where the part may be after the beginning, by what was felt of it.
