@@ -46,6 +46,9 @@ const REST_S: f64 = 2.0;
 /// Time after a released finger has rung out, s: by 1/e in 43 ms.
 const SETTLE_S: f64 = 0.5;
 
+/// Stretches at rest that may be refused before a push is given up: one is chance.
+const REST_TRIES: u32 = 3;
+
 /// Time after a push until nothing of it is on its way any more, s.
 const AFTER_S: f64 = 0.1;
 
@@ -81,7 +84,7 @@ pub enum RigError {
     #[error("the simulated finger's calibration does not fit")]
     Fit(#[from] FitError),
     /// The finger was not at rest before the push.
-    #[error("the simulated finger is not at rest")]
+    #[error("the simulated finger was refused as not at rest {REST_TRIES} times, at last because {0}")]
     Rest(#[from] TareError),
 }
 
@@ -115,7 +118,7 @@ impl Rig {
     /// # Errors
     /// [`RigError`].
     pub fn push(&mut self, course: ForceCourse) -> Result<PushSense, RigError> {
-        let rest = RestNoise::estimate(&self.rest()?)?;
+        let rest = self.rest_noise()?;
         let mut sense = PushSense::new(rest, Some(&self.fit.calibration));
         let duration = course.duration_s();
         let begun_s = self.hand.set_course(course)?.truth.time_ns as f64 * 1e-9;
@@ -123,6 +126,17 @@ impl Rig {
             sense.push(&reading);
         }
         Ok(sense)
+    }
+
+    /// Bias and noise; a stretch that is refused is taken again, as a person would.
+    fn rest_noise(&mut self) -> Result<RestNoise, RigError> {
+        for _ in 1..REST_TRIES {
+            match RestNoise::estimate(&self.rest()?) {
+                Ok(rest) => return Ok(rest),
+                Err(refused) => tracing::warn!(%refused, "the tare is taken again"),
+            }
+        }
+        RestNoise::estimate(&self.rest()?).map_err(RigError::Rest)
     }
 
     fn rest(&mut self) -> Result<Vec<Reading>, RigError> {

@@ -1,19 +1,24 @@
 //! Feel where a known part is and how it moves.
 
+pub mod body_file;
 pub mod calibration;
 pub mod contact;
+pub mod corner;
 pub mod demonstration;
 pub mod diagnosis;
 pub mod experiment;
 pub mod finger_motion;
 pub mod geometry;
+pub mod inscribe;
 pub mod inscription;
 pub mod interrupt;
+pub mod limit_picture;
 pub mod link;
 pub mod live;
 pub mod observability;
 pub mod observing;
 pub mod part_file;
+pub mod plan_file;
 pub mod plot;
 pub mod push_picture;
 pub mod push_plan;
@@ -21,7 +26,11 @@ pub mod push_sense;
 pub mod pushed_world;
 pub mod pushing;
 pub mod recording;
+pub mod roll_picture;
 pub mod rolling;
+pub mod sampling;
+pub mod sampling_picture;
+pub mod scene_file;
 pub mod sensing;
 pub mod simulated_device;
 pub mod solve;

@@ -10,6 +10,8 @@
 //! radius_of_gyration = 28                         # √(moment of inertia about the centre of mass / mass)
 //! ```
 //!
+//! An elliptic part has, instead of `vertices`, `ellipse = {a = 40, b = 25}`: its semi-axes along x and y, its middle at the origin.
+//!
 //! Frames: the part's own, as its vertices are given. Units: SI once read.
 //! Errors: [`PartFileError`] names the key, the value, the limit and what to do.
 
@@ -17,19 +19,75 @@ use nalgebra::Point2;
 use serde::Deserialize;
 
 use crate::geometry::{PolygonError, SimplePolygon};
-use crate::pushing::{Mass, Part};
+use crate::pushing::support::SupportFriction;
+use crate::pushing::{Body, Mass, Part};
 
 /// A part that a person has described.
 #[derive(Clone, Debug)]
 pub struct PartFile {
     /// Outline, support and mass.
-    pub part: Part,
+    pub part: DescribedPart,
     /// µ between part and table.
     pub mu: f64,
     /// µ_c between part and finger, if the file says.
     pub mu_c: Option<f64>,
     /// The unit in which the person thinks.
     pub unit: Unit,
+}
+
+/// A part with its outline.
+#[derive(Clone, Debug)]
+pub enum DescribedPart {
+    /// Bounded by edges.
+    Polygon(Part),
+    /// Bounded by an ellipse about the part frame's origin.
+    Ellipse {
+        /// Along x and y, m.
+        semi_axes: [f64; 2],
+        /// Support and mass.
+        body: Body,
+    },
+}
+
+/// Points in which an elliptic outline is drawn.
+const OUTLINE_POINTS: u32 = 180;
+
+impl DescribedPart {
+    /// Support and mass.
+    #[must_use]
+    pub fn body(&self) -> &Body {
+        match self {
+            Self::Polygon(part) => part.body(),
+            Self::Ellipse { body, .. } => body,
+        }
+    }
+
+    /// The centre of mass, part frame, m.
+    #[must_use]
+    pub fn centre_of_mass(&self) -> Point2<f64> {
+        self.body().centre_of_mass()
+    }
+
+    /// Points of the outline in order, part frame, m: the vertices, or enough for a smooth picture.
+    #[must_use]
+    pub fn outline(&self) -> Vec<Point2<f64>> {
+        match self {
+            Self::Polygon(part) => part.polygon().vertices().to_vec(),
+            Self::Ellipse { semi_axes: [a, b], .. } => {
+                let at = |i: u32| std::f64::consts::TAU * f64::from(i) / f64::from(OUTLINE_POINTS);
+                (0..OUTLINE_POINTS).map(|i| Point2::new(a * at(i).cos(), b * at(i).sin())).collect()
+            }
+        }
+    }
+
+    /// The polygon, if it is one.
+    #[must_use]
+    pub fn polygon(&self) -> Option<&SimplePolygon> {
+        match self {
+            Self::Polygon(part) => Some(part.polygon()),
+            Self::Ellipse { .. } => None,
+        }
+    }
 }
 
 /// A unit of length.
@@ -67,12 +125,21 @@ impl Unit {
 #[serde(deny_unknown_fields)]
 struct Keys {
     unit: Unit,
-    vertices: Vec<[f64; 2]>,
+    vertices: Option<Vec<[f64; 2]>>,
+    ellipse: Option<SemiAxes>,
     mu: f64,
     mu_c: Option<f64>,
     feet: Option<Vec<[f64; 3]>>,
     centre_of_mass: Option<[f64; 2]>,
     radius_of_gyration: Option<f64>,
+}
+
+/// The value of `ellipse`.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SemiAxes {
+    a: f64,
+    b: f64,
 }
 
 /// Why a file does not describe a part.
@@ -82,9 +149,23 @@ pub enum PartFileError {
     /// Not TOML, a key missing, unknown or of another type; the message shows the place.
     #[error("{0}")]
     Toml(String),
-    /// The outline.
+    /// The outline; coordinates are in the file's unit.
     #[error("vertices: {0}")]
     Outline(#[from] PolygonError),
+    /// No outline, or two.
+    #[error("the part has {what}: give either `vertices` or `ellipse`")]
+    OneOutline {
+        /// What is there.
+        what: &'static str,
+    },
+    /// A semi-axis that cannot be.
+    #[error("ellipse: {key} = {value:?} must be finite and above 0")]
+    SemiAxis {
+        /// `a` or `b`.
+        key: &'static str,
+        /// What was given.
+        value: f64,
+    },
     /// A coefficient of friction that cannot be.
     #[error("{key} = {value:?}, but friction coefficients are finite and not negative: check its sign")]
     Friction {
@@ -133,7 +214,8 @@ impl PartFile {
     /// use palpate::part_file::PartFile;
     ///
     /// let block = PartFile::parse("unit = 'mm'\nvertices = [[0, 0], [60, 0], [60, 40], [0, 40]]\nmu = 0.3")?;
-    /// assert!((block.part.polygon().area() - 0.0024).abs() < 1e-12); // m²
+    /// assert_eq!(block.part.outline().len(), 4);
+    /// assert!((block.part.centre_of_mass().x - 0.03).abs() < 1e-12); // m
     /// # Ok::<(), palpate::part_file::PartFileError>(())
     /// ```
     ///
@@ -143,13 +225,11 @@ impl PartFile {
         let keys: Keys = toml::from_str(text).map_err(|error| PartFileError::Toml(error.to_string()))?;
         let mu = friction("mu", keys.mu)?;
         let mu_c = keys.mu_c.map(|value| friction("mu_c", value)).transpose()?;
-        let metres = keys.unit.metres();
-        let vertices: Vec<_> = keys.vertices.iter().map(|vertex| Point2::from(*vertex) * metres).collect();
-        let polygon = SimplePolygon::new(vertices)?;
-        let mass = keys.mass(&polygon)?;
-        let part = match &keys.feet {
-            None => Part::with_mass(polygon, mass),
-            Some(feet) => Part::on_feet(polygon, &shares(feet, metres)?, mass),
+        let part = match (&keys.vertices, keys.ellipse) {
+            (Some(vertices), None) => keys.polygon(vertices)?,
+            (None, Some(semi_axes)) => keys.ellipse(semi_axes)?,
+            (None, None) => return Err(PartFileError::OneOutline { what: "no outline" }),
+            (Some(_), Some(_)) => return Err(PartFileError::OneOutline { what: "two outlines" }),
         };
         Ok(Self { part, mu, mu_c, unit: keys.unit })
     }
@@ -173,10 +253,40 @@ fn shares(feet: &[[f64; 3]], metres: f64) -> Result<Vec<(Point2<f64>, f64)>, Par
 }
 
 impl Keys {
-    fn mass(&self, polygon: &SimplePolygon) -> Result<Mass, PartFileError> {
+    fn polygon(&self, vertices: &[[f64; 2]]) -> Result<DescribedPart, PartFileError> {
+        let metres = self.unit.metres();
+        // First as given, so that what is wrong is told in the file's unit.
+        SimplePolygon::new(vertices.iter().map(|vertex| Point2::from(*vertex)).collect::<Vec<_>>())?;
+        let polygon =
+            SimplePolygon::new(vertices.iter().map(|vertex| Point2::from(*vertex) * metres).collect::<Vec<_>>())?;
+        let mass = self.mass(Mass::uniform(&polygon))?;
+        Ok(DescribedPart::Polygon(match &self.feet {
+            None => Part::with_mass(polygon, mass),
+            Some(feet) => Part::on_feet(polygon, &shares(feet, metres)?, mass),
+        }))
+    }
+
+    fn ellipse(&self, SemiAxes { a, b }: SemiAxes) -> Result<DescribedPart, PartFileError> {
+        for (key, value) in [("a", a), ("b", b)] {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(PartFileError::SemiAxis { key, value });
+            }
+        }
+        let metres = self.unit.metres();
+        let semi_axes = [a * metres, b * metres];
+        let mass = self.mass(Mass::of_ellipse(semi_axes))?;
+        let body = match &self.feet {
+            None => Body::uniform(SupportFriction::ellipse(semi_axes), mass),
+            Some(feet) => Body::on_feet(&shares(feet, metres)?, mass),
+        };
+        Ok(DescribedPart::Ellipse { semi_axes, body })
+    }
+
+    /// As given, or that of a uniform plate.
+    fn mass(&self, uniform: Mass) -> Result<Mass, PartFileError> {
         let metres = self.unit.metres();
         let (centre, radius) = match (self.centre_of_mass, self.radius_of_gyration) {
-            (None, None) => return Ok(Mass::uniform(polygon)),
+            (None, None) => return Ok(uniform),
             (Some(centre), Some(radius)) => (centre, radius),
             (Some(_), None) => return Err(alone("centre_of_mass", "radius_of_gyration")),
             (None, Some(_)) => return Err(alone("radius_of_gyration", "centre_of_mass")),
@@ -209,7 +319,8 @@ mod tests {
         let areas = [("m", 1.0), ("cm", 1e-4), ("mm", 1e-6), ("in", 0.0254 * 0.0254)];
         for (unit, square) in areas {
             let file = PartFile::parse(&BLOCK.replace("mm", unit)).unwrap();
-            assert!((file.part.polygon().area() / (2400.0 * square) - 1.0).abs() < ROUNDING, "{unit}");
+            let area = file.part.polygon().unwrap().area();
+            assert!((area / (2400.0 * square) - 1.0).abs() < ROUNDING, "{unit}");
         }
     }
 
@@ -219,7 +330,7 @@ mod tests {
         assert_eq!((mu, mu_c, unit), (0.3, None, Unit::Millimetre));
         assert!((part.centre_of_mass() - Point2::new(0.03, 0.02)).norm() < ROUNDING);
         let inertia = (0.06_f64.powi(2) + 0.04_f64.powi(2)) / 12.0;
-        assert!((part.inertia_per_mass() / inertia - 1.0).abs() < ROUNDING);
+        assert!((part.body().inertia_per_mass() / inertia - 1.0).abs() < ROUNDING);
     }
 
     #[test]
@@ -236,7 +347,15 @@ mod tests {
         let text = format!("{BLOCK}centre_of_mass = [20, 10]\nradius_of_gyration = 25");
         let part = PartFile::parse(&text).unwrap().part;
         assert!((part.centre_of_mass() - Point2::new(0.02, 0.01)).norm() < ROUNDING);
-        assert!((part.inertia_per_mass() / 0.025_f64.powi(2) - 1.0).abs() < ROUNDING);
+        assert!((part.body().inertia_per_mass() / 0.025_f64.powi(2) - 1.0).abs() < ROUNDING);
+    }
+
+    #[test]
+    fn an_ellipse_is_a_plate_with_a_smooth_outline() {
+        let part = PartFile::parse("unit = 'mm'\nellipse = {a = 40, b = 30}\nmu = 0.3").unwrap().part;
+        assert!((part.body().inertia_per_mass() / (0.05_f64.powi(2) / 4.0) - 1.0).abs() < ROUNDING);
+        let on_it = |p: &Point2<f64>| ((p.x / 0.04).hypot(p.y / 0.03) - 1.0).abs() < ROUNDING;
+        assert!(part.outline().iter().all(on_it) && part.polygon().is_none());
     }
 
     #[test]
@@ -247,7 +366,11 @@ mod tests {
             (BLOCK.replace("'mm'", "'furlong'"), "furlong"),
             (BLOCK.replace("unit = 'mm'\n", ""), "missing field `unit`"),
             (BLOCK.replace("[60, 40], [0, 40]", "[0, 40], [60, 40]"), "vertices: edge"),
+            (BLOCK.replace("[60, 40], [0, 40]", "[0, 0], [0, 40]"), "(0.0, 0.0)"),
             (BLOCK.replace("[60, 40]", "[60]"), "expected"),
+            (format!("{BLOCK}ellipse = {{a = 40, b = 30}}"), "two outlines"),
+            ("unit = 'mm'\nmu = 0.3".to_owned(), "no outline"),
+            ("unit = 'mm'\nmu = 0.3\nellipse = {a = 40, b = -3}".to_owned(), "ellipse: b = -3.0"),
             (format!("{BLOCK}mass = 2"), "unknown field `mass`"),
             (format!("{BLOCK}feet = []"), "feet is empty"),
             (format!("{BLOCK}feet = [[1, 1, 1], [2, 2, -1]]"), "foot 1 is [2.0, 2.0, -1.0]"),

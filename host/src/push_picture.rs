@@ -2,18 +2,26 @@
 //!
 //! Pure. Frames: world. Units: SI in, millimetres, degrees and shares of the weight on the axes.
 
-use nalgebra::Vector2;
+use std::f64::consts::TAU;
+
+use nalgebra::{Point2, Vector2};
 
 use crate::part_file::PartFile;
 use crate::plot::{Chart, Colour, Dash, Figure, Key, Scene, Stroke, Style};
 use crate::push_plan::{GRAVITY, Pushed, to_world};
-use crate::pushing::{Contact, Sample};
+use crate::pushing::{Contact, FingerShape, PartSide, Sample};
 
 /// Times of a push to ask for, for smooth curves.
 pub const SAMPLES: usize = 300;
 
 /// Outlines of the part to show, from start to end.
 const OUTLINES: usize = 6;
+
+/// Points in which an elliptic finger is drawn.
+const FINGER_POINTS: u32 = 120;
+
+/// Thickness of a straight finger in the picture, as a share of the part's size.
+const BAR_SHARE: f64 = 0.08;
 
 /// Length of the longest force arrow, as a share of the part's size.
 const FORCE_SHARE: f64 = 0.25;
@@ -36,6 +44,8 @@ pub struct PushPicture<'a> {
     pub file: &'a PartFile,
     /// Its motion, sampled densely.
     pub pushed: &'a Pushed,
+    /// The number of the edge pushed, if it is one.
+    pub edge: Option<usize>,
     /// Friction between part and finger, where the contact can slip.
     pub friction: Option<f64>,
     /// Above everything.
@@ -83,15 +93,31 @@ impl PushPicture<'_> {
 
     /// Part and finger at one moment.
     fn outlines(&self, scene: &mut Scene, sample: &Sample, moment: Moment) {
-        let vertices: Vec<_> = self.file.part.polygon().vertices().iter().map(|p| to_world(sample, *p)).collect();
-        scene.polygon(&vertices, part_style(moment));
-        scene.disk(self.pushed.finger.centre(sample.t), self.pushed.finger.radius, finger_style(moment));
+        let outline: Vec<_> = self.file.part.outline().iter().map(|p| to_world(sample, *p)).collect();
+        scene.polygon(&outline, part_style(moment));
+        let centre = self.pushed.track.centre(sample.t);
+        match self.pushed.shape {
+            FingerShape::Disk { radius } => scene.disk(centre, radius, finger_style(moment)),
+            shape @ FingerShape::Ellipse { .. } => {
+                let at = |i: u32| TAU * f64::from(i) / f64::from(FINGER_POINTS);
+                let points = (0..FINGER_POINTS).map(|i| centre + Vector2::from(shape.point(at(i))));
+                scene.polygon(&points.collect::<Vec<_>>(), finger_style(moment));
+            }
+            FingerShape::Line => self.bar(scene, centre, moment),
+        }
+    }
+
+    /// A straight finger: as much of it as the part is large, with a thickness to be seen.
+    fn bar(&self, scene: &mut Scene, centre: Point2<f64>, moment: Moment) {
+        let (half, thick) = (self.size(), BAR_SHARE * self.size());
+        let corners = [[-half, 0.0], [-half, -thick], [half, -thick], [half, 0.0]];
+        scene.polygon(&corners.map(|corner| centre + Vector2::from(corner)), finger_style(moment));
     }
 
     fn tracks(&self, scene: &mut Scene, samples: &[Sample]) {
         let centres: Vec<_> = samples.iter().map(|sample| to_world(sample, self.file.part.centre_of_mass())).collect();
         scene.polyline(&centres, Stroke::solid(TRACK, 1.5));
-        let finger: Vec<_> = samples.iter().map(|sample| self.pushed.finger.centre(sample.t)).collect();
+        let finger: Vec<_> = samples.iter().map(|sample| self.pushed.track.centre(sample.t)).collect();
         scene.polyline(&finger, Stroke::solid(FINGER, 1.0).with(Dash::Dotted));
     }
 
@@ -106,12 +132,12 @@ impl PushPicture<'_> {
         }
     }
 
-    /// The part's size: twice the mean distance of its vertices from the centre of mass, m.
+    /// The part's size: twice the mean distance of its outline's points from the centre of mass, m.
     fn size(&self) -> f64 {
         let part = &self.file.part;
-        let distances = part.polygon().vertices().iter().map(|p| (p - part.centre_of_mass()).norm());
-        let count = distances.len();
-        2.0 * distances.sum::<f64>() / f64::from(u32::try_from(count).unwrap_or(u32::MAX))
+        let outline = part.outline();
+        let distances = outline.iter().map(|p| (p - part.centre_of_mass()).norm());
+        2.0 * distances.sum::<f64>() / outline.len() as f64
     }
 
     /// The direction across the track of the centre of mass that leads away from the contact, for labels clear of arrows.
@@ -127,22 +153,30 @@ impl PushPicture<'_> {
     /// A chart over time with a line at each change between rolling and sliding.
     fn chart(&self, title: &str, label: &str, changes: Changes) -> Chart {
         let mut chart = Chart::new(title, ["time [s]", label]);
+        self.mark(&mut chart, changes);
+        chart
+    }
+
+    fn mark(&self, chart: &mut Chart, changes: Changes) {
         for change in &self.pushed.run.changes {
             let name = if matches!(change.to, Contact::Rolling) { "rolls" } else { "slides" };
             chart.instant(change.t, if changes == Changes::Named { name } else { "" });
         }
-        chart
     }
 
     fn place_chart(&self) -> Chart {
-        let mut chart = self.chart("Contact on the edge", "s [mm]", Changes::Named);
+        let label = if matches!(self.pushed.side, PartSide::Edge(_)) { "s [mm]" } else { "s [°]" };
+        let scale = if matches!(self.pushed.side, PartSide::Edge(_)) { 1e3 } else { 1f64.to_degrees() };
+        let mut chart = Chart::new("Contact on the part", ["time [s]", label]);
+        self.mark(&mut chart, Changes::Named);
         chart.y_span_at_least(CHART_SPANS_MIN[0]);
-        let points = self.over_time(|sample| Some(sample.state.s * 1e3));
+        let points = self.over_time(|sample| Some(sample.state.s * scale));
         chart.curve("", &points, Stroke::solid(PART, 1.8));
-        let (edge, index) = (self.pushed.edge, self.edge_index());
-        let next = (index + 1) % self.file.part.polygon().vertices().len();
-        chart.level(edge.s_min * 1e3, format!("vertex {index}"));
-        chart.level(edge.s_max * 1e3, format!("vertex {next}"));
+        if let (PartSide::Edge(edge), Some(index)) = (self.pushed.side, self.edge) {
+            let next = (index + 1) % self.file.part.outline().len();
+            chart.level(edge.s_min * scale, format!("vertex {index}"));
+            chart.level(edge.s_max * scale, format!("vertex {next}"));
+        }
         chart
     }
 
@@ -171,13 +205,6 @@ impl PushPicture<'_> {
     /// A quantity over time; NaN, a gap in the curve, where there is none.
     fn over_time(&self, quantity: impl Fn(&Sample) -> Option<f64>) -> Vec<[f64; 2]> {
         self.samples().iter().map(|sample| [sample.t, quantity(sample).unwrap_or(f64::NAN)]).collect()
-    }
-
-    /// The edge's number: that of the vertex it starts at.
-    fn edge_index(&self) -> usize {
-        let part = &self.file.part;
-        let start = |index: usize| part.edge(index).is_ok_and(|edge| edge == self.pushed.edge);
-        (0..part.polygon().vertices().len()).find(|&index| start(index)).unwrap_or(0)
     }
 }
 
@@ -225,36 +252,41 @@ fn finger_style(moment: Moment) -> Style {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::push_plan::PushPlan;
+    use crate::push_plan::{Place, PushPlan};
     use crate::pushing::ContactLaw;
 
     const BLOCK: &str = "unit = 'mm'\nvertices = [[0, 0], [60, 0], [60, 40], [0, 40]]\nmu = 0.3";
 
-    fn picture(times: &[f64], speed: f64) -> String {
-        let file = PartFile::parse(BLOCK).unwrap();
-        let contact = ContactLaw::Coulomb { friction: 0.3 };
-        let (direction, acceleration) = (0.3, 0.02);
+    fn picture(part: &str, shape: FingerShape, times: &[f64], speed: f64) -> String {
+        let file = PartFile::parse(part).unwrap();
+        let edge = file.part.polygon().map(|_| 0);
+        let place = match edge {
+            Some(index) => Place::Edge { index, s: Some(0.02) },
+            None => Place::Around { angle: -1.4 },
+        };
         let plan = PushPlan {
-            edge: 0,
-            s: Some(0.02),
-            radius: 0.015,
+            place,
+            shape,
             speed,
-            direction,
-            acceleration,
+            direction: 0.3,
+            acceleration: 0.02,
             acceleration_direction: 0.0,
+            then: Vec::new(),
             omega: 0.0,
-            contact,
+            contact: ContactLaw::Coulomb { friction: 0.3 },
         };
         let pushed = plan.run(&file, times).unwrap();
         let subtitles = ["µ 0.3".to_owned()];
-        let picture =
-            PushPicture { file: &file, pushed: &pushed, friction: Some(0.3), title: "block", subtitles: &subtitles };
+        let (friction, title) = (Some(0.3), "block");
+        let picture = PushPicture { file: &file, pushed: &pushed, edge, friction, title, subtitles: &subtitles };
         picture.figure().to_page().to_svg()
     }
 
+    const DISK: FingerShape = FingerShape::Disk { radius: 0.015 };
+
     #[test]
     fn a_picture_names_what_it_shows() {
-        let svg = picture(&(0..=40).map(|k| f64::from(k) * 0.01).collect::<Vec<_>>(), 0.05);
+        let svg = picture(BLOCK, DISK, &(0..=40).map(|k| f64::from(k) * 0.01).collect::<Vec<_>>(), 0.05);
         for words in
             ["block", "µ 0.3", "x [mm]", "ω [°/s]", "s [mm]", "vertex 1", "force on the part", "0.0 s", "0.4 s"]
         {
@@ -264,6 +296,13 @@ mod tests {
 
     #[test]
     fn a_push_of_one_instant_can_be_drawn() {
-        assert!(picture(&[0.0], 0.0).contains("0.0 s"));
+        assert!(picture(BLOCK, DISK, &[0.0], 0.0).contains("0.0 s"));
+    }
+
+    #[test]
+    fn an_ellipse_around_an_ellipse_is_told_in_degrees() {
+        let egg = "unit = 'mm'\nellipse = {a = 40, b = 30}\nmu = 0.3";
+        let svg = picture(egg, FingerShape::Ellipse { semi_axes: [0.02, 0.01] }, &[0.0, 0.2], 0.05);
+        assert!(svg.contains("s [°]") && !svg.contains("vertex"));
     }
 }

@@ -237,8 +237,8 @@ fn a_second_program_on_the_port_is_told_who_has_it() {
 }
 
 #[test]
-fn the_demo_ends_with_what_a_person_understands() {
-    let output = run(&["demo", "--seed", "3"]);
+fn the_demo_of_static_contacts_ends_with_what_a_person_understands() {
+    let output = run(&["demo", "--static", "--seed", "3"]);
     let said = text(&output.stdout);
     assert!(output.status.success(), "{said}{}", text(&output.stderr));
     for wanted in ["true", "felt", "error", "noise sd", "thesis", " 0 lost", "Nothing here was measured"] {

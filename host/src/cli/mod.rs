@@ -8,19 +8,24 @@ macro_rules! say {
 mod calibrate;
 mod calibrated;
 mod contact;
+mod corner;
 mod demo;
 mod device;
 mod diagnose;
 mod felt_push;
 mod info;
+mod inscribe;
 mod latency;
 mod monitor;
 mod observe;
+mod palm;
 mod plan_push;
 mod plot;
 mod ports;
 mod pose;
 mod push;
+mod roll;
+mod sample;
 mod simulate_device;
 mod solve;
 mod static_demo;
@@ -58,6 +63,11 @@ enum Command {
     WhichPart(which_part::Arguments),
     Contact(contact::Arguments),
     Push(push::Arguments),
+    Inscribe(inscribe::Arguments),
+    Sample(sample::Arguments),
+    Corner(corner::Arguments),
+    Roll(roll::Arguments),
+    Palm(palm::Arguments),
     Tables(tables::Arguments),
     Solve(solve::Arguments),
     SimulateDevice(simulate_device::Arguments),
@@ -86,6 +96,11 @@ pub(crate) fn run() -> ExitCode {
         Command::WhichPart(arguments) => which_part::run(&arguments),
         Command::Contact(arguments) => contact::run(&arguments),
         Command::Push(arguments) => push::run(&arguments),
+        Command::Inscribe(arguments) => inscribe::run(&arguments),
+        Command::Sample(arguments) => sample::run(&arguments),
+        Command::Corner(arguments) => corner::run(&arguments),
+        Command::Roll(arguments) => roll::run(&arguments),
+        Command::Palm(arguments) => palm::run(&arguments),
         Command::Tables(arguments) => tables::run(&arguments),
         Command::Solve(arguments) => solve::run(&arguments),
         Command::SimulateDevice(arguments) => simulate_device::run(&arguments),

@@ -15,7 +15,7 @@ pub(crate) struct PlotArguments {
 }
 
 /// A file name that asks for a format there is, so that a wrong one is refused before anything is computed.
-fn picture_file(name: &str) -> Result<PathBuf, String> {
+pub(crate) fn picture_file(name: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(name);
     Format::of(&path).map(|_| path).map_err(|error| error.to_string())
 }
@@ -23,11 +23,12 @@ fn picture_file(name: &str) -> Result<PathBuf, String> {
 impl PlotArguments {
     /// Draws the figure, if a picture was asked for.
     pub(crate) fn draw(&self, figure: impl FnOnce() -> miette::Result<Figure>) -> miette::Result<()> {
-        self.plot.as_deref().map_or(Ok(()), |path| write(path, &figure()?))
+        self.plot.as_deref().map_or(Ok(()), |path| draw_to(path, &figure()?))
     }
 }
 
-fn write(path: &Path, figure: &Figure) -> miette::Result<()> {
+/// Draws to a file that [`picture_file`] has let pass.
+pub(crate) fn draw_to(path: &Path, figure: &Figure) -> miette::Result<()> {
     let named = || format!("cannot draw to {}", path.display());
     let picture = Format::of(path).and_then(|format| figure.to_page().encode(format));
     let bytes = picture.into_diagnostic().wrap_err_with(named)?;

@@ -5,6 +5,9 @@ use palpate::observing::from_rest::{Estimate, Hypothesis, Status};
 use palpate::pushing::Part;
 use serde_json::{Value, json};
 
+/// Poses of one estimate that a person is shown; a program gets them all.
+const SHOWN: usize = 5;
+
 /// Above the lines of [`lines`].
 pub(super) const HEADINGS: &str = concat!(
     "   felt         p  edge    centre of mass [mm]            turned [°]        contact on edge [mm]   mass  µ_c\n",
@@ -16,7 +19,16 @@ pub(super) fn lines(part: &Part, estimate: &Estimate) -> Vec<String> {
     let at = format!("{:7.2}", estimate.duration);
     match estimate.status() {
         Status::None => vec![format!("{at}   {}", none(estimate))],
-        _ => estimate.hypotheses.iter().map(|hypothesis| format!("{at}   {}", line(part, hypothesis))).collect(),
+        _ => {
+            let shown = estimate.hypotheses.iter().take(SHOWN);
+            let mut lines: Vec<_> = shown.map(|hypothesis| format!("{at}   {}", line(part, hypothesis))).collect();
+            let more = estimate.hypotheses.get(SHOWN..).unwrap_or_default();
+            if !more.is_empty() {
+                let probability: f64 = more.iter().map(|hypothesis| hypothesis.probability).sum();
+                lines.push(format!("{at}   {probability:7.3}  and {} more", more.len()));
+            }
+            lines
+        }
     }
 }
 

@@ -8,7 +8,8 @@ use std::time::Duration;
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use palpate::interrupt;
-use palpate::simulated_device::{Config, Line, Moment, Pace, SimulatedDevice};
+use palpate::recording::csv;
+use palpate::simulated_device::{Config, ForceCourse, Line, Moment, Pace, SimulatedDevice};
 use palpate_shared::sim::{Contact, Faults, FloatingBus, Load};
 
 /// Runs a finger without hardware: the firmware on a simulated front-end, behind a pseudo-terminal.
@@ -47,6 +48,7 @@ const ORDERS: &str = "\
 press ANGLE FORCE [MU]   press at ANGLE degrees with FORCE newtons, on the edge of the friction cone MU
 sweep FROM TO SECONDS FORCE   move a contact round the disk, angles in degrees
 force X Y                push with this force on the disk, in newtons
+play FILE                push with the forces in a table of t, Fx, Fy: on the disk, in newtons
 release                  let go
 wait SECONDS             read the next order after so much of the device's time
 fault none|absent|silent|open0|open1|saturate0|saturate1|stuck|bits RATE
@@ -125,6 +127,7 @@ enum Order {
     Restart,
     Truth,
     Wait(f64),
+    Play(ForceCourse),
     Help,
     Quit,
 }
@@ -142,6 +145,7 @@ impl Order {
             ["restart"] => Self::Restart,
             ["release"] => Self::Load(Load::Released),
             ["force", x, y] => Self::Load(Load::Force([force(x)?, force(y)?])),
+            ["play", ..] => Self::Play(course(line.trim_start_matches("play").trim())?),
             ["press", angle, force] => Self::Load(Load::Static(contact(angle, force, "0")?)),
             ["press", angle, force, mu] => Self::Load(Load::Static(contact(angle, force, mu)?)),
             ["sweep", from, to, seconds, force] => Self::Load(sweep(from, to, seconds, force)?),
@@ -196,6 +200,43 @@ fn sweep(from_deg: &str, to_deg: &str, seconds: &str, newtons: &str) -> Result<L
     Ok(Load::Sweep { from: contact(from_deg, newtons, "0")?, to_angle: angle(to_deg)?, duration_us })
 }
 
+/// Time between forces that are played, s: one conversion.
+const PLAY_STEP_S: f64 = 250e-6;
+
+/// Forces from a file, evenly spaced, from its first time on.
+fn course(path: &str) -> Result<ForceCourse, String> {
+    let text = std::fs::read_to_string(path).map_err(|error| format!("cannot read `{path}`: {error}"))?;
+    let readings = csv::parse(&text).map_err(|error| format!("cannot use `{path}`: {error}"))?.readings;
+    let (Some(first), Some(last)) = (readings.first(), readings.last()) else {
+        return Err(format!("`{path}` holds no forces"));
+    };
+    let span = last.t - first.t;
+    if span > f64::from(TIME_MAX_S) {
+        return Err(format!("`{path}` lasts {span} s, and the limit is {TIME_MAX_S}"));
+    }
+    if let Some(large) = readings.iter().find(|reading| reading.force_finger.amax() > f64::from(FORCE_MAX_N)) {
+        return Err(format!(
+            "`{path}` has {} N at t = {} s, and the limit is {FORCE_MAX_N}",
+            large.force_finger.amax(),
+            large.t
+        ));
+    }
+    let times = std::iter::successors(Some(0.0), |step| Some(step + 1.0)).map(|step| first.t + step * PLAY_STEP_S);
+    let mut next = 0;
+    let forces = times.take_while(|t| *t <= last.t + PLAY_STEP_S).map(|t| {
+        while readings.get(next + 1).is_some_and(|reading| reading.t <= t) {
+            next += 1;
+        }
+        let (from, to) = (&readings[next], readings.get(next + 1).unwrap_or(last));
+        let share = if to.t > from.t { ((t - from.t) / (to.t - from.t)).clamp(0.0, 1.0) } else { 0.0 };
+        let force = from.force_finger.lerp(&to.force_finger, share);
+        #[expect(clippy::cast_possible_truncation, reason = "the simulation computes in single precision")]
+        let single = [force.x as f32, force.y as f32];
+        single
+    });
+    Ok(ForceCourse::new(PLAY_STEP_S, forces.collect()))
+}
+
 fn faults(words: &[&str]) -> Result<Faults, String> {
     let none = Faults::default();
     Ok(match words {
@@ -223,6 +264,7 @@ fn carry_out(device: &SimulatedDevice, order: Order) -> io::Result<String> {
         Order::Unplug => device.unplug()?,
         Order::PlugIn => device.plug_in()?,
         Order::Restart => device.restart()?,
+        Order::Play(course) => device.set_course(course)?,
         Order::Truth => device.now()?,
         Order::Wait(seconds) => wait(device, seconds)?,
         Order::Help => return Ok(ORDERS.to_owned()),
@@ -282,6 +324,7 @@ mod tests {
             ("press 1e38 1", "36000"),
             ("wait 1e30", "4000"),
             ("force nan 0", "nan"),
+            ("play /nowhere/forces.csv", "/nowhere/forces.csv"),
             ("dance", "dance"),
         ] {
             let complaint = Order::parse(line).unwrap_err();

@@ -8,6 +8,8 @@
 //! - `triple`: three lines, and all turns at which a part touches them;
 //! - `exact`: all poses for any number of exact lines ([`poses`]), or why there is a continuum of them.
 //! - `noise`: bearings with errors, all modes with their covariances ([`estimate`]); `chi_square`: its gate.
+//! - `quality`: how well lines hold a pose, and which poses of a symmetric part look the same;
+//! - `planner`: where to take another view.
 //!
 //! Pure. Frames: world, and the part's own. Units: m, rad. Errors: impossible readings only; "no pose" and "not determined" are
 //! answers.
@@ -15,10 +17,14 @@
 mod chi_square;
 mod exact;
 mod noise;
+mod planner;
+mod quality;
 mod readings;
 mod triple;
 
 pub use chi_square::chi_square_quantile;
 pub use exact::{Continuum, Inscription, MISS_MAX_RELATIVE, Pose, determined, misses, nearest_misses, poses};
 pub use noise::{Estimate, FENCE_SD_RELATIVE, GATE, Mode, NoisyReadings, estimate, view};
+pub use planner::{PlannedView, expected_view, plan_view};
+pub use quality::{conditioning, congruent_groups, symmetry_order};
 pub use readings::{Bearing, Cone, ConeError, HalfPlane, Side};

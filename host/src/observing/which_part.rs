@@ -108,7 +108,8 @@ mod tests {
         Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.06, 0.0] };
 
     fn part(corners: &[[f64; 2]]) -> Part {
-        Part::uniform(SimplePolygon::new(corners.iter().copied().map(Point2::from).collect()).unwrap())
+        let corners: Vec<_> = corners.iter().copied().map(Point2::from).collect();
+        Part::uniform(SimplePolygon::new(corners).unwrap())
     }
 
     fn rectangle(width: f64, height: f64) -> Part {

@@ -108,6 +108,18 @@ impl Body {
         Self { support: Support::Feet(feet.collect()), mass }
     }
 
+    /// What it rests on, about the centre of mass; feet without their creep.
+    #[must_use]
+    pub fn support(&self) -> SupportFriction {
+        match &self.support {
+            Support::Uniform(support) => support.clone(),
+            Support::Feet(feet) => {
+                let feet: Vec<_> = feet.iter().map(|foot| (Point2::from(foot.at), foot.share)).collect();
+                SupportFriction::feet(&feet)
+            }
+        }
+    }
+
     /// The centre of mass, part frame, m.
     #[must_use]
     pub fn centre_of_mass(&self) -> Point2<f64> {

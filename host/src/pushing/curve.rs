@@ -80,8 +80,15 @@ impl FingerShape {
         }
     }
 
-    /// Angle of the outward normal, rad; continuous along the outline.
-    pub(super) fn normal_angle(&self, u: f64) -> f64 {
+    /// The point at parameter `u`, from the finger's own point, world axes, m.
+    #[must_use]
+    pub fn point(&self, u: f64) -> [f64; 2] {
+        self.at(u).place
+    }
+
+    /// Angle of the outward normal at parameter `u`, rad; continuous along the outline.
+    #[must_use]
+    pub fn normal_angle(&self, u: f64) -> f64 {
         match *self {
             Self::Disk { .. } => u,
             Self::Ellipse { semi_axes } => ellipse_normal_angle(semi_axes, u),

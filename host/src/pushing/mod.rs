@@ -5,7 +5,7 @@
 //! - `body`: a mass and what it rests on; `model`: part, edge, finger and contact, as plain data; `scalar` and `jet`: the numbers they are written for;
 //! - `dynamics`: accelerations and contact force of a disk on an edge; `curve` and `shaped`: of any two outlines; `rest`: how a part at rest begins to move;
 //! - `integrate`: steps in time, fixed and error-controlled; `rollout`: fixed steps, state after state;
-//! - `sensitivity`: derivatives of a push by its start and its parameters;
+//! - `sensitivity`: derivatives of a push by its start and its parameters; `switching`: these across changes of contact;
 //! - `push`: a push from its start; `run`: a push in time, with what ends it.
 
 mod body;
@@ -23,6 +23,7 @@ mod scalar;
 mod sensitivity;
 mod shaped;
 pub mod support;
+mod switching;
 #[cfg(test)]
 mod tests;
 
@@ -32,9 +33,10 @@ pub use curve::{FingerShape, PartSide};
 pub use dynamics::Motion;
 pub use jet::Jet;
 pub use model::{Contact, Edge, Finger, FingerPath, ModelError, Part, PushModel, Slip, State};
-pub use push::{ContactLaw, EdgeEnd, Push, PushError, PushOf, ShapedPush, Start};
+pub use push::{ContactLaw, EdgeEnd, FingerTrack, Push, PushError, PushOf, ShapedPush, Start};
 pub use rest::{RestError, RestStart};
-pub use run::{Acceleration, Change, ContactForce, End, EndReason, Run, RunError, Sample};
+pub use run::{Acceleration, Change, ContactForce, End, EndReason, Run, RunError, Sample, SecondContact};
 pub use scalar::Scalar;
 pub use sensitivity::{Parameter, Seeded, derivatives, slopes};
 pub use shaped::{ShapeError, ShapedModel};
+pub use switching::DerivedRun;

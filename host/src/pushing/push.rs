@@ -5,8 +5,9 @@
 
 use nalgebra::{Point2, Vector2};
 
-use super::contact_model::{ContactModel, normal};
-use super::model::{Contact, FingerPath, PushModel, Slip, State};
+use super::contact_model::{ContactModel, normal as normal_of};
+use super::curve::{FingerShape, PartSide};
+use super::model::{Contact, FingerPath, Part, PushModel, Slip, State};
 use super::shaped::ShapedModel;
 
 /// Slip and speed that count as none, m/s: an atom's width a second. Rounding in the velocities is a million times less.
@@ -69,6 +70,17 @@ pub struct PushOf<M> {
     pub(super) law: ContactLaw,
     pub(super) start: Start,
     pub(super) edge_end: EdgeEnd,
+    pub(super) track: FingerTrack,
+    pub(super) obstacles: Vec<Obstacle>,
+    pub(super) ends_at_second_contact: bool,
+}
+
+/// Another edge that the finger can reach while it pushes one.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Obstacle {
+    pub(super) edge: usize,
+    /// From the centre of mass, part axes, m.
+    pub(super) ends: [Vector2<f64>; 2],
 }
 
 /// A disk that pushes an edge of a polygon.
@@ -86,7 +98,7 @@ pub enum EdgeEnd {
     Extend,
 }
 
-/// A start that is impossible.
+/// A start, or a motion of the finger, that is impossible.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum PushError {
     /// The contact is not on the edge.
@@ -101,17 +113,15 @@ pub enum PushError {
         /// The edge's second end, m.
         s_max: f64,
     },
-    /// The disk reaches into the part elsewhere.
+    /// The finger reaches into the part elsewhere.
     #[error(
-        "the finger overlaps the part: its centre is {distance:?} m from edge {edge}, less than its radius of {radius:?} m; a finger this large cannot touch here"
+        "the finger overlaps the part: it reaches {depth:?} m into edge {edge}; a finger this large cannot touch here, make it smaller or touch elsewhere"
     )]
     Overlap {
-        /// The edge that is too near.
+        /// The edge that it reaches into.
         edge: usize,
-        /// From the disk's centre, m.
-        distance: f64,
-        /// The disk's, m.
-        radius: f64,
+        /// How deep, m.
+        depth: f64,
     },
     /// At rest, but the finger moves.
     #[error("the start is at rest, but the finger moves at {speed:?} m/s: at rest its velocity must be 0")]
@@ -126,6 +136,16 @@ pub enum PushError {
     MovesAway {
         /// Component of the finger's acceleration into the part, m/s².
         toward: f64,
+    },
+    /// Changes of the finger's motion out of order.
+    #[error(
+        "the finger's acceleration changes at {t:?} s, which must be a time after {after:?} s: give the changes in order"
+    )]
+    ChangesOutOfOrder {
+        /// As given, s.
+        t: f64,
+        /// Of the change before, s.
+        after: f64,
     },
     /// The given direction of sliding is not that of the given velocities.
     #[error(
@@ -143,37 +163,152 @@ impl<'p> Push<'p> {
     /// # Errors
     /// [`PushError`].
     pub fn new(model: PushModel<'p>, law: ContactLaw, start: Start, edge_end: EdgeEnd) -> Result<Self, PushError> {
-        let push = Self { model, law, start, edge_end };
-        push.check()?;
-        push.check_overlap()?;
-        Ok(push)
-    }
-
-    fn check_overlap(&self) -> Result<(), PushError> {
-        let s = self.start.contact().1;
-        if !(self.model.edge.s_min..=self.model.edge.s_max).contains(&s) {
+        let push = Self::checked(model, law, start, edge_end)?;
+        let s = start.contact().1;
+        if !(model.edge.s_min..=model.edge.s_max).contains(&s) {
             // On an edge's extension there is nothing to overlap with that would mean anything.
-            return Ok(());
+            return Ok(push);
         }
-        let (part, edge, radius) = (self.model.part, self.model.edge, self.model.finger.radius);
-        let along = Vector2::new(-edge.normal.y, edge.normal.x);
-        let centre = part.centre_of_mass() + edge.normal * (edge.height + radius) + along * s;
-        let distances = part.polygon().edges().map(|(start, end)| distance_to_segment(centre, start, end));
-        let near = distances.enumerate().find(|(_, distance)| *distance < radius - PLACE_TOLERANCE);
-        near.map_or(Ok(()), |(edge, distance)| Err(PushError::Overlap { edge, distance, radius }))
+        push.around(model.part)
     }
 }
 
 impl<'p> ShapedPush<'p> {
-    /// Checks that the start is possible.
+    /// Checks that the start is possible. Of a polygon's other edges it knows nothing: see [`PushOf::around`].
     ///
     /// # Errors
     /// [`PushError`].
     pub fn new(model: ShapedModel<'p>, law: ContactLaw, start: Start, edge_end: EdgeEnd) -> Result<Self, PushError> {
-        let push = Self { model, law, start, edge_end };
+        Self::checked(model, law, start, edge_end)
+    }
+}
+
+impl<M: ContactModel> PushOf<M> {
+    fn checked(model: M, law: ContactLaw, start: Start, edge_end: EdgeEnd) -> Result<Self, PushError> {
+        let track = FingerTrack::new(model.path());
+        let push = Self { model, law, start, edge_end, track, obstacles: Vec::new(), ends_at_second_contact: false };
         push.check()?;
         Ok(push)
     }
+
+    /// The same with the part's other edges in the finger's way: a push at one edge of `part` notices when it reaches another.
+    ///
+    /// # Errors
+    /// [`PushError::Overlap`] if the finger reaches into one from the start.
+    pub fn around(mut self, part: &Part) -> Result<Self, PushError> {
+        self.obstacles = obstacles(part, &self.model.side());
+        let (u, s) = self.start.contact();
+        let state = State { u, s, omega: 0.0, v_t: 0.0 };
+        let gaps = self.obstacles.iter().map(|obstacle| (obstacle.edge, gap(&self.model, &state, &obstacle.ends)));
+        let inside = gaps.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, gap)| *gap < -PLACE_TOLERANCE);
+        inside.map_or(Ok(self), |(edge, gap)| Err(PushError::Overlap { edge, depth: -gap }))
+    }
+
+    /// The same, ended where the finger reaches a second edge. Otherwise a run only notes that, and goes on as if it did not.
+    #[must_use]
+    pub fn ending_at_second_contact(self) -> Self {
+        Self { ends_at_second_contact: true, ..self }
+    }
+
+    /// The same with a finger that changes its acceleration (m/s², world axes) at times after 0 (s), its velocity running on.
+    ///
+    /// # Errors
+    /// [`PushError::ChangesOutOfOrder`].
+    pub fn with_changes(mut self, changes: &[(f64, [f64; 2])]) -> Result<Self, PushError> {
+        let mut after = 0.0;
+        for &(t, acceleration) in changes {
+            if !(t > after && t.is_finite()) {
+                return Err(PushError::ChangesOutOfOrder { t, after });
+            }
+            self.track.turn(t, acceleration);
+            after = t;
+        }
+        Ok(self)
+    }
+
+    /// The finger's motion.
+    #[must_use]
+    pub fn track(&self) -> &FingerTrack {
+        &self.track
+    }
+}
+
+/// The finger's motion in pieces of constant acceleration.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FingerTrack {
+    /// When each piece begins, s, and the parabola that it is a piece of.
+    pieces: Vec<(f64, FingerPath)>,
+}
+
+impl FingerTrack {
+    /// One piece from time 0 on.
+    #[must_use]
+    pub fn new(path: FingerPath) -> Self {
+        Self { pieces: vec![(0.0, path)] }
+    }
+
+    /// Changes the acceleration (m/s², world axes) at `t` (s), later than any change so far.
+    fn turn(&mut self, t: f64, acceleration: [f64; 2]) {
+        let path = self.path(t);
+        let [centre, velocity, a] = [path.centre(t).coords, path.velocity(t).into(), acceleration.into()];
+        let centre0: Vector2<f64> = centre - velocity * t + a * (0.5 * t * t);
+        let path = FingerPath { centre0: centre0.into(), velocity0: (velocity - a * t).into(), acceleration };
+        self.pieces.push((t, path));
+    }
+
+    /// The parabola followed at time `t`, s.
+    #[must_use]
+    pub fn path(&self, t: f64) -> FingerPath {
+        let begun = self.pieces.iter().rev().find(|(from, _)| *from <= t);
+        begun.unwrap_or(&self.pieces[0]).1
+    }
+
+    /// The finger's own point at time `t` (s), m.
+    #[must_use]
+    pub fn centre(&self, t: f64) -> Point2<f64> {
+        self.path(t).centre(t)
+    }
+
+    /// When the acceleration changes next after `t`, s; never is infinite.
+    pub(super) fn change_after(&self, t: f64) -> f64 {
+        self.pieces.iter().map(|(from, _)| *from).find(|from| *from > t).unwrap_or(f64::INFINITY)
+    }
+}
+
+/// Edges that reach beyond the line of the one in contact: none on a convex part.
+fn obstacles(part: &Part, side: &PartSide) -> Vec<Obstacle> {
+    let PartSide::Edge(edge) = side else { return Vec::new() };
+    let centre = part.centre_of_mass();
+    let segments = part.polygon().edges().map(|(start, end)| [start - centre, end - centre]);
+    let beyond = |p: &Vector2<f64>| edge.normal.dot(p) > edge.height + PLACE_TOLERANCE;
+    let all = segments.enumerate().map(|(edge, ends)| Obstacle { edge, ends });
+    all.filter(|obstacle| obstacle.ends.iter().any(beyond)).collect()
+}
+
+/// How far the finger is from a segment of the part, m; for an ellipse less than that, but with the right sign.
+pub(super) fn gap(model: &impl ContactModel, state: &State, ends: &[Vector2<f64>; 2]) -> f64 {
+    let (finger, part) = (model.shape().at(state.u), model.side().at(state.s));
+    let (normal, place) = (Vector2::from(part.normal), Vector2::from(part.place));
+    let [out, along] = [normal_of(model, state), turned(normal_of(model, state))];
+    let from_finger = |p: &Vector2<f64>| {
+        let d = p - place;
+        Vector2::from(finger.place) + out * normal.dot(&d) + along * turned(normal).dot(&d)
+    };
+    let [start, end] = [from_finger(&ends[0]), from_finger(&ends[1])];
+    let origin = Point2::origin();
+    match model.shape() {
+        FingerShape::Disk { radius } => distance_to_segment(origin, start.into(), end.into()) - radius,
+        FingerShape::Ellipse { semi_axes: [a, b] } => {
+            let round = |p: Vector2<f64>| Point2::new(p.x / a, p.y / b);
+            (distance_to_segment(origin, round(start), round(end)) - 1.0) * a.min(b)
+        }
+        FingerShape::Line => start.y.min(end.y),
+    }
+}
+
+/// A quarter turn counter-clockwise.
+fn turned(v: Vector2<f64>) -> Vector2<f64> {
+    Vector2::new(-v.y, v.x)
 }
 
 impl<M: ContactModel> PushOf<M> {
@@ -197,7 +332,7 @@ impl<M: ContactModel> PushOf<M> {
 
     fn check_rest(&self, state: &State) -> Result<(), PushError> {
         let FingerPath { velocity0: [v_x, v_y], acceleration, .. } = self.model.path();
-        let (speed, toward) = (v_x.hypot(v_y), -normal(&self.model, state).dot(&Vector2::from(acceleration)));
+        let (speed, toward) = (v_x.hypot(v_y), -normal_of(&self.model, state).dot(&Vector2::from(acceleration)));
         match () {
             () if speed > 0.0 => Err(PushError::FingerMoves { speed }),
             () if toward <= 0.0 => Err(PushError::MovesAway { toward }),
@@ -216,6 +351,15 @@ impl ContactLaw {
     /// Whether the contact rolls throughout.
     pub(super) fn rolls(self) -> bool {
         matches!(self, Self::Rolling { .. })
+    }
+
+    /// The contact of part and finger at rest.
+    pub(super) fn at_rest(self) -> Contact {
+        match self {
+            Self::Rolling { .. } | Self::Coulomb { .. } => Contact::Rolling,
+            Self::Frictionless => Contact::Frictionless,
+            Self::Sliding { slip, .. } => self.sliding(slip),
+        }
     }
 
     /// The contact while it slides.

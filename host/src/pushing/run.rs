@@ -5,7 +5,7 @@
 //! as accurate as states. A margin that dips below zero and recovers within a step is found by its minimum.
 //!
 //! Implements: the contact modes of thesis §5.2.1 and §5.4 with Coulomb's law deciding between them.
-//! Assumes: nothing but the contact edge meets the finger after the start.
+//! Assumes: what else the finger meets does not push: see [`SecondContact`].
 //! Frames: world, unless named. Units: SI, forces per unit mass of the part.
 //! Errors: [`RunError`], for motions too stiff to follow. Measured error: see [`PushOf::run`].
 
@@ -14,7 +14,7 @@ use nalgebra::{Point2, Rotation2, Vector2};
 use super::contact_model::{ContactModel, arm, normal, rest_start};
 use super::integrate::{Scale, Step};
 use super::model::{Contact, Slip, State};
-use super::push::{ContactLaw, EdgeEnd, PushOf, SLIP_NONE, Start};
+use super::push::{ContactLaw, EdgeEnd, PushOf, SLIP_NONE, Start, gap};
 use super::rest::{RestError, RestStart};
 
 /// A sliding denominator (1 for s = 0) below this is a jam: the contact force is a thousand million times its usual size, and
@@ -43,11 +43,15 @@ const DIP_SHARE: f64 = 0.5;
 /// Bisections and golden sections: enough to reach rounding from any bracket.
 const SEARCHES_MAX: usize = 80;
 
+/// A part that comes to rest this shortly before the finger's acceleration changes does so at the change, s: a finger that brakes
+/// to a pause.
+const PAUSE_NEAR: f64 = 1e-6;
+
 /// First step, s: the next ones grow or shrink to what is needed.
 const STEP_FIRST: f64 = 1e-5;
 
-/// Steps of a push after which it is given up: some seconds of computing. A foot held at rest takes a million a second.
-const STEPS_MAX: usize = 5_000_000;
+/// Steps of a push after which it is given up: about two seconds of computing. A foot held at rest takes a million a second.
+const STEPS_MAX: usize = 2_000_000;
 
 /// Changes between rolling and sliding after which a push is given up.
 const CHANGES_MAX: usize = 10_000;
@@ -65,6 +69,17 @@ pub struct Run {
     pub changes: Vec<Change>,
     /// How the part began to move, where it started at rest.
     pub rest_start: Option<Acceleration>,
+    /// When the finger first reached another edge, if it did: what follows leaves that contact out.
+    pub second_contact: Option<SecondContact>,
+}
+
+/// The finger reaches a second edge of the part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SecondContact {
+    /// When, s.
+    pub t: f64,
+    /// Which.
+    pub edge: usize,
 }
 
 /// A pushed part at one instant.
@@ -82,7 +97,7 @@ pub struct Sample {
     pub theta: f64,
     /// Velocity of the centre of mass, m/s.
     pub velocity: Vector2<f64>,
-    /// Force on the part; none where it jams.
+    /// Force on the part; none where it jams, or where part and finger rest and nothing determines it.
     pub force: Option<ContactForce>,
 }
 
@@ -121,6 +136,8 @@ pub enum EndReason {
     EdgeMax,
     /// No contact force fits the sliding part (Painlevé).
     Jam,
+    /// The finger reached another edge: see [`PushOf::ending_at_second_contact`].
+    SecondContact,
 }
 
 /// A change between rolling and sliding.
@@ -144,6 +161,9 @@ pub struct Acceleration {
 /// A push could not be followed to its end.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum RunError {
+    /// Nothing was asked for.
+    #[error("no time is given: give at least one to sample the push at")]
+    NoTimes,
     /// The start from rest was not found.
     #[error(transparent)]
     Rest(#[from] RestError),
@@ -161,6 +181,14 @@ pub enum RunError {
         /// How far it got, s.
         t: f64,
     },
+    /// Derivatives were asked for of a push that has none.
+    #[error(
+        "a push {what} has no derivatives here: derive one that starts in motion, with a finger of one acceleration"
+    )]
+    NotDerivable {
+        /// What stands in the way.
+        what: &'static str,
+    },
     /// Rolling and sliding took turns without end.
     #[error("rolling and sliding took turns more than {CHANGES_MAX} times up to t = {t:?} s")]
     TooManyChanges {
@@ -170,7 +198,7 @@ pub enum RunError {
 }
 
 /// What can end a leg. In order: of two at one instant the first counts.
-const EVENTS: [EndReason; 7] = [
+const EVENTS: [EndReason; 8] = [
     EndReason::Jam,
     EndReason::Break,
     EndReason::Stick,
@@ -178,6 +206,7 @@ const EVENTS: [EndReason; 7] = [
     EndReason::Slip,
     EndReason::EdgeMin,
     EndReason::EdgeMax,
+    EndReason::SecondContact,
 ];
 
 /// How far each of [`EVENTS`] is: below 0 it has happened.
@@ -213,11 +242,8 @@ impl<M: ContactModel> PushOf<M> {
     ///
     /// # Errors
     /// [`RunError`].
-    ///
-    /// # Panics
-    /// If `times` is empty.
     pub fn run(&self, times: &[f64]) -> Result<Run, RunError> {
-        let time_end = *times.last().expect("at least one time");
+        let &time_end = times.last().ok_or(RunError::NoTimes)?;
         let mut runner = Runner::new(self, times, time_end);
         let mut next = runner.begin()?;
         loop {
@@ -229,9 +255,8 @@ impl<M: ContactModel> PushOf<M> {
     }
 
     /// Margins of a state in a leg, without slack.
-    fn margins(&self, contact: &Contact, time: f64, state: &State) -> Margins {
+    fn margins(&self, model: &M, contact: &Contact, time: f64, state: &State) -> Margins {
         const NEVER: f64 = f64::INFINITY;
-        let model = &self.model;
         let motion = model.motion(contact, time, state);
         let (normal, tangential) = (motion.normal_force, motion.tangential_force);
         let (mut jam, mut stick, mut cone) = (NEVER, NEVER, [NEVER, NEVER]);
@@ -252,12 +277,19 @@ impl<M: ContactModel> PushOf<M> {
             }
             EdgeEnd::Extend => [NEVER; 2],
         };
-        [jam, normal, stick, cone[0], cone[1], edge[0], edge[1]]
+        let clear = self.obstacles.iter().map(|obstacle| gap(model, state, &obstacle.ends)).fold(NEVER, f64::min);
+        [jam, normal, stick, cone[0], cone[1], edge[0], edge[1], clear]
+    }
+
+    /// The edge that the finger is nearest to, of those that it does not push.
+    fn nearest_obstacle(&self, state: &State) -> Option<usize> {
+        let gaps = self.obstacles.iter().map(|obstacle| (obstacle.edge, gap(&self.model, state, &obstacle.ends)));
+        gaps.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(edge, _)| edge)
     }
 
     /// What a contact without slip does: rolls if friction suffices, otherwise slides against it.
-    fn without_slip(&self, time: f64, state: &State, friction: f64) -> Contact {
-        let rolling = self.model.motion(&Contact::Rolling, time, state);
+    fn without_slip(model: &M, time: f64, state: &State, friction: f64) -> Contact {
+        let rolling = model.motion(&Contact::Rolling, time, state);
         rolls_or_slides(rolling.normal_force, rolling.tangential_force, friction)
     }
 }
@@ -273,6 +305,8 @@ fn rolls_or_slides(normal: f64, tangential: f64, friction: f64) -> Contact {
 /// A push under way.
 struct Runner<'a, M> {
     push: &'a PushOf<M>,
+    /// With the finger's present path.
+    model: M,
     times: &'a [f64],
     time_end: f64,
     /// What brings θ into (−π, π] at the start, rad.
@@ -283,29 +317,39 @@ struct Runner<'a, M> {
     samples: Vec<Sample>,
     changes: Vec<Change>,
     rest_start: Option<Acceleration>,
-    last: Option<Sample>,
+    second_contact: Option<SecondContact>,
+    last: Sample,
 }
 
 impl<'a, M: ContactModel> Runner<'a, M> {
     fn new(push: &'a PushOf<M>, times: &'a [f64], time_end: f64) -> Self {
         let (u, s) = push.start.contact();
-        let theta = push.model.theta(&State { u, s, omega: 0.0, v_t: 0.0 });
+        let state = State { u, s, omega: 0.0, v_t: 0.0 };
+        let theta = push.model.theta(&state);
+        let theta_offset = Rotation2::new(theta).angle() - theta;
         Self {
             push,
+            model: push.model,
             times,
             time_end,
-            theta_offset: Rotation2::new(theta).angle() - theta,
+            theta_offset,
             step: STEP_FIRST,
             steps: 0,
             samples: Vec::new(),
             changes: Vec::new(),
             rest_start: None,
-            last: None,
+            second_contact: None,
+            last: sample(&push.model, 0.0, &Contact::Frictionless, &state, theta_offset),
         }
     }
 
-    fn model(&self) -> &'a M {
-        &self.push.model
+    fn model(&self) -> &M {
+        &self.model
+    }
+
+    /// Up to when the finger keeps its path, s.
+    fn horizon(&self, time: f64) -> f64 {
+        self.push.track.change_after(time).min(self.time_end)
     }
 
     /// The first leg.
@@ -331,7 +375,9 @@ impl<'a, M: ContactModel> Runner<'a, M> {
             ContactLaw::Frictionless => (Contact::Frictionless, state),
             ContactLaw::Rolling { .. } => (Contact::Rolling, rolling),
             law @ ContactLaw::Sliding { slip, .. } => (law.sliding(slip), if no_slip { rolling } else { state }),
-            ContactLaw::Coulomb { friction } if no_slip => (self.push.without_slip(0.0, &rolling, friction), rolling),
+            ContactLaw::Coulomb { friction } if no_slip => {
+                (PushOf::without_slip(self.model(), 0.0, &rolling, friction), rolling)
+            }
             law @ ContactLaw::Coulomb { .. } => (law.sliding(Slip::of(slip)), state),
         };
         let decided = matches!(self.push.law, ContactLaw::Coulomb { .. });
@@ -350,21 +396,30 @@ impl<'a, M: ContactModel> Runner<'a, M> {
     }
 
     /// Starts a leg, unless it ends at once. `slips` for a contact known to begin to slip, or to roll, just now.
-    fn start_leg(&self, contact: Contact, time: f64, state: State, slips: bool) -> Next {
-        let margins = self.push.margins(&contact, time, &state);
+    fn start_leg(&mut self, contact: Contact, time: f64, state: State, slips: bool) -> Next {
+        let margins = self.push.margins(self.model(), &contact, time, &state);
         let probe = Step::take(self.model(), &contact, time, state, PROBE_TIME).end();
-        let after = self.push.margins(&contact, time + PROBE_TIME, &probe);
+        let after = self.push.margins(self.model(), &contact, time + PROBE_TIME, &probe);
         let mut slack = [0.0; EVENTS.len()];
         for (i, event) in EVENTS.into_iter().enumerate() {
+            if event == EndReason::SecondContact && self.second_contact.is_some() {
+                slack[i] = f64::INFINITY;
+                continue;
+            }
             let none = match event {
                 EndReason::Stick => SLIP_NONE,
-                EndReason::EdgeMin | EndReason::EdgeMax => PLACE_NONE,
+                EndReason::EdgeMin | EndReason::EdgeMax | EndReason::SecondContact => PLACE_NONE,
                 _ => FORCE_NONE,
             };
             let fresh_slip = slips && event == EndReason::Stick;
             let used_up = margins[i] < -none || (margins[i] < none && after[i] < margins[i] && !fresh_slip);
             match event {
                 EndReason::Jam if margins[i] <= 0.0 => return Next::End(event),
+                EndReason::SecondContact if used_up && !self.push.ends_at_second_contact => {
+                    self.second_contact =
+                        self.push.nearest_obstacle(&state).map(|edge| SecondContact { t: time, edge });
+                    slack[i] = f64::INFINITY;
+                }
                 _ if used_up => return Next::End(event),
                 _ if margins[i] < none => slack[i] = none,
                 _ => {}
@@ -385,24 +440,99 @@ impl<'a, M: ContactModel> Runner<'a, M> {
         let stopped = Step::take(self.model(), &leg.contact, step.time, step.start(), share * step.length);
         self.sample_step(&leg, &step, share);
         let (time, state) = (step.time + stopped.length, stopped.end());
-        self.last = Some(self.sample(time, &leg.contact, &state));
+        if EVENTS[event] == EndReason::SecondContact {
+            return Ok(self.after_second_contact(&leg, event, time, state));
+        }
+        self.last = self.sample(time, &leg.contact, &state);
         self.after_event(&leg, event, time, state)
+    }
+
+    /// Notes the second contact, and ends or goes on without it.
+    fn after_second_contact(&mut self, leg: &Leg, event: usize, time: f64, state: State) -> Next {
+        let edge = self.push.nearest_obstacle(&state);
+        self.second_contact = edge.map(|edge| SecondContact { t: time, edge });
+        if self.push.ends_at_second_contact {
+            self.last = self.sample(time, &leg.contact, &state);
+            return Next::End(EndReason::SecondContact);
+        }
+        let mut slack = leg.slack;
+        slack[event] = f64::INFINITY;
+        Next::Leg(Leg { time, state, slack, ..*leg })
+    }
+
+    /// Goes on where the finger changes its acceleration.
+    fn change_path(&mut self, leg: &Leg, time: f64, state: State) -> Result<Next, RunError> {
+        self.model = self.model.with_path(self.push.track.path(time));
+        if self.rests(&leg.contact, time, &state) {
+            return self.begin_at_rest(time, State { omega: 0.0, ..state });
+        }
+        let contact = match (self.push.law, leg.contact) {
+            (ContactLaw::Coulomb { friction }, Contact::Rolling) => {
+                PushOf::without_slip(self.model(), time, &state, friction)
+            }
+            (_, contact) => contact,
+        };
+        let changed = contact != leg.contact;
+        if changed {
+            self.changes.push(Change { t: time, to: contact });
+        }
+        self.step = STEP_FIRST;
+        let next = self.start_leg(contact, time, state, changed);
+        if let Next::End(_) = next {
+            self.last = self.sample(time, &contact, &state);
+        }
+        Ok(next)
+    }
+
+    /// Whether the part is as good as at rest.
+    fn rests(&self, contact: &Contact, time: f64, state: &State) -> bool {
+        let spin = self.model().body().inertia_per_mass().sqrt() * state.omega.abs();
+        Vector2::from(self.model().velocity(contact, time, state)).norm() + spin < SLIP_NONE
+    }
+
+    /// Lets part and finger rest until the finger moves again, if ever.
+    fn wait(&mut self, time: f64, state: State) -> Result<Next, RunError> {
+        let until = self.horizon(time);
+        let contact = self.push.law.at_rest();
+        loop {
+            let asked = self.times.get(self.samples.len()).copied().filter(|&asked| asked <= until);
+            let still = Sample { force: None, ..self.sample(asked.unwrap_or(until), &contact, &state) };
+            self.record(still);
+            if asked.is_none() {
+                break;
+            }
+        }
+        if until >= self.time_end {
+            return Ok(Next::End(EndReason::Time));
+        }
+        self.model = self.model.with_path(self.push.track.path(until));
+        self.begin_at_rest(until, state)
     }
 
     fn after_step(&mut self, leg: Leg, time: f64, state: State) -> Result<Next, RunError> {
         if time >= self.time_end {
-            self.last = Some(self.sample(self.time_end, &leg.contact, &state));
+            self.last = self.sample(self.time_end, &leg.contact, &state);
             return Ok(Next::End(EndReason::Time));
         }
+        if time >= self.horizon(leg.time) {
+            return self.change_path(&leg, time, state);
+        }
         let speed = |time, state| Vector2::from(self.model().velocity(&leg.contact, time, state)).norm();
-        let spin = self.model().body().inertia_per_mass().sqrt() * state.omega.abs();
-        if speed(time, &state) + spin < SLIP_NONE && speed(time, &state) < speed(leg.time, &leg.state) {
+        if self.rests(&leg.contact, time, &state) && speed(time, &state) < speed(leg.time, &leg.state) {
+            let horizon = self.horizon(leg.time);
+            if horizon < self.time_end && horizon - time < PAUSE_NEAR {
+                return self.change_path(&leg, horizon, state);
+            }
             return self.begin_at_rest(time, State { omega: 0.0, ..state });
         }
-        let margins = self.push.margins(&leg.contact, time, &state);
+        let margins = self.push.margins(self.model(), &leg.contact, time, &state);
         let mut slack = leg.slack;
         // What has become large enough to be told from rounding is held to zero from here on.
-        slack.iter_mut().zip(margins).filter(|(_, margin)| *margin > 0.0).for_each(|(slack, _)| *slack = 0.0);
+        slack
+            .iter_mut()
+            .zip(margins)
+            .filter(|(slack, margin)| *margin > 0.0 && slack.is_finite())
+            .for_each(|(slack, _)| *slack = 0.0);
         Ok(Next::Leg(Leg { time, state, slack, ..leg }))
     }
 
@@ -410,10 +540,12 @@ impl<'a, M: ContactModel> Runner<'a, M> {
         let ContactLaw::Coulomb { friction } = self.push.law else { return Ok(Next::End(EVENTS[event])) };
         let state = State { v_t: self.model().rolling_v_t(time, &state), ..state };
         let to = match (EVENTS[event], leg.contact) {
-            (EndReason::Stick, Contact::Sliding { slip, .. }) => match self.push.without_slip(time, &state, friction) {
-                Contact::Sliding { friction, .. } => Contact::Sliding { friction, slip: slip.reversed() },
-                rolling => rolling,
-            },
+            (EndReason::Stick, Contact::Sliding { slip, .. }) => {
+                match PushOf::without_slip(self.model(), time, &state, friction) {
+                    Contact::Sliding { friction, .. } => Contact::Sliding { friction, slip: slip.reversed() },
+                    rolling => rolling,
+                }
+            }
             (EndReason::Slip, _) => {
                 let needed = self.model().motion(&Contact::Rolling, time, &state).tangential_force;
                 Contact::Sliding { friction, slip: Slip::of(-needed) }
@@ -426,7 +558,7 @@ impl<'a, M: ContactModel> Runner<'a, M> {
         self.changes.push(Change { t: time, to });
         let next = self.start_leg(to, time, state, true);
         if let Next::End(_) = next {
-            self.last = Some(self.sample(time, &to, &state));
+            self.last = self.sample(time, &to, &state);
         }
         Ok(next)
     }
@@ -439,7 +571,7 @@ impl<'a, M: ContactModel> Runner<'a, M> {
             if self.steps > STEPS_MAX {
                 return Err(RunError::TooLong { t: leg.time });
             }
-            let left = self.time_end - leg.time;
+            let left = self.horizon(leg.time) - leg.time;
             let length = self.step.min(left);
             if leg.time + length <= leg.time && left > 0.0 {
                 return Err(RunError::TooFast { t: leg.time });
@@ -465,7 +597,7 @@ impl<'a, M: ContactModel> Runner<'a, M> {
     }
 
     fn margins_at(&self, leg: &Leg, step: &Step, share: f64, state: &State) -> Margins {
-        let mut margins = self.push.margins(&leg.contact, step.time + share * step.length, state);
+        let mut margins = self.push.margins(self.model(), &leg.contact, step.time + share * step.length, state);
         margins.iter_mut().zip(leg.slack).for_each(|(margin, slack)| *margin += slack);
         margins
     }
@@ -505,6 +637,11 @@ impl<'a, M: ContactModel> Runner<'a, M> {
     /// The first leg from rest, or from coming to rest.
     fn begin_at_rest(&mut self, time: f64, state: State) -> Result<Next, RunError> {
         let state = State { omega: 0.0, v_t: 0.0, ..state };
+        let path = self.model().path();
+        if Vector2::from(path.acceleration) == Vector2::zeros() && Vector2::from(path.velocity(time)).norm() < SLIP_NONE
+        {
+            return self.wait(time, state);
+        }
         let (contact, start) = self.start_from_rest(time, &state)?;
         let pushed = self.after_rest(time, &contact, &start, &state);
         let mut sample = self.sample(time, &contact, &state);
@@ -566,7 +703,7 @@ impl<'a, M: ContactModel> Runner<'a, M> {
             return Next::End(EndReason::Break);
         }
         let span = REST_SHARE * (model.body().inertia_per_mass().sqrt() / start.a_n.hypot(start.a_t)).sqrt();
-        let span = span.min(self.time_end - time);
+        let span = span.min(self.horizon(time) - time);
         let [slipping, starting] =
             [(0.0, slip), (start.alpha, slip_rate)].map(|(omega, slip)| model.contact_rates(state, omega, slip));
         let at = |span: f64| {
@@ -605,36 +742,51 @@ impl<'a, M: ContactModel> Runner<'a, M> {
         if self.times.get(self.samples.len()).is_some_and(|&asked| asked <= sample.t) {
             self.samples.push(sample);
         }
-        self.last = Some(sample);
+        self.last = sample;
     }
 
     fn sample(&self, t: f64, contact: &Contact, state: &State) -> Sample {
-        let model = self.model();
-        let state = match contact {
-            Contact::Rolling => State { v_t: model.rolling_v_t(t, state), ..*state },
-            Contact::Frictionless | Contact::Sliding { .. } => *state,
-        };
-        let motion = model.motion(contact, t, &state);
-        let theta = model.theta(&state) + self.theta_offset;
-        let centre_of_mass = model.centre_of_mass(t, &state);
-        Sample {
-            t,
-            state,
-            contact: *contact,
-            position: centre_of_mass - Rotation2::new(theta) * model.body().centre_of_mass().coords,
-            theta,
-            velocity: model.velocity(contact, t, &state).into(),
-            force: Some(ContactForce { normal: motion.normal_force, tangential: motion.tangential_force }),
-        }
+        sample(self.model(), t, contact, state, self.theta_offset)
     }
 
-    fn finish(self, reason: EndReason) -> Run {
-        let mut last = self.last.expect("every push is sampled at its start");
-        if reason == EndReason::Jam {
-            last.force = None;
+    fn finish(mut self, reason: EndReason) -> Run {
+        let end = End { reason, t: self.last.t };
+        let at_end = self.samples.iter_mut().filter(|sample| sample.t >= end.t).chain([&mut self.last]);
+        for sample in at_end {
+            match reason {
+                EndReason::Jam => sample.force = None,
+                EndReason::Break => sample.force = sample.force.map(ContactForce::lost),
+                _ => {}
+            }
         }
-        let end = End { reason, t: last.t };
-        Run { samples: self.samples, end, last, changes: self.changes, rest_start: self.rest_start }
+        let Self { samples, last, changes, rest_start, second_contact, .. } = self;
+        Run { samples, end, last, changes, rest_start, second_contact }
+    }
+}
+
+impl ContactForce {
+    /// What is left of the force that a finger would need to hold a part it is losing: it cannot pull.
+    fn lost(self) -> Self {
+        if self.normal > 0.0 { self } else { Self { normal: 0.0, tangential: 0.0 } }
+    }
+}
+
+fn sample<M: ContactModel>(model: &M, t: f64, contact: &Contact, state: &State, theta_offset: f64) -> Sample {
+    let state = match contact {
+        Contact::Rolling => State { v_t: model.rolling_v_t(t, state), ..*state },
+        Contact::Frictionless | Contact::Sliding { .. } => *state,
+    };
+    let motion = model.motion(contact, t, &state);
+    let theta = model.theta(&state) + theta_offset;
+    let centre_of_mass = model.centre_of_mass(t, &state);
+    Sample {
+        t,
+        state,
+        contact: *contact,
+        position: centre_of_mass - Rotation2::new(theta) * model.body().centre_of_mass().coords,
+        theta,
+        velocity: model.velocity(contact, t, &state).into(),
+        force: Some(ContactForce { normal: motion.normal_force, tangential: motion.tangential_force }),
     }
 }
 

@@ -453,6 +453,57 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(96))]
+
+    /// States after changes of contact, and the instants of these, against central differences of whole runs.
+    #[test]
+    fn derivatives_cross_changes_of_contact(scene in possible_scenes(), friction in 0.05..0.4) {
+        const BY: [Parameter; 5] =
+            [Parameter::U, Parameter::S, Parameter::Omega, Parameter::VT, Parameter::Grip];
+        const SMALL: [f64; 5] = [1e-5, 1e-6, 1e-5, 1e-6, 1e-5];
+        /// Of a difference of runs that are good to 1e-10, over 2e-6 and more; and their third derivatives.
+        const QUOTIENT: f64 = 2e-3;
+        let law = ContactLaw::Coulomb { friction };
+        let part = scene.part();
+        let run_with = |parameter, change: f64| {
+            let (model, _, start) = changed(scene.model(&part), Contact::Rolling, scene.start, parameter, change);
+            Push::new(model, law, Start::Moving(start), EdgeEnd::Extend).unwrap().run(&[0.15]).unwrap()
+        };
+        let push = Push::new(scene.model(&part), law, Start::Moving(scene.start), EdgeEnd::Extend).unwrap();
+        let derived = push.run_derived(&[0.15], BY).unwrap();
+        prop_assume!(!derived.changes.is_empty() && derived.run.end.reason == EndReason::Time);
+        let slopes = slopes(&derived.states[0]);
+        let value = derived.states[0];
+        // The derivatives' own steps follow the run.
+        prop_assert!((value.u.value - derived.run.last.state.u).abs() < 1e-6, "{value:?} {:?}", derived.run.last);
+        for (column, (parameter, small)) in BY.into_iter().zip(SMALL).enumerate() {
+            let (plus, minus) = (run_with(parameter, small), run_with(parameter, -small));
+            // Neighbours that change otherwise are on the other side of a kink.
+            prop_assume!(plus.changes.len() == derived.changes.len() && minus.changes.len() == derived.changes.len());
+            let quotient = |plus: f64, minus: f64| (plus - minus) / (2.0 * small);
+            let (p, m) = (plus.last.state, minus.last.state);
+            let by_difference = [quotient(p.u, m.u), quotient(p.s, m.s) / 0.02, quotient(p.omega, m.omega) * 0.1];
+            let exact = [slopes[(0, column)], slopes[(1, column)] / 0.02, slopes[(2, column)] * 0.1];
+            let size = exact.iter().fold(1e-10 / small, |size, x| size.max(x.abs()));
+            for (by_difference, exact) in by_difference.into_iter().zip(exact) {
+                prop_assert!(
+                    (by_difference - exact).abs() <= QUOTIENT * size,
+                    "{parameter:?}: {exact:e}, by differences {by_difference:e}; {:?}", derived.run.changes
+                );
+            }
+            for (i, instant) in derived.changes.iter().enumerate() {
+                let by_difference = quotient(plus.changes[i].t, minus.changes[i].t);
+                let size = instant.slopes[column].abs() + 1e-10 / small;
+                prop_assert!(
+                    (by_difference - instant.slopes[column]).abs() <= 5.0 * QUOTIENT * size,
+                    "{parameter:?}: dt = {:e}, by differences {by_difference:e}", instant.slopes[column]
+                );
+            }
+        }
+    }
+}
+
 /// A push with one parameter changed.
 fn changed<'p>(
     mut model: PushModel<'p>,

@@ -17,6 +17,7 @@ pub mod palm;
 pub mod run;
 pub mod shape;
 pub mod symmetry;
+pub mod tracker;
 
 pub use body::{Body, BodyError};
 pub use flow::{Columns, STATE_COLUMNS, Tangent};
@@ -27,6 +28,7 @@ pub use palm::{Harmonic, PalmAcceleration, Pieces, PiecesError};
 pub use run::{End, EndReason, Roll, RollError, Run, Sample};
 pub use shape::{Custom, Egg, Ellipsoid, Local, Real, Rounded, Shape, SupportFunction};
 pub use symmetry::{Symmetry, SymmetryName};
+pub use tracker::{Report, Tracked, Tracker};
 
 #[cfg(test)]
 mod tests;

@@ -120,6 +120,27 @@ impl PalmAcceleration {
         }
     }
 
+    /// The same with time counted from `start` (s).
+    #[must_use]
+    pub fn from(&self, start: f64) -> Self {
+        match self {
+            Self::Rest | Self::Constant(_) => self.clone(),
+            Self::Harmonic(harmonics) => Self::Harmonic(
+                harmonics
+                    .iter()
+                    .map(|harmonic| Harmonic {
+                        phase: harmonic.phase + TAU * harmonic.frequency_hz * start,
+                        ..*harmonic
+                    })
+                    .collect(),
+            ),
+            Self::Piecewise(Pieces { starts, values }) => Self::Piecewise(Pieces {
+                starts: starts.iter().map(|instant| instant - start).collect(),
+                values: values.clone(),
+            }),
+        }
+    }
+
     /// The instants after `from` and before `to` (s) at which it jumps.
     pub fn jumps(&self, from: f64, to: f64) -> impl Iterator<Item = f64> + '_ {
         let starts = if let Self::Piecewise(pieces) = self { pieces.starts.as_slice() } else { &[] };

@@ -43,7 +43,7 @@ macro_rules! schema {
 }
 
 /// A finite number from 0: a coefficient of friction, a radius, gravity.
-#[derive(Clone, Copy, Debug, PartialEq, PartialOrd, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd, Serialize, Deserialize)]
 #[serde(try_from = "f64", into = "f64")]
 pub struct NonNegative(f64);
 

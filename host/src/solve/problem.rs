@@ -15,7 +15,7 @@ use super::{finite, kinds, schema, spelling};
 
 /// The kinds that `palpate solve` answers.
 pub const KINDS: Registry = Registry::new(&[
-    Kind::of::<kinds::support_friction::SupportFriction>(),
+    Kind::of::<kinds::support_friction::SupportFrictionProblem>(),
     Kind::of::<kinds::push::Push>(),
     Kind::of::<kinds::observe_push::ObservePush>(),
     Kind::of::<kinds::roll::Roll>(),
@@ -23,6 +23,8 @@ pub const KINDS: Registry = Registry::new(&[
     Kind::of::<kinds::initial_pose::InitialPose>(),
     Kind::of::<kinds::inscription::Inscription>(),
     Kind::of::<kinds::observe_roll::ObserveRoll>(),
+    Kind::of::<kinds::point_sampling::PointSampling>(),
+    Kind::of::<kinds::corner_poses::CornerPoses>(),
 ]);
 
 /// One kind of problem.

@@ -8,12 +8,17 @@
 //!
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
 
-mod chain;
+pub(crate) mod chain;
+mod gho;
+mod initial_pose;
+mod inscription;
 mod parts;
 mod plan;
 mod pose;
 pub mod random;
 mod rolling;
+pub mod sampling;
+pub mod scenes;
 
 use std::fmt;
 
@@ -22,6 +27,18 @@ use serde::ser::{SerializeMap, Serializer};
 
 /// The experiments, in the order of the thesis.
 pub const EXPERIMENTS: &[Experiment] = &[
+    inscription::HALF_PLANES,
+    inscription::TWO_CONES,
+    inscription::MORE_CONES,
+    inscription::WORST_CASE,
+    inscription::NOISE,
+    sampling::SPARSE,
+    sampling::DENSE,
+    gho::KNOWN_EDGE,
+    gho::UNKNOWN_EDGE,
+    gho::SIDE_BY_SIDE,
+    initial_pose::FRICTIONLESS,
+    initial_pose::FRICTION,
     pose::EXPERIMENT,
     plan::EXPERIMENT,
     parts::EXPERIMENT,

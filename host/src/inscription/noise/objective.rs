@@ -171,6 +171,16 @@ impl<'a> Objective<'a> {
         }
     }
 
+    /// JᵀJ for x, y, theta of the outline's frame; none where a sensor is inside the part.
+    pub(in crate::inscription) fn pose_information(&self, pose: &Pose) -> Option<Matrix3<f64>> {
+        let placed = self.placed(pose);
+        let information = self.quadratic(&placed)?.information;
+        // The centre moves with the frame's origin, and round it as the part turns.
+        let carried = placed.turned(self.part.centre().coords);
+        let transfer = Matrix3::new(1.0, 0.0, -carried.y, 0.0, 1.0, carried.x, 0.0, 0.0, self.part.size());
+        Some(transfer.transpose() * information * transfer)
+    }
+
     /// Of x, y, theta of the outline's frame.
     pub(super) fn covariance(&self, placed: &Placed, information: &Matrix3<f64>) -> Option<Matrix3<f64>> {
         let inverse = information.cholesky()?.inverse();

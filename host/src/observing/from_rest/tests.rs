@@ -1,209 +1,196 @@
+//! The estimator against the world: another integrator, another search.
+
+use nalgebra::{Matrix2, Point2, Vector2};
+
+use super::fit::{Problem, Tried};
 use super::path::{Course, Guess};
-use super::windows;
-use crate::finger_motion::{FingerMotion, Segment};
-use crate::pushed_world::PushedWorld;
-use crate::pushing::{EndReason, Part};
+use super::*;
+use crate::demonstration::{Drawn, RADIUS_M, Ranges, pose_error, random_part};
+use crate::geometry::SimplePolygon;
+use crate::pushed_world::Played;
+use crate::tables::chain::Outcome;
 use crate::tables::random::Draw;
 
-fn motion() -> FingerMotion {
-    let segments =
-        [Segment { seconds: 0.3, acceleration: [0.15, 0.0] }, Segment { seconds: 0.5, acceleration: [0.0, 0.15] }];
-    FingerMotion::new([0.0; 2], &segments).unwrap()
+/// Noise of a window's mean, N: that of the default finger.
+const NOISE_N: f64 = 1e-3;
+
+/// What windows predicted on a grid may be off by, relative to the force: see [`windows::GRID_S`].
+const PREDICTION_ERROR: f64 = 1e-3;
+
+/// Largest distance and angle between the two integrators' poses after 0.8 s; m, rad.
+const POSE_ERROR: (f64, f64) = (1e-6, 1e-5);
+
+/// A cost below another by less than this is the same minimum, found less exactly.
+const SAME_COST: f64 = 0.5;
+
+fn drawn(case: usize) -> (Part, Ranges, Drawn, Draw) {
+    let (mut draw, ranges) = (Draw::case(1, case), Ranges::default());
+    loop {
+        let part = random_part(&mut draw);
+        if let Some(drawn) = ranges.draw(&mut draw, &part) {
+            return (part, ranges, drawn, draw);
+        }
+    }
+}
+
+/// Means of the true force under the windows, by the trapezium rule on the world's own samples.
+fn true_windows(played: &Played, count: usize) -> Vec<Vector2<f64>> {
+    let mean = |window: usize| {
+        let (mut sum, mut total) = (Vector2::zeros(), 0.0);
+        for (samples, forces) in played.samples.windows(2).zip(played.forces_finger.windows(2)) {
+            for (sample, force) in samples.iter().zip(forces) {
+                let weight = 0.5 * (samples[1].t - samples[0].t) * windows::weight(window, sample.t);
+                sum += force * weight;
+                total += weight;
+            }
+        }
+        sum / total
+    };
+    (0..count).map(mean).collect()
+}
+
+fn felt(drawn: &Drawn, draw: &mut Draw, duration: f64) -> FeltForce {
+    let mut means = true_windows(&drawn.played, windows::count(duration));
+    means.iter_mut().for_each(|mean| *mean += Vector2::new(draw.normal(), draw.normal()) * NOISE_N);
+    let noise = Matrix2::identity() * NOISE_N * NOISE_N;
+    FeltForce::new(means, &Uncertainty { noise, bias: Matrix2::zeros(), calibration: None, onset_sd: 0.0 }).unwrap()
+}
+
+fn known<'a>(part: &'a Part, ranges: &'a Ranges) -> Known<'a> {
+    Known { part, grip: ranges.mu * crate::push_plan::GRAVITY, radius: RADIUS_M, motion: &ranges.motion }
 }
 
 #[test]
 fn a_path_feels_what_the_world_does() {
-    let motion = motion();
-    let mut worst: f64 = 0.0;
-    let mut counted = 0;
-    let (mut t_fast, mut t_slow) = (0.0, 0.0);
-    for case in 0..60 {
-        let mut draw = Draw::case(1, case);
-        let part = Part::uniform(draw.convex_polygon(8, 0.05));
-        let edge = draw.index(part.polygon().vertices().len());
-        let line = part.edge(edge).unwrap();
-        let s = draw.uniform(line.s_min, line.s_max);
-        let u = draw.uniform(-0.8, 0.8);
-        let mu_c = draw.uniform(0.1, 0.5);
-        let grip = 0.3 * 9.81;
-        let world = PushedWorld { part: &part, grip, mass: 1.0, mu_c, radius: 0.015, motion: &motion, edge, u, s };
-        let t0 = std::time::Instant::now();
-        let Ok(played) = world.play() else { continue };
-        t_slow += t0.elapsed().as_secs_f64();
-        if played.end != EndReason::Time {
-            continue;
-        }
-        counted += 1;
-        let course = Course { part: &part, grip, legs: motion.legs(0.015).collect(), duration: 0.8 };
-        let guess = Guess { edge, u, s, mu_c };
-        let t0 = std::time::Instant::now();
+    for case in 0..20 {
+        let (part, ranges, drawn, _) = drawn(case);
+        let duration = ranges.motion.duration();
+        let legs = ranges.motion.legs(RADIUS_M).collect();
+        let course = Course { part: &part, grip: known(&part, &ranges).grip, legs, duration };
+        let guess = Guess { edge: drawn.edge, u: drawn.u, s: drawn.s, mu_c: drawn.mu_c };
         let path = course.play(&guess).unwrap();
-        t_fast += t0.elapsed().as_secs_f64();
-        let count = windows::count(0.8);
-        let mut err: f64 = 0.0;
-        for (window, mean) in path.windows(count).enumerate() {
-            let mut sum = nalgebra::Vector2::zeros();
-            let mut total = 0.0;
-            for (samples, forces) in played.samples.windows(2).zip(played.forces_finger.windows(2)) {
-                let span = samples[1].t - samples[0].t;
-                for i in 0..2 {
-                    let w = 0.5 * span * windows::weight(window, samples[i].t);
-                    sum += forces[i] * w;
-                    total += w;
-                }
-            }
-            err = err.max((mean - sum / total).norm() / mean.norm());
+        let truth = true_windows(&drawn.played, windows::count(duration));
+        for (window, (mean, truth)) in path.windows(truth.len()).zip(&truth).enumerate() {
+            let error = (mean * drawn.mass - truth).norm() / truth.norm();
+            assert!(error < PREDICTION_ERROR, "case {case}, window {window}: off by {error:e}");
         }
-        let pose = course.pose_at_end(&guess, &path).unwrap();
-        let truth = played.pose(0.8).unwrap();
-        eprintln!(
-            "{case} err {err:.2e} slipped {} pose {:.1e} m {:.1e} rad",
-            path.slipped,
-            (pose.translation.vector - truth.translation.vector).norm(),
-            pose.rotation.angle_to(&truth.rotation)
-        );
-        worst = worst.max(err);
+        let (pose, truth) = (course.pose_at_end(&guess, &path).unwrap(), drawn.played.pose(duration).unwrap());
+        let error = pose_error(&part, 1, &pose, &truth);
+        assert!(error.distance < POSE_ERROR.0 && error.angle < POSE_ERROR.1, "case {case}: {error:?}");
     }
-    eprintln!("{counted} worst {worst} fast {t_fast} slow {t_slow}");
-    assert!(worst < 1e-3 || true);
 }
 
 #[test]
-fn study() {
-    use super::*;
-    use nalgebra::{Matrix2, Vector2};
-    let env = |name: &str, default: f64| std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default);
-    let cases = env("CASES", 20.0) as usize;
-    let first = env("FIRST", 0.0) as usize;
-    let (a, b, ta, tb) = (env("AX", 0.15), env("AY", 0.15), env("TA", 0.3), env("TB", 0.5));
-    let ax2 = env("AX2", 0.0);
-    let sigma = env("SIGMA", 1e-3);
-    let motion = FingerMotion::new(
-        [0.0; 2],
-        &[Segment { seconds: ta, acceleration: [a, 0.0] }, Segment { seconds: tb, acceleration: [ax2, b] }],
-    )
-    .unwrap();
-    let grip = 0.3 * 9.81;
-    let (mut unique, mut ambiguous, mut none, mut wrong, mut wrong_unique) = (0, 0, 0, 0, 0);
-    let mut errors = Vec::new();
-    let mut sizes = 0;
-    let mut time = 0.0;
-    for case in first..first + cases {
-        let mut draw = Draw::case(1, case);
-        let part = Part::uniform(draw.convex_polygon(8, 0.05));
-        let (edge, u, s, mu_c, mass, played) = loop {
+fn the_truth_is_among_the_answers_and_mostly_the_only_one() {
+    const CASES: usize = 12;
+    let mut unique = 0;
+    for case in 0..CASES {
+        let (part, ranges, drawn, mut draw) = drawn(case);
+        let estimate = estimate(&known(&part, &ranges), &felt(&drawn, &mut draw, ranges.motion.duration()));
+        let outcome = Outcome::new(&part, &drawn, &estimate);
+        assert!(outcome.holds_truth, "case {case}: {outcome:?}, drawn edge {} s {}", drawn.edge, drawn.s);
+        unique += usize::from(outcome.status == Status::Unique);
+    }
+    // With the default motion 98 of 100 are (`palpate tables chain`).
+    assert!(unique + 2 >= CASES, "{unique} of {CASES}");
+}
+
+/// A search that shares only the fit with the estimator: it begins anywhere at all.
+#[test]
+fn nothing_that_explains_a_short_push_is_missed() {
+    const STARTS: usize = 150;
+    const DURATION_S: f64 = 0.3;
+    for case in 0..3 {
+        let (part, ranges, drawn, mut draw) = drawn(case);
+        let felt = felt(&drawn, &mut draw, DURATION_S);
+        let known = known(&part, &ranges);
+        let answer = estimate(&known, &felt);
+        let course = course(&known, &felt);
+        let problem = Problem { course: &course, felt: &felt };
+        let best = answer.hypotheses.iter().map(|hypothesis| hypothesis.cost).fold(f64::INFINITY, f64::min);
+        for _ in 0..STARTS {
             let edge = draw.index(part.polygon().vertices().len());
             let line = part.edge(edge).unwrap();
-            let s = draw.uniform(line.s_min, line.s_max);
-            let u = draw.uniform(-0.8, 0.8);
-            let mu_c = draw.uniform(0.1, 0.5);
-            let mass = draw.uniform(0.2, 0.8);
-            let world = PushedWorld { part: &part, grip, mass, mu_c, radius: 0.015, motion: &motion, edge, u, s };
-            match world.play() {
-                Ok(played) if played.end == EndReason::Time => break (edge, u, s, mu_c, mass, played),
-                _ => {}
-            }
-        };
-        let count = windows::count(motion.duration());
-        let mut white: Vec<Vector2<f64>> =
-            (0..=count).map(|_| Vector2::new(draw.normal(), draw.normal()) * sigma).collect();
-        let c = 1.0 / 6.0;
-        let means: Vec<_> = (0..count)
-            .map(|window| {
-                let mut sum = Vector2::zeros();
-                let mut total = 0.0;
-                for (samples, forces) in played.samples.windows(2).zip(played.forces_finger.windows(2)) {
-                    let span = samples[1].t - samples[0].t;
-                    for i in 0..2 {
-                        let w = 0.5 * span * windows::weight(window, samples[i].t);
-                        sum += forces[i] * w;
-                        total += w;
-                    }
-                }
-                let _ = c;
-                sum / total + white[window]
-            })
-            .collect();
-        white.clear();
-        let felt = FeltForce::new(
-            means,
-            &Uncertainty {
-                noise: Matrix2::identity() * sigma * sigma,
-                bias: Matrix2::zeros(),
-                calibration: None,
-                onset_sd: 0.0,
-            },
-        )
-        .unwrap();
-        let known = Known { part: &part, grip, radius: 0.015, motion: &motion };
-        let t0 = std::time::Instant::now();
-        let estimate = estimate(&known, &felt);
-        time += t0.elapsed().as_secs_f64();
-        let truth = played.pose(estimate.duration).unwrap();
-        let off = |h: &Hypothesis| {
-            let d = difference(&h.pose_end, &truth);
-            let m = h.covariance.try_inverse().map_or(f64::INFINITY, |i| (d.transpose() * i * d)[0]);
-            (d.xy().norm(), d.z.abs(), m)
-        };
-        let good = |h: &Hypothesis| {
-            let (p, a, _) = off(h);
-            let sp = (h.covariance[(0, 0)] + h.covariance[(1, 1)]).sqrt();
-            let sa = h.covariance[(2, 2)].sqrt();
-            (p < 4.0 * sp && a < 4.0 * sa) || (p < 1e-4 && a < 2e-3)
-        };
-        let found = estimate.hypotheses.iter().any(good);
-        sizes += estimate.hypotheses.len();
-        match estimate.status() {
-            Status::Unique => {
-                unique += 1;
-                if !found {
-                    wrong_unique += 1;
-                }
-            }
-            Status::Ambiguous => ambiguous += 1,
-            Status::None => none += 1,
-        }
-        if !found {
-            wrong += 1;
-        }
-        if let Some(h) = estimate.hypotheses.first() {
-            let o = off(h);
-            errors.push(o.0);
-        }
-        if !found || estimate.hypotheses.len() > 3 || cases < 21 {
-            eprintln!(
-                "case {case}: {:?} found {found} cost {:?}/{:.0}; truth edge {edge} u {u:.4} s {s:.5} mu {mu_c:.3} m {mass:.3}",
-                estimate.status(),
-                estimate.cost,
-                estimate.cost_max
+            let (u, s) = (draw.uniform(-1.5, 1.5), draw.uniform(line.s_min, line.s_max));
+            let mu_c = if draw.chance(0.3) { f64::INFINITY } else { draw.uniform(0.03, 0.9) };
+            let Some(start) = problem.try_guess(Guess { edge, u, s, mu_c }) else { continue };
+            let found = problem.descend(start, usize::MAX);
+            assert!(
+                found.cost > best - SAME_COST,
+                "case {case}: {} below the best, {best}: {:?}",
+                found.cost,
+                found.guess
             );
-            for h in &estimate.hypotheses {
-                let (p, a, m) = off(h);
-                eprintln!(
-                    "     edge {} u {:.4} s {:.5} mu {:?} need {:.2} m {:.3} cost {:.1} p {:.3} sd {:.2} mm {:.2} deg; off {:.2} mm {:.2} deg m2 {:.1}",
-                    h.edge,
-                    h.u0,
-                    h.s0,
-                    h.mu_c,
-                    h.friction_needed,
-                    h.mass,
-                    h.cost,
-                    h.probability,
-                    (h.covariance[(0, 0)] + h.covariance[(1, 1)]).sqrt() * 1e3,
-                    h.covariance[(2, 2)].sqrt().to_degrees(),
-                    p * 1e3,
-                    a.to_degrees(),
-                    m
-                );
-            }
         }
     }
-    errors.sort_by(f64::total_cmp);
-    eprintln!(
-        "unique {unique} ambiguous {ambiguous} none {none} wrong {wrong} wrong-unique {wrong_unique} mean size {:.2} top error median {:.3} 95% {:.3} mm; {:.3} s each",
-        sizes as f64 / cases as f64,
-        errors[errors.len() / 2] * 1e3,
-        errors[errors.len() * 95 / 100] * 1e3,
-        time / cases as f64
-    );
+}
+
+#[test]
+fn the_force_on_another_part_is_explained_by_no_pose() {
+    let (_, ranges, drawn, mut draw) = drawn(4);
+    let felt = felt(&drawn, &mut draw, ranges.motion.duration());
+    let small = SimplePolygon::new([[0.0, 0.0], [0.03, 0.0], [0.03, 0.02], [0.0, 0.025]].map(Point2::from)).unwrap();
+    let small = Part::uniform(small);
+    let estimate = estimate(&known(&small, &ranges), &felt);
+    assert_eq!(estimate.status(), Status::None, "{:?}", estimate.hypotheses);
+    assert!(estimate.cost.is_none_or(|cost| cost > estimate.cost_max));
+}
+
+#[test]
+fn turns_that_take_a_part_to_itself_are_counted() {
+    let order = |vertices: &[[f64; 2]]| {
+        let vertices: Vec<_> = vertices.iter().map(|&[x, y]| Point2::new(0.07 + x, y - 0.02)).collect();
+        symmetry::order(&Part::uniform(SimplePolygon::new(vertices).unwrap()))
+    };
+    assert_eq!(order(&[[0.0, 0.0], [0.06, 0.0], [0.06, 0.06], [0.0, 0.06]]), 4);
+    assert_eq!(order(&[[0.0, 0.0], [0.06, 0.0], [0.06, 0.04], [0.0, 0.04]]), 2);
+    // A mirror image is no turn.
+    assert_eq!(order(&[[0.0, 0.0], [0.06, 0.0], [0.03, 0.04]]), 1);
+    let square = SimplePolygon::new([[0.0, 0.0], [0.06, 0.0], [0.06, 0.06], [0.0, 0.06]].map(Point2::from)).unwrap();
+    let mass = crate::pushing::Mass::uniform(&square);
+    let feet =
+        [([0.01, 0.01], 0.5), ([0.05, 0.05], 0.3), ([0.01, 0.05], 0.2)].map(|(at, share)| (Point2::from(at), share));
+    assert_eq!(symmetry::order(&Part::on_feet(square, &feet, mass)), 1, "the feet are not symmetric");
+}
+
+#[test]
+fn what_was_found_early_is_followed_to_the_same_end() {
+    let (part, ranges, drawn, mut draw) = drawn(5);
+    let (known, whole) = (known(&part, &ranges), felt(&drawn, &mut draw, ranges.motion.duration()));
+    let noise = Uncertainty {
+        noise: Matrix2::identity() * NOISE_N * NOISE_N,
+        bias: Matrix2::zeros(),
+        calibration: None,
+        onset_sd: 0.0,
+    };
+    let early = FeltForce::new(whole.forces_finger()[..19].to_vec(), &noise).unwrap();
+    let (followed, sought) = (follow(&known, &whole, &estimate(&known, &early)), estimate(&known, &whole));
+    let costs = |estimate: &Estimate| estimate.hypotheses.first().map_or(f64::NAN, |hypothesis| hypothesis.cost);
+    assert!((costs(&followed) - costs(&sought)).abs() < SAME_COST, "{} {}", costs(&followed), costs(&sought));
+}
+
+#[test]
+fn the_limit_of_a_misfit_is_the_quantile_of_chi_square() {
+    // Tables: 99.9 % of chi-square with 10, 50 and 100 degrees of freedom.
+    for (freedom, quantile) in [(10, 29.588), (50, 86.661), (100, 149.449)] {
+        let limit = chi_square_limit(freedom);
+        assert!((limit / quantile - 1.0).abs() < 0.01, "{freedom}: {limit}, wanted {quantile}");
+    }
+}
+
+/// A fit ends where every small change of the guess costs more.
+#[test]
+fn a_fit_ends_in_a_minimum() {
+    let (part, ranges, drawn, mut draw) = drawn(6);
+    let felt = felt(&drawn, &mut draw, ranges.motion.duration());
+    let known = known(&part, &ranges);
+    let course = course(&known, &felt);
+    let problem = Problem { course: &course, felt: &felt };
+    let guess = Guess { edge: drawn.edge, u: drawn.u + 0.01, s: drawn.s + 5e-4, mu_c: drawn.mu_c + 0.01 };
+    let found: Tried = problem.descend(problem.try_guess(guess).unwrap(), usize::MAX);
+    for (du, ds) in [(1e-3, 0.0), (-1e-3, 0.0), (0.0, 1e-4), (0.0, -1e-4)] {
+        let moved = Guess { u: found.guess.u + du, s: found.guess.s + ds, ..found.guess };
+        let cost = problem.try_guess(moved).unwrap().cost;
+        assert!(cost > found.cost - SAME_COST, "({du}, {ds}): {cost} below {}", found.cost);
+    }
 }

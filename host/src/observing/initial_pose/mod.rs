@@ -10,7 +10,9 @@
 //! Frames: world; s₀ on the part as [`PartSide`] has it. Units: SI, u and its tolerance in the unit of the finger's outline.
 //! Errors: [`InitialPoseError`]; "no pose fits" is an answer.
 
+mod closing;
 mod search;
+mod swift;
 mod table;
 #[cfg(test)]
 mod tests;
@@ -19,7 +21,9 @@ use std::f64::consts::PI;
 
 use nalgebra::{Point2, Vector2};
 
+use self::closing::Rough;
 use self::search::{NearZero, near_zeros};
+use self::swift::{CLOSE_STEPS, SCAN_ERROR, SCAN_STEPS};
 pub use self::table::Table;
 use crate::geometry::SimplePolygon;
 use crate::geometry::angle::wrap_angle;
@@ -28,8 +32,8 @@ use crate::pushing::{
     Start, State,
 };
 
-/// Places looked at on each edge. Motions change with s₀ on the scale of the part, so that folds are wide against a 48th of an edge.
-const LOOKS_ON_EDGE: u32 = 48;
+/// Places looked at on each edge. Motions change with s₀ on the scale of the part, so that folds are wide against a 32nd of an edge.
+const LOOKS_ON_EDGE: u32 = 32;
 
 /// Places looked at on half an ellipse.
 const LOOKS_ON_ELLIPSE: u32 = 160;
@@ -39,6 +43,9 @@ const POLISH_STEPS: usize = 12;
 
 /// Step of the difference by which a candidate is moved, as a share of the site's length.
 const POLISH_DIFFERENCE: f64 = 1e-6;
+
+/// Tolerances that a later contact may be off by before a candidate is moved: motions part by less than a thousandfold.
+const HOPELESS: f64 = 1e3;
 
 /// Candidates nearer than this share of the site's length are one.
 const SAME_PLACE: f64 = 1e-7;
@@ -189,13 +196,21 @@ impl RestingPush {
         let Some(first) = contacts.first() else {
             return RestingPoses { solutions: Vec::new(), candidates: Vec::new() };
         };
-        let places = self.sites.iter().flat_map(|site| {
-            let misfit = |s0: f64| self.angles(site, s0, &[first.t]).first().map(|u| u - first.u);
-            let found = near_zeros(&misfit, &site.grid(), tolerance);
-            found.into_iter().map(move |near| (*site, near)).collect::<Vec<_>>()
-        });
+        let places = self.sites.iter().flat_map(|site| self.scanned(*site, *first, tolerance));
         let places: Vec<_> = places.collect();
         self.judged(&places, &contacts, tolerance)
+    }
+
+    /// Places of a site that fit a contact. Without friction a swift simulation looks around.
+    fn scanned(&self, site: Site, first: TimedContact, tolerance: f64) -> Vec<(Site, NearZero)> {
+        let grid = site.grid();
+        let found = if self.grip > 0.0 {
+            near_zeros(&|s0| self.misfit(&site, s0, first), &grid, tolerance)
+        } else {
+            let misfit = |s0: f64| Some(self.swift(&site, s0, first.t, SCAN_STEPS)? - first.u);
+            self.places(&Rough { site, misfit: &misfit, grid: &grid, error: SCAN_ERROR }, first, tolerance)
+        };
+        found.into_iter().map(|near| (site, near)).collect()
     }
 
     /// Where the finger feels the contact at some times (s, increasing) if it starts at `s0` of an edge (of the ellipse: none);
@@ -244,7 +259,8 @@ impl RestingPush {
         };
         let places = apart(places.to_vec());
         let misfits = |site: &Site, s0: f64| self.misfits(site, s0, contacts);
-        let fitted = places.iter().filter_map(|&(site, near)| {
+        let possible = places.iter().filter(|(site, near)| self.may_fit(site, near.at, contacts, tolerance));
+        let fitted = possible.filter_map(|&(site, near)| {
             let at = polished(near.at, site, &|s0| misfits(&site, s0), tolerance)?;
             Some((site, NearZero { at, ..near }))
         });
@@ -274,7 +290,7 @@ impl RestingPush {
                 other.edge == site.edge
                     && [0.25, 0.5, 0.75]
                         .iter()
-                        .all(|share| fits(&site, best.at + share * (near.at - best.at)).is_some())
+                        .all(|share| fits(&site, best.at + share * site.way(best.at, near.at)).is_some())
             };
             if !kept.iter().any(joined) {
                 kept.push((site, near));
@@ -282,6 +298,13 @@ impl RestingPush {
         }
         let pose = |(site, near): &(Site, NearZero)| Some(self.pose_at(site, near, fits(site, near.at)?));
         kept.iter().filter_map(pose).collect()
+    }
+
+    /// Whether a candidate may yet fit the last contact too: no move within the tolerance makes up for much more than that.
+    fn may_fit(&self, site: &Site, s0: f64, contacts: &[TimedContact], tolerance: f64) -> bool {
+        let Some(last) = contacts.last().filter(|_| self.grip <= 0.0) else { return true };
+        let misfit = self.swift(site, s0, last.t, CLOSE_STEPS).map(|u| (u - last.u).abs());
+        misfit.is_none_or(|misfit| misfit <= SCAN_ERROR + HOPELESS * tolerance)
     }
 
     /// u as predicted less u as felt, if the contact lasts as long as the data.
@@ -370,8 +393,13 @@ impl Site {
         if self.edge.is_some() { s0 } else { s0.rem_euclid(PI) }
     }
 
+    /// From `a` to `b`, on an ellipse the shorter way.
+    fn way(&self, a: f64, b: f64) -> f64 {
+        if self.edge.is_some() { b - a } else { (b - a + PI / 2.0).rem_euclid(PI) - PI / 2.0 }
+    }
+
     fn gap(&self, a: f64, b: f64) -> f64 {
-        if self.edge.is_some() { (a - b).abs() } else { ((a - b + PI / 2.0).rem_euclid(PI) - PI / 2.0).abs() }
+        self.way(a, b).abs()
     }
 }
 
@@ -387,7 +415,7 @@ fn all_within(misfits: &[f64], tolerance: f64) -> bool {
 fn polished(s0: f64, site: Site, misfits: &dyn Fn(f64) -> Option<Vec<f64>>, tolerance: f64) -> Option<f64> {
     let (mut at, mut here) = (s0, misfits(s0)?);
     for _ in 0..POLISH_STEPS {
-        // Exact data fit to rounding already.
+        // Exact data fit to a thousandth already.
         if all_within(&here, 1e-3 * tolerance) {
             break;
         }

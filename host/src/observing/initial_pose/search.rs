@@ -19,6 +19,9 @@ const GOLDEN_STEPS: usize = 60;
 /// A value that needs no closing in on, as a share of 1: below what a simulation is off by.
 const ZERO: f64 = 1e-13;
 
+/// A parabola's nearest value, as a share of the nearest found, from which on the function is taken to stay away from zero.
+const AWAY_SHARE: f64 = 0.5;
+
 /// Values whose spread is below this, as a share of 1, are one value: the function does not depend on the place.
 const CONSTANT: f64 = 1e-10;
 
@@ -93,10 +96,7 @@ fn within(function: &dyn Fn(f64) -> Option<f64>, stretch: &[Look], tolerance: f6
     for three in stretch.windows(3) {
         let [left, middle, right] = [three[0], three[1], three[2]];
         if turns_at(left, middle, right) {
-            turning(function, [left, middle, right])
-                .into_iter()
-                .filter(|look| look.value.abs() <= tolerance)
-                .for_each(&mut take);
+            turning(function, [left, middle, right], tolerance).into_iter().for_each(&mut take);
         }
     }
     for end in ends(stretch).into_iter().flatten().filter(|end| end.value.abs() <= tolerance && end.value != 0.0) {
@@ -160,11 +160,14 @@ fn closed_in(function: &dyn Fn(f64) -> Option<f64>, a: Look, b: Look) -> Look {
     if a.value.abs() < b.value.abs() { a } else { b }
 }
 
-/// Where a function that turns back before zero is nearest to it, or the two zeros that it turns out to have there.
-fn turning(function: &dyn Fn(f64) -> Option<f64>, [left, middle, right]: [Look; 3]) -> Vec<Look> {
+/// The two zeros that a function turns out to have where it turns, or where it is nearest to zero if that is near enough.
+fn turning(function: &dyn Fn(f64) -> Option<f64>, [left, middle, right]: [Look; 3], tolerance: f64) -> Vec<Look> {
     const GOLDEN: f64 = 0.381_966_011_250_105_1;
     let (mut left, mut middle, mut right) = (left, middle, right);
     for _ in 0..GOLDEN_STEPS {
+        if stays_away([left, middle, right], tolerance) {
+            return Vec::new();
+        }
         let larger_right = right.at - middle.at > middle.at - left.at;
         let at = middle.at + GOLDEN * if larger_right { right.at - middle.at } else { left.at - middle.at };
         let Some(value) = function(at).filter(|_| at != middle.at) else { break };
@@ -182,11 +185,24 @@ fn turning(function: &dyn Fn(f64) -> Option<f64>, [left, middle, right]: [Look; 
             (false, false) => left = look,
         }
     }
-    vec![middle]
+    if middle.value.abs() <= tolerance { vec![middle] } else { Vec::new() }
+}
+
+/// Whether a parabola through three places stays so far from zero that the function will.
+fn stays_away([left, middle, right]: [Look; 3], tolerance: f64) -> bool {
+    let (to_left, to_right) = (middle.at - left.at, right.at - middle.at);
+    let (slope_left, slope_right) = ((middle.value - left.value) / to_left, (right.value - middle.value) / to_right);
+    let curvature = (slope_right - slope_left) / (to_left + to_right);
+    let slope = (slope_right * to_left + slope_left * to_right) / (to_left + to_right);
+    let nearest = middle.value - slope * slope / (4.0 * curvature);
+    // Written so that a parabola that is none does not count.
+    nearest * middle.value > 0.0 && nearest.abs() > AWAY_SHARE * middle.value.abs() && nearest.abs() > 10.0 * tolerance
 }
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
 
     const GRID: [f64; 9] = [-1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0];
@@ -204,7 +220,11 @@ mod tests {
 
     #[test]
     fn simple_zeros_are_found_to_rounding() {
-        assert_near(&places(&|x| Some((3.0 * x).sin() - 0.2), 0.0), &[0.2_f64.asin() / 3.0], 1e-13);
+        assert_near(
+            &places(&|x| Some((3.0 * x).sin() - 0.2), 0.0),
+            &[0.2_f64.asin() / 3.0, (PI - 0.2_f64.asin()) / 3.0],
+            1e-12,
+        );
         assert_near(&places(&|x| Some(x * (x - 0.3) * (x + 0.61)), 0.0), &[-0.61, 0.0, 0.3], 1e-12);
     }
 

@@ -6,6 +6,7 @@
 //! Implements: the table lookup that thesis §8.2.2 proposes.
 //! Assumes: as [`super`]. Units: SI. Errors: none; contacts later than the table are simulated as without it.
 
+use super::closing::Rough;
 use super::search::{NearZero, near_zeros};
 use super::{RestingPoses, RestingPush, Site, TimedContact};
 
@@ -16,13 +17,7 @@ const TIMES: usize = 32;
 const TABLE_ERROR: f64 = 1e-4;
 
 /// How many times the change over one step of the grid a misfit may change in the last, cut one.
-const BORDER_REACH: f64 = 3.0;
-
-/// Simulations that make a candidate exact; the table is off by 1e-6, and each gains some five digits.
-const CORRECTIONS: usize = 4;
-
-/// A misfit that needs no further simulation, in the unit of u: what the simulation itself is off by.
-const EXACT: f64 = 1e-10;
+const BORDER_REACH: f64 = 5.0;
 
 /// The motions of one push from all places on the part.
 ///
@@ -87,11 +82,10 @@ impl<'p> Table<'p> {
     fn places(&self, table: &SiteTable, first: TimedContact, tolerance: f64) -> Vec<(Site, NearZero)> {
         let now: Vec<_> = table.motions.iter().map(|motion| self.at_time(motion, first.t)).collect();
         let misfit = |s0: f64| Some(table.at_place(&now, s0)? - first.u);
-        let near = near_zeros(&misfit, &table.places, tolerance + TABLE_ERROR);
-        let exact = |near: NearZero| self.corrected(table, &misfit, near, first, tolerance);
-        let inside = near.into_iter().filter_map(exact);
+        let rough = Rough { site: table.site, misfit: &misfit, grid: &table.places, error: TABLE_ERROR };
+        let inside = self.push.places(&rough, first, tolerance);
         let at_borders = self.near_borders(table, &now, first, tolerance);
-        inside.chain(at_borders).map(|near| (table.site, near)).collect()
+        inside.into_iter().chain(at_borders).map(|near| (table.site, near)).collect()
     }
 
     /// Places between one whose contact lasts and one whose does not: simulated where the misfit can reach zero there.
@@ -102,22 +96,20 @@ impl<'p> Table<'p> {
         first: TimedContact,
         tolerance: f64,
     ) -> Vec<NearZero> {
-        let exact = |s0: f64| self.misfit(&table.site, s0, first);
-        let near = |index: usize, further: usize| {
-            let (here, beside) = (now[index]? - first.u, now.get(further).copied().flatten());
-            let change = beside.map_or(f64::INFINITY, |beside| (beside - first.u - here).abs());
-            (here.abs() <= tolerance + BORDER_REACH * change).then_some(())
+        let exact = |s0: f64| self.push.misfit(&table.site, s0, first);
+        // Changes of the two steps of the grid that lead to the border; where there are none, anything is possible.
+        let reaches = |here: usize, beside: usize, beyond: usize| {
+            let value = |index: usize| now.get(index).copied().flatten();
+            let change = |a: usize, b: usize| value(a).zip(value(b)).map_or(f64::INFINITY, |(a, b)| (a - b).abs());
+            let change = change(here, beside).max(change(beside, beyond));
+            value(here).is_some_and(|u| (u - first.u).abs() <= tolerance + BORDER_REACH * change)
         };
         let cells = (1..now.len()).filter(|&index| match (now[index - 1], now[index]) {
-            (Some(_), None) => near(index - 1, index.wrapping_sub(2)).is_some(),
-            (None, Some(_)) => near(index, index + 1).is_some(),
+            (Some(_), None) => reaches(index - 1, index.wrapping_sub(2), index.wrapping_sub(3)),
+            (None, Some(_)) => reaches(index, index + 1, index + 2),
             _ => false,
         });
         cells.flat_map(|index| near_zeros(&exact, &table.places[index - 1..=index], tolerance)).collect()
-    }
-
-    fn misfit(&self, site: &Site, s0: f64, first: TimedContact) -> Option<f64> {
-        self.push.angles(site, s0, &[first.t]).first().map(|u| u - first.u)
     }
 
     /// u at a time, of one motion; a cubic through the four times around it, u₀ at 0 and its mirror image before.
@@ -140,41 +132,6 @@ impl<'p> Table<'p> {
         // Where the contact ends early the motion goes on straight.
         let after = value(from + 1, 0).unwrap_or(2.0 * next - here);
         Some(cubic([before, here, next, after], t / step - whole))
-    }
-
-    /// A place moved by simulations until it fits the first contact, if it does.
-    fn corrected(
-        &self,
-        table: &SiteTable,
-        misfit: &dyn Fn(f64) -> Option<f64>,
-        near: NearZero,
-        first: TimedContact,
-        tolerance: f64,
-    ) -> Option<NearZero> {
-        let (site, mut at) = (table.site, near.at);
-        let exact = |s0: f64| self.misfit(&site, s0, first);
-        let look = 1e-4 * site.length();
-        let slope = Some((misfit(at + look)? - misfit(at - look)?) / (2.0 * look)).filter(|slope| *slope != 0.0);
-        let mut value = exact(at)?;
-        for _ in 0..CORRECTIONS {
-            if value.abs() <= EXACT {
-                break;
-            }
-            let next = slope.map(|slope| at - value / slope).filter(|next| (next - at).abs() < 0.1 * site.length());
-            let Some((next, better)) = next.and_then(|next| Some((next, exact(next)?))) else { break };
-            if better.abs() >= value.abs() {
-                break;
-            }
-            (at, value) = (next, better);
-        }
-        if value.abs() <= EXACT {
-            return Some(NearZero { at, value, ..near });
-        }
-        // A fold, where the slope says nothing: search around it by simulation.
-        let step = site.length() / (table.places.len() - 1) as f64;
-        let around = [-1.0, -0.3, 0.0, 0.3, 1.0].map(|share| near.at + share * step);
-        let found = near_zeros(&exact, &around, tolerance);
-        found.into_iter().min_by(|a, b| (a.at - near.at).abs().total_cmp(&(b.at - near.at).abs()))
     }
 }
 

@@ -1,1 +1,270 @@
+use std::f64::consts::FRAC_PI_2;
 
+use proptest::prelude::*;
+
+use super::*;
+
+/// The motion by quite another way: the part's three coordinates under the one constraint that the gap between the outlines
+/// stays 0, the gap from support functions, its derivatives by differences. Frictionless.
+struct ByGap {
+    shape: FingerShape,
+    object: Object,
+    rho_squared: f64,
+    acceleration: [f64; 2],
+    /// The normal's angle is looked for around this.
+    near: f64,
+}
+
+/// Step of the differences, m and rad.
+const STEP: f64 = 1e-4;
+
+impl ByGap {
+    fn support_of_object(&self, angle: f64) -> f64 {
+        let direction = Vector2::new(angle.cos(), angle.sin());
+        match &self.object {
+            Object::Polygon(polygon) => {
+                let centroid = polygon.centroid();
+                polygon.vertices().iter().map(|v| (v - centroid).dot(&direction)).fold(f64::MIN, f64::max)
+            }
+            Object::Ellipse([a, b]) => (a * direction.x).hypot(b * direction.y),
+        }
+    }
+
+    fn support_of_finger(&self, angle: f64) -> f64 {
+        match self.shape {
+            FingerShape::Disk { radius } => radius,
+            FingerShape::Ellipse { semi_axes: [a, b] } => (a * angle.cos()).hypot(b * angle.sin()),
+            FingerShape::Line => 0.0,
+        }
+    }
+
+    /// Room between the outlines' supporting lines across one direction.
+    fn room(&self, q: [f64; 3], angle: f64) -> f64 {
+        let along = q[0] * angle.cos() + q[1] * angle.sin();
+        along - self.support_of_finger(angle) - self.support_of_object(angle + PI - q[2])
+    }
+
+    /// Direction in which the outlines are furthest apart.
+    fn normal(&self, q: [f64; 3]) -> f64 {
+        if self.shape == FingerShape::Line {
+            return FRAC_PI_2;
+        }
+        let (mut low, mut high) = (self.near - 0.6, self.near + 0.6);
+        for _ in 0..100 {
+            let (left, right) = (low + (high - low) * 0.382, low + (high - low) * 0.618);
+            if self.room(q, left) < self.room(q, right) { low = left } else { high = right }
+        }
+        0.5 * (low + high)
+    }
+
+    fn gap(&self, q: [f64; 3]) -> f64 {
+        self.room(q, self.normal(q))
+    }
+
+    /// Acceleration relative to the finger.
+    fn acceleration(&self, q: [f64; 3], v: [f64; 3]) -> [f64; 3] {
+        let moved = |share: f64, by: [f64; 3]| self.gap([0, 1, 2].map(|i| q[i] + share * by[i]));
+        let unit = |i: usize| [0, 1, 2].map(|j| if i == j { 1.0 } else { 0.0 });
+        let gradient = [0, 1, 2].map(|i| (moved(STEP, unit(i)) - moved(-STEP, unit(i))) / (2.0 * STEP));
+        let size = v.iter().map(|v| v.abs()).fold(1e-9, f64::max);
+        let look = 3.0 * STEP / size;
+        let bend = (moved(look, v) - 2.0 * moved(0.0, v) + moved(-look, v)) / (look * look);
+        let free = [-self.acceleration[0], -self.acceleration[1], 0.0];
+        let mobility = [1.0, 1.0, 1.0 / self.rho_squared];
+        let response: f64 = (0..3).map(|i| gradient[i] * gradient[i] * mobility[i]).sum();
+        let wanted: f64 = -bend - (0..3).map(|i| gradient[i] * free[i]).sum::<f64>();
+        [0, 1, 2].map(|i| free[i] + mobility[i] * gradient[i] * wanted / response)
+    }
+
+    /// Coordinates after `time`.
+    fn after(&self, q0: [f64; 3], time: f64) -> [f64; 3] {
+        const STEPS: u32 = 100;
+        let dt = time / f64::from(STEPS);
+        let add = |a: [f64; 3], b: [f64; 3], share: f64| [0, 1, 2].map(|i| a[i] + share * b[i]);
+        let (mut q, mut v) = (q0, [0.0; 3]);
+        for _ in 0..STEPS {
+            let a1 = self.acceleration(q, v);
+            let (q2, v2) = (add(q, v, dt / 2.0), add(v, a1, dt / 2.0));
+            let a2 = self.acceleration(q2, v2);
+            let (q3, v3) = (add(q, v2, dt / 2.0), add(v, a2, dt / 2.0));
+            let a3 = self.acceleration(q3, v3);
+            let (q4, v4) = (add(q, v3, dt), add(v, a3, dt));
+            let a4 = self.acceleration(q4, v4);
+            q = [0, 1, 2].map(|i| q[i] + dt / 6.0 * (v[i] + 2.0 * (v2[i] + v3[i]) + v4[i]));
+            v = [0, 1, 2].map(|i| v[i] + dt / 6.0 * (a1[i] + 2.0 * (a2[i] + a3[i]) + a4[i]));
+        }
+        q
+    }
+
+    /// Where the finger feels the contact.
+    fn felt(&self, q: [f64; 3]) -> f64 {
+        let angle = self.normal(q);
+        match (self.shape, &self.object) {
+            (FingerShape::Disk { .. }, _) => angle,
+            (FingerShape::Ellipse { semi_axes: [a, b] }, _) => (b * angle.sin()).atan2(a * angle.cos()),
+            (FingerShape::Line, Object::Ellipse([a, b])) => {
+                let psi = angle + PI - q[2];
+                let support = (a * psi.cos()).hypot(b * psi.sin());
+                let (x, y) = (a * a * psi.cos() / support, b * b * psi.sin() / support);
+                -(q[0] + q[2].cos() * x - q[2].sin() * y)
+            }
+            (FingerShape::Line, Object::Polygon(_)) => f64::NAN,
+        }
+    }
+}
+
+fn push(shape: FingerShape, object: Object, acceleration: [f64; 2], u0: f64) -> RestingPush {
+    let path = FingerPath { centre0: [0.01, -0.02], velocity0: [0.0; 2], acceleration };
+    RestingPush::new(object, 0.0, shape, path, u0).unwrap()
+}
+
+fn triangle() -> Object {
+    Object::Polygon(SimplePolygon::new([[-0.03, -0.02], [0.035, -0.015], [0.01, 0.03]].map(Point2::from)).unwrap())
+}
+
+fn shapes() -> impl Strategy<Value = (FingerShape, Object)> {
+    let axes = || [0.012..0.03, 0.012..0.03];
+    let finger = || axes().prop_map(|semi_axes| FingerShape::Ellipse { semi_axes });
+    let ellipse = || [0.02..0.045, 0.02..0.045].prop_map(Object::Ellipse);
+    prop_oneof![
+        (finger(), ellipse()),
+        (Just(FingerShape::Line), ellipse()),
+        (finger(), Just(triangle())),
+        (Just(FingerShape::Disk { radius: 0.01 }), Just(triangle())),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn predictions_are_those_of_a_part_that_keeps_a_gap_of_zero(
+        (shape, object) in shapes(), edge in 0..3_usize, share in 0.3..0.7, side in -0.03..0.03, u0 in 1.4..1.7,
+    ) {
+        let acceleration = [side, 0.1];
+        let u0 = if shape == FingerShape::Line { 0.0 } else { u0 };
+        let push = push(shape, object.clone(), acceleration, u0);
+        let (edge, s0) = match &object {
+            Object::Polygon(_) => (Some(edge), push.sites[edge].range[0] + share * push.sites[edge].length()),
+            Object::Ellipse(_) => (None, share * PI),
+        };
+        let predicted = push.predicted(edge, s0, &[0.3]);
+        prop_assume!(predicted.len() == 1);
+        let [x, y, theta] = push.resting_pose(edge, s0).unwrap();
+        let centroid = push.body.centre_of_mass();
+        let world = nalgebra::Isometry2::new(Vector2::new(x, y), theta) * centroid;
+        let oracle = ByGap {
+            shape, object, rho_squared: push.body.inertia_per_mass(), acceleration, near: push.normal_angle(),
+        };
+        let q0 = [world.x - 0.01, world.y + 0.02, theta];
+        // The resting pose touches, at u0.
+        prop_assert!(oracle.gap(q0).abs() < 1e-9, "{}", oracle.gap(q0));
+        prop_assert!((oracle.felt(q0) - u0).abs() < 1e-5, "{} {u0}", oracle.felt(q0));
+        let felt = oracle.felt(oracle.after(q0, 0.3));
+        // Differences of a gap that is known to rounding.
+        prop_assert!((felt - predicted[0]).abs() < 2e-5, "{felt} {predicted:?}");
+    }
+
+    /// Whatever the place, the contacts it leads to lead back to it, by simulation and by table.
+    #[test]
+    fn no_place_is_lost((shape, object) in shapes(), edge in 0..3_usize, share in 0.02..0.98, u0 in 1.4..1.7) {
+        let u0 = if shape == FingerShape::Line { 0.0 } else { u0 };
+        let push = push(shape, object.clone(), [0.01, 0.1], u0);
+        let site = push.sites[edge % push.sites.len()];
+        let s0 = site.range[0] + share * site.length();
+        let felt = push.predicted(site.edge, s0, &[0.5, 0.8]);
+        prop_assume!(felt.len() == 2);
+        let contacts = [TimedContact { t: 0.5, u: felt[0] }, TimedContact { t: 0.8, u: felt[1] + 4.0 * PI * f64::from(u8::from(shape != FingerShape::Line)) }];
+        let simulated = push.observe(&contacts, 1e-6);
+        let table = Table::new(&push, 0.8).observe(&contacts, 1e-6);
+        for poses in [&simulated, &table] {
+            let found = |poses: &[RestingPose]| poses.iter().any(|pose| pose.edge == site.edge && site.gap(pose.s0, s0) < 1e-5);
+            prop_assert!(found(&poses.candidates) && found(&poses.solutions), "{site:?} {s0} {poses:?}");
+        }
+        prop_assert_eq!(simulated.candidates.len(), table.candidates.len(), "{:?} {:?}", simulated, table);
+    }
+}
+
+/// Where u(t₁) as a function of s₀ turns back, two candidates become one: it must not be lost.
+#[test]
+fn a_place_at_a_fold_is_found() {
+    for (object, sites) in [(Object::Ellipse([0.025, 0.048]), 1), (triangle(), 3)] {
+        let push = push(FingerShape::Ellipse { semi_axes: [0.012, 0.021] }, object, [-0.02, 0.08], 1.7);
+        let mut folds = 0;
+        for site in &push.sites[..sites] {
+            let u = |share: f64| push.angles(site, site.range[0] + share * site.length(), &[0.5]).first().copied();
+            let shares: Vec<_> = (1..200).map(|i| f64::from(i) / 200.0).collect();
+            for three in shares.windows(3) {
+                let (Some(a), Some(b), Some(c)) = (u(three[0]), u(three[1]), u(three[2])) else { continue };
+                if (b - a) * (c - b) > 0.0 {
+                    continue;
+                }
+                folds += 1;
+                // The vertex of the parabola through the three: next to the fold, on either side of it.
+                let at = three[1] + 0.5 / 200.0 * (a - c) / (a - 2.0 * b + c);
+                let s0 = site.range[0] + at * site.length();
+                let felt = push.predicted(site.edge, s0, &[0.5, 0.8]);
+                let contacts: Vec<_> = [0.5, 0.8].iter().zip(&felt).map(|(&t, &u)| TimedContact { t, u }).collect();
+                for poses in [push.observe(&contacts, 1e-6), Table::new(&push, 0.8).observe(&contacts, 1e-6)] {
+                    let near =
+                        |pose: &RestingPose| pose.edge == site.edge && site.gap(pose.s0, s0) < 1e-3 * site.length();
+                    assert!(poses.candidates.iter().any(near), "{s0} {poses:?}");
+                    assert!(contacts.len() < 2 || poses.solutions.iter().any(near), "{s0} {poses:?}");
+                }
+            }
+        }
+        assert!(folds > 0, "no fold among the places tried");
+    }
+}
+
+#[test]
+fn a_circle_can_lie_any_way() {
+    let push = push(FingerShape::Line, Object::Ellipse([0.03, 0.03]), [0.02, 0.1], 0.0);
+    let u = push.predicted(None, 1.0, &[0.5])[0];
+    let poses = push.observe(&[TimedContact { t: 0.5, u }], 1e-6);
+    assert!(poses.solutions.len() == 1 && poses.solutions[0].anywhere, "{poses:?}");
+    assert!(push.observe(&[TimedContact { t: 0.5, u: u + 0.01 }], 1e-6).solutions.is_empty());
+}
+
+#[test]
+fn a_square_lies_in_four_ways() {
+    let square = SimplePolygon::new([[-0.02, -0.02], [0.02, -0.02], [0.02, 0.02], [-0.02, 0.02]].map(Point2::from));
+    let push = push(FingerShape::Disk { radius: 0.01 }, Object::Polygon(square.unwrap()), [0.0, 0.1], 1.5);
+    let felt = push.predicted(Some(2), 0.007, &[0.4, 0.7]);
+    let contacts = [TimedContact { t: 0.4, u: felt[0] }, TimedContact { t: 0.7, u: felt[1] }];
+    let poses = push.observe(&contacts, 1e-6);
+    assert_eq!(poses.solutions.len(), 4, "{poses:?}");
+}
+
+#[test]
+fn later_contacts_decide_within_their_tolerance() {
+    let push = push(FingerShape::Disk { radius: 0.01 }, triangle(), [0.01, 0.1], 1.55);
+    let felt = push.predicted(Some(1), 0.006, &[0.4, 0.6, 0.8]);
+    let with = |noise: [f64; 3], tolerance: f64| {
+        let contacts: Vec<_> = [0.4, 0.6, 0.8]
+            .iter()
+            .zip(&felt)
+            .zip(noise)
+            .map(|((&t, &u), noise)| TimedContact { t, u: u + noise })
+            .collect();
+        push.observe(&contacts, tolerance)
+    };
+    // Rounded to milliradians, the contacts still leave the right pose, near where it was.
+    let rounded = with([4e-4, -5e-4, 5e-4], 1e-3);
+    assert!(rounded.solutions.iter().any(|pose| pose.edge == Some(1) && (pose.s0 - 0.006).abs() < 1e-3), "{rounded:?}");
+    assert!(with([4e-4, -5e-4, 5e-4], 1e-6).solutions.is_empty());
+    assert!(with([0.0, 0.0, 0.3], 1e-3).solutions.is_empty());
+}
+
+#[test]
+fn impossible_pushes_are_refused() {
+    let path = |acceleration: [f64; 2]| FingerPath { centre0: [0.0; 2], velocity0: [0.0; 2], acceleration };
+    let new = |object: Object, shape: FingerShape, acceleration: [f64; 2]| {
+        RestingPush::new(object, 0.0, shape, path(acceleration), FRAC_PI_2).map(|_| ())
+    };
+    let disk = FingerShape::Disk { radius: 0.01 };
+    assert!(matches!(new(triangle(), disk, [0.0, -0.1]), Err(InitialPoseError::MovesAway { .. })));
+    assert!(matches!(new(triangle(), disk, [0.0; 2]), Err(InitialPoseError::MovesAway { .. })));
+    let line = new(triangle(), FingerShape::Line, [0.0, 0.1]);
+    assert_eq!(line, Err(InitialPoseError::Shape(ShapeError::BothStraight)));
+}

@@ -24,7 +24,7 @@ pub use verdict::{Estimate, Hypothesis, Verdict};
 use self::fit::{Effort, Fit, Norm, Unknowns};
 use self::search::{Ground, Width};
 use self::track::Track;
-use self::verdict::{Gate, Solution};
+use self::verdict::{Gate, Quality, Solution};
 use super::body::Body;
 use super::flow::Columns;
 use super::mechanics::{Model, Spin, felt};
@@ -128,8 +128,10 @@ impl Question {
         for width in 0..WIDTHS.len() {
             solutions.extend(self.solve(&readings, width));
             solutions.sort_by(|a: &Solution, b| a.fit.cost.total_cmp(&b.fit.cost));
-            if self.gate(&readings).is_good(&solutions) {
-                break;
+            match self.gate(&readings).quality(&solutions) {
+                Quality::Good => break,
+                Quality::Weak if width > 0 => break,
+                Quality::Weak | Quality::Poor => {}
             }
         }
         Ok(self.gate(&readings).judge(solutions))

@@ -111,6 +111,17 @@ pub struct Hypothesis {
     pub unobservable: bool,
 }
 
+/// How good the best minimum of a search is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Quality {
+    /// As good as the truth would be.
+    Good,
+    /// So too, but so flat that others may fit as well.
+    Weak,
+    /// The truth would be better.
+    Poor,
+}
+
 /// The limits a cost is judged by.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gate {
@@ -134,14 +145,16 @@ impl Gate {
         solution.fit.cost <= Self::cost_max(degrees) || rounds
     }
 
-    /// Whether nothing better is to be expected of a wider search.
-    pub(super) fn is_good(self, solutions: &[Solution]) -> bool {
-        let Some(best) = solutions.first() else { return false };
+    /// Whether a wider search is worth its time.
+    pub(super) fn quality(self, solutions: &[Solution]) -> Quality {
+        let Some(best) = solutions.first() else { return Quality::Poor };
         #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
         let degrees = self.degrees_of_freedom(best.unknowns.count()) as f64;
-        let usual = best.fit.cost <= degrees + WIDER_SIGMAS * (2.0 * degrees).sqrt();
+        if best.fit.cost > degrees + WIDER_SIGMAS * (2.0 * degrees).sqrt() {
+            return Quality::Poor;
+        }
         let weak = best.attitude_sigma().is_some_and(|sigma| sigma > WEAK_RAD);
-        usual && !weak
+        if weak { Quality::Weak } else { Quality::Good }
     }
 
     pub(super) fn judge(self, solutions: Vec<Solution>) -> Estimate {

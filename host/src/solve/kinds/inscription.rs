@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::ConvexPolygon;
-use crate::inscription::{self, HalfPlane};
+use crate::inscription::{self, Bearing, ConeError, Continuum, HalfPlane, NoisyReadings};
 use crate::solve::fields::{Polygon, Pose, Sigma};
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError};
 
@@ -39,6 +39,12 @@ pub struct Cone {
     pub right: f64,
     /// Angle of the left side, rad.
     pub left: f64,
+    /// How far the part had moved when this was read, world: the poses are those before.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub displacement: Option<Pose>,
+    /// The same for the left side, where a turning beam reaches it later; by default that of the right side.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub displacement_left: Option<Pose>,
 }
 
 /// The points q with q·(cos, sin)(`normal_angle`) ≤ `offset`.
@@ -49,6 +55,9 @@ pub struct HalfPlaneFields {
     pub normal_angle: f64,
     /// Distance of the line from the world's origin along the normal, m.
     pub offset: f64,
+    /// How far the part had moved when this was read, world: the poses are those before.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub displacement: Option<Pose>,
 }
 
 /// Where the part can be.
@@ -61,6 +70,30 @@ pub struct InscriptionAnswer {
     pub reason: Option<String>,
     /// All poses that touch every line, by increasing theta in [0, 2π).
     pub poses: Vec<Pose>,
+    /// How well the lines hold each pose: an error e of the lines moves it by about e / conditioning (x, y, size·theta).
+    pub conditioning: Vec<f64>,
+    /// Indices of poses, those together in which a symmetric part looks the same.
+    pub groups: Vec<Vec<usize>>,
+    /// With `sigma`: the most likely poses, best first; all whose chi2 is inside the 99 % gate.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub modes: Option<Vec<ModeFields>>,
+    /// With `sigma`: readings less the three unknowns.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dof: Option<usize>,
+}
+
+/// A pose that explains bearings with noise.
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
+pub struct ModeFields {
+    /// The most likely pose hereabouts.
+    pub pose: Pose,
+    /// Squared residuals over sigma², summed.
+    pub chi2: f64,
+    /// Of x, y, theta: m², m·rad, rad².
+    pub covariance: [[f64; 3]; 3],
+    /// Two corners are outermost at once for some sensor: errors are not normally distributed.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub at_corner_change: bool,
 }
 
 /// What lines say about the pose.
@@ -87,16 +120,42 @@ impl Problem for Inscription {
 
     fn solve(&self) -> Result<InscriptionAnswer, SolveError> {
         let part = self.part()?;
-        let lines = self.lines()?;
-        let found = match inscription::poses(&part, &lines) {
+        let readings = self.readings()?;
+        let lines = readings.lines();
+        let exact = match inscription::poses(&part, &lines) {
             inscription::Inscription::Poses(poses) => poses,
-            inscription::Inscription::Underdetermined(continuum) => {
-                let reason = Some(continuum.to_string());
-                return Ok(InscriptionAnswer { status: Status::Underdetermined, reason, poses: Vec::new() });
+            inscription::Inscription::Underdetermined(continuum) => return Ok(self.underdetermined(continuum)),
+        };
+        let estimate = match self.sigma {
+            None => None,
+            Some(_) => {
+                Some(inscription::estimate(&part, &readings).map_err(|error| SolveError::Internal(error.to_string()))?)
             }
         };
-        let status = if found.is_empty() { Status::NoPose } else { Status::Ok };
-        Ok(InscriptionAnswer { status, reason: None, poses: found.into_iter().map(Pose::from).collect() })
+        let found = estimate.as_ref().map_or(exact.len(), |estimate| estimate.modes.len());
+        let status = if found == 0 { Status::NoPose } else { Status::Ok };
+        let why = || match self.sigma {
+            Some(_) => "no pose explains the bearings at this sigma".to_owned(),
+            None => self.nearest(&part, &lines),
+        };
+        Ok(InscriptionAnswer {
+            status,
+            reason: (found == 0).then(why),
+            conditioning: exact.iter().map(|pose| inscription::conditioning(&part, &lines, pose)).collect(),
+            groups: inscription::congruent_groups(&part, &exact),
+            poses: exact.into_iter().map(Pose::from).collect(),
+            dof: estimate.as_ref().map(|estimate| estimate.dof),
+            modes: estimate.map(|estimate| estimate.modes.iter().map(ModeFields::from).collect()),
+        })
+    }
+}
+
+impl From<&inscription::Mode> for ModeFields {
+    fn from(mode: &inscription::Mode) -> Self {
+        let row = |k: usize| [mode.covariance[(k, 0)], mode.covariance[(k, 1)], mode.covariance[(k, 2)]];
+        let covariance = [row(0), row(1), row(2)];
+        let inscription::Mode { pose, chi2, at_corner_change, .. } = *mode;
+        Self { pose: pose.into(), chi2, covariance, at_corner_change }
     }
 }
 
@@ -113,18 +172,228 @@ impl Inscription {
         })
     }
 
-    fn lines(&self) -> Result<Vec<HalfPlane>, InvalidInput> {
-        let mut lines = Vec::with_capacity(2 * self.cones.len() + self.half_planes.len());
+    /// What the sensors say, all moved to where the part was at first.
+    fn readings(&self) -> Result<NoisyReadings, InvalidInput> {
+        let mut bearings = Vec::with_capacity(2 * self.cones.len());
         for (index, cone) in self.cones.iter().enumerate() {
-            let cone = inscription::Cone::new(Point2::from(cone.apex), cone.right, cone.left).map_err(|error| {
+            bearings.extend(cone.bearings().map_err(|error| {
                 InvalidInput::at(Pointer::from("cones").index(index), format!("cone {index}: {error}"))
-            })?;
-            lines.extend(cone.half_planes());
+            })?);
         }
-        lines.extend(self.half_planes.iter().map(|line| HalfPlane::new(line.normal_angle, line.offset)));
-        if lines.is_empty() {
+        let fences: Vec<_> = self.half_planes.iter().map(HalfPlaneFields::half_plane).collect();
+        if bearings.is_empty() && fences.is_empty() {
             return Err(InvalidInput::missing("cones", "give at least one cone or half-plane that the part touches"));
         }
-        Ok(lines)
+        Ok(NoisyReadings { bearings, fences, sigma: self.sigma.map_or(0.0, Sigma::get) })
+    }
+
+    fn underdetermined(&self, continuum: Continuum) -> InscriptionAnswer {
+        let with_sigma = self.sigma.is_some();
+        let readings = 2 * self.cones.len() + self.half_planes.len();
+        InscriptionAnswer {
+            status: Status::Underdetermined,
+            reason: Some(continuum.to_string()),
+            poses: Vec::new(),
+            conditioning: Vec::new(),
+            groups: Vec::new(),
+            modes: with_sigma.then(Vec::new),
+            dof: with_sigma.then(|| readings.saturating_sub(3)),
+        }
+    }
+
+    /// What keeps the nearest candidate from being a pose.
+    fn nearest(&self, part: &ConvexPolygon, lines: &[HalfPlane]) -> String {
+        let misses = inscription::nearest_misses(part, lines);
+        let Some((_, line, miss)) = misses.first() else {
+            return "in no orientation can the part touch even three of the lines".to_owned();
+        };
+        let name = match (line / 2, line % 2) {
+            (cone, side) if cone < self.cones.len() => {
+                format!("the {} side of cone {cone}", if side == 0 { "right" } else { "left" })
+            }
+            _ => format!("the line of half-plane {}", line - 2 * self.cones.len()),
+        };
+        let (verb, distance) = (if *miss > 0.0 { "crosses" } else { "stays clear of" }, miss.abs());
+        format!(
+            "no pose touches all lines: the nearest {verb} {name} by {distance:.3e} m; give `sigma` if the readings have errors"
+        )
+    }
+}
+
+impl Cone {
+    /// Its sides, moved to where the part was at first.
+    fn bearings(&self) -> Result<[Bearing; 2], ConeError> {
+        let [right, left] = inscription::Cone::new(Point2::from(self.apex), self.right, self.left)?.bearings();
+        let undone = |displacement: Option<Pose>, bearing: Bearing| match displacement {
+            None => bearing,
+            Some(pose) => bearing.moved(&pose.world_from_part().inverse()),
+        };
+        let left_displacement = self.displacement_left.or(self.displacement);
+        Ok([undone(self.displacement, right), undone(left_displacement, left)])
+    }
+}
+
+impl HalfPlaneFields {
+    fn half_plane(&self) -> HalfPlane {
+        let line = HalfPlane::new(self.normal_angle, self.offset);
+        self.displacement.map_or(line, |pose| line.moved(&pose.world_from_part().inverse()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Value, json};
+
+    use super::*;
+    use crate::solve::read;
+
+    const SQUARE: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+
+    fn views() -> Value {
+        json!([{"apex": [-2.0, 0.3], "right": -0.148_889_947_609_497_1, "left": 0.336_674_819_386_727_3},
+               {"apex": [0.4, -3.0], "right": 1.373_400_766_945_015_7, "left": 1.703_347_859_091_570_7}])
+    }
+
+    fn answer(problem: Value) -> Result<InscriptionAnswer, String> {
+        let solved = read::<Inscription>(problem).map_err(SolveError::from).and_then(|problem| problem.solve());
+        solved.map_err(|error| match error {
+            SolveError::InvalidInput(error) => error.to_string(),
+            SolveError::Internal(error) => panic!("internal: {error}"),
+        })
+    }
+
+    fn refuse(problem: Value) -> String {
+        answer(problem).unwrap_err()
+    }
+
+    #[test]
+    fn a_square_has_its_four_poses_in_one_group() {
+        let answer = answer(json!({"polygon": SQUARE, "cones": views()})).unwrap();
+        assert_eq!((answer.status, answer.poses.len()), (Status::Ok, 4));
+        assert_eq!(answer.groups, [[0, 1, 2, 3]]);
+        assert!(answer.conditioning.iter().all(|sigma| (0.1..2.0).contains(sigma)), "{:?}", answer.conditioning);
+    }
+
+    #[test]
+    fn every_bad_polygon_has_a_message_of_its_own() {
+        let cases = [
+            (json!([[0, 0], [0, 1], [1, 1], [1, 0]]), "clockwise"),
+            (json!([[0, 0], [1, 0], [0.3, 0.3], [0, 1]]), "vertex 2 lies"),
+            (json!([[0, 0], [1, 0], [1, 0], [0, 1]]), "vertex 2 repeats vertex 1"),
+            (json!([[0, 0], [1, 0], [2, 0], [3, 0]]), "all 4 vertices lie on one line"),
+            // Turns left at every vertex, twice round.
+            (json!([[1, 0], [-0.81, 0.59], [0.31, -0.95], [0.31, 0.95], [-0.81, -0.59]]), "crosses or touches"),
+            (json!([[0, 0], [1, 0], [0, 1], [0, 0]]), "repeats the first"),
+            (json!([[0, 0], [1, 0], [0.5, 1e-13]]), "too thin"),
+            (json!([[0, 0], [1e-12, 0], [0, 1e-12]]), "check its units"),
+            (json!([[0, 0], [1, 0]]), "at least 3 vertices"),
+            (json!([]), "at least 3 vertices"),
+            (json!([[0, 0], [1, 0], [0, "NaN"]]), "finite number"),
+            (json!([[0, 0], [1e300, 0], [0, 1]]), "beyond the limit"),
+            (json!([[0, 0], [1, 0], [1, 1], [1, 2], [1, 1], [0, 1]]), "spike"),
+        ];
+        for (polygon, wanted) in cases {
+            let message = refuse(json!({"polygon": polygon, "cones": views()}));
+            assert!(message.contains("/polygon") && message.contains(wanted), "{polygon}: {message}");
+        }
+        let notched = json!([[0, 0], [1, 0], [0.3, 0.3], [0, 1]]);
+        assert!(answer(json!({"polygon": notched, "cones": views(), "hull": true})).is_ok());
+    }
+
+    #[test]
+    fn every_bad_cone_has_a_message_of_its_own() {
+        let cone = |right: f64, left: f64| json!([{"apex": [-2.0, 0.3], "right": right, "left": left}]);
+        let cases = [
+            (cone(0.4, -0.2), "/cones/0", "swapped"),
+            (cone(-0.2, 3.2), "/cones/0", "must be below π"),
+            (cone(0.0, std::f64::consts::PI), "/cones/0", "must be below π"),
+            (cone(0.4, 0.4), "/cones/0", "no opening"),
+            (cone(0.4, 0.4 + std::f64::consts::TAU), "/cones/0", "no opening"),
+            (json!([{"apex": [0, 0], "right": 0.0}]), "/cones/0/left", "missing"),
+            (json!([{"apex": [0], "right": 0.0, "left": 1.0}]), "/cones/0/apex", "length 2"),
+            (json!([]), "/cones", "at least one cone"),
+        ];
+        for (cones, place, wanted) in cases {
+            let message = refuse(json!({"polygon": SQUARE, "cones": cones}));
+            assert!(message.contains(place) && message.contains(wanted), "{cones}: {message}");
+        }
+        assert!(refuse(json!({"polygon": SQUARE, "cones": views(), "sigma": -1})).contains("/sigma"));
+    }
+
+    #[test]
+    fn a_cone_may_be_given_past_a_full_turn() {
+        let cone = json!([{"apex": [2.0, 0.0], "right": 3.0, "left": -3.0}]);
+        assert_eq!(answer(json!({"polygon": SQUARE, "cones": cone})).unwrap().status, Status::Underdetermined);
+    }
+
+    #[test]
+    fn a_part_that_moved_between_views_is_found_where_it_was() {
+        let still = answer(json!({"polygon": SQUARE, "cones": views()})).unwrap();
+        // Seen from one sensor, before and after the belt carried the part and turned it.
+        let (shift, turn) = ([0.3, -0.2], 0.4_f64);
+        let mut cones = views();
+        let motion = nalgebra::Isometry2::new(shift.into(), turn);
+        let apex = motion * Point2::new(0.4, -3.0);
+        cones[1] = json!({"apex": [apex.x, apex.y], "right": 1.373_400_766_945_015_7 + turn, "left": 1.703_347_859_091_570_7 + turn,
+                          "displacement": [shift[0], shift[1], turn]});
+        let moved = answer(json!({"polygon": SQUARE, "cones": cones})).unwrap();
+        assert_eq!(moved.poses.len(), still.poses.len());
+        for (a, b) in moved.poses.iter().zip(&still.poses) {
+            assert!((a.x - b.x).hypot(a.y - b.y) < 1e-9 && (a.theta - b.theta).abs() < 1e-9, "{a:?} {b:?}");
+        }
+    }
+
+    #[test]
+    fn one_cone_is_underdetermined_and_says_why() {
+        for sigma in [json!(null), json!(0.01)] {
+            let mut problem = json!({"polygon": SQUARE, "cones": [views()[0]]});
+            if !sigma.is_null() {
+                problem["sigma"] = sigma;
+            }
+            let answer = answer(problem).unwrap();
+            assert_eq!(answer.status, Status::Underdetermined);
+            assert!(answer.reason.unwrap().contains("another view"));
+        }
+    }
+
+    #[test]
+    fn where_there_is_no_pose_the_nearest_is_described() {
+        let box_ = json!([{"normal_angle": 0.0, "offset": 1.01}, {"normal_angle": std::f64::consts::PI, "offset": 0.0},
+                          {"normal_angle": -std::f64::consts::FRAC_PI_2, "offset": 0.0}, {"normal_angle": std::f64::consts::FRAC_PI_2, "offset": 1.5}]);
+        let answer = answer(json!({"polygon": SQUARE, "half_planes": box_})).unwrap();
+        assert_eq!(answer.status, Status::NoPose);
+        assert!(answer.reason.unwrap().contains("half-plane"));
+    }
+
+    #[test]
+    fn the_documented_line_is_answered_as_documented() {
+        let page = include_str!("../../../../docs/SOLVE.md");
+        let mut lines = page.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+        let mut problem = lines.find(|line| line["problem"] == "inscription").unwrap();
+        let documented = lines.find(|line| line["problem"] == "inscription").unwrap();
+        for frame in ["problem", "id"] {
+            problem.as_object_mut().unwrap().remove(frame);
+        }
+        let answered = serde_json::to_value(answer(problem).unwrap()).unwrap();
+        for (key, value) in answered.as_object().unwrap() {
+            assert!(alike(value, &documented[key]), "{key}: {value}, documented {}", documented[key]);
+        }
+    }
+
+    /// Numbers that differ in their last digits on another processor.
+    const PRINTED: f64 = 1e-7;
+
+    fn alike(a: &Value, b: &Value) -> bool {
+        match (a, b) {
+            (Value::Number(a), Value::Number(b)) => {
+                let (a, b) = (a.as_f64().unwrap(), b.as_f64().unwrap());
+                (a - b).abs() <= PRINTED * (1.0 + a.abs())
+            }
+            (Value::Array(a), Value::Array(b)) => a.len() == b.len() && a.iter().zip(b).all(|(a, b)| alike(a, b)),
+            (Value::Object(a), Value::Object(b)) => {
+                a.len() == b.len() && a.iter().all(|(key, a)| b.get(key).is_some_and(|b| alike(a, b)))
+            }
+            _ => a == b,
+        }
     }
 }

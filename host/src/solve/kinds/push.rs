@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::pushing::{
     Contact, ContactForce, ContactLaw, EdgeEnd, EndReason, Finger as Disk, Mass, Part, Push as Simulation, PushError,
-    PushModel, Run, Sample, Slip, Start, State,
+    PushModel, Run, Sample, SecondContact, Slip, Start, State,
 };
 use crate::solve::fields::{Finger, NonNegative, Polygon, Pose, Positive, Times, default_gravity};
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError};
@@ -156,9 +156,27 @@ pub struct PushAnswer {
     /// How the part begins to move; for a start `at_rest`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub initial_acceleration: Option<InitialAcceleration>,
+    /// When the finger first reached another edge of a part that is not convex: what follows leaves that contact out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub second_contact: Option<Meeting>,
     /// When rolling and sliding took turns; for `coulomb`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub transitions: Option<Vec<Transition>>,
+}
+
+/// The finger reaches an edge that it does not push.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Meeting {
+    /// s.
+    pub t: f64,
+    /// Which.
+    pub edge: usize,
+}
+
+impl From<SecondContact> for Meeting {
+    fn from(SecondContact { t, edge }: SecondContact) -> Self {
+        Self { t, edge }
+    }
 }
 
 /// A part at one instant.
@@ -214,6 +232,8 @@ pub enum Reason {
     EdgeHi,
     /// No contact force fits (Painlevé).
     Jam,
+    /// The finger reached another edge; `palpate push` only, `palpate solve` notes it in `second_contact` and goes on.
+    SecondContact,
 }
 
 /// Acceleration from rest.
@@ -252,7 +272,9 @@ fn refuse(error: PushError) -> InvalidInput {
         PushError::BeyondEdge { .. } => Pointer::from("initial").key("s"),
         PushError::Overlap { .. } => Pointer::from("finger").key("radius"),
         PushError::FingerMoves { .. } => Pointer::from("finger").key("velocity0"),
-        PushError::MovesAway { .. } => Pointer::from("finger").key("acceleration"),
+        PushError::MovesAway { .. } | PushError::ChangesOutOfOrder { .. } => {
+            Pointer::from("finger").key("acceleration")
+        }
         PushError::SlipAgainstSign { .. } => Pointer::from("initial").key("sliding_sign"),
     };
     InvalidInput::at(field, error.to_string())
@@ -362,6 +384,7 @@ impl Push {
             initial_acceleration: run.rest_start.filter(|_| self.initial.at_rest).map(|acceleration| {
                 InitialAcceleration { centroid: acceleration.centre_of_mass.into(), alpha: acceleration.alpha }
             }),
+            second_contact: run.second_contact.map(Meeting::from),
             transitions: (self.mode == Mode::Coulomb).then(changes),
         }
     }
@@ -399,6 +422,7 @@ impl From<EndReason> for Reason {
             EndReason::EdgeMin => Self::EdgeLo,
             EndReason::EdgeMax => Self::EdgeHi,
             EndReason::Jam => Self::Jam,
+            EndReason::SecondContact => Self::SecondContact,
         }
     }
 }

@@ -4,7 +4,7 @@ use nalgebra::Vector2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::pushing::support::{self, Twist};
+use crate::pushing::support::{SupportFriction, Twist};
 use crate::solve::fields::Polygon;
 use crate::solve::{InvalidInput, Problem, SolveError};
 
@@ -12,16 +12,16 @@ use crate::solve::{InvalidInput, Problem, SolveError};
 ///
 /// ```
 /// use palpate::solve::Problem;
-/// use palpate::solve::kinds::support_friction::SupportFriction;
+/// use palpate::solve::kinds::support_friction::SupportFrictionProblem;
 ///
 /// let line = r#"{"polygon": [[0, 0], [0.06, 0], [0.06, 0.04], [0, 0.04]], "velocity": [0.1, 0], "omega": 0}"#;
-/// let answer = serde_json::from_str::<SupportFriction>(line)?.solve()?;
+/// let answer = serde_json::from_str::<SupportFrictionProblem>(line)?.solve()?;
 /// assert!((answer.i1[0] - 0.0024).abs() < 1e-15); // m²: all of it slides along x
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct SupportFriction {
+pub struct SupportFrictionProblem {
     /// Outline of the part.
     pub polygon: Polygon,
     /// Velocity of the origin of the polygon's frame, in the part's axes, m/s.
@@ -43,7 +43,7 @@ pub struct SupportFrictionAnswer {
     pub i2: f64,
 }
 
-impl Problem for SupportFriction {
+impl Problem for SupportFrictionProblem {
     const KIND: &'static str = "support_friction";
     type Answer = SupportFrictionAnswer;
 
@@ -55,7 +55,7 @@ impl Problem for SupportFriction {
             return Err(InvalidInput::at("velocity", message).into());
         }
         let (area, centroid) = (self.polygon.area(), self.polygon.centroid());
-        let mean = support::SupportFriction::uniform(&self.polygon).mean_sliding(&twist);
+        let mean = SupportFriction::uniform(&self.polygon).mean_sliding(&twist);
         let (i1, i2) = (area * mean.direction, area * mean.moment);
         Ok(SupportFrictionAnswer { area, centroid: [centroid.x, centroid.y], i1: [i1.x, i1.y], i2 })
     }

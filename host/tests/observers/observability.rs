@@ -1,11 +1,7 @@
-//! `palpate solve` on the shared cases of kind `observability`, and on the documented ones.
+//! The kind `observability`.
 
-#![allow(clippy::unwrap_used, reason = "clippy exempts tests, but not their helpers")]
-
-mod solving;
-
+use crate::solving::{assert_documented, shared_cases, solve};
 use serde_json::Value;
-use solving::{assert_documented, shared_cases, solve};
 
 #[test]
 fn the_shared_cases_of_pushes_have_their_rank() {

@@ -1,0 +1,239 @@
+//! The files in which a person describes a part and what sensors saw of it.
+//!
+//! A part file is that of `palpate push`; only its outline matters here. A view file:
+//!
+//! ```toml
+//! unit = "mm"             # of every length below: m, cm, mm or in; angles are in degrees, counter-clockwise from x
+//! sigma = 0.1             # standard deviation of each bearing, degrees (optional: without it the readings are exact)
+//!
+//! [[cone]]                # what a sensor sees of the part: swept counter-clockwise from right to left
+//! apex = [-200, 50]
+//! right = -10.3
+//! left = 6.9
+//! moved = [0, 0, 0]       # how far the part had moved since the start when this was read: x, y, turn (optional)
+//!
+//! [[fence]]               # a line that the part touches: x cos(normal) + y sin(normal) = offset, the part below it
+//! normal = -90
+//! offset = 0
+//! ```
+
+use nalgebra::{Isometry2, Point2};
+use serde::Deserialize;
+use toml::Value;
+
+use crate::geometry::{ConvexPolygon, NotConvex, PolygonError, SimplePolygon};
+use crate::inscription::{Bearing, Cone, ConeError, HalfPlane, NoisyReadings};
+use crate::part_file::Unit;
+
+/// A part that a person has described.
+#[derive(Clone, Debug)]
+pub struct NamedPart {
+    /// What to call it.
+    pub name: String,
+    /// As the file gives it.
+    pub outline: SimplePolygon,
+    /// Its hull, prepared.
+    pub convex: ConvexPolygon,
+}
+
+/// What sensors saw of a part.
+#[derive(Clone, Debug)]
+pub struct Views {
+    /// As they were read, for pictures.
+    pub cones: Vec<Cone>,
+    /// Everything moved to where the part was at the start.
+    pub readings: NoisyReadings,
+    /// Whether the bearings have errors.
+    pub noisy: bool,
+}
+
+/// Why a file cannot be used.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FileError {
+    /// Not TOML, a key missing, unknown or of another type; the message shows the place.
+    #[error("{0}")]
+    Toml(String),
+    /// The outline.
+    #[error("vertices: {0}")]
+    Outline(#[from] PolygonError),
+    /// The outline has a notch.
+    #[error("vertices: {0}; --hull takes the hull")]
+    NotConvex(#[from] NotConvex),
+    /// A cone that no part can fill.
+    #[error("cone {index}: {error}")]
+    Cone {
+        /// Which, from 0.
+        index: usize,
+        /// What is wrong.
+        error: ConeError,
+    },
+    /// A fence or a motion that is no number.
+    #[error("{what} {index} has a number that is not finite")]
+    NotFinite {
+        /// `cone` or `fence`.
+        what: &'static str,
+        /// Which, from 0.
+        index: usize,
+    },
+    /// A standard deviation that cannot be.
+    #[error("sigma = {value:?} must be finite and above 0; leave it out for exact readings")]
+    Sigma {
+        /// As given, degrees.
+        value: f64,
+    },
+    /// Nothing was seen.
+    #[error("there is no [[cone]] and no [[fence]]: give at least one")]
+    Nothing,
+}
+
+/// The keys of a part file; those that tell how it slides are for other commands.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+#[expect(dead_code, reason = "known keys, so that unknown ones are mistakes")]
+struct PartKeys {
+    unit: Unit,
+    vertices: Vec<[f64; 2]>,
+    mu: Option<Value>,
+    mu_c: Option<Value>,
+    feet: Option<Value>,
+    centre_of_mass: Option<Value>,
+    radius_of_gyration: Option<Value>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ViewKeys {
+    unit: Unit,
+    sigma: Option<f64>,
+    #[serde(default)]
+    cone: Vec<ConeKeys>,
+    #[serde(default)]
+    fence: Vec<FenceKeys>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ConeKeys {
+    apex: [f64; 2],
+    right: f64,
+    left: f64,
+    moved: Option<[f64; 3]>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FenceKeys {
+    normal: f64,
+    offset: f64,
+    moved: Option<[f64; 3]>,
+}
+
+impl NamedPart {
+    /// Reads the text of a part file; `hull` takes the hull of a part with notches.
+    ///
+    /// # Errors
+    /// [`FileError`] names the first thing found wrong.
+    pub fn parse(name: &str, text: &str, hull: bool) -> Result<Self, FileError> {
+        let keys: PartKeys = toml::from_str(text).map_err(|error| FileError::Toml(error.to_string()))?;
+        let metres = keys.unit.metres();
+        let vertices: Vec<_> = keys.vertices.iter().map(|vertex| Point2::from(*vertex) * metres).collect();
+        let outline = SimplePolygon::new(vertices)?;
+        let convex = if hull { ConvexPolygon::hull(&outline) } else { ConvexPolygon::new(&outline)? };
+        Ok(Self { name: name.to_owned(), outline, convex })
+    }
+}
+
+impl Views {
+    /// Reads the text of a view file.
+    ///
+    /// ```
+    /// let views = palpate::inscribe::Views::parse("unit = 'mm'\n[[cone]]\napex = [-200, 50]\nright = -10\nleft = 7")?;
+    /// assert!((views.cones[0].opening() - 17_f64.to_radians()).abs() < 1e-12);
+    /// # Ok::<(), palpate::inscribe::FileError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`FileError`] names the first thing found wrong.
+    pub fn parse(text: &str) -> Result<Self, FileError> {
+        let keys: ViewKeys = toml::from_str(text).map_err(|error| FileError::Toml(error.to_string()))?;
+        let metres = keys.unit.metres();
+        if let Some(value) = keys.sigma.filter(|sigma| !(sigma.is_finite() && *sigma > 0.0)) {
+            return Err(FileError::Sigma { value });
+        }
+        let (mut cones, mut bearings) = (Vec::new(), Vec::new());
+        for (index, cone) in keys.cone.iter().enumerate() {
+            let undo = undone(cone.moved, metres).ok_or(FileError::NotFinite { what: "cone", index })?;
+            let read = cone.read(metres).map_err(|error| FileError::Cone { index, error })?;
+            bearings.extend(read.bearings().map(|bearing: Bearing| bearing.moved(&undo)));
+            cones.push(read);
+        }
+        let mut fences = Vec::new();
+        for (index, fence) in keys.fence.iter().enumerate() {
+            let fault = FileError::NotFinite { what: "fence", index };
+            if !(fence.normal.is_finite() && fence.offset.is_finite()) {
+                return Err(fault);
+            }
+            let undo = undone(fence.moved, metres).ok_or(fault)?;
+            fences.push(HalfPlane::new(fence.normal.to_radians(), fence.offset * metres).moved(&undo));
+        }
+        if bearings.is_empty() && fences.is_empty() {
+            return Err(FileError::Nothing);
+        }
+        let sigma = keys.sigma.unwrap_or(0.0).to_radians();
+        Ok(Self { cones, readings: NoisyReadings { bearings, fences, sigma }, noisy: keys.sigma.is_some() })
+    }
+}
+
+impl ConeKeys {
+    fn read(&self, metres: f64) -> Result<Cone, ConeError> {
+        Cone::new(Point2::from(self.apex) * metres, self.right.to_radians(), self.left.to_radians())
+    }
+}
+
+/// The motion that takes the part back; none if it is not finite.
+fn undone(moved: Option<[f64; 3]>, metres: f64) -> Option<Isometry2<f64>> {
+    let [x, y, degrees] = moved.unwrap_or_default();
+    let finite = [x, y, degrees].iter().all(|value| value.is_finite());
+    finite.then(|| Isometry2::new([x * metres, y * metres].into(), degrees.to_radians()).inverse())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const VIEWS: &str = "unit = 'mm'\nsigma = 0.1\n[[cone]]\napex = [-200, 50]\nright = -10\nleft = 7\n";
+
+    #[test]
+    fn lengths_are_in_the_files_unit_and_angles_in_degrees() {
+        let views = Views::parse(&format!("{VIEWS}[[fence]]\nnormal = 90\noffset = 40")).unwrap();
+        let bearing = views.readings.bearings[0];
+        assert!(
+            (bearing.apex - Point2::new(-0.2, 0.05)).norm() < 1e-15 && (bearing.angle + 0.174_532_925).abs() < 1e-9
+        );
+        assert!((views.readings.fences[0].beyond(Point2::new(3.0, 0.05)) - 0.01).abs() < 1e-12);
+        assert!(views.noisy && (views.readings.sigma - 0.1_f64.to_radians()).abs() < 1e-15);
+    }
+
+    #[test]
+    fn every_mistake_is_named() {
+        let bad = [
+            (VIEWS.replace("left = 7", "left = -30"), "cone 0: the cone opens by"),
+            (VIEWS.replace("left = 7", "left = -10"), "cone 0: the cone has no opening"),
+            (VIEWS.replace("left = 7", "left = nan"), "cone 0: the apex and the angles must be finite"),
+            (VIEWS.replace("left = 7\n", ""), "missing field `left`"),
+            (VIEWS.replace("sigma = 0.1", "sigma = -0.1"), "sigma = -0.1"),
+            (VIEWS.replace("sigma", "noise"), "unknown field `noise`"),
+            (format!("{VIEWS}moved = [0, inf, 0]"), "cone 0 has a number"),
+            (format!("{VIEWS}[[fence]]\nnormal = inf\noffset = 0"), "fence 0 has a number"),
+            ("unit = 'mm'".to_owned(), "at least one"),
+        ];
+        for (text, wanted) in bad {
+            let message = Views::parse(&text).unwrap_err().to_string();
+            assert!(message.contains(wanted), "wanted {wanted}, got {message}");
+        }
+        let notched = "unit = 'mm'\nvertices = [[0, 0], [10, 0], [3, 3], [0, 10]]\nmu = 0.3";
+        assert!(NamedPart::parse("part", notched, false).unwrap_err().to_string().contains("--hull"));
+        assert_eq!(NamedPart::parse("part", notched, true).unwrap().convex.corners().len(), 3);
+    }
+}

@@ -1,0 +1,86 @@
+//! From places that roughly fit the first contact to those that do.
+//!
+//! Units: SI, u in the unit of the finger's outline. Errors: none.
+
+use super::search::{NearZero, near_zeros};
+use super::swift::CLOSE_STEPS;
+use super::{RestingPush, Site, TimedContact};
+
+/// Corrections of a place by its misfit over the slope: each gains several digits.
+const CORRECTIONS: usize = 6;
+
+/// A misfit that needs no further correction, in the unit of u: what the simulation itself is off by.
+const EXACT: f64 = 1e-10;
+
+/// Places nearer than this, in steps of the grid, may be the two sides of a fold, where the slope says little.
+const FOLD_STEPS: f64 = 2.5;
+
+/// Distance over which the slope is taken, as a share of the site's length.
+const SLOPE_SHARE: f64 = 1e-4;
+
+/// A rough misfit as a function of s₀ on one site, and how far it may be off.
+pub(super) struct Rough<'a> {
+    pub(super) site: Site,
+    pub(super) misfit: &'a dyn Fn(f64) -> Option<f64>,
+    pub(super) grid: &'a [f64],
+    pub(super) error: f64,
+}
+
+impl RestingPush {
+    /// Places that fit the first contact within `tolerance`, as the full simulation has it.
+    pub(super) fn places(&self, rough: &Rough, first: TimedContact, tolerance: f64) -> Vec<NearZero> {
+        let near = near_zeros(rough.misfit, rough.grid, tolerance + rough.error);
+        let step = rough.grid[1] - rough.grid[0];
+        let alone = |this: &NearZero| {
+            let neighbours = near.iter().filter(|other| (other.at - this.at).abs() < FOLD_STEPS * step);
+            neighbours.count() == 1
+        };
+        let exact = |near: &NearZero| {
+            let single = alone(near).then(|| self.corrected(rough, near, first)).flatten();
+            single.map_or_else(|| self.around(rough, near, first, tolerance), |single| vec![single])
+        };
+        near.iter().flat_map(exact).filter(|near| near.value.abs() <= tolerance).collect()
+    }
+
+    pub(super) fn misfit(&self, site: &Site, s0: f64, first: TimedContact) -> Option<f64> {
+        self.angles(site, s0, &[first.t]).first().map(|u| u - first.u)
+    }
+
+    /// The place moved along the rough slope to where it fits; none where that does not lead there.
+    fn corrected(&self, rough: &Rough, near: &NearZero, first: TimedContact) -> Option<NearZero> {
+        let exact = |s0: f64| self.misfit(&rough.site, s0, first);
+        if near.anywhere {
+            return Some(NearZero { value: exact(near.at)?, ..*near });
+        }
+        let look = SLOPE_SHARE * rough.site.length();
+        let slope = ((rough.misfit)(near.at + look)? - (rough.misfit)(near.at - look)?) / (2.0 * look);
+        let close = |s0: f64| Some(self.swift(&rough.site, s0, first.t, CLOSE_STEPS)? - first.u);
+        // Friction is too stiff for swift steps.
+        let at = if self.grip > 0.0 { near.at } else { newton(near.at, slope, &close)?.at };
+        newton(at, slope, &exact).filter(|found| found.value.abs() <= EXACT)
+    }
+
+    /// All that the full simulation finds around a place.
+    fn around(&self, rough: &Rough, near: &NearZero, first: TimedContact, tolerance: f64) -> Vec<NearZero> {
+        let step = rough.grid[1] - rough.grid[0];
+        let [low, high] = [rough.grid[0], rough.grid[rough.grid.len() - 1]];
+        let mut grid: Vec<_> =
+            (-4..=4).map(|index| (near.at + 0.375 * f64::from(index) * step).clamp(low, high)).collect();
+        grid.dedup();
+        near_zeros(&|s0| self.misfit(&rough.site, s0, first), &grid, tolerance)
+    }
+}
+
+/// Newton's method with a slope that is kept; ends where it no longer gets nearer.
+fn newton(start: f64, slope: f64, misfit: &dyn Fn(f64) -> Option<f64>) -> Option<NearZero> {
+    let (mut at, mut value) = (start, misfit(start)?);
+    for _ in 0..CORRECTIONS {
+        if value.abs() <= EXACT {
+            break;
+        }
+        let next = at - value / slope;
+        let Some(better) = misfit(next).filter(|better| better.abs() < value.abs()) else { break };
+        (at, value) = (next, better);
+    }
+    Some(NearZero { at, value, anywhere: false })
+}

@@ -1,0 +1,216 @@
+//! A part is pushed, and the real binary names its pose: live over a pseudo-terminal, and from files.
+
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use nalgebra::Isometry2;
+use palpate::finger_motion::FingerMotion;
+use palpate::part_file::PartFile;
+use palpate::push_plan::GRAVITY;
+use palpate::pushed_world::{Played, PushedWorld};
+use palpate::pushing::EndReason;
+use palpate::tables::random::Draw;
+use palpate_tests::rig::palpate_binary;
+use serde_json::Value;
+
+/// Seed of the simulated finger, whose calibration is that of another one with the same seed.
+const SEED: &str = "7";
+
+/// Largest error of the pose, m and rad: many times what is stated for half a kilogram (some 0.05 mm and 0.1°).
+const POSE_ERROR: (f64, f64) = (5e-4, 0.01);
+
+fn example(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples").join(name)
+}
+
+fn palpate(arguments: &[&str]) -> Command {
+    let mut command = Command::new(palpate_binary());
+    command.args(arguments).env_remove("PALPATE_DEVICE").env_remove("PALPATE_CALIBRATION");
+    command
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// The example part, pushed at its edge 3 as the example motion says; half a kilogram.
+fn pushed() -> Played {
+    let file = PartFile::parse(&std::fs::read_to_string(example("part.toml")).unwrap()).unwrap();
+    let motion = FingerMotion::parse(&std::fs::read_to_string(example("motion.toml")).unwrap()).unwrap();
+    let (part, grip) = (&file.part, file.mu * GRAVITY);
+    let world =
+        PushedWorld { part, grip, mass: 0.5, mu_c: 0.25, radius: 0.015, motion: &motion, edge: 3, u: 0.3, s: -0.004 };
+    let played = world.play().unwrap();
+    assert_eq!(played.end, EndReason::Time);
+    played
+}
+
+/// A table of forces: `rest` seconds without, then the push; noise of `sd` N on every value.
+fn forces(played: &Played, rest: f64, sd: f64) -> String {
+    let mut draw = Draw::case(1, 0);
+    let mut table = "t [s], Fx [N], Fy [N]\n".to_owned();
+    let mut line = |t: f64, x: f64, y: f64| {
+        let (x, y) = (x + sd * draw.normal(), y + sd * draw.normal());
+        writeln!(table, "{t:.6}, {x:.6}, {y:.6}").unwrap();
+    };
+    let step = 250e-6;
+    let at_rest =
+        std::iter::successors(Some(0.0), |k| Some(k + 1.0)).map(|k| k * step).take_while(|t| *t < rest - 1e-9);
+    at_rest.for_each(|t| line(t, 0.0, 0.0));
+    let mut last = -1.0;
+    for (sample, force) in played.samples.iter().zip(&played.forces_finger) {
+        // Where the finger's acceleration changes there are two.
+        if sample.t > last + 0.5 * step {
+            line(rest + sample.t, force.x, force.y);
+            last = sample.t;
+        }
+    }
+    table
+}
+
+/// Checks the only pose that an answer lists.
+fn check(answer: &Value, played: &Played) {
+    assert_eq!(answer["status"], "unique", "{answer}");
+    let pose: Vec<f64> =
+        answer["hypotheses"][0]["pose_end"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    let truth = played.pose(answer["t"].as_f64().unwrap()).unwrap();
+    let found = Isometry2::new([pose[0], pose[1]].into(), pose[2]);
+    let distance = (found.translation.vector - truth.translation.vector).norm();
+    let angle = found.rotation.angle_to(&truth.rotation).abs();
+    assert!(distance < POSE_ERROR.0 && angle < POSE_ERROR.1, "off by {distance:e} m, {angle:e} rad: {answer}");
+}
+
+fn last_answer(output: &Output) -> Value {
+    let said = text(&output.stdout);
+    assert!(output.status.success(), "{said}{}", text(&output.stderr));
+    serde_json::from_str(said.lines().last().unwrap()).unwrap()
+}
+
+/// `palpate observe` on the example part.
+fn observe(arguments: &[&str]) -> Command {
+    let mut command = palpate(&["observe", "--part"]);
+    command
+        .arg(example("part.toml"))
+        .args(arguments)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    command
+}
+
+#[cfg(unix)]
+#[test]
+fn a_push_felt_live_over_a_terminal_names_the_pose() {
+    use std::io::{BufRead as _, BufReader};
+
+    let (folder, played) = (tempfile::tempdir().unwrap(), pushed());
+    let calibrate = palpate(&["calibrate", "-d", &format!("sim:{SEED}"), "--load", "2 N", "--contacts", "6", "--out"])
+        .arg(folder.path())
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
+    let report = text(&calibrate.stdout);
+    let calibration =
+        report.lines().find_map(|line| line.strip_prefix("written")).unwrap_or_else(|| panic!("{report}"));
+    let table = folder.path().join("forces.csv");
+    std::fs::write(&table, forces(&played, 0.0, 0.0)).unwrap();
+
+    let mut device =
+        palpate(&["simulate-device", "--seed", SEED]).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+    let (mut orders, mut answers) =
+        (device.stdin.take().unwrap(), BufReader::new(device.stdout.take().unwrap()).lines());
+    let path = answers.next().unwrap().unwrap();
+    let mut command = observe(&["--json", "-d", &path, "-c", calibration.trim(), "--motion"]);
+    let mut observer = command.arg(example("motion.toml")).spawn().unwrap();
+    let mut told = BufReader::new(observer.stderr.take().unwrap()).lines().map_while(Result::ok);
+    let ready = told.find(|line| line.contains("ready"));
+    assert!(ready.is_some(), "it never got ready");
+    writeln!(orders, "play {}", table.display()).unwrap();
+    let output = observer.wait_with_output().unwrap();
+    let _ = writeln!(orders, "quit");
+    let _ = device.wait();
+    check(&last_answer(&output), &played);
+    // Estimates came as the push went on, not only at its end.
+    assert!(text(&output.stdout).lines().count() > 3, "{}", text(&output.stdout));
+}
+
+#[test]
+fn forces_from_a_file_and_a_motion_from_standard_input_name_the_pose() {
+    let (folder, played) = (tempfile::tempdir().unwrap(), pushed());
+    let table = folder.path().join("forces.csv");
+    std::fs::write(&table, forces(&played, 1.5, 0.01)).unwrap();
+    let mut child = observe(&["--json", "--motion", "-"]).arg(&table).stdin(Stdio::piped()).spawn().unwrap();
+    let mut motion = child.stdin.take().unwrap();
+    writeln!(motion, "{{\"seconds\": 0.3, \"acceleration\": [0.15, 0]}}").unwrap();
+    writeln!(motion, "{{\"seconds\": 0.5, \"acceleration\": [0, 0.15]}}").unwrap();
+    drop(motion);
+    check(&last_answer(&child.wait_with_output().unwrap()), &played);
+}
+
+#[test]
+fn another_part_explains_nothing_and_that_is_said() {
+    let (folder, played) = (tempfile::tempdir().unwrap(), pushed());
+    let (table, part) = (folder.path().join("forces.csv"), folder.path().join("part.toml"));
+    std::fs::write(&table, forces(&played, 1.5, 0.003)).unwrap();
+    std::fs::write(&part, "unit = 'mm'\nvertices = [[0, 0], [30, 0], [30, 22], [0, 20]]\nmu = 0.25").unwrap();
+    let mut command = palpate(&["observe", "--part"]);
+    let output = command.arg(&part).arg(&table).arg("--motion").arg(example("motion.toml")).output().unwrap();
+    let said = text(&output.stdout);
+    assert!(said.contains("No pose of this part explains what was felt"), "{said}{}", text(&output.stderr));
+}
+
+#[test]
+fn what_cannot_be_used_is_named_with_the_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, content: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, content).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let motion = example("motion.toml").to_str().unwrap().to_owned();
+    let quiet =
+        file("quiet.csv", &forces(&Played { samples: vec![], forces_finger: vec![], end: EndReason::Time }, 3.0, 0.01));
+    let late = file("late.csv", &forces(&pushed(), 0.3, 0.01));
+    let standing = file("standing.toml", "unit = 'mm'\n[[segment]]\nseconds = 1\nacceleration = [0, 0]");
+    let cases = [
+        (vec![quiet.as_str(), "--motion", &motion], "no push was felt"),
+        (vec![&late, "--motion", &motion], "not at rest while the tare was taken"),
+        (vec![&quiet, "--motion", &standing], "segment 0 has no acceleration"),
+        (vec![&quiet, "--motion", "nowhere.toml"], "nowhere.toml"),
+    ];
+    for (arguments, wanted) in cases {
+        let output = observe(&arguments).output().unwrap();
+        let said = text(&output.stderr);
+        // The message may be broken over lines.
+        let said = said.replace("\n  │ ", " ").split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(!output.status.success() && said.contains(wanted), "wanted `{wanted}` in: {said}");
+    }
+}
+
+#[test]
+fn the_demo_reveals_the_truth_and_how_far_it_was_off() {
+    let output = palpate(&["demo", "--seed", "3", "--part"]).arg(example("part.toml")).output().unwrap();
+    let said = text(&output.stdout);
+    assert!(output.status.success(), "{said}{}", text(&output.stderr));
+    let off = said
+        .lines()
+        .find_map(|line| line.strip_prefix("The likeliest pose is off by "))
+        .unwrap_or_else(|| panic!("{said}"));
+    let millimetres: f64 = off.split(' ').next().unwrap().parse().unwrap();
+    assert!(millimetres < POSE_ERROR.0 * 1e3, "{said}");
+    assert!(said.contains("One pose explains what was felt") && said.contains("Nothing here was measured"), "{said}");
+}
+
+#[test]
+fn the_demo_says_what_cannot_be_told_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    let square = folder.path().join("square.toml");
+    std::fs::write(&square, "unit = 'mm'\nvertices = [[0, 0], [80, 0], [80, 80], [0, 80]]\nmu = 0.3").unwrap();
+    let output = palpate(&["demo", "--seed", "2", "--part"]).arg(&square).output().unwrap();
+    let said = text(&output.stdout);
+    assert!(said.contains("looks the same in 4 orientations"), "{said}{}", text(&output.stderr));
+}
