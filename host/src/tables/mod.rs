@@ -42,6 +42,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     pose::CONTACTS,
     pose::FRICTION,
     pose::FORCES,
+    pose::EXPERIMENT,
     chain::EXPERIMENT,
     plan::EXPERIMENT,
     parts::EXPERIMENT,
