@@ -148,7 +148,7 @@ proptest! {
             let (end, tangent) = (0..20).fold(start, |(state, tangent), _| {
                 model.step_with(columns, (&state, &tangent), &[felt; 3], 1e-3)
             });
-            prop_assert!((end.u - go(&body, state, felt).u).norm() < 1e-12);
+            prop_assert!((end.u - go(body, state, felt).u).norm() < 1e-12);
             let step = 1e-5;
             for column in 0..12 {
                 if spin == Spin::None && column == 5 { continue; } // A change of spin leaves the model.
