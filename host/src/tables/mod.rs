@@ -42,7 +42,6 @@ pub const EXPERIMENTS: &[Experiment] = &[
     pose::CONTACTS,
     pose::FRICTION,
     pose::FORCES,
-    pose::EXPERIMENT,
     chain::EXPERIMENT,
     plan::EXPERIMENT,
     parts::EXPERIMENT,
