@@ -2,6 +2,8 @@
 //!
 //! The reference cases are beside the project; without them the tests say so and check the documentation alone.
 
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 

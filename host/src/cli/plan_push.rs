@@ -23,7 +23,7 @@ Takes the files of `palpate observe`: of a push so far that left several poses p
 every pose that is left, and what the finger then would feel is compared pair by pair:
 
   risk     bound of the probability of naming the wrong pose afterwards
-  nearest  the two poses that come apart least, by the numbers of their lines
+  nearest  the two poses that come apart least; the likeliest is 1
   D²       how far: squared, in standard deviations of the noise and of what is uncertain of both; below 36 they may be confused
   contact  how long every pose keeps the contact, s
 
