@@ -327,9 +327,9 @@ impl ObserveRoll {
             matrix.row_iter().map(|row| row.iter().copied().collect()).collect::<Vec<Vec<f64>>>()
         };
         RollHypothesis {
-            orientation0: wxyz(&hypothesis.start.orientation),
+            orientation0: upright(&hypothesis.start.orientation),
             omega0: hypothesis.start.omega.into(),
-            orientation_end: wxyz(&hypothesis.end.orientation),
+            orientation_end: upright(&hypothesis.end.orientation),
             omega_end: hypothesis.end.omega.into(),
             cost: hypothesis.cost,
             covariance: hypothesis.covariance.as_ref().map(rows),
@@ -340,6 +340,12 @@ impl ObserveRoll {
             palm_acceleration: hypothesis.palm_acceleration.map(Into::into),
         }
     }
+}
+
+/// `[w, x, y, z]` with w ≥ 0: of the two quaternions of one attitude always the same.
+fn upright(q: &nalgebra::Quaternion<f64>) -> [f64; 4] {
+    let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
+    wxyz(q).map(|component| component * sign)
 }
 
 fn several(bodies: &[Body]) -> Result<BodyKnowledge, InvalidInput> {
