@@ -9,7 +9,7 @@ use std::process::{Command, Output, Stdio};
 
 use nalgebra::Isometry2;
 use palpate::finger_motion::FingerMotion;
-use palpate::part_file::PartFile;
+use palpate::part_file::PolygonFile;
 use palpate::push_plan::GRAVITY;
 use palpate::pushed_world::{Played, PushedWorld};
 use palpate::pushing::EndReason;
@@ -39,7 +39,7 @@ fn text(bytes: &[u8]) -> String {
 
 /// The example part, pushed at its edge 3 as the example motion says; half a kilogram.
 fn pushed() -> Played {
-    let file = PartFile::parse(&std::fs::read_to_string(example("part.toml")).unwrap()).unwrap();
+    let file = PolygonFile::parse(&std::fs::read_to_string(example("part.toml")).unwrap()).unwrap();
     let motion = FingerMotion::parse(&std::fs::read_to_string(example("motion.toml")).unwrap()).unwrap();
     let (part, grip) = (&file.part, file.mu * GRAVITY);
     let world =
