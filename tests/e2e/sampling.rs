@@ -1,6 +1,6 @@
 //! Telling polygons apart, from problem to points: what is answered is checked with exact integers and fractions of its own.
 
-#![expect(clippy::unwrap_used, reason = "a test stops at what it cannot read")]
+#![allow(clippy::unwrap_used, reason = "a test stops at what it cannot read")]
 
 use std::collections::BTreeSet;
 use std::process::Command;

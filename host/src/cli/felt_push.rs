@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use miette::WrapErr as _;
 use palpate::finger_motion::FingerMotion;
 use palpate::observing::from_rest::{FeltForce, Known, WINDOWS_MIN};
-use palpate::part_file::PartFile;
+use palpate::part_file::PolygonFile;
 use palpate::push_plan::GRAVITY;
 use palpate::push_sense::{PushSense, RestNoise};
 use palpate::recording::csv;
@@ -68,7 +68,7 @@ impl FeltPushArguments {
 
 impl FeltPush {
     /// What is known of the push if this part was pushed.
-    pub(super) fn known<'p>(&'p self, file: &'p PartFile) -> Known<'p> {
+    pub(super) fn known<'p>(&'p self, file: &'p PolygonFile) -> Known<'p> {
         Known { part: &file.part, grip: file.mu * GRAVITY, radius: self.radius, motion: &self.motion }
     }
 }

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use palpate::observing::from_rest::{self, Estimate};
 use palpate::observing::planning::{self, Felt, MOTION_NAMES, Present, Prospect, Sampling};
-use palpate::part_file::PartFile;
+use palpate::part_file::PolygonFile;
 use serde_json::{Value, json};
 
 use super::demo::read;
@@ -64,7 +64,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
-    let file = read(&arguments.part, PartFile::parse)?;
+    let file = read(&arguments.part, PolygonFile::parse)?;
     let push = arguments.push.read()?;
     let known = push.known(&file);
     let estimate = from_rest::estimate(&known, &push.force);
@@ -130,7 +130,7 @@ impl Plan<'_> {
     }
 
     fn name(&self, prospect: &Prospect) -> &'static str {
-        let found = self.motions.iter().find(|(_, acceleration)| *acceleration == prospect.acceleration);
+        let found = self.motions.iter().find(|(_, acceleration)| acceleration.map(f64::to_bits) == prospect.acceleration.map(f64::to_bits));
         found.map_or("", |(name, _)| name)
     }
 
@@ -162,7 +162,7 @@ impl Plan<'_> {
         if hopeless.len() == all {
             return "The poses cannot be told apart by any of these motions.".to_owned();
         }
-        let mut words = match (prospects.first(), prospects.iter().find(|p| p.acceleration == [0.0; 2])) {
+        let mut words = match (prospects.first(), prospects.iter().find(|p| is_none(p.acceleration))) {
             (Some(best), Some(straight)) if best.risk >= (1.0 - WORTHWHILE) * straight.risk => {
                 "Go straight on: no other of these motions does much better.".to_owned()
             }
@@ -200,6 +200,11 @@ impl Plan<'_> {
 }
 
 /// As people count: from 1.
+/// Whether this is no acceleration at all.
+fn is_none([x, y]: [f64; 2]) -> bool {
+    x == 0.0 && y == 0.0
+}
+
 fn pose_numbers([first, second]: [usize; 2]) -> String {
     format!("{} and {}", first + 1, second + 1)
 }

@@ -151,7 +151,7 @@ impl Arguments {
         let spin = if self.spin == SpinChoice::Free { "free to spin" } else { "no spin" };
         let [x, y, z] = self.palm_m_s2;
         let palm =
-            if [x, y, z] == [0.0; 3] { "at rest".to_owned() } else { format!("accelerating by {x}, {y}, {z} m/s²") };
+            if x == 0.0 && y == 0.0 && z == 0.0 { "at rest".to_owned() } else { format!("accelerating by {x}, {y}, {z} m/s²") };
         let subtitles = [format!("{spin}; palm {palm}"), end_in_words(run)];
         let title = format!("Rolling {name}");
         RollPicture { body: &file.body, run, g: GRAVITY, title: &title, subtitles: &subtitles }.figure()

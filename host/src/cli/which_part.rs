@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use palpate::observing::PartEstimate;
 use palpate::observing::from_rest::{self, Estimate};
-use palpate::part_file::PartFile;
+use palpate::part_file::PolygonFile;
 use serde_json::json;
 
 use super::demo::read;
@@ -31,7 +31,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
-    let files = arguments.parts.iter().map(|path| read(path, PartFile::parse)).collect::<Result<Vec<_>, _>>()?;
+    let files = arguments.parts.iter().map(|path| read(path, PolygonFile::parse)).collect::<Result<Vec<_>, _>>()?;
     let push = arguments.push.read()?;
     let known: Vec<_> = files.iter().map(|file| push.known(file)).collect();
     let ranked = from_rest::which_part(&known, &push.force);
