@@ -130,7 +130,10 @@ impl Plan<'_> {
     }
 
     fn name(&self, prospect: &Prospect) -> &'static str {
-        let found = self.motions.iter().find(|(_, acceleration)| acceleration.map(f64::to_bits) == prospect.acceleration.map(f64::to_bits));
+        let found = self
+            .motions
+            .iter()
+            .find(|(_, acceleration)| acceleration.map(f64::to_bits) == prospect.acceleration.map(f64::to_bits));
         found.map_or("", |(name, _)| name)
     }
 

@@ -150,8 +150,11 @@ impl Arguments {
         let name = self.body.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let spin = if self.spin == SpinChoice::Free { "free to spin" } else { "no spin" };
         let [x, y, z] = self.palm_m_s2;
-        let palm =
-            if x == 0.0 && y == 0.0 && z == 0.0 { "at rest".to_owned() } else { format!("accelerating by {x}, {y}, {z} m/s²") };
+        let palm = if x == 0.0 && y == 0.0 && z == 0.0 {
+            "at rest".to_owned()
+        } else {
+            format!("accelerating by {x}, {y}, {z} m/s²")
+        };
         let subtitles = [format!("{spin}; palm {palm}"), end_in_words(run)];
         let title = format!("Rolling {name}");
         RollPicture { body: &file.body, run, g: GRAVITY, title: &title, subtitles: &subtitles }.figure()
