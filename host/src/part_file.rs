@@ -398,7 +398,7 @@ mod tests {
             (BLOCK.replace("'mm'", "'furlong'"), "furlong"),
             (BLOCK.replace("unit = 'mm'\n", ""), "missing field `unit`"),
             (BLOCK.replace("[60, 40], [0, 40]", "[0, 40], [60, 40]"), "vertices: edge"),
-            (BLOCK.replace("[60, 40], [0, 40]", "[0, 0], [0, 40]"), "(0.0, 0.0)"),
+            (BLOCK.replace("[60, 40]", "[60, 4e13]"), "the coordinate 40000000000000.0"),
             (BLOCK.replace("[60, 40]", "[60]"), "expected"),
             (format!("{BLOCK}ellipse = {{a = 40, b = 30}}"), "two outlines"),
             ("unit = 'mm'\nmu = 0.3".to_owned(), "no outline"),
