@@ -99,8 +99,13 @@ mod tests {
     use crate::solve::kinds::point_sampling::PointSampling;
 
     fn plan(separation: usize) -> PlanFile {
-        let bar = |x: f64| format!("[[{x}, 0], [{}, 0], [{}, 1], [{x}, 1]]", x + 4.0, x + 4.0);
-        let polygons: Vec<String> = [0.0, 1.0, 2.5, 6.0].map(bar).into();
+        // Two bars across two others: three pieces of each are in no other.
+        let bar = |[x, y]: [f64; 2], [w, h]: [f64; 2]| {
+            format!("[[{x}, {y}], [{}, {y}], [{}, {}], [{x}, {}]]", x + w, x + w, y + h, y + h)
+        };
+        let (flat, upright) = ([6.0, 1.0], [1.0, 6.0]);
+        let polygons =
+            [bar([0.0, 1.0], flat), bar([0.0, 3.0], flat), bar([1.0, 0.0], upright), bar([3.0, 0.0], upright)];
         let line = format!("{{\"polygons\": [{}], \"separation\": {separation}}}", polygons.join(", "));
         let answer = serde_json::from_str::<PointSampling>(&line).unwrap().solve().unwrap();
         PlanFile { names: ["a", "b", "c", "d"].map(str::to_owned).into(), answer }

@@ -28,10 +28,22 @@ pub fn chi_square_quantile(p: f64, degrees_of_freedom: usize) -> f64 {
     let freedom = degrees_of_freedom as f64;
     match ChiSquared::new(freedom) {
         Ok(_) if p >= 1.0 => f64::INFINITY,
-        Ok(distribution) => distribution.inverse_cdf(p.max(0.0)),
+        Ok(distribution) => {
+            // Chebyshev's inequality: the quantile is within √(2k/(1 − p)) of the mean. The crate's own search gives up early
+            // for many degrees of freedom (0.18: 5e-4 off at 100,000).
+            let (mut low, mut high) = (0.0, freedom + (2.0 * freedom / (1.0 - p)).sqrt());
+            for _ in 0..HALVINGS {
+                let middle = 0.5 * (low + high);
+                if distribution.cdf(middle) < p { low = middle } else { high = middle }
+            }
+            0.5 * (low + high)
+        }
         Err(_) => 0.0,
     }
 }
+
+/// Halvings of a bracket: to rounding.
+const HALVINGS: usize = 60;
 
 #[cfg(test)]
 mod tests {

@@ -352,7 +352,8 @@ mod tests {
             for pose in corner.poses(&part) {
                 let placed = corner.placed(&part, &pose).unwrap();
                 for (fence, edges) in corner.outward().into_iter().zip([[Flush::A, Flush::Both], [Flush::B, Flush::Both]]) {
-                    let beyond = |p: &&Point2<f64>| fence.dot(&p.coords) > -1e-8 * 0.1;
+                    // Placing rounds points on fence B by some nanometres.
+                    let beyond = |p: &&Point2<f64>| fence.dot(&p.coords) > -1e-8;
                     let touching = placed.vertices().iter().filter(beyond).count();
                     let least = if edges.contains(&pose.flush) { 2 } else { 1 };
                     prop_assert!(touching >= least);

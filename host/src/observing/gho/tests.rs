@@ -90,10 +90,12 @@ proptest! {
         let truth: Vec<_> = observer.model.rollout(&contact, &start, SHORT).take(20).collect();
         let angles: Vec<_> = std::iter::once(start.u).chain(truth.iter().map(|state| state.u)).collect();
         let trace = observer.trace(start, &angles, SHORT);
+        let pull = observer.pull(0.0, &vector(&start))[1].abs();
         for (estimate, truth) in trace[1..].iter().zip(&truth) {
-            // What contacts interpolated between steps of 1 ms leave.
+            // What contacts interpolated between steps of 1 ms leave, and where it pulls the place in 20 ms: far, where a
+            // sliding contact hardly shows it.
             let (u, s) = ((estimate.u - truth.u).abs(), (estimate.s - truth.s).abs());
-            prop_assert!(u < 1e-5 && s < 1e-4, "{estimate:?} {truth:?}");
+            prop_assert!(u < 1e-5 && s < 1e-4 + pull * 1e-5 * 0.02, "{estimate:?} {truth:?} {pull}");
         }
     }
 }
