@@ -12,7 +12,8 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 ///
 /// let [x, y] = [Jet::variable(3.0, 0), Jet::<2>::variable(4.0, 1)];
 /// let distance = (x * x + y * y).sqrt();
-/// assert_eq!((distance.value, distance.slopes), (5.0, [0.6, 0.8]));
+/// assert!((distance.value - 5.0).abs() < 1e-15);
+/// assert!((distance.slopes[0] - 0.6).abs() < 1e-15 && (distance.slopes[1] - 0.8).abs() < 1e-15);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Jet<const N: usize> {

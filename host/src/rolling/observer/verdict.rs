@@ -87,7 +87,7 @@ pub struct Estimate {
     pub degrees_of_freedom: usize,
     /// Cost up to which the readings count as explained.
     pub cost_max: f64,
-    /// Whether the answer may be relied on to [`PROMISE_RAD`].
+    /// Whether the answer may be relied on to 2°.
     pub certified: bool,
 }
 

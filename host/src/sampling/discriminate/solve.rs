@@ -47,7 +47,7 @@ pub struct Choice {
 pub struct Proof {
     /// Sets need as many elements as it takes binary digits to number them.
     pub digits: usize,
-    /// What one linear program proves, with the rows of [`cuts`](super): the dual solution is the certificate.
+    /// What one linear program proves, with the rows of `cuts`: the dual solution is the certificate.
     pub program: usize,
     /// Further linear programs solved by branching.
     pub branches: u64,
