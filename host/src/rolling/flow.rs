@@ -196,7 +196,7 @@ impl Model<'_> {
         let bent = hessian * contact;
         let y = omega.cross(contact) + moving;
         let force = felt - turn.cross(contact) - omega.cross(&y);
-        let swept = hessian * contact.cross(omega) + slope * contact;
+        let swept = hessian * contact.cross(omega) + slope.tr_mul(contact);
         let by_normal =
             cross_columns(&(force - omega * roll), hessian) + turn * bent.transpose() + omega * swept.transpose()
                 - hessian * contact.dot(turn)
@@ -217,7 +217,7 @@ impl Model<'_> {
             - self.gyroscopic(omega);
         let rows = [instant.rows.0[0], instant.rows.0[1]];
         let bends = rows.map(|row| hessian * row);
-        let drift = |i: usize| (slope * rows[i]).cross(normal) + bends[i] * spin + moving.cross(&rows[i]);
+        let drift = |i: usize| slope.tr_mul(&rows[i]).cross(normal) + bends[i] * spin + moving.cross(&rows[i]);
         Linear {
             omega: *omega,
             torque_by_theta: by_theta,
