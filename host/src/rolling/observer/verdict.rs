@@ -37,6 +37,9 @@ const WIDER_SIGMAS: f64 = 1.3;
 /// Half a pitch, with room for a fit that is not the best possible in this respect.
 const HALF_PITCH: f64 = 0.505;
 
+/// Residual of exact readings that whoever computed them may have left, m: errors of a nanometre grow with the motion.
+const EXACT_RESIDUAL_MAX: f64 = 1e-8;
+
 /// Standard deviation of attitude, rad, above which a minimum may have neighbours that a narrow search misses.
 const WEAK_RAD: f64 = 0.02;
 
@@ -154,7 +157,11 @@ impl Gate {
     /// Whether rounding alone explains what is left over. Rounding errors of a slow contact are not independent, so that
     /// chi-square says little, but they never exceed half the pitch.
     fn rounds(self, solution: &Solution) -> bool {
-        matches!(self.noise, Noise::Grid(pitch) if solution.residual_max <= HALF_PITCH * pitch)
+        match self.noise {
+            Noise::Grid(pitch) => solution.residual_max <= HALF_PITCH * pitch,
+            Noise::Exact => solution.residual_max <= EXACT_RESIDUAL_MAX,
+            Noise::Gauss(_) => false,
+        }
     }
 
     /// Whether a wider search is worth its time.
