@@ -14,6 +14,9 @@ const PAGE: [f64; 2] = [900.0, 720.0];
 /// Rays are drawn past the part's middle by this share of their length up to there, and at least by the part's size.
 const RAY_BEYOND: f64 = 0.15;
 
+/// Of points on the outline.
+const PROBED: Colour = Colour::DARK_GREY;
+
 /// A pose with the part that has it.
 #[derive(Clone, Copy, Debug)]
 pub struct Shown<'a> {
@@ -63,8 +66,13 @@ impl InscribePicture<'_> {
             // On the side of the part, so that the text stays inside the frame.
             scene.label(next.site, self.middle() - next.site, "look from here next", Colour::ORANGE);
         }
-        scene.key(Key::Dot(Colour::BLACK), "sensor");
-        scene.key(Key::Line(ray_stroke()), "side of what it sees");
+        if !self.views.cones.is_empty() {
+            scene.key(Key::Dot(Colour::BLACK), "sensor");
+            scene.key(Key::Line(ray_stroke()), "side of what it sees");
+        }
+        if !self.views.points.is_empty() {
+            scene.key(Key::Dot(PROBED), "probed contact");
+        }
         if !self.poses.is_empty() {
             scene
                 .key(Key::Area(style(0)), if self.poses.len() > 1 { "part, numbered as in the table" } else { "part" });
@@ -109,6 +117,9 @@ impl InscribePicture<'_> {
             let foot = middle - fence.normal * fence.beyond(middle);
             let reach = along * (1.2 * size.max(1e-3));
             scene.polyline(&[foot - reach, foot + reach], Stroke::solid(Colour::DARK_GREY, 2.0));
+        }
+        for point in &self.views.points {
+            scene.dot(*point, PROBED);
         }
     }
 }

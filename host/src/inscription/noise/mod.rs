@@ -21,10 +21,10 @@ mod valley;
 
 use nalgebra::{Matrix3, Point2};
 
-use super::chi_square::chi_square_quantile;
 use super::exact::{Continuum, Pose, determined};
 use super::readings::{Bearing, HalfPlane};
 use crate::geometry::ConvexPolygon;
+use crate::statistics::chi_square_quantile;
 pub use objective::FENCE_SD_RELATIVE;
 pub(super) use objective::{Objective, Placed};
 
