@@ -194,7 +194,7 @@ fn scarcest_pair(classes: &[u64], splits: &[Split]) -> Option<u64> {
 
 /// For each set the splits that have it on their side, 64 of them in a word.
 fn transposed(splits: &[Split]) -> Vec<Vec<u64>> {
-    let mut rows = vec![Vec::with_capacity(splits.len().div_ceil(64)); SETS_MAX];
+    let mut rows = vec![Vec::new(); SETS_MAX];
     for chunk in splits.chunks(64) {
         let mut words = [0; 64];
         words.iter_mut().zip(chunk).for_each(|(word, split)| *word = split.side);
