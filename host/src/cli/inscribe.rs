@@ -188,7 +188,7 @@ impl Arguments {
             .flat_map(|found| shown(found).into_iter().map(|pose| Shown { part: &found.part, pose }))
             .collect();
         let names: Vec<_> = found.iter().map(|found| found.part.name.as_str()).collect();
-        let title = format!("{} in {}", names.join(", "), in_words(views));
+        let title = format!("{} from {}", names.join(", "), in_words(views));
         let subtitles: Vec<_> = found.iter().map(in_a_line).collect();
         InscribePicture { views, poses: &all, next, title: &title, subtitles: &subtitles }.figure()
     }

@@ -15,7 +15,7 @@ const PAGE: [f64; 2] = [900.0, 720.0];
 const RAY_BEYOND: f64 = 0.15;
 
 /// Of points on the outline.
-const PROBED: Colour = Colour::DARK_GREY;
+const PROBED: Colour = Colour::BLACK;
 
 /// A pose with the part that has it.
 #[derive(Clone, Copy, Debug)]
@@ -61,6 +61,10 @@ impl InscribePicture<'_> {
             scene.dot(centre, colour);
             scene.label(centre, Vector2::new(0.0, 1.0), (k + 1).to_string(), colour);
         }
+        // Above the parts, whose outlines pass through them.
+        for point in &self.views.points {
+            scene.dot(*point, PROBED);
+        }
         if let Some(next) = self.next {
             scene.dot(next.site, Colour::ORANGE);
             // On the side of the part, so that the text stays inside the frame.
@@ -69,6 +73,9 @@ impl InscribePicture<'_> {
         if !self.views.cones.is_empty() {
             scene.key(Key::Dot(Colour::BLACK), "sensor");
             scene.key(Key::Line(ray_stroke()), "side of what it sees");
+        }
+        if !self.views.readings.fences.is_empty() {
+            scene.key(Key::Line(fence_stroke()), "fence");
         }
         if !self.views.points.is_empty() {
             scene.key(Key::Dot(PROBED), "probed contact");
@@ -116,16 +123,17 @@ impl InscribePicture<'_> {
             let along = Vector2::new(-fence.normal.y, fence.normal.x);
             let foot = middle - fence.normal * fence.beyond(middle);
             let reach = along * (1.2 * size.max(1e-3));
-            scene.polyline(&[foot - reach, foot + reach], Stroke::solid(Colour::DARK_GREY, 2.0));
-        }
-        for point in &self.views.points {
-            scene.dot(*point, PROBED);
+            scene.polyline(&[foot - reach, foot + reach], fence_stroke());
         }
     }
 }
 
 fn ray_stroke() -> Stroke {
     Stroke::solid(Colour::DARK_GREY, 0.8).with(Dash::Dashed)
+}
+
+fn fence_stroke() -> Stroke {
+    Stroke::solid(Colour::DARK_GREY, 2.0)
 }
 
 fn colour(pose: usize) -> Colour {
