@@ -53,7 +53,7 @@ const STEP_ERROR: f64 = 1e-3;
 pub(super) const REST_ERROR: f64 = 0.05;
 
 /// Steps are halved at most so often, as long as costs change by more than [`ROUGH`].
-const FINER_MAX: i32 = 3;
+const FINER_MAX: i32 = 6;
 /// See [`FINER_MAX`].
 const ROUGH: f64 = 0.3;
 
@@ -351,10 +351,10 @@ fn state_covariance(fitting: &Fitting, descent: &Descent) -> Option<Matrix4<f64>
     (!unknown && covariance.iter().all(|c| c.is_finite())).then_some(covariance)
 }
 
-/// That of the pose at the end from that of the contact's angle and place, to second order.
+/// Mean squares of the errors of the pose at the end, from the covariance of the contact's angle and place, to second order.
 ///
 /// The part touches the disk, so to first order the pose has two freedoms, and this would be a singular matrix. What the curved
-/// motions add, however little, makes it invertible.
+/// motions add, however little, makes it invertible: of a bend `a` the error xᵀ a x / 2, whose mean is not zero either.
 fn pose_covariance(fitting: &Fitting, descent: &Descent, contact: &Matrix2<f64>) -> Matrix3<f64> {
     let Descent { candidate, evaluation, .. } = descent;
     let time = fitting.data.duration();
@@ -368,7 +368,8 @@ fn pose_covariance(fitting: &Fitting, descent: &Descent, contact: &Matrix2<f64>)
     let mut covariance = slopes * contact * slopes.transpose();
     for (i, a) in bends.iter().enumerate() {
         for (j, b) in bends.iter().enumerate() {
-            covariance[(i, j)] += 0.5 * (a * contact * b * contact).trace();
+            let (a, b) = (a * contact, b * contact);
+            covariance[(i, j)] += 0.5 * (a * b).trace() + 0.25 * a.trace() * b.trace();
         }
     }
     covariance
