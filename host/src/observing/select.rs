@@ -17,7 +17,7 @@ use super::fit::{Candidate, Descent, Fitting};
 use super::launch::{Begin, UNKNOWNS};
 use super::observation::{Estimate, Fit, Hypothesis, Known, Observation, pose};
 use super::path::Site;
-use super::seed::{Width, seeds};
+use super::seed::{Width, seeds, settling};
 use super::sites::sites;
 use crate::statistics::chi_square_quantile;
 
@@ -87,32 +87,23 @@ const UNKNOWN_PLACE: f64 = 10.0;
 const CURVATURE_NONE: f64 = 1e-9;
 
 /// Every pose and motion that explains an observation.
+///
+/// Where nothing does, values that no smooth motion passes through are left out, as long as they are few; the estimate names them.
 #[must_use]
 pub fn estimate(known: &Known, observation: &Observation) -> Estimate {
-    let task = Task {
-        known,
-        observation,
-        data: Data::new(observation),
-        sites: sites(known.part, known.finger.radius),
-        begins: Begin::all(known),
-        simulations: Cell::new(0),
-    };
-    let mut minima = task.minima(Width::Narrow);
-    let fits = |minima: &[Descent]| {
-        let terms = task.data.terms();
-        minima.iter().any(|descent| descent.evaluation.cost <= chi_square_quantile(FIT_PROBABILITY, terms))
-    };
-    let mut searched = Width::Narrow;
-    if !fits(&minima) {
-        (minima, searched) = (task.minima(Width::Wide), Width::Wide);
-    }
-    let found = task.conclude(minima);
-    // A good fit to coarse data may be none to exact ones.
-    let found = match (found.hypotheses.is_empty(), searched) {
-        (true, Width::Narrow) => task.conclude(task.minima(Width::Wide)),
-        _ => found,
-    };
-    Estimate { simulations: task.simulations.get(), ..found }
+    let simulations = Cell::new(0);
+    let task = Task::new(known, observation, &simulations);
+    let outliers = || task.data.outliers().filter(|outliers| !outliers.is_empty());
+    let found = task
+        .explained(Width::Narrow)
+        .or_else(|| {
+            let outliers = outliers()?;
+            let task = Task { data: task.data.without(&outliers), ..task.clone() };
+            let found = task.explained(Width::Narrow).or_else(|| task.explained(Width::Wide))?;
+            Some(Estimate { outliers, ..found })
+        })
+        .unwrap_or_else(|| task.conclude(task.minima(Width::Wide)));
+    Estimate { simulations: simulations.get(), ..found }
 }
 
 /// Steps fine enough for a standard deviation (rad), or finer by a factor.
@@ -122,28 +113,54 @@ pub(super) fn fineness(sigma: f64, factor: f64) -> Fineness {
 }
 
 /// What all steps of an estimate need.
+#[derive(Clone)]
 struct Task<'a, 'p> {
     known: &'a Known<'p>,
     observation: &'a Observation,
     data: Data,
     sites: Vec<Site>,
     begins: Vec<Begin>,
-    simulations: Cell<usize>,
+    simulations: &'a Cell<usize>,
 }
 
-impl<'p> Task<'_, 'p> {
+impl<'a, 'p> Task<'a, 'p> {
+    fn new(known: &'a Known<'p>, observation: &'a Observation, simulations: &'a Cell<usize>) -> Self {
+        let sites = sites(known.part, known.finger.radius);
+        Self { known, observation, data: Data::new(observation), sites, begins: Begin::all(known), simulations }
+    }
+
+    /// An estimate that explains the data; none where a search of this width finds nothing that does.
+    fn explained(&self, width: Width) -> Option<Estimate> {
+        let minima = self.minima(width);
+        let cost_max = chi_square_quantile(FIT_PROBABILITY, self.data.terms());
+        // What does not fit coarse data does not fit exact ones; what does, may not.
+        let fits = minima.iter().any(|descent| descent.evaluation.cost <= cost_max);
+        fits.then(|| self.conclude(minima)).filter(|found| !found.hypotheses.is_empty())
+    }
+
     /// The minima of the cost at the standard deviation to begin with.
     fn minima(&self, width: Width) -> Vec<Descent> {
         let fitting = self.fitting(self.data.sigma_min().max(SIGMA_FIRST), 1.0);
-        let candidates = seeds(&fitting, &self.sites, &self.begins, width);
-        descend_together(&fitting, &candidates)
+        let Some(settled) = self.settled(&fitting).filter(|_| width == Width::Narrow) else {
+            let candidates = seeds(&fitting, &self.sites, &self.begins, width);
+            return descend_together(&fitting, &candidates);
+        };
+        let candidates = seeds(&settled, &self.sites, &self.begins, width);
+        again(&fitting, &descend_together(&settled, &candidates))
+    }
+
+    /// Without the values before the part has settled, where the angle is not felt: those tell the first rates, but lead astray
+    /// as long as the place is not known.
+    fn settled(&self, fitting: &Fitting<'a, 'p>) -> Option<Fitting<'_, 'p>> {
+        let time = settling(self.known, &self.data).filter(|_| self.data.angle.is_none())?;
+        Some(Fitting { data: fitting.data.without_first(time), ..self.fitting(fitting.data.sigma_min(), 1.0) })
     }
 
     /// With angles of at least a standard deviation and steps fine enough for it, or finer by a factor.
     fn fitting(&self, sigma: f64, factor: f64) -> Fitting<'_, 'p> {
         let data = self.data.with_sigma_floor(sigma);
         let prior = self.observation.prior;
-        Fitting::new((self.known, data, prior), fineness(sigma, factor), REST_ERROR * factor * sigma, &self.simulations)
+        Fitting::new((self.known, data, prior), fineness(sigma, factor), REST_ERROR * factor * sigma, self.simulations)
     }
 
     /// Follows minima to the data as they are, and judges them.
@@ -257,7 +274,7 @@ pub(super) fn judge_all(fitting: &Fitting, descents: &[Descent], begins: usize) 
     let degrees_of_freedom = possible.first().map_or(fitting.data.terms(), degrees);
     let fit = Fit { cost, degrees_of_freedom, cost_max: chi_square_quantile(FIT_PROBABILITY, degrees_of_freedom) };
     let Some(best) = cost.filter(|cost| *cost <= fit.cost_max.max(COST_OF_NO_DATA)) else {
-        return Estimate { hypotheses: Vec::new(), fit, simulations: 0 };
+        return Estimate { hypotheses: Vec::new(), fit, outliers: Vec::new(), simulations: 0 };
     };
     possible.retain(|descent| descent.evaluation.cost <= best + GATE);
     let mut judged: Vec<Judged> = Vec::new();
@@ -267,7 +284,7 @@ pub(super) fn judge_all(fitting: &Fitting, descents: &[Descent], begins: usize) 
             judged.push(next);
         }
     }
-    Estimate { hypotheses: by_probability(judged), fit, simulations: 0 }
+    Estimate { hypotheses: by_probability(judged), fit, outliers: Vec::new(), simulations: 0 }
 }
 
 /// A cost that counts as none where there are no more data than unknowns: what steps and walls leave.

@@ -44,6 +44,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     pose::CONTACTS,
     pose::FRICTION,
     pose::FORCES,
+    pose::MODEL_ERROR,
     chain::EXPERIMENT,
     plan::EXPERIMENT,
     parts::EXPERIMENT,

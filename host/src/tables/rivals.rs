@@ -16,8 +16,10 @@ use crate::pushing::{
     Contact, ContactLaw, EdgeEnd, Finger, Jet, Parameter, Part, Push, PushModel, Scalar, Seeded, Slip, Start, State,
 };
 
-/// Distance of places tried, m.
+/// Distance of places tried, m; and where rolling and sliding take turns, which costs more.
 const GRID_M: f64 = 1e-3;
+/// See [`GRID_M`].
+const GRID_COULOMB_M: f64 = 2.5e-3;
 
 /// Steps between values, at a coarse noise and at a fine one.
 const STEPS: [usize; 2] = [2, 10];
@@ -163,8 +165,9 @@ impl<'a> Search<'a> {
     fn places(&self) -> Vec<State> {
         let edge = &self.models[0].edge;
         let length = edge.s_max - edge.s_min;
+        let grid = if self.way.contact.is_some() { GRID_M } else { GRID_COULOMB_M };
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few dozen")]
-        let steps = (length / GRID_M).ceil() as u32;
+        let steps = (length / grid).ceil() as u32;
         let place = |i: u32| edge.s_min + length * f64::from(i) / f64::from(steps);
         (0..=steps).map(|i| State { s: place(i), ..self.truth.start }).collect()
     }
