@@ -34,6 +34,9 @@ const FIT_PROBABILITY: f64 = 0.999;
 /// fine before it is known where they matter.
 const SIGMA_FIRST: f64 = 1e-3;
 
+/// Standard deviation of forces to begin with, in their own: their valleys in angle and place are long and narrow.
+const SETTLED_SIGMAS: f64 = 10.0;
+
 /// From there to the data's own standard deviation by steps of this: where little is known, minima lie in valleys that grow
 /// narrow as it falls, and are followed rather than looked for.
 const SIGMA_RATIO: f64 = 10.0;
@@ -153,7 +156,8 @@ impl<'a, 'p> Task<'a, 'p> {
     /// as long as the place is not known.
     fn settled(&self, fitting: &Fitting<'a, 'p>) -> Option<Fitting<'_, 'p>> {
         let time = settling(self.known, &self.data).filter(|_| self.data.angle.is_none())?;
-        Some(Fitting { data: fitting.data.without_first(time), ..self.fitting(fitting.data.sigma_min(), 1.0) })
+        let coarse = self.fitting(SETTLED_SIGMAS * fitting.data.sigma_min(), 1.0);
+        Some(Fitting { data: coarse.data.without_first(time), ..coarse })
     }
 
     /// With angles of at least a standard deviation and steps fine enough for it, or finer by a factor.
