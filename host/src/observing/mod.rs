@@ -17,10 +17,7 @@
 //!
 //! In reading order: [`Known`], [`Observation`], [`Estimate`] (`observation`); `data`; `sites`: where the disk can touch; `launch`:
 //! how a push can begin; `clock`, `path`: simulation; `fit`; `manifold`, `seed`; `select`: the judgement; `track`: the same while the
-//! push goes on; `planning`: what to do
-//! next.
-//! how a push can begin; `clock`, `path`: simulation; `fit`; `manifold`, `seed`; `select`: the judgement; `planning`: what to do
-//! next; `which_part`: several parts.
+//! push goes on; `planning`: what to do next; `which_part`: several parts.
 //!
 //! The thesis's own observers are beside it: [`Gho`], with one for each edge in [`observe_gho`]; and [`RestingPush`], the pose
 //! before a push from rest, with [`Table`], looked up instead of simulated.
