@@ -12,7 +12,7 @@ use std::hint::black_box;
 use nalgebra::{Point2, Vector2};
 use palpate::geometry::SimplePolygon;
 use palpate::pushing::support::{SupportFriction, Twist};
-use yardstick::best_of_runs;
+use yardstick::best_of_turns;
 
 /// Edges in the polygons; the first is the thesis's.
 const EDGES: [u32; 5] = [3, 7, 64, 1000, 10_000];
@@ -27,7 +27,10 @@ fn main() {
     println!(
         "ns an edge, centres of rotation within 6 cm of a part 6 to 10 cm across; in brackets the ratio to the yardstick"
     );
-    println!("{:>6} {:>10} {:>16} {:>16} {:>16}", "edges", "yardstick", "integrals", "with gradient", "far away, ns");
+    println!(
+        "{:>6} {:>10} {:>16} {:>16} {:>16} {:>13}",
+        "edges", "yardstick", "integrals", "with gradient", "many at once", "far away, ns"
+    );
     for edges in EDGES {
         measure(edges);
     }
@@ -37,19 +40,25 @@ fn measure(edges: u32) {
     let Ok(polygon) = polygon(edges) else { return };
     let support = SupportFriction::uniform(&polygon);
     let (near, far) = (twists(0.0..0.06), twists(0.6..6.0));
-    let unit = time(edges, &near, |twist| roots_and_logarithms(&polygon, twist));
-    let integrals = time(edges, &near, |twist| support.mean_sliding(twist).moment);
-    let gradient = time(edges, &near, |twist| {
+    let with_gradient = |twist: &Twist| {
         let (sliding, gradient) = support.mean_sliding_and_gradient(twist);
-        sliding.moment + gradient.sum()
-    });
-    let far = time(edges, &far, |twist| support.mean_sliding(twist).moment);
+        sliding.moment + gradient[(0, 0)] + gradient[(2, 2)]
+    };
+    let [unit, integrals, gradient, many, far] = best_of_turns([
+        &mut || evaluate(edges, &near, |twist| roots_and_logarithms(&polygon, twist)),
+        &mut || evaluate(edges, &near, |twist| support.mean_sliding(twist).moment),
+        &mut || evaluate(edges, &near, with_gradient),
+        &mut || evaluate_many(edges, &near, &support),
+        &mut || evaluate(edges, &far, |twist| support.mean_sliding(twist).moment),
+    ])
+    .map(|seconds| seconds / f64::from(evaluations(edges)) * 1e9);
     let column = |ns: f64| format!("{:.2} ({:.2})", ns / f64::from(edges), ns / unit);
     println!(
-        "{edges:>6} {:>10.2} {:>16} {:>16} {far:>16.0}",
+        "{edges:>6} {:>10.2} {:>16} {:>16} {:>16} {far:>13.0}",
         unit / f64::from(edges),
         column(integrals),
-        column(gradient)
+        column(gradient),
+        column(many)
     );
     if edges == 7 {
         let [a, b] = THESIS_7_GON_S;
@@ -95,15 +104,26 @@ fn roots_and_logarithms(polygon: &SimplePolygon, twist: &Twist) -> f64 {
     polygon.vertices().iter().map(one).sum()
 }
 
-/// Nanoseconds for one evaluation.
-fn time(edges: u32, twists: &[Twist], mut evaluate: impl FnMut(&Twist) -> f64) -> f64 {
-    let evaluations = (EDGES_A_RUN / edges).max(1);
-    let seconds = best_of_runs(|| {
-        let mut sum = 0.0;
-        for twist in twists.iter().cycle().take(evaluations as usize) {
-            sum += evaluate(black_box(twist));
-        }
-        black_box(sum);
-    });
-    seconds / f64::from(evaluations) * 1e9
+/// How often to evaluate in one timed run.
+fn evaluations(edges: u32) -> u32 {
+    (EDGES_A_RUN / edges).max(1)
+}
+
+/// One timed run.
+fn evaluate(edges: u32, twists: &[Twist], mut evaluate: impl FnMut(&Twist) -> f64) {
+    let mut sum = 0.0;
+    for twist in twists.iter().cycle().take(evaluations(edges) as usize) {
+        sum += evaluate(black_box(twist));
+    }
+    black_box(sum);
+}
+
+/// One timed run of the same number of evaluations, all twists at once.
+fn evaluate_many(edges: u32, twists: &[Twist], support: &SupportFriction) {
+    let mut left = evaluations(edges) as usize;
+    while left > 0 {
+        let now = left.min(twists.len());
+        black_box(support.mean_slidings(black_box(&twists[..now])));
+        left -= now;
+    }
 }

@@ -30,8 +30,8 @@ pub struct DerivedRun<const N: usize> {
     pub states: Vec<State<Jet<N>>>,
     /// When rolling and sliding took turns, s, in the order of the run's changes.
     pub changes: Vec<Jet<N>>,
-    /// When the push ended, s; constant if the time was up.
-    pub end: Jet<N>,
+    /// When the push ended, s; constant if the time was up. Not derived for a jam or a second contact.
+    pub end: Option<Jet<N>>,
 }
 
 /// What is used up at a change.
@@ -149,15 +149,16 @@ impl<'p, const N: usize> Carrier<'p, N> {
         instant
     }
 
-    fn end(&self, reason: EndReason, time: f64) -> Jet<N> {
+    fn end(&self, reason: EndReason, time: f64) -> Option<Jet<N>> {
         let margin = match reason {
             EndReason::Break => Margin::Force,
             EndReason::Stick => Margin::Slip,
             EndReason::Slip => Margin::Cone(self.friction),
             EndReason::EdgeMin | EndReason::EdgeMax => Margin::Place,
-            EndReason::Time | EndReason::Jam | EndReason::SecondContact => return Jet::constant(time),
+            EndReason::Time => return Some(Jet::constant(time)),
+            EndReason::Jam | EndReason::SecondContact => return None,
         };
-        self.instant(&margin)
+        Some(self.instant(&margin))
     }
 
     /// When the margin is used up, about now.

@@ -95,6 +95,13 @@ fn contacts() -> impl Strategy<Value = Contact> {
     prop_oneof![Just(Contact::Frictionless), Just(Contact::Rolling), sliding]
 }
 
+/// Laws under which a push ends by itself in one way or another.
+fn laws() -> impl Strategy<Value = ContactLaw> {
+    let rolling = Just(ContactLaw::Rolling { friction: None });
+    let limited = (0.05..0.5).prop_map(|friction| ContactLaw::Rolling { friction: Some(friction) });
+    prop_oneof![Just(ContactLaw::Frictionless), rolling, limited]
+}
+
 fn grid(step: f64, count: u32) -> Vec<f64> {
     (0..=count).map(|i| f64::from(i) * step).collect()
 }
@@ -501,6 +508,42 @@ proptest! {
                     "{parameter:?}: dt = {:e}, by differences {by_difference:e}", instant.slopes[column]
                 );
             }
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(96))]
+
+    /// The instant at which a push ends by itself, against central differences of whole runs.
+    #[test]
+    fn the_end_of_a_push_has_its_derivatives(scene in possible_scenes(), law in laws()) {
+        const BY: [Parameter; 4] = [Parameter::S, Parameter::Omega, Parameter::Grip, Parameter::FingerVelocity(0)];
+        const SMALL: [f64; 4] = [1e-6, 1e-5, 1e-5, 1e-6];
+        /// Third derivatives, and the 1e-10 s to which instants are located.
+        const QUOTIENT: f64 = 5e-3;
+        let part = scene.part();
+        let run_with = |parameter, change: f64| {
+            let (model, _, start) = changed(scene.model(&part), Contact::Rolling, scene.start, parameter, change);
+            let push = Push::new(model, law, Start::Moving(start), EdgeEnd::Stop);
+            push.ok().and_then(|push| push.run(&[1.5]).ok())
+        };
+        let push = Push::new(scene.model(&part), law, Start::Moving(scene.start), EdgeEnd::Stop);
+        prop_assume!(push.is_ok());
+        let derived = push.unwrap().run_derived(&[1.5], BY).unwrap();
+        let Some(end) = derived.end else { return Err(TestCaseError::reject("ends in a jam")) };
+        prop_assume!(derived.run.end.reason != EndReason::Time && derived.changes.is_empty() && end.value > 0.0);
+        prop_assert!((end.value - derived.run.end.t).abs() < 1e-9);
+        for (column, (parameter, small)) in BY.into_iter().zip(SMALL).enumerate() {
+            let (Some(plus), Some(minus)) = (run_with(parameter, small), run_with(parameter, -small)) else { continue };
+            let alike = |run: &Run| run.end.reason == derived.run.end.reason && run.changes.is_empty();
+            prop_assume!(alike(&plus) && alike(&minus));
+            let by_difference = (plus.end.t - minus.end.t) / (2.0 * small);
+            let exact = end.slopes[column];
+            prop_assert!(
+                (by_difference - exact).abs() <= QUOTIENT * exact.abs() + 1e-9 / small,
+                "{parameter:?}, {:?}: {exact:e}, by differences {by_difference:e}", derived.run.end
+            );
         }
     }
 }

@@ -16,10 +16,10 @@
 //!
 //! Frames: the part's axes, origin at the centroid. Units: SI. Errors: none.
 
-use nalgebra::{Matrix3, Vector2};
+use nalgebra::Vector2;
 use pulp::{Arch, Simd, WithSimd};
 
-use super::{MeanSliding, Twist, turn_left};
+use super::{MeanSliding, SlidingGradient, Twist, turn_left};
 
 /// Highest degree of the series.
 ///
@@ -105,11 +105,11 @@ impl Far {
         self.sliding(&self.expand::<false>(ahead, kappa), ahead, kappa)
     }
 
-    pub(super) fn mean_sliding_and_gradient(&self, twist: &Twist) -> (MeanSliding, Matrix3<f64>) {
-        let Some((ahead, speed)) = direction(twist) else { return (MeanSliding::NONE, Matrix3::zeros()) };
+    pub(super) fn mean_sliding_and_gradient(&self, twist: &Twist) -> (MeanSliding, SlidingGradient) {
+        let Some((ahead, speed)) = direction(twist) else { return (MeanSliding::NONE, SlidingGradient::default()) };
         let kappa = twist.omega / speed * self.radius;
         let expansion = self.expand::<true>(ahead, kappa);
-        (self.sliding(&expansion, ahead, kappa), self.gradient(&expansion, ahead, kappa) / speed)
+        (self.sliding(&expansion, ahead, kappa), self.gradient(&expansion, ahead, kappa, speed))
     }
 
     fn sliding(&self, e: &Expansion, ahead: Vector2<f64>, kappa: f64) -> MeanSliding {
@@ -117,23 +117,21 @@ impl Far {
         MeanSliding { direction, moment: self.radius * e.k }
     }
 
-    /// The gradient times the speed of the centroid.
-    fn gradient(&self, e: &Expansion, ahead: Vector2<f64>, kappa: f64) -> Matrix3<f64> {
+    fn gradient(&self, e: &Expansion, ahead: Vector2<f64>, kappa: f64, speed: f64) -> SlidingGradient {
         let across = turn_left(ahead);
         let mixed = e.m + kappa * e.km;
-        let by_velocity = kappa * kappa * e.kk * ahead * ahead.transpose()
-            - kappa * mixed * (ahead * across.transpose() + across * ahead.transpose())
-            + (e.f - 2.0 * kappa * e.k + kappa * kappa * e.mm) * across * across.transpose();
-        let by_both = self.radius * (mixed * across - kappa * e.kk * ahead);
-        let by_omega = self.radius * self.radius * e.kk;
-        let v = by_velocity;
-        #[rustfmt::skip]
-        let gradient = Matrix3::new(
-            v.m11, v.m12, by_both.x,
-            v.m21, v.m22, by_both.y,
-            by_both.x, by_both.y, by_omega,
-        );
-        gradient
+        let (along_along, along_across) = (kappa * kappa * e.kk, -kappa * mixed);
+        let across_across = e.f - 2.0 * kappa * e.k + kappa * kappa * e.mm;
+        let entry = |i: usize, j: usize| {
+            along_along * ahead[i] * ahead[j]
+                + along_across * (ahead[i] * across[j] + across[i] * ahead[j])
+                + across_across * across[i] * across[j]
+        };
+        SlidingGradient {
+            by_velocity: [entry(0, 0), entry(0, 1), entry(1, 1)].map(|entry| entry / speed),
+            by_both: self.radius * (mixed * across - kappa * e.kk * ahead) / speed,
+            by_omega: self.radius * self.radius * e.kk / speed,
+        }
     }
 
     fn expand<const BENDS: bool>(&self, ahead: Vector2<f64>, kappa: f64) -> Expansion {
@@ -259,5 +257,5 @@ pub(super) fn rays_of_polygon(vertices: &[Vector2<f64>]) -> impl Iterator<Item =
 /// The direction in which the centroid moves and its speed; `None` if it does not move.
 fn direction(twist: &Twist) -> Option<(Vector2<f64>, f64)> {
     let speed = twist.velocity.norm();
-    (speed > 0.0).then(|| (twist.velocity / speed, speed))
+    (speed != 0.0).then(|| (twist.velocity / speed, speed))
 }

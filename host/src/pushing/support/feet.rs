@@ -2,9 +2,9 @@
 //!
 //! Frames: the support's own. Units: SI. Errors: none.
 
-use nalgebra::{Matrix3, Point2, Vector2, Vector3};
+use nalgebra::{Point2, Vector2};
 
-use super::{MeanSliding, Twist, turn_left};
+use super::{MeanSliding, SlidingGradient, Twist, turn_left};
 
 /// Points and the share of the weight on each.
 #[derive(Clone, Debug)]
@@ -40,15 +40,14 @@ impl Feet {
 
     /// With `n` across the direction in which a foot slides at speed `v`, its part of the gradient is `w wᵀ/v`, where
     /// `w = (n, p × n)`.
-    pub(super) fn mean_sliding_and_gradient(&self, twist: &Twist) -> (MeanSliding, Matrix3<f64>) {
-        let mut gradient = Matrix3::zeros();
+    pub(super) fn mean_sliding_and_gradient(&self, twist: &Twist) -> (MeanSliding, SlidingGradient) {
+        let mut gradient = SlidingGradient::default();
         for foot in &self.0 {
             let velocity = twist.velocity_at(foot.at);
             let speed = velocity.norm();
             if speed > 0.0 {
                 let across = turn_left(velocity / speed);
-                let lever = Vector3::new(across.x, across.y, foot.at.perp(&across));
-                gradient += foot.share / speed * lever * lever.transpose();
+                gradient.add_outer(across, foot.at.perp(&across), foot.share / speed);
             }
         }
         (self.mean_sliding(twist), gradient)

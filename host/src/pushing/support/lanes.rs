@@ -1,4 +1,4 @@
-//! The sums of `uniform` over a polygon, four edges side by side.
+//! The sums of `uniform` over a polygon, four edges side by side, or four centres of rotation.
 //!
 //! Written without branches over arrays of four, which the compiler turns into vector instructions: those of AVX2 where the machine
 //! has them (decided at run time by `pulp`), else the plain ones. Nothing is reordered or fused, so both give the same bits.
@@ -16,8 +16,8 @@ use pulp::{Arch, NullaryFnOnce};
 
 use super::uniform::Sums;
 
-/// Edges side by side: what an AVX2 register holds.
-const LANES: usize = 4;
+/// Edges or centres side by side: what an AVX2 register holds.
+pub(super) const LANES: usize = 4;
 
 /// Least denominator of a quotient, m or m²: below the square of any distance that a double of the part's size can tell from 0.
 ///
@@ -25,7 +25,7 @@ const LANES: usize = 4;
 /// logarithm is multiplied by such a distance.
 const LEAST: f64 = 1e-280;
 
-/// Factors of `z, z², …` in `atanh(√z)/√z − 1`, by the Remez algorithm for `|√z| ≤ 0.2005`: error below 1.6e-17.
+/// Factors of `1, z, …` in `(atanh(√z)/√z − 1)/z`, by the Remez algorithm for `|√z| ≤ 0.2005`: error below 1.6e-17.
 ///
 /// `k` comes from the bit patterns, which follow the logarithm to base 2 within 0.086: what remains of a quotient is
 /// at most 2^0.586, and its `√z` 0.2004.
@@ -100,14 +100,16 @@ impl Lanes {
         &self.vertices
     }
 
+    #[inline]
     pub(super) fn sums<const GRADIENT: bool>(&self, centre: Vector2<f64>) -> Sums {
-        let sums = self.arch.dispatch(Summing::<GRADIENT> { blocks: &self.blocks, centre });
-        let total = |lanes: [f64; LANES]| lanes.iter().sum::<f64>();
-        Sums {
-            pull: Vector2::new(total(sums.pull_x), total(sums.pull_y)) / 2.0,
-            distance: total(sums.distance) / 6.0,
-            bend: if GRADIENT { sums.bend.map(total) } else { [0.0; 3] },
-        }
+        self.arch.dispatch(Summing::<GRADIENT> { blocks: &self.blocks, centre }).total::<GRADIENT>()
+    }
+
+    /// The same for several centres side by side: with few edges faster than one by one, because no lane stays empty.
+    pub(super) fn sums_of_four<const GRADIENT: bool>(&self, centres: &[Vector2<f64>; LANES]) -> [Sums; LANES] {
+        let edges = self.vertices.len();
+        let sums = self.arch.dispatch(SummingFour::<GRADIENT> { blocks: &self.blocks, edges, centres });
+        std::array::from_fn(|i| sums.of_lane::<GRADIENT>(i))
     }
 }
 
@@ -123,6 +125,13 @@ impl Block {
         }
         block
     }
+}
+
+/// The same over one edge after the other, for a centre in each lane.
+struct SummingFour<'a, const GRADIENT: bool> {
+    blocks: &'a [Block],
+    edges: usize,
+    centres: &'a [Vector2<f64>; LANES],
 }
 
 impl<const GRADIENT: bool> NullaryFnOnce for Summing<'_, GRADIENT> {
@@ -141,6 +150,61 @@ impl<const GRADIENT: bool> NullaryFnOnce for Summing<'_, GRADIENT> {
     }
 }
 
+impl<const GRADIENT: bool> NullaryFnOnce for SummingFour<'_, GRADIENT> {
+    type Output = LaneSums;
+
+    #[inline(always)]
+    fn call(self) -> LaneSums {
+        let mut sums = LaneSums::default();
+        let Some(first) = self.blocks.first() else { return sums };
+        let (_, mut after) = seen_from(self.centres, first.x[0], first.y[0]);
+        for at in (0..self.edges).rev() {
+            let (block, lane) = (&self.blocks[at / LANES], at % LANES);
+            let edge = Edge { tx: block.along_x[lane], ty: block.along_y[lane], length: block.length[lane] };
+            let (d, r) = seen_from(self.centres, block.x[lane], block.y[lane]);
+            for i in 0..LANES {
+                add_edge::<GRADIENT>(&mut sums, i, &edge, [d[0][i], d[1][i]], [r[i], after[i]]);
+            }
+            after = r;
+        }
+        sums
+    }
+}
+
+/// A point seen from each centre, and its distance.
+#[inline(always)]
+fn seen_from(centres: &[Vector2<f64>; LANES], x: f64, y: f64) -> ([[f64; LANES]; 2], [f64; LANES]) {
+    let (mut d, mut r) = ([[0.0; LANES]; 2], [0.0; LANES]);
+    for (i, centre) in centres.iter().enumerate() {
+        (d[0][i], d[1][i]) = (x - centre.x, y - centre.y);
+        r[i] = distance(d[0][i], d[1][i]);
+    }
+    (d, r)
+}
+
+impl LaneSums {
+    /// One lane by itself.
+    #[inline]
+    fn of_lane<const GRADIENT: bool>(&self, i: usize) -> Sums {
+        Sums {
+            pull: Vector2::new(self.pull_x[i], self.pull_y[i]) / 2.0,
+            distance: self.distance[i] * (1.0 / 6.0),
+            bend: if GRADIENT { self.bend.map(|bend| bend[i]) } else { [0.0; 3] },
+        }
+    }
+
+    /// The lanes added up. Not within the loop's function, or the compiler takes the lanes apart there, too.
+    #[inline]
+    fn total<const GRADIENT: bool>(&self) -> Sums {
+        let total = |[a, b, c, d]: [f64; LANES]| (a + c) + (b + d);
+        Sums {
+            pull: Vector2::new(total(self.pull_x), total(self.pull_y)) / 2.0,
+            distance: total(self.distance) * (1.0 / 6.0),
+            bend: if GRADIENT { self.bend.map(total) } else { [0.0; 3] },
+        }
+    }
+}
+
 /// Adds four edges, given the distance of the vertex after them; returns that of their first.
 #[inline(always)]
 fn add_block<const GRADIENT: bool>(sums: &mut LaneSums, block: &Block, centre: Vector2<f64>, next: f64) -> f64 {
@@ -152,24 +216,39 @@ fn add_block<const GRADIENT: bool>(sums: &mut LaneSums, block: &Block, centre: V
     let [_, r_1, r_2, r_3] = r;
     let r_after = [r_1, r_2, r_3, next];
     for i in 0..LANES {
-        let (tx, ty, length, r0, r1) = (block.along_x[i], block.along_y[i], block.length[i], r[i], r_after[i]);
-        let a = tx * dx[i] + ty * dy[i];
-        let b = a + length;
-        let h = ty * dx[i] - tx * dy[i];
-        let log = integral_of_reciprocal(length, [a, b], h * h, [r0, r1]);
-        let twice_k = b * r1 - a * r0 + h * h * log;
-        sums.pull_x[i] += ty * twice_k;
-        sums.pull_y[i] -= tx * twice_k;
-        sums.distance[i] += h * twice_k;
-        if GRADIENT {
-            let (along, across) = (r1 - r0, h * log);
-            let (x, y) = (tx * along + ty * across, ty * along - tx * across);
-            sums.bend[0][i] += ty * x;
-            sums.bend[1][i] += ty * y;
-            sums.bend[2][i] -= tx * y;
-        }
+        let edge = Edge { tx: block.along_x[i], ty: block.along_y[i], length: block.length[i] };
+        add_edge::<GRADIENT>(sums, i, &edge, [dx[i], dy[i]], [r[i], r_after[i]]);
     }
     r[0]
+}
+
+/// The direction of an edge and its length, m.
+#[derive(Clone, Copy)]
+struct Edge {
+    tx: f64,
+    ty: f64,
+    length: f64,
+}
+
+/// Adds an edge to lane `i`, given its start seen from the centre of rotation, and the distances of its ends from there.
+#[inline(always)]
+fn add_edge<const GRADIENT: bool>(sums: &mut LaneSums, i: usize, edge: &Edge, [dx, dy]: [f64; 2], [r0, r1]: [f64; 2]) {
+    let Edge { tx, ty, length } = *edge;
+    let a = tx * dx + ty * dy;
+    let b = a + length;
+    let h = ty * dx - tx * dy;
+    let log = integral_of_reciprocal(length, [a, b], h * h, [r0, r1]);
+    let twice_k = b * r1 - a * r0 + h * h * log;
+    sums.pull_x[i] += ty * twice_k;
+    sums.pull_y[i] -= tx * twice_k;
+    sums.distance[i] += h * twice_k;
+    if GRADIENT {
+        let (along, across) = (r1 - r0, h * log);
+        let (x, y) = (tx * along + ty * across, ty * along - tx * across);
+        sums.bend[0][i] += ty * x;
+        sums.bend[1][i] += ty * y;
+        sums.bend[2][i] -= tx * y;
+    }
 }
 
 #[inline(always)]
@@ -180,12 +259,13 @@ fn distance(x: f64, y: f64) -> f64 {
 /// `Λ = ∫ ds/r` along an edge from `a` to `b` on a line whose distance squared is `h2`, the ends at the distances `r0` and `r1`.
 #[inline(always)]
 fn integral_of_reciprocal(length: f64, [a, b]: [f64; 2], h2: f64, [r0, r1]: [f64; 2]) -> f64 {
-    let (u, v) = (a.abs() + r0, b.abs() + r1);
+    // `LEAST` is added where nothing waits for it.
+    let (u, v) = (a.abs() + LEAST + r0, b.abs() + LEAST + r1);
     // `(b + r1)/(a + r0)` in the one of its forms that subtracts nothing.
     let foot_inside = a * b < 0.0;
     let (more, less) = if u > v { (u, v) } else { (v, u) };
     let over = if foot_inside { u * v } else { more };
-    let under = at_least(if foot_inside { h2 } else { less });
+    let under = if foot_inside { at_least(h2) } else { less };
     log_of_quotient(over, under, length, r0 + r1)
 }
 
@@ -205,17 +285,19 @@ fn log_of_quotient(over: f64, under: f64, exact_over: f64, exact_under: f64) -> 
     let numerator = if exact { exact_over } else { over - under };
     let denominator = if exact { exact_under + LEAST } else { over + under };
     let y = numerator / denominator;
-    k * LN_2 + 2.0 * (y + y * atanh_excess(y * y))
+    let (z, twice_y) = (y * y, y + y);
+    // From large to small; only the last term has to wait for the series.
+    (k * LN_2 + twice_y) + twice_y * z * atanh_series(z)
 }
 
-/// `atanh(√z)/√z − 1`, its terms paired so that few wait for others.
+/// `(atanh(√z)/√z − 1)/z`, its terms paired so that few wait for others.
 #[inline(always)]
-fn atanh_excess(z: f64) -> f64 {
+fn atanh_series(z: f64) -> f64 {
     let [c1, c2, c3, c4, c5, c6, c7] = ATANH;
     let z2 = z * z;
     let low = c1 + z * c2 + z2 * (c3 + z * c4);
     let high = c5 + z * c6 + z2 * c7;
-    z * (low + z2 * z2 * high)
+    low + z2 * z2 * high
 }
 
 #[cfg(test)]

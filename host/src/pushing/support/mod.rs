@@ -29,6 +29,7 @@ mod uniform;
 use nalgebra::{Matrix3, Point2, Vector2};
 
 use self::feet::Feet;
+use self::lanes::LANES;
 pub use self::limit_surface::EllipsoidalLimitSurface;
 use self::smooth::Smooth;
 use self::uniform::Uniform;
@@ -61,6 +62,21 @@ impl Twist {
     pub fn seen_from(&self, offset: Vector2<f64>) -> Self {
         Self { velocity: self.velocity_at(offset), omega: self.omega }
     }
+
+    /// Whether to compute with it as it is.
+    #[inline]
+    fn is_of_plain_size(&self) -> bool {
+        PLAIN_SQUARES.contains(&(self.velocity.norm_squared() + self.omega * self.omega))
+    }
+
+    /// The same direction of motion, and what has been divided by; no motion stays none.
+    #[cold]
+    #[inline(never)]
+    fn of_size_one(&self) -> (Self, f64) {
+        let size = self.velocity.amax().max(self.omega.abs());
+        let size = if size == 0.0 { 1.0 } else { size };
+        (Self { velocity: self.velocity / size, omega: self.omega / size }, size)
+    }
 }
 
 /// How a support slides, averaged over its pressure. Of no dimension but the moment's length.
@@ -74,10 +90,10 @@ pub struct MeanSliding {
     pub moment: f64,
 }
 
-/// Magnitudes of a twist (m/s and rad/s) within which squares neither overflow nor underflow.
+/// Squares of twists (of m/s and rad/s) that neither overflow nor underflow, nor will when multiplied with each other.
 ///
 /// Twists beyond are brought to size 1 first; all others keep every bit.
-const PLAIN_SIZES: std::ops::Range<f64> = 1e-100..1e100;
+const PLAIN_SQUARES: std::ops::Range<f64> = 1e-150..1e150;
 
 impl MeanSliding {
     /// A support that does not move.
@@ -92,6 +108,59 @@ impl MeanSliding {
     /// The same about an origin from which the present one is seen at `offset`, m.
     fn about(self, offset: Vector2<f64>) -> Self {
         Self { moment: self.moment + offset.perp(&self.direction), ..self }
+    }
+}
+
+/// Derivatives of [`MeanSliding`] by the twist, which are symmetric.
+#[derive(Clone, Copy, Debug, Default)]
+struct SlidingGradient {
+    /// Of the direction by the velocity, s/m: `xx`, `xy`, `yy`.
+    by_velocity: [f64; 3],
+    /// Of the moment by the velocity, or of the direction by the rate of turning, s.
+    by_both: Vector2<f64>,
+    /// Of the moment by the rate of turning, m·s.
+    by_omega: f64,
+}
+
+impl SlidingGradient {
+    /// From the velocity part, and that it takes the twist `(v, ω)` to zero.
+    #[inline]
+    fn of_degree_0(by_velocity: [f64; 3], velocity_per_omega: Vector2<f64>) -> Self {
+        let mut gradient = Self { by_velocity, ..Self::default() };
+        gradient.by_both = -gradient.times_velocity(velocity_per_omega);
+        gradient.by_omega = -gradient.by_both.dot(&velocity_per_omega);
+        gradient
+    }
+
+    #[inline]
+    fn times_velocity(&self, v: Vector2<f64>) -> Vector2<f64> {
+        let [xx, xy, yy] = self.by_velocity;
+        Vector2::new(xx * v.x + xy * v.y, xy * v.x + yy * v.y)
+    }
+
+    /// Adds `factor w wᵀ` with `w = (v, m)`.
+    fn add_outer(&mut self, v: Vector2<f64>, m: f64, factor: f64) {
+        let [xx, xy, yy] = &mut self.by_velocity;
+        *xx += factor * v.x * v.x;
+        *xy += factor * v.x * v.y;
+        *yy += factor * v.y * v.y;
+        self.by_both += factor * m * v;
+        self.by_omega += factor * m * m;
+    }
+
+    /// What [`MeanSliding::about`] makes of it: `JᵀGJ`, where `J` takes `(v, ω)` to `(v + ω ẑ × offset, ω)`.
+    #[inline]
+    fn about(self, offset: Vector2<f64>) -> Self {
+        let lever = turn_left(offset);
+        let by_both = self.by_both + self.times_velocity(lever);
+        Self { by_both, by_omega: self.by_omega + (self.by_both + by_both).dot(&lever), ..self }
+    }
+
+    /// Rows direction x, direction y, moment; columns velocity x, y, omega.
+    #[inline]
+    fn matrix(&self) -> Matrix3<f64> {
+        let ([xx, xy, yy], [x, y], turning) = (self.by_velocity, [self.by_both.x, self.by_both.y], self.by_omega);
+        Matrix3::new(xx, xy, x, xy, yy, y, x, y, turning)
     }
 }
 
@@ -196,7 +265,9 @@ impl SupportFriction {
     /// translation, and half the part's size spaces the points evenly.
     #[must_use]
     pub fn limit_surface(&self, length: f64, steps: usize) -> Vec<(Twist, MeanSliding)> {
-        limit_surface::twists(length, steps).map(|twist| (twist, self.mean_sliding(&twist))).collect()
+        let twists: Vec<_> = limit_surface::twists(length, steps).collect();
+        let slidings = self.mean_slidings(&twists);
+        twists.into_iter().zip(slidings).collect()
     }
 
     /// Mean direction of sliding and its moment, both about the frame's origin, under a twist of that origin.
@@ -204,12 +275,27 @@ impl SupportFriction {
     /// Of degree 0: only the twist's direction counts. No motion at all gives zero.
     #[must_use]
     pub fn mean_sliding(&self, twist: &Twist) -> MeanSliding {
-        let twist = of_plain_size(twist).0.seen_from(self.centre);
-        let sliding = match &self.pressure {
-            Pressure::Uniform(shape) => shape.mean_sliding(&twist),
-            Pressure::Feet(feet) => feet.mean_sliding(&twist),
-        };
-        sliding.about(self.centre)
+        if twist.is_of_plain_size() { self.plain_sliding(twist) } else { self.plain_sliding(&twist.of_size_one().0) }
+    }
+
+    /// [`Self::mean_sliding`] of many twists, four at a time: for parts of few edges about twice as fast as one by one.
+    ///
+    /// What comes out differs from that by roundings, because sums are taken in another order.
+    #[must_use]
+    pub fn mean_slidings(&self, twists: &[Twist]) -> Vec<MeanSliding> {
+        let (fours, rest) = twists.as_chunks::<LANES>();
+        let fours = fours.iter().flat_map(|four| self.four_slidings(four));
+        fours.chain(rest.iter().map(|twist| self.mean_sliding(twist))).collect()
+    }
+
+    fn four_slidings(&self, twists: &[Twist; LANES]) -> [MeanSliding; LANES] {
+        match &self.pressure {
+            Pressure::Uniform(shape) if twists.iter().all(Twist::is_of_plain_size) => {
+                let about = twists.map(|twist| twist.seen_from(self.centre));
+                shape.mean_slidings(&about).map(|sliding| sliding.about(self.centre))
+            }
+            _ => twists.map(|twist| self.mean_sliding(&twist)),
+        }
     }
 
     /// [`Self::mean_sliding`] and its gradient: rows direction x, direction y, moment; columns velocity x, y, omega.
@@ -218,35 +304,34 @@ impl SupportFriction {
     /// motion, nor for feet at a foot at rest: there it counts that foot, or everything, as having none.
     #[must_use]
     pub fn mean_sliding_and_gradient(&self, twist: &Twist) -> (MeanSliding, Matrix3<f64>) {
-        let (twist, size) = of_plain_size(twist);
+        if twist.is_of_plain_size() {
+            return self.plain_gradient(twist);
+        }
+        let (twist, size) = twist.of_size_one();
+        let (sliding, gradient) = self.plain_gradient(&twist);
+        (sliding, gradient / size)
+    }
+
+    fn plain_sliding(&self, twist: &Twist) -> MeanSliding {
         let twist = twist.seen_from(self.centre);
-        let (sliding, gradient) = match &self.pressure {
-            Pressure::Uniform(shape) => shape.mean_sliding_and_gradient(&twist),
-            Pressure::Feet(feet) => feet.mean_sliding_and_gradient(&twist),
+        let sliding = match &self.pressure {
+            Pressure::Uniform(shape) => shape.mean_sliding(&twist),
+            Pressure::Feet(feet) => feet.mean_sliding(&twist),
         };
-        (sliding.about(self.centre), gradient_about(&gradient, self.centre) / size)
+        sliding.about(self.centre)
     }
-}
 
-/// A twist with which to compute and what it has been divided by.
-fn of_plain_size(twist: &Twist) -> (Twist, f64) {
-    let size = twist.velocity.amax().max(twist.omega.abs());
-    if PLAIN_SIZES.contains(&size) || size == 0.0 {
-        return (*twist, 1.0);
+    fn plain_gradient(&self, twist: &Twist) -> (MeanSliding, Matrix3<f64>) {
+        let twist = twist.seen_from(self.centre);
+        // Finished in each branch by itself, so that numbers stay in registers.
+        let about = |(sliding, gradient): (MeanSliding, SlidingGradient)| {
+            (sliding.about(self.centre), gradient.about(self.centre).matrix())
+        };
+        match &self.pressure {
+            Pressure::Uniform(shape) => shape.mean_sliding_and_gradient(&twist, about),
+            Pressure::Feet(feet) => about(feet.mean_sliding_and_gradient(&twist)),
+        }
     }
-    (Twist { velocity: twist.velocity / size, omega: twist.omega / size }, size)
-}
-
-/// What [`MeanSliding::about`] does to the gradient.
-fn gradient_about(gradient: &Matrix3<f64>, offset: Vector2<f64>) -> Matrix3<f64> {
-    let lever = turn_left(offset);
-    #[rustfmt::skip]
-    let twist_there = Matrix3::new(
-        1.0, 0.0, lever.x,
-        0.0, 1.0, lever.y,
-        0.0, 0.0, 1.0,
-    );
-    twist_there.transpose() * gradient * twist_there
 }
 
 /// A vector turned by a right angle counter-clockwise: `ẑ × v`.

@@ -87,7 +87,7 @@ proptest! {
         let shape = Uniform::polygon(&polygon, polygon.centroid());
         let centre = distance * shape.radius() * Vector2::new(angle.cos(), angle.sin());
         let twist = Twist::new(-turn_left(centre), 1.0);
-        let [near, far] = shape.both_ways(&twist);
+        let [near, far] = shape.both_ways(&twist).map(|(sliding, gradient)| (sliding, gradient.matrix()));
         prop_assert!((near.0.direction - far.0.direction).norm() < ROUNDING, "{near:?} {far:?}");
         prop_assert!((near.0.moment - far.0.moment).abs() < ROUNDING * shape.radius(), "{near:?} {far:?}");
         // In units in which the part's radius and the speed are 1.
@@ -150,6 +150,15 @@ proptest! {
         assert_same(&backwards, &MeanSliding { direction: -forwards.direction, moment: -forwards.moment });
         let (_, gradient) = support.mean_sliding_and_gradient(&twist);
         prop_assert_eq!(support.mean_sliding_and_gradient(&scaled).1 * factor, gradient);
+    }
+
+    #[test]
+    fn many_twists_at_once_slide_as_one_by_one(support in support(), twists in proptest::collection::vec(twist(), 0..11)) {
+        let together = support.mean_slidings(&twists);
+        prop_assert_eq!(together.len(), twists.len());
+        for (twist, together) in twists.iter().zip(together) {
+            assert_same(&together, &support.mean_sliding(twist));
+        }
     }
 
     #[test]
@@ -285,6 +294,15 @@ fn a_foot_at_rest_has_no_friction() {
     assert_eq!(sliding, MeanSliding { direction: Vector2::new(0.0, -0.75), moment: 0.015 });
     assert!(gradient.iter().all(|x| x.is_finite()));
     assert!((support.centre_of_pressure() - Point2::new(-0.01, 0.0)).norm() < 1e-17);
+}
+
+#[test]
+fn a_twist_that_is_no_number_gives_none() {
+    for support in [SupportFriction::uniform(&block()), SupportFriction::ellipse([0.02, 0.01])] {
+        let twist = Twist::new(Vector2::new(f64::NAN, 0.0), 0.5);
+        assert!(support.mean_sliding(&twist).moment.is_nan());
+        assert!(support.mean_sliding_and_gradient(&twist).1.m33.is_nan());
+    }
 }
 
 #[test]

@@ -20,12 +20,12 @@
 
 use std::sync::OnceLock;
 
-use nalgebra::{Matrix2, Matrix3, Point2, Vector2};
+use nalgebra::{Point2, Vector2};
 
 use super::far::{self, Far};
-use super::lanes::Lanes;
+use super::lanes::{LANES, Lanes};
 use super::smooth::Smooth;
-use super::{MeanSliding, Twist, turn_left};
+use super::{MeanSliding, SlidingGradient, Twist, turn_left};
 use crate::geometry::SimplePolygon;
 
 /// Largest distance of the centre of rotation from the centroid for the closed form, in radii of the part.
@@ -39,6 +39,8 @@ pub(super) struct Uniform {
     outline: Outline,
     /// m².
     area: f64,
+    /// 1/m².
+    per_area: f64,
     /// Largest distance of the outline from the centroid, m.
     radius: f64,
     far: OnceLock<Far>,
@@ -48,6 +50,14 @@ pub(super) struct Uniform {
 enum Outline {
     Polygon(Lanes),
     Smooth(Smooth),
+}
+
+/// A centre of rotation.
+struct Pole {
+    /// m.
+    at: Vector2<f64>,
+    /// One over the rate of turning about it, s/rad.
+    per_omega: f64,
 }
 
 /// Integrals over the shape for one centre of rotation.
@@ -66,7 +76,7 @@ impl Uniform {
         let vertices: Vec<_> = polygon.vertices().iter().map(|p| p - centroid).collect();
         let radius = vertices.iter().map(|p| p.norm()).fold(0.0, f64::max);
         let outline = Outline::Polygon(Lanes::new(vertices));
-        Self { outline, area: polygon.area(), radius, far: OnceLock::new() }
+        Self::new(outline, polygon.area(), radius)
     }
 
     /// Within a smooth curve that runs counter-clockwise about the origin, its centroid.
@@ -74,7 +84,11 @@ impl Uniform {
         let rays = || outline.rays();
         let area = rays().map(|(_, cross)| 0.5 * cross).sum();
         let radius = rays().map(|(p, _)| p.norm()).fold(0.0, f64::max);
-        Self { outline: Outline::Smooth(outline), area, radius, far: OnceLock::new() }
+        Self::new(Outline::Smooth(outline), area, radius)
+    }
+
+    fn new(outline: Outline, area: f64, radius: f64) -> Self {
+        Self { outline, area, per_area: area.recip(), radius, far: OnceLock::new() }
     }
 
     /// m².
@@ -82,21 +96,41 @@ impl Uniform {
         self.area
     }
 
+    #[inline]
     pub(super) fn mean_sliding(&self, twist: &Twist) -> MeanSliding {
-        match self.near_centre(twist) {
-            Some(centre) => self.near_sliding(&self.sums::<false>(centre), centre, twist.omega),
+        match self.near_pole(twist) {
+            Some(pole) => self.near_sliding(&self.sums::<false>(pole.at), &pole),
             None => self.far().mean_sliding(twist),
         }
     }
 
-    pub(super) fn mean_sliding_and_gradient(&self, twist: &Twist) -> (MeanSliding, Matrix3<f64>) {
-        let Some(centre) = self.near_centre(twist) else {
-            return self.far().mean_sliding_and_gradient(twist);
+    /// The sliding and its gradient, handed to `finish`.
+    #[inline]
+    pub(super) fn mean_sliding_and_gradient<T>(
+        &self,
+        twist: &Twist,
+        finish: impl Fn((MeanSliding, SlidingGradient)) -> T,
+    ) -> T {
+        let Some(pole) = self.near_pole(twist) else {
+            return finish(self.far().mean_sliding_and_gradient(twist));
         };
-        let sums = self.sums::<true>(centre);
-        (self.near_sliding(&sums, centre, twist.omega), self.near_gradient(&sums, twist))
+        let sums = self.sums::<true>(pole.at);
+        finish((self.near_sliding(&sums, &pole), self.near_gradient(&sums, &pole)))
     }
 
+    /// [`Self::mean_sliding`] of several twists at once.
+    pub(super) fn mean_slidings(&self, twists: &[Twist; LANES]) -> [MeanSliding; LANES] {
+        if let Outline::Polygon(lanes) = &self.outline
+            && twists.iter().all(|twist| self.is_near(twist))
+        {
+            let poles = twists.map(|twist| Pole::of(&twist));
+            let sums = lanes.sums_of_four::<false>(&std::array::from_fn(|i| poles[i].at));
+            return std::array::from_fn(|i| self.near_sliding(&sums[i], &poles[i]));
+        }
+        twists.map(|twist| self.mean_sliding(&twist))
+    }
+
+    #[inline]
     fn sums<const GRADIENT: bool>(&self, centre: Vector2<f64>) -> Sums {
         match &self.outline {
             Outline::Polygon(lanes) => lanes.sums::<GRADIENT>(centre),
@@ -112,39 +146,39 @@ impl Uniform {
     }
 
     /// The centre of rotation, if it is near enough for the closed form.
-    fn near_centre(&self, twist: &Twist) -> Option<Vector2<f64>> {
-        let reach = NEAR_MAX * self.radius * twist.omega;
-        let near = twist.velocity.norm_squared() < reach * reach;
-        near.then(|| turn_left(twist.velocity / twist.omega))
+    #[inline]
+    fn near_pole(&self, twist: &Twist) -> Option<Pole> {
+        self.is_near(twist).then(|| Pole::of(twist))
     }
 
-    fn near_sliding(&self, sums: &Sums, centre: Vector2<f64>, omega: f64) -> MeanSliding {
-        let scale = omega.signum() / self.area;
-        let moment = centre.dot(&sums.pull) + sums.distance;
+    #[inline]
+    fn is_near(&self, twist: &Twist) -> bool {
+        let reach = NEAR_MAX * self.radius * twist.omega;
+        twist.velocity.norm_squared() < reach * reach
+    }
+
+    #[inline]
+    fn near_sliding(&self, sums: &Sums, pole: &Pole) -> MeanSliding {
+        let scale = self.per_area.copysign(pole.per_omega);
+        let moment = pole.at.dot(&sums.pull) + sums.distance;
         MeanSliding { direction: scale * turn_left(sums.pull), moment: scale * moment }
     }
 
     /// From `Φ = |ω| M(q)/A` with `q = ẑ × v/ω`, and because `Φ` is of degree 1.
-    fn near_gradient(&self, sums: &Sums, twist: &Twist) -> Matrix3<f64> {
-        let scale = 1.0 / (self.area * twist.omega.abs());
+    #[inline]
+    fn near_gradient(&self, sums: &Sums, pole: &Pole) -> SlidingGradient {
+        let scale = self.per_area * pole.per_omega.abs();
         let [xx, xy, yy] = sums.bend.map(|bend| scale * bend);
-        let by_velocity = Matrix2::new(yy, -xy, -xy, xx);
-        gradient_of_degree_0(&by_velocity, twist.velocity / twist.omega)
+        SlidingGradient::of_degree_0([yy, -xy, xx], -turn_left(pole.at))
     }
 }
 
-/// Completes a symmetric gradient that takes the twist `(v, ω)` to zero from its velocity part and `v/ω`.
-fn gradient_of_degree_0(by_velocity: &Matrix2<f64>, velocity_per_omega: Vector2<f64>) -> Matrix3<f64> {
-    let mixed = -by_velocity * velocity_per_omega;
-    let by_omega = -mixed.dot(&velocity_per_omega);
-    let v = by_velocity;
-    #[rustfmt::skip]
-    let gradient = Matrix3::new(
-        v.m11, v.m12, mixed.x,
-        v.m21, v.m22, mixed.y,
-        mixed.x, mixed.y, by_omega,
-    );
-    gradient
+impl Pole {
+    #[inline]
+    fn of(twist: &Twist) -> Self {
+        let per_omega = twist.omega.recip();
+        Self { at: per_omega * turn_left(twist.velocity), per_omega }
+    }
 }
 
 #[cfg(test)]
@@ -154,10 +188,10 @@ impl Uniform {
     }
 
     /// The closed form and the series, whichever would be chosen.
-    pub(super) fn both_ways(&self, twist: &Twist) -> [(MeanSliding, Matrix3<f64>); 2] {
-        let centre = turn_left(twist.velocity / twist.omega);
-        let sums = self.sums::<true>(centre);
-        let near = (self.near_sliding(&sums, centre, twist.omega), self.near_gradient(&sums, twist));
+    pub(super) fn both_ways(&self, twist: &Twist) -> [(MeanSliding, SlidingGradient); 2] {
+        let pole = Pole::of(twist);
+        let sums = self.sums::<true>(pole.at);
+        let near = (self.near_sliding(&sums, &pole), self.near_gradient(&sums, &pole));
         [near, self.far().mean_sliding_and_gradient(twist)]
     }
 }
