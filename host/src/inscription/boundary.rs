@@ -141,10 +141,13 @@ const WIDTH_MIN: f64 = 1e-9;
 const INTERVALS_MAX: usize = 100_000;
 
 /// How roots are searched for.
-struct Search {
-    bend: f64,
-    miss_max: f64,
-    intervals_left: usize,
+pub(super) struct Search {
+    /// At least the largest |g''|.
+    pub bend: f64,
+    /// |g| up to this may be a root.
+    pub miss_max: f64,
+    /// Intervals that may still be looked at.
+    pub intervals_left: usize,
 }
 
 fn direction(angle: f64) -> Vector2<f64> {
@@ -180,7 +183,7 @@ fn smooth_intervals(part: &impl Boundary, lines: &[HalfPlane]) -> Vec<[f64; 2]> 
 }
 
 /// Roots in an interval in which |g''| ≤ `bend`.
-fn isolate(g: &impl Fn(f64) -> (f64, f64), [from, to]: [f64; 2], search: &mut Search, roots: &mut Vec<f64>) {
+pub(super) fn isolate(g: &impl Fn(f64) -> (f64, f64), [from, to]: [f64; 2], search: &mut Search, roots: &mut Vec<f64>) {
     if search.intervals_left == 0 {
         return;
     }
