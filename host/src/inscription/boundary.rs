@@ -210,8 +210,11 @@ fn monotone_root(g: &impl Fn(f64) -> (f64, f64), [mut low, mut high]: [f64; 2], 
     let inward = f64::EPSILON * TAU;
     let (at_low, at_high) = (g(low + inward).0, g(high - inward).0);
     if (at_low > 0.0) == (at_high > 0.0) {
-        let nearest = if at_low.abs() < at_high.abs() { (low, at_low) } else { (high, at_high) };
-        return (nearest.1.abs() <= miss_max).then_some(nearest.0);
+        let (end, value, outward) =
+            if at_low.abs() < at_high.abs() { (low, at_low, -inward) } else { (high, at_high, inward) };
+        // Where |g| goes on to fall beyond the end, the neighbour has what is nearest to a root.
+        let rises = value * g(end + outward).1 * outward >= 0.0;
+        return (value.abs() <= miss_max && rises).then_some(end);
     }
     while high - low > f64::EPSILON * (1.0 + high.abs()) {
         let middle = f64::midpoint(low, high);
@@ -270,6 +273,16 @@ mod tests {
         let found = boundary_poses(&ellipse, &lines).unwrap();
         assert!(found.len() >= 2 && found.iter().any(|pose| (pose.theta - 0.5).abs() < 1e-6), "{found:?}");
         assert!(found.iter().any(|pose| (pose.theta - 0.5 - PI).abs() < 1e-6), "{found:?}");
+    }
+
+    /// Jaws exactly as wide as the part touch it at a tangency, which is one pose and not a cloud of near ones.
+    #[test]
+    fn a_tangency_is_one_pose() {
+        let polygon = polygon(&[(0.0, 0.0), (0.06, 0.0), (0.06, 0.04), (0.01, 0.05)]).unwrap();
+        let rounded = Rounded { polygon, radius: 0.005 };
+        let lines = [(-PI / 2.0, 0.0), (PI, 0.0), (0.0, 0.07)].map(|(angle, offset)| HalfPlane::new(angle, offset));
+        let found = boundary_poses(&rounded, &lines).unwrap();
+        assert_eq!(found.len(), 8, "{found:?}");
     }
 
     proptest! {
