@@ -114,7 +114,7 @@ pub fn boundary_poses(part: &impl Boundary, lines: &[HalfPlane]) -> Option<Vec<P
     };
     let mut turns = Vec::new();
     for [from, to] in smooth_intervals(part, &three) {
-        let mut search = Search { bend: part.bend_max(), miss_max, intervals_left: INTERVALS_MAX };
+        let mut search = Search { bend: part.bend_max(), miss_max, intervals_left: INTERVALS_MAX, span: [from, to] };
         isolate(&g, [from, to], &mut search, &mut turns);
         if search.intervals_left == 0 {
             return None;
@@ -148,6 +148,8 @@ pub(super) struct Search {
     pub miss_max: f64,
     /// Intervals that may still be looked at.
     pub intervals_left: usize,
+    /// Where g begins and ends to be this function: a near miss there counts, since the next one may miss on its side.
+    pub span: [f64; 2],
 }
 
 fn direction(angle: f64) -> Vector2<f64> {
@@ -197,7 +199,7 @@ pub(super) fn isolate(g: &impl Fn(f64) -> (f64, f64), [from, to]: [f64; 2], sear
     if half < WIDTH_MIN {
         roots.push(middle);
     } else if slope.abs() > search.bend * half {
-        roots.extend(monotone_root(g, [from, to], search.miss_max));
+        roots.extend(monotone_root(g, [from, to], search));
     } else {
         isolate(g, [from, middle], search, roots);
         isolate(g, [middle, to], search, roots);
@@ -205,7 +207,7 @@ pub(super) fn isolate(g: &impl Fn(f64) -> (f64, f64), [from, to]: [f64; 2], sear
 }
 
 /// The root of a function that only rises or only falls, by bisection; an end that is within the miss if there is none.
-fn monotone_root(g: &impl Fn(f64) -> (f64, f64), [mut low, mut high]: [f64; 2], miss_max: f64) -> Option<f64> {
+fn monotone_root(g: &impl Fn(f64) -> (f64, f64), [mut low, mut high]: [f64; 2], search: &Search) -> Option<f64> {
     // The ends belong to two intervals and to the flat edge between them, so they are looked at from within.
     let inward = f64::EPSILON * TAU;
     let (at_low, at_high) = (g(low + inward).0, g(high - inward).0);
@@ -214,7 +216,8 @@ fn monotone_root(g: &impl Fn(f64) -> (f64, f64), [mut low, mut high]: [f64; 2], 
             if at_low.abs() < at_high.abs() { (low, at_low, -inward) } else { (high, at_high, inward) };
         // Where |g| goes on to fall beyond the end, the neighbour has what is nearest to a root.
         let rises = value * g(end + outward).1 * outward >= 0.0;
-        return (value.abs() <= miss_max && rises).then_some(end);
+        let outermost = search.span.iter().any(|limit| limit.to_bits() == end.to_bits());
+        return (value.abs() <= search.miss_max && (rises || outermost)).then_some(end);
     }
     while high - low > f64::EPSILON * (1.0 + high.abs()) {
         let middle = f64::midpoint(low, high);

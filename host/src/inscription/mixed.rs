@@ -263,7 +263,8 @@ impl<'a> Mixed<'a> {
                 continue;
             }
             let mut turns = Vec::new();
-            let mut search = Search { bend: wave.bend(), miss_max: self.miss_max, intervals_left: INTERVALS_MAX };
+            let mut search =
+                Search { bend: wave.bend(), miss_max: self.miss_max, intervals_left: INTERVALS_MAX, span: [from, to] };
             isolate(&|theta| wave.at(theta), [from, to], &mut search, &mut turns);
             candidates.extend(turns.into_iter().map(|theta| self.place(&held, theta)));
         }
