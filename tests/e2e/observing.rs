@@ -225,3 +225,79 @@ fn the_demo_says_what_cannot_be_told_apart() {
     let said = text(&output.stdout);
     assert!(said.contains("looks the same in 4 orientations"), "{said}{}", text(&output.stderr));
 }
+
+/// A rectangle of two kinds of edge, pushed straight through its centre of mass: whichever edge it is, it does not turn.
+const RECTANGLE: &str = "unit = 'mm'\nvertices = [[0, 0], [60, 0], [60, 30], [0, 30]]\nmu = 0.25";
+
+/// See [`RECTANGLE`].
+const STRAIGHT: &str = "unit = 'mm'\n[[segment]]\nseconds = 0.5\nacceleration = [120, 0]";
+
+/// Files of a straight push of the rectangle: part, motion and forces.
+fn pushed_straight(folder: &Path) -> [PathBuf; 3] {
+    let file = PolygonFile::parse(RECTANGLE).unwrap();
+    let motion = FingerMotion::parse(STRAIGHT).unwrap();
+    let (part, grip) = (&file.part, file.mu * GRAVITY);
+    let world =
+        PushedWorld { part, grip, mass: 0.5, mu_c: 0.3, radius: 0.015, motion: &motion, edge: 0, u: 0.0, s: 0.0 };
+    let contents = [RECTANGLE.to_owned(), STRAIGHT.to_owned(), forces(&world.play().unwrap(), 1.5, 0.003)];
+    let paths = ["part.toml", "motion.toml", "forces.csv"].map(|name| folder.join(name));
+    paths.iter().zip(contents).for_each(|(path, content)| std::fs::write(path, content).unwrap());
+    paths
+}
+
+fn plan_push([part, motion, forces]: &[PathBuf; 3], arguments: &[&str]) -> Output {
+    let mut command = palpate(&["plan-push", "--part"]);
+    command.arg(part).arg("--motion").arg(motion).arg(forces).args(arguments).output().unwrap()
+}
+
+#[test]
+fn the_planner_turns_aside_where_a_straight_push_leaves_edges_alike() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = pushed_straight(folder.path());
+    let answer = last_answer(&plan_push(&files, &["--json", "--acceleration-mm-s2", "150"]));
+    assert_eq!(answer["estimate"]["status"], "ambiguous", "{answer}");
+    let motions = answer["motions"].as_array().unwrap();
+    let risks: Vec<_> = motions.iter().map(|motion| motion["risk"].as_f64().unwrap()).collect();
+    assert!(motions.len() == 8 && risks.is_sorted(), "{answer}");
+    assert_eq!(answer["recommended"], motions[0]["motion"]);
+    let straight = motions.iter().position(|motion| motion["motion"] == "straight on").unwrap();
+    assert!(risks[0] < 0.5 * risks[straight], "{answer}");
+    // The segments of every motion take the time asked for.
+    for motion in motions {
+        let seconds = motion["segments"].as_array().unwrap().iter().map(|part| part["seconds"].as_f64().unwrap());
+        assert!((seconds.sum::<f64>() - 0.5).abs() < 1e-12, "{motion}");
+    }
+    let said = text(&plan_push(&files, &["--acceleration-mm-s2", "150"]).stdout);
+    let recommended = format!("Go {}: accelerate by (", answer["recommended"].as_str().unwrap());
+    assert!(said.contains("If the finger goes on for 0.5 s") && said.contains(&recommended), "{said}");
+}
+
+#[test]
+fn the_planner_leaves_out_what_the_finger_cannot_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = pushed_straight(folder.path());
+    // It goes 60 mm/s now.
+    let answer = last_answer(&plan_push(&files, &["--json", "--speed-max-mm-s", "61"]));
+    let motions = answer["motions"].as_array().unwrap();
+    assert!(motions.len() == 1 && motions[0]["motion"] == "straight on", "{answer}");
+    let refused = plan_push(&files, &["--speed-max-mm-s", "10"]);
+    let said = text(&refused.stderr);
+    assert!(!refused.status.success() && said.contains("60.0 mm/s") && said.contains("--speed-max-mm-s"), "{said}");
+}
+
+#[test]
+fn the_part_that_was_pushed_is_named() {
+    let (folder, played) = (tempfile::tempdir().unwrap(), pushed());
+    let (table, other) = (folder.path().join("forces.csv"), folder.path().join("other.toml"));
+    std::fs::write(&table, forces(&played, 1.5, 0.003)).unwrap();
+    std::fs::write(&other, RECTANGLE).unwrap();
+    let mut command = palpate(&["which-part", "--json", "--part"]);
+    let command = command.arg(&other).arg("--part").arg(example("part.toml"));
+    let output = command.arg("--motion").arg(example("motion.toml")).arg(&table).output().unwrap();
+    let said = text(&output.stdout);
+    let answer: Value = serde_json::from_str(&said).unwrap_or_else(|_| panic!("{said}{}", text(&output.stderr)));
+    let named = &answer["parts"][0];
+    assert!(named["part"].as_str().unwrap().ends_with("part.toml"), "{answer}");
+    assert!(named["probability"].as_f64().unwrap() > 0.99, "{answer}");
+    check(&named["estimate"], &played);
+}

@@ -45,6 +45,9 @@ The part file is that of `palpate push`; its mu_c is not needed.
 
 The forces' file is a table of t, Fx, Fy: force on the finger's disk along its axes, in newtons.
 
+Finger and part start at rest here: that is what makes the force alone enough. For a push of which the beginning is not
+known, or contact angles instead of forces, see the problem kind `observe_push` of `palpate solve`.
+
 Exit status: 0, 1 if nothing was felt or something cannot be used, 64 wrong command line.";
 
 /// Names the pose of a known part from the force on the finger that begins to push it.

@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use palpate::finger_motion::Segment;
 use palpate::observing::from_rest::{self, Estimate};
-use palpate::observing::planning::{self, Felt, MOTION_NAMES, Present, Prospect, Sampling};
+use palpate::observing::planning::{self, Felt, Motion, Present, Prospect, Sampling};
 use palpate::part_file::PolygonFile;
 use serde_json::{Value, json};
 
@@ -22,9 +23,11 @@ const LONG_HELP: &str = "\
 Takes the files of `palpate observe`: of a push so far that left several poses possible. Each motion is played ahead from
 every pose that is left, and what the finger then would feel is compared pair by pair:
 
-  risk     bound of the probability of naming the wrong pose afterwards
+  first    the acceleration that the motion begins with; the recommended motion is told in full below
+  risk     bound of the probability of naming the wrong pose afterwards, or a place more than a millimetre off
   nearest  the two poses that come apart least; the likeliest is 1
   D²       how far: squared, in standard deviations of the noise and of what is uncertain of both; below 36 they may be confused
+  place    how uncertain the place on the edge then still is, of the pose where it is most so: standard deviation
   contact  how long every pose keeps the contact, s
 
 What is compared is the direction of the force. A contact that never slipped so far is taken to roll on.
@@ -87,8 +90,8 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
 }
 
 impl Arguments {
-    /// The motions that the finger can do, with their names.
-    fn motions(&self, present: &Present) -> miette::Result<Vec<(&'static str, [f64; 2])>> {
+    /// The motions that the finger can do.
+    fn motions(&self, present: &Present) -> miette::Result<Vec<Motion>> {
         let velocity = present.velocity;
         if velocity[0].hypot(velocity[1]) <= 0.0 {
             return Err(miette::miette!(
@@ -96,20 +99,18 @@ impl Arguments {
                 "the finger stands still at the end of what was felt: there is no straight on"
             ));
         }
-        let offered = planning::motions(velocity, self.acceleration_mm_s2 * 1e-3);
+        let mut motions = planning::motions(velocity, self.acceleration_mm_s2 * 1e-3, self.seconds);
         let limit = self.speed_max_mm_s.map_or(f64::INFINITY, |limit| limit * 1e-3);
-        let reached = |acceleration: &[f64; 2]| planning::top_speed(velocity, *acceleration, self.seconds);
-        let named = MOTION_NAMES.into_iter().zip(offered);
-        let possible: Vec<_> = named.filter(|(_, acceleration)| reached(acceleration) <= limit).collect();
-        if possible.is_empty() {
-            let now = reached(&[0.0; 2]) * 1e3;
+        motions.retain(|motion| motion.top_speed(velocity) <= limit);
+        if motions.is_empty() {
+            let now = velocity[0].hypot(velocity[1]) * 1e3;
             return Err(miette::miette!(
                 help = "raise --speed-max-mm-s",
                 "no motion stays below {} mm/s: the finger already goes {now:.1} mm/s",
                 limit * 1e3
             ));
         }
-        Ok(possible)
+        Ok(motions)
     }
 }
 
@@ -117,63 +118,40 @@ impl Arguments {
 struct Plan<'e> {
     estimate: &'e Estimate,
     present: Present<'e>,
-    motions: Vec<(&'static str, [f64; 2])>,
+    motions: Vec<Motion>,
 }
 
 impl Plan<'_> {
     fn prospects(&self, arguments: &Arguments) -> Vec<Prospect> {
         let beliefs: Vec<_> = self.estimate.hypotheses.iter().map(from_rest::Hypothesis::belief).collect();
-        let accelerations: Vec<_> = self.motions.iter().map(|(_, acceleration)| *acceleration).collect();
         let sampling =
             Sampling { felt: Felt::ForceDirection, dt: VALUES_EVERY_S, sigma: arguments.noise_deg.to_radians() };
-        planning::prospects(&self.present, &beliefs, &accelerations, sampling, arguments.seconds)
-    }
-
-    fn name(&self, prospect: &Prospect) -> &'static str {
-        let found = self
-            .motions
-            .iter()
-            .find(|(_, acceleration)| acceleration.map(f64::to_bits) == prospect.acceleration.map(f64::to_bits));
-        found.map_or("", |(name, _)| name)
+        planning::prospects(&self.present, &beliefs, &self.motions, sampling)
     }
 
     fn lines(&self, prospects: &[Prospect]) -> Vec<String> {
-        let heading = "  motion            acceleration [mm/s²]      risk   nearest       D²   contact [s]".to_owned();
-        std::iter::once(heading).chain(prospects.iter().map(|prospect| self.line(prospect))).collect()
-    }
-
-    fn line(&self, prospect: &Prospect) -> String {
-        let [x, y] = prospect.acceleration.map(|component| component * 1e3 + 0.0);
-        let nearest = prospect
-            .nearest()
-            .map_or((String::new(), 0.0), |pair| (pose_numbers(pair.hypotheses), pair.distance_squared));
-        format!(
-            "  {:<16} {x:10.1} {y:10.1} {:8.2} % {:>9} {:8.1} {:13.2}",
-            self.name(prospect),
-            prospect.risk * 100.0,
-            nearest.0,
-            nearest.1,
-            shortest_contact(prospect)
-        )
+        let heading = "  motion            first [mm/s²]            risk   nearest       D²   place [mm]   contact [s]"
+            .to_owned();
+        std::iter::once(heading).chain(prospects.iter().map(line)).collect()
     }
 
     /// The recommendation.
     fn in_words(&self, prospects: &[Prospect]) -> String {
         let hopeless = planning::inseparable(prospects);
         let all = prospects.first().map_or(0, |prospect| prospect.pairs.len());
-        let told: Vec<_> = hopeless.iter().map(|pair| pose_numbers(*pair)).collect();
+        let unseparated: Vec<_> = hopeless.iter().map(|pair| pose_numbers(*pair)).collect();
         if hopeless.len() == all {
             return "The poses cannot be told apart by any of these motions.".to_owned();
         }
-        let mut words = match (prospects.first(), prospects.iter().find(|p| is_none(p.acceleration))) {
+        let mut words = match (prospects.first(), prospects.iter().find(|p| p.motion.is_straight())) {
             (Some(best), Some(straight)) if best.risk >= (1.0 - WORTHWHILE) * straight.risk => {
                 "Go straight on: no other of these motions does much better.".to_owned()
             }
-            (Some(best), _) => format!("Go {}.", self.name(best)),
+            (Some(best), _) => format!("Go {}: {}.", best.motion.name, told(&best.motion)),
             (None, _) => String::new(),
         };
-        if !told.is_empty() {
-            words += &format!(" Poses {} cannot be told apart by any of these motions.", told.join(", "));
+        if !unseparated.is_empty() {
+            words += &format!(" Poses {} cannot be told apart by any of these motions.", unseparated.join(", "));
         }
         words
     }
@@ -182,32 +160,57 @@ impl Plan<'_> {
         let recommended = prospects.first().filter(|prospect| !prospect.pairs.is_empty());
         json!({
             "estimate": pose::as_json(self.estimate),
-            "motions": prospects.iter().map(|prospect| self.prospect_as_json(prospect)).collect::<Vec<_>>(),
-            "recommended": recommended.map(|prospect| self.name(prospect)),
+            "motions": prospects.iter().map(prospect_as_json).collect::<Vec<_>>(),
+            "recommended": recommended.map(|prospect| prospect.motion.name),
             "inseparable": planning::inseparable(prospects),
         })
     }
+}
 
-    fn prospect_as_json(&self, prospect: &Prospect) -> Value {
-        let pairs = prospect.pairs.iter().map(|pair| {
-            json!({"hypotheses": pair.hypotheses, "distance_squared": pair.distance_squared, "shared_s": pair.shared_s})
-        });
-        json!({
-            "motion": self.name(prospect),
-            "acceleration": prospect.acceleration,
-            "risk": prospect.risk,
-            "contact_s": prospect.contact_s,
-            "pairs": pairs.collect::<Vec<_>>(),
-        })
-    }
+fn prospect_as_json(prospect: &Prospect) -> Value {
+    let pairs = prospect.pairs.iter().map(|pair| {
+        json!({"hypotheses": pair.hypotheses, "distance_squared": pair.distance_squared, "shared_s": pair.shared_s})
+    });
+    let segments = prospect.motion.segments.iter();
+    let segments = segments.map(|segment| json!({"seconds": segment.seconds, "acceleration": segment.acceleration}));
+    json!({
+        "motion": prospect.motion.name,
+        "segments": segments.collect::<Vec<_>>(),
+        "risk": prospect.risk,
+        "contact_s": prospect.contact_s,
+        // Nothing is known of a place whose contact ends at once.
+        "place_sd": prospect.place_sd.iter().map(|sd| sd.is_finite().then_some(*sd)).collect::<Vec<_>>(),
+        "pairs": pairs.collect::<Vec<_>>(),
+    })
+}
+
+fn line(prospect: &Prospect) -> String {
+    let first = prospect.motion.segments.first().map_or([0.0; 2], |segment| segment.acceleration);
+    // Without the minus sign of zero.
+    let [x, y] = first.map(|component| component * 1e3 + 0.0);
+    let nearest =
+        prospect.nearest().map_or((String::new(), 0.0), |pair| (pose_numbers(pair.hypotheses), pair.distance_squared));
+    let place = prospect.place_sd.iter().copied().fold(0.0, f64::max) * 1e3;
+    format!(
+        "  {:<16} {x:10.1} {y:10.1} {:8.2} % {:>9} {:8.1} {place:12.2} {:13.2}",
+        prospect.motion.name,
+        prospect.risk * 100.0,
+        nearest.0,
+        nearest.1,
+        shortest_contact(prospect)
+    )
+}
+
+/// A motion's accelerations, in words.
+fn told(motion: &Motion) -> String {
+    let segment = |segment: &Segment| {
+        let [x, y] = segment.acceleration.map(|component| component * 1e3 + 0.0);
+        format!("accelerate by ({x:.1}, {y:.1}) mm/s² for {:.2} s", segment.seconds)
+    };
+    motion.segments.iter().map(segment).collect::<Vec<_>>().join(", then ")
 }
 
 /// As people count: from 1.
-/// Whether this is no acceleration at all.
-fn is_none([x, y]: [f64; 2]) -> bool {
-    x == 0.0 && y == 0.0
-}
-
 fn pose_numbers([first, second]: [usize; 2]) -> String {
     format!("{} and {}", first + 1, second + 1)
 }

@@ -17,7 +17,7 @@
 //!
 //! In reading order: [`Known`], [`Observation`], [`Estimate`] (`observation`); `data`; `sites`: where the disk can touch; `launch`:
 //! how a push can begin; `clock`, `path`: simulation; `fit`; `manifold`, `seed`; `select`: the judgement; `track`: the same while the
-//! push goes on; `planning`: what to do next; `which_part`: several parts.
+//! push goes on; `planning`: what to do next; `sequence`: two pushes; `which_part`: several parts.
 //!
 //! The thesis's own observers are beside it: [`Gho`], with one for each edge in [`observe_gho`]; and [`RestingPush`], the pose
 //! before a push from rest, with [`Table`], looked up instead of simulated.
@@ -38,6 +38,7 @@ mod path;
 pub mod planning;
 mod seed;
 mod select;
+mod sequence;
 mod sites;
 mod track;
 mod which_part;
@@ -47,5 +48,6 @@ pub use gho_bank::{Felt, GhoRun, observe_gho};
 pub use initial_pose::{InitialPoseError, Object, RestingPose, RestingPoses, RestingPush, Table, TimedContact};
 pub use observation::{Channel, Estimate, Fit, Hypothesis, Known, Measured, Observation, Prior, Touch};
 pub use select::estimate;
+pub use sequence::{Agreement, PoseBelief, Slack, in_sequence};
 pub use track::{Tracker, TrackerSettings};
 pub use which_part::{PartEstimate, Weight, log_evidence, ranked, which_part};

@@ -28,7 +28,7 @@ pub use self::table::Table;
 use crate::geometry::SimplePolygon;
 use crate::geometry::angle::wrap_angle;
 use crate::pushing::{
-    Body, ContactLaw, EdgeEnd, FingerPath, FingerShape, Mass, Part, PartSide, ShapeError, ShapedModel, ShapedPush,
+    Body, ContactLaw, EdgeEnd, FingerPath, FingerShape, Mass, Part, PartSide, Run, ShapeError, ShapedModel, ShapedPush,
     Start, State,
 };
 
@@ -81,6 +81,13 @@ struct Site {
     side: PartSide,
     /// Of s₀.
     range: [f64; 2],
+}
+
+/// A place that fits all contacts.
+struct Fit {
+    site: Site,
+    near: NearZero,
+    misfits: Vec<f64>,
 }
 
 /// The finger's place on its own outline at a time.
@@ -198,7 +205,13 @@ impl RestingPush {
         };
         let places = self.sites.iter().flat_map(|site| self.scanned(*site, *first, tolerance));
         let places: Vec<_> = places.collect();
-        self.judged(&places, &contacts, tolerance)
+        let last = contacts[contacts.len() - 1];
+        // Friction is too stiff for the swift simulation.
+        let hopeless = |site: &Site, s0: f64| {
+            let u = if self.grip > 0.0 { None } else { self.swift(site, s0, last.t, CLOSE_STEPS) };
+            u.is_some_and(|u| (u - last.u).abs() > SCAN_ERROR + HOPELESS * tolerance)
+        };
+        self.judged(&places, &contacts, tolerance, &hopeless)
     }
 
     /// Places of a site that fit a contact. Without friction a swift simulation looks around.
@@ -236,75 +249,65 @@ impl RestingPush {
 
     /// u at each time until the contact ends.
     fn angles(&self, site: &Site, s0: f64, times: &[f64]) -> Vec<f64> {
-        let Ok(model) = self.model(site) else { return Vec::new() };
-        let start = Start::Rest { u: self.u0, s: s0 };
-        let push = ShapedPush::new(model, ContactLaw::Frictionless, start, EdgeEnd::Stop);
-        let run = push.ok().and_then(|push| push.run(times).ok());
+        let run = self.run(site, s0, times);
         run.map_or_else(Vec::new, |run| run.samples.iter().map(|sample| sample.state.u).collect())
     }
 
-    /// Candidates and solutions among places that may fit the first contact.
-    fn judged(&self, places: &[(Site, NearZero)], contacts: &[TimedContact], tolerance: f64) -> RestingPoses {
-        let apart = |list: Vec<(Site, NearZero)>| {
-            let mut kept: Vec<(Site, NearZero)> = Vec::new();
-            for (site, near) in list {
-                let same = |(other, kept): &(Site, NearZero)| {
-                    other.edge == site.edge && site.gap(kept.at, near.at) < SAME_PLACE * site.length()
-                };
-                if !kept.iter().any(same) && !self.overlaps(&site, near.at) {
-                    kept.push((site, near));
-                }
+    /// The push from a place; none where it cannot begin.
+    fn run(&self, site: &Site, s0: f64, times: &[f64]) -> Option<Run> {
+        let start = Start::Rest { u: self.u0, s: s0 };
+        let push = ShapedPush::new(self.model(site).ok()?, ContactLaw::Frictionless, start, EdgeEnd::Stop);
+        push.ok()?.run(times).ok()
+    }
+
+    /// Candidates and solutions among places that may fit the first contact; `hopeless` are those that no move within the tolerance
+    /// brings to fit the last.
+    fn judged(
+        &self,
+        places: &[(Site, NearZero)],
+        contacts: &[TimedContact],
+        tolerance: f64,
+        hopeless: &dyn Fn(&Site, f64) -> bool,
+    ) -> RestingPoses {
+        let mut apart: Vec<(Site, NearZero)> = Vec::new();
+        for &(site, near) in places {
+            let same = |(other, kept): &(Site, NearZero)| other.is_same_place(&site, kept.at, near.at);
+            if !apart.iter().any(same) && !self.overlaps(&site, near.at) {
+                apart.push((site, near));
             }
-            kept
-        };
-        let places = apart(places.to_vec());
-        let misfits = |site: &Site, s0: f64| self.misfits(site, s0, contacts);
-        let possible = places.iter().filter(|(site, near)| self.may_fit(site, near.at, contacts, tolerance));
-        let fitted = possible.filter_map(|&(site, near)| {
-            let at = polished(near.at, site, &|s0| misfits(&site, s0), tolerance)?;
-            Some((site, NearZero { at, ..near }))
+        }
+        let possible = apart.iter().filter(|(site, near)| !hopeless(site, near.at));
+        let fits = possible.filter_map(|&(site, near)| {
+            let (at, misfits) = polished(near.at, site, &|s0| self.misfits(&site, s0, contacts), tolerance)?;
+            Some(Fit { site, near: NearZero { at, ..near }, misfits })
         });
-        let mut solutions = self.one_each(apart(fitted.collect()), contacts, tolerance);
-        solutions.sort_by(|a, b| squares(&a.residuals).total_cmp(&squares(&b.residuals)));
+        let fits = fits.filter(|fit| !self.overlaps(&fit.site, fit.near.at)).collect();
+        let solutions = self.one_each(fits, contacts, tolerance);
         let candidate = |&(site, near): &(Site, NearZero)| self.pose_at(&site, &near, vec![near.value]);
-        let mut candidates: Vec<_> = places.iter().map(candidate).collect();
+        let mut candidates: Vec<_> = apart.iter().map(candidate).collect();
         candidates.sort_by(|a, b| squares(&a.residuals).total_cmp(&squares(&b.residuals)));
         RestingPoses { solutions, candidates }
     }
 
-    /// One pose for each stretch of places that all fit.
-    fn one_each(
-        &self,
-        mut found: Vec<(Site, NearZero)>,
-        contacts: &[TimedContact],
-        tolerance: f64,
-    ) -> Vec<RestingPose> {
-        let fits =
-            |site: &Site, s0: f64| self.misfits(site, s0, contacts).filter(|misfits| all_within(misfits, tolerance));
-        let size =
-            |(site, near): &(Site, NearZero)| fits(site, near.at).map_or(f64::INFINITY, |misfits| squares(&misfits));
-        found.sort_by(|a, b| size(a).total_cmp(&size(b)));
-        let mut kept: Vec<(Site, NearZero)> = Vec::new();
-        for (site, near) in found {
-            let joined = |(other, best): &(Site, NearZero)| {
-                other.edge == site.edge
-                    && [0.25, 0.5, 0.75]
-                        .iter()
-                        .all(|share| fits(&site, best.at + share * site.way(best.at, near.at)).is_some())
+    /// One pose for each stretch of places that all fit, best first.
+    fn one_each(&self, mut fits: Vec<Fit>, contacts: &[TimedContact], tolerance: f64) -> Vec<RestingPose> {
+        let is_fit = |site: &Site, s0: f64| {
+            self.misfits(site, s0, contacts).is_some_and(|misfits| all_within(&misfits, tolerance))
+        };
+        fits.sort_by(|a, b| squares(&a.misfits).total_cmp(&squares(&b.misfits)));
+        let mut kept: Vec<Fit> = Vec::new();
+        for fit in fits {
+            let joined = |best: &Fit| {
+                let (from, way) = (best.near.at, fit.site.way(best.near.at, fit.near.at));
+                best.site.is_same_place(&fit.site, from, fit.near.at)
+                    || (best.site.edge == fit.site.edge
+                        && [0.25, 0.5, 0.75].iter().all(|share| is_fit(&fit.site, from + share * way)))
             };
             if !kept.iter().any(joined) {
-                kept.push((site, near));
+                kept.push(fit);
             }
         }
-        let pose = |(site, near): &(Site, NearZero)| Some(self.pose_at(site, near, fits(site, near.at)?));
-        kept.iter().filter_map(pose).collect()
-    }
-
-    /// Whether a candidate may yet fit the last contact too: no move within the tolerance makes up for much more than that.
-    fn may_fit(&self, site: &Site, s0: f64, contacts: &[TimedContact], tolerance: f64) -> bool {
-        let Some(last) = contacts.last().filter(|_| self.grip <= 0.0) else { return true };
-        let misfit = self.swift(site, s0, last.t, CLOSE_STEPS).map(|u| (u - last.u).abs());
-        misfit.is_none_or(|misfit| misfit <= SCAN_ERROR + HOPELESS * tolerance)
+        kept.into_iter().map(|fit| self.pose_at(&fit.site, &fit.near, fit.misfits)).collect()
     }
 
     /// u as predicted less u as felt, if the contact lasts as long as the data.
@@ -398,6 +401,11 @@ impl Site {
         if self.edge.is_some() { b - a } else { (b - a + PI / 2.0).rem_euclid(PI) - PI / 2.0 }
     }
 
+    /// Whether a place on this and one on another site are one.
+    fn is_same_place(&self, other: &Self, here: f64, there: f64) -> bool {
+        self.edge == other.edge && self.gap(here, there) < SAME_PLACE * self.length()
+    }
+
     fn gap(&self, a: f64, b: f64) -> f64 {
         self.way(a, b).abs()
     }
@@ -411,8 +419,8 @@ fn all_within(misfits: &[f64], tolerance: f64) -> bool {
     misfits.iter().all(|misfit| misfit.abs() <= tolerance)
 }
 
-/// The place near a candidate at which all contacts fit best, if they all fit there.
-fn polished(s0: f64, site: Site, misfits: &dyn Fn(f64) -> Option<Vec<f64>>, tolerance: f64) -> Option<f64> {
+/// The place near a candidate at which all contacts fit best, with what they are off by, if they all fit there.
+fn polished(s0: f64, site: Site, misfits: &dyn Fn(f64) -> Option<Vec<f64>>, tolerance: f64) -> Option<(f64, Vec<f64>)> {
     let (mut at, mut here) = (s0, misfits(s0)?);
     for _ in 0..POLISH_STEPS {
         // Exact data fit to a thousandth already.
@@ -422,7 +430,7 @@ fn polished(s0: f64, site: Site, misfits: &dyn Fn(f64) -> Option<Vec<f64>>, tole
         let Some((next, there)) = improved(at, &here, site, misfits) else { break };
         (at, here) = (next, there);
     }
-    all_within(&here, tolerance).then_some(at)
+    all_within(&here, tolerance).then_some((at, here))
 }
 
 /// A Gauss–Newton step, shortened until it improves; none if it does not.

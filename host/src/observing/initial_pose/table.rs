@@ -8,13 +8,19 @@
 
 use super::closing::Rough;
 use super::search::{NearZero, near_zeros};
-use super::{RestingPoses, RestingPush, Site, TimedContact};
+use super::{HOPELESS, RestingPoses, RestingPush, Site, TimedContact};
 
 /// Times kept of each motion.
 const TIMES: usize = 32;
 
 /// How far a table may be off, in the unit of u: between its places and times it is interpolated by cubics.
 const TABLE_ERROR: f64 = 1e-4;
+
+/// How far it may be off, at the most, for a candidate to be given up without a simulation, in the unit of u.
+const TABLE_ERROR_MAX: f64 = 5e-3;
+
+/// A contact that ends this much later than a kept time, as a share of the step, ends at it.
+const END_APART: f64 = 1e-6;
 
 /// How many times the change over one step of the grid a misfit may change in the last, cut one.
 const BORDER_REACH: f64 = 5.0;
@@ -47,8 +53,17 @@ pub struct Table<'p> {
 struct SiteTable {
     site: Site,
     places: Vec<f64>,
-    /// u at each of the times, of each place, while the contact lasts.
-    motions: Vec<Vec<f64>>,
+    /// From each place.
+    motions: Vec<Motion>,
+}
+
+/// What one place leads to.
+#[derive(Clone, Debug)]
+struct Motion {
+    /// u at each of the times while the contact lasts.
+    angles: Vec<f64>,
+    /// When the contact ends, s, and u then; none if it lasts as long as the table.
+    end: Option<(f64, f64)>,
 }
 
 impl<'p> Table<'p> {
@@ -59,7 +74,7 @@ impl<'p> Table<'p> {
         let times: Vec<_> = (1..=TIMES).map(|index| step * index as f64).collect();
         let table = |&site: &Site| {
             let places = site.grid();
-            let motions = places.iter().map(|&s0| push.angles(&site, s0, &times)).collect();
+            let motions = places.iter().map(|&s0| Motion::of(push, &site, s0, &times)).collect();
             SiteTable { site, places, motions }
         };
         Self { push, sites: push.sites.iter().map(table).collect(), times }
@@ -75,7 +90,19 @@ impl<'p> Table<'p> {
         let contacts = self.push.without_turns(contacts);
         let places = self.sites.iter().flat_map(|table| self.places(table, contacts[0], tolerance));
         let places: Vec<_> = places.collect();
-        self.push.judged(&places, &contacts, tolerance)
+        let last = contacts[contacts.len() - 1];
+        let hopeless = |site: &Site, s0: f64| {
+            let misfit = self.looked_up(site, s0, last.t).map(|u| (u - last.u).abs());
+            misfit.is_some_and(|misfit| misfit > TABLE_ERROR_MAX + HOPELESS * tolerance)
+        };
+        self.push.judged(&places, &contacts, tolerance, &hopeless)
+    }
+
+    /// u at a time as the table has it; none where the contact may have ended.
+    fn looked_up(&self, site: &Site, s0: f64, t: f64) -> Option<f64> {
+        let table = self.sites.iter().find(|table| table.site.edge == site.edge)?;
+        let now: Vec<_> = table.motions.iter().map(|motion| self.at_time(motion, t)).collect();
+        table.at_place(&now, s0)
     }
 
     /// Places of one site that fit the first contact.
@@ -113,7 +140,11 @@ impl<'p> Table<'p> {
     }
 
     /// u at a time, of one motion; a cubic through the four times around it, u₀ at 0 and its mirror image before.
-    fn at_time(&self, motion: &[f64], t: f64) -> Option<f64> {
+    fn at_time(&self, motion: &Motion, t: f64) -> Option<f64> {
+        if motion.end.is_some() && t >= self.times[0] * motion.angles.len() as f64 {
+            return self.near_end(motion, t);
+        }
+        let motion = &motion.angles;
         let step = self.times[0];
         let whole = (t / step).floor().min(TIMES as f64 - 2.0).max(0.0);
         #[expect(
@@ -129,10 +160,54 @@ impl<'p> Table<'p> {
             None => motion.first().copied(),
         };
         let (before, here, next) = (value(from, 2)?, value(from, 1)?, value(from, 0)?);
-        // Where the contact ends early the motion goes on straight.
-        let after = value(from + 1, 0).unwrap_or(2.0 * next - here);
+        // Beyond the last of them the motion goes on along a parabola.
+        let after = value(from + 1, 0).unwrap_or(3.0 * (next - here) + before);
         Some(cubic([before, here, next, after], t / step - whole))
     }
+}
+
+impl Table<'_> {
+    /// u between the last of the times that a motion lasts to and its end: the cubic through the end and the last three.
+    fn near_end(&self, motion: &Motion, t: f64) -> Option<f64> {
+        let (end, u_end) = motion.end.filter(|(end, _)| t <= *end)?;
+        let (step, last) = (self.times[0], motion.angles.len());
+        let kept = |index: usize| {
+            (step * index as f64, index.checked_sub(1).map_or(self.push.u0, |index| motion.angles[index]))
+        };
+        let (at_last, u_last) = kept(last);
+        if end - at_last < END_APART * step {
+            return Some(u_last);
+        }
+        // The motion from rest is even in time to the order kept: what comes before it is its mirror image.
+        let mirrored = |(at, u): (f64, f64)| (-at, u);
+        let before = match last {
+            0 => vec![mirrored((end, u_end))],
+            1 => vec![mirrored(kept(1)), kept(0)],
+            _ => vec![kept(last - 2), kept(last - 1)],
+        };
+        let points: Vec<_> = before.into_iter().chain([(at_last, u_last), (end, u_end)]).collect();
+        Some(lagrange(&points, t))
+    }
+}
+
+impl Motion {
+    fn of(push: &RestingPush, site: &Site, s0: f64, times: &[f64]) -> Self {
+        let Some(run) = push.run(site, s0, times) else {
+            return Self { angles: Vec::new(), end: Some((0.0, push.u0)) };
+        };
+        let angles: Vec<_> = run.samples.iter().map(|sample| sample.state.u).collect();
+        let end = (angles.len() < times.len()).then_some((run.last.t, run.last.state.u));
+        Self { angles, end }
+    }
+}
+
+/// The polynomial through some points, at one place.
+fn lagrange(points: &[(f64, f64)], t: f64) -> f64 {
+    let weight = |index: usize| -> f64 {
+        let others = points.iter().enumerate().filter(|(other, _)| *other != index);
+        others.map(|(_, (at, _))| (t - at) / (points[index].0 - at)).product()
+    };
+    points.iter().enumerate().map(|(index, (_, u))| weight(index) * u).sum()
 }
 
 impl SiteTable {

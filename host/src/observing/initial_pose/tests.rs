@@ -268,3 +268,34 @@ fn impossible_pushes_are_refused() {
     let line = new(triangle(), FingerShape::Line, [0.0, 0.1]);
     assert_eq!(line, Err(InitialPoseError::Shape(ShapeError::BothStraight)));
 }
+
+/// A polygon, a finger and a push of which one edge's candidate has a contact that ends between two times of a table.
+#[test]
+fn a_contact_that_ends_soon_after_it_was_felt_is_in_the_table() {
+    let corners = [
+        [-0.044_473_945, -0.012_663_368],
+        [-0.030_748_561, -0.027_045_985],
+        [-0.012_560_288, -0.042_831_971],
+        [0.019_940_711, -0.032_086_864],
+        [0.008_742_711, -0.015_441_571],
+        [-0.022_149_828, 0.009_274_390],
+        [-0.030_800_993, 0.001_514_084],
+    ];
+    let object = Object::Polygon(SimplePolygon::new(corners.map(Point2::from)).unwrap());
+    let shape = FingerShape::Ellipse { semi_axes: [0.024_758_498, 0.017_338_234] };
+    let push = push(shape, object, [-0.026_780_753, 0.093_252_006], 1.952_510_745);
+    let times = [0.482_969_508, 0.988_323_216];
+    let felt = push.predicted(Some(4), 0.009_740_169, &times);
+    let contacts: Vec<_> = times.iter().zip(&felt).map(|(&t, &u)| TimedContact { t, u }).collect();
+    let edges = |poses: &RestingPoses| {
+        let mut edges: Vec<_> = poses.candidates.iter().map(|pose| pose.edge).collect();
+        edges.sort_unstable();
+        edges
+    };
+    let wanted = [1, 2, 4, 6].map(Some);
+    assert_eq!(edges(&push.observe(&contacts, 1e-8)), wanted);
+    // Wherever the kept times lie about the end of that contact.
+    for time_end in [1.0, 1.02, 1.04, 1.06, 1.087_155_538] {
+        assert_eq!(edges(&Table::new(&push, time_end).observe(&contacts, 1e-8)), wanted, "{time_end} s");
+    }
+}

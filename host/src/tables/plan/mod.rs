@@ -1,7 +1,7 @@
 //! The planner of pushes: how often poses stay ambiguous if the finger goes straight on, aside, or as the planner says.
 //!
-//! A finger pushes a random part straight for a while; the estimator lists, from noisy contact angles, where the part may be; the
-//! planner chooses how to go on. Whether the whole push then could have been felt at another pose is decided on its exact angles by
+//! A finger pushes a random part straight for a moment; the estimator lists, from noisy contact angles, where the part may be; the
+//! planner chooses how to go on, and once more when it has felt what came of that. Whether the whole push then could have been felt at another pose is decided on its exact angles by
 //! `rivals`, which shares nothing with estimator or planner but the dynamics.
 //!
 //! Units: SI inside, as the headings say in the table. Errors: none.
@@ -15,36 +15,41 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::random::Draw;
 use super::{Cell, Experiment, Settings, Table};
-use crate::observing::planning::{Belief, Felt, Present, Sampling, motions, prospects};
+use crate::finger_motion::Segment;
+use crate::observing::planning::{Belief, Felt, Motion, Present, Sampling, motions, prospects, updated};
 use crate::observing::{Channel, Known, Measured, Observation, Prior, Touch, estimate};
 use crate::pushing::{ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, Sample, Start, State};
 
 /// Time between values, s.
 pub(super) const DT_S: f64 = 0.01;
 
-/// Values of the straight beginning, its end included, and of the whole push.
-const VALUES_FIRST: u32 = 21;
+/// Values of the straight beginning and of the whole push, the first included.
+const VALUES_FIRST: usize = 11;
 /// See [`VALUES_FIRST`].
-const VALUES: u32 = 81;
+const VALUES: usize = 81;
+
+/// Values until the planner chooses again, the first included.
+const VALUES_SECOND: usize = 41;
+
 /// Fewest values of a push that counts.
 const VALUES_MIN: usize = 31;
 
 /// rad: 0.5° each 0.5 ms, averaged over 10 ms.
 pub(super) const SIGMA_RAD: f64 = 0.112 / 180.0 * std::f64::consts::PI;
 
+/// How the angles are felt.
+const SAMPLING: Sampling = Sampling { dt: DT_S, sigma: SIGMA_RAD, felt: Felt::ContactAngle };
+
 /// µ g, m/s².
 pub(super) const GRIP: f64 = 0.3 * 9.81;
 
 /// Of the finger at first, m/s, and of what it then can do, m/s².
 const SPEED: f64 = 0.05;
-/// See [`SPEED`].
-const ACCELERATION: f64 = 0.08;
+/// See [`SPEED`]: as the finger of the demonstration turns.
+const ACCELERATION: f64 = 0.15;
 
 /// Standard deviation of ω at the start, rad/s.
 pub(super) const OMEGA_SIGMA: f64 = 1.0;
-
-/// Places of these motions among those on offer.
-const FIXED: [(&str, usize); 4] = [("straight on", 0), ("to the left", 1), ("to the right", 2), ("faster ahead", 3)];
 
 /// The table `plan`.
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -60,7 +65,7 @@ pub(super) struct Case {
     pub(super) part: Part,
     pub(super) edge: usize,
     pub(super) start: State,
-    /// Noise of the first values, in standard deviations.
+    /// Noise of the values, in standard deviations.
     noise: Vec<f64>,
 }
 
@@ -70,15 +75,28 @@ struct FeltPush {
     angles: Vec<f64>,
     /// Place on the edge at the last of them, m.
     s_end: f64,
+    /// µ_c that it needed.
+    friction: f64,
+}
+
+/// A stretch of constant acceleration.
+#[derive(Clone, Copy, Debug)]
+struct Leg {
+    /// The finger in time since its beginning.
+    finger: Finger,
+    /// Values in it, that at its beginning not counted.
+    values: usize,
 }
 
 /// Which motions leave a case ambiguous.
 #[derive(Clone, Debug, Default)]
 struct Outcome {
-    fixed: [bool; FIXED.len()],
-    planned: bool,
-    /// Whether each of those tried does.
-    all: bool,
+    /// Of each motion on offer: whether it leaves the case ambiguous, and the friction that it needs.
+    motions: Vec<(bool, f64)>,
+    /// The planner's choice among them.
+    choice: usize,
+    /// The same as of a motion on offer, of the one that comes of choosing twice.
+    twice: (bool, f64),
 }
 
 /// The finger on its straight beginning.
@@ -86,27 +104,69 @@ pub(super) fn finger_first() -> Finger {
     Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, SPEED], acceleration: [0.0; 2] }
 }
 
-/// The finger afterwards, in time since then.
-fn finger_then(acceleration: [f64; 2]) -> Finger {
-    let first = finger_first();
-    Finger { centre0: first.centre(turn_s()).coords.into(), acceleration, ..first }
+/// The straight beginning and what follows.
+fn legs(then: &Motion) -> Vec<Leg> {
+    let first = Leg { finger: finger_first(), values: VALUES_FIRST - 1 };
+    let mut legs = vec![first];
+    for &Segment { seconds, acceleration } in &then.segments {
+        let finger = Finger { acceleration, ..after(&legs[legs.len() - 1]) };
+        legs.push(Leg { finger, values: count(seconds) });
+    }
+    legs
 }
 
-fn turn_s() -> f64 {
-    f64::from(VALUES_FIRST - 1) * DT_S
+/// The first so many seconds of a motion.
+fn beginning(motion: &Motion, seconds: f64) -> Motion {
+    let mut left = seconds;
+    let segments = motion.segments.iter().map_while(|segment| {
+        let seconds = segment.seconds.min(left);
+        left -= seconds;
+        (count(seconds) > 0).then_some(Segment { seconds, ..*segment })
+    });
+    Motion { name: motion.name, segments: segments.collect() }
 }
 
-fn accelerations() -> Vec<[f64; 2]> {
-    motions([0.0, SPEED], ACCELERATION)
+/// The finger after a leg.
+fn after(leg: &Leg) -> Finger {
+    let ends = seconds(leg.values);
+    Finger { centre0: leg.finger.centre(ends).coords.into(), velocity0: leg.finger.velocity(ends), ..leg.finger }
+}
+
+/// The finger at the end of its straight beginning.
+fn present_finger() -> Finger {
+    after(&legs(&Motion { name: "", segments: Vec::new() })[0])
+}
+
+/// What the finger can do after its beginning.
+fn offered_first() -> Vec<Motion> {
+    offered(VALUES - VALUES_FIRST)
+}
+
+/// What the finger can do for so many values.
+fn offered(values: usize) -> Vec<Motion> {
+    motions([0.0, SPEED], ACCELERATION, seconds(values))
+}
+
+/// How many values a time (s) has.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the values of a push")]
+fn count(seconds: f64) -> usize {
+    (seconds / DT_S).round().max(0.0) as usize
+}
+
+/// Time from one value to the one so many later, s.
+#[expect(clippy::cast_precision_loss, reason = "counts of values")]
+fn seconds(values: usize) -> f64 {
+    values as f64 * DT_S
 }
 
 impl Case {
     /// The case of a number under a seed: drawn until every motion keeps the contact for long enough.
     fn draw(seed: u64, number: usize) -> (Self, Vec<FeltPush>) {
         let mut draw = Draw::case(seed, number);
+        let offered = offered_first();
         loop {
             let Some(case) = Self::try_draw(&mut draw) else { continue };
-            let felt: Option<Vec<_>> = accelerations().into_iter().map(|motion| case.push(motion)).collect();
+            let felt: Option<Vec<_>> = offered.iter().map(|motion| case.push(motion)).collect();
             if let Some(felt) = felt {
                 return (case, felt);
             }
@@ -127,7 +187,7 @@ impl Case {
         let s = draw.uniform(line.s_min, line.s_max);
         let u = FRAC_PI_2 + draw.uniform(-0.3, 0.3);
         let omega = OMEGA_SIGMA * draw.normal();
-        let noise = (0..VALUES_FIRST).map(|_| draw.normal()).collect();
+        let noise = (0..VALUES).map(|_| draw.normal()).collect();
         Some(Self { part, edge, start: State { u, s, omega, v_t: 0.0 }, noise })
     }
 
@@ -135,48 +195,69 @@ impl Case {
         Some(PushModel { part: &self.part, edge: self.part.edge(edge).ok()?, grip: GRIP, finger })
     }
 
-    /// What is felt if the finger goes on with an acceleration; none if it loses the part too soon.
-    fn push(&self, acceleration: [f64; 2]) -> Option<FeltPush> {
-        let run = |finger, start, count: u32| {
-            let law = ContactLaw::Rolling { friction: None };
-            let push = Push::new(self.model(self.edge, finger)?, law, Start::Moving(start), EdgeEnd::Stop).ok()?;
-            let times: Vec<_> = (0..count).map(|i| f64::from(i) * DT_S).collect();
-            push.run(&times).ok().map(|run| run.samples)
-        };
-        let first: Vec<Sample> = run(finger_first(), self.start, VALUES_FIRST)?;
-        let turn = first.get(usize::try_from(VALUES_FIRST).ok()? - 1)?.state;
-        let then = run(finger_then(acceleration), turn, VALUES - VALUES_FIRST + 1)?;
-        let states: Vec<_> = first.iter().chain(&then[1..]).map(|sample| sample.state).collect();
-        let s_end = states.last()?.s;
-        (states.len() >= VALUES_MIN).then(|| FeltPush { angles: states.iter().map(|state| state.u).collect(), s_end })
+    /// What is felt if the finger goes on so; none if it loses the part too soon.
+    fn push(&self, then: &Motion) -> Option<FeltPush> {
+        let law = ContactLaw::Rolling { friction: None };
+        let mut samples: Vec<Sample> = Vec::new();
+        let mut state = self.start;
+        for Leg { finger, values } in legs(then) {
+            let push = Push::new(self.model(self.edge, finger)?, law, Start::Moving(state), EdgeEnd::Stop).ok()?;
+            let times: Vec<_> = (0..=values).map(seconds).collect();
+            let run = push.run(&times).ok()?.samples;
+            // The first sample of a leg is the last of the one before.
+            samples.extend(run.get(usize::from(!samples.is_empty())..)?.iter().copied());
+            match run.last() {
+                Some(last) if run.len() == times.len() => state = last.state,
+                _ => break,
+            }
+        }
+        let s_end = samples.last()?.state.s;
+        let needed = |sample: &Sample| sample.force.map_or(0.0, |force| (force.tangential / force.normal).abs());
+        let friction = samples.iter().map(needed).fold(0.0, f64::max);
+        let angles: Vec<_> = samples.iter().map(|sample| sample.state.u).collect();
+        (angles.len() >= VALUES_MIN).then_some(FeltPush { angles, s_end, friction })
     }
 
     /// The motion that the planner chooses after the beginning, by its place among those on offer.
-    fn choice(&self, angles: &[f64]) -> usize {
-        let beliefs = self.beliefs(angles);
-        let finger = finger_then([0.0; 2]);
-        let present = Present {
-            part: &self.part,
-            grip: GRIP,
-            radius: finger.radius,
-            centre: finger.centre0,
-            velocity: finger.velocity0,
-        };
-        let sampling = Sampling { dt: DT_S, sigma: SIGMA_RAD, felt: Felt::ContactAngle };
-        let horizon = f64::from(VALUES - VALUES_FIRST) * DT_S;
-        let offered = accelerations();
-        let best = prospects(&present, &beliefs, &offered, sampling, horizon).into_iter().next();
-        best.and_then(|best| {
-            offered.iter().position(|motion| motion.map(f64::to_bits) == best.acceleration.map(f64::to_bits))
-        })
-        .unwrap_or(0)
+    fn choice(&self, beliefs: &[Belief]) -> usize {
+        let offered = offered_first();
+        let best = prospects(&self.present(&present_finger()), beliefs, &offered, SAMPLING).into_iter().next();
+        best.and_then(|best| offered.iter().position(|motion| *motion == best.motion)).unwrap_or(0)
+    }
+
+    /// The motion that comes of choosing, and of choosing again by what was felt since.
+    fn choices(&self, mut beliefs: Vec<Belief>) -> Motion {
+        let mut made = Motion { name: "chosen twice", segments: Vec::new() };
+        for (from, to) in [(VALUES_FIRST - 1, VALUES_SECOND - 1), (VALUES_SECOND - 1, VALUES - 1)] {
+            let finger = legs(&made).last().map_or_else(present_finger, after);
+            let present = self.present(&finger);
+            let best = prospects(&present, &beliefs, &offered(VALUES - 1 - from), SAMPLING).into_iter().next();
+            let Some(best) = best else { break };
+            let stretch = beginning(&best.motion, seconds(to - from));
+            made.segments.extend(&stretch.segments);
+            let felt = self.push(&made).map_or_else(Vec::new, |felt| self.noisy(&felt.angles));
+            let Some(felt) = felt.get(from + 1..=to) else { break };
+            beliefs = updated(&present, &beliefs, &stretch, felt, SAMPLING);
+        }
+        made
+    }
+
+    /// Angles as they are felt.
+    fn noisy(&self, angles: &[f64]) -> Vec<f64> {
+        angles.iter().zip(&self.noise).map(|(angle, noise)| angle + SIGMA_RAD * noise).collect()
+    }
+
+    fn present(&self, finger: &Finger) -> Present<'_> {
+        let Finger { radius, centre0: centre, velocity0: velocity, .. } = *finger;
+        Present { part: &self.part, grip: GRIP, radius, centre, velocity }
     }
 
     /// Where the part may be after the beginning, by what was felt of it.
     fn beliefs(&self, angles: &[f64]) -> Vec<Belief> {
         let touch = Touch::Rolling { friction: None };
         let known = Known { part: &self.part, grip: GRIP, finger: finger_first(), touch };
-        let values = angles.iter().zip(&self.noise).map(|(angle, noise)| angle + SIGMA_RAD * noise).collect();
+        let values =
+            angles.iter().take(VALUES_FIRST).zip(&self.noise).map(|(angle, noise)| angle + SIGMA_RAD * noise).collect();
         let observation = Observation {
             dt: DT_S,
             measured: Measured::ContactAngle(Channel { values, sigma: SIGMA_RAD }),
@@ -189,32 +270,47 @@ impl Case {
 /// Runs the experiment.
 fn run(settings: &Settings) -> Table {
     let outcomes = outcomes(settings, outcome);
-    let mut table = Table::new(["after a straight beginning", "cases", "ambiguous", "straight on / this"]);
+    let mut table =
+        Table::new(["after a straight beginning", "cases", "ambiguous", "straight on / this", "mu_c needed, median"]);
     table.definitions = definitions();
-    let share = |is: &dyn Fn(&Outcome) -> bool| outcomes.iter().filter(|outcome| is(outcome)).count();
-    let straight = share(&|outcome| outcome.fixed[0]);
-    let mut push = |name: &str, ambiguous: usize| {
+    let mut push = |name: &str, of: &dyn Fn(&Outcome) -> (bool, f64)| {
+        let found: Vec<_> = outcomes.iter().map(of).collect();
+        let ambiguous = found.iter().filter(|(ambiguous, _)| *ambiguous).count();
+        let straight = outcomes.iter().filter(|outcome| outcome.motions[0].0).count();
         #[expect(clippy::cast_precision_loss, reason = "counts of cases")]
         let ratio = if ambiguous > 0 { Cell::number(straight as f64 / ambiguous as f64, 1) } else { Cell::Empty };
-        table.push([name.into(), Cell::count(outcomes.len()), Cell::share(ambiguous, outcomes.len()), ratio]);
+        let mut friction: Vec<_> = found.iter().map(|(_, friction)| *friction).collect();
+        friction.sort_by(f64::total_cmp);
+        // Of the best in hindsight there is none: it is another motion in each case.
+        let median = friction.get(friction.len() / 2).copied().filter(|friction| friction.is_finite());
+        let friction = median.map_or(Cell::Empty, |median| Cell::number(median, 2));
+        table.push([name.into(), Cell::count(outcomes.len()), Cell::share(ambiguous, outcomes.len()), ratio, friction]);
     };
-    for (place, (name, _)) in FIXED.into_iter().enumerate() {
-        push(name, share(&|outcome| outcome.fixed[place]));
+    for (place, motion) in offered_first().iter().enumerate() {
+        push(motion.name, &|outcome| outcome.motions[place]);
     }
-    push("as the planner says", share(&|outcome| outcome.planned));
-    push("best of these, in hindsight", share(&|outcome| outcome.all));
-    for (case, _) in outcomes.iter().enumerate().filter(|(_, outcome)| outcome.planned && !outcome.all) {
-        table.failures.push(format!("case {case}: ambiguous as planned, and not by another motion"));
+    push("as the planner says, once", &|outcome| outcome.motions[outcome.choice]);
+    push("as the planner says, twice", &|outcome| outcome.twice);
+    push("best of the eight, in hindsight", &|outcome| (outcome.is_ambiguous_anyway(), f64::NAN));
+    for (case, _) in outcomes.iter().enumerate().filter(|(_, outcome)| outcome.twice.0) {
+        table.failures.push(format!("case {case}: ambiguous although planned twice"));
     }
     table
+}
+
+impl Outcome {
+    fn is_ambiguous_anyway(&self) -> bool {
+        self.motions.iter().all(|(ambiguous, _)| *ambiguous)
+    }
 }
 
 fn definitions() -> Vec<String> {
     let text = [
         "Rolling contact, mu 0.3, disk of 1 cm. Parts: 60 % hulls of 3 to 9 random points, 40 % star-shaped polygons, all within 5 cm; edge and place random, contact within 17 deg of straight ahead, omega N(0, 1 rad/s); drawn anew if a motion loses the contact within 0.3 s.".to_owned(),
-        format!("The finger pushes straight at 5 cm/s for 0.2 s, then goes on for 0.6 s as the row says, sideways or ahead with {:.0} cm/s2. Data end where the contact does.", ACCELERATION * 100.0),
-        format!("The planner chooses among straight, left, right, ahead and the two between, from the poses that the estimator lists after the first 0.2 s of contact angles at 100 Hz with {:.3} deg of noise.", SIGMA_RAD.to_degrees()),
+        format!("The finger pushes straight at 5 cm/s for 0.1 s, then goes on for 0.7 s as the row says, sideways or ahead with {:.0} cm/s2; over to the other side after a third of that. Data end where the contact does.", ACCELERATION * 100.0),
+        format!("The planner chooses among the eight motions above it, from the poses that the estimator lists after the first 0.1 s of contact angles at 100 Hz with {:.3} deg of noise; twice: it keeps its choice for 0.3 s and chooses again for the last 0.4 s, from those poses fitted to what was felt since.", SIGMA_RAD.to_degrees()),
         "ambiguous: another edge, or an end more than 2 mm away, explains the exact angles of the whole push with D2 < 36 at that noise.".to_owned(),
+        "mu_c needed: the contact does not slip in these draws; with less friction than this it would, at some moment of the push. Towards the end of contact the normal force vanishes, and with it what friction can hold.".to_owned(),
     ];
     text.to_vec()
 }
@@ -245,12 +341,14 @@ pub(super) fn outcomes<O: Clone + Default + Send>(
 
 fn outcome(seed: u64, number: usize) -> Outcome {
     let (case, felt) = Case::draw(seed, number);
-    let ambiguous = |motion: usize| rivals::is_ambiguous(&case, accelerations()[motion], &felt[motion]);
-    let fixed = FIXED.map(|(_, motion)| ambiguous(motion));
-    let choice = case.choice(&felt[0].angles);
-    let known = FIXED.iter().position(|(_, motion)| *motion == choice);
-    let planned = known.map_or_else(|| ambiguous(choice), |place| fixed[place]);
-    Outcome { fixed, planned, all: planned && fixed.iter().all(|ambiguous| *ambiguous) }
+    let judged = |motion: &Motion, felt: &FeltPush| (rivals::is_ambiguous(&case, motion, felt), felt.friction);
+    let motions = offered_first().iter().zip(&felt).map(|(motion, felt)| judged(motion, felt)).collect();
+    let beliefs = case.beliefs(&felt[0].angles);
+    let choice = case.choice(&beliefs);
+    let chosen = case.choices(beliefs);
+    // A contact that ended too soon tells too little.
+    let twice = case.push(&chosen).map_or((true, f64::INFINITY), |felt| judged(&chosen, &felt));
+    Outcome { motions, choice, twice }
 }
 
 #[cfg(test)]
@@ -262,7 +360,7 @@ mod tests {
         let (case, felt) = Case::draw(1, 3);
         let (again, _) = Case::draw(1, 3);
         assert_eq!((case.edge, case.start, &case.noise), (again.edge, again.start, &again.noise));
-        let beginning = |felt: &FeltPush| felt.angles[..VALUES_FIRST as usize].to_vec();
+        let beginning = |felt: &FeltPush| felt.angles[..VALUES_FIRST].to_vec();
         assert!(felt.iter().all(|other| beginning(other) == beginning(&felt[0])));
     }
 
@@ -271,9 +369,9 @@ mod tests {
         let corners = [[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(nalgebra::Point2::from);
         let part = Part::uniform(crate::geometry::SimplePolygon::new(corners).unwrap());
         let start = State { u: FRAC_PI_2 + 0.1, s: 0.008, omega: 0.0, v_t: 0.0 };
-        let case = Case { part, edge: 0, start, noise: vec![0.0; VALUES_FIRST as usize] };
-        for motion in accelerations() {
-            assert!(rivals::is_ambiguous(&case, motion, &case.push(motion).unwrap()), "{motion:?}");
+        let case = Case { part, edge: 0, start, noise: vec![0.0; VALUES] };
+        for motion in offered_first() {
+            assert!(rivals::is_ambiguous(&case, &motion, &case.push(&motion).unwrap()), "{motion:?}");
         }
     }
 
@@ -286,9 +384,8 @@ mod tests {
         let line = part.edge(edge).unwrap();
         let s = 0.5 * (line.s_min + line.s_max) + 0.004;
         let start = State { u: FRAC_PI_2, s, omega: 0.0, v_t: 0.0 };
-        let case = Case { part, edge, start, noise: vec![0.0; VALUES_FIRST as usize] };
-        let clear =
-            |motion: [f64; 2]| case.push(motion).is_some_and(|felt| !rivals::is_ambiguous(&case, motion, &felt));
-        assert!(accelerations().into_iter().any(clear));
+        let case = Case { part, edge, start, noise: vec![0.0; VALUES] };
+        let clear = |motion: &Motion| case.push(motion).is_some_and(|felt| !rivals::is_ambiguous(&case, motion, &felt));
+        assert!(offered_first().iter().any(clear));
     }
 }

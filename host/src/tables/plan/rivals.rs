@@ -6,8 +6,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Case, DT_S, FeltPush, OMEGA_SIGMA, SIGMA_RAD, VALUES, VALUES_FIRST, finger_first, finger_then};
-use crate::observing::planning::AMBIGUOUS_BELOW;
+use super::{Case, DT_S, FeltPush, Leg, OMEGA_SIGMA, SIGMA_RAD, legs};
+use crate::observing::planning::{AMBIGUOUS_BELOW, Motion, ONE_PLACE_M};
 use crate::pushing::{Contact, Jet, Parameter, PushModel, Scalar, Seeded, State};
 
 /// Distance of places tried, m.
@@ -24,9 +24,6 @@ const HOPELESS: (usize, f64) = (6, 1e4);
 /// A step that lowers the cost by less ends the improvement.
 const COST_STEP: f64 = 1e-3;
 
-/// Rivals are at least so far from the truth on its own edge at the end, m.
-const APART_M: f64 = 2e-3;
-
 /// Standard deviation that keeps a rival's path on its edge, and how far beyond it may be; m.
 const EDGE_SIGMA_M: f64 = 1e-5;
 /// See [`EDGE_SIGMA_M`].
@@ -39,31 +36,35 @@ const TRIED: usize = 5;
 struct Search<'c> {
     case: &'c Case,
     felt: &'c FeltPush,
-    models: [PushModel<'c>; 2],
+    /// The dynamics of each leg, and its values.
+    legs: Vec<(PushModel<'c>, usize)>,
     edge: usize,
 }
 
 /// Whether a pose other than the truth has a cost below [`AMBIGUOUS_BELOW`] on exact angles.
-pub(super) fn is_ambiguous(case: &Case, acceleration: [f64; 2], felt: &FeltPush) -> bool {
+pub(super) fn is_ambiguous(case: &Case, then: &Motion, felt: &FeltPush) -> bool {
     let edges = case.part.polygon().vertices().len();
+    let legs = legs(then);
     (0..edges).any(|edge| {
-        let model = |finger| case.model(edge, finger);
-        let (Some(first), Some(then)) = (model(finger_first()), model(finger_then(acceleration))) else { return false };
-        Search { case, felt, models: [first, then], edge }.has_rival()
+        let modelled = |leg: &Leg| Some((case.model(edge, leg.finger)?, leg.values));
+        let legs: Option<Vec<_>> = legs.iter().map(modelled).collect();
+        legs.is_some_and(|legs| Search { case, felt, legs, edge }.has_rival())
     })
 }
 
 /// The states at the values' times.
-fn states<T: Scalar>(models: [&PushModel<'_, T>; 2], start: &State<T>) -> impl Iterator<Item = State<T>> {
+fn states<'m, 'p: 'm, T: Scalar + 'm>(
+    legs: impl Iterator<Item = (&'m PushModel<'p, T>, usize)>,
+    start: &State<T>,
+) -> Vec<State<T>> {
     #[expect(clippy::cast_precision_loss, reason = "2")]
     let step = DT_S / STEPS as f64;
-    let contact = Contact::Rolling;
-    let turn_after = STEPS * (VALUES_FIRST as usize - 1);
-    let first: Vec<_> = models[0].rollout(&contact, start, step).take(turn_after).collect();
-    let turn = first.last().copied().unwrap_or(*start);
-    let then: Vec<_> =
-        models[1].rollout(&contact, &turn, step).take(STEPS * (VALUES - VALUES_FIRST) as usize).collect();
-    std::iter::once(*start).chain(first).chain(then).step_by(STEPS)
+    let mut states = vec![*start];
+    for (model, values) in legs {
+        let from = states[states.len() - 1];
+        states.extend(model.rollout(&Contact::Rolling, &from, step).skip(STEPS - 1).step_by(STEPS).take(values));
+    }
+    states
 }
 
 impl Search<'_> {
@@ -77,7 +78,7 @@ impl Search<'_> {
     }
 
     fn places(&self) -> Vec<State> {
-        let edge = &self.models[0].edge;
+        let edge = &self.legs[0].0.edge;
         let length = edge.s_max - edge.s_min;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few dozen")]
         let steps = (length / GRID_M).ceil() as u32;
@@ -86,8 +87,8 @@ impl Search<'_> {
     }
 
     fn plain_cost(&self, start: &State) -> f64 {
-        let pairs = states([&self.models[0], &self.models[1]], start).zip(&self.felt.angles);
-        pairs.map(|(state, angle)| ((state.u - angle) / SIGMA_RAD).powi(2)).sum()
+        let states = states(self.legs.iter().map(|(model, values)| (model, *values)), start);
+        states.iter().zip(&self.felt.angles).map(|(state, angle)| ((state.u - angle) / SIGMA_RAD).powi(2)).sum()
     }
 
     fn leads_to_rival(&self, mut start: State) -> bool {
@@ -119,16 +120,20 @@ impl Search<'_> {
     }
 
     fn is_rival(&self, found: &Normal) -> bool {
-        let is_truth = self.edge == self.case.edge && (found.s_end - self.felt.s_end).abs() < APART_M;
+        let is_truth = self.edge == self.case.edge && (found.s_end - self.felt.s_end).abs() < ONE_PLACE_M;
         !is_truth && found.possible && found.cost < AMBIGUOUS_BELOW
     }
 
     fn normal_equations(&self, start: &State) -> Normal {
         let parameters = [Parameter::U, Parameter::S, Parameter::Omega];
-        let [first, then] = [0, 1].map(|leg| Seeded::jets(&self.models[leg], &Contact::Rolling, start, parameters));
+        let seeded: Vec<_> = self
+            .legs
+            .iter()
+            .map(|(model, values)| (Seeded::jets(model, &Contact::Rolling, start, parameters), *values))
+            .collect();
         let mut normal = Normal::new(start);
-        for (value, state) in states([&first.model, &then.model], &first.start).take(self.felt.angles.len()).enumerate()
-        {
+        let states = states(seeded.iter().map(|(leg, values)| (&leg.model, *values)), &seeded[0].0.start);
+        for (value, state) in states.into_iter().take(self.felt.angles.len()).enumerate() {
             normal.add(angle_residual(state.u, self.felt.angles[value]), true);
             self.keep_on_edge(&mut normal, state.s);
             normal.s_end = state.s.value;
@@ -139,7 +144,7 @@ impl Search<'_> {
     }
 
     fn keep_on_edge(&self, normal: &mut Normal, s: Jet<3>) {
-        let edge = &self.models[0].edge;
+        let edge = &self.legs[0].0.edge;
         let beyond = (s.value - edge.s_max).max(0.0) - (edge.s_min - s.value).max(0.0);
         if beyond != 0.0 {
             let slopes = s.slopes.map(|slope| slope / EDGE_SIGMA_M);
@@ -150,8 +155,14 @@ impl Search<'_> {
 
     /// Whether the part still is pushed at a value.
     fn pushes(&self, value: usize, state: &State<Jet<3>>) -> bool {
-        let turn = VALUES_FIRST as usize - 1;
-        let (model, since) = if value < turn { (&self.models[0], 0) } else { (&self.models[1], turn) };
+        let mut since = 0;
+        let leg = self.legs.iter().find(|(_, values)| {
+            let here = value < since + values;
+            since += if here { 0 } else { *values };
+            here
+        });
+        // The last value ends the last leg.
+        let Some((model, _)) = leg else { return true };
         #[expect(clippy::cast_precision_loss, reason = "a count of values")]
         let time = (value - since) as f64 * DT_S;
         let State { u, s, omega, v_t } = *state;
