@@ -13,9 +13,15 @@ const WEDGE: &str = "unit = 'mm'\nvertices = [[0, 0], [150, 0], [0, 20]]\nmu = 0
 const VIEWS: &str = "unit = 'mm'\nsigma = 0.03\n[[cone]]\napex = [-200, 50]\nright = -10.28\nleft = 6.93\n\
                      [[cone]]\napex = [50, -250]\nright = 86.92\nleft = 100.16\n";
 
+/// The floor and a stop on the left.
+const FENCES: &str = "unit = 'mm'\n[[fence]]\nnormal = -90\noffset = 0\n[[fence]]\nnormal = 180\noffset = 0\n";
+const EGG: &str = "unit = 'mm'\nellipse = {a = 40, b = 30}\nmu = 0.3\n";
+const ROUNDED: &str = "unit = 'mm'\nvertices = [[0, 0], [60, 0], [60, 40], [10, 50]]\nrounding = 5\n";
+
 fn inscribe(views: &str, arguments: &[&str]) -> (TempDir, Output) {
     let folder = TempDir::new().unwrap();
-    for (name, text) in [("block.toml", BLOCK), ("wedge.toml", WEDGE), ("views.toml", views)] {
+    let parts = [("block.toml", BLOCK), ("wedge.toml", WEDGE), ("egg.toml", EGG), ("rounded.toml", ROUNDED)];
+    for (name, text) in parts.into_iter().chain([("views.toml", views)]) {
         fs::write(folder.path().join(name), text).unwrap();
     }
     let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
@@ -85,4 +91,41 @@ fn pictures_are_drawn_and_mistakes_are_named() {
     assert!(complaint(&output).contains("cone 0: the cone opens by"), "{}", complaint(&output));
     let (_folder, output) = inscribe(VIEWS, &["absent.toml"]);
     assert!(complaint(&output).contains("cannot use absent.toml"), "{}", complaint(&output));
+}
+
+#[test]
+fn a_probed_contact_takes_the_place_of_a_third_line() {
+    let (_folder, output) = inscribe(&format!("{FENCES}[[point]]\nat = [60, 15]\n"), &["block.toml", "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", complaint(&output));
+    let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    // The outline's vertex 3 is 10 mm off the stop when edge 0 is on the floor, so the part is 10 mm nearer or turned.
+    let poses = value["parts"][0]["poses"].as_array().unwrap();
+    assert!(!poses.is_empty(), "{value}");
+    for pose in poses {
+        let [x, y, theta] = [0, 1, 2].map(|k| pose[k].as_f64().unwrap());
+        let moved = |[a, b]: [f64; 2]| [x + theta.cos() * a - theta.sin() * b, y + theta.sin() * a + theta.cos() * b];
+        let corners = [[0.0, 0.0], [0.06, 0.0], [0.06, 0.04], [0.01, 0.05]].map(moved);
+        let least = |axis: usize| corners.iter().map(|corner| corner[axis]).fold(f64::INFINITY, f64::min);
+        assert!(least(0).abs() < 1e-9 && least(1).abs() < 1e-9, "{pose}");
+        let sides = (0..4).map(|k| {
+            let ([ax, ay], [bx, by]) = (corners[k], corners[(k + 1) % 4]);
+            ((bx - ax) * (0.015 - ay) - (by - ay) * (0.06 - ax)) / (bx - ax).hypot(by - ay)
+        });
+        assert!(sides.fold(f64::INFINITY, f64::min).abs() < 1e-9, "{pose}");
+    }
+    let (_folder, output) = inscribe(FENCES, &["block.toml"]);
+    assert!(printed(&output).contains("2 distinct lines"), "{}", printed(&output));
+}
+
+#[test]
+fn smooth_parts_are_found_and_drawn() {
+    let jaws = format!("{FENCES}[[fence]]\nnormal = 0\noffset = 70\n");
+    let (folder, output) = inscribe(&jaws, &["egg.toml", "rounded.toml", "--plot", "poses.svg"]);
+    assert_eq!(output.status.code(), Some(0), "{}", complaint(&output));
+    let text = printed(&output);
+    assert!(text.contains("egg: 4 poses, 2 that look different") && text.contains("rounded:"), "{text}");
+    assert!(fs::metadata(folder.path().join("poses.svg")).unwrap().len() > 1000);
+    let (_folder, output) = inscribe(VIEWS, &["egg.toml"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(complaint(&output).contains("sigma cannot be used with a smooth part"), "{}", complaint(&output));
 }

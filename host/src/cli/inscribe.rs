@@ -7,10 +7,7 @@ use std::process::ExitCode;
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use palpate::geometry::{ConvexPolygon, SimplePolygon};
 use palpate::inscribe::{InscribePicture, NamedPart, Shown, Views};
-use palpate::inscription::{
-    Continuum, Estimate, Inscription, Mode, PlannedView, Pose, conditioning, congruent_groups, estimate, plan_view,
-    poses,
-};
+use palpate::inscription::{Continuum, Estimate, Inscription, Mode, PlannedView, Pose, estimate, plan_view};
 use palpate::plan_file::PlanFile;
 use palpate::sampling::Plan;
 use serde_json::{Value, json};
@@ -20,7 +17,8 @@ use super::positive;
 use super::sample::{PlanArguments, print_plan};
 
 const LONG_HELP: &str = "\
-A part file is the one of `palpate push` (only unit and vertices matter here). The view file is TOML:
+A part file is the one of `palpate push` (only unit and vertices or ellipse matter here); `rounding = 3` rounds the corners by an
+arc of this radius about each vertex. The view file is TOML:
   unit = \"mm\"             # of every length: m, cm, mm or in; angles are in degrees, counter-clockwise from x
   sigma = 0.1             # standard deviation of each bearing (optional: without it the readings are exact)
   [[cone]]                # what a sensor sees of the part: swept counter-clockwise from right to left
@@ -31,6 +29,8 @@ A part file is the one of `palpate push` (only unit and vertices matter here). T
   [[fence]]               # a line the part touches: x cos(normal) + y sin(normal) = offset, the part below it
   normal = -90
   offset = 0
+  [[point]]               # a point on the part's outline: a probed contact (without sigma)
+  at = [60, 15]
 
 With several part files it also says which part it is. Two views nearly always leave one pose of a part if they are exact;
 with errors a third view is often needed, and the command says where to take it.
@@ -94,7 +94,11 @@ impl Fits {
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let views = read(&arguments.views, Views::parse)?;
     let parts = arguments.parts.iter().map(|path| {
-        read(path, |text| NamedPart::parse(&name(path), text, arguments.hull)).map(|part| find(part, &views))
+        let part = read(path, |text| {
+            let part = NamedPart::parse(&name(path), text, arguments.hull)?;
+            part.check(&views).map(|()| part)
+        });
+        part.map(|part| find(part, &views))
     });
     let found = parts.collect::<miette::Result<Vec<_>>>()?;
     let next = arguments.next_view(&found, &views);
@@ -136,7 +140,7 @@ fn find(part: NamedPart, views: &Views) -> Found {
     let outcome = if views.noisy {
         estimate(&part.convex, &views.readings).map(Fits::Noisy)
     } else {
-        match poses(&part.convex, &views.readings.lines()) {
+        match part.shape.poses(&views.readings.lines(), &views.points) {
             Inscription::Poses(poses) => Ok(Fits::Exact(poses)),
             Inscription::Underdetermined(continuum) => Err(continuum),
         }
@@ -184,10 +188,19 @@ impl Arguments {
             .flat_map(|found| shown(found).into_iter().map(|pose| Shown { part: &found.part, pose }))
             .collect();
         let names: Vec<_> = found.iter().map(|found| found.part.name.as_str()).collect();
-        let title = format!("{} in {} views", names.join(", "), views.cones.len());
+        let title = format!("{} from {}", names.join(", "), in_words(views));
         let subtitles: Vec<_> = found.iter().map(in_a_line).collect();
         InscribePicture { views, poses: &all, next, title: &title, subtitles: &subtitles }.figure()
     }
+}
+
+/// What was read, such as "2 views and 1 point".
+fn in_words(views: &Views) -> String {
+    let counts = [(views.cones.len(), "view"), (views.readings.fences.len(), "fence"), (views.points.len(), "point")];
+    let present = counts.iter().filter(|(count, _)| *count > 0);
+    let words: Vec<_> =
+        present.map(|(count, name)| format!("{count} {name}{}", if *count > 1 { "s" } else { "" })).collect();
+    words.join(" and ")
 }
 
 /// How far the first sensor is from the part.
@@ -206,7 +219,7 @@ fn in_a_line(found: &Found) -> String {
             [] => format!("{name}: no pose fits"),
             [_] => format!("{name}: one pose"),
             several => {
-                let groups = congruent_groups(&found.part.convex, several).len();
+                let groups = found.part.shape.congruent_groups(several).len();
                 let alike =
                     if groups < several.len() { format!(", {groups} that look different") } else { String::new() };
                 format!("{name}: {} poses{alike}", several.len())
@@ -242,7 +255,7 @@ fn tell_exact(part: &NamedPart, poses: &[Pose], views: &Views) {
     say!("  pose      x [mm]      y [mm]    turned [°]   held");
     let lines = views.readings.lines();
     for (k, pose) in poses.iter().enumerate() {
-        let held = conditioning(&part.convex, &lines, pose);
+        let held = part.shape.conditioning(&lines, &views.points, pose);
         say!(
             "  {:>4} {:>11.4} {:>11.4} {:>13.5} {held:>6.3}",
             k + 1,
@@ -251,7 +264,7 @@ fn tell_exact(part: &NamedPart, poses: &[Pose], views: &Views) {
             pose.theta.to_degrees()
         );
     }
-    say!("  held: an error of the lines moves the pose by one over this");
+    say!("  held: an error of the readings moves the pose by one over this");
 }
 
 fn tell_noisy(estimate: &Estimate) {
@@ -308,9 +321,10 @@ fn part_json(found: &Found, views: &Views) -> Value {
         }
         Ok(Fits::Exact(poses)) => {
             let lines = views.readings.lines();
-            let held: Vec<_> = poses.iter().map(|pose| conditioning(&found.part.convex, &lines, pose)).collect();
+            let held: Vec<_> =
+                poses.iter().map(|pose| found.part.shape.conditioning(&lines, &views.points, pose)).collect();
             json!({"name": name, "status": status(poses.is_empty()), "poses": poses.iter().map(array).collect::<Vec<_>>(),
-                   "conditioning": held, "groups": congruent_groups(&found.part.convex, poses)})
+                   "conditioning": held, "groups": found.part.shape.congruent_groups(poses)})
         }
         Ok(Fits::Noisy(estimate)) => {
             let mode = |mode: &Mode| {

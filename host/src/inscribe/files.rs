@@ -1,6 +1,7 @@
 //! The files in which a person describes a part and what sensors saw of it.
 //!
-//! A part file is that of `palpate push`; only its outline matters here. A view file:
+//! A part file is that of `palpate push`; only its outline matters here. Corners are rounded by `rounding = 3`: an arc of this radius
+//! about each vertex, and so much is added to the edges. A view file:
 //!
 //! ```toml
 //! unit = "mm"             # of every length below: m, cm, mm or in; angles are in degrees, counter-clockwise from x
@@ -15,6 +16,9 @@
 //! [[fence]]               # a line that the part touches: x cos(normal) + y sin(normal) = offset, the part below it
 //! normal = -90
 //! offset = 0
+//!
+//! [[point]]               # a point on the part's outline: a probed contact (optional; not with sigma)
+//! at = [60, 15]
 //! ```
 
 use nalgebra::{Isometry2, Point2};
@@ -22,7 +26,7 @@ use serde::Deserialize;
 use toml::Value;
 
 use crate::geometry::{ConvexPolygon, NotConvex, PolygonError, SimplePolygon};
-use crate::inscription::{Bearing, Cone, ConeError, HalfPlane, NoisyReadings};
+use crate::inscription::{Bearing, Cone, ConeError, Ellipse, HalfPlane, NoisyReadings, Outline, Rounded};
 use crate::part_file::Unit;
 
 /// A part that a person has described.
@@ -30,9 +34,11 @@ use crate::part_file::Unit;
 pub struct NamedPart {
     /// What to call it.
     pub name: String,
-    /// As the file gives it.
+    /// As the file gives it; a smooth one in short steps.
     pub outline: SimplePolygon,
-    /// Its hull, prepared.
+    /// The convex part that its sensors see.
+    pub shape: Outline,
+    /// The hull of `outline`, prepared.
     pub convex: ConvexPolygon,
 }
 
@@ -43,6 +49,8 @@ pub struct Views {
     pub cones: Vec<Cone>,
     /// Everything moved to where the part was at the start.
     pub readings: NoisyReadings,
+    /// Points of the outline, moved likewise.
+    pub points: Vec<Point2<f64>>,
     /// Whether the bearings have errors.
     pub noisy: bool,
 }
@@ -68,10 +76,36 @@ pub enum FileError {
         /// What is wrong.
         error: ConeError,
     },
-    /// A fence or a motion that is no number.
+    /// Not exactly one outline.
+    #[error("give either `vertices` or `ellipse`")]
+    WhichOutline,
+    /// A radius that cannot be.
+    #[error("rounding = {0:?} must be finite and not below 0, and needs `vertices`")]
+    Rounding(f64),
+    /// Semi-axes that cannot be.
+    #[error(
+        "ellipse = {{a = {a:?}, b = {b:?}}}: both must be finite and above 0, the larger at most 1000 times the other"
+    )]
+    Ellipse {
+        /// As given, in the file's unit.
+        a: f64,
+        /// See `a`.
+        b: f64,
+    },
+    /// What is only solved for exact readings of polygons.
+    #[error("{what} cannot be used with {with}: {remedy}")]
+    Together {
+        /// The one.
+        what: &'static str,
+        /// The other.
+        with: &'static str,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// A fence, a point or a motion that is no number.
     #[error("{what} {index} has a number that is not finite")]
     NotFinite {
-        /// `cone` or `fence`.
+        /// `cone`, `fence` or `point`.
         what: &'static str,
         /// Which, from 0.
         index: usize,
@@ -83,7 +117,7 @@ pub enum FileError {
         value: f64,
     },
     /// Nothing was seen.
-    #[error("there is no [[cone]] and no [[fence]]: give at least one")]
+    #[error("there is no [[cone]], no [[fence]] and no [[point]]: give at least one")]
     Nothing,
 }
 
@@ -93,12 +127,21 @@ pub enum FileError {
 #[expect(dead_code, reason = "known keys, so that unknown ones are mistakes")]
 struct PartKeys {
     unit: Unit,
-    vertices: Vec<[f64; 2]>,
+    vertices: Option<Vec<[f64; 2]>>,
+    rounding: Option<f64>,
+    ellipse: Option<EllipseKeys>,
     mu: Option<Value>,
     mu_c: Option<Value>,
     feet: Option<Value>,
     centre_of_mass: Option<Value>,
     radius_of_gyration: Option<Value>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct EllipseKeys {
+    a: f64,
+    b: f64,
 }
 
 #[derive(Deserialize)]
@@ -110,6 +153,8 @@ struct ViewKeys {
     cone: Vec<ConeKeys>,
     #[serde(default)]
     fence: Vec<FenceKeys>,
+    #[serde(default)]
+    point: Vec<PointKeys>,
 }
 
 #[derive(Deserialize)]
@@ -129,6 +174,16 @@ struct FenceKeys {
     moved: Option<[f64; 3]>,
 }
 
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PointKeys {
+    at: [f64; 2],
+    moved: Option<[f64; 3]>,
+}
+
+/// The longest ellipse for its width: its ends are sharper than its size can be measured.
+const ELLIPSE_RATIO_MAX: f64 = 1000.0;
+
 impl NamedPart {
     /// Reads the text of a part file; `hull` takes the hull of a part with notches.
     ///
@@ -137,10 +192,72 @@ impl NamedPart {
     pub fn parse(name: &str, text: &str, hull: bool) -> Result<Self, FileError> {
         let keys: PartKeys = toml::from_str(text).map_err(|error| FileError::Toml(error.to_string()))?;
         let metres = keys.unit.metres();
-        let vertices: Vec<_> = keys.vertices.iter().map(|vertex| Point2::from(*vertex) * metres).collect();
-        let outline = SimplePolygon::new(vertices)?;
-        let convex = if hull { ConvexPolygon::hull(&outline) } else { ConvexPolygon::new(&outline)? };
-        Ok(Self { name: name.to_owned(), outline, convex })
+        let (outline, shape) = match (&keys.vertices, keys.ellipse) {
+            (Some(vertices), None) => polygon(vertices, metres, keys.rounding, hull)?,
+            (None, Some(ellipse)) => ellipse.outline(metres, keys.rounding)?,
+            _ => return Err(FileError::WhichOutline),
+        };
+        let convex = match &shape {
+            Outline::Polygon(convex) => convex.clone(),
+            smooth => smooth.sampled(),
+        };
+        Ok(Self { name: name.to_owned(), outline, shape, convex })
+    }
+
+    /// Whether the readings are of a kind that is solved for this part.
+    ///
+    /// # Errors
+    /// [`FileError::Together`] for points, or bearings with errors, of a smooth part, and for points of a part with notches.
+    pub fn check(&self, views: &Views) -> Result<(), FileError> {
+        let together = |what, with, remedy| Err(FileError::Together { what, with, remedy });
+        let smooth = !matches!(self.shape, Outline::Polygon(_));
+        let notched = ConvexPolygon::new(&self.outline).is_err();
+        match (views.noisy, views.points.is_empty()) {
+            (true, _) if smooth => together("sigma", "a smooth part", "describe it by many vertices"),
+            (false, false) if smooth => together("[[point]]", "a smooth part", "describe it by many vertices"),
+            (false, false) if notched => {
+                together("[[point]]", "a notched part", "it may lie in a notch, where no hull tells")
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// The outline with these vertices, and the convex part that it bounds.
+fn polygon(
+    vertices: &[[f64; 2]],
+    metres: f64,
+    rounding: Option<f64>,
+    hull: bool,
+) -> Result<(SimplePolygon, Outline), FileError> {
+    let vertices: Vec<_> = vertices.iter().map(|vertex| Point2::from(*vertex) * metres).collect();
+    let outline = SimplePolygon::new(vertices)?;
+    let polygon = if hull { ConvexPolygon::hull(&outline) } else { ConvexPolygon::new(&outline)? };
+    match rounding {
+        Some(radius) if !(radius.is_finite() && radius >= 0.0) => Err(FileError::Rounding(radius)),
+        Some(radius) if radius > 0.0 => drawn(Outline::Rounded(Rounded { polygon, radius: radius * metres })),
+        _ => Ok((outline, Outline::Polygon(polygon))),
+    }
+}
+
+/// A smooth part with its outline in short steps.
+fn drawn(shape: Outline) -> Result<(SimplePolygon, Outline), FileError> {
+    let sampled = shape.sampled();
+    let corners: Vec<_> = sampled.corners().iter().map(|corner| sampled.centre() + corner).collect();
+    Ok((SimplePolygon::new(corners)?, shape))
+}
+
+impl EllipseKeys {
+    fn outline(self, metres: f64, rounding: Option<f64>) -> Result<(SimplePolygon, Outline), FileError> {
+        let Self { a, b } = self;
+        if let Some(radius) = rounding {
+            return Err(FileError::Rounding(radius));
+        }
+        let fair = [a, b].iter().all(|axis| axis.is_finite() && *axis > 0.0) && (a / b).max(b / a) <= ELLIPSE_RATIO_MAX;
+        if !fair {
+            return Err(FileError::Ellipse { a, b });
+        }
+        drawn(Outline::Ellipse(Ellipse { a: a * metres, b: b * metres }))
     }
 }
 
@@ -177,11 +294,25 @@ impl Views {
             let undo = undone(fence.moved, metres).ok_or(fault)?;
             fences.push(HalfPlane::new(fence.normal.to_radians(), fence.offset * metres).moved(&undo));
         }
-        if bearings.is_empty() && fences.is_empty() {
+        let points = keys.point.iter().enumerate().map(|(index, point)| {
+            let undo = undone(point.moved, metres).filter(|_| point.at.iter().all(|value| value.is_finite()));
+            let undo = undo.ok_or(FileError::NotFinite { what: "point", index })?;
+            Ok(undo * (Point2::from(point.at) * metres))
+        });
+        let points = points.collect::<Result<Vec<_>, FileError>>()?;
+        let noisy = keys.sigma.is_some();
+        if bearings.is_empty() && fences.is_empty() && points.is_empty() {
             return Err(FileError::Nothing);
         }
+        if noisy && !points.is_empty() {
+            return Err(FileError::Together {
+                what: "[[point]]",
+                with: "sigma",
+                remedy: "points are taken to be exact: leave one of them out",
+            });
+        }
         let sigma = keys.sigma.unwrap_or(0.0).to_radians();
-        Ok(Self { cones, readings: NoisyReadings { bearings, fences, sigma }, noisy: keys.sigma.is_some() })
+        Ok(Self { cones, readings: NoisyReadings { bearings, fences, sigma }, points, noisy })
     }
 }
 
@@ -226,10 +357,23 @@ mod tests {
             (VIEWS.replace("sigma", "noise"), "unknown field `noise`"),
             (format!("{VIEWS}moved = [0, inf, 0]"), "cone 0 has a number"),
             (format!("{VIEWS}[[fence]]\nnormal = inf\noffset = 0"), "fence 0 has a number"),
+            (VIEWS.to_owned() + "[[point]]\nat = [1, 2]", "[[point]] cannot be used with sigma"),
+            (VIEWS.replace("sigma = 0.1\n", "") + "[[point]]\nat = [1, nan]", "point 0 has a number"),
             ("unit = 'mm'".to_owned(), "at least one"),
         ];
         for (text, wanted) in bad {
             let message = Views::parse(&text).unwrap_err().to_string();
+            assert!(message.contains(wanted), "wanted {wanted}, got {message}");
+        }
+        let parts = [
+            ("ellipse = {a = 40, b = 25}\nvertices = [[0, 0], [10, 0], [0, 10]]", "either `vertices` or `ellipse`"),
+            ("mu = 0.3", "either `vertices` or `ellipse`"),
+            ("ellipse = {a = 40, b = 0}", "must be finite and above 0"),
+            ("ellipse = {a = 40, b = 25}\nrounding = 2", "needs `vertices`"),
+            ("rounding = -2\nvertices = [[0, 0], [10, 0], [0, 10]]", "rounding = -2.0"),
+        ];
+        for (text, wanted) in parts {
+            let message = NamedPart::parse("part", &format!("unit = 'mm'\n{text}"), false).unwrap_err().to_string();
             assert!(message.contains(wanted), "wanted {wanted}, got {message}");
         }
         let notched = "unit = 'mm'\nvertices = [[0, 0], [10, 0], [3, 3], [0, 10]]\nmu = 0.3";

@@ -14,6 +14,9 @@ const PAGE: [f64; 2] = [900.0, 720.0];
 /// Rays are drawn past the part's middle by this share of their length up to there, and at least by the part's size.
 const RAY_BEYOND: f64 = 0.15;
 
+/// Of points on the outline.
+const PROBED: Colour = Colour::BLACK;
+
 /// A pose with the part that has it.
 #[derive(Clone, Copy, Debug)]
 pub struct Shown<'a> {
@@ -58,13 +61,25 @@ impl InscribePicture<'_> {
             scene.dot(centre, colour);
             scene.label(centre, Vector2::new(0.0, 1.0), (k + 1).to_string(), colour);
         }
+        // Above the parts, whose outlines pass through them.
+        for point in &self.views.points {
+            scene.dot(*point, PROBED);
+        }
         if let Some(next) = self.next {
             scene.dot(next.site, Colour::ORANGE);
             // On the side of the part, so that the text stays inside the frame.
             scene.label(next.site, self.middle() - next.site, "look from here next", Colour::ORANGE);
         }
-        scene.key(Key::Dot(Colour::BLACK), "sensor");
-        scene.key(Key::Line(ray_stroke()), "side of what it sees");
+        if !self.views.cones.is_empty() {
+            scene.key(Key::Dot(Colour::BLACK), "sensor");
+            scene.key(Key::Line(ray_stroke()), "side of what it sees");
+        }
+        if !self.views.readings.fences.is_empty() {
+            scene.key(Key::Line(fence_stroke()), "fence");
+        }
+        if !self.views.points.is_empty() {
+            scene.key(Key::Dot(PROBED), "probed contact");
+        }
         if !self.poses.is_empty() {
             scene
                 .key(Key::Area(style(0)), if self.poses.len() > 1 { "part, numbered as in the table" } else { "part" });
@@ -108,13 +123,17 @@ impl InscribePicture<'_> {
             let along = Vector2::new(-fence.normal.y, fence.normal.x);
             let foot = middle - fence.normal * fence.beyond(middle);
             let reach = along * (1.2 * size.max(1e-3));
-            scene.polyline(&[foot - reach, foot + reach], Stroke::solid(Colour::DARK_GREY, 2.0));
+            scene.polyline(&[foot - reach, foot + reach], fence_stroke());
         }
     }
 }
 
 fn ray_stroke() -> Stroke {
     Stroke::solid(Colour::DARK_GREY, 0.8).with(Dash::Dashed)
+}
+
+fn fence_stroke() -> Stroke {
+    Stroke::solid(Colour::DARK_GREY, 2.0)
 }
 
 fn colour(pose: usize) -> Colour {

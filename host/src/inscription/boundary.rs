@@ -141,10 +141,13 @@ const WIDTH_MIN: f64 = 1e-9;
 const INTERVALS_MAX: usize = 100_000;
 
 /// How roots are searched for.
-struct Search {
-    bend: f64,
-    miss_max: f64,
-    intervals_left: usize,
+pub(super) struct Search {
+    /// At least the largest |g''|.
+    pub bend: f64,
+    /// |g| up to this may be a root.
+    pub miss_max: f64,
+    /// Intervals that may still be looked at.
+    pub intervals_left: usize,
 }
 
 fn direction(angle: f64) -> Vector2<f64> {
@@ -180,7 +183,7 @@ fn smooth_intervals(part: &impl Boundary, lines: &[HalfPlane]) -> Vec<[f64; 2]> 
 }
 
 /// Roots in an interval in which |g''| ≤ `bend`.
-fn isolate(g: &impl Fn(f64) -> (f64, f64), [from, to]: [f64; 2], search: &mut Search, roots: &mut Vec<f64>) {
+pub(super) fn isolate(g: &impl Fn(f64) -> (f64, f64), [from, to]: [f64; 2], search: &mut Search, roots: &mut Vec<f64>) {
     if search.intervals_left == 0 {
         return;
     }
@@ -207,8 +210,11 @@ fn monotone_root(g: &impl Fn(f64) -> (f64, f64), [mut low, mut high]: [f64; 2], 
     let inward = f64::EPSILON * TAU;
     let (at_low, at_high) = (g(low + inward).0, g(high - inward).0);
     if (at_low > 0.0) == (at_high > 0.0) {
-        let nearest = if at_low.abs() < at_high.abs() { (low, at_low) } else { (high, at_high) };
-        return (nearest.1.abs() <= miss_max).then_some(nearest.0);
+        let (end, value, outward) =
+            if at_low.abs() < at_high.abs() { (low, at_low, -inward) } else { (high, at_high, inward) };
+        // Where |g| goes on to fall beyond the end, the neighbour has what is nearest to a root.
+        let rises = value * g(end + outward).1 * outward >= 0.0;
+        return (value.abs() <= miss_max && rises).then_some(end);
     }
     while high - low > f64::EPSILON * (1.0 + high.abs()) {
         let middle = f64::midpoint(low, high);
@@ -267,6 +273,16 @@ mod tests {
         let found = boundary_poses(&ellipse, &lines).unwrap();
         assert!(found.len() >= 2 && found.iter().any(|pose| (pose.theta - 0.5).abs() < 1e-6), "{found:?}");
         assert!(found.iter().any(|pose| (pose.theta - 0.5 - PI).abs() < 1e-6), "{found:?}");
+    }
+
+    /// Jaws exactly as wide as the part touch it at a tangency, which is one pose and not a cloud of near ones.
+    #[test]
+    fn a_tangency_is_one_pose() {
+        let polygon = polygon(&[(0.0, 0.0), (0.06, 0.0), (0.06, 0.04), (0.01, 0.05)]).unwrap();
+        let rounded = Rounded { polygon, radius: 0.005 };
+        let lines = [(-PI / 2.0, 0.0), (PI, 0.0), (0.0, 0.07)].map(|(angle, offset)| HalfPlane::new(angle, offset));
+        let found = boundary_poses(&rounded, &lines).unwrap();
+        assert_eq!(found.len(), 8, "{found:?}");
     }
 
     proptest! {

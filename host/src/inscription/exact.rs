@@ -32,8 +32,9 @@ const GOOD_RELATIVE: f64 = 1e-13;
 /// Steps of improvement; from so near they converge in two.
 const STEPS_MAX: usize = 4;
 
-/// Poses nearer to each other than this, in part sizes and in rad, are one: the same root found from both sides of a kink.
-const SAME_POSE: f64 = 1e-8;
+/// Poses nearer to each other than this, in part sizes and in rad, are one: the same root found from both sides of a kink, or the
+/// two that rounding makes of a tangency. Those are the root of 1e-14 apart at most, and what is between them touches too.
+const SAME_POSE: f64 = 1e-6;
 
 /// Lines that miss a common point by no more than this share of the part's size meet in it.
 ///
@@ -84,6 +85,19 @@ pub enum Continuum {
         /// Where, world, m.
         at: Point2<f64>,
     },
+    /// Fewer than three lines and points.
+    #[error("{lines} distinct lines and {points} points leave the part free to move: a pose takes three")]
+    TooFewReadings {
+        /// Lines that differ.
+        lines: usize,
+        /// Points that differ.
+        points: usize,
+    },
+    /// All readings hold through a motion.
+    #[error(
+        "the part can slide or turn with every line touched and every point on its outline: add a line or a point elsewhere"
+    )]
+    Loose,
 }
 
 /// All poses in which the part lies in every half-plane and touches its line.
@@ -244,8 +258,9 @@ impl<'a> Problem<'a> {
         let placed = turns.iter().filter_map(|&turn| self.verified(self.place(turn, triple), triple));
         let mut poses: Vec<Pose> = Vec::with_capacity(4);
         for pose in placed.map(|placed| self.to_pose(&placed)) {
-            if !poses.iter().any(|other| self.is_same(other, &pose)) {
-                poses.push(pose);
+            match poses.iter_mut().find(|other| self.is_same(other, &pose)) {
+                Some(other) => *other = halfway(other, &pose),
+                None => poses.push(pose),
             }
         }
         poses.sort_by(|a, b| a.theta.total_cmp(&b.theta));
@@ -360,6 +375,12 @@ impl<'a> Problem<'a> {
         let reach = self.part.size() + self.part.centre().coords.norm();
         apart.min(TAU - apart) <= SAME_POSE && distance <= SAME_POSE * reach
     }
+}
+
+/// Between two poses that are nearly the same.
+fn halfway(a: &Pose, b: &Pose) -> Pose {
+    let turn = crate::geometry::angle::wrap_angle(b.theta - a.theta);
+    Pose { x: f64::midpoint(a.x, b.x), y: f64::midpoint(a.y, b.y), theta: full_turn(a.theta + turn / 2.0) }
 }
 
 /// The first largest of measures, with its index; 0 and 0 of none above 0.

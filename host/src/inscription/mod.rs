@@ -7,27 +7,30 @@
 //! - [`readings`](Cone): cones, half-planes and what else a sensor says;
 //! - `triple`: three lines, and all turns at which a part touches them;
 //! - `exact`: all poses for any number of exact lines ([`poses`]), or why there is a continuum of them.
-//! - `noise`: bearings with errors, all modes with their covariances ([`estimate`]); `chi_square`: its gate.
+//! - `mixed`: lines mixed with points that the outline passes through ([`poses_through`]);
+//! - `noise`: bearings with errors, all modes with their covariances ([`estimate`]);
 //! - `quality`: how well lines hold a pose, and which poses of a symmetric part look the same;
 //! - `planner`: where to take another view;
-//! - `boundary`: piecewise smooth outlines by their support function.
+//! - `boundary`: piecewise smooth outlines by their support function; `outline`: any of the outlines ([`Outline`]).
 //!
 //! Pure. Frames: world, and the part's own. Units: m, rad. Errors: impossible readings only; "no pose" and "not determined" are
 //! answers.
 
 mod boundary;
-mod chi_square;
 mod exact;
+mod mixed;
 mod noise;
+mod outline;
 mod planner;
 mod quality;
 mod readings;
 mod triple;
 
 pub use boundary::{Boundary, Ellipse, Rounded, boundary_poses};
-pub use chi_square::chi_square_quantile;
 pub use exact::{Continuum, Inscription, MISS_MAX_RELATIVE, Pose, determined, misses, nearest_misses, poses};
+pub use mixed::poses_through;
 pub use noise::{Estimate, FENCE_SD_RELATIVE, GATE, Mode, NoisyReadings, estimate, view};
+pub use outline::Outline;
 pub use planner::{PlannedView, expected_view, plan_view};
 pub use quality::{conditioning, congruent_groups, symmetry_order};
 pub use readings::{Bearing, Cone, ConeError, HalfPlane, Side};

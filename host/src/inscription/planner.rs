@@ -141,3 +141,93 @@ fn view_information(
     let alone = NoisyReadings { bearings: seen.to_vec(), fences: Vec::new(), sigma: readings.sigma };
     Objective::new(part, &alone).pose_information(&mode.pose)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::SimplePolygon;
+    use crate::inscription::{Pose, estimate};
+
+    /// Deviations after a view agree to this share: those of the mode once more, which moves by rounding only.
+    const SAME_DEVIATION: f64 = 1e-6;
+
+    fn quadrilateral() -> ConvexPolygon {
+        let corners = [[0.0, 0.0], [0.06, 0.0], [0.06, 0.04], [0.01, 0.05]].map(Point2::from);
+        ConvexPolygon::new(&SimplePolygon::new(corners).unwrap()).unwrap()
+    }
+
+    /// Seen by two sensors with errors of some tenths of a milliradian: two modes, the second of which is the truth.
+    fn readings(part: &ConvexPolygon) -> NoisyReadings {
+        let pose = Pose { x: 0.02, y: 0.01, theta: 0.7 };
+        let exact = [[-0.2, 0.05], [0.05, -0.25]].map(|site| view(part, &pose, Point2::from(site)).unwrap());
+        let errors = [3e-4, -2e-4, 1e-4, 4e-4]; // rad
+        let bearings = exact.into_iter().flatten().zip(errors);
+        let bearings = bearings.map(|(bearing, error)| Bearing { angle: bearing.angle + error, ..bearing }).collect();
+        NoisyReadings { bearings, fences: Vec::new(), sigma: 5e-4 }
+    }
+
+    /// The readings with those of another view, if the best mode is the truth.
+    fn with_view(part: &ConvexPolygon, readings: &NoisyReadings, best: &Mode, site: Point2<f64>) -> NoisyReadings {
+        let mut more = readings.clone();
+        more.bearings.extend(view(part, &best.pose, site).unwrap());
+        more
+    }
+
+    /// Best modes agree in place, so that only the covariances differ.
+    fn again<'a>(modes: &'a [Mode], best: &Mode) -> &'a Mode {
+        let near = |mode: &&Mode| (mode.pose.x - best.pose.x).hypot(mode.pose.y - best.pose.y) < 1e-7;
+        modes.iter().find(near).unwrap()
+    }
+
+    #[test]
+    fn what_a_view_promises_comes_true_when_it_is_taken() {
+        let part = quadrilateral();
+        let readings = readings(&part);
+        let modes = estimate(&part, &readings).unwrap().modes;
+        assert!(modes.len() > 1, "{modes:?}");
+        for site in [[0.3, 0.1], [0.0, 0.25], [-0.15, -0.15], [0.1, -0.2]].map(Point2::from) {
+            let promised = expected_view(&part, &readings, &modes, site).unwrap();
+            let more = with_view(&part, &readings, &modes[0], site);
+            let after = estimate(&part, &more).unwrap();
+            let (position, theta) = deviations(&part, &modes[0], &again(&after.modes, &modes[0]).covariance);
+            assert!((position / promised.position_sd - 1.0).abs() < SAME_DEVIATION, "{site}: {position}, {promised:?}");
+            assert!((theta / promised.theta_sd - 1.0).abs() < SAME_DEVIATION, "{site}: {theta}, {promised:?}");
+            // Another mode that is still accepted is misfit by no less than was promised, to the digits of a linear bound.
+            let others = after.modes.iter().filter(|mode| mode.pose != again(&after.modes, &modes[0]).pose);
+            let least = others.map(|mode| mode.chi2 - modes[0].chi2).fold(f64::INFINITY, f64::min);
+            assert!(least >= 0.9 * promised.separation.unwrap(), "{site}: {least}, {promised:?}");
+        }
+    }
+
+    #[test]
+    fn no_other_place_round_the_part_is_better() {
+        let part = quadrilateral();
+        let readings = readings(&part);
+        let modes = estimate(&part, &readings).unwrap().modes;
+        let planned = plan_view(&part, &readings, &modes, 0.25).unwrap();
+        assert!(planned.tells_apart() && planned.position_sd < planned.position_sd_before, "{planned:?}");
+        let best = &modes[0];
+        let centre = nalgebra::Isometry2::new(Vector2::new(best.pose.x, best.pose.y), best.pose.theta) * part.centre();
+        assert!(((planned.site - centre).norm() - 0.25).abs() < 1e-12);
+        // By taking each view: those that leave one mode, with its deviations.
+        for k in 0..40 {
+            let angle = TAU * f64::from(k) / 40.0;
+            let site = centre + 0.25 * Vector2::new(angle.cos(), angle.sin());
+            let after = estimate(&part, &with_view(&part, &readings, best, site)).unwrap();
+            let (position, theta) = deviations(&part, best, &again(&after.modes, best).covariance);
+            let planned_rank = planned.position_sd.hypot(planned.theta_sd * part.size());
+            let is_better = position.hypot(theta * part.size()) < planned_rank * (1.0 - SAME_DEVIATION);
+            let told = expected_view(&part, &readings, &modes, site).unwrap().tells_apart();
+            assert!(!(is_better && told), "{site} is better than {planned:?}");
+        }
+    }
+
+    #[test]
+    fn from_inside_the_part_there_is_no_view() {
+        let part = quadrilateral();
+        let readings = readings(&part);
+        let modes = estimate(&part, &readings).unwrap().modes;
+        assert_eq!(plan_view(&part, &readings, &modes, 0.001), None);
+        assert_eq!(plan_view(&part, &readings, &[], 0.25), None);
+    }
+}

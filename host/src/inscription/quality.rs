@@ -4,12 +4,11 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{Matrix3, Vector2};
+use nalgebra::Vector2;
 
-use super::exact::{Pose, miss_gradient};
+use super::exact::Pose;
 use super::readings::HalfPlane;
 use crate::geometry::ConvexPolygon;
-use crate::geometry::angle::wrap_angle;
 
 /// Corners that a symmetry takes onto each other agree to this share of the size, as poses touch their lines.
 const SYMMETRIC_RELATIVE: f64 = 1e-9;
@@ -24,15 +23,7 @@ const CONGRUENT: f64 = 1e-6;
 /// leaving the lines to first order.
 #[must_use]
 pub fn conditioning(part: &ConvexPolygon, lines: &[HalfPlane], pose: &Pose) -> f64 {
-    let (sin, cos) = pose.theta.sin_cos();
-    let mut information = Matrix3::zeros();
-    for line in lines {
-        let corner = part.corners()[part.support(wrap_angle(line.angle - pose.theta))];
-        let arm = Vector2::new(cos * corner.x - sin * corner.y, sin * corner.x + cos * corner.y);
-        let row = miss_gradient(line, arm, part.size());
-        information += row * row.transpose();
-    }
-    information.symmetric_eigenvalues().min().max(0.0).sqrt()
+    super::mixed::information(part, lines, &[], pose).symmetric_eigenvalues().min().max(0.0).sqrt()
 }
 
 /// How many turns about its centre leave a part the same: 1 if it has no symmetry, 4 for a square.

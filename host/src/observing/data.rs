@@ -85,9 +85,69 @@ impl Data {
         }
     }
 
+    /// The same data without the values before a time, s.
+    pub(super) fn without_first(&self, time: f64) -> Self {
+        self.only(|value| count(value) * self.dt >= time)
+    }
+
+    /// The same data without some values.
+    pub(super) fn without(&self, values: &[usize]) -> Self {
+        self.only(|value| !values.contains(&value))
+    }
+
+    fn only(&self, is_kept: impl Fn(usize) -> bool) -> Self {
+        let kept = |(i, value): (usize, &f64)| if is_kept(i) { *value } else { f64::NAN };
+        let only = |channel: &Option<Channel>| {
+            let of = |channel: &Channel| channel.values.iter().enumerate().map(kept).collect();
+            channel.as_ref().map(|channel| Channel { values: of(channel), sigma: channel.sigma })
+        };
+        let (angle, direction) = (only(&self.angle), only(&self.direction));
+        Self { angle, direction, log_magnitude: only(&self.log_magnitude), ..self.clone() }
+    }
+
+    /// The values that no smooth motion passes through; none if they are too many to be outliers.
+    pub(super) fn outliers(&self) -> Option<Vec<usize>> {
+        let lie_off = |value: &usize| self.channels().any(|channel| lies_off(channel, *value));
+        let outliers: Vec<_> = (0..self.values).filter(lie_off).collect();
+        (outliers.len() * OUTLIERS_SHARE <= self.values).then_some(outliers)
+    }
+
     fn channels(&self) -> impl Iterator<Item = &Channel> {
         self.angle.iter().chain(&self.direction).chain(&self.log_magnitude)
     }
+}
+
+/// At most one value in so many can be an outlier.
+const OUTLIERS_SHARE: usize = 4;
+
+/// Values on either side that a value is compared with.
+const NEIGHBOURS: usize = 4;
+
+/// An outlier is off by more than this many standard deviations.
+const OUTLIER_SIGMAS: f64 = 6.0;
+
+/// Standard deviation over the median distance from zero, of normal errors.
+const SIGMA_PER_MEDIAN: f64 = 1.4826;
+
+/// Whether a value is far from the straight line through its neighbours: by the median of the slopes between them and the median of
+/// what they are off it, so that a few wrong ones among them do not count. Neighbours on a bend widen the limit.
+fn lies_off(Channel { values, sigma }: &Channel, value: usize) -> bool {
+    let around = value.saturating_sub(NEIGHBOURS)..(value + NEIGHBOURS + 1).min(values.len());
+    let near: Vec<_> = around.filter(|&i| i != value && values[i].is_finite()).collect();
+    if near.len() < NEIGHBOURS || !values[value].is_finite() {
+        return false;
+    }
+    let pairs = near.iter().enumerate().flat_map(|(i, &a)| near[i + 1..].iter().map(move |&b| (a, b)));
+    let slope = median(pairs.map(|(a, b)| (values[b] - values[a]) / (count(b) - count(a))).collect());
+    let level = |i: usize| values[i] - slope * count(i);
+    let middle = median(near.iter().map(|&i| level(i)).collect());
+    let spread = SIGMA_PER_MEDIAN * median(near.iter().map(|&i| (level(i) - middle).abs()).collect());
+    (level(value) - middle).abs() > OUTLIER_SIGMAS * sigma.max(spread)
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
 }
 
 /// Angles without jumps of whole turns.

@@ -11,11 +11,11 @@ use super::observation::Touch;
 use super::path::lifted;
 use crate::pushing::{Contact, Jet, PushModel, Slip, State};
 
-/// Iterations: the friction law is convex, and from a neighbouring place two or three suffice.
-const ITERATIONS_MAX: usize = 12;
+/// Iterations: the friction law is convex, and from a neighbouring place two or three suffice; from afar it takes more.
+const ITERATIONS_MAX: usize = 20;
 
 /// Halvings of a step that does not improve.
-const HALVINGS_MAX: u32 = 6;
+const HALVINGS_MAX: u32 = 10;
 
 /// Residual over the friction's deceleration at which it is balanced: seeds need no more.
 const BALANCED: f64 = 1e-3;
@@ -33,8 +33,21 @@ pub(super) struct Settled {
     pub(super) tangential_force: f64,
 }
 
-/// The settled motion at a contact, sought from a neighbouring one.
+/// The settled motion at a contact, sought from a neighbouring one, or else from what a blow would make of a part at rest.
 pub(super) fn settled(model: &PushModel, touch: Touch, slip: Option<Slip>, time: f64, near: &State) -> Option<Settled> {
+    let from = |near: &State| settled_from(model, touch, slip, time, near);
+    from(near).or_else(|| from(&struck(model, time, near)))
+}
+
+/// The motion of a part at rest that a moving finger without friction strikes: near the settled one also where that turns about
+/// a point inside the part, which Newton's steps from far away miss.
+fn struck(model: &PushModel, time: f64, at: &State) -> State {
+    let ((sin, cos), [x, y]) = (at.u.sin_cos(), model.finger.velocity(time));
+    let into = cos * x + sin * y;
+    State { omega: into * at.s / (model.part.inertia_per_mass() + at.s * at.s), v_t: 0.0, ..*at }
+}
+
+fn settled_from(model: &PushModel, touch: Touch, slip: Option<Slip>, time: f64, near: &State) -> Option<Settled> {
     match (touch, slip) {
         (Touch::Frictionless, _) => settle::<2>(model, &Contact::Frictionless, time, near),
         (Touch::Rolling { .. }, _) => settle::<1>(model, &Contact::Rolling, time, near),

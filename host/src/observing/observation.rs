@@ -143,6 +143,8 @@ pub struct Estimate {
     pub hypotheses: Vec<Hypothesis>,
     /// How well the best one fits.
     pub fit: Fit,
+    /// Values that no smooth motion passes through, by their place; left out where nothing explains the data with them.
+    pub outliers: Vec<usize>,
     /// Forward simulations that it took, those with derivatives included.
     pub simulations: usize,
 }

@@ -118,10 +118,15 @@ fn angles(known: &Known, data: &Data, begin: Begin) -> Option<Vec<f64>> {
     Some(angles.map(|angle| angle + turns).collect())
 }
 
+/// How long a moving part takes to settle, s; none where the push is over before.
+pub(super) fn settling(known: &Known, data: &Data) -> Option<f64> {
+    let time = SETTLING * forgets(known, data, 0.0);
+    (!known.starts_at_rest() && data.values > 2 && SETTLED_SHARE * time < data.duration()).then_some(time)
+}
+
 /// Whether the push lasts long enough for the part to settle.
 fn settles(known: &Known, data: &Data) -> bool {
-    data.values > 2 && SETTLED_SHARE * SETTLING * forgets(known, data, 0.0) < data.duration()
-        || known.starts_at_rest() && known.grip > 0.0
+    settling(known, data).is_some() || known.starts_at_rest() && known.grip > 0.0
 }
 
 /// Places on a stretch of an edge, ends included.
@@ -357,6 +362,7 @@ fn tries(fitting: &Fitting, model: &PushModel, begin: Begin, (start, s): (&Local
     let omegas: Vec<f64> = match (width, angle_known) {
         (Width::Narrow, true) => vec![from.omega],
         (Width::Wide, true) => OMEGA_SHARES.iter().map(toward_felt).collect(),
+        (Width::Narrow, false) if settles => vec![from.omega],
         (Width::Narrow, false) => vec![from.omega, 0.0, -from.omega],
         (Width::Wide, false) => OMEGA_SIGMAS.iter().map(|share| share * sigma).chain([from.omega]).collect(),
     };

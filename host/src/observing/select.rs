@@ -17,7 +17,7 @@ use super::fit::{Candidate, Descent, Fitting};
 use super::launch::{Begin, UNKNOWNS};
 use super::observation::{Estimate, Fit, Hypothesis, Known, Observation, pose};
 use super::path::Site;
-use super::seed::{Width, seeds};
+use super::seed::{Width, seeds, settling};
 use super::sites::sites;
 use crate::statistics::chi_square_quantile;
 
@@ -33,6 +33,9 @@ const FIT_PROBABILITY: f64 = 0.999;
 /// Standard deviation to begin with at least, rad: with less, far starts have costs beyond all comparison, and steps would have to be
 /// fine before it is known where they matter.
 const SIGMA_FIRST: f64 = 1e-3;
+
+/// Standard deviation of forces to begin with, in their own: their valleys in angle and place are long and narrow.
+const SETTLED_SIGMAS: f64 = 10.0;
 
 /// From there to the data's own standard deviation by steps of this: where little is known, minima lie in valleys that grow
 /// narrow as it falls, and are followed rather than looked for.
@@ -53,7 +56,7 @@ const STEP_ERROR: f64 = 1e-3;
 pub(super) const REST_ERROR: f64 = 0.05;
 
 /// Steps are halved at most so often, as long as costs change by more than [`ROUGH`].
-const FINER_MAX: i32 = 3;
+const FINER_MAX: i32 = 6;
 /// See [`FINER_MAX`].
 const ROUGH: f64 = 0.3;
 
@@ -87,32 +90,23 @@ const UNKNOWN_PLACE: f64 = 10.0;
 const CURVATURE_NONE: f64 = 1e-9;
 
 /// Every pose and motion that explains an observation.
+///
+/// Where nothing does, values that no smooth motion passes through are left out, as long as they are few; the estimate names them.
 #[must_use]
 pub fn estimate(known: &Known, observation: &Observation) -> Estimate {
-    let task = Task {
-        known,
-        observation,
-        data: Data::new(observation),
-        sites: sites(known.part, known.finger.radius),
-        begins: Begin::all(known),
-        simulations: Cell::new(0),
-    };
-    let mut minima = task.minima(Width::Narrow);
-    let fits = |minima: &[Descent]| {
-        let terms = task.data.terms();
-        minima.iter().any(|descent| descent.evaluation.cost <= chi_square_quantile(FIT_PROBABILITY, terms))
-    };
-    let mut searched = Width::Narrow;
-    if !fits(&minima) {
-        (minima, searched) = (task.minima(Width::Wide), Width::Wide);
-    }
-    let found = task.conclude(minima);
-    // A good fit to coarse data may be none to exact ones.
-    let found = match (found.hypotheses.is_empty(), searched) {
-        (true, Width::Narrow) => task.conclude(task.minima(Width::Wide)),
-        _ => found,
-    };
-    Estimate { simulations: task.simulations.get(), ..found }
+    let simulations = Cell::new(0);
+    let task = Task::new(known, observation, &simulations);
+    let outliers = || task.data.outliers().filter(|outliers| !outliers.is_empty());
+    let found = task
+        .explained(Width::Narrow)
+        .or_else(|| {
+            let outliers = outliers()?;
+            let task = Task { data: task.data.without(&outliers), ..task.clone() };
+            let found = task.explained(Width::Narrow).or_else(|| task.explained(Width::Wide))?;
+            Some(Estimate { outliers, ..found })
+        })
+        .unwrap_or_else(|| task.conclude(task.minima(Width::Wide)));
+    Estimate { simulations: simulations.get(), ..found }
 }
 
 /// Steps fine enough for a standard deviation (rad), or finer by a factor.
@@ -122,28 +116,55 @@ pub(super) fn fineness(sigma: f64, factor: f64) -> Fineness {
 }
 
 /// What all steps of an estimate need.
+#[derive(Clone)]
 struct Task<'a, 'p> {
     known: &'a Known<'p>,
     observation: &'a Observation,
     data: Data,
     sites: Vec<Site>,
     begins: Vec<Begin>,
-    simulations: Cell<usize>,
+    simulations: &'a Cell<usize>,
 }
 
-impl<'p> Task<'_, 'p> {
+impl<'a, 'p> Task<'a, 'p> {
+    fn new(known: &'a Known<'p>, observation: &'a Observation, simulations: &'a Cell<usize>) -> Self {
+        let sites = sites(known.part, known.finger.radius);
+        Self { known, observation, data: Data::new(observation), sites, begins: Begin::all(known), simulations }
+    }
+
+    /// An estimate that explains the data; none where a search of this width finds nothing that does.
+    fn explained(&self, width: Width) -> Option<Estimate> {
+        let minima = self.minima(width);
+        let cost_max = chi_square_quantile(FIT_PROBABILITY, self.data.terms());
+        // What does not fit coarse data does not fit exact ones; what does, may not.
+        let fits = minima.iter().any(|descent| descent.evaluation.cost <= cost_max);
+        fits.then(|| self.conclude(minima)).filter(|found| !found.hypotheses.is_empty())
+    }
+
     /// The minima of the cost at the standard deviation to begin with.
     fn minima(&self, width: Width) -> Vec<Descent> {
         let fitting = self.fitting(self.data.sigma_min().max(SIGMA_FIRST), 1.0);
-        let candidates = seeds(&fitting, &self.sites, &self.begins, width);
-        descend_together(&fitting, &candidates)
+        let Some(settled) = self.settled(&fitting).filter(|_| width == Width::Narrow) else {
+            let candidates = seeds(&fitting, &self.sites, &self.begins, width);
+            return descend_together(&fitting, &candidates);
+        };
+        let candidates = seeds(&settled, &self.sites, &self.begins, width);
+        again(&fitting, &descend_together(&settled, &candidates))
+    }
+
+    /// Without the values before the part has settled, where the angle is not felt: those tell the first rates, but lead astray
+    /// as long as the place is not known.
+    fn settled(&self, fitting: &Fitting<'a, 'p>) -> Option<Fitting<'_, 'p>> {
+        let time = settling(self.known, &self.data).filter(|_| self.data.angle.is_none())?;
+        let coarse = self.fitting(SETTLED_SIGMAS * fitting.data.sigma_min(), 1.0);
+        Some(Fitting { data: coarse.data.without_first(time), ..coarse })
     }
 
     /// With angles of at least a standard deviation and steps fine enough for it, or finer by a factor.
     fn fitting(&self, sigma: f64, factor: f64) -> Fitting<'_, 'p> {
         let data = self.data.with_sigma_floor(sigma);
         let prior = self.observation.prior;
-        Fitting::new((self.known, data, prior), fineness(sigma, factor), REST_ERROR * factor * sigma, &self.simulations)
+        Fitting::new((self.known, data, prior), fineness(sigma, factor), REST_ERROR * factor * sigma, self.simulations)
     }
 
     /// Follows minima to the data as they are, and judges them.
@@ -257,7 +278,7 @@ pub(super) fn judge_all(fitting: &Fitting, descents: &[Descent], begins: usize) 
     let degrees_of_freedom = possible.first().map_or(fitting.data.terms(), degrees);
     let fit = Fit { cost, degrees_of_freedom, cost_max: chi_square_quantile(FIT_PROBABILITY, degrees_of_freedom) };
     let Some(best) = cost.filter(|cost| *cost <= fit.cost_max.max(COST_OF_NO_DATA)) else {
-        return Estimate { hypotheses: Vec::new(), fit, simulations: 0 };
+        return Estimate { hypotheses: Vec::new(), fit, outliers: Vec::new(), simulations: 0 };
     };
     possible.retain(|descent| descent.evaluation.cost <= best + GATE);
     let mut judged: Vec<Judged> = Vec::new();
@@ -267,7 +288,7 @@ pub(super) fn judge_all(fitting: &Fitting, descents: &[Descent], begins: usize) 
             judged.push(next);
         }
     }
-    Estimate { hypotheses: by_probability(judged), fit, simulations: 0 }
+    Estimate { hypotheses: by_probability(judged), fit, outliers: Vec::new(), simulations: 0 }
 }
 
 /// A cost that counts as none where there are no more data than unknowns: what steps and walls leave.
@@ -351,10 +372,10 @@ fn state_covariance(fitting: &Fitting, descent: &Descent) -> Option<Matrix4<f64>
     (!unknown && covariance.iter().all(|c| c.is_finite())).then_some(covariance)
 }
 
-/// That of the pose at the end from that of the contact's angle and place, to second order.
+/// Mean squares of the errors of the pose at the end, from the covariance of the contact's angle and place, to second order.
 ///
 /// The part touches the disk, so to first order the pose has two freedoms, and this would be a singular matrix. What the curved
-/// motions add, however little, makes it invertible.
+/// motions add, however little, makes it invertible: of a bend `a` the error xᵀ a x / 2, whose mean is not zero either.
 fn pose_covariance(fitting: &Fitting, descent: &Descent, contact: &Matrix2<f64>) -> Matrix3<f64> {
     let Descent { candidate, evaluation, .. } = descent;
     let time = fitting.data.duration();
@@ -368,7 +389,8 @@ fn pose_covariance(fitting: &Fitting, descent: &Descent, contact: &Matrix2<f64>)
     let mut covariance = slopes * contact * slopes.transpose();
     for (i, a) in bends.iter().enumerate() {
         for (j, b) in bends.iter().enumerate() {
-            covariance[(i, j)] += 0.5 * (a * contact * b * contact).trace();
+            let (a, b) = (a * contact, b * contact);
+            covariance[(i, j)] += 0.5 * (a * b).trace() + 0.25 * a.trace() * b.trace();
         }
     }
     covariance

@@ -110,7 +110,7 @@ impl<'p> Tracker<'p> {
             count: 0,
             next_site: 0,
             live: Vec::new(),
-            estimate: Estimate { hypotheses: Vec::new(), fit, simulations: 0 },
+            estimate: Estimate { hypotheses: Vec::new(), fit, outliers: Vec::new(), simulations: 0 },
         }
     }
 

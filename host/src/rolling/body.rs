@@ -40,6 +40,7 @@ pub struct Body {
     shape: Shape,
     inertia: Vector3<f64>,
     symmetry: Symmetry,
+    sharpest: f64,
 }
 
 /// Why there is no such body.
@@ -151,7 +152,8 @@ impl Body {
         lengths(&semi_axes)?;
         let shape = Shape::Ellipsoid(Ellipsoid { semi_axes });
         let symmetry = Symmetry::of_ellipsoid(&semi_axes);
-        Ok(Self { shape, inertia: ellipsoid_inertia(&semi_axes), symmetry })
+        let [short, long] = [f64::min, f64::max].map(|pick| semi_axes.into_iter().reduce(pick).unwrap_or_default());
+        Ok(Self { shape, inertia: ellipsoid_inertia(&semi_axes), symmetry, sharpest: short * short / long })
     }
 
     /// An egg; `inertia` over mass (m²) about the body axes, or that of uniform density.
@@ -196,13 +198,13 @@ impl Body {
         inertia: Option<[f64; 3]>,
         symmetry: impl Fn(&Vector3<f64>) -> Symmetry,
     ) -> Result<Self, BodyError> {
-        check_convex(&shape)?;
+        let sharpest = check_convex(&shape)?;
         let inertia = match inertia {
             Some(inertia) => given_inertia(inertia)?,
             None => uniform_inertia(&shape)?,
         };
         let symmetry = symmetry(&inertia);
-        Ok(Self { shape, inertia, symmetry })
+        Ok(Self { shape, inertia, symmetry, sharpest })
     }
 
     /// The shape.
@@ -227,6 +229,12 @@ impl Body {
     #[must_use]
     pub fn size(&self) -> f64 {
         self.shape.size()
+    }
+
+    /// The least radius of curvature, m.
+    #[must_use]
+    pub fn sharpest(&self) -> f64 {
+        self.sharpest
     }
 
     /// A circumscribed radius: no contact is further from the centre of mass, m (to the grid of [`normals`]).
@@ -313,7 +321,8 @@ fn least(value: impl Fn(&Vector3<f64>) -> f64) -> (Vector3<f64>, f64) {
     best
 }
 
-fn check_convex(shape: &Shape) -> Result<(), BodyError> {
+/// The least radius of curvature, m, if there is one everywhere and the origin is inside.
+fn check_convex(shape: &Shape) -> Result<f64, BodyError> {
     let limit = CURVATURE_RADIUS_MIN * shape.size().abs();
     let (normal, radius) = least(|normal| curvature_radius_min(shape, normal));
     // Written so that NaN fails.
@@ -321,7 +330,7 @@ fn check_convex(shape: &Shape) -> Result<(), BodyError> {
         return Err(BodyError::NotConvex { normal: normal.into(), radius, limit });
     }
     let (normal, height) = least(|normal| shape.height(normal));
-    if height > 0.0 { Ok(()) } else { Err(BodyError::OriginOutside { normal: normal.into(), height }) }
+    if height > 0.0 { Ok(radius) } else { Err(BodyError::OriginOutside { normal: normal.into(), height }) }
 }
 
 /// Centroid and second moments of a uniform body over its volume.

@@ -11,8 +11,8 @@
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use super::mechanics::{Instant, Mobility, Model, Rates, Rows, Spin, State};
-use super::shape::{Local, Shape};
+use super::mechanics::{Instant, Model, Rates, Resistance, Rows, Spin, State};
+use super::shape::{Local, Scaled, Shape};
 
 /// Columns of a state alone: three of attitude, three of angular velocity.
 pub const STATE_COLUMNS: usize = 6;
@@ -65,50 +65,45 @@ impl<const N: usize> Tangent<N> {
         }
         seed
     }
-
-    #[inline]
-    fn moved(&self, rates: &Self, dt: f64) -> Self {
-        let mut moved = *self;
-        for i in 0..3 {
-            for j in 0..N {
-                moved.theta[i][j] += rates.theta[i][j] * dt;
-                moved.omega[i][j] += rates.omega[i][j] * dt;
-            }
-        }
-        for i in 0..2 {
-            for j in 0..N {
-                moved.u[i][j] += rates.u[i][j] * dt;
-            }
-        }
-        moved
-    }
-
-    #[inline]
-    fn add(&mut self, rates: &Self, weight: f64) {
-        *self = self.moved(rates, weight);
-    }
 }
 
 /// The linearised equations at one instant.
 #[derive(Clone, Copy, Debug)]
 struct Linear {
     omega: Vector3<f64>,
-    omega_by_theta: Matrix3<f64>,
-    omega_by_omega: Matrix3<f64>,
+    torque_by_theta: Matrix3<f64>,
+    torque_by_omega: Matrix3<f64>,
     u_by_theta: [Vector3<f64>; 2],
     u_by_omega: [Vector3<f64>; 2],
+    mobility: Mobility,
+    /// `ω' × n`: without spin, as the normal turns, so does the plane of the angular acceleration.
+    turned: Vector3<f64>,
+}
+
+/// What changes the slopes of columns directly.
+#[derive(Clone, Copy, Debug)]
+struct Forced<const N: usize> {
+    omega: [[f64; N]; 3],
+    u: [[f64; N]; 2],
+}
+
+/// How the angular acceleration answers a change of torque.
+#[derive(Clone, Copy, Debug)]
+struct Mobility {
+    /// The answer itself; without spin across the normal.
+    matrix: Matrix3<f64>,
+    /// Without spin: where a torque about the normal leads, as far as to have 1 along the normal; else 0.
+    held: Vector3<f64>,
 }
 
 /// What an instant needs to change its equations by more than the state.
-struct Parts<'a> {
-    state: &'a State,
+struct Parts {
+    state: State,
     instant: Instant,
     local: Local,
     moving: Vector3<f64>,
     turn: Vector3<f64>,
     mobility: Mobility,
-    held: Vector3<f64>,
-    along: f64,
 }
 
 /// `v × m`, column by column.
@@ -126,6 +121,15 @@ fn times_cross(m: &Matrix3<f64>, v: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::from_rows(&[row(0), row(1), row(2)])
 }
 
+impl Parts {
+    #[inline(always)]
+    fn rates(&self) -> Rates {
+        let Rows([first, second, _]) = self.instant.rows;
+        let u = Vector2::new(first.dot(&self.moving), second.dot(&self.moving));
+        Rates { orientation: self.state.turning(), omega: self.turn, u }
+    }
+}
+
 impl Model<'_> {
     /// One step as [`Model::step`] takes it, with the columns.
     #[inline]
@@ -138,97 +142,103 @@ impl Model<'_> {
         dt: f64,
     ) -> (State, Tangent<N>) {
         let half = 0.5 * dt;
-        let (k1, l1) = self.rates_and_slopes(columns, (state, tangent), &felt[0]);
-        let (k2, l2) = self.rates_and_slopes(columns, (&state.moved(&k1, half), &tangent.moved(&l1, half)), &felt[1]);
-        let (k3, l3) = self.rates_and_slopes(columns, (&state.moved(&k2, half), &tangent.moved(&l2, half)), &felt[1]);
-        let (k4, l4) = self.rates_and_slopes(columns, (&state.moved(&k3, dt), &tangent.moved(&l3, dt)), &felt[2]);
-        let (sixth, third) = (dt / 6.0, dt / 3.0);
-        let moved = state.moved(&k1, sixth).moved(&k2, third).moved(&k3, third).moved(&k4, sixth);
-        let mut carried = tangent.moved(&l1, sixth);
-        carried.add(&l2, third);
-        carried.add(&l3, third);
-        carried.add(&l4, sixth);
-        (moved.normalized(), carried)
+        let mut forced = [Forced { omega: [[0.0; N]; 3], u: [[0.0; N]; 2] }; 4];
+        let mut stage = |index: usize, state: &State, felt: &Vector3<f64>| {
+            let parts = self.parts(state, felt);
+            if N > STATE_COLUMNS {
+                self.force(columns, &parts, &mut forced[index]);
+            }
+            (parts.rates(), self.linearise(&parts))
+        };
+        let (k1, l1) = stage(0, state, &felt[0]);
+        let (k2, l2) = stage(1, &state.moved(&k1, half), &felt[1]);
+        let (k3, l3) = stage(2, &state.moved(&k2, half), &felt[1]);
+        let (k4, l4) = stage(3, &state.moved(&k3, dt), &felt[2]);
+        (state.stepped(&[k1, k2, k3, k4], dt), carry(&[l1, l2, l3, l4], &forced, tangent, dt))
     }
 
-    #[inline]
-    fn rates_and_slopes<const N: usize>(
-        &self,
-        columns: Columns,
-        (state, tangent): (&State, &Tangent<N>),
-        felt: &Vector3<f64>,
-    ) -> (Rates, Tangent<N>) {
+    /// The motion itself by way of the short chain of [`Scaled`]; everything else may wait.
+    #[inline(always)]
+    fn parts(&self, state: &State, felt: &Vector3<f64>) -> Parts {
         let instant = Instant::of(state, felt);
-        let local = self.body.shape().local(&instant.normal, &instant.turning);
+        let shape = self.body.shape();
+        let scaled = shape.roll_scaled(&instant.normal, &instant.turning);
+        let turn = self.turn_scaled(state, &instant, &scaled);
+        let local = shape.local(&instant.normal, &instant.turning);
         let moving = local.hessian * instant.turning;
-        let (turn, torque) = self.turn(state, &instant, &local.contact, &moving);
-        let mobility = Mobility::new(&self.body.inertia(), &local.contact);
-        let held = mobility.times(&instant.normal);
-        let parts =
-            Parts { state, instant, local, moving, turn, mobility, held, along: 1.0 / instant.normal.dot(&held) };
-        let linear = self.linearise(&parts, torque);
-        let mut slopes = linear.carry(tangent);
-        if N > STATE_COLUMNS {
-            self.force(columns, &parts, &mut slopes);
-        }
-        let Rows([first, second, _]) = instant.rows;
-        let q = state.orientation;
-        let omega = nalgebra::Quaternion::from_imag(state.omega);
-        let u = Vector2::new(first.dot(&moving), second.dot(&moving));
-        (Rates { orientation: q * omega * 0.5, omega: turn, u }, slopes)
+        let mobility = self.mobility(&instant.normal, &scaled);
+        Parts { state: *state, instant, local, moving, turn, mobility }
     }
 
-    /// The derivatives of `ω'` and `u'` by attitude and angular velocity.
-    #[inline]
-    fn linearise(&self, parts: &Parts, torque: f64) -> Linear {
-        let Parts { state, instant, local, moving, turn, .. } = parts;
-        let (omega, normal, contact) = (&state.omega, &instant.normal, &local.contact);
-        let inertia = self.body.inertia();
-        // How β turns with the attitude is also how β' turns with ω.
-        let contact_by_theta = times_cross(&local.hessian, normal);
-        let moving_by_theta = times_cross(&local.slope, normal) + local.hessian * normal.dot(omega);
-        let spun = omega.cross(contact) + moving;
-        let push = instant.felt - omega.cross(&spun);
-        let push_by_theta = instant.felt.cross_matrix()
-            - cross_columns(omega, &(cross_columns(omega, &contact_by_theta) + moving_by_theta));
-        let push_by_omega = spun.cross_matrix() + cross_columns(omega, &(contact.cross_matrix() - contact_by_theta));
-        let heavy = turn * (2.0 * contact.transpose())
-            - Matrix3::from_diagonal_element(contact.dot(turn))
-            - contact * turn.transpose();
-        let mut by_theta = cross_columns(contact, &push_by_theta) - (push.cross_matrix() + heavy) * contact_by_theta;
-        if self.spin == Spin::None {
-            by_theta += normal.cross_matrix() * torque;
-        }
-        let momentum = inertia.component_mul(omega);
-        let gyroscopic = momentum.cross_matrix() - cross_columns(omega, &Matrix3::from_diagonal(&inertia));
-        let by_omega = cross_columns(contact, &push_by_omega) + gyroscopic;
-        let rows = [instant.rows.0[0], instant.rows.0[1]];
-        let drift = moving_by_theta - moving.cross_matrix();
-        Linear {
-            omega: *omega,
-            omega_by_theta: self.give_way(parts, &by_theta, &turn.cross(normal)),
-            omega_by_omega: self.give_way(parts, &by_omega, &Vector3::zeros()),
-            u_by_theta: rows.map(|row| drift.tr_mul(&row)),
-            u_by_omega: rows.map(|row| contact_by_theta.tr_mul(&row)),
-        }
-    }
-
-    /// `D⁻¹` of a change of torque; without spin also the change of the torque about the normal, where the normal itself
-    /// changes so that `ω'·δn = normal_turn·δ`.
-    #[inline]
-    fn give_way(&self, parts: &Parts, torque: &Matrix3<f64>, normal_turn: &Vector3<f64>) -> Matrix3<f64> {
-        let free = parts.mobility.matrix() * torque;
+    #[inline(always)]
+    fn mobility(&self, normal: &Vector3<f64>, scaled: &Scaled) -> Mobility {
+        let free = Resistance::scaled(&self.body.inertia(), &scaled.point, scaled.square).inverse() * scaled.square;
         match self.spin {
-            Spin::Free => free,
+            Spin::Free => Mobility { matrix: free, held: Vector3::zeros() },
             Spin::None => {
-                let along = free.tr_mul(&parts.instant.normal) + normal_turn;
-                free - parts.held * (along.transpose() * parts.along)
+                let answer = free * normal;
+                let held = answer * (1.0 / normal.dot(&answer));
+                Mobility { matrix: free - held * answer.transpose(), held }
             }
         }
     }
 
+    /// The derivatives of the torque and of `u'` by attitude and angular velocity.
+    ///
+    /// With the contact force `F = f − ω' × β − ω × y`, `y = ω × β + β'`, the torque that is missing is
+    /// `β × F − J ω' − ω × J ω`. Its derivative is written out with `δβ = H δn`, `δβ' = S δn + H δ(n × ω)`, `δn = n × θ`,
+    /// `δf = f × θ` and `a × (b × v) = b (a·v) − v (a·b)`, which leaves no product of two matrices.
+    #[inline(always)]
+    fn linearise(&self, parts: &Parts) -> Linear {
+        let Parts { state, instant, local: Local { contact, hessian, slope }, moving, turn, mobility } = parts;
+        let (omega, normal, felt) = (&state.omega, &instant.normal, &instant.felt);
+        let (spin, roll) = (normal.dot(omega), contact.dot(omega));
+        let bent = hessian * contact;
+        let y = omega.cross(contact) + moving;
+        let force = felt - turn.cross(contact) - omega.cross(&y);
+        let swept = hessian * contact.cross(omega) + slope.tr_mul(contact);
+        let by_normal =
+            cross_columns(&(force - omega * roll), hessian) + turn * bent.transpose() + omega * swept.transpose()
+                - hessian * contact.dot(turn)
+                - slope * roll;
+        let mut by_theta = felt * contact.transpose()
+            - times_cross(&by_normal, normal)
+            - (omega * bent.transpose() - hessian * roll) * spin
+            - Matrix3::from_diagonal_element(contact.dot(felt));
+        if self.spin == Spin::None {
+            let momentum = self.body.inertia().component_mul(omega);
+            // It lies along the normal and turns with it.
+            let needed = self.body.inertia().component_mul(turn) + omega.cross(&momentum) - contact.cross(&force);
+            by_theta += needed.cross_matrix();
+        }
+        let by_omega = y * contact.transpose() - omega * bent.cross(normal).transpose()
+            + (times_cross(hessian, normal) - contact.cross_matrix()) * roll
+            - Matrix3::from_diagonal_element(contact.dot(&y))
+            - self.gyroscopic(omega);
+        let rows = [instant.rows.0[0], instant.rows.0[1]];
+        let bends = rows.map(|row| hessian * row);
+        let drift = |i: usize| slope.tr_mul(&rows[i]).cross(normal) + bends[i] * spin + moving.cross(&rows[i]);
+        Linear {
+            omega: *omega,
+            torque_by_theta: by_theta,
+            torque_by_omega: by_omega,
+            u_by_theta: [drift(0), drift(1)],
+            u_by_omega: bends.map(|bend| bend.cross(normal)),
+            mobility: *mobility,
+            turned: turn.cross(normal),
+        }
+    }
+
+    /// The derivative of `ω × J ω`.
+    #[inline]
+    fn gyroscopic(&self, omega: &Vector3<f64>) -> Matrix3<f64> {
+        let ([p, q, r], [a, b, c]) = ((*omega).into(), self.body.inertia().into());
+        let [d, e, f]: [f64; 3] = [c - b, a - c, b - a];
+        Matrix3::new(0.0, d * r, d * q, e * r, 0.0, e * p, f * q, f * p, 0.0)
+    }
+
     /// Adds what the body's shape and the palm's acceleration change directly.
-    fn force<const N: usize>(&self, columns: Columns, parts: &Parts, slopes: &mut Tangent<N>) {
+    fn force<const N: usize>(&self, columns: Columns, parts: &Parts, slopes: &mut Forced<N>) {
         let mut put = |column: usize, omega: Vector3<f64>, moving: Vector3<f64>| {
             for i in 0..3 {
                 slopes.omega[i][column] += omega[i];
@@ -240,23 +250,15 @@ impl Model<'_> {
         if let (true, Shape::Ellipsoid(ellipsoid)) = (columns.semi_axes, self.body.shape()) {
             for axis in 0..3 {
                 let (torque, moving) = self.reshape(parts, axis, ellipsoid.semi_axes[axis]);
-                put(STATE_COLUMNS + axis, self.give_way_once(parts, &torque), moving);
+                put(STATE_COLUMNS + axis, parts.mobility.matrix * torque, moving);
             }
         }
         if columns.palm {
             let first = columns.count() - 3;
             for axis in 0..3 {
                 let torque = parts.local.contact.cross(&parts.instant.rows.0[axis]);
-                put(first + axis, self.give_way_once(parts, &torque), Vector3::zeros());
+                put(first + axis, parts.mobility.matrix * torque, Vector3::zeros());
             }
-        }
-    }
-
-    fn give_way_once(&self, parts: &Parts, torque: &Vector3<f64>) -> Vector3<f64> {
-        let free = parts.mobility.times(torque);
-        match self.spin {
-            Spin::Free => free,
-            Spin::None => free - parts.held * (parts.instant.normal.dot(&free) * parts.along),
         }
     }
 
@@ -287,30 +289,80 @@ impl Model<'_> {
     }
 }
 
-impl Linear {
-    #[inline]
-    fn carry<const N: usize>(&self, tangent: &Tangent<N>) -> Tangent<N> {
-        let mut slopes = Tangent { theta: [[0.0; N]; 3], omega: [[0.0; N]; 3], u: [[0.0; N]; 2] };
-        let ([a, b, c], [d, e, f]) = (&tangent.theta, &tangent.omega);
-        let [p, q, r] = self.omega.into();
-        for j in 0..N {
-            slopes.theta[0][j] = d[j] - q * c[j] + r * b[j];
-            slopes.theta[1][j] = e[j] - r * a[j] + p * c[j];
-            slopes.theta[2][j] = f[j] - p * b[j] + q * a[j];
-        }
-        let (m, n) = (&self.omega_by_theta, &self.omega_by_omega);
+/// One column of a [`Tangent`].
+#[derive(Clone, Copy)]
+struct Column {
+    theta: [f64; 3],
+    omega: [f64; 3],
+    u: [f64; 2],
+}
+
+/// The columns after a step, given the slopes at its four stages.
+///
+/// One column after the other from beginning to end, so that the compiler can put several side by side.
+fn carry<const N: usize>(stages: &[Linear; 4], forced: &[Forced<N>; 4], tangent: &Tangent<N>, dt: f64) -> Tangent<N> {
+    let mut carried = *tangent;
+    let (half, sixth) = (0.5 * dt, dt / 6.0);
+    for j in 0..N {
+        let start = Column {
+            theta: [tangent.theta[0][j], tangent.theta[1][j], tangent.theta[2][j]],
+            omega: [tangent.omega[0][j], tangent.omega[1][j], tangent.omega[2][j]],
+            u: [tangent.u[0][j], tangent.u[1][j]],
+        };
+        let first = stages[0].at(&forced[0], &start, j);
+        let second = stages[1].at(&forced[1], &start.moved(&first, half), j);
+        let third = stages[2].at(&forced[2], &start.moved(&second, half), j);
+        let fourth = stages[3].at(&forced[3], &start.moved(&third, dt), j);
         for i in 0..3 {
-            let (m0, m1, m2, n0, n1, n2) = (m[(i, 0)], m[(i, 1)], m[(i, 2)], n[(i, 0)], n[(i, 1)], n[(i, 2)]);
-            for j in 0..N {
-                slopes.omega[i][j] = m0 * a[j] + m1 * b[j] + m2 * c[j] + n0 * d[j] + n1 * e[j] + n2 * f[j];
-            }
+            carried.theta[i][j] +=
+                (first.theta[i] + (second.theta[i] + third.theta[i]) * 2.0 + fourth.theta[i]) * sixth;
+            carried.omega[i][j] +=
+                (first.omega[i] + (second.omega[i] + third.omega[i]) * 2.0 + fourth.omega[i]) * sixth;
         }
         for i in 0..2 {
-            let (m, n) = (&self.u_by_theta[i], &self.u_by_omega[i]);
-            for j in 0..N {
-                slopes.u[i][j] = m.x * a[j] + m.y * b[j] + m.z * c[j] + n.x * d[j] + n.y * e[j] + n.z * f[j];
+            carried.u[i][j] += (first.u[i] + (second.u[i] + third.u[i]) * 2.0 + fourth.u[i]) * sixth;
+        }
+    }
+    carried
+}
+
+impl Column {
+    #[inline(always)]
+    fn moved(&self, slope: &Self, dt: f64) -> Self {
+        let ([a, b, c], [d, e, f]) = (self.theta, self.omega);
+        let ([p, q, r], [s, t, u]) = (slope.theta, slope.omega);
+        Self { theta: [a + p * dt, b + q * dt, c + r * dt], omega: [d + s * dt, e + t * dt, f + u * dt], u: self.u }
+    }
+}
+
+impl Linear {
+    /// The slope of column `j`.
+    #[inline(always)]
+    fn at<const N: usize>(&self, forced: &Forced<N>, column: &Column, j: usize) -> Column {
+        let Linear { omega, torque_by_theta, torque_by_omega, u_by_theta, u_by_omega, mobility, turned } = self;
+        let (&[a, b, c], &[d, e, f]) = (&column.theta, &column.omega);
+        let theta = [d - omega.y * c + omega.z * b, e - omega.z * a + omega.x * c, f - omega.x * b + omega.y * a];
+        let (m, n) = (torque_by_theta, torque_by_omega);
+        let row = |i: usize| {
+            (m[(i, 0)] * a + m[(i, 1)] * b + m[(i, 2)] * c) + (n[(i, 0)] * d + n[(i, 1)] * e + n[(i, 2)] * f)
+        };
+        let (x, y, z) = (row(0), row(1), row(2));
+        let (p, held) = (&mobility.matrix, &mobility.held);
+        let out = turned.x * a + turned.y * b + turned.z * c;
+        let answer = |i: usize| (p[(i, 0)] * x + p[(i, 1)] * y) + (p[(i, 2)] * z - held[i] * out);
+        let drift = |i: usize| {
+            let (m, n) = (&u_by_theta[i], &u_by_omega[i]);
+            (m.x * a + m.y * b + m.z * c) + (n.x * d + n.y * e + n.z * f)
+        };
+        let (mut omega, mut u) = ([answer(0), answer(1), answer(2)], [drift(0), drift(1)]);
+        if N > STATE_COLUMNS {
+            for i in 0..3 {
+                omega[i] += forced.omega[i][j];
+            }
+            for i in 0..2 {
+                u[i] += forced.u[i][j];
             }
         }
-        slopes
+        Column { theta, omega, u }
     }
 }

@@ -222,3 +222,31 @@ fn a_sphere_rolls_as_in_the_textbook() {
         assert!((end.u - wanted).norm() < 1e-10, "{spin:?}: {} {wanted}", end.u);
     }
 }
+
+/// Nothing on the palm shows a turn about the axis of a body of revolution: its column stays 0 to rounding, step by step.
+#[test]
+fn a_turn_about_the_axis_of_revolution_never_shows() {
+    let body = Body::ellipsoid([0.02, 0.02, 0.035]).unwrap();
+    for spin in [Spin::Free, Spin::None] {
+        let model = Model { body: &body, spin };
+        let state = state_of(spin, [0.3, -0.5, 0.7, 0.2], [2.0, -3.0, 1.5]);
+        let start = (state, Tangent::<STATE_COLUMNS>::seed(&state));
+        // Steps long enough that the orientations of a step's stages are not of length 1.
+        let (_, tangent) = (0..60).fold(start, |(state, tangent), _| {
+            model.step_with(Columns::STATE, (&state, &tangent), &[felt(Vector3::zeros(), GRAVITY); 3], 4e-3)
+        });
+        for [seen, hidden] in tangent.u.map(|row| [row[0], row[2]]) {
+            assert!(hidden.abs() < 1e-15 && seen.abs() > 1e-3, "{spin:?}: {hidden} beside {seen} m/rad");
+        }
+    }
+}
+
+/// The short series that puts an orientation's length right, against the root that it replaces; both sides of its limit.
+#[test]
+fn orientations_are_put_right_to_the_last_digit() {
+    for excess in [1e-12, -3e-8, 9.9e-5, -9.9e-5, 1.1e-4, -0.3, 2.0_f64] {
+        let mut state = state_of(Spin::Free, [0.3, -0.5, 0.7, 0.2], [2.0, -3.0, 1.5]);
+        state.orientation *= (1.0 + excess).sqrt();
+        assert!((state.normalized().orientation.norm() - 1.0).abs() < 4.0 * f64::EPSILON, "{excess}");
+    }
+}

@@ -3,10 +3,7 @@
 //! Each case is a finger of its own, calibrated, and a random part pushed from rest; see [`crate::demonstration`]. Nothing of the
 //! thesis is beside it: its sensor was never used on a moving part (§6.4).
 
-use std::num::NonZeroUsize;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
-
+use super::cases::of_each;
 use super::random::Draw;
 use super::{Cell, Experiment, Settings, Table};
 use crate::demonstration::{Drawn, PoseError, RADIUS_M, Ranges, Rig, pose_error, random_part, straight_motion};
@@ -94,29 +91,6 @@ fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<Outcome, String> {
     Ok(Outcome::new(&part, &drawn, &from_rest::estimate(&known, &felt)))
 }
 
-/// All cases, on as many threads as the machine has; in order.
-fn cases(ranges: &Ranges, settings: &Settings) -> Vec<Result<Outcome, String>> {
-    let next = AtomicUsize::new(0);
-    let done = Mutex::new(Vec::new());
-    let work = || {
-        loop {
-            let number = next.fetch_add(1, Ordering::Relaxed);
-            if number >= settings.cases {
-                return;
-            }
-            let outcome = case(ranges, settings.seed, number);
-            if let Ok(mut done) = done.lock() {
-                done.push((number, outcome));
-            }
-        }
-    };
-    let threads = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
-    std::thread::scope(|scope| (0..threads).for_each(|_| drop(scope.spawn(work))));
-    let mut done = done.into_inner().unwrap_or_default();
-    done.sort_by_key(|(number, _)| *number);
-    done.into_iter().map(|(_, outcome)| outcome).collect()
-}
-
 /// The table `chain`.
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "chain",
@@ -147,7 +121,7 @@ fn run(settings: &Settings) -> Table {
     let turning = Ranges::default();
     let straight = Ranges { motion: straight_motion(), ..Ranges::default() };
     for (name, ranges) in [("with a turn", turning), ("straight", straight)] {
-        let outcomes = cases(&ranges, settings);
+        let outcomes = of_each(settings.cases, |number| case(&ranges, settings.seed, number));
         add(&mut table, name, &outcomes);
     }
     table

@@ -8,6 +8,7 @@
 //!
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
 
+mod cases;
 pub(crate) mod chain;
 mod gho;
 mod initial_pose;
@@ -16,6 +17,7 @@ mod parts;
 mod plan;
 mod pose;
 pub mod random;
+mod rivals;
 mod rolling;
 mod sampling;
 pub mod scenes;
@@ -42,6 +44,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     pose::CONTACTS,
     pose::FRICTION,
     pose::FORCES,
+    pose::MODEL_ERROR,
     chain::EXPERIMENT,
     plan::EXPERIMENT,
     parts::EXPERIMENT,

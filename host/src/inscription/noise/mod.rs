@@ -21,10 +21,10 @@ mod valley;
 
 use nalgebra::{Matrix3, Point2};
 
-use super::chi_square::chi_square_quantile;
 use super::exact::{Continuum, Pose, determined};
 use super::readings::{Bearing, HalfPlane};
 use crate::geometry::ConvexPolygon;
+use crate::statistics::chi_square_quantile;
 pub use objective::FENCE_SD_RELATIVE;
 pub(super) use objective::{Objective, Placed};
 
@@ -33,6 +33,9 @@ pub const GATE: f64 = 0.99;
 
 /// Without any redundancy every exact pose fits with χ² = 0, but for rounding.
 const GATE_WITHOUT_DOF: f64 = 1e-6;
+
+/// Modes up to this many times the gate are places to look for others beside: χ² is shallow between some.
+const EXPLORED_GATES: f64 = 2.0;
 
 /// Modes within this many standard deviations of each other are one.
 const SAME_MODE_SD: f64 = 1e-2;
@@ -114,13 +117,16 @@ pub fn estimate(part: &ConvexPolygon, readings: &NoisyReadings) -> Result<Estima
     let dof = readings.dof();
     let gate = chi_square_quantile(GATE, dof).max(GATE_WITHOUT_DOF);
     let mut modes: Vec<Settled> = Vec::new();
-    for start in starts::starts(&objective, &lines, gate) {
+    let mut starts = starts::starts(&objective, &lines, gate);
+    while let Some(start) = starts.pop() {
         for settled in objective.settle(&start) {
-            if settled.chi2 <= gate && !modes.iter().any(|mode| objective.is_same(mode, &settled)) {
+            if settled.chi2 <= EXPLORED_GATES * gate && !modes.iter().any(|mode| objective.is_same(mode, &settled)) {
+                starts.extend(starts::beside(&objective, &lines, &settled));
                 modes.push(settled);
             }
         }
     }
+    modes.retain(|mode| mode.chi2 <= gate);
     modes.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
     let modes = modes.iter().filter_map(|settled| objective.mode(settled)).collect();
     Ok(Estimate { modes, dof, gate })

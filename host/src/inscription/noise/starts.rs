@@ -2,12 +2,15 @@
 //!
 //! For each turn the best place is a small linear problem, so the turn alone needs a search: at the turns where an edge lies on a
 //! line, and between them in steps. Every local minimum along this profile is a start. With few lines the profile has tight
-//! pairs of minima between two steps; there the exact poses of all triples of lines are starts as well.
+//! pairs of minima between two steps; there the exact poses of all triples of lines are starts as well. The profile takes lines for
+//! what bearings are, and so smooths over shallow minima: where it is low every step is a start, and so are some turns on both
+//! sides of each mode that is found.
 
 use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Matrix2, Vector2};
 
+use super::Settled;
 use super::objective::{Objective, Placed};
 use crate::geometry::angle::wrap_angle;
 use crate::inscription::exact::triple_poses;
@@ -22,6 +25,13 @@ const ROUNDS: usize = 3;
 /// The profile at the step nearest to a mode may exceed the gate by this many times what the step changes every bearing by, in σ²:
 /// a sensor half the part's size away from it sees the corners move twice as fast as they turn.
 const PROFILE_ROOM: f64 = 4.0;
+
+/// Up to so many times the gate, and this much more, the profile is low.
+const LOW_GATES: f64 = 2.0;
+const LOW_ROOM: f64 = 10.0;
+
+/// Turns on either side of a mode from which others are sought, in its standard deviations.
+const BESIDE_SD: [f64; 4] = [1.0, 2.0, 3.0, 4.5];
 
 /// With more lines than this the triples are left out: redundant lines make the profile steep, with minima far apart.
 const LINES_MAX_FOR_TRIPLES: usize = 6;
@@ -43,11 +53,20 @@ pub(super) fn starts(objective: &Objective<'_>, lines: &[HalfPlane], gate: f64) 
         let (before, after) = (profile[(k + n - 1) % n].1, profile[(k + 1) % n].1);
         profile[*k].1 <= worth_a_start && profile[*k].1 <= before && profile[*k].1 <= after
     };
-    let mut found: Vec<Placed> = (0..n).filter(is_minimum).map(|k| profile[k].0).collect();
+    let is_low = |k: &usize| profile[*k].1 <= LOW_GATES * gate + LOW_ROOM;
+    let mut found: Vec<Placed> = (0..n).filter(|k| is_minimum(k) || is_low(k)).map(|k| profile[k].0).collect();
     if lines.len() <= LINES_MAX_FOR_TRIPLES {
         found.extend(triple_poses(objective.part, lines).iter().map(|pose| objective.placed(pose)));
     }
     found
+}
+
+/// Places on both sides of a mode, at its distance in standard deviations of the turn.
+pub(super) fn beside(objective: &Objective<'_>, lines: &[HalfPlane], mode: &Settled) -> Vec<Placed> {
+    let Some(covariance) = mode.information.try_inverse() else { return Vec::new() };
+    let sd = covariance[(2, 2)].max(0.0).sqrt() / objective.part.size();
+    let turns = BESIDE_SD.iter().flat_map(|steps| [steps * sd, -steps * sd]).filter(|turn| turn.abs() < PI);
+    turns.map(|turn| best_place(objective, lines, wrap_angle(mode.placed.theta + turn)).0).collect()
 }
 
 /// Turns at which an edge lies on a line, and others between them.

@@ -249,10 +249,13 @@ impl Unknowns {
                 model.step_with(self.columns, (&here.0, &here.1), &felt, leap.dt)
             })
         };
-        let ((start, _), (end, tangent)) = (go(&track.backward), go(&track.forward));
-        let rows = tangent.theta.iter().chain(&tangent.omega);
-        let columns = SMatrix::<f64, STATE_COLUMNS, N>::from_row_iterator(rows.flatten().copied());
-        Ends { start, end, columns: DMatrix::from_column_slice(STATE_COLUMNS, N, columns.as_slice()) }
+        let columns = |tangent: &Tangent<N>| {
+            let rows = tangent.theta.iter().chain(&tangent.omega);
+            let columns = SMatrix::<f64, STATE_COLUMNS, N>::from_row_iterator(rows.flatten().copied());
+            DMatrix::from_column_slice(STATE_COLUMNS, N, columns.as_slice())
+        };
+        let [(start, before), (end, after)] = [&track.backward, &track.forward].map(|leaps| go(leaps));
+        Ends { start, end, columns: [columns(&before), columns(&after)] }
     }
 
     /// What is left over after a fit.
@@ -291,8 +294,8 @@ pub(super) struct Residuals {
 pub(super) struct Ends {
     pub(super) start: State,
     pub(super) end: State,
-    /// Changes of attitude and angular velocity (body axes) at the end, by column.
-    pub(super) columns: DMatrix<f64>,
+    /// Changes of attitude and angular velocity (body axes) at the start and at the end, by column.
+    pub(super) columns: [DMatrix<f64>; 2],
 }
 
 /// A cost with its derivatives.

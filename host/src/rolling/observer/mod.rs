@@ -37,7 +37,7 @@ const WINDOW_MIN: f64 = 0.25;
 const WIDTHS: [Width; 4] = [
     Width { attitudes: 4000, rolled: 300, starts: 16, kept: 8, horizon: 1.1 },
     Width { attitudes: 8000, rolled: 1500, starts: 40, kept: 16, horizon: 2.0 },
-    Width { attitudes: 12_000, rolled: 3000, starts: 100, kept: 40, horizon: 1.1 },
+    Width { attitudes: 12_000, rolled: 3000, starts: 100, kept: 40, horizon: 0.6 },
     Width { attitudes: 24_000, rolled: 8000, starts: 200, kept: 60, horizon: 3.0 },
 ];
 
@@ -195,20 +195,39 @@ impl Question {
         solutions
     }
 
+    /// How much shorter steps and averages must be than for a round body: a contact rushes over the sharp ends of long and
+    /// flat ones. 1 for a 2-3-4 ellipsoid; for one that is unknown too, because its steps cannot change with the fit.
+    fn pace(&self, bodies: &[Body]) -> f64 {
+        match self.body {
+            BodyKnowledge::Ellipsoid { .. } => 1.0,
+            BodyKnowledge::OneOf(_) => {
+                let pace = |body: &Body| (ROUND * body.sharpest() / body.size()).sqrt().clamp(PACE_MIN, 1.0);
+                bodies.iter().map(pace).fold(1.0, f64::min)
+            }
+        }
+    }
+
     fn solve_model(&self, readings: &Readings, spin: Spin, bodies: &[Body], width: &Width) -> Vec<Solution> {
         let range = if let BodyKnowledge::Ellipsoid { range } = self.body { range } else { [0.0, f64::INFINITY] };
         let unknowns = Unknowns { spin, columns: self.columns(), range };
-        let coarse = readings.averaged();
-        let track = coarse.search_track(self.palm(), self.g);
+        let pace = self.pace(bodies);
+        let coarse = readings.averaged(pace);
+        let track = coarse.search_track(self.palm(), self.g, pace);
         let felt = felt(self.palm().at(track.centre_time), self.g);
-        let found = Ground { unknowns, bodies, track: &track, felt }.search(width);
-        let fine = readings.fine_track(self.palm(), self.g);
+        let found = Ground { unknowns, bodies, track: &track, felt, pace }.search(width);
+        let fine = readings.fine_track(self.palm(), self.g, pace);
         let best = found.first().map_or(0.0, |fit| fit.cost);
         let worth = found.into_iter().filter(|fit| fit.cost <= best + WORTH_POLISHING);
         let polished = worth.map(|fit| polish(&unknowns, &track, &fine, fit, self.noise));
         polished.filter(|solution| solution.fit.cost.is_finite()).collect()
     }
 }
+
+/// Size over least radius of curvature of a body that counts as round: that of a 2-3-4 ellipsoid.
+const ROUND: f64 = 3.0;
+
+/// Least [`Question::pace`]: shorter steps would take too long.
+const PACE_MIN: f64 = 0.2;
 
 /// Cost above the best of the search up to which a fit may still turn out to be listed.
 const WORTH_POLISHING: f64 = 100.0;

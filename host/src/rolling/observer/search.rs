@@ -82,13 +82,15 @@ pub(super) struct Ground<'a> {
     pub(super) track: &'a Track,
     /// What the body feels in the middle of the window, palm axes, m/s².
     pub(super) felt: Vector3<f64>,
+    /// Share of a round body's times in which this one does as much.
+    pub(super) pace: f64,
 }
 
 impl Ground<'_> {
     /// The best fits of the search's readings, best first, all different.
     pub(super) fn search(&self, width: &Width) -> Vec<Fit> {
         let time = self.time_unit();
-        let derivatives = self.derivatives(self.track.ranks(CUBIC_HORIZON * time));
+        let derivatives = self.derivatives(self.track.ranks(CUBIC_HORIZON * time * self.pace));
         let mut horizon = width.horizon * time;
         let candidates = self.roll(self.candidates(width, &derivatives), horizon, width);
         let starts: Vec<Point> = self.starts(candidates, width.starts);
@@ -199,7 +201,7 @@ impl Ground<'_> {
         let instant = Instant::of(state, &self.felt);
         let local = model.body.shape().local(&instant.normal, &instant.turning);
         let moving = local.hessian * instant.turning;
-        let (turn, _) = model.turn(state, &instant, &local.contact, &moving);
+        let turn = model.turn(state, &instant, (local.contact, moving));
         let turning = instant.turning.cross(&state.omega) + instant.normal.cross(&turn);
         let bending = state.omega.cross(&moving) + local.slope * instant.turning + local.hessian * turning;
         Vector2::new(instant.rows.0[0].dot(&bending), instant.rows.0[1].dot(&bending))

@@ -104,10 +104,10 @@ impl Readings {
         self.time(self.u.len() - 1) - self.start
     }
 
-    /// Means of neighbours, for the search.
-    pub(super) fn averaged(&self) -> Self {
+    /// Means of neighbours, for the search. `pace`: the share of a round body's times in which this one does as much.
+    pub(super) fn averaged(&self, pace: f64) -> Self {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small positive count")]
-        let block = ((BLOCK_S / self.dt).round() as usize).clamp(1, (self.u.len() / 8).max(1));
+        let block = ((BLOCK_S * pace / self.dt).round() as usize).clamp(1, (self.u.len() / 8).max(1));
         #[expect(clippy::cast_precision_loss, reason = "a small count")]
         let count = block as f64;
         let mean = |block: &[Vector2<f64>]| block.iter().sum::<Vector2<f64>>() / count;
@@ -120,18 +120,18 @@ impl Readings {
     }
 
     /// The steps that a search takes.
-    pub(super) fn search_track(&self, palm: &PalmAcceleration, g: f64) -> Track {
-        self.track(palm, g, STEP_SEARCH_S)
+    pub(super) fn search_track(&self, palm: &PalmAcceleration, g: f64, pace: f64) -> Track {
+        self.track(palm, g, STEP_SEARCH_S * pace)
     }
 
     /// The steps that the last fit takes: short enough that their error stays below that of the readings.
-    pub(super) fn fine_track(&self, palm: &PalmAcceleration, g: f64) -> Track {
+    pub(super) fn fine_track(&self, palm: &PalmAcceleration, g: f64, pace: f64) -> Track {
         let longest = match self.sigma {
             sigma if sigma >= SIGMA_NOISY => STEP_NOISY_S,
             sigma if sigma >= SIGMA_FINE => STEP_FINE_S,
             _ => STEP_EXACT_S,
         };
-        self.track(palm, g, longest)
+        self.track(palm, g, longest * pace)
     }
 
     fn track(&self, palm: &PalmAcceleration, g: f64, longest: f64) -> Track {

@@ -53,7 +53,7 @@ impl<'a> Partition<'a> {
         let all = if columns.sets == SETS_MAX { u64::MAX } else { (1 << columns.sets) - 1 };
         let classes = if columns.sets > 1 { vec![all] } else { Vec::new() };
         let mut chosen = Vec::new();
-        match self.descend(&classes, splits, size, &mut chosen) {
+        match self.descend(&classes, &splits, size, &mut chosen) {
             Some(true) => Outcome::Found(chosen.into_iter().map(|column| column as usize).collect()),
             Some(false) => Outcome::Refuted,
             None => Outcome::Open,
@@ -61,7 +61,7 @@ impl<'a> Partition<'a> {
     }
 
     /// Whether `left` more columns are enough; none if the search was broken off.
-    fn descend(&mut self, classes: &[u64], splits: Vec<Split>, left: usize, chosen: &mut Vec<u32>) -> Option<bool> {
+    fn descend(&mut self, classes: &[u64], splits: &[Split], left: usize, chosen: &mut Vec<u32>) -> Option<bool> {
         if classes.is_empty() {
             return Some(true);
         }
@@ -72,25 +72,27 @@ impl<'a> Partition<'a> {
         if self.states > self.budget || (self.states.is_multiple_of(256) && (self.stop)()) {
             return None;
         }
-        let mut splits = distinct(classes, splits, left);
+        if left == 1 {
+            let last = splits.iter().find(|split| classes.iter().all(|class| (split.side & class).count_ones() == 1));
+            chosen.extend(last.map(|split| split.column));
+            return Some(last.is_some());
+        }
+        let splits = distinct(classes, splits, left);
         if !enough(classes, &splits, left) {
             return Some(false);
         }
-        if left == 1 {
-            // Only columns that separate all that is left are `enough`, and the best is first.
-            chosen.push(splits[0].1.column);
-            return Some(true);
-        }
+        let splits: Vec<Split> = splits.into_iter().map(|(_, split)| split).collect();
         let Some(pair) = scarcest_pair(classes, &splits) else { return Some(false) };
-        let separates = |split: &Split| (split.side & pair).count_ones() == 1;
-        let mut tried: Vec<Split> = splits.iter().map(|(_, split)| *split).filter(separates).collect();
-        tried.reverse();
-        let mut rest: Vec<Split> = splits.drain(..).map(|(_, split)| split).collect();
-        while let Some(split) = tried.pop() {
-            rest.retain(|other| other.column != split.column);
+        // What separates the pair comes last, the best at the very end, so that each is tried with those before it.
+        let (mut order, tried): (Vec<Split>, Vec<Split>) =
+            splits.into_iter().partition(|split| (split.side & pair).count_ones() != 1);
+        let others = order.len();
+        order.extend(tried.into_iter().rev());
+        for place in (others..order.len()).rev() {
+            let split = order[place];
             let finer: Vec<u64> = classes.iter().flat_map(|class| parts(*class, split.side)).collect();
             chosen.push(split.column);
-            if self.descend(&finer, rest.clone(), left - 1, chosen)? {
+            if self.descend(&finer, &order[..place], left - 1, chosen)? {
                 return Some(true);
             }
             chosen.pop();
@@ -109,13 +111,27 @@ pub(super) fn log2_ceil(count: u32) -> usize {
     (u32::BITS - count.saturating_sub(1).leading_zeros()) as usize
 }
 
-/// The least sum of distances between all pairs of so many different codes.
+/// The least sum of distances between all pairs of so many different codes of `bits` bits.
 ///
-/// More than the number of pairs, because codes at distance 1 from each other are few. Up to 8 exact, by exhaustion over
-/// partitions (see the test). Beyond, a bound: with every bit turned so that fewer codes have it set, the codes' weights sum up
-/// to `count − 1` at least, and a bit set in `k` codes adds `k (count − k)`, which for given sum is least where bits are set in
-/// none or in half.
-pub(super) fn distances(count: u32) -> u32 {
+/// More than the number of pairs, because codes at distance 1 from each other are few, and much more where few codes are left
+/// out. If that are `t` of 2H, and `j` of these have a bit set, then the bit adds (H − j)(H − t + j) = H (H − t) + j (t − j): the
+/// first for every bit, and the second sums up to the distances of those left out.
+pub(super) fn distances(count: u32, bits: usize) -> u32 {
+    let half = 1_u64.checked_shl(number(bits.saturating_sub(1))).unwrap_or(u64::MAX);
+    let any_bits = distances_of_any(count);
+    match u32::try_from(half) {
+        Ok(half) if bits > 0 && count > half && count <= 2 * half => {
+            let without = 2 * half - count;
+            any_bits.max(number(bits) * half * (half - without) + distances(without, bits))
+        }
+        _ => any_bits,
+    }
+}
+
+/// The same for codes of any number of bits. Up to 8 exact, by exhaustion over partitions (see the test). Beyond, a bound: with
+/// every bit turned so that fewer codes have it set, the codes' weights sum up to `count − 1` at least, and a bit set in `k` codes
+/// adds `k (count − k)`, which for given sum is least where bits are set in none or in half.
+fn distances_of_any(count: u32) -> u32 {
     const EXACT: [u32; 9] = [0, 0, 1, 4, 8, 16, 25, 36, 48];
     if let Some(&exact) = EXACT.get(count as usize) {
         return exact;
@@ -126,9 +142,9 @@ pub(super) fn distances(count: u32) -> u32 {
 }
 
 /// The different splits of some classes that leave no part too large, each with the pairs that it separates, most first.
-fn distinct(classes: &[u64], splits: Vec<Split>, left: usize) -> Vec<(u32, Split)> {
+fn distinct(classes: &[u64], splits: &[Split], left: usize) -> Vec<(u32, Split)> {
     let largest = 1_u64.checked_shl(number(left - 1)).unwrap_or(u64::MAX);
-    let rewritten = splits.into_iter().filter_map(|split| {
+    let rewritten = splits.iter().filter_map(|split| {
         let (mut side, mut gain) = (0, 0);
         for &class in classes {
             let within = split.side & class;
@@ -141,7 +157,7 @@ fn distinct(classes: &[u64], splits: Vec<Split>, left: usize) -> Vec<(u32, Split
             side |= part;
             gain += inside * outside;
         }
-        (gain > 0).then_some((gain, Split { side, ..split }))
+        (gain > 0).then_some((gain, Split { side, ..*split }))
     });
     let mut rewritten: Vec<_> = rewritten.collect();
     rewritten.sort_unstable_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -151,28 +167,56 @@ fn distinct(classes: &[u64], splits: Vec<Split>, left: usize) -> Vec<(u32, Split
 
 /// Whether the `left` columns that separate most could separate all that is left.
 fn enough(classes: &[u64], splits: &[(u32, Split)], left: usize) -> bool {
-    let open: u32 = classes.iter().map(|class| distances(class.count_ones())).sum();
+    let open: u32 = classes.iter().map(|class| distances(class.count_ones(), left)).sum();
     let most: u32 = splits.iter().take(left).map(|(gain, _)| gain).sum();
     most >= open
 }
 
 /// The pair in a class that the fewest splits separate; none if a pair is separated by none.
-fn scarcest_pair(classes: &[u64], splits: &[(u32, Split)]) -> Option<u64> {
-    let mut best: Option<(usize, u64)> = None;
+fn scarcest_pair(classes: &[u64], splits: &[Split]) -> Option<u64> {
+    let sides = transposed(splits);
+    let row = |set: u32| &sides[set as usize];
+    let mut best: Option<(u32, u64)> = None;
     for &class in classes {
         for pair in pairs_in(class) {
-            let limit = best.map_or(usize::MAX, |(count, _)| count);
-            let separating = splits.iter().filter(|(_, split)| (split.side & pair).count_ones() == 1);
-            let count = separating.take(limit).count();
+            let (a, b) = (row(pair.trailing_zeros()), row(63 - pair.leading_zeros()));
+            let count = a.iter().zip(b).map(|(a, b)| (a ^ b).count_ones()).sum();
             if count == 0 {
                 return None;
             }
-            if count < limit {
+            if best.is_none_or(|(least, _)| count < least) {
                 best = Some((count, pair));
             }
         }
     }
     best.map(|(_, pair)| pair)
+}
+
+/// For each set the splits that have it on their side, 64 of them in a word.
+fn transposed(splits: &[Split]) -> Vec<Vec<u64>> {
+    let mut rows = vec![Vec::new(); SETS_MAX];
+    for chunk in splits.chunks(64) {
+        let mut words = [0; 64];
+        words.iter_mut().zip(chunk).for_each(|(word, split)| *word = split.side);
+        transpose(&mut words);
+        rows.iter_mut().zip(words).for_each(|(row, word)| row.push(word));
+    }
+    rows
+}
+
+/// Swaps rows and columns of a matrix of bits: its quarters, then theirs, down to single bits.
+fn transpose(words: &mut [u64; 64]) {
+    let mut width = 32;
+    let mut mask = u64::MAX >> 32;
+    while width > 0 {
+        for low in (0..64).filter(|row| row & width == 0) {
+            let swapped = ((words[low] >> width) ^ words[low + width]) & mask;
+            words[low] ^= swapped << width;
+            words[low + width] ^= swapped;
+        }
+        width /= 2;
+        mask ^= mask << width;
+    }
 }
 
 /// The pairs of members of a class, as masks.

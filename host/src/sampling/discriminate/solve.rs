@@ -66,7 +66,7 @@ impl Choice {
 /// Scores that local search may change at first, and at most states and programs of a round of the other methods. A round
 /// takes some ten to a hundred milliseconds; each is twice as long as the one before.
 const LOCAL_WORK: u64 = 20_000_000;
-const STATES: u64 = 2_000;
+const STATES: u64 = 5_000;
 const PROGRAMS: u64 = 20;
 
 /// Rounds of a search that is not to be long.
@@ -139,7 +139,8 @@ impl<'a> Rounds<'a> {
         }
         let start = self.found.columns.clone();
         let mut local = Local::new(self.columns, self.separation, &start);
-        self.branch(0);
+        // In dense scenes a few partitions prove what one linear program takes longer for; in sparse ones they end at once.
+        self.refute(STATES);
         for round in 0.. {
             if self.is_over() {
                 break;
@@ -148,6 +149,9 @@ impl<'a> Rounds<'a> {
                 self.improve(better);
             }
             self.partition(STATES << round.min(20));
+            if round == 0 {
+                self.branch(0);
+            }
             self.branch(PROGRAMS << round.min(20));
             let brief = self.search.effort == Effort::Brief && round + 1 >= ROUNDS_BRIEF;
             if brief || (self.search.stop)() {
@@ -179,6 +183,23 @@ impl<'a> Rounds<'a> {
 
     fn run_local(&self, local: &mut Local<'_>, round: u32) -> Option<Vec<usize>> {
         local.run(LOCAL_WORK << round.min(10), self.search.target.max(self.found.lower_bound), self.search.stop)
+    }
+
+    /// Raises the bound while no so few columns are enough, until the states are used up, or up to one less than is known: whether
+    /// that many are enough is asked later, when local search has found what it can.
+    fn refute(&mut self, states: u64) {
+        if self.separation > 1 || self.columns.sets > SETS_MAX {
+            return;
+        }
+        let mut partition = Partition::new(states, self.search.stop);
+        while !self.is_over() && self.found.lower_bound + 1 < self.found.columns.len() {
+            match partition.search(self.columns, self.found.lower_bound) {
+                Outcome::Found(columns) => self.improve(columns),
+                Outcome::Refuted => self.found.lower_bound += 1,
+                Outcome::Open => break,
+            }
+        }
+        self.found.proof.partitions += partition.states;
     }
 
     /// Looks for one column fewer until there is none, or until the states are used up.

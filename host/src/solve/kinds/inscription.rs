@@ -5,22 +5,32 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::ConvexPolygon;
-use crate::inscription::{self, Bearing, ConeError, Continuum, HalfPlane, NoisyReadings};
-use crate::solve::fields::{Polygon, Pose, Sigma};
+use crate::inscription::{self, Bearing, ConeError, Continuum, HalfPlane, NoisyReadings, Outline};
+use crate::solve::fields::{NonNegative, Polygon, Pose, Positive, Sigma};
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError};
 
 /// Lines that a convex part touches, and on whose inner side it lies.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Inscription {
-    /// The part's outline, convex unless `hull` is set.
-    pub polygon: Polygon,
+    /// The part's outline, convex unless `hull` is set. Needed, unless the part is an `ellipse`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub polygon: Option<Polygon>,
+    /// The corners of the polygon are centres of arcs of this radius, which all around is added to it, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rounding: Option<NonNegative>,
+    /// Instead of `polygon`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ellipse: Option<EllipseFields>,
     /// Views of the part.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub cones: Vec<Cone>,
     /// Fences and jaws that the part touches.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub half_planes: Vec<HalfPlaneFields>,
+    /// Points that the part's outline passes through: probed contacts.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub points: Vec<PointFields>,
     /// Standard deviation of every bearing of a cone, rad.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sigma: Option<Sigma>,
@@ -58,6 +68,27 @@ pub struct HalfPlaneFields {
     /// How far the part had moved when this was read, world: the poses are those before.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub displacement: Option<Pose>,
+}
+
+/// A point of the part's outline.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PointFields {
+    /// Where it was felt, world, m.
+    pub at: [f64; 2],
+    /// How far the part had moved when this was read, world: the poses are those before.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub displacement: Option<Pose>,
+}
+
+/// An ellipse about the part frame's origin.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct EllipseFields {
+    /// Half its length along x, m.
+    pub a: Positive,
+    /// Half its length along y, m.
+    pub b: Positive,
 }
 
 /// Where the part can be.
@@ -119,30 +150,31 @@ impl Problem for Inscription {
     type Answer = InscriptionAnswer;
 
     fn solve(&self) -> Result<InscriptionAnswer, SolveError> {
-        let part = self.part()?;
+        let outline = self.outline()?;
         let readings = self.readings()?;
-        let lines = readings.lines();
-        let exact = match inscription::poses(&part, &lines) {
+        let (lines, points) = (readings.lines(), self.points());
+        let exact = match outline.poses(&lines, &points) {
             inscription::Inscription::Poses(poses) => poses,
             inscription::Inscription::Underdetermined(continuum) => return Ok(self.underdetermined(continuum)),
         };
-        let estimate = match self.sigma {
-            None => None,
-            Some(_) => {
-                Some(inscription::estimate(&part, &readings).map_err(|error| SolveError::Internal(error.to_string()))?)
+        let estimate = match (self.sigma, &outline) {
+            (Some(_), Outline::Polygon(part)) => {
+                Some(inscription::estimate(part, &readings).map_err(|error| SolveError::Internal(error.to_string()))?)
             }
+            _ => None,
         };
         let found = estimate.as_ref().map_or(exact.len(), |estimate| estimate.modes.len());
         let status = if found == 0 { Status::NoPose } else { Status::Ok };
-        let why = || match self.sigma {
-            Some(_) => "no pose explains the bearings at this sigma".to_owned(),
-            None => self.nearest(&part, &lines),
+        let why = || match (self.sigma, &outline) {
+            (Some(_), _) => "no pose explains the bearings at this sigma".to_owned(),
+            (None, Outline::Polygon(part)) if points.is_empty() => self.nearest(part, &lines),
+            _ => "no pose touches all lines and passes through all points".to_owned(),
         };
         Ok(InscriptionAnswer {
             status,
             reason: (found == 0).then(why),
-            conditioning: exact.iter().map(|pose| inscription::conditioning(&part, &lines, pose)).collect(),
-            groups: inscription::congruent_groups(&part, &exact),
+            conditioning: exact.iter().map(|pose| outline.conditioning(&lines, &points, pose)).collect(),
+            groups: outline.congruent_groups(&exact),
             poses: exact.into_iter().map(Pose::from).collect(),
             dof: estimate.as_ref().map(|estimate| estimate.dof),
             modes: estimate.map(|estimate| estimate.modes.iter().map(ModeFields::from).collect()),
@@ -159,17 +191,83 @@ impl From<&inscription::Mode> for ModeFields {
     }
 }
 
+/// An ellipse this many times as long as wide is a mistake of units: its ends are sharper than its size can be measured.
+const ELLIPSE_RATIO_MAX: f64 = 1000.0;
+
 impl Inscription {
-    fn part(&self) -> Result<ConvexPolygon, InvalidInput> {
-        if self.hull {
-            return Ok(ConvexPolygon::hull(&self.polygon));
+    fn outline(&self) -> Result<Outline, InvalidInput> {
+        let outline = match (&self.polygon, self.ellipse) {
+            (Some(_), Some(_)) => return Err(InvalidInput::exclusive("polygon", "ellipse")),
+            (None, None) => return Err(InvalidInput::missing("polygon", "give the part's outline")),
+            (None, Some(ellipse)) => Outline::Ellipse(self.ellipse(ellipse)?),
+            (Some(polygon), None) => match self.rounding {
+                Some(radius) if radius.get() > 0.0 => {
+                    Outline::Rounded(inscription::Rounded { polygon: self.part(polygon)?, radius: radius.get() })
+                }
+                _ => Outline::Polygon(self.part(polygon)?),
+            },
+        };
+        self.check_readings_of(&outline)?;
+        Ok(outline)
+    }
+
+    fn part(&self, polygon: &Polygon) -> Result<ConvexPolygon, InvalidInput> {
+        let part = ConvexPolygon::new(polygon);
+        match part {
+            Err(_) if self.hull && !self.points.is_empty() => Err(InvalidInput::at(
+                "points",
+                "a point of a notched part may lie in a notch, where no hull tells: leave the points or the notches out",
+            )),
+            Err(_) if self.hull => Ok(ConvexPolygon::hull(polygon)),
+            part => part.map_err(|error| {
+                InvalidInput::at(
+                    Pointer::from("polygon").index(error.vertex),
+                    format!("{error}; `\"hull\": true` takes the hull"),
+                )
+            }),
         }
-        ConvexPolygon::new(&self.polygon).map_err(|error| {
-            InvalidInput::at(
-                Pointer::from("polygon").index(error.vertex),
-                format!("{error}; `\"hull\": true` takes the hull"),
-            )
-        })
+    }
+
+    fn ellipse(&self, EllipseFields { a, b }: EllipseFields) -> Result<inscription::Ellipse, InvalidInput> {
+        let (a, b) = (a.get(), b.get());
+        let ratio = (a / b).max(b / a);
+        if ratio > ELLIPSE_RATIO_MAX {
+            let limit = format!(
+                "the ellipse is {ratio:e} times as long as wide, the limit is {ELLIPSE_RATIO_MAX}: check its axes"
+            );
+            return Err(InvalidInput::at("ellipse", limit));
+        }
+        match (self.rounding, self.hull) {
+            (Some(_), _) => Err(InvalidInput::exclusive("ellipse", "rounding")),
+            (None, true) => Err(InvalidInput::exclusive("ellipse", "hull")),
+            (None, false) => Ok(inscription::Ellipse { a, b }),
+        }
+    }
+
+    /// Refuses what is not answered for an outline or in a combination.
+    fn check_readings_of(&self, outline: &Outline) -> Result<(), InvalidInput> {
+        let smooth = !matches!(outline, Outline::Polygon(_));
+        match (self.sigma, self.points.is_empty()) {
+            (Some(_), _) if smooth => {
+                Err(InvalidInput::at("sigma", "errors are estimated for polygons only: give one with many vertices"))
+            }
+            (None, false) if smooth => {
+                Err(InvalidInput::at("points", "points are solved for polygons only: give one with many vertices"))
+            }
+            (Some(_), false) => Err(InvalidInput::at(
+                "points",
+                "points are exact, and cannot be given together with `sigma`: leave one of them out",
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    fn points(&self) -> Vec<Point2<f64>> {
+        let undone = |point: &PointFields| {
+            let at = Point2::from(point.at);
+            point.displacement.map_or(at, |pose| pose.world_from_part().inverse() * at)
+        };
+        self.points.iter().map(undone).collect()
     }
 
     /// What the sensors say, all moved to where the part was at first.
@@ -181,7 +279,7 @@ impl Inscription {
             })?);
         }
         let fences: Vec<_> = self.half_planes.iter().map(HalfPlaneFields::half_plane).collect();
-        if bearings.is_empty() && fences.is_empty() {
+        if bearings.is_empty() && fences.is_empty() && self.points.is_empty() {
             return Err(InvalidInput::missing("cones", "give at least one cone or half-plane that the part touches"));
         }
         Ok(NoisyReadings { bearings, fences, sigma: self.sigma.map_or(0.0, Sigma::get) })
@@ -340,6 +438,76 @@ mod tests {
         assert_eq!(moved.poses.len(), still.poses.len());
         for (a, b) in moved.poses.iter().zip(&still.poses) {
             assert!((a.x - b.x).hypot(a.y - b.y) < 1e-9 && (a.theta - b.theta).abs() < 1e-9, "{a:?} {b:?}");
+        }
+    }
+
+    #[test]
+    fn a_probed_point_takes_the_place_of_a_third_line() {
+        let lines = json!([{"normal_angle": -std::f64::consts::FRAC_PI_2, "offset": 0.0}, {"normal_angle": std::f64::consts::PI, "offset": 0.0}]);
+        let block = json!([[0, 0], [0.06, 0], [0.06, 0.04], [0, 0.04]]);
+        let problem = json!({"polygon": block, "half_planes": lines, "points": [{"at": [0.06, 0.015]}]});
+        let still = answer(problem.clone()).unwrap();
+        assert!(still.poses.iter().any(|pose| pose.x.hypot(pose.y) < 1e-9 && pose.theta < 1e-9), "{:?}", still.poses);
+        assert_eq!((still.status, still.conditioning.len()), (Status::Ok, still.poses.len()));
+        // Felt after the part was moved away.
+        let mut moved = problem.clone();
+        moved["points"] = json!([{"at": [0.16, 0.215], "displacement": [0.1, 0.2, 0.0]}]);
+        let moved = answer(moved).unwrap();
+        assert_eq!(moved.poses.len(), still.poses.len());
+        // Far away no pose passes through it, and without the wall too little is known.
+        let mut far = problem.clone();
+        far["points"][0]["at"] = json!([0.5, 0.5]);
+        assert_eq!(answer(far).unwrap().status, Status::NoPose);
+        let mut little = problem;
+        little["half_planes"] = json!([lines[0]]);
+        let little = answer(little).unwrap();
+        assert_eq!(little.status, Status::Underdetermined);
+        assert!(little.reason.unwrap().contains("1 distinct lines and 1 points"));
+    }
+
+    #[test]
+    fn smooth_parts_are_inscribed_by_their_support_function() {
+        let jaws = json!([{"normal_angle": 0.0, "offset": 0.07}, {"normal_angle": std::f64::consts::PI, "offset": 0.0},
+                          {"normal_angle": -std::f64::consts::FRAC_PI_2, "offset": 0.0}]);
+        let ellipse = answer(json!({"ellipse": {"a": 0.04, "b": 0.03}, "half_planes": jaws})).unwrap();
+        assert_eq!((ellipse.poses.len(), ellipse.groups.len()), (4, 2));
+        // √((0.07/2)² − 0.03²) over √(0.04² − 0.03²) is |cos θ|.
+        let cos = ((0.035_f64.powi(2) - 0.0009) / 0.0007).sqrt();
+        assert!(ellipse.poses.iter().all(|pose| (pose.theta.cos().abs() - cos).abs() < 1e-9), "{:?}", ellipse.poses);
+        let square = answer(json!({"polygon": SQUARE, "rounding": 0.1, "half_planes": [
+            {"normal_angle": 0.0, "offset": 1.1}, {"normal_angle": std::f64::consts::PI, "offset": 0.1},
+            {"normal_angle": -std::f64::consts::FRAC_PI_2, "offset": 0.1}]}))
+        .unwrap();
+        assert!(square.poses.iter().any(|pose| pose.x.hypot(pose.y) < 1e-9), "{:?}", square.poses);
+        let disk = answer(json!({"ellipse": {"a": 0.035, "b": 0.035}, "half_planes": jaws})).unwrap();
+        assert_eq!(disk.status, Status::Underdetermined);
+    }
+
+    #[test]
+    fn outlines_and_readings_that_do_not_go_together_are_refused() {
+        let cases = [
+            (json!({"cones": views()}), "/polygon", "is missing"),
+            (json!({"polygon": SQUARE, "ellipse": {"a": 1, "b": 2}, "cones": views()}), "/ellipse", "together"),
+            (json!({"ellipse": {"a": 1, "b": 0}, "cones": views()}), "/ellipse/b", "> 0"),
+            (json!({"ellipse": {"a": 1, "b": 1e-9}, "cones": views()}), "/ellipse", "times as long as wide"),
+            (json!({"ellipse": {"a": 1, "b": 2}, "rounding": 0.1, "cones": views()}), "/rounding", "together"),
+            (json!({"ellipse": {"a": 1, "b": 2}, "cones": views(), "sigma": 0.01}), "/sigma", "polygons only"),
+            (json!({"polygon": SQUARE, "rounding": -1, "cones": views()}), "/rounding", "≥ 0"),
+            (json!({"polygon": SQUARE, "rounding": 0.1, "points": [{"at": [0, 0]}]}), "/points", "polygons only"),
+            (
+                json!({"polygon": SQUARE, "cones": views(), "sigma": 0.01, "points": [{"at": [0, 0]}]}),
+                "/points",
+                "exact",
+            ),
+            (
+                json!({"polygon": [[0, 0], [1, 0], [0.3, 0.3], [0, 1]], "hull": true, "points": [{"at": [0, 0]}]}),
+                "/points",
+                "notch",
+            ),
+        ];
+        for (problem, place, wanted) in cases {
+            let message = refuse(problem.clone());
+            assert!(message.contains(place) && message.contains(wanted), "{problem}: {message}");
         }
     }
 

@@ -126,6 +126,9 @@ pub struct ObservePushAnswer {
     /// `best` only: how well the data fit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fit: Option<Fit>,
+    /// `best` only: values left out because no smooth motion passes through them, counted from 0; absent where there are none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub outliers: Vec<usize>,
     /// `gho` only: that of the first hypothesis.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trace: Option<Vec<TracePoint>>,
@@ -414,7 +417,13 @@ impl ObservePushAnswer {
             Some(hypothesis)
         };
         let hypotheses: Vec<_> = complete.filter_map(hypothesis).collect();
-        Self { status: Status::of(hypotheses.len()), hypotheses, fit: None, trace: runs.first().map(trace) }
+        Self {
+            status: Status::of(hypotheses.len()),
+            hypotheses,
+            fit: None,
+            outliers: Vec::new(),
+            trace: runs.first().map(trace),
+        }
     }
 }
 
@@ -442,6 +451,7 @@ impl From<&Estimate> for ObservePushAnswer {
             status,
             hypotheses: estimate.hypotheses.iter().map(Hypothesis::from).collect(),
             fit: Some(Fit { cost, degrees_of_freedom, cost_max }),
+            outliers: estimate.outliers.clone(),
             trace: None,
         }
     }

@@ -216,7 +216,8 @@ pub struct Certificate {
     pub cost: Option<f64>,
     /// The cost up to which it counts as explained: 99.9 % of chi-square.
     pub cost_max: f64,
-    /// Whether the estimate is unique and its attitude known, by the Cramér–Rao bound, to 2° with four standard deviations.
+    /// Whether the estimate is unique and its attitude known, to 2° from the first contact to the last, with
+    /// 3.5 standard deviations of the Cramér–Rao bound.
     pub certified: bool,
 }
 

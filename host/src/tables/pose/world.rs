@@ -10,6 +10,7 @@ use crate::pushing::{
     Contact, ContactLaw, EdgeEnd, EndReason, Finger, Part, Push, PushModel, Run, Sample, Slip, Start, State,
 };
 use crate::tables::random::Draw;
+use crate::tables::rivals::{self, Leg, Truth};
 
 /// Time between values, s, and their number.
 const DT_S: f64 = 0.01;
@@ -63,7 +64,7 @@ const SIGMA_FORCE: f64 = 0.01;
 #[derive(Clone, Debug)]
 pub(super) struct Case {
     pub(super) part: Part,
-    pub(super) finger: Finger,
+    leg: Leg,
     pub(super) kind: Kind,
     sense: Sense,
     /// Of one value, rad; 0 for exact ones.
@@ -131,9 +132,14 @@ impl Case {
         if end.reason != EndReason::Time || samples.len() != times.len() {
             return None;
         }
+        let is_clear = |sample: &Sample| rivals::is_clear(&part, edge_index, finger.radius, sample.state.s);
+        if !samples.iter().all(is_clear) {
+            return None;
+        }
         let angles = samples.iter().map(|sample| sample.state.u).collect();
         let (felt, magnitudes) = (Vec::new(), Vec::new());
-        Some(Self { edge: edge_index, finger, kind, sense, sigma, samples, angles, felt, magnitudes, part })
+        let leg = Leg { finger, values: times.len() };
+        Some(Self { edge: edge_index, leg, kind, sense, sigma, samples, angles, felt, magnitudes, part })
     }
 
     pub(super) fn known(&self) -> Known<'_> {
@@ -144,11 +150,29 @@ impl Case {
             Kind::Sliding => Touch::Sliding { friction },
             Kind::Coulomb => Touch::Coulomb { friction },
         };
-        Known { part: &self.part, grip: GRIP, finger: self.finger, touch }
+        Known { part: &self.part, grip: GRIP, finger: self.leg.finger, touch }
     }
 
     pub(super) fn model(&self, edge: usize) -> Option<PushModel<'_>> {
-        Some(PushModel { part: &self.part, edge: self.part.edge(edge).ok()?, grip: GRIP, finger: self.finger })
+        Some(PushModel { part: &self.part, edge: self.part.edge(edge).ok()?, grip: GRIP, finger: self.leg.finger })
+    }
+
+    /// What another pose would have to have been felt like.
+    pub(super) fn truth(&self) -> Truth<'_> {
+        let Known { part, grip, touch, .. } = self.known();
+        Truth {
+            part,
+            grip,
+            legs: std::slice::from_ref(&self.leg),
+            touch,
+            edge: self.edge,
+            start: self.samples[0].state,
+            s_end: self.end().state.s,
+            angles: &self.angles,
+            dt: DT_S,
+            sigma: self.sigma_used(),
+            prior: Self::prior(),
+        }
     }
 
     pub(super) fn sigma_used(&self) -> f64 {
