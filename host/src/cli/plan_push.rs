@@ -30,7 +30,8 @@ every pose that is left, and what the finger then would feel is compared pair by
   place    how uncertain the place on the edge then still is, of the pose where it is most so: standard deviation
   contact  how long every pose keeps the contact, s
 
-What is compared is the direction of the force. A contact that never slipped so far is taken to roll on.
+What is compared is the direction of the force. A contact that never slipped so far is taken to roll on. Run it again as the
+push goes on: a second choice, by what was felt since the first, is worth more than the first.
 
 Exit status: 0, also where nothing tells the poses apart; 1 if something cannot be used, 64 wrong command line.";
 
@@ -46,7 +47,7 @@ pub(crate) struct Arguments {
     push: FeltPushArguments,
 
     /// How strongly the finger can turn aside or speed up
-    #[arg(long, value_name = "MM/S2", value_parser = positive, default_value_t = 80.0)]
+    #[arg(long, value_name = "MM/S2", value_parser = positive, default_value_t = 150.0)]
     acceleration_mm_s2: f64,
 
     /// How fast the finger may become: faster motions are left out

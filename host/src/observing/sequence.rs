@@ -13,7 +13,7 @@
 //! Assumes: both poses in one world; nothing else touches the part in between.
 //! Frames: world. Units: SI. Errors: none; explanations that contradict each other leave no pair.
 
-use nalgebra::{Matrix2, Matrix2x3, Matrix3, Matrix3x2, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, Matrix3x2, Vector3};
 
 use super::observation::{Hypothesis, Known, Measured, Observation, Prior, pose};
 use super::select::GATE;
@@ -166,9 +166,8 @@ fn angles(known: &Known, hypothesis: &Hypothesis, state: State, times: &[f64]) -
 
 #[cfg(test)]
 mod tests {
-    use std::f64::consts::FRAC_PI_2;
 
-    use nalgebra::{Point2, Rotation2};
+    use nalgebra::{Point2, Rotation2, Vector2};
     use proptest::prelude::*;
 
     use super::*;
