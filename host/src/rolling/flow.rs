@@ -356,12 +356,8 @@ impl Linear {
         };
         let (mut omega, mut u) = ([answer(0), answer(1), answer(2)], [drift(0), drift(1)]);
         if N > STATE_COLUMNS {
-            for i in 0..3 {
-                omega[i] += forced.omega[i][j];
-            }
-            for i in 0..2 {
-                u[i] += forced.u[i][j];
-            }
+            omega.iter_mut().zip(&forced.omega).for_each(|(rate, more)| *rate += more[j]);
+            u.iter_mut().zip(&forced.u).for_each(|(rate, more)| *rate += more[j]);
         }
         Column { theta, omega, u }
     }
