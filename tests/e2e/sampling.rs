@@ -102,6 +102,27 @@ fn twelve_corner_poses_need_four_points() {
     assert!(plan.clearance() > 1e-4, "{}", plan.clearance());
 }
 
+/// The same from the part file to the plan, on the command line; and every pose is known again by what its points read.
+#[test]
+fn a_part_file_becomes_twelve_corner_poses_and_a_plan_of_four_points() {
+    let folder = tempfile::TempDir::new().unwrap();
+    let part = "unit = 'mm'\nvertices = [[0, 0], [52, -4], [71, 23], [49, 58], [21, 37], [-9, 49], [-17, 21]]\n";
+    std::fs::write(folder.path().join("part.toml"), part).unwrap();
+    let run = |arguments: &[&str]| {
+        let output = Command::new(palpate_binary()).args(arguments).current_dir(folder.path()).output().unwrap();
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let json = run(&["corner", "part.toml", "--sample", "--json"]);
+    let plan: PlanFile = serde_json::from_str(&json).unwrap();
+    assert_eq!((plan.names.len(), plan.answer.points.len(), plan.answer.lower_bound), (12, 4, 4));
+    std::fs::write(folder.path().join("plan.json"), &json).unwrap();
+    for (signature, name) in plan.answer.signatures.iter().zip(&plan.names) {
+        let readings: String = signature.iter().map(u8::to_string).collect();
+        assert!(run(&["sample", "--decode", "plan.json", &readings]).starts_with(name.as_str()));
+    }
+}
+
 #[test]
 fn identical_shapes_are_named_in_pairs() {
     let line = r#"{"polygons": [[[0,0],[1,0],[1,1],[0,1]], [[0.5,0],[1.5,0],[1.5,1],[0.5,1]], [[1,0],[1,1],[0,1],[0,0]],

@@ -12,9 +12,10 @@ use palpate::sampling::Plan;
 use palpate::sampling_picture::SamplingPicture;
 use palpate::solve::kinds::corner_poses::{CornerPosesAnswer, RestPose};
 
+use super::finite;
 use super::plot::PlotArguments;
+use super::read::read;
 use super::sample::{PlanArguments, plan_in_words, print_plan};
-use super::{demo, finite};
 
 /// Finds the poses in which a part comes to rest when it is pushed into a corner, and points that tell them apart.
 ///
@@ -48,7 +49,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
-    let file = demo::read(&arguments.part, PolygonFile::parse)?;
+    let file = read(&arguments.part, PolygonFile::parse)?;
     let angle = arguments.angle_deg.to_radians();
     let push = arguments.push_deg.map_or(angle / 2.0 + std::f64::consts::PI, f64::to_radians);
     let corner = Corner::new(angle, Vector2::new(push.cos(), push.sin())).into_diagnostic()?;

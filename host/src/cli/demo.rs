@@ -19,6 +19,7 @@ use palpate::pushing::Part;
 use palpate::simulated_device::Line;
 use palpate::tables::random::Draw;
 
+use super::read::read;
 use super::{not_negative, pose, static_demo};
 
 /// Times since the onset at which the host says what it knows, s; the end of the push comes last.
@@ -166,16 +167,6 @@ fn as_table(readings: &[Reading]) -> String {
         .iter()
         .map(|Reading { t, force_finger, .. }| format!("{t:.6}, {:.6}, {:.6}\n", force_finger.x, force_finger.y));
     "t [s], Fx [N], Fy [N]\n".to_owned() + &rows.collect::<String>()
-}
-
-/// Reads a file and understands it.
-pub(super) fn read<T, E>(path: &Path, parse: impl FnOnce(&str) -> Result<T, E>) -> miette::Result<T>
-where
-    E: std::error::Error + Send + Sync + 'static,
-{
-    let cannot = || format!("cannot use {}", path.display());
-    let text = fs::read_to_string(path).into_diagnostic().wrap_err_with(cannot)?;
-    parse(&text).into_diagnostic().wrap_err_with(cannot)
 }
 
 fn introduce(rig: &Rig, part: &Part, ranges: &Ranges, force: f64) {

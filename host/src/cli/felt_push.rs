@@ -10,8 +10,8 @@ use palpate::push_plan::GRAVITY;
 use palpate::push_sense::{PushSense, RestNoise};
 use palpate::recording::csv;
 
-use super::demo::read;
 use super::positive;
+use super::read::read;
 
 /// The files, as `palpate observe` takes them.
 #[derive(Debug, clap::Args)]

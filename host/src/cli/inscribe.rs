@@ -14,6 +14,7 @@ use serde_json::{Value, json};
 
 use super::plot::PlotArguments;
 use super::positive;
+use super::read::read;
 use super::sample::{PlanArguments, print_plan};
 
 const LONG_HELP: &str = "\
@@ -121,15 +122,6 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let any = found.iter().any(|found| found.outcome.as_ref().is_ok_and(|fits| !fits.poses().is_empty()));
     let undetermined = found.iter().any(|found| found.outcome.is_err());
     Ok(if any || undetermined { ExitCode::SUCCESS } else { ExitCode::from(EXIT_NO_POSE) })
-}
-
-fn read<T, E: std::error::Error + Send + Sync + 'static>(
-    path: &Path,
-    parse: impl FnOnce(&str) -> Result<T, E>,
-) -> miette::Result<T> {
-    let cannot = || format!("cannot use {}", path.display());
-    let text = fs::read_to_string(path).into_diagnostic().wrap_err_with(cannot)?;
-    parse(&text).into_diagnostic().wrap_err_with(cannot)
 }
 
 fn name(path: &Path) -> String {

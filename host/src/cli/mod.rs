@@ -24,6 +24,7 @@ mod plot;
 mod ports;
 mod pose;
 mod push;
+mod read;
 mod roll;
 mod sample;
 mod simulate_device;
@@ -150,6 +151,15 @@ fn tell(incoming: &Incoming) {
 /// A number above 0.
 fn positive(text: &str) -> Result<f64, String> {
     not_negative(text).and_then(|value| if value > 0.0 { Ok(value) } else { Err("it must be above 0".to_owned()) })
+}
+
+/// From 0 to the end in equal steps; only 0 for what ends at once.
+fn equal_steps(end: f64, steps: f64) -> Vec<f64> {
+    if end <= 0.0 {
+        return vec![0.0];
+    }
+    let places = std::iter::successors(Some(0.0), |k| Some(k + 1.0)).take_while(|k| *k <= steps);
+    places.map(|k| end * k / steps).collect()
 }
 
 /// A stretch of samples that is kept whole, in s: above 0, and no more than ten minutes.

@@ -20,8 +20,8 @@ use palpate::recording::csv;
 use palpate::sensing;
 
 use super::calibrated::CalibrationArguments;
-use super::demo::read;
 use super::device::DeviceArguments;
+use super::read::read;
 use super::{pose, positive};
 
 /// Times since the onset at which the whole part is searched, s; in between only what was found then is followed. At the end all

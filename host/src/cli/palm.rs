@@ -16,7 +16,8 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::positive;
-use super::roll::{GRAVITY, read, triple};
+use super::read::read;
+use super::roll::{GRAVITY, triple};
 
 const LONG_HELP: &str = "\
 Reads a contact a line from standard input, at equal steps of time, in s and m:
@@ -108,7 +109,11 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
 
 impl Arguments {
     fn question(&self) -> miette::Result<Question> {
-        let bodies = self.bodies.iter().map(|path| read(path).map(|file| file.body)).collect::<miette::Result<_>>()?;
+        let bodies = self
+            .bodies
+            .iter()
+            .map(|path| read(path, BodyFile::parse).map(|file| file.body))
+            .collect::<miette::Result<_>>()?;
         Ok(Question {
             body: BodyKnowledge::OneOf(bodies),
             spins: match self.spin {

@@ -9,8 +9,8 @@ use palpate::observing::planning::{self, Felt, Motion, Present, Prospect, Sampli
 use palpate::part_file::PolygonFile;
 use serde_json::{Value, json};
 
-use super::demo::read;
 use super::felt_push::FeltPushArguments;
+use super::read::read;
 use super::{pose, positive};
 
 /// One value a hundredth of a second, s.

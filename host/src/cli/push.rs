@@ -16,7 +16,8 @@ use palpate::pushing::{Contact, ContactForce, ContactLaw, EndReason, FingerShape
 use palpate::solve::kinds::push::{InitialAcceleration, Meeting, PushAnswer, PushEnd, PushSample, Transition};
 
 use super::plot::{PlotArguments, draw_to, picture_file};
-use super::{not_negative, positive};
+use super::read::read;
+use super::{equal_steps, not_negative, positive};
 
 /// Most rows of the table; far beyond what anybody reads, and short of what would exhaust memory.
 const ROWS_MAX: i64 = 100_000;
@@ -169,15 +170,15 @@ fn finite(text: &str) -> Result<f64, String> {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
-    let file = read(&arguments.part)?;
+    let file = read(&arguments.part, PartFile::parse)?;
     let plan = arguments.plan(&file)?;
     let cannot = || format!("cannot push {}", arguments.part.display());
     let run = |times: &[f64]| plan.run(&file, times).into_diagnostic().wrap_err_with(cannot);
-    let pushed = run(&times(arguments.time_s, f64::from(arguments.rows)))?;
+    let pushed = run(&equal_steps(arguments.time_s, f64::from(arguments.rows)))?;
     let text = if arguments.json { json(&pushed)? } else { table(&file, &plan, &pushed) };
     let smooth = || -> miette::Result<Pushed> {
         // Not beyond the end: all that is drawn is what happened.
-        let smooth = run(&times(pushed.run.end.t, f64::from(u32::try_from(SAMPLES).unwrap_or(u32::MAX))))?;
+        let smooth = run(&equal_steps(pushed.run.end.t, f64::from(u32::try_from(SAMPLES).unwrap_or(u32::MAX))))?;
         Ok(Pushed { run: Run { end: pushed.run.end, ..smooth.run }, ..smooth })
     };
     arguments.plot.draw(|| Ok(arguments.figure(&file, &plan, &smooth()?)))?;
@@ -186,21 +187,6 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         draw_to(path, &limit_picture::figure(&title, file.part.body(), &smooth()?.run.samples))?;
     }
     print(&text)
-}
-
-fn read(path: &Path) -> miette::Result<PartFile> {
-    let cannot = || format!("cannot use the part file {}", path.display());
-    let text = fs::read_to_string(path).into_diagnostic().wrap_err_with(cannot)?;
-    PartFile::parse(&text).into_diagnostic().wrap_err_with(cannot)
-}
-
-/// From 0 to the end in equal steps; only 0 for a push that ends at once.
-fn times(end: f64, steps: f64) -> Vec<f64> {
-    if end <= 0.0 {
-        return vec![0.0];
-    }
-    let places = std::iter::successors(Some(0.0), |k| Some(k + 1.0)).take_while(|k| *k <= steps);
-    places.map(|k| end * k / steps).collect()
 }
 
 impl Arguments {

@@ -14,7 +14,8 @@ use palpate::rolling::{EndReason, PalmAcceleration, Roll, Run, Sample, Spin};
 use palpate::solve::kinds::roll::{RollAnswer, wxyz};
 
 use super::plot::PlotArguments;
-use super::{finite, not_negative, positive};
+use super::read::read;
+use super::{equal_steps, finite, not_negative, positive};
 
 /// Gravity, m/s².
 pub(crate) const GRAVITY: f64 = 9.81;
@@ -93,12 +94,12 @@ pub(crate) fn triple(text: &str) -> Result<[f64; 3], String> {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
-    let file = read(&arguments.body)?;
+    let file = read(&arguments.body, BodyFile::parse)?;
     let palm = PalmAcceleration::Constant(Vector3::from(arguments.palm_m_s2));
     let roll = arguments.roll(&file, &palm)?;
     let go = |end: f64, steps: f64| {
         let cannot = || format!("cannot roll {}", arguments.body.display());
-        roll.run(&times(end, steps)).into_diagnostic().wrap_err_with(cannot)
+        roll.run(&equal_steps(end, steps)).into_diagnostic().wrap_err_with(cannot)
     };
     let steps =
         arguments.contacts_hz.map_or(f64::from(arguments.rows), |rate| (rate * arguments.time_s).floor().max(1.0));
@@ -113,21 +114,6 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         print_table(&run);
     }
     Ok(ExitCode::SUCCESS)
-}
-
-pub(crate) fn read(path: &Path) -> miette::Result<BodyFile> {
-    let cannot = || format!("cannot use the body file {}", path.display());
-    let text = fs::read_to_string(path).into_diagnostic().wrap_err_with(cannot)?;
-    BodyFile::parse(&text).into_diagnostic().wrap_err_with(cannot)
-}
-
-/// From 0 to the end in equal steps; only 0 for a roll that ends at once.
-fn times(end: f64, steps: f64) -> Vec<f64> {
-    if end <= 0.0 {
-        return vec![0.0];
-    }
-    let places = std::iter::successors(Some(0.0), |k| Some(k + 1.0)).take_while(|k| *k <= steps);
-    places.map(|k| end * k / steps).collect()
 }
 
 impl Arguments {

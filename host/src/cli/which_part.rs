@@ -8,9 +8,9 @@ use palpate::observing::from_rest::{self, Estimate};
 use palpate::part_file::PolygonFile;
 use serde_json::json;
 
-use super::demo::read;
 use super::felt_push::FeltPushArguments;
 use super::pose;
+use super::read::read;
 
 /// Names which of several known parts a finger has begun to push, and where it is.
 ///
