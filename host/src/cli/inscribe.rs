@@ -1,10 +1,9 @@
 //! `palpate inscribe`.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use miette::{IntoDiagnostic as _, WrapErr as _};
+use miette::IntoDiagnostic as _;
 use palpate::geometry::{ConvexPolygon, SimplePolygon};
 use palpate::inscribe::{InscribePicture, NamedPart, Shown, Views};
 use palpate::inscription::{Continuum, Estimate, Inscription, Mode, PlannedView, Pose, estimate, plan_view};

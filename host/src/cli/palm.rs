@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use miette::{IntoDiagnostic as _, WrapErr as _, miette};
 use nalgebra::{Vector2, Vector3};
+use palpate::body_file::BodyFile;
 use palpate::rolling::{
     BodyKnowledge, Estimate, Noise, PalmAcceleration, PalmKnowledge, Question, Report, Spin, State, Tracked, Tracker,
     Verdict,

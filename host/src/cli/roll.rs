@@ -1,8 +1,8 @@
 //! `palpate roll`.
 
-use std::path::{Path, PathBuf};
+use std::f64;
+use std::path::PathBuf;
 use std::process::ExitCode;
-use std::{f64, fs};
 
 use clap::ValueEnum;
 use miette::{IntoDiagnostic as _, WrapErr as _};
