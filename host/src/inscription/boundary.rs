@@ -214,8 +214,9 @@ fn monotone_root(g: &impl Fn(f64) -> (f64, f64), [mut low, mut high]: [f64; 2], 
     if (at_low > 0.0) == (at_high > 0.0) {
         let (end, value, outward) =
             if at_low.abs() < at_high.abs() { (low, at_low, -inward) } else { (high, at_high, inward) };
-        // Where |g| goes on to fall beyond the end, the neighbour has what is nearest to a root.
-        let rises = value * g(end + outward).1 * outward >= 0.0;
+        // Where |g| goes on to fall beyond the end, the neighbour has what is nearest to a root, unless it is at the end itself.
+        let (beyond, slope) = g(end + outward);
+        let rises = value * slope * outward >= 0.0 || value * beyond <= 0.0;
         let outermost = search.span.iter().any(|limit| limit.to_bits() == end.to_bits());
         return (value.abs() <= search.miss_max && (rises || outermost)).then_some(end);
     }
