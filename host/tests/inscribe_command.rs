@@ -51,6 +51,24 @@ fn two_views_with_errors_leave_two_poses_and_a_third_view_is_advised() {
     assert!(text.contains("1 degrees of freedom") && text.contains("would tell the poses apart"), "{text}");
 }
 
+/// Both poses are known again by what the one point reads, from what was printed for programs.
+#[test]
+fn points_that_tell_the_poses_apart_are_planned_and_decoded() {
+    let (_folder, output) = inscribe(VIEWS, &["block.toml", "--resolve"]);
+    let text = printed(&output);
+    assert!(text.contains("1 points (proven fewest)"), "{text}");
+    let (folder, output) = inscribe(VIEWS, &["block.toml", "--resolve", "--json"]);
+    fs::write(folder.path().join("plan.json"), &output.stdout).unwrap();
+    let decoded = ["0", "1"].map(|reading| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
+        let command = command.args(["sample", "--decode", "plan.json", reading]).current_dir(folder.path());
+        printed(&command.output().unwrap())
+    });
+    let mut named = decoded.map(|text| text.trim().to_owned());
+    named.sort();
+    assert_eq!(named, ["block, pose 1", "block, pose 2"]);
+}
+
 #[test]
 fn the_part_is_named_among_several() {
     let (_folder, output) = inscribe(VIEWS, &["wedge.toml", "block.toml"]);

@@ -106,7 +106,8 @@ fn twelve_corner_poses_need_four_points() {
 #[test]
 fn a_part_file_becomes_twelve_corner_poses_and_a_plan_of_four_points() {
     let folder = tempfile::TempDir::new().unwrap();
-    let part = "unit = 'mm'\nvertices = [[0, 0], [52, -4], [71, 23], [49, 58], [21, 37], [-9, 49], [-17, 21]]\n";
+    let part =
+        "unit = 'mm'\nvertices = [[0, 0], [52, -4], [71, 23], [49, 58], [21, 37], [-9, 49], [-17, 21]]\nmu = 0.3\n";
     std::fs::write(folder.path().join("part.toml"), part).unwrap();
     let run = |arguments: &[&str]| {
         let output = Command::new(palpate_binary()).args(arguments).current_dir(folder.path()).output().unwrap();
