@@ -127,6 +127,10 @@ impl Arguments {
             ("motion.toml", motion_as_toml(&ranges.motion)),
             ("forces.csv", as_table(&felt.readings)),
         ];
+        if let Some((name, _)) = files.iter().find(|(name, _)| folder.join(name).exists()) {
+            let help = "name a new folder, or move the file away";
+            return Err(miette::miette!(help = help, "there is a {name} already")).wrap_err_with(cannot);
+        }
         fs::create_dir_all(folder).into_diagnostic().wrap_err_with(cannot)?;
         files
             .iter()

@@ -1,17 +1,21 @@
 //! Forces and a motion from files: what a finger felt of a push from rest.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use miette::WrapErr as _;
+use palpate::contact::Reading;
 use palpate::finger_motion::FingerMotion;
 use palpate::observing::from_rest::{FeltForce, Known, WINDOWS_MIN};
 use palpate::part_file::PolygonFile;
 use palpate::push_plan::GRAVITY;
 use palpate::push_sense::{PushSense, RestNoise};
-use palpate::recording::csv;
+use palpate::recording::csv::{self, Table};
 
 use super::positive;
 use super::read::read;
+
+/// Most problems of a file that are printed; their number always is.
+const PROBLEMS_SHOWN: usize = 10;
 
 /// The files, as `palpate observe` takes them.
 #[derive(Debug, clap::Args)]
@@ -33,6 +37,18 @@ pub(super) struct FeltPushArguments {
     tare: f64,
 }
 
+/// The usable readings of a file of forces; the others are named.
+pub(super) fn read_forces(path: &Path) -> miette::Result<Vec<Reading>> {
+    let Table { readings, problems, .. } = read(path, csv::parse)?;
+    for problem in problems.iter().take(PROBLEMS_SHOWN) {
+        eprintln!("{}: {problem}", path.display());
+    }
+    if problems.len() > PROBLEMS_SHOWN {
+        eprintln!("{}: … {} lines left out in all", path.display(), problems.len());
+    }
+    Ok(readings)
+}
+
 /// A push that was felt.
 pub(super) struct FeltPush {
     pub(super) force: FeltForce,
@@ -49,7 +65,7 @@ impl FeltPushArguments {
     }
 
     fn feel(&self, motion: &FingerMotion) -> miette::Result<FeltForce> {
-        let readings = read(&self.forces, csv::parse)?.readings;
+        let readings = read_forces(&self.forces)?;
         let rest_end = readings.first().map_or(0.0, |first| first.t) + self.tare;
         let (rest, push) = readings.split_at(readings.partition_point(|reading| reading.t < rest_end));
         let noise = RestNoise::estimate(rest).map_err(|error| {

@@ -29,7 +29,7 @@ arc of this radius about each vertex. The view file is TOML:
   [[fence]]               # a line the part touches: x cos(normal) + y sin(normal) = offset, the part below it
   normal = -90
   offset = 0
-  [[point]]               # a point on the part's outline: a probed contact (without sigma)
+  [[point]]               # a point on the part's outline: a probed contact (polygons, without sigma)
   at = [60, 15]
 
 With several part files it also says which part it is. Two views nearly always leave one pose of a part if they are exact;

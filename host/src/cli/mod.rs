@@ -5,6 +5,14 @@ macro_rules! say {
     ($($argument:tt)*) => { $crate::cli::write_out(format_args!("{}\n", format_args!($($argument)*))) };
 }
 
+/// As `eprintln!` of the standard library, but a standard error that nobody reads is no reason to stop.
+macro_rules! eprintln {
+    ($($argument:tt)*) => {{
+        use std::io::Write as _;
+        let _ = writeln!(std::io::stderr(), $($argument)*);
+    }};
+}
+
 mod calibrate;
 mod calibrated;
 mod contact;

@@ -16,11 +16,11 @@ use palpate::observing::from_rest::{self, Estimate, Known, windows};
 use palpate::part_file::PolygonFile;
 use palpate::push_plan::GRAVITY;
 use palpate::push_sense::{PushSense, RestNoise};
-use palpate::recording::csv;
 use palpate::sensing;
 
 use super::calibrated::CalibrationArguments;
 use super::device::DeviceArguments;
+use super::felt_push::read_forces;
 use super::read::read;
 use super::{pose, positive};
 
@@ -104,7 +104,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
 
 fn from_file(mut observer: Observer, path: &Path) -> miette::Result<ExitCode> {
     let named = || format!("cannot use the forces {}", path.display());
-    let readings = read(path, csv::parse)?.readings;
+    let readings = read_forces(path)?;
     let rest_end = readings.first().map_or(0.0, |first| first.t) + observer.arguments.tare;
     let rest = readings.partition_point(|reading| reading.t < rest_end);
     let noise = RestNoise::estimate(&readings[..rest]).map_err(at_rest).wrap_err_with(named)?;

@@ -58,7 +58,7 @@ pub(crate) struct Arguments {
     /// Time to collect before the first answer
     #[arg(long, value_name = "S", value_parser = positive, default_value_t = 0.4)]
     window_s: f64,
-    /// Print only changes of the status and every so manieth contact
+    /// Print only changes of the status and every N-th contact
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), default_value_t = 1)]
     every: u64,
 }
@@ -86,15 +86,22 @@ struct Contact {
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let mut tracker = Tracker::new(arguments.question()?, arguments.window_s);
-    let mut before = String::new();
+    let (mut before, mut last) = (String::new(), None);
     for (index, line) in (1_u64..).zip(io::stdin().lock().lines()) {
         let line = line.into_diagnostic().wrap_err("cannot read standard input")?;
         if line.trim().is_empty() {
             continue;
         }
         let Contact { t, u } = serde_json::from_str(&line).map_err(|error| {
-            miette!(help = "write {{\"t\": 0.002, \"u\": [x, y]}}, in s and m", "line {index}: {error}")
+            miette!(help = "write {\"t\": 0.002, \"u\": [x, y]}, in s and m", "line {index}: {error}")
         })?;
+        if last.is_some_and(|last| t <= last) {
+            return Err(miette!(
+                help = "give contacts in the order in which they were felt, each with its own time",
+                "line {index}: the contact at {t} s does not come after the one before"
+            ));
+        }
+        last = Some(t);
         let (status, answer) = in_json(&tracker.feel(t, Vector2::from(u)));
         if status != before || index % arguments.every == 0 {
             let mut object = json!({"t": t, "status": status});

@@ -68,7 +68,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "MM,MM", value_parser = semi_axes, default_value = "20,10")]
     semi_axes_mm: SemiAxes,
     /// The finger's speed at the start; 0 starts from rest
-    #[arg(long, value_name = "MM/S", value_parser = not_negative, default_value_t = 0.0)]
+    #[arg(long, value_name = "MM/S", value_parser = not_negative, allow_negative_numbers = true, default_value_t = 0.0)]
     speed_mm_s: f64,
     /// Where the finger moves: 0 is straight into the edge, counter-clockwise
     #[arg(long, value_name = "DEGREES", value_parser = finite, default_value_t = 0.0, allow_negative_numbers = true)]

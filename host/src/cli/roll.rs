@@ -93,6 +93,9 @@ pub(crate) fn triple(text: &str) -> Result<[f64; 3], String> {
     <[f64; 3]>::try_from(numbers).map_err(|all| format!("{} numbers, it must be three: X,Y,Z", all.len()))
 }
 
+/// Most contacts printed: a hundred seconds at 10 kHz.
+const CONTACTS_MAX: f64 = 1e6;
+
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let file = read(&arguments.body, BodyFile::parse)?;
     let palm = PalmAcceleration::Constant(Vector3::from(arguments.palm_m_s2));
@@ -103,6 +106,10 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     };
     let steps =
         arguments.contacts_hz.map_or(f64::from(arguments.rows), |rate| (rate * arguments.time_s).floor().max(1.0));
+    if steps > CONTACTS_MAX {
+        let help = "lower --contacts-hz or --time-s";
+        return Err(miette::miette!(help = help, "{steps:e} contacts are too many: at most {CONTACTS_MAX:e}"));
+    }
     let end = arguments.contacts_hz.map_or(arguments.time_s, |rate| steps / rate);
     let run = go(end, steps)?;
     arguments.plot.draw(|| Ok(arguments.figure(&file, &Run { end: run.end, ..go(run.end.t, f64::from(SAMPLES))? })))?;

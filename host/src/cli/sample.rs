@@ -72,10 +72,10 @@ pub(crate) struct Arguments {
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct PlanArguments {
     /// Keep points at least so far from every edge
-    #[arg(long, value_name = "MM", value_parser = not_negative, default_value_t = 0.0)]
+    #[arg(long, value_name = "MM", value_parser = not_negative, allow_negative_numbers = true, default_value_t = 0.0)]
     min_clearance_mm: f64,
     /// Leave out regions of this area or less
-    #[arg(long, value_name = "MM²", value_parser = not_negative, default_value_t = 0.0)]
+    #[arg(long, value_name = "MM²", value_parser = not_negative, allow_negative_numbers = true, default_value_t = 0.0)]
     min_area_mm2: f64,
     /// Notice up to so many misread points, or do without as many unreadable ones
     #[arg(long, value_name = "T", default_value_t = 0, value_parser = clap::value_parser!(u8).range(..=31), conflicts_with = "correct")]

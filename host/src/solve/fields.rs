@@ -10,7 +10,8 @@ use std::ops::Deref;
 
 use nalgebra::{Isometry2, Point2, Vector2};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::error::{InvalidInput, Pointer};
 use crate::geometry::{PolygonError, SimplePolygon};
@@ -25,6 +26,19 @@ pub const SIGMA_LEAST: f64 = 1e-6;
 #[must_use]
 pub fn default_gravity() -> NonNegative {
     NonNegative(GRAVITY_DEFAULT)
+}
+
+/// Largest number of a field that has a sign only: no length, time or mass in SI units comes near it.
+const NUMBER_MAX: f64 = 1e12;
+
+/// Largest coefficient of friction between part and plane: ten times that of the stickiest rubber.
+const FRICTION_MAX: f64 = 100.0;
+
+/// Reads the friction between part and plane: use with `#[serde(deserialize_with = "plane_friction")]`.
+pub(super) fn plane_friction<'de, D: Deserializer<'de>>(deserializer: D) -> Result<NonNegative, D::Error> {
+    let mu = NonNegative::deserialize(deserializer)?;
+    let too_large = || InvalidInput::out_of_range(mu.get(), &format!("≤ {FRICTION_MAX}"), "check the coefficient");
+    if mu.get() <= FRICTION_MAX { Ok(mu) } else { Err(D::Error::custom(too_large())) }
 }
 
 /// A type with one JSON form: its name, and the schema of that form.
@@ -61,7 +75,10 @@ impl TryFrom<f64> for NonNegative {
     type Error = InvalidInput;
 
     fn try_from(value: f64) -> Result<Self, InvalidInput> {
-        let ok = value >= 0.0 && value.is_finite();
+        if value > NUMBER_MAX {
+            return Err(too_large(value));
+        }
+        let ok = value >= 0.0;
         // `-0.0` passes the comparison; adding zero drops its sign.
         if ok { Ok(Self(value + 0.0)) } else { Err(InvalidInput::out_of_range(value, "≥ 0", "check its sign")) }
     }
@@ -71,6 +88,10 @@ impl From<NonNegative> for f64 {
     fn from(NonNegative(value): NonNegative) -> Self {
         value
     }
+}
+
+fn too_large(value: f64) -> InvalidInput {
+    InvalidInput::out_of_range(value, &format!("≤ {NUMBER_MAX:e}"), "check its unit")
 }
 
 /// A finite number above 0: a time step, a semi-axis.
@@ -92,7 +113,10 @@ impl TryFrom<f64> for Positive {
     type Error = InvalidInput;
 
     fn try_from(value: f64) -> Result<Self, InvalidInput> {
-        let ok = value > 0.0 && value.is_finite();
+        if value > NUMBER_MAX {
+            return Err(too_large(value));
+        }
+        let ok = value > 0.0;
         if ok { Ok(Self(value)) } else { Err(InvalidInput::out_of_range(value, "> 0", "check its sign and unit")) }
     }
 }

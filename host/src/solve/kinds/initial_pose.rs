@@ -5,7 +5,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::observing::{InitialPoseError, Object, RestingPose, RestingPush, TimedContact};
 use crate::pushing::{FingerPath, FingerShape, ShapeError};
-use crate::solve::fields::{NonNegative, Polygon, Pose, Positive, default_gravity};
+use crate::solve::fields::{NonNegative, Polygon, Pose, Positive, default_gravity, plane_friction};
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError, read, tagged};
 
 /// A finger that pushes a resting part and feels where it is touched at some times: how did the part lie?
@@ -17,6 +17,7 @@ pub struct InitialPose {
     /// What is pushed.
     pub object: PushedObject,
     /// Friction between part and plane.
+    #[serde(deserialize_with = "plane_friction")]
     pub mu: NonNegative,
     /// Gravity, m/s².
     #[serde(default = "default_gravity")]

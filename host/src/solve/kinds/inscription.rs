@@ -191,6 +191,9 @@ impl From<&inscription::Mode> for ModeFields {
     }
 }
 
+/// Semi-axes of a part that can be computed with, m.
+const SEMI_AXES: std::ops::RangeInclusive<f64> = 1e-9..=1e9;
+
 /// An ellipse this many times as long as wide is a mistake of units: its ends are sharper than its size can be measured.
 const ELLIPSE_RATIO_MAX: f64 = 1000.0;
 
@@ -230,6 +233,12 @@ impl Inscription {
 
     fn ellipse(&self, EllipseFields { a, b }: EllipseFields) -> Result<inscription::Ellipse, InvalidInput> {
         let (a, b) = (a.get(), b.get());
+        for (key, axis) in [("a", a), ("b", b)] {
+            if !SEMI_AXES.contains(&axis) {
+                let limit = format!("from {:e} to {:e}", SEMI_AXES.start(), SEMI_AXES.end());
+                return Err(InvalidInput::out_of_range(axis, &limit, "give m").inside(key).inside("ellipse"));
+            }
+        }
         let ratio = (a / b).max(b / a);
         if ratio > ELLIPSE_RATIO_MAX {
             let limit = format!(
@@ -280,7 +289,10 @@ impl Inscription {
         }
         let fences: Vec<_> = self.half_planes.iter().map(HalfPlaneFields::half_plane).collect();
         if bearings.is_empty() && fences.is_empty() && self.points.is_empty() {
-            return Err(InvalidInput::missing("cones", "give at least one cone or half-plane that the part touches"));
+            return Err(InvalidInput::missing(
+                "cones",
+                "give at least one cone, half-plane or point that the part touches",
+            ));
         }
         Ok(NoisyReadings { bearings, fences, sigma: self.sigma.map_or(0.0, Sigma::get) })
     }

@@ -14,7 +14,9 @@ use crate::observability::push::{PushObservabilityError, STATE_NAMES, Scales, sp
 use crate::pushing::{Contact, Slip, Start};
 use crate::rolling::observability::STATE_NAMES as ROLL_STATE_NAMES;
 use crate::rolling::{Inputs, Model, PalmAcceleration, Roll, RollError, Spin, SufficientCondition, observability};
-use crate::solve::fields::{Finger, GRAVITY_DEFAULT, NonNegative, Polygon, Positive, Times, default_gravity};
+use crate::solve::fields::{
+    Finger, GRAVITY_DEFAULT, NonNegative, Polygon, Positive, Times, default_gravity, plane_friction,
+};
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError, read, tagged};
 
 /// A state of a system: what of it can be told from its contact?
@@ -167,6 +169,7 @@ pub struct PushSystem {
     /// The edge in contact, from vertex `edge` to the next.
     pub edge: usize,
     /// Friction between part and plane.
+    #[serde(deserialize_with = "plane_friction")]
     pub mu: NonNegative,
     /// Gravity, m/s².
     #[serde(default = "default_gravity")]

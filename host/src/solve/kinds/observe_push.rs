@@ -8,7 +8,9 @@ use crate::observing::{
     self, Channel, Estimate, Felt, GhoRun, GhoSettings, Known, Measured, Observation, Prior as Belief, Touch,
 };
 use crate::pushing::{Contact, Finger as Disk, Part, Slip, State};
-use crate::solve::fields::{Finger, NonNegative, Polygon, Pose, Positive, SIGMA_LEAST, Sigma, default_gravity};
+use crate::solve::fields::{
+    Finger, NonNegative, Polygon, Pose, Positive, SIGMA_LEAST, Sigma, default_gravity, plane_friction,
+};
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError};
 
 /// A push of which the contact was felt: where is the part, and how does it move at the end?
@@ -18,6 +20,7 @@ pub struct ObservePush {
     /// The part's outline.
     pub polygon: Polygon,
     /// Friction between part and plane.
+    #[serde(deserialize_with = "plane_friction")]
     pub mu: NonNegative,
     /// Gravity, m/s².
     #[serde(default = "default_gravity")]
@@ -372,7 +375,8 @@ impl ObservePush {
 
     fn sigma_of(&self, sigma: Option<Sigma>, field: &str, data: &str) -> Result<f64, InvalidInput> {
         let missing = || InvalidInput::missing(field, &format!("`{data}` needs the standard deviation of a value"));
-        sigma.map(Sigma::get).ok_or_else(missing)
+        // Finer than what counts as exact is exact.
+        sigma.map(|sigma| sigma.get().max(SIGMA_LEAST)).ok_or_else(missing)
     }
 
     fn u0_range(&self) -> Result<Option<[f64; 2]>, InvalidInput> {

@@ -69,6 +69,9 @@ pub enum SemiAxes {
 }
 
 /// The word for a part of the model that is to be found.
+/// Longest time between contacts, s: a body that rolls turns by a radian in it, and nobody follows that.
+const DT_MAX: f64 = 0.1;
+
 const UNKNOWN: &str = "unknown";
 
 impl<'de> Deserialize<'de> for SemiAxes {
@@ -226,6 +229,15 @@ impl Problem for ObserveRoll {
     type Answer = ObserveRollAnswer;
 
     fn solve(&self) -> Result<ObserveRollAnswer, SolveError> {
+        if self.dt.get() > DT_MAX {
+            return Err(InvalidInput::out_of_range(
+                self.dt.get(),
+                &format!("≤ {DT_MAX}"),
+                "give seconds, or more contacts",
+            )
+            .inside("dt")
+            .into());
+        }
         let question = self.question()?;
         let u: Vec<Vector2<f64>> = self.u.iter().copied().map(Vector2::from).collect();
         let estimate = question.answer(self.dt.get(), &u).map_err(refuse)?;

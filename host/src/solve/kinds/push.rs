@@ -8,7 +8,7 @@ use crate::pushing::{
     Contact, ContactForce, ContactLaw, EdgeEnd, EndReason, Finger as Disk, Mass, Part, Push as Simulation, PushError,
     PushModel, Run, Sample, SecondContact, Slip, Start, State,
 };
-use crate::solve::fields::{Finger, NonNegative, Polygon, Pose, Positive, Times, default_gravity};
+use crate::solve::fields::{Finger, NonNegative, Polygon, Pose, Positive, Times, default_gravity, plane_friction};
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError};
 
 /// A part pushed at one of its edges by a disk that only translates.
@@ -20,6 +20,7 @@ pub struct Push {
     /// The edge in contact, from vertex `edge` to the next.
     pub edge: usize,
     /// Friction between part and plane.
+    #[serde(deserialize_with = "plane_friction")]
     pub mu: NonNegative,
     /// Gravity, m/s².
     #[serde(default = "default_gravity")]
