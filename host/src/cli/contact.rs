@@ -14,12 +14,12 @@ use palpate::contact::{Averaging, Settings};
 use palpate::recording::part::Part;
 use palpate::recording::session::{self, CONE_DEG, COVERAGE, Options, Report, START_FORCE_N, Summary};
 use palpate::recording::{Format, Problem, csv, mlab, text};
+
+use super::read::report_problems;
 use serde::Serialize;
 
 /// Exit status when every file was read, but not every line or push in them.
 const EXIT_SOME_BAD: u8 = 2;
-/// Most problems of a file that are printed; their number always is.
-const PROBLEMS_SHOWN: usize = 10;
 /// Most pushes that a summary lists by number.
 const NUMBERS_SHOWN: usize = 20;
 /// How far `--sensor-frame` times its transpose may be from the identity: three digits in each number.
@@ -164,12 +164,7 @@ struct FeltFile {
 impl FeltFile {
     /// Prints what was skipped; whether anything was.
     fn report_problems(&self, file: &Path) -> bool {
-        for problem in self.problems.iter().take(PROBLEMS_SHOWN) {
-            eprintln!("{}: {problem}", file.display());
-        }
-        if self.problems.len() > PROBLEMS_SHOWN {
-            eprintln!("{}: … {} problems in all", file.display(), self.problems.len());
-        }
+        report_problems(file, &self.problems);
         !self.problems.is_empty()
     }
 }

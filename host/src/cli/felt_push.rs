@@ -12,10 +12,7 @@ use palpate::push_sense::{PushSense, RestNoise};
 use palpate::recording::csv::{self, Table};
 
 use super::positive;
-use super::read::read;
-
-/// Most problems of a file that are printed; their number always is.
-const PROBLEMS_SHOWN: usize = 10;
+use super::read::{read, report_problems};
 
 /// The files, as `palpate observe` takes them.
 #[derive(Debug, clap::Args)]
@@ -40,12 +37,7 @@ pub(super) struct FeltPushArguments {
 /// The usable readings of a file of forces; the others are named.
 pub(super) fn read_forces(path: &Path) -> miette::Result<Vec<Reading>> {
     let Table { readings, problems, .. } = read(path, csv::parse)?;
-    for problem in problems.iter().take(PROBLEMS_SHOWN) {
-        eprintln!("{}: {problem}", path.display());
-    }
-    if problems.len() > PROBLEMS_SHOWN {
-        eprintln!("{}: … {} lines left out in all", path.display(), problems.len());
-    }
+    report_problems(path, &problems);
     Ok(readings)
 }
 

@@ -356,6 +356,7 @@ mod tests {
 
     use super::*;
     use crate::solve::read;
+    use crate::solve::testing::{alike, documented};
 
     const SQUARE: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
 
@@ -547,33 +548,13 @@ mod tests {
 
     #[test]
     fn the_documented_line_is_answered_as_documented() {
-        let page = include_str!("../../../../docs/SOLVE.md");
-        let mut lines = page.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
-        let mut problem = lines.find(|line| line["problem"] == "inscription").unwrap();
-        let documented = lines.find(|line| line["problem"] == "inscription").unwrap();
-        for frame in ["problem", "id"] {
-            problem.as_object_mut().unwrap().remove(frame);
-        }
+        let [problem, documented] = documented("inscription");
         let answered = serde_json::to_value(answer(problem).unwrap()).unwrap();
         for (key, value) in answered.as_object().unwrap() {
-            assert!(alike(value, &documented[key]), "{key}: {value}, documented {}", documented[key]);
+            assert!(alike(value, &documented[key], PRINTED), "{key}: {value}, documented {}", documented[key]);
         }
     }
 
     /// Numbers that differ in their last digits on another processor.
     const PRINTED: f64 = 1e-7;
-
-    fn alike(a: &Value, b: &Value) -> bool {
-        match (a, b) {
-            (Value::Number(a), Value::Number(b)) => {
-                let (a, b) = (a.as_f64().unwrap(), b.as_f64().unwrap());
-                (a - b).abs() <= PRINTED * (1.0 + a.abs())
-            }
-            (Value::Array(a), Value::Array(b)) => a.len() == b.len() && a.iter().zip(b).all(|(a, b)| alike(a, b)),
-            (Value::Object(a), Value::Object(b)) => {
-                a.len() == b.len() && a.iter().all(|(key, a)| b.get(key).is_some_and(|b| alike(a, b)))
-            }
-            _ => a == b,
-        }
-    }
 }

@@ -453,6 +453,7 @@ mod tests {
 
     use super::*;
     use crate::solve::read;
+    use crate::solve::testing::{alike, documented};
 
     /// A block pushed up at the middle of its lower edge.
     fn problem() -> Value {
@@ -594,30 +595,10 @@ mod tests {
     /// Numbers that differ in their last digits on another processor.
     const PRINTED: f64 = 1e-9;
 
-    fn alike(a: &Value, b: &Value) -> bool {
-        match (a, b) {
-            (Value::Number(a), Value::Number(b)) => {
-                a.as_f64().zip(b.as_f64()).is_some_and(|(a, b)| (a - b).abs() <= PRINTED)
-            }
-            (Value::Array(a), Value::Array(b)) => a.len() == b.len() && a.iter().zip(b).all(|(a, b)| alike(a, b)),
-            (Value::Object(a), Value::Object(b)) => {
-                a.len() == b.len() && a.iter().all(|(key, a)| b.get(key).is_some_and(|b| alike(a, b)))
-            }
-            _ => a == b,
-        }
-    }
-
     #[test]
     fn the_documented_line_is_answered_as_documented() {
-        let page = include_str!("../../../../docs/SOLVE.md");
-        let mut lines = page.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
-        let mut problem = lines.find(|line| line["problem"] == "push").unwrap();
-        let mut documented = lines.find(|line| line["problem"] == "push").unwrap();
-        for frame in ["problem", "id"] {
-            problem.as_object_mut().unwrap().remove(frame);
-            documented.as_object_mut().unwrap().remove(frame);
-        }
+        let [problem, documented] = documented("push");
         let answered = answer(problem);
-        assert!(alike(&answered, &documented), "{answered}");
+        assert!(alike(&answered, &documented, PRINTED), "{answered}");
     }
 }
