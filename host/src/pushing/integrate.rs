@@ -27,12 +27,30 @@ const GROWTH: (f64, f64) = (0.2, 5.0);
 impl<T: Scalar> State<T> {
     /// The state after `dt` at constant rates.
     #[must_use]
-    fn moved(&self, rates: &Self, dt: f64) -> Self {
+    pub(crate) fn moved(&self, rates: &Self, dt: f64) -> Self {
         Self {
             u: self.u + rates.u * dt,
             s: self.s + rates.s * dt,
             omega: self.omega + rates.omega * dt,
             v_t: self.v_t + rates.v_t * dt,
+        }
+    }
+
+    /// One step of `dt` (s) of the classical Runge–Kutta method of order 4, given the rates at its start.
+    #[must_use]
+    #[inline]
+    pub(crate) fn runge_kutta(&self, k1: &Self, rates: impl Fn(f64, &Self) -> Self, time: f64, dt: f64) -> Self {
+        let half = 0.5 * dt;
+        let k2 = rates(time + half, &self.moved(k1, half));
+        let k3 = rates(time + half, &self.moved(&k2, half));
+        let k4 = rates(time + dt, &self.moved(&k3, dt));
+        let sixth = dt / 6.0;
+        let sum = |from: T, a: T, b: T, c: T, d: T| from + (a + (b + c) * 2.0 + d) * sixth;
+        Self {
+            u: sum(self.u, k1.u, k2.u, k3.u, k4.u),
+            s: sum(self.s, k1.s, k2.s, k3.s, k4.s),
+            omega: sum(self.omega, k1.omega, k2.omega, k3.omega, k4.omega),
+            v_t: sum(self.v_t, k1.v_t, k2.v_t, k3.v_t, k4.v_t),
         }
     }
 }
@@ -54,19 +72,7 @@ impl<T: Scalar> PushModel<'_, T> {
     #[must_use]
     pub fn step(&self, contact: &Contact<T>, time: f64, state: &State<T>, dt: f64) -> State<T> {
         let rates = |time: f64, state: &State<T>| self.motion(contact, time, state).rates;
-        let half = 0.5 * dt;
-        let k1 = rates(time, state);
-        let k2 = rates(time + half, &state.moved(&k1, half));
-        let k3 = rates(time + half, &state.moved(&k2, half));
-        let k4 = rates(time + dt, &state.moved(&k3, dt));
-        let mean = |a: T, b: T, c: T, d: T| (a + (b + c) * 2.0 + d) * (1.0 / 6.0);
-        let rates = State {
-            u: mean(k1.u, k2.u, k3.u, k4.u),
-            s: mean(k1.s, k2.s, k3.s, k4.s),
-            omega: mean(k1.omega, k2.omega, k3.omega, k4.omega),
-            v_t: mean(k1.v_t, k2.v_t, k3.v_t, k4.v_t),
-        };
-        state.moved(&rates, dt)
+        state.runge_kutta(&rates(time, state), rates, time, dt)
     }
 }
 

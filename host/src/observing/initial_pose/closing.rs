@@ -3,7 +3,6 @@
 //! Units: SI, u in the unit of the finger's outline. Errors: none.
 
 use super::search::{NearZero, near_zeros};
-use super::swift::CLOSE_STEPS;
 use super::{RestingPush, Site, TimedContact};
 
 /// Corrections of a place by its misfit over the slope: each gains several digits.
@@ -39,11 +38,35 @@ impl RestingPush {
             let single = alone(near).then(|| self.corrected(rough, near, first)).flatten();
             single.map_or_else(|| self.around(rough, near, first, tolerance), |single| vec![single])
         };
-        near.iter().flat_map(exact).filter(|near| near.value.abs() <= tolerance).collect()
+        let exact = near.iter().flat_map(exact).filter(|near| near.value.abs() <= tolerance);
+        exact.filter_map(|near| self.lasting(rough, near, first, tolerance)).collect()
+    }
+
+    /// A place that fits, or, where its contact ends too soon, one beside it that fits too and whose contact lasts.
+    fn lasting(&self, rough: &Rough, near: NearZero, first: TimedContact, tolerance: f64) -> Option<NearZero> {
+        // With friction under the part a place whose contact ends has no misfit.
+        if self.grip > 0.0 {
+            return Some(near);
+        }
+        if self.lasting_angles(&rough.site, near.at, &[first.t]).is_some() {
+            return Some(near);
+        }
+        let step = rough.grid[1] - rough.grid[0];
+        // No farther than the slope lets the misfit stay within its tolerance.
+        let reach = (2.0 * tolerance / self.slope(rough, near.at)?.abs()).min(step);
+        let at = self.nearest_lasting(&rough.site, near.at, first.t, reach)?;
+        let value = self.misfit(&rough.site, at, first)?;
+        (value.abs() <= tolerance).then_some(NearZero { at, value, ..near })
+    }
+
+    /// How the rough misfit changes with s₀.
+    fn slope(&self, rough: &Rough, at: f64) -> Option<f64> {
+        let look = SLOPE_SHARE * rough.site.length();
+        Some(((rough.misfit)(at + look)? - (rough.misfit)(at - look)?) / (2.0 * look))
     }
 
     pub(super) fn misfit(&self, site: &Site, s0: f64, first: TimedContact) -> Option<f64> {
-        self.angles(site, s0, &[first.t]).first().map(|u| u - first.u)
+        Some(self.angle(site, s0, first.t)? - first.u)
     }
 
     /// The place moved along the rough slope to where it fits; none where that does not lead there.
@@ -52,12 +75,8 @@ impl RestingPush {
         if near.anywhere {
             return Some(NearZero { value: exact(near.at)?, ..*near });
         }
-        let look = SLOPE_SHARE * rough.site.length();
-        let slope = ((rough.misfit)(near.at + look)? - (rough.misfit)(near.at - look)?) / (2.0 * look);
-        let close = |s0: f64| Some(self.swift(&rough.site, s0, first.t, CLOSE_STEPS)? - first.u);
-        // Friction is too stiff for swift steps.
-        let at = if self.grip > 0.0 { near.at } else { newton(near.at, slope, &close)?.at };
-        newton(at, slope, &exact).filter(|found| found.value.abs() <= EXACT)
+        let slope = self.slope(rough, near.at)?;
+        newton(near.at, slope, &exact).filter(|found| found.value.abs() <= EXACT)
     }
 
     /// All that the full simulation finds around a place.

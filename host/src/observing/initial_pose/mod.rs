@@ -23,7 +23,7 @@ use nalgebra::{Point2, Vector2};
 
 use self::closing::Rough;
 use self::search::{NearZero, near_zeros};
-use self::swift::{CLOSE_STEPS, SCAN_ERROR, SCAN_STEPS};
+use self::swift::{Glided, SCAN_ERROR};
 pub use self::table::Table;
 use crate::geometry::SimplePolygon;
 use crate::geometry::angle::wrap_angle;
@@ -206,21 +206,21 @@ impl RestingPush {
         let places = self.sites.iter().flat_map(|site| self.scanned(*site, *first, tolerance));
         let places: Vec<_> = places.collect();
         let last = contacts[contacts.len() - 1];
-        // Friction is too stiff for the swift simulation.
+        // With friction a look at the last contact costs as much as all of them.
         let hopeless = |site: &Site, s0: f64| {
-            let u = if self.grip > 0.0 { None } else { self.swift(site, s0, last.t, CLOSE_STEPS) };
-            u.is_some_and(|u| (u - last.u).abs() > SCAN_ERROR + HOPELESS * tolerance)
+            let u = if self.grip > 0.0 { None } else { self.angle(site, s0, last.t) };
+            u.is_some_and(|u| (u - last.u).abs() > HOPELESS * tolerance)
         };
         self.judged(&places, &contacts, tolerance, &hopeless)
     }
 
-    /// Places of a site that fit a contact. Without friction a swift simulation looks around.
+    /// Places of a site that fit a contact. Without friction a rough simulation looks around.
     fn scanned(&self, site: Site, first: TimedContact, tolerance: f64) -> Vec<(Site, NearZero)> {
         let grid = site.grid();
         let found = if self.grip > 0.0 {
             near_zeros(&|s0| self.misfit(&site, s0, first), &grid, tolerance)
         } else {
-            let misfit = |s0: f64| Some(self.swift(&site, s0, first.t, SCAN_STEPS)? - first.u);
+            let misfit = |s0: f64| Some(self.scanned_angle(&site, s0, first.t)? - first.u);
             self.places(&Rough { site, misfit: &misfit, grid: &grid, error: SCAN_ERROR }, first, tolerance)
         };
         found.into_iter().map(|near| (site, near)).collect()
@@ -251,6 +251,23 @@ impl RestingPush {
     fn angles(&self, site: &Site, s0: f64, times: &[f64]) -> Vec<f64> {
         let run = self.run(site, s0, times);
         run.map_or_else(Vec::new, |run| run.samples.iter().map(|sample| sample.state.u).collect())
+    }
+
+    /// u at each time, if the contact lasts.
+    fn lasting_angles(&self, site: &Site, s0: f64, times: &[f64]) -> Option<Vec<f64>> {
+        let glided = self.grip == 0.0 && site.range[0] <= s0 && s0 <= site.range[1];
+        match glided.then(|| self.glided(site, s0, times)).flatten() {
+            Some(Glided { angles, lasts: Some(lasts) }) => lasts.then_some(angles),
+            _ => Some(self.angles(site, s0, times)).filter(|angles| angles.len() == times.len()),
+        }
+    }
+
+    /// u at a time; without friction under the part as if the contact lasted, otherwise none where it does not.
+    fn angle(&self, site: &Site, s0: f64, time: f64) -> Option<f64> {
+        if self.grip > 0.0 {
+            return self.angles(site, s0, &[time]).first().copied();
+        }
+        self.glided(site, s0, &[time])?.angles.first().copied()
     }
 
     /// The push from a place; none where it cannot begin.
@@ -313,9 +330,8 @@ impl RestingPush {
     /// u as predicted less u as felt, if the contact lasts as long as the data.
     fn misfits(&self, site: &Site, s0: f64, contacts: &[TimedContact]) -> Option<Vec<f64>> {
         let times: Vec<_> = contacts.iter().map(|contact| contact.t).collect();
-        let angles = self.angles(site, s0, &times);
-        let complete = angles.len() == contacts.len();
-        complete.then(|| angles.iter().zip(contacts).map(|(u, contact)| u - contact.u).collect())
+        let angles = self.lasting_angles(site, s0, &times)?;
+        Some(angles.iter().zip(contacts).map(|(u, contact)| u - contact.u).collect())
     }
 
     fn pose_at(&self, site: &Site, near: &NearZero, residuals: Vec<f64>) -> RestingPose {

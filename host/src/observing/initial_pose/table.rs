@@ -191,7 +191,13 @@ impl Table<'_> {
 }
 
 impl Motion {
+    /// Without friction under the part as if the contact lasted.
     fn of(push: &RestingPush, site: &Site, s0: f64, times: &[f64]) -> Self {
+        if push.grip == 0.0
+            && let Some(glided) = push.glided(site, s0, times)
+        {
+            return Self { angles: glided.angles, end: None };
+        }
         let Some(run) = push.run(site, s0, times) else {
             return Self { angles: Vec::new(), end: Some((0.0, push.u0)) };
         };
