@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use palpate::limit_picture;
-use palpate::part_file::PartFile;
+use palpate::part_file::{DescribedPart, PartFile};
 use palpate::plot::Figure;
 use palpate::push_picture::{PushPicture, SAMPLES};
 use palpate::push_plan::{GRAVITY, Place, PushPlan, Pushed, Turn, to_world};
@@ -49,7 +49,7 @@ pub(crate) struct Arguments {
     #[arg(value_name = "PART.toml")]
     part: PathBuf,
     /// The edge of a polygon to push at: from this vertex to the next, counted from 0
-    #[arg(long, value_name = "N", required_unless_present = "around_deg")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     edge: Option<usize>,
     /// Where to push at an elliptic part: eccentric angle, 0 at the end of its axis a, counter-clockwise
     #[arg(long, value_name = "DEGREES", value_parser = finite, allow_negative_numbers = true, conflicts_with_all = ["edge", "s_mm"])]
@@ -197,7 +197,7 @@ impl Arguments {
             direction: turn.direction_deg.unwrap_or(direction_deg).to_radians(),
         });
         Ok(PushPlan {
-            place: self.place(),
+            place: self.place(&file.part)?,
             shape: self.shape(),
             speed: self.speed_mm_s * 1e-3,
             direction: self.direction_deg.to_radians(),
@@ -209,11 +209,19 @@ impl Arguments {
         })
     }
 
-    fn place(&self) -> Place {
-        match self.around_deg {
-            Some(angle) => Place::Around { angle: angle.to_radians() },
-            None => Place::Edge { index: self.edge.unwrap_or_default(), s: self.s_mm.map(|s| s * 1e-3) },
-        }
+    fn place(&self, part: &DescribedPart) -> miette::Result<Place> {
+        let advice = match (self.around_deg, self.edge, part) {
+            (Some(angle), ..) => return Ok(Place::Around { angle: angle.to_radians() }),
+            (None, Some(index), _) => return Ok(Place::Edge { index, s: self.s_mm.map(|s| s * 1e-3) }),
+            (None, None, DescribedPart::Ellipse { .. }) => {
+                "give --around-deg: the eccentric angle, 0 at the end of its axis a".to_owned()
+            }
+            (None, None, DescribedPart::Polygon(part)) => {
+                let last = part.polygon().vertices().len() - 1;
+                format!("give --edge, from 0 to {last}: from this vertex to the next")
+            }
+        };
+        Err(miette::miette!(help = advice, "where to push at {} is not said", self.name()))
     }
 
     fn shape(&self) -> FingerShape {

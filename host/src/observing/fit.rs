@@ -32,7 +32,7 @@ const WALL_GIVES: [f64; WALLS] = [1e-5, 1e-5, 1e-3, 1e-3, 1e-4];
 const FORCE_FLOOR: f64 = 1e-2;
 
 /// Longest step of each unknown: a tenth of what it can be.
-const STEP_MAX: Unknowns = [0.3, 0.02, 3.0, 0.1];
+pub(super) const STEP_MAX: Unknowns = [0.3, 0.02, 3.0, 0.1];
 
 /// Curvature that holds an unknown without any influence in place, in inverse squares of [`STEP_MAX`].
 const CURVATURE_MIN: f64 = 1e-6;

@@ -31,6 +31,13 @@ const PLACES: (f64, f64) = (5.0, 60.0);
 /// How far beyond its stretch of the edge the contact may seem to go, in radii of gyration.
 const BEYOND: f64 = 0.25;
 
+/// Places beside a minimum are tried too if their mismatch is larger by less than so many squares of a value's standard deviation: a
+/// bottom so flat may have two minima, which the rates alone do not tell apart.
+const FLAT: f64 = 60.0;
+
+/// How many on either side.
+const FLAT_PLACES: usize = 2;
+
 /// Instants at which the rates are compared.
 const NODES: usize = 12;
 
@@ -174,8 +181,13 @@ impl<'a, 'p> Felt<'a, 'p> {
         let places = places(self.fitting.known, site);
         let off: Vec<_> = places.iter().map(|&s| self.mismatch(site, &model, begin, s)).collect();
         let squares: Vec<_> = off.iter().map(|off| off.square).collect();
-        let minima = minima(&squares).into_iter().map(|i| (vertex(&places, &squares, i), off[i].first_turn));
-        minima.flat_map(|(s, first_turn)| self.candidates(site, &model, begin, (s, first_turn))).collect()
+        let margin = FLAT * self.fitting.data.sigma_min().powi(2);
+        let near = |i: usize| {
+            let beside = beside(&squares, i, margin).map(|j| (places[j], off[j].first_turn));
+            std::iter::once((vertex(&places, &squares, i), off[i].first_turn)).chain(beside)
+        };
+        let near = minima(&squares).into_iter().flat_map(near);
+        near.flat_map(|near| self.candidates(site, &model, begin, near)).collect()
     }
 
     /// How far off the angles are that the settled rates add up to, from a place at t = 0.
@@ -293,6 +305,13 @@ fn minima(values: &[f64]) -> Vec<usize> {
     let after = |i: usize| values.get(i + 1).copied().unwrap_or(f64::INFINITY);
     let lowest = |i: &usize| values[*i].is_finite() && values[*i] < before(*i) && values[*i] <= after(*i);
     (0..values.len()).filter(lowest).collect()
+}
+
+/// Places next to a minimum that are worse by less than a margin, in a row from it.
+fn beside(values: &[f64], minimum: usize, margin: f64) -> impl Iterator<Item = usize> {
+    let flat = move |i: &usize| values[*i] <= values[minimum] + margin;
+    let below = (0..minimum).rev().take(FLAT_PLACES).take_while(flat);
+    below.chain((minimum + 1..values.len()).take(FLAT_PLACES).take_while(flat))
 }
 
 /// Where the parabola through a minimum and its neighbours is lowest.

@@ -9,11 +9,11 @@
 use std::cell::Cell;
 use std::f64::consts::TAU;
 
-use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix4, Vector2};
+use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix4, Vector2, Vector4};
 
-use super::clock::Fineness;
+use super::clock::{Fineness, count};
 use super::data::Data;
-use super::fit::{Candidate, Descent, Fitting};
+use super::fit::{Candidate, Descent, Fitting, STEP_MAX};
 use super::launch::{Begin, UNKNOWNS};
 use super::observation::{Estimate, Fit, Hypothesis, Known, Observation, pose};
 use super::path::Site;
@@ -40,6 +40,9 @@ const SETTLED_SIGMAS: f64 = 10.0;
 /// From there to the data's own standard deviation by steps of this: where little is known, minima lie in valleys that grow
 /// narrow as it falls, and are followed rather than looked for.
 const SIGMA_RATIO: f64 = 10.0;
+
+/// Where in such a valley to look, in standard deviations from its lowest place.
+const VALLEY_PLACES: [f64; 5] = [0.0, -2.0, -1.0, 1.0, 2.0];
 
 /// Step over the time in which friction forgets speed, for a standard deviation of [`SIGMA_OF_SHARE`]; finer as its fourth root,
 /// like the error of the steps.
@@ -96,16 +99,21 @@ const CURVATURE_NONE: f64 = 1e-9;
 pub fn estimate(known: &Known, observation: &Observation) -> Estimate {
     let simulations = Cell::new(0);
     let task = Task::new(known, observation, &simulations);
-    let outliers = || task.data.outliers().filter(|outliers| !outliers.is_empty());
+    let outliers = || task.data.outliers();
+    // A part that has not yet forgotten its start turns less smoothly than an outlier's neighbours should.
+    let is_early = |value: usize| count(value) * observation.dt < settling(known, &task.data).unwrap_or(0.0);
+    let without = |outliers: Vec<usize>| {
+        let task = Task { data: task.data.without(&outliers), ..task.clone() };
+        let found = || task.explained(Width::Narrow).or_else(|| task.explained(Width::Wide));
+        if outliers.is_empty() { None } else { found().map(|found| Estimate { outliers, ..found }) }
+    };
     let found = task
         .explained(Width::Narrow)
-        .or_else(|| {
-            let outliers = outliers()?;
-            let task = Task { data: task.data.without(&outliers), ..task.clone() };
-            let found = task.explained(Width::Narrow).or_else(|| task.explained(Width::Wide))?;
-            Some(Estimate { outliers, ..found })
-        })
-        .unwrap_or_else(|| task.conclude(task.minima(Width::Wide)));
+        .or_else(|| without(outliers()?.into_iter().filter(|&value| !is_early(value)).collect()))
+        .unwrap_or_else(|| {
+            let wide = task.conclude(task.minima(Width::Wide));
+            if wide.hypotheses.is_empty() { outliers().and_then(without).unwrap_or(wide) } else { wide }
+        });
     Estimate { simulations: simulations.get(), ..found }
 }
 
@@ -149,7 +157,8 @@ impl<'a, 'p> Task<'a, 'p> {
             return descend_together(&fitting, &candidates);
         };
         let candidates = seeds(&settled, &self.sites, &self.begins, width);
-        again(&fitting, &descend_together(&settled, &candidates))
+        let minima = descend_together(&settled, &candidates);
+        descend_together(&fitting, &along_valleys(&settled, &minima))
     }
 
     /// Without the values before the part has settled, where the angle is not felt: those tell the first rates, but lead astray
@@ -170,9 +179,12 @@ impl<'a, 'p> Task<'a, 'p> {
     /// Follows minima to the data as they are, and judges them.
     fn conclude(&self, mut minima: Vec<Descent>) -> Estimate {
         let (least, mut sigma) = (self.data.sigma_min(), SIGMA_FIRST);
+        let mut fitting = self.fitting(sigma, 1.0);
         while sigma > least {
+            let candidates = along_valleys(&fitting, &minima);
             sigma = (sigma / SIGMA_RATIO).max(least);
-            minima = again(&self.fitting(sigma, 1.0), &minima);
+            fitting = self.fitting(sigma, 1.0);
+            minima = descend_together(&fitting, &candidates);
         }
         let mut last = self.fitting(least, 1.0);
         for power in 1..=FINER_MAX {
@@ -188,6 +200,26 @@ impl<'a, 'p> Task<'a, 'p> {
         }
         judge_all(&last, &minima, self.begins.len())
     }
+}
+
+/// Minima, and places beside each along what the data say least about: with a smaller standard deviation the minimum may be there, or
+/// turn out to be two.
+fn along_valleys(fitting: &Fitting, minima: &[Descent]) -> Vec<Candidate> {
+    let candidates = minima.iter().flat_map(|descent| {
+        let (lowest, valley) = (descent.candidate, valley(fitting, descent).unwrap_or_else(Vector4::zeros));
+        let at = move |share: f64| (Vector4::from(lowest.unknowns) + valley * share).into();
+        VALLEY_PLACES.map(|share| Candidate { unknowns: at(share), ..lowest })
+    });
+    candidates.collect()
+}
+
+/// The longest axis of what the data leave open, one standard deviation long; none where they leave everything.
+fn valley(fitting: &Fitting, descent: &Descent) -> Option<Vector4<f64>> {
+    let sizes = Vector4::from(STEP_MAX);
+    let (covariance, _) = fitting.spread(descent)?;
+    let axes = covariance.component_div(&(sizes * sizes.transpose())).symmetric_eigen();
+    let longest = axes.eigenvalues.imax();
+    Some(axes.eigenvectors.column(longest).component_mul(&sizes) * axes.eigenvalues[longest].max(0.0).sqrt())
 }
 
 /// Descents that go on from where others ended.

@@ -21,9 +21,15 @@ use crate::observability::Spectrum;
 /// Length of the window, in units of √(L/g): about 0.2 s for 3 cm.
 const WINDOW: f64 = 4.0;
 
-/// Contacts in the window, and Runge–Kutta steps from one to the next.
+/// Contacts in the window, and Runge–Kutta steps from one to the next, for a body that turns by at most [`TURN_OF_STEPS`].
 const CONTACTS: u32 = 80;
 const STEPS: u32 = 10;
+
+/// What a body may turn by in √(L/g) for each [`STEPS`] steps, rad: a tenth of a radian a step.
+const TURN_OF_STEPS: f64 = 20.0;
+
+/// The most that a body may turn by in √(L/g), rad: some 30,000 rad/s for 3 cm. More could not be followed in a fraction of a second.
+pub const TURN_MAX: f64 = 2000.0;
 
 /// Sine of the angle between contact vector and normal below which they count as parallel.
 const PARALLEL: f64 = 1e-9;
@@ -77,20 +83,38 @@ pub struct SufficientCondition {
     pub mobility_across: f64,
 }
 
+/// A body that turns too fast for its motion to be followed.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "the body turns by {turn:e} rad in the time √(size/g), the limit is {TURN_MAX}: check the unit of omega, rad/s"
+)]
+pub struct TurnsTooFast {
+    /// In √(L/g), rad.
+    pub turn: f64,
+}
+
 /// The rank test and the thesis's condition at one state.
-#[must_use]
-pub fn observability(model: &Model, state: &State, g: f64, inputs: Inputs) -> Observability {
-    Observability {
-        spectrum: Spectrum::of(sensitivities(model, state, g, inputs)),
-        sufficient_condition: sufficient_condition(model, state),
+///
+/// # Errors
+/// [`TurnsTooFast`].
+pub fn observability(model: &Model, state: &State, g: f64, inputs: Inputs) -> Result<Observability, TurnsTooFast> {
+    let turn = state.omega.norm() * (model.body.size() / g).sqrt();
+    // Written so that NaN is refused.
+    if turn <= TURN_MAX {
+        let spectrum = Spectrum::of(sensitivities(model, state, g, inputs, turn));
+        Ok(Observability { spectrum, sufficient_condition: sufficient_condition(model, state) })
+    } else {
+        Err(TurnsTooFast { turn })
     }
 }
 
-/// Changes of the contact over the window, over L, by the scaled state: two rows a contact.
-fn sensitivities(model: &Model, state: &State, g: f64, inputs: Inputs) -> DMatrix<f64> {
+/// Changes of the contact over the window, over L, by the scaled state: two rows a contact. The body turns by `turn` (rad) in √(L/g).
+fn sensitivities(model: &Model, state: &State, g: f64, inputs: Inputs, turn: f64) -> DMatrix<f64> {
     let size = model.body.size();
     let rate = (g / size).sqrt();
-    let dt = WINDOW / rate / f64::from(CONTACTS * STEPS);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 1 to TURN_MAX/TURN_OF_STEPS")]
+    let steps = STEPS * (turn / TURN_OF_STEPS).ceil().max(1.0) as u32;
+    let dt = WINDOW / rate / f64::from(CONTACTS * steps);
     let felt = |step: u32, within: f64| feel(inputs, g, rate * dt * (f64::from(step) + within));
     let dimension = model.dimension();
     let mut rows = DMatrix::zeros(2 * CONTACTS as usize + 2, dimension);
@@ -104,7 +128,7 @@ fn sensitivities(model: &Model, state: &State, g: f64, inputs: Inputs) -> DMatri
                 rows[(place + axis, 2 + column)] = here.1.u[axis][column] * scale / size;
             }
         }
-        for step in contact * STEPS..(contact + 1) * STEPS {
+        for step in contact * steps..(contact + 1) * steps {
             let felt = [0.0, 0.5, 1.0].map(|within| felt(step, within));
             here = model.step_with(Columns::STATE, (&here.0, &here.1), &felt, dt);
         }
@@ -191,7 +215,7 @@ mod tests {
     const GRAVITY: f64 = 9.81;
 
     fn rank(body: &Body, spin: Spin, state: &State, inputs: Inputs) -> usize {
-        observability(&Model { body, spin }, state, GRAVITY, inputs).spectrum.rank()
+        observability(&Model { body, spin }, state, GRAVITY, inputs).unwrap().spectrum.rank()
     }
 
     #[test]
@@ -244,7 +268,7 @@ mod tests {
         assert_eq!(ranks(&at(0.0), Spin::Free), [6, 6, 8]);
         assert_eq!(ranks(&at(5.0), Spin::Free), [6, 6, 8]);
         assert_eq!(ranks(&at(0.0), Spin::None), [6, 6, 7]);
-        let hidden = observability(&Model { body: &body, spin: Spin::Free }, &at(0.0), GRAVITY, Inputs::Zero);
+        let hidden = observability(&Model { body: &body, spin: Spin::Free }, &at(0.0), GRAVITY, Inputs::Zero).unwrap();
         for direction in &hidden.spectrum.unseen {
             let seen =
                 STATE_NAMES.iter().zip(direction).filter(|(name, _)| !["rotation_z", "omega_palm_z"].contains(name));
@@ -308,7 +332,7 @@ mod tests {
             *(if signed(low).0 * signed(middle).0 <= 0.0 { &mut high } else { &mut low }) = middle;
         }
         let (_, state) = signed(low);
-        let at = observability(&model, &state, GRAVITY, Inputs::Zero);
+        let at = observability(&model, &state, GRAVITY, Inputs::Zero).unwrap();
         assert_eq!((at.spectrum.rank(), at.sufficient_condition.holds), (8, false), "{at:?}");
     }
 }

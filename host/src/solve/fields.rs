@@ -15,6 +15,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use super::error::{InvalidInput, Pointer};
 use crate::geometry::{PolygonError, SimplePolygon};
+use crate::pushing::FingerPath;
 
 /// Gravity where a problem does not say, m/s².
 pub const GRAVITY_DEFAULT: f64 = 9.81;
@@ -33,6 +34,27 @@ const NUMBER_MAX: f64 = 1e12;
 
 /// Largest coefficient of friction between part and plane: ten times that of the stickiest rubber.
 const FRICTION_MAX: f64 = 100.0;
+
+/// How far a finger may go in a push, in sizes of the part: none that is felt lasts so long.
+const TRAVEL_MAX: f64 = 1000.0;
+
+/// Refuses a push whose finger goes farther by a time (s) than could be followed; `size` of the part in m.
+pub(super) fn check_travel(path: &FingerPath, time: f64, size: f64) -> Result<(), String> {
+    let gone = (path.centre(time) - path.centre(0.0)).norm() / size;
+    // Written so that NaN is refused.
+    if gone <= TRAVEL_MAX {
+        return Ok(());
+    }
+    Err(format!(
+        "{time:?} s is out of range: by then the finger has gone {gone:.0} sizes of the part, the limit is {TRAVEL_MAX}: check the units of time and motion"
+    ))
+}
+
+/// The largest distance of a vertex from the centroid, m.
+pub(super) fn size(polygon: &SimplePolygon) -> f64 {
+    let centroid = polygon.centroid();
+    polygon.vertices().iter().map(|vertex| (vertex - centroid).norm()).fold(0.0, f64::max)
+}
 
 /// Reads the friction between part and plane: use with `#[serde(deserialize_with = "plane_friction")]`.
 pub(super) fn plane_friction<'de, D: Deserializer<'de>>(deserializer: D) -> Result<NonNegative, D::Error> {

@@ -51,6 +51,7 @@ fn what_cannot_be_is_refused_at_its_place() {
         (line(json!({"contacts": []})), "/contacts", "is empty"),
         (line(json!({"contacts": [[0.2, 1.5], [0.1, 1.5]]})), "/contacts/1/0", "times must increase"),
         (line(json!({"contacts": [[0.0, 1.5]]})), "/contacts/0/0", "above 0"),
+        (line(json!({"contacts": [[0.1, 1.5], [1e6, 1.6]]})), "/contacts/1/0", "sizes of the part"),
         (line(json!({"tolerance": 0})), "/tolerance", "must be > 0"),
         (line(json!({"mu": -0.1})), "/mu", "must be ≥ 0"),
         (line(json!({"finger": {"type": "banana"}})), "/finger/type", "banana"),

@@ -54,3 +54,20 @@ fn what_has_no_answer_is_refused_at_its_place() {
         assert!(error["message"].as_str().unwrap().contains(word), "{line}: {answer}");
     }
 }
+
+/// A body may turn fast, but not so fast that its motion could not be followed.
+#[test]
+fn bodies_that_turn_too_fast_are_refused() {
+    let line = |omega: f64| {
+        let problem = serde_json::json!({
+            "problem": "observability", "system": "roll", "body": {"ellipsoid": [0.02, 0.03, 0.04]}, "spin": "free",
+            "orientation": [1, 0, 0, 0], "omega": [0.3, omega, 0.7], "inputs": "zero",
+        });
+        problem.to_string()
+    };
+    let answers = solve(&[line(1.0), line(3e3), line(3e6)]);
+    assert!(answers[..2].iter().all(|answer| answer["rank"].as_u64() == Some(8)), "{answers:?}");
+    let error = &answers[2]["error"];
+    assert_eq!(error["field"], "/omega");
+    assert!(error["message"].as_str().unwrap().contains("the limit is 2000"), "{error}");
+}

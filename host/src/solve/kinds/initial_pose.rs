@@ -5,7 +5,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::observing::{InitialPoseError, Object, RestingPose, RestingPush, TimedContact};
 use crate::pushing::{FingerPath, FingerShape, ShapeError};
-use crate::solve::fields::{NonNegative, Polygon, Pose, Positive, default_gravity, plane_friction};
+use crate::solve::fields::{NonNegative, Polygon, Pose, Positive, check_travel, default_gravity, plane_friction, size};
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError, read, tagged};
 
 /// A finger that pushes a resting part and feels where it is touched at some times: how did the part lie?
@@ -212,6 +212,7 @@ impl Problem for InitialPose {
 
     fn solve(&self) -> Result<InitialPoseAnswer, SolveError> {
         let contacts = self.contacts()?;
+        self.check_travel(&contacts)?;
         let object = match &self.object {
             PushedObject::Polygon(PolygonObject { vertices }) => Object::Polygon((**vertices).clone()),
             PushedObject::Ellipse(EllipseObject { a, b }) => Object::Ellipse([a.get(), b.get()]),
@@ -243,6 +244,25 @@ impl InitialPose {
             before = t;
         }
         Ok(self.contacts.iter().map(|&[t, u]| TimedContact { t, u }).collect())
+    }
+
+    /// Refuses pushes that could not be followed in a reasonable time.
+    fn check_travel(&self, contacts: &[TimedContact]) -> Result<(), InvalidInput> {
+        let (path, size) = (self.finger.path(), self.object.size());
+        contacts.iter().enumerate().try_for_each(|(index, contact)| {
+            let place = || Pointer::from("contacts").index(index).index(0);
+            check_travel(&path, contact.t, size).map_err(|message| InvalidInput::at(place(), message))
+        })
+    }
+}
+
+impl PushedObject {
+    /// Its largest distance from its centroid, m.
+    fn size(&self) -> f64 {
+        match self {
+            Self::Ellipse(EllipseObject { a, b }) => a.get().max(b.get()),
+            Self::Polygon(PolygonObject { vertices }) => size(vertices),
+        }
     }
 }
 

@@ -146,7 +146,8 @@ impl RollSystem {
         let on = (&body, self.spin, &PalmAcceleration::Rest, self.g.get());
         let roll = Roll::new(on, self.orientation, self.omega, [0.0; 2]).map_err(refuse_start)?;
         let model = Model { body: &body, spin: self.spin };
-        let found = observability(&model, roll.start(), self.g.get(), self.inputs);
+        let found = observability(&model, roll.start(), self.g.get(), self.inputs)
+            .map_err(|error| InvalidInput::at("omega", error.to_string()))?;
         let states = found.spectrum.singular_values.len();
         Ok(ObservabilityAnswer {
             sufficient_condition: Some(found.sufficient_condition.into()),

@@ -9,7 +9,8 @@ use crate::observing::{
 };
 use crate::pushing::{Contact, Finger as Disk, Part, Slip, State};
 use crate::solve::fields::{
-    Finger, NonNegative, Polygon, Pose, Positive, SIGMA_LEAST, Sigma, default_gravity, plane_friction,
+    Finger, NonNegative, Polygon, Pose, Positive, SIGMA_LEAST, Sigma, check_travel, default_gravity, plane_friction,
+    size,
 };
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError};
 
@@ -245,6 +246,9 @@ impl ObservePush {
         let Prior { omega0_sigma, v_t0_sigma } = self.prior.unwrap_or_default();
         let prior = Belief { omega0_sigma: omega0_sigma.map(Positive::get), v_t0_sigma: v_t0_sigma.map(Positive::get) };
         let observation = Observation { dt: self.dt.get(), measured, prior };
+        let duration = observation.dt * (observation.len().saturating_sub(1)) as f64;
+        check_travel(&known.finger.path(), duration, size(&self.polygon))
+            .map_err(|message| InvalidInput::at("dt", message))?;
         Ok(ObservePushAnswer::from(&observing::estimate(known, &observation)))
     }
 
@@ -544,6 +548,7 @@ mod tests {
             (json!({"sigma": null}), "/sigma", "needs the standard deviation"),
             (json!({"sigma": -1}), "/sigma", "≥ 0"),
             (json!({"dt": 0}), "/dt", "> 0"),
+            (json!({"dt": 5000}), "/dt", "sizes of the part"),
             (json!({"mode": "sliding"}), "/mu_c", "is missing"),
             (json!({"mode": "coulomb"}), "/mu_c", "is missing"),
             (json!({"u0_range": [0, 1]}), "/u0_range", "for force data"),

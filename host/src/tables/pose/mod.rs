@@ -273,9 +273,31 @@ mod tests {
 
     #[test]
     fn random_poses_are_named_from_forces() {
-        // Of these draws one is known to be lost, with and without magnitudes: see `palpate tables force`.
         let table = force(&SHORT);
-        assert!(table.failures.len() <= 2, "{table}");
+        assert!(table.failures.is_empty(), "{table}");
+    }
+
+    /// Starts that are far from what the prior expects, and edges on which two places nearly explain the same: each of these was once
+    /// lost, because a minimum of coarse data is two of fine ones.
+    #[test]
+    fn starts_beside_the_valley_are_found() {
+        let angle = |kind, sigma| felt(kind, Sense::Angle, sigma);
+        let lost = [
+            (angle(Kind::Frictionless, 0.0), [218, 496], EXACT),
+            (angle(Kind::Frictionless, SIGMA_RAD), [40, 95], NOISY),
+            (angle(Kind::Sliding, 0.0), [71, 72], EXACT),
+            (angle(Kind::Coulomb, 0.0), [63, 274], EXACT),
+            (angle(Kind::Coulomb, SIGMA_RAD), [52, 172], NOISY),
+            (felt(Kind::Rolling, Sense::Direction, SIGMA_RAD), [1, 20], NOISY),
+        ];
+        for (setting, numbers, tolerance) in lost {
+            for number in numbers {
+                let case = Case::draw(2, number, setting);
+                let found = estimate(&case.known(), &case.observation());
+                let truth = found.hypotheses.iter().any(|found| case.is_truth(found, tolerance));
+                assert!(truth && found.outliers.is_empty(), "{setting:?}, case {number}: {found:?}");
+            }
+        }
     }
 
     #[test]
