@@ -73,6 +73,9 @@ const PROMISE_NONE: f64 = 1e-3;
 const PROMISES: f64 = 3.0;
 /// See [`PROMISES`].
 pub(super) const SLACK: f64 = 24.0;
+/// Rounds in which places along a valley have to come to its lowest, or to another: more than any that is not in a valley takes.
+const PATIENCE: usize = 12;
+
 /// Rounds before any descent is given up.
 const ROUNDS_MIN: usize = 2;
 
@@ -180,11 +183,12 @@ impl<'a, 'p> Task<'a, 'p> {
     fn conclude(&self, mut minima: Vec<Descent>) -> Estimate {
         let (least, mut sigma) = (self.data.sigma_min(), SIGMA_FIRST);
         let mut fitting = self.fitting(sigma, 1.0);
-        while sigma > least {
+        // Rounding apart.
+        while sigma > 1.001 * least {
             let candidates = along_valleys(&fitting, &minima);
             sigma = (sigma / SIGMA_RATIO).max(least);
             fitting = self.fitting(sigma, 1.0);
-            minima = descend_together(&fitting, &candidates);
+            minima = descend_patiently(&fitting, &candidates, PATIENCE);
         }
         let mut last = self.fitting(least, 1.0);
         for power in 1..=FINER_MAX {
@@ -205,7 +209,10 @@ impl<'a, 'p> Task<'a, 'p> {
 /// Minima, and places beside each along what the data say least about: with a smaller standard deviation the minimum may be there, or
 /// turn out to be two.
 fn along_valleys(fitting: &Fitting, minima: &[Descent]) -> Vec<Candidate> {
-    let candidates = minima.iter().flat_map(|descent| {
+    let best = minima.iter().map(|descent| descent.evaluation.total()).fold(f64::INFINITY, f64::min);
+    // Finer data cost more, not less.
+    let possible = minima.iter().filter(|descent| descent.evaluation.total() <= best + GATE + SLACK);
+    let candidates = possible.flat_map(|descent| {
         let (lowest, valley) = (descent.candidate, valley(fitting, descent).unwrap_or_else(Vector4::zeros));
         let at = move |share: f64| (Vector4::from(lowest.unknowns) + valley * share).into();
         VALLEY_PLACES.map(|share| Candidate { unknowns: at(share), ..lowest })
@@ -238,12 +245,20 @@ fn polished(finer: &Fitting, descent: &Descent) -> Option<Descent> {
 
 /// Takes all candidates down, and gives up those that cannot come near the best.
 pub(super) fn descend_together(fitting: &Fitting, candidates: &[Candidate]) -> Vec<Descent> {
+    descend_patiently(fitting, candidates, ROUNDS_MAX)
+}
+
+/// The same; after some rounds those are given up too that lie above a minimum on their own edge: they creep along its valley.
+fn descend_patiently(fitting: &Fitting, candidates: &[Candidate], patience: usize) -> Vec<Descent> {
     let mut alive: Vec<_> = candidates.iter().filter_map(|candidate| fitting.descend(*candidate)).collect();
     let mut over: Vec<Descent> = Vec::new();
     for round in 0..ROUNDS_MAX {
         let best = alive.iter().chain(&over).map(|descent| descent.evaluation.total()).fold(f64::INFINITY, f64::min);
         if round >= ROUNDS_MIN {
             alive.retain(|descent| descent.evaluation.total() - PROMISES * descent.promise <= best + GATE + SLACK);
+        }
+        if round >= patience {
+            alive.retain(|descent| !over.iter().any(|minimum| is_above(descent, minimum)));
         }
         if alive.is_empty() {
             break;
@@ -261,6 +276,11 @@ pub(super) fn descend_together(fitting: &Fitting, candidates: &[Candidate]) -> V
     over.extend(alive);
     merge_met(&mut over);
     over
+}
+
+fn is_above(descent: &Descent, minimum: &Descent) -> bool {
+    let (a, b) = (&descent.candidate, &minimum.candidate);
+    a.site == b.site && a.begin == b.begin && descent.evaluation.total() > minimum.evaluation.total()
 }
 
 /// Keeps the lowest of descents that have met.
