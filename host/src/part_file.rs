@@ -120,17 +120,30 @@ impl Unit {
     }
 }
 
+/// So many numbers in a file; one too many is a mistake, not to be passed over.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Numbers<const N: usize>(pub [f64; N]);
+
+impl<'de, const N: usize> Deserialize<'de> for Numbers<N> {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let list = Vec::<f64>::deserialize(deserializer)?;
+        let wrong =
+            |list: Vec<f64>| serde::de::Error::custom(format!("{list:?} is {} numbers, {N} are needed", list.len()));
+        list.try_into().map(Self).map_err(wrong)
+    }
+}
+
 /// The file's keys.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Keys {
     unit: Unit,
-    vertices: Option<Vec<[f64; 2]>>,
+    vertices: Option<Vec<Numbers<2>>>,
     ellipse: Option<SemiAxes>,
     mu: f64,
     mu_c: Option<f64>,
-    feet: Option<Vec<[f64; 3]>>,
-    centre_of_mass: Option<[f64; 2]>,
+    feet: Option<Vec<Numbers<3>>>,
+    centre_of_mass: Option<Numbers<2>>,
     radius_of_gyration: Option<f64>,
 }
 
@@ -151,7 +164,7 @@ pub enum PartFileError {
     Toml(String),
     /// The outline; coordinates are in the file's unit.
     #[error("vertices: {0}")]
-    Outline(#[from] PolygonError),
+    Outline(PolygonError),
     /// No outline, or two.
     #[error("the part has {what}: give either `vertices` or `ellipse`")]
     OneOutline {
@@ -270,25 +283,28 @@ fn friction(key: &'static str, value: f64) -> Result<f64, PartFileError> {
 }
 
 /// Feet in m with their shares of the weight.
-fn shares(feet: &[[f64; 3]], metres: f64) -> Result<Vec<(Point2<f64>, f64)>, PartFileError> {
+fn shares(feet: &[Numbers<3>], metres: f64) -> Result<Vec<(Point2<f64>, f64)>, PartFileError> {
     if feet.is_empty() {
         return Err(PartFileError::NoFeet);
     }
-    let possible = |foot: &[f64; 3]| foot.iter().all(|value| value.is_finite()) && foot[2] > 0.0;
+    let possible = |Numbers(foot): &Numbers<3>| foot.iter().all(|value| value.is_finite()) && foot[2] > 0.0;
     if let Some(index) = feet.iter().position(|foot| !possible(foot)) {
-        return Err(PartFileError::Foot { index, foot: feet[index] });
+        return Err(PartFileError::Foot { index, foot: feet[index].0 });
     }
-    let weight: f64 = feet.iter().map(|[_, _, weight]| weight).sum();
-    Ok(feet.iter().map(|&[x, y, share]| (Point2::new(x, y) * metres, share / weight)).collect())
+    let weight: f64 = feet.iter().map(|Numbers([_, _, weight])| weight).sum();
+    Ok(feet.iter().map(|&Numbers([x, y, share])| (Point2::new(x, y) * metres, share / weight)).collect())
 }
 
 impl Keys {
-    fn polygon(&self, vertices: &[[f64; 2]]) -> Result<DescribedPart, PartFileError> {
+    fn polygon(&self, vertices: &[Numbers<2>]) -> Result<DescribedPart, PartFileError> {
         let metres = self.unit.metres();
         // First as given, so that what is wrong is told in the file's unit.
-        SimplePolygon::new(vertices.iter().map(|vertex| Point2::from(*vertex)).collect::<Vec<_>>())?;
-        let polygon =
-            SimplePolygon::new(vertices.iter().map(|vertex| Point2::from(*vertex) * metres).collect::<Vec<_>>())?;
+        let scaled = |scale: f64| {
+            let vertices: Vec<_> = vertices.iter().map(|vertex| Point2::from(vertex.0) * scale).collect();
+            SimplePolygon::new(vertices).map_err(PartFileError::Outline)
+        };
+        scaled(1.0)?;
+        let polygon = scaled(metres)?;
         let mass = self.mass(Mass::uniform(&polygon))?;
         Ok(DescribedPart::Polygon(match &self.feet {
             None => Part::with_mass(polygon, mass),
@@ -317,7 +333,7 @@ impl Keys {
         let metres = self.unit.metres();
         let (centre, radius) = match (self.centre_of_mass, self.radius_of_gyration) {
             (None, None) => return Ok(uniform),
-            (Some(centre), Some(radius)) => (centre, radius),
+            (Some(Numbers(centre)), Some(radius)) => (centre, radius),
             (Some(_), None) => return Err(alone("centre_of_mass", "radius_of_gyration")),
             (None, Some(_)) => return Err(alone("radius_of_gyration", "centre_of_mass")),
         };
@@ -366,7 +382,7 @@ mod tests {
     #[test]
     fn weights_on_feet_are_shares_whatever_their_unit() {
         for unit in [1.0, 250.0] {
-            let feet = shares(&[[0.0, 0.0, unit], [60.0, 10.0, 3.0 * unit]], 1e-3).unwrap();
+            let feet = shares(&[Numbers([0.0, 0.0, unit]), Numbers([60.0, 10.0, 3.0 * unit])], 1e-3).unwrap();
             assert!((feet[0].1 - 0.25).abs() < ROUNDING && (feet[1].1 - 0.75).abs() < ROUNDING, "{feet:?}");
             assert!((feet[1].0 - Point2::new(0.06, 0.01)).norm() < ROUNDING, "{feet:?}");
         }

@@ -19,7 +19,7 @@ use nalgebra::{Isometry2, Point2, Vector2};
 use serde::Deserialize;
 
 use crate::geometry::{PolygonError, SimplePolygon};
-use crate::part_file::Unit;
+use crate::part_file::{Numbers, Unit};
 
 /// How far chords may be from their arc where the file does not say, m.
 const CURVE_ERROR_DEFAULT_M: f64 = 1e-5;
@@ -27,6 +27,12 @@ const CURVE_ERROR_DEFAULT_M: f64 = 1e-5;
 /// Places on the table are rounded to multiples of this, m (2⁻⁴⁰: about a picometre), so that edges that are meant to lie on one
 /// another do, whatever conversion of units and turns by right angles did to their last digits.
 const PLACE_STEP_M: f64 = 9.094_947_017_729_282e-13;
+
+/// A place on the table as everything compares it: rounded to about a picometre.
+#[must_use]
+pub fn snapped(place: Point2<f64>) -> Point2<f64> {
+    place.map(|value| (value / PLACE_STEP_M).round() * PLACE_STEP_M)
+}
 
 /// Most chords of one arc: beyond it the error asked for is a mistake.
 const CHORDS_MAX: f64 = 10_000.0;
@@ -48,7 +54,7 @@ pub struct SceneFile {
 #[derive(Debug, thiserror::Error)]
 pub enum SceneFileError {
     /// Not TOML, or not these keys.
-    #[error("{0}")]
+    #[error(transparent)]
     Toml(#[from] toml::de::Error),
     /// No shape at all.
     #[error("there is no shape: add a [[shape]] with its vertices")]
@@ -91,7 +97,7 @@ struct RawShape {
     name: Option<String>,
     vertices: Vec<Vec<f64>>,
     #[serde(default)]
-    poses: Vec<[f64; 3]>,
+    poses: Vec<Numbers<3>>,
 }
 
 impl SceneFile {
@@ -132,12 +138,11 @@ impl SceneFile {
             self.curve_error = self.curve_error.max(arc.error(chords));
             outline.extend(arc.points(chords));
         }
-        let identity = vec![[0.0; 3]];
+        let identity = vec![Numbers([0.0; 3])];
         let poses = if shape.poses.is_empty() { &identity } else { &shape.poses };
-        for (k, &[x, y, degrees]) in poses.iter().enumerate() {
+        for (k, &Numbers([x, y, degrees])) in poses.iter().enumerate() {
             let motion = Isometry2::new(metres * Vector2::new(x, y), degrees.to_radians());
-            let round = |value: f64| (value / PLACE_STEP_M).round() * PLACE_STEP_M;
-            let placed: Vec<_> = outline.iter().map(|p| (motion * p).map(round)).collect();
+            let placed: Vec<_> = outline.iter().map(|p| snapped(motion * p)).collect();
             let polygon = SimplePolygon::new(placed);
             self.polygons.push(polygon.map_err(|error| SceneFileError::Polygon { shape: name.clone(), error })?);
             let pose = if poses.len() > 1 { format!(", pose {}", k + 1) } else { String::new() };

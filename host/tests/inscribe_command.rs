@@ -48,7 +48,7 @@ fn two_views_with_errors_leave_two_poses_and_a_third_view_is_advised() {
     assert_eq!(output.status.code(), Some(0), "{}", complaint(&output));
     let text = printed(&output);
     assert!(text.starts_with("block: 2 poses"), "{text}");
-    assert!(text.contains("1 degrees of freedom") && text.contains("would tell the poses apart"), "{text}");
+    assert!(text.contains("χ² of 1 degree of freedom") && text.contains("would tell the poses apart"), "{text}");
 }
 
 /// Both poses are known again by what the one point reads, from what was printed for programs.
@@ -56,7 +56,7 @@ fn two_views_with_errors_leave_two_poses_and_a_third_view_is_advised() {
 fn points_that_tell_the_poses_apart_are_planned_and_decoded() {
     let (_folder, output) = inscribe(VIEWS, &["block.toml", "--resolve"]);
     let text = printed(&output);
-    assert!(text.contains("1 points (proven fewest)"), "{text}");
+    assert!(text.contains("1 point (proven fewest)"), "{text}");
     let (folder, output) = inscribe(VIEWS, &["block.toml", "--resolve", "--json"]);
     fs::write(folder.path().join("plan.json"), &output.stdout).unwrap();
     let decoded = ["0", "1"].map(|reading| {
@@ -146,4 +146,66 @@ fn smooth_parts_are_found_and_drawn() {
     let (_folder, output) = inscribe(VIEWS, &["egg.toml"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(complaint(&output).contains("sigma cannot be used with a smooth part"), "{}", complaint(&output));
+}
+
+#[test]
+fn poses_are_numbered_through_all_parts_and_parts_of_one_name_by_their_paths() {
+    let (folder, _) = inscribe(VIEWS, &["block.toml"]);
+    fs::create_dir(folder.path().join("other")).unwrap();
+    fs::write(folder.path().join("other/block.toml"), BLOCK).unwrap();
+    let arguments = "inscribe --views views.toml block.toml other/block.toml --resolve --plot poses.svg";
+    let output = Command::new(env!("CARGO_BIN_EXE_palpate"))
+        .args(arguments.split(' '))
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let text = printed(&output);
+    for words in
+        ["block.toml: 2 poses", "other/block.toml: 2 poses", "\n     3 ", "\n     4 ", "other/block.toml, pose 4"]
+    {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    // Copies of a pose are not told apart by how they were rounded.
+    assert!(text.contains("cannot be told apart: block.toml, pose 1 and other/block.toml, pose 3"), "{text}");
+    let picture = fs::read_to_string(folder.path().join("poses.svg")).unwrap();
+    assert!(picture.contains("aria-label=\"point that tells poses apart\""));
+}
+
+#[test]
+fn options_that_would_change_nothing_are_refused() {
+    for (words, missing) in [
+        ("inscribe --views views.toml block.toml --greedy", "--resolve"),
+        ("corner block.toml --correct 1", "--sample"),
+        ("corner block.toml --min-clearance-mm 2", "--sample"),
+        ("sample --sets views.toml --min-area-mm2 2", "--sets"),
+        ("sample block.toml --tree --json", "--json"),
+        ("sample --decode plan.json 01 --greedy", "--decode"),
+    ] {
+        let (folder, _) = inscribe(VIEWS, &["block.toml"]);
+        let output = Command::new(env!("CARGO_BIN_EXE_palpate"))
+            .args(words.split(' '))
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(64), "{words}");
+        assert!(complaint(&output).contains(missing), "{words}: {}", complaint(&output));
+    }
+}
+
+#[test]
+fn sets_are_answered_for_programs_too_and_a_corner_needs_no_friction() {
+    let (folder, _) = inscribe(VIEWS, &["block.toml"]);
+    fs::write(folder.path().join("sets.txt"), "a: x y\nb: y\nc:\n").unwrap();
+    let run = |words: &str| {
+        let words = words.split(' ');
+        Command::new(env!("CARGO_BIN_EXE_palpate")).args(words).current_dir(folder.path()).output().unwrap()
+    };
+    let sets = printed(&run("sample --sets sets.txt --json"));
+    assert!(sets.contains(r#""elements":["x","y"]"#) && sets.contains(r#""signatures":[[1,1],[0,1],[0,0]]"#), "{sets}");
+    fs::write(folder.path().join("bare.toml"), BLOCK.replace("mu = 0.3\n", "")).unwrap();
+    assert_eq!(run("corner bare.toml").status.code(), Some(0));
+    let smooth = run("corner egg.toml");
+    assert!(smooth.status.code() == Some(1) && complaint(&smooth).contains("smooth part"), "{}", complaint(&smooth));
+    let bad = complaint(&run("sample sets.txt"));
+    assert_eq!(bad.matches("TOML parse error").count(), 1, "{bad}");
 }

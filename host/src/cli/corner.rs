@@ -3,26 +3,30 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use miette::IntoDiagnostic as _;
+use miette::{IntoDiagnostic as _, miette};
 use nalgebra::{Point2, Vector2};
 use palpate::corner::{Corner, CornerPose, Flush};
 use palpate::geometry::SimplePolygon;
-use palpate::part_file::PolygonFile;
+use palpate::inscribe::NamedPart;
+use palpate::inscription::Outline;
 use palpate::sampling::Plan;
 use palpate::sampling_picture::SamplingPicture;
 use palpate::solve::kinds::corner_poses::{CornerPosesAnswer, RestPose};
 
-use super::finite;
 use super::plot::PlotArguments;
 use super::read::read;
 use super::sample::{PlanArguments, plan_in_words, print_plan};
+use super::{counted, finite};
 
 /// Finds the poses in which a part comes to rest when it is pushed into a corner, and points that tell them apart.
 ///
 /// Fence A runs along +x, fence B at the corner's angle; the part lies between them. A pose is listed where both fences are
 /// touched and an edge of the hull lies flush on one. The part rests in those that are stable under a push without friction.
 #[derive(Debug, clap::Args)]
-#[command(after_long_help = "The part file is that of `palpate push`; only its outline is used.")]
+#[command(
+    after_long_help = "The part file is that of `palpate push`; only its unit and vertices are used.",
+    mut_group("PlanArguments", |group| group.requires("sample"))
+)]
 pub(crate) struct Arguments {
     /// The part file
     #[arg(value_name = "PART.toml")]
@@ -49,11 +53,16 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
-    let file = read(&arguments.part, PolygonFile::parse)?;
+    // The fences touch the hull, whatever the outline.
+    let file = read(&arguments.part, |text| NamedPart::parse("", text, true))?;
+    if !matches!(file.shape, Outline::Polygon(_)) {
+        let help = "describe it by `vertices`, without `rounding`";
+        return Err(miette!(help = help, "{} is a smooth part, no edge of which lies flush", arguments.part.display()));
+    }
     let angle = arguments.angle_deg.to_radians();
     let push = arguments.push_deg.map_or(angle / 2.0 + std::f64::consts::PI, f64::to_radians);
     let corner = Corner::new(angle, Vector2::new(push.cos(), push.sin())).into_diagnostic()?;
-    let part = file.part.polygon();
+    let part = &file.outline;
     let mut poses = corner.poses(part);
     poses.retain(|pose| !arguments.stable || pose.is_stable());
     let outlines =
@@ -84,7 +93,7 @@ impl Arguments {
         let points = plan.map_or(&[][..], |plan| &plan.points);
         let reach = outlines.iter().flat_map(SimplePolygon::vertices).map(|p| p.coords.norm()).fold(0.0, f64::max);
         let along = |angle: f64| [Point2::origin(), Point2::new(reach * angle.cos(), reach * angle.sin())];
-        let mut subtitles = vec![format!("{} poses", outlines.len())];
+        let mut subtitles = vec![counted(outlines.len(), "pose")];
         subtitles.extend(plan.map(plan_in_words));
         let fences = [along(0.0), along(angle)];
         SamplingPicture { polygons: outlines, points, fences: &fences, title: &title, subtitles: &subtitles }.figure()
@@ -107,7 +116,7 @@ fn flush_name(flush: Flush) -> &'static str {
 
 fn print_poses(poses: &[CornerPose]) {
     let stable = poses.iter().filter(|pose| pose.is_stable()).count();
-    say!("{} poses, {stable} of them stable", poses.len());
+    say!("{}, {stable} stable", counted(poses.len(), "pose"));
     say!("{:>4} {:>9} {:>9} {:>9}  {:<14} {:>16}", "pose", "x [mm]", "y [mm]", "turn [°]", "", "margin [mm/rad]");
     for (number, pose) in poses.iter().enumerate() {
         say!(

@@ -1,6 +1,6 @@
 //! `palpate inscribe`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use miette::IntoDiagnostic as _;
@@ -8,13 +8,14 @@ use palpate::geometry::{ConvexPolygon, SimplePolygon};
 use palpate::inscribe::{InscribePicture, NamedPart, Shown, Views};
 use palpate::inscription::{Continuum, Estimate, Inscription, Mode, PlannedView, Pose, estimate, plan_view};
 use palpate::plan_file::PlanFile;
-use palpate::sampling::Plan;
+use palpate::sampling::{Circle, Plan};
+use palpate::scene_file::snapped;
 use serde_json::{Value, json};
 
 use super::plot::PlotArguments;
-use super::positive;
 use super::read::read;
 use super::sample::{PlanArguments, print_plan};
+use super::{counted, positive};
 
 const LONG_HELP: &str = "\
 A part file is the one of `palpate push` (only unit and vertices or ellipse matter here); `rounding = 3` rounds the corners by an
@@ -44,7 +45,7 @@ const EXIT_NO_POSE: u8 = 2;
 ///
 /// Prints every pose that fits, with its uncertainty if the readings have errors.
 #[derive(Debug, clap::Args)]
-#[command(after_long_help = LONG_HELP)]
+#[command(after_long_help = LONG_HELP, mut_group("PlanArguments", |group| group.requires("resolve")))]
 pub(crate) struct Arguments {
     /// The part files: the parts that it may be
     #[arg(value_name = "PART.toml", required = true)]
@@ -93,9 +94,10 @@ impl Fits {
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let views = read(&arguments.views, Views::parse)?;
-    let parts = arguments.parts.iter().map(|path| {
+    let names = names(&arguments.parts);
+    let parts = arguments.parts.iter().zip(&names).map(|(path, name)| {
         let part = read(path, |text| {
-            let part = NamedPart::parse(&name(path), text, arguments.hull)?;
+            let part = NamedPart::parse(name, text, arguments.hull)?;
             part.check(&views).map(|()| part)
         });
         part.map(|part| find(part, &views))
@@ -117,14 +119,21 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
             None => {}
         }
     }
-    arguments.plot.draw(|| Ok(arguments.figure(&found, &views, next)))?;
+    let points = resolved.as_ref().map_or(&[][..], |(_, plan)| plan.points.as_slice());
+    arguments.plot.draw(|| Ok(arguments.figure(&found, &views, next, points)))?;
     let any = found.iter().any(|found| found.outcome.as_ref().is_ok_and(|fits| !fits.poses().is_empty()));
     let undetermined = found.iter().any(|found| found.outcome.is_err());
     Ok(if any || undetermined { ExitCode::SUCCESS } else { ExitCode::from(EXIT_NO_POSE) })
 }
 
-fn name(path: &Path) -> String {
-    path.file_stem().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+/// What parts are called: as their files, without folder and ending, unless two would be called the same.
+fn names(paths: &[PathBuf]) -> Vec<String> {
+    let stem = |path: &PathBuf| path.file_stem().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let stems: Vec<String> = paths.iter().map(stem).collect();
+    let is_taken = |name: &String| stems.iter().filter(|other| *other == name).count() > 1;
+    let name =
+        |(path, name): (&PathBuf, &String)| if is_taken(name) { path.display().to_string() } else { name.clone() };
+    paths.iter().zip(&stems).map(name).collect()
 }
 
 fn find(part: NamedPart, views: &Views) -> Found {
@@ -144,12 +153,13 @@ fn resolve(found: &[Found], request: &PlanArguments) -> Option<(Vec<String>, Pla
     let (mut names, mut outlines) = (Vec::new(), Vec::new());
     for Found { part, outcome } in found {
         let poses = outcome.as_ref().map_or_else(|_| Vec::new(), Fits::poses);
-        for (k, pose) in poses.iter().enumerate() {
+        for pose in &poses {
             let motion = nalgebra::Isometry2::new([pose.x, pose.y].into(), pose.theta);
-            let placed: Vec<_> = part.outline.vertices().iter().map(|p| motion * p).collect();
+            // Poses that look the same differ by rounding; they are not to be told apart by it.
+            let placed: Vec<_> = part.outline.vertices().iter().map(|p| snapped(motion * p)).collect();
             // A pose moves the outline by rounding alone, so what was a polygon is one.
             outlines.push(SimplePolygon::new(placed).ok()?);
-            names.push(format!("{}, pose {}", part.name, k + 1));
+            names.push(format!("{}, pose {}", part.name, outlines.len()));
         }
     }
     (outlines.len() > 1).then(|| (names, request.plan(&outlines, 0.0)))
@@ -169,7 +179,13 @@ impl Arguments {
         plan_view(part, &views.readings, modes, radius)
     }
 
-    fn figure(&self, found: &[Found], views: &Views, next: Option<PlannedView>) -> palpate::plot::Figure {
+    fn figure(
+        &self,
+        found: &[Found],
+        views: &Views,
+        next: Option<PlannedView>,
+        points: &[Circle],
+    ) -> palpate::plot::Figure {
         let shown = |found: &Found| match &found.outcome {
             Ok(fits) => fits.poses(),
             Err(_) => Vec::new(),
@@ -181,7 +197,7 @@ impl Arguments {
         let names: Vec<_> = found.iter().map(|found| found.part.name.as_str()).collect();
         let title = format!("{} from {}", names.join(", "), in_words(views));
         let subtitles: Vec<_> = found.iter().map(in_a_line).collect();
-        InscribePicture { views, poses: &all, next, title: &title, subtitles: &subtitles }.figure()
+        InscribePicture { views, poses: &all, next, points, title: &title, subtitles: &subtitles }.figure()
     }
 }
 
@@ -189,8 +205,7 @@ impl Arguments {
 fn in_words(views: &Views) -> String {
     let counts = [(views.cones.len(), "view"), (views.readings.fences.len(), "fence"), (views.points.len(), "point")];
     let present = counts.iter().filter(|(count, _)| *count > 0);
-    let words: Vec<_> =
-        present.map(|(count, name)| format!("{count} {name}{}", if *count > 1 { "s" } else { "" })).collect();
+    let words: Vec<_> = present.map(|(count, name)| counted(*count, name)).collect();
     words.join(" and ")
 }
 
@@ -220,13 +235,16 @@ fn in_a_line(found: &Found) -> String {
 }
 
 fn tell(found: &[Found], views: &Views, next: Option<PlannedView>) {
+    // Numbered through all parts, as in the picture.
+    let mut number = 1;
     for found in found {
         say!("{}", in_a_line(found));
         match &found.outcome {
-            Ok(Fits::Exact(poses)) if !poses.is_empty() => tell_exact(&found.part, poses, views),
-            Ok(Fits::Noisy(estimate)) if !estimate.modes.is_empty() => tell_noisy(estimate),
+            Ok(Fits::Exact(poses)) if !poses.is_empty() => tell_exact(&found.part, poses, views, number),
+            Ok(Fits::Noisy(estimate)) if !estimate.modes.is_empty() => tell_noisy(estimate, number),
             _ => {}
         }
+        number += found.outcome.as_ref().map_or(0, |fits| fits.poses().len());
     }
     if let [first, second, ..] = best_fits(found).as_slice() {
         say!("{} and {} both fit: another view may tell them apart", first, second);
@@ -242,14 +260,14 @@ fn best_fits(found: &[Found]) -> Vec<&str> {
     found.iter().filter(fits).map(|found| found.part.name.as_str()).collect()
 }
 
-fn tell_exact(part: &NamedPart, poses: &[Pose], views: &Views) {
+fn tell_exact(part: &NamedPart, poses: &[Pose], views: &Views, first: usize) {
     say!("  pose      x [mm]      y [mm]    turned [°]   held");
     let lines = views.readings.lines();
     for (k, pose) in poses.iter().enumerate() {
         let held = part.shape.conditioning(&lines, &views.points, pose);
         say!(
             "  {:>4} {:>11.4} {:>11.4} {:>13.5} {held:>6.3}",
-            k + 1,
+            first + k,
             pose.x * 1e3,
             pose.y * 1e3,
             pose.theta.to_degrees()
@@ -258,14 +276,14 @@ fn tell_exact(part: &NamedPart, poses: &[Pose], views: &Views) {
     say!("  held: an error of the readings moves the pose by one over this");
 }
 
-fn tell_noisy(estimate: &Estimate) {
+fn tell_noisy(estimate: &Estimate, first: usize) {
     say!("  pose      x [mm]      y [mm]    turned [°]       ± x       ± y     ± turn     χ²");
     for (k, mode) in estimate.modes.iter().enumerate() {
         let sd = |axis: usize| mode.covariance[(axis, axis)].sqrt();
         let note = if mode.at_corner_change { "  errors not normal here" } else { "" };
         say!(
             "  {:>4} {:>11.3} {:>11.3} {:>13.3} {:>9.3} {:>9.3} {:>10.3} {:>6.2}{note}",
-            k + 1,
+            first + k,
             mode.pose.x * 1e3,
             mode.pose.y * 1e3,
             mode.pose.theta.to_degrees(),
@@ -275,7 +293,7 @@ fn tell_noisy(estimate: &Estimate) {
             mode.chi2
         );
     }
-    say!("  χ² of {} degrees of freedom; accepted up to {:.1} (99 %)", estimate.dof, estimate.gate);
+    say!("  χ² of {} of freedom; accepted up to {:.1} (99 %)", counted(estimate.dof, "degree"), estimate.gate);
 }
 
 fn next_in_words(next: &PlannedView) -> String {

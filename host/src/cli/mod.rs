@@ -123,6 +123,11 @@ pub(crate) fn run() -> ExitCode {
     }
 }
 
+/// A number of things, such as "1 point" or "2 points".
+fn counted(count: usize, thing: &str) -> String {
+    format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
+}
+
 /// Writes to standard output. If that fails the program ends: in peace where the reader has seen enough, and with a
 /// complaint where the disk is full.
 fn write_out(text: std::fmt::Arguments<'_>) {

@@ -9,13 +9,15 @@ use std::time::{Duration, Instant};
 use miette::{IntoDiagnostic as _, WrapErr as _, miette};
 use palpate::geometry::SimplePolygon;
 use palpate::plan_file::{PlanFile, in_words};
-use palpate::sampling::{Effort, Objective, Plan, Question, Request, Scene, Search, SetSystem, fewest, questions};
+use palpate::sampling::{
+    Choice, Effort, Objective, Plan, Question, Request, Scene, Search, SetSystem, fewest, questions,
+};
 use palpate::sampling_picture::SamplingPicture;
 use palpate::scene_file::SceneFile;
 use palpate::solve::kinds::point_sampling::PointSampling;
 
 use super::plot::PlotArguments;
-use super::{not_negative, positive};
+use super::{counted, not_negative, positive};
 
 /// Longest time to search, s.
 const TIME_LIMIT_MAX_S: f64 = 1e6;
@@ -48,20 +50,20 @@ pub(crate) struct Arguments {
     #[arg(value_name = "SCENE", required_unless_present_any = ["decode", "sets"])]
     scene: Option<PathBuf>,
     /// Tell which shape or pose it is from a plan and what its points read: 1 covered, 0 free, ? unreadable
-    #[arg(long, value_names = ["PLAN.json", "READINGS"], num_args = 2, conflicts_with_all = ["scene", "sets", "plot", "tree"])]
+    #[arg(long, value_names = ["PLAN.json", "READINGS"], num_args = 2, conflicts_with_all = ["scene", "sets", "plot", "tree", "trade_off", "json", "PlanArguments"])]
     decode: Vec<String>,
     /// Find the fewest elements that tell the sets in a file apart
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["scene", "plot", "trade_off"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["scene", "plot", "trade_off", "min_clearance_mm", "min_area_mm2"])]
     sets: Option<PathBuf>,
     #[command(flatten)]
     plan: PlanArguments,
     /// Print what more points bring: the largest smallest distance from edges for every number of points
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["json", "tree", "plot", "greedy"])]
     trade_off: bool,
     /// Print in which order to probe the points one after the other, the next depending on what was found
-    #[arg(long)]
+    #[arg(long, conflicts_with = "json")]
     tree: bool,
-    /// Print the plan as one JSON object, for --decode: m, SI throughout
+    /// Print one JSON object: the plan, for --decode, in m; with --sets the elements chosen
     #[arg(long)]
     json: bool,
     #[command(flatten)]
@@ -191,13 +193,13 @@ pub(crate) fn plan_in_words(plan: &Plan) -> String {
         true => String::new(),
         false => format!("; smallest clearance {:.4} mm", plan.clearance() * 1e3),
     };
-    format!("{} regions; {count} points ({proven}){clearance}", plan.regions)
+    format!("{}; {} ({proven}){clearance}", counted(plan.regions, "region"), counted(count, "point"))
 }
 
 pub(crate) fn print_plan(names: &[String], plan: &Plan) {
-    say!("{} shapes and poses, {}", names.len(), plan_in_words(plan));
+    say!("{}, {}", counted(names.len(), "outline"), plan_in_words(plan));
     if let Some(bound) = plan.clearance_bound.filter(|_| !plan.points.is_empty()) {
-        say!("no plan of so many points keeps more than {:.4} mm from all edges", bound * 1e3);
+        say!("no plan of as many points keeps more than {:.4} mm from all edges", bound * 1e3);
     }
     say!("{:>5} {:>11} {:>11} {:>15}", "point", "x [mm]", "y [mm]", "clearance [mm]");
     for (number, point) in plan.points.iter().enumerate() {
@@ -227,7 +229,11 @@ fn trade_off(arguments: &Arguments, file: &SceneFile) -> ExitCode {
         say!("{:>6} {:>24.4} {:>22}", plan.points.len(), plan.clearance() * 1e3, bound);
     }
     if let Some(plan) = plans.first().filter(|plan| !plan.is_fewest()) {
-        say!("fewer than {} points were not excluded: no fewer than {} can do", plan.points.len(), plan.lower_bound);
+        say!(
+            "fewer than {} were not excluded: no fewer than {} can do",
+            counted(plan.points.len(), "point"),
+            plan.lower_bound
+        );
     }
     ExitCode::SUCCESS
 }
@@ -246,7 +252,7 @@ fn print_tree(names: &[String], plan: &Plan, stop: &dyn Fn() -> bool) {
     let (tree, bound) = questions(&SetSystem::from_sets(order.len(), &sets), &order, &search);
     let proven =
         if tree.depth() == bound { "the least with these points".to_owned() } else { format!("no less than {bound}") };
-    say!("one after the other: at most {} of {} points ({proven})", tree.depth(), order.len());
+    say!("one after the other: at most {} of {} ({proven})", tree.depth(), counted(order.len(), "point"));
     print_question(&tree, "", &|element| format!("point {}", element + 1), names);
 }
 
@@ -290,13 +296,51 @@ fn discriminate(arguments: &Arguments, path: &Path) -> miette::Result<ExitCode> 
     let effort = if arguments.plan.greedy { Effort::Greedy } else { Effort::Full };
     let separation = arguments.plan.separation();
     let close = system.closer_than(separation);
+    let choice = if close.is_empty() {
+        fewest(&system, &order, &Search { separation, target: 0, effort, stop: &stop })
+    } else {
+        Choice::default()
+    };
+    let status = if close.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE };
+    if arguments.json {
+        let chosen: Vec<&str> = choice.elements.iter().map(|&element| words[element].as_str()).collect();
+        let pairs: Vec<[&str; 2]> = close.iter().map(|pair| pair.map(|set| names[set].as_str())).collect();
+        let codes: Vec<Vec<u8>> = if close.is_empty() {
+            (0..names.len()).map(|set| code(&system, set, &choice).map(u8::from).collect()).collect()
+        } else {
+            Vec::new()
+        };
+        let status_name = if close.is_empty() { "ok" } else { "indistinguishable" };
+        say!(
+            "{}",
+            serde_json::json!({"status": status_name, "pairs": pairs, "elements": chosen, "names": names, "signatures": codes,
+                               "lower_bound": choice.lower_bound, "optimal": close.is_empty() && choice.is_fewest()})
+        );
+        return Ok(status);
+    }
     for &[a, b] in &close {
         say!("cannot be told apart: {} and {}", names[a], names[b]);
     }
     if !close.is_empty() {
-        return Ok(ExitCode::FAILURE);
+        return Ok(status);
     }
-    let choice = fewest(&system, &order, &Search { separation, target: 0, effort, stop: &stop });
+    print_choice(&names, &words, &system, &choice);
+    if arguments.tree {
+        let search = Search { separation: 1, target: 0, effort: Effort::Full, stop: &stop };
+        let (tree, bound) = questions(&system, &order, &search);
+        say!("one after the other: at most {}, no less than {bound}", counted(tree.depth(), "question"));
+        print_question(&tree, "", &|element| words[element].clone(), &names);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Whether a set has each element chosen.
+fn code(system: &SetSystem, set: usize, choice: &Choice) -> impl Iterator<Item = bool> {
+    let code = system.code(set, &choice.elements);
+    (0..choice.elements.len()).map(move |place| code.row().has(place))
+}
+
+fn print_choice(names: &[String], words: &[String], system: &SetSystem, choice: &Choice) {
     let proven = if choice.is_fewest() {
         "proven fewest".to_owned()
     } else {
@@ -304,24 +348,16 @@ fn discriminate(arguments: &Arguments, path: &Path) -> miette::Result<ExitCode> 
     };
     let chosen: Vec<&str> = choice.elements.iter().map(|&element| words[element].as_str()).collect();
     say!(
-        "{} sets, {} elements; {} tell the sets apart ({proven}): {}",
-        names.len(),
-        words.len(),
+        "{}, {}; {} of them tell the sets apart ({proven}): {}",
+        counted(names.len(), "set"),
+        counted(words.len(), "element"),
         chosen.len(),
         chosen.join(" ")
     );
     for (set, name) in names.iter().enumerate() {
-        let code = system.code(set, &choice.elements);
-        let bits: String = (0..chosen.len()).map(|place| if code.row().has(place) { '1' } else { '0' }).collect();
+        let bits: String = code(system, set, choice).map(|has| if has { '1' } else { '0' }).collect();
         say!("{bits}  {name}");
     }
-    if arguments.tree {
-        let search = Search { separation: 1, target: 0, effort: Effort::Full, stop: &stop };
-        let (tree, bound) = questions(&system, &order, &search);
-        say!("one after the other: at most {} questions, no less than {bound}", tree.depth());
-        print_question(&tree, "", &|element| words[element].clone(), &names);
-    }
-    Ok(ExitCode::SUCCESS)
 }
 
 /// Names of sets, elements, and the elements of each set.

@@ -27,7 +27,7 @@ use toml::Value;
 
 use crate::geometry::{ConvexPolygon, NotConvex, PolygonError, SimplePolygon};
 use crate::inscription::{Bearing, Cone, ConeError, Ellipse, HalfPlane, NoisyReadings, Outline, Rounded};
-use crate::part_file::Unit;
+use crate::part_file::{Numbers, Unit};
 
 /// A part that a person has described.
 #[derive(Clone, Debug)]
@@ -64,10 +64,10 @@ pub enum FileError {
     Toml(String),
     /// The outline.
     #[error("vertices: {0}")]
-    Outline(#[from] PolygonError),
+    Outline(PolygonError),
     /// The outline has a notch.
     #[error("vertices: {0}; --hull takes the hull")]
-    NotConvex(#[from] NotConvex),
+    NotConvex(NotConvex),
     /// A cone that no part can fill.
     #[error("cone {index}: {error}")]
     Cone {
@@ -127,7 +127,7 @@ pub enum FileError {
 #[expect(dead_code, reason = "known keys, so that unknown ones are mistakes")]
 struct PartKeys {
     unit: Unit,
-    vertices: Option<Vec<[f64; 2]>>,
+    vertices: Option<Vec<Numbers<2>>>,
     rounding: Option<f64>,
     ellipse: Option<EllipseKeys>,
     mu: Option<Value>,
@@ -160,10 +160,10 @@ struct ViewKeys {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ConeKeys {
-    apex: [f64; 2],
+    apex: Numbers<2>,
     right: f64,
     left: f64,
-    moved: Option<[f64; 3]>,
+    moved: Option<Numbers<3>>,
 }
 
 #[derive(Deserialize)]
@@ -171,14 +171,14 @@ struct ConeKeys {
 struct FenceKeys {
     normal: f64,
     offset: f64,
-    moved: Option<[f64; 3]>,
+    moved: Option<Numbers<3>>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct PointKeys {
-    at: [f64; 2],
-    moved: Option<[f64; 3]>,
+    at: Numbers<2>,
+    moved: Option<Numbers<3>>,
 }
 
 /// The longest ellipse for its width: its ends are sharper than its size can be measured.
@@ -225,14 +225,18 @@ impl NamedPart {
 
 /// The outline with these vertices, and the convex part that it bounds.
 fn polygon(
-    vertices: &[[f64; 2]],
+    vertices: &[Numbers<2>],
     metres: f64,
     rounding: Option<f64>,
     hull: bool,
 ) -> Result<(SimplePolygon, Outline), FileError> {
-    let vertices: Vec<_> = vertices.iter().map(|vertex| Point2::from(*vertex) * metres).collect();
-    let outline = SimplePolygon::new(vertices)?;
-    let polygon = if hull { ConvexPolygon::hull(&outline) } else { ConvexPolygon::new(&outline)? };
+    let vertices: Vec<_> = vertices.iter().map(|vertex| Point2::from(vertex.0) * metres).collect();
+    let outline = SimplePolygon::new(vertices).map_err(FileError::Outline)?;
+    let polygon = if hull {
+        ConvexPolygon::hull(&outline)
+    } else {
+        ConvexPolygon::new(&outline).map_err(FileError::NotConvex)?
+    };
     match rounding {
         Some(radius) if !(radius.is_finite() && radius >= 0.0) => Err(FileError::Rounding(radius)),
         Some(radius) if radius > 0.0 => drawn(Outline::Rounded(Rounded { polygon, radius: radius * metres })),
@@ -244,7 +248,7 @@ fn polygon(
 fn drawn(shape: Outline) -> Result<(SimplePolygon, Outline), FileError> {
     let sampled = shape.sampled();
     let corners: Vec<_> = sampled.corners().iter().map(|corner| sampled.centre() + corner).collect();
-    Ok((SimplePolygon::new(corners)?, shape))
+    Ok((SimplePolygon::new(corners).map_err(FileError::Outline)?, shape))
 }
 
 impl EllipseKeys {
@@ -295,9 +299,9 @@ impl Views {
             fences.push(HalfPlane::new(fence.normal.to_radians(), fence.offset * metres).moved(&undo));
         }
         let points = keys.point.iter().enumerate().map(|(index, point)| {
-            let undo = undone(point.moved, metres).filter(|_| point.at.iter().all(|value| value.is_finite()));
+            let undo = undone(point.moved, metres).filter(|_| point.at.0.iter().all(|value| value.is_finite()));
             let undo = undo.ok_or(FileError::NotFinite { what: "point", index })?;
-            Ok(undo * (Point2::from(point.at) * metres))
+            Ok(undo * (Point2::from(point.at.0) * metres))
         });
         let points = points.collect::<Result<Vec<_>, FileError>>()?;
         let noisy = keys.sigma.is_some();
@@ -318,13 +322,13 @@ impl Views {
 
 impl ConeKeys {
     fn read(&self, metres: f64) -> Result<Cone, ConeError> {
-        Cone::new(Point2::from(self.apex) * metres, self.right.to_radians(), self.left.to_radians())
+        Cone::new(Point2::from(self.apex.0) * metres, self.right.to_radians(), self.left.to_radians())
     }
 }
 
 /// The motion that takes the part back; none if it is not finite.
-fn undone(moved: Option<[f64; 3]>, metres: f64) -> Option<Isometry2<f64>> {
-    let [x, y, degrees] = moved.unwrap_or_default();
+fn undone(moved: Option<Numbers<3>>, metres: f64) -> Option<Isometry2<f64>> {
+    let [x, y, degrees] = moved.map_or([0.0; 3], |Numbers(moved)| moved);
     let finite = [x, y, degrees].iter().all(|value| value.is_finite());
     finite.then(|| Isometry2::new([x * metres, y * metres].into(), degrees.to_radians()).inverse())
 }
@@ -352,6 +356,9 @@ mod tests {
             (VIEWS.replace("left = 7", "left = -30"), "cone 0: the cone opens by"),
             (VIEWS.replace("left = 7", "left = -10"), "cone 0: the cone has no opening"),
             (VIEWS.replace("left = 7", "left = nan"), "cone 0: the apex and the angles must be finite"),
+            (VIEWS.replace("50]", "50, 3]"), "[-200.0, 50.0, 3.0] is 3 numbers, 2 are needed"),
+            (VIEWS.replace("sigma = 0.1\n", "") + "[[point]]\nat = [60, 15, 3]", "[60.0, 15.0, 3.0] is 3 numbers"),
+            (format!("{VIEWS}moved = [0, 0]"), "[0.0, 0.0] is 2 numbers, 3 are needed"),
             (VIEWS.replace("left = 7\n", ""), "missing field `left`"),
             (VIEWS.replace("sigma = 0.1", "sigma = -0.1"), "sigma = -0.1"),
             (VIEWS.replace("sigma", "noise"), "unknown field `noise`"),
@@ -367,6 +374,7 @@ mod tests {
         }
         let parts = [
             ("ellipse = {a = 40, b = 25}\nvertices = [[0, 0], [10, 0], [0, 10]]", "either `vertices` or `ellipse`"),
+            ("vertices = [[0, 0], [10, 0, 1], [0, 10]]", "[10.0, 0.0, 1.0] is 3 numbers"),
             ("mu = 0.3", "either `vertices` or `ellipse`"),
             ("ellipse = {a = 40, b = 0}", "must be finite and above 0"),
             ("ellipse = {a = 40, b = 25}\nrounding = 2", "needs `vertices`"),

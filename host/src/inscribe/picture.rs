@@ -7,6 +7,7 @@ use nalgebra::{Isometry2, Point2, Vector2};
 use super::files::{NamedPart, Views};
 use crate::inscription::{PlannedView, Pose};
 use crate::plot::{Colour, Dash, Figure, Key, Scene, Stroke, Style};
+use crate::sampling::Circle;
 
 /// Size of the page.
 const PAGE: [f64; 2] = [900.0, 720.0];
@@ -16,6 +17,9 @@ const RAY_BEYOND: f64 = 0.15;
 
 /// Of points on the outline.
 const PROBED: Colour = Colour::BLACK;
+
+/// Of points that tell poses apart, as in the picture of a sampling plan.
+const ASKED: Colour = Colour::VERMILLION;
 
 /// A pose with the part that has it.
 #[derive(Clone, Copy, Debug)]
@@ -35,6 +39,8 @@ pub struct InscribePicture<'a> {
     pub poses: &'a [Shown<'a>],
     /// Where to look from next.
     pub next: Option<PlannedView>,
+    /// Points that tell the poses apart, numbered as in the plan.
+    pub points: &'a [Circle],
     /// Above everything.
     pub title: &'a str,
     /// Below the title.
@@ -65,6 +71,11 @@ impl InscribePicture<'_> {
         for point in &self.views.points {
             scene.dot(*point, PROBED);
         }
+        for (k, point) in self.points.iter().enumerate() {
+            scene.disk(point.centre, point.radius, Style::area(ASKED, 0.25));
+            scene.dot(point.centre, ASKED);
+            scene.label(point.centre, Vector2::new(1.0, -1.0), (k + 1).to_string(), ASKED);
+        }
         if let Some(next) = self.next {
             scene.dot(next.site, Colour::ORANGE);
             // On the side of the part, so that the text stays inside the frame.
@@ -79,6 +90,9 @@ impl InscribePicture<'_> {
         }
         if !self.views.points.is_empty() {
             scene.key(Key::Dot(PROBED), "probed contact");
+        }
+        if !self.points.is_empty() {
+            scene.key(Key::Dot(ASKED), "point that tells poses apart");
         }
         if !self.poses.is_empty() {
             scene

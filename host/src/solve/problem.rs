@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 use serde_json::{Map, Value};
 
-use super::error::{ErrorCode, Failure, Pointer, QUOTE_CHARS_MAX, SolveError, elide};
+use super::error::{ErrorCode, Failure, InvalidInput, Pointer, QUOTE_CHARS_MAX, SolveError, elide};
 use super::read::read;
 use super::{finite, kinds, schema, spelling};
 
@@ -171,6 +171,34 @@ impl Registry {
     }
 }
 
+/// Reads a problem, in which null says as much as leaving an optional field out.
+///
+/// Where null has a meaning of its own it keeps it: only what cannot be read as it stands is read without. A field that is required
+/// is then missing, and told as it stood.
+fn read_with_nulls<P: Problem>(fields: Map<String, Value>) -> Result<P, InvalidInput> {
+    match without_nulls(&fields) {
+        None => read(Value::Object(fields)),
+        Some(lean) => {
+            read(Value::Object(fields)).or_else(|as_it_stood| read(Value::Object(lean)).map_err(|_| as_it_stood))
+        }
+    }
+}
+
+/// An object without members that are null, nor its objects; none if there are no such members.
+fn without_nulls(fields: &Map<String, Value>) -> Option<Map<String, Value>> {
+    let mut lean = fields.clone();
+    lean.retain(|_, value| !value.is_null());
+    let mut changed = lean.len() < fields.len();
+    for value in lean.values_mut() {
+        if let Value::Object(inner) = value
+            && let Some(inner) = without_nulls(inner)
+        {
+            (*value, changed) = (Value::Object(inner), true);
+        }
+    }
+    changed.then_some(lean)
+}
+
 fn answer<P: Problem>(fields: Map<String, Value>, id: &RawValue) -> Result<String, Failure> {
     #[derive(Serialize)]
     struct Good<'a, A> {
@@ -179,10 +207,38 @@ fn answer<P: Problem>(fields: Map<String, Value>, id: &RawValue) -> Result<Strin
         #[serde(flatten)]
         answer: &'a A,
     }
-    let problem: P = read(Value::Object(fields))?;
+    let problem: P = read_with_nulls(fields)?;
     let answer = problem.solve()?;
     // JSON has no such numbers and serde_json would write null, which means something else.
     finite::check(&answer).map_err(|error| Failure::internal(&format!("the result is not a number: {error}")))?;
     serde_json::to_string(&Good { id, problem: P::KIND, answer: &answer })
         .map_err(|error| Failure::internal(&format!("the result cannot be written: {error}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::kinds::corner_poses::CornerPoses;
+    use super::kinds::inscription::Inscription;
+    use super::*;
+
+    fn read_object<P: Problem>(value: &Value) -> Result<P, InvalidInput> {
+        read_with_nulls(value.as_object().unwrap().clone())
+    }
+
+    #[test]
+    fn null_in_an_optional_field_leaves_it_out_and_in_a_required_one_is_a_mistake() {
+        let square = json!([[0, 0], [0.06, 0], [0.06, 0.04], [0, 0.04]]);
+        let lean = json!({"polygon": square, "half_planes": [{"normal_angle": 0, "offset": 0.1}]});
+        let mut full = lean.clone();
+        for field in ["points", "cones", "rounding", "hull", "sigma"] {
+            full[field] = Value::Null;
+        }
+        let [lean, full] = [lean, full].map(|value| json!(read_object::<Inscription>(&value).unwrap()));
+        assert_eq!(full, lean);
+        let required = json!({"polygon": null, "corner_angle": 1.5, "push": [-1, -1]});
+        let message = read_object::<CornerPoses>(&required).unwrap_err().to_string();
+        assert!(message.contains("/polygon"), "{message}");
+    }
 }

@@ -5,7 +5,8 @@
 //!
 //! In reading order:
 //! - `system`: sets and elements; the columns that matter of them;
-//! - `greedy`, `local`: good choices; `partition`, `branch` with `simplex` and `cuts`: bounds, and better choices;
+//! - `greedy`, `local`: good choices; `partition` with `splits` and `packing`, `branch` with `simplex` and `cuts`: bounds, and better
+//!   choices;
 //! - `solve`: all of these in turn, components apart; `tree`: asking one element after the other.
 //!
 //! Errors: none. Sets that no element tells apart stay together.
@@ -14,9 +15,11 @@ mod branch;
 mod cuts;
 mod greedy;
 mod local;
+mod packing;
 mod partition;
 mod simplex;
 mod solve;
+mod splits;
 mod system;
 #[cfg(test)]
 mod tests;

@@ -1,16 +1,22 @@
 //! Whether so many columns are enough, by search over partitions: for dense scenes, where few points tell many polygons apart.
 //!
-//! A state is the classes of sets not yet told apart. It is hopeless with `r` columns to go if a class has more than 2^r
-//! members, or if the `r` columns that separate most separate too little. Otherwise some pair has fewest columns that
-//! separate it, one of which must be chosen: each is tried, and left out of what is tried after it. Columns that split all
-//! classes alike count once, which leaves very few near the end.
+//! A state is the classes of sets not yet told apart, and the columns that may still be chosen. With `r` columns to go it is
+//! hopeless if a class has more than 2^r members, if the `r` columns that separate most separate too little, or if pairs that no
+//! column separates two of are more than `r` (`packing`). Otherwise some pair has fewest columns that separate it, one of which must
+//! be chosen: each is tried, and left out of what is tried after it. Columns that split all classes alike count once; which
+//! leave no class too large is found for 64 at a time, and so are the last two (`splits`).
 //!
 //! Masks of 64 bits hold the sets, so at most 64 can be told apart here.
 
+use super::packing::Packing;
+use super::splits::{Split, Splits, distinct};
 use super::system::Columns;
 
 /// Sets that fit a mask.
 pub(super) const SETS_MAX: usize = 64;
+
+/// With fewer columns to go what columns separate is not summed up: packing finds nearly all that this would, in less time.
+const SUM_FROM: usize = 5;
 
 /// What a search came to.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -23,26 +29,29 @@ pub(super) enum Outcome {
     Open,
 }
 
+/// What is tried first at a state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Order {
+    /// The splits that separate most pairs: to find a choice soon.
+    Most,
+    /// Those that separate fewest, which are refuted soonest, so that the others are tried without them: to refute all soon.
+    Fewest,
+}
+
 /// The search.
 pub(super) struct Partition<'a> {
     /// States that may still be looked at.
     budget: u64,
+    order: Order,
     stop: &'a dyn Fn() -> bool,
     /// States looked at.
     pub states: u64,
-}
-
-/// A way to split the classes of a state, and a column that does it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct Split {
-    /// In each class, the side without the class's least member.
-    side: u64,
-    column: u32,
+    chosen: Vec<u32>,
 }
 
 impl<'a> Partition<'a> {
-    pub(super) fn new(budget: u64, stop: &'a dyn Fn() -> bool) -> Self {
-        Self { budget, stop, states: 0 }
+    pub(super) fn new(budget: u64, order: Order, stop: &'a dyn Fn() -> bool) -> Self {
+        Self { budget, order, stop, states: 0, chosen: Vec::new() }
     }
 
     /// Whether `size` columns are enough to separate all sets, of which there are at most [`SETS_MAX`].
@@ -52,63 +61,103 @@ impl<'a> Partition<'a> {
             (0..columns.len()).map(|column| Split { side: mask(column), column: number(column) }).collect();
         let all = if columns.sets == SETS_MAX { u64::MAX } else { (1 << columns.sets) - 1 };
         let classes = if columns.sets > 1 { vec![all] } else { Vec::new() };
-        let mut chosen = Vec::new();
-        match self.descend(&classes, &splits, size, &mut chosen) {
-            Some(true) => Outcome::Found(chosen.into_iter().map(|column| column as usize).collect()),
+        self.chosen.clear();
+        match self.descend(&classes, &splits, size) {
+            Some(true) => Outcome::Found(self.chosen.iter().map(|&column| column as usize).collect()),
             Some(false) => Outcome::Refuted,
             None => Outcome::Open,
         }
     }
 
     /// Whether `left` more columns are enough; none if the search was broken off.
-    fn descend(&mut self, classes: &[u64], splits: &[Split], left: usize, chosen: &mut Vec<u32>) -> Option<bool> {
+    fn descend(&mut self, classes: &[u64], splits: &[Split], left: usize) -> Option<bool> {
         if classes.is_empty() {
             return Some(true);
         }
-        if left == 0 || classes.iter().any(|class| log2_ceil(class.count_ones()) > left) {
+        if are_too_large(classes, left) {
             return Some(false);
-        }
-        self.states += 1;
-        if self.states > self.budget || (self.states.is_multiple_of(256) && (self.stop)()) {
-            return None;
-        }
-        if left == 1 {
-            let last = splits.iter().find(|split| classes.iter().all(|class| (split.side & class).count_ones() == 1));
-            chosen.extend(last.map(|split| split.column));
-            return Some(last.is_some());
         }
         let splits = distinct(classes, splits, left);
-        if !enough(classes, &splits, left) {
+        if left >= SUM_FROM && !enough(classes, &splits, left) {
             return Some(false);
         }
-        let splits: Vec<Split> = splits.into_iter().map(|(_, split)| split).collect();
-        let Some(pair) = scarcest_pair(classes, &splits) else { return Some(false) };
-        // What separates the pair comes last, the best at the very end, so that each is tried with those before it.
-        let (mut order, tried): (Vec<Split>, Vec<Split>) =
-            splits.into_iter().partition(|split| (split.side & pair).count_ones() != 1);
-        let others = order.len();
-        order.extend(tried.into_iter().rev());
-        for place in (others..order.len()).rev() {
-            let split = order[place];
+        let splits = Splits::new(splits);
+        let all = splits.all();
+        if left <= 2 {
+            return Some(splits.last(classes, &splits.fitting(classes, &all, left), left, &mut self.chosen));
+        }
+        let packing = Packing::new(classes, &splits, &all);
+        if packing.exceeds(left) { Some(false) } else { self.branch(classes, &splits, &packing, left) }
+    }
+
+    /// Tries every split that separates the scarcest pair.
+    fn branch(&mut self, classes: &[u64], splits: &Splits, packing: &Packing, left: usize) -> Option<bool> {
+        let mut allowed = splits.all();
+        let mut tried: Vec<usize> = splits.separating(packing.scarcest(), &allowed).collect();
+        tried.sort_by_key(|&place| gain(classes, splits[place].side));
+        if self.order == Order::Most {
+            tried.reverse();
+        }
+        for place in tried {
+            let split = splits[place];
+            allowed[place / 64] &= !(1 << (place % 64));
+            self.count_state()?;
             let finer: Vec<u64> = classes.iter().flat_map(|class| parts(*class, split.side)).collect();
-            chosen.push(split.column);
-            if self.descend(&finer, &order[..place], left - 1, chosen)? {
+            let fitting = splits.fitting(&finer, &allowed, left - 1);
+            // The pairs in the order that is known already are enough in most states.
+            if packing.exceeds_after(split.side, splits, &fitting, left - 1)
+                || Packing::new(&finer, splits, &fitting).exceeds(left - 1)
+            {
+                continue;
+            }
+            self.chosen.push(split.column);
+            let found = if left == 3 {
+                splits.last(&finer, &fitting, 2, &mut self.chosen)
+            } else {
+                self.descend(&finer, &splits.among(&fitting), left - 1)?
+            };
+            if found {
                 return Some(true);
             }
-            chosen.pop();
+            self.chosen.pop();
         }
         Some(false)
     }
+
+    /// None if the search is to be broken off.
+    fn count_state(&mut self) -> Option<()> {
+        self.states += 1;
+        let over = self.states > self.budget || (self.states.is_multiple_of(256) && (self.stop)());
+        (!over).then_some(())
+    }
+}
+
+/// Whether some class has too many members for so many columns.
+fn are_too_large(classes: &[u64], left: usize) -> bool {
+    classes.iter().any(|class| log2_ceil(class.count_ones()) > left)
 }
 
 /// The parts of a class with more than one member.
-fn parts(class: u64, side: u64) -> impl Iterator<Item = u64> {
+pub(super) fn parts(class: u64, side: u64) -> impl Iterator<Item = u64> {
     [class & side, class & !side].into_iter().filter(|part| part.count_ones() > 1)
 }
 
 /// The least number of bits that tell so many apart.
 pub(super) fn log2_ceil(count: u32) -> usize {
     (u32::BITS - count.saturating_sub(1).leading_zeros()) as usize
+}
+
+/// Whether the `left` columns that separate most could separate all that is left.
+fn enough(classes: &[u64], splits: &[Split], left: usize) -> bool {
+    let open: u32 = classes.iter().map(|class| distances(class.count_ones(), left)).sum();
+    let mut gains: Vec<u32> = splits.iter().map(|split| gain(classes, split.side)).collect();
+    gains.sort_unstable_by(|a, b| b.cmp(a));
+    gains.iter().take(left).sum::<u32>() >= open
+}
+
+/// The pairs in classes that a split separates.
+fn gain(classes: &[u64], side: u64) -> u32 {
+    classes.iter().map(|class| (class & side).count_ones() * (class & !side).count_ones()).sum()
 }
 
 /// The least sum of distances between all pairs of so many different codes of `bits` bits.
@@ -141,93 +190,6 @@ fn distances_of_any(count: u32) -> u32 {
     (full * half * (count - half) + rest * (count - rest)).max(count * (count - 1) / 2)
 }
 
-/// The different splits of some classes that leave no part too large, each with the pairs that it separates, most first.
-fn distinct(classes: &[u64], splits: &[Split], left: usize) -> Vec<(u32, Split)> {
-    let largest = 1_u64.checked_shl(number(left - 1)).unwrap_or(u64::MAX);
-    let rewritten = splits.iter().filter_map(|split| {
-        let (mut side, mut gain) = (0, 0);
-        for &class in classes {
-            let within = split.side & class;
-            let has_least = within & class & class.wrapping_neg() != 0;
-            let part = if has_least { class & !within } else { within };
-            let (inside, outside) = (part.count_ones(), (class & !part).count_ones());
-            if u64::from(inside.max(outside)) > largest {
-                return None;
-            }
-            side |= part;
-            gain += inside * outside;
-        }
-        (gain > 0).then_some((gain, Split { side, ..*split }))
-    });
-    let mut rewritten: Vec<_> = rewritten.collect();
-    rewritten.sort_unstable_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
-    rewritten.dedup_by_key(|(_, split)| split.side);
-    rewritten
-}
-
-/// Whether the `left` columns that separate most could separate all that is left.
-fn enough(classes: &[u64], splits: &[(u32, Split)], left: usize) -> bool {
-    let open: u32 = classes.iter().map(|class| distances(class.count_ones(), left)).sum();
-    let most: u32 = splits.iter().take(left).map(|(gain, _)| gain).sum();
-    most >= open
-}
-
-/// The pair in a class that the fewest splits separate; none if a pair is separated by none.
-fn scarcest_pair(classes: &[u64], splits: &[Split]) -> Option<u64> {
-    let sides = transposed(splits);
-    let row = |set: u32| &sides[set as usize];
-    let mut best: Option<(u32, u64)> = None;
-    for &class in classes {
-        for pair in pairs_in(class) {
-            let (a, b) = (row(pair.trailing_zeros()), row(63 - pair.leading_zeros()));
-            let count = a.iter().zip(b).map(|(a, b)| (a ^ b).count_ones()).sum();
-            if count == 0 {
-                return None;
-            }
-            if best.is_none_or(|(least, _)| count < least) {
-                best = Some((count, pair));
-            }
-        }
-    }
-    best.map(|(_, pair)| pair)
-}
-
-/// For each set the splits that have it on their side, 64 of them in a word.
-fn transposed(splits: &[Split]) -> Vec<Vec<u64>> {
-    let mut rows = vec![Vec::new(); SETS_MAX];
-    for chunk in splits.chunks(64) {
-        let mut words = [0; 64];
-        words.iter_mut().zip(chunk).for_each(|(word, split)| *word = split.side);
-        transpose(&mut words);
-        rows.iter_mut().zip(words).for_each(|(row, word)| row.push(word));
-    }
-    rows
-}
-
-/// Swaps rows and columns of a matrix of bits: its quarters, then theirs, down to single bits.
-fn transpose(words: &mut [u64; 64]) {
-    let mut width = 32;
-    let mut mask = u64::MAX >> 32;
-    while width > 0 {
-        for low in (0..64).filter(|row| row & width == 0) {
-            let swapped = ((words[low] >> width) ^ words[low + width]) & mask;
-            words[low] ^= swapped << width;
-            words[low + width] ^= swapped;
-        }
-        width /= 2;
-        mask ^= mask << width;
-    }
-}
-
-/// The pairs of members of a class, as masks.
-fn pairs_in(class: u64) -> impl Iterator<Item = u64> {
-    let members = |mask: u64| {
-        let rest = |&mask: &u64| Some(mask & (mask - 1)).filter(|&mask| mask != 0);
-        std::iter::successors(Some(mask).filter(|&mask| mask != 0), rest).map(|mask| mask & mask.wrapping_neg())
-    };
-    members(class).flat_map(move |a| members(class & !(a | (a - 1))).map(move |b| a | b))
-}
-
-fn number(value: usize) -> u32 {
+pub(super) fn number(value: usize) -> u32 {
     u32::try_from(value).unwrap_or(u32::MAX)
 }

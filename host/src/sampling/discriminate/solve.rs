@@ -3,7 +3,7 @@
 use super::branch::Branch;
 use super::greedy::greedy_multiple;
 use super::local::Local;
-use super::partition::{Outcome, Partition, SETS_MAX, log2_ceil};
+use super::partition::{Order, Outcome, Partition, SETS_MAX, log2_ceil};
 use super::system::{Columns, SetSystem};
 
 /// What is asked for.
@@ -63,11 +63,30 @@ impl Choice {
     }
 }
 
-/// Scores that local search may change at first, and at most states and programs of a round of the other methods. A round
-/// takes some ten to a hundred milliseconds; each is twice as long as the one before.
-const LOCAL_WORK: u64 = 20_000_000;
-const STATES: u64 = 5_000;
-const PROGRAMS: u64 = 20;
+/// What a method may do in one round. Each round allows more than the one before, and a method begins anew: so much more that what was
+/// done before matters little.
+#[derive(Clone, Copy, Debug)]
+struct Budget {
+    /// Scores that local search may change at first; each round twice as many.
+    scores: u64,
+    /// Partitions at first, and the binary logarithm of their growth.
+    partitions: u64,
+    partitions_growth: u32,
+    /// Linear programs at first, beside that of the root; each round twice as many.
+    programs: u64,
+}
+
+/// The first round takes some ten to a hundred milliseconds of each method.
+const SPARSE: Budget = Budget { scores: 20_000_000, partitions: 5_000, partitions_growth: 1, programs: 20 };
+
+/// In dense scenes search over partitions ends long before branching on programs does: it gets some seconds in the second round.
+const DENSE: Budget = Budget { scores: 80_000_000, partitions: 50_000, partitions_growth: 4, programs: 20 };
+
+/// A scene is dense if no more elements are known to be needed than these beyond what it takes to number the sets.
+const DENSE_EXTRA: usize = 3;
+
+/// Doublings of a budget, at most.
+const DOUBLINGS_MAX: u32 = 20;
 
 /// Rounds of a search that is not to be long.
 const ROUNDS_BRIEF: u32 = 2;
@@ -140,19 +159,24 @@ impl<'a> Rounds<'a> {
         let start = self.found.columns.clone();
         let mut local = Local::new(self.columns, self.separation, &start);
         // In dense scenes a few partitions prove what one linear program takes longer for; in sparse ones they end at once.
-        self.refute(STATES);
+        self.refute(self.budget().partitions);
         for round in 0.. {
             if self.is_over() {
                 break;
             }
-            if let Some(better) = local.as_mut().and_then(|local| self.run_local(local, round)) {
+            let budget = self.budget();
+            if let Some(better) = local.as_mut().and_then(|local| self.run_local(local, grown(budget.scores, round))) {
                 self.improve(better);
             }
-            self.partition(STATES << round.min(20));
+            // At first to find fewer, then to prove that there are not.
+            let order = if round == 0 { Order::Most } else { Order::Fewest };
+            self.partition(grown(budget.partitions, budget.partitions_growth * round), order);
             if round == 0 {
                 self.branch(0);
             }
-            self.branch(PROGRAMS << round.min(20));
+            if round > 0 || !self.is_dense() {
+                self.branch(grown(budget.programs, round));
+            }
             let brief = self.search.effort == Effort::Brief && round + 1 >= ROUNDS_BRIEF;
             if brief || (self.search.stop)() {
                 break;
@@ -168,6 +192,14 @@ impl<'a> Rounds<'a> {
             || (self.found.lower_bound > self.search.target && self.search.target > 0)
     }
 
+    fn budget(&self) -> Budget {
+        if self.is_dense() { DENSE } else { SPARSE }
+    }
+
+    fn is_dense(&self) -> bool {
+        self.found.columns.len() <= self.found.proof.digits + DENSE_EXTRA
+    }
+
     fn is_separated(&self) -> bool {
         let apart = |a: usize, b: usize| {
             self.found.columns.iter().filter(|&&column| self.columns.separates(column, a, b)).count() >= self.separation
@@ -181,8 +213,8 @@ impl<'a> Rounds<'a> {
         }
     }
 
-    fn run_local(&self, local: &mut Local<'_>, round: u32) -> Option<Vec<usize>> {
-        local.run(LOCAL_WORK << round.min(10), self.search.target.max(self.found.lower_bound), self.search.stop)
+    fn run_local(&self, local: &mut Local<'_>, work: u64) -> Option<Vec<usize>> {
+        local.run(work, self.search.target.max(self.found.lower_bound), self.search.stop)
     }
 
     /// Raises the bound while no so few columns are enough, until the states are used up, or up to one less than is known: whether
@@ -191,7 +223,7 @@ impl<'a> Rounds<'a> {
         if self.separation > 1 || self.columns.sets > SETS_MAX {
             return;
         }
-        let mut partition = Partition::new(states, self.search.stop);
+        let mut partition = Partition::new(states, Order::Fewest, self.search.stop);
         while !self.is_over() && self.found.lower_bound + 1 < self.found.columns.len() {
             match partition.search(self.columns, self.found.lower_bound) {
                 Outcome::Found(columns) => self.improve(columns),
@@ -203,11 +235,11 @@ impl<'a> Rounds<'a> {
     }
 
     /// Looks for one column fewer until there is none, or until the states are used up.
-    fn partition(&mut self, states: u64) {
+    fn partition(&mut self, states: u64, order: Order) {
         if self.separation > 1 || self.columns.sets > SETS_MAX {
             return;
         }
-        let mut partition = Partition::new(states, self.search.stop);
+        let mut partition = Partition::new(states, order, self.search.stop);
         while !self.is_over() {
             let size = self.found.columns.len();
             match partition.search(self.columns, size - 1) {
@@ -231,6 +263,11 @@ impl<'a> Rounds<'a> {
         self.found.proof.branches += branch.nodes;
         self.improve(branch.best);
     }
+}
+
+/// A budget doubled so many times.
+fn grown(budget: u64, doublings: u32) -> u64 {
+    budget << doublings.min(DOUBLINGS_MAX)
 }
 
 /// Sets that are connected through columns, and the columns that connect them.

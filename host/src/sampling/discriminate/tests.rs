@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 use super::super::bits::BitSet;
 use super::cuts::Cuts;
-use super::partition::{distances, log2_ceil};
+use super::partition::{Order, Outcome, Partition, distances, log2_ceil};
 use super::system::Columns;
 use super::*;
 
@@ -60,6 +60,32 @@ proptest! {
         let choice = solve(&system, separation);
         prop_assert!(system.separation(&choice.elements).is_none_or(|found| found >= separation));
         prop_assert_eq!((choice.elements.len(), choice.lower_bound), (least, least), "{:?}", choice);
+    }
+
+    /// The search over partitions by itself: sets that few columns tell apart, so that every one of its bounds decides somewhere.
+    #[test]
+    fn so_many_columns_are_enough_exactly_if_some_of_all_choices_are(
+        holders in (2..16_usize).prop_flat_map(|sets| proptest::collection::vec(1..1_u32 << sets, 1..11).prop_map(move |holders| (sets, holders))),
+        first_most in proptest::bool::ANY,
+    ) {
+        let (sets, holders) = holders;
+        let of = |mask: &u32| BitSet::of(sets, (0..sets).filter(|set| mask >> set & 1 == 1));
+        let system = SetSystem::new(sets, holders.iter().map(of).collect());
+        let columns = Columns::new(&system, &all(&system), 1);
+        let least = by_exhaustion(&system, 1);
+        let order = if first_most { Order::Most } else { Order::Fewest };
+        for size in 0..=columns.len() {
+            match Partition::new(u64::MAX, order, &|| false).search(&columns, size) {
+                Outcome::Found(found) => {
+                    let elements: Vec<usize> = found.iter().map(|&column| columns.elements[column]).collect();
+                    prop_assert!(elements.len() <= size && system.tells_apart(&elements), "{:?}", elements);
+                }
+                outcome => {
+                    prop_assert_eq!(outcome, Outcome::Refuted);
+                    prop_assert!(least.is_none_or(|least| least > size), "{} of {:?} refuted", size, least);
+                }
+            }
+        }
     }
 
     /// Many small parts: what [`fewest`] solves one by one.
@@ -158,6 +184,18 @@ fn figure_3_2_needs_its_bounds() {
     assert_eq!(solve(&SetSystem::from_sets(4 + n, &spread), 1).elements.len(), 4);
     let nested: Vec<Vec<usize>> = (0..n).map(|i| (0..=i).collect()).collect();
     assert_eq!(solve(&SetSystem::from_sets(n, &nested), 1).elements.len(), n - 1);
+}
+
+#[test]
+fn as_many_sets_as_fit_a_mask_are_told_apart_by_their_digits() {
+    let sets: Vec<Vec<usize>> =
+        (0..64_usize).map(|i| (0..6).filter(|bit| i >> bit & 1 == 1).chain(6..6 + i).collect()).collect();
+    let system = SetSystem::from_sets(6 + 63, &sets);
+    let columns = Columns::new(&system, &all(&system), 1);
+    let search = |size| Partition::new(u64::MAX, Order::Fewest, &|| false).search(&columns, size);
+    assert_eq!(search(5), Outcome::Refuted);
+    let Outcome::Found(found) = search(6) else { panic!("6 digits are enough") };
+    assert!(system.tells_apart(&found.iter().map(|&column| columns.elements[column]).collect::<Vec<_>>()));
 }
 
 #[test]

@@ -230,11 +230,13 @@ fn edges_of(polygons: &[SimplePolygon]) -> (Vec<Edge>, Vec<Point2<f64>>) {
     };
     let mut edges = Vec::new();
     for (polygon, shape) in polygons.iter().enumerate() {
-        for (start, end) in shape.edges() {
-            let (start, end) = (cleaned(start), cleaned(end));
-            let (ends, polygon) = ([number(start), number(end)], index(polygon));
-            edges.push(Edge { segment: Segment { start, end }, polygon, ends });
-        }
+        let corners: Vec<_> = shape.vertices().iter().map(|&p| cleaned(p)).map(|p| (p, number(p))).collect();
+        let next = corners.iter().cycle().skip(1);
+        edges.extend(corners.iter().zip(next).map(|(&(start, from), &(end, to))| Edge {
+            segment: Segment { start, end },
+            polygon: index(polygon),
+            ends: [from, to],
+        }));
     }
     (edges, places)
 }
