@@ -46,7 +46,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     match ranked.first().filter(|first| first.probability > 0.0) {
         Some(first) => {
             let part = &files[first.part].part;
-            say!("\nIf it is {}:\n{}", arguments.parts[first.part].display(), pose::HEADINGS);
+            say!("\nIf it is {}:\n{}", arguments.parts[first.part].display(), pose::headings(&first.estimate));
             pose::lines(part, &first.estimate).iter().for_each(|line| say!("{line}"));
             say!("{}", pose::in_words(part, &first.estimate));
         }

@@ -9,13 +9,13 @@
 use std::cell::Cell;
 use std::f64::consts::TAU;
 
-use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix4, Vector2};
+use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix4, Matrix5, Vector2};
 
 use super::clock::Fineness;
 use super::data::Data;
 use super::fit::{Candidate, Descent, Fitting};
-use super::launch::{Begin, UNKNOWNS};
-use super::observation::{Estimate, Fit, Hypothesis, Known, Observation, pose};
+use super::launch::{Begin, GRIP, UNKNOWNS};
+use super::observation::{Estimate, Fit, Hypothesis, Known, Observation, Prior, pose};
 use super::path::Site;
 use super::seed::{Width, seeds, settling};
 use super::sites::sites;
@@ -74,7 +74,7 @@ pub(super) const SLACK: f64 = 24.0;
 const ROUNDS_MIN: usize = 2;
 
 /// Descents on one site that are as near as this (angle in rad, place in m) and go on alike are one.
-const MET: [f64; UNKNOWNS] = [2e-3, 2e-4, 0.1, 2e-3];
+const MET: [f64; UNKNOWNS] = [2e-3, 2e-4, 0.1, 2e-3, 0.02];
 
 /// A wall may give way by so much, in its own measure: 50 µm of an edge.
 const OVERRUN_MAX: f64 = 5.0;
@@ -245,7 +245,7 @@ pub(super) fn merge_met(descents: &mut Vec<Descent>) {
 
 fn have_met(a: &Candidate, b: &Candidate) -> bool {
     let near = |i: usize| (a.unknowns[i] - b.unknowns[i]).abs() < MET[i];
-    a.site == b.site && a.begin == b.begin && (0..a.begin.unknowns()).all(near)
+    a.site == b.site && a.begin == b.begin && (0..a.begin.unknowns()).chain([GRIP]).all(near)
 }
 
 /// Stiffens the walls until the minimum lies on them; none if it cannot.
@@ -320,7 +320,7 @@ fn judge(fitting: &Fitting, descent: &Descent, begins: usize) -> Judged {
     let Descent { candidate, evaluation, .. } = descent;
     let (site, time) = (candidate.site, fitting.data.duration());
     let model = fitting.known.model(site.edge);
-    let state_covariance = state_covariance(fitting, descent);
+    let (state_covariance, grip_log_sd) = state_covariance(fitting, descent).unzip();
     let hypothesis = Hypothesis {
         edge: site.index,
         start: evaluation.start,
@@ -332,6 +332,8 @@ fn judge(fitting: &Fitting, descent: &Descent, begins: usize) -> Judged {
         covariance: state_covariance
             .map(|state| pose_covariance(fitting, descent, &state.fixed_view::<2, 2>(0, 0).into())),
         state_covariance,
+        grip: fitting.known_by(candidate).grip,
+        grip_log_sd,
         cost: evaluation.cost,
         probability: 0.0,
     };
@@ -339,7 +341,7 @@ fn judge(fitting: &Fitting, descent: &Descent, begins: usize) -> Judged {
 }
 
 /// The information about the unknowns, the identity for those not free.
-fn information(fitting: &Fitting, descent: &Descent) -> Matrix4<f64> {
+fn information(fitting: &Fitting, descent: &Descent) -> Matrix5<f64> {
     let (mut information, free) = (descent.evaluation.information, fitting.free(descent));
     for i in (0..UNKNOWNS).filter(|i| !free[*i]) {
         information.row_mut(i).fill(0.0);
@@ -349,12 +351,12 @@ fn information(fitting: &Fitting, descent: &Descent) -> Matrix4<f64> {
     information
 }
 
-/// That of the state at the end; none where the data leave the place free.
-fn state_covariance(fitting: &Fitting, descent: &Descent) -> Option<Matrix4<f64>> {
+/// Covariance of the state at the end, and the standard deviation of ln(µg); none where the data leave the place free.
+fn state_covariance(fitting: &Fitting, descent: &Descent) -> Option<(Matrix4<f64>, f64)> {
     let Descent { candidate, evaluation, .. } = descent;
     let length = candidate.site.high - candidate.site.low;
     let mut information = information(fitting, descent);
-    let sizes = [1.0, length, 1.0, 0.1];
+    let sizes = [1.0, length, 1.0, 0.1, 1.0];
     for (i, size) in sizes.iter().enumerate() {
         information[(i, i)] += CURVATURE_NONE / (size * size);
     }
@@ -369,7 +371,8 @@ fn state_covariance(fitting: &Fitting, descent: &Descent) -> Option<Matrix4<f64>
     let radius = fitting.known.part.inertia_per_mass().sqrt();
     covariance.m11 += left * left;
     covariance.m22 += (left * radius).powi(2);
-    (!unknown && covariance.iter().all(|c| c.is_finite())).then_some(covariance)
+    let grip_log_sd = unknowns[(GRIP, GRIP)].max(0.0).sqrt();
+    (!unknown && covariance.iter().all(|c| c.is_finite())).then_some((covariance, grip_log_sd))
 }
 
 /// Mean squares of the errors of the pose at the end, from the covariance of the contact's angle and place, to second order.
@@ -400,14 +403,14 @@ fn pose_covariance(fitting: &Fitting, descent: &Descent, contact: &Matrix2<f64>)
 fn log_evidence(fitting: &Fitting, descent: &Descent, begins: usize) -> f64 {
     let Descent { candidate, evaluation, .. } = descent;
     let mut information = descent.evaluation.information;
-    let unknowns = candidate.begin.unknowns();
     let bounds = fitting.bounds(candidate);
-    let sigmas = [None, None, fitting.prior.omega0_sigma, fitting.prior.v_t0_sigma];
+    let Prior { omega0_sigma, v_t0_sigma, grip_log_sigma } = fitting.prior;
+    let sigmas = [None, None, omega0_sigma, v_t0_sigma, grip_log_sigma];
     let mut log_prior = -super::clock::count(begins).ln();
     for i in 0..UNKNOWNS {
         let width = bounds[i][1] - bounds[i][0];
         match sigmas[i] {
-            _ if i >= unknowns => information[(i, i)] = TAU, // Cancels below.
+            _ if !fitting.has(candidate.begin, i) => information[(i, i)] = TAU, // Cancels below.
             Some(sigma) => log_prior -= (sigma * TAU.sqrt()).ln(),
             None if width.is_finite() && width > 0.0 => {
                 // Flat over its range: no wider than that, however little the data say. The perimeter is shared by all.

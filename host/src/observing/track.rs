@@ -10,11 +10,11 @@
 
 use std::cell::Cell;
 
-use nalgebra::{Matrix4, Vector2, Vector4};
+use nalgebra::{DMatrix, Matrix5, Vector2, Vector5};
 
 use super::data::Data;
 use super::fit::{Candidate, Descent, Fitting, Past};
-use super::launch::{Begin, UNKNOWNS};
+use super::launch::{Begin, GRIP, UNKNOWNS};
 use super::observation::{Channel, Estimate, Fit, Known, Measured, Observation, Prior};
 use super::path::Site;
 use super::seed::{Width, seeds};
@@ -31,8 +31,8 @@ const SEARCH_EACH: usize = 4;
 /// Part of the window that is dropped when it is full: one in so many.
 const DROPPED_SHARE: usize = 4;
 
-/// What the model may be off by while a part of the window passes: rad, m, rad/s, m/s. It keeps the memory of the past finite.
-const DRIFT: [f64; UNKNOWNS] = [1e-4, 1e-5, 1e-3, 1e-4];
+/// What the model may be off by while a part of the window passes: rad, m, rad/s, m/s, of µg. It keeps the memory of the past finite.
+const DRIFT: [f64; UNKNOWNS] = [1e-4, 1e-5, 1e-3, 1e-4, 1e-2];
 
 /// How to follow a push.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -213,7 +213,9 @@ fn remembered(fitting: &Fitting, candidate: &Candidate, time: f64) -> Option<Can
     let descent = fitting.descend(*candidate)?;
     let evaluation = &descent.evaluation;
     let (end, edge) = (evaluation.end, candidate.site.edge);
-    let mut by_start = evaluation.end_by_start;
+    // The plane's friction stays what it is.
+    let mut by_start = Matrix5::identity();
+    by_start.fixed_rows_mut::<GRIP>(0).copy_from(&evaluation.end_by_start);
     let (begin, along) = match evaluation.contact_end {
         Contact::Frictionless => (Begin::Free, end.v_t),
         Contact::Rolling => (Begin::NoSlip, 0.0),
@@ -227,23 +229,29 @@ fn remembered(fitting: &Fitting, candidate: &Candidate, time: f64) -> Option<Can
         }
     };
     let (covariance, step) = fitting.spread(&descent)?;
-    let drift = Matrix4::from_diagonal(&Vector4::from(DRIFT).map(|drift| drift * drift));
+    let drift = Matrix5::from_diagonal(&Vector5::from(DRIFT).map(|drift| drift * drift));
     let spread = by_start * covariance * by_start.transpose() + drift;
-    let unknowns = [end.u, end.s, end.omega, along];
+    let unknowns = [end.u, end.s, end.omega, along, candidate.unknowns[GRIP]];
     let past = Past {
-        best: Vector4::from(unknowns) + by_start * step,
-        information: leading_inverse(&spread, begin.unknowns())?,
+        best: Vector5::from(unknowns) + by_start * step,
+        information: inverse_of(&spread, |unknown| fitting.has(begin, unknown))?,
         cost: evaluation.cost - step.dot(&(evaluation.information * step)),
         terms: fitting.data.terms() + fitting.prior_terms(candidate),
     };
     Some(Candidate { site: candidate.site, begin, unknowns, past: Some(past) })
 }
 
-/// The inverse of the leading block, zeros elsewhere.
-fn leading_inverse(matrix: &Matrix4<f64>, size: usize) -> Option<Matrix4<f64>> {
-    let inverse = matrix.view((0, 0), (size, size)).clone_owned().cholesky()?.inverse();
-    let mut widened = Matrix4::zeros();
-    widened.view_mut((0, 0), (size, size)).copy_from(&inverse);
+/// The inverse of the rows and columns of some unknowns, zeros elsewhere.
+fn inverse_of(matrix: &Matrix5<f64>, is_there: impl Fn(usize) -> bool) -> Option<Matrix5<f64>> {
+    let there: Vec<_> = (0..UNKNOWNS).filter(|unknown| is_there(*unknown)).collect();
+    let block = DMatrix::from_fn(there.len(), there.len(), |i, j| matrix[(there[i], there[j])]);
+    let inverse = block.cholesky()?.inverse();
+    let mut widened = Matrix5::zeros();
+    for (i, row) in there.iter().enumerate() {
+        for (j, column) in there.iter().enumerate() {
+            widened[(*row, *column)] = inverse[(i, j)];
+        }
+    }
     Some(widened)
 }
 
@@ -268,7 +276,7 @@ mod tests {
         let part = Part::uniform(SimplePolygon::new(outline).unwrap());
         let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
         let known = Known { part: &part, grip: 0.3 * 9.81, finger, touch };
-        let prior = Prior { omega0_sigma: Some(1.0), v_t0_sigma: Some(0.004) };
+        let prior = Prior { omega0_sigma: Some(1.0), v_t0_sigma: Some(0.004), grip_log_sigma: None };
         let mut tracker = Tracker::new(known, TrackerSettings { dt: 0.01, sigma: SIGMA, prior, window: 60 });
         let model = PushModel { part: &part, edge: part.edge(0).unwrap(), grip: 0.3 * 9.81, finger };
         let start = State { u: 1.6, s: 0.006, omega: 0.2, v_t: 0.0 };

@@ -127,7 +127,7 @@ mod tests {
         let times: Vec<_> = (0..61).map(|i| f64::from(i) * DT).collect();
         let run = Push::new(model, law, start, EdgeEnd::Stop).unwrap().run(&times).unwrap();
         let values = run.samples.iter().map(|sample| sample.state.u).collect();
-        let prior = Prior { omega0_sigma: Some(1.0), v_t0_sigma: None };
+        let prior = Prior { omega0_sigma: Some(1.0), ..Prior::default() };
         Observation { dt: DT, measured: Measured::ContactAngle(Channel { values, sigma: SIGMA }), prior }
     }
 

@@ -55,6 +55,10 @@ pub struct ObservePush {
     /// What is known of the motion at t = 0. Where not given, |omega| ≤ 10 rad/s and |vT| ≤ 0.2 m/s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub prior: Option<Prior>,
+    /// Standard deviation of ln(mu): 0.2 where mu is known to a fifth. Each hypothesis then has the mu that explains the data best. Without
+    /// it, mu is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mu_sigma_log: Option<Positive>,
     /// Where the weight rests; uniform over the polygon where not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub support: Option<Support>,
@@ -193,6 +197,12 @@ pub struct Hypothesis {
     /// Whether the data leave the pose free: this is one of a continuum.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub unobservable: bool,
+    /// With `mu_sigma_log` in the problem: the friction between part and plane that goes with this explanation.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mu: Option<f64>,
+    /// Standard deviation of its natural logarithm; absent where the data leave the pose free.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mu_sigma_log: Option<f64>,
     /// `gho` only: the estimate in time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trace: Option<Vec<TracePoint>>,
@@ -243,9 +253,28 @@ impl ObservePush {
             return Err(InvalidInput::at(field, FOR_GHO_ONLY).into());
         }
         let Prior { omega0_sigma, v_t0_sigma } = self.prior.unwrap_or_default();
-        let prior = Belief { omega0_sigma: omega0_sigma.map(Positive::get), v_t0_sigma: v_t0_sigma.map(Positive::get) };
+        let prior = Belief {
+            omega0_sigma: omega0_sigma.map(Positive::get),
+            v_t0_sigma: v_t0_sigma.map(Positive::get),
+            grip_log_sigma: self.mu_sigma_log()?,
+        };
         let observation = Observation { dt: self.dt.get(), measured, prior };
-        Ok(ObservePushAnswer::from(&observing::estimate(known, &observation)))
+        let estimate = observing::estimate(known, &observation);
+        let mut answer = ObservePushAnswer::from(&estimate);
+        if self.mu_sigma_log.is_some() {
+            for (hypothesis, found) in answer.hypotheses.iter_mut().zip(&estimate.hypotheses) {
+                (hypothesis.mu, hypothesis.mu_sigma_log) = (Some(found.grip / self.g.get()), found.grip_log_sd);
+            }
+        }
+        Ok(answer)
+    }
+
+    fn mu_sigma_log(&self) -> Result<Option<f64>, InvalidInput> {
+        if self.mu_sigma_log.is_some() && self.mu.get() * self.g.get() <= 0.0 {
+            let message = "says how well `mu` is known beside its size, but without friction it has none: give `mu` and `g` above 0";
+            return Err(InvalidInput::at("mu_sigma_log", message));
+        }
+        Ok(self.mu_sigma_log.map(Positive::get))
     }
 
     /// The thesis's observer: one for each edge and direction of slip that is not given.
@@ -253,6 +282,13 @@ impl ObservePush {
         let Some(angles) = &self.contact_angle else {
             return Err(InvalidInput::missing("contact_angle", "the method `gho` corrects by contact angles").into());
         };
+        if self.mu_sigma_log.is_some() {
+            return Err(InvalidInput::at(
+                "mu_sigma_log",
+                "is for the method `best` only: an observer takes mu as known",
+            )
+            .into());
+        }
         let needs = |field: &str| InvalidInput::missing(field, "the method `gho` needs it");
         let zeta = self.zeta.ok_or_else(|| needs("zeta"))?.get();
         let start = self.initial_estimate.ok_or_else(|| needs("initial_estimate"))?;
@@ -483,6 +519,8 @@ impl From<&observing::Hypothesis> for Hypothesis {
             cost: hypothesis.cost,
             probability: Some(hypothesis.probability),
             unobservable: hypothesis.covariance.is_none(),
+            mu: None,
+            mu_sigma_log: None,
             trace: None,
         }
     }
@@ -550,6 +588,9 @@ mod tests {
             (json!({"sigma_magnitude_log": 0.1}), "/sigma_magnitude_log", "for `force_magnitude`"),
             (json!({"zeta": 10}), "/zeta", "for the method `gho` only"),
             (json!({"prior": {"omega0_sigma": 0}}), "/prior/omega0_sigma", "> 0"),
+            (json!({"mu_sigma_log": 0}), "/mu_sigma_log", "> 0"),
+            (json!({"mu_sigma_log": 0.2, "mu": 0}), "/mu_sigma_log", "without friction"),
+            (json!({"mu_sigma_log": 0.2, "method": "gho"}), "/mu_sigma_log", "takes mu as known"),
             (json!({"prior": {"omega_sigma": 1}}), "/prior/omega_sigma", "did you mean `omega0_sigma`"),
             (json!({"centre_of_mass": [0, 0]}), "/inertia_per_mass", "is missing"),
             (forces(json!({"force_direction": []})), "/force_direction", "is empty"),
@@ -621,6 +662,9 @@ mod tests {
             json!({"mu": 0, "mode": "frictionless"}),
             json!({"g": 0, "mode": "coulomb", "mu_c": 0.3}),
             json!({"mu_c": 0}),
+            json!({"mu_sigma_log": 0.5}),
+            json!({"mu_sigma_log": 1e12}),
+            json!({"mu_sigma_log": 1e-12}),
             json!({"mode": "coulomb", "mu_c": 0}),
             json!({"mode": "sliding", "mu_c": 50}),
             json!({"finger": finger(0.0, [0.0, 0.05])}),

@@ -180,7 +180,7 @@ impl Case {
     }
 
     pub(super) fn prior() -> Prior {
-        Prior { omega0_sigma: Some(PRIOR.0), v_t0_sigma: Some(PRIOR.1) }
+        Prior { omega0_sigma: Some(PRIOR.0), v_t0_sigma: Some(PRIOR.1), grip_log_sigma: None }
     }
 
     pub(super) fn observation(&self) -> Observation {
