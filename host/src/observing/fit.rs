@@ -170,11 +170,40 @@ impl<const N: usize> Sums<N> {
         self.curvature += slope * slope.transpose();
     }
 
+    /// Takes off what the mean of some residuals costs: they are right but for a number that is the same in all.
+    fn without_mean(&mut self, Common { count, sum }: Common<Jet<N>>) {
+        if count <= 0.0 {
+            return;
+        }
+        let slope = SVector::from(sum.slopes);
+        self.cost -= sum.value * sum.value / count;
+        self.gradient -= slope * (sum.value / count);
+        self.curvature -= slope * slope.transpose() / count;
+    }
+
     fn add_past(&mut self, past: &Past, unknowns: &Unknowns, slots: Slots<N>) {
         let (cost, slope) = past.at(unknowns);
         self.cost += cost;
         self.gradient += SVector::<f64, N>::from_fn(|i, _| slope[slots.unknown(i)]);
         self.curvature += SMatrix::<f64, N, N>::from_fn(|i, j| past.information[(slots.unknown(i), slots.unknown(j))]);
+    }
+}
+
+/// Residuals that share an unknown number: how many, and their sum.
+#[derive(Clone, Copy)]
+struct Common<T> {
+    count: f64,
+    sum: T,
+}
+
+impl<T: Scalar> Common<T> {
+    fn none() -> Self {
+        Self { count: 0.0, sum: T::from(0.0) }
+    }
+
+    fn add(&mut self, residual: T) {
+        self.count += 1.0;
+        self.sum = self.sum + residual;
     }
 }
 
@@ -268,10 +297,11 @@ impl<'a, 'p> Fitting<'a, 'p> {
         let grip = self.grip::<f64>(candidate);
         let known = self.known_by(candidate);
         let launch = launch(&known, site, (*begin, unknowns), self.rest_span, grip.map(|(grip, _)| grip))?;
-        let mut cost = 0.0;
+        let (mut cost, mut common) = (0.0, Common::none());
         let path = follow(&known, site, &launch, &self.clock, |value, seen| {
-            self.residuals(value, &seen, |residual: f64| cost += residual * residual);
+            self.residuals(value, &seen, &mut common, |residual: f64| cost += residual * residual);
         })?;
+        cost -= common.sum * common.sum / common.count.max(1.0);
         match past {
             Some(past) => cost += past.at(unknowns).0,
             None => {
@@ -292,10 +322,11 @@ impl<'a, 'p> Fitting<'a, 'p> {
         let slots = Slots::<N> { grip: grip.is_some() };
         let known = self.known_by(candidate);
         let launch = launch(&known, site, (*begin, unknowns), self.rest_span, grip.map(|(grip, _)| grip))?;
-        let mut sums = Sums::<N>::new();
+        let (mut sums, mut common) = (Sums::<N>::new(), Common::none());
         let path = follow(&known, site, &launch, &self.clock, |value, seen| {
-            self.residuals(value, &seen, |residual| sums.add(residual));
+            self.residuals(value, &seen, &mut common, |residual| sums.add(residual));
         })?;
+        sums.without_mean(common);
         match past {
             Some(past) => sums.add_past(past, unknowns, slots),
             None => {
@@ -335,7 +366,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
         }
     }
 
-    fn residuals<T: Scalar>(&self, value: usize, seen: &Seen<T>, mut add: impl FnMut(T)) {
+    fn residuals<T: Scalar>(&self, value: usize, seen: &Seen<T>, common: &mut Common<T>, mut add: impl FnMut(T)) {
         let Seen { u, normal_force, tangential_force } = *seen;
         let Data { angle, direction, log_magnitude, .. } = &self.data;
         if let Some(Channel { values, sigma }) = angle
@@ -354,7 +385,11 @@ impl<'a, 'p> Fitting<'a, 'p> {
             && values[value].is_finite()
         {
             let squared = normal_force * normal_force + tangential_force * tangential_force;
-            add((ln(squared) * 0.5 - values[value]) / *sigma);
+            let residual = (ln(squared) * 0.5 - values[value]) / *sigma;
+            if self.data.mass_is_unknown {
+                common.add(residual);
+            }
+            add(residual);
         }
     }
 

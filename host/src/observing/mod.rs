@@ -53,4 +53,4 @@ pub use observation::{Channel, Estimate, Fit, Hypothesis, Known, Measured, Obser
 pub use select::estimate;
 pub use sequence::{Agreement, PoseBelief, Slack, in_sequence};
 pub use track::{Tracker, TrackerSettings};
-pub use which_part::{PartEstimate, Weight, log_evidence, ranked, which_part};
+pub use which_part::{PartEstimate, Weight, log_evidence, mixed, ranked, which_part};

@@ -84,6 +84,8 @@ pub enum Measured {
         magnitude: Option<Channel>,
         /// Where the contact angle at t = 0 can be, rad, in order; anywhere if none.
         u0_range: Option<[f64; 2]>,
+        /// The part's mass is not known, or the force's unit: magnitudes are right but for a factor that they share.
+        mass_is_unknown: bool,
     },
 }
 

@@ -19,13 +19,14 @@ use super::observation::{Estimate, Fit, Hypothesis, Known, Observation, Prior, p
 use super::path::Site;
 use super::seed::{Width, seeds, settling};
 use super::sites::sites;
+use super::which_part::{log_evidence_of, mixed, ranked};
 use crate::statistics::chi_square_quantile;
 
 /// Costs up to this above the best belong to the set. Fixed by the interface.
 pub(super) const GATE: f64 = 16.0;
 
 /// Minima on one edge whose ends are nearer than this are one, m. Fixed by the interface.
-const SAME_END_M: f64 = 5e-4;
+pub(super) const SAME_END_M: f64 = 5e-4;
 
 /// Probability with which data of the model pass the test of fit. Fixed by the interface.
 const FIT_PROBABILITY: f64 = 0.999;
@@ -76,6 +77,10 @@ const ROUNDS_MIN: usize = 2;
 /// Descents on one site that are as near as this (angle in rad, place in m) and go on alike are one.
 const MET: [f64; UNKNOWNS] = [2e-3, 2e-4, 0.1, 2e-3, 0.02];
 
+/// Where nothing explains them, one of so many contact angles may be left out: with fewer, anything is explained without some of them;
+/// with more, wrong ones stand out among their neighbours.
+const SPARSE: (usize, usize) = (9, 30);
+
 /// A wall may give way by so much, in its own measure: 50 µm of an edge.
 const OVERRUN_MAX: f64 = 5.0;
 
@@ -91,7 +96,8 @@ const CURVATURE_NONE: f64 = 1e-9;
 
 /// Every pose and motion that explains an observation.
 ///
-/// Where nothing does, values that no smooth motion passes through are left out, as long as they are few; the estimate names them.
+/// Where nothing does, values that no smooth motion passes through are left out, as long as they are few; among few values, where none
+/// stands out, that one without which the others are explained. The estimate names them.
 #[must_use]
 pub fn estimate(known: &Known, observation: &Observation) -> Estimate {
     let simulations = Cell::new(0);
@@ -99,6 +105,7 @@ pub fn estimate(known: &Known, observation: &Observation) -> Estimate {
     let outliers = || task.data.outliers().filter(|outliers| !outliers.is_empty());
     let found = task
         .explained(Width::Narrow)
+        .or_else(|| task.without_one())
         .or_else(|| {
             let outliers = outliers()?;
             let task = Task { data: task.data.without(&outliers), ..task.clone() };
@@ -139,6 +146,21 @@ impl<'a, 'p> Task<'a, 'p> {
         // What does not fit coarse data does not fit exact ones; what does, may not.
         let fits = minima.iter().any(|descent| descent.evaluation.cost <= cost_max);
         fits.then(|| self.conclude(minima)).filter(|found| !found.hypotheses.is_empty())
+    }
+
+    /// What explains all values but one, if they are few contact angles: each is left out in turn. The estimate holds what is left
+    /// possible by whichever it was, and names the likeliest.
+    fn without_one(&self) -> Option<Estimate> {
+        if self.data.angle.is_none() || !(SPARSE.0..=SPARSE.1).contains(&self.data.terms()) {
+            return None;
+        }
+        let explained = (0..self.data.values).filter_map(|value| {
+            let task = Task { data: self.data.without(&[value]), ..self.clone() };
+            let found = Estimate { outliers: vec![value], ..task.explained(Width::Narrow)? };
+            let evidence = log_evidence_of(self.known.part, &found);
+            Some((found, evidence))
+        });
+        mixed(ranked(explained))
     }
 
     /// The minima of the cost at the standard deviation to begin with.

@@ -178,3 +178,133 @@ mod unknown_friction {
         }
     }
 }
+
+mod wild_values {
+    use super::*;
+
+    /// What a spark does to an angle, rad.
+    const SPARK: f64 = 0.4;
+
+    /// Pushes followed value by value, with sparks at these values.
+    fn follow(case: usize, sparks: &[usize]) -> (Pushed, Tracker<'static>, Vec<bool>) {
+        let mut draw = Draw::case(41, case);
+        let kind = if case.is_multiple_of(2) { FRICTIONLESS } else { ROLLING };
+        let pushed = Pushed::draw(&mut draw, kind, GRIP);
+        // Tests may leak.
+        let part: &'static Part = Box::leak(Box::new(pushed.part.clone()));
+        let settings = TrackerSettings { dt: DT, sigma: SIGMA, prior: PRIOR, window: 60 };
+        let mut tracker = Tracker::new(Known { part, ..pushed.known() }, settings);
+        let mut explained = Vec::new();
+        for (i, angle) in pushed.angles(&mut draw, SIGMA).into_iter().enumerate() {
+            let spark = if sparks.contains(&i) { SPARK * if draw.chance(0.5) { 1.0 } else { -1.0 } } else { 0.0 };
+            explained.push(!tracker.push_sample(Some(angle + spark)).hypotheses.is_empty());
+        }
+        (pushed, tracker, explained)
+    }
+
+    #[test]
+    fn sparks_do_not_throw_the_tracker_off() {
+        for (case, sparks) in
+            [&[40][..], &[20], &[31, 32, 70], &[16, 45, 79], &[79]].into_iter().cycle().take(10).enumerate()
+        {
+            let (pushed, tracker, explained) = follow(case, sparks);
+            let answer = tracker.estimate();
+            assert!(pushed.truth(answer).is_some(), "case {case}: truth not in {answer:?}");
+            assert_eq!(answer.outliers, sparks, "case {case}");
+            let silent: Vec<_> = (Tracker::VALUES_FIRST..explained.len()).filter(|i| !explained[*i]).collect();
+            assert!(silent.is_empty(), "case {case}: nothing was possible at {silent:?}");
+        }
+    }
+
+    #[test]
+    fn a_spark_before_the_first_estimate_does_not_silence_the_tracker() {
+        for (case, spark) in [(0, 7), (1, 9), (2, 12), (3, 3)] {
+            let (pushed, tracker, explained) = follow(case, &[spark]);
+            assert!(pushed.truth(tracker.estimate()).is_some(), "case {case}: {:?}", tracker.estimate());
+            assert!(tracker.estimate().outliers.contains(&spark), "case {case}: {:?}", tracker.estimate().outliers);
+            let silent: Vec<_> = (Tracker::VALUES_FIRST..explained.len()).filter(|i| !explained[*i]).collect();
+            assert!(silent.is_empty(), "case {case}: nothing was possible at {silent:?}");
+        }
+    }
+
+    /// Without sparks nothing is held back, and the same answer as ever comes out.
+    #[test]
+    fn sound_values_are_all_used() {
+        for case in 0..6 {
+            let (pushed, tracker, _) = follow(case, &[]);
+            assert!(tracker.estimate().outliers.is_empty(), "case {case}: {:?}", tracker.estimate().outliers);
+            assert!(pushed.truth(tracker.estimate()).is_some(), "case {case}");
+        }
+    }
+
+    #[test]
+    fn a_part_that_was_knocked_is_not_taken_for_sparks() {
+        let mut draw = Draw::case(42, 0);
+        let pushed = Pushed::draw(&mut draw, ROLLING, GRIP);
+        let settings = TrackerSettings { dt: DT, sigma: SIGMA, prior: PRIOR, window: 60 };
+        let mut tracker = Tracker::new(pushed.known(), settings);
+        for (i, angle) in pushed.angles(&mut draw, SIGMA).into_iter().enumerate() {
+            tracker.push_sample(Some(angle + if i < 40 { 0.0 } else { SPARK }));
+        }
+        assert!(tracker.estimate().hypotheses.is_empty(), "{:?}", tracker.estimate());
+        assert!(tracker.estimate().outliers.len() < 4, "{:?}", tracker.estimate().outliers);
+    }
+
+    /// A dozen angles of a push, one of them wrong.
+    #[test]
+    fn one_wrong_angle_of_a_dozen_is_named() {
+        const CASES: usize = 10;
+        const EACH: usize = 7;
+        let (mut named, mut found) = (0, 0);
+        for case in 0..CASES {
+            let mut draw = Draw::case(43, case);
+            let pushed = Pushed::draw(&mut draw, if case.is_multiple_of(2) { FRICTIONLESS } else { ROLLING }, GRIP);
+            let mut values: Vec<_> = pushed.angles(&mut draw, SIGMA).into_iter().step_by(EACH).collect();
+            assert_eq!(values.len(), 12);
+            let (dt, prior) = (DT * EACH as f64, PRIOR);
+            let estimate_of = |values: &Vec<f64>| {
+                let measured = Measured::ContactAngle(Channel { values: values.clone(), sigma: SIGMA });
+                estimate(&pushed.known(), &Observation { dt, measured, prior })
+            };
+            let sound = estimate_of(&values);
+            assert!(sound.outliers.is_empty(), "case {case}: {:?}", sound.outliers);
+            let wrong = draw.index(12);
+            values[wrong] += SPARK;
+            let answer = estimate_of(&values);
+            named += usize::from(answer.outliers == [wrong]);
+            let last = pushed.samples[EACH * 11].state.s;
+            let near = |found: &Hypothesis| found.edge == pushed.edge && (found.end.s - last).abs() < NEAR;
+            found += usize::from(answer.hypotheses.iter().any(near));
+        }
+        assert!(named == CASES && found == CASES, "named {named}, found {found} of {CASES}");
+    }
+}
+
+mod magnitudes {
+    use super::*;
+
+    /// Standard deviation of a magnitude, relative.
+    const SIGMA_LOG: f64 = 0.01;
+
+    /// A point finger that feels how hard it pushes, and not where.
+    #[test]
+    fn how_hard_a_point_pushes_tells_where_a_part_can_be() {
+        for (case, mass_is_unknown) in [(0, false), (1, false), (0, true)] {
+            let mut draw = Draw::case(51, case);
+            let pushed = Pushed::draw(&mut draw, FRICTIONLESS, GRIP);
+            let force = |sample: &Sample| sample.force.map_or(f64::NAN, |force| force.normal.hypot(force.tangential));
+            // A mass of 0.4 kg, where it is not known.
+            let mass: f64 = if mass_is_unknown { 0.4 } else { 1.0 };
+            let values = pushed.samples.iter().map(|sample| (mass * force(sample)).ln() + SIGMA_LOG * draw.normal());
+            let magnitude = Some(Channel { values: values.collect(), sigma: SIGMA_LOG });
+            let u0_range = Some([FRAC_PI_2 - 0.35, FRAC_PI_2 + 0.35]);
+            let measured = Measured::Force { direction: None, magnitude, u0_range, mass_is_unknown };
+            let answer = estimate(&pushed.known(), &Observation { dt: DT, measured, prior: PRIOR });
+            let is_truth = |found: &Hypothesis| {
+                let deviation = found.state_covariance.map_or(0.0, |covariance| covariance.m22.sqrt());
+                found.edge == pushed.edge && (found.end.s - pushed.end().state.s).abs() < 4.0 * deviation
+            };
+            assert!(answer.hypotheses.iter().any(is_truth), "case {case}: truth not in {answer:?}");
+        }
+    }
+}

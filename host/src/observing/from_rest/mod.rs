@@ -239,6 +239,31 @@ pub fn which_part(known: &[Known], felt: &FeltForce) -> Vec<PartEstimate<Estimat
     }))
 }
 
+/// What several parts of one outline leave possible together, whichever it is: poses of different parts that are one are joined, and
+/// its covariance covers them all. None where no part explains the force, or those that do differ in their symmetry, so that
+/// their poses do not stand for the same.
+#[must_use]
+pub fn mixed(parts: &[PartEstimate<Estimate>]) -> Option<Estimate> {
+    let possible = || parts.iter().filter(|part| part.probability > 0.0);
+    let first = possible().next()?;
+    if possible().any(|part| part.estimate.symmetry != first.estimate.symmetry) {
+        return None;
+    }
+    let by_part = |part: &PartEstimate<Estimate>| {
+        let share = part.probability;
+        part.estimate
+            .hypotheses
+            .clone()
+            .into_iter()
+            .map(move |found| Hypothesis { probability: share * found.probability, ..found })
+    };
+    let mut all: Vec<_> = possible().flat_map(by_part).collect();
+    all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    let mut hypotheses = joined(all);
+    hypotheses.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    Some(Estimate { hypotheses, ..first.estimate.clone() })
+}
+
 /// The same, sought only where an earlier answer from the beginning of the same push had found something: what was excluded then
 /// stays excluded.
 #[must_use]

@@ -49,6 +49,9 @@ pub struct ObservePush {
     /// Standard deviation of one magnitude's natural logarithm; 0 means 1e-6. Required with `force_magnitude`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sigma_magnitude_log: Option<Sigma>,
+    /// With `force_magnitude`: they are right but for a factor, since the part's mass or the force's unit is not known.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub mass_unknown: bool,
     /// Where the contact angle at t = 0 can be, rad; for force data. The full circle where not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub u0_range: Option<[f64; 2]>,
@@ -388,6 +391,9 @@ impl ObservePush {
         if self.sigma_magnitude_log.is_some() {
             return Err(InvalidInput::at("sigma_magnitude_log", "is for `force_magnitude`: leave it out"));
         }
+        if self.mass_unknown {
+            return Err(InvalidInput::at("mass_unknown", "is for `force_magnitude`: leave it out"));
+        }
         let sigma = self.sigma_of(self.sigma, "sigma", "contact_angle")?;
         Ok(Measured::ContactAngle(not_empty("contact_angle", Channel { values: angles.to_vec(), sigma })?))
     }
@@ -406,7 +412,13 @@ impl ObservePush {
         if let (Some(direction), Some(magnitude)) = (&direction, &magnitude) {
             same_length(direction, magnitude)?;
         }
-        Ok(Measured::Force { direction, magnitude, u0_range: self.u0_range()? })
+        if self.mass_unknown && magnitude.is_none() {
+            return Err(InvalidInput::at(
+                "mass_unknown",
+                "is for `force_magnitude`: directions do not depend on the mass; leave it out",
+            ));
+        }
+        Ok(Measured::Force { direction, magnitude, u0_range: self.u0_range()?, mass_is_unknown: self.mass_unknown })
     }
 
     fn sigma_of(&self, sigma: Option<Sigma>, field: &str, data: &str) -> Result<f64, InvalidInput> {
@@ -586,6 +598,8 @@ mod tests {
             (json!({"mode": "coulomb"}), "/mu_c", "is missing"),
             (json!({"u0_range": [0, 1]}), "/u0_range", "for force data"),
             (json!({"sigma_magnitude_log": 0.1}), "/sigma_magnitude_log", "for `force_magnitude`"),
+            (json!({"mass_unknown": true}), "/mass_unknown", "for `force_magnitude`"),
+            (forces(json!({"mass_unknown": true})), "/mass_unknown", "do not depend on the mass"),
             (json!({"zeta": 10}), "/zeta", "for the method `gho` only"),
             (json!({"prior": {"omega0_sigma": 0}}), "/prior/omega0_sigma", "> 0"),
             (json!({"mu_sigma_log": 0}), "/mu_sigma_log", "> 0"),
@@ -677,6 +691,7 @@ mod tests {
             json!({"dt": 1}),
             json!({"sigma": 100}),
             json!({"contact_angle": null, "force_magnitude": [3, 3, 3], "sigma_magnitude_log": 0.1, "u0_range": [1.5, 1.7]}),
+            json!({"contact_angle": null, "force_magnitude": [3, 3, 3], "sigma_magnitude_log": 0.1, "u0_range": [1.5, 1.7], "mass_unknown": true}),
             json!({"contact_angle": null, "force_direction": [1.6, 1.6, 1.6], "u0_range": [1.6, 1.6]}),
         ] {
             let answer = solve(&changes);
