@@ -81,6 +81,9 @@ const MET: [f64; UNKNOWNS] = [2e-3, 2e-4, 0.1, 2e-3, 0.02];
 /// with more, wrong ones stand out among their neighbours.
 const SPARSE: (usize, usize) = (9, 30);
 
+/// It must cost so much more to explain it with the others: ten standard deviations, squared.
+const GROSS: f64 = 100.0;
+
 /// A wall may give way by so much, in its own measure: 50 µm of an edge.
 const OVERRUN_MAX: f64 = 5.0;
 
@@ -154,9 +157,13 @@ impl<'a, 'p> Task<'a, 'p> {
         if self.data.angle.is_none() || !(SPARSE.0..=SPARSE.1).contains(&self.data.terms()) {
             return None;
         }
+        let costs = self.minima(Width::Narrow).into_iter().map(|descent| descent.evaluation.cost);
+        let with_all = costs.fold(f64::INFINITY, f64::min);
         let explained = (0..self.data.values).filter_map(|value| {
             let task = Task { data: self.data.without(&[value]), ..self.clone() };
             let found = Estimate { outliers: vec![value], ..task.explained(Width::Narrow)? };
+            // A wrong part is off by a little everywhere, a wrong value by much in one place.
+            found.fit.cost.filter(|cost| with_all > cost + GROSS)?;
             let evidence = log_evidence_of(self.known.part, &found);
             Some((found, evidence))
         });
