@@ -69,7 +69,7 @@ fn time_push(part: &Part, edge: usize, touch: Touch, contact: Contact) -> Timed 
     let path = std::iter::once(start).chain(model.rollout(&contact, &start, DT / 5.0)).step_by(5).take(VALUES);
     // An error of one standard deviation, up and down.
     let values: Vec<_> = path.enumerate().map(|(i, state)| state.u + if i % 2 == 0 { SIGMA } else { -SIGMA }).collect();
-    let prior = Prior { omega0_sigma: Some(1.0), v_t0_sigma: Some(0.004) };
+    let prior = Prior { omega0_sigma: Some(1.0), v_t0_sigma: Some(0.004), grip_log_sigma: None };
     let measured = Measured::ContactAngle(Channel { values: values.clone(), sigma: SIGMA });
     let observation = Observation { dt: DT, measured, prior };
     let simulations = estimate(&known, &observation).simulations;

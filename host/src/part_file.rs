@@ -10,6 +10,16 @@
 //! radius_of_gyration = 28                         # √(moment of inertia about the centre of mass / mass)
 //! ```
 //!
+//! Where it is not known what a part stands on, the file lists what it may be instead of `feet`; `palpate which-part` finds out:
+//!
+//! ```toml
+//! [[support]]
+//! name = "all of its base"
+//! [[support]]
+//! name = "three feet"
+//! feet = [[5, 5, 1], [85, 5, 1], [45, 45, 2]]
+//! ```
+//!
 //! An elliptic part has, instead of `vertices`, `ellipse = {a = 40, b = 25}`: its semi-axes along x and y, its middle at the origin.
 //!
 //! Frames: the part's own, as its vertices are given. Units: SI once read.
@@ -134,7 +144,7 @@ impl<'de, const N: usize> Deserialize<'de> for Numbers<N> {
 }
 
 /// The file's keys.
-#[derive(Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Keys {
     unit: Unit,
@@ -145,6 +155,15 @@ struct Keys {
     feet: Option<Vec<Numbers<3>>>,
     centre_of_mass: Option<Numbers<2>>,
     radius_of_gyration: Option<f64>,
+    support: Option<Vec<SupportKeys>>,
+}
+
+/// What a part may stand on.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SupportKeys {
+    name: String,
+    feet: Option<Vec<Numbers<3>>>,
 }
 
 /// The value of `ellipse`.
@@ -201,6 +220,28 @@ pub enum PartFileError {
         /// As given.
         foot: [f64; 3],
     },
+    /// Several supports where one is needed.
+    #[error(
+        "the file lists {count} supports: `palpate which-part` tells which it is; for anything else leave one, as `feet` or without"
+    )]
+    Supports {
+        /// How many.
+        count: usize,
+    },
+    /// A list without supports, or beside `feet`.
+    #[error("{what}: give each thing that the part may stand on as a [[support]], and no `feet` beside them")]
+    SupportList {
+        /// What is there.
+        what: &'static str,
+    },
+    /// A support that cannot be.
+    #[error("support {name:?}: {error}")]
+    Support {
+        /// Its name.
+        name: String,
+        /// What is wrong with it.
+        error: Box<PartFileError>,
+    },
     /// One of two keys that belong together.
     #[error("{given} needs {missing} beside it: give both, or neither for a plate of uniform density")]
     Alone {
@@ -238,7 +279,13 @@ impl PartFile {
     /// # Errors
     /// [`PartFileError`] names the first thing found wrong.
     pub fn parse(text: &str) -> Result<Self, PartFileError> {
-        let keys: Keys = toml::from_str(text).map_err(|error| PartFileError::Toml(error.to_string()))?;
+        Self::of(&Keys::parse(text)?)
+    }
+
+    fn of(keys: &Keys) -> Result<Self, PartFileError> {
+        if let Some(supports) = &keys.support {
+            return Err(PartFileError::Supports { count: supports.len() });
+        }
         let mu = friction("mu", keys.mu)?;
         let mu_c = keys.mu_c.map(|value| friction("mu_c", value)).transpose()?;
         let part = match (&keys.vertices, keys.ellipse) {
@@ -270,7 +317,48 @@ impl PolygonFile {
     /// # Errors
     /// [`PartFileError`], also for an elliptic part.
     pub fn parse(text: &str) -> Result<Self, PartFileError> {
-        let PartFile { part, mu, mu_c, unit } = PartFile::parse(text)?;
+        Self::of(PartFile::parse(text)?)
+    }
+
+    /// Reads the text of a file that may list several supports: the part on each, with the support's name. A file without such a
+    /// list is one part, without a name.
+    ///
+    /// ```
+    /// use palpate::part_file::PolygonFile;
+    ///
+    /// let text = "unit = 'mm'\nvertices = [[0, 0], [60, 0], [60, 40], [0, 40]]\nmu = 0.3
+    /// [[support]]
+    /// name = 'base'
+    /// [[support]]
+    /// name = 'feet'
+    /// feet = [[5, 5, 1], [55, 5, 1], [30, 35, 1]]";
+    /// let names: Vec<_> = PolygonFile::parse_supports(text)?.into_iter().map(|(name, _)| name).collect();
+    /// assert_eq!(names, [Some("base".to_owned()), Some("feet".to_owned())]);
+    /// # Ok::<(), palpate::part_file::PartFileError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`PartFileError`], also for an elliptic part and an empty list.
+    pub fn parse_supports(text: &str) -> Result<Vec<(Option<String>, Self)>, PartFileError> {
+        let keys = Keys::parse(text)?;
+        let Some(supports) = &keys.support else { return Ok(vec![(None, Self::of(PartFile::of(&keys)?)?)]) };
+        match (supports.is_empty(), &keys.feet) {
+            (true, _) => return Err(PartFileError::SupportList { what: "support is empty" }),
+            (_, Some(_)) => return Err(PartFileError::SupportList { what: "feet and supports" }),
+            (false, None) => {}
+        }
+        let of = |support: &SupportKeys| {
+            let one = Keys { feet: support.feet.clone(), support: None, ..keys.clone() };
+            let file = PartFile::of(&one).and_then(Self::of).map_err(|error| match &support.feet {
+                Some(_) => PartFileError::Support { name: support.name.clone(), error: Box::new(error) },
+                None => error,
+            })?;
+            Ok((Some(support.name.clone()), file))
+        };
+        supports.iter().map(of).collect()
+    }
+
+    fn of(PartFile { part, mu, mu_c, unit }: PartFile) -> Result<Self, PartFileError> {
         match part {
             DescribedPart::Polygon(part) => Ok(Self { part, mu, mu_c, unit }),
             DescribedPart::Ellipse { .. } => Err(PartFileError::NotAPolygon),
@@ -296,6 +384,10 @@ fn shares(feet: &[Numbers<3>], metres: f64) -> Result<Vec<(Point2<f64>, f64)>, P
 }
 
 impl Keys {
+    fn parse(text: &str) -> Result<Self, PartFileError> {
+        toml::from_str(text).map_err(|error| PartFileError::Toml(error.to_string()))
+    }
+
     fn polygon(&self, vertices: &[Numbers<2>]) -> Result<DescribedPart, PartFileError> {
         let metres = self.unit.metres();
         // First as given, so that what is wrong is told in the file's unit.
@@ -407,6 +499,32 @@ mod tests {
     }
 
     #[test]
+    fn every_support_of_a_list_is_a_part() {
+        let list =
+            format!("{BLOCK}[[support]]\nname = 'base'\n[[support]]\nname = 'feet'\nfeet = [[5, 5, 1], [55, 5, 2]]");
+        let listed = PolygonFile::parse_supports(&list).unwrap();
+        let alone = PolygonFile::parse_supports(&format!("{BLOCK}feet = [[5, 5, 1], [55, 5, 2]]")).unwrap();
+        assert_eq!((listed.len(), alone.len()), (2, 1));
+        assert_eq!(alone[0].0, None);
+        // Turning about a foot, the other one alone resists: by its share of the weight.
+        let resistance = |file: &PolygonFile| {
+            let twist = crate::pushing::support::Twist::new(nalgebra::Vector2::new(0.02, -0.03), 1.0);
+            format!("{:?}", file.part.body().support().mean_sliding(&twist))
+        };
+        assert_eq!(resistance(&listed[1].1), resistance(&alone[0].1));
+        assert_ne!(resistance(&listed[0].1), resistance(&alone[0].1));
+        let bad = [
+            (list.replace("2]]", "-2]]"), "support \"feet\": foot 1"),
+            (format!("{BLOCK}support = []"), "support is empty"),
+            (list.replace("mu = 0.3", "mu = 0.3\nfeet = [[1, 1, 1]]"), "feet and supports"),
+        ];
+        for (text, wanted) in bad {
+            let message = PolygonFile::parse_supports(&text).unwrap_err().to_string();
+            assert!(message.contains(wanted), "wanted {wanted}, got {message}");
+        }
+    }
+
+    #[test]
     fn every_mistake_is_named_with_its_key() {
         let bad = [
             (BLOCK.replace("mu = 0.3", "mu = -0.3"), "mu = -0.3"),
@@ -421,6 +539,7 @@ mod tests {
             ("unit = 'mm'\nmu = 0.3\nellipse = {a = 40, b = -3}".to_owned(), "ellipse: b = -3.0"),
             (format!("{BLOCK}mass = 2"), "unknown field `mass`"),
             (format!("{BLOCK}feet = []"), "feet is empty"),
+            (format!("{BLOCK}[[support]]\nname = 'base'"), "lists 1 supports"),
             (format!("{BLOCK}feet = [[1, 1, 1], [2, 2, -1]]"), "foot 1 is [2.0, 2.0, -1.0]"),
             (format!("{BLOCK}centre_of_mass = [1, 1]"), "centre_of_mass needs radius_of_gyration"),
             (format!("{BLOCK}radius_of_gyration = 1"), "radius_of_gyration needs centre_of_mass"),

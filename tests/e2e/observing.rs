@@ -301,3 +301,75 @@ fn the_part_that_was_pushed_is_named() {
     assert!(named["probability"].as_f64().unwrap() > 0.99, "{answer}");
     check(&named["estimate"], &played);
 }
+
+/// The example part with its friction guessed wrong by a fifth.
+fn part_guessed_wrong(folder: &Path) -> PathBuf {
+    let told = std::fs::read_to_string(example("part.toml")).unwrap();
+    let wrong = told.replace("mu = 0.25", "mu = 0.3");
+    assert_ne!(told, wrong);
+    let path = folder.join("guessed.toml");
+    std::fs::write(&path, wrong).unwrap();
+    path
+}
+
+#[test]
+fn a_friction_guessed_wrong_is_found_where_it_is_said_to_be_a_guess() {
+    let (folder, played) = (tempfile::tempdir().unwrap(), pushed());
+    let (part, table) = (part_guessed_wrong(folder.path()), folder.path().join("forces.csv"));
+    std::fs::write(&table, forces(&played, 1.5, 0.003)).unwrap();
+    let observe = |arguments: &[&str]| {
+        let mut command = palpate(&["observe"]);
+        // Only the first and the last estimate: each looks over the whole part.
+        command.args(["--every", "5"]).args(arguments).arg("--motion").arg(example("motion.toml"));
+        command.arg("--part").arg(&part).arg(&table).output().unwrap()
+    };
+    let answer = last_answer(&observe(&["--json", "--mu-uncertainty", "20%"]));
+    check(&answer, &played);
+    let best = &answer["hypotheses"][0];
+    let number = |name: &str| best[name].as_f64().unwrap();
+    let off = [(number("mu") / 0.25).ln() / number("mu_log_sd"), (number("mass") / 0.5).ln() / number("mass_log_sd")];
+    assert!(off.iter().all(|off| off.abs() < 4.0), "{off:?} standard deviations off: {answer}");
+    // A guess taken for certain is a wrong mass, or no answer at all.
+    let certain = last_answer(&observe(&["--json"]));
+    let mass = certain["hypotheses"][0]["mass"].as_f64();
+    assert!(mass.is_none_or(|mass| (mass / 0.5 - 1.0).abs() > 0.1), "{certain}");
+    let said = text(&observe(&["--mu-uncertainty", "x2"]).stdout);
+    assert!(said.contains("µ of the plane") && said.contains("friction"), "{said}");
+}
+
+#[test]
+fn an_uncertainty_that_is_none_is_refused_by_its_words() {
+    for (given, wanted) in [("20", "neither"), ("0%", "0.1%"), ("x100", "10"), ("much", "neither"), ("-5%", "0.1%")] {
+        let argument = format!("--mu-uncertainty={given}");
+        let output =
+            palpate(&["observe", "f.csv", "--part", "p.toml", "--motion", "m.toml", &argument]).output().unwrap();
+        let said = text(&output.stderr);
+        assert!(output.status.code() == Some(64) && said.contains(wanted), "{given}: {said}");
+    }
+}
+
+#[test]
+fn what_the_part_stands_on_is_named_and_its_pose_whatever_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let supports = "[[support]]\nname = 'its base'\n[[support]]\nname = 'three feet'\nfeet = [[10, 5, 1], [85, 5, 1], [55, 65, 1]]\n";
+    let told = std::fs::read_to_string(example("part.toml")).unwrap() + "\n" + supports;
+    let (part, table) = (folder.path().join("supports.toml"), folder.path().join("forces.csv"));
+    let played = pushed();
+    std::fs::write(&part, &told).unwrap();
+    std::fs::write(&table, forces(&played, 1.5, 0.003)).unwrap();
+    let which = |arguments: &[&str]| {
+        let mut command = palpate(&["which-part", "--part"]);
+        command.arg(&part).arg("--motion").arg(example("motion.toml")).args(arguments).arg(&table).output().unwrap()
+    };
+    let answer = last_answer(&which(&["--json"]));
+    assert_eq!(answer["parts"][0]["support"], "its base", "{answer}");
+    assert!(answer["parts"][0]["probability"].as_f64().unwrap() > 0.9, "{answer}");
+    check(&answer["whichever"], &played);
+    let said = text(&which(&[]).stdout);
+    assert!(said.contains("supports.toml on its base") && said.contains("on three feet"), "{said}");
+    // Who needs one support says so.
+    let output =
+        palpate(&["observe", "--motion"]).arg(example("motion.toml")).arg("--part").arg(&part).arg(&table).output();
+    let refused = text(&output.unwrap().stderr);
+    assert!(refused.contains("lists 2 supports") && refused.contains("which-part"), "{refused}");
+}

@@ -93,7 +93,8 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     if let Some(folder) = &arguments.keep {
         arguments.keep_files(folder, &part, &ranges, &felt)?;
     }
-    let known = Known { part: &part, grip: ranges.mu * GRAVITY, radius: RADIUS_M, motion: &ranges.motion };
+    let known =
+        Known { part: &part, grip: ranges.mu * GRAVITY, grip_log_sd: None, radius: RADIUS_M, motion: &ranges.motion };
     let Some(estimate) = say_what_is_felt(&known, &felt.sense) else {
         say!("The push was not felt: its force does not stand out of {} times the noise.", arguments.noise);
         return Ok(ExitCode::SUCCESS);

@@ -32,7 +32,51 @@ pub(super) struct FeltPushArguments {
     /// Take the tare over so many seconds at rest, at the beginning
     #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true, value_parser = super::stretch)]
     tare: f64,
+
+    #[command(flatten)]
+    friction: FrictionArguments,
 }
+
+/// How well the friction of the plane is known.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(super) struct FrictionArguments {
+    /// How well the part file's mu is known: 20%, or x2 for within a factor of two; mu is then found too
+    #[arg(long, value_name = "SHARE", value_parser = log_sd)]
+    mu_uncertainty: Option<f64>,
+}
+
+impl FrictionArguments {
+    /// Standard deviation of ln µ, if µ is not known.
+    pub(super) fn log_sd(self) -> Option<f64> {
+        self.mu_uncertainty
+    }
+}
+
+/// A share in per cent as the standard deviation of a logarithm, or a factor as two of them.
+fn log_sd(text: &str) -> Result<f64, String> {
+    let within = |value: &str, limits: [f64; 2], unit: &str| {
+        let value: f64 =
+            value.parse().map_err(|_| format!("{text:?} is neither a share such as 20% nor a factor such as x2"))?;
+        let [low, high] = limits;
+        if (low..=high).contains(&value) {
+            Ok(value)
+        } else {
+            Err(format!("{text} is not within {low}{unit} and {high}{unit}"))
+        }
+    };
+    match (text.strip_suffix('%'), text.strip_prefix(['x', '×'])) {
+        (Some(share), _) => within(share.trim_end(), PER_CENT, "%").map(|share| share / 100.0),
+        (None, Some(factor)) => within(factor.trim_start(), FACTOR, "").map(|factor| 0.5 * factor.ln()),
+        (None, None) => Err(format!("{text:?} is neither a share such as 20% nor a factor such as x2")),
+    }
+}
+
+/// What the friction of a plane can be uncertain by: less than the first is nothing beside other errors, more than the second is a
+/// factor.
+const PER_CENT: [f64; 2] = [0.1, 100.0];
+
+/// The same as a factor: at more than the second mu would be no guess at all.
+const FACTOR: [f64; 2] = [1.01, 10.0];
 
 /// The usable readings of a file of forces; the others are named.
 pub(super) fn read_forces(path: &Path) -> miette::Result<Vec<Reading>> {
@@ -46,6 +90,7 @@ pub(super) struct FeltPush {
     pub(super) force: FeltForce,
     motion: FingerMotion,
     radius: f64,
+    grip_log_sd: Option<f64>,
 }
 
 impl FeltPushArguments {
@@ -53,7 +98,7 @@ impl FeltPushArguments {
         let motion = read(&self.motion, FingerMotion::parse)?;
         let named = || format!("cannot use the forces {}", self.forces.display());
         let force = self.feel(&motion).wrap_err_with(named)?;
-        Ok(FeltPush { force, motion, radius: self.radius_mm * 1e-3 })
+        Ok(FeltPush { force, motion, radius: self.radius_mm * 1e-3, grip_log_sd: self.friction.log_sd() })
     }
 
     fn feel(&self, motion: &FingerMotion) -> miette::Result<FeltForce> {
@@ -77,6 +122,7 @@ impl FeltPushArguments {
 impl FeltPush {
     /// What is known of the push if this part was pushed.
     pub(super) fn known<'p>(&'p self, file: &'p PolygonFile) -> Known<'p> {
-        Known { part: &file.part, grip: file.mu * GRAVITY, radius: self.radius, motion: &self.motion }
+        let (grip, grip_log_sd) = (file.mu * GRAVITY, self.grip_log_sd);
+        Known { part: &file.part, grip, grip_log_sd, radius: self.radius, motion: &self.motion }
     }
 }

@@ -20,7 +20,7 @@ use palpate::sensing;
 
 use super::calibrated::CalibrationArguments;
 use super::device::DeviceArguments;
-use super::felt_push::read_forces;
+use super::felt_push::{FrictionArguments, read_forces};
 use super::read::read;
 use super::{pose, positive};
 
@@ -41,7 +41,8 @@ The motion file is TOML; every length in it is in its `unit`:
 
 With --motion - segments are read from standard input as they come, one JSON object a line, in SI units:
   {\"seconds\": 0.3, \"acceleration\": [0.15, 0]}
-The part file is that of `palpate push`; its mu_c is not needed.
+The part file is that of `palpate push`; its mu_c is not needed. If its mu is a guess, say how good a one with --mu-uncertainty: mu
+is then found with the rest. A slow push tells only mu times the mass, and the answer says so.
 
 The forces' file is a table of t, Fx, Fy: force on the finger's disk along its axes, in newtons.
 
@@ -84,6 +85,9 @@ pub(crate) struct Arguments {
     /// Print one JSON object a line: SI units, radians
     #[arg(long)]
     json: bool,
+
+    #[command(flatten)]
+    friction: FrictionArguments,
 
     #[command(flatten)]
     device: DeviceArguments,
@@ -197,7 +201,8 @@ impl Observer<'_> {
             return;
         };
         let radius = self.arguments.radius_mm * 1e-3;
-        let known = Known { part: &self.file.part, grip: self.file.mu * GRAVITY, radius, motion };
+        let (grip, grip_log_sd) = (self.file.mu * GRAVITY, self.arguments.friction.log_sd());
+        let known = Known { part: &self.file.part, grip, grip_log_sd, radius, motion };
         let now = windows::end(felt.count() - 1);
         let estimate = match &self.last {
             Some(last) if !at_end && !search_is_due(last.duration, now) => from_rest::follow(&known, &felt, last),
@@ -213,7 +218,7 @@ impl Observer<'_> {
             return;
         }
         if self.last.is_none() {
-            say!("{}", pose::HEADINGS);
+            say!("{}", pose::headings(estimate));
         }
         pose::lines(&self.file.part, estimate).iter().for_each(|line| say!("{line}"));
     }

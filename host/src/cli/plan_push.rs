@@ -79,7 +79,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         say!("{}", plan.as_json(&prospects));
         return Ok(ExitCode::SUCCESS);
     }
-    say!("{}", pose::HEADINGS);
+    say!("{}", pose::headings(&estimate));
     pose::lines(&file.part, &estimate).iter().for_each(|line| say!("{line}"));
     say!("{}", pose::in_words(&file.part, &estimate));
     if estimate.hypotheses.len() > 1 {

@@ -2,6 +2,7 @@
 
 use nalgebra::Isometry2;
 use palpate::observing::from_rest::{Estimate, Hypothesis, Status};
+use palpate::push_plan::GRAVITY;
 use palpate::pushing::Part;
 use serde_json::{Value, json};
 
@@ -14,6 +15,21 @@ pub(super) const HEADINGS: &str = concat!(
     "    [s]                    x       y       ±                        ±                                    [kg]",
 );
 
+/// Above the lines of an estimate: where the plane's friction is sought too, it has columns of its own.
+pub(super) fn headings(estimate: &Estimate) -> String {
+    let [first, second] = if estimate.grip_log_sd.is_some() { FRICTION_HEADINGS } else { ["", ""] };
+    let mut lines = HEADINGS.lines();
+    let mut with = |added: &str, width: usize| format!("{:width$}{added}", lines.next().unwrap_or_default());
+    // The friction of the contact is the last column, of varying width.
+    format!("{}\n{}", with(first, FRICTION_COLUMN).trim_end(), with(second, FRICTION_COLUMN).trim_end())
+}
+
+/// The columns of the plane's friction, and how uncertain the mass then is.
+const FRICTION_HEADINGS: [&str; 2] = ["    µ of the plane    mass", "                ±      ± %"];
+
+/// Where they begin.
+const FRICTION_COLUMN: usize = 111;
+
 /// An estimate for a person, a line for each pose.
 pub(super) fn lines(part: &Part, estimate: &Estimate) -> Vec<String> {
     let at = format!("{:7.2}", estimate.duration);
@@ -21,7 +37,14 @@ pub(super) fn lines(part: &Part, estimate: &Estimate) -> Vec<String> {
         Status::None => vec![format!("{at}   {}", none(estimate))],
         _ => {
             let shown = estimate.hypotheses.iter().take(SHOWN);
-            let mut lines: Vec<_> = shown.map(|hypothesis| format!("{at}   {}", line(part, hypothesis))).collect();
+            let of_plane =
+                |hypothesis: &Hypothesis| estimate.grip_log_sd.map_or_else(String::new, |_| plane(hypothesis));
+            let of = |hypothesis: &Hypothesis| {
+                let line = format!("{at}   {}", line(part, hypothesis));
+                let added = of_plane(hypothesis);
+                if added.is_empty() { line } else { format!("{line:FRICTION_COLUMN$}{added}") }
+            };
+            let mut lines: Vec<_> = shown.map(of).collect();
             let more = estimate.hypotheses.get(SHOWN..).unwrap_or_default();
             if !more.is_empty() {
                 let probability: f64 = more.iter().map(|hypothesis| hypothesis.probability).sum();
@@ -57,6 +80,12 @@ fn line(part: &Part, hypothesis: &Hypothesis) -> String {
     )
 }
 
+/// The plane's friction and how uncertain the mass is with it.
+fn plane(hypothesis: &Hypothesis) -> String {
+    let mu = hypothesis.grip / GRAVITY;
+    format!("{mu:8.3} {:8.3} {:8.1}", mu * hypothesis.grip_log_sd, hypothesis.mass_log_sd * 100.0)
+}
+
 fn friction(hypothesis: &Hypothesis) -> String {
     match hypothesis.mu_c {
         Some(mu_c) => format!("{mu_c:.3}"),
@@ -78,6 +107,7 @@ pub(super) fn in_words(part: &Part, estimate: &Estimate) -> String {
             apart(part, estimate)
         ),
     };
+    words += &friction_in_words(estimate);
     if estimate.symmetry > 1 && !estimate.hypotheses.is_empty() {
         words += &format!(
             " The part looks the same in {} orientations: each pose stands for as many, turned by {:.0}° about the centre of mass.",
@@ -86,6 +116,26 @@ pub(super) fn in_words(part: &Part, estimate: &Estimate) -> String {
         );
     }
     words
+}
+
+/// What is known now of the plane's friction, where it was not.
+fn friction_in_words(estimate: &Estimate) -> String {
+    let (Some(beforehand), Some(best)) = (estimate.grip_log_sd, estimate.hypotheses.first()) else {
+        return String::new();
+    };
+    if estimate.mass_and_friction_are_one() {
+        let together = best.resistance_log_sd * 100.0;
+        return format!(
+            " Mass and friction of the plane cannot be told apart by this push: mu times the mass is {:.4} kg within {together:.1} %, each alone is known within {:.0} % only; a finger that accelerates harder tells more.",
+            best.grip / GRAVITY * best.mass,
+            best.mass_log_sd * 100.0
+        );
+    }
+    let (mu, now) = (best.grip / GRAVITY, best.grip_log_sd * 100.0);
+    format!(
+        " The plane's friction mu is {mu:.3} within {now:.1} %; beforehand it was known within {:.0} %.",
+        beforehand * 100.0
+    )
 }
 
 /// How far the listed poses lie apart.
@@ -115,6 +165,7 @@ pub(super) fn as_json(estimate: &Estimate) -> Value {
         "symmetry": estimate.symmetry,
         "cost": estimate.cost,
         "cost_max": estimate.cost_max,
+        "mass_and_friction_are_one": estimate.mass_and_friction_are_one(),
         "hypotheses": estimate.hypotheses.iter().map(hypothesis_as_json).collect::<Vec<_>>(),
     })
 }
@@ -131,6 +182,9 @@ fn hypothesis_as_json(hypothesis: &Hypothesis) -> Value {
         "mu_c": hypothesis.mu_c,
         "friction_needed": hypothesis.friction_needed,
         "mass": hypothesis.mass,
+        "mass_log_sd": hypothesis.mass_log_sd,
+        "mu": hypothesis.grip / GRAVITY,
+        "mu_log_sd": hypothesis.grip_log_sd,
         "pose_start": pose(&hypothesis.pose_start),
         "pose_end": pose(&hypothesis.pose_end),
         "covariance": rows,

@@ -1,11 +1,13 @@
 //! `palpate which-part`.
 
+use std::fmt;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use palpate::observing::PartEstimate;
 use palpate::observing::from_rest::{self, Estimate};
 use palpate::part_file::PolygonFile;
+use palpate::pushing::Part;
 use serde_json::json;
 
 use super::felt_push::FeltPushArguments;
@@ -14,7 +16,8 @@ use super::read::read;
 
 /// Names which of several known parts a finger has begun to push, and where it is.
 ///
-/// Takes the files of `palpate observe` and several part files. Every part is as likely beforehand. Exit status: 0, also where no part
+/// Takes the files of `palpate observe` and several part files. A part file may list several supports ([[support]], with a name and feet
+/// each) instead of `feet`: then what the part stands on is named too. Every part is as likely beforehand. Exit status: 0, also where no part
 /// explains the force; 1 if something cannot be used, 64 wrong command line.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -31,36 +34,88 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
-    let files = arguments.parts.iter().map(|path| read(path, PolygonFile::parse)).collect::<Result<Vec<_>, _>>()?;
+    let candidates = arguments.candidates()?;
     let push = arguments.push.read()?;
-    let known: Vec<_> = files.iter().map(|file| push.known(file)).collect();
+    let known: Vec<_> = candidates.iter().map(|candidate| push.known(&candidate.file)).collect();
     let ranked = from_rest::which_part(&known, &push.force);
     if arguments.json {
-        let parts: Vec<_> = ranked.iter().map(|part| arguments.as_json(part)).collect();
-        say!("{}", json!({ "parts": parts }));
+        say!("{}", as_json(&candidates, &ranked));
         return Ok(ExitCode::SUCCESS);
     }
     for part in &ranked {
-        say!("{:6.3}  {}", part.probability, arguments.parts[part.part].display());
+        say!("{:6.3}  {}", part.probability, candidates[part.part]);
     }
-    match ranked.first().filter(|first| first.probability > 0.0) {
-        Some(first) => {
-            let part = &files[first.part].part;
-            say!("\nIf it is {}:\n{}", arguments.parts[first.part].display(), pose::HEADINGS);
-            pose::lines(part, &first.estimate).iter().for_each(|line| say!("{line}"));
-            say!("{}", pose::in_words(part, &first.estimate));
-        }
-        None => say!("None of these parts explains what was felt."),
+    let Some(first) = ranked.first().filter(|first| first.probability > 0.0) else {
+        say!("None of these parts explains what was felt.");
+        return Ok(ExitCode::SUCCESS);
+    };
+    let candidate = &candidates[first.part];
+    say_poses(&format!("If it is {candidate}"), candidate, &first.estimate);
+    let possible = ranked.iter().filter(|part| part.probability > 0.0).count();
+    if let Some(mixed) = mixed(&candidates, &ranked).filter(|_| possible > 1) {
+        say_poses("Whatever it stands on", candidate, &mixed);
     }
     Ok(ExitCode::SUCCESS)
 }
 
+fn say_poses(when: &str, candidate: &Candidate, estimate: &Estimate) {
+    let part = &candidate.file.part;
+    say!("\n{when}:\n{}", pose::headings(estimate));
+    pose::lines(part, estimate).iter().for_each(|line| say!("{line}"));
+    say!("{}", pose::in_words(part, estimate));
+}
+
+/// A part that it may be.
+struct Candidate {
+    path: PathBuf,
+    support: Option<String>,
+    file: PolygonFile,
+}
+
+impl fmt::Display for Candidate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.path.display())?;
+        self.support.as_ref().map_or(Ok(()), |support| write!(f, " on {support}"))
+    }
+}
+
 impl Arguments {
-    fn as_json(&self, part: &PartEstimate<Estimate>) -> serde_json::Value {
-        json!({
-            "part": self.parts[part.part].display().to_string(),
+    fn candidates(&self) -> miette::Result<Vec<Candidate>> {
+        let mut all = Vec::new();
+        for path in &self.parts {
+            let supports = read(path, PolygonFile::parse_supports)?.into_iter();
+            all.extend(supports.map(|(support, file)| Candidate { path: path.clone(), support, file }));
+        }
+        Ok(all)
+    }
+}
+
+/// One answer of all parts, where those that are possible differ in nothing but what they stand on.
+fn mixed(candidates: &[Candidate], ranked: &[PartEstimate<Estimate>]) -> Option<Estimate> {
+    let mut possible = ranked.iter().filter(|part| part.probability > 0.0).map(|part| &candidates[part.part].file.part);
+    let first = possible.next()?;
+    let alike = |part: &Part| {
+        part.polygon().vertices() == first.polygon().vertices() && part.centre_of_mass() == first.centre_of_mass()
+    };
+    possible.all(alike).then(|| from_rest::mixed(ranked)).flatten()
+}
+
+fn as_json(candidates: &[Candidate], ranked: &[PartEstimate<Estimate>]) -> serde_json::Value {
+    let part = |part: &PartEstimate<Estimate>| {
+        let candidate = &candidates[part.part];
+        let mut told = json!({
+            "part": candidate.path.display().to_string(),
             "probability": part.probability,
             "estimate": pose::as_json(&part.estimate),
-        })
+        });
+        if let Some(support) = &candidate.support {
+            told["support"] = support.as_str().into();
+        }
+        told
+    };
+    let mut answer = json!({ "parts": ranked.iter().map(part).collect::<Vec<_>>() });
+    if let Some(mixed) = mixed(candidates, ranked) {
+        answer["whichever"] = pose::as_json(&mixed);
     }
+    answer
 }

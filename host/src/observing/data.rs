@@ -22,6 +22,8 @@ pub(super) struct Data {
     pub(super) log_magnitude: Option<Channel>,
     /// Where the contact angle at t = 0 can be, rad; of force data.
     pub(super) u0_range: Option<[f64; 2]>,
+    /// Whether `log_magnitude` is right but for one number that is added to all.
+    pub(super) mass_is_unknown: bool,
 }
 
 /// A straight line fitted to values around one instant.
@@ -36,13 +38,22 @@ pub(super) struct Local {
 impl Data {
     pub(super) fn new(observation: &Observation) -> Self {
         let (dt, values) = (observation.dt, observation.len());
-        let none = Self { dt, values, angle: None, direction: None, log_magnitude: None, u0_range: None };
+        let none = Self {
+            dt,
+            values,
+            angle: None,
+            direction: None,
+            log_magnitude: None,
+            u0_range: None,
+            mass_is_unknown: false,
+        };
         match &observation.measured {
             Measured::ContactAngle(channel) => Self { angle: Some(continuous(channel)), ..none },
-            Measured::Force { direction, magnitude, u0_range } => Self {
+            Measured::Force { direction, magnitude, u0_range, mass_is_unknown } => Self {
                 direction: direction.as_ref().map(continuous),
                 log_magnitude: magnitude.clone(),
                 u0_range: *u0_range,
+                mass_is_unknown: *mass_is_unknown && magnitude.is_some(),
                 ..none
             },
         }
@@ -62,9 +73,10 @@ impl Data {
         after.iter().chain(before.iter().rev()).copied().find(|angle| angle.is_finite())
     }
 
-    /// How many numbers were measured.
+    /// How many numbers were measured, less the one that an unknown mass takes.
     pub(super) fn terms(&self) -> usize {
-        self.channels().flat_map(|channel| &channel.values).filter(|value| value.is_finite()).count()
+        let finite = self.channels().flat_map(|channel| &channel.values).filter(|value| value.is_finite()).count();
+        finite.saturating_sub(usize::from(self.mass_is_unknown))
     }
 
     /// The least standard deviation of an angle or a logarithm.
@@ -174,11 +186,23 @@ pub(super) fn local(values: &[f64], dt: f64, time: f64, half_width: f64) -> Loca
     let [n, x, xx, y, xy] = sums;
     let spread = n * xx - x * x;
     if n < 2.0 || spread <= 0.0 {
-        let nearest =
-            (0..values.len()).min_by(|&i, &j| (count(i) * dt - time).abs().total_cmp(&(count(j) * dt - time).abs()));
-        return Local { value: nearest.map_or(0.0, |i| values[i]), rate: 0.0 };
+        return between(values, dt, time);
     }
     Local { value: (xx * y - x * xy) / spread, rate: (n * xy - x * y) / spread }
+}
+
+/// The straight line through the two values nearest to an instant.
+fn between(values: &[f64], dt: f64, time: f64) -> Local {
+    let mut there: Vec<_> = (0..values.len()).filter(|&i| values[i].is_finite()).collect();
+    there.sort_by(|&i, &j| (count(i) * dt - time).abs().total_cmp(&(count(j) * dt - time).abs()));
+    match there[..] {
+        [] => Local { value: 0.0, rate: 0.0 },
+        [only] => Local { value: values[only], rate: 0.0 },
+        [i, j, ..] => {
+            let rate = (values[j] - values[i]) / ((count(j) - count(i)) * dt);
+            Local { value: values[i] + rate * (time - count(i) * dt), rate }
+        }
+    }
 }
 
 #[cfg(test)]
@@ -202,5 +226,12 @@ mod tests {
             assert!((value - (1.5 - 0.7 * time)).abs() < 1e-13 && (rate + 0.7).abs() < 1e-11);
         }
         assert!((local(&values, 0.01, 0.1, 0.0).value - 1.43).abs() < 1e-13);
+        // Also through a gap.
+        let mut values = values;
+        values[9..12].fill(f64::NAN);
+        let Local { value, rate } = local(&values, 0.01, 0.1, 0.01);
+        assert!((value - 1.43).abs() < 1e-13 && (rate + 0.7).abs() < 1e-11);
+        values[0..29].fill(f64::NAN);
+        assert!((local(&values, 0.01, 0.1, 0.01).value - values[29]).abs() < 1e-13);
     }
 }

@@ -9,11 +9,11 @@
 
 use std::cell::Cell;
 
-use nalgebra::{Matrix4, SMatrix, SVector, Vector2, Vector4};
+use nalgebra::{Matrix4x5, Matrix5, RowVector5, SMatrix, SVector, Vector2, Vector5};
 
 use super::clock::{Clock, Fineness};
 use super::data::Data;
-use super::launch::{Begin, UNKNOWNS, Unknowns, Variable, launch, rest_span};
+use super::launch::{Begin, GRIP, UNKNOWNS, Unknowns, Variable, launch, rest_span};
 use super::observation::{Channel, Known, Prior, Touch};
 use super::path::{Seen, Site, WALLS, follow, plain_contact, plain_state};
 use crate::geometry::angle::wrap_angle;
@@ -32,7 +32,10 @@ const WALL_GIVES: [f64; WALLS] = [1e-5, 1e-5, 1e-3, 1e-3, 1e-4];
 const FORCE_FLOOR: f64 = 1e-2;
 
 /// Longest step of each unknown: a tenth of what it can be.
-pub(super) const STEP_MAX: Unknowns = [0.3, 0.02, 3.0, 0.1];
+pub(super) const STEP_MAX: Unknowns = [0.3, 0.02, 3.0, 0.1, 0.3];
+
+/// The plane's friction is within e³, a factor of twenty, of what it is taken for, however little is known of it.
+const GRIP_LOG_MAX: f64 = 3.0;
 
 /// Curvature that holds an unknown without any influence in place, in inverse squares of [`STEP_MAX`].
 const CURVATURE_MIN: f64 = 1e-6;
@@ -95,9 +98,9 @@ pub(super) struct Candidate {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Past {
     /// Where it is least.
-    pub(super) best: Vector4<f64>,
+    pub(super) best: Vector5<f64>,
     /// Half its curvature there.
-    pub(super) information: Matrix4<f64>,
+    pub(super) information: Matrix5<f64>,
     /// What it is there.
     pub(super) cost: f64,
     /// Values and prior terms that went into it.
@@ -112,11 +115,11 @@ pub(super) struct Evaluation {
     /// Energy of the springs.
     pub(super) penalty: f64,
     /// Half the gradient of cost and penalty.
-    pub(super) gradient: Vector4<f64>,
+    pub(super) gradient: Vector5<f64>,
     /// Half their curvature, after Gauss.
-    curvature: Matrix4<f64>,
+    curvature: Matrix5<f64>,
     /// The same of the cost alone: the information that the data hold about the unknowns.
-    pub(super) information: Matrix4<f64>,
+    pub(super) information: Matrix5<f64>,
     /// At the last value.
     pub(super) end: State,
     /// At the last value.
@@ -126,7 +129,7 @@ pub(super) struct Evaluation {
     /// At t = 0.
     pub(super) contact_start: Contact,
     /// Derivatives of the state at the end by the unknowns.
-    pub(super) end_by_start: Matrix4<f64>,
+    pub(super) end_by_start: Matrix4x5<f64>,
     /// The most that a wall gave way: in [`WALL_GIVES`].
     pub(super) overrun: f64,
 }
@@ -167,18 +170,47 @@ impl<const N: usize> Sums<N> {
         self.curvature += slope * slope.transpose();
     }
 
-    fn add_past(&mut self, past: &Past, unknowns: &Unknowns) {
+    /// Takes off what the mean of some residuals costs: they are right but for a number that is the same in all.
+    fn without_mean(&mut self, Common { count, sum }: Common<Jet<N>>) {
+        if count <= 0.0 {
+            return;
+        }
+        let slope = SVector::from(sum.slopes);
+        self.cost -= sum.value * sum.value / count;
+        self.gradient -= slope * (sum.value / count);
+        self.curvature -= slope * slope.transpose() / count;
+    }
+
+    fn add_past(&mut self, past: &Past, unknowns: &Unknowns, slots: Slots<N>) {
         let (cost, slope) = past.at(unknowns);
         self.cost += cost;
-        self.gradient += slope.fixed_rows::<N>(0);
-        self.curvature += past.information.fixed_view::<N, N>(0, 0);
+        self.gradient += SVector::<f64, N>::from_fn(|i, _| slope[slots.unknown(i)]);
+        self.curvature += SMatrix::<f64, N, N>::from_fn(|i, j| past.information[(slots.unknown(i), slots.unknown(j))]);
+    }
+}
+
+/// Residuals that share an unknown number: how many, and their sum.
+#[derive(Clone, Copy)]
+struct Common<T> {
+    count: f64,
+    sum: T,
+}
+
+impl<T: Scalar> Common<T> {
+    fn none() -> Self {
+        Self { count: 0.0, sum: T::from(0.0) }
+    }
+
+    fn add(&mut self, residual: T) {
+        self.count += 1.0;
+        self.sum = self.sum + residual;
     }
 }
 
 impl Past {
     /// Cost and half its gradient.
-    fn at(&self, unknowns: &Unknowns) -> (f64, Vector4<f64>) {
-        let off = Vector4::from(*unknowns) - self.best;
+    fn at(&self, unknowns: &Unknowns) -> (f64, Vector5<f64>) {
+        let off = Vector5::from(*unknowns) - self.best;
         let slope = self.information * off;
         (self.cost + off.dot(&slope), slope)
     }
@@ -213,7 +245,31 @@ impl<'a, 'p> Fitting<'a, 'p> {
             [site.low, site.high],
             unless(self.prior.omega0_sigma, OMEGA0_MAX),
             slip_or(begin, unless(self.prior.v_t0_sigma, V_T0_MAX)),
+            if self.grip_is_unknown() { [-GRIP_LOG_MAX, GRIP_LOG_MAX] } else { [0.0; 2] },
         ]
+    }
+
+    /// Whether the plane's friction is one of the unknowns.
+    fn grip_is_unknown(&self) -> bool {
+        self.prior.grip_log_sigma.is_some()
+    }
+
+    /// Whether a hypothesis has an unknown at all.
+    pub(super) fn has(&self, begin: Begin, unknown: usize) -> bool {
+        if unknown == GRIP { self.grip_is_unknown() } else { unknown < begin.unknowns() }
+    }
+
+    /// What is known, if a candidate is right about the plane's friction.
+    pub(super) fn known_by(&self, candidate: &Candidate) -> Known<'p> {
+        Known { grip: self.known.grip * candidate.unknowns[GRIP].exp(), ..*self.known }
+    }
+
+    /// µ g where it is one of the unknowns, m/s², and the logarithm of what it is over what it is taken for.
+    fn grip<T: Variable>(&self, candidate: &Candidate) -> Option<(T, T)> {
+        let log = T::variable(candidate.unknowns[GRIP], candidate.begin.unknowns());
+        let grip = self.known_by(candidate).grip;
+        // d(µg) = µg d(ln µg).
+        self.grip_is_unknown().then(|| ((log - log.re()) * grip + grip, log))
     }
 
     /// Terms of the prior, or values in its place, that a hypothesis has.
@@ -222,14 +278,15 @@ impl<'a, 'p> Fitting<'a, 'p> {
             return past.terms;
         }
         let sigmas = [self.prior.omega0_sigma, self.prior.v_t0_sigma];
-        sigmas.iter().take(begin.unknowns() - 2).flatten().count()
+        sigmas.iter().take(begin.unknowns() - 2).chain([&self.prior.grip_log_sigma]).flatten().count()
     }
 
     pub(super) fn evaluate(&self, candidate: &Candidate) -> Option<Evaluation> {
-        match candidate.begin.unknowns() {
+        match candidate.begin.unknowns() + usize::from(self.grip_is_unknown()) {
             2 => self.evaluate_with::<2>(candidate),
             3 => self.evaluate_with::<3>(candidate),
-            _ => self.evaluate_with::<4>(candidate),
+            4 => self.evaluate_with::<4>(candidate),
+            _ => self.evaluate_with::<5>(candidate),
         }
     }
 
@@ -237,14 +294,20 @@ impl<'a, 'p> Fitting<'a, 'p> {
     pub(super) fn cost(&self, candidate: &Candidate) -> Option<f64> {
         let Candidate { site, begin, unknowns, past } = candidate;
         self.simulations.update(|count| count + 1);
-        let launch = launch::<f64>(self.known, site, *begin, unknowns, self.rest_span)?;
-        let mut cost = 0.0;
-        let path = follow(self.known, site, &launch, &self.clock, |value, seen| {
-            self.residuals(value, &seen, |residual: f64| cost += residual * residual);
+        let grip = self.grip::<f64>(candidate);
+        let known = self.known_by(candidate);
+        let launch = launch(&known, site, (*begin, unknowns), self.rest_span, grip.map(|(grip, _)| grip))?;
+        let (mut cost, mut common) = (0.0, Common::none());
+        let path = follow(&known, site, &launch, &self.clock, |value, seen| {
+            self.residuals(value, &seen, &mut common, |residual: f64| cost += residual * residual);
         })?;
+        cost -= common.sum * common.sum / common.count.max(1.0);
         match past {
             Some(past) => cost += past.at(unknowns).0,
-            None => self.prior_residuals(*begin, &launch.state, |residual: f64| cost += residual * residual),
+            None => {
+                let start = (*begin, &launch.state, grip.map(|(_, log)| log));
+                self.prior_residuals(start, |residual: f64| cost += residual * residual);
+            }
         }
         for residual in self.wall_residuals(&path.walls).into_iter().chain([self.fast(*begin, &launch.state)]) {
             cost += residual * residual;
@@ -255,31 +318,38 @@ impl<'a, 'p> Fitting<'a, 'p> {
     fn evaluate_with<const N: usize>(&self, candidate: &Candidate) -> Option<Evaluation> {
         let Candidate { site, begin, unknowns, past } = candidate;
         self.simulations.update(|count| count + 1);
-        let launch = launch::<Jet<N>>(self.known, site, *begin, unknowns, self.rest_span)?;
-        let mut sums = Sums::<N>::new();
-        let path = follow(self.known, site, &launch, &self.clock, |value, seen| {
-            self.residuals(value, &seen, |residual| sums.add(residual));
+        let grip = self.grip::<Jet<N>>(candidate);
+        let slots = Slots::<N> { grip: grip.is_some() };
+        let known = self.known_by(candidate);
+        let launch = launch(&known, site, (*begin, unknowns), self.rest_span, grip.map(|(grip, _)| grip))?;
+        let (mut sums, mut common) = (Sums::<N>::new(), Common::none());
+        let path = follow(&known, site, &launch, &self.clock, |value, seen| {
+            self.residuals(value, &seen, &mut common, |residual| sums.add(residual));
         })?;
+        sums.without_mean(common);
         match past {
-            Some(past) => sums.add_past(past, unknowns),
-            None => self.prior_residuals(*begin, &launch.state, |residual| sums.add(residual)),
+            Some(past) => sums.add_past(past, unknowns, slots),
+            None => {
+                let start = (*begin, &launch.state, grip.map(|(_, log)| log));
+                self.prior_residuals(start, |residual| sums.add(residual));
+            }
         }
-        let (cost, information) = (sums.cost, widened(&sums.curvature));
+        let (cost, information) = (sums.cost, slots.widened(&sums.curvature));
         let [low, high, push, cone, slip] = self.wall_residuals(&path.walls);
         let walls = [low, high, push, cone, slip, self.fast(*begin, &launch.state)];
         walls.iter().for_each(|residual| sums.add(*residual));
-        let slopes = |value: &Jet<N>| widened_row(&SVector::from(value.slopes));
+        let slopes = |value: &Jet<N>| slots.widened_row(&SVector::from(value.slopes));
         let evaluation = Evaluation {
             cost,
             penalty: sums.cost - cost,
-            gradient: widened_row(&sums.gradient).transpose(),
-            curvature: widened(&sums.curvature),
+            gradient: slots.widened_row(&sums.gradient).transpose(),
+            curvature: slots.widened(&sums.curvature),
             information,
             end: plain_state(&path.end),
             contact_end: plain_contact(&path.contact),
             start: self.start(candidate, plain_state(&launch.state)),
             contact_start: plain_contact(&launch.contact),
-            end_by_start: Matrix4::from_rows(
+            end_by_start: Matrix4x5::from_rows(
                 &[path.end.u, path.end.s, path.end.omega, path.end.v_t].map(|value| slopes(&value)),
             ),
             overrun: walls.iter().map(|wall| wall.value.abs()).fold(0.0, f64::max) / self.wall_stiffness,
@@ -296,7 +366,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
         }
     }
 
-    fn residuals<T: Scalar>(&self, value: usize, seen: &Seen<T>, mut add: impl FnMut(T)) {
+    fn residuals<T: Scalar>(&self, value: usize, seen: &Seen<T>, common: &mut Common<T>, mut add: impl FnMut(T)) {
         let Seen { u, normal_force, tangential_force } = *seen;
         let Data { angle, direction, log_magnitude, .. } = &self.data;
         if let Some(Channel { values, sigma }) = angle
@@ -315,16 +385,27 @@ impl<'a, 'p> Fitting<'a, 'p> {
             && values[value].is_finite()
         {
             let squared = normal_force * normal_force + tangential_force * tangential_force;
-            add((ln(squared) * 0.5 - values[value]) / *sigma);
+            let residual = (ln(squared) * 0.5 - values[value]) / *sigma;
+            if self.data.mass_is_unknown {
+                common.add(residual);
+            }
+            add(residual);
         }
     }
 
-    fn prior_residuals<T: Variable>(&self, begin: Begin, start: &State<T>, mut add: impl FnMut(T)) {
+    fn prior_residuals<T: Variable>(
+        &self,
+        (begin, start, grip_log): (Begin, &State<T>, Option<T>),
+        mut add: impl FnMut(T),
+    ) {
         let terms = [(self.prior.omega0_sigma, start.omega), (self.prior.v_t0_sigma, start.v_t)];
         for (sigma, value) in terms.into_iter().take(begin.unknowns() - 2) {
             if let Some(sigma) = sigma {
                 add(value / sigma);
             }
+        }
+        if let (Some(sigma), Some(log)) = (self.prior.grip_log_sigma, grip_log) {
+            add(log / sigma);
         }
     }
 
@@ -386,7 +467,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
     }
 
     /// A damped step of Gauss and Newton within the bounds, and what it promises to gain.
-    fn step(&self, descent: &Descent, damping: f64) -> Option<(Vector4<f64>, f64)> {
+    fn step(&self, descent: &Descent, damping: f64) -> Option<(Vector5<f64>, f64)> {
         let Evaluation { gradient, curvature, .. } = &descent.evaluation;
         let held = self.held(descent);
         let (mut matrix, mut slope) = (*curvature, *gradient);
@@ -414,22 +495,22 @@ impl<'a, 'p> Fitting<'a, 'p> {
         std::array::from_fn(|i| {
             let [low, high] = bounds[i];
             let pressed = (unknowns[i] <= low && gradient[i] > 0.0) || (unknowns[i] >= high && gradient[i] < 0.0);
-            i >= begin.unknowns() || pressed
+            !self.has(begin, i) || pressed
         })
     }
 
     /// Covariance of the unknowns, and what is left to their minimum, by the data and prior alone.
-    pub(super) fn spread(&self, descent: &Descent) -> Option<(Matrix4<f64>, Vector4<f64>)> {
+    pub(super) fn spread(&self, descent: &Descent) -> Option<(Matrix5<f64>, Vector5<f64>)> {
         let begin = descent.candidate.begin;
         let (mut information, mut slope) = (descent.evaluation.information, descent.evaluation.gradient);
         for i in 0..UNKNOWNS {
             information[(i, i)] += CURVATURE_MIN / (STEP_MAX[i] * STEP_MAX[i]);
-            if i >= begin.unknowns() {
+            if !self.has(begin, i) {
                 (information[(i, i)], slope[i]) = (1.0, 0.0);
             }
         }
         let mut covariance = information.cholesky()?.inverse();
-        for i in begin.unknowns()..UNKNOWNS {
+        for i in (0..UNKNOWNS).filter(|i| !self.has(begin, *i)) {
             covariance[(i, i)] = 0.0;
         }
         Some((covariance, -(covariance * slope)))
@@ -440,7 +521,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
         let held = self.held(descent);
         let begin = descent.candidate.begin;
         // A place or angle at its limit is still uncertain by what the data say.
-        std::array::from_fn(|i| i < begin.unknowns() && (i < 2 || !held[i]))
+        std::array::from_fn(|i| self.has(begin, i) && (i < 2 || !held[i]))
     }
 }
 
@@ -458,10 +539,32 @@ fn ln<T: Scalar>(x: T) -> T {
     (x - value) / value + value.ln()
 }
 
-fn widened<const N: usize>(matrix: &SMatrix<f64, N, N>) -> Matrix4<f64> {
-    Matrix4::from_fn(|i, j| if i < N && j < N { matrix[(i, j)] } else { 0.0 })
+/// Which of the unknowns the `N` are that derivatives are carried by: the first ones, and the plane's friction last if it is one.
+#[derive(Clone, Copy)]
+struct Slots<const N: usize> {
+    grip: bool,
 }
 
-fn widened_row<const N: usize>(slopes: &SVector<f64, N>) -> nalgebra::RowVector4<f64> {
-    nalgebra::RowVector4::from_fn(|_, i| if i < N { slopes[i] } else { 0.0 })
+impl<const N: usize> Slots<N> {
+    fn unknown(self, slot: usize) -> usize {
+        if self.grip && slot + 1 == N { GRIP } else { slot }
+    }
+
+    fn widened(self, matrix: &SMatrix<f64, N, N>) -> Matrix5<f64> {
+        let mut wide = Matrix5::zeros();
+        for i in 0..N {
+            for j in 0..N {
+                wide[(self.unknown(i), self.unknown(j))] = matrix[(i, j)];
+            }
+        }
+        wide
+    }
+
+    fn widened_row(self, slopes: &SVector<f64, N>) -> RowVector5<f64> {
+        let mut wide = RowVector5::zeros();
+        for i in 0..N {
+            wide[self.unknown(i)] = slopes[i];
+        }
+        wide
+    }
 }

@@ -85,6 +85,8 @@ impl GhoRun {
             velocity_end: Vector2::from(model.velocity(&self.contact, time_end, &end)),
             covariance: None,
             state_covariance: None,
+            grip: known.grip,
+            grip_log_sd: None,
             cost,
             probability: 1.0,
         })

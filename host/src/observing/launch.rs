@@ -2,7 +2,7 @@
 //!
 //! The unknowns are, in this order, contact angle, place on the edge, angular velocity and the motion along the contact: its
 //! velocity where there is no friction, and its slip, from 0 on, where the contact slides. A contact without slip lacks the last; a
-//! push from rest has only the first two.
+//! push from rest has only the first two. Where the plane's friction is not known well, it is one more, the last.
 //!
 //! A push from rest is followed in closed form until the part has gone a small share of its size: up to then it moves straight, with
 //! the acceleration of the start (see [`crate::pushing`]), and direction of friction and all.
@@ -16,12 +16,16 @@ use super::path::{Launch, Site, lifted, without_slip};
 use crate::pushing::{Contact, Jet, PushModel, RestStart, Scalar, Slip, State};
 
 /// Numbers of unknowns that a hypothesis can have at most.
-pub(super) const UNKNOWNS: usize = 4;
+pub(super) const UNKNOWNS: usize = 5;
 
-/// Contact angle (rad), place on the edge (m), angular velocity (rad/s), velocity or slip along the contact (m/s), all at t = 0.
+/// Place among the unknowns of the plane's friction.
+pub(super) const GRIP: usize = 4;
+
+/// Contact angle (rad), place on the edge (m), angular velocity (rad/s), velocity or slip along the contact (m/s), all at t = 0;
+/// logarithm of µ g over what it is taken for.
 pub(super) type Unknowns = [f64; UNKNOWNS];
 
-/// Differences of angle (rad) and place (in radii of gyration) by which a start from rest is derived: the solution is exact to
+/// Differences of angle (rad), place (in radii of gyration) and µ g (of itself) by which a start from rest is derived: the solution is exact to
 /// 1e-14, so the derivatives are to 1e-9.
 const REST_DIFFERENCE: f64 = 1e-5;
 
@@ -55,7 +59,7 @@ impl Begin {
         }
     }
 
-    /// How many of the unknowns it has.
+    /// How many of the unknowns it has, the plane's friction not counted.
     pub(super) fn unknowns(self) -> usize {
         match self {
             Self::Rest(_) => 2,
@@ -83,17 +87,19 @@ impl<const N: usize> Variable for Jet<N> {
     }
 }
 
-/// The start of a path; none where the finger would not push, or slip is against its direction.
+/// The start of a path; none where the finger would not push, or slip is against its direction. `grip` is µ g where that is one of
+/// the unknowns, of the value in `known`.
 pub(super) fn launch<T: Variable>(
     known: &Known,
     site: &Site,
-    begin: Begin,
-    unknowns: &Unknowns,
+    (begin, unknowns): (Begin, &Unknowns),
     rest_span: f64,
+    grip: Option<T>,
 ) -> Option<Launch<T>> {
     let [u, s, omega, along] = [0, 1, 2, 3].map(|index| T::variable(unknowns[index], index));
     let state = State { u, s, omega, v_t: along };
-    let model = lifted::<T>(&known.model(site.edge));
+    let plain = lifted::<T>(&known.model(site.edge));
+    let model = PushModel { grip: grip.unwrap_or(plain.grip), ..plain };
     let rolling = |state: State<T>| State { v_t: model.rolling_v_t(0.0, &state), ..state };
     let (state, contact) = match begin {
         Begin::Free => (state, Contact::Frictionless),
@@ -105,9 +111,9 @@ pub(super) fn launch<T: Variable>(
             let state = rolling(state);
             (state, no_slip(known.touch, &model, &state))
         }
-        Begin::Rest(slip) => return from_rest(known, site, slip, (u, s), rest_span),
+        Begin::Rest(slip) => return from_rest(known, site, slip, (u, s, grip), rest_span),
     };
-    Some(Launch { time: 0.0, state, contact, rest: None })
+    Some(Launch { time: 0.0, state, contact, rest: None, grip: model.grip })
 }
 
 fn sliding<T: Scalar>(touch: Touch, slip: Slip) -> Contact<T> {
@@ -136,21 +142,27 @@ fn from_rest<T: Variable>(
     known: &Known,
     site: &Site,
     slip: Option<Slip>,
-    (u, s): (T, T),
+    (u, s, grip): (T, T, Option<T>),
     span: f64,
 ) -> Option<Launch<T>> {
     let plain = known.model(site.edge);
     let (contact, start) = rest_start(known, &plain, slip, u.re(), s.re())?;
-    let differ = |du: f64, ds: f64| {
-        let (_, other) = rest_start(known, &plain, slip, u.re() + du, s.re() + ds)?;
-        let difference = du + ds; // One of them is zero.
+    let differ = |[du, ds, dg]: [f64; 3]| {
+        let other = PushModel { grip: plain.grip + dg, ..plain };
+        let (_, other) = rest_start(known, &other, slip, u.re() + du, s.re() + ds)?;
+        let difference = du + ds + dg; // Two of them are zero.
         Some([(other.alpha - start.alpha) / difference, (other.a_t - start.a_t) / difference])
     };
     let place = REST_DIFFERENCE * known.part.inertia_per_mass().sqrt();
-    let (by_u, by_s) = (differ(REST_DIFFERENCE, 0.0)?, differ(0.0, place)?);
+    let (by_u, by_s) = (differ([REST_DIFFERENCE, 0.0, 0.0])?, differ([0.0, place, 0.0])?);
     let (du, ds) = (u - u.re(), s - s.re());
-    let alpha = du * by_u[0] + ds * by_s[0] + start.alpha;
-    let a_t = du * by_u[1] + ds * by_s[1] + start.a_t;
+    let mut alpha = du * by_u[0] + ds * by_s[0] + start.alpha;
+    let mut a_t = du * by_u[1] + ds * by_s[1] + start.a_t;
+    if let Some(grip) = grip.filter(|grip| grip.re() > 0.0) {
+        let by_grip = differ([0.0, 0.0, REST_DIFFERENCE * plain.grip])?;
+        let dg = grip - grip.re();
+        (alpha, a_t) = (alpha + dg * by_grip[0], a_t + dg * by_grip[1]);
+    }
     let [x, y] = known.finger.acceleration;
     let (sin, cos) = u.sin_cos();
     let finger_a_t = cos * y - sin * x;
@@ -167,7 +179,8 @@ fn from_rest<T: Variable>(
         Contact::Rolling => Contact::Rolling,
         Contact::Sliding { friction, slip } => Contact::Sliding { friction: T::from(friction), slip },
     };
-    Some(Launch { time: span, state, contact, rest: Some((u, alpha * 0.5)) })
+    let grip = grip.unwrap_or_else(|| T::from(plain.grip));
+    Some(Launch { time: span, state, contact, rest: Some((u, alpha * 0.5)), grip })
 }
 
 /// Contact and accelerations of the start from rest.

@@ -7,12 +7,13 @@
 //!
 //! A hypothesis is an edge and up to four numbers at t = 0: contact angle, place on the edge, angular velocity, velocity
 //! along the contact. Simulated forward it predicts every value; its cost is the sum of squared residuals. Finding all
-//! local minima of the cost over all edges, fast, takes three ideas:
+//! local minima of the cost over all edges, fast, takes some ideas:
 //! - friction makes a part forget how it started within v/(µg), some 20 ms. From then on it moves on a slow manifold, where contact
 //!   angle and place fix its velocities. So the measured angles tell at each place of each edge how fast the angle
 //!   should change, without any simulation, and one number an edge is left to search: see `seed` and `manifold`;
 //! - a simulation on dual numbers gives the exact derivatives of all it predicts, and with them Gauss–Newton steps: a handful
 //!   from seed to minimum: see `fit` and `path`;
+//! - where the friction of the plane is not known well ([`Prior::grip_log_sigma`]), its logarithm is one more unknown of every hypothesis;
 //! - all candidates go down side by side, and those that cannot come near the best are given up early: see `select`.
 //!
 //! In reading order: [`Known`], [`Observation`], [`Estimate`] (`observation`); `data`; `sites`: where the disk can touch; `launch`:
@@ -40,6 +41,8 @@ mod seed;
 mod select;
 mod sequence;
 mod sites;
+#[cfg(test)]
+mod tests;
 mod track;
 mod which_part;
 
@@ -50,4 +53,4 @@ pub use observation::{Channel, Estimate, Fit, Hypothesis, Known, Measured, Obser
 pub use select::estimate;
 pub use sequence::{Agreement, PoseBelief, Slack, in_sequence};
 pub use track::{Tracker, TrackerSettings};
-pub use which_part::{PartEstimate, Weight, log_evidence, ranked, which_part};
+pub use which_part::{PartEstimate, Weight, log_evidence, mixed, ranked, which_part};

@@ -84,16 +84,21 @@ pub enum Measured {
         magnitude: Option<Channel>,
         /// Where the contact angle at t = 0 can be, rad, in order; anywhere if none.
         u0_range: Option<[f64; 2]>,
+        /// The part's mass is not known, or the force's unit: magnitudes are right but for a factor that they share.
+        mass_is_unknown: bool,
     },
 }
 
-/// What is known of the motion at t = 0: standard deviations about zero. What is not given is bounded instead.
+/// What is known of the motion at t = 0: standard deviations about zero, what is not given is bounded instead; and of the plane.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Prior {
     /// Of ω, rad/s.
     pub omega0_sigma: Option<f64>,
     /// Of v_T, m/s.
     pub v_t0_sigma: Option<f64>,
+    /// Of ln(µg) about that of [`Known::grip`]: 0.2 where it is known to a fifth. Every hypothesis then has a friction of its own.
+    /// None where the friction is known.
+    pub grip_log_sigma: Option<f64>,
 }
 
 /// Data of a push and what is known of its start.
@@ -181,6 +186,10 @@ pub struct Hypothesis {
     pub covariance: Option<Matrix3<f64>>,
     /// Of `end`: u, s, ω, v_T; none where `covariance` is none. In rolling, v_T follows from the others.
     pub state_covariance: Option<Matrix4<f64>>,
+    /// µ g, m/s²: as known, or with [`Prior::grip_log_sigma`] as the data and the prior have it.
+    pub grip: f64,
+    /// Standard deviation of ln(µg), 0 where that is known; none where `covariance` is none.
+    pub grip_log_sd: Option<f64>,
     /// Squared residuals in standard deviations, prior terms included.
     pub cost: f64,
     /// Among the hypotheses, by Laplace's approximation; before the push every place of the perimeter is as likely.

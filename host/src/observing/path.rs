@@ -53,6 +53,8 @@ pub(super) struct Launch<T> {
     pub(super) contact: Contact<T>,
     /// From rest: contact angle at t = 0 and half the angular acceleration since then.
     pub(super) rest: Option<(T, T)>,
+    /// µ g, m/s².
+    pub(super) grip: T,
 }
 
 /// The end of a path, and how it kept to its limits.
@@ -108,8 +110,8 @@ pub(super) fn follow<T: Scalar>(
     clock: &Clock,
     see: impl FnMut(usize, Seen<T>),
 ) -> Option<Path<T>> {
-    let plain = known.model(site.edge);
-    let model = lifted(&plain);
+    let plain = PushModel { grip: launch.grip.re(), ..known.model(site.edge) };
+    let model = PushModel { grip: launch.grip, ..lifted(&plain) };
     let walls = [T::from(f64::INFINITY); WALLS];
     let mut walker = Walker { model, plain, touch: known.touch, site, clock, see, next_value: 0, walls, changes: 0 };
     walker.walk(launch)

@@ -256,7 +256,9 @@ impl<'a, 'p> Felt<'a, 'p> {
         let omega = near.omega + FIRST_EXCESS * (self.first.rate - near.omega);
         let near = State { omega, ..near };
         let along = along_contact(known, model, begin, &near).into_iter();
-        along.map(|along| Candidate { site: *site, begin, unknowns: [start.u, s, omega, along], past: None }).collect()
+        along
+            .map(|along| Candidate { site: *site, begin, unknowns: [start.u, s, omega, along, 0.0], past: None })
+            .collect()
     }
 }
 
@@ -396,7 +398,7 @@ fn tries(fitting: &Fitting, model: &PushModel, begin: Begin, (start, s): (&Local
                 Begin::NoSlip | Begin::Rest(_) => {}
             }
         }
-        tried.extend(along.into_iter().map(|along| [from.u, s, omega, along]));
+        tried.extend(along.into_iter().map(|along| [from.u, s, omega, along, 0.0]));
     }
     tried
 }

@@ -9,23 +9,24 @@
 use std::cell::Cell;
 use std::f64::consts::TAU;
 
-use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix4, Vector2, Vector4};
+use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix4, Matrix5, Vector2, Vector5};
 
 use super::clock::{Fineness, count};
 use super::data::Data;
 use super::fit::{Candidate, Descent, Fitting, STEP_MAX};
-use super::launch::{Begin, UNKNOWNS};
-use super::observation::{Estimate, Fit, Hypothesis, Known, Observation, pose};
+use super::launch::{Begin, GRIP, UNKNOWNS};
+use super::observation::{Estimate, Fit, Hypothesis, Known, Observation, Prior, pose};
 use super::path::Site;
 use super::seed::{Width, seeds, settling};
 use super::sites::sites;
+use super::which_part::{log_evidence_of, mixed, ranked};
 use crate::statistics::chi_square_quantile;
 
 /// Costs up to this above the best belong to the set. Fixed by the interface.
 pub(super) const GATE: f64 = 16.0;
 
 /// Minima on one edge whose ends are nearer than this are one, m. Fixed by the interface.
-const SAME_END_M: f64 = 5e-4;
+pub(super) const SAME_END_M: f64 = 5e-4;
 
 /// Probability with which data of the model pass the test of fit. Fixed by the interface.
 const FIT_PROBABILITY: f64 = 0.999;
@@ -80,7 +81,14 @@ const PATIENCE: usize = 12;
 const ROUNDS_MIN: usize = 2;
 
 /// Descents on one site that are as near as this (angle in rad, place in m) and go on alike are one.
-const MET: [f64; UNKNOWNS] = [2e-3, 2e-4, 0.1, 2e-3];
+const MET: [f64; UNKNOWNS] = [2e-3, 2e-4, 0.1, 2e-3, 0.02];
+
+/// Where nothing explains them, one of so many contact angles may be left out: with fewer, anything is explained without some of them;
+/// with more, wrong ones stand out among their neighbours.
+const SPARSE: (usize, usize) = (9, 30);
+
+/// It must cost so much more to explain it with the others: ten standard deviations, squared.
+const GROSS: f64 = 100.0;
 
 /// A wall may give way by so much, in its own measure: 50 µm of an edge.
 const OVERRUN_MAX: f64 = 5.0;
@@ -97,7 +105,8 @@ const CURVATURE_NONE: f64 = 1e-9;
 
 /// Every pose and motion that explains an observation.
 ///
-/// Where nothing does, values that no smooth motion passes through are left out, as long as they are few; the estimate names them.
+/// Where nothing does, values that no smooth motion passes through are left out, as long as they are few; among few values, where none
+/// stands out, that one without which the others are explained. The estimate names them.
 #[must_use]
 pub fn estimate(known: &Known, observation: &Observation) -> Estimate {
     let simulations = Cell::new(0);
@@ -115,7 +124,8 @@ pub fn estimate(known: &Known, observation: &Observation) -> Estimate {
         .or_else(|| without(outliers()?.into_iter().filter(|&value| !is_early(value)).collect()))
         .unwrap_or_else(|| {
             let wide = task.conclude(task.minima(Width::Wide));
-            if wide.hypotheses.is_empty() { outliers().and_then(without).unwrap_or(wide) } else { wide }
+            let fewer = || task.without_one().or_else(|| without(outliers()?));
+            if wide.hypotheses.is_empty() { fewer().unwrap_or(wide) } else { wide }
         });
     Estimate { simulations: simulations.get(), ..found }
 }
@@ -150,6 +160,25 @@ impl<'a, 'p> Task<'a, 'p> {
         // What does not fit coarse data does not fit exact ones; what does, may not.
         let fits = minima.iter().any(|descent| descent.evaluation.cost <= cost_max);
         fits.then(|| self.conclude(minima)).filter(|found| !found.hypotheses.is_empty())
+    }
+
+    /// What explains all values but one, if they are few contact angles: each is left out in turn. The estimate holds what is left
+    /// possible by whichever it was, and names the likeliest.
+    fn without_one(&self) -> Option<Estimate> {
+        if self.data.angle.is_none() || !(SPARSE.0..=SPARSE.1).contains(&self.data.terms()) {
+            return None;
+        }
+        let costs = self.minima(Width::Narrow).into_iter().map(|descent| descent.evaluation.cost);
+        let with_all = costs.fold(f64::INFINITY, f64::min);
+        let explained = (0..self.data.values).filter_map(|value| {
+            let task = Task { data: self.data.without(&[value]), ..self.clone() };
+            let found = Estimate { outliers: vec![value], ..task.explained(Width::Narrow)? };
+            // A wrong part is off by a little everywhere, a wrong value by much in one place.
+            found.fit.cost.filter(|cost| with_all > cost + GROSS)?;
+            let evidence = log_evidence_of(self.known.part, &found);
+            Some((found, evidence))
+        });
+        mixed(ranked(explained))
     }
 
     /// The minima of the cost at the standard deviation to begin with.
@@ -213,16 +242,16 @@ fn along_valleys(fitting: &Fitting, minima: &[Descent]) -> Vec<Candidate> {
     // Finer data cost more, not less.
     let possible = minima.iter().filter(|descent| descent.evaluation.total() <= best + GATE + SLACK);
     let candidates = possible.flat_map(|descent| {
-        let (lowest, valley) = (descent.candidate, valley(fitting, descent).unwrap_or_else(Vector4::zeros));
-        let at = move |share: f64| (Vector4::from(lowest.unknowns) + valley * share).into();
+        let (lowest, valley) = (descent.candidate, valley(fitting, descent).unwrap_or_else(Vector5::zeros));
+        let at = move |share: f64| (Vector5::from(lowest.unknowns) + valley * share).into();
         VALLEY_PLACES.map(|share| Candidate { unknowns: at(share), ..lowest })
     });
     candidates.collect()
 }
 
 /// The longest axis of what the data leave open, one standard deviation long; none where they leave everything.
-fn valley(fitting: &Fitting, descent: &Descent) -> Option<Vector4<f64>> {
-    let sizes = Vector4::from(STEP_MAX);
+fn valley(fitting: &Fitting, descent: &Descent) -> Option<Vector5<f64>> {
+    let sizes = Vector5::from(STEP_MAX);
     let (covariance, _) = fitting.spread(descent)?;
     let axes = covariance.component_div(&(sizes * sizes.transpose())).symmetric_eigen();
     let longest = axes.eigenvalues.imax();
@@ -297,7 +326,7 @@ pub(super) fn merge_met(descents: &mut Vec<Descent>) {
 
 fn have_met(a: &Candidate, b: &Candidate) -> bool {
     let near = |i: usize| (a.unknowns[i] - b.unknowns[i]).abs() < MET[i];
-    a.site == b.site && a.begin == b.begin && (0..a.begin.unknowns()).all(near)
+    a.site == b.site && a.begin == b.begin && (0..a.begin.unknowns()).chain([GRIP]).all(near)
 }
 
 /// Stiffens the walls until the minimum lies on them; none if it cannot.
@@ -372,7 +401,7 @@ fn judge(fitting: &Fitting, descent: &Descent, begins: usize) -> Judged {
     let Descent { candidate, evaluation, .. } = descent;
     let (site, time) = (candidate.site, fitting.data.duration());
     let model = fitting.known.model(site.edge);
-    let state_covariance = state_covariance(fitting, descent);
+    let (state_covariance, grip_log_sd) = state_covariance(fitting, descent).unzip();
     let hypothesis = Hypothesis {
         edge: site.index,
         start: evaluation.start,
@@ -384,6 +413,8 @@ fn judge(fitting: &Fitting, descent: &Descent, begins: usize) -> Judged {
         covariance: state_covariance
             .map(|state| pose_covariance(fitting, descent, &state.fixed_view::<2, 2>(0, 0).into())),
         state_covariance,
+        grip: fitting.known_by(candidate).grip,
+        grip_log_sd,
         cost: evaluation.cost,
         probability: 0.0,
     };
@@ -391,7 +422,7 @@ fn judge(fitting: &Fitting, descent: &Descent, begins: usize) -> Judged {
 }
 
 /// The information about the unknowns, the identity for those not free.
-fn information(fitting: &Fitting, descent: &Descent) -> Matrix4<f64> {
+fn information(fitting: &Fitting, descent: &Descent) -> Matrix5<f64> {
     let (mut information, free) = (descent.evaluation.information, fitting.free(descent));
     for i in (0..UNKNOWNS).filter(|i| !free[*i]) {
         information.row_mut(i).fill(0.0);
@@ -401,12 +432,12 @@ fn information(fitting: &Fitting, descent: &Descent) -> Matrix4<f64> {
     information
 }
 
-/// That of the state at the end; none where the data leave the place free.
-fn state_covariance(fitting: &Fitting, descent: &Descent) -> Option<Matrix4<f64>> {
+/// Covariance of the state at the end, and the standard deviation of ln(µg); none where the data leave the place free.
+fn state_covariance(fitting: &Fitting, descent: &Descent) -> Option<(Matrix4<f64>, f64)> {
     let Descent { candidate, evaluation, .. } = descent;
     let length = candidate.site.high - candidate.site.low;
     let mut information = information(fitting, descent);
-    let sizes = [1.0, length, 1.0, 0.1];
+    let sizes = [1.0, length, 1.0, 0.1, 1.0];
     for (i, size) in sizes.iter().enumerate() {
         information[(i, i)] += CURVATURE_NONE / (size * size);
     }
@@ -421,7 +452,8 @@ fn state_covariance(fitting: &Fitting, descent: &Descent) -> Option<Matrix4<f64>
     let radius = fitting.known.part.inertia_per_mass().sqrt();
     covariance.m11 += left * left;
     covariance.m22 += (left * radius).powi(2);
-    (!unknown && covariance.iter().all(|c| c.is_finite())).then_some(covariance)
+    let grip_log_sd = unknowns[(GRIP, GRIP)].max(0.0).sqrt();
+    (!unknown && covariance.iter().all(|c| c.is_finite())).then_some((covariance, grip_log_sd))
 }
 
 /// Mean squares of the errors of the pose at the end, from the covariance of the contact's angle and place, to second order.
@@ -452,14 +484,14 @@ fn pose_covariance(fitting: &Fitting, descent: &Descent, contact: &Matrix2<f64>)
 fn log_evidence(fitting: &Fitting, descent: &Descent, begins: usize) -> f64 {
     let Descent { candidate, evaluation, .. } = descent;
     let mut information = descent.evaluation.information;
-    let unknowns = candidate.begin.unknowns();
     let bounds = fitting.bounds(candidate);
-    let sigmas = [None, None, fitting.prior.omega0_sigma, fitting.prior.v_t0_sigma];
+    let Prior { omega0_sigma, v_t0_sigma, grip_log_sigma } = fitting.prior;
+    let sigmas = [None, None, omega0_sigma, v_t0_sigma, grip_log_sigma];
     let mut log_prior = -super::clock::count(begins).ln();
     for i in 0..UNKNOWNS {
         let width = bounds[i][1] - bounds[i][0];
         match sigmas[i] {
-            _ if i >= unknowns => information[(i, i)] = TAU, // Cancels below.
+            _ if !fitting.has(candidate.begin, i) => information[(i, i)] = TAU, // Cancels below.
             Some(sigma) => log_prior -= (sigma * TAU.sqrt()).ln(),
             None if width.is_finite() && width > 0.0 => {
                 // Flat over its range: no wider than that, however little the data say. The perimeter is shared by all.

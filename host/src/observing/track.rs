@@ -5,16 +5,20 @@
 //! more values bring out. When the window is full, its older part is dropped and what it said about each hypothesis is kept as a
 //! Gaussian about the state at the window's new start (a moving horizon with an arrival cost).
 //!
+//! A value that no hypothesis can follow, though they explained all before it, is held back: a spark, not a motion. If the next ones cannot
+//! be followed either, the motion itself is another than was thought, and all of them count. Values held back are named
+//! ([`Estimate::outliers`]).
+//!
 //! Assumes: values come each `dt` from contact onset on; one that got lost is given as none. Frames: world. Units: SI.
 //! Errors: none. Until there are values enough, or where nothing explains them, there are no hypotheses.
 
 use std::cell::Cell;
 
-use nalgebra::{Matrix4, Vector2, Vector4};
+use nalgebra::{DMatrix, Matrix5, Vector2, Vector5};
 
 use super::data::Data;
 use super::fit::{Candidate, Descent, Fitting, Past};
-use super::launch::{Begin, UNKNOWNS};
+use super::launch::{Begin, GRIP, UNKNOWNS};
 use super::observation::{Channel, Estimate, Fit, Known, Measured, Observation, Prior};
 use super::path::Site;
 use super::seed::{Width, seeds};
@@ -31,8 +35,15 @@ const SEARCH_EACH: usize = 4;
 /// Part of the window that is dropped when it is full: one in so many.
 const DROPPED_SHARE: usize = 4;
 
-/// What the model may be off by while a part of the window passes: rad, m, rad/s, m/s. It keeps the memory of the past finite.
-const DRIFT: [f64; UNKNOWNS] = [1e-4, 1e-5, 1e-3, 1e-4];
+/// A value is held back if it adds more than this to the cost of every hypothesis, though they take a step towards it: six standard
+/// deviations, squared. Noise does that once in 10⁸ values.
+const WILD: f64 = 36.0;
+
+/// So many values in a row that cannot be followed are no sparks: the motion is another.
+const WILD_IN_A_ROW: usize = 4;
+
+/// What the model may be off by while a part of the window passes: rad, m, rad/s, m/s, of µg. It keeps the memory of the past finite.
+const DRIFT: [f64; UNKNOWNS] = [1e-4, 1e-5, 1e-3, 1e-4, 1e-2];
 
 /// How to follow a push.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,6 +99,10 @@ pub struct Tracker<'p> {
     count: usize,
     next_site: usize,
     live: Vec<Candidate>,
+    /// The least cost among them.
+    cost: f64,
+    /// Values held back, in their order: number, from the first of the push on, and what it was, rad.
+    held_back: Vec<(usize, f64)>,
     estimate: Estimate,
 }
 
@@ -110,6 +125,8 @@ impl<'p> Tracker<'p> {
             count: 0,
             next_site: 0,
             live: Vec::new(),
+            cost: f64::INFINITY,
+            held_back: Vec::new(),
             estimate: Estimate { hypotheses: Vec::new(), fit, outliers: Vec::new(), simulations: 0 },
         }
     }
@@ -144,17 +161,82 @@ impl<'p> Tracker<'p> {
     }
 
     fn update(&mut self) {
-        let simulations = Cell::new(0);
-        let (known, values) = (self.known, self.window.clone());
-        let fitting = self.fitting(&known, values, &simulations);
+        let (simulations, known) = (Cell::new(0), self.known);
+        let mut fitting = self.fitting(&known, self.window.clone(), &simulations);
+        let mut minima = self.followed(&fitting);
+        if self.is_wild(&minima) {
+            self.hold_back_last();
+            fitting = self.fitting(&known, self.window.clone(), &simulations);
+            minima = self.followed(&fitting);
+        }
+        minima.extend(self.searched(&fitting));
+        self.conclude(&fitting, minima);
+        if self.estimate.hypotheses.is_empty() && self.is_search_due() {
+            self.search_without_wild();
+        }
+    }
+
+    /// The hypotheses so far, a step nearer to the values.
+    fn followed(&self, fitting: &Fitting) -> Vec<Descent> {
         let mut minima: Vec<_> = self.live.iter().filter_map(|candidate| fitting.descend(*candidate)).collect();
         for descent in &mut minima {
             fitting.improve(descent);
         }
-        minima.extend(self.searched(&fitting));
+        minima
+    }
+
+    fn conclude(&mut self, fitting: &Fitting, mut minima: Vec<Descent>) {
         keep_near_best(&mut minima);
-        self.estimate = Estimate { simulations: simulations.get(), ..judge_all(&fitting, &minima, self.begins.len()) };
+        self.cost = least_cost(&minima);
+        let judged = judge_all(fitting, &minima, self.begins.len());
+        let outliers = self.held_back.iter().map(|(number, _)| *number).collect();
+        self.estimate = Estimate { simulations: fitting.simulations.get(), outliers, ..judged };
         self.live = minima.iter().map(|descent| descent.candidate).collect();
+    }
+
+    /// Whether hypotheses that explained all values before the last cannot follow that one.
+    fn is_wild(&self, followed: &[Descent]) -> bool {
+        !self.estimate.hypotheses.is_empty() && least_cost(followed) > self.cost + WILD
+    }
+
+    /// Number, from the first of the push on, of the first value in the window.
+    fn first_number(&self) -> usize {
+        self.count - self.window.len()
+    }
+
+    /// Holds the last value back; if those before it were too, they all count.
+    fn hold_back_last(&mut self) {
+        let last = self.count - 1;
+        let before = self.held_back.len().saturating_sub(WILD_IN_A_ROW - 1);
+        let row = &self.held_back[before..];
+        if row.len() + 1 < WILD_IN_A_ROW || row[0].0 + row.len() != last {
+            return self.hold_back(self.window.len() - 1);
+        }
+        for (number, value) in self.held_back.split_off(before) {
+            if let Some(place) = number.checked_sub(self.first_number()) {
+                self.window[place] = value;
+            }
+        }
+    }
+
+    fn hold_back(&mut self, place: usize) {
+        let value = std::mem::replace(&mut self.window[place], f64::NAN);
+        self.held_back.push((self.first_number() + place, value));
+    }
+
+    /// Searches everywhere without the values that no smooth motion passes through, and keeps to that if it explains the others.
+    fn search_without_wild(&mut self) {
+        let (simulations, known, mut tried) = (Cell::new(self.estimate.simulations), self.known, self.clone());
+        let fitting = self.fitting(&known, self.window.clone(), &simulations);
+        let Some(wild) = fitting.data.outliers().filter(|wild| !wild.is_empty()) else { return };
+        wild.into_iter().for_each(|place| tried.hold_back(place));
+        tried.held_back.sort_by_key(|(number, _)| *number);
+        let fitting = tried.fitting(&known, tried.window.clone(), &simulations);
+        let candidates = seeds(&fitting, &tried.sites, &tried.begins, Width::Narrow);
+        tried.conclude(&fitting, descend_together(&fitting, &candidates));
+        if !tried.estimate.hypotheses.is_empty() {
+            *self = tried;
+        }
     }
 
     fn fitting<'a>(&self, known: &'a Known<'p>, values: Vec<f64>, simulations: &'a Cell<usize>) -> Fitting<'a, 'p> {
@@ -164,13 +246,19 @@ impl<'p> Tracker<'p> {
         Fitting::new((known, data, prior), fineness(sigma, 1.0), REST_ERROR * sigma, simulations)
     }
 
+    fn is_first(&self) -> bool {
+        self.window.len() == VALUES_FIRST && !self.full
+    }
+
+    fn is_search_due(&self) -> bool {
+        !self.full && (self.is_first() || self.window.len().is_multiple_of(SEARCH_EACH))
+    }
+
     /// Minima of the sites whose turn it is: all at first, then one now and then until values are dropped.
     fn searched(&mut self, fitting: &Fitting) -> Vec<Descent> {
-        let first = self.window.len() == VALUES_FIRST && !self.full;
-        let due = !self.full && self.window.len().is_multiple_of(SEARCH_EACH) && !self.sites.is_empty();
-        let candidates = if first {
+        let candidates = if self.is_first() {
             seeds(fitting, &self.sites, &self.begins, Width::Narrow)
-        } else if due {
+        } else if self.is_search_due() && !self.sites.is_empty() {
             self.next_site = (self.next_site + 1) % self.sites.len();
             seeds(fitting, &[self.sites[self.next_site]], &self.begins, Width::Narrow)
         } else {
@@ -200,6 +288,10 @@ fn moved(finger: &Finger, time: f64) -> Finger {
     Finger { centre0: finger.centre(time).into(), velocity0: finger.velocity(time), ..*finger }
 }
 
+fn least_cost(minima: &[Descent]) -> f64 {
+    minima.iter().map(|descent| descent.evaluation.cost).fold(f64::INFINITY, f64::min)
+}
+
 /// Drops what is far above the best, and the worse of two that are one.
 fn keep_near_best(minima: &mut Vec<Descent>) {
     let total = |descent: &Descent| descent.evaluation.total();
@@ -213,7 +305,9 @@ fn remembered(fitting: &Fitting, candidate: &Candidate, time: f64) -> Option<Can
     let descent = fitting.descend(*candidate)?;
     let evaluation = &descent.evaluation;
     let (end, edge) = (evaluation.end, candidate.site.edge);
-    let mut by_start = evaluation.end_by_start;
+    // The plane's friction stays what it is.
+    let mut by_start = Matrix5::identity();
+    by_start.fixed_rows_mut::<GRIP>(0).copy_from(&evaluation.end_by_start);
     let (begin, along) = match evaluation.contact_end {
         Contact::Frictionless => (Begin::Free, end.v_t),
         Contact::Rolling => (Begin::NoSlip, 0.0),
@@ -227,23 +321,29 @@ fn remembered(fitting: &Fitting, candidate: &Candidate, time: f64) -> Option<Can
         }
     };
     let (covariance, step) = fitting.spread(&descent)?;
-    let drift = Matrix4::from_diagonal(&Vector4::from(DRIFT).map(|drift| drift * drift));
+    let drift = Matrix5::from_diagonal(&Vector5::from(DRIFT).map(|drift| drift * drift));
     let spread = by_start * covariance * by_start.transpose() + drift;
-    let unknowns = [end.u, end.s, end.omega, along];
+    let unknowns = [end.u, end.s, end.omega, along, candidate.unknowns[GRIP]];
     let past = Past {
-        best: Vector4::from(unknowns) + by_start * step,
-        information: leading_inverse(&spread, begin.unknowns())?,
+        best: Vector5::from(unknowns) + by_start * step,
+        information: inverse_of(&spread, |unknown| fitting.has(begin, unknown))?,
         cost: evaluation.cost - step.dot(&(evaluation.information * step)),
         terms: fitting.data.terms() + fitting.prior_terms(candidate),
     };
     Some(Candidate { site: candidate.site, begin, unknowns, past: Some(past) })
 }
 
-/// The inverse of the leading block, zeros elsewhere.
-fn leading_inverse(matrix: &Matrix4<f64>, size: usize) -> Option<Matrix4<f64>> {
-    let inverse = matrix.view((0, 0), (size, size)).clone_owned().cholesky()?.inverse();
-    let mut widened = Matrix4::zeros();
-    widened.view_mut((0, 0), (size, size)).copy_from(&inverse);
+/// The inverse of the rows and columns of some unknowns, zeros elsewhere.
+fn inverse_of(matrix: &Matrix5<f64>, is_there: impl Fn(usize) -> bool) -> Option<Matrix5<f64>> {
+    let there: Vec<_> = (0..UNKNOWNS).filter(|unknown| is_there(*unknown)).collect();
+    let block = DMatrix::from_fn(there.len(), there.len(), |i, j| matrix[(there[i], there[j])]);
+    let inverse = block.cholesky()?.inverse();
+    let mut widened = Matrix5::zeros();
+    for (i, row) in there.iter().enumerate() {
+        for (j, column) in there.iter().enumerate() {
+            widened[(*row, *column)] = inverse[(i, j)];
+        }
+    }
     Some(widened)
 }
 
@@ -268,7 +368,7 @@ mod tests {
         let part = Part::uniform(SimplePolygon::new(outline).unwrap());
         let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
         let known = Known { part: &part, grip: 0.3 * 9.81, finger, touch };
-        let prior = Prior { omega0_sigma: Some(1.0), v_t0_sigma: Some(0.004) };
+        let prior = Prior { omega0_sigma: Some(1.0), v_t0_sigma: Some(0.004), grip_log_sigma: None };
         let mut tracker = Tracker::new(known, TrackerSettings { dt: 0.01, sigma: SIGMA, prior, window: 60 });
         let model = PushModel { part: &part, edge: part.edge(0).unwrap(), grip: 0.3 * 9.81, finger };
         let start = State { u: 1.6, s: 0.006, omega: 0.2, v_t: 0.0 };

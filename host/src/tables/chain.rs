@@ -87,7 +87,8 @@ fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<Outcome, String> {
     let felt = Rig::start(finger_seed, 1.0, Line::Pipe).and_then(|mut rig| rig.push(drawn.played.course()));
     let felt = felt.map_err(|error| format!("case {number}: {error}"))?;
     let felt = felt.sense.felt(duration).ok_or_else(|| format!("case {number}: the push was not felt"))?;
-    let known = Known { part: &part, grip: ranges.mu * GRAVITY, radius: RADIUS_M, motion: &ranges.motion };
+    let known =
+        Known { part: &part, grip: ranges.mu * GRAVITY, grip_log_sd: None, radius: RADIUS_M, motion: &ranges.motion };
     Ok(Outcome::new(&part, &drawn, &from_rest::estimate(&known, &felt)))
 }
 

@@ -45,6 +45,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     pose::FRICTION,
     pose::FORCES,
     pose::MODEL_ERROR,
+    pose::MAGNITUDE,
     chain::EXPERIMENT,
     plan::EXPERIMENT,
     parts::EXPERIMENT,

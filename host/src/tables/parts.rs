@@ -101,7 +101,7 @@ fn outcome(seed: u64, number: usize, parts: usize, acceleration: [f64; 2]) -> Ou
     let observation = Observation {
         dt: DT_S,
         measured: Measured::ContactAngle(Channel { values, sigma: SIGMA_RAD }),
-        prior: Prior { omega0_sigma: Some(OMEGA_SIGMA), v_t0_sigma: None },
+        prior: Prior { omega0_sigma: Some(OMEGA_SIGMA), v_t0_sigma: None, grip_log_sigma: None },
     };
     let ranked = which_part(&known, &observation);
     let of = |truth: bool| ranked.iter().filter(move |part| (part.part == 0) == truth).map(|part| part.probability);

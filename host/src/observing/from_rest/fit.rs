@@ -2,7 +2,8 @@
 //!
 //! The force is the part's mass times what a guess predicts, so that for every guess the best mass follows at once. A contact
 //! beyond its edge's end, or one that takes more friction than can be, adds to the cost instead of ending the search: the
-//! minimum may lie at the limit.
+//! minimum may lie at the limit. Where the friction of the plane is not known well, it is one more parameter, and how far it is from
+//! what it is taken for adds to the cost too.
 //!
 //! Units: SI. Errors: none; a guess that cannot be played through has no fit.
 
@@ -36,12 +37,23 @@ const DAMPING: (f64, f64, f64) = (1e-3, 5.0, 1e8);
 /// Least curvature of a parameter relative to the largest that counts: below it the data say nothing about it.
 const CURVATURE_MIN: f64 = 1e-12;
 
-/// Differences that stand for derivatives: rad, of the radius of gyration, of µ_c. Forces change by some 1e-4 over them,
+/// Differences that stand for derivatives: rad, of the radius of gyration, of µ_c, of ln(µ g). Forces change by some 1e-4 over them,
 /// a thousand times what rounding and the bisection of events leave.
-const DIFFERENCES: [f64; 3] = [1e-4, 1e-4, 1e-4];
+const DIFFERENCES: [f64; PARAMETERS] = [1e-4, 1e-4, 1e-4, 1e-4];
 
-/// Parameters of a guess: contact angle, place, friction.
-const PARAMETERS: usize = 3;
+/// Parameters of a guess: contact angle, place, friction of the contact, friction of the plane. The mass's logarithm follows them.
+const PARAMETERS: usize = 4;
+
+/// Where among them the friction of the contact is, and that of the plane.
+const MU_C: usize = 2;
+/// See [`MU_C`].
+const GRIP: usize = 3;
+
+/// The plane's friction is within e³, a factor of twenty, of what it is taken for, however little is known of it.
+const GRIP_LOG_MAX: f64 = 3.0;
+
+/// What adds to the cost beside the residuals: a contact beyond its edge, friction beyond reason, the plane's prior.
+const PENALTIES: usize = 3;
 
 /// What was felt and what is known.
 #[derive(Clone, Copy, Debug)]
@@ -62,7 +74,7 @@ pub(super) struct Tried {
     /// Whitened force per unit mass.
     shape: DVector<f64>,
     /// What is asked too much.
-    penalties: [f64; 2],
+    penalties: [f64; PENALTIES],
 }
 
 impl Problem<'_, '_> {
@@ -78,8 +90,9 @@ impl Problem<'_, '_> {
         }
         let beyond = (edge.s_min - path.s_span[0]).max(path.s_span[1] - edge.s_max).max(0.0) / EDGE_SLACK_M;
         let needed = if guess.mu_c.is_finite() { 0.0 } else { (path.friction_needed - MU_C_MAX).max(0.0) };
-        let penalties = [beyond, needed / FRICTION_SLACK];
-        let squares = |values: [f64; 2]| values.iter().map(|value| value * value).sum::<f64>();
+        let unlikely = self.course.grip_log_sd.map_or(0.0, |sd| guess.grip_log / sd);
+        let penalties = [beyond, needed / FRICTION_SLACK, unlikely];
+        let squares = |values: [f64; PENALTIES]| values.iter().map(|value| value * value).sum::<f64>();
         let cost = (data - &shape * mass).norm_squared() + squares(penalties);
         Some(Tried { guess, path, mass, cost, shape, penalties })
     }
@@ -106,17 +119,26 @@ impl Problem<'_, '_> {
     }
 
     fn differences(&self) -> [f64; PARAMETERS] {
-        let [u, s, mu] = DIFFERENCES;
-        [u, s * self.course.part.inertia_per_mass().sqrt(), mu]
+        let [u, s, mu_c, grip_log] = DIFFERENCES;
+        [u, s * self.course.part.inertia_per_mass().sqrt(), mu_c, grip_log]
+    }
+
+    /// Whether a parameter is to be found, and changes anything.
+    fn is_free(&self, at: &Tried, parameter: usize) -> bool {
+        match parameter {
+            MU_C => at.path.slipped,
+            GRIP => self.course.grip_log_sd.is_some(),
+            _ => true,
+        }
     }
 
     /// Derivatives of the whitened residuals, penalties included, by the parameters and the mass's logarithm.
     fn slopes(&self, at: &Tried) -> DMatrix<f64> {
         let size = at.shape.len();
-        let mut slopes = DMatrix::zeros(size + 2, PARAMETERS + 1);
+        let mut slopes = DMatrix::zeros(size + PENALTIES, PARAMETERS + 1);
         slopes.view_mut((0, PARAMETERS), (size, 1)).copy_from(&(&at.shape * -at.mass));
         for (column, difference) in self.differences().into_iter().enumerate() {
-            if column == 2 && !at.path.slipped {
+            if !self.is_free(at, column) {
                 continue;
             }
             // Where a difference leads to where nothing can be played, the other way will do.
@@ -135,9 +157,9 @@ impl Problem<'_, '_> {
 
     fn stepped(&self, at: &Tried, slopes: &DMatrix<f64>, damping: f64) -> Option<Tried> {
         let size = at.shape.len();
-        let mut residuals = DVector::zeros(size + 2);
+        let mut residuals = DVector::zeros(size + PENALTIES);
         residuals.rows_mut(0, size).copy_from(&(self.felt.data() - &at.shape * at.mass));
-        residuals.rows_mut(size, 2).copy_from_slice(&at.penalties);
+        residuals.rows_mut(size, PENALTIES).copy_from_slice(&at.penalties);
         let mut normal = slopes.tr_mul(slopes);
         let largest = normal.diagonal().max();
         for i in 0..normal.nrows() {
@@ -166,7 +188,7 @@ impl Problem<'_, '_> {
         let mut pose = SMatrix::<f64, 3, PARAMETERS>::zeros();
         let mut state = SMatrix::<f64, 4, PARAMETERS>::zeros();
         for (column, step) in self.differences().into_iter().enumerate() {
-            if column == 2 && !at.path.slipped {
+            if !self.is_free(at, column) {
                 continue;
             }
             let guess = moved(&at.guess, column, step);
@@ -174,8 +196,15 @@ impl Problem<'_, '_> {
             pose.set_column(column, &(difference(&end, &self.course.pose_at_end(&guess, &path)?) / step));
             state.set_column(column, &((vector(&path.end) - vector(&at.path.end)) / step));
         }
+        let deviation = |parameter: usize| parameters[(parameter, parameter)].max(0.0).sqrt();
+        let (grip_log_sd, mass_log_sd) = (deviation(GRIP), deviation(PARAMETERS));
+        let weight_variance =
+            deviation(GRIP).powi(2) + deviation(PARAMETERS).powi(2) + 2.0 * parameters[(GRIP, PARAMETERS)];
         let parameters = parameters.fixed_view::<PARAMETERS, PARAMETERS>(0, 0);
         Some(EndCovariance {
+            grip_log_sd,
+            mass_log_sd,
+            resistance_log_sd: weight_variance.max(0.0).sqrt(),
             pose: pose * parameters * pose.transpose(),
             state: state * parameters * state.transpose(),
             spread: parameters.fixed_view::<2, 2>(0, 0).determinant().max(0.0).sqrt(),
@@ -191,6 +220,12 @@ pub(super) struct EndCovariance {
     pub(super) state: Matrix4<f64>,
     /// Square root of the determinant for contact angle and place at the start.
     pub(super) spread: f64,
+    /// Standard deviation of ln(µ g); 0 where it is known.
+    pub(super) grip_log_sd: f64,
+    /// Of the mass's logarithm.
+    pub(super) mass_log_sd: f64,
+    /// Of the logarithm of their product.
+    pub(super) resistance_log_sd: f64,
 }
 
 fn vector(state: &State) -> Vector4<f64> {
@@ -209,6 +244,7 @@ fn moved(guess: &Guess, parameter: usize, by: f64) -> Guess {
     match parameter {
         0 => guess.u += by,
         1 => guess.s += by,
+        GRIP => guess.grip_log = (guess.grip_log + by).clamp(-GRIP_LOG_MAX, GRIP_LOG_MAX),
         _ if guess.mu_c.is_finite() => guess.mu_c = (guess.mu_c + by).clamp(MU_C_MIN, MU_C_MAX),
         _ => {}
     }

@@ -3,7 +3,8 @@
 //! Finger and part touch, both at rest, and the finger begins to move. Nothing is known of where on the part it touches, at
 //! what angle, with what friction, nor of the part's mass: only the part's shape, µ of the plane, and how the finger moves. From
 //! rest these unknowns fix all that follows ([`crate::pushing`]), and so the force over the push says which they are: its
-//! direction and its course say where the part is, its size says the mass.
+//! direction and its course say where the part is, its size says the mass. Where µ of the plane is not known well, it is found with the
+//! rest. But a slow part feels its mass only through µ m g: then the answer says that the two cannot be told apart.
 //!
 //! - [`windows`]: how force is averaged; [`felt`]: what was felt and how uncertain it is;
 //! - `path`: what a guess would feel; `seeds`: guesses to begin with; `fit`: going down from each to a minimum;
@@ -62,6 +63,8 @@ pub struct Known<'p> {
     pub part: &'p Part,
     /// µ g of the plane, m/s².
     pub grip: f64,
+    /// Standard deviation of ln(µ g): 0.2 where it is known to a fifth; none where it is known.
+    pub grip_log_sd: Option<f64>,
     /// Of the finger's disk, m.
     pub radius: f64,
     /// How the finger moves.
@@ -81,6 +84,8 @@ pub struct Estimate {
     pub symmetry: usize,
     /// Time since the onset up to which the force was used, s.
     pub duration: f64,
+    /// Standard deviation of ln(µ g) beforehand, where it was not known.
+    pub grip_log_sd: Option<f64>,
 }
 
 /// A pose that explains the force.
@@ -102,6 +107,14 @@ pub struct Hypothesis {
     pub friction_needed: f64,
     /// The part's mass, kg (or relative, as the force).
     pub mass: f64,
+    /// Standard deviation of its logarithm.
+    pub mass_log_sd: f64,
+    /// µ g of the plane, m/s²: as known, or as found.
+    pub grip: f64,
+    /// Standard deviation of ln(µ g); 0 where it is known.
+    pub grip_log_sd: f64,
+    /// Standard deviation of ln(µ m g), the force that the plane can resist with.
+    pub resistance_log_sd: f64,
     /// Pose of the part frame in the motion's frame when the finger began to move.
     pub pose_start: Isometry2<f64>,
     /// The same at the end.
@@ -155,7 +168,22 @@ pub enum Status {
     None,
 }
 
+/// The plane's friction counts as found if its standard deviation is less than this share of what it was beforehand.
+const FOUND_SHARE: f64 = 0.9;
+
+/// Mass and friction of the plane are known together where their product's standard deviation is less than this share of each one's.
+const TOGETHER_SHARE: f64 = 0.5;
+
 impl Estimate {
+    /// Whether the force tells µ m g but neither µ nor m, beyond what was known beforehand.
+    #[must_use]
+    pub fn mass_and_friction_are_one(&self) -> bool {
+        let Some(beforehand) = self.grip_log_sd else { return false };
+        self.hypotheses.first().is_some_and(|best| {
+            best.grip_log_sd > FOUND_SHARE * beforehand && best.resistance_log_sd < TOGETHER_SHARE * best.mass_log_sd
+        })
+    }
+
     /// Finger and part at the time up to which the force was used: what a motion planner starts from.
     #[must_use]
     pub fn present<'p>(&self, known: &Known<'p>) -> Present<'p> {
@@ -165,7 +193,7 @@ impl Estimate {
         let since = self.duration - leg.from;
         Present {
             part: known.part,
-            grip: known.grip,
+            grip: self.hypotheses.first().map_or(known.grip, |best| best.grip),
             radius: known.radius,
             centre: leg.finger.centre(since).coords.into(),
             velocity: leg.finger.velocity(since),
@@ -211,13 +239,38 @@ pub fn which_part(known: &[Known], felt: &FeltForce) -> Vec<PartEstimate<Estimat
     }))
 }
 
+/// What several parts of one outline leave possible together, whichever it is: poses of different parts that are one are joined, and
+/// its covariance covers them all. None where no part explains the force, or those that do differ in their symmetry, so that
+/// their poses do not stand for the same.
+#[must_use]
+pub fn mixed(parts: &[PartEstimate<Estimate>]) -> Option<Estimate> {
+    let possible = || parts.iter().filter(|part| part.probability > 0.0);
+    let first = possible().next()?;
+    if possible().any(|part| part.estimate.symmetry != first.estimate.symmetry) {
+        return None;
+    }
+    let by_part = |part: &PartEstimate<Estimate>| {
+        let share = part.probability;
+        part.estimate
+            .hypotheses
+            .clone()
+            .into_iter()
+            .map(move |found| Hypothesis { probability: share * found.probability, ..found })
+    };
+    let mut all: Vec<_> = possible().flat_map(by_part).collect();
+    all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    let mut hypotheses = joined(all);
+    hypotheses.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    Some(Estimate { hypotheses, ..first.estimate.clone() })
+}
+
 /// The same, sought only where an earlier answer from the beginning of the same push had found something: what was excluded then
 /// stays excluded.
 #[must_use]
 pub fn follow(known: &Known, felt: &FeltForce, earlier: &Estimate) -> Estimate {
     let course = course(known, felt);
     let problem = Problem { course: &course, felt };
-    let starts = earlier.hypotheses.iter().filter_map(|hypothesis| problem.try_guess(hypothesis.guess()));
+    let starts = earlier.hypotheses.iter().filter_map(|hypothesis| problem.try_guess(hypothesis.guess(&course)));
     let starts = starts.collect::<Vec<_>>();
     conclude(&problem, descend_all(&problem, starts), earlier.symmetry)
 }
@@ -226,6 +279,7 @@ fn course<'p>(known: &Known<'p>, felt: &FeltForce) -> Course<'p> {
     Course {
         part: known.part,
         grip: known.grip,
+        grip_log_sd: known.grip_log_sd,
         legs: known.motion.legs(known.radius).collect(),
         duration: windows::end(felt.count() - 1),
     }
@@ -260,7 +314,7 @@ fn conclude(problem: &Problem, mut tried: Vec<Tried>, symmetry: usize) -> Estima
     hypotheses.iter_mut().for_each(|hypothesis| hypothesis.probability /= total);
     let mut hypotheses = joined(hypotheses);
     hypotheses.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    Estimate { hypotheses, cost: best, cost_max, symmetry, duration }
+    Estimate { hypotheses, cost: best, cost_max, symmetry, duration, grip_log_sd: problem.course.grip_log_sd }
 }
 
 /// Whether the finger can be there at all, outside the part.
@@ -304,8 +358,9 @@ fn joined(hypotheses: Vec<Hypothesis>) -> Vec<Hypothesis> {
 }
 
 impl Hypothesis {
-    fn guess(&self) -> Guess {
-        Guess { edge: self.edge, u: self.u0, s: self.s0, mu_c: self.mu_c.unwrap_or(f64::INFINITY) }
+    fn guess(&self, course: &Course) -> Guess {
+        let grip_log = if course.grip_log_sd.is_some() { (self.grip / course.grip).ln() } else { 0.0 };
+        Guess { edge: self.edge, u: self.u0, s: self.s0, mu_c: self.mu_c.unwrap_or(f64::INFINITY), grip_log }
     }
 
     /// Covers another one too, of a greater cost.
@@ -323,7 +378,8 @@ impl Hypothesis {
 }
 
 fn hypothesis(problem: &Problem, tried: &Tried, best: f64) -> Option<Hypothesis> {
-    let EndCovariance { pose: covariance, state: state_covariance, spread } = problem.end_covariance(tried)?;
+    let at_end = problem.end_covariance(tried)?;
+    let EndCovariance { pose: covariance, state: state_covariance, spread, .. } = at_end;
     let Tried { guess, path, mass, cost, .. } = tried;
     Some(Hypothesis {
         edge: guess.edge,
@@ -334,6 +390,10 @@ fn hypothesis(problem: &Problem, tried: &Tried, best: f64) -> Option<Hypothesis>
         mu_c: path.slipped.then_some(guess.mu_c),
         friction_needed: path.friction_needed,
         mass: *mass,
+        mass_log_sd: at_end.mass_log_sd,
+        grip: problem.course.grip_of(guess),
+        grip_log_sd: at_end.grip_log_sd,
+        resistance_log_sd: at_end.resistance_log_sd,
         pose_start: problem.course.pose_at_start(guess)?,
         pose_end: problem.course.pose_at_end(guess, path)?,
         covariance,

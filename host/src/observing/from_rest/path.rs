@@ -44,6 +44,8 @@ pub(super) struct Guess {
     pub(super) s: f64,
     /// µ_c; infinite for a contact that never slips.
     pub(super) mu_c: f64,
+    /// ln of the plane's µ g over what it is taken for.
+    pub(super) grip_log: f64,
 }
 
 /// A guess played through.
@@ -88,33 +90,42 @@ pub(super) enum Lost {
 #[derive(Clone, Debug)]
 pub(super) struct Course<'p> {
     pub(super) part: &'p Part,
+    /// What µ g is taken for, m/s².
     pub(super) grip: f64,
+    /// Standard deviation of ln(µ g), where it is not known.
+    pub(super) grip_log_sd: Option<f64>,
     pub(super) legs: Vec<Leg>,
     /// When the data end, s.
     pub(super) duration: f64,
 }
 
 impl<'p> Course<'p> {
-    fn model(&self, edge: Edge, leg: &Leg) -> PushModel<'p> {
-        PushModel { part: self.part, edge, grip: self.grip, finger: leg.finger }
+    fn model(&self, edge: Edge, leg: &Leg, grip: f64) -> PushModel<'p> {
+        PushModel { part: self.part, edge, grip, finger: leg.finger }
     }
 
-    /// The model at the start.
+    /// µ g by a guess, m/s².
+    pub(super) fn grip_of(&self, guess: &Guess) -> f64 {
+        self.grip * guess.grip_log.exp()
+    }
+
+    /// The model at the start, with what µ g is taken for.
     pub(super) fn first_model(&self, edge: Edge) -> PushModel<'p> {
-        self.model(edge, &self.legs[0])
+        self.model(edge, &self.legs[0], self.grip)
     }
 
     /// Plays a guess through.
     pub(super) fn play(&self, guess: &Guess) -> Result<Path, Lost> {
         let edge = self.part.edge(guess.edge).map_err(|_| Lost::Start)?;
-        let model = self.first_model(edge);
+        let grip = self.grip_of(guess);
+        let model = self.model(edge, &self.legs[0], grip);
         let mut player = Player::begin(model, guess)?;
         for (index, leg) in self.legs.iter().enumerate() {
             if leg.from >= self.duration - SAME_TIME_S {
                 break;
             }
             if index > 0 {
-                player.enter(self.model(edge, leg), leg.from)?;
+                player.enter(self.model(edge, leg, grip), leg.from)?;
             }
             let last = index + 1 == self.legs.len();
             let until = if last { self.duration } else { leg.to.min(self.duration) };
@@ -127,7 +138,7 @@ impl<'p> Course<'p> {
     pub(super) fn pose_at_end(&self, guess: &Guess, path: &Path) -> Option<Isometry2<f64>> {
         let edge = self.part.edge(guess.edge).ok()?;
         let leg = self.legs.iter().rev().find(|leg| leg.from < self.duration - SAME_TIME_S)?;
-        let model = self.model(edge, leg);
+        let model = self.model(edge, leg, self.grip_of(guess));
         Some(pose(&model, self.duration - leg.from, &path.end))
     }
 

@@ -6,6 +6,7 @@ use super::fit::{Problem, Tried};
 use super::path::{Course, Guess};
 use super::*;
 use crate::demonstration::{Drawn, RADIUS_M, Ranges, pose_error, random_part};
+use crate::finger_motion::Segment;
 use crate::geometry::SimplePolygon;
 use crate::pushed_world::Played;
 use crate::tables::chain::Outcome;
@@ -57,7 +58,8 @@ fn felt(drawn: &Drawn, draw: &mut Draw, duration: f64) -> FeltForce {
 }
 
 fn known<'a>(part: &'a Part, ranges: &'a Ranges) -> Known<'a> {
-    Known { part, grip: ranges.mu * crate::push_plan::GRAVITY, radius: RADIUS_M, motion: &ranges.motion }
+    let grip = ranges.mu * crate::push_plan::GRAVITY;
+    Known { part, grip, grip_log_sd: None, radius: RADIUS_M, motion: &ranges.motion }
 }
 
 #[test]
@@ -66,8 +68,8 @@ fn a_path_feels_what_the_world_does() {
         let (part, ranges, drawn, _) = drawn(case);
         let duration = ranges.motion.duration();
         let legs = ranges.motion.legs(RADIUS_M).collect();
-        let course = Course { part: &part, grip: known(&part, &ranges).grip, legs, duration };
-        let guess = Guess { edge: drawn.edge, u: drawn.u, s: drawn.s, mu_c: drawn.mu_c };
+        let course = Course { part: &part, grip: known(&part, &ranges).grip, grip_log_sd: None, legs, duration };
+        let guess = Guess { edge: drawn.edge, u: drawn.u, s: drawn.s, mu_c: drawn.mu_c, grip_log: 0.0 };
         let path = course.play(&guess).unwrap();
         let truth = true_windows(&drawn.played, windows::count(duration));
         for (window, (mean, truth)) in path.windows(truth.len()).zip(&truth).enumerate() {
@@ -113,7 +115,7 @@ fn nothing_that_explains_a_short_push_is_missed() {
             let line = part.edge(edge).unwrap();
             let (u, s) = (draw.uniform(-1.5, 1.5), draw.uniform(line.s_min, line.s_max));
             let mu_c = if draw.chance(0.3) { f64::INFINITY } else { draw.uniform(0.03, 0.9) };
-            let Some(start) = problem.try_guess(Guess { edge, u, s, mu_c }) else { continue };
+            let Some(start) = problem.try_guess(Guess { edge, u, s, mu_c, grip_log: 0.0 }) else { continue };
             let found = problem.descend(start, usize::MAX);
             assert!(
                 found.cost > best - SAME_COST,
@@ -186,11 +188,83 @@ fn a_fit_ends_in_a_minimum() {
     let known = known(&part, &ranges);
     let course = course(&known, &felt);
     let problem = Problem { course: &course, felt: &felt };
-    let guess = Guess { edge: drawn.edge, u: drawn.u + 0.01, s: drawn.s + 5e-4, mu_c: drawn.mu_c + 0.01 };
+    let (u, s, mu_c) = (drawn.u + 0.01, drawn.s + 5e-4, drawn.mu_c + 0.01);
+    let guess = Guess { edge: drawn.edge, u, s, mu_c, grip_log: 0.0 };
     let found: Tried = problem.descend(problem.try_guess(guess).unwrap(), usize::MAX);
     for (du, ds) in [(1e-3, 0.0), (-1e-3, 0.0), (0.0, 1e-4), (0.0, -1e-4)] {
         let moved = Guess { u: found.guess.u + du, s: found.guess.s + ds, ..found.guess };
         let cost = problem.try_guess(moved).unwrap().cost;
         assert!(cost > found.cost - SAME_COST, "({du}, {ds}): {cost} below {}", found.cost);
     }
+}
+
+/// The plane's friction is known to a fifth.
+const FRICTION_LOG_SD: f64 = 0.2;
+
+/// A push on a plane whose friction is drawn about what it is taken for, along x for 0.8 s from rest.
+fn on_an_unknown_plane(case: usize, acceleration: f64) -> (Part, Ranges, Drawn, Draw) {
+    let mut draw = Draw::case(3, case);
+    let mu = Ranges::default().mu * (FRICTION_LOG_SD * draw.normal()).exp();
+    let segments = [Segment { seconds: 0.8, acceleration: [acceleration, 0.0] }];
+    let ranges = Ranges { mu, motion: FingerMotion::new([0.0; 2], &segments).unwrap(), ..Ranges::default() };
+    loop {
+        let part = random_part(&mut draw);
+        if let Some(drawn) = ranges.draw(&mut draw, &part) {
+            return (part, ranges, drawn, draw);
+        }
+    }
+}
+
+/// What is said of such a push, with the standard deviation of ln µ or taking µ as known.
+fn estimate_on_it((part, ranges, drawn, draw): &(Part, Ranges, Drawn, Draw), grip_log_sd: Option<f64>) -> Estimate {
+    let grip = Ranges::default().mu * crate::push_plan::GRAVITY;
+    let known = Known { part, grip, grip_log_sd, radius: RADIUS_M, motion: &ranges.motion };
+    estimate(&known, &felt(drawn, &mut draw.clone(), ranges.motion.duration()))
+}
+
+/// The hypothesis that is the truth, and its errors of ln µ, ln m and ln µm in standard deviations.
+fn errors((part, ranges, drawn, _): &(Part, Ranges, Drawn, Draw), estimate: &Estimate) -> Option<[f64; 3]> {
+    let truth = drawn.played.pose(estimate.duration)?;
+    let near = |found: &&Hypothesis| {
+        let error = pose_error(part, estimate.symmetry, &found.pose_end, &truth);
+        error.distance < 2e-3 && error.angle < 0.05
+    };
+    let found = estimate.hypotheses.iter().find(near)?;
+    let grip = (found.grip / (ranges.mu * crate::push_plan::GRAVITY)).ln();
+    let mass = (found.mass / drawn.mass).ln();
+    Some([grip / found.grip_log_sd, mass / found.mass_log_sd, (grip + mass) / found.resistance_log_sd])
+}
+
+/// Far outside of what chance gives to a hundred numbers, standard deviations.
+const FAR: f64 = 4.5;
+
+#[test]
+fn a_slow_push_does_not_tell_mass_from_friction_and_says_so() {
+    let mut one = 0;
+    for case in 0..5 {
+        let pushed = on_an_unknown_plane(case, 0.01);
+        let estimate = estimate_on_it(&pushed, Some(FRICTION_LOG_SD));
+        one += usize::from(estimate.mass_and_friction_are_one());
+        let errors =
+            errors(&pushed, &estimate).unwrap_or_else(|| panic!("case {case}: the truth is not in the answer"));
+        assert!(errors.iter().all(|error| error.abs() < FAR), "case {case}: {errors:?}");
+    }
+    // Where the contact slips at first, the part's path tells a little about the plane.
+    assert!(one >= 4, "mass and friction are one in {one} of 5");
+}
+
+#[test]
+fn a_brisk_push_tells_mass_and_friction_of_the_plane() {
+    let mut fixed_is_off = 0;
+    for case in 0..5 {
+        let pushed = on_an_unknown_plane(case, 0.6);
+        let estimate = estimate_on_it(&pushed, Some(FRICTION_LOG_SD));
+        assert!(!estimate.mass_and_friction_are_one(), "case {case}: {:?}", estimate.hypotheses.first());
+        let joint = errors(&pushed, &estimate).unwrap_or_else(|| panic!("case {case}: the truth is not in the answer"));
+        assert!(joint.iter().all(|error| error.abs() < FAR), "case {case}: {joint:?}");
+        let fixed = estimate_on_it(&pushed, None);
+        assert!(fixed.hypotheses.iter().all(|found| found.grip_log_sd == 0.0));
+        fixed_is_off += usize::from(errors(&pushed, &fixed).is_none_or(|errors| errors[1].abs() > FAR));
+    }
+    assert!(fixed_is_off >= 4, "a fixed friction did for {} of 5", 5 - fixed_is_off);
 }

@@ -50,12 +50,19 @@ pub struct ObservePush {
     /// Standard deviation of one magnitude's natural logarithm; 0 means 1e-6. Required with `force_magnitude`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sigma_magnitude_log: Option<Sigma>,
+    /// With `force_magnitude`: they are right but for a factor, since the part's mass or the force's unit is not known.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub mass_unknown: bool,
     /// Where the contact angle at t = 0 can be, rad; for force data. The full circle where not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub u0_range: Option<[f64; 2]>,
     /// What is known of the motion at t = 0. Where not given, |omega| ≤ 10 rad/s and |vT| ≤ 0.2 m/s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub prior: Option<Prior>,
+    /// Standard deviation of ln(mu): 0.2 where mu is known to a fifth. Each hypothesis then has the mu that explains the data best. Without
+    /// it, mu is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mu_sigma_log: Option<Positive>,
     /// Where the weight rests; uniform over the polygon where not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub support: Option<Support>,
@@ -194,6 +201,12 @@ pub struct Hypothesis {
     /// Whether the data leave the pose free: this is one of a continuum.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub unobservable: bool,
+    /// With `mu_sigma_log` in the problem: the friction between part and plane that goes with this explanation.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mu: Option<f64>,
+    /// Standard deviation of its natural logarithm; absent where the data leave the pose free.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mu_sigma_log: Option<f64>,
     /// `gho` only: the estimate in time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub trace: Option<Vec<TracePoint>>,
@@ -244,12 +257,31 @@ impl ObservePush {
             return Err(InvalidInput::at(field, FOR_GHO_ONLY).into());
         }
         let Prior { omega0_sigma, v_t0_sigma } = self.prior.unwrap_or_default();
-        let prior = Belief { omega0_sigma: omega0_sigma.map(Positive::get), v_t0_sigma: v_t0_sigma.map(Positive::get) };
+        let prior = Belief {
+            omega0_sigma: omega0_sigma.map(Positive::get),
+            v_t0_sigma: v_t0_sigma.map(Positive::get),
+            grip_log_sigma: self.mu_sigma_log()?,
+        };
         let observation = Observation { dt: self.dt.get(), measured, prior };
         let duration = observation.dt * (observation.len().saturating_sub(1)) as f64;
         check_travel(&known.finger.path(), duration, size(&self.polygon))
             .map_err(|message| InvalidInput::at("dt", message))?;
-        Ok(ObservePushAnswer::from(&observing::estimate(known, &observation)))
+        let estimate = observing::estimate(known, &observation);
+        let mut answer = ObservePushAnswer::from(&estimate);
+        if self.mu_sigma_log.is_some() {
+            for (hypothesis, found) in answer.hypotheses.iter_mut().zip(&estimate.hypotheses) {
+                (hypothesis.mu, hypothesis.mu_sigma_log) = (Some(found.grip / self.g.get()), found.grip_log_sd);
+            }
+        }
+        Ok(answer)
+    }
+
+    fn mu_sigma_log(&self) -> Result<Option<f64>, InvalidInput> {
+        if self.mu_sigma_log.is_some() && self.mu.get() * self.g.get() <= 0.0 {
+            let message = "says how well `mu` is known beside its size, but without friction it has none: give `mu` and `g` above 0";
+            return Err(InvalidInput::at("mu_sigma_log", message));
+        }
+        Ok(self.mu_sigma_log.map(Positive::get))
     }
 
     /// The thesis's observer: one for each edge and direction of slip that is not given.
@@ -257,6 +289,13 @@ impl ObservePush {
         let Some(angles) = &self.contact_angle else {
             return Err(InvalidInput::missing("contact_angle", "the method `gho` corrects by contact angles").into());
         };
+        if self.mu_sigma_log.is_some() {
+            return Err(InvalidInput::at(
+                "mu_sigma_log",
+                "is for the method `best` only: an observer takes mu as known",
+            )
+            .into());
+        }
         let needs = |field: &str| InvalidInput::missing(field, "the method `gho` needs it");
         let zeta = self.zeta.ok_or_else(|| needs("zeta"))?.get();
         let start = self.initial_estimate.ok_or_else(|| needs("initial_estimate"))?;
@@ -356,6 +395,9 @@ impl ObservePush {
         if self.sigma_magnitude_log.is_some() {
             return Err(InvalidInput::at("sigma_magnitude_log", "is for `force_magnitude`: leave it out"));
         }
+        if self.mass_unknown {
+            return Err(InvalidInput::at("mass_unknown", "is for `force_magnitude`: leave it out"));
+        }
         let sigma = self.sigma_of(self.sigma, "sigma", "contact_angle")?;
         Ok(Measured::ContactAngle(not_empty("contact_angle", Channel { values: angles.to_vec(), sigma })?))
     }
@@ -374,7 +416,13 @@ impl ObservePush {
         if let (Some(direction), Some(magnitude)) = (&direction, &magnitude) {
             same_length(direction, magnitude)?;
         }
-        Ok(Measured::Force { direction, magnitude, u0_range: self.u0_range()? })
+        if self.mass_unknown && magnitude.is_none() {
+            return Err(InvalidInput::at(
+                "mass_unknown",
+                "is for `force_magnitude`: directions do not depend on the mass; leave it out",
+            ));
+        }
+        Ok(Measured::Force { direction, magnitude, u0_range: self.u0_range()?, mass_is_unknown: self.mass_unknown })
     }
 
     fn sigma_of(&self, sigma: Option<Sigma>, field: &str, data: &str) -> Result<f64, InvalidInput> {
@@ -487,6 +535,8 @@ impl From<&observing::Hypothesis> for Hypothesis {
             cost: hypothesis.cost,
             probability: Some(hypothesis.probability),
             unobservable: hypothesis.covariance.is_none(),
+            mu: None,
+            mu_sigma_log: None,
             trace: None,
         }
     }
@@ -553,8 +603,13 @@ mod tests {
             (json!({"mode": "coulomb"}), "/mu_c", "is missing"),
             (json!({"u0_range": [0, 1]}), "/u0_range", "for force data"),
             (json!({"sigma_magnitude_log": 0.1}), "/sigma_magnitude_log", "for `force_magnitude`"),
+            (json!({"mass_unknown": true}), "/mass_unknown", "for `force_magnitude`"),
+            (forces(json!({"mass_unknown": true})), "/mass_unknown", "do not depend on the mass"),
             (json!({"zeta": 10}), "/zeta", "for the method `gho` only"),
             (json!({"prior": {"omega0_sigma": 0}}), "/prior/omega0_sigma", "> 0"),
+            (json!({"mu_sigma_log": 0}), "/mu_sigma_log", "> 0"),
+            (json!({"mu_sigma_log": 0.2, "mu": 0}), "/mu_sigma_log", "without friction"),
+            (json!({"mu_sigma_log": 0.2, "method": "gho"}), "/mu_sigma_log", "takes mu as known"),
             (json!({"prior": {"omega_sigma": 1}}), "/prior/omega_sigma", "did you mean `omega0_sigma`"),
             (json!({"centre_of_mass": [0, 0]}), "/inertia_per_mass", "is missing"),
             (forces(json!({"force_direction": []})), "/force_direction", "is empty"),
@@ -626,6 +681,9 @@ mod tests {
             json!({"mu": 0, "mode": "frictionless"}),
             json!({"g": 0, "mode": "coulomb", "mu_c": 0.3}),
             json!({"mu_c": 0}),
+            json!({"mu_sigma_log": 0.5}),
+            json!({"mu_sigma_log": 1e12}),
+            json!({"mu_sigma_log": 1e-12}),
             json!({"mode": "coulomb", "mu_c": 0}),
             json!({"mode": "sliding", "mu_c": 50}),
             json!({"finger": finger(0.0, [0.0, 0.05])}),
@@ -638,6 +696,7 @@ mod tests {
             json!({"dt": 1}),
             json!({"sigma": 100}),
             json!({"contact_angle": null, "force_magnitude": [3, 3, 3], "sigma_magnitude_log": 0.1, "u0_range": [1.5, 1.7]}),
+            json!({"contact_angle": null, "force_magnitude": [3, 3, 3], "sigma_magnitude_log": 0.1, "u0_range": [1.5, 1.7], "mass_unknown": true}),
             json!({"contact_angle": null, "force_direction": [1.6, 1.6, 1.6], "u0_range": [1.6, 1.6]}),
         ] {
             let answer = solve(&changes);

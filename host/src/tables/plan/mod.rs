@@ -261,7 +261,7 @@ impl Case {
         let observation = Observation {
             dt: DT_S,
             measured: Measured::ContactAngle(Channel { values, sigma: SIGMA_RAD }),
-            prior: Prior { omega0_sigma: Some(OMEGA_SIGMA), v_t0_sigma: None },
+            prior: Prior { omega0_sigma: Some(OMEGA_SIGMA), v_t0_sigma: None, grip_log_sigma: None },
         };
         estimate(&known, &observation).hypotheses.iter().filter_map(|hypothesis| hypothesis.belief(&known)).collect()
     }

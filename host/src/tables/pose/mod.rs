@@ -6,6 +6,7 @@
 //!
 //! Units: SI inside, as the headings say in the table. Errors: none.
 
+mod magnitude;
 mod model_error;
 mod world;
 
@@ -38,6 +39,7 @@ pub(super) const FORCES: Experiment = Experiment {
     run: force,
 };
 
+pub(super) use self::magnitude::EXPERIMENT as MAGNITUDE;
 pub(super) use self::model_error::EXPERIMENT as MODEL_ERROR;
 
 /// rad: 0.5° each 0.5 ms, averaged over 10 ms.

@@ -43,7 +43,36 @@ pub(super) enum Sense {
     Direction,
     /// That and the magnitude of the force.
     Force,
+    /// The magnitude alone, by a point finger that is told the part's mass.
+    Magnitude,
+    /// The same without the mass.
+    Course,
 }
+
+impl Sense {
+    /// Radius of the finger, m.
+    fn radius(self) -> f64 {
+        match self {
+            Self::Angle | Self::Direction | Self::Force => 0.01,
+            Self::Magnitude | Self::Course => POINT_M,
+        }
+    }
+
+    /// Half the range of contact angles about straight ahead, rad.
+    fn range(self) -> f64 {
+        match self {
+            Self::Angle => 0.3,
+            Self::Direction | Self::Force => ANGLE_RANGE,
+            Self::Magnitude | Self::Course => MAGNITUDE_RANGE,
+        }
+    }
+}
+
+/// Radius of a point finger, m.
+const POINT_M: f64 = 1e-3;
+
+/// Half the range of contact angles of a point finger, rad: 45°.
+const MAGNITUDE_RANGE: f64 = 45.0 / 180.0 * std::f64::consts::PI;
 
 /// A row of an experiment.
 #[derive(Clone, Copy, Debug)]
@@ -117,11 +146,14 @@ impl Case {
             0.0
         };
         let acceleration = if draw.chance(0.5) { 0.025 } else { 0.0 };
-        let finger =
-            Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [along, 0.05], acceleration: [0.0, acceleration] };
+        let finger = Finger {
+            radius: sense.radius(),
+            centre0: [0.0; 2],
+            velocity0: [along, 0.05],
+            acceleration: [0.0, acceleration],
+        };
         let s = draw.uniform(edge.s_min, edge.s_max);
-        let range = if sense == Sense::Angle { 0.3 } else { ANGLE_RANGE };
-        let u = FRAC_PI_2 + draw.uniform(-range, range);
+        let u = FRAC_PI_2 + draw.uniform(-sense.range(), sense.range());
         let omega = PRIOR.0 * draw.normal();
         let state = State { u, s, omega, v_t: PRIOR.1 * draw.normal() };
         let model = PushModel { part: &part, edge, grip: GRIP, finger };
@@ -180,17 +212,30 @@ impl Case {
     }
 
     pub(super) fn prior() -> Prior {
-        Prior { omega0_sigma: Some(PRIOR.0), v_t0_sigma: Some(PRIOR.1) }
+        Prior { omega0_sigma: Some(PRIOR.0), v_t0_sigma: Some(PRIOR.1), grip_log_sigma: None }
     }
 
     pub(super) fn observation(&self) -> Observation {
         let angles = Channel { values: self.felt.clone(), sigma: self.sigma_used() };
         let magnitudes = Channel { values: self.magnitudes.clone(), sigma: SIGMA_FORCE };
-        let u0_range = Some([FRAC_PI_2 - ANGLE_RANGE, FRAC_PI_2 + ANGLE_RANGE]);
+        let u0_range = Some([FRAC_PI_2 - self.sense.range(), FRAC_PI_2 + self.sense.range()]);
         let measured = match self.sense {
             Sense::Angle => Measured::ContactAngle(angles),
-            Sense::Direction => Measured::Force { direction: Some(angles), magnitude: None, u0_range },
-            Sense::Force => Measured::Force { direction: Some(angles), magnitude: Some(magnitudes), u0_range },
+            Sense::Direction => {
+                Measured::Force { direction: Some(angles), magnitude: None, u0_range, mass_is_unknown: false }
+            }
+            Sense::Force => Measured::Force {
+                direction: Some(angles),
+                magnitude: Some(magnitudes),
+                u0_range,
+                mass_is_unknown: false,
+            },
+            Sense::Magnitude | Sense::Course => Measured::Force {
+                direction: None,
+                magnitude: Some(magnitudes),
+                u0_range,
+                mass_is_unknown: self.sense == Sense::Course,
+            },
         };
         Observation { dt: DT_S, measured, prior: Self::prior() }
     }
