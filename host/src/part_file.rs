@@ -137,8 +137,7 @@ pub struct Numbers<const N: usize>(pub [f64; N]);
 impl<'de, const N: usize> Deserialize<'de> for Numbers<N> {
     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let list = Vec::<f64>::deserialize(deserializer)?;
-        let wrong =
-            |list: Vec<f64>| serde::de::Error::custom(format!("{list:?} is {} numbers, {N} are needed", list.len()));
+        let wrong = |list: Vec<f64>| serde::de::Error::custom(format!("expected {N} numbers, not {list:?}"));
         list.try_into().map(Self).map_err(wrong)
     }
 }

@@ -356,9 +356,12 @@ mod tests {
             (VIEWS.replace("left = 7", "left = -30"), "cone 0: the cone opens by"),
             (VIEWS.replace("left = 7", "left = -10"), "cone 0: the cone has no opening"),
             (VIEWS.replace("left = 7", "left = nan"), "cone 0: the apex and the angles must be finite"),
-            (VIEWS.replace("50]", "50, 3]"), "[-200.0, 50.0, 3.0] is 3 numbers, 2 are needed"),
-            (VIEWS.replace("sigma = 0.1\n", "") + "[[point]]\nat = [60, 15, 3]", "[60.0, 15.0, 3.0] is 3 numbers"),
-            (format!("{VIEWS}moved = [0, 0]"), "[0.0, 0.0] is 2 numbers, 3 are needed"),
+            (VIEWS.replace("50]", "50, 3]"), "expected 2 numbers, not [-200.0, 50.0, 3.0]"),
+            (
+                VIEWS.replace("sigma = 0.1\n", "") + "[[point]]\nat = [60, 15, 3]",
+                "expected 2 numbers, not [60.0, 15.0, 3.0]",
+            ),
+            (format!("{VIEWS}moved = [0, 0]"), "expected 3 numbers, not [0.0, 0.0]"),
             (VIEWS.replace("left = 7\n", ""), "missing field `left`"),
             (VIEWS.replace("sigma = 0.1", "sigma = -0.1"), "sigma = -0.1"),
             (VIEWS.replace("sigma", "noise"), "unknown field `noise`"),
@@ -374,7 +377,7 @@ mod tests {
         }
         let parts = [
             ("ellipse = {a = 40, b = 25}\nvertices = [[0, 0], [10, 0], [0, 10]]", "either `vertices` or `ellipse`"),
-            ("vertices = [[0, 0], [10, 0, 1], [0, 10]]", "[10.0, 0.0, 1.0] is 3 numbers"),
+            ("vertices = [[0, 0], [10, 0, 1], [0, 10]]", "expected 2 numbers, not [10.0, 0.0, 1.0]"),
             ("mu = 0.3", "either `vertices` or `ellipse`"),
             ("ellipse = {a = 40, b = 0}", "must be finite and above 0"),
             ("ellipse = {a = 40, b = 25}\nrounding = 2", "needs `vertices`"),

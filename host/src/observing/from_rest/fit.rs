@@ -7,6 +7,8 @@
 //!
 //! Units: SI. Errors: none; a guess that cannot be played through has no fit.
 
+use std::f64::consts::PI;
+
 use nalgebra::{DMatrix, DVector, Isometry2, Matrix3, Matrix4, SMatrix, Vector3, Vector4};
 
 use super::felt::FeltForce;
@@ -170,10 +172,20 @@ impl Problem<'_, '_> {
         self.try_guess(guess)
     }
 
+    /// Standard deviations of the parameters before anything is felt, each being anywhere in its range.
+    fn ranges(&self, at: &Tried) -> [f64; PARAMETERS] {
+        let length = self.course.part.edge(at.guess.edge).map_or(f64::INFINITY, |edge| edge.s_max - edge.s_min);
+        [PI, length, MU_C_MAX - MU_C_MIN, 2.0 * GRIP_LOG_MAX].map(|range| range / 12.0_f64.sqrt())
+    }
+
     /// Covariance of the guess's parameters; those that the data say nothing about have none.
     fn covariance(&self, at: &Tried) -> Option<DMatrix<f64>> {
         let slopes = self.slopes(at);
         let mut normal = slopes.tr_mul(&slopes);
+        // What slopes say nothing about is still within its range: a contact that slips for a moment tells little of its friction.
+        for (i, deviation) in self.ranges(at).into_iter().enumerate() {
+            normal[(i, i)] += if normal[(i, i)] > 0.0 { 1.0 / (deviation * deviation) } else { 0.0 };
+        }
         let silent: Vec<_> = (0..normal.nrows()).filter(|&i| normal[(i, i)] <= 0.0).collect();
         silent.iter().for_each(|&i| normal[(i, i)] = 1.0);
         let mut covariance = normal.cholesky()?.inverse();

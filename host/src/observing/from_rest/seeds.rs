@@ -28,6 +28,9 @@ const FRICTIONS: [f64; 9] = [0.05, 0.1, 0.15, 0.2, 0.27, 0.35, 0.45, 0.6, 0.8];
 /// Contact angles nearer than this, rad, are of one family.
 const FAMILY: f64 = 0.35;
 
+/// How near the direction felt the force turns back where it is tried all the same, rad: from one place to the next it turns by less.
+const TURNS_NEAR: f64 = 0.1;
+
 /// A member of the grid.
 struct Seed {
     place: usize,
@@ -115,7 +118,8 @@ impl Angles {
         Self { table: angles.map(|u| (u, needed(u))).collect(), direction: (-force.y).atan2(-force.x) }
     }
 
-    /// Contact angles at which the force has the first direction felt, by straight lines in the table.
+    /// Contact angles at which the force has the first direction felt, by straight lines in the table; and those at which it turns back
+    /// just before it, for at the place next to this one it may reach it.
     fn solutions(&self, mu_c: f64) -> Vec<f64> {
         let cone = mu_c.atan();
         let off = |&(u, needed): &(f64, Option<f64>)| {
@@ -126,6 +130,13 @@ impl Angles {
             let crosses = (off0 <= 0.0) != (off1 <= 0.0) && (off1 - off0).abs() < PI;
             crosses.then(|| u0 + (u1 - u0) * off0 / (off0 - off1))
         };
-        self.table.windows(2).filter_map(crossing).collect()
+        let turning = |three: &[(f64, Option<f64>)]| {
+            let [(_, before), (u, here), (_, after)] = [off(&three[0])?, off(&three[1])?, off(&three[2])?];
+            let nearest = here.abs() <= before.abs() && here.abs() <= after.abs();
+            let turns = (here <= 0.0) == (before <= 0.0) && (here <= 0.0) == (after <= 0.0);
+            (nearest && turns && here.abs() < TURNS_NEAR).then_some(u)
+        };
+        let crossings = self.table.windows(2).filter_map(crossing);
+        crossings.chain(self.table.windows(3).filter_map(turning)).collect()
     }
 }

@@ -5,7 +5,7 @@ use nalgebra::{Matrix2, Point2, Vector2};
 use super::fit::{Problem, Tried};
 use super::path::{Course, Guess};
 use super::*;
-use crate::demonstration::{Drawn, RADIUS_M, Ranges, pose_error, random_part};
+use crate::demonstration::{Drawn, RADIUS_M, Ranges, pose_error, random_part, straight_motion};
 use crate::finger_motion::Segment;
 use crate::geometry::SimplePolygon;
 use crate::pushed_world::Played;
@@ -25,7 +25,11 @@ const POSE_ERROR: (f64, f64) = (1e-6, 1e-5);
 const SAME_COST: f64 = 0.5;
 
 fn drawn(case: usize) -> (Part, Ranges, Drawn, Draw) {
-    let (mut draw, ranges) = (Draw::case(1, case), Ranges::default());
+    drawn_from(Ranges::default(), case)
+}
+
+fn drawn_from(ranges: Ranges, case: usize) -> (Part, Ranges, Drawn, Draw) {
+    let mut draw = Draw::case(1, case);
     loop {
         let part = random_part(&mut draw);
         if let Some(drawn) = ranges.draw(&mut draw, &part) {
@@ -95,6 +99,24 @@ fn the_truth_is_among_the_answers_and_mostly_the_only_one() {
     }
     // With the default motion 98 of 100 are (`palpate tables chain`).
     assert!(unique + 2 >= CASES, "{unique} of {CASES}");
+}
+
+/// Poses that a straight push just cannot tell apart have slopes that say nothing; what is stated must be what the cost says.
+#[test]
+fn a_straight_push_is_no_less_certain_than_its_cost() {
+    /// A pose off by so much is felt, whatever the slopes say, m and rad: some ten times what is stated of most.
+    const FELT: (f64, f64) = (0.01, 0.35);
+    for case in 0..24 {
+        let (part, ranges, drawn, mut draw) =
+            drawn_from(Ranges { motion: straight_motion(), ..Ranges::default() }, case);
+        let (known, felt) = (known(&part, &ranges), felt(&drawn, &mut draw, ranges.motion.duration()));
+        let estimate = estimate(&known, &felt);
+        assert!(Outcome::new(&part, &drawn, &estimate).holds_truth, "case {case}: {estimate:?}");
+        for hypothesis in &estimate.hypotheses {
+            let spread = hypothesis.spread(&part);
+            assert!(spread.0 < FELT.0 && spread.1 < FELT.1, "case {case}: {spread:?} of {hypothesis:?}");
+        }
+    }
 }
 
 /// A search that shares only the fit with the estimator: it begins anywhere at all.
