@@ -45,6 +45,12 @@ const SIGMA_RATIO: f64 = 10.0;
 /// Where in such a valley to look, in standard deviations from its lowest place.
 const VALLEY_PLACES: [f64; 5] = [0.0, -2.0, -1.0, 1.0, 2.0];
 
+/// The same where a minimum explains the data poorly.
+const FAR_PLACES: [f64; 6] = [-16.0, -8.0, -4.0, 4.0, 8.0, 16.0];
+
+/// Data of the model have a cost below that of a poor fit with this probability.
+const POOR_PROBABILITY: f64 = 0.95;
+
 /// Step over the time in which friction forgets speed, for a standard deviation of [`SIGMA_OF_SHARE`]; finer as its fourth root,
 /// like the error of the steps.
 const SHARE: f64 = 0.9;
@@ -155,7 +161,8 @@ impl<'a, 'p> Task<'a, 'p> {
 
     /// An estimate that explains the data; none where a search of this width finds nothing that does.
     fn explained(&self, width: Width) -> Option<Estimate> {
-        let minima = self.minima(width);
+        let mut minima = self.minima(width);
+        self.look_farther(&mut minima);
         let cost_max = chi_square_quantile(FIT_PROBABILITY, self.data.terms());
         // What does not fit coarse data does not fit exact ones; what does, may not.
         let fits = minima.iter().any(|descent| descent.evaluation.cost <= cost_max);
@@ -181,6 +188,19 @@ impl<'a, 'p> Task<'a, 'p> {
         mixed(ranked(explained))
     }
 
+    /// Adds what lies farther along the valleys of minima that explain the data, but poorly: the better one beside it may have been
+    /// missed.
+    fn look_farther(&self, minima: &mut Vec<Descent>) {
+        let best = minima.iter().map(|descent| descent.evaluation.cost).fold(f64::INFINITY, f64::min);
+        let [poor, wrong] =
+            [POOR_PROBABILITY, FIT_PROBABILITY].map(|share| chi_square_quantile(share, self.data.terms()));
+        if best > poor && best <= wrong {
+            let fitting = self.fitting(self.data.sigma_min().max(SIGMA_FIRST), 1.0);
+            minima.extend(descend_together(&fitting, &along_valleys(&fitting, minima, &FAR_PLACES)));
+            merge_met(minima);
+        }
+    }
+
     /// The minima of the cost at the standard deviation to begin with.
     fn minima(&self, width: Width) -> Vec<Descent> {
         let fitting = self.fitting(self.data.sigma_min().max(SIGMA_FIRST), 1.0);
@@ -190,7 +210,7 @@ impl<'a, 'p> Task<'a, 'p> {
         };
         let candidates = seeds(&settled, &self.sites, &self.begins, width);
         let minima = descend_together(&settled, &candidates);
-        descend_together(&fitting, &along_valleys(&settled, &minima))
+        descend_together(&fitting, &along_valleys(&settled, &minima, &VALLEY_PLACES))
     }
 
     /// Without the values before the part has settled, where the angle is not felt: those tell the first rates, but lead astray
@@ -214,7 +234,7 @@ impl<'a, 'p> Task<'a, 'p> {
         let mut fitting = self.fitting(sigma, 1.0);
         // Rounding apart.
         while sigma > 1.001 * least {
-            let candidates = along_valleys(&fitting, &minima);
+            let candidates = along_valleys(&fitting, &minima, &VALLEY_PLACES);
             sigma = (sigma / SIGMA_RATIO).max(least);
             fitting = self.fitting(sigma, 1.0);
             minima = descend_patiently(&fitting, &candidates, PATIENCE);
@@ -237,14 +257,14 @@ impl<'a, 'p> Task<'a, 'p> {
 
 /// Minima, and places beside each along what the data say least about: with a smaller standard deviation the minimum may be there, or
 /// turn out to be two.
-fn along_valleys(fitting: &Fitting, minima: &[Descent]) -> Vec<Candidate> {
+fn along_valleys(fitting: &Fitting, minima: &[Descent], places: &[f64]) -> Vec<Candidate> {
     let best = minima.iter().map(|descent| descent.evaluation.total()).fold(f64::INFINITY, f64::min);
     // Finer data cost more, not less.
     let possible = minima.iter().filter(|descent| descent.evaluation.total() <= best + GATE + SLACK);
     let candidates = possible.flat_map(|descent| {
         let (lowest, valley) = (descent.candidate, valley(fitting, descent).unwrap_or_else(Vector5::zeros));
         let at = move |share: f64| (Vector5::from(lowest.unknowns) + valley * share).into();
-        VALLEY_PLACES.map(|share| Candidate { unknowns: at(share), ..lowest })
+        places.iter().map(move |&share| Candidate { unknowns: at(share), ..lowest })
     });
     candidates.collect()
 }
