@@ -5,9 +5,8 @@
 
 use palpate::solve::Problem;
 use palpate::solve::kinds::observe_push::{ObservePush, ObservePushAnswer, Status};
+use palpate_tests::draw::Draw;
 use palpate_tests::push_oracle::{Motion, Seen, Tangential, World};
-use rand_core::{Rng, SeedableRng};
-use rand_pcg::Pcg32;
 use serde_json::{Value, json};
 
 /// Pushes of each mode.
@@ -29,15 +28,6 @@ const PLACE_M: f64 = 2e-4;
 /// See [`PLACE_M`].
 const TURN_RAD: f64 = 1e-3;
 
-/// A source of problems.
-struct Draw(Pcg32);
-
-impl Draw {
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * f64::from(self.0.next_u32()) / f64::from(u32::MAX)
-    }
-}
-
 /// A push as a problem, and its truth.
 struct Case {
     problem: Value,
@@ -49,7 +39,7 @@ struct Case {
 
 /// The first case from a seed on that keeps its contact.
 fn case(seed: u64, mode: &str) -> Case {
-    let mut draw = Draw(Pcg32::seed_from_u64(seed));
+    let mut draw = Draw::new(seed);
     loop {
         if let Some(case) = try_case(&mut draw, mode) {
             return case;
@@ -60,7 +50,7 @@ fn case(seed: u64, mode: &str) -> Case {
 fn try_case(draw: &mut Draw, mode: &str) -> Option<Case> {
     let corner = |draw: &mut Draw, x: f64, y: f64| [x + draw.between(-0.009, 0.009), y + draw.between(-0.009, 0.009)];
     let polygon = [(-0.03, -0.02), (0.03, -0.02), (0.03, 0.02), (-0.03, 0.02)].map(|(x, y)| corner(draw, x, y));
-    let edge = usize::try_from(draw.0.next_u32() % 4).unwrap();
+    let edge = usize::try_from(draw.whole() % 4).unwrap();
     let (from, to) = (polygon[edge], polygon[(edge + 1) % 4]);
     let length = (to[0] - from[0]).hypot(to[1] - from[1]);
     let along = [(to[0] - from[0]) / length, (to[1] - from[1]) / length];

@@ -6,9 +6,8 @@ use std::f64::consts::PI;
 
 use palpate::solve::Problem;
 use palpate::solve::kinds::push::{Push, PushAnswer, PushSample, Reason};
+use palpate_tests::draw::Draw;
 use palpate_tests::push_oracle::{Motion, Seen, Tangential, World};
-use rand_core::{Rng, SeedableRng};
-use rand_pcg::Pcg32;
 use serde_json::{Value, json};
 
 /// Pushes of each mode.
@@ -30,15 +29,6 @@ const FORCE: f64 = 1e-3;
 /// How far from an event the oracle must be on its two sides, s.
 const EVENT_S: f64 = 1e-3;
 
-/// A source of problems.
-struct Draw(Pcg32);
-
-impl Draw {
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * f64::from(self.0.next_u32()) / f64::from(u32::MAX)
-    }
-}
-
 /// One push, as a problem and as a world.
 struct Case {
     problem: Value,
@@ -49,7 +39,7 @@ struct Case {
 
 /// A quadrilateral on feet, its mass where it likes, pushed at an edge by a moving finger.
 fn case(seed: u64, mode: &str) -> Case {
-    let mut draw = Draw(Pcg32::seed_from_u64(seed));
+    let mut draw = Draw::new(seed);
     let corner = |draw: &mut Draw, x: f64, y: f64| [x + draw.between(-0.008, 0.008), y + draw.between(-0.008, 0.008)];
     let polygon = [(-0.03, -0.02), (0.03, -0.02), (0.03, 0.02), (-0.03, 0.02)].map(|(x, y)| corner(&mut draw, x, y));
     let edge = usize::try_from(seed % 4).unwrap();

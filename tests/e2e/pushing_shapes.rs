@@ -13,8 +13,7 @@ use palpate::pushing::{
     Body, ContactLaw, EdgeEnd, EndReason, FingerPath, FingerShape, Mass, Part, PartSide, Run, Sample, ShapedModel,
     ShapedPush, Start, State,
 };
-use rand_core::{Rng, SeedableRng};
-use rand_pcg::Pcg32;
+use palpate_tests::draw::Draw;
 
 /// Pushes of each pair of outlines and law.
 const PUSHES: u64 = 12;
@@ -37,14 +36,6 @@ const FOOT_SLOW: f64 = 3e-3;
 /// µ g, m/s².
 const GRIP: f64 = 2.0;
 
-struct Draw(Pcg32);
-
-impl Draw {
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * f64::from(self.0.next_u32()) / f64::from(u32::MAX)
-    }
-}
-
 #[derive(Clone, Copy, Debug)]
 enum Outlines {
     EllipseOnEdge,
@@ -65,7 +56,7 @@ struct Case {
 }
 
 fn case(seed: u64, outlines: Outlines) -> Case {
-    let mut draw = Draw(Pcg32::seed_from_u64(seed));
+    let mut draw = Draw::new(seed);
     let corners = [(-0.03, -0.02), (0.03, -0.02), (0.03, 0.02), (-0.03, 0.02)];
     let corner = |(x, y): (f64, f64), draw: &mut Draw| {
         Point2::new(x + draw.between(-0.008, 0.008), y + draw.between(-0.008, 0.008))

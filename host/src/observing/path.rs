@@ -154,15 +154,6 @@ pub(super) fn without_slip<T: Scalar>(model: &PushModel<T>, time: f64, state: &S
     Contact::Sliding { friction: T::from(friction), slip }
 }
 
-fn moved<T: Scalar>(state: &State<T>, rates: &State<T>, dt: f64) -> State<T> {
-    State {
-        u: state.u + rates.u * dt,
-        s: state.s + rates.s * dt,
-        omega: state.omega + rates.omega * dt,
-        v_t: state.v_t + rates.v_t * dt,
-    }
-}
-
 /// One step of the Runge–Kutta method from known rates.
 fn step<T: Scalar>(
     model: &PushModel<T>,
@@ -172,18 +163,7 @@ fn step<T: Scalar>(
     dt: f64,
 ) -> State<T> {
     let (state, k1) = from;
-    let half = 0.5 * dt;
-    let k2 = model.motion(contact, time + half, &moved(state, k1, half)).rates;
-    let k3 = model.motion(contact, time + half, &moved(state, &k2, half)).rates;
-    let k4 = model.motion(contact, time + dt, &moved(state, &k3, dt)).rates;
-    let sixth = dt / 6.0;
-    let sum = |from: T, a: T, b: T, c: T, d: T| from + (a + (b + c) * 2.0 + d) * sixth;
-    State {
-        u: sum(state.u, k1.u, k2.u, k3.u, k4.u),
-        s: sum(state.s, k1.s, k2.s, k3.s, k4.s),
-        omega: sum(state.omega, k1.omega, k2.omega, k3.omega, k4.omega),
-        v_t: sum(state.v_t, k1.v_t, k2.v_t, k3.v_t, k4.v_t),
-    }
+    state.runge_kutta(k1, |time, state| model.motion(contact, time, state).rates, time, dt)
 }
 
 impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {

@@ -130,7 +130,9 @@ pub fn estimate(known: &Known, observation: &Observation) -> Estimate {
         .or_else(|| without(outliers()?.into_iter().filter(|&value| !is_early(value)).collect()))
         .unwrap_or_else(|| {
             let wide = task.conclude(task.minima(Width::Wide));
-            let fewer = || task.without_one().or_else(|| without(outliers()?));
+            // Those that are not early were left out before.
+            let early = || outliers().filter(|outliers| outliers.iter().any(|&value| is_early(value)));
+            let fewer = || task.without_one().or_else(|| without(early()?));
             if wide.hypotheses.is_empty() { fewer().unwrap_or(wide) } else { wide }
         });
     Estimate { simulations: simulations.get(), ..found }

@@ -27,7 +27,7 @@ const GROWTH: (f64, f64) = (0.2, 5.0);
 impl<T: Scalar> State<T> {
     /// The state after `dt` at constant rates.
     #[must_use]
-    pub(crate) fn moved(&self, rates: &Self, dt: f64) -> Self {
+    fn moved(&self, rates: &Self, dt: f64) -> Self {
         Self {
             u: self.u + rates.u * dt,
             s: self.s + rates.s * dt,

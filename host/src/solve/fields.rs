@@ -36,7 +36,7 @@ const NUMBER_MAX: f64 = 1e12;
 const FRICTION_MAX: f64 = 100.0;
 
 /// How far a finger may go in a push, in sizes of the part: none that is felt lasts so long.
-const TRAVEL_MAX: f64 = 1000.0;
+const TRAVEL_MAX: f64 = 100.0;
 
 /// Refuses a push whose finger goes farther by a time (s) than could be followed; `size` of the part in m.
 pub(super) fn check_travel(path: &FingerPath, time: f64, size: f64) -> Result<(), String> {
@@ -46,7 +46,7 @@ pub(super) fn check_travel(path: &FingerPath, time: f64, size: f64) -> Result<()
         return Ok(());
     }
     Err(format!(
-        "{time:?} s is out of range: by then the finger has gone {gone:.0} sizes of the part, the limit is {TRAVEL_MAX}: check the units of time and motion"
+        "at {time:?} s the finger has gone {gone:.0} sizes of the part, the limit is {TRAVEL_MAX}: check the units of time and of the finger's motion"
     ))
 }
 

@@ -143,11 +143,9 @@ impl Problem<'_, '_> {
             if !self.is_free(at, column) {
                 continue;
             }
-            // Where a difference leads to where nothing can be played, the other way will do.
-            let moved = [difference, -difference]
-                .into_iter()
-                .find_map(|step| Some((step, self.try_guess(moved(&at.guess, column, step))?)));
-            let Some((step, moved)) = moved else { continue };
+            let aside =
+                beside(&at.guess, column, difference).find_map(|(step, guess)| Some((step, self.try_guess(guess)?)));
+            let Some((step, moved)) = aside else { continue };
             let change = (&at.shape - &moved.shape) * (at.mass / step);
             slopes.view_mut((0, column), (size, 1)).copy_from(&change);
             for (row, (after, before)) in moved.penalties.iter().zip(at.penalties).enumerate() {
@@ -175,7 +173,8 @@ impl Problem<'_, '_> {
     /// Standard deviations of the parameters before anything is felt, each being anywhere in its range.
     fn ranges(&self, at: &Tried) -> [f64; PARAMETERS] {
         let length = self.course.part.edge(at.guess.edge).map_or(f64::INFINITY, |edge| edge.s_max - edge.s_min);
-        [PI, length, MU_C_MAX - MU_C_MIN, 2.0 * GRIP_LOG_MAX].map(|range| range / 12.0_f64.sqrt())
+        // The plane's friction has a prior of its own.
+        [PI, length, MU_C_MAX - MU_C_MIN, f64::INFINITY].map(|range| range / 12.0_f64.sqrt())
     }
 
     /// Covariance of the guess's parameters; those that the data say nothing about have none.
@@ -203,8 +202,8 @@ impl Problem<'_, '_> {
             if !self.is_free(at, column) {
                 continue;
             }
-            let guess = moved(&at.guess, column, step);
-            let path = self.course.play(&guess).ok()?;
+            let played = |(step, guess)| Some((step, guess, self.course.play(&guess).ok()?));
+            let (step, guess, path) = beside(&at.guess, column, step).find_map(played)?;
             pose.set_column(column, &(difference(&end, &self.course.pose_at_end(&guess, &path)?) / step));
             state.set_column(column, &((vector(&path.end) - vector(&at.path.end)) / step));
         }
@@ -248,6 +247,13 @@ fn vector(state: &State) -> Vector4<f64> {
 pub(super) fn difference(from: &Isometry2<f64>, to: &Isometry2<f64>) -> Vector3<f64> {
     let shift = to.translation.vector - from.translation.vector;
     Vector3::new(shift.x, shift.y, from.rotation.angle_to(&to.rotation))
+}
+
+/// A guess with one parameter changed by a difference, or the other way: at a limit, or where nothing can be played, that will do.
+fn beside(guess: &Guess, parameter: usize, difference: f64) -> impl Iterator<Item = (f64, Guess)> {
+    let guess = *guess;
+    let changed = [difference, -difference].into_iter().map(move |step| (step, moved(&guess, parameter, step)));
+    changed.filter(move |(_, changed)| *changed != guess)
 }
 
 /// A guess with one parameter changed, within its limits.

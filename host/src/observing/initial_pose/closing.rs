@@ -9,7 +9,7 @@ use super::{RestingPush, Site, TimedContact};
 const CORRECTIONS: usize = 6;
 
 /// A misfit that needs no further correction, in the unit of u: what the simulation itself is off by.
-const EXACT: f64 = 1e-10;
+pub(super) const EXACT: f64 = 1e-10;
 
 /// Places nearer than this, in steps of the grid, may be the two sides of a fold, where the slope says little.
 const FOLD_STEPS: f64 = 2.5;
@@ -26,7 +26,7 @@ pub(super) struct Rough<'a> {
 }
 
 impl RestingPush {
-    /// Places that fit the first contact within `tolerance`, as the full simulation has it.
+    /// Places that fit the first contact within `tolerance`, exactly.
     pub(super) fn places(&self, rough: &Rough, first: TimedContact, tolerance: f64) -> Vec<NearZero> {
         let near = near_zeros(rough.misfit, rough.grid, tolerance + rough.error);
         let step = rough.grid[1] - rough.grid[0];
@@ -79,7 +79,7 @@ impl RestingPush {
         newton(near.at, slope, &exact).filter(|found| found.value.abs() <= EXACT)
     }
 
-    /// All that the full simulation finds around a place.
+    /// All that is found around a place by exact simulation.
     fn around(&self, rough: &Rough, near: &NearZero, first: TimedContact, tolerance: f64) -> Vec<NearZero> {
         let step = rough.grid[1] - rough.grid[0];
         let [low, high] = [rough.grid[0], rough.grid[rough.grid.len() - 1]];

@@ -5,7 +5,7 @@
 //! first contact leaves a few candidates, later ones tell them apart.
 //!
 //! Implements: the initial pose observer of thesis §5.3.2 and §6.2, by a scan of all s₀ instead of Newton's method from a few
-//! guesses, so that no candidate is lost; `table`: the variant that looks motions up instead of simulating them (§8.2.2).
+//! guesses, so that no candidate is lost (of pushes up to some dozen sizes of the part: beyond, motions part too fast); `table`: the variant that looks motions up instead of simulating them (§8.2.2).
 //! Assumes: contact without friction; part and finger at rest at t = 0.
 //! Frames: world; s₀ on the part as [`PartSide`] has it. Units: SI, u and its tolerance in the unit of the finger's outline.
 //! Errors: [`InitialPoseError`]; "no pose fits" is an answer.
@@ -21,7 +21,7 @@ use std::f64::consts::PI;
 
 use nalgebra::{Point2, Vector2};
 
-use self::closing::Rough;
+use self::closing::{EXACT, Rough};
 use self::search::{NearZero, near_zeros};
 use self::swift::{Glided, SCAN_ERROR};
 pub use self::table::Table;
@@ -37,6 +37,12 @@ const LOOKS_ON_EDGE: u32 = 32;
 
 /// Places looked at on half an ellipse.
 const LOOKS_ON_ELLIPSE: u32 = 160;
+
+/// How far a finger goes in a push of usual length, in radii of gyration of the part.
+const USUAL_TRAVEL: f64 = 4.0;
+
+/// See [`RestingPush::refinement`]: from a few dozen radii on a part near an unstable balance goes any way, and a place may be missed.
+const REFINEMENT_MAX: u32 = 16;
 
 /// Steps by which a candidate is moved to where all contacts fit best.
 const POLISH_STEPS: usize = 12;
@@ -216,7 +222,7 @@ impl RestingPush {
 
     /// Places of a site that fit a contact. Without friction a rough simulation looks around.
     fn scanned(&self, site: Site, first: TimedContact, tolerance: f64) -> Vec<(Site, NearZero)> {
-        let grid = site.grid();
+        let grid = site.grid(self.refinement(first.t));
         let found = if self.grip > 0.0 {
             near_zeros(&|s0| self.misfit(&site, s0, first), &grid, tolerance)
         } else {
@@ -224,6 +230,16 @@ impl RestingPush {
             self.places(&Rough { site, misfit: &misfit, grid: &grid, error: SCAN_ERROR }, first, tolerance)
         };
         found.into_iter().map(|near| (site, near)).collect()
+    }
+
+    /// How much more closely to look than at a push of usual length: motions part as it goes on. No closer than [`REFINEMENT_MAX`].
+    fn refinement(&self, time: f64) -> u32 {
+        let radius = self.body.inertia_per_mass().sqrt();
+        let gone = 0.5 * Vector2::from(self.path.acceleration).norm() * time * time;
+        let wanted = (gone / (USUAL_TRAVEL * radius)).sqrt().ceil();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a few")]
+        let whole = wanted.clamp(1.0, f64::from(REFINEMENT_MAX)) as u32;
+        whole
     }
 
     /// Where the finger feels the contact at some times (s, increasing) if it starts at `s0` of an edge (of the ellipse: none);
@@ -302,7 +318,10 @@ impl RestingPush {
         let solutions = self.one_each(fits, contacts, tolerance);
         let candidate = |&(site, near): &(Site, NearZero)| self.pose_at(&site, &near, vec![near.value]);
         let mut candidates: Vec<_> = apart.iter().map(candidate).collect();
-        candidates.sort_by(|a, b| squares(&a.residuals).total_cmp(&squares(&b.residuals)));
+        // What fits to rounding fits alike, whatever the rounding.
+        let misfit = |pose: &RestingPose| squares(&pose.residuals).max(EXACT * EXACT);
+        let place = |a: &RestingPose, b: &RestingPose| a.edge.cmp(&b.edge).then(a.s0.total_cmp(&b.s0));
+        candidates.sort_by(|a, b| misfit(a).total_cmp(&misfit(b)).then_with(|| place(a, b)));
         RestingPoses { solutions, candidates }
     }
 
@@ -396,9 +415,10 @@ impl Site {
         self.range[1] - self.range[0]
     }
 
-    /// Places to look at; an ellipse's overlap at the seam, so that nothing hides there.
-    fn grid(&self) -> Vec<f64> {
+    /// Places to look at, so many times as many as usual; an ellipse's overlap at the seam, so that nothing hides there.
+    fn grid(&self, refinement: u32) -> Vec<f64> {
         let (looks, beyond) = if self.edge.is_some() { (LOOKS_ON_EDGE, 0) } else { (LOOKS_ON_ELLIPSE, 1) };
+        let looks = refinement * looks;
         let place = |index: u32| {
             let share = (f64::from(index) - f64::from(beyond)) / f64::from(looks);
             // The ends to the last bit, for the contact must not start beyond.

@@ -10,13 +10,13 @@
 use super::{RestingPush, Site};
 use crate::pushing::{Contact, Glide, Passed, State};
 
-/// Steps to scan with.
+/// Steps to scan a push of usual length with.
 const SCAN_STEPS: u32 = 16;
 
 /// How far a scan may be off, in the unit of u: what comes this near is looked at exactly.
 pub(super) const SCAN_ERROR: f64 = 1e-4;
 
-/// A motion that takes the contact to last.
+/// What a push comes to if its contact lasts, and whether it does.
 pub(super) struct Glided {
     /// u at each time.
     pub(super) angles: Vec<f64>,
@@ -31,13 +31,14 @@ impl RestingPush {
     /// u at a time, roughly, as if the contact lasted.
     pub(super) fn scanned_angle(&self, site: &Site, s0: f64, time: f64) -> Option<f64> {
         let model = self.model(site).ok()?;
-        let dt = time / f64::from(SCAN_STEPS);
+        let steps = self.refinement(time) * SCAN_STEPS;
+        let dt = time / f64::from(steps);
         let rates = |time: f64, state: &State| model.motion(&Contact::Frictionless, time, state).rates;
         let step = |state: State, index| {
             let time = f64::from(index) * dt;
             state.runge_kutta(&rates(time, &state), rates, time, dt)
         };
-        let end = (0..SCAN_STEPS).fold(self.start(s0), step);
+        let end = (0..steps).fold(self.start(s0), step);
         end.u.is_finite().then_some(end.u)
     }
 

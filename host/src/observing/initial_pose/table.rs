@@ -73,7 +73,7 @@ impl<'p> Table<'p> {
         let step = time_end / TIMES as f64;
         let times: Vec<_> = (1..=TIMES).map(|index| step * index as f64).collect();
         let table = |&site: &Site| {
-            let places = site.grid();
+            let places = site.grid(push.refinement(time_end));
             let motions = places.iter().map(|&s0| Motion::of(push, &site, s0, &times)).collect();
             SiteTable { site, places, motions }
         };

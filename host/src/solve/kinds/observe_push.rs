@@ -243,6 +243,9 @@ impl Problem for ObservePush {
     }
 }
 
+/// Least standard deviation of the logarithm of µ: with less it is known.
+const MU_SIGMA_LOG_MIN: f64 = 1e-6;
+
 /// Why a field of `gho` is refused without it.
 const FOR_GHO_ONLY: &str = "is for the method `gho` only: leave it out or set `method`";
 
@@ -279,6 +282,12 @@ impl ObservePush {
     fn mu_sigma_log(&self) -> Result<Option<f64>, InvalidInput> {
         if self.mu_sigma_log.is_some() && self.mu.get() * self.g.get() <= 0.0 {
             let message = "says how well `mu` is known beside its size, but without friction it has none: give `mu` and `g` above 0";
+            return Err(InvalidInput::at("mu_sigma_log", message));
+        }
+        if let Some(sigma) = self.mu_sigma_log.map(Positive::get).filter(|sigma| *sigma < MU_SIGMA_LOG_MIN) {
+            let message = format!(
+                "{sigma:e} is out of range, it must be at least {MU_SIGMA_LOG_MIN:e}: leave it out where `mu` is known"
+            );
             return Err(InvalidInput::at("mu_sigma_log", message));
         }
         Ok(self.mu_sigma_log.map(Positive::get))
@@ -599,6 +608,7 @@ mod tests {
             (json!({"sigma": -1}), "/sigma", "≥ 0"),
             (json!({"dt": 0}), "/dt", "> 0"),
             (json!({"dt": 5000}), "/dt", "sizes of the part"),
+            (json!({"mu_sigma_log": 1e-150}), "/mu_sigma_log", "at least 1e-6"),
             (json!({"mode": "sliding"}), "/mu_c", "is missing"),
             (json!({"mode": "coulomb"}), "/mu_c", "is missing"),
             (json!({"u0_range": [0, 1]}), "/u0_range", "for force data"),
