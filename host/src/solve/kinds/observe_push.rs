@@ -244,7 +244,7 @@ impl Problem for ObservePush {
 }
 
 /// Least standard deviation of the logarithm of µ: with less it is known.
-const MU_SIGMA_LOG_MIN: f64 = 1e-6;
+const MU_SIGMA_LOG_MIN: f64 = 1e-12;
 
 /// Why a field of `gho` is refused without it.
 const FOR_GHO_ONLY: &str = "is for the method `gho` only: leave it out or set `method`";
@@ -608,7 +608,7 @@ mod tests {
             (json!({"sigma": -1}), "/sigma", "≥ 0"),
             (json!({"dt": 0}), "/dt", "> 0"),
             (json!({"dt": 5000}), "/dt", "sizes of the part"),
-            (json!({"mu_sigma_log": 1e-150}), "/mu_sigma_log", "at least 1e-6"),
+            (json!({"mu_sigma_log": 1e-150}), "/mu_sigma_log", "at least 1e-12"),
             (json!({"mode": "sliding"}), "/mu_c", "is missing"),
             (json!({"mode": "coulomb"}), "/mu_c", "is missing"),
             (json!({"u0_range": [0, 1]}), "/u0_range", "for force data"),
