@@ -174,7 +174,7 @@ fn a_plan_made_on_the_command_line_decodes_there() {
     std::fs::write(folder.path().join("sets.txt"), "x: a b\ny: a\nz: b c\nnone:\n").unwrap();
     let found = run(&["sample", "--sets", "sets.txt", "--tree"]);
     assert!(
-        found.contains("2 tell the sets apart (proven fewest): a b") && found.contains("at most 2 questions"),
+        found.contains("2 of them tell the sets apart (proven fewest): a b") && found.contains("at most 2 questions"),
         "{found}"
     );
 }
