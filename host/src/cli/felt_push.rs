@@ -54,9 +54,9 @@ impl FrictionArguments {
 
 /// A share in per cent as the standard deviation of a logarithm, or a factor as two of them.
 fn log_sd(text: &str) -> Result<f64, String> {
+    let neither = || format!("{text:?} is neither a share such as 20% nor a factor such as x2");
     let within = |value: &str, limits: [f64; 2], unit: &str| {
-        let value: f64 =
-            value.parse().map_err(|_| format!("{text:?} is neither a share such as 20% nor a factor such as x2"))?;
+        let value: f64 = value.parse().map_err(|_| neither())?;
         let [low, high] = limits;
         if (low..=high).contains(&value) {
             Ok(value)
@@ -67,7 +67,7 @@ fn log_sd(text: &str) -> Result<f64, String> {
     match (text.strip_suffix('%'), text.strip_prefix(['x', '×'])) {
         (Some(share), _) => within(share.trim_end(), PER_CENT, "%").map(|share| share / 100.0),
         (None, Some(factor)) => within(factor.trim_start(), FACTOR, "").map(|factor| 0.5 * factor.ln()),
-        (None, None) => Err(format!("{text:?} is neither a share such as 20% nor a factor such as x2")),
+        (None, None) => Err(neither()),
     }
 }
 

@@ -14,7 +14,7 @@ use nalgebra::{Matrix4x5, Matrix5, RowVector5, SMatrix, SVector, Vector2, Vector
 use super::clock::{Clock, Fineness};
 use super::data::Data;
 use super::launch::{Begin, GRIP, UNKNOWNS, Unknowns, Variable, launch, rest_span};
-use super::observation::{Channel, Known, Prior, Touch};
+use super::observation::{Channel, GRIP_LOG_MAX, Known, Prior, Touch};
 use super::path::{Seen, Site, WALLS, follow, plain_contact, plain_state};
 use crate::geometry::angle::wrap_angle;
 use crate::pushing::{Contact, Jet, Scalar, State};
@@ -33,9 +33,6 @@ const FORCE_FLOOR: f64 = 1e-2;
 
 /// Longest step of each unknown: a tenth of what it can be.
 pub(super) const STEP_MAX: Unknowns = [0.3, 0.02, 3.0, 0.1, 0.3];
-
-/// The plane's friction is within e³, a factor of twenty, of what it is taken for, however little is known of it.
-const GRIP_LOG_MAX: f64 = 3.0;
 
 /// Curvature that holds an unknown without any influence in place, in inverse squares of [`STEP_MAX`].
 const CURVATURE_MIN: f64 = 1e-6;

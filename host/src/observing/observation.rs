@@ -89,6 +89,9 @@ pub enum Measured {
     },
 }
 
+/// The plane's friction is within e³, a factor of twenty, of what it is taken for, however little is known of it.
+pub(super) const GRIP_LOG_MAX: f64 = 3.0;
+
 /// What is known of the motion at t = 0: standard deviations about zero, what is not given is bounded instead; and of the plane.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Prior {

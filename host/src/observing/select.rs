@@ -79,7 +79,7 @@ const PROMISE_NONE: f64 = 1e-3;
 /// A descent is given up when its cost less this many times its promise is beyond the gate by [`SLACK`].
 const PROMISES: f64 = 3.0;
 /// See [`PROMISES`].
-pub(super) const SLACK: f64 = 24.0;
+const SLACK: f64 = 24.0;
 /// Rounds in which places along a valley have to come to its lowest, or to another: more than any that is not in a valley takes.
 const PATIENCE: usize = 12;
 
@@ -177,8 +177,7 @@ impl<'a, 'p> Task<'a, 'p> {
         if self.data.angle.is_none() || !(SPARSE.0..=SPARSE.1).contains(&self.data.terms()) {
             return None;
         }
-        let costs = self.minima(Width::Narrow).into_iter().map(|descent| descent.evaluation.cost);
-        let with_all = costs.fold(f64::INFINITY, f64::min);
+        let with_all = least_cost(&self.minima(Width::Narrow));
         let explained = (0..self.data.values).filter_map(|value| {
             let task = Task { data: self.data.without(&[value]), ..self.clone() };
             let found = Estimate { outliers: vec![value], ..task.explained(Width::Narrow)? };
@@ -193,7 +192,7 @@ impl<'a, 'p> Task<'a, 'p> {
     /// Adds what lies farther along the valleys of minima that explain the data, but poorly: the better one beside it may have been
     /// missed.
     fn look_farther(&self, minima: &mut Vec<Descent>) {
-        let best = minima.iter().map(|descent| descent.evaluation.cost).fold(f64::INFINITY, f64::min);
+        let best = least_cost(minima);
         let [poor, wrong] =
             [POOR_PROBABILITY, FIT_PROBABILITY].map(|share| chi_square_quantile(share, self.data.terms()));
         if best > poor && best <= wrong {
@@ -257,12 +256,22 @@ impl<'a, 'p> Task<'a, 'p> {
     }
 }
 
+/// Infinity where there is none.
+pub(super) fn least_cost(minima: &[Descent]) -> f64 {
+    minima.iter().map(|descent| descent.evaluation.cost).fold(f64::INFINITY, f64::min)
+}
+
+/// A descent of a larger total comes to nothing beside these.
+pub(super) fn total_max(minima: &[Descent]) -> f64 {
+    minima.iter().map(|descent| descent.evaluation.total()).fold(f64::INFINITY, f64::min) + GATE + SLACK
+}
+
 /// Minima, and places beside each along what the data say least about: with a smaller standard deviation the minimum may be there, or
 /// turn out to be two.
 fn along_valleys(fitting: &Fitting, minima: &[Descent], places: &[f64]) -> Vec<Candidate> {
-    let best = minima.iter().map(|descent| descent.evaluation.total()).fold(f64::INFINITY, f64::min);
     // Finer data cost more, not less.
-    let possible = minima.iter().filter(|descent| descent.evaluation.total() <= best + GATE + SLACK);
+    let most = total_max(minima);
+    let possible = minima.iter().filter(|descent| descent.evaluation.total() <= most);
     let candidates = possible.flat_map(|descent| {
         let (lowest, valley) = (descent.candidate, valley(fitting, descent).unwrap_or_else(Vector5::zeros));
         let at = move |share: f64| (Vector5::from(lowest.unknowns) + valley * share).into();

@@ -22,7 +22,7 @@ use super::launch::{Begin, GRIP, UNKNOWNS};
 use super::observation::{Channel, Estimate, Fit, Known, Measured, Observation, Prior};
 use super::path::Site;
 use super::seed::{Width, seeds};
-use super::select::{GATE, REST_ERROR, SLACK, descend_together, fineness, judge_all, merge_met};
+use super::select::{REST_ERROR, descend_together, fineness, judge_all, least_cost, merge_met, total_max};
 use super::sites::sites;
 use crate::pushing::{Contact, Finger};
 
@@ -288,15 +288,10 @@ fn moved(finger: &Finger, time: f64) -> Finger {
     Finger { centre0: finger.centre(time).into(), velocity0: finger.velocity(time), ..*finger }
 }
 
-fn least_cost(minima: &[Descent]) -> f64 {
-    minima.iter().map(|descent| descent.evaluation.cost).fold(f64::INFINITY, f64::min)
-}
-
 /// Drops what is far above the best, and the worse of two that are one.
 fn keep_near_best(minima: &mut Vec<Descent>) {
-    let total = |descent: &Descent| descent.evaluation.total();
-    let best = minima.iter().map(total).fold(f64::INFINITY, f64::min);
-    minima.retain(|descent| total(descent) <= best + GATE + SLACK);
+    let most = total_max(minima);
+    minima.retain(|descent| descent.evaluation.total() <= most);
     merge_met(minima);
 }
 

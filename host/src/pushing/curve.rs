@@ -122,7 +122,7 @@ impl PartSide {
     }
 
     /// Where the outline begins and ends; an ellipse goes on for ever.
-    pub(super) fn range(&self) -> [f64; 2] {
+    pub(crate) fn range(&self) -> [f64; 2] {
         match self {
             Self::Edge(edge) => [edge.s_min, edge.s_max],
             Self::Ellipse { .. } => [f64::NEG_INFINITY, f64::INFINITY],

@@ -20,7 +20,7 @@ const DIVISIONS: usize = 8;
 const CHANGE_MAX: f64 = 1e-11;
 
 /// Halvings of the whole after which a motion is given up.
-const HALVINGS_MAX: u32 = 12;
+const HALVINGS_MAX: i32 = 12;
 
 /// A place on the way, of the accuracy of the midpoint rule.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,13 +51,13 @@ impl<M: ContactModel> Glide<'_, M> {
     pub fn end(&self, time: f64, state: State, until: f64, passed: &mut Vec<Passed>) -> Option<State> {
         let (mut time, mut state) = (time, Components::from(state));
         let mut length = until - time;
-        let length_min = length * 0.5_f64.powi(i32::try_from(HALVINGS_MAX).unwrap_or(i32::MAX));
+        let length_min = length * 0.5_f64.powi(HALVINGS_MAX);
         while time < until {
             let step = length.min(until - time);
             match self.step(time, &state, step, passed) {
                 Some(next) => {
                     state = next;
-                    time = if step < length { until } else { time + step };
+                    time = if step >= until - time { until } else { time + step };
                 }
                 None => length *= 0.5,
             }

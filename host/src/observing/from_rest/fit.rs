@@ -13,6 +13,7 @@ use nalgebra::{DMatrix, DVector, Isometry2, Matrix3, Matrix4, SMatrix, Vector3, 
 
 use super::felt::FeltForce;
 use super::path::{Course, Guess, Path};
+use crate::observing::observation::GRIP_LOG_MAX;
 use crate::pushing::State;
 
 /// Largest friction coefficient between finger and part that is considered: rubber on a clean part.
@@ -50,9 +51,6 @@ const PARAMETERS: usize = 4;
 const MU_C: usize = 2;
 /// See [`MU_C`].
 const GRIP: usize = 3;
-
-/// The plane's friction is within e³, a factor of twenty, of what it is taken for, however little is known of it.
-const GRIP_LOG_MAX: f64 = 3.0;
 
 /// What adds to the cost beside the residuals: a contact beyond its edge, friction beyond reason, the plane's prior.
 const PENALTIES: usize = 3;

@@ -2,7 +2,7 @@
 //!
 //! Units: SI, u in the unit of the finger's outline. Errors: none.
 
-use super::search::{NearZero, near_zeros};
+use super::search::{Look, NearZero, border, near_zeros};
 use super::{RestingPush, Site, TimedContact};
 
 /// Corrections of a place by its misfit over the slope: each gains several digits.
@@ -48,14 +48,19 @@ impl RestingPush {
         if self.grip > 0.0 {
             return Some(near);
         }
-        if self.lasting_angles(&rough.site, near.at, &[first.t]).is_some() {
+        let look = |at: f64| {
+            let angles = self.lasting_angles(&rough.site, at, &[first.t])?;
+            Some(Look { at, value: angles[0] - first.u })
+        };
+        if look(near.at).is_some() {
             return Some(near);
         }
         let step = rough.grid[1] - rough.grid[0];
         // No farther than the slope lets the misfit stay within its tolerance.
         let reach = (2.0 * tolerance / self.slope(rough, near.at)?.abs()).min(step);
-        let at = self.nearest_lasting(&rough.site, near.at, first.t, reach)?;
-        let value = self.misfit(&rough.site, at, first)?;
+        let [low, high] = rough.site.side.range();
+        let inside = [(near.at - reach).max(low), (near.at + reach).min(high)].into_iter().find_map(look)?;
+        let Look { at, value } = border(&look, inside, near.at);
         (value.abs() <= tolerance).then_some(NearZero { at, value, ..near })
     }
 

@@ -5,7 +5,8 @@
 //! first contact leaves a few candidates, later ones tell them apart.
 //!
 //! Implements: the initial pose observer of thesis §5.3.2 and §6.2, by a scan of all s₀ instead of Newton's method from a few
-//! guesses, so that no candidate is lost (of pushes up to some dozen sizes of the part: beyond, motions part too fast); `table`: the variant that looks motions up instead of simulating them (§8.2.2).
+//! guesses, so that no candidate is lost (of pushes up to some dozen sizes of the part: beyond, motions part too fast); `table`: the
+//! variant that looks motions up instead of simulating them (§8.2.2).
 //! Assumes: contact without friction; part and finger at rest at t = 0.
 //! Frames: world; s₀ on the part as [`PartSide`] has it. Units: SI, u and its tolerance in the unit of the finger's outline.
 //! Errors: [`InitialPoseError`]; "no pose fits" is an answer.
@@ -271,7 +272,8 @@ impl RestingPush {
 
     /// u at each time, if the contact lasts.
     fn lasting_angles(&self, site: &Site, s0: f64, times: &[f64]) -> Option<Vec<f64>> {
-        let glided = self.grip == 0.0 && site.range[0] <= s0 && s0 <= site.range[1];
+        let [low, high] = site.side.range();
+        let glided = self.grip == 0.0 && low <= s0 && s0 <= high;
         match glided.then(|| self.glided(site, s0, times)).flatten() {
             Some(Glided { angles, lasts: Some(lasts) }) => lasts.then_some(angles),
             _ => Some(self.angles(site, s0, times)).filter(|angles| angles.len() == times.len()),

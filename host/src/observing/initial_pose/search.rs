@@ -36,9 +36,9 @@ pub(super) struct NearZero {
 
 /// A place and the function's value there.
 #[derive(Clone, Copy, Debug)]
-struct Look {
-    at: f64,
-    value: f64,
+pub(super) struct Look {
+    pub(super) at: f64,
+    pub(super) value: f64,
 }
 
 /// All zeros between the ends of a grid (increasing), and all places where the function comes within `tolerance` of zero and turns.
@@ -69,7 +69,7 @@ fn stretches(function: &dyn Fn(f64) -> Option<f64>, grid: &[f64]) -> Vec<Vec<Loo
 }
 
 /// The last defined place on the way from `inside` to `outside`.
-fn border(look: &dyn Fn(f64) -> Option<Look>, mut inside: Look, mut outside: f64) -> Look {
+pub(super) fn border(look: &dyn Fn(f64) -> Option<Look>, mut inside: Look, mut outside: f64) -> Look {
     for _ in 0..BORDER_HALVINGS {
         let middle = 0.5 * (inside.at + outside);
         match look(middle) {

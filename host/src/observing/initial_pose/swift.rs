@@ -24,9 +24,6 @@ pub(super) struct Glided {
     pub(super) lasts: Option<bool>,
 }
 
-/// Halvings of the way to a border: a millionth of it is left.
-const BORDER_HALVINGS: usize = 20;
-
 impl RestingPush {
     /// u at a time, roughly, as if the contact lasted.
     pub(super) fn scanned_angle(&self, site: &Site, s0: f64, time: f64) -> Option<f64> {
@@ -56,24 +53,11 @@ impl RestingPush {
         passed.push(glide.place(time, &state));
         Some(Glided { angles, lasts: lasts(site, &passed) })
     }
-
-    /// The place nearest to one whose contact ends before `time`, within `reach` of it, from which it lasts until then.
-    pub(super) fn nearest_lasting(&self, site: &Site, s0: f64, time: f64, reach: f64) -> Option<f64> {
-        let lasts = |s0: f64| self.lasting_angles(site, s0, &[time]).is_some();
-        let [low, high] = [(s0 - reach).max(site.range[0]), (s0 + reach).min(site.range[1])];
-        let mut inside = [low, high].into_iter().find(|&beside| lasts(beside))?;
-        let mut outside = s0;
-        for _ in 0..BORDER_HALVINGS {
-            let middle = 0.5 * (inside + outside);
-            if lasts(middle) { inside = middle } else { outside = middle }
-        }
-        Some(inside)
-    }
 }
 
 /// Whether the contact stays on the part and presses, by more than either changes from one place passed to the next.
 fn lasts(site: &Site, passed: &[Passed]) -> Option<bool> {
-    let [low, high] = if site.edge.is_some() { site.range } else { [f64::NEG_INFINITY, f64::INFINITY] };
+    let [low, high] = site.side.range();
     let clear = |two: &[Passed]| {
         let (travel, change) = ((two[1].s - two[0].s).abs(), (two[1].normal_force - two[0].normal_force).abs());
         let room = two.iter().map(|place| (place.s - low).min(high - place.s)).fold(f64::INFINITY, f64::min);
