@@ -15,10 +15,10 @@ use super::scalar::Scalar;
 use super::sensitivity::{Parameter, Seeded};
 
 /// Step of the Runge–Kutta method that carries the derivatives, s: see [`PushModel::step`] for its error.
-const STEP: f64 = 1e-3;
+const STEP: f64 = 5e-4;
 
 /// Steps in the first such step of a stretch, and how each next is longer: friction changes fastest after a change of contact.
-const STEP_FIRST: f64 = 1e-5;
+const STEP_FIRST: f64 = 5e-6;
 const STEP_GROWTH: f64 = 1.5;
 
 /// A push with its derivatives by `N` parameters.
