@@ -15,7 +15,7 @@
 
 use serde::Deserialize;
 
-use crate::part_file::Unit;
+use crate::part_file::{Numbers, Unit};
 use crate::rolling::{Body, BodyError, Egg, Rounded};
 
 /// A body that a person has described.
@@ -33,11 +33,11 @@ pub struct BodyFile {
 struct Keys {
     unit: Unit,
     shape: ShapeName,
-    semi_axes: [f64; 3],
+    semi_axes: Numbers<3>,
     e: Option<f64>,
     zc: Option<f64>,
     r: Option<f64>,
-    radii_of_gyration: Option<[f64; 3]>,
+    radii_of_gyration: Option<Numbers<3>>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -95,8 +95,8 @@ impl Keys {
     fn body(&self) -> Result<Body, BodyFileError> {
         self.refuse_foreign()?;
         let metres = self.unit.metres();
-        let semi_axes = self.semi_axes.map(|axis| axis * metres);
-        let inertia = self.radii_of_gyration.map(|radii| radii.map(|radius| (radius * metres).powi(2)));
+        let semi_axes = self.semi_axes.0.map(|axis| axis * metres);
+        let inertia = self.radii_of_gyration.map(|radii| radii.0.map(|radius| (radius * metres).powi(2)));
         let needed = |key: &'static str, value: Option<f64>| value.ok_or(BodyFileError::Missing { key });
         match self.shape {
             ShapeName::Ellipsoid => Ok(Body::ellipsoid(semi_axes)?),

@@ -208,6 +208,9 @@ pub enum PartFileError {
         /// What was given.
         value: f64,
     },
+    /// A table without friction, where a part's resistance is to be felt.
+    #[error("mu = 0, but a part is felt by how it resists a push: give the friction between part and table")]
+    NothingResists,
     /// No feet.
     #[error("feet is empty: give at least one, or leave the key out for a base that bears everywhere")]
     NoFeet,
@@ -317,6 +320,14 @@ impl PolygonFile {
     /// [`PartFileError`], also for an elliptic part.
     pub fn parse(text: &str) -> Result<Self, PartFileError> {
         Self::of(PartFile::parse(text)?)
+    }
+
+    /// The part, if friction holds it: for what finds a part by how it resists.
+    ///
+    /// # Errors
+    /// [`PartFileError::NothingResists`] for a µ of 0.
+    pub fn resisting(self) -> Result<Self, PartFileError> {
+        if self.mu > 0.0 { Ok(self) } else { Err(PartFileError::NothingResists) }
     }
 
     /// Reads the text of a file that may list several supports: the part on each, with the support's name. A file without such a

@@ -32,7 +32,7 @@ pub(crate) struct Arguments {
     #[arg(value_name = "PART.toml")]
     part: PathBuf,
     /// Angle between the fences
-    #[arg(long, value_name = "DEGREES", value_parser = finite, default_value_t = 90.0)]
+    #[arg(long, value_name = "DEGREES", value_parser = finite, allow_negative_numbers = true, default_value_t = 90.0)]
     angle_deg: f64,
     /// Where the push goes, counter-clockwise from +x [default: along the bisector into the corner]
     #[arg(long, value_name = "DEGREES", value_parser = finite, allow_negative_numbers = true)]
@@ -60,6 +60,10 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         return Err(miette!(help = help, "{} is a smooth part, no edge of which lies flush", arguments.part.display()));
     }
     let angle = arguments.angle_deg.to_radians();
+    if !(angle > 0.0 && angle < std::f64::consts::PI) {
+        let help = "the fences meet at an angle between 0 and 180°";
+        return Err(miette!(help = help, "--angle-deg {} makes no corner", arguments.angle_deg));
+    }
     let push = arguments.push_deg.map_or(angle / 2.0 + std::f64::consts::PI, f64::to_radians);
     let corner = Corner::new(angle, Vector2::new(push.cos(), push.sin())).into_diagnostic()?;
     let part = &file.outline;
@@ -67,22 +71,23 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     poses.retain(|pose| !arguments.stable || pose.is_stable());
     let outlines =
         poses.iter().map(|pose| corner.placed(part, pose)).collect::<Result<Vec<_>, _>>().into_diagnostic()?;
-    let plan = arguments.sample.then(|| arguments.plan.plan(&outlines, 0.0));
+    let planned = arguments.sample.then(|| arguments.plan.plan(&outlines, 0.0));
     let names: Vec<String> = poses.iter().map(name).collect();
-    match (&plan, arguments.json) {
-        (Some(plan), true) => super::sample::print_json(&names, plan)?,
+    match (&planned, arguments.json) {
+        (Some(planned), true) => super::sample::print_json(&names, &planned.plan)?,
         (None, true) => {
             let answer = CornerPosesAnswer { poses: poses.iter().map(RestPose::from).collect() };
             say!("{}", serde_json::to_string(&answer).into_diagnostic()?);
         }
-        (plan, false) => {
+        (planned, false) => {
             print_poses(&poses);
-            if let Some(plan) = plan {
-                print_plan(&names, plan);
+            if let Some(planned) = planned {
+                print_plan(&names, planned);
             }
         }
     }
-    arguments.plot.draw(|| Ok(arguments.figure(&outlines, plan.as_ref(), angle)))?;
+    let plan = planned.as_ref().map(|planned| &planned.plan);
+    arguments.plot.draw(|| Ok(arguments.figure(&outlines, plan, angle)))?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -40,8 +40,9 @@ pub(super) struct FeltPushArguments {
 /// How well the friction of the plane is known.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(super) struct FrictionArguments {
-    /// How well the part file's mu is known: 20%, or x2 for within a factor of two; mu is then found too
-    #[arg(long, value_name = "SHARE", value_parser = log_sd)]
+    /// How well the part file's mu is known: 20% as one standard deviation, or x2 for within a factor of two (two of them); mu is
+    /// then found too
+    #[arg(long, value_name = "SHARE", value_parser = log_sd, allow_hyphen_values = true)]
     mu_uncertainty: Option<f64>,
 }
 

@@ -8,13 +8,13 @@ use palpate::geometry::{ConvexPolygon, SimplePolygon};
 use palpate::inscribe::{InscribePicture, NamedPart, Shown, Views};
 use palpate::inscription::{Continuum, Estimate, Inscription, Mode, PlannedView, Pose, estimate, plan_view};
 use palpate::plan_file::PlanFile;
-use palpate::sampling::{Circle, Plan};
+use palpate::sampling::Circle;
 use palpate::scene_file::snapped;
 use serde_json::{Value, json};
 
 use super::plot::PlotArguments;
 use super::read::read;
-use super::sample::{PlanArguments, print_plan};
+use super::sample::{PlanArguments, Planned, print_plan};
 use super::{counted, positive};
 
 const LONG_HELP: &str = "\
@@ -107,19 +107,19 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let resolved = arguments.resolve.then(|| resolve(&found, &arguments.plan)).flatten();
     if arguments.json {
         let mut object = json(&found, &views, next);
-        if let Some((names, plan)) = &resolved {
-            object["resolve"] = serde_json::to_value(PlanFile::new(names.clone(), plan)).into_diagnostic()?;
+        if let Some((names, planned)) = &resolved {
+            object["resolve"] = serde_json::to_value(PlanFile::new(names.clone(), &planned.plan)).into_diagnostic()?;
         }
         say!("{}", serde_json::to_string(&object).into_diagnostic()?);
     } else {
         tell(&found, &views, next);
         match &resolved {
-            Some((names, plan)) => print_plan(names, plan),
+            Some((names, planned)) => print_plan(names, planned),
             None if arguments.resolve => say!("there are not two poses to tell apart by points"),
             None => {}
         }
     }
-    let points = resolved.as_ref().map_or(&[][..], |(_, plan)| plan.points.as_slice());
+    let points = resolved.as_ref().map_or(&[][..], |(_, planned)| planned.plan.points.as_slice());
     arguments.plot.draw(|| Ok(arguments.figure(&found, &views, next, points)))?;
     let any = found.iter().any(|found| found.outcome.as_ref().is_ok_and(|fits| !fits.poses().is_empty()));
     let undetermined = found.iter().any(|found| found.outcome.is_err());
@@ -149,7 +149,7 @@ fn find(part: NamedPart, views: &Views) -> Found {
 }
 
 /// Points that tell the poses that fit apart, with the poses' names; none for fewer than two (thesis §2.3, last paragraph).
-fn resolve(found: &[Found], request: &PlanArguments) -> Option<(Vec<String>, Plan)> {
+fn resolve(found: &[Found], request: &PlanArguments) -> Option<(Vec<String>, Planned)> {
     let (mut names, mut outlines) = (Vec::new(), Vec::new());
     for Found { part, outcome } in found {
         let poses = outcome.as_ref().map_or_else(|_| Vec::new(), Fits::poses);

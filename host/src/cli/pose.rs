@@ -124,18 +124,29 @@ fn friction_in_words(estimate: &Estimate) -> String {
         return String::new();
     };
     if estimate.mass_and_friction_are_one() {
-        let together = best.resistance_log_sd * 100.0;
         return format!(
-            " Mass and friction of the plane cannot be told apart by this push: mu times the mass is {:.4} kg within {together:.1} %, each alone is known within {:.0} % only; a finger that accelerates harder tells more.",
+            " Mass and friction of the plane cannot be told apart by this push: mu times the mass is {:.4} kg within {}, each alone is known within {} only (one standard deviation); a finger that accelerates harder tells more.",
             best.grip / GRAVITY * best.mass,
-            best.mass_log_sd * 100.0
+            share_or_factor(best.resistance_log_sd),
+            share_or_factor(best.mass_log_sd)
         );
     }
-    let (mu, now) = (best.grip / GRAVITY, best.grip_log_sd * 100.0);
     format!(
-        " The plane's friction mu is {mu:.3} within {now:.1} %; beforehand it was known within {:.0} %.",
-        beforehand * 100.0
+        " The plane's friction mu is {:.3} within {}; beforehand it was known within {} (one standard deviation).",
+        best.grip / GRAVITY,
+        share_or_factor(best.grip_log_sd),
+        share_or_factor(beforehand)
     )
+}
+
+/// The standard deviation of a logarithm as people write it.
+fn share_or_factor(log_sd: f64) -> String {
+    /// Up to here a share and a factor are the same for all purposes.
+    const SHARE_MAX: f64 = 0.25;
+    match log_sd <= SHARE_MAX {
+        true => format!("{:.1} %", log_sd * 100.0),
+        false => format!("a factor of {:.2}", log_sd.exp()),
+    }
 }
 
 /// How far the listed poses lie apart.

@@ -30,6 +30,7 @@ The part file is TOML; every length in it is in its `unit`:
   feet = [[5, 5, 1], [85, 5, 1], [45, 45, 2]]  # x, y, weight on it in any unit (optional: else all of the base)
   centre_of_mass = [48, 25]                    # both or neither of these two;
   radius_of_gyration = 28                      # without them the part is a uniform plate
+Instead of feet, `[[support]]` lists what the part may stand on, for `palpate which-part`.
 An elliptic part has `ellipse = {a = 40, b = 25}` instead of vertices: semi-axes along x and y, middle at the origin.
 
 At first the part lies as drawn and the finger touches it. Without --speed-mm-s both are at rest; with it the part
@@ -210,18 +211,30 @@ impl Arguments {
     }
 
     fn place(&self, part: &DescribedPart) -> miette::Result<Place> {
-        let advice = match (self.around_deg, self.edge, part) {
-            (Some(angle), ..) => return Ok(Place::Around { angle: angle.to_radians() }),
-            (None, Some(index), _) => return Ok(Place::Edge { index, s: self.s_mm.map(|s| s * 1e-3) }),
-            (None, None, DescribedPart::Ellipse { .. }) => {
-                "give --around-deg: the eccentric angle, 0 at the end of its axis a".to_owned()
+        let name = self.name();
+        match part {
+            DescribedPart::Ellipse { .. } => {
+                let help = "give --around-deg: the eccentric angle, 0 at the end of its axis a";
+                match (self.around_deg, self.edge.is_some() || self.s_mm.is_some()) {
+                    (Some(angle), _) => Ok(Place::Around { angle: angle.to_radians() }),
+                    (None, true) => {
+                        Err(miette::miette!(help = help, "{name} is an ellipse and has no edge for --edge and --s-mm"))
+                    }
+                    (None, false) => Err(miette::miette!(help = help, "where to push at {name} is not said")),
+                }
             }
-            (None, None, DescribedPart::Polygon(part)) => {
+            DescribedPart::Polygon(part) => {
                 let last = part.polygon().vertices().len() - 1;
-                format!("give --edge, from 0 to {last}: from this vertex to the next")
+                let help = format!("give --edge, from 0 to {last}: from this vertex to the next");
+                match (self.edge, self.around_deg) {
+                    (Some(index), _) => Ok(Place::Edge { index, s: self.s_mm.map(|s| s * 1e-3) }),
+                    (None, Some(_)) => {
+                        Err(miette::miette!(help = help, "--around-deg is for ellipses, and {name} has edges"))
+                    }
+                    (None, None) => Err(miette::miette!(help = help, "where to push at {name} is not said")),
+                }
             }
-        };
-        Err(miette::miette!(help = advice, "where to push at {} is not said", self.name()))
+        }
     }
 
     fn shape(&self) -> FingerShape {

@@ -115,9 +115,43 @@ impl PlanArguments {
     }
 
     /// Points for these outlines, which are within an error of what they stand for, m.
-    pub(crate) fn plan(&self, outlines: &[SimplePolygon], curve_error: f64) -> Plan {
-        Scene::new(outlines).plan(&self.request(curve_error), &self.stop())
+    pub(crate) fn plan(&self, outlines: &[SimplePolygon], curve_error: f64) -> Planned {
+        let scene = Scene::new(outlines);
+        let plan = scene.plan(&self.request(curve_error), &self.stop());
+        if plan.indistinguishable.is_empty() || self.limits().is_empty() {
+            return Planned { plan, kept_out: None };
+        }
+        let anywhere = Request { objective: Objective::Greedy, ..Request::default() };
+        let alike = scene.plan(&anywhere, &|| false).indistinguishable;
+        let differ = plan.indistinguishable.iter().filter(|pair| !alike.contains(pair)).count();
+        Planned { plan, kept_out: self.kept_out(differ) }
     }
+
+    /// A sentence about so many pairs that differ, but not within the limits asked for; none about none.
+    fn kept_out(&self, differ: usize) -> Option<String> {
+        (differ > 0).then(|| {
+            let pairs = counted(differ, "pair");
+            format!("{pairs} of these would be told apart without {}: ask for less", self.limits().join(" and "))
+        })
+    }
+
+    /// The options given that leave points out or ask for more of them.
+    fn limits(&self) -> Vec<String> {
+        let given = [
+            ("--min-clearance-mm", self.min_clearance_mm),
+            ("--min-area-mm2", self.min_area_mm2),
+            ("--notice", f64::from(self.notice)),
+            ("--correct", f64::from(self.correct)),
+        ];
+        given.iter().filter(|(_, value)| *value > 0.0).map(|(name, value)| format!("{name} {value}")).collect()
+    }
+}
+
+/// A plan, and whose fault it is where it tells not all apart.
+pub(crate) struct Planned {
+    pub(crate) plan: Plan,
+    /// A sentence about pairs that differ, but not within the limits asked for.
+    kept_out: Option<String>,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
@@ -132,21 +166,22 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     if arguments.trade_off {
         return Ok(trade_off(arguments, &file));
     }
-    let plan = arguments.plan.plan(&file.polygons, file.curve_error);
+    let planned = arguments.plan.plan(&file.polygons, file.curve_error);
+    let plan = &planned.plan;
     if arguments.json {
-        print_json(&file.names, &plan)?;
+        print_json(&file.names, plan)?;
     } else {
-        print_plan(&file.names, &plan);
+        print_plan(&file.names, &planned);
         if file.curve_error > 0.0 {
             say!("curves are within {:.4} mm of their chords; clearances are from the chords", file.curve_error * 1e3);
         }
         if arguments.tree {
-            print_tree(&file.names, &plan, &arguments.plan.stop());
+            print_tree(&file.names, plan, &arguments.plan.stop());
         }
     }
     arguments.plot.draw(|| {
         let title = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        let subtitles = [plan_in_words(&plan)];
+        let subtitles = [plan_in_words(plan)];
         let picture = SamplingPicture {
             polygons: &file.polygons,
             points: &plan.points,
@@ -156,7 +191,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         };
         Ok(picture.figure())
     })?;
-    Ok(status(&plan))
+    Ok(status(plan))
 }
 
 fn status(plan: &Plan) -> ExitCode {
@@ -185,6 +220,9 @@ fn from_problem(text: &str) -> miette::Result<SceneFile> {
 /// How many points, and how good that is.
 pub(crate) fn plan_in_words(plan: &Plan) -> String {
     let count = plan.points.len();
+    if plan.points.is_empty() && !plan.indistinguishable.is_empty() {
+        return format!("{}; no points tell the outlines apart", counted(plan.regions, "region"));
+    }
     let proven = match plan.is_fewest() {
         true => "proven fewest".to_owned(),
         false => format!("no fewer than {} can do", plan.lower_bound),
@@ -196,9 +234,18 @@ pub(crate) fn plan_in_words(plan: &Plan) -> String {
     format!("{}; {} ({proven}){clearance}", counted(plan.regions, "region"), counted(count, "point"))
 }
 
-pub(crate) fn print_plan(names: &[String], plan: &Plan) {
+pub(crate) fn print_plan(names: &[String], Planned { plan, kept_out }: &Planned) {
     say!("{}, {}", counted(names.len(), "outline"), plan_in_words(plan));
-    if let Some(bound) = plan.clearance_bound.filter(|_| !plan.points.is_empty()) {
+    for &[a, b] in &plan.indistinguishable {
+        say!("cannot be told apart: {} and {}", names[a], names[b]);
+    }
+    if let Some(kept_out) = kept_out {
+        say!("{kept_out}");
+    }
+    if plan.points.is_empty() {
+        return;
+    }
+    if let Some(bound) = plan.clearance_bound {
         say!("no plan of as many points keeps more than {:.4} mm from all edges", bound * 1e3);
     }
     say!("{:>5} {:>11} {:>11} {:>15}", "point", "x [mm]", "y [mm]", "clearance [mm]");
@@ -209,9 +256,6 @@ pub(crate) fn print_plan(names: &[String], plan: &Plan) {
     for (name, signature) in names.iter().zip(&plan.signatures) {
         let bits: String = signature.iter().map(|&covered| if covered { '1' } else { '0' }).collect();
         say!("{bits}  {name}");
-    }
-    for &[a, b] in &plan.indistinguishable {
-        say!("cannot be told apart: {} and {}", names[a], names[b]);
     }
 }
 
@@ -322,6 +366,10 @@ fn discriminate(arguments: &Arguments, path: &Path) -> miette::Result<ExitCode> 
         say!("cannot be told apart: {} and {}", names[a], names[b]);
     }
     if !close.is_empty() {
+        let differ = close.len() - system.closer_than(1).len();
+        if let Some(kept_out) = arguments.plan.kept_out(differ) {
+            say!("{kept_out}");
+        }
         return Ok(status);
     }
     print_choice(&names, &words, &system, &choice);

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use palpate::observing::PartEstimate;
 use palpate::observing::from_rest::{self, Estimate};
-use palpate::part_file::PolygonFile;
+use palpate::part_file::{PartFileError, PolygonFile};
 use palpate::pushing::Part;
 use serde_json::json;
 
@@ -46,14 +46,16 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         say!("{:6.3}  {}", part.probability, candidates[part.part]);
     }
     let Some(first) = ranked.first().filter(|first| first.probability > 0.0) else {
-        say!("None of these parts explains what was felt.");
+        say!(
+            "None of these parts explains what was felt: is it another part, did the finger move as stated, was the part at rest before?"
+        );
         return Ok(ExitCode::SUCCESS);
     };
     let candidate = &candidates[first.part];
     say_poses(&format!("If it is {candidate}"), candidate, &first.estimate);
     let possible = ranked.iter().filter(|part| part.probability > 0.0).count();
     if let Some(mixed) = mixed(&candidates, &ranked).filter(|_| possible > 1) {
-        say_poses("Whatever it stands on", candidate, &mixed);
+        say_poses("Whichever it is", candidate, &mixed);
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -82,9 +84,18 @@ impl fmt::Display for Candidate {
 impl Arguments {
     fn candidates(&self) -> miette::Result<Vec<Candidate>> {
         let mut all = Vec::new();
-        for path in &self.parts {
-            let supports = read(path, PolygonFile::parse_supports)?.into_iter();
-            all.extend(supports.map(|(support, file)| Candidate { path: path.clone(), support, file }));
+        for (number, path) in self.parts.iter().enumerate() {
+            if self.parts[..number].contains(path) {
+                let help = "give each part once: twice it would count as two parts that nothing tells apart";
+                return Err(miette::miette!(help = help, "{} is given twice", path.display()));
+            }
+            let supports = read(path, |text| {
+                let supports = PolygonFile::parse_supports(text)?.into_iter();
+                supports
+                    .map(|(support, file)| Ok((support, file.resisting()?)))
+                    .collect::<Result<Vec<_>, PartFileError>>()
+            })?;
+            all.extend(supports.into_iter().map(|(support, file)| Candidate { path: path.clone(), support, file }));
         }
         Ok(all)
     }

@@ -135,6 +135,7 @@ struct PartKeys {
     feet: Option<Value>,
     centre_of_mass: Option<Value>,
     radius_of_gyration: Option<Value>,
+    support: Option<Value>,
 }
 
 #[derive(Clone, Copy, Deserialize)]

@@ -240,19 +240,17 @@ impl<'a, 'p> Task<'a, 'p> {
             fitting = self.fitting(sigma, 1.0);
             minima = descend_patiently(&fitting, &candidates, PATIENCE);
         }
-        let mut last = self.fitting(least, 1.0);
-        for power in 1..=FINER_MAX {
-            last = self.fitting(least, 0.5_f64.powi(power));
-            let finer: Option<Vec<_>> = minima.iter().map(|descent| polished(&last, descent)).collect();
-            match finer {
-                Some(finer) => {
-                    minima = finer;
-                    break;
-                }
-                None => minima = again(&last, &minima),
+        let mut power = 1;
+        loop {
+            let finer = self.fitting(least, 0.5_f64.powi(power));
+            let same: Option<Vec<_>> = minima.iter().map(|descent| polished(&finer, descent)).collect();
+            let is_last = same.is_some() || power == FINER_MAX;
+            minima = same.unwrap_or_else(|| again(&finer, &minima));
+            if is_last {
+                return judge_all(&finer, &minima, self.begins.len());
             }
+            power += 1;
         }
-        judge_all(&last, &minima, self.begins.len())
     }
 }
 

@@ -66,7 +66,8 @@ pub enum BodyError {
     /// Flat or hollow somewhere, or with an edge.
     #[error(
         "the body is not strictly convex: where its outward normal is [{:.3}, {:.3}, {:.3}] a radius of curvature is \
-         {radius:.3e} m, it must be above {limit:.1e} m: make the body rounder (smaller |e|, larger r)",
+         {radius:.3e} m, it must be above {limit:.1e} m: make the body rounder (smaller |e|, larger r, \
+         semi-axes that differ less)",
         normal[0], normal[1], normal[2]
     )]
     NotConvex {
@@ -147,13 +148,20 @@ impl Body {
     /// ```
     ///
     /// # Errors
-    /// [`BodyError::Length`] for a semi-axis (m) that is not above 0.
+    /// [`BodyError::Length`] for a semi-axis (m) that is not above 0, [`BodyError::NotConvex`] for a needle or a blade whose axes
+    /// differ some thousandfold.
     pub fn ellipsoid(semi_axes: [f64; 3]) -> Result<Self, BodyError> {
         lengths(&semi_axes)?;
         let shape = Shape::Ellipsoid(Ellipsoid { semi_axes });
         let symmetry = Symmetry::of_ellipsoid(&semi_axes);
-        let [short, long] = [f64::min, f64::max].map(|pick| semi_axes.into_iter().reduce(pick).unwrap_or_default());
-        Ok(Self { shape, inertia: ellipsoid_inertia(&semi_axes), symmetry, sharpest: short * short / long })
+        let (longest, long) = Vector3::from(semi_axes).argmax();
+        let short = semi_axes.into_iter().fold(long, f64::min);
+        let (sharpest, limit) = (short / long * short, CURVATURE_RADIUS_MIN * long);
+        if sharpest <= limit {
+            let normal = Vector3::ith(longest, 1.0).into();
+            return Err(BodyError::NotConvex { normal, radius: sharpest, limit });
+        }
+        Ok(Self { shape, inertia: ellipsoid_inertia(&semi_axes), symmetry, sharpest })
     }
 
     /// An egg; `inertia` over mass (m²) about the body axes, or that of uniform density.
@@ -476,6 +484,10 @@ mod tests {
         }
         for semi_axes in [[0.0, 0.02, 0.03], [-0.01, 0.02, 0.03], [f64::NAN, 0.02, 0.03]] {
             assert!(Body::ellipsoid(semi_axes).is_err(), "{semi_axes:?}");
+        }
+        for semi_axes in [[0.02, 0.03, 1e9], [0.02, 1e-200, 0.03], [0.02, 0.03, 1e300]] {
+            let needle = Body::ellipsoid(semi_axes).unwrap_err();
+            assert!(matches!(needle, BodyError::NotConvex { .. }), "{needle}");
         }
     }
 }

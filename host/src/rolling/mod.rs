@@ -24,7 +24,7 @@ pub use body::{Body, BodyError};
 pub use flow::{Columns, STATE_COLUMNS, Tangent};
 pub use gho::Gho;
 pub use mechanics::{Model, Rates, Spin, State, felt};
-pub use observability::{Inputs, Observability, SufficientCondition, observability};
+pub use observability::{CannotFollow, Inputs, Observability, SufficientCondition, observability};
 pub use observer::{BodyKnowledge, Estimate, Hypothesis, Noise, ObserveError, PalmKnowledge, Question, Verdict};
 pub use palm::{Harmonic, PalmAcceleration, Pieces, PiecesError};
 pub use run::{End, EndReason, Roll, RollError, Run, Sample};

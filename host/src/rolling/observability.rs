@@ -83,29 +83,46 @@ pub struct SufficientCondition {
     pub mobility_across: f64,
 }
 
-/// A body that turns too fast for its motion to be followed.
+/// Why the motion that starts at a state could not be followed.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error(
-    "the body turns by {turn:e} rad in the time √(size/g), the limit is {TURN_MAX}: check the unit of omega, rad/s"
-)]
-pub struct TurnsTooFast {
-    /// In √(L/g), rad.
-    pub turn: f64,
+#[non_exhaustive]
+pub enum CannotFollow {
+    /// The body turns too fast.
+    #[error(
+        "the body turns by {turn:e} rad in the time √(size/g), the limit is {TURN_MAX}: check the unit of omega, rad/s"
+    )]
+    TurnsTooFast {
+        /// In √(L/g), rad.
+        turn: f64,
+    },
+    /// The contact rushes over edges that are too sharp for the steps.
+    #[error(
+        "the contact rushes over an edge with a radius of curvature of {radius:.1e} of the body's size, too fast to be followed: \
+         give a rounder body"
+    )]
+    TooSharp {
+        /// The body's least radius of curvature, over its size.
+        radius: f64,
+    },
 }
 
 /// The rank test and the thesis's condition at one state.
 ///
 /// # Errors
-/// [`TurnsTooFast`].
-pub fn observability(model: &Model, state: &State, g: f64, inputs: Inputs) -> Result<Observability, TurnsTooFast> {
+/// [`CannotFollow`].
+pub fn observability(model: &Model, state: &State, g: f64, inputs: Inputs) -> Result<Observability, CannotFollow> {
     let turn = state.omega.norm() * (model.body.size() / g).sqrt();
-    // Written so that NaN is refused.
-    if turn <= TURN_MAX {
-        let spectrum = Spectrum::of(sensitivities(model, state, g, inputs, turn));
-        Ok(Observability { spectrum, sufficient_condition: sufficient_condition(model, state) })
-    } else {
-        Err(TurnsTooFast { turn })
+    if turn.is_nan() || turn > TURN_MAX {
+        return Err(CannotFollow::TurnsTooFast { turn });
     }
+    let sensitivities = sensitivities(model, state, g, inputs, turn);
+    if sensitivities.iter().any(|entry| !entry.is_finite()) {
+        return Err(CannotFollow::TooSharp { radius: model.body.sharpest() / model.body.size() });
+    }
+    Ok(Observability {
+        spectrum: Spectrum::of(sensitivities),
+        sufficient_condition: sufficient_condition(model, state),
+    })
 }
 
 /// Changes of the contact over the window, over L, by the scaled state: two rows a contact. The body turns by `turn` (rad) in √(L/g).

@@ -4,6 +4,7 @@ use std::fmt;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use serde_json::value::RawValue;
 
 /// Most characters in a message: a log line, not a copy of the input. Fixed by the interface.
@@ -131,6 +132,11 @@ impl InvalidInput {
         Self { field: Some(field).filter(|field| !field.is_root()), ..self }
     }
 
+    /// Where, seen from where the error was returned to.
+    pub(crate) fn field(&self) -> Option<&Pointer> {
+        self.field.as_ref()
+    }
+
     /// Reads back what [`fmt::Display`] wrote: serde's errors carry text only, and this gets a place through them.
     pub(crate) fn from_text(text: &str) -> Self {
         Self::split_text(text).unwrap_or_else(|| Self::new(text))
@@ -149,7 +155,7 @@ impl fmt::Display for InvalidInput {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.field {
             None => f.write_str(&self.message),
-            Some(field) => write!(f, "at {}: {}", serde_json::Value::from(field.0.as_str()), self.message),
+            Some(field) => write!(f, "at {}: {}", Value::from(field.0.as_str()), self.message),
         }
     }
 }
@@ -210,6 +216,14 @@ impl Pointer {
         Self(self.0 + &inner.0)
     }
 
+    /// Takes the member this leads to out of its object, if it is null, and tells whether it did.
+    pub(crate) fn remove_null(&self, value: &mut Value) -> bool {
+        let Some((outer, key)) = self.0.rsplit_once('/') else { return false };
+        let members = value.pointer_mut(outer).and_then(Value::as_object_mut);
+        let key = plain(key);
+        members.is_some_and(|members| members.get(&key).is_some_and(Value::is_null) && members.remove(&key).is_some())
+    }
+
     fn is_root(&self) -> bool {
         self.0.is_empty()
     }
@@ -219,7 +233,7 @@ impl Pointer {
         let mut place = String::new();
         for segment in self.0.split('/').skip(1) {
             let is_index = !segment.is_empty() && segment.bytes().all(|b| b.is_ascii_digit());
-            let key = elide(&segment.replace("~1", "/").replace("~0", "~"), QUOTE_CHARS_MAX);
+            let key = elide(&plain(segment), QUOTE_CHARS_MAX);
             match (is_index, place.is_empty()) {
                 (true, _) => place += &format!("[{segment}]"),
                 (false, true) => place += &key,
@@ -228,6 +242,11 @@ impl Pointer {
         }
         place
     }
+}
+
+/// A key as its object has it.
+fn plain(segment: &str) -> String {
+    segment.replace("~1", "/").replace("~0", "~")
 }
 
 impl From<&str> for Pointer {

@@ -176,27 +176,19 @@ impl Registry {
 /// Where null has a meaning of its own it keeps it: only what cannot be read as it stands is read without. A field that is required
 /// is then missing, and told as it stood.
 fn read_with_nulls<P: Problem>(fields: Map<String, Value>) -> Result<P, InvalidInput> {
-    match without_nulls(&fields) {
-        None => read(Value::Object(fields)),
-        Some(lean) => {
-            read(Value::Object(fields)).or_else(|as_it_stood| read(Value::Object(lean)).map_err(|_| as_it_stood))
+    let mut value = Value::Object(fields);
+    let as_it_stood = match read(value.clone()) {
+        Ok(problem) => return Ok(problem),
+        Err(error) => error,
+    };
+    let mut refused = as_it_stood.field().cloned();
+    while refused.is_some_and(|place| place.remove_null(&mut value)) {
+        match read(value.clone()) {
+            Ok(problem) => return Ok(problem),
+            Err(error) => refused = error.field().cloned(),
         }
     }
-}
-
-/// An object without members that are null, nor its objects; none if there are no such members.
-fn without_nulls(fields: &Map<String, Value>) -> Option<Map<String, Value>> {
-    let mut lean = fields.clone();
-    lean.retain(|_, value| !value.is_null());
-    let mut changed = lean.len() < fields.len();
-    for value in lean.values_mut() {
-        if let Value::Object(inner) = value
-            && let Some(inner) = without_nulls(inner)
-        {
-            (*value, changed) = (Value::Object(inner), true);
-        }
-    }
-    changed.then_some(lean)
+    Err(as_it_stood)
 }
 
 fn answer<P: Problem>(fields: Map<String, Value>, id: &RawValue) -> Result<String, Failure> {
@@ -221,6 +213,7 @@ mod tests {
 
     use super::kinds::corner_poses::CornerPoses;
     use super::kinds::inscription::Inscription;
+    use super::kinds::roll::Roll;
     use super::*;
 
     fn read_object<P: Problem>(value: &Value) -> Result<P, InvalidInput> {
@@ -237,6 +230,12 @@ mod tests {
         }
         let [lean, full] = [lean, full].map(|value| json!(read_object::<Inscription>(&value).unwrap()));
         assert_eq!(full, lean);
+        // Beside another whose null has a meaning, and which is required.
+        let roll = json!({
+            "body": {"ellipsoid": [0.02, 0.03, 0.04]}, "spin": "free", "g": null, "palm_acceleration": null,
+            "initial": {"orientation": [1, 0, 0, 0], "omega": [0, 0, 1], "u": [0, 0]}, "times": [0.1],
+        });
+        assert!(read_object::<Roll>(&roll).unwrap().palm_acceleration.is_none());
         let required = json!({"polygon": null, "corner_angle": 1.5, "push": [-1, -1]});
         let message = read_object::<CornerPoses>(&required).unwrap_err().to_string();
         assert!(message.contains("/polygon"), "{message}");

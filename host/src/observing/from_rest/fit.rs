@@ -175,7 +175,7 @@ impl Problem<'_, '_> {
         [PI, length, MU_C_MAX - MU_C_MIN, f64::INFINITY].map(|range| range / 12.0_f64.sqrt())
     }
 
-    /// Covariance of the guess's parameters; those that the data say nothing about have none.
+    /// Covariance of the guess's parameters. Those that no slope tells of, since they make no difference or are held, count as known.
     fn covariance(&self, at: &Tried) -> Option<DMatrix<f64>> {
         let slopes = self.slopes(at);
         let mut normal = slopes.tr_mul(&slopes);

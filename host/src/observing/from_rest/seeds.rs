@@ -19,7 +19,7 @@ const SPACING: f64 = 0.1;
 /// Fewest and most places on an edge.
 const PLACES: (usize, usize) = (6, 40);
 
-/// Contact angles tried on either side of where the finger goes: steps of 5°.
+/// Contact angles are tried in so many steps to a right angle on either side of where the finger goes, which is left out: 5° each.
 const ANGLES: i32 = 18;
 
 /// Frictions tried: each is followed until the part slips or never does.

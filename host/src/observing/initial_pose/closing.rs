@@ -17,6 +17,11 @@ const FOLD_STEPS: f64 = 2.5;
 /// Distance over which the slope is taken, as a share of the site's length.
 const SLOPE_SHARE: f64 = 1e-4;
 
+/// Places to either side of a rough one at which to simulate, and how far apart they are, in steps of the grid: together a step and
+/// a half, beyond where the rough misfit can have moved the place.
+const AROUND: i32 = 4;
+const AROUND_STEP: f64 = 0.375;
+
 /// A rough misfit as a function of s₀ on one site, and how far it may be off.
 pub(super) struct Rough<'a> {
     pub(super) site: Site,
@@ -34,12 +39,12 @@ impl RestingPush {
             let neighbours = near.iter().filter(|other| (other.at - this.at).abs() < FOLD_STEPS * step);
             neighbours.count() == 1
         };
-        let exact = |near: &NearZero| {
+        let closed = |near: &NearZero| {
             let single = alone(near).then(|| self.corrected(rough, near, first)).flatten();
             single.map_or_else(|| self.around(rough, near, first, tolerance), |single| vec![single])
         };
-        let exact = near.iter().flat_map(exact).filter(|near| near.value.abs() <= tolerance);
-        exact.filter_map(|near| self.lasting(rough, near, first, tolerance)).collect()
+        let fitting = near.iter().flat_map(closed).filter(|near| near.value.abs() <= tolerance);
+        fitting.filter_map(|near| self.lasting(rough, near, first, tolerance)).collect()
     }
 
     /// A place that fits, or, where its contact ends too soon, one beside it that fits too and whose contact lasts.
@@ -76,20 +81,21 @@ impl RestingPush {
 
     /// The place moved along the rough slope to where it fits; none where that does not lead there.
     fn corrected(&self, rough: &Rough, near: &NearZero, first: TimedContact) -> Option<NearZero> {
-        let exact = |s0: f64| self.misfit(&rough.site, s0, first);
+        let misfit = |s0: f64| self.misfit(&rough.site, s0, first);
         if near.anywhere {
-            return Some(NearZero { value: exact(near.at)?, ..*near });
+            return Some(NearZero { value: misfit(near.at)?, ..*near });
         }
         let slope = self.slope(rough, near.at)?;
-        newton(near.at, slope, &exact).filter(|found| found.value.abs() <= EXACT)
+        newton(near.at, slope, &misfit).filter(|found| found.value.abs() <= EXACT)
     }
 
     /// All that is found around a place by exact simulation.
     fn around(&self, rough: &Rough, near: &NearZero, first: TimedContact, tolerance: f64) -> Vec<NearZero> {
         let step = rough.grid[1] - rough.grid[0];
         let [low, high] = [rough.grid[0], rough.grid[rough.grid.len() - 1]];
-        let mut grid: Vec<_> =
-            (-4..=4).map(|index| (near.at + 0.375 * f64::from(index) * step).clamp(low, high)).collect();
+        let mut grid: Vec<_> = (-AROUND..=AROUND)
+            .map(|index| (near.at + AROUND_STEP * f64::from(index) * step).clamp(low, high))
+            .collect();
         grid.dedup();
         near_zeros(&|s0| self.misfit(&rough.site, s0, first), &grid, tolerance)
     }

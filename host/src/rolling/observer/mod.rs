@@ -30,6 +30,9 @@ use super::flow::Columns;
 use super::mechanics::{Model, Spin, felt};
 use super::palm::PalmAcceleration;
 
+/// The largest ratio of semi-axes to search: a body with such axes is a needle or a blade, and still strictly convex.
+const AXIS_RATIO_MAX: f64 = 100.0;
+
 /// Least window, in units of √(size/g): before that gravity has moved nothing.
 const WINDOW_MIN: f64 = 0.25;
 
@@ -114,13 +117,23 @@ pub enum ObserveError {
     /// Nothing holds the body on the palm.
     #[error("without gravity nothing presses the body onto the palm: g must be above 0")]
     NoGravity,
+    /// Ellipsoids that are none in practice.
+    #[error(
+        "semi-axes from {low} to {high} m differ by more than a factor of {AXIS_RATIO_MAX}: give the range of the body itself"
+    )]
+    AxisRange {
+        /// m.
+        low: f64,
+        /// m.
+        high: f64,
+    },
 }
 
 impl Question {
     /// Everything that explains contacts `u` (m), `dt` seconds apart from t = 0 on.
     ///
     /// # Errors
-    /// [`ObserveError`] for readings too few or too short, and without gravity.
+    /// [`ObserveError`] for readings too few or too short, without gravity, and for semi-axes of too wide a range.
     pub fn answer(&self, dt: f64, u: &[Vector2<f64>]) -> Result<Estimate, ObserveError> {
         let readings = Readings { start: 0.0, dt, u: u.to_vec(), sigma: self.noise.sigma() };
         self.check(&readings)?;
@@ -144,6 +157,11 @@ impl Question {
     fn check(&self, readings: &Readings) -> Result<(), ObserveError> {
         if self.g <= 0.0 {
             return Err(ObserveError::NoGravity);
+        }
+        if let BodyKnowledge::Ellipsoid { range: [low, high] } = self.body
+            && high > low * AXIS_RATIO_MAX
+        {
+            return Err(ObserveError::AxisRange { low, high });
         }
         let unknowns = self.columns().count() + 2 - usize::from(!self.spins.contains(&Spin::Free));
         let (count, least) = (readings.u.len(), unknowns / 2 + 1);

@@ -34,6 +34,9 @@ pub struct InitialPose {
 /// The default of `tolerance`, rad or m.
 const TOLERANCE_DEFAULT: f64 = 1e-4;
 
+/// The most that `tolerance` may be on a finger's curve, rad: contacts farther apart than that are on its other side.
+const TOLERANCE_MAX_RAD: f64 = 1.0;
+
 fn default_tolerance() -> Positive {
     // Above 0, so the other branch is never taken.
     Positive::try_from(TOLERANCE_DEFAULT).unwrap_or_else(|_| unreachable!("the default tolerance is above 0"))
@@ -219,7 +222,7 @@ impl Problem for InitialPose {
         };
         let grip = self.mu.get() * self.g.get();
         let push = RestingPush::new(object, grip, self.finger.shape(), self.finger.path(), self.u0).map_err(refuse)?;
-        let poses = push.observe(&contacts, self.tolerance.get());
+        let poses = push.observe(&contacts, self.tolerance()?);
         let solutions: Vec<_> = poses.solutions.iter().map(PoseFit::from).collect();
         let status = match &solutions[..] {
             [] => PoseStatus::None,
@@ -244,6 +247,21 @@ impl InitialPose {
             before = t;
         }
         Ok(self.contacts.iter().map(|&[t, u]| TimedContact { t, u }).collect())
+    }
+
+    /// In the unit of u, where it is small enough to tell a contact from any other.
+    fn tolerance(&self) -> Result<f64, InvalidInput> {
+        let (limit, unit) = match self.finger {
+            ShapedFinger::Line(_) => (self.object.size(), "m, the part's size"),
+            ShapedFinger::Disk(_) | ShapedFinger::Ellipse(_) => (TOLERANCE_MAX_RAD, "rad"),
+        };
+        let tolerance = self.tolerance.get();
+        if tolerance <= limit {
+            return Ok(tolerance);
+        }
+        let message =
+            format!("{tolerance:?} is out of range, it must be at most {limit:?} {unit}: with more any pose would fit");
+        Err(InvalidInput::at("tolerance", message))
     }
 
     /// Refuses pushes that could not be followed in a reasonable time.

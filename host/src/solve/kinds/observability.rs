@@ -13,7 +13,9 @@ use crate::observability::Spectrum;
 use crate::observability::push::{PushObservabilityError, STATE_NAMES, Scales, spectrum};
 use crate::pushing::{Contact, Slip, Start};
 use crate::rolling::observability::STATE_NAMES as ROLL_STATE_NAMES;
-use crate::rolling::{Inputs, Model, PalmAcceleration, Roll, RollError, Spin, SufficientCondition, observability};
+use crate::rolling::{
+    CannotFollow, Inputs, Model, PalmAcceleration, Roll, RollError, Spin, SufficientCondition, observability,
+};
 use crate::solve::fields::{
     Finger, GRAVITY_DEFAULT, NonNegative, Polygon, Positive, Times, default_gravity, plane_friction,
 };
@@ -146,8 +148,10 @@ impl RollSystem {
         let on = (&body, self.spin, &PalmAcceleration::Rest, self.g.get());
         let roll = Roll::new(on, self.orientation, self.omega, [0.0; 2]).map_err(refuse_start)?;
         let model = Model { body: &body, spin: self.spin };
-        let found = observability(&model, roll.start(), self.g.get(), self.inputs)
-            .map_err(|error| InvalidInput::at("omega", error.to_string()))?;
+        let found = observability(&model, roll.start(), self.g.get(), self.inputs).map_err(|error| {
+            let field = if matches!(error, CannotFollow::TooSharp { .. }) { "body" } else { "omega" };
+            InvalidInput::at(field, error.to_string())
+        })?;
         let states = found.spectrum.singular_values.len();
         Ok(ObservabilityAnswer {
             sufficient_condition: Some(found.sufficient_condition.into()),

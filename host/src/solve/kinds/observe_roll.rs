@@ -246,7 +246,11 @@ impl Problem for ObserveRoll {
 }
 
 fn refuse(error: ObserveError) -> InvalidInput {
-    let field = if matches!(error, ObserveError::NoGravity) { "g" } else { "u" };
+    let field = match error {
+        ObserveError::NoGravity => "g",
+        ObserveError::AxisRange { .. } => "semi_axes_range",
+        _ => "u",
+    };
     InvalidInput::at(field, error.to_string())
 }
 
