@@ -103,7 +103,7 @@ pub(super) fn seeds(fitting: &Fitting, sites: &[Site], begins: &[Begin], width: 
 }
 
 /// The contact angles, where the data tell them: measured, or the direction of a force at a known angle to the normal.
-fn angles(known: &Known, data: &Data, begin: Begin) -> Option<Vec<f64>> {
+pub(super) fn angles(known: &Known, data: &Data, begin: Begin) -> Option<Vec<f64>> {
     if let Some(angle) = &data.angle {
         return Some(angle.values.clone());
     }

@@ -17,7 +17,7 @@ use super::fit::{Candidate, Descent, Fitting, STEP_MAX};
 use super::launch::{Begin, GRIP, UNKNOWNS};
 use super::observation::{Estimate, Fit, Hypothesis, Known, Observation, Prior, pose};
 use super::path::Site;
-use super::seed::{Width, seeds, settling};
+use super::seed::{Width, angles, seeds, settling};
 use super::sites::sites;
 use super::which_part::{log_evidence_of, mixed, ranked};
 use crate::statistics::chi_square_quantile;
@@ -217,7 +217,8 @@ impl<'a, 'p> Task<'a, 'p> {
     /// Without the values before the part has settled, where the angle is not felt: those tell the first rates, but lead astray
     /// as long as the place is not known.
     fn settled(&self, fitting: &Fitting<'a, 'p>) -> Option<Fitting<'_, 'p>> {
-        let time = settling(self.known, &self.data).filter(|_| self.data.angle.is_none())?;
+        let is_felt = |begin: &Begin| angles(self.known, &self.data, *begin).is_some();
+        let time = settling(self.known, &self.data).filter(|_| !self.begins.iter().all(is_felt))?;
         let coarse = self.fitting(SETTLED_SIGMAS * fitting.data.sigma_min(), 1.0);
         Some(Fitting { data: coarse.data.without_first(time), ..coarse })
     }
@@ -227,6 +228,16 @@ impl<'a, 'p> Task<'a, 'p> {
         let data = self.data.with_sigma_floor(sigma);
         let prior = self.observation.prior;
         Fitting::new((self.known, data, prior), fineness(sigma, factor), REST_ERROR * factor * sigma, self.simulations)
+    }
+
+    /// Drops minima that cannot be listed, because then the best would not explain the data either: they are as costly to refine as
+    /// others, and more so where they lie on walls.
+    fn forget_hopeless(&self, minima: &mut Vec<Descent>) {
+        let most = chi_square_quantile(FIT_PROBABILITY, self.data.terms() + UNKNOWNS) + GATE + SLACK;
+        let is_possible = |descent: &Descent| descent.evaluation.total() <= most;
+        if minima.iter().any(is_possible) {
+            minima.retain(is_possible);
+        }
     }
 
     /// Follows minima to the data as they are, and judges them.
@@ -240,6 +251,7 @@ impl<'a, 'p> Task<'a, 'p> {
             fitting = self.fitting(sigma, 1.0);
             minima = descend_patiently(&fitting, &candidates, PATIENCE);
         }
+        self.forget_hopeless(&mut minima);
         let mut power = 1;
         loop {
             let finer = self.fitting(least, 0.5_f64.powi(power));

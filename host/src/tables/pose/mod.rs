@@ -291,6 +291,7 @@ mod tests {
             (angle(Kind::Coulomb, 0.0), [63, 274], EXACT),
             (angle(Kind::Coulomb, SIGMA_RAD), [52, 172], NOISY),
             (felt(Kind::Rolling, Sense::Direction, SIGMA_RAD), [1, 20], NOISY),
+            (felt(Kind::Sliding, Sense::Direction, SIGMA_RAD), [44, 65], NOISY),
         ];
         for (setting, numbers, tolerance) in lost {
             for number in numbers {
