@@ -49,7 +49,7 @@ pub(crate) struct Arguments {
     straight: bool,
 
     /// Seed of everything random
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     seed: u64,
 
     /// Noise and hum of the finger, as a multiple of the datasheet's

@@ -80,10 +80,10 @@ pub(crate) struct PlanArguments {
     #[arg(long, value_name = "MM²", value_parser = not_negative, allow_negative_numbers = true, default_value_t = 0.0)]
     min_area_mm2: f64,
     /// Notice up to so many misread points, or do without as many unreadable ones
-    #[arg(long, value_name = "T", default_value_t = 0, value_parser = clap::value_parser!(u8).range(..=31), conflicts_with = "correct")]
+    #[arg(long, value_name = "T", default_value_t = 0, allow_negative_numbers = true, value_parser = clap::value_parser!(u8).range(..=31), conflicts_with = "correct")]
     notice: u8,
     /// Correct up to so many misread points
-    #[arg(long, value_name = "T", default_value_t = 0, value_parser = clap::value_parser!(u8).range(..=31))]
+    #[arg(long, value_name = "T", default_value_t = 0, allow_negative_numbers = true, value_parser = clap::value_parser!(u8).range(..=31))]
     correct: u8,
     /// Take the greedy choice at once: at most 2 ln n times as many points as needed
     #[arg(long)]

@@ -27,7 +27,7 @@ pub(crate) struct Arguments {
     link: Option<PathBuf>,
 
     /// Seed of everything random
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, allow_negative_numbers = true)]
     seed: u64,
 
     /// Speed of the line in baud, 9600 or more [default: as fast as it goes]

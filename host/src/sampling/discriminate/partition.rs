@@ -105,7 +105,7 @@ impl<'a> Partition<'a> {
             let finer: Vec<u64> = classes.iter().flat_map(|class| parts(*class, split.side)).collect();
             let fitting = splits.fitting(&finer, &allowed, left - 1);
             // The pairs in the order that is known already are enough in most states.
-            if packing.exceeds_after(split.side, splits, &fitting, left - 1)
+            if packing.exceeds_after(split.side, &fitting, left - 1)
                 || Packing::new(&finer, splits, &fitting).exceeds(left - 1)
             {
                 continue;

@@ -69,6 +69,8 @@ impl Choice {
 struct Budget {
     /// Scores that local search may change at first; each round twice as many.
     scores: u64,
+    /// Partitions after the first local search, to refute all that is smaller than what it found.
+    refuted: u64,
     /// Partitions at first, and the binary logarithm of their growth.
     partitions: u64,
     partitions_growth: u32,
@@ -77,10 +79,15 @@ struct Budget {
 }
 
 /// The first round takes some ten to a hundred milliseconds of each method.
-const SPARSE: Budget = Budget { scores: 20_000_000, partitions: 5_000, partitions_growth: 1, programs: 20 };
+const SPARSE: Budget = Budget { scores: 20_000_000, refuted: 0, partitions: 5_000, partitions_growth: 1, programs: 20 };
 
-/// In dense scenes search over partitions ends long before branching on programs does: it gets some seconds in the second round.
-const DENSE: Budget = Budget { scores: 80_000_000, partitions: 50_000, partitions_growth: 4, programs: 20 };
+/// In dense scenes search over partitions ends long before branching on programs does: it gets a second or so at once, and some more in
+/// the second round.
+const DENSE: Budget =
+    Budget { scores: 80_000_000, refuted: 400_000, partitions: 50_000, partitions_growth: 4, programs: 20 };
+
+/// Partitions before anything else: what a few refute, no other method need try to find.
+const REFUTED_AT_ONCE: u64 = 5_000;
 
 /// A scene is dense if no more elements are known to be needed than these beyond what it takes to number the sets.
 const DENSE_EXTRA: usize = 3;
@@ -158,8 +165,8 @@ impl<'a> Rounds<'a> {
         }
         let start = self.found.columns.clone();
         let mut local = Local::new(self.columns, self.separation, &start);
-        // In dense scenes a few partitions prove what one linear program takes longer for; in sparse ones they end at once.
-        self.refute(self.budget().partitions);
+        // Up to one less than is known: whether that many are enough is asked when local search has found what it can.
+        self.refute(REFUTED_AT_ONCE, 1);
         for round in 0.. {
             if self.is_over() {
                 break;
@@ -167,6 +174,9 @@ impl<'a> Rounds<'a> {
             let budget = self.budget();
             if let Some(better) = local.as_mut().and_then(|local| self.run_local(local, grown(budget.scores, round))) {
                 self.improve(better);
+            }
+            if round == 0 {
+                self.refute(self.budget().refuted, 0);
             }
             // At first to find fewer, then to prove that there are not.
             let order = if round == 0 { Order::Most } else { Order::Fewest };
@@ -217,14 +227,13 @@ impl<'a> Rounds<'a> {
         local.run(work, self.search.target.max(self.found.lower_bound), self.search.stop)
     }
 
-    /// Raises the bound while no so few columns are enough, until the states are used up, or up to one less than is known: whether
-    /// that many are enough is asked later, when local search has found what it can.
-    fn refute(&mut self, states: u64) {
+    /// Raises the bound while no so few columns are enough, until the states are used up or it is so far below what is known.
+    fn refute(&mut self, states: u64, below: usize) {
         if self.separation > 1 || self.columns.sets > SETS_MAX {
             return;
         }
         let mut partition = Partition::new(states, Order::Fewest, self.search.stop);
-        while !self.is_over() && self.found.lower_bound + 1 < self.found.columns.len() {
+        while !self.is_over() && self.found.lower_bound + below < self.found.columns.len() {
             match partition.search(self.columns, self.found.lower_bound) {
                 Outcome::Found(columns) => self.improve(columns),
                 Outcome::Refuted => self.found.lower_bound += 1,

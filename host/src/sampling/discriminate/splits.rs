@@ -177,14 +177,30 @@ fn places(words: impl Iterator<Item = u64>) -> impl Iterator<Item = usize> {
 }
 
 /// The bits of a word, lowest first.
-pub(super) fn bits(word: u64) -> impl Iterator<Item = u32> {
-    let rest = |&word: &u64| Some(word & (word - 1)).filter(|&rest| rest != 0);
-    std::iter::successors(Some(word).filter(|&word| word != 0), rest).map(u64::trailing_zeros)
+pub(super) fn bits(word: u64) -> Bits {
+    Bits(word)
+}
+
+/// See [`bits`].
+#[derive(Clone, Debug)]
+pub(super) struct Bits(u64);
+
+impl Iterator for Bits {
+    type Item = u32;
+
+    #[inline]
+    fn next(&mut self) -> Option<u32> {
+        let lowest = self.0.trailing_zeros();
+        (self.0 != 0).then(|| {
+            self.0 &= self.0 - 1;
+            lowest
+        })
+    }
 }
 
 /// The pairs of members of a class, as masks.
 pub(super) fn pairs_in(class: u64) -> impl Iterator<Item = u64> {
-    bits(class).flat_map(move |a| bits(class & !(u64::MAX >> (63 - a))).map(move |b| 1 << a | 1 << b))
+    bits(class).flat_map(move |high| bits(class & ((1 << high) - 1)).map(move |low| 1 << high | 1 << low))
 }
 
 /// Swaps rows and columns of a matrix of bits: its quarters, then theirs, down to single bits.
