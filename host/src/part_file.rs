@@ -300,7 +300,7 @@ impl PartFile {
     }
 }
 
-/// A described part that is a polygon: for what is made for edges.
+/// A described part that is a polygon and that friction holds: for what finds an edge by how the part resists.
 #[derive(Clone, Debug)]
 pub struct PolygonFile {
     /// Outline, support and mass.
@@ -317,17 +317,9 @@ impl PolygonFile {
     /// Reads the text of a file.
     ///
     /// # Errors
-    /// [`PartFileError`], also for an elliptic part.
+    /// [`PartFileError`], also for an elliptic part and for a µ of 0.
     pub fn parse(text: &str) -> Result<Self, PartFileError> {
         Self::of(PartFile::parse(text)?)
-    }
-
-    /// The part, if friction holds it: for what finds a part by how it resists.
-    ///
-    /// # Errors
-    /// [`PartFileError::NothingResists`] for a µ of 0.
-    pub fn resisting(self) -> Result<Self, PartFileError> {
-        if self.mu > 0.0 { Ok(self) } else { Err(PartFileError::NothingResists) }
     }
 
     /// Reads the text of a file that may list several supports: the part on each, with the support's name. A file without such a
@@ -348,7 +340,7 @@ impl PolygonFile {
     /// ```
     ///
     /// # Errors
-    /// [`PartFileError`], also for an elliptic part and an empty list.
+    /// [`PartFileError`], also for an elliptic part, a µ of 0 and an empty list.
     pub fn parse_supports(text: &str) -> Result<Vec<(Option<String>, Self)>, PartFileError> {
         let keys = Keys::parse(text)?;
         let Some(supports) = &keys.support else { return Ok(vec![(None, Self::of(PartFile::of(&keys)?)?)]) };
@@ -370,6 +362,7 @@ impl PolygonFile {
 
     fn of(PartFile { part, mu, mu_c, unit }: PartFile) -> Result<Self, PartFileError> {
         match part {
+            DescribedPart::Polygon(_) if mu == 0.0 => Err(PartFileError::NothingResists),
             DescribedPart::Polygon(part) => Ok(Self { part, mu, mu_c, unit }),
             DescribedPart::Ellipse { .. } => Err(PartFileError::NotAPolygon),
         }

@@ -111,7 +111,7 @@ fn line() -> Line {
 impl Arguments {
     fn part(&self, draw: &mut Draw) -> miette::Result<(Part, Ranges)> {
         let Some(path) = &self.part else { return Ok((random_part(draw), Ranges::default())) };
-        let file = read(path, |text| PolygonFile::parse(text).and_then(PolygonFile::resisting))?;
+        let file = read(path, PolygonFile::parse)?;
         let default = Ranges::default();
         let mu_c = file.mu_c.map_or(default.mu_c, |mu_c| [mu_c, mu_c]);
         Ok((file.part, Ranges { mu: file.mu, mu_c, ..default }))

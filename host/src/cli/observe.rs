@@ -97,7 +97,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
-    let file = read(&arguments.part, |text| PolygonFile::parse(text).and_then(PolygonFile::resisting))?;
+    let file = read(&arguments.part, PolygonFile::parse)?;
     let motion = MotionSource::open(&arguments.motion)?;
     let observer = Observer { arguments, file: &file, motion, last: None, next_s: 0.0 };
     match &arguments.forces {

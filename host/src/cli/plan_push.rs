@@ -68,7 +68,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
-    let file = read(&arguments.part, |text| PolygonFile::parse(text).and_then(PolygonFile::resisting))?;
+    let file = read(&arguments.part, PolygonFile::parse)?;
     let push = arguments.push.read()?;
     let known = push.known(&file);
     let estimate = from_rest::estimate(&known, &push.force);

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use palpate::observing::PartEstimate;
 use palpate::observing::from_rest::{self, Estimate};
-use palpate::part_file::{PartFileError, PolygonFile};
+use palpate::part_file::PolygonFile;
 use palpate::pushing::Part;
 use serde_json::json;
 
@@ -89,13 +89,8 @@ impl Arguments {
                 let help = "give each part once: twice it would count as two parts that nothing tells apart";
                 return Err(miette::miette!(help = help, "{} is given twice", path.display()));
             }
-            let supports = read(path, |text| {
-                let supports = PolygonFile::parse_supports(text)?.into_iter();
-                supports
-                    .map(|(support, file)| Ok((support, file.resisting()?)))
-                    .collect::<Result<Vec<_>, PartFileError>>()
-            })?;
-            all.extend(supports.into_iter().map(|(support, file)| Candidate { path: path.clone(), support, file }));
+            let supports = read(path, PolygonFile::parse_supports)?.into_iter();
+            all.extend(supports.map(|(support, file)| Candidate { path: path.clone(), support, file }));
         }
         Ok(all)
     }

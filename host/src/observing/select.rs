@@ -196,7 +196,7 @@ impl<'a, 'p> Task<'a, 'p> {
         let [poor, wrong] =
             [POOR_PROBABILITY, FIT_PROBABILITY].map(|share| chi_square_quantile(share, self.data.terms()));
         if best > poor && best <= wrong {
-            let fitting = self.fitting(self.data.sigma_min().max(SIGMA_FIRST), 1.0);
+            let fitting = self.coarse();
             minima.extend(descend_together(&fitting, &along_valleys(&fitting, minima, &FAR_PLACES)));
             merge_met(minima);
         }
@@ -204,7 +204,7 @@ impl<'a, 'p> Task<'a, 'p> {
 
     /// The minima of the cost at the standard deviation to begin with.
     fn minima(&self, width: Width) -> Vec<Descent> {
-        let fitting = self.fitting(self.data.sigma_min().max(SIGMA_FIRST), 1.0);
+        let fitting = self.coarse();
         let Some(settled) = self.settled(&fitting).filter(|_| width == Width::Narrow) else {
             let candidates = seeds(&fitting, &self.sites, &self.begins, width);
             return descend_together(&fitting, &candidates);
@@ -221,6 +221,11 @@ impl<'a, 'p> Task<'a, 'p> {
         let time = settling(self.known, &self.data).filter(|_| !self.begins.iter().all(is_felt))?;
         let coarse = self.fitting(SETTLED_SIGMAS * fitting.data.sigma_min(), 1.0);
         Some(Fitting { data: coarse.data.without_first(time), ..coarse })
+    }
+
+    /// With the standard deviation to begin with.
+    fn coarse(&self) -> Fitting<'_, 'p> {
+        self.fitting(self.data.sigma_min().max(SIGMA_FIRST), 1.0)
     }
 
     /// With angles of at least a standard deviation and steps fine enough for it, or finer by a factor.
@@ -272,8 +277,8 @@ pub(super) fn least_cost(minima: &[Descent]) -> f64 {
 }
 
 /// A descent of a larger total comes to nothing beside these.
-pub(super) fn total_max(minima: &[Descent]) -> f64 {
-    minima.iter().map(|descent| descent.evaluation.total()).fold(f64::INFINITY, f64::min) + GATE + SLACK
+pub(super) fn total_max<'a>(minima: impl IntoIterator<Item = &'a Descent>) -> f64 {
+    minima.into_iter().map(|descent| descent.evaluation.total()).fold(f64::INFINITY, f64::min) + GATE + SLACK
 }
 
 /// Minima, and places beside each along what the data say least about: with a smaller standard deviation the minimum may be there, or
@@ -323,9 +328,9 @@ fn descend_patiently(fitting: &Fitting, candidates: &[Candidate], patience: usiz
     let mut alive: Vec<_> = candidates.iter().filter_map(|candidate| fitting.descend(*candidate)).collect();
     let mut over: Vec<Descent> = Vec::new();
     for round in 0..ROUNDS_MAX {
-        let best = alive.iter().chain(&over).map(|descent| descent.evaluation.total()).fold(f64::INFINITY, f64::min);
+        let most = total_max(alive.iter().chain(&over));
         if round >= ROUNDS_MIN {
-            alive.retain(|descent| descent.evaluation.total() - PROMISES * descent.promise <= best + GATE + SLACK);
+            alive.retain(|descent| descent.evaluation.total() - PROMISES * descent.promise <= most);
         }
         if round >= patience {
             alive.retain(|descent| !over.iter().any(|minimum| is_above(descent, minimum)));

@@ -290,7 +290,7 @@ fn moved(finger: &Finger, time: f64) -> Finger {
 
 /// Drops what is far above the best, and the worse of two that are one.
 fn keep_near_best(minima: &mut Vec<Descent>) {
-    let most = total_max(minima);
+    let most = total_max(minima.iter());
     minima.retain(|descent| descent.evaluation.total() <= most);
     merge_met(minima);
 }

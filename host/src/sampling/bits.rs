@@ -45,11 +45,8 @@ impl<'a> BitRow<'a> {
 
     /// The numbers, ascending.
     pub fn iter(self) -> impl Iterator<Item = usize> + 'a {
-        self.0.iter().enumerate().flat_map(|(index, &word)| {
-            let rest = |&word: &u64| Some(word & (word - 1)).filter(|&rest| rest != 0);
-            let words = std::iter::successors(Some(word).filter(|&word| word != 0), rest);
-            words.map(move |word| index * WORD + word.trailing_zeros() as usize)
-        })
+        let words = self.0.iter().enumerate();
+        words.flat_map(|(index, &word)| Bits(word).map(move |bit| index * WORD + bit as usize))
     }
 
     /// How many numbers are in both sets.
@@ -150,6 +147,23 @@ impl BitMatrix {
     pub(super) fn copy_row(&mut self, from: usize, to: usize) {
         let width = self.words_per_row;
         self.words.copy_within(from * width..(from + 1) * width, to * width);
+    }
+}
+
+/// The bits of a word, lowest first.
+#[derive(Clone, Debug)]
+pub(super) struct Bits(pub(super) u64);
+
+impl Iterator for Bits {
+    type Item = u32;
+
+    #[inline]
+    fn next(&mut self) -> Option<u32> {
+        let lowest = self.0.trailing_zeros();
+        (self.0 != 0).then(|| {
+            self.0 &= self.0 - 1;
+            lowest
+        })
     }
 }
 

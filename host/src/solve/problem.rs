@@ -177,18 +177,19 @@ impl Registry {
 /// is then missing, and told as it stood.
 fn read_with_nulls<P: Problem>(fields: Map<String, Value>) -> Result<P, InvalidInput> {
     let mut value = Value::Object(fields);
-    let as_it_stood = match read(value.clone()) {
-        Ok(problem) => return Ok(problem),
-        Err(error) => error,
-    };
-    let mut refused = as_it_stood.field().cloned();
-    while refused.is_some_and(|place| place.remove_null(&mut value)) {
-        match read(value.clone()) {
+    let mut as_it_stood = None;
+    loop {
+        let error = match read(value.clone()) {
             Ok(problem) => return Ok(problem),
-            Err(error) => refused = error.field().cloned(),
+            Err(error) => error,
+        };
+        let is_leaner = error.field().is_some_and(|place| place.remove_null(&mut value));
+        let first = as_it_stood.take().unwrap_or(error);
+        if !is_leaner {
+            return Err(first);
         }
+        as_it_stood = Some(first);
     }
-    Err(as_it_stood)
 }
 
 fn answer<P: Problem>(fields: Map<String, Value>, id: &RawValue) -> Result<String, Failure> {

@@ -35,19 +35,10 @@ impl<'a> Packing<'a> {
 
     /// Whether more than `left` columns are needed.
     pub(super) fn exceeds(&self, left: usize) -> bool {
-        let mut used = vec![0; self.allowed.len()];
-        let mut packed = Vec::with_capacity(left + 1);
-        for &pair in &self.pairs {
-            if self.splits.separating_words(pair, &used).all(|word| word == 0) {
-                used.iter_mut().zip(self.row(pair)).for_each(|(used, row)| *used |= row);
-                packed.push(pair);
-            }
-            if packed.len() > left {
-                return true;
-            }
-        }
+        let (packed, used) = self.pack(self.pairs.iter().copied(), self.allowed, left);
         // A pair that nothing separates is packed, and says it all.
-        packed.first().is_some_and(|&first| self.row(first).all(|word| word == 0))
+        packed.len() > left
+            || packed.first().is_some_and(|&first| self.row(first).all(|word| word == 0))
             || (packed.len() == left && packed.iter().any(|&pair| self.can_grow(pair, &used)))
     }
 
@@ -68,17 +59,22 @@ impl<'a> Packing<'a> {
 
     /// The same once a split with this side is chosen, with fewer splits allowed: without counting anew, so it may find less.
     pub(super) fn exceeds_after(&self, side: u64, allowed: &[u64], left: usize) -> bool {
-        let mut used = vec![0; self.allowed.len()];
-        let mut packed = 0;
-        for &pair in self.pairs.iter().filter(|&&pair| (pair & side).count_ones() != 1) {
+        let together = self.pairs.iter().copied().filter(|pair| (pair & side).count_ones() != 1);
+        self.pack(together, allowed, left).0.len() > left
+    }
+
+    /// Pairs that no split allowed separates two of, taken as they come, up to one more than `left`; and the splits that separate one.
+    fn pack(&self, pairs: impl Iterator<Item = u64>, allowed: &[u64], left: usize) -> (Vec<u64>, Vec<u64>) {
+        let (mut packed, mut used) = (Vec::with_capacity(left + 1), vec![0; allowed.len()]);
+        for pair in pairs {
             if self.splits.separating_words(pair, &used).all(|word| word == 0) {
                 used.iter_mut().zip(self.splits.separating_words(pair, allowed)).for_each(|(used, word)| *used |= word);
-                packed += 1;
+                packed.push(pair);
             }
-            if packed > left {
-                return true;
+            if packed.len() > left {
+                break;
             }
         }
-        false
+        (packed, used)
     }
 }

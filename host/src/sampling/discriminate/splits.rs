@@ -2,6 +2,7 @@
 
 use std::ops::Index;
 
+use super::super::bits::Bits;
 use super::partition::{number, parts};
 
 /// A way to split the classes of a state, and a column that does it.
@@ -140,7 +141,7 @@ impl Splits {
 /// For 64 splits at once how many members of a class are on their side: the numbers' bits, lowest first.
 fn count_on_side<const BITS: usize>(rows: &[u64; 64], class: u64) -> [u64; BITS] {
     let mut count = [0; BITS];
-    for set in bits(class) {
+    for set in Bits(class) {
         let mut carry = rows[set as usize];
         for bit in &mut count {
             (*bit, carry) = (*bit ^ carry, *bit & carry);
@@ -173,34 +174,12 @@ fn separating(rows: &[u64; 64], pair: u64) -> u64 {
 
 /// The places of bits in words.
 fn places(words: impl Iterator<Item = u64>) -> impl Iterator<Item = usize> {
-    words.enumerate().flat_map(|(chunk, word)| bits(word).map(move |bit| 64 * chunk + bit as usize))
-}
-
-/// The bits of a word, lowest first.
-pub(super) fn bits(word: u64) -> Bits {
-    Bits(word)
-}
-
-/// See [`bits`].
-#[derive(Clone, Debug)]
-pub(super) struct Bits(u64);
-
-impl Iterator for Bits {
-    type Item = u32;
-
-    #[inline]
-    fn next(&mut self) -> Option<u32> {
-        let lowest = self.0.trailing_zeros();
-        (self.0 != 0).then(|| {
-            self.0 &= self.0 - 1;
-            lowest
-        })
-    }
+    words.enumerate().flat_map(|(chunk, word)| Bits(word).map(move |bit| 64 * chunk + bit as usize))
 }
 
 /// The pairs of members of a class, as masks.
 pub(super) fn pairs_in(class: u64) -> impl Iterator<Item = u64> {
-    bits(class).flat_map(move |high| bits(class & ((1 << high) - 1)).map(move |low| 1 << high | 1 << low))
+    Bits(class).flat_map(move |high| Bits(class & ((1 << high) - 1)).map(move |low| 1 << high | 1 << low))
 }
 
 /// Swaps rows and columns of a matrix of bits: its quarters, then theirs, down to single bits.
