@@ -8,11 +8,12 @@ use miette::{IntoDiagnostic as _, WrapErr as _};
 use palpate::finger::contact::Reading;
 use palpate::math::random::Draw;
 use palpate::pushing::dynamics::Part;
+use palpate::pushing::estimation::Estimate;
 use palpate::pushing::estimation::from_rest::onset::PushSense;
 use palpate::pushing::estimation::from_rest::trial::{
     Drawn, RADIUS_M, Ranges, pose_error, random_part, straight_motion,
 };
-use palpate::pushing::estimation::from_rest::{self, Estimate, Known};
+use palpate::pushing::estimation::from_rest::{self, Known};
 use palpate::pushing::finger_motion::{FingerMotion, Segment};
 use palpate_device::simulated::Line;
 use palpate_files::motion;
@@ -213,11 +214,11 @@ fn say_what_is_felt(known: &Known, sense: &PushSense) -> Option<Estimate> {
 
 fn reveal(part: &Part, drawn: &Drawn, estimate: &Estimate) {
     say!("\n{}", pose::in_words(part, estimate));
-    let Some(truth) = drawn.played.pose(estimate.duration) else { return };
+    let Some(truth) = drawn.played.pose(estimate.time_end) else { return };
     let centre = truth * part.centre_of_mass();
     say!(
         "The truth after {:.2} s: edge {}, centre of mass at ({:.2}, {:.2}) mm, turned {:.2}°; {:.3} kg, µ_c {:.3}.",
-        estimate.duration,
+        estimate.time_end,
         drawn.edge,
         centre.x * 1e3,
         centre.y * 1e3,

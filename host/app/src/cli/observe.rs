@@ -9,8 +9,9 @@ use miette::{IntoDiagnostic as _, WrapErr as _};
 use palpate::finger::calibration::Calibration;
 use palpate::finger::contact::{Reading, TareError};
 use palpate::finger::sense;
+use palpate::pushing::estimation::Estimate;
 use palpate::pushing::estimation::from_rest::onset::{PushSense, RestNoise};
-use palpate::pushing::estimation::from_rest::{self, Estimate, Known, windows};
+use palpate::pushing::estimation::from_rest::{self, Known, windows};
 use palpate::pushing::finger_motion::{FingerMotion, Segment};
 use palpate_device::Session;
 use palpate_files::motion::{self, MotionFileError};
@@ -206,7 +207,7 @@ impl Observer<'_> {
         let known = Known { part: &self.file.part, grip, grip_log_sd, radius, motion };
         let now = windows::end(felt.count() - 1);
         let estimate = match &self.last {
-            Some(last) if !at_end && !search_is_due(last.duration, now) => from_rest::follow(&known, &felt, last),
+            Some(last) if !at_end && !search_is_due(last.time_end, now) => from_rest::follow(&known, &felt, last),
             _ => from_rest::estimate(&known, &felt),
         };
         self.print(&estimate);

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use palpate::pushing::estimation::from_rest::{self, Estimate};
 use palpate::pushing::estimation::planning::{self, Felt, Motion, Present, Prospect, Sampling};
+use palpate::pushing::estimation::{Estimate, Hypothesis, from_rest};
 use palpate::pushing::finger_motion::Segment;
 use palpate_files::part::PolygonFile;
 use serde_json::{Value, json};
@@ -72,7 +72,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let push = arguments.push.read()?;
     let known = push.known(&file);
     let estimate = from_rest::estimate(&known, &push.force);
-    let present = estimate.present(&known);
+    let present = known.present(&estimate);
     let plan = Plan { estimate: &estimate, present, motions: arguments.motions(&present)? };
     let prospects = plan.prospects(arguments);
     if arguments.json {
@@ -124,7 +124,7 @@ struct Plan<'e> {
 
 impl Plan<'_> {
     fn prospects(&self, arguments: &Arguments) -> Vec<Prospect> {
-        let beliefs: Vec<_> = self.estimate.hypotheses.iter().map(from_rest::Hypothesis::belief).collect();
+        let beliefs: Vec<_> = self.estimate.hypotheses.iter().filter_map(Hypothesis::belief).collect();
         let sampling =
             Sampling { felt: Felt::ForceDirection, dt: VALUES_EVERY_S, sigma: arguments.noise_deg.to_radians() };
         planning::prospects(&self.present, &beliefs, &self.motions, sampling)

@@ -1,8 +1,9 @@
 //! How poses that a push has told are printed: a line each for people, an object for programs.
 
-use nalgebra::Isometry2;
+use palpate::geometry::Pose;
+use palpate::math::angle::wrap_angle;
 use palpate::pushing::dynamics::Part;
-use palpate::pushing::estimation::from_rest::{Estimate, Hypothesis, Status};
+use palpate::pushing::estimation::{Estimate, FromForce, Hypothesis, Status};
 use serde_json::{Value, json};
 
 use crate::push_scenario::GRAVITY;
@@ -33,9 +34,9 @@ const FRICTION_COLUMN: usize = 111;
 
 /// An estimate for a person, a line for each pose.
 pub(super) fn lines(part: &Part, estimate: &Estimate) -> Vec<String> {
-    let at = format!("{:7.2}", estimate.duration);
+    let at = format!("{:7.2}", estimate.time_end);
     match estimate.status() {
-        Status::None => vec![format!("{at}   {}", none(estimate))],
+        Status::Unexplained => vec![format!("{at}   {}", none(estimate))],
         _ => {
             let shown = estimate.hypotheses.iter().take(SHOWN);
             let of_plane =
@@ -57,15 +58,15 @@ pub(super) fn lines(part: &Part, estimate: &Estimate) -> Vec<String> {
 }
 
 fn none(estimate: &Estimate) -> String {
-    let cost = estimate.cost.map_or_else(String::new, |cost| {
-        format!(": the best has a misfit of {cost:.0}, and chance gives at most {:.0}", estimate.cost_max)
+    let cost = estimate.fit.cost.map_or_else(String::new, |cost| {
+        format!(": the best has a misfit of {cost:.0}, and chance gives at most {:.0}", estimate.fit.cost_max)
     });
     format!("no pose of this part explains the force{cost}")
 }
 
 fn line(part: &Part, hypothesis: &Hypothesis) -> String {
-    let centre = hypothesis.pose_end * part.centre_of_mass();
-    let (distance_sd, angle_sd) = hypothesis.spread(part);
+    let centre = hypothesis.pose_end.isometry() * part.centre_of_mass();
+    let (distance_sd, angle_sd) = hypothesis.spread(part).unwrap_or((f64::NAN, f64::NAN));
     format!(
         "{:7.3}  {:>4} {:8.2} {:7.2} {:7.2} {:12.2} {:8.2} {:19.2} {:11.3}  {}",
         hypothesis.probability,
@@ -73,31 +74,32 @@ fn line(part: &Part, hypothesis: &Hypothesis) -> String {
         centre.x * 1e3,
         centre.y * 1e3,
         distance_sd * 1e3,
-        hypothesis.pose_end.rotation.angle().to_degrees(),
+        hypothesis.pose_end.theta.to_degrees(),
         angle_sd.to_degrees(),
-        hypothesis.s_end * 1e3,
-        hypothesis.mass,
-        friction(hypothesis),
+        hypothesis.end.s * 1e3,
+        hypothesis.from_force.map_or(f64::NAN, |force| force.mass),
+        hypothesis.from_force.as_ref().map_or_else(String::new, friction),
     )
 }
 
 /// The plane's friction and how uncertain the mass is with it.
 fn plane(hypothesis: &Hypothesis) -> String {
     let mu = hypothesis.grip / GRAVITY;
-    format!("{mu:8.3} {:8.3} {:8.1}", mu * hypothesis.grip_log_sd, hypothesis.mass_log_sd * 100.0)
+    let (mu_log_sd, force) = (hypothesis.grip_log_sd.unwrap_or(f64::NAN), hypothesis.from_force);
+    format!("{mu:8.3} {:8.3} {:8.1}", mu * mu_log_sd, force.map_or(f64::NAN, |force| force.mass_log_sd) * 100.0)
 }
 
-fn friction(hypothesis: &Hypothesis) -> String {
-    match hypothesis.mu_c {
+fn friction(force: &FromForce) -> String {
+    match force.mu_c {
         Some(mu_c) => format!("{mu_c:.3}"),
-        None => format!("≥ {:.3}", hypothesis.friction_needed),
+        None => format!("≥ {:.3}", force.friction_needed),
     }
 }
 
 /// What an answer means, in a sentence or two.
 pub(super) fn in_words(part: &Part, estimate: &Estimate) -> String {
     let mut words = match estimate.status() {
-        Status::None => {
+        Status::Unexplained => {
             "No pose of this part explains what was felt: is it this part, did the finger move as stated, was it at rest before?"
                 .to_owned()
         }
@@ -124,18 +126,19 @@ fn friction_in_words(estimate: &Estimate) -> String {
     let (Some(beforehand), Some(best)) = (estimate.grip_log_sd, estimate.hypotheses.first()) else {
         return String::new();
     };
+    let (Some(force), Some(grip_log_sd)) = (best.from_force, best.grip_log_sd) else { return String::new() };
     if estimate.mass_and_friction_are_one() {
         return format!(
             " Mass and friction of the plane cannot be told apart by this push: mu times the mass is {:.4} kg within {}, each alone is known within {} only (one standard deviation); a finger that accelerates harder tells more.",
-            best.grip / GRAVITY * best.mass,
-            share_or_factor(best.resistance_log_sd),
-            share_or_factor(best.mass_log_sd)
+            best.grip / GRAVITY * force.mass,
+            share_or_factor(force.resistance_log_sd),
+            share_or_factor(force.mass_log_sd)
         );
     }
     format!(
         " The plane's friction mu is {:.3} within {}; beforehand it was known within {} (one standard deviation).",
         best.grip / GRAVITY,
-        share_or_factor(best.grip_log_sd),
+        share_or_factor(grip_log_sd),
         share_or_factor(beforehand)
     )
 }
@@ -153,9 +156,9 @@ fn share_or_factor(log_sd: f64) -> String {
 /// How far the listed poses lie apart.
 fn apart(part: &Part, estimate: &Estimate) -> String {
     let [first, rest @ ..] = estimate.hypotheses.as_slice() else { return String::new() };
-    let centre = |pose: &Isometry2<f64>| pose * part.centre_of_mass();
+    let centre = |pose: &Pose| pose.isometry() * part.centre_of_mass();
     let distance = |other: &Hypothesis| (centre(&other.pose_end) - centre(&first.pose_end)).norm() * 1e3;
-    let angle = |other: &Hypothesis| first.pose_end.rotation.angle_to(&other.pose_end.rotation).abs().to_degrees();
+    let angle = |other: &Hypothesis| wrap_angle(other.pose_end.theta - first.pose_end.theta).abs().to_degrees();
     let most = |of: &dyn Fn(&Hypothesis) -> f64| rest.iter().map(of).fold(0.0, f64::max);
     format!(
         "they lie up to {:.1} mm and {:.1}° from the likeliest; a finger that turns aside, or a second push, may decide",
@@ -169,37 +172,38 @@ pub(super) fn as_json(estimate: &Estimate) -> Value {
     let status = match estimate.status() {
         Status::Unique => "unique",
         Status::Ambiguous => "ambiguous",
-        Status::None => "none",
+        Status::Unexplained => "none",
     };
     json!({
-        "t": estimate.duration,
+        "t": estimate.time_end,
         "status": status,
         "symmetry": estimate.symmetry,
-        "cost": estimate.cost,
-        "cost_max": estimate.cost_max,
+        "cost": estimate.fit.cost,
+        "cost_max": estimate.fit.cost_max,
         "mass_and_friction_are_one": estimate.mass_and_friction_are_one(),
         "hypotheses": estimate.hypotheses.iter().map(hypothesis_as_json).collect::<Vec<_>>(),
     })
 }
 
 fn hypothesis_as_json(hypothesis: &Hypothesis) -> Value {
-    let pose = |pose: &Isometry2<f64>| json!([pose.translation.x, pose.translation.y, pose.rotation.angle()]);
-    let rows: Vec<Vec<f64>> = hypothesis.covariance.row_iter().map(|row| row.iter().copied().collect()).collect();
+    let pose = |pose: &Pose| json!([pose.x, pose.y, wrap_angle(pose.theta)]);
+    let covariance = hypothesis.covariance.map(|covariance| <[[f64; 3]; 3]>::from(covariance.transpose()));
+    let force = hypothesis.from_force;
     json!({
         "edge": hypothesis.edge,
-        "u0": hypothesis.u0,
-        "s0": hypothesis.s0,
-        "u_end": hypothesis.u_end,
-        "s_end": hypothesis.s_end,
-        "mu_c": hypothesis.mu_c,
-        "friction_needed": hypothesis.friction_needed,
-        "mass": hypothesis.mass,
-        "mass_log_sd": hypothesis.mass_log_sd,
+        "u0": hypothesis.start.u,
+        "s0": hypothesis.start.s,
+        "u_end": hypothesis.end.u,
+        "s_end": hypothesis.end.s,
+        "mu_c": force.and_then(|force| force.mu_c),
+        "friction_needed": force.map(|force| force.friction_needed),
+        "mass": force.map(|force| force.mass),
+        "mass_log_sd": force.map(|force| force.mass_log_sd),
         "mu": hypothesis.grip / GRAVITY,
         "mu_log_sd": hypothesis.grip_log_sd,
         "pose_start": pose(&hypothesis.pose_start),
         "pose_end": pose(&hypothesis.pose_end),
-        "covariance": rows,
+        "covariance": covariance,
         "cost": hypothesis.cost,
         "probability": hypothesis.probability,
     })

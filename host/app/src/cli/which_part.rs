@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use palpate::pushing::dynamics::Part;
-use palpate::pushing::estimation::PartEstimate;
-use palpate::pushing::estimation::from_rest::{self, Estimate};
+use palpate::pushing::estimation;
+use palpate::pushing::estimation::{Estimate, Observer as _, PartEstimate, from_rest};
 use palpate_files::part::PolygonFile;
 use serde_json::json;
 
@@ -36,8 +36,8 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let candidates = arguments.candidates()?;
     let push = arguments.push.read()?;
-    let known: Vec<_> = candidates.iter().map(|candidate| push.known(&candidate.file)).collect();
-    let ranked = from_rest::which_part(&known, &push.force);
+    let known = candidates.iter().map(|candidate| push.known(&candidate.file));
+    let ranked = estimation::which_part(known.map(|known| (known.part, known.estimate(&push.force))));
     if arguments.json {
         say!("{}", as_json(&candidates, &ranked));
         return Ok(ExitCode::SUCCESS);
@@ -97,17 +97,17 @@ impl Arguments {
 }
 
 /// One answer of all parts, where those that are possible differ in nothing but what they stand on.
-fn mixed(candidates: &[Candidate], ranked: &[PartEstimate<Estimate>]) -> Option<Estimate> {
+fn mixed(candidates: &[Candidate], ranked: &[PartEstimate]) -> Option<Estimate> {
     let mut possible = ranked.iter().filter(|part| part.probability > 0.0).map(|part| &candidates[part.part].file.part);
     let first = possible.next()?;
     let alike = |part: &Part| {
         part.polygon().vertices() == first.polygon().vertices() && part.centre_of_mass() == first.centre_of_mass()
     };
-    possible.all(alike).then(|| from_rest::mixed(ranked)).flatten()
+    possible.all(alike).then(|| estimation::mixed(ranked, from_rest::SAME_PLACE)).flatten()
 }
 
-fn as_json(candidates: &[Candidate], ranked: &[PartEstimate<Estimate>]) -> serde_json::Value {
-    let part = |part: &PartEstimate<Estimate>| {
+fn as_json(candidates: &[Candidate], ranked: &[PartEstimate]) -> serde_json::Value {
+    let part = |part: &PartEstimate| {
         let candidate = &candidates[part.part];
         let mut told = json!({
             "part": candidate.path.display().to_string(),

@@ -4,8 +4,9 @@
 //! thesis is beside it: its sensor was never used on a moving part (§6.4).
 
 use palpate::math::random::Draw;
+use palpate::pushing::estimation::Status;
 use palpate::pushing::estimation::from_rest::trial::{Outcome, RADIUS_M, Ranges, random_part, straight_motion};
-use palpate::pushing::estimation::from_rest::{self, Known, Status};
+use palpate::pushing::estimation::from_rest::{self, Known};
 use palpate_device::simulated::Line;
 
 use super::cases::of_each;
@@ -103,7 +104,7 @@ fn add(table: &mut Table, name: &str, outcomes: &[Result<Outcome, String>]) {
         Cell::count(all),
         share(&|outcome| outcome.status == Status::Unique),
         share(&|outcome| outcome.status == Status::Ambiguous),
-        share(&|outcome| outcome.status == Status::None),
+        share(&|outcome| outcome.status == Status::Unexplained),
         share(&|outcome| !outcome.holds_truth),
         share(&|outcome| !outcome.holds_truth && outcome.status == Status::Unique),
         at(&millimetres, 50),

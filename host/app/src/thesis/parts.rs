@@ -6,7 +6,7 @@
 
 use palpate::math::random::Draw;
 use palpate::pushing::dynamics::{ContactLaw, EdgeEnd, Finger, Push, Start};
-use palpate::pushing::estimation::{Channel, Known, Measured, Observation, Prior, Touch, which_part};
+use palpate::pushing::estimation::{Channel, Known, Measured, Observation, Observer as _, Prior, Touch, which_part};
 
 use super::plan::{Case, DT_S, GRIP, OMEGA_SIGMA, SIGMA_RAD, finger_first, outcomes};
 use super::{Cell, Experiment, Settings, Table};
@@ -104,7 +104,7 @@ fn outcome(seed: u64, number: usize, parts: usize, acceleration: [f64; 2]) -> Ou
         measured: Measured::ContactAngle(Channel { values, sigma: SIGMA_RAD }),
         prior: Prior { omega0_sigma: Some(OMEGA_SIGMA), v_t0_sigma: None, grip_log_sigma: None },
     };
-    let ranked = which_part(&known, &observation);
+    let ranked = which_part(known.iter().map(|known| (known.part, known.estimate(&observation))));
     let of = |truth: bool| ranked.iter().filter(move |part| (part.part == 0) == truth).map(|part| part.probability);
     Outcome { truth: of(true).sum(), other: of(false).fold(0.0, f64::max) }
 }

@@ -11,9 +11,10 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use super::exact::{MISS_MAX_RELATIVE, Pose, full_turn};
+use super::exact::{MISS_MAX_RELATIVE, full_turn};
 use super::readings::HalfPlane;
 use crate::geometry::ConvexPolygon;
+use crate::geometry::Pose;
 use crate::math::angle::wrap_angle;
 
 /// A convex outline.

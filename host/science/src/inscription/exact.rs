@@ -14,7 +14,7 @@ use nalgebra::{Matrix3, Point2, Vector2, Vector3};
 
 use super::readings::HalfPlane;
 use super::triple::{PARALLEL, Triple, Turns};
-use crate::geometry::ConvexPolygon;
+use crate::geometry::{ConvexPolygon, Pose};
 
 /// A pose may miss a line by so much, as a share of the part's size (fixed by the interface).
 pub const MISS_MAX_RELATIVE: f64 = 1e-9;
@@ -41,17 +41,6 @@ const SAME_POSE: f64 = 1e-6;
 /// Apexes computed as equal differ by about 1e-16 of their distance from the origin; at 1e-12 a pose would be uncertain by
 /// 1e-4 of the part's size.
 const CONCURRENT_RELATIVE: f64 = 1e-12;
-
-/// Where a part lies: `p_world = R(theta) p_part + (x, y)`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pose {
-    /// Of the outline's frame, m.
-    pub x: f64,
-    /// See `x`.
-    pub y: f64,
-    /// Counter-clockwise, rad; in [0, 2π) as a result of [`poses`].
-    pub theta: f64,
-}
 
 /// What supporting lines say about a part's pose.
 #[derive(Clone, Debug, PartialEq)]

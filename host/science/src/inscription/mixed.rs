@@ -16,10 +16,11 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::{Isometry2, Matrix2, Matrix3, Point2, Rotation2, Vector2, Vector3};
 
 use super::boundary::{Search, isolate};
-use super::exact::{Continuum, Inscription, MISS_MAX_RELATIVE, Pose, determined, full_turn, miss_gradient, poses};
+use super::exact::{Continuum, Inscription, MISS_MAX_RELATIVE, determined, full_turn, miss_gradient, poses};
 use super::readings::HalfPlane;
 use super::triple::PARALLEL;
 use crate::geometry::ConvexPolygon;
+use crate::geometry::Pose;
 use crate::math::angle::wrap_angle;
 
 /// Points nearer to each other than this share of the part's size are one.

@@ -26,8 +26,9 @@ mod quality;
 mod readings;
 mod triple;
 
+pub use crate::geometry::Pose;
 pub use boundary::{Boundary, Ellipse, Rounded, boundary_poses};
-pub use exact::{Continuum, Inscription, MISS_MAX_RELATIVE, Pose, determined, misses, nearest_misses, poses};
+pub use exact::{Continuum, Inscription, MISS_MAX_RELATIVE, determined, misses, nearest_misses, poses};
 pub use mixed::poses_through;
 pub use noise::{Estimate, FENCE_SD_RELATIVE, GATE, Mode, NoisyReadings, estimate, view};
 pub use outline::Outline;

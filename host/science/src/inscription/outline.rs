@@ -5,11 +5,12 @@
 use nalgebra::{Matrix3, Point2, Rotation2};
 
 use super::boundary::{Boundary, Ellipse, Rounded, boundary_poses};
-use super::exact::{Continuum, Inscription, Pose, determined, miss_gradient};
+use super::exact::{Continuum, Inscription, determined, miss_gradient};
 use super::mixed::{information, poses_through};
 use super::quality::congruent_groups;
 use super::readings::HalfPlane;
 use crate::geometry::ConvexPolygon;
+use crate::geometry::Pose;
 
 /// Directions in which a smooth outline is sampled: half a degree apart.
 const SAMPLES: u32 = 720;

@@ -6,9 +6,9 @@ use std::f64::consts::TAU;
 
 use nalgebra::Vector2;
 
-use super::exact::Pose;
 use super::readings::HalfPlane;
 use crate::geometry::ConvexPolygon;
+use crate::geometry::Pose;
 
 /// Corners that a symmetry takes onto each other agree to this share of the size, as poses touch their lines.
 const SYMMETRIC_RELATIVE: f64 = 1e-9;

@@ -15,7 +15,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use palpate::math::random::Draw;
 use palpate::pushing::dynamics::{ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, Sample, Start, State};
-use palpate::pushing::estimation::planning::{Belief, Felt, Motion, Present, Sampling, motions, prospects, updated};
+use palpate::pushing::estimation::planning::{Felt, Motion, Present, Sampling, motions, prospects, updated};
+use palpate::pushing::estimation::{Belief, Hypothesis};
 use palpate::pushing::estimation::{Channel, Known, Measured, Observation, Prior, Touch, estimate};
 use palpate::pushing::finger_motion::Segment;
 
@@ -264,7 +265,7 @@ impl Case {
             measured: Measured::ContactAngle(Channel { values, sigma: SIGMA_RAD }),
             prior: Prior { omega0_sigma: Some(OMEGA_SIGMA), v_t0_sigma: None, grip_log_sigma: None },
         };
-        estimate(&known, &observation).hypotheses.iter().filter_map(|hypothesis| hypothesis.belief(&known)).collect()
+        estimate(&known, &observation).hypotheses.iter().filter_map(Hypothesis::belief).collect()
     }
 }
 

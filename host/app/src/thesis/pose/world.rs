@@ -3,6 +3,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::{Point2, Rotation2, Vector3};
+use palpate::geometry::Pose;
 use palpate::math::angle::wrap_angle;
 use palpate::math::random::Draw;
 use palpate::pushing::dynamics::{
@@ -249,7 +250,7 @@ impl Case {
         let end = self.end();
         let centroid =
             |position: Point2<f64>, theta: f64| position + Rotation2::new(theta) * self.part.centre_of_mass().coords;
-        let [x, y, theta] = hypothesis.pose_end;
+        let Pose { x, y, theta } = hypothesis.pose_end;
         let off = centroid(Point2::new(x, y), theta) - centroid(end.position, end.theta);
         hypothesis.edge == self.edge
             && (hypothesis.end.s - end.state.s).abs() < place
@@ -260,7 +261,7 @@ impl Case {
     /// Squared error of a hypothesis's pose in its own standard deviations.
     pub(super) fn squared_error(&self, hypothesis: &Hypothesis) -> Option<f64> {
         let end = self.end();
-        let [x, y, theta] = hypothesis.pose_end;
+        let Pose { x, y, theta } = hypothesis.pose_end;
         let off = Vector3::new(x - end.position.x, y - end.position.y, wrap_angle(theta - end.theta));
         Some((off.transpose() * hypothesis.covariance?.try_inverse()? * off)[0])
     }

@@ -295,6 +295,12 @@ fn refuse(error: InitialPoseError) -> InvalidInput {
 
 impl From<&RestingPose> for PoseFit {
     fn from(RestingPose { edge, s0, pose, residuals, anywhere }: &RestingPose) -> Self {
-        Self { edge: *edge, s0: *s0, pose0: Pose::from(*pose), residuals: residuals.clone(), unobservable: *anywhere }
+        Self {
+            edge: *edge,
+            s0: *s0,
+            pose0: Pose::from(<[f64; 3]>::from(*pose)),
+            residuals: residuals.clone(),
+            unobservable: *anywhere,
+        }
     }
 }

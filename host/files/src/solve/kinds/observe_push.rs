@@ -2,7 +2,7 @@
 
 use palpate::pushing::dynamics::{Contact, Finger as Disk, Part, Slip, State};
 use palpate::pushing::estimation::{
-    self, Channel, Estimate, Felt, GhoRun, GhoSettings, Known, Measured, Observation, Prior as Belief, Touch,
+    self, Channel, Estimate, GhoBank, GhoRun, GhoSettings, Known, Measured, Observation, Prior as Belief, Touch,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -312,11 +312,14 @@ impl ObservePush {
         if let Some(correction) = self.correction {
             settings.correction = correction.map(NonNegative::get);
         }
-        let felt = Felt { angles, sigma: self.sigma.map_or(SIGMA_LEAST, Sigma::get), dt: self.dt.get() };
+        let sigma = self.sigma.map_or(SIGMA_LEAST, Sigma::get);
+        let measured = Measured::ContactAngle(Channel { values: angles.clone(), sigma });
+        let observation = Observation { dt: self.dt.get(), measured, prior: Belief::default() };
         let contacts = self.gho_contacts(known)?;
-        let sites = self.gho_edges(known.part)?.into_iter().flat_map(|edge| contacts.iter().map(move |&on| (edge, on)));
-        let runs = estimation::observe_gho(known, &sites.collect::<Vec<_>>(), self.gho_start(start)?, &felt, settings);
-        Ok(ObservePushAnswer::of_gho(&runs, known, &felt))
+        let edges = self.gho_edges(known.part)?.into_iter();
+        let contacts: Vec<_> = edges.flat_map(|edge| contacts.iter().map(move |&on| (edge, on))).collect();
+        let bank = GhoBank { known, contacts: &contacts, start: self.gho_start(start)?, settings };
+        Ok(ObservePushAnswer::of_gho(&bank, &observation))
     }
 
     fn gho_contacts(&self, known: &Known) -> Result<Vec<Contact>, InvalidInput> {
@@ -469,14 +472,15 @@ fn same_length(direction: &Channel, magnitude: &Channel) -> Result<(), InvalidIn
 
 impl ObservePushAnswer {
     /// Every observer that came to the end, best first, as a hypothesis; the first one's trace, even if none did.
-    fn of_gho(runs: &[GhoRun], known: &Known, felt: &Felt) -> Self {
+    fn of_gho(bank: &GhoBank, observation: &Observation) -> Self {
+        let (runs, dt) = (bank.runs(observation), observation.dt);
         let trace = |run: &GhoRun| {
-            let at = |index: usize| felt.dt * index as f64;
+            let at = |index: usize| dt * index as f64;
             run.trace.iter().enumerate().map(|(index, state)| TracePoint::of(at(index), state)).collect::<Vec<_>>()
         };
         let complete = runs.iter().filter(|run| run.cost.is_some());
         let hypothesis = |run: &GhoRun| {
-            let mut hypothesis = Hypothesis::from(&run.hypothesis(known, felt)?);
+            let mut hypothesis = Hypothesis::from(&bank.hypothesis(run, dt)?);
             (hypothesis.probability, hypothesis.unobservable) = (None, false);
             hypothesis.trace = Some(trace(run));
             Some(hypothesis)
@@ -538,7 +542,7 @@ impl From<&estimation::Hypothesis> for Hypothesis {
             v_t_end: end.v_t,
             mode_end: contact_end.into(),
             sliding_sign,
-            pose_end: Pose::from(pose_end),
+            pose_end: Pose::from(<[f64; 3]>::from(pose_end)),
             twist_end: [velocity_end[0], velocity_end[1], end.omega],
             covariance: hypothesis.covariance.map(|covariance| covariance.transpose().into()),
             cost: hypothesis.cost,

@@ -21,9 +21,10 @@ mod valley;
 
 use nalgebra::{Matrix3, Point2};
 
-use super::exact::{Continuum, Pose, determined};
+use super::exact::{Continuum, determined};
 use super::readings::{Bearing, HalfPlane};
 use crate::geometry::ConvexPolygon;
+use crate::geometry::Pose;
 use crate::math::statistics::chi_square_quantile;
 pub use objective::FENCE_SD_RELATIVE;
 pub(super) use objective::{Objective, Placed};

@@ -7,7 +7,8 @@ use nalgebra::{Matrix3, Point2, Vector2, Vector3};
 
 use super::{Bearing, NoisyReadings};
 use crate::geometry::ConvexPolygon;
-use crate::inscription::exact::{Pose, full_turn, miss_gradient};
+use crate::geometry::Pose;
+use crate::inscription::exact::{full_turn, miss_gradient};
 use crate::inscription::readings::{HalfPlane, Side};
 use crate::math::angle::wrap_angle;
 

@@ -1,14 +1,10 @@
-//! What is known of a push, what was felt of it, and what that says: plain data.
+//! What is known of a push and what was felt of it: plain data.
 //!
 //! Frames: world, unless named. Units: SI, forces per unit mass of the part. Errors: none; the caller has checked the values.
 
-use std::f64::consts::PI;
+use nalgebra::Vector2;
 
-use nalgebra::{Matrix3, Matrix4, Point2, Rotation2, Vector2};
-
-use super::planning::Belief;
-use crate::math::angle::wrap_angle;
-use crate::pushing::dynamics::{Contact, ContactLaw, Edge, Finger, Part, PushModel, State};
+use crate::pushing::dynamics::{Contact, ContactLaw, Edge, Finger, Part, PushModel};
 
 /// What is known of a push beforehand.
 #[derive(Clone, Copy, Debug)]
@@ -26,6 +22,18 @@ pub struct Known<'p> {
 /// A finger slower than this starts at rest, m/s: it would go a micrometre in a second, and friction would stop it within a third of a
 /// microsecond.
 const REST_SPEED: f64 = 1e-6;
+
+impl Touch {
+    /// By which law the contact goes on from what it does now.
+    pub(super) fn law(self, contact: Contact) -> ContactLaw {
+        match (self, contact) {
+            (Self::Frictionless, _) => ContactLaw::Frictionless,
+            (Self::Rolling { friction }, _) => ContactLaw::Rolling { friction },
+            (Self::Sliding { friction }, Contact::Sliding { slip, .. }) => ContactLaw::Sliding { friction, slip },
+            (Self::Sliding { friction } | Self::Coulomb { friction }, _) => ContactLaw::Coulomb { friction },
+        }
+    }
+}
 
 impl<'p> Known<'p> {
     /// Whether the finger is at rest at t = 0, and with it the part.
@@ -114,21 +122,6 @@ pub struct Observation {
     pub prior: Prior,
 }
 
-impl Hypothesis {
-    /// What a motion planner starts from, where the pose is known at all: the same at the last value's time.
-    #[must_use]
-    pub fn belief(&self, known: &Known) -> Option<Belief> {
-        let law = match (known.touch, self.contact_end) {
-            (Touch::Frictionless, _) => ContactLaw::Frictionless,
-            (Touch::Rolling { friction }, _) => ContactLaw::Rolling { friction },
-            (Touch::Sliding { friction }, Contact::Sliding { slip, .. }) => ContactLaw::Sliding { friction, slip },
-            (Touch::Sliding { friction } | Touch::Coulomb { friction }, _) => ContactLaw::Coulomb { friction },
-        };
-        let (covariance, probability) = (self.state_covariance?, self.probability);
-        Some(Belief { edge: self.edge, law, state: self.end, covariance, probability })
-    }
-}
-
 impl Observation {
     /// How many instants were measured.
     #[must_use]
@@ -141,70 +134,4 @@ impl Observation {
             }
         }
     }
-}
-
-/// What an observation says.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Estimate {
-    /// Everything that the data cannot exclude, most probable first; empty if they exclude all.
-    pub hypotheses: Vec<Hypothesis>,
-    /// How well the best one fits.
-    pub fit: Fit,
-    /// Values that no smooth motion passes through, by their place; left out where nothing explains the data with them.
-    pub outliers: Vec<usize>,
-    /// Forward simulations that it took, those with derivatives included.
-    pub simulations: usize,
-}
-
-/// Goodness of fit.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fit {
-    /// The least cost of anything that is physically possible, even if it is too large; none where nothing is.
-    pub cost: Option<f64>,
-    /// Data and prior terms less fitted parameters.
-    pub degrees_of_freedom: usize,
-    /// The 99.9 % quantile of chi-square: above it the model is wrong.
-    pub cost_max: f64,
-}
-
-/// One explanation of the data: a local minimum of the cost.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Hypothesis {
-    /// The edge in contact.
-    pub edge: usize,
-    /// At t = 0.
-    pub start: State,
-    /// What the contact does at t = 0.
-    pub contact_start: Contact,
-    /// At the last value.
-    pub end: State,
-    /// What the contact does at the last value.
-    pub contact_end: Contact,
-    /// x, y (m) and theta (rad) of the part's frame at the last value.
-    pub pose_end: [f64; 3],
-    /// Velocity of the centre of mass at the last value, m/s.
-    pub velocity_end: Vector2<f64>,
-    /// Of `pose_end`; none where the data leave the pose free.
-    pub covariance: Option<Matrix3<f64>>,
-    /// Of `end`: u, s, ω, v_T; none where `covariance` is none. In rolling, v_T follows from the others.
-    pub state_covariance: Option<Matrix4<f64>>,
-    /// µ g, m/s²: as known, or with [`Prior::grip_log_sigma`] as the data and the prior have it.
-    pub grip: f64,
-    /// Standard deviation of ln(µg), 0 where that is known; none where `covariance` is none.
-    pub grip_log_sd: Option<f64>,
-    /// Squared residuals in standard deviations, prior terms included.
-    pub cost: f64,
-    /// Among the hypotheses, by Laplace's approximation; before the push every place of the perimeter is as likely.
-    pub probability: f64,
-}
-
-/// Pose of the part's frame (x, y in m, theta in rad) at a state reached from contact angle `u0`.
-///
-/// The turn is in (−π, π] at the start and continuous from there.
-pub(super) fn pose(model: &PushModel, u0: f64, time: f64, state: &State) -> [f64; 3] {
-    let toward = model.edge.normal.y.atan2(model.edge.normal.x);
-    let theta = wrap_angle(u0 + PI - toward) + state.u - u0;
-    let centre = model.centre_of_mass(time, state);
-    let origin: Point2<f64> = centre - Rotation2::new(theta) * model.part.centre_of_mass().coords;
-    [origin.x, origin.y, theta]
 }

@@ -20,8 +20,9 @@
 
 use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
 
+use super::hypotheses::Belief;
 use crate::math::statistics::normal_tail;
-use crate::pushing::dynamics::{ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, Run, Sample, Start, State};
+use crate::pushing::dynamics::{EdgeEnd, Finger, Part, Push, PushModel, Run, Sample, Start, State};
 use crate::pushing::finger_motion::Segment;
 
 /// Distance D² of two hypotheses below which they count as ambiguous: a wrong choice in one case of 740.
@@ -77,21 +78,6 @@ pub struct Present<'p> {
     pub centre: [f64; 2],
     /// Velocity of the disk, world axes, m/s.
     pub velocity: [f64; 2],
-}
-
-/// A pose and motion that is still possible.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Belief {
-    /// The edge in contact.
-    pub edge: usize,
-    /// How it touches.
-    pub law: ContactLaw,
-    /// Where it is and how it moves.
-    pub state: State,
-    /// Of u, s, ω, v_T; a row of zeros for what is known or follows from the others.
-    pub covariance: Matrix4<f64>,
-    /// Between 0 and 1.
-    pub probability: f64,
 }
 
 /// A way for the finger to go on.
@@ -535,6 +521,7 @@ mod tests {
 
     use super::*;
     use crate::geometry::SimplePolygon;
+    use crate::pushing::dynamics::ContactLaw;
 
     /// One value at 100 Hz of a sensor with 0.5° at 2 kHz, rad.
     const SAMPLING: Sampling = Sampling { felt: Felt::ContactAngle, dt: 0.01, sigma: 0.001_95 };

@@ -15,8 +15,9 @@
 
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Matrix3x2, Vector3};
 
-use super::observation::{Hypothesis, Known, Measured, Observation, Prior, pose};
-use super::select::GATE;
+use super::hypotheses::{GATE, Hypothesis, pose};
+use super::observation::{Known, Measured, Observation, Prior};
+use crate::geometry::Pose;
 use crate::math::angle::wrap_angle;
 use crate::pushing::dynamics::{EdgeEnd, Push, Start, State};
 
@@ -29,8 +30,8 @@ const OMEGA_SIGMA: f64 = 5.8;
 /// A pose that a push leaves possible, before or after it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseBelief {
-    /// x, y (m) and theta (rad) of the part's frame.
-    pub pose: [f64; 3],
+    /// Of the part.
+    pub pose: Pose,
     /// Of `pose`.
     pub covariance: Matrix3<f64>,
     /// Squared residuals of the push, in standard deviations.
@@ -93,7 +94,7 @@ impl PoseBelief {
     #[must_use]
     pub fn before(known: &Known, observation: &Observation, hypothesis: &Hypothesis) -> Option<Self> {
         let model = known.model(known.part.edge(hypothesis.edge).ok()?);
-        let at = |state: &State| Vector3::from(pose(&model, state.u, 0.0, state));
+        let at = |state: &State| Vector3::from(<[f64; 3]>::from(pose(&model, state.u, 0.0, state)));
         let start = hypothesis.start;
         let along = Matrix3x2::from_fn(|row, column| {
             let (upper, lower) = (at(&moved(start, column, 1.0)), at(&moved(start, column, -1.0)));
@@ -102,13 +103,13 @@ impl PoseBelief {
         });
         let covariance = along * start_covariance(known, observation, hypothesis)? * along.transpose();
         let Hypothesis { cost, probability, .. } = *hypothesis;
-        Some(Self { pose: at(&start).into(), covariance, cost, probability })
+        Some(Self { pose: pose(&model, start.u, 0.0, &start), covariance, cost, probability })
     }
 
     /// Squared distance of two poses in standard deviations, and the logarithm of its density, up to what all pairs share.
     fn apart(&self, other: &Self, slack: Slack) -> Option<(f64, f64)> {
-        let [x, y, turn] = [0, 1, 2].map(|index| other.pose[index] - self.pose[index]);
-        let difference = Vector3::new(x, y, wrap_angle(turn));
+        let turn = wrap_angle(other.pose.theta - self.pose.theta);
+        let difference = Vector3::new(other.pose.x - self.pose.x, other.pose.y - self.pose.y, turn);
         let stayed = Vector3::new(slack.shift, slack.shift, slack.turn).map(|sd| sd * sd);
         let spread = (self.covariance + other.covariance + Matrix3::from_diagonal(&stayed)).cholesky()?;
         let apart = difference.dot(&spread.solve(&difference));
@@ -157,7 +158,7 @@ fn start_covariance(known: &Known, observation: &Observation, hypothesis: &Hypot
 fn angles(known: &Known, hypothesis: &Hypothesis, state: State, times: &[f64]) -> Vec<f64> {
     let run = || {
         let model = known.model(known.part.edge(hypothesis.edge).ok()?);
-        let law = hypothesis.belief(known)?.law;
+        let law = hypothesis.law;
         let start = if known.starts_at_rest() { Start::Rest { u: state.u, s: state.s } } else { Start::Moving(state) };
         Push::new(model, law, start, EdgeEnd::Stop).ok()?.run(times).ok()
     };
@@ -191,7 +192,7 @@ mod tests {
     }
 
     /// A push of an edge from rest by a finger ahead of it, and what is felt.
-    fn push(part: &Part, edge: usize, s: f64, finger: Finger) -> (Observation, [f64; 3], [f64; 3]) {
+    fn push(part: &Part, edge: usize, s: f64, finger: Finger) -> (Observation, Pose, Pose) {
         let known = known(part, finger);
         let model = known.model(part.edge(edge).unwrap());
         let u0 = finger.acceleration[1].atan2(finger.acceleration[0]) + 0.1;
@@ -204,10 +205,9 @@ mod tests {
     }
 
     /// A finger moved so that its push begins where another one ended.
-    fn placed(finger: Finger, from: [f64; 3], to: [f64; 3]) -> Finger {
-        let turn = Rotation2::new(to[2] - from[2]);
-        let centre =
-            turn * (Vector2::from(finger.centre0) - Vector2::new(from[0], from[1])) + Vector2::new(to[0], to[1]);
+    fn placed(finger: Finger, from: Pose, to: Pose) -> Finger {
+        let turn = Rotation2::new(to.theta - from.theta);
+        let centre = turn * (Point2::from(finger.centre0) - from.origin()) + to.origin().coords;
         Finger { centre0: centre.into(), acceleration: (turn * Vector2::from(finger.acceleration)).into(), ..finger }
     }
 
@@ -219,7 +219,8 @@ mod tests {
         let (_, begin, _) = push(&part, 1, -0.004, finger);
         let second_finger = placed(finger, begin, end);
         let (felt_again, start, _) = push(&part, 1, -0.004, second_finger);
-        assert!((0..3).all(|index| wrap_angle(start[index] - end[index]).abs() < 1e-9), "{start:?} {end:?}");
+        let apart = (start.origin() - end.origin()).norm() + wrap_angle(start.theta - end.theta).abs();
+        assert!(apart < 1e-9, "{start:?} {end:?}");
 
         let (first, second) = (known(&part, finger), known(&part, second_finger));
         let (one, two) = (estimate(&first, &felt), estimate(&second, &felt_again));
@@ -237,7 +238,7 @@ mod tests {
 
     fn belief(pose: [f64; 3], cost: f64, probability: f64) -> PoseBelief {
         let covariance = Matrix3::from_diagonal(&Vector3::new(1e-6, 1e-6, 1e-4));
-        PoseBelief { pose, covariance, cost, probability }
+        PoseBelief { pose: pose.into(), covariance, cost, probability }
     }
 
     proptest! {
@@ -255,7 +256,7 @@ mod tests {
             let pairs = in_sequence(&first, &second, SLACK);
             let least = pairs.iter().map(|pair| pair.cost).fold(f64::INFINITY, f64::min);
             let straight = |i: usize| {
-                let shift = second[i].pose[0] - first[i].pose[0];
+                let shift = second[i].pose.x - first[i].pose.x;
                 first[i].cost + second[i].cost + shift * shift / (2e-6 + SLACK.shift * SLACK.shift)
             };
             for (i, _) in first.iter().enumerate() {

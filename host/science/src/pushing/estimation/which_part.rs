@@ -13,114 +13,75 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{Matrix2, Vector3, Vector4};
+use nalgebra::Matrix2;
 
-use super::select::{GATE, SAME_END_M};
-use super::{Estimate, Hypothesis, Known, Observation, estimate};
-use crate::math::angle::wrap_angle;
+use super::hypotheses::{Estimate, GATE, Hypothesis, Nearness, joined};
 use crate::pushing::dynamics::Part;
 
 /// What a push says about one of several parts.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PartEstimate<E> {
+pub struct PartEstimate {
     /// Its place among those given.
     pub part: usize,
     /// That it was this one, if it was one of them.
     pub probability: f64,
     /// Where it is then.
-    pub estimate: E,
+    pub estimate: Estimate,
+}
+
+/// Which of several parts explains a push, the likeliest first: from what the same observer says with each of them.
+///
+/// A part's estimate comes from any [`Observer`](super::Observer); all of them from the same data.
+#[must_use]
+pub fn which_part<'p>(estimates: impl IntoIterator<Item = (&'p Part, Estimate)>) -> Vec<PartEstimate> {
+    let (evidence, estimates): (Vec<_>, Vec<_>) =
+        estimates.into_iter().map(|(part, estimate)| (log_evidence(part, weights(&estimate)), estimate)).unzip();
+    let numbered = estimates.into_iter().zip(shares(&evidence)).enumerate();
+    let mut ranked: Vec<_> =
+        numbered.map(|(part, (estimate, probability))| PartEstimate { part, probability, estimate }).collect();
+    ranked.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    ranked
+}
+
+/// Probabilities from logarithms of evidence; all 0 where there is none.
+fn shares(evidence: &[Option<f64>]) -> Vec<f64> {
+    let most = evidence.iter().flatten().copied().fold(f64::NEG_INFINITY, f64::max);
+    let share = |evidence: &Option<f64>| evidence.map_or(0.0, |evidence| (evidence - most).exp());
+    let sum: f64 = evidence.iter().map(share).sum();
+    evidence.iter().map(|evidence| if sum > 0.0 { share(evidence) / sum } else { 0.0 }).collect()
+}
+
+/// What several parts of one outline leave possible together, whichever it is: explanations of different parts that end at one place
+/// are one, and its covariance holds how far they are apart.
+///
+/// None where no part explains the data, or where those that do differ in their symmetry, so that their poses do not stand for the
+/// same. The order is that of [`which_part`]; goodness of fit and outliers are those of the likeliest.
+#[must_use]
+pub fn mixed(parts: &[PartEstimate], near: Nearness) -> Option<Estimate> {
+    let possible = || parts.iter().filter(|part| !part.estimate.hypotheses.is_empty());
+    let first = possible().next()?;
+    if possible().any(|part| part.estimate.symmetry != first.estimate.symmetry) {
+        return None;
+    }
+    let least = possible().filter_map(|part| part.estimate.fit.cost).fold(f64::INFINITY, f64::min);
+    let weighted = possible().flat_map(|part| {
+        let listed = part.estimate.hypotheses.iter().filter(move |found| found.cost <= least + GATE);
+        listed.map(|found| Hypothesis { probability: part.probability * found.probability, ..found.clone() })
+    });
+    let mut all = joined(weighted, near);
+    let sum: f64 = all.iter().map(|found| found.probability).sum();
+    all.iter_mut().for_each(|found| found.probability /= sum);
+    all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    Some(Estimate { hypotheses: all, ..first.estimate.clone() }).filter(|mixed| !mixed.hypotheses.is_empty())
 }
 
 /// An explanation's part in the evidence.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Weight {
+struct Weight {
     /// Squared residuals in standard deviations.
-    pub cost: f64,
+    cost: f64,
     /// Of contact angle (rad) and place (m) at the end.
-    pub covariance: Matrix2<f64>,
-}
-
-/// Which of several parts explains an observation, the likeliest first; `known` differs in the part.
-#[must_use]
-pub fn which_part(known: &[Known], observation: &Observation) -> Vec<PartEstimate<Estimate>> {
-    let estimates = known.iter().map(|known| estimate(known, observation));
-    ranked(estimates.zip(known).map(|(estimate, known)| {
-        let evidence = log_evidence_of(known.part, &estimate);
-        (estimate, evidence)
-    }))
-}
-
-/// What several parts of one outline leave possible together, whichever it is: explanations of different parts that end at one place
-/// are one, and its covariance holds how far they are apart. None where no part explains the data.
-///
-/// The order is that of [`which_part`]; goodness of fit and outliers are those of the likeliest.
-#[must_use]
-pub fn mixed(parts: Vec<PartEstimate<Estimate>>) -> Option<Estimate> {
-    let least = parts.iter().filter_map(|part| part.estimate.fit.cost).fold(f64::INFINITY, f64::min);
-    let mut all: Vec<Hypothesis> = Vec::new();
-    for PartEstimate { probability, estimate, .. } in &parts {
-        for found in estimate.hypotheses.iter().filter(|found| found.cost <= least + GATE) {
-            let next = Hypothesis { probability: probability * found.probability, ..found.clone() };
-            let one =
-                |other: &&mut Hypothesis| other.edge == next.edge && (other.end.s - next.end.s).abs() < SAME_END_M;
-            match all.iter_mut().find(one) {
-                Some(other) => take_in(other, &next),
-                None => all.push(next),
-            }
-        }
-    }
-    let sum: f64 = all.iter().map(|found| found.probability).sum();
-    all.iter_mut().for_each(|found| found.probability /= sum);
-    all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    let first = parts.into_iter().next()?;
-    Some(Estimate { hypotheses: all, ..first.estimate }).filter(|mixed| !mixed.hypotheses.is_empty())
-}
-
-/// Makes an explanation cover another one too: the mean squares of the errors of its own pose if either may be true.
-fn take_in(kept: &mut Hypothesis, other: &Hypothesis) {
-    let both = kept.probability + other.probability;
-    let share = if both > 0.0 { other.probability / both } else { 0.0 };
-    let [x, y, turn] = [0, 1, 2].map(|index| other.pose_end[index] - kept.pose_end[index]);
-    let of_pose = Vector3::new(x, y, wrap_angle(turn));
-    let of_state = Vector4::new(
-        other.end.u - kept.end.u,
-        other.end.s - kept.end.s,
-        other.end.omega - kept.end.omega,
-        other.end.v_t - kept.end.v_t,
-    );
-    kept.covariance = kept
-        .covariance
-        .zip(other.covariance)
-        .map(|(own, other)| own * (1.0 - share) + (other + of_pose * of_pose.transpose()) * share);
-    kept.state_covariance = kept
-        .state_covariance
-        .zip(other.state_covariance)
-        .map(|(own, other)| own * (1.0 - share) + (other + of_state * of_state.transpose()) * share);
-    kept.probability = both;
-}
-
-/// [`log_evidence`] of what an estimate found.
-pub(super) fn log_evidence_of(part: &Part, estimate: &Estimate) -> Option<f64> {
-    let weights = estimate.hypotheses.iter().filter_map(|hypothesis| {
-        let covariance = hypothesis.state_covariance?.fixed_view::<2, 2>(0, 0).into();
-        Some(Weight { cost: hypothesis.cost, covariance })
-    });
-    log_evidence(part, weights)
-}
-
-/// Logarithm of a part's evidence, up to what all parts share; none without an explanation.
-#[must_use]
-pub fn log_evidence(part: &Part, weights: impl Iterator<Item = Weight>) -> Option<f64> {
-    let logarithms: Vec<_> = weights.map(|weight| weight.log()).filter(|log| log.is_finite()).collect();
-    let most = logarithms.iter().copied().reduce(f64::max)?;
-    let sum: f64 = logarithms.iter().map(|log| (log - most).exp()).sum();
-    Some(most + sum.ln() - perimeter(part).ln())
-}
-
-fn perimeter(part: &Part) -> f64 {
-    let corners = part.polygon().vertices();
-    let next = corners.iter().cycle().skip(1);
-    corners.iter().zip(next).map(|(from, to)| (to - from).norm()).sum()
+    covariance: Matrix2<f64>,
 }
 
 impl Weight {
@@ -129,20 +90,24 @@ impl Weight {
     }
 }
 
-/// Estimates by the probability of their parts, from the logarithms of evidence.
-#[must_use]
-pub fn ranked<E>(parts: impl Iterator<Item = (E, Option<f64>)>) -> Vec<PartEstimate<E>> {
-    let parts: Vec<_> = parts.collect();
-    let most = parts.iter().filter_map(|(_, evidence)| *evidence).fold(f64::NEG_INFINITY, f64::max);
-    let share = |evidence: Option<f64>| evidence.map_or(0.0, |evidence| (evidence - most).exp());
-    let sum: f64 = parts.iter().map(|(_, evidence)| share(*evidence)).sum();
-    let probability = |evidence| if sum > 0.0 { share(evidence) / sum } else { 0.0 };
-    let numbered = parts.into_iter().enumerate();
-    let mut ranked: Vec<_> = numbered
-        .map(|(part, (estimate, evidence))| PartEstimate { part, probability: probability(evidence), estimate })
-        .collect();
-    ranked.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    ranked
+/// What an estimate's hypotheses bring to the evidence; those whose place is free bring none.
+fn weights(estimate: &Estimate) -> impl Iterator<Item = Weight> + '_ {
+    estimate.hypotheses.iter().filter_map(|hypothesis| {
+        let covariance = hypothesis.state_covariance?.fixed_view::<2, 2>(0, 0).into();
+        Some(Weight { cost: hypothesis.cost, covariance })
+    })
+}
+
+/// Logarithm of a part's evidence, up to what all parts share; none without an explanation.
+fn log_evidence(part: &Part, weights: impl Iterator<Item = Weight>) -> Option<f64> {
+    let logarithms: Vec<_> = weights.map(|weight| weight.log()).filter(|log| log.is_finite()).collect();
+    let most = logarithms.iter().copied().reduce(f64::max)?;
+    let sum: f64 = logarithms.iter().map(|log| (log - most).exp()).sum();
+    Some(most + sum.ln() - perimeter(part).ln())
+}
+
+fn perimeter(part: &Part) -> f64 {
+    part.polygon().edges().map(|(from, to)| (to - from).norm()).sum()
 }
 
 #[cfg(test)]
@@ -154,7 +119,7 @@ mod tests {
     use super::*;
     use crate::geometry::SimplePolygon;
     use crate::pushing::dynamics::{ContactLaw, EdgeEnd, Finger, Mass, Push, PushModel, Start, State};
-    use crate::pushing::estimation::{Channel, Measured, Prior, Touch};
+    use crate::pushing::estimation::{Channel, Known, Measured, Observation, Observer as _, Prior, SAME_END_M, Touch};
 
     const GRIP: f64 = 0.3 * 9.81;
     const DT: f64 = 0.01; // s
@@ -191,7 +156,7 @@ mod tests {
         let parts = [rectangle(0.06, 0.04), rectangle(0.08, 0.02), part(&[[0.0, 0.0], [0.07, 0.0], [0.02, 0.05]])];
         let all = parts.each_ref().map(known);
         for (truth, part) in parts.iter().enumerate() {
-            let ranked = which_part(&all, &push(part));
+            let ranked = which_part(all.iter().map(|known| (known.part, known.estimate(&push(part)))));
             assert_eq!(ranked.len(), parts.len());
             assert_eq!(ranked[0].part, truth);
             assert!(ranked[0].probability > 0.9, "{truth}: {}", ranked[0].probability);
@@ -229,7 +194,7 @@ mod tests {
         let parts = supports();
         let all = parts.each_ref().map(known);
         for (truth, part) in parts.iter().enumerate() {
-            let ranked = which_part(&all, &push(part));
+            let ranked = which_part(all.iter().map(|known| (known.part, known.estimate(&push(part)))));
             assert_eq!(
                 ranked[0].part,
                 truth,
@@ -248,10 +213,11 @@ mod tests {
         let Observation { dt, measured, prior } = push(&parts[truth]);
         let Measured::ContactAngle(Channel { values, .. }) = measured else { panic!("angles were felt") };
         let measured = Measured::ContactAngle(Channel { values, sigma: 10.0 * SIGMA });
-        let ranked = which_part(&all, &Observation { dt, measured, prior });
+        let felt = Observation { dt, measured, prior };
+        let ranked = which_part(all.iter().map(|known| (known.part, known.estimate(&felt))));
         assert!(ranked.iter().all(|part| part.probability < 0.95), "{ranked:?}");
         let alone: Vec<_> = ranked.iter().map(|part| (part.probability, part.estimate.clone())).collect();
-        let mixed = mixed(ranked).unwrap();
+        let mixed = mixed(&ranked, Nearness::BY_PLACE).unwrap();
         let sum: f64 = mixed.hypotheses.iter().map(|found| found.probability).sum();
         assert!((sum - 1.0).abs() < 1e-9, "{sum}");
         // Mean and mean square of every explanation, whatever the part, are those of the mixture about its own members.
@@ -265,7 +231,7 @@ mod tests {
             let wanted: f64 = members
                 .iter()
                 .map(|(share, member)| {
-                    let off = member.pose_end[2] - found.pose_end[2];
+                    let off = member.pose_end.theta - found.pose_end.theta;
                     share / weight * (member.covariance.unwrap().m33 + off * off)
                 })
                 .sum();
@@ -277,7 +243,8 @@ mod tests {
     #[test]
     fn parts_that_are_alike_share_the_probability() {
         let parts = [rectangle(0.06, 0.04), rectangle(0.06, 0.04)];
-        let ranked = which_part(&parts.each_ref().map(known), &push(&parts[0]));
+        let felt = push(&parts[0]);
+        let ranked = which_part(parts.each_ref().map(|part| (part, known(part).estimate(&felt))));
         assert!(ranked.iter().all(|part| (part.probability - 0.5).abs() < 1e-9), "{ranked:?}");
     }
 
@@ -289,15 +256,14 @@ mod tests {
         let both = log_evidence(&part, [weight(0.0), weight(2.0)].into_iter());
         let one = log_evidence(&part, [weight(2.0)].into_iter());
         let none = log_evidence(&part, std::iter::empty());
-        let ranked = ranked([((), none), ((), one), ((), both)].into_iter());
+        let shares = shares(&[none, one, both]);
         let wanted = (1.0 + (-1.0_f64).exp()) / (1.0 + 2.0 * (-1.0_f64).exp());
-        assert_eq!(ranked.iter().map(|part| part.part).collect::<Vec<_>>(), [2, 1, 0]);
-        assert!((ranked[0].probability - wanted).abs() < 1e-12 && ranked[2].probability.abs() < 1e-300);
+        assert!((shares[2] - wanted).abs() < 1e-12 && (shares[1] - (1.0 - wanted)).abs() < 1e-12, "{shares:?}");
+        assert!(shares[0].abs() < 1e-300, "{shares:?}");
     }
 
     #[test]
     fn if_no_part_explains_the_data_none_is_named() {
-        let ranked = ranked([((), None), ((), None)].into_iter());
-        assert!(ranked.iter().all(|part| part.probability.abs() < 1e-300));
+        assert!(shares(&[None, None]).iter().all(|share| share.abs() < 1e-300));
     }
 }

@@ -26,19 +26,14 @@ mod symmetry;
 pub mod trial;
 pub mod windows;
 
-use nalgebra::{Isometry2, Matrix2x3, Matrix3, Matrix4, Vector2};
-
 pub use felt::{CalibrationError, FeltForce, Uncertainty};
-use fit::{EndCovariance, Problem, Tried, difference};
+use fit::{EndCovariance, Problem, Tried};
 use path::{Course, Guess};
 
-use super::planning::{Belief, Present};
-use super::which_part::{PartEstimate, Weight, log_evidence, ranked};
+use super::hypotheses::{Estimate, Fit, FromForce, GATE, Hypothesis, Nearness, Observer, SAME_END_M, joined};
+use super::planning::Present;
 use crate::pushing::dynamics::{ContactLaw, EdgeEnd, Part, Push, Start, State};
 use crate::pushing::finger_motion::FingerMotion;
-
-/// A minimum is listed if its cost is at most this much above the best one's: four standard deviations.
-pub const COST_MARGIN: f64 = 16.0;
 
 /// Steps of every fit at first; those that then are hopeless are given up.
 const STEPS_FIRST: usize = 4;
@@ -49,8 +44,8 @@ const HOPELESS: f64 = 3.0;
 /// See [`HOPELESS`].
 const HOPELESS_COST: f64 = 3000.0;
 
-/// Minima on one edge nearer than this in place and angle, at the end, are one: m, rad.
-const SAME_PLACE: (f64, f64) = (5e-4, 0.0175);
+/// Minima on one edge nearer than this at the end are one: half a millimetre, a degree. The contact angle is not felt by itself.
+pub const SAME_PLACE: Nearness = Nearness { place: SAME_END_M, angle: 0.0175 };
 
 /// Ends of fits nearer than this are the same minimum: m, rad.
 const ONE_MINIMUM: (f64, f64) = (2e-5, 2e-4);
@@ -73,150 +68,29 @@ pub struct Known<'p> {
     pub motion: &'p FingerMotion,
 }
 
-/// What the force says.
-#[derive(Clone, Debug)]
-pub struct Estimate {
-    /// Everything that the force cannot exclude, most probable first; empty if it excludes all.
-    pub hypotheses: Vec<Hypothesis>,
-    /// The best one's cost, listed or not.
-    pub cost: Option<f64>,
-    /// Above this cost no hypothesis explains the force: the 99.9 % quantile of chi-square.
-    pub cost_max: f64,
-    /// How many turns take the part to itself: hypotheses stand for as many poses each.
-    pub symmetry: usize,
-    /// Time since the onset up to which the force was used, s.
-    pub duration: f64,
-    /// Standard deviation of ln(µ g) beforehand, where it was not known.
-    pub grip_log_sd: Option<f64>,
-}
-
-/// A pose that explains the force.
-#[derive(Clone, Copy, Debug)]
-pub struct Hypothesis {
-    /// The edge that the finger touches: of parts that look the same turned, the first such.
-    pub edge: usize,
-    /// Contact angle at the start, rad.
-    pub u0: f64,
-    /// Contact on the edge at the start, m.
-    pub s0: f64,
-    /// Contact angle at the end, rad.
-    pub u_end: f64,
-    /// Contact on the edge at the end, m.
-    pub s_end: f64,
-    /// µ_c, if the contact slipped; otherwise it is `friction_needed` or more.
-    pub mu_c: Option<f64>,
-    /// Friction that rolling took.
-    pub friction_needed: f64,
-    /// The part's mass, kg (or relative, as the force).
-    pub mass: f64,
-    /// Standard deviation of its logarithm.
-    pub mass_log_sd: f64,
-    /// µ g of the plane, m/s²: as known, or as found.
-    pub grip: f64,
-    /// Standard deviation of ln(µ g); 0 where it is known.
-    pub grip_log_sd: f64,
-    /// Standard deviation of ln(µ m g), the force that the plane can resist with.
-    pub resistance_log_sd: f64,
-    /// Pose of the part frame in the motion's frame when the finger began to move.
-    pub pose_start: Isometry2<f64>,
-    /// The same at the end.
-    pub pose_end: Isometry2<f64>,
-    /// Covariance of `pose_end`: x, y, θ.
-    pub covariance: Matrix3<f64>,
-    /// How the part moves at the end.
-    pub state_end: State,
-    /// Covariance of `state_end`: u, s, ω, v_T; in rolling, v_T follows from the others.
-    pub state_covariance: Matrix4<f64>,
-    /// Squared whitened residuals.
-    pub cost: f64,
-    /// Share of probability among those listed (Laplace's approximation; every place on the outline alike).
-    pub probability: f64,
-}
-
-impl Hypothesis {
-    /// Standard deviations at the end: of the centre of mass (m, both directions together) and of the angle (rad).
-    #[must_use]
-    pub fn spread(&self, part: &Part) -> (f64, f64) {
-        let arm = self.pose_end.rotation * part.centre_of_mass().coords;
-        let to_centre = Matrix2x3::new(1.0, 0.0, -arm.y, 0.0, 1.0, arm.x);
-        let centre = to_centre * self.covariance * to_centre.transpose();
-        (centre.trace().max(0.0).sqrt(), self.covariance[(2, 2)].max(0.0).sqrt())
-    }
-}
-
-impl Hypothesis {
-    /// What a motion planner starts from. A contact that never slipped is taken to roll on: its friction is not known.
-    #[must_use]
-    pub fn belief(&self) -> Belief {
-        let rolling = ContactLaw::Rolling { friction: None };
-        Belief {
-            edge: self.edge,
-            law: self.mu_c.map_or(rolling, |friction| ContactLaw::Coulomb { friction }),
-            state: self.state_end,
-            covariance: self.state_covariance,
-            probability: self.probability,
-        }
-    }
-}
-
-/// What the answer is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Status {
-    /// One pose.
-    Unique,
-    /// Several.
-    Ambiguous,
-    /// None explains the force.
-    None,
-}
-
-/// The plane's friction counts as found if its standard deviation is less than this share of what it was beforehand.
-const FOUND_SHARE: f64 = 0.9;
-
-/// Mass and friction of the plane are known together where their product's standard deviation is less than this share of each one's.
-const TOGETHER_SHARE: f64 = 0.5;
-
-impl Estimate {
-    /// Whether the force tells µ m g but neither µ nor m, beyond what was known beforehand.
-    #[must_use]
-    pub fn mass_and_friction_are_one(&self) -> bool {
-        let Some(beforehand) = self.grip_log_sd else { return false };
-        self.hypotheses.first().is_some_and(|best| {
-            best.grip_log_sd > FOUND_SHARE * beforehand && best.resistance_log_sd < TOGETHER_SHARE * best.mass_log_sd
-        })
-    }
-
+impl<'p> Known<'p> {
     /// Finger and part at the time up to which the force was used: what a motion planner starts from.
     #[must_use]
-    pub fn present<'p>(&self, known: &Known<'p>) -> Present<'p> {
-        let legs: Vec<_> = known.motion.legs(known.radius).collect();
+    pub fn present(&self, estimate: &Estimate) -> Present<'p> {
+        let legs: Vec<_> = self.motion.legs(self.radius).collect();
         // A motion has at least one segment.
-        let leg = legs.iter().rev().find(|leg| leg.from < self.duration).unwrap_or(&legs[0]);
-        let since = self.duration - leg.from;
+        let leg = legs.iter().rev().find(|leg| leg.from < estimate.time_end).unwrap_or(&legs[0]);
+        let since = estimate.time_end - leg.from;
         Present {
-            part: known.part,
-            grip: self.hypotheses.first().map_or(known.grip, |best| best.grip),
-            radius: known.radius,
+            part: self.part,
+            grip: estimate.hypotheses.first().map_or(self.grip, |best| best.grip),
+            radius: self.radius,
             centre: leg.finger.centre(since).coords.into(),
             velocity: leg.finger.velocity(since),
         }
     }
+}
 
-    fn weights(&self) -> impl Iterator<Item = Weight> + '_ {
-        self.hypotheses.iter().map(|hypothesis| {
-            let covariance = hypothesis.state_covariance.fixed_view::<2, 2>(0, 0).into();
-            Weight { cost: hypothesis.cost, covariance }
-        })
-    }
+impl Observer for Known<'_> {
+    type Observation = FeltForce;
 
-    /// What the answer is.
-    #[must_use]
-    pub fn status(&self) -> Status {
-        match self.hypotheses.len() {
-            0 => Status::None,
-            1 => Status::Unique,
-            _ => Status::Ambiguous,
-        }
+    fn estimate(&self, felt: &FeltForce) -> Estimate {
+        estimate(self, felt)
     }
 }
 
@@ -231,48 +105,13 @@ pub fn estimate(known: &Known, felt: &FeltForce) -> Estimate {
     conclude(&problem, descend_all(&problem, starts), symmetry)
 }
 
-/// Which of several parts explains what was felt, the likeliest first; `known` differs in the part.
-#[must_use]
-pub fn which_part(known: &[Known], felt: &FeltForce) -> Vec<PartEstimate<Estimate>> {
-    ranked(known.iter().map(|known| {
-        let estimate = estimate(known, felt);
-        let evidence = log_evidence(known.part, estimate.weights());
-        (estimate, evidence)
-    }))
-}
-
-/// What several parts of one outline leave possible together, whichever it is: poses of different parts that are one are joined, and
-/// its covariance covers them all. None where no part explains the force, or those that do differ in their symmetry, so that
-/// their poses do not stand for the same.
-#[must_use]
-pub fn mixed(parts: &[PartEstimate<Estimate>]) -> Option<Estimate> {
-    let possible = || parts.iter().filter(|part| part.probability > 0.0);
-    let first = possible().next()?;
-    if possible().any(|part| part.estimate.symmetry != first.estimate.symmetry) {
-        return None;
-    }
-    let by_part = |part: &PartEstimate<Estimate>| {
-        let share = part.probability;
-        part.estimate
-            .hypotheses
-            .clone()
-            .into_iter()
-            .map(move |found| Hypothesis { probability: share * found.probability, ..found })
-    };
-    let mut all: Vec<_> = possible().flat_map(by_part).collect();
-    all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    let mut hypotheses = joined(all);
-    hypotheses.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    Some(Estimate { hypotheses, ..first.estimate.clone() })
-}
-
 /// The same, sought only where an earlier answer from the beginning of the same push had found something: what was excluded then
 /// stays excluded.
 #[must_use]
 pub fn follow(known: &Known, felt: &FeltForce, earlier: &Estimate) -> Estimate {
     let course = course(known, felt);
     let problem = Problem { course: &course, felt };
-    let starts = earlier.hypotheses.iter().filter_map(|hypothesis| problem.try_guess(hypothesis.guess(&course)));
+    let starts = earlier.hypotheses.iter().filter_map(|hypothesis| problem.try_guess(guess(hypothesis, &course)));
     let starts = starts.collect::<Vec<_>>();
     conclude(&problem, descend_all(&problem, starts), earlier.symmetry)
 }
@@ -307,16 +146,18 @@ fn conclude(problem: &Problem, mut tried: Vec<Tried>, symmetry: usize) -> Estima
     tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let best = tried.first().map(|tried| tried.cost);
     let listed: Vec<_> = match best {
-        Some(best) if best <= cost_max => distinct(tried, best + COST_MARGIN),
+        Some(best) if best <= cost_max => distinct(tried, best + GATE),
         _ => Vec::new(),
     };
     let mut hypotheses: Vec<_> =
         listed.iter().filter_map(|tried| hypothesis(problem, tried, best.unwrap_or(tried.cost))).collect();
     let total: f64 = hypotheses.iter().map(|hypothesis| hypothesis.probability).sum();
     hypotheses.iter_mut().for_each(|hypothesis| hypothesis.probability /= total);
-    let mut hypotheses = joined(hypotheses);
+    let mut hypotheses = joined(hypotheses, SAME_PLACE);
     hypotheses.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    Estimate { hypotheses, cost: best, cost_max, symmetry, duration, grip_log_sd: problem.course.grip_log_sd }
+    let fit = Fit { cost: best, degrees_of_freedom: 2 * problem.felt.count(), cost_max };
+    let grip_log_sd = problem.course.grip_log_sd;
+    Estimate { hypotheses, symmetry, grip_log_sd, ..Estimate::unexplained(fit, duration) }
 }
 
 /// Whether the finger can be there at all, outside the part.
@@ -343,64 +184,40 @@ fn distinct(tried: Vec<Tried>, cost_max: f64) -> Vec<Tried> {
     kept
 }
 
-/// Hypotheses so near each other that they are one answer are joined; its spread covers them all.
-fn joined(hypotheses: Vec<Hypothesis>) -> Vec<Hypothesis> {
-    let mut kept: Vec<Hypothesis> = Vec::new();
-    for hypothesis in hypotheses {
-        let near = |other: &&mut Hypothesis| {
-            let (place, angle) = ((other.s_end - hypothesis.s_end).abs(), (other.u_end - hypothesis.u_end).abs());
-            other.edge == hypothesis.edge && place < SAME_PLACE.0 && angle < SAME_PLACE.1
-        };
-        match kept.iter_mut().find(near) {
-            Some(other) => other.take_in(&hypothesis),
-            None => kept.push(hypothesis),
-        }
-    }
-    kept
-}
-
-impl Hypothesis {
-    fn guess(&self, course: &Course) -> Guess {
-        let grip_log = if course.grip_log_sd.is_some() { (self.grip / course.grip).ln() } else { 0.0 };
-        Guess { edge: self.edge, u: self.u0, s: self.s0, mu_c: self.mu_c.unwrap_or(f64::INFINITY), grip_log }
-    }
-
-    /// Covers another one too, of a greater cost.
-    fn take_in(&mut self, other: &Self) {
-        let share = other.probability / (self.probability + other.probability);
-        let apart = difference(&self.pose_end, &other.pose_end);
-        self.covariance = self.covariance * (1.0 - share) + (other.covariance + apart * apart.transpose()) * share;
-        let state = Vector2::new(other.state_end.u - self.state_end.u, other.state_end.s - self.state_end.s);
-        let mut states = self.state_covariance * (1.0 - share) + other.state_covariance * share;
-        let mut of_place = states.fixed_view_mut::<2, 2>(0, 0);
-        of_place += state * state.transpose() * share;
-        self.state_covariance = states;
-        self.probability += other.probability;
-    }
+/// The guess that an earlier answer's explanation began with.
+fn guess(hypothesis: &Hypothesis, course: &Course) -> Guess {
+    let grip_log = if course.grip_log_sd.is_some() { (hypothesis.grip / course.grip).ln() } else { 0.0 };
+    let mu_c = hypothesis.from_force.and_then(|force| force.mu_c).unwrap_or(f64::INFINITY);
+    Guess { edge: hypothesis.edge, u: hypothesis.start.u, s: hypothesis.start.s, mu_c, grip_log }
 }
 
 fn hypothesis(problem: &Problem, tried: &Tried, best: f64) -> Option<Hypothesis> {
     let at_end = problem.end_covariance(tried)?;
     let EndCovariance { pose: covariance, state: state_covariance, spread, .. } = at_end;
     let Tried { guess, path, mass, cost, .. } = tried;
+    let mu_c = path.slipped.then_some(guess.mu_c);
     Some(Hypothesis {
         edge: guess.edge,
-        u0: guess.u,
-        s0: guess.s,
-        u_end: path.end.u,
-        s_end: path.end.s,
-        mu_c: path.slipped.then_some(guess.mu_c),
-        friction_needed: path.friction_needed,
-        mass: *mass,
-        mass_log_sd: at_end.mass_log_sd,
+        start: State { u: guess.u, s: guess.s, omega: 0.0, v_t: 0.0 },
+        contact_start: path.contact_start,
+        end: path.end,
+        contact_end: path.contact,
+        // A contact that never slipped is taken to roll on: its friction is not known.
+        law: mu_c.map_or(ContactLaw::Rolling { friction: None }, |friction| ContactLaw::Coulomb { friction }),
+        pose_start: problem.course.pose_at_start(guess)?.into(),
+        pose_end: problem.course.pose_at_end(guess, path)?.into(),
+        velocity_end: problem.course.velocity_at_end(guess, path)?,
+        covariance: Some(covariance),
+        state_covariance: Some(state_covariance),
         grip: problem.course.grip_of(guess),
-        grip_log_sd: at_end.grip_log_sd,
-        resistance_log_sd: at_end.resistance_log_sd,
-        pose_start: problem.course.pose_at_start(guess)?,
-        pose_end: problem.course.pose_at_end(guess, path)?,
-        covariance,
-        state_end: path.end,
-        state_covariance,
+        grip_log_sd: Some(at_end.grip_log_sd),
+        from_force: Some(FromForce {
+            mass: *mass,
+            mass_log_sd: at_end.mass_log_sd,
+            resistance_log_sd: at_end.resistance_log_sd,
+            mu_c,
+            friction_needed: path.friction_needed,
+        }),
         cost: *cost,
         // Relative to the others: a cost of hundreds would leave nothing of its exponential.
         probability: spread * (-0.5 * (cost - best)).exp(),

@@ -57,6 +57,8 @@ pub(super) struct Path {
     jumps: Vec<(f64, Vector2<f64>)>,
     /// The state at the end.
     pub(super) end: State,
+    /// The contact at the start.
+    pub(super) contact_start: Contact,
     /// The contact at the end.
     pub(super) contact: Contact,
     /// Least and greatest place on the edge's line, m.
@@ -142,6 +144,14 @@ impl<'p> Course<'p> {
         Some(pose(&model, self.duration - leg.from, &path.end))
     }
 
+    /// Velocity of the centre of mass at the end of a path that began with this guess, m/s.
+    pub(super) fn velocity_at_end(&self, guess: &Guess, path: &Path) -> Option<Vector2<f64>> {
+        let edge = self.part.edge(guess.edge).ok()?;
+        let leg = self.legs.iter().rev().find(|leg| leg.from < self.duration - SAME_TIME_S)?;
+        let model = self.model(edge, leg, self.grip_of(guess));
+        Some(model.velocity(&path.contact, self.duration - leg.from, &path.end).into())
+    }
+
     /// The same at the start.
     pub(super) fn pose_at_start(&self, guess: &Guess) -> Option<Isometry2<f64>> {
         let edge = self.part.edge(guess.edge).ok()?;
@@ -205,6 +215,7 @@ impl<'p> Player<'p> {
             smooth: vec![Vector2::zeros()],
             jumps: vec![(0.0, force)],
             end: state,
+            contact_start: contact,
             contact,
             s_span: [s, s],
             friction_needed: if contact == Contact::Rolling { needed } else { 0.0 },

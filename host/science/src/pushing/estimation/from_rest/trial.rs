@@ -7,12 +7,12 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::{Isometry2, Rotation2, Vector2};
+use nalgebra::Isometry2;
 
-use super::{Estimate, Hypothesis, Status};
-use crate::geometry::SimplePolygon;
+use crate::geometry::{Pose, SimplePolygon};
 use crate::math::random::Draw;
 use crate::pushing::dynamics::{EndReason, GRAVITY, Part};
+use crate::pushing::estimation::hypotheses::{Estimate, Hypothesis, Status};
 use crate::pushing::finger_motion::{FingerMotion, Segment};
 use crate::pushing::pushed_world::{Played, PushedWorld};
 
@@ -147,20 +147,12 @@ pub struct PoseError {
 
 /// Compares two poses of a part that `symmetry` turns take to itself.
 #[must_use]
-pub fn pose_error(part: &Part, symmetry: usize, pose: &Isometry2<f64>, truth: &Isometry2<f64>) -> PoseError {
-    let centre = part.centre_of_mass();
+pub fn pose_error(part: &Part, symmetry: usize, pose: &Pose, truth: &Isometry2<f64>) -> PoseError {
+    let (centre, pose) = (part.centre_of_mass(), pose.isometry());
     let distance = (pose * centre - truth * centre).norm();
     let step = 2.0 * PI / f64::from(u32::try_from(symmetry.max(1)).unwrap_or(u32::MAX));
     let off = pose.rotation.angle_to(&truth.rotation).rem_euclid(step);
     PoseError { distance, angle: off.min(step - off) }
-}
-
-/// A pose turned about the part's centre of mass.
-#[must_use]
-pub fn turned(part: &Part, pose: &Isometry2<f64>, angle: f64) -> Isometry2<f64> {
-    let centre: Vector2<f64> = (pose * part.centre_of_mass()).coords;
-    let turn = Rotation2::new(pose.rotation.angle() + angle);
-    Isometry2::new(centre - turn * part.centre_of_mass().coords, turn.angle())
 }
 
 /// What came of one case.
@@ -184,7 +176,7 @@ impl Outcome {
     /// Judges an estimate.
     #[must_use]
     pub fn new(part: &Part, drawn: &Drawn, estimate: &Estimate) -> Self {
-        let truth = drawn.played.pose(estimate.duration);
+        let truth = drawn.played.pose(estimate.time_end);
         let error = |hypothesis: &Hypothesis| {
             truth.as_ref().map(|truth| pose_error(part, estimate.symmetry, &hypothesis.pose_end, truth))
         };
@@ -212,7 +204,7 @@ impl PoseError {
 
 /// Whether a pose is right within what it states.
 fn is_right(part: &Part, hypothesis: &Hypothesis, error: &PoseError) -> bool {
-    let (distance_sd, angle_sd) = hypothesis.spread(part);
+    let Some((distance_sd, angle_sd)) = hypothesis.spread(part) else { return false };
     error.distance <= (RIGHT_SDS * distance_sd).max(RIGHT.distance)
         && error.angle <= (RIGHT_SDS * angle_sd).max(RIGHT.angle)
 }

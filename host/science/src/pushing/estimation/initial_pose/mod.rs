@@ -24,13 +24,14 @@ use nalgebra::{Point2, Vector2};
 use self::closing::{EXACT, Rough};
 use self::swift::{Glided, SCAN_ERROR};
 pub use self::table::Table;
-use crate::geometry::SimplePolygon;
+use crate::geometry::{Pose, SimplePolygon};
 use crate::math::angle::wrap_angle;
 use crate::math::roots::{NearZero, near_zeros};
 use crate::pushing::dynamics::{
-    Body, ContactLaw, EdgeEnd, FingerPath, FingerShape, Mass, Part, PartSide, Run, ShapeError, ShapedModel, ShapedPush,
-    Start, State,
+    Body, Contact, ContactLaw, EdgeEnd, FingerPath, FingerShape, Mass, Part, PartSide, Run, ShapeError, ShapedModel,
+    ShapedPush, Start, State,
 };
+use crate::pushing::estimation::hypotheses::{Estimate, Fit, Hypothesis, Observer};
 
 /// Places looked at on each edge. Motions change with s₀ on the scale of the part, so that folds are wide against a 32nd of an edge.
 const LOOKS_ON_EDGE: u32 = 32;
@@ -90,7 +91,7 @@ struct Site {
 }
 
 /// A place that fits all contacts.
-struct Fit {
+struct FittingPlace {
     site: Site,
     near: NearZero,
     misfits: Vec<f64>,
@@ -105,6 +106,15 @@ pub struct TimedContact {
     pub u: f64,
 }
 
+/// The contacts that were felt and how well.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Contacts {
+    /// Times increasing, above 0; at least one.
+    pub felt: Vec<TimedContact>,
+    /// Predictions this near agree, in the unit of u.
+    pub tolerance: f64,
+}
+
 /// A pose in which the part may have rested.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RestingPose {
@@ -112,8 +122,8 @@ pub struct RestingPose {
     pub edge: Option<usize>,
     /// Where it is touched: m along an edge, eccentric angle in [0, π) on an ellipse.
     pub s0: f64,
-    /// x, y (m) and theta (rad) of the part's frame.
-    pub pose: [f64; 3],
+    /// Of the part.
+    pub pose: Pose,
     /// u as predicted less u as felt, for each contact that it has to explain.
     pub residuals: Vec<f64>,
     /// Whether every place of this side fits: nothing tells where it is touched.
@@ -252,11 +262,11 @@ impl RestingPush {
 
     /// The pose that goes with a place on the part.
     #[must_use]
-    pub fn resting_pose(&self, edge: Option<usize>, s0: f64) -> Option<[f64; 3]> {
+    pub fn resting_pose(&self, edge: Option<usize>, s0: f64) -> Option<Pose> {
         let site = self.sites.iter().find(|site| site.edge == edge)?;
         let (model, state) = (self.model(site).ok()?, self.start(s0));
         let origin = model.position(0.0, &state);
-        Some([origin.x, origin.y, model.theta(&state)])
+        Some(Pose { x: origin.x, y: origin.y, theta: model.theta(&state) })
     }
 
     fn start(&self, s0: f64) -> State {
@@ -313,7 +323,7 @@ impl RestingPush {
         let possible = apart.iter().filter(|(site, near)| !hopeless(site, near.at));
         let fits = possible.filter_map(|&(site, near)| {
             let (at, misfits) = polished(near.at, site, &|s0| self.misfits(&site, s0, contacts), tolerance)?;
-            Some(Fit { site, near: NearZero { at, ..near }, misfits })
+            Some(FittingPlace { site, near: NearZero { at, ..near }, misfits })
         });
         let fits = fits.filter(|fit| !self.overlaps(&fit.site, fit.near.at)).collect();
         let solutions = self.one_each(fits, contacts, tolerance);
@@ -327,14 +337,14 @@ impl RestingPush {
     }
 
     /// One pose for each stretch of places that all fit, best first.
-    fn one_each(&self, mut fits: Vec<Fit>, contacts: &[TimedContact], tolerance: f64) -> Vec<RestingPose> {
+    fn one_each(&self, mut fits: Vec<FittingPlace>, contacts: &[TimedContact], tolerance: f64) -> Vec<RestingPose> {
         let is_fit = |site: &Site, s0: f64| {
             self.misfits(site, s0, contacts).is_some_and(|misfits| all_within(&misfits, tolerance))
         };
         fits.sort_by(|a, b| squares(&a.misfits).total_cmp(&squares(&b.misfits)));
-        let mut kept: Vec<Fit> = Vec::new();
+        let mut kept: Vec<FittingPlace> = Vec::new();
         for fit in fits {
-            let joined = |best: &Fit| {
+            let joined = |best: &FittingPlace| {
                 let (from, way) = (best.near.at, fit.site.way(best.near.at, fit.near.at));
                 best.site.is_same_place(&fit.site, from, fit.near.at)
                     || (best.site.edge == fit.site.edge
@@ -356,7 +366,7 @@ impl RestingPush {
 
     fn pose_at(&self, site: &Site, near: &NearZero, residuals: Vec<f64>) -> RestingPose {
         let s0 = site.principal(near.at);
-        let pose = self.resting_pose(site.edge, s0).unwrap_or([f64::NAN; 3]);
+        let pose = self.resting_pose(site.edge, s0).unwrap_or(Pose { x: f64::NAN, y: f64::NAN, theta: f64::NAN });
         RestingPose { edge: site.edge, s0, pose, residuals, anywhere: near.anywhere }
     }
 
@@ -370,7 +380,7 @@ impl RestingPush {
         let (Object::Polygon(polygon), Some(pose)) = (&self.object, self.resting_pose(site.edge, s0)) else {
             return false;
         };
-        let world = nalgebra::Isometry2::new(Vector2::new(pose[0], pose[1]), pose[2]);
+        let world = pose.isometry();
         // Where the finger is a disk of radius 1 about the origin.
         let seen = |point: Point2<f64>| {
             let from_centre = world * point - self.path.centre(0.0);
@@ -389,6 +399,60 @@ impl RestingPush {
             TimedContact { t, u: last }
         };
         contacts.iter().map(continuous).collect()
+    }
+}
+
+impl Observer for RestingPush {
+    type Observation = Contacts;
+
+    fn estimate(&self, contacts: &Contacts) -> Estimate {
+        self.judged_as(&self.observe(&contacts.felt, contacts.tolerance).solutions, contacts)
+    }
+}
+
+impl Observer for Table<'_> {
+    type Observation = Contacts;
+
+    fn estimate(&self, contacts: &Contacts) -> Estimate {
+        self.push().judged_as(&self.observe(&contacts.felt, contacts.tolerance).solutions, contacts)
+    }
+}
+
+impl RestingPush {
+    /// Resting poses in the form of every observer's answer, with the motion to the last contact.
+    ///
+    /// A tolerance is no standard deviation: what fits within it fits, all alike, so there are no covariances, and the cost is the
+    /// largest residual over the tolerance, squared.
+    fn judged_as(&self, solutions: &[RestingPose], contacts: &Contacts) -> Estimate {
+        let time_end = contacts.felt.last().map_or(0.0, |last| last.t);
+        let probability = 1.0 / solutions.len().max(1) as f64;
+        let explained = |found: &RestingPose| {
+            let site = self.sites.iter().find(|site| site.edge == found.edge)?;
+            let end = *self.run(site, found.s0, &[time_end])?.samples.last()?;
+            let most = found.residuals.iter().fold(0.0_f64, |most, residual| most.max(residual.abs()));
+            Some(Hypothesis {
+                edge: found.edge.unwrap_or(0),
+                start: self.start(found.s0),
+                contact_start: Contact::Frictionless,
+                end: end.state,
+                contact_end: Contact::Frictionless,
+                law: ContactLaw::Frictionless,
+                pose_start: found.pose,
+                pose_end: Pose { x: end.position.x, y: end.position.y, theta: end.theta },
+                velocity_end: end.velocity,
+                covariance: None,
+                state_covariance: None,
+                grip: self.grip,
+                grip_log_sd: None,
+                from_force: None,
+                cost: (most / contacts.tolerance).powi(2),
+                probability,
+            })
+        };
+        let hypotheses: Vec<_> = solutions.iter().filter_map(explained).collect();
+        let cost = hypotheses.iter().map(|found| found.cost).reduce(f64::min);
+        let fit = Fit { cost, degrees_of_freedom: contacts.felt.len().saturating_sub(1), cost_max: 1.0 };
+        Estimate { hypotheses, ..Estimate::unexplained(fit, time_end) }
     }
 }
 

@@ -80,6 +80,11 @@ impl<'p> Table<'p> {
         Self { push, sites: push.sites.iter().map(table).collect(), times }
     }
 
+    /// The push that it is a table of.
+    pub(super) fn push(&self) -> &RestingPush {
+        self.push
+    }
+
     /// The same as [`RestingPush::observe`].
     #[must_use]
     pub fn observe(&self, contacts: &[TimedContact], tolerance: f64) -> RestingPoses {

@@ -150,13 +150,13 @@ proptest! {
         };
         let predicted = push.predicted(edge, s0, &[0.3]);
         prop_assume!(predicted.len() == 1);
-        let [x, y, theta] = push.resting_pose(edge, s0).unwrap();
+        let pose = push.resting_pose(edge, s0).unwrap();
         let centroid = push.body.centre_of_mass();
-        let world = nalgebra::Isometry2::new(Vector2::new(x, y), theta) * centroid;
+        let world = pose.isometry() * centroid;
         let oracle = ByGap {
             shape, object, rho_squared: push.body.inertia_per_mass(), acceleration, near: push.normal_angle(),
         };
-        let q0 = [world.x - 0.01, world.y + 0.02, theta];
+        let q0 = [world.x - 0.01, world.y + 0.02, pose.theta];
         // The resting pose touches, at u0.
         prop_assert!(oracle.gap(q0).abs() < 1e-9, "{}", oracle.gap(q0));
         prop_assert!((oracle.felt(q0) - u0).abs() < 1e-5, "{} {u0}", oracle.felt(q0));

@@ -15,18 +15,13 @@ use super::clock::{Fineness, count};
 use super::data::Data;
 use super::fit::{Candidate, Descent, Fitting, STEP_MAX};
 use super::launch::{Begin, GRIP, UNKNOWNS};
-use super::observation::{Estimate, Fit, Hypothesis, Known, Observation, Prior, pose};
 use super::path::Site;
 use super::seed::{Width, angles, seeds, settling};
 use super::sites::sites;
-use super::which_part::{log_evidence_of, mixed, ranked};
 use crate::math::statistics::chi_square_quantile;
-
-/// Costs up to this above the best belong to the set. Fixed by the interface.
-pub(super) const GATE: f64 = 16.0;
-
-/// Minima on one edge whose ends are nearer than this are one, m. Fixed by the interface.
-pub(super) const SAME_END_M: f64 = 5e-4;
+use crate::pushing::estimation::hypotheses::{Estimate, Fit, GATE, Hypothesis, Nearness, SAME_END_M, pose};
+use crate::pushing::estimation::observation::{Known, Observation, Prior};
+use crate::pushing::estimation::which_part::{mixed, which_part};
 
 /// Probability with which data of the model pass the test of fit. Fixed by the interface.
 const FIT_PROBABILITY: f64 = 0.999;
@@ -183,10 +178,9 @@ impl<'a, 'p> Task<'a, 'p> {
             let found = Estimate { outliers: vec![value], ..task.explained(Width::Narrow)? };
             // A wrong part is off by a little everywhere, a wrong value by much in one place.
             found.fit.cost.filter(|cost| with_all > cost + GROSS)?;
-            let evidence = log_evidence_of(self.known.part, &found);
-            Some((found, evidence))
+            Some((self.known.part, found))
         });
-        mixed(ranked(explained))
+        mixed(&which_part(explained), Nearness::BY_PLACE)
     }
 
     /// Adds what lies farther along the valleys of minima that explain the data, but poorly: the better one beside it may have been
@@ -405,7 +399,7 @@ pub(super) fn judge_all(fitting: &Fitting, descents: &[Descent], begins: usize) 
     let degrees_of_freedom = possible.first().map_or(fitting.data.terms(), degrees);
     let fit = Fit { cost, degrees_of_freedom, cost_max: chi_square_quantile(FIT_PROBABILITY, degrees_of_freedom) };
     let Some(best) = cost.filter(|cost| *cost <= fit.cost_max.max(COST_OF_NO_DATA)) else {
-        return Estimate { hypotheses: Vec::new(), fit, outliers: Vec::new(), simulations: 0 };
+        return Estimate::unexplained(fit, fitting.data.duration());
     };
     possible.retain(|descent| descent.evaluation.cost <= best + GATE);
     let mut judged: Vec<Judged> = Vec::new();
@@ -415,7 +409,8 @@ pub(super) fn judge_all(fitting: &Fitting, descents: &[Descent], begins: usize) 
             judged.push(next);
         }
     }
-    Estimate { hypotheses: by_probability(judged), fit, outliers: Vec::new(), simulations: 0 }
+    let grip_log_sd = fitting.prior.grip_log_sigma;
+    Estimate { hypotheses: by_probability(judged), grip_log_sd, ..Estimate::unexplained(fit, fitting.data.duration()) }
 }
 
 /// A cost that counts as none where there are no more data than unknowns: what steps and walls leave.
@@ -454,6 +449,8 @@ fn judge(fitting: &Fitting, descent: &Descent, begins: usize) -> Judged {
         contact_start: evaluation.contact_start,
         end: evaluation.end,
         contact_end: evaluation.contact_end,
+        law: fitting.known.touch.law(evaluation.contact_end),
+        pose_start: pose(&model, evaluation.start.u, 0.0, &evaluation.start),
         pose_end: pose(&model, evaluation.start.u, time, &evaluation.end),
         velocity_end: Vector2::from(model.velocity(&evaluation.contact_end, time, &evaluation.end)),
         covariance: state_covariance
@@ -461,6 +458,7 @@ fn judge(fitting: &Fitting, descent: &Descent, begins: usize) -> Judged {
         state_covariance,
         grip: fitting.known_by(candidate).grip,
         grip_log_sd,
+        from_force: None,
         cost: evaluation.cost,
         probability: 0.0,
     };
@@ -511,8 +509,8 @@ fn pose_covariance(fitting: &Fitting, descent: &Descent, contact: &Matrix2<f64>)
     let time = fitting.data.duration();
     let model = fitting.known.model(candidate.site.edge);
     let (sin, cos) = evaluation.end.u.sin_cos();
-    let [x, y, _] = pose(&model, evaluation.start.u, time, &evaluation.end);
-    let arm = Vector2::new(x, y) - fitting.known.finger.centre(time).coords;
+    let origin = pose(&model, evaluation.start.u, time, &evaluation.end).origin();
+    let arm = origin.coords - fitting.known.finger.centre(time).coords;
     // The part turns about the disk's centre with the angle, and moves along the tangent with the place.
     let slopes = Matrix3x2::new(-arm.y, -sin, arm.x, cos, 1.0, 0.0);
     let bends = [Matrix2::new(-arm.x, -cos, -cos, 0.0), Matrix2::new(-arm.y, -sin, -sin, 0.0)];

@@ -3,8 +3,8 @@
 //! Units: SI. Errors: none.
 
 use super::clock::count;
-use super::observation::{Channel, Measured, Observation};
 use crate::math::angle::wrap_angle;
+use crate::pushing::estimation::observation::{Channel, Measured, Observation};
 
 /// What is fitted, one value each `dt` from t = 0 on.
 #[derive(Clone, Debug)]

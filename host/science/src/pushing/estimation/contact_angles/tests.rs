@@ -5,10 +5,11 @@ use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::Vector3;
 
-use super::*;
+use crate::geometry::Pose;
 use crate::math::angle::wrap_angle;
 use crate::math::random::Draw;
 use crate::pushing::dynamics::{ContactLaw, EdgeEnd, EndReason, Finger, Part, Push, PushModel, Sample, Start, State};
+use crate::pushing::estimation::*;
 
 /// What µ g is taken for, m/s².
 const GRIP: f64 = 0.3 * 9.81;
@@ -77,7 +78,7 @@ impl Pushed {
 
     /// Squared error of a hypothesis's pose in its own standard deviations: 2 on average, as the part touches the disk.
     fn squared_error(&self, found: &Hypothesis) -> f64 {
-        let (end, [x, y, theta]) = (self.end(), found.pose_end);
+        let (end, Pose { x, y, theta }) = (self.end(), found.pose_end);
         let off = Vector3::new(x - end.position.x, y - end.position.y, wrap_angle(theta - end.theta));
         let inverse = found.covariance.and_then(|covariance| covariance.try_inverse()).unwrap();
         (off.transpose() * inverse * off)[0]

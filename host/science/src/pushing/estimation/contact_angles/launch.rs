@@ -11,10 +11,10 @@
 
 use nalgebra::Vector2;
 
-use super::observation::{Known, Touch};
 use super::path::{Launch, Site, lifted, without_slip};
 use crate::math::Jet;
 use crate::pushing::dynamics::{Contact, PushModel, RestStart, Scalar, Slip, State};
+use crate::pushing::estimation::observation::{Known, Touch};
 
 /// Numbers of unknowns that a hypothesis can have at most.
 pub(super) const UNKNOWNS: usize = 5;

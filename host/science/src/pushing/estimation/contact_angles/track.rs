@@ -19,12 +19,13 @@ use nalgebra::{DMatrix, Matrix5, Vector2, Vector5};
 use super::data::Data;
 use super::fit::{Candidate, Descent, Fitting, Past};
 use super::launch::{Begin, GRIP, UNKNOWNS};
-use super::observation::{Channel, Estimate, Fit, Known, Measured, Observation, Prior};
 use super::path::Site;
 use super::seed::{Width, seeds};
 use super::select::{REST_ERROR, descend_together, fineness, judge_all, least_cost, merge_met, total_max};
 use super::sites::sites;
 use crate::pushing::dynamics::{Contact, Finger};
+use crate::pushing::estimation::hypotheses::{Estimate, Fit};
+use crate::pushing::estimation::observation::{Channel, Known, Measured, Observation, Prior};
 
 /// Values before the first estimate.
 const VALUES_FIRST: usize = 15;
@@ -127,7 +128,7 @@ impl<'p> Tracker<'p> {
             live: Vec::new(),
             cost: f64::INFINITY,
             held_back: Vec::new(),
-            estimate: Estimate { hypotheses: Vec::new(), fit, outliers: Vec::new(), simulations: 0 },
+            estimate: Estimate::unexplained(fit, 0.0),
         }
     }
 

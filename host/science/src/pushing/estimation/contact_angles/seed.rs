@@ -19,9 +19,9 @@ use super::data::{Data, Local, local};
 use super::fit::{Candidate, Fitting, forgets};
 use super::launch::{Begin, Unknowns};
 use super::manifold::{Settled, settled};
-use super::observation::{Known, Touch};
 use super::path::Site;
 use crate::pushing::dynamics::{PushModel, Slip, State};
+use crate::pushing::estimation::observation::{Known, Touch};
 
 /// Places tried on an edge: one each so many parts of the radius of gyration, and how many at least and at most.
 const PLACES_PER_RADIUS: f64 = 8.0;

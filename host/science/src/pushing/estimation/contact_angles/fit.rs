@@ -14,11 +14,11 @@ use nalgebra::{Matrix4x5, Matrix5, RowVector5, SMatrix, SVector, Vector2, Vector
 use super::clock::{Clock, Fineness};
 use super::data::Data;
 use super::launch::{Begin, GRIP, UNKNOWNS, Unknowns, Variable, launch, rest_span};
-use super::observation::{Channel, GRIP_LOG_MAX, Known, Prior, Touch};
 use super::path::{Seen, Site, WALLS, follow, plain_contact, plain_state};
 use crate::math::Jet;
 use crate::math::angle::wrap_angle;
 use crate::pushing::dynamics::{Contact, Scalar, State};
+use crate::pushing::estimation::observation::{Channel, GRIP_LOG_MAX, Known, Prior, Touch};
 
 /// |ω| at t = 0 at most, where there is no prior, rad/s. Fixed by the interface.
 const OMEGA0_MAX: f64 = 10.0;

@@ -7,8 +7,8 @@
 //! Frames: world. Units: SI, forces per unit mass. Errors: none; a motion without a physical force is no path.
 
 use super::clock::Clock;
-use super::observation::{Known, Touch};
 use crate::pushing::dynamics::{Contact, Edge, Motion, PushModel, Scalar, Slip, State};
+use crate::pushing::estimation::observation::{Known, Touch};
 
 /// Changes between rolling and sliding in one path: more are chatter of a motion that no real contact makes.
 const CHANGES_MAX: usize = 20;

@@ -16,8 +16,13 @@
 //! Assumes: the contact lasts; nothing keeps the estimate on its edge.
 //! Frames: world. Units: SI. Errors: none; an estimate that is no longer finite ends a trace.
 
+mod bank;
+#[cfg(test)]
+mod tests;
+
 use std::f64::consts::PI;
 
+pub use bank::{GhoBank, GhoRun};
 use nalgebra::{Const, Matrix3, Matrix4, RowVector4, SMatrix, Vector3, Vector4};
 
 use crate::math::angle::wrap_angle;
@@ -233,6 +238,3 @@ pub(super) fn without_turns(angles: &[f64], near: f64) -> Vec<f64> {
     };
     angles.iter().map(continuous).collect()
 }
-
-#[cfg(test)]
-mod tests;

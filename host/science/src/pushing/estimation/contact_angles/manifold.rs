@@ -7,10 +7,10 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::observation::Touch;
 use super::path::lifted;
 use crate::math::Jet;
 use crate::pushing::dynamics::{Contact, PushModel, Slip, State};
+use crate::pushing::estimation::observation::Touch;
 
 /// Iterations: the friction law is convex, and from a neighbouring place two or three suffice; from afar it takes more.
 const ITERATIONS_MAX: usize = 20;

@@ -1,0 +1,260 @@
+//! What an observer of a pushed part answers: the set of all that the data cannot exclude. Plain data.
+//!
+//! Every observer here answers in this form, so that whatever judges, shows, plans on or compares answers is written once.
+//!
+//! Frames: that of the finger's motion, called world. Units: SI. Errors: none; an empty set is an answer.
+
+use std::f64::consts::PI;
+
+use nalgebra::{Matrix2x3, Matrix3, Matrix4, Point2, Rotation2, Vector2, Vector3, Vector4};
+
+use crate::geometry::Pose;
+use crate::math::angle::wrap_angle;
+use crate::pushing::dynamics::{Contact, ContactLaw, Part, PushModel, State};
+
+/// Costs up to this above the best belong to the set: four standard deviations. Fixed by the interface.
+pub const GATE: f64 = 16.0;
+
+/// Minima on one edge whose ends are nearer than this are one, m. Fixed by the interface.
+pub const SAME_END_M: f64 = 5e-4;
+
+/// Ends so near each other that two explanations on one edge are one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Nearness {
+    /// Of the places on the edge, m.
+    pub place: f64,
+    /// Of the contact angles, rad.
+    pub angle: f64,
+}
+
+impl Nearness {
+    /// Where the contact angle is felt or follows from what is: the place decides. Fixed by the interface.
+    pub const BY_PLACE: Self = Self { place: SAME_END_M, angle: f64::INFINITY };
+}
+
+/// An observer of a pushed part: one observation in, one set of hypotheses out.
+///
+/// What is known beforehand (the part, the friction, the finger's motion) is in the observer; what was felt is the observation.
+pub trait Observer {
+    /// What was felt, in the form in which this observer takes it.
+    type Observation: ?Sized;
+
+    /// Everything that the observation cannot exclude.
+    fn estimate(&self, observation: &Self::Observation) -> Estimate;
+}
+
+/// What an observation says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimate {
+    /// Everything that the data cannot exclude, most probable first; empty if they exclude all.
+    pub hypotheses: Vec<Hypothesis>,
+    /// How well the best one fits.
+    pub fit: Fit,
+    /// How many turns take the part to itself, where each hypothesis stands for as many poses; 1 where every pose is listed.
+    pub symmetry: usize,
+    /// Up to when data were used, s.
+    pub time_end: f64,
+    /// Standard deviation of ln(µ g) beforehand, where the friction of the plane was not known.
+    pub grip_log_sd: Option<f64>,
+    /// Values that no smooth motion passes through, by their place; left out where nothing explains the data with them.
+    pub outliers: Vec<usize>,
+    /// Forward simulations that it took, those with derivatives included; 0 where they were not counted.
+    pub simulations: usize,
+}
+
+/// Goodness of fit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fit {
+    /// The least cost of anything that is physically possible, even if it is too large; none where nothing is.
+    pub cost: Option<f64>,
+    /// Data and prior terms less fitted parameters.
+    pub degrees_of_freedom: usize,
+    /// Above this cost nothing explains the data: the 99.9 % quantile of chi-square.
+    pub cost_max: f64,
+}
+
+/// What kind of answer a set of hypotheses is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    /// One explanation.
+    Unique,
+    /// Several.
+    Ambiguous,
+    /// Nothing explains the data.
+    Unexplained,
+}
+
+/// One explanation of the data: a local minimum of the cost.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hypothesis {
+    /// The edge in contact; 0 on an ellipse, which has no others.
+    pub edge: usize,
+    /// At the first value.
+    pub start: State,
+    /// What the contact does then.
+    pub contact_start: Contact,
+    /// At the last value.
+    pub end: State,
+    /// What the contact does then.
+    pub contact_end: Contact,
+    /// By which law the contact goes on, as far as it is known now.
+    pub law: ContactLaw,
+    /// The part at the first value.
+    pub pose_start: Pose,
+    /// The part at the last value.
+    pub pose_end: Pose,
+    /// Velocity of the centre of mass at the last value, m/s.
+    pub velocity_end: Vector2<f64>,
+    /// Of `pose_end` (x, y, theta); none where the data leave the pose free, or the observer gives none.
+    pub covariance: Option<Matrix3<f64>>,
+    /// Of `end`: u, s, ω, v_T; none where `covariance` is none. In rolling, v_T follows from the others.
+    pub state_covariance: Option<Matrix4<f64>>,
+    /// µ g, m/s²: as known, or as found where it was not.
+    pub grip: f64,
+    /// Standard deviation of ln(µg), 0 where that is known; none where `covariance` is none.
+    pub grip_log_sd: Option<f64>,
+    /// What only the force's size and direction tell; none where they were not felt.
+    pub from_force: Option<FromForce>,
+    /// Squared residuals in standard deviations, prior terms included.
+    pub cost: f64,
+    /// Among the hypotheses, by Laplace's approximation; before the push every place of the perimeter is as likely.
+    pub probability: f64,
+}
+
+/// What only the force on the finger tells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FromForce {
+    /// The part's mass, kg (or relative, as the force).
+    pub mass: f64,
+    /// Standard deviation of its logarithm.
+    pub mass_log_sd: f64,
+    /// Standard deviation of ln(µ m g), the force that the plane can resist with.
+    pub resistance_log_sd: f64,
+    /// µ_c, if the contact slipped; otherwise it is `friction_needed` or more.
+    pub mu_c: Option<f64>,
+    /// Friction that rolling took.
+    pub friction_needed: f64,
+}
+
+/// A pose and motion that is still possible: what a motion planner starts from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Belief {
+    /// The edge in contact.
+    pub edge: usize,
+    /// How it touches.
+    pub law: ContactLaw,
+    /// Where it is and how it moves.
+    pub state: State,
+    /// Of u, s, ω, v_T; a row of zeros for what is known or follows from the others.
+    pub covariance: Matrix4<f64>,
+    /// Between 0 and 1.
+    pub probability: f64,
+}
+
+/// The plane's friction counts as found if its standard deviation is less than this share of what it was beforehand.
+const FOUND_SHARE: f64 = 0.9;
+
+/// Mass and friction of the plane are known together where their product's standard deviation is less than this share of each one's.
+const TOGETHER_SHARE: f64 = 0.5;
+
+impl Estimate {
+    /// An answer without hypotheses.
+    #[must_use]
+    pub fn unexplained(fit: Fit, time_end: f64) -> Self {
+        let hypotheses = Vec::new();
+        Self { hypotheses, fit, symmetry: 1, time_end, grip_log_sd: None, outliers: Vec::new(), simulations: 0 }
+    }
+
+    /// What kind of answer it is.
+    #[must_use]
+    pub fn status(&self) -> Status {
+        match self.hypotheses.len() {
+            0 => Status::Unexplained,
+            1 => Status::Unique,
+            _ => Status::Ambiguous,
+        }
+    }
+
+    /// Whether the force tells µ m g but neither µ nor m, beyond what was known beforehand.
+    #[must_use]
+    pub fn mass_and_friction_are_one(&self) -> bool {
+        let Some(beforehand) = self.grip_log_sd else { return false };
+        let best = self.hypotheses.first();
+        best.and_then(|best| best.from_force.zip(best.grip_log_sd)).is_some_and(|(force, grip_log_sd)| {
+            grip_log_sd > FOUND_SHARE * beforehand && force.resistance_log_sd < TOGETHER_SHARE * force.mass_log_sd
+        })
+    }
+}
+
+impl Hypothesis {
+    /// What a motion planner starts from, where the pose is known at all: the same at the last value's time.
+    #[must_use]
+    pub fn belief(&self) -> Option<Belief> {
+        let Self { edge, law, end: state, probability, .. } = *self;
+        Some(Belief { edge, law, state, covariance: self.state_covariance?, probability })
+    }
+
+    /// Standard deviations at the end: of the centre of mass (m, both directions together) and of the angle (rad). None where the
+    /// pose has none.
+    #[must_use]
+    pub fn spread(&self, part: &Part) -> Option<(f64, f64)> {
+        let covariance = self.covariance?;
+        let arm = self.pose_end.isometry().rotation * part.centre_of_mass().coords;
+        let to_centre = Matrix2x3::new(1.0, 0.0, -arm.y, 0.0, 1.0, arm.x);
+        let centre = to_centre * covariance * to_centre.transpose();
+        Some((centre.trace().max(0.0).sqrt(), covariance[(2, 2)].max(0.0).sqrt()))
+    }
+
+    /// Covers another explanation too: the mean squares of the errors of its own pose if either may be true.
+    pub(super) fn take_in(&mut self, other: &Self) {
+        let both = self.probability + other.probability;
+        let share = if both > 0.0 { other.probability / both } else { 0.0 };
+        let of_pose = Vector3::new(
+            other.pose_end.x - self.pose_end.x,
+            other.pose_end.y - self.pose_end.y,
+            wrap_angle(other.pose_end.theta - self.pose_end.theta),
+        );
+        let of_state = Vector4::new(
+            other.end.u - self.end.u,
+            other.end.s - self.end.s,
+            other.end.omega - self.end.omega,
+            other.end.v_t - self.end.v_t,
+        );
+        self.covariance = self
+            .covariance
+            .zip(other.covariance)
+            .map(|(own, other)| own * (1.0 - share) + (other + of_pose * of_pose.transpose()) * share);
+        self.state_covariance = self
+            .state_covariance
+            .zip(other.state_covariance)
+            .map(|(own, other)| own * (1.0 - share) + (other + of_state * of_state.transpose()) * share);
+        self.probability = both;
+    }
+}
+
+/// Hypotheses that are one answer, being on one edge with ends near each other, are joined: each covers all that it stands for.
+pub(super) fn joined(hypotheses: impl IntoIterator<Item = Hypothesis>, near: Nearness) -> Vec<Hypothesis> {
+    let mut kept: Vec<Hypothesis> = Vec::new();
+    for next in hypotheses {
+        let one = |other: &&mut Hypothesis| {
+            let (place, angle) = ((other.end.s - next.end.s).abs(), (other.end.u - next.end.u).abs());
+            other.edge == next.edge && place < near.place && angle < near.angle
+        };
+        match kept.iter_mut().find(one) {
+            Some(other) => other.take_in(&next),
+            None => kept.push(next),
+        }
+    }
+    kept
+}
+
+/// Pose of the part at a state reached from contact angle `u0`.
+///
+/// The turn is in (−π, π] at the start and continuous from there.
+pub(super) fn pose(model: &PushModel, u0: f64, time: f64, state: &State) -> Pose {
+    let toward = model.edge.normal.y.atan2(model.edge.normal.x);
+    let theta = wrap_angle(u0 + PI - toward) + state.u - u0;
+    let centre = model.centre_of_mass(time, state);
+    let origin: Point2<f64> = centre - Rotation2::new(theta) * model.part.centre_of_mass().coords;
+    Pose { x: origin.x, y: origin.y, theta }
+}
