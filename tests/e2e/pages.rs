@@ -232,7 +232,12 @@ fn what_the_notation_names_is_there() {
     let page = std::fs::read_to_string(root().join(INDEX_PAGE)).unwrap();
     let (mut places, mut faults) = (0, Vec::new());
     for (line, text) in page.lines().enumerate().map(|(at, text)| (at + 1, text)) {
-        // `path/to/file.rs` or `path/to/file.rs::name`.
+        // `path/to/folder/`, `path/to/file.rs` or `path/to/file.rs::name`.
+        for place in marked(text).filter(|place| place.ends_with('/')) {
+            if !root().join(place).is_dir() {
+                faults.push(format!("{INDEX_PAGE}:{line}: got {place}, wanted a folder"));
+            }
+        }
         for place in marked(text).filter(|place| place.contains('/') && place.contains(".rs")) {
             places += 1;
             let (file, name) = place.split_once("::").map_or((place, None), |(file, name)| (file, Some(name)));
