@@ -1,4 +1,4 @@
-//! The pages a person reads: what they mark up and where they lead.
+//! The pages a person reads: what they mark up, where they lead, and that the index of the thesis is whole and true.
 
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
@@ -53,4 +53,223 @@ fn anchor(heading: &str) -> String {
     let plain = heading.trim_start_matches('#').trim().to_lowercase();
     let kept = plain.chars().filter(|c| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_'));
     kept.map(|c| if c == ' ' { '-' } else { c }).collect()
+}
+
+/// The page that holds the index of the thesis.
+const INDEX_PAGE: &str = "docs/NOTATION.md";
+
+/// What a chapter or appendix of the thesis numbers: how many equations, figures and tables, each from 1 on. Algorithms and
+/// statements are counted through the whole thesis: the first and last of each here, both 0 for none.
+struct Chapter {
+    label: &'static str,
+    equations: usize,
+    figures: usize,
+    tables: usize,
+    algorithms: [usize; 2],
+    statements: [usize; 2],
+}
+
+/// A chapter without algorithms and statements.
+const fn plain(label: &'static str, equations: usize, figures: usize, tables: usize) -> Chapter {
+    Chapter { label, equations, figures, tables, algorithms: [0; 2], statements: [0; 2] }
+}
+
+const fn with(chapter: Chapter, algorithms: [usize; 2], statements: [usize; 2]) -> Chapter {
+    Chapter { algorithms, statements, ..chapter }
+}
+
+/// Source: Y.-B. Jia's thesis (CMU-RI-TR-97-50), counted in its text.
+const CHAPTERS: [Chapter; 13] = [
+    plain("1", 0, 2, 0),
+    with(plain("2", 0, 5, 3), [1, 2], [1, 3]),
+    with(plain("3", 0, 6, 2), [0; 2], [4, 12]),
+    with(plain("4", 10, 1, 0), [0; 2], [13, 16]),
+    with(plain("5", 43, 6, 0), [0; 2], [17, 23]),
+    plain("6", 0, 8, 3),
+    with(plain("7", 34, 3, 0), [0; 2], [24, 32]),
+    plain("8", 0, 0, 0),
+    plain("A", 0, 1, 0),
+    with(plain("B", 0, 1, 0), [0; 2], [33, 34]),
+    plain("C", 1, 1, 0),
+    plain("D", 0, 0, 0),
+    with(plain("E", 1, 0, 0), [0; 2], [35, 35]),
+];
+
+/// What statement 1, 2, … of the thesis is called: they share one count.
+const STATEMENTS: [&str; 35] = [
+    "Claim",
+    "Theorem",
+    "Corollary",
+    "Lemma",
+    "Theorem",
+    "Theorem",
+    "Corollary",
+    "Lemma",
+    "Theorem",
+    "Lemma",
+    "Lemma",
+    "Theorem",
+    "Theorem",
+    "Theorem",
+    "Theorem",
+    "Theorem",
+    "Theorem",
+    "Corollary",
+    "Theorem",
+    "Proposition",
+    "Theorem",
+    "Proposition",
+    "Theorem",
+    "Theorem",
+    "Proposition",
+    "Lemma",
+    "Lemma",
+    "Proposition",
+    "Lemma",
+    "Lemma",
+    "Proposition",
+    "Theorem",
+    "Lemma",
+    "Theorem",
+    "Claim",
+];
+
+/// One row of the index.
+struct Row {
+    /// In the page, from 1 on.
+    line: usize,
+    /// Of the chapter or appendix.
+    label: String,
+    number: String,
+    place: String,
+}
+
+/// The rows of the index, without headings.
+fn index() -> Vec<Row> {
+    let page = std::fs::read_to_string(root().join(INDEX_PAGE)).unwrap();
+    let (mut inside, mut label, mut rows) = (false, String::new(), Vec::new());
+    for (line, text) in page.lines().enumerate().map(|(at, text)| (at + 1, text)) {
+        if text.starts_with("## ") {
+            inside = text == "## Index of the thesis";
+        }
+        if let Some(heading) = text.strip_prefix("### ") {
+            label = heading.split([' ', ':']).nth(1).unwrap_or_default().to_owned();
+        }
+        if inside && text.starts_with("| ") && !text.starts_with("| number |") {
+            let cells: Vec<_> = text.trim_matches('|').split('|').map(str::trim).collect();
+            assert_eq!(cells.len(), 3, "{INDEX_PAGE}:{line}: a row has a number, what it says and where: {text}");
+            rows.push(Row { line, label: label.clone(), number: cells[0].to_owned(), place: cells[2].to_owned() });
+        }
+    }
+    assert!(rows.len() > 150, "{INDEX_PAGE}: {} rows in the index", rows.len());
+    rows
+}
+
+/// The numbers of a chapter, kind by kind.
+fn wanted(chapter: &Chapter) -> Vec<Vec<String>> {
+    let label = chapter.label;
+    let numbered = |kind: &str, count: usize| (1..=count).map(|n| format!("{kind} {label}.{n}")).collect::<Vec<_>>();
+    let through = |[first, last]: [usize; 2]| (first..=last).filter(|n| *n > 0);
+    let equations = (1..=chapter.equations).map(|n| format!("({label}.{n})")).collect();
+    let algorithms = through(chapter.algorithms).map(|n| format!("Algorithm {n}")).collect();
+    let statements = through(chapter.statements).map(|n| format!("{} {n}", STATEMENTS[n - 1])).collect();
+    vec![equations, numbered("Figure", chapter.figures), numbered("Table", chapter.tables), algorithms, statements]
+}
+
+/// What kind of number it is, in the order of [`wanted`]; none for what the thesis leaves unnumbered.
+fn kind(number: &str) -> Option<usize> {
+    match number.split(' ').next()? {
+        equation if equation.starts_with('(') => Some(0),
+        "Figure" => Some(1),
+        "Table" => Some(2),
+        "Algorithm" => Some(3),
+        "Appendix" => None,
+        section if section.starts_with('§') => None,
+        _ => Some(4),
+    }
+}
+
+#[test]
+fn the_index_has_every_number_of_the_thesis_once() {
+    let rows = index();
+    let mut faults = Vec::new();
+    for row in &rows {
+        if !CHAPTERS.iter().any(|chapter| chapter.label == row.label) {
+            faults.push(format!("{INDEX_PAGE}:{}: got chapter {:?}, wanted one of the thesis", row.line, row.label));
+        }
+    }
+    for chapter in &CHAPTERS {
+        for (of, wanted) in wanted(chapter).into_iter().enumerate() {
+            let here = |row: &&Row| row.label == chapter.label && kind(&row.number) == Some(of);
+            let got: Vec<&Row> = rows.iter().filter(here).collect();
+            let differs = (0..got.len().max(wanted.len()))
+                .find(|&i| got.get(i).map(|row| row.number.as_str()) != wanted.get(i).map(String::as_str));
+            let Some(first) = differs else { continue };
+            let line = got.get(first).or(got.last()).map_or(0, |row| row.line);
+            let [got, wanted] = [got.get(first).map(|row| &row.number), wanted.get(first)]
+                .map(|number| number.map_or("nothing more", String::as_str));
+            faults.push(format!("{INDEX_PAGE}:{line}: chapter {}: got {got}, wanted {wanted}", chapter.label));
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+/// What stands between backticks.
+fn marked(text: &str) -> impl Iterator<Item = &str> {
+    text.split('`').skip(1).step_by(2)
+}
+
+/// Whether a source file defines a name. Comments do not count.
+fn defines(source: &str, name: &str) -> bool {
+    const KINDS: [&str; 8] = ["fn", "struct", "enum", "trait", "type", "const", "static", "mod"];
+    let code = source.lines().map(str::trim_start).filter(|line| !line.starts_with("//"));
+    let mut words = code.map(|line| line.split(|c: char| !c.is_alphanumeric() && c != '_').collect::<Vec<_>>());
+    words.any(|words| words.windows(2).any(|pair| KINDS.contains(&pair[0]) && pair[1] == name))
+}
+
+#[test]
+fn what_the_notation_names_is_there() {
+    let page = std::fs::read_to_string(root().join(INDEX_PAGE)).unwrap();
+    let (mut places, mut faults) = (0, Vec::new());
+    for (line, text) in page.lines().enumerate().map(|(at, text)| (at + 1, text)) {
+        // `path/to/folder/`, `path/to/file.rs` or `path/to/file.rs::name`.
+        for place in marked(text).filter(|place| place.ends_with('/')) {
+            if !root().join(place).is_dir() {
+                faults.push(format!("{INDEX_PAGE}:{line}: got {place}, wanted a folder"));
+            }
+        }
+        for place in marked(text).filter(|place| place.contains('/') && place.contains(".rs")) {
+            places += 1;
+            let (file, name) = place.split_once("::").map_or((place, None), |(file, name)| (file, Some(name)));
+            match (std::fs::read_to_string(root().join(file)), name) {
+                (Err(error), _) => faults.push(format!("{INDEX_PAGE}:{line}: got {file}: {error}, wanted a file")),
+                (Ok(source), Some(name)) if !defines(&source, name) => {
+                    faults.push(format!("{INDEX_PAGE}:{line}: got no {name} in {file}, wanted its definition"));
+                }
+                _ => {}
+            }
+        }
+    }
+    assert!(places > 200, "{INDEX_PAGE}: {places} places");
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+#[test]
+fn every_row_of_the_index_has_a_place_or_says_why_not() {
+    let has_place = |row: &Row| marked(&row.place).any(|place| place.contains(".rs"));
+    // "as (5.16)": like the row of that number.
+    let says_why = |row: &Row| {
+        row.place.starts_with("as ") || ["not built", "not drawn"].iter().any(|why| row.place.contains(why))
+    };
+    let open = index().into_iter().filter(|row| !has_place(row) && !says_why(row));
+    let faults: Vec<_> =
+        open.map(|row| format!("{INDEX_PAGE}:{}: got {:?}, wanted a place or a reason", row.line, row.place)).collect();
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+#[test]
+fn a_definition_is_told_from_a_mention() {
+    let source = "// fn gone() {}\npub(crate) const fn here() {}\nlet x = there();\n    struct Inner<T>;\n";
+    let found = ["gone", "here", "there", "Inner", "Inn"].map(|name| defines(source, name));
+    assert_eq!(found, [false, true, false, true, false]);
 }

@@ -20,7 +20,7 @@ const EDGES: [u32; 5] = [3, 7, 64, 1000, 10_000];
 /// Evaluations of an edge in one timed run: a tenth of a millisecond, so that some runs are not interrupted on a busy computer.
 const EDGES_A_RUN: u32 = 20_000;
 
-/// What the thesis took for the integral of a 7-gon and for its partial derivatives, s (Lisp on a Sparcstation 20, §5.3).
+/// What the thesis took for the integral of a 7-gon and for its partial derivatives, s (Lisp on a Sparcstation 20, ch. 6).
 const THESIS_7_GON_S: [f64; 2] = [0.183, 1.118];
 
 fn main() {

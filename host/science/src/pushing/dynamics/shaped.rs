@@ -2,7 +2,7 @@
 //!
 //! The general model beside the fast one of a disk on an edge ([`super::dynamics`]), with the same states and contacts.
 //!
-//! Implements: thesis §5.2.1, eqs. (5.7) to (5.17), and §5.4, in a form that never divides by a curvature. Let finger and part
+//! Implements: thesis §5.1, eqs. (5.7) to (5.17), and §5.4, in a form that never divides by a curvature. Let finger and part
 //! have outlines with parameters u and s, lengths g_F du and g_P ds, and normals that turn by k_F du and k_P ds. At the contact,
 //! N is the part's outward normal, t = ẑ × N its counter-clockwise direction, T = −t the finger's, c = c_N N + c_t t the contact
 //! seen from the centre of mass, and σ = (v + ω ẑ × c − v_F)·t the slip. Both outlines share contact and normal:

@@ -6,7 +6,7 @@
 //! divided by the area, so that a support of any kind gives the means of `v̂` and of `p × v̂`, weighed by pressure: [`MeanSliding`].
 //! Both are gradients of the mean speed `Φ = ∫ |v| dA / A`, hence their own gradient is symmetric and positive semidefinite.
 //!
-//! Implements: thesis §5.1, eqs. (5.1) to (5.4), and appendix C, in closed forms of our own that need no angles and no
+//! Implements: thesis §5.1.2, eqs. (5.18) to (5.20), and appendix C, in closed forms of our own that need no angles and no
 //! inside test. Symbols in `docs/NOTATION.md`.
 //! Assumes: Coulomb friction, pressure known and constant. What rests exactly at the centre of rotation has no friction.
 //! Frames: any frame fixed to the part, of which the twist is that of the origin, in the part's axes. Units: SI.
