@@ -12,7 +12,8 @@
 use nalgebra::Vector2;
 
 use super::observation::{Known, Touch};
-use super::path::{Launch, Site, lifted, without_slip};
+use super::path::{Launch, Site, lifted};
+use crate::pushing::contact_mode::ContactFriction;
 use crate::pushing::{Contact, Jet, PushModel, RestStart, Scalar, Slip, State};
 
 /// Numbers of unknowns that a hypothesis can have at most.
@@ -126,9 +127,9 @@ fn sliding<T: Scalar>(touch: Touch, slip: Slip) -> Contact<T> {
 }
 
 fn no_slip<T: Scalar>(touch: Touch, model: &PushModel<T>, state: &State<T>) -> Contact<T> {
-    match touch {
-        Touch::Coulomb { friction } => without_slip(model, 0.0, state, friction),
-        _ => Contact::Rolling,
+    match touch.deciding_friction() {
+        Some(friction) => friction.lifted().without_slip(&model.motion(&Contact::Rolling, 0.0, state).force()),
+        None => Contact::Rolling,
     }
 }
 
@@ -192,22 +193,17 @@ fn rest_start(known: &Known, model: &PushModel, slip: Option<Slip>, u: f64, s: f
     if x * u.cos() + y * u.sin() <= 0.0 {
         return None; // The finger leaves.
     }
-    let start = |contact: Contact| {
-        let start = model.rest_start(&contact, u, s).ok()?;
-        (start.normal_force > 0.0).then_some((contact, start))
-    };
-    match (known.touch, slip) {
-        (Touch::Frictionless, _) => start(Contact::Frictionless),
-        (Touch::Rolling { .. }, _) => start(Contact::Rolling),
-        (touch, Some(slip)) => start(sliding(touch, slip)),
-        (Touch::Sliding { .. }, None) => None,
+    let start = |contact: &Contact| model.rest_start(contact, u, s);
+    let contact = match (known.touch, slip) {
+        (Touch::Frictionless, _) => Contact::Frictionless,
+        (Touch::Rolling { .. }, _) => Contact::Rolling,
+        (touch, Some(slip)) => sliding(touch, slip),
+        (Touch::Sliding { .. }, None) => return None,
         (Touch::Coulomb { friction }, None) => {
-            let (_, rolling) = start(Contact::Rolling)?;
-            if rolling.tangential_force.abs() <= friction * rolling.normal_force {
-                return Some((Contact::Rolling, rolling));
-            }
-            let slip = if rolling.tangential_force > 0.0 { Slip::Backward } else { Slip::Forward };
-            start(Contact::Sliding { friction, slip })
+            let begun = ContactFriction::same(friction).from_rest(0.0, start).ok()?;
+            return Some(begun).filter(|(_, start)| start.force().pushes());
         }
-    }
+    };
+    let start = start(&contact).ok()?;
+    start.force().pushes().then_some((contact, start))
 }

@@ -9,7 +9,8 @@ use nalgebra::{SMatrix, SVector};
 
 use super::observation::Touch;
 use super::path::lifted;
-use crate::pushing::{Contact, Jet, PushModel, Slip, State};
+use crate::pushing::contact_mode::ContactFriction;
+use crate::pushing::{Contact, ContactForce, Jet, PushModel, Slip, State};
 
 /// Iterations: the friction law is convex, and from a neighbouring place two or three suffice; from afar it takes more.
 const ITERATIONS_MAX: usize = 20;
@@ -31,6 +32,13 @@ pub(super) struct Settled {
     pub(super) normal_force: f64,
     /// See `normal_force`.
     pub(super) tangential_force: f64,
+}
+
+impl Settled {
+    /// The force on the part.
+    fn force(&self) -> ContactForce {
+        ContactForce { normal: self.normal_force, tangential: self.tangential_force }
+    }
 }
 
 /// The settled motion at a contact, sought from a neighbouring one, or else from what a blow would make of a part at rest.
@@ -57,12 +65,10 @@ fn settled_from(model: &PushModel, touch: Touch, slip: Option<Slip>, time: f64, 
         (Touch::Sliding { .. }, None) => None,
         (Touch::Coulomb { friction }, None) => {
             let rolling = settle::<1>(model, &Contact::Rolling, time, near)?;
-            let Settled { state, normal_force, tangential_force, .. } = rolling;
-            if tangential_force.abs() <= friction * normal_force {
-                return Some(rolling);
+            match ContactFriction::same(friction).without_slip(&rolling.force()) {
+                Contact::Rolling => Some(rolling),
+                sliding => settle::<2>(model, &sliding, time, &rolling.state),
             }
-            let slip = if tangential_force > 0.0 { Slip::Backward } else { Slip::Forward };
-            settle::<2>(model, &Contact::Sliding { friction, slip }, time, &state)
         }
     }
 }

@@ -7,6 +7,7 @@ use std::f64::consts::PI;
 use nalgebra::{Matrix3, Matrix4, Point2, Rotation2, Vector2};
 
 use crate::geometry::angle::wrap_angle;
+use crate::pushing::contact_mode::ContactFriction;
 use crate::pushing::{Contact, ContactLaw, Edge, Finger, Part, PushModel, State};
 
 use super::planning::Belief;
@@ -60,6 +61,16 @@ pub enum Touch {
         /// µ_c.
         friction: f64,
     },
+}
+
+impl Touch {
+    /// The friction that decides between rolling and sliding; none where what the contact does is known.
+    pub(super) fn deciding_friction(self) -> Option<ContactFriction> {
+        match self {
+            Self::Coulomb { friction } => Some(ContactFriction::same(friction)),
+            Self::Frictionless | Self::Rolling { .. } | Self::Sliding { .. } => None,
+        }
+    }
 }
 
 /// Values of one kind, one each `dt`.

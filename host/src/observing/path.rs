@@ -8,7 +8,8 @@
 
 use super::clock::Clock;
 use super::observation::{Known, Touch};
-use crate::pushing::{Contact, Edge, Motion, PushModel, Scalar, Slip, State};
+use crate::pushing::contact_mode::{ContactFriction, jams, slip_left};
+use crate::pushing::{Contact, Edge, Motion, PushModel, Scalar, State};
 
 /// Changes between rolling and sliding in one path: more are chatter of a motion that no real contact makes.
 const CHANGES_MAX: usize = 20;
@@ -143,17 +144,6 @@ pub(super) fn plain_state<T: Scalar>(state: &State<T>) -> State {
     State { u: state.u.re(), s: state.s.re(), omega: state.omega.re(), v_t: state.v_t.re() }
 }
 
-/// What a contact without slip does, by Coulomb's law, from the force that rolling needs.
-pub(super) fn without_slip<T: Scalar>(model: &PushModel<T>, time: f64, state: &State<T>, friction: f64) -> Contact<T> {
-    let rolling = model.motion(&Contact::Rolling, time, state);
-    let (normal, along) = (rolling.normal_force.re(), rolling.tangential_force.re());
-    if along.abs() <= friction * normal {
-        return Contact::Rolling;
-    }
-    let slip = if along > 0.0 { Slip::Backward } else { Slip::Forward };
-    Contact::Sliding { friction: T::from(friction), slip }
-}
-
 /// One step of the Runge–Kutta method from known rates.
 fn step<T: Scalar>(
     model: &PushModel<T>,
@@ -195,7 +185,7 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
     /// A state with what it leads to; none where no force fits (a jam, or numbers out of range).
     fn at(&mut self, time: f64, state: State<T>, contact: Contact<T>) -> Option<Now<T>> {
         if let Contact::Sliding { friction, slip } = contact
-            && self.model.sliding_denominator(friction * slip.sign(), state.s).re() <= 0.0
+            && jams(self.model.sliding_denominator(friction * slip.sign(), state.s).re())
         {
             return None;
         }
@@ -214,12 +204,10 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
         let (mut cone, mut slipping) = (never, never);
         match (contact, self.touch) {
             (Contact::Rolling, Touch::Rolling { friction: Some(friction) }) => {
-                let along = motion.tangential_force;
-                let along = if along.re() < 0.0 { -along } else { along };
-                cone = motion.normal_force * friction - along;
+                cone = ContactFriction::same(T::from(friction)).unused(&motion.force());
             }
             (Contact::Sliding { slip, .. }, Touch::Sliding { .. }) => {
-                slipping = self.model.slip(*time, state) * slip.sign();
+                slipping = slip_left(self.model.slip(*time, state), *slip);
             }
             _ => {}
         }
@@ -272,14 +260,8 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
 
     /// What must stay positive for the contact to stay as it is, where Coulomb's law decides that.
     fn margin(&self, contact: &Contact, time: f64, state: &State) -> f64 {
-        let Touch::Coulomb { friction } = self.touch else { return f64::INFINITY };
-        match contact {
-            Contact::Sliding { slip, .. } => self.plain.slip(time, state) * slip.sign(),
-            _ => {
-                let motion = self.plain.motion(contact, time, state);
-                friction * motion.normal_force - motion.tangential_force.abs()
-            }
-        }
+        let Some(friction) = self.touch.deciding_friction() else { return f64::INFINITY };
+        friction.left(contact, || self.plain.slip(time, state), || self.plain.motion(contact, time, state).force())
     }
 
     /// The share of a step after which the contact changes.
@@ -311,7 +293,7 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
 
     /// Passes to the next contact after a share of a step.
     fn change(&mut self, now: &Now<T>, share: f64, length: f64) -> Option<Now<T>> {
-        let Touch::Coulomb { friction } = self.touch else { return None };
+        let friction = self.touch.deciding_friction()?.lifted();
         self.changes += 1;
         if self.changes > CHANGES_MAX {
             return None;
@@ -320,20 +302,14 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
         let mut state = step(&self.model, &now.contact, now.time, (&now.state, &now.motion.rates), share * length);
         let before = self.at(time, state, now.contact)?;
         self.see_between(now, &before);
-        let Contact::Sliding { slip, .. } = now.contact else {
+        let rolling = self.model.motion(&Contact::Rolling, time, &state).force();
+        let contact = friction.after(&now.contact, &rolling);
+        if matches!(now.contact, Contact::Rolling) {
             // Where rolling ends the force is that of sliding: nothing jumps.
             state.v_t = self.model.rolling_v_t(time, &state);
-            let contact = match without_slip(&self.model, time, &state, friction) {
-                Contact::Rolling => sliding(friction, before.motion.tangential_force.re()),
-                sliding => sliding,
-            };
             return self.at(time, state, contact);
-        };
-        let fading = self.model.slip(time, &state);
-        let mut contact = without_slip(&self.model, time, &state, friction);
-        if matches!(contact, Contact::Sliding { .. }) {
-            contact = Contact::Sliding { friction: T::from(friction), slip: slip.reversed() };
         }
+        let fading = self.model.slip(time, &state);
         let rate = self.slip_rate(&before);
         // No length of its own, only derivatives: how the instant moves with the start.
         let later = -(fading - fading.re()) / rate;
@@ -366,12 +342,6 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
             self.show(u, &to.motion);
         }
     }
-}
-
-/// Sliding against a force along the edge.
-fn sliding<T: Scalar>(friction: f64, along: f64) -> Contact<T> {
-    let slip = if along > 0.0 { Slip::Backward } else { Slip::Forward };
-    Contact::Sliding { friction: T::from(friction), slip }
 }
 
 /// The contact angle at a share of a step, by Hermite's interpolation of angle, rate and acceleration.

@@ -204,6 +204,17 @@ pub enum Contact<T = f64> {
     },
 }
 
+impl<T: Scalar> Contact<T> {
+    /// m = µ_c times the sign of the slip: tangential over normal force on the part, but for the sign; none where nothing slips.
+    pub(crate) fn signed_friction(&self) -> Option<T> {
+        match *self {
+            Self::Frictionless => Some(T::from(0.0)),
+            Self::Sliding { friction, slip } => Some(friction * slip.sign()),
+            Self::Rolling => None,
+        }
+    }
+}
+
 /// Direction in which the part slides on the finger, along the edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Slip {
@@ -224,7 +235,7 @@ impl Slip {
     }
 
     /// The direction of a number's sign.
-    pub(super) fn of(value: f64) -> Self {
+    pub(crate) fn of(value: f64) -> Self {
         if value < 0.0 { Self::Backward } else { Self::Forward }
     }
 

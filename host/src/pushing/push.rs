@@ -5,13 +5,11 @@
 
 use nalgebra::{Point2, Vector2};
 
+use super::contact_mode::{ContactFriction, SLIP_NONE, slip_left};
 use super::contact_model::{ContactModel, normal as normal_of};
 use super::curve::{FingerShape, PartSide};
 use super::model::{Contact, FingerPath, Part, PushModel, Slip, State};
 use super::shaped::ShapedModel;
-
-/// Slip and speed that count as none, m/s: an atom's width a second. Rounding in the velocities is a million times less.
-pub(super) const SLIP_NONE: f64 = 1e-9;
 
 /// How far beyond an edge's end, or into the part, is put down to rounding of the input, m: printed micrometres pass exactly.
 const PLACE_TOLERANCE: f64 = 1e-9;
@@ -343,7 +341,7 @@ impl<M: ContactModel> PushOf<M> {
     fn check_slip(&self, state: &State) -> Result<(), PushError> {
         let ContactLaw::Sliding { slip: direction, .. } = self.law else { return Ok(()) };
         let slip = self.model.slip(0.0, state);
-        if slip * direction.sign() < -SLIP_NONE { Err(PushError::SlipAgainstSign { slip }) } else { Ok(()) }
+        if slip_left(slip, direction) < -SLIP_NONE { Err(PushError::SlipAgainstSign { slip }) } else { Ok(()) }
     }
 }
 
@@ -359,6 +357,16 @@ impl ContactLaw {
             Self::Rolling { .. } | Self::Coulomb { .. } => Contact::Rolling,
             Self::Frictionless => Contact::Frictionless,
             Self::Sliding { slip, .. } => self.sliding(slip),
+        }
+    }
+
+    /// The friction that decides between rolling and sliding, or limits rolling; none where the contact is what it is.
+    pub(super) fn deciding_friction(self) -> Option<ContactFriction> {
+        match self {
+            Self::Coulomb { friction } | Self::Rolling { friction: Some(friction) } => {
+                Some(ContactFriction::same(friction))
+            }
+            Self::Frictionless | Self::Rolling { friction: None } | Self::Sliding { .. } => None,
         }
     }
 

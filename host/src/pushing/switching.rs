@@ -7,6 +7,7 @@
 //! Assumes: each margin is used up transversally; a push that only touches one has no derivative there.
 //! Units: SI. Errors: [`RunError`].
 
+use super::contact_mode::ContactFriction;
 use super::jet::Jet;
 use super::model::{Contact, PushModel, State};
 use super::push::{ContactLaw, Push, Start};
@@ -221,11 +222,7 @@ impl<T: Scalar> Margin<T> {
             Self::Force => motion().normal_force,
             Self::Slip => model.slip(time, state),
             Self::Place => state.s,
-            Self::Cone(friction) => {
-                let motion = motion();
-                let along = motion.tangential_force;
-                *friction * motion.normal_force - if along.re() < 0.0 { -along } else { along }
-            }
+            Self::Cone(friction) => ContactFriction::same(*friction).unused(&motion().force()),
         }
     }
 }

@@ -12,7 +12,8 @@ use nalgebra::{Isometry2, Rotation2, Vector2};
 
 use super::windows;
 use crate::finger_motion::Leg;
-use crate::pushing::{Contact, Edge, Motion, Part, PushModel, Slip, State};
+use crate::pushing::contact_mode::{ContactFriction, jams};
+use crate::pushing::{Contact, ContactForce, Edge, Motion, Part, PushModel, State};
 
 /// The start is followed in closed form for this long, s: a part turns by less than 1e-4 rad meanwhile, even at 10 rad/s².
 const REST_S: f64 = 4e-3;
@@ -170,7 +171,7 @@ struct Margin {
 struct Player<'p> {
     model: PushModel<'p>,
     leg_from: f64,
-    mu_c: f64,
+    friction: ContactFriction,
     time: f64,
     state: State,
     contact: Contact,
@@ -180,15 +181,10 @@ struct Player<'p> {
 impl<'p> Player<'p> {
     fn begin(model: PushModel<'p>, guess: &Guess) -> Result<Self, Lost> {
         let &Guess { u, s, mu_c, .. } = guess;
-        let rolling = model.rest_start(&Contact::Rolling, u, s).map_err(|_| Lost::Start)?;
-        let needed = rolling.tangential_force.abs() / rolling.normal_force;
-        let (contact, start) = if rolling.normal_force > 0.0 && needed <= mu_c {
-            (Contact::Rolling, rolling)
-        } else {
-            let contact = sliding(mu_c, -rolling.tangential_force);
-            (contact, model.rest_start(&contact, u, s).map_err(|_| Lost::Start)?)
-        };
-        if start.normal_force <= 0.0 || jams(&model, &contact, s) {
+        let friction = ContactFriction::same(mu_c);
+        let start = |contact: &Contact| model.rest_start(contact, u, s);
+        let (contact, start) = friction.from_rest(0.0, start).map_err(|_| Lost::Start)?;
+        if !start.force().pushes() || is_jammed(&model, &contact, s) {
             return Err(Lost::Contact);
         }
         let force = on_finger(u, start.normal_force, start.tangential_force);
@@ -207,10 +203,10 @@ impl<'p> Player<'p> {
             end: state,
             contact,
             s_span: [s, s],
-            friction_needed: if contact == Contact::Rolling { needed } else { 0.0 },
+            friction_needed: if contact == Contact::Rolling { needed(&start.force()) } else { 0.0 },
             slipped: contact != Contact::Rolling,
         };
-        Ok(Self { model, leg_from: 0.0, mu_c, time: REST_S, state, contact, path })
+        Ok(Self { model, leg_from: 0.0, friction, time: REST_S, state, contact, path })
     }
 
     fn motion(&self) -> Motion {
@@ -281,16 +277,12 @@ impl<'p> Player<'p> {
 
     fn margin(&self, local: f64, state: &State) -> Result<Margin, Lost> {
         let motion = self.model.motion(&self.contact, local, state);
-        if motion.normal_force <= 0.0 || motion.normal_force.is_nan() || jams(&self.model, &self.contact, state.s) {
+        if !motion.force().pushes() || is_jammed(&self.model, &self.contact, state.s) {
             return Err(Lost::Contact);
         }
-        Ok(match self.contact {
-            Contact::Sliding { slip, .. } => Margin { left: self.model.slip(local, state) * slip.sign(), needed: 0.0 },
-            _ => {
-                let needed = motion.tangential_force.abs() / motion.normal_force;
-                Margin { left: self.mu_c - needed, needed }
-            }
-        })
+        let left = self.friction.left(&self.contact, || self.model.slip(local, state), || motion.force());
+        let needed = if self.contact == Contact::Rolling { needed(&motion.force()) } else { 0.0 };
+        Ok(Margin { left, needed })
     }
 
     /// Changes between rolling and sliding, here.
@@ -299,12 +291,7 @@ impl<'p> Player<'p> {
         let local = self.time - self.leg_from;
         self.state.v_t = self.model.rolling_v_t(local, &self.state);
         let rolling = self.model.motion(&Contact::Rolling, local, &self.state);
-        let sticks = rolling.normal_force > 0.0 && rolling.tangential_force.abs() <= self.mu_c * rolling.normal_force;
-        self.contact = match self.contact {
-            Contact::Sliding { .. } if sticks => Contact::Rolling,
-            Contact::Sliding { friction, slip } => Contact::Sliding { friction, slip: slip.reversed() },
-            _ => sliding(self.mu_c, -rolling.tangential_force),
-        };
+        self.contact = self.friction.after(&self.contact, &rolling.force());
         self.jump(force_before)
     }
 
@@ -312,10 +299,9 @@ impl<'p> Player<'p> {
     fn enter(&mut self, model: PushModel<'p>, leg_from: f64) -> Result<(), Lost> {
         let force_before = self.force();
         (self.model, self.leg_from) = (model, leg_from);
-        let motion = self.motion();
-        if self.contact == Contact::Rolling && motion.tangential_force.abs() > self.mu_c * motion.normal_force {
+        if self.contact == Contact::Rolling {
             self.state.v_t = self.v_t();
-            self.contact = sliding(self.mu_c, -motion.tangential_force);
+            self.contact = self.friction.without_slip(&self.motion().force());
         }
         self.jump(force_before)
     }
@@ -331,18 +317,13 @@ fn as_f64(count: usize) -> f64 {
     f64::from(u32::try_from(count).unwrap_or(u32::MAX))
 }
 
-/// Sliding in the direction of a number's sign.
-fn sliding(friction: f64, along: f64) -> Contact {
-    let slip = if along < 0.0 { Slip::Backward } else { Slip::Forward };
-    Contact::Sliding { friction, slip }
+/// The friction that rolling takes, as a coefficient.
+fn needed(rolling: &ContactForce) -> f64 {
+    rolling.tangential.abs() / rolling.normal
 }
 
-/// Whether no finite force fits a sliding part.
-fn jams(model: &PushModel, contact: &Contact, s: f64) -> bool {
-    match contact {
-        Contact::Sliding { friction, slip } => model.sliding_denominator(friction * slip.sign(), s) <= 0.0,
-        _ => false,
-    }
+fn is_jammed(model: &PushModel, contact: &Contact, s: f64) -> bool {
+    contact.signed_friction().is_some_and(|m| jams(model.sliding_denominator(m, s)))
 }
 
 /// Force on the finger's disk from its components on the part.
