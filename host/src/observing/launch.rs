@@ -128,7 +128,7 @@ fn sliding<T: Scalar>(touch: Touch, slip: Slip) -> Contact<T> {
 
 fn no_slip<T: Scalar>(touch: Touch, model: &PushModel<T>, state: &State<T>) -> Contact<T> {
     match touch.deciding_friction() {
-        Some(friction) => friction.lifted().without_slip(&model.motion(&Contact::Rolling, 0.0, state).force()),
+        Some(friction) => friction.map(T::from).without_slip(&model.motion(&Contact::Rolling, 0.0, state).force()),
         None => Contact::Rolling,
     }
 }
@@ -164,22 +164,8 @@ fn from_rest<T: Variable>(
         let dg = grip - grip.re();
         (alpha, a_t) = (alpha + dg * by_grip[0], a_t + dg * by_grip[1]);
     }
-    let [x, y] = known.finger.acceleration;
-    let (sin, cos) = u.sin_cos();
-    let finger_a_t = cos * y - sin * x;
-    let reach = known.finger.radius + site.edge.height;
-    let half = 0.5 * span * span;
-    let state = State {
-        u: u + alpha * half,
-        s: s + (a_t - finger_a_t - alpha * reach) * half,
-        omega: alpha * span,
-        v_t: a_t * span,
-    };
-    let contact = match contact {
-        Contact::Frictionless => Contact::Frictionless,
-        Contact::Rolling => Contact::Rolling,
-        Contact::Sliding { friction, slip } => Contact::Sliding { friction: T::from(friction), slip },
-    };
+    let state = lifted::<T>(&plain).after_rest([u, s], [alpha, a_t], span);
+    let contact = contact.map(T::from);
     let grip = grip.unwrap_or_else(|| T::from(plain.grip));
     Some(Launch { time: span, state, contact, rest: Some((u, alpha * 0.5)), grip })
 }

@@ -76,11 +76,7 @@ fn settled_from(model: &PushModel, touch: Touch, slip: Option<Slip>, time: f64, 
 /// Newton's method on the first `K` of ω and v_T.
 fn settle<const K: usize>(model: &PushModel, contact: &Contact, time: f64, near: &State) -> Option<Settled> {
     let dual = lifted::<Jet<K>>(model);
-    let contact = match *contact {
-        Contact::Frictionless => Contact::Frictionless,
-        Contact::Rolling => Contact::Rolling,
-        Contact::Sliding { friction, slip } => Contact::Sliding { friction: Jet::constant(friction), slip },
-    };
+    let contact = contact.map(Jet::constant);
     // Velocities as the speeds they give the radius of gyration, so that all are alike.
     let radius = model.part.inertia_per_mass().sqrt();
     let place = |x: &SVector<f64, K>| State {

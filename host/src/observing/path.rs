@@ -1,5 +1,10 @@
 //! The way a part takes from a hypothetical start, as the data see it, with derivatives by the start where wanted.
 //!
+//! The hot path of the search, hence a simulation of its own: numbers with or without derivatives, at knots that do not depend on
+//! the start, so that costs are smooth in it; values interpolated between few knots; what a contact cannot do is a wall and no
+//! end. Shared with the others who follow a push are the equations, the rule which mode follows, the search for its instant and
+//! the derivatives' way across ([`crate::pushing::contact_mode`], [`crate::pushing::mode_change`]).
+//!
 //! Implements: the classical Runge–Kutta method of order 4 between the knots of a [`Clock`]; the contact angle between
 //! knots by the quintic through angle, rate and acceleration at both ends; Coulomb's changes between rolling and sliding,
 //! located within a step, where the derivatives jump by (f₋ − f₊) ∂t/∂p (f₋ and f₊ the rates on both sides, t the instant).
@@ -9,13 +14,11 @@
 use super::clock::Clock;
 use super::observation::{Known, Touch};
 use crate::pushing::contact_mode::{ContactFriction, jams, slip_left};
+use crate::pushing::mode_change::{Margin, across, first_ended};
 use crate::pushing::{Contact, Edge, Motion, PushModel, Scalar, State};
 
 /// Changes between rolling and sliding in one path: more are chatter of a motion that no real contact makes.
 const CHANGES_MAX: usize = 20;
-
-/// Steps of the search for the instant of a change: enough for rounding.
-const SEARCHES_MAX: usize = 60;
 
 /// How near to a step's ends an instant of change is taken for the end itself, as a share of the step.
 const SHARE_NONE: f64 = 1e-10;
@@ -132,16 +135,12 @@ pub(super) fn lifted<'p, T: Scalar>(plain: &PushModel<'p>) -> PushModel<'p, T> {
 
 /// The contact without derivatives.
 pub(super) fn plain_contact<T: Scalar>(contact: &Contact<T>) -> Contact {
-    match *contact {
-        Contact::Frictionless => Contact::Frictionless,
-        Contact::Rolling => Contact::Rolling,
-        Contact::Sliding { friction, slip } => Contact::Sliding { friction: friction.re(), slip },
-    }
+    contact.map(|friction| friction.re())
 }
 
 /// A state without derivatives.
 pub(super) fn plain_state<T: Scalar>(state: &State<T>) -> State {
-    State { u: state.u.re(), s: state.s.re(), omega: state.omega.re(), v_t: state.v_t.re() }
+    state.map(|number| number.re())
 }
 
 /// One step of the Runge–Kutta method from known rates.
@@ -271,15 +270,7 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
         if end >= 0.0 || end.is_nan() {
             return None;
         }
-        let (mut low, mut high) = (0.0, 1.0);
-        for _ in 0..SEARCHES_MAX {
-            let middle = 0.5 * (low + high);
-            if middle <= low || middle >= high || high - low < SHARE_NONE {
-                break;
-            }
-            if self.margin_within(now, length, middle) < 0.0 { high = middle } else { low = middle }
-        }
-        Some(high)
+        Some(first_ended(|share| self.margin_within(now, length, share) < 0.0, 1.0, SHARE_NONE))
     }
 
     /// The margin after a share of a step.
@@ -293,7 +284,7 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
 
     /// Passes to the next contact after a share of a step.
     fn change(&mut self, now: &Now<T>, share: f64, length: f64) -> Option<Now<T>> {
-        let friction = self.touch.deciding_friction()?.lifted();
+        let friction = self.touch.deciding_friction()?.map(T::from);
         self.changes += 1;
         if self.changes > CHANGES_MAX {
             return None;
@@ -309,25 +300,9 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
             state.v_t = self.model.rolling_v_t(time, &state);
             return self.at(time, state, contact);
         }
-        let fading = self.model.slip(time, &state);
-        let rate = self.slip_rate(&before);
-        // No length of its own, only derivatives: how the instant moves with the start.
-        let later = -(fading - fading.re()) / rate;
-        let after = self.model.motion(&contact, time, &state).rates;
-        state.omega = state.omega + (before.motion.rates.omega - after.omega) * later;
-        state.v_t = state.v_t + (before.motion.rates.v_t - after.v_t) * later;
+        let late = Margin::of_mode(&now.contact, friction).late(&self.model, &now.contact, time, &state);
+        let state = across(&self.model, &contact, time, (&state, &before.motion.rates), late);
         self.at(time, state, contact)
-    }
-
-    /// How fast the slip of a sliding contact changes, m/s².
-    fn slip_rate(&self, now: &Now<T>) -> f64 {
-        let Now { time, state, motion, .. } = now;
-        let (sin, cos) = state.u.re().sin_cos();
-        let ([v_x, v_y], [a_x, a_y]) = (self.plain.finger.velocity(*time), self.plain.finger.acceleration);
-        let (finger_v_n, finger_a_t) = (-(cos * v_x + sin * v_y), cos * a_y - sin * a_x);
-        // The rate of v_FT + hω − v_T, in which T turns with the contact.
-        let rates = &motion.rates;
-        finger_a_t + state.omega.re() * finger_v_n + self.plain.edge.height * rates.omega.re() - rates.v_t.re()
     }
 
     /// Shows the values between two instants.

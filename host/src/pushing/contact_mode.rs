@@ -73,6 +73,11 @@ impl<T: Scalar> ContactFriction<T> {
         Self { sliding: mu_c, sticking: mu_c }
     }
 
+    /// The same in other numbers.
+    pub(crate) fn map<U>(&self, convert: impl Fn(T) -> U) -> ContactFriction<U> {
+        ContactFriction { sliding: convert(self.sliding), sticking: convert(self.sticking) }
+    }
+
     /// What a contact does that does not slip yet, from the force that rolling needs.
     pub(crate) fn without_slip(&self, rolling: &ContactForce<T>) -> Contact<T> {
         let sticks = rolling.tangential.re().abs() <= self.sticking.re() * rolling.normal.re();
@@ -131,11 +136,6 @@ impl<T: Scalar> ContactFriction<T> {
 }
 
 impl ContactFriction {
-    /// The same with numbers that can carry derivatives.
-    pub(crate) fn lifted<T: Scalar>(self) -> ContactFriction<T> {
-        ContactFriction { sliding: T::from(self.sliding), sticking: T::from(self.sticking) }
-    }
-
     /// How a part at rest begins to move, and in which mode, at a finger that slips along it at `slip` (m/s) already, if it does.
     /// `start` solves how for a given mode.
     pub(crate) fn from_rest<E>(

@@ -372,12 +372,19 @@ impl ContactLaw {
 
     /// The contact while it slides.
     pub(super) fn sliding(self, slip: Slip) -> Contact {
-        let friction = match self {
-            Self::Frictionless => return Contact::Frictionless,
+        match self {
+            Self::Frictionless => Contact::Frictionless,
+            law => Contact::Sliding { friction: law.friction(), slip },
+        }
+    }
+
+    /// µ_c; 0 without friction, or where it has no limit.
+    pub(super) fn friction(self) -> f64 {
+        match self {
+            Self::Frictionless => 0.0,
             Self::Rolling { friction } => friction.unwrap_or(0.0),
             Self::Sliding { friction, .. } | Self::Coulomb { friction } => friction,
-        };
-        Contact::Sliding { friction, slip }
+        }
     }
 }
 

@@ -4,6 +4,10 @@
 //! at in several places; where one is used up, the instant is found on exact steps from the step's start, so that events are
 //! as accurate as states. A margin that dips below zero and recovers within a step is found by its minimum.
 //!
+//! The truth among those who follow a push through changes of mode: outlines of any shape, every event, errors of rounding. It
+//! carries no derivatives ([`super::switching`] adds them afterwards), and its steps depend on what it finds, so that a cost of its
+//! results is not smooth: estimators have paths of their own. Which mode follows is decided in [`super::contact_mode`].
+//!
 //! Implements: the contact modes of thesis §5.2.1 and §5.4 with Coulomb's law deciding between them.
 //! Assumes: what else the finger meets does not push: see [`SecondContact`].
 //! Frames: world, unless named. Units: SI, forces per unit mass of the part.
@@ -14,6 +18,7 @@ use nalgebra::{Point2, Rotation2, Vector2};
 use super::contact_mode::{ContactForce, ContactFriction, JAM_DENOMINATOR, SLIP_NONE, jams, slip_left};
 use super::contact_model::{ContactModel, arm, normal, rest_start};
 use super::integrate::{Scale, Step};
+use super::mode_change::first_ended;
 use super::model::{Contact, State};
 use super::push::{ContactLaw, EdgeEnd, PushOf, Start, gap};
 use super::rest::{RestError, RestStart};
@@ -37,7 +42,7 @@ const LOOKS: [f64; 7] = [0.0, 0.01, 0.25, 0.5, 0.75, 0.99, 1.0];
 /// A dip is searched for its minimum if a parabola's is below this share of the lowest place looked at.
 const DIP_SHARE: f64 = 0.5;
 
-/// Bisections and golden sections: enough to reach rounding from any bracket.
+/// Golden sections: enough to reach rounding from any bracket.
 const SEARCHES_MAX: usize = 80;
 
 /// A part that comes to rest this shortly before the finger's acceleration changes does so at the change, s: a finger that brakes
@@ -583,7 +588,7 @@ impl<'a, M: ContactModel> Runner<'a, M> {
             let state = Step::take(self.model(), &leg.contact, step.time, step.start(), share * step.length).end();
             self.margins_at(leg, step, share, &state)[event]
         };
-        if exact(beyond) < 0.0 { Some(bisect(exact, beyond)) } else { None }
+        if exact(beyond) < 0.0 { Some(first_ended(|share| exact(share) < 0.0, beyond, 0.0)) } else { None }
     }
 
     /// Where a margin is below zero around the look `i`, if it is lowest there.
@@ -753,19 +758,6 @@ fn sample<M: ContactModel>(model: &M, t: f64, contact: &Contact, state: &State, 
         velocity: model.velocity(contact, t, &state).into(),
         force: Some(motion.force()),
     }
-}
-
-/// The least share, to rounding, at which a margin is used up, given one where it is. The margin at 0 is not.
-fn bisect(margin: impl Fn(f64) -> f64, beyond: f64) -> f64 {
-    let (mut good, mut bad) = (0.0, beyond);
-    for _ in 0..SEARCHES_MAX {
-        let middle = 0.5 * (good + bad);
-        if middle <= good || middle >= bad {
-            break;
-        }
-        if margin(middle) < 0.0 { bad = middle } else { good = middle }
-    }
-    bad
 }
 
 /// A share between two others at which a margin is below zero, looked for at its minimum.

@@ -1,5 +1,10 @@
 //! What the finger would feel: the force over a push from rest, for one guess of how it began.
 //!
+//! A simulation of its own because it is asked for means of a force under windows, thousands of times: forces on the windows' grid,
+//! with a finger of many accelerations, but no derivatives (by differences of whole paths) and no positions in between. Shared with
+//! the others who follow a push are the equations, the start, the rule which mode follows and the search for its instant
+//! ([`crate::pushing::contact_mode`], [`crate::pushing::mode_change`]).
+//!
 //! Coulomb's law decides between rolling and sliding; where that changes, the instant is found by bisection. Steps follow
 //! the time in which friction forgets a slow part's speed, v/(µg), so that the first milliseconds cost no more than the rest.
 //! A force that jumps (where the finger's acceleration does, or where sliding stops) is kept apart from its smooth course:
@@ -13,6 +18,7 @@ use nalgebra::{Isometry2, Rotation2, Vector2};
 use super::windows;
 use crate::finger_motion::Leg;
 use crate::pushing::contact_mode::{ContactFriction, jams};
+use crate::pushing::mode_change::first_ended;
 use crate::pushing::{Contact, ContactForce, Edge, Motion, Part, PushModel, State};
 
 /// The start is followed in closed form for this long, s: a part turns by less than 1e-4 rad meanwhile, even at 10 rad/s².
@@ -25,8 +31,8 @@ const STEP_OF_MEMORY: f64 = 1.5;
 /// Shortest step, s, for a part that nearly stops.
 const STEP_MIN_S: f64 = 2e-5;
 
-/// Halvings that find a change of the contact: 2⁻¹⁸ of a step of 5 ms is 20 ns, so that forces are smooth in the guess.
-const HALVINGS: u32 = 18;
+/// How exactly a change of the contact is found, as a share of a step: 25 ns of a step of 5 ms, so that forces are smooth in the guess.
+const CHANGE_SHARE: f64 = 5e-6;
 
 /// Changes between rolling and sliding after which a guess is given up.
 const CHANGES_MAX: usize = 100;
@@ -69,6 +75,12 @@ pub(super) struct Path {
 }
 
 impl Path {
+    /// When the contact changed, or the finger its acceleration, s.
+    #[cfg(test)]
+    pub(super) fn changes(&self) -> Vec<f64> {
+        self.jumps.iter().skip(1).map(|(time, _)| *time).collect()
+    }
+
     /// Means of the force under the first `count` windows, m/s².
     pub(super) fn windows(&self, count: usize) -> impl Iterator<Item = Vector2<f64>> + '_ {
         (0..count).map(|window| {
@@ -188,15 +200,7 @@ impl<'p> Player<'p> {
             return Err(Lost::Contact);
         }
         let force = on_finger(u, start.normal_force, start.tangential_force);
-        let half = 0.5 * REST_S * REST_S;
-        let along = model.finger.acceleration[1] * u.cos() - model.finger.acceleration[0] * u.sin();
-        let reach = model.finger.radius + model.edge.height;
-        let state = State {
-            u: u + half * start.alpha,
-            s: s + half * (start.a_t - along - start.alpha * reach),
-            omega: start.alpha * REST_S,
-            v_t: start.a_t * REST_S,
-        };
+        let state = model.after_rest([u, s], [start.alpha, start.a_t], REST_S);
         let path = Path {
             smooth: vec![Vector2::zeros()],
             jumps: vec![(0.0, force)],
@@ -265,13 +269,9 @@ impl<'p> Player<'p> {
             (self.state, self.time) = (after, self.time + length);
             return Ok(());
         }
-        let (mut good, mut bad) = (0.0, length);
-        for _ in 0..HALVINGS {
-            let middle = 0.5 * (good + bad);
-            let holds = self.margin(local + middle, &at(middle)).is_ok_and(|margin| margin.left >= 0.0);
-            if holds { good = middle } else { bad = middle }
-        }
-        (self.state, self.time) = (at(bad), self.time + bad);
+        let ended = |length: f64| !self.margin(local + length, &at(length)).is_ok_and(|margin| margin.left >= 0.0);
+        let change = first_ended(ended, length, CHANGE_SHARE * length);
+        (self.state, self.time) = (at(change), self.time + change);
         self.change()
     }
 
