@@ -10,13 +10,15 @@ use palpate::finger::calibration::{Contact, FitSettings, Fixture, Load, Measurem
 /// Noise of a reading, counts: a dwell of a second at 4 kHz.
 const NOISE_COUNTS: f64 = 6.0;
 
-pub fn main() -> Result<(), Box<dyn Error>> {
+pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     // What nobody knows: the bridges stand askew by 4°, and one is 3 % more sensitive. Counts per newton.
     let (sin, cos) = 4.0_f64.to_radians().sin_cos();
     let truth = Matrix2::new(26_700.0 * cos, -26_700.0 * sin, 27_500.0 * sin, 27_500.0 * cos);
     let offset = Vector2::new(1_200.0, -800.0);
-    let reading =
-        |counts: Vector2<f64>| Reading { counts: counts + offset, covariance: Matrix2::identity() * NOISE_COUNTS.powi(2) };
+    let reading = |counts: Vector2<f64>| Reading {
+        counts: counts + offset,
+        covariance: Matrix2::identity() * NOISE_COUNTS.powi(2),
+    };
 
     // A weight of 2 N, hung at twelve angles of a dividing head.
     let contact = |k: u32| {

@@ -16,7 +16,7 @@ const SIGMA: f64 = 2e-3;
 /// Time between angles, s.
 const DT: f64 = 0.01;
 
-pub fn main() -> Result<(), Box<dyn Error>> {
+pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     let outline = [[-0.027, -0.022], [-0.002, -0.024], [0.027, 0.001], [0.03, 0.022], [0.003, 0.046]];
     let part = Part::uniform(SimplePolygon::new(outline.map(Point2::from))?);
     let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.05, 0.0] };
@@ -49,7 +49,12 @@ pub fn main() -> Result<(), Box<dyn Error>> {
         );
     }
     let end = truth.last;
-    println!("The truth: edge 1, ({:.2}, {:.2}) mm, {:.2}°", end.position.x * 1e3, end.position.y * 1e3, end.theta.to_degrees());
+    println!(
+        "The truth: edge 1, ({:.2}, {:.2}) mm, {:.2}°",
+        end.position.x * 1e3,
+        end.position.y * 1e3,
+        end.theta.to_degrees()
+    );
 
     assert_ne!(estimate.status(), Status::Unexplained);
     let near = estimate.hypotheses.iter().filter(|found| (found.pose_end.origin() - end.position).norm() < 2e-3);

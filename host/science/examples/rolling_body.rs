@@ -12,7 +12,7 @@ const G: f64 = 9.81;
 /// Time between contacts, s.
 const DT: f64 = 2e-3;
 
-pub fn main() -> Result<(), Box<dyn Error>> {
+pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     let pebble = Body::ellipsoid([0.02, 0.03, 0.04])?;
     let orientation = [0.5, 0.5, -0.1, 0.7]; // w, x, y, z: a unit quaternion, body → palm
 
@@ -32,7 +32,11 @@ pub fn main() -> Result<(), Box<dyn Error>> {
         noise: Noise::Gauss(1e-4),
     };
     let answer = question.answer(DT, &contacts)?;
-    println!("{} explanations, one for each class of the body's symmetry {}", answer.hypotheses.len(), pebble.symmetry().name());
+    println!(
+        "{} explanations, one for each class of the body's symmetry {}",
+        answer.hypotheses.len(),
+        pebble.symmetry().name()
+    );
 
     let truth = run.samples[200].state.omega;
     let off = answer.hypotheses.iter().map(|found| {

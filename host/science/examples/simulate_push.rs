@@ -8,7 +8,7 @@ use nalgebra::Point2;
 use palpate::geometry::SimplePolygon;
 use palpate::pushing::dynamics::{ContactLaw, EdgeEnd, Finger, GRAVITY, Part, Push, PushModel, Start};
 
-pub fn main() -> Result<(), Box<dyn Error>> {
+pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     let outline = [[-0.03, -0.02], [0.03, -0.02], [0.02, 0.03]].map(Point2::from); // m, counter-clockwise
     let part = Part::uniform(SimplePolygon::new(outline)?);
     let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [0.0, 0.15] };
@@ -25,7 +25,13 @@ pub fn main() -> Result<(), Box<dyn Error>> {
         let (place, state) = (sample.position * 1e3, sample.state);
         let (turned, u) = (sample.theta.to_degrees(), state.u.to_degrees());
         let contact = sample.contact;
-        println!("{:8.1}{:8.2}{:8.2}{turned:12.2}{u:19.2}{:14.2}  {contact:?}", sample.t, place.x, place.y, state.s * 1e3);
+        println!(
+            "{:8.1}{:8.2}{:8.2}{turned:12.2}{u:19.2}{:14.2}  {contact:?}",
+            sample.t,
+            place.x,
+            place.y,
+            state.s * 1e3
+        );
     }
     println!("It ended at {:.3} s: {:?}.", run.end.t, run.end.reason);
 

@@ -158,7 +158,7 @@ impl Case {
         let omega = PRIOR.0 * draw.normal();
         let state = State { u, s, omega, v_t: PRIOR.1 * draw.normal() };
         let model = PushModel { part: &part, edge, grip: GRIP, finger };
-        let law = law(kind, slip_of(model.slip(0.0, &state)));
+        let law = law(kind, Slip::of(model.slip(0.0, &state)));
         let push = Push::new(model, law, Start::Moving(state), EdgeEnd::Stop).ok()?;
         let times: Vec<_> = (0..values(kind)).map(|i| f64::from(i) * DT_S).collect();
         let Run { samples, end, .. } = push.run(&times).ok()?;
@@ -290,10 +290,6 @@ impl Case {
         cost += if has_v_t { (hypothesis.start.v_t / PRIOR.1).powi(2) } else { 0.0 };
         run.samples.len() == self.felt.len() && (cost - hypothesis.cost).abs() < tolerance
     }
-}
-
-fn slip_of(slip: f64) -> Slip {
-    if slip < 0.0 { Slip::Backward } else { Slip::Forward }
 }
 
 fn values(kind: Kind) -> u32 {

@@ -9,6 +9,7 @@ use super::curve::{FingerShape, PartSide};
 use super::dynamics::Motion;
 use super::model::{Arm, Contact, FingerPath, PushModel, State};
 use super::rest::{AtRest, RestError, RestStart};
+use super::scalar::Scalar;
 use super::shaped::ShapedModel;
 
 /// A model of a finger that pushes a part: [`PushModel`] or [`ShapedModel`].
@@ -197,6 +198,22 @@ impl PushModel<'_> {
     /// [`RestError`].
     pub fn rest_start(&self, contact: &Contact, u: f64, s: f64) -> Result<RestStart, RestError> {
         rest_start(self, contact, u, s)
+    }
+}
+
+impl<T: Scalar> PushModel<'_, T> {
+    /// The state so shortly (`span`, s) after a start from rest at `[u, s]` that the accelerations `[alpha, a_t]` of the start
+    /// still hold, with the finger at rest at first too. For starts whose numbers carry derivatives.
+    pub(crate) fn after_rest(&self, [u, s]: [T; 2], [alpha, a_t]: [T; 2], span: f64) -> State<T> {
+        let ((sin, cos), [x, y]) = (u.sin_cos(), self.finger.acceleration);
+        let finger_a_t = cos * y - sin * x;
+        let half = 0.5 * span * span;
+        State {
+            u: u + alpha * half,
+            s: s + (a_t - finger_a_t - alpha * self.reach()) * half,
+            omega: alpha * span,
+            v_t: a_t * span,
+        }
     }
 }
 

@@ -22,6 +22,7 @@
 
 use nalgebra::{Point2, Vector2};
 
+use super::contact_mode::ContactForce;
 use super::model::{Contact, EdgeTwist, PushModel, State};
 use super::scalar::Scalar;
 
@@ -34,6 +35,13 @@ pub struct Motion<T = f64> {
     pub normal_force: T,
     /// −F·T/m, m/s²: along the edge's counter-clockwise direction.
     pub tangential_force: T,
+}
+
+impl<T: Copy> Motion<T> {
+    /// The force on the part.
+    pub(crate) fn force(&self) -> ContactForce<T> {
+        ContactForce { normal: self.normal_force, tangential: self.tangential_force }
+    }
 }
 
 /// Components along N and T.

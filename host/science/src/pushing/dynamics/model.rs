@@ -204,6 +204,26 @@ pub enum Contact<T = f64> {
     },
 }
 
+impl<T: Scalar> Contact<T> {
+    /// m = µ_c times the sign of the slip: tangential over normal force on the part, but for the sign; none where nothing slips.
+    pub(crate) fn signed_friction(&self) -> Option<T> {
+        match *self {
+            Self::Frictionless => Some(T::from(0.0)),
+            Self::Sliding { friction, slip } => Some(friction * slip.sign()),
+            Self::Rolling => None,
+        }
+    }
+
+    /// The same in other numbers.
+    pub(crate) fn map<U>(&self, convert: impl Fn(T) -> U) -> Contact<U> {
+        match *self {
+            Self::Frictionless => Contact::Frictionless,
+            Self::Rolling => Contact::Rolling,
+            Self::Sliding { friction, slip } => Contact::Sliding { friction: convert(friction), slip },
+        }
+    }
+}
+
 /// Direction in which the part slides on the finger, along the edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Slip {
@@ -223,8 +243,9 @@ impl Slip {
         }
     }
 
-    /// The direction of a number's sign.
-    pub(super) fn of(value: f64) -> Self {
+    /// The direction of a slip, or of whatever has its sign; 0 counts as forward.
+    #[must_use]
+    pub fn of(value: f64) -> Self {
         if value < 0.0 { Self::Backward } else { Self::Forward }
     }
 
@@ -249,6 +270,13 @@ pub struct State<T = f64> {
     pub omega: T,
     /// Velocity of the centre of mass along T = (−sin u, cos u), m/s. In rolling it follows from the rest.
     pub v_t: T,
+}
+
+impl<T: Copy> State<T> {
+    /// The same in other numbers.
+    pub(crate) fn map<U>(&self, convert: impl Fn(T) -> U) -> State<U> {
+        State { u: convert(self.u), s: convert(self.s), omega: convert(self.omega), v_t: convert(self.v_t) }
+    }
 }
 
 /// A part pushed at one of its edges. Parameters of type `T` can carry derivatives.

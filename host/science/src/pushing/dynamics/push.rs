@@ -5,13 +5,11 @@
 
 use nalgebra::{Point2, Vector2};
 
+use super::contact_mode::{ContactFriction, SLIP_NONE, slip_left};
 use super::contact_model::{ContactModel, normal as normal_of};
 use super::curve::{FingerShape, PartSide};
 use super::model::{Contact, FingerPath, Part, PushModel, Slip, State};
 use super::shaped::ShapedModel;
-
-/// Slip and speed that count as none, m/s: an atom's width a second. Rounding in the velocities is a million times less.
-pub(super) const SLIP_NONE: f64 = 1e-9;
 
 /// How far beyond an edge's end, or into the part, is put down to rounding of the input, m: printed micrometres pass exactly.
 const PLACE_TOLERANCE: f64 = 1e-9;
@@ -343,7 +341,7 @@ impl<M: ContactModel> PushOf<M> {
     fn check_slip(&self, state: &State) -> Result<(), PushError> {
         let ContactLaw::Sliding { slip: direction, .. } = self.law else { return Ok(()) };
         let slip = self.model.slip(0.0, state);
-        if slip * direction.sign() < -SLIP_NONE { Err(PushError::SlipAgainstSign { slip }) } else { Ok(()) }
+        if slip_left(slip, direction) < -SLIP_NONE { Err(PushError::SlipAgainstSign { slip }) } else { Ok(()) }
     }
 }
 
@@ -362,14 +360,31 @@ impl ContactLaw {
         }
     }
 
+    /// The friction that decides between rolling and sliding, or limits rolling; none where the contact is what it is.
+    pub(super) fn deciding_friction(self) -> Option<ContactFriction> {
+        match self {
+            Self::Coulomb { friction } | Self::Rolling { friction: Some(friction) } => {
+                Some(ContactFriction::same(friction))
+            }
+            Self::Frictionless | Self::Rolling { friction: None } | Self::Sliding { .. } => None,
+        }
+    }
+
     /// The contact while it slides.
     pub(super) fn sliding(self, slip: Slip) -> Contact {
-        let friction = match self {
-            Self::Frictionless => return Contact::Frictionless,
+        match self {
+            Self::Frictionless => Contact::Frictionless,
+            law => Contact::Sliding { friction: law.friction(), slip },
+        }
+    }
+
+    /// µ_c; 0 without friction, or where it has no limit.
+    pub(super) fn friction(self) -> f64 {
+        match self {
+            Self::Frictionless => 0.0,
             Self::Rolling { friction } => friction.unwrap_or(0.0),
             Self::Sliding { friction, .. } | Self::Coulomb { friction } => friction,
-        };
-        Contact::Sliding { friction, slip }
+        }
     }
 }
 

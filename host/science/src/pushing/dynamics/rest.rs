@@ -14,6 +14,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
 use num_dual::{Derivative, DualSVec64};
 
 use super::body::Body;
+use super::contact_mode::ContactForce;
 use super::model::{Arm, Contact};
 
 /// Iterations after which a solution is given up: a few suffice.
@@ -44,6 +45,13 @@ pub struct RestStart {
     pub normal_force: f64,
     /// −F·T/m, m/s².
     pub tangential_force: f64,
+}
+
+impl RestStart {
+    /// The force on the part.
+    pub(crate) fn force(&self) -> ContactForce {
+        ContactForce { normal: self.normal_force, tangential: self.tangential_force }
+    }
 }
 
 /// The iteration did not settle.
@@ -77,10 +85,9 @@ impl AtRest<'_> {
     /// How the part begins to move.
     pub(super) fn start(&self, contact: &Contact) -> Result<RestStart, RestError> {
         let finger = Vector3::new(self.finger[0], self.finger[1], 0.0);
-        let acceleration = match contact {
-            Contact::Frictionless => self.slide(0.0, finger),
-            Contact::Sliding { friction, slip } => self.slide(friction * slip.sign(), finger),
-            Contact::Rolling => self.roll(finger),
+        let acceleration = match contact.signed_friction() {
+            Some(m) => self.slide(m, finger),
+            None => self.roll(finger),
         }?;
         Ok(self.start_with(acceleration))
     }

@@ -4,6 +4,10 @@
 //! at in several places; where one is used up, the instant is found on exact steps from the step's start, so that events are
 //! as accurate as states. A margin that dips below zero and recovers within a step is found by its minimum.
 //!
+//! The truth among those who follow a push through changes of mode: outlines of any shape, every event, errors of rounding. It
+//! carries no derivatives ([`super::switching`] adds them afterwards), and its steps depend on what it finds, so that a cost of its
+//! results is not smooth: estimators have paths of their own. Which mode follows is decided in [`super::contact_mode`].
+//!
 //! Implements: the contact modes of thesis §5.2.1 and §5.4 with Coulomb's law deciding between them.
 //! Assumes: what else the finger meets does not push: see [`SecondContact`].
 //! Frames: world, unless named. Units: SI, forces per unit mass of the part.
@@ -11,15 +15,13 @@
 
 use nalgebra::{Point2, Rotation2, Vector2};
 
+use super::contact_mode::{ContactForce, ContactFriction, JAM_DENOMINATOR, SLIP_NONE, jams, slip_left};
 use super::contact_model::{ContactModel, arm, normal, rest_start};
 use super::integrate::{Scale, Step};
-use super::model::{Contact, Slip, State};
-use super::push::{ContactLaw, EdgeEnd, PushOf, SLIP_NONE, Start, gap};
+use super::mode_change::first_ended;
+use super::model::{Contact, State};
+use super::push::{ContactLaw, EdgeEnd, PushOf, Start, gap};
 use super::rest::{RestError, RestStart};
-
-/// A sliding denominator (1 for s = 0) below this is a jam: the contact force is a thousand million times its usual size, and
-/// at the pace of any push the true zero is less than a nanosecond away.
-const JAM_DENOMINATOR: f64 = 1e-9;
 
 /// Normal force per mass, m/s², below which a contact at a leg's start may be about to end: a thousandth of rounding in g
 /// would not show here.
@@ -40,7 +42,7 @@ const LOOKS: [f64; 7] = [0.0, 0.01, 0.25, 0.5, 0.75, 0.99, 1.0];
 /// A dip is searched for its minimum if a parabola's is below this share of the lowest place looked at.
 const DIP_SHARE: f64 = 0.5;
 
-/// Bisections and golden sections: enough to reach rounding from any bracket.
+/// Golden sections: enough to reach rounding from any bracket.
 const SEARCHES_MAX: usize = 80;
 
 /// A part that comes to rest this shortly before the finger's acceleration changes does so at the change, s: a finger that brakes
@@ -99,15 +101,6 @@ pub struct Sample {
     pub velocity: Vector2<f64>,
     /// Force on the part; none where it jams, or where part and finger rest and nothing determines it.
     pub force: Option<ContactForce>,
-}
-
-/// Force of the finger on the part, per unit mass.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ContactForce {
-    /// Into the part, m/s².
-    pub normal: f64,
-    /// Along the edge's counter-clockwise direction, m/s².
-    pub tangential: f64,
 }
 
 /// The end of a push.
@@ -258,16 +251,13 @@ impl<M: ContactModel> PushOf<M> {
     fn margins(&self, model: &M, contact: &Contact, time: f64, state: &State) -> Margins {
         const NEVER: f64 = f64::INFINITY;
         let motion = model.motion(contact, time, state);
-        let (normal, tangential) = (motion.normal_force, motion.tangential_force);
         let (mut jam, mut stick, mut cone) = (NEVER, NEVER, [NEVER, NEVER]);
-        match (*contact, self.law) {
+        match (*contact, self.law.deciding_friction()) {
             (Contact::Sliding { friction, slip }, _) => {
                 jam = model.sliding_denominator(friction * slip.sign(), state) - JAM_DENOMINATOR;
-                stick = model.slip(time, state) * slip.sign();
+                stick = slip_left(model.slip(time, state), slip);
             }
-            (Contact::Rolling, ContactLaw::Rolling { friction: Some(friction) } | ContactLaw::Coulomb { friction }) => {
-                cone = [friction * normal - tangential, friction * normal + tangential];
-            }
+            (Contact::Rolling, Some(friction)) => cone = friction.unused_each_way(&motion.force()),
             _ => {}
         }
         let edge = match self.edge_end {
@@ -278,7 +268,7 @@ impl<M: ContactModel> PushOf<M> {
             EdgeEnd::Extend => [NEVER; 2],
         };
         let clear = self.obstacles.iter().map(|obstacle| gap(model, state, &obstacle.ends)).fold(NEVER, f64::min);
-        [jam, normal, stick, cone[0], cone[1], edge[0], edge[1], clear]
+        [jam, motion.normal_force, stick, cone[0], cone[1], edge[0], edge[1], clear]
     }
 
     /// The edge that the finger is nearest to, of those that it does not push.
@@ -286,20 +276,6 @@ impl<M: ContactModel> PushOf<M> {
         let gaps = self.obstacles.iter().map(|obstacle| (obstacle.edge, gap(&self.model, state, &obstacle.ends)));
         gaps.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(edge, _)| edge)
     }
-
-    /// What a contact without slip does: rolls if friction suffices, otherwise slides against it.
-    fn without_slip(model: &M, time: f64, state: &State, friction: f64) -> Contact {
-        let rolling = model.motion(&Contact::Rolling, time, state);
-        rolls_or_slides(rolling.normal_force, rolling.tangential_force, friction)
-    }
-}
-
-/// Coulomb's law where nothing slips yet, from the force that rolling needs.
-fn rolls_or_slides(normal: f64, tangential: f64, friction: f64) -> Contact {
-    if tangential.abs() <= friction * normal {
-        return Contact::Rolling;
-    }
-    Contact::Sliding { friction, slip: Slip::of(-tangential) }
 }
 
 /// A push under way.
@@ -375,15 +351,20 @@ impl<'a, M: ContactModel> Runner<'a, M> {
             ContactLaw::Frictionless => (Contact::Frictionless, state),
             ContactLaw::Rolling { .. } => (Contact::Rolling, rolling),
             law @ ContactLaw::Sliding { slip, .. } => (law.sliding(slip), if no_slip { rolling } else { state }),
-            ContactLaw::Coulomb { friction } if no_slip => {
-                (PushOf::without_slip(self.model(), 0.0, &rolling, friction), rolling)
+            ContactLaw::Coulomb { friction } => {
+                let state = if no_slip { rolling } else { state };
+                (ContactFriction::same(friction).at_slip(slip, || self.rolling_force(0.0, &state)), state)
             }
-            law @ ContactLaw::Coulomb { .. } => (law.sliding(Slip::of(slip)), state),
         };
         let decided = matches!(self.push.law, ContactLaw::Coulomb { .. });
         let next = self.start_leg(contact, 0.0, state, decided && no_slip);
         self.sample_start(&next, contact, state);
         next
+    }
+
+    /// The force that rolling needs.
+    fn rolling_force(&self, time: f64, state: &State) -> ContactForce {
+        self.model().motion(&Contact::Rolling, time, state).force()
     }
 
     /// Samples time 0, where no step leads to.
@@ -468,7 +449,7 @@ impl<'a, M: ContactModel> Runner<'a, M> {
         }
         let contact = match (self.push.law, leg.contact) {
             (ContactLaw::Coulomb { friction }, Contact::Rolling) => {
-                PushOf::without_slip(self.model(), time, &state, friction)
+                ContactFriction::same(friction).without_slip(&self.rolling_force(time, &state))
             }
             (_, contact) => contact,
         };
@@ -539,18 +520,11 @@ impl<'a, M: ContactModel> Runner<'a, M> {
     fn after_event(&mut self, leg: &Leg, event: usize, time: f64, state: State) -> Result<Next, RunError> {
         let ContactLaw::Coulomb { friction } = self.push.law else { return Ok(Next::End(EVENTS[event])) };
         let state = State { v_t: self.model().rolling_v_t(time, &state), ..state };
-        let to = match (EVENTS[event], leg.contact) {
-            (EndReason::Stick, Contact::Sliding { slip, .. }) => {
-                match PushOf::without_slip(self.model(), time, &state, friction) {
-                    Contact::Sliding { friction, .. } => Contact::Sliding { friction, slip: slip.reversed() },
-                    rolling => rolling,
-                }
+        let to = match EVENTS[event] {
+            EndReason::Stick | EndReason::Slip => {
+                ContactFriction::same(friction).after(&leg.contact, &self.rolling_force(time, &state))
             }
-            (EndReason::Slip, _) => {
-                let needed = self.model().motion(&Contact::Rolling, time, &state).tangential_force;
-                Contact::Sliding { friction, slip: Slip::of(-needed) }
-            }
-            (reason, _) => return Ok(Next::End(reason)),
+            reason => return Ok(Next::End(reason)),
         };
         if self.changes.len() >= CHANGES_MAX {
             return Err(RunError::TooManyChanges { t: time });
@@ -614,7 +588,7 @@ impl<'a, M: ContactModel> Runner<'a, M> {
             let state = Step::take(self.model(), &leg.contact, step.time, step.start(), share * step.length).end();
             self.margins_at(leg, step, share, &state)[event]
         };
-        if exact(beyond) < 0.0 { Some(bisect(exact, beyond)) } else { None }
+        if exact(beyond) < 0.0 { Some(first_ended(|share| exact(share) < 0.0, beyond, 0.0)) } else { None }
     }
 
     /// Where a margin is below zero around the look `i`, if it is lowest there.
@@ -645,7 +619,7 @@ impl<'a, M: ContactModel> Runner<'a, M> {
         let (contact, start) = self.start_from_rest(time, &state)?;
         let pushed = self.after_rest(time, &contact, &start, &state);
         let mut sample = self.sample(time, &contact, &state);
-        sample.force = Some(ContactForce { normal: start.normal_force, tangential: start.tangential_force });
+        sample.force = Some(start.force());
         if let Next::End(EndReason::Jam) = pushed {
             sample.force = None;
         }
@@ -660,22 +634,17 @@ impl<'a, M: ContactModel> Runner<'a, M> {
 
     /// Contact and accelerations of the start from rest.
     fn start_from_rest(&self, time: f64, state: &State) -> Result<(Contact, RestStart), RestError> {
-        let start = |contact: Contact| Ok((contact, rest_start(self.model(), &contact, state.u, state.s)?));
+        let start = |contact: &Contact| rest_start(self.model(), contact, state.u, state.s);
         let law = self.push.law;
-        let slip = self.model().slip(time, state);
-        match law {
-            ContactLaw::Frictionless => start(Contact::Frictionless),
-            ContactLaw::Rolling { .. } => start(Contact::Rolling),
-            ContactLaw::Sliding { slip, .. } => start(law.sliding(slip)),
-            ContactLaw::Coulomb { .. } if slip.abs() >= SLIP_NONE => start(law.sliding(Slip::of(slip))),
+        let contact = match law {
+            ContactLaw::Frictionless => Contact::Frictionless,
+            ContactLaw::Rolling { .. } => Contact::Rolling,
+            ContactLaw::Sliding { slip, .. } => law.sliding(slip),
             ContactLaw::Coulomb { friction } => {
-                let (_, rolling) = start(Contact::Rolling)?;
-                match rolls_or_slides(rolling.normal_force, rolling.tangential_force, friction) {
-                    Contact::Rolling => Ok((Contact::Rolling, rolling)),
-                    sliding => start(sliding),
-                }
+                return ContactFriction::same(friction).from_rest(self.model().slip(time, state), start);
             }
-        }
+        };
+        Ok((contact, start(&contact)?))
     }
 
     /// The leg that a start from rest leads to.
@@ -683,23 +652,24 @@ impl<'a, M: ContactModel> Runner<'a, M> {
         let model = self.model();
         // How the slip grows from the finger's own speed.
         let (slip, slip_rate) = (model.slip(time, state), self.slip_rate(start, state));
-        let cone = |friction: f64| friction * start.normal_force - start.tangential_force.abs();
         match (*contact, self.push.law) {
             (Contact::Sliding { friction, slip: direction }, law) => {
                 let m = friction * direction.sign();
-                let slips = slip * direction.sign() >= SLIP_NONE || slip_rate * direction.sign() > 0.0;
-                if model.sliding_denominator(m, state) <= JAM_DENOMINATOR {
+                let slips = slip_left(slip, direction) >= SLIP_NONE || slip_left(slip_rate, direction) > 0.0;
+                if jams(model.sliding_denominator(m, state)) {
                     return Next::End(EndReason::Jam);
                 } else if !slips && matches!(law, ContactLaw::Sliding { .. }) {
                     return Next::End(EndReason::Stick);
                 }
             }
-            (Contact::Rolling, ContactLaw::Rolling { friction: Some(friction) }) if cone(friction) < 0.0 => {
+            (Contact::Rolling, law)
+                if law.deciding_friction().is_some_and(|friction| friction.unused(&start.force()) < 0.0) =>
+            {
                 return Next::End(EndReason::Slip);
             }
             _ => {}
         }
-        if start.normal_force <= 0.0 {
+        if !start.force().pushes() {
             return Next::End(EndReason::Break);
         }
         let span = REST_SHARE * (model.body().inertia_per_mass().sqrt() / start.a_n.hypot(start.a_t)).sqrt();
@@ -767,7 +737,7 @@ impl<'a, M: ContactModel> Runner<'a, M> {
 impl ContactForce {
     /// What is left of the force that a finger would need to hold a part it is losing: it cannot pull.
     fn lost(self) -> Self {
-        if self.normal > 0.0 { self } else { Self { normal: 0.0, tangential: 0.0 } }
+        if self.pushes() { self } else { Self { normal: 0.0, tangential: 0.0 } }
     }
 }
 
@@ -786,21 +756,8 @@ fn sample<M: ContactModel>(model: &M, t: f64, contact: &Contact, state: &State, 
         position: centre_of_mass - Rotation2::new(theta) * model.body().centre_of_mass().coords,
         theta,
         velocity: model.velocity(contact, t, &state).into(),
-        force: Some(ContactForce { normal: motion.normal_force, tangential: motion.tangential_force }),
+        force: Some(motion.force()),
     }
-}
-
-/// The least share, to rounding, at which a margin is used up, given one where it is. The margin at 0 is not.
-fn bisect(margin: impl Fn(f64) -> f64, beyond: f64) -> f64 {
-    let (mut good, mut bad) = (0.0, beyond);
-    for _ in 0..SEARCHES_MAX {
-        let middle = 0.5 * (good + bad);
-        if middle <= good || middle >= bad {
-            break;
-        }
-        if margin(middle) < 0.0 { bad = middle } else { good = middle }
-    }
-    bad
 }
 
 /// A share between two others at which a margin is below zero, looked for at its minimum.

@@ -102,13 +102,7 @@ impl<'p, const N: usize, T: Scalar> Seeded<'p, N, T> {
             velocity0: axes(velocity0, Parameter::FingerVelocity),
             acceleration: axes(acceleration, Parameter::FingerAcceleration),
         };
-        let contact = match *contact {
-            Contact::Frictionless => Contact::Frictionless,
-            Contact::Rolling => Contact::Rolling,
-            Contact::Sliding { friction, slip } => {
-                Contact::Sliding { friction: seed(friction, Parameter::ContactFriction), slip }
-            }
-        };
+        let contact = contact.map(|friction| seed(friction, Parameter::ContactFriction));
         let start = State {
             u: seed(start.u, Parameter::U),
             s: seed(start.s, Parameter::S),

@@ -1,16 +1,17 @@
 //! Derivatives of a push across its changes between rolling and sliding, and of the instants of these.
 //!
-//! A change at the instant t(p) moves with the parameters p. To first order the state there is that just before, moved by
-//! ẋ₋ dt; the contact changes (a slip that has come to zero stays zero); and back at a fixed time it is moved by −ẋ₊ dt. With
-//! dt/dp = −(∂g/∂p)/ġ for the margin g that is used up, this is the saltation matrix I + (ẋ₊ − ẋ₋) ∇g/ġ, times the change's own.
+//! Follows a run that is done and decides nothing: the modes and when they change are that run's record ([`super::run`], whose steps
+//! control their error, which does not go with derivatives). What it shares with others who carry derivatives across a change is
+//! [`super::mode_change`].
 //!
-//! Assumes: each margin is used up transversally; a push that only touches one has no derivative there.
+//! Assumes: as [`super::mode_change`].
 //! Units: SI. Errors: [`RunError`].
 
+use super::contact_mode::ContactFriction;
+use super::mode_change::{Margin, across};
 use super::model::{Contact, PushModel, State};
-use super::push::{ContactLaw, Push, Start};
+use super::push::{Push, Start};
 use super::run::{EndReason, Run, RunError};
-use super::scalar::Scalar;
 use super::sensitivity::{Parameter, Seeded};
 use crate::math::Jet;
 
@@ -34,20 +35,10 @@ pub struct DerivedRun<const N: usize> {
     pub end: Option<Jet<N>>,
 }
 
-/// What is used up at a change.
-#[derive(Clone, Copy, Debug)]
-enum Margin<T> {
-    Force,
-    Slip,
-    /// Friction that is left, with µ_c.
-    Cone(T),
-    Place,
-}
-
 /// A seeded push under way.
 struct Carrier<'p, const N: usize> {
     model: PushModel<'p, Jet<N>>,
-    friction: Jet<N>,
+    friction: ContactFriction<Jet<N>>,
     contact: Contact<Jet<N>>,
     time: f64,
     state: State<Jet<N>>,
@@ -85,15 +76,12 @@ impl Push<'_> {
     }
 
     fn carrier<const N: usize>(&self, contact: &Contact, start: &State, parameters: [Parameter; N]) -> Carrier<'_, N> {
-        let friction = match self.law {
-            ContactLaw::Frictionless => 0.0,
-            ContactLaw::Rolling { friction } => friction.unwrap_or(0.0),
-            ContactLaw::Sliding { friction, .. } | ContactLaw::Coulomb { friction } => friction,
-        };
+        let friction = self.law.friction();
         let row = parameters.iter().position(|&parameter| parameter == Parameter::ContactFriction);
         let Seeded { model, contact, start } = Seeded::jets(&self.model, contact, start, parameters);
         let friction = row.map_or_else(|| Jet::constant(friction), |row| Jet::variable(friction, row));
-        let mut carrier = Carrier { model, friction, contact, time: 0.0, state: start };
+        let mut carrier =
+            Carrier { model, friction: ContactFriction::same(friction), contact, time: 0.0, state: start };
         carrier.keep_rolling(0.0);
         carrier
     }
@@ -127,115 +115,28 @@ impl<'p, const N: usize> Carrier<'p, N> {
     /// Changes the contact at the instant that has the value `time` and returns it with its derivatives.
     fn change(&mut self, time: f64, to: &Contact) -> Jet<N> {
         self.go(time);
-        let margin = match self.contact {
-            Contact::Sliding { .. } => Margin::Slip,
-            _ => Margin::Cone(self.friction),
-        };
-        let instant = self.instant(&margin);
-        let late = instant - time;
+        let late = self.late(&Margin::of_mode(&self.contact, self.friction));
         let before = self.model.motion(&self.contact, time, &self.state).rates;
-        self.state = moved(&self.state, &before, late);
-        self.contact = match *to {
-            Contact::Sliding { slip, .. } => Contact::Sliding { friction: self.friction, slip },
-            Contact::Rolling => Contact::Rolling,
-            Contact::Frictionless => Contact::Frictionless,
-        };
-        // There is no slip at the change; the finger is as fast as it is then.
-        let shifted = self.later(late);
-        self.state.v_t = shifted.rolling_v_t(time, &self.state);
-        let after = shifted.motion(&self.contact, time, &self.state).rates;
-        self.state = moved(&self.state, &after, -late);
+        self.contact = to.map(|_| self.friction.sliding);
+        self.state = across(&self.model, &self.contact, time, (&self.state, &before), late);
         self.keep_rolling(time);
-        instant
+        late + time
     }
 
     fn end(&self, reason: EndReason, time: f64) -> Option<Jet<N>> {
         let margin = match reason {
             EndReason::Break => Margin::Force,
             EndReason::Stick => Margin::Slip,
-            EndReason::Slip => Margin::Cone(self.friction),
+            EndReason::Slip => Margin::Friction(self.friction),
             EndReason::EdgeMin | EndReason::EdgeMax => Margin::Place,
             EndReason::Time => return Some(Jet::constant(time)),
             EndReason::Jam | EndReason::SecondContact => return None,
         };
-        Some(self.instant(&margin))
+        Some(self.late(&margin) + time)
     }
 
     /// When the margin is used up, about now.
-    fn instant(&self, margin: &Margin<Jet<N>>) -> Jet<N> {
-        let now = margin.of(&self.model, &self.contact, self.time, &self.state);
-        let rate = self.rate(margin);
-        Jet::constant(self.time) + now.chain(0.0, -1.0 / rate)
-    }
-
-    /// How fast the margin changes along the motion.
-    fn rate(&self, margin: &Margin<Jet<N>>) -> f64 {
-        let flat = |jet: Jet<N>| Jet::<1>::constant(jet.value);
-        let finger = &self.model.finger;
-        let late = Jet::<1>::variable(0.0, 0);
-        let model = PushModel {
-            part: self.model.part,
-            edge: self.model.edge,
-            grip: flat(self.model.grip),
-            finger: super::Finger {
-                radius: finger.radius,
-                centre0: finger.centre0,
-                velocity0: [0, 1].map(|i| flat(finger.velocity0[i]) + flat(finger.acceleration[i]) * late),
-                acceleration: finger.acceleration.map(flat),
-            },
-        };
-        let contact = match self.contact {
-            Contact::Sliding { friction, slip } => Contact::Sliding { friction: flat(friction), slip },
-            Contact::Rolling => Contact::Rolling,
-            Contact::Frictionless => Contact::Frictionless,
-        };
-        let State { u, s, omega, v_t } = self.state;
-        let plain = State { u: flat(u), s: flat(s), omega: flat(omega), v_t: flat(v_t) };
-        let rates = model.motion(&contact, self.time, &plain).rates;
-        let mut ahead = moved(&plain, &rates, late);
-        if matches!(contact, Contact::Rolling) {
-            ahead.v_t = model.rolling_v_t(self.time, &ahead);
-        }
-        let margin = match margin {
-            Margin::Cone(friction) => Margin::Cone(flat(*friction)),
-            Margin::Force => Margin::Force,
-            Margin::Slip => Margin::Slip,
-            Margin::Place => Margin::Place,
-        };
-        margin.of(&model, &contact, self.time, &ahead).slopes[0]
-    }
-
-    /// The model with a finger as fast as it will be so much later.
-    fn later(&self, late: Jet<N>) -> PushModel<'p, Jet<N>> {
-        let mut model = self.model;
-        let acceleration = model.finger.acceleration;
-        model.finger.velocity0 = [0, 1].map(|i| model.finger.velocity0[i] + acceleration[i] * late);
-        model
-    }
-}
-
-impl<T: Scalar> Margin<T> {
-    fn of(&self, model: &PushModel<T>, contact: &Contact<T>, time: f64, state: &State<T>) -> T {
-        let motion = || model.motion(contact, time, state);
-        match self {
-            Self::Force => motion().normal_force,
-            Self::Slip => model.slip(time, state),
-            Self::Place => state.s,
-            Self::Cone(friction) => {
-                let motion = motion();
-                let along = motion.tangential_force;
-                *friction * motion.normal_force - if along.re() < 0.0 { -along } else { along }
-            }
-        }
-    }
-}
-
-/// A state so much later at these rates.
-fn moved<T: Scalar>(state: &State<T>, rates: &State<T>, late: T) -> State<T> {
-    State {
-        u: state.u + rates.u * late,
-        s: state.s + rates.s * late,
-        omega: state.omega + rates.omega * late,
-        v_t: state.v_t + rates.v_t * late,
+    fn late(&self, margin: &Margin<Jet<N>>) -> Jet<N> {
+        margin.late(&self.model, &self.contact, self.time, &self.state)
     }
 }

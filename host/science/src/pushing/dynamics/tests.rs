@@ -5,6 +5,7 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::{Isometry2, Point2, Rotation2, Vector2, Vector3};
 use proptest::prelude::*;
 
+use super::contact_mode::ContactFriction;
 use super::support::{SupportFriction, Twist};
 use super::*;
 use crate::geometry::SimplePolygon;
@@ -347,6 +348,44 @@ proptest! {
         let scale = 1.0 + rolling.rates.omega.abs() + rolling.normal_force.abs();
         prop_assert!((sliding.rates.omega - rolling.rates.omega).abs() < 1e-7 * scale, "{rolling:?} {sliding:?}");
         prop_assert!((sliding.normal_force - rolling.normal_force).abs() < 1e-7 * scale, "{rolling:?} {sliding:?}");
+    }
+
+    /// Complementarity on the equations themselves: whatever the rule says of a contact without slip, the force pushes within the
+    /// cone, and slip grows only the way that it says.
+    #[test]
+    fn the_mode_that_follows_is_the_one_that_the_equations_allow(scene in scenes(), friction in 0.0..0.8, t in 0.0..0.5) {
+        /// Over this time the slip is looked at, s.
+        const SOON: f64 = 1e-7;
+        let part = scene.part();
+        let model = scene.model(&part);
+        let state = State { v_t: model.rolling_v_t(t, &scene.start), ..scene.start };
+        let jams = [1.0, -1.0].iter().any(|sign| model.sliding_denominator(friction * sign, state.s) < 0.05);
+        prop_assume!(!jams);
+        let motion = |contact: &Contact| model.motion(contact, t, &state);
+        // How fast the slip grows: at rest on each other now, so much later not.
+        let grows = |contact: &Contact| {
+            let Motion { rates, .. } = motion(contact);
+            let soon = State {
+                u: state.u + rates.u * SOON,
+                s: state.s + rates.s * SOON,
+                omega: state.omega + rates.omega * SOON,
+                v_t: state.v_t + rates.v_t * SOON,
+            };
+            (model.slip(t + SOON, &soon) - model.slip(t, &state)) / SOON
+        };
+        let law = ContactFriction::same(friction);
+        let rolling = motion(&Contact::Rolling).force();
+        let follows = law.without_slip(&rolling);
+        prop_assume!(law.unused(&rolling).abs() > 1e-3);
+        for slip in [Slip::Forward, Slip::Backward] {
+            let contact = law.slides(slip);
+            let possible = motion(&contact).normal_force > 0.0 && grows(&contact) * slip.sign() > 0.0;
+            let breaks = contact == follows && motion(&contact).normal_force <= 0.0;
+            prop_assert_eq!(possible || breaks, contact == follows, "{:?}, grows at {}", contact, grows(&contact));
+        }
+        if follows == Contact::Rolling {
+            prop_assert!(rolling.pushes() && rolling.tangential.abs() <= friction * rolling.normal);
+        }
     }
 
     #[test]

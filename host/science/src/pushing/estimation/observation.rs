@@ -4,6 +4,7 @@
 
 use nalgebra::Vector2;
 
+use crate::pushing::dynamics::contact_mode::ContactFriction;
 use crate::pushing::dynamics::{Contact, ContactLaw, Edge, Finger, Part, PushModel};
 
 /// What is known of a push beforehand.
@@ -67,6 +68,16 @@ pub enum Touch {
         /// µ_c.
         friction: f64,
     },
+}
+
+impl Touch {
+    /// The friction that decides between rolling and sliding; none where what the contact does is known.
+    pub(super) fn deciding_friction(self) -> Option<ContactFriction> {
+        match self {
+            Self::Coulomb { friction } => Some(ContactFriction::same(friction)),
+            Self::Frictionless | Self::Rolling { .. } | Self::Sliding { .. } => None,
+        }
+    }
 }
 
 /// Values of one kind, one each `dt`.

@@ -13,6 +13,7 @@ use nalgebra::{Const, DMatrix, RowDVector, Vector2};
 use num_dual::DualSVec64;
 
 use crate::math::Spectrum;
+use crate::pushing::dynamics::contact_mode::JAM_DENOMINATOR;
 use crate::pushing::dynamics::{Contact, Parameter, PushModel, Seeded, State};
 
 /// Length of the window in √(L/g): about 0.2 s for a part of 3 cm, ten times as long as friction takes to forget speed.
@@ -35,9 +36,6 @@ const SPEED_SHARE_MIN: f64 = 0.02;
 
 /// Sliding denominator, of its value at the start, at which the window ends: the force grows without bound (Painlevé).
 const DENOMINATOR_SHARE_MIN: f64 = 0.05;
-
-/// A sliding denominator (1 for s = 0) below this is none: the force is a thousand million times its usual size.
-const JAM_DENOMINATOR: f64 = 1e-9;
 
 /// Names of the states, in the order of the columns.
 pub const STATE_NAMES: [&str; 4] = ["u", "s", "omega", "vT"];

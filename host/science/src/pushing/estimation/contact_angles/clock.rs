@@ -7,11 +7,11 @@
 
 /// How finely to step.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Fineness {
+pub(in crate::pushing::estimation) struct Fineness {
     /// Step over the time in which friction forgets the finger's speed.
-    pub(super) share: f64,
+    pub(in crate::pushing::estimation) share: f64,
     /// Whether each value needs a knot of its own.
-    pub(super) on_values: bool,
+    pub(in crate::pushing::estimation) on_values: bool,
 }
 
 /// Longest step over the share, s: the part turns by a tenth of a radian at 1 rad/s.
@@ -28,18 +28,18 @@ const FIRST_GROWTH: f64 = 0.2;
 
 /// The instants at which a path is computed.
 #[derive(Clone, Debug)]
-pub(super) struct Clock {
+pub(in crate::pushing::estimation) struct Clock {
     /// From the start to the last value, s.
-    pub(super) knots: Vec<f64>,
+    pub(in crate::pushing::estimation) knots: Vec<f64>,
     /// Between values, s.
-    pub(super) dt: f64,
+    pub(in crate::pushing::estimation) dt: f64,
     /// How many values.
-    pub(super) values: usize,
+    pub(in crate::pushing::estimation) values: usize,
 }
 
 impl Clock {
     /// From `start` (s), for values each `dt` (s), for a part that forgets its speed within `forgets` (s) at each time.
-    pub(super) fn new(
+    pub(in crate::pushing::estimation) fn new(
         (dt, values): (f64, usize),
         start: f64,
         fineness: Fineness,
@@ -74,12 +74,12 @@ impl Clock {
     }
 
     /// The time of a value, s.
-    pub(super) fn time_of(&self, value: usize) -> f64 {
+    pub(in crate::pushing::estimation) fn time_of(&self, value: usize) -> f64 {
         count(value) * self.dt
     }
 
     /// The first value later than a time.
-    pub(super) fn first_after(&self, time: f64) -> usize {
+    pub(in crate::pushing::estimation) fn first_after(&self, time: f64) -> usize {
         let guess = (time / self.dt).floor().max(0.0);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole, ≥ 0, and below the count")]
         let mut value = guess as usize;
@@ -92,6 +92,6 @@ impl Clock {
 
 /// A count as a number.
 #[expect(clippy::cast_precision_loss, reason = "counts of values and steps are far below 2^53")]
-pub(super) fn count(n: usize) -> f64 {
+pub(in crate::pushing::estimation) fn count(n: usize) -> f64 {
     n as f64
 }

@@ -11,20 +11,21 @@
 
 use nalgebra::Vector2;
 
-use super::path::{Launch, Site, lifted, without_slip};
+use super::path::{Launch, Site, lifted};
 use crate::math::Jet;
+use crate::pushing::dynamics::contact_mode::ContactFriction;
 use crate::pushing::dynamics::{Contact, PushModel, RestStart, Scalar, Slip, State};
 use crate::pushing::estimation::observation::{Known, Touch};
 
 /// Numbers of unknowns that a hypothesis can have at most.
-pub(super) const UNKNOWNS: usize = 5;
+pub(in crate::pushing::estimation) const UNKNOWNS: usize = 5;
 
 /// Place among the unknowns of the plane's friction.
-pub(super) const GRIP: usize = 4;
+pub(in crate::pushing::estimation) const GRIP: usize = 4;
 
 /// Contact angle (rad), place on the edge (m), angular velocity (rad/s), velocity or slip along the contact (m/s), all at t = 0;
 /// logarithm of µ g over what it is taken for.
-pub(super) type Unknowns = [f64; UNKNOWNS];
+pub(in crate::pushing::estimation) type Unknowns = [f64; UNKNOWNS];
 
 /// Differences of angle (rad), place (in radii of gyration) and µ g (of itself) by which a start from rest is derived: the solution is exact to
 /// 1e-14, so the derivatives are to 1e-9.
@@ -35,7 +36,7 @@ const NO_START: RestStart = RestStart { a_n: 0.0, a_t: 0.0, alpha: 0.0, normal_f
 
 /// How a push begins.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Begin {
+pub(in crate::pushing::estimation) enum Begin {
     /// Finger and part move; no contact friction.
     Free,
     /// Finger and part move, without slip.
@@ -48,7 +49,7 @@ pub(super) enum Begin {
 
 impl Begin {
     /// All the ways in which a push can begin, for what is known of the contact and the finger.
-    pub(super) fn all(known: &Known) -> Vec<Self> {
+    pub(in crate::pushing::estimation) fn all(known: &Known) -> Vec<Self> {
         let both = [Slip::Forward, Slip::Backward];
         match (known.touch, known.starts_at_rest()) {
             (Touch::Sliding { .. }, true) => both.map(|slip| Self::Rest(Some(slip))).to_vec(),
@@ -61,7 +62,7 @@ impl Begin {
     }
 
     /// How many of the unknowns it has, the plane's friction not counted.
-    pub(super) fn unknowns(self) -> usize {
+    pub(in crate::pushing::estimation) fn unknowns(self) -> usize {
         match self {
             Self::Rest(_) => 2,
             Self::NoSlip => 3,
@@ -71,7 +72,7 @@ impl Begin {
 }
 
 /// A number that can be made one of the unknowns.
-pub(super) trait Variable: Scalar {
+pub(in crate::pushing::estimation) trait Variable: Scalar {
     /// The value, as the unknown of this index where derivatives by it are carried.
     fn variable(value: f64, index: usize) -> Self;
 }
@@ -90,7 +91,7 @@ impl<const N: usize> Variable for Jet<N> {
 
 /// The start of a path; none where the finger would not push, or slip is against its direction. `grip` is µ g where that is one of
 /// the unknowns, of the value in `known`.
-pub(super) fn launch<T: Variable>(
+pub(in crate::pushing::estimation) fn launch<T: Variable>(
     known: &Known,
     site: &Site,
     (begin, unknowns): (Begin, &Unknowns),
@@ -127,14 +128,14 @@ fn sliding<T: Scalar>(touch: Touch, slip: Slip) -> Contact<T> {
 }
 
 fn no_slip<T: Scalar>(touch: Touch, model: &PushModel<T>, state: &State<T>) -> Contact<T> {
-    match touch {
-        Touch::Coulomb { friction } => without_slip(model, 0.0, state, friction),
-        _ => Contact::Rolling,
+    match touch.deciding_friction() {
+        Some(friction) => friction.map(T::from).without_slip(&model.motion(&Contact::Rolling, 0.0, state).force()),
+        None => Contact::Rolling,
     }
 }
 
 /// How long a start from rest is followed in closed form, s: until the part has gone this share of its size.
-pub(super) fn rest_span(known: &Known, share: f64) -> f64 {
+pub(in crate::pushing::estimation) fn rest_span(known: &Known, share: f64) -> f64 {
     let acceleration = Vector2::from(known.finger.acceleration).norm();
     (2.0 * share * known.part.inertia_per_mass().sqrt() / acceleration).sqrt()
 }
@@ -164,22 +165,8 @@ fn from_rest<T: Variable>(
         let dg = grip - grip.re();
         (alpha, a_t) = (alpha + dg * by_grip[0], a_t + dg * by_grip[1]);
     }
-    let [x, y] = known.finger.acceleration;
-    let (sin, cos) = u.sin_cos();
-    let finger_a_t = cos * y - sin * x;
-    let reach = known.finger.radius + site.edge.height;
-    let half = 0.5 * span * span;
-    let state = State {
-        u: u + alpha * half,
-        s: s + (a_t - finger_a_t - alpha * reach) * half,
-        omega: alpha * span,
-        v_t: a_t * span,
-    };
-    let contact = match contact {
-        Contact::Frictionless => Contact::Frictionless,
-        Contact::Rolling => Contact::Rolling,
-        Contact::Sliding { friction, slip } => Contact::Sliding { friction: T::from(friction), slip },
-    };
+    let state = lifted::<T>(&plain).after_rest([u, s], [alpha, a_t], span);
+    let contact = contact.map(T::from);
     let grip = grip.unwrap_or_else(|| T::from(plain.grip));
     Some(Launch { time: span, state, contact, rest: Some((u, alpha * 0.5)), grip })
 }
@@ -193,22 +180,17 @@ fn rest_start(known: &Known, model: &PushModel, slip: Option<Slip>, u: f64, s: f
     if x * u.cos() + y * u.sin() <= 0.0 {
         return None; // The finger leaves.
     }
-    let start = |contact: Contact| {
-        let start = model.rest_start(&contact, u, s).ok()?;
-        (start.normal_force > 0.0).then_some((contact, start))
-    };
-    match (known.touch, slip) {
-        (Touch::Frictionless, _) => start(Contact::Frictionless),
-        (Touch::Rolling { .. }, _) => start(Contact::Rolling),
-        (touch, Some(slip)) => start(sliding(touch, slip)),
-        (Touch::Sliding { .. }, None) => None,
+    let start = |contact: &Contact| model.rest_start(contact, u, s);
+    let contact = match (known.touch, slip) {
+        (Touch::Frictionless, _) => Contact::Frictionless,
+        (Touch::Rolling { .. }, _) => Contact::Rolling,
+        (touch, Some(slip)) => sliding(touch, slip),
+        (Touch::Sliding { .. }, None) => return None,
         (Touch::Coulomb { friction }, None) => {
-            let (_, rolling) = start(Contact::Rolling)?;
-            if rolling.tangential_force.abs() <= friction * rolling.normal_force {
-                return Some((Contact::Rolling, rolling));
-            }
-            let slip = if rolling.tangential_force > 0.0 { Slip::Backward } else { Slip::Forward };
-            start(Contact::Sliding { friction, slip })
+            let begun = ContactFriction::same(friction).from_rest(0.0, start).ok()?;
+            return Some(begun).filter(|(_, start)| start.force().pushes());
         }
-    }
+    };
+    let start = start(&contact).ok()?;
+    start.force().pushes().then_some((contact, start))
 }

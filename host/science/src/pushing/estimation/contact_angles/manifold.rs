@@ -9,7 +9,8 @@ use nalgebra::{SMatrix, SVector};
 
 use super::path::lifted;
 use crate::math::Jet;
-use crate::pushing::dynamics::{Contact, PushModel, Slip, State};
+use crate::pushing::dynamics::contact_mode::ContactFriction;
+use crate::pushing::dynamics::{Contact, ContactForce, PushModel, Slip, State};
 use crate::pushing::estimation::observation::Touch;
 
 /// Iterations: the friction law is convex, and from a neighbouring place two or three suffice; from afar it takes more.
@@ -32,6 +33,13 @@ pub(super) struct Settled {
     pub(super) normal_force: f64,
     /// See `normal_force`.
     pub(super) tangential_force: f64,
+}
+
+impl Settled {
+    /// The force on the part.
+    fn force(&self) -> ContactForce {
+        ContactForce { normal: self.normal_force, tangential: self.tangential_force }
+    }
 }
 
 /// The settled motion at a contact, sought from a neighbouring one, or else from what a blow would make of a part at rest.
@@ -58,12 +66,10 @@ fn settled_from(model: &PushModel, touch: Touch, slip: Option<Slip>, time: f64, 
         (Touch::Sliding { .. }, None) => None,
         (Touch::Coulomb { friction }, None) => {
             let rolling = settle::<1>(model, &Contact::Rolling, time, near)?;
-            let Settled { state, normal_force, tangential_force, .. } = rolling;
-            if tangential_force.abs() <= friction * normal_force {
-                return Some(rolling);
+            match ContactFriction::same(friction).without_slip(&rolling.force()) {
+                Contact::Rolling => Some(rolling),
+                sliding => settle::<2>(model, &sliding, time, &rolling.state),
             }
-            let slip = if tangential_force > 0.0 { Slip::Backward } else { Slip::Forward };
-            settle::<2>(model, &Contact::Sliding { friction, slip }, time, &state)
         }
     }
 }
@@ -71,11 +77,7 @@ fn settled_from(model: &PushModel, touch: Touch, slip: Option<Slip>, time: f64, 
 /// Newton's method on the first `K` of ω and v_T.
 fn settle<const K: usize>(model: &PushModel, contact: &Contact, time: f64, near: &State) -> Option<Settled> {
     let dual = lifted::<Jet<K>>(model);
-    let contact = match *contact {
-        Contact::Frictionless => Contact::Frictionless,
-        Contact::Rolling => Contact::Rolling,
-        Contact::Sliding { friction, slip } => Contact::Sliding { friction: Jet::constant(friction), slip },
-    };
+    let contact = contact.map(Jet::constant);
     // Velocities as the speeds they give the radius of gyration, so that all are alike.
     let radius = model.part.inertia_per_mass().sqrt();
     let place = |x: &SVector<f64, K>| State {

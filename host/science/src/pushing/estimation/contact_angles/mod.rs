@@ -18,12 +18,12 @@
 //!
 //! Implements: MAP estimation beside the observers of thesis chapters 5 and 6. Frames: world. Units: SI. Errors: none.
 
-mod clock;
+pub(super) mod clock;
 mod data;
 mod fit;
-mod launch;
+pub(super) mod launch;
 mod manifold;
-mod path;
+pub(super) mod path;
 mod seed;
 mod select;
 mod sites;

@@ -1,5 +1,10 @@
 //! The way a part takes from a hypothetical start, as the data see it, with derivatives by the start where wanted.
 //!
+//! The hot path of the search, hence a simulation of its own: numbers with or without derivatives, at knots that do not depend on
+//! the start, so that costs are smooth in it; values interpolated between few knots; what a contact cannot do is a wall and no
+//! end. Shared with the others who follow a push are the equations, the rule which mode follows, the search for its instant and
+//! the derivatives' way across ([`crate::pushing::dynamics::contact_mode`], [`crate::pushing::dynamics::mode_change`]).
+//!
 //! Implements: the classical Runge–Kutta method of order 4 between the knots of a [`Clock`]; the contact angle between
 //! knots by the quintic through angle, rate and acceleration at both ends; Coulomb's changes between rolling and sliding,
 //! located within a step, where the derivatives jump by (f₋ − f₊) ∂t/∂p (f₋ and f₊ the rates on both sides, t the instant).
@@ -7,14 +12,13 @@
 //! Frames: world. Units: SI, forces per unit mass. Errors: none; a motion without a physical force is no path.
 
 use super::clock::Clock;
-use crate::pushing::dynamics::{Contact, Edge, Motion, PushModel, Scalar, Slip, State};
+use crate::pushing::dynamics::contact_mode::{ContactFriction, jams, slip_left};
+use crate::pushing::dynamics::mode_change::{Margin, across, first_ended};
+use crate::pushing::dynamics::{Contact, Edge, Motion, PushModel, Scalar, State};
 use crate::pushing::estimation::observation::{Known, Touch};
 
 /// Changes between rolling and sliding in one path: more are chatter of a motion that no real contact makes.
 const CHANGES_MAX: usize = 20;
-
-/// Steps of the search for the instant of a change: enough for rounding.
-const SEARCHES_MAX: usize = 60;
 
 /// How near to a step's ends an instant of change is taken for the end itself, as a share of the step.
 const SHARE_NONE: f64 = 1e-10;
@@ -23,60 +27,60 @@ const SHARE_NONE: f64 = 1e-10;
 const SHARE_AFTER_CHANGE: f64 = 0.125;
 
 /// What a contact must stay within, in the order of [`Walls`].
-pub(super) const WALLS: usize = 5;
+pub(in crate::pushing::estimation) const WALLS: usize = 5;
 
 /// How far inside each limit the path stayed, at the least: from the allowed stretch of the edge (m, two ends), force into the
 /// part (m/s²), friction left unused (m/s²), slip in the assumed direction (m/s).
-pub(super) type Walls<T> = [T; WALLS];
+pub(in crate::pushing::estimation) type Walls<T> = [T; WALLS];
 
 /// Where on an edge the disk can be.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Site {
+pub(in crate::pushing::estimation) struct Site {
     /// The edge's number.
-    pub(super) index: usize,
+    pub(in crate::pushing::estimation) index: usize,
     /// The edge.
-    pub(super) edge: Edge,
+    pub(in crate::pushing::estimation) edge: Edge,
     /// Least place, m.
-    pub(super) low: f64,
+    pub(in crate::pushing::estimation) low: f64,
     /// Greatest place, m.
-    pub(super) high: f64,
+    pub(in crate::pushing::estimation) high: f64,
 }
 
 /// How a path begins.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Launch<T> {
+pub(in crate::pushing::estimation) struct Launch<T> {
     /// When, s: later than 0 only from rest.
-    pub(super) time: f64,
+    pub(in crate::pushing::estimation) time: f64,
     /// The state then.
-    pub(super) state: State<T>,
+    pub(in crate::pushing::estimation) state: State<T>,
     /// The contact then.
-    pub(super) contact: Contact<T>,
+    pub(in crate::pushing::estimation) contact: Contact<T>,
     /// From rest: contact angle at t = 0 and half the angular acceleration since then.
-    pub(super) rest: Option<(T, T)>,
+    pub(in crate::pushing::estimation) rest: Option<(T, T)>,
     /// µ g, m/s².
-    pub(super) grip: T,
+    pub(in crate::pushing::estimation) grip: T,
 }
 
 /// The end of a path, and how it kept to its limits.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Path<T> {
+pub(in crate::pushing::estimation) struct Path<T> {
     /// At the last value.
-    pub(super) end: State<T>,
+    pub(in crate::pushing::estimation) end: State<T>,
     /// At the last value.
-    pub(super) contact: Contact<T>,
+    pub(in crate::pushing::estimation) contact: Contact<T>,
     /// Margins at their least.
-    pub(super) walls: Walls<T>,
+    pub(in crate::pushing::estimation) walls: Walls<T>,
 }
 
 /// What is seen of a path at the time of a value.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Seen<T> {
+pub(in crate::pushing::estimation) struct Seen<T> {
     /// Contact angle, rad.
-    pub(super) u: T,
+    pub(in crate::pushing::estimation) u: T,
     /// Force into the part and along the edge, m/s²; right only where the value has a knot.
-    pub(super) normal_force: T,
+    pub(in crate::pushing::estimation) normal_force: T,
     /// See `normal_force`.
-    pub(super) tangential_force: T,
+    pub(in crate::pushing::estimation) tangential_force: T,
 }
 
 /// A path being followed.
@@ -103,7 +107,7 @@ struct Now<T> {
 }
 
 /// Follows a path to the last value and shows `see` what each value would be. None if no force fits on the way.
-pub(super) fn follow<T: Scalar>(
+pub(in crate::pushing::estimation) fn follow<T: Scalar>(
     known: &Known,
     site: &Site,
     launch: &Launch<T>,
@@ -118,7 +122,7 @@ pub(super) fn follow<T: Scalar>(
 }
 
 /// The same model with numbers that can carry derivatives.
-pub(super) fn lifted<'p, T: Scalar>(plain: &PushModel<'p>) -> PushModel<'p, T> {
+pub(in crate::pushing::estimation) fn lifted<'p, T: Scalar>(plain: &PushModel<'p>) -> PushModel<'p, T> {
     let crate::pushing::dynamics::Finger { radius, centre0, velocity0, acceleration } = plain.finger;
     let finger = crate::pushing::dynamics::Finger {
         radius,
@@ -130,28 +134,13 @@ pub(super) fn lifted<'p, T: Scalar>(plain: &PushModel<'p>) -> PushModel<'p, T> {
 }
 
 /// The contact without derivatives.
-pub(super) fn plain_contact<T: Scalar>(contact: &Contact<T>) -> Contact {
-    match *contact {
-        Contact::Frictionless => Contact::Frictionless,
-        Contact::Rolling => Contact::Rolling,
-        Contact::Sliding { friction, slip } => Contact::Sliding { friction: friction.re(), slip },
-    }
+pub(in crate::pushing::estimation) fn plain_contact<T: Scalar>(contact: &Contact<T>) -> Contact {
+    contact.map(|friction| friction.re())
 }
 
 /// A state without derivatives.
-pub(super) fn plain_state<T: Scalar>(state: &State<T>) -> State {
-    State { u: state.u.re(), s: state.s.re(), omega: state.omega.re(), v_t: state.v_t.re() }
-}
-
-/// What a contact without slip does, by Coulomb's law, from the force that rolling needs.
-pub(super) fn without_slip<T: Scalar>(model: &PushModel<T>, time: f64, state: &State<T>, friction: f64) -> Contact<T> {
-    let rolling = model.motion(&Contact::Rolling, time, state);
-    let (normal, along) = (rolling.normal_force.re(), rolling.tangential_force.re());
-    if along.abs() <= friction * normal {
-        return Contact::Rolling;
-    }
-    let slip = if along > 0.0 { Slip::Backward } else { Slip::Forward };
-    Contact::Sliding { friction: T::from(friction), slip }
+pub(in crate::pushing::estimation) fn plain_state<T: Scalar>(state: &State<T>) -> State {
+    state.map(|number| number.re())
 }
 
 /// One step of the Runge–Kutta method from known rates.
@@ -195,7 +184,7 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
     /// A state with what it leads to; none where no force fits (a jam, or numbers out of range).
     fn at(&mut self, time: f64, state: State<T>, contact: Contact<T>) -> Option<Now<T>> {
         if let Contact::Sliding { friction, slip } = contact
-            && self.model.sliding_denominator(friction * slip.sign(), state.s).re() <= 0.0
+            && jams(self.model.sliding_denominator(friction * slip.sign(), state.s).re())
         {
             return None;
         }
@@ -214,12 +203,10 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
         let (mut cone, mut slipping) = (never, never);
         match (contact, self.touch) {
             (Contact::Rolling, Touch::Rolling { friction: Some(friction) }) => {
-                let along = motion.tangential_force;
-                let along = if along.re() < 0.0 { -along } else { along };
-                cone = motion.normal_force * friction - along;
+                cone = ContactFriction::same(T::from(friction)).unused(&motion.force());
             }
             (Contact::Sliding { slip, .. }, Touch::Sliding { .. }) => {
-                slipping = self.model.slip(*time, state) * slip.sign();
+                slipping = slip_left(self.model.slip(*time, state), *slip);
             }
             _ => {}
         }
@@ -272,14 +259,8 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
 
     /// What must stay positive for the contact to stay as it is, where Coulomb's law decides that.
     fn margin(&self, contact: &Contact, time: f64, state: &State) -> f64 {
-        let Touch::Coulomb { friction } = self.touch else { return f64::INFINITY };
-        match contact {
-            Contact::Sliding { slip, .. } => self.plain.slip(time, state) * slip.sign(),
-            _ => {
-                let motion = self.plain.motion(contact, time, state);
-                friction * motion.normal_force - motion.tangential_force.abs()
-            }
-        }
+        let Some(friction) = self.touch.deciding_friction() else { return f64::INFINITY };
+        friction.left(contact, || self.plain.slip(time, state), || self.plain.motion(contact, time, state).force())
     }
 
     /// The share of a step after which the contact changes.
@@ -289,15 +270,7 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
         if end >= 0.0 || end.is_nan() {
             return None;
         }
-        let (mut low, mut high) = (0.0, 1.0);
-        for _ in 0..SEARCHES_MAX {
-            let middle = 0.5 * (low + high);
-            if middle <= low || middle >= high || high - low < SHARE_NONE {
-                break;
-            }
-            if self.margin_within(now, length, middle) < 0.0 { high = middle } else { low = middle }
-        }
-        Some(high)
+        Some(first_ended(|share| self.margin_within(now, length, share) < 0.0, 1.0, SHARE_NONE))
     }
 
     /// The margin after a share of a step.
@@ -311,7 +284,7 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
 
     /// Passes to the next contact after a share of a step.
     fn change(&mut self, now: &Now<T>, share: f64, length: f64) -> Option<Now<T>> {
-        let Touch::Coulomb { friction } = self.touch else { return None };
+        let friction = self.touch.deciding_friction()?.map(T::from);
         self.changes += 1;
         if self.changes > CHANGES_MAX {
             return None;
@@ -320,38 +293,16 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
         let mut state = step(&self.model, &now.contact, now.time, (&now.state, &now.motion.rates), share * length);
         let before = self.at(time, state, now.contact)?;
         self.see_between(now, &before);
-        let Contact::Sliding { slip, .. } = now.contact else {
+        let rolling = self.model.motion(&Contact::Rolling, time, &state).force();
+        let contact = friction.after(&now.contact, &rolling);
+        if matches!(now.contact, Contact::Rolling) {
             // Where rolling ends the force is that of sliding: nothing jumps.
             state.v_t = self.model.rolling_v_t(time, &state);
-            let contact = match without_slip(&self.model, time, &state, friction) {
-                Contact::Rolling => sliding(friction, before.motion.tangential_force.re()),
-                sliding => sliding,
-            };
             return self.at(time, state, contact);
-        };
-        let fading = self.model.slip(time, &state);
-        let mut contact = without_slip(&self.model, time, &state, friction);
-        if matches!(contact, Contact::Sliding { .. }) {
-            contact = Contact::Sliding { friction: T::from(friction), slip: slip.reversed() };
         }
-        let rate = self.slip_rate(&before);
-        // No length of its own, only derivatives: how the instant moves with the start.
-        let later = -(fading - fading.re()) / rate;
-        let after = self.model.motion(&contact, time, &state).rates;
-        state.omega = state.omega + (before.motion.rates.omega - after.omega) * later;
-        state.v_t = state.v_t + (before.motion.rates.v_t - after.v_t) * later;
+        let late = Margin::of_mode(&now.contact, friction).late(&self.model, &now.contact, time, &state);
+        let state = across(&self.model, &contact, time, (&state, &before.motion.rates), late);
         self.at(time, state, contact)
-    }
-
-    /// How fast the slip of a sliding contact changes, m/s².
-    fn slip_rate(&self, now: &Now<T>) -> f64 {
-        let Now { time, state, motion, .. } = now;
-        let (sin, cos) = state.u.re().sin_cos();
-        let ([v_x, v_y], [a_x, a_y]) = (self.plain.finger.velocity(*time), self.plain.finger.acceleration);
-        let (finger_v_n, finger_a_t) = (-(cos * v_x + sin * v_y), cos * a_y - sin * a_x);
-        // The rate of v_FT + hω − v_T, in which T turns with the contact.
-        let rates = &motion.rates;
-        finger_a_t + state.omega.re() * finger_v_n + self.plain.edge.height * rates.omega.re() - rates.v_t.re()
     }
 
     /// Shows the values between two instants.
@@ -366,12 +317,6 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
             self.show(u, &to.motion);
         }
     }
-}
-
-/// Sliding against a force along the edge.
-fn sliding<T: Scalar>(friction: f64, along: f64) -> Contact<T> {
-    let slip = if along > 0.0 { Slip::Backward } else { Slip::Forward };
-    Contact::Sliding { friction: T::from(friction), slip }
 }
 
 /// The contact angle at a share of a step, by Hermite's interpolation of angle, rate and acceleration.

@@ -1,5 +1,10 @@
 //! What the finger would feel: the force over a push from rest, for one guess of how it began.
 //!
+//! A simulation of its own because it is asked for means of a force under windows, thousands of times: forces on the windows' grid,
+//! with a finger of many accelerations, but no derivatives (by differences of whole paths) and no positions in between. Shared with
+//! the others who follow a push are the equations, the start, the rule which mode follows and the search for its instant
+//! ([`crate::pushing::dynamics::contact_mode`], [`crate::pushing::dynamics::mode_change`]).
+//!
 //! Coulomb's law decides between rolling and sliding; where that changes, the instant is found by bisection. Steps follow
 //! the time in which friction forgets a slow part's speed, v/(µg), so that the first milliseconds cost no more than the rest.
 //! A force that jumps (where the finger's acceleration does, or where sliding stops) is kept apart from its smooth course:
@@ -11,7 +16,9 @@
 use nalgebra::{Isometry2, Rotation2, Vector2};
 
 use super::windows;
-use crate::pushing::dynamics::{Contact, Edge, Motion, Part, PushModel, Slip, State};
+use crate::pushing::dynamics::contact_mode::{ContactFriction, jams};
+use crate::pushing::dynamics::mode_change::first_ended;
+use crate::pushing::dynamics::{Contact, ContactForce, Edge, Motion, Part, PushModel, State};
 use crate::pushing::finger_motion::Leg;
 
 /// The start is followed in closed form for this long, s: a part turns by less than 1e-4 rad meanwhile, even at 10 rad/s².
@@ -24,8 +31,8 @@ const STEP_OF_MEMORY: f64 = 1.5;
 /// Shortest step, s, for a part that nearly stops.
 const STEP_MIN_S: f64 = 2e-5;
 
-/// Halvings that find a change of the contact: 2⁻¹⁸ of a step of 5 ms is 20 ns, so that forces are smooth in the guess.
-const HALVINGS: u32 = 18;
+/// How exactly a change of the contact is found, as a share of a step: 25 ns of a step of 5 ms, so that forces are smooth in the guess.
+const CHANGE_SHARE: f64 = 5e-6;
 
 /// Changes between rolling and sliding after which a guess is given up.
 const CHANGES_MAX: usize = 100;
@@ -70,6 +77,12 @@ pub(super) struct Path {
 }
 
 impl Path {
+    /// When the contact changed, or the finger its acceleration, s.
+    #[cfg(test)]
+    pub(super) fn changes(&self) -> Vec<f64> {
+        self.jumps.iter().skip(1).map(|(time, _)| *time).collect()
+    }
+
     /// Means of the force under the first `count` windows, m/s².
     pub(super) fn windows(&self, count: usize) -> impl Iterator<Item = Vector2<f64>> + '_ {
         (0..count).map(|window| {
@@ -180,7 +193,7 @@ struct Margin {
 struct Player<'p> {
     model: PushModel<'p>,
     leg_from: f64,
-    mu_c: f64,
+    friction: ContactFriction,
     time: f64,
     state: State,
     contact: Contact,
@@ -190,27 +203,14 @@ struct Player<'p> {
 impl<'p> Player<'p> {
     fn begin(model: PushModel<'p>, guess: &Guess) -> Result<Self, Lost> {
         let &Guess { u, s, mu_c, .. } = guess;
-        let rolling = model.rest_start(&Contact::Rolling, u, s).map_err(|_| Lost::Start)?;
-        let needed = rolling.tangential_force.abs() / rolling.normal_force;
-        let (contact, start) = if rolling.normal_force > 0.0 && needed <= mu_c {
-            (Contact::Rolling, rolling)
-        } else {
-            let contact = sliding(mu_c, -rolling.tangential_force);
-            (contact, model.rest_start(&contact, u, s).map_err(|_| Lost::Start)?)
-        };
-        if start.normal_force <= 0.0 || jams(&model, &contact, s) {
+        let friction = ContactFriction::same(mu_c);
+        let start = |contact: &Contact| model.rest_start(contact, u, s);
+        let (contact, start) = friction.from_rest(0.0, start).map_err(|_| Lost::Start)?;
+        if !start.force().pushes() || is_jammed(&model, &contact, s) {
             return Err(Lost::Contact);
         }
         let force = on_finger(u, start.normal_force, start.tangential_force);
-        let half = 0.5 * REST_S * REST_S;
-        let along = model.finger.acceleration[1] * u.cos() - model.finger.acceleration[0] * u.sin();
-        let reach = model.finger.radius + model.edge.height;
-        let state = State {
-            u: u + half * start.alpha,
-            s: s + half * (start.a_t - along - start.alpha * reach),
-            omega: start.alpha * REST_S,
-            v_t: start.a_t * REST_S,
-        };
+        let state = model.after_rest([u, s], [start.alpha, start.a_t], REST_S);
         let path = Path {
             smooth: vec![Vector2::zeros()],
             jumps: vec![(0.0, force)],
@@ -218,10 +218,10 @@ impl<'p> Player<'p> {
             contact_start: contact,
             contact,
             s_span: [s, s],
-            friction_needed: if contact == Contact::Rolling { needed } else { 0.0 },
+            friction_needed: if contact == Contact::Rolling { needed(&start.force()) } else { 0.0 },
             slipped: contact != Contact::Rolling,
         };
-        Ok(Self { model, leg_from: 0.0, mu_c, time: REST_S, state, contact, path })
+        Ok(Self { model, leg_from: 0.0, friction, time: REST_S, state, contact, path })
     }
 
     fn motion(&self) -> Motion {
@@ -280,28 +280,20 @@ impl<'p> Player<'p> {
             (self.state, self.time) = (after, self.time + length);
             return Ok(());
         }
-        let (mut good, mut bad) = (0.0, length);
-        for _ in 0..HALVINGS {
-            let middle = 0.5 * (good + bad);
-            let holds = self.margin(local + middle, &at(middle)).is_ok_and(|margin| margin.left >= 0.0);
-            if holds { good = middle } else { bad = middle }
-        }
-        (self.state, self.time) = (at(bad), self.time + bad);
+        let ended = |length: f64| !self.margin(local + length, &at(length)).is_ok_and(|margin| margin.left >= 0.0);
+        let change = first_ended(ended, length, CHANGE_SHARE * length);
+        (self.state, self.time) = (at(change), self.time + change);
         self.change()
     }
 
     fn margin(&self, local: f64, state: &State) -> Result<Margin, Lost> {
         let motion = self.model.motion(&self.contact, local, state);
-        if motion.normal_force <= 0.0 || motion.normal_force.is_nan() || jams(&self.model, &self.contact, state.s) {
+        if !motion.force().pushes() || is_jammed(&self.model, &self.contact, state.s) {
             return Err(Lost::Contact);
         }
-        Ok(match self.contact {
-            Contact::Sliding { slip, .. } => Margin { left: self.model.slip(local, state) * slip.sign(), needed: 0.0 },
-            _ => {
-                let needed = motion.tangential_force.abs() / motion.normal_force;
-                Margin { left: self.mu_c - needed, needed }
-            }
-        })
+        let left = self.friction.left(&self.contact, || self.model.slip(local, state), || motion.force());
+        let needed = if self.contact == Contact::Rolling { needed(&motion.force()) } else { 0.0 };
+        Ok(Margin { left, needed })
     }
 
     /// Changes between rolling and sliding, here.
@@ -310,12 +302,7 @@ impl<'p> Player<'p> {
         let local = self.time - self.leg_from;
         self.state.v_t = self.model.rolling_v_t(local, &self.state);
         let rolling = self.model.motion(&Contact::Rolling, local, &self.state);
-        let sticks = rolling.normal_force > 0.0 && rolling.tangential_force.abs() <= self.mu_c * rolling.normal_force;
-        self.contact = match self.contact {
-            Contact::Sliding { .. } if sticks => Contact::Rolling,
-            Contact::Sliding { friction, slip } => Contact::Sliding { friction, slip: slip.reversed() },
-            _ => sliding(self.mu_c, -rolling.tangential_force),
-        };
+        self.contact = self.friction.after(&self.contact, &rolling.force());
         self.jump(force_before)
     }
 
@@ -323,10 +310,9 @@ impl<'p> Player<'p> {
     fn enter(&mut self, model: PushModel<'p>, leg_from: f64) -> Result<(), Lost> {
         let force_before = self.force();
         (self.model, self.leg_from) = (model, leg_from);
-        let motion = self.motion();
-        if self.contact == Contact::Rolling && motion.tangential_force.abs() > self.mu_c * motion.normal_force {
+        if self.contact == Contact::Rolling {
             self.state.v_t = self.v_t();
-            self.contact = sliding(self.mu_c, -motion.tangential_force);
+            self.contact = self.friction.without_slip(&self.motion().force());
         }
         self.jump(force_before)
     }
@@ -342,18 +328,13 @@ fn as_f64(count: usize) -> f64 {
     f64::from(u32::try_from(count).unwrap_or(u32::MAX))
 }
 
-/// Sliding in the direction of a number's sign.
-fn sliding(friction: f64, along: f64) -> Contact {
-    let slip = if along < 0.0 { Slip::Backward } else { Slip::Forward };
-    Contact::Sliding { friction, slip }
+/// The friction that rolling takes, as a coefficient.
+fn needed(rolling: &ContactForce) -> f64 {
+    rolling.tangential.abs() / rolling.normal
 }
 
-/// Whether no finite force fits a sliding part.
-fn jams(model: &PushModel, contact: &Contact, s: f64) -> bool {
-    match contact {
-        Contact::Sliding { friction, slip } => model.sliding_denominator(friction * slip.sign(), s) <= 0.0,
-        _ => false,
-    }
+fn is_jammed(model: &PushModel, contact: &Contact, s: f64) -> bool {
+    contact.signed_friction().is_some_and(|m| jams(model.sliding_denominator(m, s)))
 }
 
 /// Force on the finger's disk from its components on the part.

@@ -7,9 +7,15 @@ use super::path::{Course, Guess};
 use super::trial::{Drawn, Outcome, RADIUS_M, Ranges, pose_error, random_part, straight_motion};
 use super::*;
 use crate::geometry::SimplePolygon;
+use crate::math::Jet;
 use crate::math::random::Draw;
+use crate::pushing::dynamics::{Contact, EndReason, Finger, PushModel};
+use crate::pushing::estimation::contact_angles::clock::{Clock, Fineness};
+use crate::pushing::estimation::contact_angles::launch::{Begin, Variable, launch, rest_span};
+use crate::pushing::estimation::contact_angles::path::{self as contact_path, Site, plain_contact, plain_state};
 use crate::pushing::estimation::hypotheses::Status;
-use crate::pushing::finger_motion::Segment;
+use crate::pushing::estimation::{Known as PushKnown, Touch};
+use crate::pushing::finger_motion::{Leg, Segment};
 use crate::pushing::pushed_world::Played;
 
 /// Noise of a window's mean, N: that of the default finger.
@@ -290,4 +296,124 @@ fn a_brisk_push_tells_mass_and_friction_of_the_plane() {
         fixed_is_off += usize::from(errors(&pushed, &fixed).is_none_or(|errors| errors[1].abs() > FAR));
     }
     assert!(fixed_is_off >= 4, "a fixed friction did for {} of 5", 5 - fixed_is_off);
+}
+
+/// One push from rest, for all who can follow it.
+struct FromRest {
+    part: Part,
+    edge: usize,
+    model_grip: f64,
+    finger: Finger,
+    u: f64,
+    s: f64,
+    mu_c: f64,
+}
+
+/// How a push from rest began and ended by one who followed it; none where the finger does not push, or jams.
+type Followed = Option<(Contact, Contact, State)>;
+
+impl FromRest {
+    /// A finger that accelerates into the part within 80° of its normal: often rolling would have to pull.
+    fn draw(draw: &mut Draw) -> Self {
+        let part = Part::uniform(draw.convex_polygon(6, 0.05));
+        let edge = draw.index(part.polygon().vertices().len());
+        let place = part.edge(edge).unwrap();
+        let (u, heading) = (draw.uniform(-3.0, 3.0), draw.uniform(-1.4, 1.4));
+        let acceleration = [(u + heading).cos() * 0.4, (u + heading).sin() * 0.4];
+        let finger = Finger { radius: 0.005, centre0: [0.0; 2], velocity0: [0.0; 2], acceleration };
+        let s = place.s_min + draw.uniform(0.05, 0.95) * (place.s_max - place.s_min);
+        Self { part, edge, model_grip: draw.uniform(1.0, 5.0), finger, u, s, mu_c: draw.uniform(0.02, 0.8) }
+    }
+
+    fn model(&self) -> PushModel<'_> {
+        let edge = self.part.edge(self.edge).unwrap();
+        PushModel { part: &self.part, edge, grip: self.model_grip, finger: self.finger }
+    }
+
+    /// The run that controls its errors, with when it changed.
+    fn run(&self, until: f64) -> (Followed, Vec<f64>) {
+        let law = ContactLaw::Coulomb { friction: self.mu_c };
+        let push = Push::new(self.model(), law, Start::Rest { u: self.u, s: self.s }, EdgeEnd::Extend).unwrap();
+        let run = push.run(&[0.0, until]).unwrap();
+        let changes = run.changes.iter().map(|change| change.t).collect();
+        if run.end.reason != EndReason::Time {
+            return (None, changes);
+        }
+        (Some((run.samples[0].contact, run.last.contact, run.last.state)), changes)
+    }
+
+    /// The estimator's path from contact angles, in numbers of any kind.
+    fn path<T: Variable>(&self, until: f64) -> Followed {
+        const VALUES: usize = 41;
+        let touch = Touch::Coulomb { friction: self.mu_c };
+        let known = PushKnown { part: &self.part, grip: self.model_grip, finger: self.finger, touch };
+        let site = Site { index: self.edge, edge: self.model().edge, low: -1.0, high: 1.0 };
+        let span = rest_span(&known, 1e-4);
+        let start = launch::<T>(&known, &site, (Begin::Rest(None), &[self.u, self.s, 0.0, 0.0, 0.0]), span, None)?;
+        let dt = until / (VALUES - 1) as f64;
+        let fineness = Fineness { share: 0.2, on_values: true };
+        let forgets = |time: f64| 0.1 * 0.4 * time / self.model_grip;
+        let clock = Clock::new((dt, VALUES), span, fineness, forgets);
+        let path = contact_path::follow(&known, &site, &start, &clock, |_, _| ())?;
+        if path.walls[2].re() <= 0.0 {
+            return None; // The finger would have had to pull.
+        }
+        Some((plain_contact(&start.contact), plain_contact(&path.contact), plain_state(&path.end)))
+    }
+
+    /// This module's, with when it changed.
+    fn course(&self, until: f64) -> (Followed, Vec<f64>) {
+        let play = |duration: f64| {
+            let legs = vec![Leg { from: 0.0, to: until, finger: self.finger }];
+            let course = Course { part: &self.part, grip: self.model_grip, grip_log_sd: None, legs, duration };
+            course.play(&Guess { edge: self.edge, u: self.u, s: self.s, mu_c: self.mu_c, grip_log: 0.0 })
+        };
+        let (Ok(start), Ok(path)) = (play(1e-3), play(until)) else { return (None, Vec::new()) };
+        (Some((start.contact, path.contact, path.end)), path.changes())
+    }
+}
+
+/// The rule is one; steps and numbers of those who ask it differ.
+#[test]
+fn all_who_follow_a_push_see_the_same_modes() {
+    /// How long to push, s.
+    const UNTIL: f64 = 0.25;
+    /// A change so near to another, or to the end, may be missed by longer steps, s; and how exactly one is found.
+    const NEAR: f64 = 0.01;
+    const CHANGE_ERROR: f64 = 2e-4;
+    /// Of the state's angle, rad, and place, m.
+    const ERROR: (f64, f64) = (1e-4, 1e-5);
+    let (mut compared, mut slid, mut pulled, mut changed) = (0, 0, 0, 0);
+    for case in 0..400 {
+        let push = FromRest::draw(&mut Draw::case(7, case));
+        let (truth, changes) = push.run(UNTIL);
+        let times = [0.0].into_iter().chain(changes.iter().copied()).chain([UNTIL]).collect::<Vec<_>>();
+        if times.windows(2).any(|pair| pair[1] - pair[0] < NEAR) {
+            continue;
+        }
+        let (course, course_changes) = push.course(UNTIL);
+        let paths = [push.path::<f64>(UNTIL), push.path::<Jet<5>>(UNTIL)];
+        for (name, followed) in
+            ["path", "path with derivatives", "course"].iter().zip(paths.into_iter().chain([course]))
+        {
+            let context = || format!("case {case}: {name} {followed:?}, run {truth:?}");
+            assert_eq!(followed.is_some(), truth.is_some(), "{}", context());
+            let (Some((start, end, state)), Some((start_true, end_true, state_true))) = (followed, truth) else {
+                continue;
+            };
+            assert!(start == start_true && end == end_true, "{}", context());
+            let off = ((state.u - state_true.u).abs(), (state.s - state_true.s).abs());
+            assert!(off.0 < ERROR.0 && off.1 < ERROR.1, "{}", context());
+        }
+        let Some((start, ..)) = truth else { continue };
+        assert_eq!(course_changes.len(), changes.len(), "case {case}: {course_changes:?} {changes:?}");
+        let apart = course_changes.iter().zip(&changes).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(apart < CHANGE_ERROR, "case {case}: {course_changes:?} {changes:?}");
+        compared += 1;
+        slid += usize::from(start != Contact::Rolling);
+        changed += usize::from(!changes.is_empty());
+        pulled += usize::from(!push.model().rest_start(&Contact::Rolling, push.u, push.s).unwrap().force().pushes());
+    }
+    let counts = format!("{compared} compared, {slid} slid at once, {pulled} where rolling pulls, {changed} changed");
+    assert!(compared > 200 && slid > 50 && pulled > 3 && changed > 10, "{counts}");
 }
