@@ -15,6 +15,7 @@ pub mod interrupt;
 pub mod limit_picture;
 pub mod link;
 pub mod live;
+pub mod math;
 pub mod observability;
 pub mod observing;
 pub mod part_file;

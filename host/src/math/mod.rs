@@ -1,0 +1,3 @@
+//! Mathematics that no part of mechanics owns.
+
+pub mod least_squares;
