@@ -381,7 +381,7 @@ impl<const N: usize, P: Problem<N>> Descent<'_, P, N> {
             if stop(&trial(place, false)) {
                 return Err(Outcome::Stopped);
             }
-            if predicted < ROUNDING_SHARE * cost_before {
+            if cost_before.is_finite() && predicted <= ROUNDING_SHARE * cost_before {
                 return Err(Outcome::Stalled);
             }
             self.fail();
@@ -442,3 +442,6 @@ impl<'a, const N: usize, P: Problem<N>> Parabola<'a, P, N> {
         Some(Step { by, predicted_reduction })
     }
 }
+
+#[cfg(test)]
+mod tests;
