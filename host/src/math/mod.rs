@@ -1,3 +1,0 @@
-//! Mathematics that no part of mechanics owns.
-
-pub mod least_squares;
