@@ -1,7 +1,8 @@
-//! Whether another pose could have been felt the same: a search that shares nothing with the estimator but the dynamics.
+//! Whether another pose could have been felt the same: a search that shares nothing with estimator and planner but the dynamics
+//! and the arithmetic of [`least_squares`].
 //!
 //! From places all along each edge the part is pushed as the truth was, at fixed steps; the best places of each edge are improved
-//! by Gauss–Newton with the derivatives of [`Seeded`]. Where rolling and sliding take turns, the error-controlled simulation
+//! with the derivatives of [`Seeded`]. Where rolling and sliding take turns, the error-controlled simulation
 //! and its derivatives across changes ([`Push::run_derived`]) do the same.
 //!
 //! What misses exact angles by far at a coarse noise misses them by more at a fine one. So exact data are searched at a coarse noise
@@ -9,8 +10,9 @@
 //!
 //! Units: SI; costs of no dimension. Errors: none; what cannot move is no rival.
 
-use nalgebra::{Matrix4, Point2, Vector2, Vector4};
+use nalgebra::{Point2, Vector2, Vector4};
 use palpate::math::Jet;
+use palpate::math::least_squares::{self, Damping, Enough, Floor, NormalEquations, Problem, Settings};
 use palpate::pushing::dynamics::{
     Contact, ContactLaw, EdgeEnd, Finger, Parameter, Part, Push, PushModel, Scalar, Seeded, Slip, Start, State,
 };
@@ -29,13 +31,26 @@ const SIGMA_COARSE: f64 = 2e-3;
 /// See [`SIGMA_COARSE`].
 const SIGMA_RATIO: f64 = 0.1;
 
-/// Iterations of the improvement; after some of them it must have come so near.
-const ITERATIONS: usize = 25;
-/// See [`ITERATIONS`].
-const HOPELESS: (usize, f64) = (6, 1e4);
+/// How a place is improved: until a step lowers the cost by less than a thousandth of a squared standard deviation.
+const IMPROVEMENT: Settings<4> = Settings {
+    damping: Damping {
+        first: 1e-3,
+        min: 0.0,
+        max: f64::INFINITY,
+        up: 10.0,
+        min_after_failure: 1e-6,
+        down: 0.2,
+        trusted_share: 0.0,
+    },
+    // Holds a velocity along the contact that makes no difference: where the contact rolls.
+    floor: Floor::Absolute([1e-9; 4]),
+    enough: Enough { relative: 0.0, absolute: 1e-3, damping_max: f64::INFINITY },
+    trials_max: 25,
+    steps_max: usize::MAX,
+};
 
-/// A step that lowers the cost by less ends the improvement.
-const COST_STEP: f64 = 1e-3;
+/// After so many trials a place must have come so near.
+const HOPELESS: (usize, f64) = (6, 1e4);
 
 /// Rivals are at least so far from the truth on its own edge at the end, m.
 const APART_M: f64 = 2e-3;
@@ -59,7 +74,7 @@ const UNKNOWNS: [Parameter; 4] = [Parameter::U, Parameter::S, Parameter::Omega, 
 pub(super) struct Leg {
     /// In time since the leg's beginning.
     pub(super) finger: Finger,
-    /// How many values it has: of all legs but the last one, the last value is the next leg's first and does not count.
+    /// Values in it, that at its beginning not counted.
     pub(super) values: usize,
 }
 
@@ -84,6 +99,8 @@ pub(super) struct Truth<'a> {
     /// Of one angle, rad.
     pub(super) sigma: f64,
     pub(super) prior: Prior,
+    /// Whether a rival's disk must be clear of the edges that it does not touch, as the truth's is.
+    pub(super) is_clear: bool,
 }
 
 impl Truth<'_> {
@@ -211,7 +228,7 @@ impl<'a> Search<'a> {
         let mut states = vec![*start];
         for (model, leg) in models.iter().zip(self.truth.legs) {
             let from = states[states.len() - 1];
-            let count = steps * (leg.values - 1);
+            let count = steps * leg.values;
             states.extend(model.rollout(contact, &from, step).take(count).skip(steps - 1).step_by(steps));
         }
         states.into_iter()
@@ -230,44 +247,24 @@ impl<'a> Search<'a> {
     }
 
     /// The lowest rival that a start leads to at a noise, and its cost; none if that is no rival.
-    fn lowest(&self, mut start: State, sigma: f64, limit: f64) -> Option<(State, f64)> {
-        let mut damping = 1e-3;
-        let mut now = self.normal(&start, sigma)?;
-        for iteration in 0..ITERATIONS {
-            if iteration >= HOPELESS.0 && now.total > HOPELESS.1 {
-                return None;
-            }
-            let mut matrix = now.curvature;
-            for i in 0..UNKNOWNS.len() {
-                matrix[(i, i)] = matrix[(i, i)] * (1.0 + damping) + 1e-9;
-            }
-            let step = matrix.cholesky()?.solve(&now.gradient);
-            let next = State {
-                u: start.u - step[0],
-                s: start.s - step[1],
-                omega: start.omega - step[2],
-                v_t: start.v_t - step[3],
-            };
-            let there = self.normal(&next, sigma).filter(|there| there.total < now.total);
-            let Some(there) = there else {
-                damping = (damping * 10.0).max(1e-6);
-                continue;
-            };
-            let gained = now.total - there.total;
-            (start, now, damping) = (next, there, damping * 0.2);
-            if gained < COST_STEP || (self.is_rival(&now) && now.cost < limit) {
-                break;
-            }
-        }
-        self.is_rival(&now).then_some((start, now.cost))
+    fn lowest(&self, start: State, sigma: f64, limit: f64) -> Option<(State, f64)> {
+        let mut is_hopeless = false;
+        let improving = Improving { search: self, sigma };
+        let found = least_squares::minimise(&improving, self.tried(&start, sigma)?, &IMPROVEMENT, |trial| {
+            let Tried { equations, cost, .. } = trial.place;
+            is_hopeless = trial.count >= HOPELESS.0 && equations.cost > HOPELESS.1;
+            is_hopeless || (trial.is_lower && self.is_rival(trial.place) && *cost < limit)
+        });
+        let found = found.place;
+        (!is_hopeless && self.is_rival(&found)).then_some((found.start, found.cost))
     }
 
-    fn is_rival(&self, found: &Normal) -> bool {
+    fn is_rival(&self, found: &Tried) -> bool {
         let is_truth = self.way.edge == self.truth.edge && (found.s_end - self.truth.s_end).abs() < APART_M;
         !is_truth && found.possible
     }
 
-    fn normal(&self, start: &State, sigma: f64) -> Option<Normal> {
+    fn tried(&self, start: &State, sigma: f64) -> Option<Tried> {
         let states = match self.way.contact {
             Some(contact) => {
                 let seeded: Vec<_> =
@@ -281,36 +278,40 @@ impl<'a> Search<'a> {
         if states.len() < self.truth.angles.len() {
             return None;
         }
-        let mut normal = Normal::new(start);
-        for (value, state) in states.iter().enumerate() {
-            normal.add((state.u - self.truth.angles[value]) / sigma, true);
-            self.keep_on_edge(&mut normal, state.s);
-            normal.possible &= is_clear(self.truth.part, self.way.edge, self.models[0].finger.radius, state.s.value);
-            normal.s_end = state.s.value;
-            normal.possible &= self.lasts(value, state);
+        let mut tried = Tried::new(start);
+        for (value, (state, angle)) in states.iter().zip(self.truth.angles).enumerate() {
+            tried.add((state.u - *angle) / sigma, true);
+            self.keep_on_edge(&mut tried, state.s);
+            tried.possible &= self.is_clear(state.s.value);
+            tried.s_end = state.s.value;
+            tried.possible &= self.lasts(value, state);
         }
-        self.add_prior(&mut normal, start);
-        Some(normal)
+        self.add_prior(&mut tried, start);
+        Some(tried)
     }
 
-    fn add_prior(&self, normal: &mut Normal, start: &State) {
+    fn is_clear(&self, place: f64) -> bool {
+        !self.truth.is_clear || is_clear(self.truth.part, self.way.edge, self.models[0].finger.radius, place)
+    }
+
+    fn add_prior(&self, tried: &mut Tried, start: &State) {
         let v_t_counts = !matches!(self.way.contact, Some(Contact::Rolling));
         let v_t = self.truth.prior.v_t0_sigma.filter(|_| v_t_counts);
         for (unknown, sigma, value) in [(2, self.truth.prior.omega0_sigma, start.omega), (3, v_t, start.v_t)] {
             if let Some(sigma) = sigma {
-                normal.add(Jet::variable(value, unknown) / sigma, true);
+                tried.add(Jet::variable(value, unknown) / sigma, true);
             }
         }
     }
 
-    fn keep_on_edge(&self, normal: &mut Normal, s: Jet<4>) {
+    fn keep_on_edge(&self, tried: &mut Tried, s: Jet<4>) {
         let edge = &self.models[0].edge;
         let beyond = (s.value - edge.s_max).max(0.0) - (edge.s_min - s.value).max(0.0);
         if beyond != 0.0 {
             let limit = if beyond > 0.0 { edge.s_max } else { edge.s_min };
-            normal.add((s - limit) / EDGE_SIGMA_M, false);
+            tried.add((s - limit) / EDGE_SIGMA_M, false);
         }
-        normal.possible &= beyond.abs() < BEYOND_M;
+        tried.possible &= beyond.abs() < BEYOND_M;
     }
 
     /// Whether the part still is pushed at a value, and slips the way it is taken to.
@@ -329,8 +330,8 @@ impl<'a> Search<'a> {
     /// The leg that a value belongs to, and the time since its beginning, s.
     fn at(&self, value: usize) -> (&PushModel<'a>, f64) {
         let (mut leg, mut since) = (0, value);
-        while leg + 1 < self.models.len() && since >= self.truth.legs[leg].values - 1 {
-            since -= self.truth.legs[leg].values - 1;
+        while leg + 1 < self.models.len() && since >= self.truth.legs[leg].values {
+            since -= self.truth.legs[leg].values;
             leg += 1;
         }
         #[expect(clippy::cast_precision_loss, reason = "a count of values")]
@@ -339,29 +340,48 @@ impl<'a> Search<'a> {
     }
 }
 
-/// A cost and what a step needs.
-struct Normal {
-    /// Without what keeps the path on its edge, and with it.
+/// A start that was tried.
+struct Tried {
+    start: State,
+    /// Without what keeps the path on its edge.
     cost: f64,
-    total: f64,
-    gradient: Vector4<f64>,
-    curvature: Matrix4<f64>,
+    /// With it.
+    equations: NormalEquations<4>,
     s_end: f64,
     possible: bool,
 }
 
-impl Normal {
+impl Tried {
     fn new(start: &State) -> Self {
-        let (gradient, curvature) = (Vector4::zeros(), Matrix4::zeros());
-        Self { cost: 0.0, total: 0.0, gradient, curvature, s_end: start.s, possible: true }
+        Self { start: *start, cost: 0.0, equations: NormalEquations::zero(), s_end: start.s, possible: true }
     }
 
     fn add(&mut self, residual: Jet<4>, counts: bool) {
-        let slopes = Vector4::from(residual.slopes);
-        let square = residual.value * residual.value;
-        self.cost += if counts { square } else { 0.0 };
-        self.total += square;
-        self.gradient += slopes * residual.value;
-        self.curvature += slopes * slopes.transpose();
+        self.cost += if counts { residual.value * residual.value } else { 0.0 };
+        self.equations.add(residual.value, Vector4::from(residual.slopes));
+    }
+}
+
+/// A search at one noise, rad.
+struct Improving<'s, 'a> {
+    search: &'s Search<'a>,
+    sigma: f64,
+}
+
+impl Problem<4> for Improving<'_, '_> {
+    type Place = Tried;
+
+    fn cost(&self, tried: &Tried) -> f64 {
+        tried.equations.cost
+    }
+
+    fn normal_equations(&self, tried: &Tried) -> NormalEquations<4> {
+        tried.equations
+    }
+
+    fn moved(&self, tried: &Tried, step: &Vector4<f64>) -> Option<Tried> {
+        let State { u, s, omega, v_t } = tried.start;
+        let next = State { u: u + step[0], s: s + step[1], omega: omega + step[2], v_t: v_t + step[3] };
+        self.search.tried(&next, self.sigma)
     }
 }

@@ -10,11 +10,12 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{Matrix3, Point2, Vector2, Vector3};
+use nalgebra::{Point2, Vector2, Vector3};
 
 use super::readings::HalfPlane;
 use super::triple::{PARALLEL, Triple, Turns};
 use crate::geometry::{ConvexPolygon, Pose};
+use crate::math::least_squares::{self, Damping, Enough, Floor, NormalEquations, Settings};
 
 /// A pose may miss a line by so much, as a share of the part's size (fixed by the interface).
 pub const MISS_MAX_RELATIVE: f64 = 1e-9;
@@ -29,8 +30,23 @@ const WORTH_IMPROVING_RELATIVE: f64 = 1e-5;
 /// Candidates that miss by less than this share of the size need no improvement.
 const GOOD_RELATIVE: f64 = 1e-13;
 
-/// Steps of improvement; from so near they converge in two.
-const STEPS_MAX: usize = 4;
+/// How candidates are improved: from so near Gauss's and Newton's steps converge in two. Damping comes in where the lines nearly leave
+/// a continuum.
+const IMPROVEMENT: Settings<3> = Settings {
+    damping: Damping {
+        first: 0.0,
+        min: 0.0,
+        max: 1e6,
+        up: 10.0,
+        min_after_failure: 1e-3,
+        down: 0.1,
+        trusted_share: 0.0,
+    },
+    floor: Floor::Relative(0.0),
+    enough: Enough { relative: 0.0, absolute: 0.0, damping_max: f64::INFINITY },
+    trials_max: 4,
+    steps_max: usize::MAX,
+};
 
 /// Poses nearer to each other than this, in part sizes and in rad, are one: the same root found from both sides of a kink, or the
 /// two that rounding makes of a tangency. Those are the root of 1e-14 apart at most, and what is between them touches too.
@@ -179,6 +195,48 @@ struct Placed {
     turn: Vector2<f64>,
 }
 
+/// By how much a place misses the lines.
+#[derive(Clone, Copy)]
+struct Missed {
+    placed: Placed,
+    /// The largest miss, m.
+    worst: f64,
+    /// Sum of all misses squared, m².
+    squares: f64,
+}
+
+/// A candidate being improved over all lines.
+struct Improving<'p, 'a> {
+    problem: &'p Problem<'a>,
+    triple: &'p Triple,
+}
+
+impl least_squares::Problem<3> for Improving<'_, '_> {
+    type Place = Missed;
+
+    fn cost(&self, missed: &Missed) -> f64 {
+        missed.squares
+    }
+
+    /// By the centre and by size times the turn.
+    fn normal_equations(&self, Missed { placed, .. }: &Missed) -> NormalEquations<3> {
+        let Problem { part, lines, .. } = self.problem;
+        let mut equations = NormalEquations::zero();
+        for (index, line) in lines.iter().enumerate() {
+            let Touch { miss, arm } = self.problem.touch(index, placed);
+            equations.add(miss, miss_gradient(line, arm, part.size()));
+        }
+        equations
+    }
+
+    fn moved(&self, Missed { placed, .. }: &Missed, step: &Vector3<f64>) -> Option<Missed> {
+        let theta = placed.theta + step.z / self.problem.part.size();
+        let turn = Vector2::new(theta.cos(), theta.sin());
+        let moved = Placed { centre: placed.centre + step.xy(), theta, turn };
+        Some(self.problem.missed(moved, self.triple, f64::INFINITY))
+    }
+}
+
 /// How the part meets one line.
 struct Touch {
     /// Positive where it crosses the line, m.
@@ -288,57 +346,39 @@ impl<'a> Problem<'a> {
         Touch { miss: self.lines[line].normal.dot(&(arm + placed.centre)) - self.offsets[line], arm }
     }
 
-    /// The largest miss, or the first that is beyond a limit.
+    /// What a place misses, the lines after the first that it misses by more than a limit left out.
     ///
     /// The lines of the triple come last: only the others exclude a candidate.
-    fn worst_miss(&self, placed: &Placed, triple: &Triple, limit: f64) -> f64 {
-        let mut worst = 0.0_f64;
+    fn missed(&self, placed: Placed, triple: &Triple, limit: f64) -> Missed {
+        let mut missed = Missed { placed, worst: 0.0, squares: 0.0 };
         let others = (0..self.lines.len()).filter(|line| !triple.lines.contains(line));
         for line in others.chain(triple.lines) {
-            worst = worst.max(self.touch(line, placed).miss.abs());
-            if worst > limit {
+            let miss = self.touch(line, &placed).miss;
+            missed.worst = missed.worst.max(miss.abs());
+            missed.squares += miss * miss;
+            if missed.worst > limit {
                 break;
             }
         }
-        worst
+        missed
     }
 
     /// The place if it touches all lines, perhaps after improvement.
     fn verified(&self, candidate: Placed, triple: &Triple) -> Option<Placed> {
         let limit = self.miss_max + WORTH_IMPROVING_RELATIVE * self.part.size();
-        let (mut best, mut miss) = (candidate, self.worst_miss(&candidate, triple, limit));
-        if miss > limit {
+        let mut best = self.missed(candidate, triple, limit);
+        if best.worst > limit {
             return None;
         }
-        let mut next = candidate;
-        for _ in 0..STEPS_MAX {
-            if miss <= GOOD_RELATIVE * self.part.size() {
-                break;
-            }
-            let Some(improved) = self.improved(&next) else { break };
-            next = improved;
-            let improved_miss = self.worst_miss(&next, triple, f64::INFINITY);
-            if improved_miss < miss {
-                (best, miss) = (next, improved_miss);
-            }
+        let good = GOOD_RELATIVE * self.part.size();
+        if best.worst > good {
+            let improving = Improving { problem: self, triple };
+            let stop = |trial: &least_squares::Trial<'_, Missed>| trial.place.worst <= good;
+            let improved = least_squares::minimise(&improving, best, &IMPROVEMENT, stop).place;
+            // What has the smaller squares may still miss one line by more.
+            best = if improved.worst < best.worst { improved } else { best };
         }
-        (miss <= self.miss_max).then_some(best)
-    }
-
-    /// A Gauss-Newton step over all lines; none where they do not fix the pose.
-    fn improved(&self, placed: &Placed) -> Option<Placed> {
-        let size = self.part.size();
-        let (mut normal, mut gradient) = (Matrix3::zeros(), Vector3::zeros());
-        for line in 0..self.lines.len() {
-            let Touch { miss, arm } = self.touch(line, placed);
-            let row = miss_gradient(&self.lines[line], arm, size);
-            normal += row * row.transpose();
-            gradient += row * miss;
-        }
-        let step = normal.cholesky()?.solve(&gradient);
-        let theta = placed.theta - step.z / size;
-        let turn = Vector2::new(theta.cos(), theta.sin());
-        Some(Placed { centre: placed.centre - step.xy(), theta, turn })
+        (best.worst <= self.miss_max).then_some(best.placed)
     }
 
     fn to_pose(&self, placed: &Placed) -> Pose {

@@ -2,11 +2,9 @@
 //!
 //! A finger pushes a random part straight for a moment; the estimator lists, from noisy contact angles, where the part may be; the
 //! planner chooses how to go on, and once more when it has felt what came of that. Whether the whole push then could have been felt at another pose is decided on its exact angles by
-//! `rivals`, which shares nothing with estimator or planner but the dynamics.
+//! [`rivals`](super::rivals), which shares nothing with estimator or planner but the dynamics.
 //!
 //! Units: SI inside, as the headings say in the table. Errors: none.
-
-mod rivals;
 
 use std::f64::consts::FRAC_PI_2;
 use std::num::NonZeroUsize;
@@ -15,11 +13,14 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use palpate::math::random::Draw;
 use palpate::pushing::dynamics::{ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, Sample, Start, State};
-use palpate::pushing::estimation::planning::{Felt, Motion, Present, Sampling, motions, prospects, updated};
+use palpate::pushing::estimation::planning::{
+    AMBIGUOUS_BELOW, Felt, Motion, Present, Sampling, motions, prospects, updated,
+};
 use palpate::pushing::estimation::{Belief, Hypothesis};
 use palpate::pushing::estimation::{Channel, Known, Measured, Observation, Prior, Touch, estimate};
 use palpate::pushing::finger_motion::Segment;
 
+use super::rivals::{Leg, Truth};
 use super::{Cell, Experiment, Settings, Table};
 
 /// Time between values, s.
@@ -53,6 +54,9 @@ const ACCELERATION: f64 = 0.15;
 /// Standard deviation of ω at the start, rad/s.
 pub(super) const OMEGA_SIGMA: f64 = 1.0;
 
+/// What is known of the start.
+const PRIOR: Prior = Prior { omega0_sigma: Some(OMEGA_SIGMA), v_t0_sigma: None, grip_log_sigma: None };
+
 /// The table `plan`.
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "plan",
@@ -79,15 +83,6 @@ struct FeltPush {
     s_end: f64,
     /// µ_c that it needed.
     friction: f64,
-}
-
-/// A stretch of constant acceleration.
-#[derive(Clone, Copy, Debug)]
-struct Leg {
-    /// The finger in time since its beginning.
-    finger: Finger,
-    /// Values in it, that at its beginning not counted.
-    values: usize,
 }
 
 /// Which motions leave a case ambiguous.
@@ -249,6 +244,26 @@ impl Case {
         angles.iter().zip(&self.noise).map(|(angle, noise)| angle + SIGMA_RAD * noise).collect()
     }
 
+    /// Whether a pose other than the truth has a cost below [`AMBIGUOUS_BELOW`] on the exact angles of a push.
+    fn is_ambiguous(&self, then: &Motion, felt: &FeltPush) -> bool {
+        let truth = Truth {
+            part: &self.part,
+            grip: GRIP,
+            legs: &legs(then),
+            touch: Touch::Rolling { friction: None },
+            edge: self.edge,
+            start: self.start,
+            s_end: felt.s_end,
+            angles: &felt.angles,
+            dt: DT_S,
+            sigma: SIGMA_RAD,
+            prior: PRIOR,
+            // These pushes are drawn without a look at it.
+            is_clear: false,
+        };
+        truth.has_rival(AMBIGUOUS_BELOW)
+    }
+
     fn present(&self, finger: &Finger) -> Present<'_> {
         let Finger { radius, centre0: centre, velocity0: velocity, .. } = *finger;
         Present { part: &self.part, grip: GRIP, radius, centre, velocity }
@@ -260,11 +275,8 @@ impl Case {
         let known = Known { part: &self.part, grip: GRIP, finger: finger_first(), touch };
         let values =
             angles.iter().take(VALUES_FIRST).zip(&self.noise).map(|(angle, noise)| angle + SIGMA_RAD * noise).collect();
-        let observation = Observation {
-            dt: DT_S,
-            measured: Measured::ContactAngle(Channel { values, sigma: SIGMA_RAD }),
-            prior: Prior { omega0_sigma: Some(OMEGA_SIGMA), v_t0_sigma: None, grip_log_sigma: None },
-        };
+        let measured = Measured::ContactAngle(Channel { values, sigma: SIGMA_RAD });
+        let observation = Observation { dt: DT_S, measured, prior: PRIOR };
         estimate(&known, &observation).hypotheses.iter().filter_map(Hypothesis::belief).collect()
     }
 }
@@ -343,7 +355,7 @@ pub(super) fn outcomes<O: Clone + Default + Send>(
 
 fn outcome(seed: u64, number: usize) -> Outcome {
     let (case, felt) = Case::draw(seed, number);
-    let judged = |motion: &Motion, felt: &FeltPush| (rivals::is_ambiguous(&case, motion, felt), felt.friction);
+    let judged = |motion: &Motion, felt: &FeltPush| (case.is_ambiguous(motion, felt), felt.friction);
     let motions = offered_first().iter().zip(&felt).map(|(motion, felt)| judged(motion, felt)).collect();
     let beliefs = case.beliefs(&felt[0].angles);
     let choice = case.choice(&beliefs);
@@ -373,7 +385,7 @@ mod tests {
         let start = State { u: FRAC_PI_2 + 0.1, s: 0.008, omega: 0.0, v_t: 0.0 };
         let case = Case { part, edge: 0, start, noise: vec![0.0; VALUES] };
         for motion in offered_first() {
-            assert!(rivals::is_ambiguous(&case, &motion, &case.push(&motion).unwrap()), "{motion:?}");
+            assert!(case.is_ambiguous(&motion, &case.push(&motion).unwrap()), "{motion:?}");
         }
     }
 
@@ -387,7 +399,7 @@ mod tests {
         let s = 0.5 * (line.s_min + line.s_max) + 0.004;
         let start = State { u: FRAC_PI_2, s, omega: 0.0, v_t: 0.0 };
         let case = Case { part, edge, start, noise: vec![0.0; VALUES] };
-        let clear = |motion: &Motion| case.push(motion).is_some_and(|felt| !rivals::is_ambiguous(&case, motion, &felt));
+        let clear = |motion: &Motion| case.push(motion).is_some_and(|felt| !case.is_ambiguous(motion, &felt));
         assert!(offered_first().iter().any(clear));
     }
 }

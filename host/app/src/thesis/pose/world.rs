@@ -171,7 +171,7 @@ impl Case {
         }
         let angles = samples.iter().map(|sample| sample.state.u).collect();
         let (felt, magnitudes) = (Vec::new(), Vec::new());
-        let leg = Leg { finger, values: times.len() };
+        let leg = Leg { finger, values: times.len() - 1 };
         Some(Self { edge: edge_index, leg, kind, sense, sigma, samples, angles, felt, magnitudes, part })
     }
 
@@ -205,6 +205,7 @@ impl Case {
             dt: DT_S,
             sigma: self.sigma_used(),
             prior: Self::prior(),
+            is_clear: true,
         }
     }
 

@@ -1,16 +1,27 @@
-//! Descent to a minimum of χ² (Levenberg and Marquardt), with corners free to change.
+//! Descent to a minimum of χ² by damped [`least_squares`], with corners free to change.
+
+use nalgebra::Vector3;
 
 use super::Settled;
-use super::objective::{Objective, Placed, Quadratic};
+use super::objective::{Objective, Placed};
+use crate::math::least_squares::{self, Damping, Enough, Floor, NormalEquations, Problem, Settings};
 
-/// Steps tried in one descent; ten are usual.
-const STEPS_MAX: usize = 120;
-
-/// Damping at the start, as a share of the information.
-const DAMPING_START: f64 = 1e-3;
-
-/// Damping at which a step is as good as none: descent has stalled.
-const DAMPING_MAX: f64 = 1e12;
+/// How far steps go. Ten trials are usual.
+const DESCENT: Settings<3> = Settings {
+    damping: Damping {
+        first: 1e-3,
+        min: 0.0,
+        max: 1e12,
+        up: 10.0,
+        min_after_failure: 0.0,
+        down: 0.1,
+        trusted_share: 0.0,
+    },
+    floor: Floor::Relative(0.0),
+    enough: Enough { relative: 0.0, absolute: 0.0, damping_max: f64::INFINITY },
+    trials_max: 120,
+    steps_max: usize::MAX,
+};
 
 /// A minimum is reached when a Newton step promises to lower χ² by less than this share of 1 + χ².
 ///
@@ -23,44 +34,41 @@ const PROMISE_ROUNDING: f64 = 1e-7;
 impl Objective<'_> {
     /// The minima that descent from a place leads to: one, or those of the valley in which it stalls; none if it stalls elsewhere.
     pub(super) fn settle(&self, start: &Placed) -> Vec<Settled> {
-        let Some((placed, quadratic)) = self.descend(start) else { return Vec::new() };
-        let promise = newton_promise(&quadratic);
-        let smooth =
-            || Settled { placed, chi2: quadratic.chi2, information: quadratic.information, at_corner_change: false };
-        match promise {
-            Some(promise) if promise <= PROMISE_ROUNDING * (1.0 + quadratic.chi2) => vec![smooth()],
+        let Some(quadratic) = self.quadratic(start) else { return Vec::new() };
+        let (placed, quadratic) = least_squares::minimise(self, (*start, quadratic), &DESCENT, |_| false).place;
+        let (chi2, information) = (quadratic.cost, quadratic.curvature);
+        match newton_promise(&quadratic) {
+            Some(promise) if promise <= PROMISE_ROUNDING * (1.0 + chi2) => {
+                vec![Settled { placed, chi2, information, at_corner_change: false }]
+            }
             Some(_) => self.valley_minima(&placed),
             None => Vec::new(),
         }
     }
+}
 
-    /// Where descent ends.
-    fn descend(&self, start: &Placed) -> Option<(Placed, Quadratic)> {
-        let mut placed = *start;
-        let mut here = self.quadratic(&placed)?;
-        let mut damping = DAMPING_START;
-        for _ in 0..STEPS_MAX {
-            if damping > DAMPING_MAX || newton_promise(&here).is_some_and(|p| p <= PROMISE_MIN * (1.0 + here.chi2)) {
-                break;
-            }
-            let mut damped = here.information;
-            (0..3).for_each(|k| damped[(k, k)] *= 1.0 + damping);
-            let Some(factors) = damped.cholesky() else {
-                damping *= 10.0;
-                continue;
-            };
-            let next = self.stepped(&placed, &-factors.solve(&here.gradient));
-            match self.quadratic(&next).filter(|there| there.chi2 < here.chi2) {
-                Some(there) => (placed, here, damping) = (next, there, damping * 0.1),
-                None => damping *= 10.0,
-            }
-        }
-        Some((placed, here))
+impl Problem<3> for Objective<'_> {
+    type Place = (Placed, NormalEquations<3>);
+
+    fn cost(&self, (_, quadratic): &Self::Place) -> f64 {
+        quadratic.cost
+    }
+
+    fn normal_equations(&self, (_, quadratic): &Self::Place) -> NormalEquations<3> {
+        *quadratic
+    }
+
+    fn moved(&self, (placed, _): &Self::Place, step: &Vector3<f64>) -> Option<Self::Place> {
+        let next = self.stepped(placed, step);
+        Some((next, self.quadratic(&next)?))
+    }
+
+    fn is_minimum(&self, _: &Self::Place, quadratic: &NormalEquations<3>) -> bool {
+        newton_promise(quadratic).is_some_and(|promise| promise <= PROMISE_MIN * (1.0 + quadratic.cost))
     }
 }
 
 /// How much an undamped step would lower χ², if χ² were what it is to second order.
-fn newton_promise(quadratic: &Quadratic) -> Option<f64> {
-    let step = quadratic.information.cholesky()?.solve(&quadratic.gradient);
-    Some(step.dot(&quadratic.gradient))
+fn newton_promise(quadratic: &NormalEquations<3>) -> Option<f64> {
+    Some(-quadratic.gauss_newton_step()?.dot(&quadratic.gradient))
 }

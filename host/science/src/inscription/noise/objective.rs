@@ -11,6 +11,7 @@ use crate::geometry::Pose;
 use crate::inscription::exact::{full_turn, miss_gradient};
 use crate::inscription::readings::{HalfPlane, Side};
 use crate::math::angle::wrap_angle;
+use crate::math::least_squares::NormalEquations;
 
 /// How exactly fences and jaws are taken to be known, as a share of the part's size: exact for every purpose, and still far
 /// enough from the rounding errors that descent keeps its digits.
@@ -58,29 +59,6 @@ pub(super) struct Residual {
     pub corner: usize,
 }
 
-/// χ² at a pose: to second order, as Gauss and Newton have it.
-#[derive(Clone, Debug)]
-pub(super) struct Quadratic {
-    pub chi2: f64,
-    /// Jᵀr: half the gradient.
-    pub gradient: Vector3<f64>,
-    /// JᵀJ.
-    pub information: Matrix3<f64>,
-}
-
-impl Quadratic {
-    pub(super) fn zero() -> Self {
-        Self { chi2: 0.0, gradient: Vector3::zeros(), information: Matrix3::zeros() }
-    }
-
-    #[inline]
-    pub(super) fn add(&mut self, residual: &Residual) {
-        self.chi2 += residual.value * residual.value;
-        self.gradient += residual.row * residual.value;
-        self.information += residual.row * residual.row.transpose();
-    }
-}
-
 impl<'a> Objective<'a> {
     pub(in crate::inscription) fn new(part: &'a ConvexPolygon, readings: &'a NoisyReadings) -> Self {
         let first_bearing = readings.bearings.first().map(|bearing| bearing.apex);
@@ -94,10 +72,11 @@ impl<'a> Objective<'a> {
     }
 
     /// χ² and its derivatives; none where a sensor is inside the part.
-    pub(super) fn quadratic(&self, placed: &Placed) -> Option<Quadratic> {
-        let mut sum = Quadratic::zero();
+    pub(super) fn quadratic(&self, placed: &Placed) -> Option<NormalEquations<3>> {
+        let mut sum = NormalEquations::zero();
         for index in 0..self.count() {
-            sum.add(&self.residual(index, placed)?);
+            let Residual { value, row, .. } = self.residual(index, placed)?;
+            sum.add(value, row);
         }
         Some(sum)
     }
@@ -175,7 +154,7 @@ impl<'a> Objective<'a> {
     /// JᵀJ for x, y, theta of the outline's frame; none where a sensor is inside the part.
     pub(in crate::inscription) fn pose_information(&self, pose: &Pose) -> Option<Matrix3<f64>> {
         let placed = self.placed(pose);
-        let information = self.quadratic(&placed)?.information;
+        let information = self.quadratic(&placed)?.curvature;
         // The centre moves with the frame's origin, and round it as the part turns.
         let carried = placed.turned(self.part.centre().coords);
         let transfer = Matrix3::new(1.0, 0.0, -carried.y, 0.0, 1.0, carried.x, 0.0, 0.0, self.part.size());

@@ -7,8 +7,9 @@
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::Settled;
-use super::objective::{Objective, Placed, Quadratic};
+use super::objective::{Objective, Placed, Residual};
 use crate::inscription::readings::Side;
+use crate::math::least_squares::NormalEquations;
 
 /// Valleys are sought among edges that point at a sensor to within this many σ where descent stalled, or [`NEAR_MIN`].
 const NEAR_SD: f64 = 0.3;
@@ -87,20 +88,20 @@ impl Objective<'_> {
         }
         let held = self.held(&placed, edges)?;
         let free = self.quadratic(&placed)?;
-        let is_outermost = (free.chi2 - held.chi2).abs() <= HELD_ROUNDING * (1.0 + free.chi2);
-        let settled = Settled { placed, chi2: free.chi2, information: held.information, at_corner_change: true };
+        let is_outermost = (free.cost - held.cost).abs() <= HELD_ROUNDING * (1.0 + free.cost);
+        let settled = Settled { placed, chi2: free.cost, information: held.curvature, at_corner_change: true };
         (is_outermost && self.is_balanced(&placed, edges, &held)).then_some(settled)
     }
 
     /// χ² with the first corner of each edge held.
-    fn held(&self, placed: &Placed, edges: &[Edge]) -> Option<Quadratic> {
-        let mut sum = Quadratic::zero();
+    fn held(&self, placed: &Placed, edges: &[Edge]) -> Option<NormalEquations<3>> {
+        let mut sum = NormalEquations::zero();
         for index in 0..self.count() {
-            let residual = match edges.iter().find(|edge| edge.bearing == index) {
+            let Residual { value, row, .. } = match edges.iter().find(|edge| edge.bearing == index) {
                 Some(edge) => self.bearing_residual(&self.readings.bearings[index], edge.corners[0], placed),
                 None => self.residual(index, placed)?,
             };
-            sum.add(&residual);
+            sum.add(value, row);
         }
         Some(sum)
     }
@@ -111,7 +112,7 @@ impl Objective<'_> {
         let count = 3 + edges.len();
         let (mut matrix, mut right) = (DMatrix::zeros(count, count), DVector::zeros(count));
         // The constraints in the scale of the residuals.
-        matrix.view_mut((0, 0), (3, 3)).copy_from(&held.information);
+        matrix.view_mut((0, 0), (3, 3)).copy_from(&held.curvature);
         right.rows_mut(0, 3).copy_from(&-held.gradient);
         for (k, edge) in edges.iter().enumerate() {
             let [a, b] = self.pair(placed, edge);
@@ -127,20 +128,20 @@ impl Objective<'_> {
     }
 
     /// The residuals of an edge's two corners.
-    fn pair(&self, placed: &Placed, edge: &Edge) -> [super::objective::Residual; 2] {
+    fn pair(&self, placed: &Placed, edge: &Edge) -> [Residual; 2] {
         let bearing = &self.readings.bearings[edge.bearing];
         edge.corners.map(|corner| self.bearing_residual(bearing, corner, placed))
     }
 
     /// Whether means of the corners' gradients cancel the rest, each with a weight in [0, 1].
-    fn is_balanced(&self, placed: &Placed, edges: &[Edge], held: &Quadratic) -> bool {
+    fn is_balanced(&self, placed: &Placed, edges: &[Edge], held: &NormalEquations<3>) -> bool {
         let pairs: Vec<_> = edges.iter().map(|edge| self.pair(placed, edge)).collect();
         let across = DMatrix::from_fn(3, pairs.len(), |axis, k| (pairs[k][1].row - pairs[k][0].row)[axis]);
         let gradient = DVector::from_column_slice((-held.gradient).as_slice());
         let Ok(shares) = across.clone().svd(true, true).solve(&gradient, f64::EPSILON) else { return false };
         let scale = held.gradient.norm().max(f64::MIN_POSITIVE);
         let cancels = (across * &shares - &gradient).norm() <= BALANCE * scale;
-        let within = |(share, pair): (&f64, &[super::objective::Residual; 2])| {
+        let within = |(share, pair): (&f64, &[Residual; 2])| {
             let weight = share / pair[0].value;
             (-WEIGHT_ROUNDING..=1.0 + WEIGHT_ROUNDING).contains(&weight)
         };

@@ -21,6 +21,7 @@
 use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
 
 use super::hypotheses::Belief;
+use crate::math::least_squares::{self, Damping, Enough, Floor, NormalEquations, Problem, Settings};
 use crate::math::statistics::normal_tail;
 use crate::pushing::dynamics::{EdgeEnd, Finger, Part, Push, PushModel, Run, Sample, Start, State};
 use crate::pushing::finger_motion::Segment;
@@ -31,9 +32,26 @@ pub const AMBIGUOUS_BELOW: f64 = 36.0;
 /// Places on one edge that differ by less are one, m.
 pub const ONE_PLACE_M: f64 = 2e-3;
 
-/// Steps of the fit of a hypothesis to what was felt, at most, and the step (in standard deviations) that is none.
-const FIT_STEPS: usize = 6;
-/// See [`FIT_STEPS`].
+/// How a hypothesis is fitted to what was felt: predictions are nearly linear in what is uncertain, so by Gauss's and Newton's steps
+/// as long as they help. The prior bounds the curvature from below.
+const FIT: Settings<4> = Settings {
+    damping: Damping {
+        first: 0.0,
+        min: 0.0,
+        max: 1e6,
+        up: 10.0,
+        // Half a step.
+        min_after_failure: 1.0,
+        down: 0.1,
+        trusted_share: 0.0,
+    },
+    floor: Floor::Relative(0.0),
+    enough: Enough { relative: 0.0, absolute: 0.0, damping_max: f64::INFINITY },
+    trials_max: 5,
+    steps_max: usize::MAX,
+};
+
+/// A step of the fit that is none, in standard deviations.
 const FIT_STEP: f64 = 1e-2;
 
 /// A hypothesis less probable than this after a motion is given up: D² is then some 28 above the best one's.
@@ -333,7 +351,7 @@ impl Foreseen {
 /// Where the hypotheses stand after a motion that was made, by what was felt of it (`felt` at dt, 2 dt, …, not longer than the
 /// motion): each moved to where it fits best, those that cannot explain it left out.
 ///
-/// Every hypothesis is fitted by Gauss and Newton's steps, with its covariance before the motion as prior.
+/// Every hypothesis is fitted by [`least_squares`], with its covariance before the motion as prior.
 #[must_use]
 pub fn updated(
     present: &Present<'_>,
@@ -360,52 +378,74 @@ struct Fitted {
 impl Ahead<'_, '_> {
     /// The hypothesis moved to where it and what was felt agree best; none if the contact would not have lasted.
     fn fitted(&self, felt: &[f64]) -> Option<Fitted> {
-        let root = root(&self.belief.covariance);
-        // In standard deviations of the belief.
-        let mut deviation = Vector4::zeros();
-        let mut fitted = None;
-        for _ in 0..FIT_STEPS {
-            let linear = self.linear(felt, &root, &deviation)?;
-            let cholesky = linear.information.cholesky()?;
-            let cost = linear.residual_squared + deviation.norm_squared();
-            let log_probability = self.belief.probability.ln() - 0.5 * (cost + cholesky.ln_determinant());
-            let covariance = linear.end_along * cholesky.inverse() * linear.end_along.transpose();
-            let belief = Belief { state: linear.end, covariance, ..*self.belief };
-            fitted = Some(Fitted { belief, log_probability });
-            let step = cholesky.solve(&(linear.downhill - deviation));
-            if step.norm() < FIT_STEP {
-                break;
-            }
-            deviation += step;
-        }
-        fitted
+        let updating = Updating { ahead: self, felt, root: root(&self.belief.covariance) };
+        let start = updating.linear(Vector4::zeros())?;
+        let best = least_squares::minimise(&updating, start, &FIT, |_| false).place;
+        let cholesky = best.equations.curvature.cholesky()?;
+        let log_probability = self.belief.probability.ln() - 0.5 * (best.equations.cost + cholesky.ln_determinant());
+        let covariance = best.end_along * cholesky.inverse() * best.end_along.transpose();
+        Some(Fitted { belief: Belief { state: best.end, covariance, ..*self.belief }, log_probability })
     }
+}
 
-    /// What was felt against what is predicted, linear in the deviations from one place.
-    fn linear(&self, felt: &[f64], root: &Matrix4<f64>, deviation: &Vector4<f64>) -> Option<Linear> {
-        let sigma = self.sampling.sigma;
-        let (seen, columns) = self.sensitive(shifted(self.belief.state, &(root * deviation)), root);
+/// What was felt, and a hypothesis to be moved to it.
+struct Updating<'a> {
+    ahead: &'a Ahead<'a, 'a>,
+    felt: &'a [f64],
+    /// Of the covariance before.
+    root: Matrix4<f64>,
+}
+
+impl Updating<'_> {
+    /// What was felt against what is predicted from a deviation on, linear near it.
+    fn linear(&self, deviation: Vector4<f64>) -> Option<Linear> {
+        let Self { ahead, felt, root } = self;
+        let sigma = ahead.sampling.sigma;
+        let (seen, columns) = ahead.sensitive(shifted(ahead.belief.state, &(root * deviation)), root);
         let last = felt.len().checked_sub(1)?;
         let end = seen.get(last)?.state;
-        let residual = DVector::from_fn(felt.len(), |row, _| (felt[row] - seen[row].angle) / sigma);
-        let along = DMatrix::from_fn(felt.len(), 4, |row, column| columns[column][row].angle / sigma);
+        // The prior: each deviation is 0, give or take 1.
+        let mut equations =
+            NormalEquations { cost: deviation.norm_squared(), gradient: deviation, curvature: Matrix4::identity() };
+        for (row, felt) in felt.iter().enumerate() {
+            let slopes = Vector4::from_fn(|column, _| columns[column][row].angle / sigma);
+            equations.add((seen[row].angle - felt) / sigma, slopes);
+        }
         Some(Linear {
-            residual_squared: residual.norm_squared(),
-            downhill: along.tr_mul(&residual).fixed_view::<4, 1>(0, 0).into(),
-            information: Matrix4::identity() + along.tr_mul(&along).fixed_view::<4, 4>(0, 0),
+            deviation,
+            equations,
             end: State { u: end[0], s: end[1], omega: end[2], v_t: end[3] },
             end_along: Matrix4::from_fn(|row, column| columns[column][last].state[row]),
         })
     }
 }
 
-/// What a step of a fit needs.
+impl Problem<4> for Updating<'_> {
+    type Place = Linear;
+
+    fn cost(&self, linear: &Linear) -> f64 {
+        linear.equations.cost
+    }
+
+    fn normal_equations(&self, linear: &Linear) -> NormalEquations<4> {
+        linear.equations
+    }
+
+    fn moved(&self, linear: &Linear, step: &Vector4<f64>) -> Option<Linear> {
+        self.linear(linear.deviation + step)
+    }
+
+    fn is_minimum(&self, _: &Linear, equations: &NormalEquations<4>) -> bool {
+        equations.gauss_newton_step().is_some_and(|step| step.norm() < FIT_STEP)
+    }
+}
+
+/// A hypothesis moved by so much, and what a step of a fit needs.
 struct Linear {
-    residual_squared: f64,
-    /// Jᵀ r of the angles.
-    downhill: Vector4<f64>,
-    /// 1 + Jᵀ J.
-    information: Matrix4<f64>,
+    /// In standard deviations of the belief, along its principal directions.
+    deviation: Vector4<f64>,
+    /// Of the angles and the prior.
+    equations: NormalEquations<4>,
     end: State,
     /// Derivatives of the end.
     end_along: Matrix4<f64>,

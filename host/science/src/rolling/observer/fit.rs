@@ -1,16 +1,17 @@
 //! Least squares: the state in the middle, and what else is unknown, that explain the readings best.
 //!
-//! Levenberg and Marquardt's iteration on the rotation group, with sensitivities from [`flow`](super::super::flow).
+//! Damped [`least_squares`] on the rotation group, with sensitivities from [`flow`](super::super::flow).
 //!
 //! Units: residuals over their standard deviation. Errors: none; a fit that fails has an infinite cost.
 
-use nalgebra::{Const, DMatrix, DimMin, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{DMatrix, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
 
 use super::super::body::Body;
 use super::super::flow::{Columns, STATE_COLUMNS, Tangent};
 use super::super::mechanics::{Model, Spin, State};
 use super::super::shape::{Ellipsoid, Shape};
 use super::track::{Leap, Track};
+use crate::math::least_squares::{self, Damping, Enough, Floor, NormalEquations, Problem, Settings, Trial};
 
 /// Column of the spin among those of a state: fixed where there is none.
 const SPIN_COLUMN: usize = 5;
@@ -18,13 +19,9 @@ const SPIN_COLUMN: usize = 5;
 /// Longest step of an iteration, rad: beyond it the linear model says nothing.
 const TURN_MAX: f64 = 0.6;
 
-/// Damping at the start, relative to the diagonal, and its change.
-const DAMPING: f64 = 1e-3;
-const DAMPING_UP: f64 = 6.0;
-const DAMPING_DOWN: f64 = 0.2;
-
-/// Damping beyond which nothing moves.
-const DAMPING_MAX: f64 = 1e9;
+/// How far steps go: the damping and its change.
+const DAMPING: Damping =
+    Damping { first: 1e-3, min: 1e-12, max: 1e9, up: 6.0, min_after_failure: 0.0, down: 0.2, trusted_share: 0.0 };
 
 /// Angular velocity that no rolling body has, rad/s: the fit has run away.
 const OMEGA_MAX: f64 = 1e3;
@@ -54,8 +51,8 @@ pub(super) struct Effort {
     /// Readings away from the middle to explain.
     pub(super) ranks: usize,
     pub(super) iterations: usize,
-    /// Decrease of the cost, relative and absolute, at which to stop.
-    pub(super) enough: [f64; 2],
+    /// Decrease of the cost at which to stop.
+    pub(super) enough: Enough,
     /// Standard deviation of a zero-mean prior of the palm's unknown acceleration, m/s²; infinite for none.
     pub(super) palm_sigma: f64,
     pub(super) norm: Norm,
@@ -95,60 +92,24 @@ impl Unknowns {
         }
     }
 
-    fn fit_columns<const N: usize, const P: usize>(&self, track: &Track, start: Point, effort: &Effort) -> Fit
-    where
-        Const<P>: DimMin<Const<P>, Output = Const<P>>,
-    {
-        let mut best = self.weigh::<N, P>(track, &start, effort);
-        let mut point = start;
-        let mut damping = DAMPING;
-        for _ in 0..effort.iterations {
-            let Some(step) = self.propose(&best, damping) else { break };
-            let next = self.moved(&point, &step);
-            let tried = self.weigh::<N, P>(track, &next, effort);
-            let gain = best.cost - tried.cost;
-            // Written so that NaN and infinity are refused.
-            if gain >= 0.0 {
-                let enough = gain <= effort.enough[0] * tried.cost + effort.enough[1] && damping <= 1.0;
-                (point, best) = (next, tried);
-                damping = (damping * DAMPING_DOWN).max(1e-12);
-                if enough {
-                    break;
-                }
-            } else {
-                damping *= DAMPING_UP;
-                if damping > DAMPING_MAX || gain > -effort.enough[1] && gain <= 0.0 {
-                    break;
-                }
-            }
-        }
-        let information = DMatrix::from_column_slice(P, P, best.hessian.as_slice());
-        Fit { point, cost: best.cost, information }
-    }
-
-    /// The damped Gauss–Newton step.
-    fn propose<const P: usize>(&self, normal: &Normal<P>, damping: f64) -> Option<SVector<f64, P>>
-    where
-        Const<P>: DimMin<Const<P>, Output = Const<P>>,
-    {
-        let mut damped = normal.hessian;
-        let floor = damped.diagonal().amax() * 1e-15;
-        for i in 0..P {
-            damped[(i, i)] += damping * damped[(i, i)] + floor;
-        }
-        let mut gradient = normal.gradient;
-        if self.spin == Spin::None {
-            damped.row_mut(SPIN_COLUMN).fill(0.0);
-            damped.column_mut(SPIN_COLUMN).fill(0.0);
-            damped[(SPIN_COLUMN, SPIN_COLUMN)] = 1.0;
-            gradient[SPIN_COLUMN] = 0.0;
-        }
-        let mut step = -damped.cholesky()?.solve(&gradient);
-        let turn = step.fixed_rows::<3>(0).norm();
-        if turn > TURN_MAX {
-            step *= TURN_MAX / turn;
-        }
-        Some(step)
+    fn fit_columns<const N: usize, const P: usize>(&self, track: &Track, start: Point, effort: &Effort) -> Fit {
+        let settings = Settings {
+            damping: DAMPING,
+            // Far below anything that readings tell.
+            floor: Floor::Relative(1e-15),
+            enough: effort.enough,
+            trials_max: effort.iterations,
+            steps_max: usize::MAX,
+        };
+        let fitting = Fitting::<N> { unknowns: self, track, effort };
+        // A cost that hardly grows is at its minimum.
+        let is_flat = |trial: &Trial<'_, Weighed<P>>| {
+            !trial.is_lower && trial.cost_after - trial.cost_before < effort.enough.absolute
+        };
+        let Weighed { point, equations } =
+            least_squares::minimise(&fitting, fitting.weighed(start), &settings, is_flat).place;
+        let information = DMatrix::from_column_slice(P, P, equations.curvature.as_slice());
+        Fit { point, cost: equations.cost, information }
     }
 
     fn moved<const P: usize>(&self, point: &Point, step: &SVector<f64, P>) -> Point {
@@ -178,9 +139,14 @@ impl Unknowns {
     }
 
     /// Cost, gradient and normal matrix.
-    fn weigh<const N: usize, const P: usize>(&self, track: &Track, point: &Point, effort: &Effort) -> Normal<P> {
+    fn weigh<const N: usize, const P: usize>(
+        &self,
+        track: &Track,
+        point: &Point,
+        effort: &Effort,
+    ) -> NormalEquations<P> {
         let model = Model { body: &point.body, spin: self.spin };
-        let mut normal = Normal::<P>::new(effort.norm);
+        let mut normal = Normal::<P> { norm: effort.norm, sums: NormalEquations::zero() };
         normal.add(&[[0.0; N]; 2], point.state.u - track.centre);
         for leaps in [&track.forward, &track.backward] {
             let mut here = (point.state, Tangent::<N>::seed(&point.state));
@@ -195,7 +161,7 @@ impl Unknowns {
                 }
             }
             if here.0.omega.norm_squared().partial_cmp(&(OMEGA_MAX * OMEGA_MAX)) != Some(std::cmp::Ordering::Less) {
-                normal.cost = f64::INFINITY;
+                normal.sums.cost = f64::INFINITY;
             }
         }
         normal.finish(match effort.norm {
@@ -205,7 +171,7 @@ impl Unknowns {
         if self.columns.palm && effort.palm_sigma.is_finite() {
             normal.prior(P - 5, &point.palm, effort.palm_sigma);
         }
-        normal
+        normal.sums
     }
 
     /// The cost alone, with the mean residual taken out: what is left if `u` is free.
@@ -298,31 +264,70 @@ pub(super) struct Ends {
     pub(super) columns: [DMatrix<f64>; 2],
 }
 
-/// A cost with its derivatives.
+/// A point with its cost and the derivatives of that.
+struct Weighed<const P: usize> {
+    point: Point,
+    equations: NormalEquations<P>,
+}
+
+/// A fit whose states have so many columns.
+struct Fitting<'a, const N: usize> {
+    unknowns: &'a Unknowns,
+    track: &'a Track,
+    effort: &'a Effort,
+}
+
+impl<const N: usize> Fitting<'_, N> {
+    fn weighed<const P: usize>(&self, point: Point) -> Weighed<P> {
+        Weighed { equations: self.unknowns.weigh::<N, P>(self.track, &point, self.effort), point }
+    }
+}
+
+impl<const N: usize, const P: usize> Problem<P> for Fitting<'_, N> {
+    type Place = Weighed<P>;
+
+    fn cost(&self, weighed: &Weighed<P>) -> f64 {
+        weighed.equations.cost
+    }
+
+    fn normal_equations(&self, weighed: &Weighed<P>) -> NormalEquations<P> {
+        weighed.equations
+    }
+
+    fn moved(&self, weighed: &Weighed<P>, step: &SVector<f64, P>) -> Option<Weighed<P>> {
+        Some(self.weighed(self.unknowns.moved(&weighed.point, step)))
+    }
+
+    fn held(&self, _: &Weighed<P>, _: &NormalEquations<P>) -> [bool; P] {
+        std::array::from_fn(|i| i == SPIN_COLUMN && self.unknowns.spin == Spin::None)
+    }
+
+    /// No turn beyond the longest.
+    fn limited(&self, step: SVector<f64, P>) -> SVector<f64, P> {
+        let turn = step.fixed_rows::<3>(0).norm();
+        if turn > TURN_MAX { step * (TURN_MAX / turn) } else { step }
+    }
+}
+
+/// Normal equations being summed up.
 struct Normal<const P: usize> {
     norm: Norm,
-    cost: f64,
-    gradient: SVector<f64, P>,
-    hessian: SMatrix<f64, P, P>,
+    sums: NormalEquations<P>,
 }
 
 impl<const P: usize> Normal<P> {
-    fn new(norm: Norm) -> Self {
-        Self { norm, cost: 0.0, gradient: SVector::zeros(), hessian: SMatrix::zeros() }
-    }
-
     /// One reading's residual (m) and its slopes; those by `u` are 1.
     #[inline]
     fn add<const N: usize>(&mut self, slopes: &[[f64; N]; 2], residual: Vector2<f64>) {
         match self.norm {
             Norm::Squares => {
-                self.cost += residual.norm_squared();
+                self.sums.cost += residual.norm_squared();
                 self.accumulate(slopes, residual.into(), [1.0; 2]);
             }
             Norm::Bounded(bound) => {
                 let shares: [f64; 2] = (residual / bound).into();
                 let sixths = shares.map(|share| share.powi(6));
-                self.cost += sixths[0] * shares[0] * shares[0] + sixths[1] * shares[1] * shares[1];
+                self.sums.cost += sixths[0] * shares[0] * shares[0] + sixths[1] * shares[1] * shares[1];
                 // Halves of the derivatives of the eighth power, as those of squares are.
                 let pull = |axis: usize| 4.0 * sixths[axis] * shares[axis] / bound;
                 let bends = sixths.map(|sixth| 28.0 * sixth / (bound * bound));
@@ -334,34 +339,34 @@ impl<const P: usize> Normal<P> {
     #[inline]
     fn accumulate<const N: usize>(&mut self, [x, y]: &[[f64; N]; 2], [px, py]: [f64; 2], [bx, by]: [f64; 2]) {
         for i in 0..N {
-            self.gradient[i] += x[i] * px + y[i] * py;
+            self.sums.gradient[i] += x[i] * px + y[i] * py;
             let (bent_x, bent_y) = (x[i] * bx, y[i] * by);
             for j in 0..=i {
-                self.hessian[(j, i)] += bent_x * x[j] + bent_y * y[j];
+                self.sums.curvature[(j, i)] += bent_x * x[j] + bent_y * y[j];
             }
-            self.hessian[(i, P - 2)] += bent_x;
-            self.hessian[(i, P - 1)] += bent_y;
+            self.sums.curvature[(i, P - 2)] += bent_x;
+            self.sums.curvature[(i, P - 1)] += bent_y;
         }
-        self.gradient[P - 2] += px;
-        self.gradient[P - 1] += py;
-        self.hessian[(P - 2, P - 2)] += bx;
-        self.hessian[(P - 1, P - 1)] += by;
+        self.sums.gradient[P - 2] += px;
+        self.sums.gradient[P - 1] += py;
+        self.sums.curvature[(P - 2, P - 2)] += bx;
+        self.sums.curvature[(P - 1, P - 1)] += by;
     }
 
     /// Weighs everything and completes the matrix.
     fn finish(&mut self, weight: f64) {
-        self.cost *= weight;
-        self.gradient *= weight;
-        self.hessian *= weight;
-        self.hessian.fill_lower_triangle_with_upper_triangle();
+        self.sums.cost *= weight;
+        self.sums.gradient *= weight;
+        self.sums.curvature *= weight;
+        self.sums.curvature.fill_lower_triangle_with_upper_triangle();
     }
 
     fn prior(&mut self, first: usize, value: &Vector3<f64>, sigma: f64) {
         let weight = 1.0 / (sigma * sigma);
-        self.cost += value.norm_squared() * weight;
+        self.sums.cost += value.norm_squared() * weight;
         for i in 0..3 {
-            self.gradient[first + i] += value[i] * weight;
-            self.hessian[(first + i, first + i)] += weight;
+            self.sums.gradient[first + i] += value[i] * weight;
+            self.sums.curvature[(first + i, first + i)] += weight;
         }
     }
 }

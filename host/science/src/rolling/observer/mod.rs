@@ -29,6 +29,7 @@ use super::body::Body;
 use super::flow::Columns;
 use super::mechanics::{Model, Spin, felt};
 use super::palm::PalmAcceleration;
+use crate::math::least_squares::Enough;
 
 /// The largest ratio of semi-axes to search: a body with such axes is a needle or a blade, and still strictly convex.
 const AXIS_RATIO_MAX: f64 = 100.0;
@@ -261,14 +262,20 @@ fn polish(unknowns: &Unknowns, track: &Track, fine: &Track, fit: Fit, noise: Noi
     let felt = track.forward.first().map_or(Vector3::zeros(), |leap| leap.felt[0]) + point.palm;
     point.state = Model { body: &point.body, spin: unknowns.spin }.step(&point.state, &[felt; 3], shift);
     let ranks = fine.ranks_max();
-    let squares =
-        Effort { ranks, iterations: 40, enough: [1e-12, 1e-4], palm_sigma: f64::INFINITY, norm: Norm::Squares };
+    let squares = Effort {
+        ranks,
+        iterations: 40,
+        enough: Enough { relative: 1e-12, absolute: 1e-4, damping_max: 1.0 },
+        palm_sigma: f64::INFINITY,
+        norm: Norm::Squares,
+    };
     let mut fit = unknowns.fit(fine, point, &squares);
     let residuals = unknowns.residuals(fine, &fit.point);
     if let Noise::Grid(pitch) = noise
         && residuals.max <= ROUNDING_MAX * pitch
     {
-        let bounded = Effort { iterations: 20, enough: [1e-4, 0.0], norm: Norm::Bounded(0.5 * pitch), ..squares };
+        let enough = Enough { relative: 1e-4, absolute: 0.0, damping_max: 1.0 };
+        let bounded = Effort { iterations: 20, enough, norm: Norm::Bounded(0.5 * pitch), ..squares };
         // Cost and information stay those of least squares: the bound they give is on the safe side.
         fit.point = unknowns.fit(fine, fit.point, &bounded).point;
     }

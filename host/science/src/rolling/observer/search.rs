@@ -17,6 +17,7 @@ use super::super::mechanics::{Instant, Model, Rows, Spin, State};
 use super::fit::{Effort, Fit, Norm, Point, Unknowns};
 use super::rotations::spread;
 use super::track::Track;
+use crate::math::least_squares::Enough;
 
 /// Half the stretch that the derivatives are taken from, in units of √(size/g).
 const CUBIC_HORIZON: f64 = 0.9;
@@ -248,7 +249,7 @@ impl Ground<'_> {
         let effort = Effort {
             ranks: self.track.ranks(horizon),
             iterations,
-            enough: [1e-3, 0.02],
+            enough: Enough { relative: 1e-3, absolute: 0.02, damping_max: 1.0 },
             palm_sigma,
             norm: Norm::Squares,
         };

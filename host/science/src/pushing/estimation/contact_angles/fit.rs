@@ -1,7 +1,7 @@
 //! The cost of a hypothesis, and how to lower it.
 //!
 //! The cost is the sum of squared residuals in standard deviations, terms of the prior included. Its derivatives come with the
-//! simulation itself, so the step of Gauss and Newton is exact; Levenberg's and Marquardt's damping keeps it from going too far.
+//! simulation itself, so the step of Gauss and Newton is exact; [`least_squares`] keeps it from going too far.
 //! What a contact cannot do (leave its stretch of the edge, pull, slip the other way) is held off by stiff springs: a minimum
 //! that leans against such a wall is found on it. The springs' energy is a penalty beside the cost, not part of it.
 //!
@@ -17,6 +17,7 @@ use super::launch::{Begin, GRIP, UNKNOWNS, Unknowns, Variable, launch, rest_span
 use super::path::{Seen, Site, WALLS, follow, plain_contact, plain_state};
 use crate::math::Jet;
 use crate::math::angle::wrap_angle;
+use crate::math::least_squares::{self, Damping, Enough, Floor, NormalEquations, Problem, Settings};
 use crate::pushing::dynamics::{Contact, Scalar, State};
 use crate::pushing::estimation::observation::{Channel, GRIP_LOG_MAX, Known, Prior, Touch};
 
@@ -35,14 +36,28 @@ const FORCE_FLOOR: f64 = 1e-2;
 /// Longest step of each unknown: a tenth of what it can be.
 pub(super) const STEP_MAX: Unknowns = [0.3, 0.02, 3.0, 0.1, 0.3];
 
-/// Curvature that holds an unknown without any influence in place, in inverse squares of [`STEP_MAX`].
-const CURVATURE_MIN: f64 = 1e-6;
+/// Curvature that holds an unknown without any influence in place: in inverse squares of [`STEP_MAX`], a millionth.
+const CURVATURE_MIN: [f64; UNKNOWNS] = {
+    let [u, s, omega, v_t, grip_log] = STEP_MAX;
+    [1e-6 / (u * u), 1e-6 / (s * s), 1e-6 / (omega * omega), 1e-6 / (v_t * v_t), 1e-6 / (grip_log * grip_log)]
+};
 
-/// Damping to begin with, relative to the curvature.
-const DAMPING_FIRST: f64 = 1e-3;
-
-/// Damping at which no step helps any more.
-const DAMPING_MAX: f64 = 1e8;
+/// How descents go down. Who follows them decides when they have gone far enough.
+const DESCENT: Settings<UNKNOWNS> = Settings {
+    damping: Damping {
+        first: 1e-3,
+        min: 0.0,
+        max: 1e8,
+        up: 10.0,
+        min_after_failure: 1e-2,
+        down: 0.1,
+        trusted_share: 0.5,
+    },
+    floor: Floor::Absolute(CURVATURE_MIN),
+    enough: Enough { relative: 0.0, absolute: 0.0, damping_max: f64::INFINITY },
+    trials_max: usize::MAX,
+    steps_max: usize::MAX,
+};
 
 /// A part that slides along the finger moves no slower than this share of the finger's speed, as far as steps are concerned.
 const SPEED_SHARE_MIN: f64 = 0.1;
@@ -105,9 +120,10 @@ pub(super) struct Past {
     pub(super) terms: usize,
 }
 
-/// A candidate's cost and what comes with it.
+/// A candidate with its cost and what comes with it.
 #[derive(Clone, Debug)]
 pub(super) struct Evaluation {
+    pub(super) candidate: Candidate,
     /// Squared residuals, those of the prior included.
     pub(super) cost: f64,
     /// Energy of the springs.
@@ -142,49 +158,34 @@ impl Evaluation {
 /// A candidate on its way down.
 #[derive(Clone, Debug)]
 pub(super) struct Descent {
-    pub(super) candidate: Candidate,
     pub(super) evaluation: Evaluation,
     damping: f64,
     /// What the next step promises to lower the cost by.
     pub(super) promise: f64,
 }
 
-/// Residuals being summed up.
-struct Sums<const N: usize> {
-    cost: f64,
-    gradient: SVector<f64, N>,
-    curvature: SMatrix<f64, N, N>,
+/// Adds a residual that carries its derivatives.
+#[inline]
+fn add<const N: usize>(sums: &mut NormalEquations<N>, residual: Jet<N>) {
+    sums.add(residual.value, SVector::from(residual.slopes));
 }
 
-impl<const N: usize> Sums<N> {
-    fn new() -> Self {
-        Self { cost: 0.0, gradient: SVector::zeros(), curvature: SMatrix::zeros() }
+/// Takes off what the mean of some residuals costs: they are right but for a number that is the same in all.
+fn without_mean<const N: usize>(sums: &mut NormalEquations<N>, Common { count, sum }: Common<Jet<N>>) {
+    if count <= 0.0 {
+        return;
     }
+    let slope = SVector::from(sum.slopes);
+    sums.cost -= sum.value * sum.value / count;
+    sums.gradient -= slope * (sum.value / count);
+    sums.curvature -= slope * slope.transpose() / count;
+}
 
-    fn add(&mut self, residual: Jet<N>) {
-        let slope = SVector::from(residual.slopes);
-        self.cost += residual.value * residual.value;
-        self.gradient += slope * residual.value;
-        self.curvature += slope * slope.transpose();
-    }
-
-    /// Takes off what the mean of some residuals costs: they are right but for a number that is the same in all.
-    fn without_mean(&mut self, Common { count, sum }: Common<Jet<N>>) {
-        if count <= 0.0 {
-            return;
-        }
-        let slope = SVector::from(sum.slopes);
-        self.cost -= sum.value * sum.value / count;
-        self.gradient -= slope * (sum.value / count);
-        self.curvature -= slope * slope.transpose() / count;
-    }
-
-    fn add_past(&mut self, past: &Past, unknowns: &Unknowns, slots: Slots<N>) {
-        let (cost, slope) = past.at(unknowns);
-        self.cost += cost;
-        self.gradient += SVector::<f64, N>::from_fn(|i, _| slope[slots.unknown(i)]);
-        self.curvature += SMatrix::<f64, N, N>::from_fn(|i, j| past.information[(slots.unknown(i), slots.unknown(j))]);
-    }
+fn add_past<const N: usize>(sums: &mut NormalEquations<N>, past: &Past, unknowns: &Unknowns, slots: Slots<N>) {
+    let (cost, slope) = past.at(unknowns);
+    sums.cost += cost;
+    sums.gradient += SVector::<f64, N>::from_fn(|i, _| slope[slots.unknown(i)]);
+    sums.curvature += SMatrix::<f64, N, N>::from_fn(|i, j| past.information[(slots.unknown(i), slots.unknown(j))]);
 }
 
 /// Residuals that share an unknown number: how many, and their sum.
@@ -320,24 +321,25 @@ impl<'a, 'p> Fitting<'a, 'p> {
         let slots = Slots::<N> { grip: grip.is_some() };
         let known = self.known_by(candidate);
         let launch = launch(&known, site, (*begin, unknowns), self.rest_span, grip.map(|(grip, _)| grip))?;
-        let (mut sums, mut common) = (Sums::<N>::new(), Common::none());
+        let (mut sums, mut common) = (NormalEquations::<N>::zero(), Common::none());
         let path = follow(&known, site, &launch, &self.clock, |value, seen| {
-            self.residuals(value, &seen, &mut common, |residual| sums.add(residual));
+            self.residuals(value, &seen, &mut common, |residual| add(&mut sums, residual));
         })?;
-        sums.without_mean(common);
+        without_mean(&mut sums, common);
         match past {
-            Some(past) => sums.add_past(past, unknowns, slots),
+            Some(past) => add_past(&mut sums, past, unknowns, slots),
             None => {
                 let start = (*begin, &launch.state, grip.map(|(_, log)| log));
-                self.prior_residuals(start, |residual| sums.add(residual));
+                self.prior_residuals(start, |residual| add(&mut sums, residual));
             }
         }
         let (cost, information) = (sums.cost, slots.widened(&sums.curvature));
         let [low, high, push, cone, slip] = self.wall_residuals(&path.walls);
         let walls = [low, high, push, cone, slip, self.fast(*begin, &launch.state)];
-        walls.iter().for_each(|residual| sums.add(*residual));
+        walls.iter().for_each(|residual| add(&mut sums, *residual));
         let slopes = |value: &Jet<N>| slots.widened_row(&SVector::from(value.slopes));
         let evaluation = Evaluation {
+            candidate: *candidate,
             cost,
             penalty: sums.cost - cost,
             gradient: slots.widened_row(&sums.gradient).transpose(),
@@ -432,77 +434,28 @@ impl<'a, 'p> Fitting<'a, 'p> {
             *unknown = unknown.clamp(low, high);
         }
         let evaluation = self.evaluate(&candidate)?;
-        let mut descent = Descent { candidate, evaluation, damping: DAMPING_FIRST, promise: f64::INFINITY };
-        descent.promise = self.step(&descent, 0.0).map_or(0.0, |(_, promise)| promise);
-        Some(descent)
+        Some(Descent { promise: self.promise(&evaluation), evaluation, damping: DESCENT.damping.first })
     }
 
     /// One step down. False if none helps.
     pub(super) fn improve(&self, descent: &mut Descent) -> bool {
-        while descent.damping < DAMPING_MAX {
-            let Some((step, promise)) = self.step(descent, descent.damping) else { return false };
-            let mut next = descent.candidate;
-            let bounds = self.bounds(&next);
-            for i in 0..UNKNOWNS {
-                next.unknowns[i] = (next.unknowns[i] + step[i]).clamp(bounds[i][0], bounds[i][1]);
-            }
-            let lower = self.evaluate(&next).filter(|next| next.total() < descent.evaluation.total());
-            let Some(evaluation) = lower else {
-                // Where rounding is all that could still be gained, no step lowers the cost.
-                if promise < 1e-12 * descent.evaluation.total() {
-                    return false;
-                }
-                descent.damping = (descent.damping * 10.0).max(1e-2);
-                continue;
-            };
-            let gained = descent.evaluation.total() - evaluation.total();
-            descent.damping *= if gained > 0.5 * promise { 0.1 } else { 1.0 };
-            (descent.candidate, descent.evaluation) = (next, evaluation);
-            descent.promise = self.step(descent, 0.0).map_or(0.0, |(_, promise)| promise);
-            return true;
-        }
-        false
+        let lower = least_squares::lowered(self, &descent.evaluation, &DESCENT, &mut descent.damping);
+        let Ok(evaluation) = lower else { return false };
+        descent.promise = self.promise(&evaluation);
+        descent.evaluation = evaluation;
+        true
     }
 
-    /// A damped step of Gauss and Newton within the bounds, and what it promises to gain.
-    fn step(&self, descent: &Descent, damping: f64) -> Option<(Vector5<f64>, f64)> {
-        let Evaluation { gradient, curvature, .. } = &descent.evaluation;
-        let held = self.held(descent);
-        let (mut matrix, mut slope) = (*curvature, *gradient);
-        for i in 0..UNKNOWNS {
-            let least = CURVATURE_MIN / (STEP_MAX[i] * STEP_MAX[i]);
-            matrix[(i, i)] += least + damping * matrix[(i, i)];
-            if held[i] {
-                matrix.row_mut(i).fill(0.0);
-                matrix.column_mut(i).fill(0.0);
-                matrix[(i, i)] = 1.0;
-                slope[i] = 0.0;
-            }
-        }
-        let step = -(matrix.cholesky()?.inverse() * slope);
-        let too_long = (0..UNKNOWNS).map(|i| step[i].abs() / STEP_MAX[i]).fold(1.0, f64::max);
-        let step = step / too_long;
-        let promise = -(2.0 * slope.dot(&step) + (step.transpose() * curvature * step)[0]);
-        Some((step, promise.max(0.0)))
-    }
-
-    /// Which unknowns are at a bound that the cost presses them against, or not there at all.
-    fn held(&self, descent: &Descent) -> [bool; UNKNOWNS] {
-        let Candidate { begin, unknowns, .. } = descent.candidate;
-        let (bounds, gradient) = (self.bounds(&descent.candidate), descent.evaluation.gradient);
-        std::array::from_fn(|i| {
-            let [low, high] = bounds[i];
-            let pressed = (unknowns[i] <= low && gradient[i] > 0.0) || (unknowns[i] >= high && gradient[i] < 0.0);
-            !self.has(begin, i) || pressed
-        })
+    fn promise(&self, evaluation: &Evaluation) -> f64 {
+        least_squares::predicted_reduction(self, evaluation, &DESCENT)
     }
 
     /// Covariance of the unknowns, and what is left to their minimum, by the data and prior alone.
     pub(super) fn spread(&self, descent: &Descent) -> Option<(Matrix5<f64>, Vector5<f64>)> {
-        let begin = descent.candidate.begin;
+        let begin = descent.evaluation.candidate.begin;
         let (mut information, mut slope) = (descent.evaluation.information, descent.evaluation.gradient);
         for i in 0..UNKNOWNS {
-            information[(i, i)] += CURVATURE_MIN / (STEP_MAX[i] * STEP_MAX[i]);
+            information[(i, i)] += CURVATURE_MIN[i];
             if !self.has(begin, i) {
                 (information[(i, i)], slope[i]) = (1.0, 0.0);
             }
@@ -516,10 +469,53 @@ impl<'a, 'p> Fitting<'a, 'p> {
 
     /// Which unknowns are fitted: neither absent nor at a bound of the motion.
     pub(super) fn free(&self, descent: &Descent) -> [bool; UNKNOWNS] {
-        let held = self.held(descent);
-        let begin = descent.candidate.begin;
+        let Evaluation { candidate, gradient, .. } = &descent.evaluation;
+        let (held, begin) = (self.pressed(candidate, gradient), candidate.begin);
         // A place or angle at its limit is still uncertain by what the data say.
         std::array::from_fn(|i| self.has(begin, i) && (i < 2 || !held[i]))
+    }
+}
+
+impl Fitting<'_, '_> {
+    /// Which unknowns are at a bound that the cost presses them against, or not there at all.
+    fn pressed(&self, candidate: &Candidate, gradient: &Vector5<f64>) -> [bool; UNKNOWNS] {
+        let (bounds, unknowns) = (self.bounds(candidate), candidate.unknowns);
+        std::array::from_fn(|i| {
+            let [low, high] = bounds[i];
+            let pressed = (unknowns[i] <= low && gradient[i] > 0.0) || (unknowns[i] >= high && gradient[i] < 0.0);
+            !self.has(candidate.begin, i) || pressed
+        })
+    }
+}
+
+impl Problem<UNKNOWNS> for Fitting<'_, '_> {
+    type Place = Evaluation;
+
+    fn cost(&self, evaluation: &Evaluation) -> f64 {
+        evaluation.total()
+    }
+
+    fn normal_equations(&self, evaluation: &Evaluation) -> NormalEquations<UNKNOWNS> {
+        let Evaluation { gradient, curvature, .. } = *evaluation;
+        NormalEquations { cost: evaluation.total(), gradient, curvature }
+    }
+
+    fn moved(&self, evaluation: &Evaluation, step: &Vector5<f64>) -> Option<Evaluation> {
+        let mut next = evaluation.candidate;
+        for (i, [low, high]) in self.bounds(&next).into_iter().enumerate() {
+            next.unknowns[i] = (next.unknowns[i] + step[i]).clamp(low, high);
+        }
+        self.evaluate(&next)
+    }
+
+    fn held(&self, evaluation: &Evaluation, equations: &NormalEquations<UNKNOWNS>) -> [bool; UNKNOWNS] {
+        self.pressed(&evaluation.candidate, &equations.gradient)
+    }
+
+    /// No unknown by more than its longest step.
+    fn limited(&self, step: Vector5<f64>) -> Vector5<f64> {
+        let too_long = (0..UNKNOWNS).map(|i| step[i].abs() / STEP_MAX[i]).fold(1.0, f64::max);
+        step / too_long
     }
 }
 

@@ -282,7 +282,7 @@ fn along_valleys(fitting: &Fitting, minima: &[Descent], places: &[f64]) -> Vec<C
     let most = total_max(minima);
     let possible = minima.iter().filter(|descent| descent.evaluation.total() <= most);
     let candidates = possible.flat_map(|descent| {
-        let (lowest, valley) = (descent.candidate, valley(fitting, descent).unwrap_or_else(Vector5::zeros));
+        let (lowest, valley) = (descent.evaluation.candidate, valley(fitting, descent).unwrap_or_else(Vector5::zeros));
         let at = move |share: f64| (Vector5::from(lowest.unknowns) + valley * share).into();
         places.iter().map(move |&share| Candidate { unknowns: at(share), ..lowest })
     });
@@ -300,13 +300,13 @@ fn valley(fitting: &Fitting, descent: &Descent) -> Option<Vector5<f64>> {
 
 /// Descents that go on from where others ended.
 fn again(fitting: &Fitting, descents: &[Descent]) -> Vec<Descent> {
-    let candidates: Vec<_> = descents.iter().map(|descent| descent.candidate).collect();
+    let candidates: Vec<_> = descents.iter().map(|descent| descent.evaluation.candidate).collect();
     descend_together(fitting, &candidates)
 }
 
 /// A step further down with finer steps; none if those see another cost.
 fn polished(finer: &Fitting, descent: &Descent) -> Option<Descent> {
-    let mut polished = finer.descend(descent.candidate)?;
+    let mut polished = finer.descend(descent.evaluation.candidate)?;
     let rough = (polished.evaluation.total() - descent.evaluation.total()).abs() > ROUGH;
     finer.improve(&mut polished);
     (!rough).then_some(polished)
@@ -348,7 +348,7 @@ fn descend_patiently(fitting: &Fitting, candidates: &[Candidate], patience: usiz
 }
 
 fn is_above(descent: &Descent, minimum: &Descent) -> bool {
-    let (a, b) = (&descent.candidate, &minimum.candidate);
+    let (a, b) = (&descent.evaluation.candidate, &minimum.evaluation.candidate);
     a.site == b.site && a.begin == b.begin && descent.evaluation.total() > minimum.evaluation.total()
 }
 
@@ -357,7 +357,7 @@ pub(super) fn merge_met(descents: &mut Vec<Descent>) {
     descents.sort_by(|a, b| a.evaluation.total().total_cmp(&b.evaluation.total()));
     let mut kept: Vec<Descent> = Vec::new();
     for descent in descents.drain(..) {
-        if !kept.iter().any(|other| have_met(&descent.candidate, &other.candidate)) {
+        if !kept.iter().any(|other| have_met(&descent.evaluation.candidate, &other.evaluation.candidate)) {
             kept.push(descent);
         }
     }
@@ -377,7 +377,7 @@ fn onto_walls(fitting: &Fitting, descent: &Descent) -> Option<Descent> {
             return Some(descent);
         }
         let stiffer = Fitting { wall_stiffness: 10_f64.powi(power), ..fitting.clone() };
-        descent = stiffer.descend(descent.candidate)?;
+        descent = stiffer.descend(descent.evaluation.candidate)?;
         for _ in 0..ROUNDS_MAX {
             if !stiffer.improve(&mut descent) || descent.promise < PROMISE_NONE {
                 break;
@@ -393,7 +393,7 @@ pub(super) fn judge_all(fitting: &Fitting, descents: &[Descent], begins: usize) 
     possible.sort_by(|a, b| a.evaluation.cost.total_cmp(&b.evaluation.cost));
     let degrees = |descent: &Descent| {
         let unknowns = fitting.free(descent).iter().filter(|free| **free).count();
-        (fitting.data.terms() + fitting.prior_terms(&descent.candidate)).saturating_sub(unknowns)
+        (fitting.data.terms() + fitting.prior_terms(&descent.evaluation.candidate)).saturating_sub(unknowns)
     };
     let cost = possible.first().map(|best| best.evaluation.cost);
     let degrees_of_freedom = possible.first().map_or(fitting.data.terms(), degrees);
@@ -439,7 +439,7 @@ fn by_probability(mut judged: Vec<Judged>) -> Vec<Hypothesis> {
 }
 
 fn judge(fitting: &Fitting, descent: &Descent, begins: usize) -> Judged {
-    let Descent { candidate, evaluation, .. } = descent;
+    let (evaluation, candidate) = (&descent.evaluation, &descent.evaluation.candidate);
     let (site, time) = (candidate.site, fitting.data.duration());
     let model = fitting.known.model(site.edge);
     let (state_covariance, grip_log_sd) = state_covariance(fitting, descent).unzip();
@@ -478,7 +478,7 @@ fn information(fitting: &Fitting, descent: &Descent) -> Matrix5<f64> {
 
 /// Covariance of the state at the end, and the standard deviation of ln(µg); none where the data leave the place free.
 fn state_covariance(fitting: &Fitting, descent: &Descent) -> Option<(Matrix4<f64>, f64)> {
-    let Descent { candidate, evaluation, .. } = descent;
+    let (evaluation, candidate) = (&descent.evaluation, &descent.evaluation.candidate);
     let length = candidate.site.high - candidate.site.low;
     let mut information = information(fitting, descent);
     let sizes = [1.0, length, 1.0, 0.1, 1.0];
@@ -505,7 +505,7 @@ fn state_covariance(fitting: &Fitting, descent: &Descent) -> Option<(Matrix4<f64
 /// The part touches the disk, so to first order the pose has two freedoms, and this would be a singular matrix. What the curved
 /// motions add, however little, makes it invertible: of a bend `a` the error xᵀ a x / 2, whose mean is not zero either.
 fn pose_covariance(fitting: &Fitting, descent: &Descent, contact: &Matrix2<f64>) -> Matrix3<f64> {
-    let Descent { candidate, evaluation, .. } = descent;
+    let (evaluation, candidate) = (&descent.evaluation, &descent.evaluation.candidate);
     let time = fitting.data.duration();
     let model = fitting.known.model(candidate.site.edge);
     let (sin, cos) = evaluation.end.u.sin_cos();
@@ -526,7 +526,7 @@ fn pose_covariance(fitting: &Fitting, descent: &Descent, contact: &Matrix2<f64>)
 
 /// Laplace's approximation of the probability of the data, up to a factor that all hypotheses share.
 fn log_evidence(fitting: &Fitting, descent: &Descent, begins: usize) -> f64 {
-    let Descent { candidate, evaluation, .. } = descent;
+    let (evaluation, candidate) = (&descent.evaluation, &descent.evaluation.candidate);
     let mut information = descent.evaluation.information;
     let bounds = fitting.bounds(candidate);
     let Prior { omega0_sigma, v_t0_sigma, grip_log_sigma } = fitting.prior;

@@ -192,7 +192,7 @@ impl<'p> Tracker<'p> {
         let judged = judge_all(fitting, &minima, self.begins.len());
         let outliers = self.held_back.iter().map(|(number, _)| *number).collect();
         self.estimate = Estimate { simulations: fitting.simulations.get(), outliers, ..judged };
-        self.live = minima.iter().map(|descent| descent.candidate).collect();
+        self.live = minima.iter().map(|descent| descent.evaluation.candidate).collect();
     }
 
     /// Whether hypotheses that explained all values before the last cannot follow that one.

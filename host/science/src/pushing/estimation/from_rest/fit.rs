@@ -1,4 +1,4 @@
-//! Fitting a guess to what was felt: Levenberg and Marquardt's method, the mass found in closed form at every step.
+//! Fitting a guess to what was felt by damped [`least_squares`], the mass found in closed form at every step.
 //!
 //! The force is the part's mass times what a guess predicts, so that for every guess the best mass follows at once. A contact
 //! beyond its edge's end, or one that takes more friction than can be, adds to the cost instead of ending the search: the
@@ -9,10 +9,11 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::{DMatrix, DVector, Isometry2, Matrix3, Matrix4, SMatrix, Vector3, Vector4};
+use nalgebra::{DMatrix, DVector, Isometry2, Matrix3, Matrix4, SMatrix, SVector, Vector3, Vector4};
 
 use super::felt::FeltForce;
 use super::path::{Course, Guess, Path};
+use crate::math::least_squares::{self, Damping, Enough, Floor, NormalEquations, Settings, minimise};
 use crate::pushing::dynamics::State;
 use crate::pushing::estimation::observation::GRIP_LOG_MAX;
 
@@ -34,11 +35,22 @@ const STEPS_MAX: usize = 30;
 /// A step that lowers the cost by less ends the fit: a fiftieth of what one standard deviation does.
 const COST_STEP: f64 = 0.02;
 
-/// Damping at first, and what it is multiplied or divided by; beyond the largest there is no way down.
-const DAMPING: (f64, f64, f64) = (1e-3, 5.0, 1e8);
-
-/// Least curvature of a parameter relative to the largest that counts: below it the data say nothing about it.
-const CURVATURE_MIN: f64 = 1e-12;
+/// How a guess goes down. The floor lets what the data say nothing about stay where it is.
+const DESCENT: Settings<COLUMNS> = Settings {
+    damping: Damping {
+        first: 1e-3,
+        min: 0.0,
+        max: 1e8,
+        up: 5.0,
+        min_after_failure: 0.0,
+        down: 0.2,
+        trusted_share: 0.0,
+    },
+    floor: Floor::Relative(1e-15),
+    enough: Enough { relative: 0.0, absolute: COST_STEP, damping_max: f64::INFINITY },
+    trials_max: usize::MAX,
+    steps_max: STEPS_MAX,
+};
 
 /// Differences that stand for derivatives: rad, of the radius of gyration, of µ_c, of ln(µ g). Forces change by some 1e-4 over them,
 /// a thousand times what rounding and the bisection of events leave.
@@ -46,6 +58,9 @@ const DIFFERENCES: [f64; PARAMETERS] = [1e-4, 1e-4, 1e-4, 1e-4];
 
 /// Parameters of a guess: contact angle, place, friction of the contact, friction of the plane. The mass's logarithm follows them.
 const PARAMETERS: usize = 4;
+
+/// Columns of the derivatives: the parameters and the mass's logarithm.
+const COLUMNS: usize = PARAMETERS + 1;
 
 /// Where among them the friction of the contact is, and that of the plane.
 const MU_C: usize = 2;
@@ -99,23 +114,7 @@ impl Problem<'_, '_> {
 
     /// Goes down to the nearest minimum.
     pub(super) fn descend(&self, start: Tried, steps_max: usize) -> Tried {
-        let (mut best, mut damping) = (start, DAMPING.0);
-        for _ in 0..steps_max.min(STEPS_MAX) {
-            let slopes = self.slopes(&best);
-            let cost_before = best.cost;
-            while damping < DAMPING.2 {
-                let next = self.stepped(&best, &slopes, damping).filter(|next| next.cost < best.cost);
-                if let Some(next) = next {
-                    (best, damping) = (next, damping / DAMPING.1);
-                    break;
-                }
-                damping *= DAMPING.1;
-            }
-            if cost_before - best.cost < COST_STEP {
-                break;
-            }
-        }
-        best
+        minimise(self, start, &Settings { steps_max: steps_max.min(STEPS_MAX), ..DESCENT }, |_| false).place
     }
 
     fn differences(&self) -> [f64; PARAMETERS] {
@@ -135,7 +134,7 @@ impl Problem<'_, '_> {
     /// Derivatives of the whitened residuals, penalties included, by the parameters and the mass's logarithm.
     fn slopes(&self, at: &Tried) -> DMatrix<f64> {
         let size = at.shape.len();
-        let mut slopes = DMatrix::zeros(size + PENALTIES, PARAMETERS + 1);
+        let mut slopes = DMatrix::zeros(size + PENALTIES, COLUMNS);
         slopes.view_mut((0, PARAMETERS), (size, 1)).copy_from(&(&at.shape * -at.mass));
         for (column, difference) in self.differences().into_iter().enumerate() {
             if !self.is_free(at, column) {
@@ -151,21 +150,6 @@ impl Problem<'_, '_> {
             }
         }
         slopes
-    }
-
-    fn stepped(&self, at: &Tried, slopes: &DMatrix<f64>, damping: f64) -> Option<Tried> {
-        let size = at.shape.len();
-        let mut residuals = DVector::zeros(size + PENALTIES);
-        residuals.rows_mut(0, size).copy_from(&(self.felt.data() - &at.shape * at.mass));
-        residuals.rows_mut(size, PENALTIES).copy_from_slice(&at.penalties);
-        let mut normal = slopes.tr_mul(slopes);
-        let largest = normal.diagonal().max();
-        for i in 0..normal.nrows() {
-            normal[(i, i)] += damping * normal[(i, i)].max(CURVATURE_MIN * largest);
-        }
-        let step = normal.cholesky()?.solve(&slopes.tr_mul(&residuals));
-        let guess = (0..PARAMETERS).fold(at.guess, |guess, column| moved(&guess, column, -step[column]));
-        self.try_guess(guess)
     }
 
     /// Standard deviations of the parameters before anything is felt, each being anywhere in its range.
@@ -218,6 +202,31 @@ impl Problem<'_, '_> {
             state: state * parameters * state.transpose(),
             spread: parameters.fixed_view::<2, 2>(0, 0).determinant().max(0.0).sqrt(),
         })
+    }
+}
+
+impl least_squares::Problem<COLUMNS> for Problem<'_, '_> {
+    type Place = Tried;
+
+    fn cost(&self, tried: &Tried) -> f64 {
+        tried.cost
+    }
+
+    fn normal_equations(&self, tried: &Tried) -> NormalEquations<COLUMNS> {
+        let (size, slopes) = (tried.shape.len(), self.slopes(tried));
+        let mut residuals = DVector::zeros(size + PENALTIES);
+        residuals.rows_mut(0, size).copy_from(&(self.felt.data() - &tried.shape * tried.mass));
+        residuals.rows_mut(size, PENALTIES).copy_from_slice(&tried.penalties);
+        NormalEquations {
+            cost: tried.cost,
+            gradient: slopes.tr_mul(&residuals).fixed_rows::<COLUMNS>(0).into_owned(),
+            curvature: slopes.tr_mul(&slopes).fixed_view::<COLUMNS, COLUMNS>(0, 0).into_owned(),
+        }
+    }
+
+    /// The mass of a step is not looked at: every guess has its own best one.
+    fn moved(&self, tried: &Tried, step: &SVector<f64, COLUMNS>) -> Option<Tried> {
+        self.try_guess((0..PARAMETERS).fold(tried.guess, |guess, column| moved(&guess, column, step[column])))
     }
 }
 
