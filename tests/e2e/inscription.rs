@@ -9,7 +9,7 @@ use palpate::geometry::{ConvexPolygon, SimplePolygon};
 use palpate::inscription::{
     Bearing, Cone, Continuum, HalfPlane, Inscription, Mode, NoisyReadings, Pose, estimate, poses, view,
 };
-use palpate::tables::random::Draw;
+use palpate::math::random::Draw;
 use palpate_tests::inscription_oracle as oracle;
 
 /// Poses agree to this, in part sizes and rad: both are exact to rounding, which a bad triple of lines multiplies.

@@ -5,9 +5,9 @@
 
 use std::time::{Duration, Instant};
 
-use palpate::link::reader::{MessageReader, ReaderCounts};
-use palpate::link::session::Options;
-use palpate::link::{Incoming, LinkError, Session};
+use palpate_device::session::Options;
+use palpate_device::wire_reader::{MessageReader, ReaderCounts};
+use palpate_device::{Incoming, LinkError, Session};
 use palpate_shared::units::{Counts, DeviceTime, Seq};
 use palpate_shared::wire::{
     Axis, BLOCK_SAMPLES, Block, Bridge, Channel, Checks, ClockSource, Command, CommandId, CommandRead, Counters,

@@ -4,8 +4,8 @@
 
 use std::f64::consts::PI;
 
-use palpate::solve::Problem;
-use palpate::solve::kinds::push::{Push, PushAnswer, PushSample, Reason};
+use palpate_files::solve::Problem;
+use palpate_files::solve::kinds::push::{Push, PushAnswer, PushSample, Reason};
 use palpate_tests::draw::Draw;
 use palpate_tests::push_oracle::{Motion, Seen, Tangential, World};
 use serde_json::{Value, json};
