@@ -92,7 +92,7 @@ impl MessageReader {
 mod tests {
     use palpate_shared::frame::{FRAME_MAX, encode};
     use palpate_shared::units::{Counts, DeviceTime, Seq};
-    use palpate_shared::wire::{Block, PROTOCOL, Status};
+    use palpate_shared::wire::{Block, CommandId, PROTOCOL, Status};
     use proptest::prelude::*;
 
     use super::*;
@@ -132,6 +132,16 @@ mod tests {
         bytes.extend(frame(&block(1)));
         let (messages, counts) = read_all(&bytes, 64);
         assert_eq!((messages.len(), counts.unknown), (1, 1));
+    }
+
+    #[test]
+    fn of_a_newer_answer_it_is_told_which_command_was_answered() {
+        let (mut reader, mut read) = (MessageReader::default(), Vec::new());
+        // A reply to command 7: refused, for reason 200.
+        let refused = encode(&[3_u8, 7, 6, 0xC8, 1], &mut [0; FRAME_MAX + 1]).unwrap().to_vec();
+        reader.read_each(&refused, |message| read.push(message));
+        assert_eq!(read, [Err(NewerMessage::Reply { id: CommandId(7), device: None })]);
+        assert_eq!(reader.counts(), ReaderCounts { unknown: 1, ..ReaderCounts::default() });
     }
 
     #[test]

@@ -13,8 +13,11 @@ use serde::Deserialize;
 use super::{Command, CommandId, FromDevice, PROTOCOL, ProtocolVersion, Refusal};
 use crate::frame::FrameError;
 
-/// Numbers of [`FromDevice`]'s variants. The hello's is the first byte of a hello in every major version.
-const HELLO: u32 = 0;
+/// The first byte of a hello in every major version.
+const HELLO_BYTE: u8 = 0;
+
+/// Numbers of [`FromDevice`]'s variants.
+const HELLO: u32 = HELLO_BYTE as u32;
 const BLOCK: u32 = 1;
 const EVENT: u32 = 2;
 const REPLY: u32 = 3;
@@ -107,7 +110,7 @@ impl FromDevice {
     /// # Errors
     /// [`DecodeError::Unknown`], [`DecodeError::OtherProtocol`] or [`DecodeError::Malformed`].
     pub fn from_payload(payload: &[u8]) -> Result<Self, DecodeError> {
-        if let [0, major, minor, ..] = *payload
+        if let [HELLO_BYTE, major, minor, ..] = *payload
             && major != PROTOCOL.major
         {
             return Err(DecodeError::OtherProtocol { device: ProtocolVersion { major, minor } });
