@@ -385,7 +385,9 @@ proptest! {
     }
 
     #[test]
-    fn a_message_that_is_cut_off_is_malformed_and_not_unknown(message in messages(), at in any::<prop::sample::Index>()) {
+    fn a_message_that_is_cut_off_is_malformed_and_not_unknown(
+        message in messages(), at in any::<prop::sample::Index>(),
+    ) {
         let payload = payload_of(&message);
         let cut = at.index(payload.len());
         let malformed = ReaderCounts { malformed: 1, ..ReaderCounts::default() };

@@ -2,8 +2,8 @@
 //!
 //! A payload has passed its checksum, so it is what the peer sent. Where it holds a variant with a number beyond those
 //! that this version knows, at whatever depth, it is a newer minor version's: [`DecodeError::Unknown`]. What stands
-//! behind that variant cannot be read; what stands before it can, and [`NewerMessage`] says of it what a host needs: who
-//! speaks, and which command was answered. Every other failure is a bug of the peer: [`DecodeError::Malformed`].
+//! behind that number cannot be read. What stands before it can, and [`NewerMessage`] says of it what a host needs:
+//! who speaks, and which command was answered. Every other failure is a bug of the peer: [`DecodeError::Malformed`].
 //!
 //! Errors: [`DecodeError`].
 
