@@ -7,30 +7,29 @@
 //!
 //! Versions: a peer whose *major* version differs is refused, whichever side notices first. Two layouts
 //! therefore hold for every major version: a hello message begins with bytes `0, major, minor`, and every
-//! command begins with byte `major`, then its id. A *minor* version may append variants and append fields at
-//! a message's end; receivers count and skip variants that they do not know and ignore trailing bytes.
+//! command begins with byte `major`, then its id. A *minor* version may append variants, also to the enums
+//! within a message, and append fields at a message's end. Receivers ignore trailing bytes; a message with a
+//! variant that they do not know is counted, and told as far as it can be read: [`NewerMessage`].
 //!
 //! Numbers: [`Seq`] and [`DeviceTime`] wrap; the host unwraps them.
 
 use core::fmt;
 
 use heapless::{String, Vec};
-use serde::{Deserialize, Serialize};
+use serde::de::IntoDeserializer;
+use serde::{Deserialize, Deserializer, Serialize};
 
-use crate::frame::{self, FrameError};
+pub use self::decode::{CommandRead, DecodeError, NewerMessage};
+use crate::frame;
 use crate::units::{Counts, DeviceTime, Seq};
+
+mod decode;
 
 /// The version that this code speaks.
 pub const PROTOCOL: ProtocolVersion = ProtocolVersion { major: 1, minor: 1 };
 
 /// Samples in a full block: 2 ms at 4 kHz, and 65 bytes on the line for a typical load.
 pub const BLOCK_SAMPLES: usize = 8;
-
-/// The first byte of a hello message in every major version.
-const HELLO_VARIANT: u8 = 0;
-
-/// How many variants [`FromDevice`] has; a larger number is a newer minor version's.
-const FROM_DEVICE_VARIANTS: u8 = 5;
 
 /// Version of the protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -91,7 +90,8 @@ pub struct Hello {
     pub clock: ClockSource,
     /// Speed of the serial line in baud; 0 where the link has none.
     pub link_baud: u32,
-    /// Why the device last started.
+    /// Why the device last started; [`RestartReason::Unknown`] for a reason that only a newer version names.
+    #[serde(deserialize_with = "known_reason")]
     pub restart: RestartReason,
     /// Starts since power-on, this one not counted; saturates.
     pub restarts: u16,
@@ -209,6 +209,16 @@ pub enum RestartReason {
     Requested,
     /// The processor did not say.
     Unknown,
+}
+
+/// Reads a [`RestartReason`], a newer version's as [`RestartReason::Unknown`].
+///
+/// A device that restarts for a new reason can be given its settings back all the same; all else that is new in a
+/// hello may alter what the samples mean.
+fn known_reason<'de, D: Deserializer<'de>>(deserializer: D) -> Result<RestartReason, D::Error> {
+    let number = u32::deserialize(deserializer)?;
+    let known = RestartReason::deserialize(IntoDeserializer::<D::Error>::into_deserializer(number));
+    Ok(known.unwrap_or(RestartReason::Unknown))
 }
 
 /// Consecutive samples of both channels.
@@ -603,74 +613,6 @@ pub struct Health {
     pub sampler_runs: u32,
 }
 
-/// Why a payload is not a message.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DecodeError {
-    /// The frame is damaged.
-    Frame(FrameError),
-    /// A message of a newer minor version; skip it.
-    Unknown {
-        /// The variant's number.
-        variant: u8,
-    },
-    /// A device of another major version.
-    OtherProtocol {
-        /// What the device speaks.
-        device: ProtocolVersion,
-    },
-    /// The checksum fits but the contents do not: a bug on the other side.
-    Malformed,
-}
-
-impl From<FrameError> for DecodeError {
-    fn from(error: FrameError) -> Self {
-        Self::Frame(error)
-    }
-}
-
-impl FromDevice {
-    /// Reads a message out of a frame's payload.
-    ///
-    /// # Errors
-    /// [`DecodeError::Unknown`], [`DecodeError::OtherProtocol`] or [`DecodeError::Malformed`].
-    pub fn from_payload(payload: &[u8]) -> Result<Self, DecodeError> {
-        match *payload {
-            [HELLO_VARIANT, major, minor, ..] if major != PROTOCOL.major => {
-                Err(DecodeError::OtherProtocol { device: ProtocolVersion { major, minor } })
-            }
-            [variant, ..] if variant >= FROM_DEVICE_VARIANTS => Err(DecodeError::Unknown { variant }),
-            _ => postcard::take_from_bytes(payload).map(|(message, _)| message).map_err(|_| DecodeError::Malformed),
-        }
-    }
-}
-
-/// A command as far as a device could read it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CommandRead {
-    /// A command of this protocol version.
-    Command(Command),
-    /// A command that must be refused, and why.
-    Refuse(CommandId, Refusal),
-}
-
-impl Command {
-    /// Reads a command out of a frame's payload, on the device.
-    ///
-    /// # Errors
-    /// [`DecodeError::Malformed`] if not even the id can be read, so that no reply is possible.
-    pub fn from_payload(payload: &[u8]) -> Result<CommandRead, DecodeError> {
-        let (&major, rest) = payload.split_first().ok_or(DecodeError::Malformed)?;
-        let (id, _) = postcard::take_from_bytes::<CommandId>(rest).map_err(|_| DecodeError::Malformed)?;
-        if major != PROTOCOL.major {
-            return Ok(CommandRead::Refuse(id, Refusal::OtherProtocol { device: PROTOCOL }));
-        }
-        Ok(match postcard::take_from_bytes(payload) {
-            Ok((command, _)) => CommandRead::Command(command),
-            Err(_) => CommandRead::Refuse(id, Refusal::UnknownRequest),
-        })
-    }
-}
-
 /// A buffer that holds any frame with its delimiter.
 pub type FrameBuffer = [u8; frame::FRAME_MAX + 1];
 
@@ -903,13 +845,125 @@ mod tests {
         assert_eq!(Command::from_payload(&[1]), Err(DecodeError::Malformed));
     }
 
+    /// The fields of a version 1.2 device's hello, with these numbers for: front-end, axis and bridge of both channels,
+    /// source, clock, restart reason. Two bytes of a field that 1.1 does not have follow.
+    fn newer_hello([kind, axis_0, bridge_0, axis_1, bridge_1, source, clock, restart]: [u8; 8]) -> Text {
+        format!(
+            "0102000102 70616c706174652d30303031 0a53544d33322d48343035 {kind:02x}8345 \
+             {axis_0:02x}{bridge_0:02x}{axis_1:02x}{bridge_1:02x} a01f 20 809f49 c413 \
+             {source:02x} {clock:02x} 80a038 {restart:02x} 00 00 beef"
+        )
+    }
+
+    /// Messages of a version 1.2 device that 1.1 cannot read, each with one number beyond the last that 1.1 knows, and
+    /// what 1.1 can tell of them.
+    fn newer_golden() -> List<(&'static str, Text, NewerMessage)> {
+        let device = ProtocolVersion { major: 1, minor: 2 };
+        let event = NewerMessage::Event;
+        let reply = NewerMessage::Reply { id: CommandId(300), device: None };
+        let known = std::vec![
+            ("message", "05 010203".to_string(), NewerMessage::Kind { variant: 5 }),
+            ("message with a number of two bytes", "ac02 01".to_string(), NewerMessage::Kind { variant: 300 }),
+            ("event", "02 8001 05".to_string(), event),
+            ("event with fields", "02 8001 05 e807 01".to_string(), event),
+            ("outcome", "03 ac02 09".to_string(), reply),
+            ("outcome with fields", "03 ac02 09 01 02 03".to_string(), reply),
+            ("outcome with a number of two bytes", "03 ac02 8001".to_string(), reply),
+            ("refusal", "03 ac02 06 0b".to_string(), reply),
+            ("refusal with fields", "03 ac02 06 0b c03e 01".to_string(), reply),
+            ("cause of a fault", "03 ac02 07 01 04 3c a01f 00 00 00 09 6d61696e2e72733a37".to_string(), reply),
+        ];
+        let words = [
+            ("front-end", [1, 0, 0, 1, 0, 0, 0, 0]),
+            ("axis of channel 0", [0, 2, 0, 1, 0, 0, 0, 0]),
+            ("bridge of channel 0", [0, 0, 2, 1, 0, 0, 0, 0]),
+            ("axis of channel 1", [0, 0, 0, 2, 0, 0, 0, 0]),
+            ("bridge of channel 1", [0, 0, 0, 1, 2, 0, 0, 0]),
+            ("source", [0, 0, 0, 1, 0, 2, 0, 0]),
+            ("clock", [0, 0, 0, 1, 0, 0, 4, 0]),
+        ];
+        let reply = NewerMessage::Reply { id: CommandId(300), device: Some(device) };
+        let hellos = words.into_iter().flat_map(|(what, numbers)| {
+            let fields = newer_hello(numbers);
+            [
+                (what, format!("00 {fields}"), NewerMessage::Hello { device }),
+                (what, format!("03 ac02 01 {fields}"), reply),
+            ]
+        });
+        known.into_iter().chain(hellos).collect()
+    }
+
     #[test]
-    fn what_a_newer_minor_version_adds_is_skipped() {
-        assert_eq!(FromDevice::from_payload(&[5, 1, 2, 3]), Err(DecodeError::Unknown { variant: 5 }));
-        let mut longer = bytes_of("03070301");
-        longer.extend([1, 2, 3]);
-        let pong = Reply { id: CommandId(7), outcome: Outcome::Pong { time: DeviceTime(1) } };
-        assert_eq!(FromDevice::from_payload(&longer), Ok(FromDevice::Reply(pong)));
+    fn a_newer_minor_versions_variants_are_unknown_at_every_depth() {
+        for (what, hex, newer) in newer_golden() {
+            let payload = bytes_of(&hex.replace(' ', ""));
+            assert_eq!(FromDevice::from_payload(&payload), Err(DecodeError::Unknown(newer)), "{what}: {hex}");
+        }
+    }
+
+    #[test]
+    fn fields_that_a_newer_minor_version_appends_are_ignored() {
+        for (message, hex) in from_device_golden() {
+            let longer = bytes_of(&(hex.replace(' ', "") + "05ff00"));
+            assert_eq!(FromDevice::from_payload(&longer), Ok(message), "{hex}");
+        }
+        let newer = Hello { protocol: ProtocolVersion { major: 1, minor: 2 }, ..hello() };
+        let payload = bytes_of(&format!("00{}", newer_hello([0, 0, 0, 1, 0, 0, 0, 0])).replace(' ', ""));
+        assert_eq!(FromDevice::from_payload(&payload), Ok(FromDevice::Hello(newer)));
+    }
+
+    #[test]
+    fn a_restart_for_a_newer_reason_is_a_restart_for_an_unknown_one() {
+        let payload = bytes_of(&format!("00{}", newer_hello([0, 0, 0, 1, 0, 0, 0, 7])).replace(' ', ""));
+        let Ok(FromDevice::Hello(hello)) = FromDevice::from_payload(&payload) else { panic!("the hello is readable") };
+        assert_eq!(hello.restart, RestartReason::Unknown);
+    }
+
+    #[test]
+    fn what_no_version_can_say_is_malformed() {
+        for (what, hex) in [
+            ("nothing", ""),
+            ("a number without its end", "80"),
+            ("a number of more than 32 bits", "ffffffff1f"),
+            ("a hello without a version", "0001"),
+            ("an event without its time", "0280"),
+            ("a reply without its id", "03"),
+            ("a reply without its outcome", "0307"),
+            ("a pong without its time", "030703"),
+            ("an optional record that is neither there nor not", "03070702"),
+            ("a block of nine samples", "0100000009 0000 0000 0000 0000 0000 0000 0000 0000 0000"),
+            ("a fault in a place of 41 bytes", &format!("03070701 00 00 00 00 00 00 29 {}", "61".repeat(41))),
+            ("a fault in a place that is no text", "03070701 00 00 00 00 00 00 01 ff"),
+            ("a board's name of 25 bytes", &format!("00 0101000102 {} 19 {}", "00".repeat(12), "61".repeat(25))),
+        ] {
+            let payload = bytes_of(&hex.replace(' ', ""));
+            assert_eq!(FromDevice::from_payload(&payload), Err(DecodeError::Malformed), "{what}: {hex}");
+        }
+        for (message, hex) in from_device_golden() {
+            let whole = bytes_of(&hex.replace(' ', ""));
+            for length in 0..whole.len() {
+                let cut = FromDevice::from_payload(&whole[..length]);
+                assert_eq!(cut, Err(DecodeError::Malformed), "{message:?} cut to {length} bytes");
+            }
+        }
+    }
+
+    #[test]
+    fn a_newer_hosts_command_is_refused_by_its_id() {
+        for (what, hex) in [
+            ("request", "01 ac02 0e"),
+            ("request with fields", "01 ac02 0e 01 02"),
+            ("source", "01 ac02 05 02"),
+            ("way to fail", "01 ac02 0d 04"),
+        ] {
+            let refused = CommandRead::Refuse(CommandId(300), Refusal::UnknownRequest);
+            assert_eq!(Command::from_payload(&bytes_of(&hex.replace(' ', ""))), Ok(refused), "{what}");
+        }
+        for (request, hex) in to_device_golden() {
+            let command = Command::new(CommandId(300), request);
+            let longer = format!("{hex}05ff00");
+            assert_eq!(Command::from_payload(&bytes_of(&longer)), Ok(CommandRead::Command(command)), "{longer}");
+        }
     }
 
     #[test]

@@ -4,6 +4,7 @@ pub mod draw;
 pub mod force_logs;
 pub mod fuzz;
 pub mod inscription_oracle;
+pub mod newer;
 pub mod oracle;
 pub mod push_oracle;
 pub mod rig;

@@ -3,13 +3,15 @@
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::PathBuf;
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock};
 use std::time::Duration;
 
 use palpate::finger::Samples;
 use palpate_device::session::Options;
 use palpate_device::simulated::{Config, Line, Pace, SimulatedDevice};
 use palpate_device::{Incoming, LinkError, Session};
+use palpate_shared::frame::FrameReader;
+use palpate_shared::wire::{Command, CommandRead, Request};
 
 /// Longest wait for anything, in s: a hundred times what it takes on an idle machine.
 pub const PATIENCE: Duration = Duration::from_secs(20);
@@ -102,6 +104,64 @@ pub fn peer_that_says(answer: Vec<u8>) -> SocketAddr {
         }
     });
     address
+}
+
+/// A peer on TCP that understands commands and answers them as a test wants.
+#[derive(Debug)]
+pub struct Peer {
+    /// Where it listens.
+    pub address: SocketAddr,
+    heard: Arc<Mutex<Vec<Command>>>,
+}
+
+impl Peer {
+    /// A peer that answers a command with these frames, given the number of the connection; `None` hangs up.
+    ///
+    /// # Panics
+    /// If no port is to be had.
+    #[must_use]
+    pub fn that_answers(answer: impl Fn(usize, &Command) -> Option<Vec<u8>> + Send + 'static) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
+        let address = listener.local_addr().expect("a bound port");
+        let heard = Arc::new(Mutex::new(Vec::new()));
+        let all_heard = Arc::clone(&heard);
+        std::thread::spawn(move || {
+            for (number, stream) in listener.incoming().flatten().enumerate() {
+                converse(stream, |command| {
+                    all_heard.lock().expect("no test panics here").push(*command);
+                    answer(number, command)
+                });
+            }
+        });
+        Self { address, heard }
+    }
+
+    /// The requests that it heard, repetitions included, in order.
+    ///
+    /// # Panics
+    /// If the answering function did.
+    #[must_use]
+    pub fn requests(&self) -> Vec<Request> {
+        self.heard.lock().expect("no test panics there").iter().map(|command| command.request).collect()
+    }
+}
+
+/// Answers the commands that come by `stream` until it ends or `answer` hangs up.
+fn converse(mut stream: TcpStream, answer: impl Fn(&Command) -> Option<Vec<u8>>) {
+    let (mut frames, mut buffer) = (FrameReader::new(), [0; 4096]);
+    while let Ok(length @ 1..) = stream.read(&mut buffer) {
+        let mut rest = &buffer[..length];
+        while !rest.is_empty() {
+            let (taken, payload) = frames.push(rest);
+            rest = &rest[taken..];
+            let Some(Ok(payload)) = payload else { continue };
+            let Ok(CommandRead::Command(command)) = Command::from_payload(payload) else { continue };
+            match answer(&command) {
+                Some(answer) if stream.write_all(&answer).is_ok() => {}
+                _ => return,
+            }
+        }
+    }
 }
 
 /// Opens a device by its TCP address.

@@ -4,7 +4,7 @@ use std::io;
 use std::time::Duration;
 
 use miette::Diagnostic;
-use palpate_shared::wire::{PROTOCOL, ProtocolVersion, Refusal};
+use palpate_shared::wire::{CommandId, PROTOCOL, ProtocolVersion, Refusal};
 use thiserror::Error;
 
 /// Why a device cannot be reached or does not do what it was asked to.
@@ -119,6 +119,34 @@ pub enum LinkError {
         host: ProtocolVersion,
     },
 
+    /// The device describes itself in ways that only a newer minor version of the protocol knows.
+    #[error("the device speaks protocol {device}, this program {host}, which does not know all that its hello says")]
+    #[diagnostic(help("{}", if is_newer(*device, *host) {
+        "update palpate: the firmware is newer"
+    } else {
+        "this is a bug in the firmware, whose hello says what its protocol does not have; please report it"
+    }))]
+    NewerHello {
+        /// What the device speaks.
+        device: ProtocolVersion,
+        /// What this program speaks.
+        host: ProtocolVersion,
+    },
+
+    /// The device answered a command in a way that only a newer minor version of the protocol knows.
+    #[error("the device answered command {} ({request}) in a way that this version does not know", id.0)]
+    #[diagnostic(help("{}", newer_answer_remedy(*device, *host)))]
+    NewerAnswer {
+        /// The command's id.
+        id: CommandId,
+        /// The command in words.
+        request: String,
+        /// What the device speaks, as far as is known.
+        device: Option<ProtocolVersion>,
+        /// What this program speaks.
+        host: ProtocolVersion,
+    },
+
     /// The device answered a command with a refusal.
     #[error("the device refused {request}: {}", in_words(*refusal))]
     #[diagnostic(help("{}", remedy(*refusal)))]
@@ -182,6 +210,41 @@ impl LinkError {
     pub fn other_protocol(device: ProtocolVersion) -> Self {
         Self::OtherProtocol { device, host: PROTOCOL }
     }
+
+    /// A device whose hello only a newer version can read.
+    #[must_use]
+    pub fn newer_hello(device: ProtocolVersion) -> Self {
+        if device.major == PROTOCOL.major {
+            Self::NewerHello { device, host: PROTOCOL }
+        } else {
+            Self::other_protocol(device)
+        }
+    }
+
+    /// An answer that only a newer version can read, of a device that speaks `device`.
+    #[must_use]
+    pub fn newer_answer(id: CommandId, request: String, device: Option<ProtocolVersion>) -> Self {
+        Self::NewerAnswer { id, request, device, host: PROTOCOL }
+    }
+}
+
+/// Whether a device of the same major version may say what this program does not know.
+fn is_newer(device: ProtocolVersion, host: ProtocolVersion) -> bool {
+    device.minor > host.minor
+}
+
+/// What to do about an answer that only a newer version can read.
+fn newer_answer_remedy(device: Option<ProtocolVersion>, host: ProtocolVersion) -> String {
+    match device {
+        Some(device) if is_newer(device, host) => {
+            format!("update palpate: the device speaks protocol {device}, this program {host}")
+        }
+        Some(device) => format!(
+            "this is a bug in the firmware, which speaks protocol {device} and answers what {device} does not have; \
+             please report it with the output of `palpate info`"
+        ),
+        None => format!("update palpate: the firmware is newer than protocol {host}, which this program speaks"),
+    }
 }
 
 /// A refusal in words, with the limit that was broken.
@@ -235,6 +298,33 @@ mod tests {
         assert!(help_of(&newer).contains("update this program"), "{}", help_of(&newer));
         let older = LinkError::other_protocol(ProtocolVersion { major: 0, minor: 3 });
         assert!(help_of(&older).contains("update the firmware"), "{}", help_of(&older));
+    }
+
+    #[test]
+    fn what_only_a_newer_version_can_read_names_both_versions_and_the_remedy() {
+        let newer = ProtocolVersion { minor: PROTOCOL.minor + 1, ..PROTOCOL };
+        let hello = LinkError::newer_hello(newer);
+        assert!(hello.to_string().contains(&format!("protocol {newer}, this program {PROTOCOL}")), "{hello}");
+        assert!(help_of(&hello).contains("update palpate"), "{}", help_of(&hello));
+        let answer = LinkError::newer_answer(CommandId(17), "a rate of 9000 Hz".to_owned(), Some(newer));
+        assert_eq!(
+            answer.to_string(),
+            "the device answered command 17 (a rate of 9000 Hz) in a way that this version does not know"
+        );
+        assert_eq!(
+            help_of(&answer),
+            format!("update palpate: the device speaks protocol {newer}, this program {PROTOCOL}")
+        );
+    }
+
+    #[test]
+    fn a_device_that_says_what_its_own_version_does_not_have_has_a_bug() {
+        for error in [
+            LinkError::newer_hello(PROTOCOL),
+            LinkError::newer_answer(CommandId(17), "a ping".to_owned(), Some(PROTOCOL)),
+        ] {
+            assert!(help_of(&error).contains("bug in the firmware"), "{}", help_of(&error));
+        }
     }
 
     #[test]

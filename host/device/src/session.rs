@@ -2,7 +2,8 @@
 //!
 //! A thread reads the link without pause and stamps what comes with its time of arrival, so that neither a slow
 //! consumer nor the operating system's small buffers lose samples. Commands go out on the caller's thread and
-//! are repeated with the same id until the reply comes; what arrives meanwhile is kept in order.
+//! are repeated with the same id until the reply comes; what arrives meanwhile is kept in order. A reply that only a
+//! newer version can read is a reply: the command is not repeated, and the error says what to update.
 //!
 //! When the link breaks, [`Session::next`] reopens it, restores the settings and goes on; the gap is counted in
 //! samples like any other, unless the device itself restarted and began to count anew.
@@ -20,8 +21,8 @@ use palpate::finger::Samples;
 use palpate_shared::frame::{DELIMITER, FRAME_MAX, encode};
 use palpate_shared::units::Counts;
 use palpate_shared::wire::{
-    Block, Command, CommandId, Counters, Event, Failure, Fault, FromDevice, Health, Hello, Outcome, ProtocolVersion,
-    Refusal, Reply, Request, SelfTest, Source, Status, Temperature,
+    Block, Command, CommandId, Counters, Event, Failure, Fault, FromDevice, Health, Hello, NewerMessage, Outcome,
+    ProtocolVersion, Refusal, Reply, Request, SelfTest, Source, Status, Temperature,
 };
 
 use crate::clock_map::{ClockEstimate, ClockMap};
@@ -94,7 +95,7 @@ pub struct SessionCounts {
     pub repeated: u64,
     /// Frames damaged on the way, or whose contents make no sense.
     pub damaged_frames: u64,
-    /// Messages of a newer device, skipped.
+    /// Messages of a newer device that this version cannot read, skipped.
     pub unknown_messages: u64,
     /// Commands that had to be repeated.
     pub commands_repeated: u64,
@@ -132,6 +133,8 @@ struct Wanted {
 #[derive(Debug)]
 enum Arrival {
     Message(Box<FromDevice>, Instant),
+    /// A message that only a newer version can read.
+    Newer(NewerMessage, Instant),
     Broken(String),
 }
 
@@ -188,7 +191,8 @@ impl Session {
     /// For a [`Address::Simulated`] address a simulated device is started, which lives as long as the session.
     ///
     /// # Errors
-    /// [`LinkError`]: the port cannot be opened, nobody answers, or the device speaks another protocol.
+    /// [`LinkError`]: the port cannot be opened, nobody answers, or the device speaks another protocol or says in its
+    /// hello what only a newer version knows.
     pub fn open(address: &Address, options: Options) -> Result<Self, LinkError> {
         let simulated = match address {
             Address::Simulated { seed } => {
@@ -311,15 +315,17 @@ impl Session {
     /// Sends `request` until its reply comes.
     ///
     /// # Errors
-    /// [`LinkError::Refused`], [`LinkError::Unanswered`], [`LinkError::Unplugged`].
+    /// [`LinkError::Refused`], [`LinkError::Unanswered`], [`LinkError::Unplugged`]; [`LinkError::NewerAnswer`] or
+    /// [`LinkError::NewerHello`], at the first such answer, if only a newer version can read it: whether the device
+    /// obeyed is then not known.
     pub fn request(&mut self, request: Request) -> Result<Outcome, LinkError> {
         let id = CommandId(self.next_id);
         self.next_id = self.next_id.wrapping_add(1);
-        let begun = Instant::now();
+        let (begun, command) = (Instant::now(), Command::new(id, request));
         for attempt in 0..TRIES {
             self.counts.commands_repeated += u64::from(attempt > 0);
-            self.send(&Command::new(id, request))?;
-            if let Some(outcome) = self.wait_for_reply(id)? {
+            self.send(&command)?;
+            if let Some(outcome) = self.wait_for_reply(&command)? {
                 return accepted(request, outcome);
             }
         }
@@ -475,8 +481,8 @@ impl Session {
         }
     }
 
-    /// Waits for the reply to `id`; everything else that arrives meanwhile goes to the backlog, in order.
-    fn wait_for_reply(&mut self, id: CommandId) -> Result<Option<Outcome>, LinkError> {
+    /// Waits for the reply to `command`; everything else that arrives meanwhile goes to the backlog, in order.
+    fn wait_for_reply(&mut self, command: &Command) -> Result<Option<Outcome>, LinkError> {
         let deadline = Instant::now() + REPLY_WAIT;
         loop {
             let wait = deadline.saturating_duration_since(Instant::now());
@@ -484,9 +490,13 @@ impl Session {
                 None => return Ok(None),
                 Some(Arrival::Broken(reason)) => return Err(self.broken(reason)),
                 Some(Arrival::Message(message, at)) => match *message {
-                    FromDevice::Reply(reply) if reply.id == id => return Ok(Some(reply.outcome)),
+                    FromDevice::Reply(reply) if reply.id == command.id => return Ok(Some(reply.outcome)),
                     message => self.take_in(message, at),
                 },
+                Some(Arrival::Newer(NewerMessage::Reply { id, device }, _)) if id == command.id => {
+                    return Err(newer_answer(command, device, Some(self.hello.protocol)));
+                }
+                Some(Arrival::Newer(newer, at)) => self.take_in_newer(newer, at),
             }
         }
     }
@@ -497,9 +507,9 @@ impl Session {
     /// The next samples, event or change of the link; `None` if nothing came within `wait`.
     ///
     /// # Errors
-    /// [`LinkError::Unplugged`] if the link broke and may not be reopened; [`LinkError::OtherDevice`] or
-    /// [`LinkError::OtherProtocol`] if what came back is not what was there; any other error means that the device
-    /// refuses what it accepted before.
+    /// [`LinkError::Unplugged`] if the link broke and may not be reopened; [`LinkError::OtherDevice`],
+    /// [`LinkError::OtherProtocol`] or [`LinkError::NewerHello`] if what came back is not what was there; any other
+    /// error means that the device refuses what it accepted before.
     pub fn next(&mut self, wait: Duration) -> Result<Option<Incoming>, LinkError> {
         let deadline = Instant::now() + wait;
         loop {
@@ -518,6 +528,7 @@ impl Session {
                 let left = deadline.saturating_duration_since(Instant::now());
                 match self.receive(left.min(QUIET)) {
                     Some(Arrival::Message(message, at)) => self.take_in(*message, at),
+                    Some(Arrival::Newer(newer, at)) => self.take_in_newer(newer, at),
                     None if self.wanted.streaming && self.last_heard.elapsed() > QUIET => self.ask_after_stream()?,
                     Some(Arrival::Broken(reason)) => {
                         let error = self.broken(reason);
@@ -572,6 +583,17 @@ impl Session {
             FromDevice::Hello(hello) => self.restarted(hello),
             // The reply to a command that was answered before: the first answer was slow, not lost.
             FromDevice::Reply(_) => {}
+        }
+    }
+
+    /// Takes note of a message that only a newer version can read. The reading thread has counted it.
+    fn take_in_newer(&mut self, newer: NewerMessage, at: Instant) {
+        self.last_heard = at;
+        match newer {
+            // What it is now cannot be told, so neither can what its samples mean.
+            NewerMessage::Hello { device } => self.pending_error = Some(LinkError::newer_hello(device)),
+            // A reply to a command that was answered before, as in `take_in`.
+            NewerMessage::Kind { .. } | NewerMessage::Event | NewerMessage::Reply { .. } => {}
         }
     }
 
@@ -631,7 +653,11 @@ impl Session {
         let options = Options { baud: Some(self.baud), ..self.options.clone() };
         let greeted = match greet(&self.address, &options, self.simulated.as_deref(), &mut self.next_id) {
             Ok(greeted) => greeted,
-            Err(error @ LinkError::OtherProtocol { .. }) => return Err(error),
+            // To ask again would bring the same answer.
+            Err(
+                error
+                @ (LinkError::OtherProtocol { .. } | LinkError::NewerHello { .. } | LinkError::NewerAnswer { .. }),
+            ) => return Err(error),
             Err(error) => {
                 self.tell_still_down(&error);
                 std::thread::sleep(REOPEN_WAIT);
@@ -767,9 +793,12 @@ fn read_until_stopped(transport: &mut Transport, shared: &Shared, sender: &SyncS
         match transport.read(&mut buffer) {
             Ok(length) => {
                 let at = Instant::now();
-                let deliver = |message| sender.send(Arrival::Message(Box::new(message), at)).is_ok();
+                let arrival = |read| match read {
+                    Ok(message) => Arrival::Message(Box::new(message), at),
+                    Err(newer) => Arrival::Newer(newer, at),
+                };
                 let mut wanted = true;
-                reader.read(&buffer[..length], |message| wanted &= deliver(message));
+                reader.read_each(&buffer[..length], |read| wanted &= sender.send(arrival(read)).is_ok());
                 *shared.counts.lock().unwrap_or_else(PoisonError::into_inner) =
                     (reader.counts(), reader.other_protocol());
                 if !wanted {
@@ -831,21 +860,26 @@ type Greeting = (Hello, Vec<(FromDevice, Instant)>);
 
 /// Sends the handshake until it is answered; `None` if it never is.
 fn ask_who(line: &mut Line, address: &Address, next_id: &mut u32) -> Result<Option<Greeting>, LinkError> {
-    let id = CommandId(*next_id);
+    let command = Command::new(CommandId(*next_id), Request::Hello);
     *next_id = next_id.wrapping_add(1);
     let gone = |reason: String| LinkError::Unplugged { address: address.to_string(), reason };
     let mut early = Vec::new();
     for _ in 0..HANDSHAKE_TRIES {
-        line.send(&Command::new(id, Request::Hello)).map_err(|error| gone(error.to_string()))?;
+        line.send(&command).map_err(|error| gone(error.to_string()))?;
         let deadline = Instant::now() + REPLY_WAIT;
         loop {
             match line.receive(deadline.saturating_duration_since(Instant::now())) {
                 Ok(Arrival::Message(message, at)) => match *message {
-                    FromDevice::Reply(Reply { id: answered, outcome }) if answered == id => {
+                    FromDevice::Reply(Reply { id, outcome }) if id == command.id => {
                         return greeting(outcome).map(|hello| Some((hello, early)));
                     }
                     message => early.push((message, at)),
                 },
+                Ok(Arrival::Newer(NewerMessage::Reply { id, device }, _)) if id == command.id => {
+                    return Err(newer_answer(&command, device, None));
+                }
+                // A hello that was sent unasked is what the answer will say too.
+                Ok(Arrival::Newer(..)) => {}
                 Ok(Arrival::Broken(reason)) => return Err(gone(reason)),
                 Err(RecvTimeoutError::Disconnected) => return Err(gone("the reading thread ended".to_owned())),
                 Err(RecvTimeoutError::Timeout) => break,
@@ -865,6 +899,15 @@ fn greeting(outcome: Outcome) -> Result<Hello, LinkError> {
         Outcome::Refused(Refusal::OtherProtocol { device }) => Err(LinkError::other_protocol(device)),
         Outcome::Refused(refusal) => Err(LinkError::Refused { request: in_words(Request::Hello), refusal }),
         _ => Err(LinkError::WrongAnswer { request: in_words(Request::Hello) }),
+    }
+}
+
+/// The error for an answer that only a newer version can read: to a hello, of which at least the version is known, or
+/// to another command of a device that speaks `spoken` as far as is known.
+fn newer_answer(command: &Command, hello: Option<ProtocolVersion>, spoken: Option<ProtocolVersion>) -> LinkError {
+    match hello {
+        Some(device) => LinkError::newer_hello(device),
+        None => LinkError::newer_answer(command.id, in_words(command.request), spoken),
     }
 }
 

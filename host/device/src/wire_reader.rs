@@ -1,10 +1,10 @@
 //! Bytes to messages.
 //!
-//! The reader finds its place again at the next delimiter after any damage, counts what it had to drop, and
-//! skips messages of newer minor versions. What it hands on has passed its checksum.
+//! The reader finds its place again at the next delimiter after any damage, and counts what it had to drop. What it
+//! hands on has passed its checksum. Of a message that only a newer minor version knows it hands on what can be told.
 
 use palpate_shared::frame::FrameReader;
-use palpate_shared::wire::{DecodeError, FromDevice, ProtocolVersion};
+use palpate_shared::wire::{DecodeError, FromDevice, NewerMessage, ProtocolVersion};
 
 /// What a reader has seen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -13,7 +13,7 @@ pub struct ReaderCounts {
     pub messages: u64,
     /// Frames that were too long, miscoded or failed their checksum.
     pub damaged: u64,
-    /// Messages of a newer minor version, skipped.
+    /// Messages of a newer minor version, or with something in them that only a newer one knows.
     pub unknown: u64,
     /// Messages whose checksum fits and whose contents do not.
     pub malformed: u64,
@@ -30,11 +30,20 @@ pub struct MessageReader {
 }
 
 impl MessageReader {
-    /// Reads `bytes` and hands each message to `sink`.
+    /// Reads `bytes` and hands each message that this version knows to `sink`; see [`Self::read_each`].
+    pub fn read(&mut self, bytes: &[u8], mut sink: impl FnMut(FromDevice)) {
+        self.read_each(bytes, |read| {
+            if let Ok(message) = read {
+                sink(message);
+            }
+        });
+    }
+
+    /// Reads `bytes` and hands each message to `sink`, or what can be told of it if only a newer version knows it.
     ///
     /// What comes before the first delimiter is the rest of a frame that began earlier. It is used if it
     /// happens to be whole and not counted as damage if not.
-    pub fn read(&mut self, mut bytes: &[u8], mut sink: impl FnMut(FromDevice)) {
+    pub fn read_each(&mut self, mut bytes: &[u8], mut sink: impl FnMut(Result<FromDevice, NewerMessage>)) {
         while !bytes.is_empty() {
             let (taken, outcome) = self.frames.push(bytes);
             let frame_ended = bytes.get(taken.wrapping_sub(1)) == Some(&palpate_shared::frame::DELIMITER);
@@ -42,9 +51,14 @@ impl MessageReader {
             match decoded {
                 Some(Ok(message)) => {
                     self.counts.messages += 1;
-                    sink(message);
+                    sink(Ok(message));
                 }
-                Some(Err(error)) => self.count(error),
+                Some(Err(error)) => {
+                    self.count(error);
+                    if let DecodeError::Unknown(newer) = error {
+                        sink(Err(newer));
+                    }
+                }
                 None => {}
             }
             self.in_step |= frame_ended;
@@ -55,7 +69,7 @@ impl MessageReader {
     fn count(&mut self, error: DecodeError) {
         match error {
             DecodeError::Frame(_) => self.counts.damaged += u64::from(self.in_step),
-            DecodeError::Unknown { .. } => self.counts.unknown += 1,
+            DecodeError::Unknown(_) => self.counts.unknown += 1,
             DecodeError::Malformed => self.counts.malformed += 1,
             DecodeError::OtherProtocol { device } => self.other_protocol = Some(device),
         }
@@ -78,7 +92,7 @@ impl MessageReader {
 mod tests {
     use palpate_shared::frame::{FRAME_MAX, encode};
     use palpate_shared::units::{Counts, DeviceTime, Seq};
-    use palpate_shared::wire::{Block, PROTOCOL, Status};
+    use palpate_shared::wire::{Block, CommandId, PROTOCOL, Status};
     use proptest::prelude::*;
 
     use super::*;
@@ -118,6 +132,16 @@ mod tests {
         bytes.extend(frame(&block(1)));
         let (messages, counts) = read_all(&bytes, 64);
         assert_eq!((messages.len(), counts.unknown), (1, 1));
+    }
+
+    #[test]
+    fn of_a_newer_answer_it_is_told_which_command_was_answered() {
+        let (mut reader, mut read) = (MessageReader::default(), Vec::new());
+        // A reply to command 7: refused, for reason 200.
+        let refused = encode(&[3_u8, 7, 6, 0xC8, 1], &mut [0; FRAME_MAX + 1]).unwrap().to_vec();
+        reader.read_each(&refused, |message| read.push(message));
+        assert_eq!(read, [Err(NewerMessage::Reply { id: CommandId(7), device: None })]);
+        assert_eq!(reader.counts(), ReaderCounts { unknown: 1, ..ReaderCounts::default() });
     }
 
     #[test]

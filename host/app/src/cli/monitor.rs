@@ -99,8 +99,12 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     shown?;
     stopped?;
     let counts = session.counts();
+    let newer = match counts.unknown_messages {
+        0 => String::new(),
+        skipped => format!(", {skipped} messages skipped that only a newer palpate can read"),
+    };
     eprintln!(
-        "{} samples, {} missing, {} repeated, {} damaged frames",
+        "{} samples, {} missing, {} repeated, {} damaged frames{newer}",
         counts.samples, counts.missing, counts.repeated, counts.damaged_frames
     );
     Ok(ExitCode::SUCCESS)
