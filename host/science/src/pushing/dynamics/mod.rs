@@ -3,7 +3,7 @@
 //! In reading order:
 //! - [`support`]: what the plane does to a sliding part;
 //! - `body`: a mass and what it rests on; `model`: part, edge, finger and contact, as plain data; `scalar` and `jet`: the numbers they are written for;
-//! - `dynamics`: accelerations and contact force of a disk on an edge; `curve` and `shaped`: of any two outlines; `rest`: how a part at rest begins to move;
+//! - `disk_on_edge`: accelerations and contact force of a disk on an edge; `curve` and `shaped`: of any two outlines; `rest`: how a part at rest begins to move;
 //! - `contact_mode`: whether a contact sticks, slides, breaks or jams, for all who follow a push; `mode_change`: when, and what that does to derivatives;
 //! - `integrate`: steps in time, fixed and error-controlled; `glide`: smooth motions in a few large ones; `rollout`: fixed steps, state after state;
 //! - `sensitivity`: derivatives of a push by its start and its parameters; `switching`: these across changes of contact;
@@ -13,7 +13,7 @@ mod body;
 pub(crate) mod contact_mode;
 mod contact_model;
 mod curve;
-mod dynamics;
+mod disk_on_edge;
 mod glide;
 mod integrate;
 pub(crate) mod mode_change;
@@ -34,7 +34,7 @@ pub use body::{Body, FOOT_AT_REST, Mass};
 pub use contact_mode::ContactForce;
 pub use contact_model::ContactModel;
 pub use curve::{FingerShape, PartSide};
-pub use dynamics::Motion;
+pub use disk_on_edge::Motion;
 pub use glide::{Glide, Passed};
 pub use model::{Contact, Edge, Finger, FingerPath, ModelError, Part, PushModel, Slip, State};
 pub use push::{ContactLaw, EdgeEnd, FingerTrack, Push, PushError, PushOf, ShapedPush, Start};

@@ -7,7 +7,7 @@
 //! constraint; the same equations are solved in a plane across the force, and are reached from the frictionless ones.
 //!
 //! Assumes: as [`super::model`]; a foot that stays at rest creeps ([`super::FOOT_AT_REST`], here in m/s²).
-//! Frames: components along N and T of [`super::dynamics`]; per unit mass. Units: SI.
+//! Frames: components along N and T of [`super::disk_on_edge`]; per unit mass. Units: SI.
 //! Errors: [`RestError`] where the iteration does not settle.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};

@@ -1,6 +1,6 @@
 //! Pushes between outlines of any curvature: a disk, an ellipse or a line pushes an edge or an ellipse.
 //!
-//! The general model beside the fast one of a disk on an edge ([`super::dynamics`]), with the same states and contacts.
+//! The general model beside the fast one of a disk on an edge ([`super::disk_on_edge`]), with the same states and contacts.
 //!
 //! Implements: thesis §5.1, eqs. (5.7) to (5.17), and §5.4, in a form that never divides by a curvature. Let finger and part
 //! have outlines with parameters u and s, lengths g_F du and g_P ds, and normals that turn by k_F du and k_P ds. At the contact,
@@ -31,7 +31,7 @@ use nalgebra::{Point2, Rotation2, Vector2};
 
 use super::body::Body;
 use super::curve::{CurvePoint, FingerShape, PartSide, dot, left};
-use super::dynamics::Motion;
+use super::disk_on_edge::Motion;
 use super::model::{Arm, Contact, FingerPath, State};
 use super::scalar::Scalar;
 
