@@ -20,10 +20,10 @@ use crate::calibration::{self, Fit, FitError};
 use crate::contact::{Reading, TareError};
 use crate::finger_motion::{FingerMotion, Segment};
 use crate::geometry::SimplePolygon;
+use crate::gravity::GRAVITY_ASSUMED;
 use crate::link::session::Options;
 use crate::link::{LinkError, Session};
 use crate::live::{self, LinkSource, LiveError, SimulatedBench};
-use crate::push_plan::GRAVITY;
 use crate::push_sense::{PushSense, RestNoise};
 use crate::pushed_world::{Played, PushedWorld};
 use crate::pushing::{EndReason, Part};
@@ -294,7 +294,7 @@ impl Ranges {
             let u = y.atan2(x) + draw.uniform(-self.angle, self.angle);
             let mu_c = draw.uniform(self.mu_c[0], self.mu_c[1]);
             let mass = draw.uniform(self.mass[0], self.mass[1]);
-            let grip = self.mu * GRAVITY;
+            let grip = self.mu * GRAVITY_ASSUMED;
             let world = PushedWorld { part, grip, mass, mu_c, radius: RADIUS_M, motion: &self.motion, edge, u, s };
             let played = world.play().ok().filter(|played| played.end == EndReason::Time)?;
             Some(Drawn { mu_c, mass, edge, u, s, played, redrawn })

@@ -9,8 +9,8 @@ use std::process::{Command, Output, Stdio};
 
 use nalgebra::Isometry2;
 use palpate::finger_motion::FingerMotion;
+use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::part_file::PolygonFile;
-use palpate::push_plan::GRAVITY;
 use palpate::pushed_world::{Played, PushedWorld};
 use palpate::pushing::EndReason;
 use palpate::tables::random::Draw;
@@ -41,7 +41,7 @@ fn text(bytes: &[u8]) -> String {
 fn pushed() -> Played {
     let file = PolygonFile::parse(&std::fs::read_to_string(example("part.toml")).unwrap()).unwrap();
     let motion = FingerMotion::parse(&std::fs::read_to_string(example("motion.toml")).unwrap()).unwrap();
-    let (part, grip) = (&file.part, file.mu * GRAVITY);
+    let (part, grip) = (&file.part, file.mu * GRAVITY_ASSUMED);
     let world =
         PushedWorld { part, grip, mass: 0.5, mu_c: 0.25, radius: 0.015, motion: &motion, edge: 3, u: 0.3, s: -0.004 };
     let played = world.play().unwrap();
@@ -236,7 +236,7 @@ const STRAIGHT: &str = "unit = 'mm'\n[[segment]]\nseconds = 0.5\nacceleration = 
 fn pushed_straight(folder: &Path) -> [PathBuf; 3] {
     let file = PolygonFile::parse(RECTANGLE).unwrap();
     let motion = FingerMotion::parse(STRAIGHT).unwrap();
-    let (part, grip) = (&file.part, file.mu * GRAVITY);
+    let (part, grip) = (&file.part, file.mu * GRAVITY_ASSUMED);
     let world =
         PushedWorld { part, grip, mass: 0.5, mu_c: 0.3, radius: 0.015, motion: &motion, edge: 0, u: 0.0, s: 0.0 };
     let contents = [RECTANGLE.to_owned(), STRAIGHT.to_owned(), forces(&world.play().unwrap(), 1.5, 0.003)];

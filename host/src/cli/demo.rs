@@ -11,9 +11,9 @@ use palpate::demonstration::{
     straight_motion,
 };
 use palpate::finger_motion::{FingerMotion, Segment};
+use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::observing::from_rest::{self, Estimate, Known};
 use palpate::part_file::PolygonFile;
-use palpate::push_plan::GRAVITY;
 use palpate::push_sense::PushSense;
 use palpate::pushing::Part;
 use palpate::simulated_device::Line;
@@ -93,8 +93,13 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     if let Some(folder) = &arguments.keep {
         arguments.keep_files(folder, &part, &ranges, &felt)?;
     }
-    let known =
-        Known { part: &part, grip: ranges.mu * GRAVITY, grip_log_sd: None, radius: RADIUS_M, motion: &ranges.motion };
+    let known = Known {
+        part: &part,
+        grip: ranges.mu * GRAVITY_ASSUMED,
+        grip_log_sd: None,
+        radius: RADIUS_M,
+        motion: &ranges.motion,
+    };
     let Some(estimate) = say_what_is_felt(&known, &felt.sense) else {
         say!("The push was not felt: its force does not stand out of {} times the noise.", arguments.noise);
         return Ok(ExitCode::SUCCESS);

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use miette::WrapErr as _;
 use palpate::contact::Reading;
 use palpate::finger_motion::FingerMotion;
+use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::observing::from_rest::{FeltForce, Known, WINDOWS_MIN};
 use palpate::part_file::PolygonFile;
-use palpate::push_plan::GRAVITY;
 use palpate::push_sense::{PushSense, RestNoise};
 use palpate::recording::csv::{self, Table};
 
@@ -123,7 +123,7 @@ impl FeltPushArguments {
 impl FeltPush {
     /// What is known of the push if this part was pushed.
     pub(super) fn known<'p>(&'p self, file: &'p PolygonFile) -> Known<'p> {
-        let (grip, grip_log_sd) = (file.mu * GRAVITY, self.grip_log_sd);
+        let (grip, grip_log_sd) = (file.mu * GRAVITY_ASSUMED, self.grip_log_sd);
         Known { part: &file.part, grip, grip_log_sd, radius: self.radius, motion: &self.motion }
     }
 }

@@ -9,12 +9,12 @@ use miette::{IntoDiagnostic as _, WrapErr as _};
 use palpate::calibration::Calibration;
 use palpate::contact::{Reading, TareError};
 use palpate::finger_motion::{FingerMotion, MotionError, Segment};
+use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::interrupt;
 use palpate::link::Session;
 use palpate::live;
 use palpate::observing::from_rest::{self, Estimate, Known, windows};
 use palpate::part_file::PolygonFile;
-use palpate::push_plan::GRAVITY;
 use palpate::push_sense::{PushSense, RestNoise};
 use palpate::sensing;
 
@@ -201,7 +201,7 @@ impl Observer<'_> {
             return;
         };
         let radius = self.arguments.radius_mm * 1e-3;
-        let (grip, grip_log_sd) = (self.file.mu * GRAVITY, self.arguments.friction.log_sd());
+        let (grip, grip_log_sd) = (self.file.mu * GRAVITY_ASSUMED, self.arguments.friction.log_sd());
         let known = Known { part: &self.file.part, grip, grip_log_sd, radius, motion };
         let now = windows::end(felt.count() - 1);
         let estimate = match &self.last {

@@ -1,8 +1,8 @@
 //! How poses that a push has told are printed: a line each for people, an object for programs.
 
 use nalgebra::Isometry2;
+use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::observing::from_rest::{Estimate, Hypothesis, Status};
-use palpate::push_plan::GRAVITY;
 use palpate::pushing::Part;
 use serde_json::{Value, json};
 
@@ -82,7 +82,7 @@ fn line(part: &Part, hypothesis: &Hypothesis) -> String {
 
 /// The plane's friction and how uncertain the mass is with it.
 fn plane(hypothesis: &Hypothesis) -> String {
-    let mu = hypothesis.grip / GRAVITY;
+    let mu = hypothesis.grip / GRAVITY_ASSUMED;
     format!("{mu:8.3} {:8.3} {:8.1}", mu * hypothesis.grip_log_sd, hypothesis.mass_log_sd * 100.0)
 }
 
@@ -126,14 +126,14 @@ fn friction_in_words(estimate: &Estimate) -> String {
     if estimate.mass_and_friction_are_one() {
         return format!(
             " Mass and friction of the plane cannot be told apart by this push: mu times the mass is {:.4} kg within {}, each alone is known within {} only (one standard deviation); a finger that accelerates harder tells more.",
-            best.grip / GRAVITY * best.mass,
+            best.grip / GRAVITY_ASSUMED * best.mass,
             share_or_factor(best.resistance_log_sd),
             share_or_factor(best.mass_log_sd)
         );
     }
     format!(
         " The plane's friction mu is {:.3} within {}; beforehand it was known within {} (one standard deviation).",
-        best.grip / GRAVITY,
+        best.grip / GRAVITY_ASSUMED,
         share_or_factor(best.grip_log_sd),
         share_or_factor(beforehand)
     )
@@ -194,7 +194,7 @@ fn hypothesis_as_json(hypothesis: &Hypothesis) -> Value {
         "friction_needed": hypothesis.friction_needed,
         "mass": hypothesis.mass,
         "mass_log_sd": hypothesis.mass_log_sd,
-        "mu": hypothesis.grip / GRAVITY,
+        "mu": hypothesis.grip / GRAVITY_ASSUMED,
         "mu_log_sd": hypothesis.grip_log_sd,
         "pose_start": pose(&hypothesis.pose_start),
         "pose_end": pose(&hypothesis.pose_end),

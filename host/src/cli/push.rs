@@ -6,11 +6,12 @@ use std::process::ExitCode;
 
 use clap::ValueEnum;
 use miette::{IntoDiagnostic as _, WrapErr as _};
+use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::limit_picture;
 use palpate::part_file::{DescribedPart, PartFile};
 use palpate::plot::Figure;
 use palpate::push_picture::{PushPicture, SAMPLES};
-use palpate::push_plan::{GRAVITY, Place, PushPlan, Pushed, Turn, to_world};
+use palpate::push_plan::{Place, PushPlan, Pushed, Turn, to_world};
 use palpate::pushing::{Contact, ContactForce, ContactLaw, EndReason, FingerShape, PartSide, Run, Sample};
 use palpate::solve::kinds::push::{InitialAcceleration, Meeting, PushAnswer, PushEnd, PushSample, Transition};
 
@@ -333,7 +334,7 @@ fn table(file: &PartFile, plan: &PushPlan, pushed: &Pushed) -> String {
 fn row(file: &PartFile, pushed: &Pushed, sample: &Sample) -> String {
     let centre = to_world(sample, file.part.centre_of_mass()) * 1e3;
     let force = |component: fn(ContactForce) -> f64| match sample.force {
-        Some(force) => fixed(component(force) / GRAVITY, 4),
+        Some(force) => fixed(component(force) / GRAVITY_ASSUMED, 4),
         None => "--".to_owned(),
     };
     format!(

@@ -8,6 +8,7 @@
 
 use super::clock::Clock;
 use super::observation::{Known, Touch};
+use crate::math::ode;
 use crate::pushing::{Contact, Edge, Motion, PushModel, Scalar, Slip, State};
 
 /// Changes between rolling and sliding in one path: more are chatter of a motion that no real contact makes.
@@ -163,7 +164,7 @@ fn step<T: Scalar>(
     dt: f64,
 ) -> State<T> {
     let (state, k1) = from;
-    state.runge_kutta(k1, |time, state| model.motion(contact, time, state).rates, time, dt)
+    ode::step_from(state, k1, dt, |moment, state| model.motion(contact, moment.time(time, dt), state).rates)
 }
 
 impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {

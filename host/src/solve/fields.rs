@@ -15,10 +15,8 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use super::error::{InvalidInput, Pointer};
 use crate::geometry::{PolygonError, SimplePolygon};
+use crate::gravity::GRAVITY_ASSUMED;
 use crate::pushing::FingerPath;
-
-/// Gravity where a problem does not say, m/s².
-pub const GRAVITY_DEFAULT: f64 = 9.81;
 
 /// What a `sigma` of 0 stands for, rad: exact data still need a scale to weigh their residuals by.
 pub const SIGMA_LEAST: f64 = 1e-6;
@@ -26,7 +24,7 @@ pub const SIGMA_LEAST: f64 = 1e-6;
 /// The default of a field `g`: use with `#[serde(default = "default_gravity")]`.
 #[must_use]
 pub fn default_gravity() -> NonNegative {
-    NonNegative(GRAVITY_DEFAULT)
+    NonNegative(GRAVITY_ASSUMED)
 }
 
 /// Largest number of a field that has a sign only: no length, time or mass in SI units comes near it.

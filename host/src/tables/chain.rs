@@ -7,8 +7,8 @@ use super::cases::of_each;
 use super::random::Draw;
 use super::{Cell, Experiment, Settings, Table};
 use crate::demonstration::{Drawn, PoseError, RADIUS_M, Ranges, Rig, pose_error, random_part, straight_motion};
+use crate::gravity::GRAVITY_ASSUMED;
 use crate::observing::from_rest::{self, Estimate, Hypothesis, Known, Status};
-use crate::push_plan::GRAVITY;
 use crate::pushing::Part;
 use crate::simulated_device::Line;
 
@@ -87,8 +87,13 @@ fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<Outcome, String> {
     let felt = Rig::start(finger_seed, 1.0, Line::Pipe).and_then(|mut rig| rig.push(drawn.played.course()));
     let felt = felt.map_err(|error| format!("case {number}: {error}"))?;
     let felt = felt.sense.felt(duration).ok_or_else(|| format!("case {number}: the push was not felt"))?;
-    let known =
-        Known { part: &part, grip: ranges.mu * GRAVITY, grip_log_sd: None, radius: RADIUS_M, motion: &ranges.motion };
+    let known = Known {
+        part: &part,
+        grip: ranges.mu * GRAVITY_ASSUMED,
+        grip_log_sd: None,
+        radius: RADIUS_M,
+        motion: &ranges.motion,
+    };
     Ok(Outcome::new(&part, &drawn, &from_rest::estimate(&known, &felt)))
 }
 

@@ -7,6 +7,7 @@ use std::f64::consts::PI;
 use super::random::Draw;
 use super::{Cell, Experiment, Settings, Table};
 use crate::geometry::SimplePolygon;
+use crate::gravity::GRAVITY_ASSUMED;
 use crate::observing::{Gho, GhoSettings};
 use crate::pushing::{Contact, ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, Start, State};
 
@@ -101,7 +102,7 @@ impl Case {
 
     fn model(&self, edge: usize) -> Option<PushModel<'_>> {
         let edge = self.part.edge(edge).ok()?;
-        Some(PushModel { part: &self.part, edge, grip: 0.3 * 9.81, finger: self.finger })
+        Some(PushModel { part: &self.part, edge, grip: 0.3 * GRAVITY_ASSUMED, finger: self.finger })
     }
 
     /// States while finger and part touch on the edge; none if they cannot at the start.

@@ -9,6 +9,7 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
 
 use super::random::Draw;
 use super::{Cell, Experiment, Settings, Table};
+use crate::gravity::GRAVITY_ASSUMED;
 use crate::rolling::{
     Body, BodyKnowledge, Estimate, Gho, Hypothesis, Model, Noise, PalmAcceleration, PalmKnowledge, Question, Spin,
     State, felt,
@@ -45,9 +46,6 @@ pub(super) const GHO: Experiment = Experiment {
     cases: 40,
     run: gho,
 };
-
-/// Gravity, m/s².
-const GRAVITY: f64 = 9.81;
 
 /// Readings 500 times a second, s.
 const DT: f64 = 0.002;
@@ -87,14 +85,14 @@ fn millimetre_grid(seconds: f64) -> Sensing {
 fn trial(draw: &mut Draw, body: &Body, spin: Spin, sensing: &Sensing) -> Trial {
     let steps = readings(sensing.seconds);
     let model = Model { body, spin };
-    let weight = felt(Vector3::zeros(), GRAVITY);
+    let weight = felt(Vector3::zeros(), GRAVITY_ASSUMED);
     loop {
         let start = start(draw, spin);
         let mut states = vec![start];
         for _ in 1..steps {
             states.push(model.step(&states[states.len() - 1], &[weight; 3], DT));
         }
-        let pressed = |state: &State| model.contact_force(state, &weight).z > FORCE_MIN * GRAVITY;
+        let pressed = |state: &State| model.contact_force(state, &weight).z > FORCE_MIN * GRAVITY_ASSUMED;
         if states.iter().all(pressed) {
             let u = states.iter().map(|state| sense(draw, sensing.noise, state.u)).collect();
             return Trial { start, end: states[states.len() - 1], u };
@@ -133,7 +131,7 @@ fn question(bodies: Vec<Body>, spins: Vec<Spin>, noise: Noise) -> Question {
         body: BodyKnowledge::OneOf(bodies),
         spins,
         palm: PalmKnowledge::Known(PalmAcceleration::Rest),
-        g: GRAVITY,
+        g: GRAVITY_ASSUMED,
         noise,
     }
 }
@@ -428,7 +426,7 @@ fn gho(settings: &Settings) -> Table {
 }
 
 fn observer_of(body: &Body, zeta: f64) -> Gho<'_> {
-    Gho { model: Model { body, spin: Spin::Free }, felt: felt(Vector3::zeros(), GRAVITY), zeta }
+    Gho { model: Model { body, spin: Spin::Free }, felt: felt(Vector3::zeros(), GRAVITY_ASSUMED), zeta }
 }
 
 /// The states of a roll at every reading.

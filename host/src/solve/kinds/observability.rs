@@ -9,6 +9,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use super::push::{Initial, Mode, Push, Support, needed_friction};
 use super::roll::Body;
+use crate::gravity::GRAVITY_ASSUMED;
 use crate::observability::Spectrum;
 use crate::observability::push::{PushObservabilityError, STATE_NAMES, Scales, spectrum};
 use crate::pushing::{Contact, Slip, Start};
@@ -16,9 +17,7 @@ use crate::rolling::observability::STATE_NAMES as ROLL_STATE_NAMES;
 use crate::rolling::{
     CannotFollow, Inputs, Model, PalmAcceleration, Roll, RollError, Spin, SufficientCondition, observability,
 };
-use crate::solve::fields::{
-    Finger, GRAVITY_DEFAULT, NonNegative, Polygon, Positive, Times, default_gravity, plane_friction,
-};
+use crate::solve::fields::{Finger, NonNegative, Polygon, Positive, Times, default_gravity, plane_friction};
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError, read, tagged};
 
 /// A state of a system: what of it can be told from its contact?
@@ -210,7 +209,7 @@ impl PushSystem {
         };
         let length = part.inertia_per_mass().sqrt();
         // Without gravity there is no time to compare with; the usual one keeps the scales finite.
-        let gravity = if self.g.get() > 0.0 { self.g.get() } else { GRAVITY_DEFAULT };
+        let gravity = if self.g.get() > 0.0 { self.g.get() } else { GRAVITY_ASSUMED };
         let scales = Scales { length, time: (length / gravity).sqrt() };
         let spectrum = spectrum(&model, &contact, &state, &scales).map_err(refuse)?;
         let states = spectrum.singular_values.len();

@@ -16,6 +16,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use super::random::Draw;
 use super::{Cell, Experiment, Settings, Table};
 use crate::finger_motion::Segment;
+use crate::gravity::GRAVITY_ASSUMED;
 use crate::observing::planning::{Belief, Felt, Motion, Present, Sampling, motions, prospects, updated};
 use crate::observing::{Channel, Known, Measured, Observation, Prior, Touch, estimate};
 use crate::pushing::{ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, Sample, Start, State};
@@ -41,7 +42,7 @@ pub(super) const SIGMA_RAD: f64 = 0.112 / 180.0 * std::f64::consts::PI;
 const SAMPLING: Sampling = Sampling { dt: DT_S, sigma: SIGMA_RAD, felt: Felt::ContactAngle };
 
 /// µ g, m/s².
-pub(super) const GRIP: f64 = 0.3 * 9.81;
+pub(super) const GRIP: f64 = 0.3 * GRAVITY_ASSUMED;
 
 /// Of the finger at first, m/s, and of what it then can do, m/s².
 const SPEED: f64 = 0.05;

@@ -5,6 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 use nalgebra::{Point2, Rotation2, Vector3};
 
 use crate::geometry::angle::wrap_angle;
+use crate::gravity::GRAVITY_ASSUMED;
 use crate::observing::{Channel, Hypothesis, Known, Measured, Observation, Prior, Touch};
 use crate::pushing::{
     Contact, ContactLaw, EdgeEnd, EndReason, Finger, Part, Push, PushModel, Run, Sample, Slip, Start, State,
@@ -17,7 +18,7 @@ const DT_S: f64 = 0.01;
 const VALUES: u32 = 81;
 
 /// µ g, m/s².
-const GRIP: f64 = 0.3 * 9.81;
+const GRIP: f64 = 0.3 * GRAVITY_ASSUMED;
 
 /// Friction between finger and part, where there is some.
 const CONTACT_FRICTION: f64 = 0.2;

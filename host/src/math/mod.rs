@@ -1,0 +1,3 @@
+//! Mathematics that knows nothing of fingers and parts.
+
+pub mod ode;
