@@ -4,5 +4,6 @@ pub mod angle;
 mod convex;
 mod polygon;
 
-pub use convex::{ConvexPolygon, NotConvex};
-pub use polygon::{PolygonError, SimplePolygon};
+pub use convex::{ConvexPolygon, NotConvex, convex_hull};
+pub(crate) use polygon::extent_of;
+pub use polygon::{PolygonError, SimplePolygon, bounding_box};

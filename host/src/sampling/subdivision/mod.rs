@@ -19,7 +19,7 @@ use nalgebra::{Point2, Vector2};
 
 use super::bits::{BitMatrix, BitRow};
 use super::exact::{order_above, turn};
-use crate::geometry::SimplePolygon;
+use crate::geometry::{SimplePolygon, bounding_box};
 use crossings::{Cuts, index};
 use graph::{Graph, twin};
 
@@ -222,9 +222,7 @@ struct Extent {
 
 impl Extent {
     fn of(polygon: &SimplePolygon) -> Self {
-        let first = polygon.vertices()[0];
-        let grow = |(low, high): (Point2<f64>, Point2<f64>), p: &Point2<f64>| (low.inf(p), high.sup(p));
-        let (low, high) = polygon.vertices().iter().fold((first, first), grow);
+        let (low, high) = bounding_box(polygon.vertices());
         Self { low, high }
     }
 
