@@ -9,7 +9,8 @@
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 
 use crate::calibration::FrontEnd;
-use crate::sensing::STUCK_SAMPLES;
+use crate::samples::STUCK_SAMPLES;
+use crate::statistics::mean;
 
 /// Length of the averages by which hum and drift are told from noise, in s: one mains period at 50 Hz.
 const AVERAGE_S: f64 = 0.02;
@@ -108,7 +109,7 @@ fn figures(seen: &Observation) -> Option<Figures> {
         seen.counts.iter().map(|counts| counts * seen.front_end.microstrain_per_count()).collect();
     let window = (AVERAGE_S * seen.rate_hz).round().max(1.0);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small positive whole number")]
-    let averages: Vec<Vector2<f64>> = strain.chunks_exact(window as usize).map(mean).collect();
+    let averages: Vec<Vector2<f64>> = strain.chunks_exact(window as usize).filter_map(mean).collect();
     if averages.len() < 4 {
         return None;
     }
@@ -138,10 +139,6 @@ fn figures(seen: &Observation) -> Option<Figures> {
     })
 }
 
-fn mean(values: &[Vector2<f64>]) -> Vector2<f64> {
-    values.iter().sum::<Vector2<f64>>() / values.len() as f64
-}
-
 /// A straight line through equally spaced values.
 struct Trend {
     /// Change from one value to the next.
@@ -154,7 +151,7 @@ struct Trend {
 impl Trend {
     fn fit(values: &[Vector2<f64>]) -> Self {
         let count = values.len() as f64;
-        let (centre, middle) = (mean(values), (count - 1.0) / 2.0);
+        let (centre, middle): (Vector2<f64>, f64) = (mean(values).unwrap_or_default(), (count - 1.0) / 2.0);
         let spread = count * (count * count - 1.0) / 12.0;
         let moment: Vector2<f64> =
             values.iter().enumerate().map(|(i, value)| (value - centre) * (i as f64 - middle)).sum();
@@ -264,7 +261,7 @@ fn drift(figures: &Figures) -> Finding {
 
 fn range(seen: &Observation, figures: &Figures) -> Finding {
     let stuck = figures.longest_run >= STUCK_SAMPLES;
-    let centre = mean(&seen.counts) * seen.front_end.microstrain_per_count();
+    let centre = mean::<Vector2<f64>, _>(&seen.counts).unwrap_or_default() * seen.front_end.microstrain_per_count();
     Finding {
         subject: "range",
         verdict: if stuck || seen.saturated > 0 { Verdict::Fault } else { Verdict::Good },

@@ -11,12 +11,13 @@ use std::f64::consts::TAU;
 use palpate_shared::sim::{Contact, Load};
 
 use crate::calibration::Calibration;
-use crate::contact::{Averaging, Settings, SettingsError};
+use crate::contact::{Averaging, Settings, SettingsError, Touch};
 use crate::geometry::angle::wrap_angle;
 use crate::link::{Samples, Session};
 use crate::live::{self, LiveError};
 use crate::sensing::{self, FingerSense, Sensed};
 use crate::simulated_device::SimulatedDevice;
+use crate::statistics::mean;
 
 /// Time from a new load to the first reading used, in s: the default beam's ringing falls by 1/e in 43 ms, so to
 /// a thousandth of the load's step.
@@ -229,15 +230,16 @@ fn judge(
     }
     let count = touches.len() as f64;
     let errors: Vec<f64> = touches.iter().map(|touch| wrap_angle(touch.u - angle)).collect();
-    let error = errors.iter().sum::<f64>() / count;
+    let mean_of = |value: fn(&Touch) -> f64| mean(touches.iter().map(|touch| value(touch))).unwrap_or(f64::NAN);
+    let error = mean(&errors).unwrap_or(f64::NAN);
     let variance = errors.iter().map(|value| (value - error).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
     Ok(Felt {
         angle,
         error,
         sd: variance.sqrt(),
-        stated_sd: touches.iter().map(|touch| touch.u_sd).sum::<f64>() / count,
+        stated_sd: mean_of(|touch| touch.u_sd),
         covered: touches.iter().filter(|touch| touch.interval(COVERAGE).contains(angle)).count() as f64 / count,
-        magnitude: touches.iter().map(|touch| touch.magnitude).sum::<f64>() / count,
+        magnitude: mean_of(|touch| touch.magnitude),
         readings: touches.len(),
     })
 }

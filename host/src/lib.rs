@@ -30,6 +30,7 @@ pub mod pushing;
 pub mod recording;
 pub mod roll_picture;
 pub mod rolling;
+pub mod samples;
 pub mod sampling;
 pub mod sampling_picture;
 pub mod scene_file;

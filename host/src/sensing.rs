@@ -12,6 +12,7 @@ use palpate_shared::units::Counts;
 use crate::calibration::{Calibration, FrontEnd, counts_vector};
 use crate::contact::{ContactSense, Felt, Reading, Settings, SettingsError, Tare};
 use crate::link::Samples;
+use crate::samples::STUCK_SAMPLES;
 
 /// How far a bridge's offset wanders after the tare, in microstrain per √s.
 ///
@@ -38,9 +39,6 @@ pub fn readings<'a>(samples: &'a Samples, calibration: &'a Calibration) -> impl 
         Reading::new(samples.device_time_s(index), force_finger)
     })
 }
-
-/// Equal samples in a row, on both channels, that noise of a hundred counts never gives: 5 ms at 4 kHz.
-pub const STUCK_SAMPLES: usize = 20;
 
 /// Why a sample says nothing about the force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

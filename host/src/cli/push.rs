@@ -17,7 +17,7 @@ use palpate::solve::kinds::push::{InitialAcceleration, Meeting, PushAnswer, Push
 
 use super::plot::{PlotArguments, draw_to, picture_file};
 use super::read::read;
-use super::{equal_steps, not_negative, positive};
+use super::{equal_steps, finite, not_negative, positive};
 
 /// Most rows of the table; far beyond what anybody reads, and short of what would exhaust memory.
 const ROWS_MAX: i64 = 100_000;
@@ -158,15 +158,6 @@ fn turn(text: &str) -> Result<TurnArgument, String> {
             Ok(TurnArgument { t, acceleration_mm_s2, direction_deg: Some(direction) })
         }
         _ => Err(format!("`{text}` is not a time and an acceleration: write for example 0.5,-50 or 0.5,-50,20")),
-    }
-}
-
-/// A finite number.
-fn finite(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value.is_finite() => Ok(value),
-        Ok(value) => Err(format!("{value} is out of range: it must be finite")),
-        Err(_) => Err(format!("`{text}` is not a number")),
     }
 }
 

@@ -12,6 +12,7 @@ use palpate::experiment::{self, Contacts, Felt, worst};
 use palpate::link::Session;
 use palpate::link::session::Options;
 use palpate::simulated_device::{Config, Line, Pace, SimulatedDevice};
+use palpate::statistics::mean;
 
 /// Contacts that are felt, evenly round the disk and between those of the calibration.
 const FELT_CONTACTS: u32 = 36;
@@ -118,7 +119,7 @@ fn print_contacts(force: f64, felt: &[Felt]) {
 
 fn print_row(name: &str, felt: &[Felt]) {
     let worst = worst(felt);
-    let held = felt.iter().map(|felt| felt.covered).sum::<f64>() / felt.len() as f64;
+    let held = mean(felt.iter().map(|felt| felt.covered)).unwrap_or(f64::NAN);
     say!(
         "  {name:<24} {:>11.3} {:>10.3} {:>12.1} % of readings",
         worst.error.to_degrees(),

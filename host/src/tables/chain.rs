@@ -11,6 +11,7 @@ use crate::gravity::GRAVITY_ASSUMED;
 use crate::observing::from_rest::{self, Estimate, Hypothesis, Known, Status};
 use crate::pushing::Part;
 use crate::simulated_device::Line;
+use crate::statistics::percentile;
 
 /// A pose counts as right within this many of its stated standard deviations, of distance and of angle. A Gaussian's distance in
 /// the plane is beyond five once in 270,000 times.
@@ -148,17 +149,12 @@ fn add(table: &mut Table, name: &str, outcomes: &[Result<Outcome, String>]) {
     let sound: Vec<_> = outcomes.iter().filter_map(|outcome| outcome.as_ref().ok()).collect();
     let all = outcomes.len();
     let share = |pick: &dyn Fn(&&Outcome) -> bool| Cell::share(sound.iter().copied().filter(pick).count(), all);
-    let errors = |of: fn(&Outcome) -> Option<f64>| {
-        let mut errors: Vec<_> = sound.iter().filter_map(|outcome| of(outcome)).collect();
-        errors.sort_by(f64::total_cmp);
-        errors
-    };
+    let errors = |of: fn(&Outcome) -> Option<f64>| sound.iter().filter_map(|outcome| of(outcome)).collect::<Vec<_>>();
     let millimetres = errors(|outcome| outcome.best.map(|error| error.distance * 1e3));
     let degrees = errors(|outcome| outcome.best.map(|error| error.angle.to_degrees()));
     let nearest = errors(|outcome| outcome.nearest.map(|error| error.distance * 1e3));
-    let at = |sorted: &[f64], per_cent: usize| match sorted.get(sorted.len() * per_cent / 100) {
-        Some(&value) => Cell::number(value, 3),
-        None => Cell::Empty,
+    let at = |errors: &[f64], per_cent: usize| {
+        percentile(errors.iter().copied(), per_cent).map_or(Cell::Empty, |error| Cell::number(error, 3))
     };
     let listed = sound.iter().map(|outcome| outcome.listed).sum::<usize>();
     let redrawn = sound.iter().map(|outcome| outcome.redrawn).sum::<usize>();

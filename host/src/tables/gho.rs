@@ -10,6 +10,7 @@ use crate::geometry::SimplePolygon;
 use crate::gravity::GRAVITY_ASSUMED;
 use crate::observing::{Gho, GhoSettings};
 use crate::pushing::{Contact, ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, Start, State};
+use crate::statistics;
 
 /// Thesis Table 6.1.
 pub(super) const KNOWN_EDGE: Experiment =
@@ -390,10 +391,7 @@ fn side_by_side(settings: &Settings) -> Table {
 }
 
 fn mean(values: &[f64], decimals: usize) -> Cell {
-    if values.is_empty() {
-        return Cell::Empty;
-    }
-    Cell::number(values.iter().sum::<f64>() / values.len() as f64, decimals)
+    statistics::mean(values).map_or(Cell::Empty, |mean| Cell::number(mean, decimals))
 }
 
 #[cfg(test)]

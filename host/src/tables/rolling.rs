@@ -14,6 +14,7 @@ use crate::rolling::{
     Body, BodyKnowledge, Estimate, Gho, Hypothesis, Model, Noise, PalmAcceleration, PalmKnowledge, Question, Spin,
     State, felt,
 };
+use crate::statistics::percentile;
 
 /// Attitudes from 0.4 s of contacts, and from other windows and sensors.
 pub(super) const ATTITUDE: Experiment = Experiment {
@@ -151,9 +152,9 @@ fn processor_ms() -> f64 {
     first.map_or_else(|| BEGUN.with(|begun| begun.elapsed().as_secs_f64() * 1e3), |nanoseconds| nanoseconds * 1e-6)
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+/// One of the values, the upper of the two middle ones; not a number without any.
+fn median(values: Vec<f64>) -> f64 {
+    percentile(values, 50).unwrap_or(f64::NAN)
 }
 
 /// Attitude error at the end, modulo symmetry, degrees.

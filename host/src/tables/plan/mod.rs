@@ -20,6 +20,7 @@ use crate::gravity::GRAVITY_ASSUMED;
 use crate::observing::planning::{Belief, Felt, Motion, Present, Sampling, motions, prospects, updated};
 use crate::observing::{Channel, Known, Measured, Observation, Prior, Touch, estimate};
 use crate::pushing::{ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, Sample, Start, State};
+use crate::statistics::percentile;
 
 /// Time between values, s.
 pub(super) const DT_S: f64 = 0.01;
@@ -280,10 +281,9 @@ fn run(settings: &Settings) -> Table {
         let straight = outcomes.iter().filter(|outcome| outcome.motions[0].0).count();
         #[expect(clippy::cast_precision_loss, reason = "counts of cases")]
         let ratio = if ambiguous > 0 { Cell::number(straight as f64 / ambiguous as f64, 1) } else { Cell::Empty };
-        let mut friction: Vec<_> = found.iter().map(|(_, friction)| *friction).collect();
-        friction.sort_by(f64::total_cmp);
         // Of the best in hindsight there is none: it is another motion in each case.
-        let median = friction.get(friction.len() / 2).copied().filter(|friction| friction.is_finite());
+        let median =
+            percentile(found.iter().map(|(_, friction)| *friction), 50).filter(|friction| friction.is_finite());
         let friction = median.map_or(Cell::Empty, |median| Cell::number(median, 2));
         table.push([name.into(), Cell::count(outcomes.len()), Cell::share(ambiguous, outcomes.len()), ratio, friction]);
     };
