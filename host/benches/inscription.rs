@@ -12,7 +12,7 @@ use std::hint::black_box;
 use nalgebra::Point2;
 use palpate::geometry::{ConvexPolygon, SimplePolygon};
 use palpate::inscription::{Cone, HalfPlane, Inscription, Pose, poses, view};
-use palpate::tables::random::Draw;
+use palpate_shared::sim::Draw;
 use yardstick::best_of_runs;
 
 /// Vertices of the polygons.

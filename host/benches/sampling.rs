@@ -9,8 +9,8 @@ mod yardstick;
 use std::hint::black_box;
 
 use palpate::sampling::Subdivision;
-use palpate::tables::random::Draw;
 use palpate::tables::scenes::SceneKind;
+use palpate_shared::sim::Draw;
 use yardstick::best_of_runs;
 
 /// Numbers to sort for each region: about what comparing the crossings along edges and around nodes takes.

@@ -9,8 +9,8 @@ use std::hint::black_box;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use palpate::sampling::Subdivision;
-use palpate::tables::random::Draw;
 use palpate::tables::scenes::SceneKind;
+use palpate_shared::sim::Draw;
 
 /// Bytes in use, and the most since it was last set back.
 static NOW: AtomicUsize = AtomicUsize::new(0);

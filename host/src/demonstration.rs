@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use miette::Diagnostic;
 use nalgebra::{Isometry2, Rotation2, Vector2};
+use palpate_shared::sim::Draw;
 use palpate_shared::sim::{BridgesConfig, FingerConfig, Load};
 
 use crate::calibration::plan::PlanError;
@@ -29,7 +30,7 @@ use crate::pushed_world::{Played, PushedWorld};
 use crate::pushing::{EndReason, Part};
 use crate::sensing;
 use crate::simulated_device::{Config, ForceCourse, Line, Pace, SimulatedDevice};
-use crate::tables::random::Draw;
+use crate::tables::random::{convex_polygon, star_polygon};
 
 /// Radius of the default finger's disk, m.
 pub const RADIUS_M: f64 = 0.015;
@@ -273,10 +274,10 @@ const REDRAWS_MAX: usize = 2000;
 pub fn random_part(draw: &mut Draw) -> Part {
     let convex = draw.chance(2.0 / 3.0);
     let polygon: SimplePolygon = if convex {
-        draw.convex_polygon(8, 0.05)
+        convex_polygon(draw, 8, 0.05)
     } else {
         let n = 5 + draw.index(4);
-        draw.star_polygon(n, 0.025, 0.055)
+        star_polygon(draw, n, 0.025, 0.055)
     };
     Part::uniform(polygon)
 }

@@ -302,6 +302,7 @@ mod tests {
 
     use super::*;
     use crate::calibration::FrontEndSettings;
+    use crate::contact::test_noise::Random;
 
     const RATE_HZ: f64 = 4000.0;
 
@@ -314,17 +315,9 @@ mod tests {
 
     /// Ten seconds of white noise, hum and drift, in µε.
     fn finger(noise: f64, hum: f64, drift_per_min: f64, seed: u64) -> Observation {
-        let mut state = seed;
-        let mut uniform = move || {
-            // SplitMix64.
-            state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-            let mut z = state;
-            z = (z ^ z >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-            z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
-            ((z ^ z >> 31) >> 11) as f64 / (1_u64 << 53) as f64
-        };
+        let mut random = Random(seed);
         // The sum of twelve uniform numbers has variance 1.
-        let mut normal = move || (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
+        let mut normal = move || (0..12).map(|_| random.unit()).sum::<f64>() - 6.0;
         let counts = (0..40_000).map(|i| {
             let t = f64::from(i) / RATE_HZ;
             let common = hum / 2.0 * (std::f64::consts::TAU * 50.0 * t).sin() + drift_per_min * t / 60.0;

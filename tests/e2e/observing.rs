@@ -13,7 +13,7 @@ use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::part_file::PolygonFile;
 use palpate::pushed_world::{Played, PushedWorld};
 use palpate::pushing::EndReason;
-use palpate::tables::random::Draw;
+use palpate_shared::sim::Draw;
 use palpate_tests::rig::palpate_binary;
 use serde_json::Value;
 

@@ -12,8 +12,8 @@ use palpate::plan_file::PlanFile;
 use palpate::sampling::{Request, Scene, plan};
 use palpate::solve::Problem;
 use palpate::solve::kinds::point_sampling::PointSampling;
-use palpate::tables::random::Draw;
 use palpate::tables::scenes::SceneKind;
+use palpate_shared::sim::Draw;
 use palpate_tests::rig::palpate_binary;
 
 /// Scenes of each kind.

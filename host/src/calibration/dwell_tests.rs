@@ -21,7 +21,7 @@ fn settings() -> DwellSettings {
 
 /// Blocks of eight samples of microstrain(t) with the default finger's noise and hum, for `seconds`.
 fn stream(seed: u64, mains_hz: f64, seconds: f64, microstrain: impl Fn(f64) -> [f64; 2]) -> Vec<SampleBlock> {
-    let mut noise = Noise(seed);
+    let mut noise = Noise::new(seed);
     let phases = [noise.uniform(), noise.uniform()].map(|turn| turn * std::f64::consts::TAU);
     let mut sample = |seq: u64| {
         let t = seq as f64 / RATE_HZ;

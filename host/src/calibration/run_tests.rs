@@ -34,7 +34,7 @@ struct World {
 
 impl World {
     fn new(seed: u64) -> Self {
-        Self { finger: Finger::TYPICAL, noise: Noise(seed), seq: 0, load: Vector2::zeros(), drift: 0.001 }
+        Self { finger: Finger::TYPICAL, noise: Noise::new(seed), seq: 0, load: Vector2::zeros(), drift: 0.001 }
     }
 
     fn sample(&mut self) -> [Counts; 2] {
@@ -93,7 +93,7 @@ struct Robot {
 
 impl Robot {
     fn new(world: &Shared, lies: bool) -> Self {
-        let setting = Noise(world.borrow().noise.0 ^ 0x5555);
+        let setting = world.borrow().noise.other();
         Self { world: world.clone(), lies, setting, wish_at: None, forgets_at: None, refusals: Vec::new(), accepted: 0 }
     }
 

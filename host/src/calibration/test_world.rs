@@ -2,26 +2,30 @@
 
 use nalgebra::{Matrix2, Vector2};
 
+use crate::contact::test_noise::Random;
+
 /// Counts per newton of a bridge on the default finger: 47.75 microstrain per newton at 559.24 counts per microstrain.
 pub(super) const COUNTS_PER_NEWTON: f64 = 26_700.0;
 
 /// Counts of one microstrain.
 pub(super) const COUNTS_PER_MICROSTRAIN: f64 = 559.24;
 
-/// Random numbers that are the same on every machine (SplitMix64, Box–Muller).
+/// Random numbers of a finger's world.
 #[derive(Clone, Debug)]
-pub(super) struct Noise(pub(super) u64);
+pub(super) struct Noise(Random);
 
 impl Noise {
+    pub(super) fn new(seed: u64) -> Self {
+        Self(Random(seed))
+    }
+
+    /// A sequence of its own that goes on from here.
+    pub(super) fn other(&self) -> Self {
+        Self::new(self.0.0 ^ 0x5555)
+    }
+
     pub(super) fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut bits = self.0;
-        bits = (bits ^ (bits >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        bits ^= bits >> 31;
-        #[expect(clippy::cast_precision_loss, reason = "53 bits fit exactly")]
-        let fraction = (bits >> 11) as f64 / (1_u64 << 53) as f64;
-        fraction
+        self.0.unit()
     }
 
     pub(super) fn normal(&mut self) -> f64 {

@@ -17,7 +17,7 @@ use palpate::part_file::PolygonFile;
 use palpate::push_sense::PushSense;
 use palpate::pushing::Part;
 use palpate::simulated_device::Line;
-use palpate::tables::random::Draw;
+use palpate_shared::sim::Draw;
 
 use super::read::read;
 use super::{not_negative, pose, static_demo};

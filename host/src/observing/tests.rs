@@ -4,11 +4,12 @@
 use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::Vector3;
+use palpate_shared::sim::Draw;
 
 use super::*;
 use crate::geometry::angle::wrap_angle;
 use crate::pushing::{ContactLaw, EdgeEnd, EndReason, Finger, Part, Push, PushModel, Sample, Start, State};
-use crate::tables::random::Draw;
+use crate::tables::random::convex_polygon;
 
 /// What µ g is taken for, m/s².
 const GRIP: f64 = 0.3 * 9.81;
@@ -40,7 +41,7 @@ impl Pushed {
     /// A random convex part pushed somewhere for [`VALUES`] values by a finger of this radius, on a plane with this µ g.
     fn draw(draw: &mut Draw, (touch, law): (Touch, ContactLaw), grip: f64) -> Self {
         loop {
-            let part = Part::uniform(draw.convex_polygon(7, 0.05));
+            let part = Part::uniform(convex_polygon(draw, 7, 0.05));
             let edge_index = draw.index(part.polygon().vertices().len());
             let edge = part.edge(edge_index).unwrap();
             let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0, 0.02] };

@@ -3,8 +3,9 @@
 //! Each case is a finger of its own, calibrated, and a random part pushed from rest; see [`crate::demonstration`]. Nothing of the
 //! thesis is beside it: its sensor was never used on a moving part (§6.4).
 
+use palpate_shared::sim::Draw;
+
 use super::cases::of_each;
-use super::random::Draw;
 use super::{Cell, Experiment, Settings, Table};
 use crate::demonstration::{Drawn, PoseError, RADIUS_M, Ranges, Rig, pose_error, random_part, straight_motion};
 use crate::gravity::GRAVITY_ASSUMED;

@@ -4,13 +4,15 @@
 
 use std::f64::consts::PI;
 
-use super::random::Draw;
+use palpate_shared::sim::Draw;
+
 use super::{Cell, Experiment, Settings, Table};
 use crate::geometry::SimplePolygon;
 use crate::gravity::GRAVITY_ASSUMED;
 use crate::observing::{Gho, GhoSettings};
 use crate::pushing::{Contact, ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, Start, State};
 use crate::statistics;
+use crate::tables::random::{convex_polygon, star_polygon};
 
 /// Thesis Table 6.1.
 pub(super) const KNOWN_EDGE: Experiment =
@@ -206,9 +208,9 @@ impl Case {
 fn polygon(draw: &mut Draw) -> SimplePolygon {
     let vertices = 3 + draw.index(9);
     if draw.chance(0.6) {
-        draw.convex_polygon(vertices + 2, 0.05)
+        convex_polygon(draw, vertices + 2, 0.05)
     } else {
-        draw.star_polygon(vertices.max(4), 0.02, 0.05)
+        star_polygon(draw, vertices.max(4), 0.02, 0.05)
     }
 }
 

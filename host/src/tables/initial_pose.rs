@@ -4,11 +4,13 @@
 
 use std::f64::consts::PI;
 
-use super::random::Draw;
+use palpate_shared::sim::Draw;
+
 use super::{Cell, Experiment, Settings, Table};
 use crate::gravity::GRAVITY_ASSUMED;
 use crate::observing::{Object, RestingPose, RestingPoses, RestingPush, Table as Motions, TimedContact};
 use crate::pushing::{FingerPath, FingerShape, Part};
+use crate::tables::random::convex_polygon;
 
 /// Thesis Table 6.3.
 pub(super) const FRICTIONLESS: Experiment = Experiment {
@@ -109,7 +111,7 @@ fn object(draw: &mut Draw, pair: Pair) -> Option<(Object, Option<usize>, f64)> {
         return Some((Object::Ellipse(semi_axes), None, draw.uniform(0.0, PI)));
     }
     let points = 4 + draw.index(6);
-    let polygon = draw.convex_polygon(points, 0.05);
+    let polygon = convex_polygon(draw, points, 0.05);
     let edge = draw.index(polygon.vertices().len());
     let seen = Part::uniform(polygon.clone()).edge(edge).ok()?;
     let s0 = draw.uniform(seen.s_min, seen.s_max);

@@ -5,8 +5,8 @@
 use std::f64::consts::{FRAC_PI_6, TAU};
 
 use nalgebra::{Matrix3, Point2, Vector2, Vector3};
+use palpate_shared::sim::Draw;
 
-use super::random::Draw;
 use super::{Cell, Experiment, Settings, Table};
 use crate::geometry::ConvexPolygon;
 use crate::geometry::angle::wrap_angle;

@@ -4,8 +4,9 @@
 //!
 //! Units: SI inside, as the headings say in the table. Errors: none.
 
+use palpate_shared::sim::Draw;
+
 use super::plan::{Case, DT_S, GRIP, OMEGA_SIGMA, SIGMA_RAD, finger_first, outcomes};
-use super::random::Draw;
 use super::{Cell, Experiment, Settings, Table};
 use crate::observing::{Channel, Known, Measured, Observation, Prior, Touch, which_part};
 use crate::pushing::{ContactLaw, EdgeEnd, Finger, Push, Start};

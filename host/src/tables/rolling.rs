@@ -6,8 +6,8 @@ use std::fs;
 use std::time::Instant;
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
+use palpate_shared::sim::Draw;
 
-use super::random::Draw;
 use super::{Cell, Experiment, Settings, Table};
 use crate::gravity::GRAVITY_ASSUMED;
 use crate::rolling::{

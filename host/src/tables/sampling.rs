@@ -1,12 +1,13 @@
 //! Tables 3.1 and 3.2: how many points tell random polygons apart.
 
-use super::random::Draw;
 use super::scenes::SceneKind;
 use super::{Cell, Experiment, Settings, Table};
 use crate::geometry::SimplePolygon;
 use crate::sampling::{Effort, Search, SetSystem, Subdivision, fewest};
 
 use std::time::{Duration, Instant};
+
+use palpate_shared::sim::Draw;
 
 /// How long to look for fewer points or a proof in each scene.
 const TIME_LIMIT: Duration = Duration::from_secs(60);

@@ -9,8 +9,8 @@ use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Point2, Rotation2, Vector2};
+use palpate_shared::sim::Draw;
 
-use super::random::Draw;
 use crate::geometry::{SimplePolygon, bounding_box};
 
 /// Lines in an arrangement, as in the thesis.

@@ -1,6 +1,7 @@
 //! The estimator against the world: another integrator, another search.
 
 use nalgebra::{Matrix2, Point2, Vector2};
+use palpate_shared::sim::Draw;
 
 use super::fit::{Problem, Tried};
 use super::path::{Course, Guess};
@@ -10,7 +11,6 @@ use crate::finger_motion::Segment;
 use crate::geometry::SimplePolygon;
 use crate::pushed_world::Played;
 use crate::tables::chain::Outcome;
-use crate::tables::random::Draw;
 
 /// Noise of a window's mean, N: that of the default finger.
 const NOISE_N: f64 = 1e-3;

@@ -13,7 +13,8 @@ use std::num::NonZeroUsize;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::random::Draw;
+use palpate_shared::sim::Draw;
+
 use super::{Cell, Experiment, Settings, Table};
 use crate::finger_motion::Segment;
 use crate::gravity::GRAVITY_ASSUMED;
@@ -21,6 +22,7 @@ use crate::observing::planning::{Belief, Felt, Motion, Present, Sampling, motion
 use crate::observing::{Channel, Known, Measured, Observation, Prior, Touch, estimate};
 use crate::pushing::{ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, Sample, Start, State};
 use crate::statistics::percentile;
+use crate::tables::random::{convex_polygon, star_polygon};
 
 /// Time between values, s.
 pub(super) const DT_S: f64 = 0.01;
@@ -178,10 +180,10 @@ impl Case {
     pub(super) fn try_draw(draw: &mut Draw) -> Option<Self> {
         let polygon = if draw.chance(0.6) {
             let points = 3 + draw.index(7);
-            draw.convex_polygon(points, 0.05)
+            convex_polygon(draw, points, 0.05)
         } else {
             let vertices = 4 + draw.index(6);
-            draw.star_polygon(vertices, 0.02, 0.05)
+            star_polygon(draw, vertices, 0.02, 0.05)
         };
         let part = Part::uniform(polygon);
         let edge = draw.index(part.polygon().vertices().len());

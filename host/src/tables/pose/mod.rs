@@ -254,7 +254,7 @@ fn failures(name: &str, outcomes: &[Outcome], sigma: f64) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tables::random::Draw;
+    use palpate_shared::sim::Draw;
 
     /// A short run of each table; the full ones are `palpate tables pose pose-friction force --cases 1000`.
     const SHORT: Settings = Settings { cases: 6, seed: 1 };

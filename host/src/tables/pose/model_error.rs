@@ -5,13 +5,13 @@
 //! Units: SI inside, as the headings say in the table. Errors: none.
 
 use nalgebra::Vector2;
+use palpate_shared::sim::Draw;
 
 use super::world::{Case, Kind, Sense, Setting};
 use super::{NOISY, PUSHES, SIGMA_RAD};
 use crate::geometry::SimplePolygon;
 use crate::observing::{Channel, Estimate, Known, Measured, Observation, estimate};
 use crate::pushing::Part;
-use crate::tables::random::Draw;
 use crate::tables::{Cell, Experiment, Settings, Table, cases};
 
 /// The table `model-error`.

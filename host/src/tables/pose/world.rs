@@ -3,6 +3,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::{Point2, Rotation2, Vector3};
+use palpate_shared::sim::Draw;
 
 use crate::geometry::angle::wrap_angle;
 use crate::gravity::GRAVITY_ASSUMED;
@@ -10,7 +11,7 @@ use crate::observing::{Channel, Hypothesis, Known, Measured, Observation, Prior,
 use crate::pushing::{
     Contact, ContactLaw, EdgeEnd, EndReason, Finger, Part, Push, PushModel, Run, Sample, Slip, Start, State,
 };
-use crate::tables::random::Draw;
+use crate::tables::random::{convex_polygon, star_polygon};
 use crate::tables::rivals::{self, Leg, Truth};
 
 /// Time between values, s, and their number.
@@ -132,10 +133,10 @@ impl Case {
     fn try_draw(draw: &mut Draw, Setting { kind, sense, sigma }: Setting) -> Option<Self> {
         let polygon = if draw.chance(0.6) {
             let points = 3 + draw.index(7);
-            draw.convex_polygon(points, 0.05)
+            convex_polygon(draw, points, 0.05)
         } else {
             let vertices = 4 + draw.index(6);
-            draw.star_polygon(vertices, 0.02, 0.05)
+            star_polygon(draw, vertices, 0.02, 0.05)
         };
         let part = Part::uniform(polygon);
         let edge_index = draw.index(part.polygon().vertices().len());
