@@ -7,13 +7,14 @@ use palpate_shared::sim::{Contact, Load};
 use palpate_shared::wire::{EventKind, Hello};
 use thiserror::Error;
 
-use crate::calibration::dwell::{Refusal, SampleBlock};
+use crate::calibration::dwell::Refusal;
 use crate::calibration::plan::{PlannedContact, Step};
-use crate::calibration::session::{Bench, BenchError, SampleSource, SourceError, Summary, Wish};
+use crate::calibration::session::{Bench, BenchError, Delivered, SampleSource, SourceError, Summary, Wish};
 use crate::calibration::{self, Calibration, FrontEnd, FrontEndError, FrontEndSettings};
 use crate::contact::{Settings, Tare, TareError};
 use crate::interrupt;
-use crate::link::{Incoming, LinkError, Samples, Session};
+use crate::link::{Incoming, LinkError, Session};
+use crate::samples::Samples;
 use crate::sensing;
 use crate::simulated_device::SimulatedDevice;
 
@@ -189,7 +190,7 @@ impl<'a> LinkSource<'a> {
 }
 
 impl SampleSource for LinkSource<'_> {
-    fn next_block(&mut self) -> Result<SampleBlock, SourceError> {
+    fn next_block(&mut self) -> Result<Delivered, SourceError> {
         let (mut block, mut trouble) = (None, None);
         let taken = stream(
             self.session,
@@ -200,9 +201,8 @@ impl SampleSource for LinkSource<'_> {
             |incoming| trouble = trouble.take().or_else(|| trouble_with(incoming)),
         );
         taken.map_err(|error| SourceError(error.to_string()))?;
-        let Samples { first, time_us, period_us, counts, .. } =
-            block.ok_or_else(|| SourceError("the stream ended".to_owned()))?;
-        Ok(SampleBlock { first, time_us, period_us, counts, trouble })
+        let samples = block.ok_or_else(|| SourceError("the stream ended".to_owned()))?;
+        Ok(trouble.map_or(Delivered::Samples(samples), Delivered::Trouble))
     }
 
     /// Stops the stream, drops what is under way, and starts it anew: between two steps a person may take as long

@@ -1,4 +1,4 @@
-//! From samples to contact: the pure chain between the link and whoever wants to know what is touched.
+//! From samples to contact: the pure chain between the converter and whoever wants to know what is touched.
 //!
 //! Counts become force by the calibration's matrix; the force minus the tare becomes a contact. A sample at the end
 //! of the converter's range, or one of many equal ones in a row, is no measurement and is told as such: it is neither
@@ -11,8 +11,7 @@ use palpate_shared::units::Counts;
 
 use crate::calibration::{Calibration, FrontEnd, counts_vector};
 use crate::contact::{ContactSense, Felt, Reading, Settings, SettingsError, Tare};
-use crate::link::Samples;
-use crate::samples::STUCK_SAMPLES;
+use crate::samples::{STUCK_SAMPLES, Samples};
 
 /// How far a bridge's offset wanders after the tare, in microstrain per √s.
 ///
@@ -141,8 +140,6 @@ impl FingerSense {
 
 #[cfg(test)]
 mod tests {
-    use std::time::Instant;
-
     use nalgebra::{Matrix2, SMatrix};
     use palpate_shared::wire::Status;
 
@@ -163,15 +160,8 @@ mod tests {
         #[expect(clippy::cast_possible_truncation, reason = "a few ten thousand counts")]
         let load = (-27_000.0 * force) as i32;
         let counts = (0..count).map(|i| [Counts(load + noise(i, 37)), Counts(noise(i, 61))]).collect();
-        Samples {
-            first,
-            missing_before: 0,
-            time_us: 250 * first,
-            period_us: 250.0,
-            status: Status::default(),
-            counts,
-            arrived: Instant::now(),
-        }
+        let (time_us, status) = (250 * first, Status::default());
+        Samples { first, missing_before: 0, time_us, period_us: 250.0, status, counts }
     }
 
     fn tared() -> FingerSense {

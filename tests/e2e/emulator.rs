@@ -20,7 +20,8 @@ use std::time::{Duration, Instant};
 use emulator::Serial;
 use palpate::link::reader::MessageReader;
 use palpate::link::session::Options;
-use palpate::link::{Address, Incoming, LinkError, Samples, Session};
+use palpate::link::{Address, Incoming, LinkError, Session};
+use palpate::samples::Samples;
 use palpate_shared::frame::{DELIMITER, FRAME_MAX, encode};
 use palpate_shared::wire::{
     Checks, ClockSource, Command as ToDevice, CommandId, Failure, FaultCause, FromDevice, Health, Outcome, Refusal,

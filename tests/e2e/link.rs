@@ -6,7 +6,8 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use palpate::link::session::{Options, SessionCounts};
-use palpate::link::{Address, Incoming, LinkError, Samples, Session};
+use palpate::link::{Address, Incoming, LinkError, Session};
+use palpate::samples::Samples;
 use palpate::simulated_device::{Config, Line, Pace};
 use palpate_shared::frame::{FRAME_MAX, encode};
 use palpate_shared::sim::{Faults, FloatingBus};

@@ -7,7 +7,8 @@ use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use palpate::link::session::Options;
-use palpate::link::{Incoming, LinkError, Samples, Session};
+use palpate::link::{Incoming, LinkError, Session};
+use palpate::samples::Samples;
 use palpate::simulated_device::{Config, Line, Pace, SimulatedDevice};
 
 /// Longest wait for anything, in s: a hundred times what it takes on an idle machine.

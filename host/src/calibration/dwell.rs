@@ -22,7 +22,7 @@ use super::front_end::{FrontEnd, counts_vector};
 use super::measurements::Fixture;
 use super::steadiness::Rest;
 use crate::geometry::angle::direction_variance;
-use crate::samples::STUCK_SAMPLES;
+use crate::samples::{STUCK_SAMPLES, Samples};
 use crate::statistics::mean;
 
 /// Largest turn of a contact's direction between the halves of a dwell, degrees: half the bar for a mean.
@@ -174,21 +174,6 @@ pub enum DwellSettingsError {
         /// Needed.
         needed_s: f64,
     },
-}
-
-/// Samples in a row as they come from the device.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SampleBlock {
-    /// Number of the first sample, counted by the device without wrap.
-    pub first: u64,
-    /// Device time of the first sample, µs, without wrap.
-    pub time_us: u64,
-    /// Time between samples, µs.
-    pub period_us: f64,
-    /// Counts of both bridges.
-    pub counts: Vec<[Counts; 2]>,
-    /// What the device says is wrong with them, in words for the person at the bench.
-    pub trouble: Option<String>,
 }
 
 /// One sample as it is kept.
@@ -444,10 +429,7 @@ impl Watcher {
     }
 
     /// Takes the next samples; stops at the first that decides.
-    pub fn push(&mut self, block: &SampleBlock) -> Verdict {
-        if let Some(trouble) = &block.trouble {
-            return Verdict::Refused(Refusal::Trouble(trouble.clone()));
-        }
+    pub fn push(&mut self, block: &Samples) -> Verdict {
         let rate_hz = self.settings.rate_hz;
         if (block.period_us * rate_hz * 1e-6 - 1.0).abs() > RATE_TOLERANCE || !block.period_us.is_finite() {
             return Verdict::Refused(Refusal::WrongRate { period_us: block.period_us, rate_hz });

@@ -5,18 +5,20 @@ use std::path::Path;
 
 use nalgebra::Vector2;
 use palpate_shared::units::Counts;
+use palpate_shared::wire::Status;
 use proptest::prelude::*;
 
 use super::conclusion::{Conclusion, HELD_BACK_ERROR_MAX_DEG, conclude};
-use super::dwell::{Refusal, SampleBlock};
+use super::dwell::{Refusal, Verdict};
 use super::file::{CalibrationFile, FileError, RawState, save_raw, save_result};
 use super::person::Person;
 use super::plan::{Plan, Step, TareMode};
 use super::raw::{Provenance, RawError, RawRun};
-use super::session::{Bench, BenchError, Ending, SampleSource, Session, SourceError, Summary, Wish, run};
+use super::session::{Bench, BenchError, Delivered, Ending, SampleSource, Session, SourceError, Summary, Wish, run};
 use super::test_world::{COUNTS_PER_MICROSTRAIN, Finger, Noise};
 use super::*;
 use crate::geometry::angle::{contact_angle, wrap_angle};
+use crate::samples::Samples;
 
 const RATE_HZ: f64 = 4000.0;
 
@@ -51,10 +53,11 @@ impl World {
 }
 
 impl World {
-    fn block(&mut self) -> SampleBlock {
+    fn block(&mut self) -> Samples {
         let first = self.seq;
         let counts = (0..40).map(|_| self.sample()).collect();
-        SampleBlock { first, time_us: 250 * first, period_us: 250.0, counts, trouble: None }
+        let (time_us, status) = (250 * first, Status::default());
+        Samples { first, missing_before: 0, time_us, period_us: 250.0, status, counts }
     }
 }
 
@@ -64,8 +67,8 @@ type Shared = std::rc::Rc<std::cell::RefCell<World>>;
 struct Device(Shared);
 
 impl SampleSource for Device {
-    fn next_block(&mut self) -> Result<SampleBlock, SourceError> {
-        Ok(self.0.borrow_mut().block())
+    fn next_block(&mut self) -> Result<Delivered, SourceError> {
+        Ok(Delivered::Samples(self.0.borrow_mut().block()))
     }
 
     fn discard_waiting(&mut self) -> Result<(), SourceError> {
@@ -170,6 +173,19 @@ fn worst_error_deg(conclusion: &Conclusion) -> f64 {
         wrap_angle(contact_angle(force) - degrees.to_radians()).to_degrees().abs()
     };
     (0..36).map(error).fold(0.0, f64::max)
+}
+
+#[test]
+fn what_the_device_complains_of_ends_the_attempt() {
+    let plan = quick_plan(Load::Same, TareMode::Once);
+    let mut session = Session::new(plan.steps(), plan.dwell_settings(provenance().check().unwrap(), RATE_HZ).unwrap());
+    session.begin();
+    let verdict = session.feed(&Delivered::Trouble("no front-end answers".to_owned()));
+    assert!(
+        matches!(&verdict, Verdict::Refused(Refusal::Trouble(words)) if words.contains("front-end")),
+        "{verdict:?}"
+    );
+    assert_eq!(session.feed(&Delivered::Samples(World::new(1).block())), Verdict::NeedsMoreTime(None));
 }
 
 #[test]

@@ -2,7 +2,8 @@
 
 use std::time::{Duration, Instant};
 
-use palpate::link::{Samples, Session};
+use palpate::link::Session;
+use palpate::samples::Samples;
 use palpate::statistics::percentile;
 
 /// Most delays kept: half an hour of blocks at 4 kHz.

@@ -10,6 +10,7 @@ use palpate::contact::{Averaging, Contact, Felt, Settings, Tare, detector};
 use palpate::interrupt;
 use palpate::link::{Incoming, Session};
 use palpate::live::{self, LiveError};
+use palpate::samples::Samples;
 use palpate::sensing::{self, Fault, FingerSense, Sensed};
 use serde_json::{Value, json};
 
@@ -192,14 +193,14 @@ impl<'a> Monitor<'a> {
         Ok(())
     }
 
-    fn is_over(&mut self, samples: &palpate::link::Samples) -> bool {
+    fn is_over(&mut self, samples: &Samples) -> bool {
         let end_s = samples.device_time_s(samples.counts.len());
         let seconds = self.arguments.seconds.unwrap_or(f64::INFINITY);
         end_s >= *self.until_s.get_or_insert(end_s + seconds)
     }
 
     /// The lines that a block gives.
-    fn lines(&mut self, session: &Session, samples: &palpate::link::Samples) -> Vec<String> {
+    fn lines(&mut self, session: &Session, samples: &Samples) -> Vec<String> {
         let mut lines = Vec::new();
         for sensed in self.finger.feel(samples) {
             let (t, fault, event) = match &sensed {

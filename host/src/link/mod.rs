@@ -19,4 +19,4 @@ pub mod transport;
 
 pub use address::Address;
 pub use error::LinkError;
-pub use session::{Incoming, Samples, Session};
+pub use session::{Incoming, Session};

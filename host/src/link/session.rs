@@ -29,6 +29,7 @@ use super::error::LinkError;
 use super::reader::{MessageReader, ReaderCounts};
 use super::sequence::{Continuity, Sequence};
 use super::transport::{BAUD, BAUD_FALLBACK, Transport};
+use crate::samples::Samples;
 use crate::simulated_device::SimulatedDevice;
 
 /// How long to wait for a reply before the command is repeated. A reply takes a few milliseconds over a serial
@@ -55,33 +56,6 @@ const QUIET: Duration = Duration::from_millis(500);
 /// After a gap longer than this the device's time may have wrapped unseen, so that samples cannot be counted
 /// across it: half of its 71.6 minutes, less a margin.
 const COUNTABLE_GAP: Duration = Duration::from_secs(30 * 60);
-
-/// Samples in a row, placed on the device's and the host's time line.
-#[derive(Clone, Debug)]
-pub struct Samples {
-    /// Number of the first sample, counted from the device's start, without wrap.
-    pub first: u64,
-    /// Samples missing before the first; repeated samples are never handed on.
-    pub missing_before: u64,
-    /// Device time of the first sample, in µs, without wrap.
-    pub time_us: u64,
-    /// Time between samples, in µs.
-    pub period_us: f64,
-    /// The device's status word.
-    pub status: Status,
-    /// Counts of both channels.
-    pub counts: Vec<[Counts; 2]>,
-    /// When the block arrived.
-    pub arrived: Instant,
-}
-
-impl Samples {
-    /// Device time of sample `index` of this block, in s.
-    #[must_use]
-    pub fn device_time_s(&self, index: usize) -> f64 {
-        (self.time_us as f64 + self.period_us * index as f64) * 1e-6
-    }
-}
 
 /// What a session hands on, in order of arrival.
 #[derive(Clone, Debug)]
@@ -620,7 +594,6 @@ impl Session {
             period_us: 1e6 / f64::from(rate_hz),
             status: block.status,
             counts,
-            arrived: at,
         };
         self.clock.arrived(samples.device_time_s(samples.counts.len() - 1), self.seconds(at));
         self.backlog.push_back(Incoming::Samples(samples));
