@@ -4,13 +4,13 @@
 
 use std::sync::Arc;
 
-use palpate::calibration::plan::{Plan, TareMode};
-use palpate::calibration::{self, Calibration, Load};
-use palpate::contact::Averaging;
-use palpate::experiment::{self, Contacts, ExperimentError, Felt, worst};
-use palpate::link::Session;
-use palpate::live::{self, LinkSource, SimulatedBench};
-use palpate::simulated_device::SimulatedDevice;
+use palpate::finger::calibration::plan::{Plan, TareMode};
+use palpate::finger::calibration::{self, Calibration, Load};
+use palpate::finger::contact::Averaging;
+use palpate_cli::live::{self, LinkSource, SimulatedBench};
+use palpate_cli::thesis::static_contacts::{self, Contacts, ExperimentError, Felt, worst};
+use palpate_device::Session;
+use palpate_device::simulated::SimulatedDevice;
 use palpate_tests::rig;
 
 /// Force of the calibration and of the bar, N.
@@ -61,7 +61,7 @@ impl Finger {
     }
 
     fn feel(&mut self, contacts: &Contacts) -> Vec<Vec<Felt>> {
-        let felt = experiment::feel(&mut self.session, &self.hand, &self.calibration, contacts, &AVERAGINGS);
+        let felt = static_contacts::feel(&mut self.session, &self.hand, &self.calibration, contacts, &AVERAGINGS);
         felt.unwrap_or_else(|error| panic!("{error}"))
     }
 }
@@ -124,6 +124,6 @@ fn a_host_that_is_not_told_of_friction_does_not_cover_it() {
 fn a_finger_that_is_not_touched_feels_no_contact() {
     let mut finger = Finger::calibrated(26);
     let contacts = Contacts::round_the_disk(4, 1e-4);
-    let felt = experiment::feel(&mut finger.session, &finger.hand, &finger.calibration, &contacts, &AVERAGINGS);
+    let felt = static_contacts::feel(&mut finger.session, &finger.hand, &finger.calibration, &contacts, &AVERAGINGS);
     assert!(matches!(felt, Err(ExperimentError::NotFelt { readings: 0, .. })), "{felt:?}");
 }

@@ -18,10 +18,10 @@ use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use emulator::Serial;
-use palpate::link::reader::MessageReader;
-use palpate::link::session::Options;
-use palpate::link::{Address, Incoming, LinkError, Session};
-use palpate::samples::Samples;
+use palpate::finger::Samples;
+use palpate_device::session::Options;
+use palpate_device::wire_reader::MessageReader;
+use palpate_device::{Address, Incoming, LinkError, Session};
 use palpate_shared::frame::{DELIMITER, FRAME_MAX, encode};
 use palpate_shared::wire::{
     Checks, ClockSource, Command as ToDevice, CommandId, Failure, FaultCause, FromDevice, Health, Outcome, Refusal,

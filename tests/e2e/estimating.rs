@@ -3,9 +3,9 @@
 
 #![expect(clippy::unwrap_used, reason = "a test stops at what it cannot read")]
 
-use palpate::solve::Problem;
-use palpate::solve::kinds::observe_push::{ObservePush, ObservePushAnswer, Status};
-use palpate_shared::sim::Draw;
+use palpate::math::random::Draw;
+use palpate_files::solve::Problem;
+use palpate_files::solve::kinds::observe_push::{ObservePush, ObservePushAnswer, Status};
 use palpate_tests::push_oracle::{Motion, Seen, Tangential, World};
 use serde_json::{Value, json};
 

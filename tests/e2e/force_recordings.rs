@@ -9,11 +9,11 @@
 use std::collections::BTreeMap;
 use std::fs;
 
-use palpate::contact::Settings;
-use palpate::contact::offline::{Found, Start};
-use palpate::recording::mlab::{self, Log};
-use palpate::recording::part::Part;
-use palpate::recording::session::{self, Options, Report, Summary};
+use palpate::finger::contact::Settings;
+use palpate::finger::contact::offline::{Found, Start};
+use palpate_files::recordings::mlab::{self, Log};
+use palpate_files::recordings::part::Part;
+use palpate_files::recordings::session::{self, Options, Report, Summary};
 use palpate_tests::force_logs::{self, RawPush, start_deviations, turn};
 
 /// Pushes in each log, and logs.

@@ -4,7 +4,7 @@
 
 use nalgebra::{Point2, Vector2};
 use palpate::geometry::SimplePolygon;
-use palpate::pushing::support::{SupportFriction, Twist};
+use palpate::pushing::dynamics::support::{SupportFriction, Twist};
 use palpate_tests::oracle::friction_integrals;
 
 /// What quadrature may leave out of one triangle, m² or m³ in parts of 1 m.

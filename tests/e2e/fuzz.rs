@@ -8,7 +8,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use palpate_shared::sim::Draw;
+use palpate::math::random::Draw;
 
 /// Mutations of each target: some seconds in all.
 const MUTATIONS: usize = 20_000;

@@ -9,8 +9,7 @@ use palpate::geometry::{ConvexPolygon, SimplePolygon};
 use palpate::inscription::{
     Bearing, Cone, Continuum, HalfPlane, Inscription, Mode, NoisyReadings, Pose, estimate, poses, view,
 };
-use palpate::tables::random::convex_polygon;
-use palpate_shared::sim::Draw;
+use palpate::math::random::Draw;
 use palpate_tests::inscription_oracle as oracle;
 
 /// Poses agree to this, in part sizes and rad: both are exact to rounding, which a bad triple of lines multiplies.
@@ -55,7 +54,7 @@ fn agree(polygon: &[[f64; 2]], lines: &[oracle::Line], what: &str) -> usize {
 }
 
 fn points(draw: &mut Draw, count: usize) -> Vec<[f64; 2]> {
-    convex_polygon(draw, count, 1.0).vertices().iter().map(|p| [p.x, p.y]).collect()
+    draw.convex_polygon(count, 1.0).vertices().iter().map(|p| [p.x, p.y]).collect()
 }
 
 /// A random pose with the cones under which sensors about it see the part.

@@ -5,10 +5,10 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use palpate::link::session::{Options, SessionCounts};
-use palpate::link::{Address, Incoming, LinkError, Session};
-use palpate::samples::Samples;
-use palpate::simulated_device::{Config, Line, Pace};
+use palpate::finger::Samples;
+use palpate_device::session::{Options, SessionCounts};
+use palpate_device::simulated::{Config, Line, Pace};
+use palpate_device::{Address, Incoming, LinkError, Session};
 use palpate_shared::frame::{FRAME_MAX, encode};
 use palpate_shared::sim::{Faults, FloatingBus};
 use palpate_shared::wire::{Checks, EventKind, PROTOCOL, Refusal, Request, RestartReason, Source, Status};
@@ -22,12 +22,12 @@ fn assert_in_order(blocks: &[Samples]) {
     }
 }
 
-fn tcp_address(device: &palpate::simulated_device::SimulatedDevice) -> SocketAddr {
+fn tcp_address(device: &palpate_device::simulated::SimulatedDevice) -> SocketAddr {
     let Address::Tcp(host) = device.address() else { panic!("{:?} is not a TCP device", device.address()) };
     host.parse().expect("an address with a port")
 }
 
-fn tcp_device(seed: u64) -> std::sync::Arc<palpate::simulated_device::SimulatedDevice> {
+fn tcp_device(seed: u64) -> std::sync::Arc<palpate_device::simulated::SimulatedDevice> {
     rig::device(seed, Line::Tcp { host: "127.0.0.1:0".to_owned() })
 }
 

@@ -8,12 +8,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
 use nalgebra::Isometry2;
-use palpate::finger_motion::FingerMotion;
 use palpate::gravity::GRAVITY_ASSUMED;
-use palpate::part_file::PolygonFile;
-use palpate::pushed_world::{Played, PushedWorld};
-use palpate::pushing::EndReason;
-use palpate_shared::sim::Draw;
+use palpate::math::random::Draw;
+use palpate::pushing::dynamics::EndReason;
+use palpate::pushing::pushed_world::{Played, PushedWorld};
+use palpate_files::part::PolygonFile;
 use palpate_tests::rig::palpate_binary;
 use serde_json::Value;
 
@@ -40,7 +39,7 @@ fn text(bytes: &[u8]) -> String {
 /// The example part, pushed at its edge 3 as the example motion says; half a kilogram.
 fn pushed() -> Played {
     let file = PolygonFile::parse(&std::fs::read_to_string(example("part.toml")).unwrap()).unwrap();
-    let motion = FingerMotion::parse(&std::fs::read_to_string(example("motion.toml")).unwrap()).unwrap();
+    let motion = palpate_files::motion::parse(&std::fs::read_to_string(example("motion.toml")).unwrap()).unwrap();
     let (part, grip) = (&file.part, file.mu * GRAVITY_ASSUMED);
     let world =
         PushedWorld { part, grip, mass: 0.5, mu_c: 0.25, radius: 0.015, motion: &motion, edge: 3, u: 0.3, s: -0.004 };
@@ -235,7 +234,7 @@ const STRAIGHT: &str = "unit = 'mm'\n[[segment]]\nseconds = 0.5\nacceleration = 
 /// Files of a straight push of the rectangle: part, motion and forces.
 fn pushed_straight(folder: &Path) -> [PathBuf; 3] {
     let file = PolygonFile::parse(RECTANGLE).unwrap();
-    let motion = FingerMotion::parse(STRAIGHT).unwrap();
+    let motion = palpate_files::motion::parse(STRAIGHT).unwrap();
     let (part, grip) = (&file.part, file.mu * GRAVITY_ASSUMED);
     let world =
         PushedWorld { part, grip, mass: 0.5, mu_c: 0.3, radius: 0.015, motion: &motion, edge: 0, u: 0.0, s: 0.0 };

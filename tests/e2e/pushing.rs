@@ -4,9 +4,9 @@
 
 use std::f64::consts::PI;
 
-use palpate::solve::Problem;
-use palpate::solve::kinds::push::{Push, PushAnswer, PushSample, Reason};
-use palpate_shared::sim::Draw;
+use palpate::math::random::Draw;
+use palpate_files::solve::Problem;
+use palpate_files::solve::kinds::push::{Push, PushAnswer, PushSample, Reason};
 use palpate_tests::push_oracle::{Motion, Seen, Tangential, World};
 use serde_json::{Value, json};
 

@@ -1,6 +1,6 @@
 //! Pushes between disks, ellipses, lines and edges, judged by what they look like from outside: positions over time.
 //!
-//! Shares nothing with the equations of `palpate::pushing`: accelerations are differences of sampled velocities, velocities
+//! Shares nothing with the equations of `palpate::pushing::dynamics`: accelerations are differences of sampled velocities, velocities
 //! differences of sampled places, the contact is where the outlines, searched point by point, come nearest.
 
 #![expect(clippy::unwrap_used, reason = "a test stops at what it cannot read")]
@@ -9,11 +9,11 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use nalgebra::{Point2, Rotation2, Vector2};
 use palpate::geometry::SimplePolygon;
-use palpate::pushing::{
+use palpate::math::random::Draw;
+use palpate::pushing::dynamics::{
     Body, ContactLaw, EdgeEnd, EndReason, FingerPath, FingerShape, Mass, Part, PartSide, Run, Sample, ShapedModel,
     ShapedPush, Start, State,
 };
-use palpate_shared::sim::Draw;
 
 /// Pushes of each pair of outlines and law.
 const PUSHES: u64 = 12;

@@ -8,7 +8,7 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
-use palpate::solve::{KINDS, run};
+use palpate_files::solve::{KINDS, run};
 use serde_json::Value;
 
 fn root() -> PathBuf {

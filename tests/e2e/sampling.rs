@@ -8,12 +8,12 @@ use std::process::Command;
 use nalgebra::Point2;
 use palpate::corner::{Corner, RIGHT_ANGLE};
 use palpate::geometry::SimplePolygon;
-use palpate::plan_file::PlanFile;
-use palpate::sampling::{Request, Scene, plan};
-use palpate::solve::Problem;
-use palpate::solve::kinds::point_sampling::PointSampling;
-use palpate::tables::scenes::SceneKind;
-use palpate_shared::sim::Draw;
+use palpate::math::random::Draw;
+use palpate::point_sampling::scenes::SceneKind;
+use palpate::point_sampling::{Request, Scene, plan};
+use palpate_files::sampling_plan::PlanFile;
+use palpate_files::solve::Problem;
+use palpate_files::solve::kinds::point_sampling::PointSampling;
 use palpate_tests::rig::palpate_binary;
 
 /// Scenes of each kind.

@@ -6,8 +6,8 @@
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 
-use palpate::link::reader::{MessageReader, ReaderCounts};
-use palpate::simulated_device::SimulatedOnly;
+use palpate_device::simulated::SimulatedOnly;
+use palpate_device::wire_reader::{MessageReader, ReaderCounts};
 use palpate_firmware_core::{Device, Identity, Queues, Sampler, Settings};
 use palpate_shared::sim::{FingerConfig, SimulatedFrontEnd};
 use palpate_shared::units::DeviceTime;

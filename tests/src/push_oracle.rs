@@ -1,6 +1,6 @@
 //! A pushed part in world coordinates: positions and velocities of its centre of mass and angle, the contact as a constraint
 //! solved with its force by elimination, support on feet one by one. Slow, obvious, and without any formula of
-//! `palpate::pushing`, which works in contact coordinates with the constraint solved by hand.
+//! `palpate::pushing::dynamics`, which works in contact coordinates with the constraint solved by hand.
 //!
 //! Units: SI, world axes, per unit mass.
 

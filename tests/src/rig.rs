@@ -6,10 +6,10 @@ use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
-use palpate::link::session::Options;
-use palpate::link::{Incoming, LinkError, Session};
-use palpate::samples::Samples;
-use palpate::simulated_device::{Config, Line, Pace, SimulatedDevice};
+use palpate::finger::Samples;
+use palpate_device::session::Options;
+use palpate_device::simulated::{Config, Line, Pace, SimulatedDevice};
+use palpate_device::{Incoming, LinkError, Session};
 
 /// Longest wait for anything, in s: a hundred times what it takes on an idle machine.
 pub const PATIENCE: Duration = Duration::from_secs(20);
@@ -187,7 +187,7 @@ pub fn palpate_binary() -> &'static PathBuf {
         }
         let target = profile.parent().expect("the profile's folder lies in the target folder");
         let mut cargo = std::process::Command::new(env!("CARGO"));
-        cargo.args(["build", "--quiet", "--package", "palpate", "--bin", "palpate", "--target-dir"]).arg(target);
+        cargo.args(["build", "--quiet", "--package", "palpate-cli", "--bin", "palpate", "--target-dir"]).arg(target);
         if profile.ends_with("release") {
             cargo.arg("--release");
         }

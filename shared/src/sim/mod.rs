@@ -14,11 +14,9 @@
 //! frames, CRC, DRDY and its two-deep memory; faults on demand. Not modelled: torsion and axial force, gauge creep and
 //! hysteresis, noise of the excitation, distortion, aliasing, the chip's start-up and bus timing.
 //!
-//! Arithmetic of the finger is `f32` throughout, time is counted in integers, nothing is allocated: the same code runs on a
+//! Arithmetic is `f32` throughout, time is counted in integers, nothing is allocated: the same code runs on a
 //! Cortex-M4F and for hours. The same seed gives the same bytes; each source of noise has its own stream, so that
 //! switching one off leaves the others as they were.
-//!
-//! [`Draw`] has random numbers for whoever makes up problems around it.
 //!
 //! Frame: finger. Units: SI inside, strain as a plain ratio. Errors: per module.
 //!
@@ -36,7 +34,6 @@
 pub mod ads131m02;
 mod beam;
 mod bridge;
-mod draw;
 mod front_end;
 mod load;
 mod noise;
@@ -46,7 +43,6 @@ mod trig;
 
 pub use beam::BeamConfig;
 pub use bridge::{BridgeConfig, BridgesConfig, MICROSTRAIN};
-pub use draw::Draw;
 pub use front_end::{Faults, FingerConfig, FloatingBus, SimulatedFrontEnd, Truth};
 pub use load::{Contact, Load, RAMP_US, STEPS_MAX, Script, ScriptError};
 pub use port::{DataReadyPin, PortBusy, SpiPort, SyncResetPin};

@@ -1,0 +1,514 @@
+//! `palpate calibrate`.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use miette::{IntoDiagnostic, WrapErr};
+use palpate::finger::calibration::dwell::Refusal;
+use palpate::finger::calibration::plan::{Plan, Step, TareMode};
+use palpate::finger::calibration::session::{Bench, Ending, SampleSource, Session, Summary, Taken};
+use palpate::finger::calibration::{FrontEndSettings, Load, session};
+use palpate_files::calibration::conclusion::{Conclusion, HELD_BACK_ERROR_MAX_DEG, conclude};
+use palpate_files::calibration::file::{FileError, save_raw, save_result, save_unfinished};
+use palpate_files::calibration::plan::from_toml;
+use palpate_files::calibration::raw::{Provenance, RawRun};
+
+use super::device::DeviceArguments;
+use crate::live::person::Person;
+use crate::live::{self, GAUGE_FACTOR, LinkSource, SimulatedBench};
+
+/// Finds the finger's matrix from contacts at known angles, step by step.
+///
+/// Every step says what to set up, waits for Enter, and accepts the reading by itself once it is at rest. Contacts kept
+/// out of the fit judge the result; it is written only if they are felt where they are. See calibration/PROCEDURE.md.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    device: DeviceArguments,
+
+    /// Name of the finger: letters, digits, - and _; results go to a folder of that name
+    #[arg(long, value_name = "NAME", default_value = "finger-a")]
+    finger: String,
+
+    /// Contacts evenly all round
+    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u32).range(4..=360), conflicts_with = "plan")]
+    contacts: u32,
+
+    /// Load of every contact: "2 N", "204 g" hung, "same" (one weight nobody weighed) or "unknown"
+    #[arg(long, value_name = "LOAD", default_value = "unknown", conflicts_with = "plan")]
+    load: Load,
+
+    /// Tare once before and once after instead of before each contact: for an upright finger that does not turn
+    #[arg(long, conflicts_with = "plan")]
+    tare_once: bool,
+
+    /// Take contacts, loads and settings from this plan instead
+    #[arg(long, value_name = "FILE")]
+    plan: Option<PathBuf>,
+
+    /// Print the plan as a file to start from, and stop
+    #[arg(long)]
+    print_plan: bool,
+
+    /// Fit kept raw samples again instead of taking new ones
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["plan", "keep"])]
+    from_raw: Option<PathBuf>,
+
+    /// Keep the raw samples of the accepted steps when the run is stopped with `q`; a run that ends otherwise always
+    /// leaves them
+    #[arg(long)]
+    keep: bool,
+
+    /// Largest error of a held-back contact, degrees
+    #[arg(long, value_name = "DEG", default_value_t = HELD_BACK_ERROR_MAX_DEG)]
+    max_error_deg: f64,
+
+    /// Gauge factor from the gauges' data sheet
+    #[arg(long, value_name = "GF", default_value_t = GAUGE_FACTOR)]
+    gauge_factor: f64,
+
+    /// Temperature of the finger, °C, for the record [default: what the board's sensor says, if it has one]
+    #[arg(long, value_name = "CELSIUS")]
+    temperature_c: Option<f64>,
+
+    /// Folder of the results
+    #[arg(long, value_name = "DIR", default_value = "calibration")]
+    out: PathBuf,
+
+    /// Date and time of the run, RFC 3339 [default: now]
+    #[arg(long, value_name = "DATE")]
+    date: Option<String>,
+}
+
+/// A device that is ready to stream.
+pub(crate) struct Device<'a> {
+    /// Its samples.
+    pub(crate) source: &'a mut dyn SampleSource,
+    /// Its name, as it gives it.
+    pub(crate) name: String,
+    /// Its sampling rate, Hz.
+    pub(crate) rate_hz: f64,
+    /// Gain of its front-end.
+    pub(crate) gain: u8,
+    /// Voltage across its bridges, V.
+    pub(crate) excitation_v: f64,
+    /// Input of its converter at full scale and gain 1, V.
+    pub(crate) full_scale_v: f64,
+    /// Temperature there, °C, where it is known.
+    pub(crate) temperature_c: Option<f64>,
+}
+
+/// Fits kept samples, or takes new ones: with a person at the terminal, or with the hand of a device simulated here.
+pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
+    if let Some(path) = &arguments.from_raw {
+        return recalculate(arguments, path);
+    }
+    let plan = arguments.plan()?;
+    if arguments.print_plan {
+        super::write_out(format_args!("{}", toml::to_string(&plan).into_diagnostic()?));
+        return Ok(ExitCode::SUCCESS);
+    }
+    let mut link = arguments.device.open(true)?;
+    eprint!("{}", super::simulated_note(&link));
+    let (hello, hand) = (link.hello().clone(), link.simulated().cloned());
+    let temperature_c = match arguments.temperature_c {
+        Some(celsius) => Some(celsius),
+        None => live::temperature(&mut link)?,
+    };
+    let device = Device {
+        source: &mut LinkSource::new(&mut link),
+        name: hello.device.to_string(),
+        rate_hz: f64::from(hello.rate_hz),
+        gain: hello.gain,
+        excitation_v: f64::from(hello.excitation_mv) * 1e-3,
+        full_scale_v: f64::from(hello.full_scale_uv) * 1e-6,
+        temperature_c,
+    };
+    match hand {
+        Some(hand) => {
+            eprintln!("a simulated hand sets every angle exactly: a reduced chi² near 0 is right for it");
+            calibrate(arguments, &plan, device, &mut SimulatedBench::new(&hand, SIMULATED_FORCE_N, tell_step))
+        }
+        None => calibrate(arguments, &plan, device, &mut Person::new(io::stdin().lock(), io::stderr())),
+    }
+}
+
+/// Force with which a simulated hand presses where the plan leaves it open, N.
+const SIMULATED_FORCE_N: f64 = 2.0;
+
+/// Says what a simulated hand did.
+fn tell_step(step: &Step, outcome: Result<&Summary, &Refusal>) {
+    match outcome {
+        Ok(summary) => eprintln!("[simulated hand] {}: accepted after {:.1} s", step.prompt(), summary.waited_s),
+        Err(refusal) => eprintln!("[simulated hand] {}: {refusal}", step.prompt()),
+    }
+}
+
+/// Takes the plan's contacts on any bench, fits, judges and writes.
+pub(crate) fn calibrate(
+    arguments: &Arguments,
+    plan: &Plan,
+    device: Device<'_>,
+    bench: &mut dyn Bench,
+) -> miette::Result<ExitCode> {
+    let mut provenance = Provenance {
+        device: device.name,
+        finger: arguments.finger.clone(),
+        date: arguments.date.clone().unwrap_or_else(now),
+        temperature_c: device.temperature_c,
+        rate_hz: device.rate_hz,
+        front_end: FrontEndSettings {
+            gain: device.gain,
+            excitation_v: device.excitation_v,
+            full_scale_v: device.full_scale_v,
+            gauge_factor: arguments.gauge_factor,
+        },
+    };
+    // Whatever is wrong with names, settings and folders is said before a quarter of an hour of work, not after.
+    check_writable(&arguments.out.join(&provenance.finger))?;
+    let settings = plan.dwell_settings(provenance.check()?, provenance.rate_hz)?;
+    let mut run = Session::new(plan.steps(), settings);
+    let mut unfinished = Unfinished::new(&arguments.out, &provenance, plan);
+    let ending = session::run_keeping(&mut run, device.source, bench, &mut |taken| unfinished.keep(taken));
+    provenance.date = arguments.date.clone().unwrap_or_else(now);
+    let raw = RawRun::new(provenance, plan.clone(), run.taken());
+    match ending {
+        Ok(Ending::Complete) => {
+            let raw_path = save_raw(&arguments.out, &raw)?;
+            unfinished.remove();
+            conclude_and_write(arguments, &raw, &raw_path)
+        }
+        Ok(Ending::Quit) => {
+            keep_if_wished(arguments, &raw)?;
+            unfinished.remove();
+            eprintln!("stopped after {} of {} steps; no calibration written", raw.dwells.len(), run.len());
+            Ok(ExitCode::FAILURE)
+        }
+        Err(error) => Err(match unfinished.path() {
+            Some(path) => {
+                let kept = format!("the steps so far are kept in {}", path.display());
+                miette::Report::from(error).wrap_err(kept)
+            }
+            None => error.into(),
+        }),
+    }
+}
+
+/// The samples of a run that is not over, on disk after every step: a killed program or a pulled cable loses none.
+struct Unfinished<'a> {
+    root: &'a Path,
+    provenance: Provenance,
+    plan: &'a Plan,
+    written: Option<Result<PathBuf, FileError>>,
+}
+
+impl<'a> Unfinished<'a> {
+    fn new(root: &'a Path, provenance: &Provenance, plan: &'a Plan) -> Self {
+        Self { root, provenance: provenance.clone(), plan, written: None }
+    }
+
+    /// Keeps what was taken so far. A failure is said once and is no reason to stop: the end of the run writes again.
+    fn keep(&mut self, taken: &[Taken]) {
+        let written = save_unfinished(self.root, &RawRun::new(self.provenance.clone(), self.plan.clone(), taken));
+        if let (Err(error), None | Some(Ok(_))) = (&written, &self.written) {
+            tracing::warn!(%error, "the samples so far cannot be kept; the run goes on");
+        }
+        self.written = Some(written);
+    }
+
+    /// Where they are.
+    fn path(&self) -> Option<&Path> {
+        self.written.as_ref()?.as_ref().ok().map(PathBuf::as_path)
+    }
+
+    /// Removes them: they are not wanted, or in their own file by now.
+    fn remove(self) {
+        if let Some(path) = self.path() {
+            if let Err(error) = fs::remove_file(path) {
+                tracing::warn!(path = %path.display(), %error, "this file is left over");
+            }
+            // Only an empty folder goes.
+            let _ = path.parent().map(fs::remove_dir);
+        }
+    }
+}
+
+/// Makes sure that results can be written to a folder, and leaves nothing there.
+fn check_writable(folder: &Path) -> miette::Result<()> {
+    let trial = folder.join(".palpate-can-write");
+    let written =
+        fs::create_dir_all(folder).and_then(|()| fs::write(&trial, "")).and_then(|()| fs::remove_file(&trial));
+    // A folder with results in it stays; that is what this call refuses to remove.
+    let _ = fs::remove_dir(folder);
+    written
+        .into_diagnostic()
+        .wrap_err_with(|| format!("cannot write results to {}", folder.display()))
+        .map_err(|error| error.context("choose another folder with --out"))
+}
+
+fn conclude_and_write(arguments: &Arguments, raw: &RawRun, raw_path: &Path) -> miette::Result<ExitCode> {
+    let conclusion = conclude(raw)
+        .map_err(miette::Report::from)
+        .and_then(|conclusion| judge(arguments, conclusion))
+        .wrap_err_with(|| format!("no calibration; the samples are kept in {}", raw_path.display()))?;
+    let path = save_result(&arguments.out, &conclusion.fit, &conclusion.taken, &raw.provenance, raw_path)?;
+    say!("written  {}\nsamples  {}", path.display(), raw_path.display());
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Fits a raw file again. The result goes beside it, under its own date unless another is given.
+fn recalculate(arguments: &Arguments, path: &Path) -> miette::Result<ExitCode> {
+    let text =
+        fs::read_to_string(path).into_diagnostic().wrap_err_with(|| format!("cannot read {}", path.display()))?;
+    let named = || format!("cannot calibrate from {}", path.display());
+    let raw = RawRun::from_text(&text).map_err(miette::Report::from).wrap_err_with(named)?;
+    let conclusion = conclude(&raw)
+        .map_err(miette::Report::from)
+        .and_then(|conclusion| judge(arguments, conclusion))
+        .wrap_err_with(named)?;
+    let mut provenance = raw.provenance;
+    if let Some(date) = &arguments.date {
+        provenance.date.clone_from(date);
+    }
+    // `<root>/<finger>/<date>.csv`: the raw file stays where it is, and a result names a file in its own folder.
+    let folder = path.parent().filter(|folder| folder.ends_with(&provenance.finger));
+    let root = folder.and_then(Path::parent);
+    let root = root.ok_or_else(|| {
+        miette::miette!(
+            help = "move it there, so that the result can lie beside it",
+            "{} does not lie in a folder named {}",
+            path.display(),
+            provenance.finger
+        )
+    })?;
+    let written = save_result(root, &conclusion.fit, &conclusion.taken, &provenance, path)?;
+    say!("written  {}", written.display());
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Prints the report and asks the held-back contacts.
+fn judge(arguments: &Arguments, conclusion: Conclusion) -> miette::Result<Conclusion> {
+    super::write_out(format_args!("{conclusion}"));
+    conclusion.judge(arguments.max_error_deg)?;
+    Ok(conclusion)
+}
+
+fn keep_if_wished(arguments: &Arguments, raw: &RawRun) -> miette::Result<()> {
+    if arguments.keep && !raw.dwells.is_empty() {
+        let path = save_raw(&arguments.out, raw)?;
+        eprintln!("samples  {}", path.display());
+    }
+    Ok(())
+}
+
+impl Arguments {
+    fn plan(&self) -> miette::Result<Plan> {
+        let Some(path) = &self.plan else {
+            let tare = if self.tare_once { TareMode::Once } else { TareMode::Each };
+            return Ok(Plan::all_round(self.contacts, self.load, tare));
+        };
+        let text =
+            fs::read_to_string(path).into_diagnostic().wrap_err_with(|| format!("cannot read {}", path.display()))?;
+        from_toml(&text).map_err(miette::Report::from).wrap_err_with(|| format!("cannot use {}", path.display()))
+    }
+}
+
+/// Now, as RFC 3339 in UTC to the second.
+fn now() -> String {
+    // A clock before 1970 is not set at all; the epoch says so plainly.
+    let seconds = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+    rfc3339(seconds)
+}
+
+/// Seconds since 1970 as a date (Howard Hinnant, "chrono-compatible low-level date algorithms", `civil_from_days`).
+fn rfc3339(unix_s: u64) -> String {
+    const DAYS_0000_TO_1970: u64 = 719_468;
+    let (days, second) = (unix_s / 86_400 + DAYS_0000_TO_1970, unix_s % 86_400);
+    let (era, day_of_era) = (days / 146_097, days % 146_097);
+    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    // Years begin in March here, so that the leap day is the last.
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let month_from_march = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
+    let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
+    let year = era * 400 + year_of_era + u64::from(month <= 2);
+    format!("{year:04}-{month:02}-{day:02}T{:02}:{:02}:{:02}Z", second / 3600, second / 60 % 60, second % 60)
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+    use palpate::finger::Samples;
+    use palpate::finger::calibration::session::{BenchError, Delivered, SourceError, Wish};
+    use palpate_files::calibration::file::{CalibrationFile, RawState};
+    use palpate_shared::units::Counts;
+    use palpate_shared::wire::Status;
+
+    use super::*;
+
+    #[derive(Debug, Parser)]
+    struct Line {
+        #[command(flatten)]
+        arguments: Arguments,
+    }
+
+    fn arguments(line: &[&str]) -> Arguments {
+        Line::try_parse_from(std::iter::once(&"calibrate").chain(line)).unwrap().arguments
+    }
+
+    #[test]
+    fn dates_are_those_of_the_calendar() {
+        assert_eq!(rfc3339(0), "1970-01-01T00:00:00Z");
+        assert_eq!(rfc3339(951_782_400), "2000-02-29T00:00:00Z");
+        assert_eq!(rfc3339(1_714_644_900), "2024-05-02T10:15:00Z");
+        assert_eq!(rfc3339(4_102_444_799), "2099-12-31T23:59:59Z");
+    }
+
+    #[test]
+    fn wrong_arguments_are_refused_while_parsing() {
+        for line in [
+            &["--load", "2 stone"][..],
+            &["--contacts", "3"],
+            &["--plan", "a", "--load", "2 N"],
+            &["--from-raw", "a", "--plan", "b"],
+        ] {
+            assert!(Line::try_parse_from(std::iter::once(&"calibrate").chain(line)).is_err(), "{line:?}");
+        }
+    }
+
+    /// A finger whose bridges are its axes: 27 000 counts/N, ±2 codes of a fixed pattern, no noise to speak of.
+    struct Ideal {
+        force: std::rc::Rc<std::cell::Cell<[f64; 2]>>,
+        seq: u64,
+    }
+
+    impl SampleSource for Ideal {
+        fn next_block(&mut self) -> Result<Delivered, SourceError> {
+            let first = self.seq;
+            let counts = (0..8_u64).map(|index| {
+                let dither = i32::try_from((first + index) * 7 % 5).unwrap() - 2;
+                #[expect(clippy::cast_possible_truncation, reason = "far below 2^31")]
+                self.force.get().map(|newtons| Counts((27_000.0 * newtons).round() as i32 + dither))
+            });
+            let counts = counts.collect();
+            self.seq += 8;
+            let (time_us, status) = (250 * first, Status::default());
+            Ok(Delivered::Samples(Samples { first, missing_before: 0, time_us, period_us: 250.0, status, counts }))
+        }
+
+        fn discard_waiting(&mut self) -> Result<(), SourceError> {
+            Ok(())
+        }
+    }
+
+    /// Puts 2 N where the step says; stops at step `quits_at`, breaks at `lets_go_at`.
+    struct Hand {
+        force: std::rc::Rc<std::cell::Cell<[f64; 2]>>,
+        quits_at: usize,
+        lets_go_at: usize,
+    }
+
+    impl Default for Hand {
+        fn default() -> Self {
+            Self { force: std::rc::Rc::default(), quits_at: usize::MAX, lets_go_at: usize::MAX }
+        }
+    }
+
+    impl Bench for Hand {
+        fn place(&mut self, step: &Step, number: usize, _of: usize) -> Result<Wish, BenchError> {
+            self.force.set(match step {
+                Step::Tare { .. } => [0.0, 0.0],
+                Step::Contact(contact) => {
+                    let (sin, cos) = contact.angle_deg.to_radians().sin_cos();
+                    [-2.0 * cos, -2.0 * sin]
+                }
+            });
+            match number {
+                _ if number >= self.lets_go_at => Err(BenchError("the hand let go".to_owned())),
+                _ if number >= self.quits_at => Ok(Wish::Quit),
+                _ => Ok(Wish::Sample),
+            }
+        }
+
+        fn accepted(&mut self, _step: &Step, _summary: &Summary) {}
+
+        fn refused(&mut self, _step: &Step, refusal: &Refusal) -> Result<Wish, BenchError> {
+            Err(BenchError(refusal.to_string()))
+        }
+    }
+
+    fn go(line: &[&str], mut hand: Hand) -> miette::Result<ExitCode> {
+        let arguments = arguments(line);
+        let device = Device {
+            source: &mut Ideal { force: hand.force.clone(), seq: 0 },
+            name: "palpate-0001".to_owned(),
+            rate_hz: 4000.0,
+            gain: 32,
+            excitation_v: 2.5,
+            full_scale_v: 1.2,
+            temperature_c: Some(23.5),
+        };
+        calibrate(&arguments, &arguments.plan()?, device, &mut hand)
+    }
+
+    #[test]
+    fn a_whole_run_writes_a_calibration_that_recalculates() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().to_str().unwrap();
+        go(&["--load", "2 N", "--out", out, "--date", "2024-05-02T10:15:00Z"], Hand::default()).unwrap();
+        let (file, state) = CalibrationFile::read(&folder.path().join("finger-a/2024-05-02T101500Z.toml")).unwrap();
+        assert_eq!(state, RawState::Verified);
+        assert!((file.matrix[0][0] - 27_000.0).abs() < 10.0, "{:?} counts/N", file.matrix);
+        let raw = folder.path().join("finger-a/2024-05-02T101500Z.csv");
+        let again = arguments(&["--from-raw", raw.to_str().unwrap(), "--date", "2024-06-01T00:00:00Z"]);
+        run(&again).unwrap();
+        let (recalculated, _) = CalibrationFile::read(&folder.path().join("finger-a/2024-06-01T000000Z.toml")).unwrap();
+        assert_eq!((recalculated.matrix, recalculated.raw.file), (file.matrix, "2024-05-02T101500Z.csv".to_owned()));
+        // Under its own date it would replace the first result.
+        assert!(run(&arguments(&["--from-raw", raw.to_str().unwrap()])).is_err());
+    }
+
+    #[test]
+    fn a_stopped_run_leaves_nothing_unless_wished() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().to_str().unwrap();
+        go(&["--out", out], Hand { quits_at: 5, ..Hand::default() }).unwrap();
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+        go(&["--out", out, "--keep"], Hand { quits_at: 5, ..Hand::default() }).unwrap();
+        let kept: Vec<_> =
+            fs::read_dir(folder.path().join("finger-a")).unwrap().map(|entry| entry.unwrap().path()).collect();
+        assert_eq!((kept.len(), kept[0].extension().unwrap().to_str()), (1, Some("csv")));
+        assert_eq!(RawRun::from_text(&fs::read_to_string(&kept[0]).unwrap()).unwrap().dwells.len(), 4);
+    }
+
+    #[test]
+    fn samples_outlive_a_run_that_is_not_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().to_str().unwrap();
+        let line = ["--out", out, "--date", "2024-05-02T10:15:00Z"];
+        let error = go(&line, Hand { lets_go_at: 5, ..Hand::default() }).unwrap_err();
+        let kept = folder.path().join("finger-a/2024-05-02T101500Z.unfinished.csv");
+        assert!(error.to_string().contains(kept.to_str().unwrap()), "{error}");
+        assert_eq!(RawRun::from_text(&fs::read_to_string(&kept).unwrap()).unwrap().dwells.len(), 4);
+    }
+
+    #[test]
+    fn a_run_that_gives_no_result_leaves_its_samples() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().to_str().unwrap();
+        let line = ["--out", out, "--date", "2024-05-02T10:15:00Z", "--max-error-deg", "0"];
+        let error = go(&line, Hand::default()).unwrap_err();
+        let names: Vec<_> =
+            fs::read_dir(folder.path().join("finger-a")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        assert_eq!(names, ["2024-05-02T101500Z.csv"], "{error}");
+    }
+
+    #[test]
+    fn a_bad_name_is_said_before_any_step() {
+        let error = go(&["--finger", "a/b"], Hand::default()).unwrap_err();
+        assert!(error.to_string().contains("a/b"), "{error}");
+    }
+}

@@ -1,0 +1,239 @@
+//! `palpate demo`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use miette::{IntoDiagnostic as _, WrapErr as _};
+use palpate::finger::contact::Reading;
+use palpate::math::random::Draw;
+use palpate::pushing::dynamics::Part;
+use palpate::pushing::estimation::from_rest::onset::PushSense;
+use palpate::pushing::estimation::from_rest::trial::{
+    Drawn, RADIUS_M, Ranges, pose_error, random_part, straight_motion,
+};
+use palpate::pushing::estimation::from_rest::{self, Estimate, Known};
+use palpate::pushing::finger_motion::{FingerMotion, Segment};
+use palpate_device::simulated::Line;
+use palpate_files::motion;
+use palpate_files::part::PolygonFile;
+
+use super::read::read;
+use super::{not_negative, pose, static_demo};
+use crate::thesis::demonstration::{CALIBRATION_CONTACTS, CALIBRATION_FORCE_N, FeltPush, Rig, course};
+use palpate::gravity::GRAVITY_ASSUMED;
+
+/// Times since the onset at which the host says what it knows, s; the end of the push comes last.
+const TIMES_S: [f64; 3] = [0.1, 0.2, 0.4];
+
+/// Largest factor of the noise: a light part's force is lost in it, and a heavier calibration weight would bend the beam for good.
+const NOISE_MAX: f64 = 20.0;
+
+/// Shows the whole chain without hardware: a part is pushed, and the host names its pose from the force on the finger.
+///
+/// A simulated world puts a part before a simulated finger, which begins to push it. Between the force and the bytes is the
+/// firmware's own code on a model of its chip; the host calibrates the finger, knows the part's shape, the friction under it and
+/// how the finger moves, and finds where the part is. Then the truth is revealed. With --static, the thesis's experiment
+/// with contacts that do not move.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    /// Push this part (a part file as for `palpate push`) instead of a random one
+    #[arg(long, value_name = "FILE", conflicts_with = "static_contacts")]
+    part: Option<PathBuf>,
+
+    /// Move the finger so (a motion file as for `palpate observe`) instead of along x, then aside
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["static_contacts", "straight"])]
+    motion: Option<PathBuf>,
+
+    /// Push straight, so that more poses feel alike
+    #[arg(long, conflicts_with = "static_contacts")]
+    straight: bool,
+
+    /// Seed of everything random
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
+    seed: u64,
+
+    /// Noise and hum of the finger, as a multiple of the datasheet's
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = noise, conflicts_with = "static_contacts", allow_negative_numbers = true)]
+    noise: f64,
+
+    /// Keep what the host had to go by in this folder: part.toml, motion.toml and forces.csv, for `palpate observe`
+    #[arg(long, value_name = "DIR", conflicts_with = "static_contacts")]
+    keep: Option<PathBuf>,
+
+    /// Feel contacts round the disk that do not move, as the thesis did, and compare with its figures
+    #[arg(long = "static")]
+    static_contacts: bool,
+}
+
+fn noise(text: &str) -> Result<f64, String> {
+    not_negative(text).and_then(|factor| {
+        if factor <= NOISE_MAX { Ok(factor) } else { Err(format!("{factor} is too much: at most {NOISE_MAX}")) }
+    })
+}
+
+pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
+    if arguments.static_contacts {
+        return static_demo::run(arguments.seed);
+    }
+    let mut draw = Draw::case(arguments.seed, 0);
+    let (part, mut ranges) = arguments.part(&mut draw)?;
+    if let Some(motion) = arguments.motion()? {
+        ranges.motion = motion;
+    }
+    let drawn = ranges.draw(&mut draw, &part).ok_or_else(|| {
+        miette::miette!(
+            help = "choose a larger part, or a shorter motion",
+            "the finger finds no edge of this part to push at for {} s without leaving it",
+            ranges.motion.duration()
+        )
+    })?;
+    let mut rig = Rig::start(arguments.seed, arguments.noise, line())?;
+    introduce(&rig, &part, &ranges, CALIBRATION_FORCE_N * arguments.noise.max(1.0));
+    let felt = rig.push(course(&drawn.played))?;
+    if let Some(folder) = &arguments.keep {
+        arguments.keep_files(folder, &part, &ranges, &felt)?;
+    }
+    let known = Known {
+        part: &part,
+        grip: ranges.mu * GRAVITY_ASSUMED,
+        grip_log_sd: None,
+        radius: RADIUS_M,
+        motion: &ranges.motion,
+    };
+    let Some(estimate) = say_what_is_felt(&known, &felt.sense) else {
+        say!("The push was not felt: its force does not stand out of {} times the noise.", arguments.noise);
+        return Ok(ExitCode::SUCCESS);
+    };
+    reveal(&part, &drawn, &estimate);
+    Ok(ExitCode::SUCCESS)
+}
+
+/// As real a line as the system has.
+fn line() -> Line {
+    if cfg!(unix) { Line::Pty { link: None } } else { Line::Pipe }
+}
+
+impl Arguments {
+    fn part(&self, draw: &mut Draw) -> miette::Result<(Part, Ranges)> {
+        let Some(path) = &self.part else { return Ok((random_part(draw), Ranges::default())) };
+        let file = read(path, PolygonFile::parse)?;
+        let default = Ranges::default();
+        let mu_c = file.mu_c.map_or(default.mu_c, |mu_c| [mu_c, mu_c]);
+        Ok((file.part, Ranges { mu: file.mu, mu_c, ..default }))
+    }
+
+    fn keep_files(&self, folder: &Path, part: &Part, ranges: &Ranges, felt: &FeltPush) -> miette::Result<()> {
+        let cannot = || format!("cannot keep the push in {}", folder.display());
+        let part = match &self.part {
+            Some(path) => fs::read_to_string(path).into_diagnostic().wrap_err_with(cannot)?,
+            None => part_as_toml(part, ranges.mu),
+        };
+        let files = [
+            ("part.toml", part),
+            ("motion.toml", motion_as_toml(&ranges.motion)),
+            ("forces.csv", as_table(&felt.readings)),
+        ];
+        if let Some((name, _)) = files.iter().find(|(name, _)| folder.join(name).exists()) {
+            let help = "name a new folder, or move the file away";
+            return Err(miette::miette!(help = help, "there is a {name} already")).wrap_err_with(cannot);
+        }
+        fs::create_dir_all(folder).into_diagnostic().wrap_err_with(cannot)?;
+        files
+            .iter()
+            .try_for_each(|(name, text)| fs::write(folder.join(name), text))
+            .into_diagnostic()
+            .wrap_err_with(cannot)?;
+        let named = |name: &str| folder.join(name).display().to_string();
+        let [part, motion, forces] = ["part.toml", "motion.toml", "forces.csv"].map(named);
+        eprintln!("kept; to look again: palpate observe {forces} --part {part} --motion {motion}");
+        Ok(())
+    }
+
+    fn motion(&self) -> miette::Result<Option<FingerMotion>> {
+        match &self.motion {
+            Some(path) => read(path, motion::parse).map(Some),
+            None => Ok(self.straight.then(straight_motion)),
+        }
+    }
+}
+
+/// A part without feet or a mass of its own, as its file.
+fn part_as_toml(part: &Part, mu: f64) -> String {
+    let vertices: Vec<_> =
+        part.polygon().vertices().iter().map(|vertex| format!("[{}, {}]", vertex.x, vertex.y)).collect();
+    format!("unit = \"m\"\nvertices = [{}]\nmu = {mu}\n", vertices.join(", "))
+}
+
+fn motion_as_toml(motion: &FingerMotion) -> String {
+    let start = motion.centre(0.0);
+    let segments = motion.segments().iter().map(|Segment { seconds, acceleration: [x, y] }| {
+        format!("\n[[segment]]\nseconds = {seconds}\nacceleration = [{x}, {y}]\n")
+    });
+    format!("unit = \"m\"\nstart = [{}, {}]\n{}", start.x, start.y, segments.collect::<String>())
+}
+
+fn as_table(readings: &[Reading]) -> String {
+    let rows = readings
+        .iter()
+        .map(|Reading { t, force_finger, .. }| format!("{t:.6}, {:.6}, {:.6}\n", force_finger.x, force_finger.y));
+    "t [s], Fx [N], Fy [N]\n".to_owned() + &rows.collect::<String>()
+}
+
+fn introduce(rig: &Rig, part: &Part, ranges: &Ranges, force: f64) {
+    say!(
+        "A simulated finger runs the firmware at {}; the host opens it like any serial port.",
+        rig.session().address()
+    );
+    let worst = rig.fit().held_back().map_or_else(String::new, |held| {
+        format!("; those held back are off by at most {:.2}°", held.worst_error.abs().to_degrees())
+    });
+    say!("It was calibrated on {CALIBRATION_CONTACTS} contacts of {force} N{worst}.");
+    let vertices: Vec<_> =
+        part.polygon().vertices().iter().map(|v| format!("({:.0}, {:.0})", v.x * 1e3, v.y * 1e3)).collect();
+    say!("The part, in mm: {}; µ {} on the table.", vertices.join(" "), ranges.mu);
+    let segments = ranges.motion.segments().iter().map(|segment| {
+        let [x, y] = segment.acceleration.map(|value| value * 1e3);
+        format!("{} s with ({x:.0}, {y:.0}) mm/s²", segment.seconds)
+    });
+    say!("The finger touches it somewhere, at rest, and then moves: {}.", segments.collect::<Vec<_>>().join(", then "));
+    say!("What the host is not told: where and at what angle it touches, the part's mass, the friction at the finger.");
+}
+
+/// The host's answers as the push goes on; the last one.
+fn say_what_is_felt(known: &Known, sense: &PushSense) -> Option<Estimate> {
+    let end = known.motion.duration();
+    let mut last = None;
+    for until in TIMES_S.into_iter().filter(|&until| until < end).chain([end]) {
+        let Some(felt) = sense.felt(until).filter(|felt| felt.count() >= from_rest::WINDOWS_MIN) else { continue };
+        if last.is_none() {
+            say!("\n{}", pose::HEADINGS);
+        }
+        let estimate = from_rest::estimate(known, &felt);
+        pose::lines(known.part, &estimate).iter().for_each(|line| say!("{line}"));
+        last = Some(estimate);
+    }
+    last
+}
+
+fn reveal(part: &Part, drawn: &Drawn, estimate: &Estimate) {
+    say!("\n{}", pose::in_words(part, estimate));
+    let Some(truth) = drawn.played.pose(estimate.duration) else { return };
+    let centre = truth * part.centre_of_mass();
+    say!(
+        "The truth after {:.2} s: edge {}, centre of mass at ({:.2}, {:.2}) mm, turned {:.2}°; {:.3} kg, µ_c {:.3}.",
+        estimate.duration,
+        drawn.edge,
+        centre.x * 1e3,
+        centre.y * 1e3,
+        truth.rotation.angle().to_degrees(),
+        drawn.mass,
+        drawn.mu_c
+    );
+    for (place, hypothesis) in estimate.hypotheses.iter().enumerate() {
+        let error = pose_error(part, estimate.symmetry, &hypothesis.pose_end, &truth);
+        let which = if place == 0 { "The likeliest pose".to_owned() } else { format!("Number {}", place + 1) };
+        say!("{which} is off by {:.3} mm and {:.3}°.", error.distance * 1e3, error.angle.to_degrees());
+    }
+    say!("Nothing here was measured: finger and part were simulated. README.md says how to build a real finger.");
+}

@@ -1,0 +1,159 @@
+//! `palpate diagnose`.
+
+use std::process::ExitCode;
+use std::time::Instant;
+
+use miette::IntoDiagnostic as _;
+use nalgebra::Matrix2;
+use palpate::finger::calibration::{ForceUnit, counts_vector};
+use palpate::finger::diagnosis::{self, Figures, Finding, Observation, Verdict};
+use palpate_device::Session;
+use palpate_shared::sim::ads131m02::{CLKIN_HZ, noise_rms};
+
+use super::calibrated::CalibrationArguments;
+use super::device::DeviceArguments;
+use super::latency::Latency;
+use crate::live;
+use crate::live::interrupt;
+
+/// Is the finger well? Ten seconds at rest, then five lines.
+///
+/// Keep the finger free of contact. Exit status 1 if a line says FAULT.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    device: DeviceArguments,
+
+    #[command(flatten)]
+    calibration: CalibrationArguments,
+
+    /// How long to look, in seconds
+    #[arg(long, default_value_t = 10.0, value_name = "S", allow_negative_numbers = true, value_parser = super::stretch)]
+    seconds: f64,
+
+    /// Print one JSON object instead
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
+    interrupt::listen();
+    let mut session = arguments.device.open(true)?;
+    let newtons_per_count = newtons_per_count(&session, &arguments.calibration)?;
+    if !arguments.json {
+        say!(
+            "{}looking at {} for {} s; keep the finger free",
+            super::simulated_note(&session),
+            session.address(),
+            arguments.seconds
+        );
+    }
+    let (observation, latency) = observe(&mut session, arguments.seconds, newtons_per_count)?;
+    let Some((figures, findings)) = diagnosis::diagnose(&observation) else {
+        return Err(miette::miette!(
+            help = "give --seconds 1 or more",
+            "{} samples are too few to judge the finger by",
+            observation.counts.len()
+        ));
+    };
+    if arguments.json {
+        say!("{}", as_json(&session, &figures, &findings));
+    } else {
+        findings.iter().for_each(print_finding);
+        if let Some(latency) = latency.in_words() {
+            say!("latency {latency}");
+        }
+    }
+    let fault = findings.iter().any(|finding| finding.verdict == Verdict::Fault);
+    Ok(if fault { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+}
+
+/// The finger's matrix, if it is calibrated in newtons.
+fn newtons_per_count(session: &Session, arguments: &CalibrationArguments) -> miette::Result<Option<Matrix2<f64>>> {
+    let calibration = arguments.load(session)?;
+    Ok(calibration.filter(|known| known.unit() == ForceUnit::Newton).map(|known| *known.inverse()))
+}
+
+fn observe(
+    session: &mut Session,
+    seconds: f64,
+    newtons_per_count: Option<Matrix2<f64>>,
+) -> miette::Result<(Observation, Latency)> {
+    session.start()?;
+    session.ping()?;
+    let before = session.counts();
+    let mut latency = Latency::default();
+    let mut counts = Vec::new();
+    let (mut saturated, mut until_s) = (0, None);
+    live::stream(
+        session,
+        |session, samples| {
+            let end_s = samples.device_time_s(samples.counts.len());
+            latency.take(session, samples, Instant::now());
+            saturated += samples.counts.iter().filter(|pair| pair.iter().any(|count| count.is_saturated())).count();
+            counts.extend(samples.counts.iter().map(|&pair| counts_vector(pair)));
+            end_s < *until_s.get_or_insert(end_s + seconds)
+        },
+        super::tell,
+    )?;
+    session.stop()?;
+    let after = session.counts();
+    let hello = session.hello();
+    let oversampling = CLKIN_HZ / 2 / hello.rate_hz.max(1);
+    let observation = Observation {
+        counts,
+        saturated,
+        rate_hz: f64::from(hello.rate_hz),
+        clock_ratio: session.clock().filter(|_| seconds >= 5.0).map(|clock| 1.0 / (1.0 + clock.drift)),
+        missing: after.missing - before.missing,
+        damaged_frames: after.damaged_frames - before.damaged_frames,
+        front_end: live::front_end(hello).into_diagnostic()?,
+        converter_noise_v: f64::from(noise_rms(hello.gain, oversampling)),
+        newtons_per_count,
+    };
+    Ok((observation, latency))
+}
+
+fn print_finding(finding: &Finding) {
+    let verdict = match finding.verdict {
+        Verdict::Good => "ok   ",
+        Verdict::Look => "LOOK ",
+        Verdict::Fault => "FAULT",
+    };
+    say!("{:<7} {verdict} {}", finding.subject, finding.figures);
+    if !finding.remedy.is_empty() {
+        say!("              -> {}", finding.remedy);
+    }
+}
+
+fn as_json(session: &Session, figures: &Figures, findings: &[Finding]) -> String {
+    let findings: Vec<_> = findings
+        .iter()
+        .map(|finding| {
+            serde_json::json!({
+                "subject": finding.subject,
+                "verdict": match finding.verdict {
+                    Verdict::Good => "ok",
+                    Verdict::Look => "look",
+                    Verdict::Fault => "fault",
+                },
+                "figures": finding.figures,
+                "remedy": finding.remedy,
+            })
+        })
+        .collect();
+    let pair = |pair: nalgebra::Vector2<f64>| [pair.x, pair.y];
+    serde_json::json!({
+        "simulated": session.is_simulated(),
+        "noise_microstrain": pair(figures.noise_microstrain),
+        "noise_20ms_microstrain": pair(figures.averaged_noise_microstrain),
+        "noise_newtons": figures.noise_newtons.map(pair),
+        "hum_hz": figures.hum_hz,
+        "hum_microstrain_peak_to_peak": pair(figures.hum_microstrain),
+        "drift_microstrain_per_min": pair(figures.drift_microstrain_per_min),
+        "drift_sd_microstrain_per_min": pair(figures.drift_sd),
+        "longest_equal_run": figures.longest_run,
+        "findings": findings,
+    })
+    .to_string()
+}

@@ -1,0 +1,130 @@
+//! Forces and a motion from files: what a finger felt of a push from rest.
+
+use std::path::{Path, PathBuf};
+
+use miette::WrapErr as _;
+use palpate::finger::contact::Reading;
+use palpate::pushing::estimation::from_rest::onset::{PushSense, RestNoise};
+use palpate::pushing::estimation::from_rest::{FeltForce, Known, WINDOWS_MIN};
+use palpate::pushing::finger_motion::FingerMotion;
+use palpate_files::motion;
+use palpate_files::part::PolygonFile;
+use palpate_files::recordings::csv::{self, Table};
+
+use super::positive;
+use super::read::{read, report_problems};
+use palpate::gravity::GRAVITY_ASSUMED;
+
+/// The files, as `palpate observe` takes them.
+#[derive(Debug, clap::Args)]
+pub(super) struct FeltPushArguments {
+    /// Forces on the finger: a table of t, Fx, Fy, with the finger at rest at its beginning
+    #[arg(value_name = "FORCES")]
+    forces: PathBuf,
+
+    /// How the finger moved: a motion file, see `palpate observe --help`
+    #[arg(long, value_name = "MOTION.toml")]
+    motion: PathBuf,
+
+    /// Radius of the finger's disk
+    #[arg(long, value_name = "MM", value_parser = positive, default_value_t = 15.0)]
+    radius_mm: f64,
+
+    /// Take the tare over so many seconds at rest, at the beginning
+    #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true, value_parser = super::stretch)]
+    tare: f64,
+
+    #[command(flatten)]
+    friction: FrictionArguments,
+}
+
+/// How well the friction of the plane is known.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(super) struct FrictionArguments {
+    /// How well the part file's mu is known: 20% as one standard deviation, or x2 for within a factor of two (two of them); mu is
+    /// then found too
+    #[arg(long, value_name = "SHARE", value_parser = log_sd, allow_hyphen_values = true)]
+    mu_uncertainty: Option<f64>,
+}
+
+impl FrictionArguments {
+    /// Standard deviation of ln µ, if µ is not known.
+    pub(super) fn log_sd(self) -> Option<f64> {
+        self.mu_uncertainty
+    }
+}
+
+/// A share in per cent as the standard deviation of a logarithm, or a factor as two of them.
+fn log_sd(text: &str) -> Result<f64, String> {
+    let neither = || format!("{text:?} is neither a share such as 20% nor a factor such as x2");
+    let within = |value: &str, limits: [f64; 2], unit: &str| {
+        let value: f64 = value.parse().map_err(|_| neither())?;
+        let [low, high] = limits;
+        if (low..=high).contains(&value) {
+            Ok(value)
+        } else {
+            Err(format!("{text} is not within {low}{unit} and {high}{unit}"))
+        }
+    };
+    match (text.strip_suffix('%'), text.strip_prefix(['x', '×'])) {
+        (Some(share), _) => within(share.trim_end(), PER_CENT, "%").map(|share| share / 100.0),
+        (None, Some(factor)) => within(factor.trim_start(), FACTOR, "").map(|factor| 0.5 * factor.ln()),
+        (None, None) => Err(neither()),
+    }
+}
+
+/// What the friction of a plane can be uncertain by: less than the first is nothing beside other errors, more than the second is a
+/// factor.
+const PER_CENT: [f64; 2] = [0.1, 100.0];
+
+/// The same as a factor: at more than the second mu would be no guess at all.
+const FACTOR: [f64; 2] = [1.01, 10.0];
+
+/// The usable readings of a file of forces; the others are named.
+pub(super) fn read_forces(path: &Path) -> miette::Result<Vec<Reading>> {
+    let Table { readings, problems, .. } = read(path, csv::parse)?;
+    report_problems(path, &problems);
+    Ok(readings)
+}
+
+/// A push that was felt.
+pub(super) struct FeltPush {
+    pub(super) force: FeltForce,
+    motion: FingerMotion,
+    radius: f64,
+    grip_log_sd: Option<f64>,
+}
+
+impl FeltPushArguments {
+    pub(super) fn read(&self) -> miette::Result<FeltPush> {
+        let motion = read(&self.motion, motion::parse)?;
+        let named = || format!("cannot use the forces {}", self.forces.display());
+        let force = self.feel(&motion).wrap_err_with(named)?;
+        Ok(FeltPush { force, motion, radius: self.radius_mm * 1e-3, grip_log_sd: self.friction.log_sd() })
+    }
+
+    fn feel(&self, motion: &FingerMotion) -> miette::Result<FeltForce> {
+        let readings = read_forces(&self.forces)?;
+        let rest_end = readings.first().map_or(0.0, |first| first.t) + self.tare;
+        let (rest, push) = readings.split_at(readings.partition_point(|reading| reading.t < rest_end));
+        let noise = RestNoise::estimate(rest).map_err(|error| {
+            miette::miette!(help = error.help(), "the finger was not at rest while the tare was taken: {error}")
+        })?;
+        let mut sense = PushSense::new(noise, None);
+        push.iter().for_each(|reading| sense.push(reading));
+        sense.felt(motion.duration()).filter(|felt| felt.count() >= WINDOWS_MIN).ok_or_else(|| {
+            miette::miette!(
+                help = "a push must stand out of the noise for a tenth of a second at least, and begin after the tare",
+                "no push was felt, or too short a one"
+            )
+        })
+    }
+}
+
+impl FeltPush {
+    /// What is known of the push if this part was pushed.
+    pub(super) fn known<'p>(&'p self, file: &'p PolygonFile) -> Known<'p> {
+        let (grip, grip_log_sd) = (file.mu * GRAVITY_ASSUMED, self.grip_log_sd);
+        Known { part: &file.part, grip, grip_log_sd, radius: self.radius, motion: &self.motion }
+    }
+}

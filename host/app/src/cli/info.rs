@@ -1,0 +1,237 @@
+//! `palpate info`.
+
+use std::process::ExitCode;
+use std::time::Duration;
+
+use palpate_device::{LinkError, Session};
+use palpate_shared::wire::{
+    Checks, ClockSource, Counters, Fault, FaultCause, FrontEndKind, Health, Hello, RestartReason, SelfTest, Source,
+};
+
+use super::device::DeviceArguments;
+
+/// Says who a device is, how it is set, what it counted, and whether its front-end is well.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    device: DeviceArguments,
+
+    /// Switch to this source first
+    #[arg(long, value_enum)]
+    source: Option<SourceName>,
+
+    /// Also read this register of the front-end (repeatable; decimal or 0x hexadecimal)
+    #[arg(long = "register", value_name = "ADDRESS", value_parser = parse_address)]
+    registers: Vec<u8>,
+
+    /// Print one JSON object instead
+    #[arg(long)]
+    json: bool,
+}
+
+/// Round trips of which the shortest counts.
+const PINGS: u32 = 5;
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum SourceName {
+    /// The front-end on the board
+    Hardware,
+    /// The simulated finger built into the firmware
+    Simulated,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
+    let mut session = arguments.device.open(false)?;
+    if let Some(source) = arguments.source {
+        session.set_source(match source {
+            SourceName::Hardware => Source::Hardware,
+            SourceName::Simulated => Source::Simulated,
+        })?;
+    }
+    let about = About::of(&mut session, &arguments.registers)?;
+    if arguments.json {
+        say!("{}", about.as_json(&session));
+    } else {
+        about.print(&session);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// What a device answered.
+struct About {
+    /// Shortest of a few round trips.
+    round_trip: Duration,
+    /// The self-test, or why there is none.
+    self_test: Result<SelfTest, LinkError>,
+    counters: Counters,
+    /// The last fault and the use of the board, from devices that know them: simulated ones and older firmware do not.
+    board: Option<(Option<Fault>, Health)>,
+    registers: Vec<(u8, Result<u16, LinkError>)>,
+}
+
+impl About {
+    fn of(session: &mut Session, registers: &[u8]) -> Result<Self, LinkError> {
+        let round_trips = (0..PINGS).map(|_| session.ping()).collect::<Result<Vec<_>, _>>()?;
+        let self_test = session.self_test();
+        let counters = session.device_counters()?;
+        let board = session.last_fault().ok().zip(session.health().ok());
+        let registers = registers.iter().map(|&address| (address, session.read_register(address))).collect();
+        let round_trip = round_trips.into_iter().min().unwrap_or_default();
+        Ok(Self { round_trip, self_test, counters, board, registers })
+    }
+
+    fn print(&self, session: &Session) {
+        print_hello(session);
+        row("round trip", &format!("{:.1} ms", self.round_trip.as_secs_f64() * 1e3));
+        match &self.self_test {
+            Ok(result) => print_self_test(result),
+            Err(error) => row("self-test", &error.to_string()),
+        }
+        print_counters(&self.counters);
+        if let Some((fault, health)) = &self.board {
+            row("last fault", &fault.as_ref().map_or_else(|| "none since power-on".to_owned(), fault_in_words));
+            row("stack", &format!("{} of {} bytes at most", health.stack_used_max, health.stack_bytes));
+        }
+        for (address, value) in &self.registers {
+            let value = value.as_ref().map_or_else(ToString::to_string, |value| format!("{value:#06x}"));
+            row(&format!("register {address:#04x}"), &value);
+        }
+    }
+
+    /// The fields of `docs/PROTOCOL.md` by their names, with what was measured beside them.
+    fn as_json(&self, session: &Session) -> serde_json::Value {
+        let self_test = match &self.self_test {
+            Ok(result) => serde_json::json!(result),
+            Err(error) => serde_json::json!({ "error": error.to_string() }),
+        };
+        serde_json::json!({
+            "address": session.address().to_string(),
+            "device": session.hello().device.to_string(),
+            "simulated": session.is_simulated(),
+            "hello": session.hello(),
+            "round_trip_s": self.round_trip.as_secs_f64(),
+            "self_test": self_test,
+            "counters": self.counters,
+            "last_fault": self.board.as_ref().and_then(|(fault, _)| fault.as_ref()),
+            "health": self.board.as_ref().map(|(_, health)| health),
+            "registers": self.registers.iter().map(register_as_json).collect::<Vec<_>>(),
+        })
+    }
+}
+
+fn register_as_json((address, value): &(u8, Result<u16, LinkError>)) -> serde_json::Value {
+    match value {
+        Ok(value) => serde_json::json!({ "address": address, "value": value }),
+        Err(error) => serde_json::json!({ "address": address, "error": error.to_string() }),
+    }
+}
+
+fn row(name: &str, value: &str) {
+    say!("{name:<14} {value}");
+}
+
+fn print_hello(session: &Session) {
+    let hello = session.hello();
+    row("device", &format!("{} on {} at {}", hello.device, hello.board, session.address()));
+    row("firmware", &format!("{}, protocol {}", hello.firmware, hello.protocol));
+    row("front-end", &front_end(hello));
+    row(
+        "source",
+        match hello.source {
+            Source::Hardware => "hardware",
+            Source::Simulated => "SIMULATED: nothing that it sends was measured",
+        },
+    );
+    row("sampling", &format!("{} Hz, gain {}, excitation {} mV", hello.rate_hz, hello.gain, hello.excitation_mv));
+    row("clock", &clock(hello));
+    row("last start", &format!("{}, {} restarts since power-on", restart(hello.restart), hello.restarts));
+}
+
+fn front_end(hello: &Hello) -> String {
+    let FrontEndKind::Ads131m02 = hello.front_end.kind;
+    match hello.front_end.id_word {
+        0 => "ADS131M02: none answers".to_owned(),
+        word => format!("ADS131M02, ID {word:#06x}"),
+    }
+}
+
+fn clock(hello: &Hello) -> String {
+    let source = match hello.clock {
+        ClockSource::Crystal => "crystal",
+        ClockSource::InternalPll => "internal oscillator through PLL: up to 1 % off",
+        ClockSource::Internal => "bare internal oscillator: up to 1 % off",
+        ClockSource::Host => "the simulating computer's",
+    };
+    if hello.link_baud == 0 { source.to_owned() } else { format!("{source}; line at {} baud", hello.link_baud) }
+}
+
+fn restart(reason: RestartReason) -> &'static str {
+    match reason {
+        RestartReason::PowerOn => "power on",
+        RestartReason::Pin => "reset pin",
+        RestartReason::BrownOut => "supply dipped",
+        RestartReason::Watchdog => "watchdog ended a hang",
+        RestartReason::Panic => "firmware bug, recorded",
+        RestartReason::Requested => "requested",
+        RestartReason::Unknown => "reason unknown",
+    }
+}
+
+fn fault_in_words(fault: &Fault) -> String {
+    let what = match fault.cause {
+        FaultCause::Panic => format!("panic at {}", fault.place),
+        FaultCause::Processor => format!(
+            "processor fault {:#010x} at {:#010x}, called from {:#010x}",
+            fault.fault_status, fault.program_counter, fault.return_address
+        ),
+        FaultCause::StackOverflow => "stack overflow".to_owned(),
+        FaultCause::Hang => "hang".to_owned(),
+    };
+    format!("{what}, {} s and {} samples after the start", fault.uptime_s, fault.samples)
+}
+
+fn print_self_test(result: &SelfTest) {
+    for (check, words) in Checks::ALL {
+        let verdict = match (result.checked.contains(check), result.failed.contains(check)) {
+            (false, _) => "not checked",
+            (true, false) => "ok",
+            (true, true) => "FAILED",
+        };
+        row("self-test", &format!("{words}: {verdict}"));
+    }
+}
+
+fn print_counters(counters: &Counters) {
+    let lost = counters.samples_missed + counters.samples_damaged + counters.samples_dropped;
+    row(
+        "samples",
+        &format!(
+            "{} in {} s; lost {lost}: {} not read in time, {} damaged on the bus, {} without room",
+            counters.samples,
+            counters.uptime_s,
+            counters.samples_missed,
+            counters.samples_damaged,
+            counters.samples_dropped,
+        ),
+    );
+    row(
+        "link",
+        &format!(
+            "{} blocks sent, {} without room; {} commands, {} repeated, {} refused; {} damaged frames",
+            counters.blocks_sent,
+            counters.blocks_dropped,
+            counters.commands,
+            counters.commands_repeated,
+            counters.commands_refused,
+            counters.frames_damaged,
+        ),
+    );
+}
+
+fn parse_address(text: &str) -> Result<u8, String> {
+    let parsed = match text.strip_prefix("0x") {
+        Some(digits) => u8::from_str_radix(digits, 16),
+        None => text.parse(),
+    };
+    parsed.map_err(|_| format!("`{text}` is not a register address: give 0 to 255 or 0x00 to 0xff"))
+}

@@ -1,0 +1,208 @@
+//! The commands, one file each. They parse, call the library and print; they compute nothing.
+
+/// Prints a line to standard output, as `println!` does, but ends in order when nobody reads it any more.
+macro_rules! say {
+    ($($argument:tt)*) => { $crate::cli::write_out(format_args!("{}\n", format_args!($($argument)*))) };
+}
+
+/// As `eprintln!` of the standard library, but a standard error that nobody reads is no reason to stop.
+macro_rules! eprintln {
+    ($($argument:tt)*) => {{
+        use std::io::Write as _;
+        let _ = writeln!(std::io::stderr(), $($argument)*);
+    }};
+}
+
+mod calibrate;
+mod calibrated;
+mod contact;
+mod corner;
+mod demo;
+mod device;
+mod diagnose;
+mod felt_push;
+mod info;
+mod inscribe;
+mod latency;
+mod monitor;
+mod observe;
+mod palm;
+mod plan_push;
+mod plot;
+mod ports;
+mod pose;
+mod push;
+mod read;
+mod roll;
+mod sample;
+mod simulate_device;
+mod solve;
+mod static_demo;
+mod tables;
+mod which_part;
+
+use std::io::Write as _;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use palpate_device::{Incoming, Session};
+
+use crate::live;
+
+/// Exit status for a wrong command line (`EX_USAGE` of BSD's sysexits; fixed by the `solve` interface).
+const EXIT_USAGE: u8 = 64;
+
+/// Feel where a known part is and how it moves, with a strain-gauge finger.
+#[derive(Debug, Parser)]
+#[command(name = "palpate", version, propagate_version = true, arg_required_else_help = true)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Demo(demo::Arguments),
+    Ports(ports::Arguments),
+    Info(info::Arguments),
+    Diagnose(diagnose::Arguments),
+    Calibrate(calibrate::Arguments),
+    Monitor(monitor::Arguments),
+    Observe(observe::Arguments),
+    PlanPush(plan_push::Arguments),
+    WhichPart(which_part::Arguments),
+    Contact(contact::Arguments),
+    Push(push::Arguments),
+    Inscribe(inscribe::Arguments),
+    Sample(sample::Arguments),
+    Corner(corner::Arguments),
+    Roll(roll::Arguments),
+    Palm(palm::Arguments),
+    Tables(tables::Arguments),
+    Solve(solve::Arguments),
+    SimulateDevice(simulate_device::Arguments),
+}
+
+/// Runs the command named on the command line and returns the process's exit status.
+pub fn run<I, T>(arguments: I) -> ExitCode
+where
+    I: IntoIterator<Item = T>,
+    T: Into<std::ffi::OsString> + Clone,
+{
+    let arguments = match Arguments::try_parse_from(arguments) {
+        Ok(arguments) => arguments,
+        Err(error) => {
+            let failed = error.use_stderr();
+            // Nothing is left to do if even this cannot be written.
+            let _ = error.print();
+            return if failed { ExitCode::from(EXIT_USAGE) } else { ExitCode::SUCCESS };
+        }
+    };
+    let outcome = match arguments.command {
+        Command::Demo(arguments) => demo::run(&arguments),
+        Command::Ports(arguments) => ports::run(&arguments),
+        Command::Info(arguments) => info::run(&arguments),
+        Command::Diagnose(arguments) => diagnose::run(&arguments),
+        Command::Calibrate(arguments) => calibrate::run(&arguments),
+        Command::Monitor(arguments) => monitor::run(&arguments),
+        Command::Observe(arguments) => observe::run(&arguments),
+        Command::PlanPush(arguments) => plan_push::run(&arguments),
+        Command::WhichPart(arguments) => which_part::run(&arguments),
+        Command::Contact(arguments) => contact::run(&arguments),
+        Command::Push(arguments) => push::run(&arguments),
+        Command::Inscribe(arguments) => inscribe::run(&arguments),
+        Command::Sample(arguments) => sample::run(&arguments),
+        Command::Corner(arguments) => corner::run(&arguments),
+        Command::Roll(arguments) => roll::run(&arguments),
+        Command::Palm(arguments) => palm::run(&arguments),
+        Command::Tables(arguments) => tables::run(&arguments),
+        Command::Solve(arguments) => solve::run(&arguments),
+        Command::SimulateDevice(arguments) => simulate_device::run(&arguments),
+    };
+    match outcome {
+        Ok(status) => status,
+        Err(report) => {
+            eprintln!("{report:?}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// A number of things, such as "1 point" or "2 points".
+fn counted(count: usize, thing: &str) -> String {
+    format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
+}
+
+/// Writes to standard output. If that fails the program ends: in peace where the reader has seen enough, and with a
+/// complaint where the disk is full.
+fn write_out(text: std::fmt::Arguments<'_>) {
+    let mut out = std::io::stdout().lock();
+    match out.write_fmt(text).and_then(|()| out.flush()) {
+        Ok(()) => {}
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => std::process::exit(0),
+        Err(error) => {
+            eprintln!("cannot write the output: {error}");
+            std::process::exit(1);
+        }
+    }
+}
+
+/// The words that go before anything shown of a simulated device; empty for a real one.
+fn simulated_note(session: &Session) -> &'static str {
+    if session.is_simulated() { "SIMULATED device: nothing that it sends was measured\n" } else { "" }
+}
+
+/// Tells a person what happened on the link, beside the samples.
+fn tell(incoming: &Incoming) {
+    match incoming {
+        Incoming::Event(event) => eprintln!("device: {}", live::in_words(event.kind)),
+        Incoming::Disconnected { reason } => eprintln!("link lost ({reason}); waiting for it to come back"),
+        Incoming::Reconnected { after, countable: true } => eprintln!("link back after {:.1} s", after.as_secs_f64()),
+        Incoming::Reconnected { after, countable: false } => {
+            eprintln!("link back after {:.1} s; the samples missed meanwhile cannot be counted", after.as_secs_f64());
+        }
+        Incoming::Restarted(_) => eprintln!("the device started anew; its settings were restored"),
+        Incoming::Samples(_) | Incoming::Temperature(_) => {}
+    }
+}
+
+/// A number above 0.
+fn positive(text: &str) -> Result<f64, String> {
+    not_negative(text).and_then(|value| if value > 0.0 { Ok(value) } else { Err("it must be above 0".to_owned()) })
+}
+
+/// From 0 to the end in equal steps; only 0 for what ends at once.
+fn equal_steps(end: f64, steps: f64) -> Vec<f64> {
+    if end <= 0.0 {
+        return vec![0.0];
+    }
+    let places = std::iter::successors(Some(0.0), |k| Some(k + 1.0)).take_while(|k| *k <= steps);
+    places.map(|k| end * k / steps).collect()
+}
+
+/// A stretch of samples that is kept whole, in s: above 0, and no more than ten minutes.
+fn stretch(text: &str) -> Result<f64, String> {
+    const LONGEST_S: f64 = 600.0;
+    positive(text).and_then(|value| match value {
+        value if value <= LONGEST_S => Ok(value),
+        value => Err(format!("{value} s is too long: at most {LONGEST_S} s")),
+    })
+}
+
+/// A finite number.
+fn finite(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok(value),
+        Ok(value) => Err(format!("{value} is out of range: it must be finite")),
+        Err(_) => Err(format!("`{text}` is not a number")),
+    }
+}
+
+/// A finite number, 0 or above.
+fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
+        Ok(value) => Err(format!("{value} is out of range: it must be finite and not negative")),
+        Err(_) => Err(format!("`{text}` is not a number")),
+    }
+}

@@ -1,0 +1,194 @@
+//! `palpate palm`.
+
+use std::io::{self, BufRead as _};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::ValueEnum;
+use miette::{IntoDiagnostic as _, WrapErr as _, miette};
+use nalgebra::{Vector2, Vector3};
+use palpate::gravity::GRAVITY_ASSUMED;
+use palpate::rolling::{
+    BodyKnowledge, Estimate, Noise, PalmAcceleration, PalmKnowledge, Question, Report, Spin, State, Tracked, Tracker,
+    Verdict,
+};
+use palpate_files::body::BodyFile;
+use palpate_files::solve::kinds::roll::wxyz;
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use super::positive;
+use super::read::read;
+use super::roll::triple;
+
+const LONG_HELP: &str = "\
+Reads a contact a line from standard input, at equal steps of time, in s and m:
+  {\"t\": 0.002, \"u\": [0.0112, -0.0034]}
+and prints what is known after it, a JSON object a line:
+  status       collecting: too short a stretch yet        undecided: several or no hypotheses explain it
+               found: one does                            tracking: a filter follows the body
+               lost: contacts and filter disagree; collecting begins anew
+  orientation  quaternion [w, x, y, z], body to palm      omega  angular velocity, body axes, rad/s
+  u            the contact, m                             attitude_sigma_deg, omega_sigma  standard deviations
+Attitudes are known up to the body's symmetry. With several body files, `body` says which it is, from 0.
+
+Exit status: 0 at the end of the input, 1 if a line or a file cannot be read, 64 wrong command line.";
+
+/// Feels, live, where a body rolling on the palm is and how it moves, from its contacts alone.
+#[derive(Debug, clap::Args)]
+#[command(after_long_help = LONG_HELP)]
+pub(crate) struct Arguments {
+    /// The body file; several if it may be one of them
+    #[arg(value_name = "BODY.toml", required = true)]
+    bodies: Vec<PathBuf>,
+    /// Pitch of the tactile grid that the contacts are rounded to
+    #[arg(long, value_name = "MM", value_parser = positive, conflicts_with = "sigma_mm")]
+    grid_mm: Option<f64>,
+    /// Standard deviation of a contact's coordinate, where it is no grid
+    #[arg(long, value_name = "MM", value_parser = positive, default_value_t = 0.3)]
+    sigma_mm: f64,
+    /// Whether the contact lets the body spin about the palm's normal
+    #[arg(long, value_enum, default_value_t = SpinChoice::Unknown)]
+    spin: SpinChoice,
+    /// The palm's acceleration, constant
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple, default_value = "0,0,0", allow_hyphen_values = true)]
+    palm_m_s2: [f64; 3],
+    /// The palm is tilted or accelerates steadily, nobody knows how
+    #[arg(long, conflicts_with = "palm_m_s2")]
+    unknown_tilt: bool,
+    /// Time to collect before the first answer
+    #[arg(long, value_name = "S", value_parser = positive, default_value_t = 0.4)]
+    window_s: f64,
+    /// Print only changes of the status and every N-th contact
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), default_value_t = 1)]
+    every: u64,
+}
+
+/// What the contact transmits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum SpinChoice {
+    /// To be found
+    Unknown,
+    /// A point contact: no torque
+    Free,
+    /// A torque that keeps the spin at 0
+    None,
+}
+
+/// A line of input.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Contact {
+    /// s.
+    t: f64,
+    /// m.
+    u: [f64; 2],
+}
+
+pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
+    let mut tracker = Tracker::new(arguments.question()?, arguments.window_s);
+    let (mut before, mut last) = (String::new(), None);
+    for (index, line) in (1_u64..).zip(io::stdin().lock().lines()) {
+        let line = line.into_diagnostic().wrap_err("cannot read standard input")?;
+        if line.trim().is_empty() {
+            continue;
+        }
+        let Contact { t, u } = serde_json::from_str(&line).map_err(|error| {
+            miette!(help = "write {\"t\": 0.002, \"u\": [x, y]}, in s and m", "line {index}: {error}")
+        })?;
+        if last.is_some_and(|last| t <= last) {
+            return Err(miette!(
+                help = "give contacts in the order in which they were felt, each with its own time",
+                "line {index}: the contact at {t} s does not come after the one before"
+            ));
+        }
+        last = Some(t);
+        let (status, answer) = in_json(&tracker.feel(t, Vector2::from(u)));
+        if status != before || index % arguments.every == 0 {
+            let mut object = json!({"t": t, "status": status});
+            if let (Some(object), Value::Object(answer)) = (object.as_object_mut(), answer) {
+                object.extend(answer);
+            }
+            say!("{object}");
+        }
+        status.clone_into(&mut before);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+impl Arguments {
+    fn question(&self) -> miette::Result<Question> {
+        let bodies = self
+            .bodies
+            .iter()
+            .map(|path| read(path, BodyFile::parse).map(|file| file.body))
+            .collect::<miette::Result<_>>()?;
+        Ok(Question {
+            body: BodyKnowledge::OneOf(bodies),
+            spins: match self.spin {
+                SpinChoice::Unknown => vec![Spin::Free, Spin::None],
+                SpinChoice::Free => vec![Spin::Free],
+                SpinChoice::None => vec![Spin::None],
+            },
+            palm: match self.unknown_tilt {
+                true => PalmKnowledge::Constant,
+                false => PalmKnowledge::Known(PalmAcceleration::Constant(Vector3::from(self.palm_m_s2))),
+            },
+            g: GRAVITY_ASSUMED,
+            noise: match self.grid_mm {
+                Some(pitch) => Noise::Grid(pitch * 1e-3),
+                None => Noise::Gauss(self.sigma_mm * 1e-3),
+            },
+        })
+    }
+}
+
+/// A report's status and its further fields.
+fn in_json(report: &Report) -> (&'static str, Value) {
+    match report {
+        Report::Collecting { seconds } => ("collecting", json!({"seconds": seconds})),
+        Report::Undecided(estimate) => ("undecided", undecided(estimate)),
+        Report::Found(estimate) => ("found", found(estimate)),
+        Report::Tracking(tracked) => ("tracking", tracking(tracked)),
+        Report::Lost => ("lost", json!({})),
+    }
+}
+
+fn motion(state: &State) -> Value {
+    let (omega, u): ([f64; 3], [f64; 2]) = (state.omega.into(), state.u.into());
+    json!({"orientation": wxyz(&state.orientation), "omega": omega, "u": u})
+}
+
+fn undecided(estimate: &Estimate) -> Value {
+    let why = if estimate.verdict == Verdict::None { "nothing explains the contacts" } else { "several do" };
+    let list: Vec<Value> = estimate.hypotheses.iter().map(|hypothesis| motion(&hypothesis.end)).collect();
+    json!({"why": why, "cost": finite_or_null(estimate.cost), "cost_max": estimate.cost_max, "hypotheses": list})
+}
+
+fn found(estimate: &Estimate) -> Value {
+    let Some(best) = estimate.hypotheses.first() else { return json!({}) };
+    let mut object = motion(&best.end);
+    if let Some(object) = object.as_object_mut() {
+        object.insert("body".to_owned(), json!(best.body));
+        object.insert("spin".to_owned(), json!(best.spin));
+        object.insert("symmetry".to_owned(), json!(best.symmetry.name()));
+        object.insert("certified".to_owned(), json!(estimate.certified));
+        if let Some(acceleration) = best.palm_acceleration {
+            object.insert("palm_acceleration".to_owned(), json!([acceleration.x, acceleration.y, acceleration.z]));
+        }
+    }
+    object
+}
+
+fn tracking(tracked: &Tracked) -> Value {
+    let mut object = motion(&tracked.state);
+    if let Some(object) = object.as_object_mut() {
+        object.insert("attitude_sigma_deg".to_owned(), json!(tracked.attitude_sigma.to_degrees()));
+        object.insert("omega_sigma".to_owned(), json!(tracked.omega_sigma));
+    }
+    object
+}
+
+fn finite_or_null(value: f64) -> Option<f64> {
+    Some(value).filter(|value| value.is_finite())
+}

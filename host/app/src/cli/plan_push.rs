@@ -1,0 +1,221 @@
+//! `palpate plan-push`.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use palpate::pushing::estimation::from_rest::{self, Estimate};
+use palpate::pushing::estimation::planning::{self, Felt, Motion, Present, Prospect, Sampling};
+use palpate::pushing::finger_motion::Segment;
+use palpate_files::part::PolygonFile;
+use serde_json::{Value, json};
+
+use super::felt_push::FeltPushArguments;
+use super::read::read;
+use super::{pose, positive};
+
+/// One value a hundredth of a second, s.
+const VALUES_EVERY_S: f64 = 0.01;
+
+/// A motion that lowers the risk by less than this share of it is no better than going straight on.
+const WORTHWHILE: f64 = 0.1;
+
+const LONG_HELP: &str = "\
+Takes the files of `palpate observe`: of a push so far that left several poses possible. Each motion is played ahead from
+every pose that is left, and what the finger then would feel is compared pair by pair:
+
+  first    the acceleration that the motion begins with; the recommended motion is told in full below
+  risk     bound of the probability of naming the wrong pose afterwards, or a place more than a millimetre off
+  nearest  the two poses that come apart least; the likeliest is 1
+  D²       how far: squared, in standard deviations of the noise and of what is uncertain of both; below 36 they may be confused
+  place    how uncertain the place on the edge then still is, of the pose where it is most so: standard deviation
+  contact  how long every pose keeps the contact, s
+
+What is compared is the direction of the force. A contact that never slipped so far is taken to roll on. Run it again as the
+push goes on: a second choice, by what was felt since the first, is worth more than the first.
+
+Exit status: 0, also where nothing tells the poses apart; 1 if something cannot be used, 64 wrong command line.";
+
+/// Says how the finger should go on so that the poses still possible can be told apart.
+#[derive(Debug, clap::Args)]
+#[command(after_long_help = LONG_HELP)]
+pub(crate) struct Arguments {
+    /// The part file
+    #[arg(long, value_name = "PART.toml")]
+    part: PathBuf,
+
+    #[command(flatten)]
+    push: FeltPushArguments,
+
+    /// How strongly the finger can turn aside or speed up
+    #[arg(long, value_name = "MM/S2", value_parser = positive, default_value_t = 150.0)]
+    acceleration_mm_s2: f64,
+
+    /// How fast the finger may become: faster motions are left out
+    #[arg(long, value_name = "MM/S", value_parser = positive)]
+    speed_max_mm_s: Option<f64>,
+
+    /// How long it goes on
+    #[arg(long, value_name = "S", value_parser = super::stretch, default_value_t = 0.5)]
+    seconds: f64,
+
+    /// Standard deviation of the force's direction, over a hundredth of a second
+    #[arg(long, value_name = "DEG", value_parser = positive, default_value_t = 0.112)]
+    noise_deg: f64,
+
+    /// Print one JSON object: SI units, radians
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
+    let file = read(&arguments.part, PolygonFile::parse)?;
+    let push = arguments.push.read()?;
+    let known = push.known(&file);
+    let estimate = from_rest::estimate(&known, &push.force);
+    let present = estimate.present(&known);
+    let plan = Plan { estimate: &estimate, present, motions: arguments.motions(&present)? };
+    let prospects = plan.prospects(arguments);
+    if arguments.json {
+        say!("{}", plan.as_json(&prospects));
+        return Ok(ExitCode::SUCCESS);
+    }
+    say!("{}", pose::headings(&estimate));
+    pose::lines(&file.part, &estimate).iter().for_each(|line| say!("{line}"));
+    say!("{}", pose::in_words(&file.part, &estimate));
+    if estimate.hypotheses.len() > 1 {
+        say!("\nIf the finger goes on for {} s:", arguments.seconds);
+        plan.lines(&prospects).iter().for_each(|line| say!("{line}"));
+        say!("{}", plan.in_words(&prospects));
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+impl Arguments {
+    /// The motions that the finger can do.
+    fn motions(&self, present: &Present) -> miette::Result<Vec<Motion>> {
+        let velocity = present.velocity;
+        if velocity[0].hypot(velocity[1]) <= 0.0 {
+            return Err(miette::miette!(
+                help = "give a motion that ends under way",
+                "the finger stands still at the end of what was felt: there is no straight on"
+            ));
+        }
+        let mut motions = planning::motions(velocity, self.acceleration_mm_s2 * 1e-3, self.seconds);
+        let limit = self.speed_max_mm_s.map_or(f64::INFINITY, |limit| limit * 1e-3);
+        motions.retain(|motion| motion.top_speed(velocity) <= limit);
+        if motions.is_empty() {
+            let now = velocity[0].hypot(velocity[1]) * 1e3;
+            return Err(miette::miette!(
+                help = "raise --speed-max-mm-s",
+                "no motion stays below {} mm/s: the finger already goes {now:.1} mm/s",
+                limit * 1e3
+            ));
+        }
+        Ok(motions)
+    }
+}
+
+/// What is to be told apart, and by what.
+struct Plan<'e> {
+    estimate: &'e Estimate,
+    present: Present<'e>,
+    motions: Vec<Motion>,
+}
+
+impl Plan<'_> {
+    fn prospects(&self, arguments: &Arguments) -> Vec<Prospect> {
+        let beliefs: Vec<_> = self.estimate.hypotheses.iter().map(from_rest::Hypothesis::belief).collect();
+        let sampling =
+            Sampling { felt: Felt::ForceDirection, dt: VALUES_EVERY_S, sigma: arguments.noise_deg.to_radians() };
+        planning::prospects(&self.present, &beliefs, &self.motions, sampling)
+    }
+
+    fn lines(&self, prospects: &[Prospect]) -> Vec<String> {
+        let heading = "  motion            first [mm/s²]            risk   nearest       D²   place [mm]   contact [s]"
+            .to_owned();
+        std::iter::once(heading).chain(prospects.iter().map(line)).collect()
+    }
+
+    /// The recommendation.
+    fn in_words(&self, prospects: &[Prospect]) -> String {
+        let hopeless = planning::inseparable(prospects);
+        let all = prospects.first().map_or(0, |prospect| prospect.pairs.len());
+        let unseparated: Vec<_> = hopeless.iter().map(|pair| pose_numbers(*pair)).collect();
+        if hopeless.len() == all {
+            return "The poses cannot be told apart by any of these motions.".to_owned();
+        }
+        let mut words = match (prospects.first(), prospects.iter().find(|p| p.motion.is_straight())) {
+            (Some(best), Some(straight)) if best.risk >= (1.0 - WORTHWHILE) * straight.risk => {
+                "Go straight on: no other of these motions does much better.".to_owned()
+            }
+            (Some(best), _) => format!("Go {}: {}.", best.motion.name, told(&best.motion)),
+            (None, _) => String::new(),
+        };
+        if !unseparated.is_empty() {
+            words += &format!(" Poses {} cannot be told apart by any of these motions.", unseparated.join(", "));
+        }
+        words
+    }
+
+    fn as_json(&self, prospects: &[Prospect]) -> Value {
+        let recommended = prospects.first().filter(|prospect| !prospect.pairs.is_empty());
+        json!({
+            "estimate": pose::as_json(self.estimate),
+            "motions": prospects.iter().map(prospect_as_json).collect::<Vec<_>>(),
+            "recommended": recommended.map(|prospect| prospect.motion.name),
+            "inseparable": planning::inseparable(prospects),
+        })
+    }
+}
+
+fn prospect_as_json(prospect: &Prospect) -> Value {
+    let pairs = prospect.pairs.iter().map(|pair| {
+        json!({"hypotheses": pair.hypotheses, "distance_squared": pair.distance_squared, "shared_s": pair.shared_s})
+    });
+    let segments = prospect.motion.segments.iter();
+    let segments = segments.map(|segment| json!({"seconds": segment.seconds, "acceleration": segment.acceleration}));
+    json!({
+        "motion": prospect.motion.name,
+        "segments": segments.collect::<Vec<_>>(),
+        "risk": prospect.risk,
+        "contact_s": prospect.contact_s,
+        // Nothing is known of a place whose contact ends at once.
+        "place_sd": prospect.place_sd.iter().map(|sd| sd.is_finite().then_some(*sd)).collect::<Vec<_>>(),
+        "pairs": pairs.collect::<Vec<_>>(),
+    })
+}
+
+fn line(prospect: &Prospect) -> String {
+    let first = prospect.motion.segments.first().map_or([0.0; 2], |segment| segment.acceleration);
+    // Without the minus sign of zero.
+    let [x, y] = first.map(|component| component * 1e3 + 0.0);
+    let nearest =
+        prospect.nearest().map_or((String::new(), 0.0), |pair| (pose_numbers(pair.hypotheses), pair.distance_squared));
+    let place = prospect.place_sd.iter().copied().fold(0.0, f64::max) * 1e3;
+    format!(
+        "  {:<16} {x:10.1} {y:10.1} {:8.2} % {:>9} {:8.1} {place:12.2} {:13.2}",
+        prospect.motion.name,
+        prospect.risk * 100.0,
+        nearest.0,
+        nearest.1,
+        shortest_contact(prospect)
+    )
+}
+
+/// A motion's accelerations, in words.
+fn told(motion: &Motion) -> String {
+    let segment = |segment: &Segment| {
+        let [x, y] = segment.acceleration.map(|component| component * 1e3 + 0.0);
+        format!("accelerate by ({x:.1}, {y:.1}) mm/s² for {:.2} s", segment.seconds)
+    };
+    motion.segments.iter().map(segment).collect::<Vec<_>>().join(", then ")
+}
+
+/// As people count: from 1.
+fn pose_numbers([first, second]: [usize; 2]) -> String {
+    format!("{} and {}", first + 1, second + 1)
+}
+
+fn shortest_contact(prospect: &Prospect) -> f64 {
+    prospect.contact_s.iter().copied().reduce(f64::min).unwrap_or(0.0)
+}

@@ -1,0 +1,127 @@
+//! `palpate which-part`.
+
+use std::fmt;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use palpate::pushing::dynamics::Part;
+use palpate::pushing::estimation::PartEstimate;
+use palpate::pushing::estimation::from_rest::{self, Estimate};
+use palpate_files::part::PolygonFile;
+use serde_json::json;
+
+use super::felt_push::FeltPushArguments;
+use super::pose;
+use super::read::read;
+
+/// Names which of several known parts a finger has begun to push, and where it is.
+///
+/// Takes the files of `palpate observe` and several part files. A part file may list several supports ([[support]], with a name and feet
+/// each) instead of `feet`: then what the part stands on is named too. Every part is as likely beforehand. Exit status: 0, also where no part
+/// explains the force; 1 if something cannot be used, 64 wrong command line.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    /// A part file; once for each part that it may be
+    #[arg(long = "part", value_name = "PART.toml", required = true)]
+    parts: Vec<PathBuf>,
+
+    #[command(flatten)]
+    push: FeltPushArguments,
+
+    /// Print one JSON object: SI units, radians
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
+    let candidates = arguments.candidates()?;
+    let push = arguments.push.read()?;
+    let known: Vec<_> = candidates.iter().map(|candidate| push.known(&candidate.file)).collect();
+    let ranked = from_rest::which_part(&known, &push.force);
+    if arguments.json {
+        say!("{}", as_json(&candidates, &ranked));
+        return Ok(ExitCode::SUCCESS);
+    }
+    for part in &ranked {
+        say!("{:6.3}  {}", part.probability, candidates[part.part]);
+    }
+    let Some(first) = ranked.first().filter(|first| first.probability > 0.0) else {
+        say!(
+            "None of these parts explains what was felt: is it another part, did the finger move as stated, was the part at rest before?"
+        );
+        return Ok(ExitCode::SUCCESS);
+    };
+    let candidate = &candidates[first.part];
+    say_poses(&format!("If it is {candidate}"), candidate, &first.estimate);
+    let possible = ranked.iter().filter(|part| part.probability > 0.0).count();
+    if let Some(mixed) = mixed(&candidates, &ranked).filter(|_| possible > 1) {
+        say_poses("Whichever it is", candidate, &mixed);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn say_poses(when: &str, candidate: &Candidate, estimate: &Estimate) {
+    let part = &candidate.file.part;
+    say!("\n{when}:\n{}", pose::headings(estimate));
+    pose::lines(part, estimate).iter().for_each(|line| say!("{line}"));
+    say!("{}", pose::in_words(part, estimate));
+}
+
+/// A part that it may be.
+struct Candidate {
+    path: PathBuf,
+    support: Option<String>,
+    file: PolygonFile,
+}
+
+impl fmt::Display for Candidate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.path.display())?;
+        self.support.as_ref().map_or(Ok(()), |support| write!(f, " on {support}"))
+    }
+}
+
+impl Arguments {
+    fn candidates(&self) -> miette::Result<Vec<Candidate>> {
+        let mut all = Vec::new();
+        for (number, path) in self.parts.iter().enumerate() {
+            if self.parts[..number].contains(path) {
+                let help = "give each part once: twice it would count as two parts that nothing tells apart";
+                return Err(miette::miette!(help = help, "{} is given twice", path.display()));
+            }
+            let supports = read(path, PolygonFile::parse_supports)?.into_iter();
+            all.extend(supports.map(|(support, file)| Candidate { path: path.clone(), support, file }));
+        }
+        Ok(all)
+    }
+}
+
+/// One answer of all parts, where those that are possible differ in nothing but what they stand on.
+fn mixed(candidates: &[Candidate], ranked: &[PartEstimate<Estimate>]) -> Option<Estimate> {
+    let mut possible = ranked.iter().filter(|part| part.probability > 0.0).map(|part| &candidates[part.part].file.part);
+    let first = possible.next()?;
+    let alike = |part: &Part| {
+        part.polygon().vertices() == first.polygon().vertices() && part.centre_of_mass() == first.centre_of_mass()
+    };
+    possible.all(alike).then(|| from_rest::mixed(ranked)).flatten()
+}
+
+fn as_json(candidates: &[Candidate], ranked: &[PartEstimate<Estimate>]) -> serde_json::Value {
+    let part = |part: &PartEstimate<Estimate>| {
+        let candidate = &candidates[part.part];
+        let mut told = json!({
+            "part": candidate.path.display().to_string(),
+            "probability": part.probability,
+            "estimate": pose::as_json(&part.estimate),
+        });
+        if let Some(support) = &candidate.support {
+            told["support"] = support.as_str().into();
+        }
+        told
+    };
+    let mut answer = json!({ "parts": ranked.iter().map(part).collect::<Vec<_>>() });
+    if let Some(mixed) = mixed(candidates, ranked) {
+        answer["whichever"] = pose::as_json(&mixed);
+    }
+    answer
+}

@@ -1,0 +1,9 @@
+//! The tool `palpate`: commands, pictures and the thesis's tables over the libraries.
+
+mod cli;
+pub mod live;
+pub mod pictures;
+pub mod push_scenario;
+pub mod thesis;
+
+pub use cli::run;

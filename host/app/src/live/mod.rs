@@ -1,0 +1,283 @@
+//! Taking stretches of samples from a session: the rim of everything that measures for a while.
+
+pub mod interrupt;
+pub mod person;
+#[cfg(test)]
+mod run_tests;
+
+use std::time::{Duration, Instant};
+
+use miette::Diagnostic;
+use palpate::finger::Samples;
+use palpate::finger::calibration::dwell::Refusal;
+use palpate::finger::calibration::plan::{PlannedContact, Step};
+use palpate::finger::calibration::session::{Bench, BenchError, Delivered, SampleSource, SourceError, Summary, Wish};
+use palpate::finger::calibration::{self, Calibration, FrontEnd, FrontEndError, FrontEndSettings};
+use palpate::finger::contact::{Settings, Tare, TareError};
+use palpate::finger::sense;
+use palpate_device::simulated::SimulatedDevice;
+use palpate_device::{Incoming, LinkError, Session};
+use palpate_shared::sim::{Contact, Load};
+use palpate_shared::wire::{EventKind, Hello};
+use thiserror::Error;
+
+/// Gauge factor of metal foil gauges, which the board cannot know.
+pub const GAUGE_FACTOR: f64 = 2.0;
+
+/// How long a stream may be silent before it counts as broken: many blocks, and longer than a busy host pauses.
+const SILENCE: Duration = Duration::from_secs(2);
+
+/// How long a board with a temperature sensor may take to tell: it does so about once a second.
+const TEMPERATURE_WAIT: Duration = Duration::from_millis(1500);
+
+/// Why no samples could be taken.
+#[derive(Debug, Error, Diagnostic)]
+pub enum LiveError {
+    /// The link failed.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Link(#[from] LinkError),
+    /// The device streams nothing.
+    #[error("no samples for {} s{}", SILENCE.as_secs(), last_event.map(|kind| format!("; the device last said: {}", in_words(kind))).unwrap_or_default())]
+    #[diagnostic(help("`palpate info` shows what the device and its front-end say"))]
+    Silent {
+        /// The last thing the device told of its own accord.
+        last_event: Option<EventKind>,
+    },
+    /// The stretch taken for the tare was not at rest.
+    #[error("cannot tare")]
+    #[diagnostic(help("{}", source.help()))]
+    Tare {
+        /// What was wrong with it.
+        source: TareError,
+    },
+    /// The device states an impossible front-end.
+    #[error(transparent)]
+    FrontEnd(#[from] FrontEndError),
+}
+
+/// An event of the device in words.
+#[must_use]
+pub fn in_words(kind: EventKind) -> String {
+    match kind {
+        EventKind::FrontEndMissing { id_word } => {
+            format!("no front-end answers (its ID reads {id_word:#06x}); nothing is streamed")
+        }
+        EventKind::FrontEndSilent { quiet_us } => {
+            format!("the front-end has announced no data for {:.1} ms", f64::from(quiet_us) / 1e3)
+        }
+        EventKind::FrontEndRecovered => "the front-end announces data again".to_owned(),
+        EventKind::FrontEndReset => {
+            "the front-end lost its settings (a dip of its supply?); they were restored".to_owned()
+        }
+        EventKind::SamplesLost { missed, damaged, dropped } => format!(
+            "samples lost in the device: {missed} not read in time, {damaged} damaged on the bus, {dropped} without room"
+        ),
+    }
+}
+
+/// The front-end's settings as a device states them.
+///
+/// # Errors
+/// [`FrontEndError`] if they are impossible.
+pub fn front_end(hello: &Hello) -> Result<FrontEnd, FrontEndError> {
+    FrontEnd::new(FrontEndSettings {
+        gain: hello.gain,
+        excitation_v: f64::from(hello.excitation_mv) * 1e-3,
+        full_scale_v: f64::from(hello.full_scale_uv) * 1e-6,
+        gauge_factor: GAUGE_FACTOR,
+    })
+}
+
+/// Hands every block to `take` until it returns `false` or the user interrupts, and everything else to `tell`.
+///
+/// # Errors
+/// [`LiveError::Link`], [`LiveError::Silent`].
+pub fn stream(
+    session: &mut Session,
+    mut take: impl FnMut(&Session, &Samples) -> bool,
+    mut tell: impl FnMut(&Incoming),
+) -> Result<(), LiveError> {
+    let mut last_heard = Instant::now();
+    let mut last_event = None;
+    let mut connected = true;
+    loop {
+        if interrupt::requested() {
+            return Ok(());
+        }
+        match session.next(Duration::from_millis(100))? {
+            Some(Incoming::Samples(samples)) => {
+                last_heard = Instant::now();
+                if !take(session, &samples) {
+                    return Ok(());
+                }
+            }
+            Some(other) => {
+                match &other {
+                    // Lost samples are a consequence; what came before is the cause.
+                    Incoming::Event(event) if !matches!(event.kind, EventKind::SamplesLost { .. }) => {
+                        last_event = Some(event.kind);
+                    }
+                    Incoming::Disconnected { .. } => connected = false,
+                    Incoming::Reconnected { .. } | Incoming::Restarted(_) => {
+                        (connected, last_heard) = (true, Instant::now());
+                    }
+                    _ => {}
+                }
+                tell(&other);
+            }
+            // A pulled cable may stay out as long as it likes; a device that is there must talk.
+            None if connected && last_heard.elapsed() > SILENCE => return Err(LiveError::Silent { last_event }),
+            None => {}
+        }
+    }
+}
+
+/// The board's temperature in °C; `None` if it tells none within a little more than the second between two of them.
+///
+/// # Errors
+/// [`LinkError`] if the link fails.
+pub fn temperature(session: &mut Session) -> Result<Option<f64>, LinkError> {
+    let begun = Instant::now();
+    while session.temperature_c().is_none() && begun.elapsed() < TEMPERATURE_WAIT {
+        session.next(Duration::from_millis(50))?;
+    }
+    Ok(session.temperature_c())
+}
+
+/// Takes blocks for `seconds` of device time, from now on.
+///
+/// # Errors
+/// As [`stream`].
+pub fn collect(session: &mut Session, seconds: f64, tell: impl FnMut(&Incoming)) -> Result<Vec<Samples>, LiveError> {
+    let mut blocks: Vec<Samples> = Vec::new();
+    stream(
+        session,
+        |_, samples| {
+            blocks.push(samples.clone());
+            let taken = samples.device_time_s(samples.counts.len()) - blocks[0].device_time_s(0);
+            taken < seconds
+        },
+        tell,
+    )?;
+    Ok(blocks)
+}
+
+/// Takes the tare over `seconds` at rest.
+///
+/// # Errors
+/// As [`collect`]; [`LiveError::Tare`] if the finger was not at rest.
+pub fn tare(
+    session: &mut Session,
+    seconds: f64,
+    calibration: &Calibration,
+    settings: &Settings,
+    tell: impl FnMut(&Incoming),
+) -> Result<Tare, LiveError> {
+    let blocks = collect(session, seconds, tell)?;
+    let rest: Vec<_> = blocks.iter().flat_map(|samples| sense::readings(samples, calibration)).collect();
+    Tare::estimate(&rest, &settings.tare_settings()).map_err(|source| LiveError::Tare { source })
+}
+
+/// A session as a calibration's source of samples.
+#[derive(Debug)]
+pub struct LinkSource<'a> {
+    session: &'a mut Session,
+}
+
+impl<'a> LinkSource<'a> {
+    /// Takes samples from this session.
+    pub fn new(session: &'a mut Session) -> Self {
+        Self { session }
+    }
+}
+
+impl SampleSource for LinkSource<'_> {
+    fn next_block(&mut self) -> Result<Delivered, SourceError> {
+        let (mut block, mut trouble) = (None, None);
+        let taken = stream(
+            self.session,
+            |_, samples| {
+                block = Some(samples.clone());
+                false
+            },
+            |incoming| trouble = trouble.take().or_else(|| trouble_with(incoming)),
+        );
+        taken.map_err(|error| SourceError(error.to_string()))?;
+        let samples = block.ok_or_else(|| SourceError("the stream ended".to_owned()))?;
+        Ok(trouble.map_or(Delivered::Samples(samples), Delivered::Trouble))
+    }
+
+    /// Stops the stream, drops what is under way, and starts it anew: between two steps a person may take as long
+    /// as they like, and nothing piles up meanwhile.
+    fn discard_waiting(&mut self) -> Result<(), SourceError> {
+        let stopped = self.session.stop();
+        self.session.forget_waiting();
+        stopped.and_then(|()| self.session.start()).map_err(|error| SourceError(error.to_string()))
+    }
+}
+
+/// What spoils a dwell, in words; lost samples show by themselves.
+fn trouble_with(incoming: &Incoming) -> Option<String> {
+    match incoming {
+        Incoming::Event(event) if !matches!(event.kind, EventKind::SamplesLost { .. }) => Some(in_words(event.kind)),
+        Incoming::Disconnected { reason } => Some(format!("the link broke: {reason}")),
+        Incoming::Restarted(_) => Some("the device started anew".to_owned()),
+        _ => None,
+    }
+}
+
+/// The hand of a simulated device as a calibration's bench: every step is set up at once, exactly.
+#[derive(Debug)]
+pub struct SimulatedBench<'a> {
+    hand: &'a SimulatedDevice,
+    /// Force along the contact's normal where the plan does not say, in N.
+    normal_force: f64,
+    /// How often a step may be refused before the bench gives up.
+    patience: u32,
+    tell: fn(&Step, Result<&Summary, &Refusal>),
+}
+
+/// Refusals of one step before a simulated bench gives up: its hand does not shake, so one is chance and more are not.
+const SIMULATED_PATIENCE: u32 = 3;
+
+impl<'a> SimulatedBench<'a> {
+    /// A bench that presses with `normal_force` newtons where the plan does not say, and reports to `tell`.
+    pub fn new(hand: &'a SimulatedDevice, normal_force: f64, tell: fn(&Step, Result<&Summary, &Refusal>)) -> Self {
+        Self { hand, normal_force, patience: SIMULATED_PATIENCE, tell }
+    }
+
+    fn press(&self, contact: &PlannedContact) -> Load {
+        let force = match contact.load {
+            calibration::Load::Newtons(newtons) => newtons,
+            calibration::Load::Same | calibration::Load::Unknown => self.normal_force,
+        };
+        #[expect(clippy::cast_possible_truncation, reason = "the simulation computes in single precision")]
+        Load::Static(Contact::frictionless(contact.angle_deg.to_radians() as f32, force as f32))
+    }
+}
+
+impl Bench for SimulatedBench<'_> {
+    fn place(&mut self, step: &Step, _number: usize, _of: usize) -> Result<Wish, BenchError> {
+        let load = match step {
+            Step::Tare { .. } => Load::Released,
+            Step::Contact(contact) => self.press(contact),
+        };
+        self.hand.set_load(load).map_err(|error| BenchError(error.to_string()))?;
+        Ok(Wish::Sample)
+    }
+
+    fn accepted(&mut self, step: &Step, summary: &Summary) {
+        self.patience = SIMULATED_PATIENCE;
+        (self.tell)(step, Ok(summary));
+    }
+
+    fn refused(&mut self, step: &Step, refusal: &Refusal) -> Result<Wish, BenchError> {
+        (self.tell)(step, Err(refusal));
+        self.patience -= 1;
+        if self.patience == 0 {
+            return Err(BenchError(format!("refused {SIMULATED_PATIENCE} times: {refusal}")));
+        }
+        Ok(Wish::Sample)
+    }
+}

@@ -1,0 +1,67 @@
+//! The person at the bench: prompts in a terminal, answers by keyboard.
+//!
+//! Generic over its two ends, so that a test can play both.
+
+use std::io::{BufRead, Write};
+
+use palpate::finger::calibration::dwell::Refusal;
+use palpate::finger::calibration::plan::Step;
+use palpate::finger::calibration::session::{Bench, BenchError, Summary, Wish};
+
+/// A person who reads prompts and types answers.
+#[derive(Debug)]
+pub struct Person<R, W> {
+    keyboard: R,
+    screen: W,
+}
+
+impl<R: BufRead, W: Write> Person<R, W> {
+    /// Talks through these two.
+    pub fn new(keyboard: R, screen: W) -> Self {
+        Self { keyboard, screen }
+    }
+
+    fn say(&mut self, text: &str) -> Result<(), BenchError> {
+        let written = write!(self.screen, "{text}").and_then(|()| self.screen.flush());
+        written.map_err(|error| BenchError(format!("cannot write to the terminal: {error}")))
+    }
+
+    /// Asks until the answer is one of those offered. The end of input is the wish to stop: nobody is there any more.
+    fn ask(&mut self, question: &str) -> Result<Wish, BenchError> {
+        loop {
+            self.say(&format!("{question} [Enter = sample, r = the step before again, q = quit] "))?;
+            let mut line = String::new();
+            let read = self
+                .keyboard
+                .read_line(&mut line)
+                .map_err(|error| BenchError(format!("cannot read the keyboard: {error}")))?;
+            match line.trim() {
+                "" if read == 0 => return Ok(Wish::Quit),
+                "" => return Ok(Wish::Sample),
+                "r" => return Ok(Wish::Back),
+                "q" => return Ok(Wish::Quit),
+                other => self.say(&format!("\"{other}\" is none of the answers\n"))?,
+            }
+        }
+    }
+}
+
+impl<R: BufRead, W: Write> Bench for Person<R, W> {
+    fn place(&mut self, step: &Step, number: usize, of: usize) -> Result<Wish, BenchError> {
+        self.say(&format!("\nstep {number} of {of}: {}\n", step.prompt()))?;
+        self.ask("ready?")
+    }
+
+    fn accepted(&mut self, _step: &Step, summary: &Summary) {
+        // What was measured is kept whether or not it can be shown.
+        let _ = self.say(&format!("  {summary}\n"));
+    }
+
+    fn refused(&mut self, _step: &Step, refusal: &Refusal) -> Result<Wish, BenchError> {
+        self.say(&format!("  refused: {refusal}\n"))?;
+        if let Some(help) = miette::Diagnostic::help(refusal) {
+            self.say(&format!("  {help}\n"))?;
+        }
+        self.ask("again?")
+    }
+}

@@ -1,0 +1,8 @@
+//! Pictures of what commands find, drawn by [`plot`].
+
+pub mod inscription;
+pub mod limit_surface;
+pub mod plot;
+pub mod point_sampling;
+pub mod push;
+pub mod roll;

@@ -1,0 +1,125 @@
+//! The picture of a sampling plan, like the thesis's figures 3.1, 3.5 and 3.6: outlines and points, with the fences if there
+//! are any, and beside them the regions that the points are in the middle of.
+//!
+//! Pure. Frames: world. Units: SI in, millimetres on the axes.
+
+use nalgebra::{Point2, Vector2};
+use palpate::geometry::SimplePolygon;
+use palpate::point_sampling::Circle;
+
+use crate::pictures::plot::{Colour, Dash, Figure, Key, Scene, Stroke, Style};
+
+/// Size of the page.
+const PAGE: [f64; 2] = [1120.0, 620.0];
+
+/// Polygons up to which areas are filled and coloured in turn; more are outlines.
+const FILLED_MAX: usize = 24;
+
+/// Points up to which each has its number.
+const NUMBERED_MAX: usize = 40;
+
+const POINT: Colour = Colour::VERMILLION;
+const OUTLINE: Colour = Colour::BLUE;
+
+/// What a picture shows.
+#[derive(Clone, Copy, Debug)]
+pub struct SamplingPicture<'a> {
+    /// Outlines.
+    pub polygons: &'a [SimplePolygon],
+    /// Points with their clearances.
+    pub points: &'a [Circle],
+    /// Lines from the corner along the fences.
+    pub fences: &'a [[Point2<f64>; 2]],
+    /// Above everything.
+    pub title: &'a str,
+    /// Below the title.
+    pub subtitles: &'a [String],
+}
+
+impl SamplingPicture<'_> {
+    /// Draws it.
+    #[must_use]
+    pub fn figure(&self) -> Figure {
+        let figure = Figure::new(self.title, PAGE[0], PAGE[1]);
+        let figure = self.subtitles.iter().fold(figure, |figure, line| figure.subtitle(line.clone()));
+        figure.column(1.0, vec![self.shapes().into()]).column(1.0, vec![self.regions().into()])
+    }
+
+    /// Outlines and numbered points.
+    fn shapes(&self) -> Scene {
+        let mut scene = Scene::new("what is told apart");
+        for (number, polygon) in self.polygons.iter().enumerate() {
+            scene.polygon(polygon.vertices(), self.style(number));
+        }
+        self.add_fences(&mut scene);
+        for (number, point) in self.points.iter().enumerate() {
+            scene.dot(point.centre, POINT);
+            if self.points.len() <= NUMBERED_MAX {
+                scene.label(point.centre, Vector2::new(1.0, 1.0), (number + 1).to_string(), Colour::BLACK);
+            }
+        }
+        scene.key(Key::Dot(POINT), "point");
+        if !self.fences.is_empty() {
+            scene.key(Key::Line(fence()), "fence");
+        }
+        scene
+    }
+
+    /// The subdivision, with the room around each point.
+    fn regions(&self) -> Scene {
+        let mut scene = Scene::new("their regions, and the room around each point");
+        for polygon in self.polygons {
+            scene.polygon(polygon.vertices(), Stroke::solid(Colour::DARK_GREY, 0.6));
+        }
+        self.add_fences(&mut scene);
+        for point in self.points {
+            scene.disk(point.centre, point.radius, Style::area(POINT, 0.8));
+        }
+        scene
+    }
+
+    fn style(&self, number: usize) -> Style {
+        if self.polygons.len() > FILLED_MAX {
+            return Stroke::solid(OUTLINE, 0.7).into();
+        }
+        let colour = Colour::SERIES[number % Colour::SERIES.len()];
+        Style::area(colour, 0.10).outlined(Stroke::solid(colour, 1.2))
+    }
+
+    fn add_fences(&self, scene: &mut Scene) {
+        self.fences.iter().for_each(|line| scene.polyline(line, fence()));
+    }
+}
+
+fn fence() -> Stroke {
+    Stroke::solid(Colour::BLACK, 2.0).with(Dash::Dashed)
+}
+
+#[cfg(test)]
+mod tests {
+    use palpate::point_sampling::{Request, plan};
+
+    use super::*;
+
+    #[test]
+    fn a_picture_numbers_its_points() {
+        let block = |x: f64| {
+            SimplePolygon::new([[x, 0.0], [x + 0.06, 0.0], [x + 0.06, 0.04], [x, 0.04]].map(Point2::from)).unwrap()
+        };
+        let polygons: Vec<_> = [0.0, 0.02, 0.04].map(block).into();
+        let plan = plan(&polygons, &Request::default(), &|| false);
+        let fences = [[Point2::origin(), Point2::new(0.2, 0.0)]];
+        let subtitles = ["2 points".to_owned()];
+        let picture = SamplingPicture {
+            polygons: &polygons,
+            points: &plan.points,
+            fences: &fences,
+            title: "blocks",
+            subtitles: &subtitles,
+        };
+        let svg = picture.figure().to_page().to_svg();
+        for words in ["blocks", "2 points", "fence", "point", "x [mm]"] {
+            assert!(svg.contains(&format!("aria-label=\"{words}\"")), "{words}");
+        }
+    }
+}

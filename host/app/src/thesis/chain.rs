@@ -1,0 +1,123 @@
+//! The whole chain, many times: how often a pushed part's pose is named, and how well.
+//!
+//! Each case is a finger of its own, calibrated, and a random part pushed from rest; see [`crate::thesis::demonstration`]. Nothing of the
+//! thesis is beside it: its sensor was never used on a moving part (§6.4).
+
+use palpate::math::random::Draw;
+use palpate::math::statistics::percentile;
+use palpate::pushing::estimation::from_rest::trial::{Outcome, RADIUS_M, Ranges, random_part, straight_motion};
+use palpate::pushing::estimation::from_rest::{self, Known, Status};
+use palpate_device::simulated::Line;
+
+use super::cases::of_each;
+use super::{Cell, Experiment, Settings, Table};
+use crate::thesis::demonstration::{Rig, course};
+use palpate::gravity::GRAVITY_ASSUMED;
+
+/// Runs one case: None where no push of the part lasts, or the chain broke.
+fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<Outcome, String> {
+    let mut draw = Draw::case(seed, number);
+    let (part, drawn) = loop {
+        let part = random_part(&mut draw);
+        if let Some(drawn) = ranges.draw(&mut draw, &part) {
+            break (part, drawn);
+        }
+    };
+    let finger_seed = seed.wrapping_mul(1_000_003).wrapping_add(number as u64);
+    let duration = ranges.motion.duration();
+    let felt = Rig::start(finger_seed, 1.0, Line::Pipe).and_then(|mut rig| rig.push(course(&drawn.played)));
+    let felt = felt.map_err(|error| format!("case {number}: {error}"))?;
+    let felt = felt.sense.felt(duration).ok_or_else(|| format!("case {number}: the push was not felt"))?;
+    let known = Known {
+        part: &part,
+        grip: ranges.mu * GRAVITY_ASSUMED,
+        grip_log_sd: None,
+        radius: RADIUS_M,
+        motion: &ranges.motion,
+    };
+    Ok(Outcome::new(&part, &drawn, &from_rest::estimate(&known, &felt)))
+}
+
+/// The table `chain`.
+pub(super) const EXPERIMENT: Experiment = Experiment {
+    name: "chain",
+    title: "a part pushed from rest, its pose from the force on the finger, through the whole chain",
+    cases: 600,
+    run,
+};
+
+/// Runs it.
+fn run(settings: &Settings) -> Table {
+    let mut table = Table::new([
+        "finger's path",
+        "cases",
+        "unique",
+        "ambiguous",
+        "none",
+        "wrong",
+        "wrong and certain",
+        "median mm",
+        "95 % mm",
+        "median deg",
+        "95 % deg",
+        "nearest 95 % mm",
+        "listed",
+        "redrawn",
+    ]);
+    table.definitions = definitions();
+    let turning = Ranges::default();
+    let straight = Ranges { motion: straight_motion(), ..Ranges::default() };
+    for (name, ranges) in [("with a turn", turning), ("straight", straight)] {
+        let outcomes = of_each(settings.cases, |number| case(&ranges, settings.seed, number));
+        add(&mut table, name, &outcomes);
+    }
+    table
+}
+
+fn definitions() -> Vec<String> {
+    let text = [
+        "Drawn: two of three parts convex (hull of 8 points in a disk of 5 cm), one a star of 5 to 8 vertices 2.5 to 5.5 cm out; the contact uniform along the outline, its angle within 46 deg of the finger's way, mu_c 0.1 to 0.5, mass 0.2 to 0.8 kg, mu 0.3; starts redrawn where the finger does not fit, or whose contact does not stay on its edge for 0.8 s.",
+        "The finger starts at rest on the part: 0.15 m/s² for 0.3 s, then 0.15 m/s² across for 0.5 s (with a turn), or 0.12 m/s² for 0.8 s (straight). Known to the host: polygon, mu, g, the finger's motion.",
+        "Each case has its own simulated finger with the datasheet's noise and hum, calibrated on 12 contacts of 2 N through its own firmware and wire.",
+        "unique, ambiguous, none: one pose listed, several, or none explains the force. wrong: no listed pose is within 5 of its stated standard deviations (or 0.2 mm and 0.17 deg) of the truth. wrong and certain: so, and only one was listed.",
+        "Errors at the end of the push: of the centre of mass and of the angle, of the best pose listed; nearest: of the listed one nearest to the truth. listed: mean number of poses. redrawn: mean number of starts drawn in vain.",
+    ];
+    text.map(str::to_owned).to_vec()
+}
+
+fn add(table: &mut Table, name: &str, outcomes: &[Result<Outcome, String>]) {
+    let sound: Vec<_> = outcomes.iter().filter_map(|outcome| outcome.as_ref().ok()).collect();
+    let all = outcomes.len();
+    let share = |pick: &dyn Fn(&&Outcome) -> bool| Cell::share(sound.iter().copied().filter(pick).count(), all);
+    let errors = |of: fn(&Outcome) -> Option<f64>| sound.iter().filter_map(|outcome| of(outcome)).collect::<Vec<_>>();
+    let millimetres = errors(|outcome| outcome.best.map(|error| error.distance * 1e3));
+    let degrees = errors(|outcome| outcome.best.map(|error| error.angle.to_degrees()));
+    let nearest = errors(|outcome| outcome.nearest.map(|error| error.distance * 1e3));
+    let at = |errors: &[f64], per_cent: usize| {
+        percentile(errors.iter().copied(), per_cent).map_or(Cell::Empty, |error| Cell::number(error, 3))
+    };
+    let listed = sound.iter().map(|outcome| outcome.listed).sum::<usize>();
+    let redrawn = sound.iter().map(|outcome| outcome.redrawn).sum::<usize>();
+    let mean = |sum: usize, of: usize| sum as f64 / (of as f64).max(1.0);
+    table.push([
+        name.into(),
+        Cell::count(all),
+        share(&|outcome| outcome.status == Status::Unique),
+        share(&|outcome| outcome.status == Status::Ambiguous),
+        share(&|outcome| outcome.status == Status::None),
+        share(&|outcome| !outcome.holds_truth),
+        share(&|outcome| !outcome.holds_truth && outcome.status == Status::Unique),
+        at(&millimetres, 50),
+        at(&millimetres, 95),
+        at(&degrees, 50),
+        at(&degrees, 95),
+        at(&nearest, 95),
+        Cell::number(mean(listed, all), 2),
+        Cell::number(mean(redrawn, all), 1),
+    ]);
+    table.failures.extend(outcomes.iter().enumerate().filter_map(|(number, outcome)| match outcome {
+        Ok(outcome) if outcome.holds_truth => None,
+        Ok(outcome) => Some(format!("{name}, case {number}: {outcome:?}")),
+        Err(error) => Some(format!("{name}, {error}")),
+    }));
+}

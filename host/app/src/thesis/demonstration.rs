@@ -1,0 +1,204 @@
+//! The whole chain in one place: a simulated world pushes a part, a simulated finger feels it, the host names the pose.
+//!
+//! [`Rig`] is a finger of its own, calibrated through its own firmware and wire; [`Rig::push`] lets a world's force act on it and
+//! gives what was felt. Nothing of the truth reaches the host but through samples.
+//!
+//! Frames: finger axes. Units: SI. Errors: [`RigError`].
+
+use std::io;
+use std::sync::Arc;
+
+use miette::Diagnostic;
+use nalgebra::Vector2;
+use palpate::finger::calibration::plan::PlanError;
+use palpate::finger::calibration::plan::{Plan, TareMode};
+use palpate::finger::calibration::session::RunError;
+use palpate::finger::calibration::{self, Fit, FitError};
+use palpate::finger::contact::{Reading, TareError};
+use palpate::finger::sense;
+use palpate::pushing::estimation::from_rest::onset::{PushSense, RestNoise};
+use palpate::pushing::pushed_world::{Played, STEP_S};
+use palpate_device::session::Options;
+use palpate_device::simulated::{Config, ForceCourse, Line, Pace, SimulatedDevice};
+use palpate_device::{LinkError, Session};
+use palpate_shared::sim::{BridgesConfig, FingerConfig, Load};
+
+use crate::live::{self, LinkSource, LiveError, SimulatedBench};
+
+/// Force of the calibration weight, N. A noisier finger takes one as many times heavier, or its directions would be refused.
+pub const CALIBRATION_FORCE_N: f64 = 2.0;
+
+/// Contacts that the finger is calibrated on, evenly round the disk.
+pub const CALIBRATION_CONTACTS: u32 = 12;
+
+/// Time at rest before a push, s: from it come bias and noise.
+const REST_S: f64 = 2.0;
+
+/// Time after a released finger has rung out, s: by 1/e in 43 ms.
+const SETTLE_S: f64 = 0.5;
+
+/// Stretches at rest that may be refused before a push is given up: one is chance.
+const REST_TRIES: u32 = 3;
+
+/// Time after a push until nothing of it is on its way any more, s.
+const AFTER_S: f64 = 0.1;
+
+/// A simulated finger behind its own line, calibrated.
+#[derive(Debug)]
+pub struct Rig {
+    hand: Arc<SimulatedDevice>,
+    session: Session,
+    fit: Fit,
+}
+
+/// A push as the host felt it.
+#[derive(Clone, Debug)]
+pub struct FeltPush {
+    /// What it makes of it.
+    pub sense: PushSense,
+    /// Every reading, those at rest before included.
+    pub readings: Vec<Reading>,
+}
+
+/// Why the chain broke.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+pub enum RigError {
+    /// The simulated finger could not be started, or has ended.
+    #[error("the simulated finger is gone")]
+    Device(#[from] io::Error),
+    /// The link failed.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Link(#[from] LinkError),
+    /// No samples came.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Live(#[from] LiveError),
+    /// The calibration could not be taken.
+    #[error("the simulated finger cannot be calibrated")]
+    Calibration(#[from] RunError),
+    /// Its settings cannot be.
+    #[error("the simulated finger cannot be calibrated")]
+    Settings(#[from] PlanError),
+    /// The calibration does not fit.
+    #[error("the simulated finger's calibration does not fit")]
+    Fit(#[from] FitError),
+    /// The finger was not at rest before the push.
+    #[error("the simulated finger was refused as not at rest {REST_TRIES} times, at last because {0}")]
+    Rest(#[from] TareError),
+}
+
+impl Rig {
+    /// A finger with so many times the default one's noise, at its host's pace, and calibrated.
+    ///
+    /// # Errors
+    /// [`RigError`].
+    pub fn start(seed: u64, noise: f64, line: Line) -> Result<Self, RigError> {
+        let config = Config { seed, finger: finger(noise), pace: Pace::AsRead, line, ..Config::default() };
+        let hand = Arc::new(SimulatedDevice::start(config)?);
+        let mut session = Session::open_simulated(Arc::clone(&hand), Options::default())?;
+        let fit = calibrate(&mut session, &hand, CALIBRATION_FORCE_N * noise.max(1.0))?;
+        Ok(Self { hand, session, fit })
+    }
+
+    /// What the calibration found.
+    #[must_use]
+    pub fn fit(&self) -> &Fit {
+        &self.fit
+    }
+
+    /// The session with the finger.
+    #[must_use]
+    pub fn session(&self) -> &Session {
+        &self.session
+    }
+
+    /// Lets forces act on the finger after a while at rest, and feels them to their end.
+    ///
+    /// # Errors
+    /// [`RigError`].
+    pub fn push(&mut self, course: ForceCourse) -> Result<FeltPush, RigError> {
+        let (rest, mut readings) = self.rest_noise()?;
+        let mut sense = PushSense::new(rest, Some(&self.fit.calibration));
+        let duration = course.duration_s();
+        let begun_s = self.hand.set_course(course)?.truth.time_ns as f64 * 1e-9;
+        let push = self.readings_until(begun_s + duration + AFTER_S)?;
+        push.iter().for_each(|reading| sense.push(reading));
+        readings.extend(push);
+        Ok(FeltPush { sense, readings })
+    }
+
+    /// Bias and noise; a stretch that is refused is taken again, as a person would.
+    fn rest_noise(&mut self) -> Result<(RestNoise, Vec<Reading>), RigError> {
+        for _ in 1..REST_TRIES {
+            let readings = self.rest()?;
+            match RestNoise::estimate(&readings) {
+                Ok(rest) => return Ok((rest, readings)),
+                Err(refused) => tracing::warn!(%refused, "the tare is taken again"),
+            }
+        }
+        let readings = self.rest()?;
+        Ok((RestNoise::estimate(&readings)?, readings))
+    }
+
+    fn rest(&mut self) -> Result<Vec<Reading>, RigError> {
+        let released_s = self.hand.set_load(Load::Released)?.truth.time_ns as f64 * 1e-9;
+        // What was sampled before is of no use, and a device at its host's pace may have run seconds ahead.
+        self.session.stop()?;
+        self.session.forget_waiting();
+        self.session.start()?;
+        let mut readings = self.readings_until(released_s + SETTLE_S + REST_S)?;
+        readings.retain(|reading| reading.t >= released_s + SETTLE_S);
+        Ok(readings)
+    }
+
+    /// Readings up to a moment of device time, s.
+    fn readings_until(&mut self, end_s: f64) -> Result<Vec<Reading>, RigError> {
+        let (calibration, mut readings) = (&self.fit.calibration, Vec::new());
+        live::stream(
+            &mut self.session,
+            |_, samples| {
+                readings.extend(sense::readings(samples, calibration));
+                samples.device_time_s(samples.counts.len()) < end_s
+            },
+            |_| (),
+        )?;
+        Ok(readings)
+    }
+}
+
+/// The forces of a push for a simulated device to play.
+#[must_use]
+pub fn course(played: &Played) -> ForceCourse {
+    #[expect(clippy::cast_possible_truncation, reason = "the simulation computes in single precision")]
+    let single = |force: Vector2<f64>| [force.x as f32, force.y as f32];
+    ForceCourse::new(STEP_S, played.forces_evenly().into_iter().map(single).collect())
+}
+
+/// The default finger with so many times its noise and hum.
+fn finger(noise: f64) -> FingerConfig {
+    #[expect(clippy::cast_possible_truncation, reason = "the simulation computes in single precision")]
+    let noise = noise as f32;
+    let default = FingerConfig::default();
+    let hum_peak_to_peak = default.bridges.hum_peak_to_peak * noise;
+    FingerConfig {
+        converter_noise: default.converter_noise * noise,
+        bridges: BridgesConfig { hum_peak_to_peak, ..default.bridges },
+        ..default
+    }
+}
+
+/// Calibrates a simulated finger with a weight of so many newtons, all round its disk.
+///
+/// # Errors
+/// [`RigError`].
+pub fn calibrate(session: &mut Session, hand: &SimulatedDevice, force: f64) -> Result<Fit, RigError> {
+    let load = calibration::Load::Newtons(force);
+    let plan = Plan::all_round(CALIBRATION_CONTACTS, load, TareMode::Each);
+    let front_end = live::front_end(session.hello()).map_err(LiveError::from)?;
+    let settings = plan.dwell_settings(front_end, f64::from(session.hello().rate_hz))?;
+    let mut run = calibration::session::Session::new(plan.steps(), settings);
+    let mut bench = SimulatedBench::new(hand, force, |_, _| ());
+    calibration::session::run(&mut run, &mut LinkSource::new(session), &mut bench)?;
+    Ok(calibration::fit(&calibration::session::measurements(run.taken()), &plan.fit_settings(&front_end))?)
+}

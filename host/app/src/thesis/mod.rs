@@ -1,0 +1,278 @@
+//! The thesis's experiments, run again: its numbers beside ours.
+//!
+//! An experiment draws random problems from a seed, solves them with the library and returns a [`Table`]. To add one:
+//! write `fn run(&Settings) -> Table` in a module of its own here, describe it by an
+//! [`Experiment`] beside it, and list that in [`EXPERIMENTS`]. It says in
+//! `definitions` what was drawn and what counts as a success, and lists every case that failed, so that each can be
+//! looked at by itself: case `k` of a seed is always the same problem, whatever the number of cases.
+//!
+//! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
+
+mod cases;
+pub(crate) mod chain;
+pub mod demonstration;
+mod gho;
+mod initial_pose;
+mod inscription;
+mod parts;
+mod plan;
+mod pose;
+mod rivals;
+mod rolling;
+mod sampling;
+pub mod static_contacts;
+
+use std::fmt;
+
+use serde::Serialize;
+use serde::ser::{SerializeMap, Serializer};
+
+/// The experiments, in the order of the thesis.
+pub const EXPERIMENTS: &[Experiment] = &[
+    inscription::HALF_PLANES,
+    inscription::TWO_CONES,
+    inscription::MORE_CONES,
+    inscription::WORST_CASE,
+    inscription::NOISE,
+    sampling::SPARSE,
+    sampling::DENSE,
+    gho::KNOWN_EDGE,
+    gho::UNKNOWN_EDGE,
+    gho::SIDE_BY_SIDE,
+    initial_pose::FRICTIONLESS,
+    initial_pose::FRICTION,
+    pose::CONTACTS,
+    pose::FRICTION,
+    pose::FORCES,
+    pose::MODEL_ERROR,
+    pose::MAGNITUDE,
+    chain::EXPERIMENT,
+    plan::EXPERIMENT,
+    parts::EXPERIMENT,
+    rolling::ATTITUDE,
+    rolling::SEMI_AXES,
+    rolling::WHICH,
+    rolling::GHO,
+];
+
+/// An experiment that `palpate tables` can run.
+#[derive(Clone, Copy, Debug)]
+pub struct Experiment {
+    /// What it is called on the command line: the number of the thesis's table, or a word.
+    pub name: &'static str,
+    /// What it shows, one line.
+    pub title: &'static str,
+    /// Cases of each row unless the person asks for another number.
+    pub cases: usize,
+    /// Runs it.
+    pub run: fn(&Settings) -> Table,
+}
+
+/// How to run an experiment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Cases of each row.
+    pub cases: usize,
+    /// Seed of everything drawn.
+    pub seed: u64,
+}
+
+/// What came of an experiment.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Table {
+    /// What was drawn, what was counted as what: a sentence each.
+    pub definitions: Vec<String>,
+    /// Headings, with units.
+    pub columns: Vec<&'static str>,
+    /// As many cells a row as there are columns.
+    #[serde(serialize_with = "rows_by_heading")]
+    rows: Vec<Row>,
+    /// Cases that failed, with their numbers: a sentence each.
+    pub failures: Vec<String>,
+}
+
+/// One row: cells that know their headings.
+#[derive(Clone, Debug, PartialEq)]
+struct Row {
+    columns: Vec<&'static str>,
+    cells: Vec<Cell>,
+}
+
+/// What stands at one place of a table.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Cell {
+    /// Nothing is known or was measured here.
+    Empty,
+    /// Words.
+    Text(String),
+    /// How many.
+    Count(u64),
+    /// A number, printed with so many decimals.
+    Number(#[serde(serialize_with = "number_only")] (f64, usize)),
+    /// A share of 1, printed in per cent with one decimal.
+    Share(f64),
+}
+
+impl Table {
+    /// A table without rows.
+    #[must_use]
+    pub fn new(columns: impl IntoIterator<Item = &'static str>) -> Self {
+        Self { columns: columns.into_iter().collect(), ..Self::default() }
+    }
+
+    /// Adds a row; cells that are missing at its end are empty.
+    pub fn push(&mut self, cells: impl IntoIterator<Item = Cell>) {
+        let mut cells: Vec<_> = cells.into_iter().collect();
+        cells.resize(self.columns.len(), Cell::Empty);
+        self.rows.push(Row { columns: self.columns.clone(), cells });
+    }
+
+    /// The cells, row by row.
+    pub fn rows(&self) -> impl Iterator<Item = &[Cell]> {
+        self.rows.iter().map(|row| row.cells.as_slice())
+    }
+}
+
+impl Cell {
+    /// A share `part / whole`; empty where there is no whole.
+    #[must_use]
+    pub fn share(part: usize, whole: usize) -> Self {
+        #[expect(clippy::cast_precision_loss, reason = "counts of cases are far below 2^53")]
+        let share = |part: usize, whole: usize| part as f64 / whole as f64;
+        if whole == 0 { Self::Empty } else { Self::Share(share(part, whole)) }
+    }
+
+    /// A number with so many decimals.
+    #[must_use]
+    pub fn number(value: f64, decimals: usize) -> Self {
+        Self::Number((value, decimals))
+    }
+
+    /// How many.
+    #[must_use]
+    pub fn count(count: usize) -> Self {
+        Self::Count(count as u64)
+    }
+}
+
+impl From<&str> for Cell {
+    fn from(text: &str) -> Self {
+        Self::Text(text.to_owned())
+    }
+}
+
+impl From<String> for Cell {
+    fn from(text: String) -> Self {
+        Self::Text(text)
+    }
+}
+
+impl fmt::Display for Cell {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Empty => f.pad("-"),
+            Self::Text(text) => f.pad(text),
+            Self::Count(count) => f.pad(&count.to_string()),
+            Self::Number((value, decimals)) => f.pad(&format!("{value:.decimals$}")),
+            Self::Share(share) => f.pad(&format!("{:.1} %", share * 100.0)),
+        }
+    }
+}
+
+/// Definitions, then the aligned rows, then what failed.
+impl fmt::Display for Table {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for definition in &self.definitions {
+            writeln!(f, "{definition}")?;
+        }
+        let width = |column: usize, heading: &str| {
+            let cells = self.rows().map(|row| row[column].to_string().chars().count());
+            cells.max().unwrap_or(0).max(heading.chars().count())
+        };
+        let widths: Vec<_> = self.columns.iter().enumerate().map(|(column, heading)| width(column, heading)).collect();
+        let headings: Vec<_> = self.columns.iter().map(|&heading| Cell::from(heading)).collect();
+        for row in std::iter::once(headings.as_slice()).chain(self.rows()) {
+            writeln!(f, "{}", line(row, &widths))?;
+        }
+        for failure in &self.failures {
+            writeln!(f, "failed: {failure}")?;
+        }
+        Ok(())
+    }
+}
+
+/// The first column names the row and stands left; the others are compared and stand right.
+fn line(cells: &[Cell], widths: &[usize]) -> String {
+    let padded = cells.iter().zip(widths).enumerate().map(|(column, (cell, &width))| match column {
+        0 => format!("{cell:<width$}"),
+        _ => format!("{cell:>width$}"),
+    });
+    padded.collect::<Vec<_>>().join("  ")
+}
+
+/// The experiment of this name.
+#[must_use]
+pub fn find(name: &str) -> Option<&'static Experiment> {
+    EXPERIMENTS.iter().find(|experiment| experiment.name == name)
+}
+
+/// Rows as JSON objects with the headings as keys.
+fn rows_by_heading<S: Serializer>(rows: &[Row], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_seq(rows)
+}
+
+impl Serialize for Row {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(self.cells.len()))?;
+        for (heading, cell) in self.columns.iter().zip(&self.cells) {
+            map.serialize_entry(heading, cell)?;
+        }
+        map.end()
+    }
+}
+
+/// Decimals are for people; a program gets the whole number.
+fn number_only<S: Serializer>(number: &(f64, usize), serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_f64(number.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table() -> Table {
+        let mut table = Table::new(["rows", "share", "time s"]);
+        table.definitions.push("What counts.".to_owned());
+        table.push(["known edge".into(), Cell::share(1, 3), Cell::number(0.5, 2)]);
+        table.push(["ours".into(), Cell::share(0, 0)]);
+        table.failures.push("case 7".to_owned());
+        table
+    }
+
+    #[test]
+    fn columns_are_aligned_and_nothing_measured_is_a_dash() {
+        let text = table().to_string();
+        let expected = "What counts.\n\
+                        rows         share  time s\n\
+                        known edge  33.3 %    0.50\n\
+                        ours             -       -\n\
+                        failed: case 7\n";
+        assert_eq!(text, expected);
+    }
+
+    #[test]
+    fn a_program_gets_whole_numbers_under_their_headings() {
+        let json = serde_json::to_value(table()).unwrap();
+        assert_eq!(json["rows"][0]["share"], 1.0 / 3.0);
+        assert_eq!(json["rows"][1], serde_json::json!({"rows": "ours", "share": null, "time s": null}));
+    }
+
+    #[test]
+    fn names_are_unique() {
+        let mut names: Vec<_> = EXPERIMENTS.iter().map(|experiment| experiment.name).collect();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), EXPERIMENTS.len());
+    }
+}

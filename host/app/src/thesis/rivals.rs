@@ -1,0 +1,367 @@
+//! Whether another pose could have been felt the same: a search that shares nothing with the estimator but the dynamics.
+//!
+//! From places all along each edge the part is pushed as the truth was, at fixed steps; the best places of each edge are improved
+//! by Gauss–Newton with the derivatives of [`Seeded`]. Where rolling and sliding take turns, the error-controlled simulation
+//! and its derivatives across changes ([`Push::run_derived`]) do the same.
+//!
+//! What misses exact angles by far at a coarse noise misses them by more at a fine one. So exact data are searched at a coarse noise
+//! first, and only what fits there is followed on.
+//!
+//! Units: SI; costs of no dimension. Errors: none; what cannot move is no rival.
+
+use nalgebra::{Matrix4, Point2, Vector2, Vector4};
+use palpate::math::Jet;
+use palpate::pushing::dynamics::{
+    Contact, ContactLaw, EdgeEnd, Finger, Parameter, Part, Push, PushModel, Scalar, Seeded, Slip, Start, State,
+};
+use palpate::pushing::estimation::{Prior, Touch};
+
+/// Distance of places tried, m; and where rolling and sliding take turns, which costs more.
+const GRID_M: f64 = 1e-3;
+/// See [`GRID_M`].
+const GRID_COULOMB_M: f64 = 2.5e-3;
+
+/// Steps between values, at a coarse noise and at a fine one.
+const STEPS: [usize; 2] = [2, 10];
+
+/// Noise that is searched first at least, and by how much it falls from there, rad.
+const SIGMA_COARSE: f64 = 2e-3;
+/// See [`SIGMA_COARSE`].
+const SIGMA_RATIO: f64 = 0.1;
+
+/// Iterations of the improvement; after some of them it must have come so near.
+const ITERATIONS: usize = 25;
+/// See [`ITERATIONS`].
+const HOPELESS: (usize, f64) = (6, 1e4);
+
+/// A step that lowers the cost by less ends the improvement.
+const COST_STEP: f64 = 1e-3;
+
+/// Rivals are at least so far from the truth on its own edge at the end, m.
+const APART_M: f64 = 2e-3;
+
+/// Standard deviation that keeps a rival's path on its edge, and how far beyond it may be; m.
+const EDGE_SIGMA_M: f64 = 1e-5;
+/// See [`EDGE_SIGMA_M`].
+const BEYOND_M: f64 = 5e-5;
+
+/// Overlaps of the disk with another edge up to this are none, m: rounding.
+const OVERLAP_M: f64 = 1e-9;
+
+/// Places of an edge, of those that are better than their neighbours, that are improved.
+const TRIED: usize = 6;
+
+/// Unknowns: contact angle, place, angular velocity, velocity along the contact.
+const UNKNOWNS: [Parameter; 4] = [Parameter::U, Parameter::S, Parameter::Omega, Parameter::VT];
+
+/// A part of a push without a change of the finger's acceleration.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Leg {
+    /// In time since the leg's beginning.
+    pub(super) finger: Finger,
+    /// How many values it has: of all legs but the last one, the last value is the next leg's first and does not count.
+    pub(super) values: usize,
+}
+
+/// A push whose exact angles are known.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Truth<'a> {
+    pub(super) part: &'a Part,
+    /// µ g, m/s².
+    pub(super) grip: f64,
+    pub(super) legs: &'a [Leg],
+    pub(super) touch: Touch,
+    /// The edge touched.
+    pub(super) edge: usize,
+    /// At the first value.
+    pub(super) start: State,
+    /// Place on the edge at the last value, m.
+    pub(super) s_end: f64,
+    /// Exact contact angles, rad.
+    pub(super) angles: &'a [f64],
+    /// Between values, s.
+    pub(super) dt: f64,
+    /// Of one angle, rad.
+    pub(super) sigma: f64,
+    pub(super) prior: Prior,
+}
+
+impl Truth<'_> {
+    /// Whether a pose other than the truth has a cost below `limit` on the exact angles.
+    pub(super) fn has_rival(&self, limit: f64) -> bool {
+        let edges = 0..self.part.polygon().vertices().len();
+        let ways: Vec<_> = edges.flat_map(|edge| self.ways(edge)).filter_map(|way| Search::new(self, way)).collect();
+        let coarse = self.sigma.max(SIGMA_COARSE);
+        let mut starts: Vec<_> =
+            ways.iter().flat_map(|way| way.beginnings().into_iter().map(move |s| (way, s))).collect();
+        starts.sort_by(|(_, a), (_, b)| a.0.total_cmp(&b.0));
+        starts.into_iter().any(|(search, (_, start))| search.leads_to_rival(start, coarse, limit))
+    }
+
+    /// The ways in which the part can be touched on an edge.
+    fn ways(&self, edge: usize) -> Vec<Way> {
+        let contacts = match self.touch {
+            Touch::Frictionless => vec![Contact::Frictionless],
+            Touch::Rolling { .. } => vec![Contact::Rolling],
+            Touch::Sliding { friction } => {
+                [Slip::Forward, Slip::Backward].map(|slip| Contact::Sliding { friction, slip }).to_vec()
+            }
+            Touch::Coulomb { friction } => return vec![Way { edge, contact: None, friction }],
+        };
+        contacts.into_iter().map(|contact| Way { edge, contact: Some(contact), friction: 0.0 }).collect()
+    }
+}
+
+/// Whether a disk (radius in m) that touches an edge at a place (m) overlaps no other.
+pub(super) fn is_clear(part: &Part, edge: usize, radius: f64, place: f64) -> bool {
+    let Ok(line) = part.edge(edge) else { return false };
+    let along = Vector2::new(-line.normal.y, line.normal.x);
+    let centre = part.centre_of_mass() + line.normal * (line.height + radius) + along * place;
+    let others = part.polygon().edges().enumerate().filter(|(other, _)| *other != edge);
+    others.into_iter().all(|(_, (from, to))| distance_to_segment(centre, from, to) > radius - OVERLAP_M)
+}
+
+fn distance_to_segment(point: Point2<f64>, from: Point2<f64>, to: Point2<f64>) -> f64 {
+    let (along, to_point) = (to - from, point - from);
+    let share = (to_point.dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
+    (to_point - along * share).norm()
+}
+
+/// An edge and what its contact does: always the same, or what Coulomb's law says.
+#[derive(Clone, Copy, Debug)]
+struct Way {
+    edge: usize,
+    contact: Option<Contact>,
+    friction: f64,
+}
+
+/// A search along one edge.
+struct Search<'a> {
+    truth: &'a Truth<'a>,
+    way: Way,
+    models: Vec<PushModel<'a>>,
+}
+
+impl<'a> Search<'a> {
+    fn new(truth: &'a Truth<'a>, way: Way) -> Option<Self> {
+        let edge = truth.part.edge(way.edge).ok()?;
+        let model = |leg: &Leg| PushModel { part: truth.part, edge, grip: truth.grip, finger: leg.finger };
+        Some(Self { truth, way, models: truth.legs.iter().map(model).collect() })
+    }
+
+    /// Costs and starts of the places that are better than their neighbours.
+    fn beginnings(&self) -> Vec<(f64, State)> {
+        let costs: Vec<_> = self.places().into_iter().map(|start| (self.plain_cost(&start), start)).collect();
+        let at = |place: usize| costs.get(place).map_or(f64::INFINITY, |found| found.0);
+        let lowest = |place: &usize| {
+            at(*place).is_finite() && at(*place) <= at(place.wrapping_sub(1)) && at(*place) <= at(place + 1)
+        };
+        let mut best: Vec<_> = (0..costs.len()).filter(lowest).map(|place| costs[place]).collect();
+        best.sort_by(|a, b| a.0.total_cmp(&b.0));
+        best.truncate(TRIED);
+        best
+    }
+
+    fn places(&self) -> Vec<State> {
+        let edge = &self.models[0].edge;
+        let length = edge.s_max - edge.s_min;
+        let grid = if self.way.contact.is_some() { GRID_M } else { GRID_COULOMB_M };
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few dozen")]
+        let steps = (length / grid).ceil() as u32;
+        let place = |i: u32| edge.s_min + length * f64::from(i) / f64::from(steps);
+        (0..=steps).map(|i| State { s: place(i), ..self.truth.start }).collect()
+    }
+
+    /// Squared misses of the angles, rad².
+    fn plain_cost(&self, start: &State) -> f64 {
+        let squares = |states: &mut dyn Iterator<Item = State>| {
+            states.zip(&self.truth.angles[1..]).map(|(state, angle)| (state.u - angle).powi(2)).sum()
+        };
+        match self.way.contact {
+            Some(contact) => {
+                let models: Vec<_> = self.models.iter().collect();
+                squares(&mut self.states(&models, &contact, start, STEPS[0]).skip(1))
+            }
+            None => self.coulomb(start).map_or(f64::INFINITY, |push| {
+                let run = push.run(&self.times()).ok().filter(|run| run.samples.len() == self.truth.angles.len());
+                run.map_or(f64::INFINITY, |run| squares(&mut run.samples.iter().map(|sample| sample.state).skip(1)))
+            }),
+        }
+    }
+
+    fn coulomb(&self, start: &State) -> Option<Push<'_>> {
+        let law = ContactLaw::Coulomb { friction: self.way.friction };
+        Push::new(self.models[0], law, Start::Moving(*start), EdgeEnd::Extend).ok()
+    }
+
+    fn times(&self) -> Vec<f64> {
+        (0_u32..).map(|i| f64::from(i) * self.truth.dt).take(self.truth.angles.len()).collect()
+    }
+
+    /// The states at the values' times, of a contact that stays as it is.
+    fn states<T: Scalar>(
+        &self,
+        models: &[&PushModel<'_, T>],
+        contact: &Contact<T>,
+        start: &State<T>,
+        steps: usize,
+    ) -> impl Iterator<Item = State<T>> + use<T> {
+        #[expect(clippy::cast_precision_loss, reason = "a few")]
+        let step = self.truth.dt / steps as f64;
+        let mut states = vec![*start];
+        for (model, leg) in models.iter().zip(self.truth.legs) {
+            let from = states[states.len() - 1];
+            let count = steps * (leg.values - 1);
+            states.extend(model.rollout(contact, &from, step).take(count).skip(steps - 1).step_by(steps));
+        }
+        states.into_iter()
+    }
+
+    /// Follows a start down, first at a coarse noise, then, as long as it fits, at ever finer ones.
+    fn leads_to_rival(&self, mut start: State, mut sigma: f64, limit: f64) -> bool {
+        loop {
+            let last = sigma <= self.truth.sigma;
+            let Some((lowest, cost)) = self.lowest(start, sigma, limit) else { return false };
+            if last || cost >= limit {
+                return cost < limit;
+            }
+            (start, sigma) = (lowest, (sigma * SIGMA_RATIO).max(self.truth.sigma));
+        }
+    }
+
+    /// The lowest rival that a start leads to at a noise, and its cost; none if that is no rival.
+    fn lowest(&self, mut start: State, sigma: f64, limit: f64) -> Option<(State, f64)> {
+        let mut damping = 1e-3;
+        let mut now = self.normal(&start, sigma)?;
+        for iteration in 0..ITERATIONS {
+            if iteration >= HOPELESS.0 && now.total > HOPELESS.1 {
+                return None;
+            }
+            let mut matrix = now.curvature;
+            for i in 0..UNKNOWNS.len() {
+                matrix[(i, i)] = matrix[(i, i)] * (1.0 + damping) + 1e-9;
+            }
+            let step = matrix.cholesky()?.solve(&now.gradient);
+            let next = State {
+                u: start.u - step[0],
+                s: start.s - step[1],
+                omega: start.omega - step[2],
+                v_t: start.v_t - step[3],
+            };
+            let there = self.normal(&next, sigma).filter(|there| there.total < now.total);
+            let Some(there) = there else {
+                damping = (damping * 10.0).max(1e-6);
+                continue;
+            };
+            let gained = now.total - there.total;
+            (start, now, damping) = (next, there, damping * 0.2);
+            if gained < COST_STEP || (self.is_rival(&now) && now.cost < limit) {
+                break;
+            }
+        }
+        self.is_rival(&now).then_some((start, now.cost))
+    }
+
+    fn is_rival(&self, found: &Normal) -> bool {
+        let is_truth = self.way.edge == self.truth.edge && (found.s_end - self.truth.s_end).abs() < APART_M;
+        !is_truth && found.possible
+    }
+
+    fn normal(&self, start: &State, sigma: f64) -> Option<Normal> {
+        let states = match self.way.contact {
+            Some(contact) => {
+                let seeded: Vec<_> =
+                    self.models.iter().map(|model| Seeded::jets(model, &contact, start, UNKNOWNS)).collect();
+                let models: Vec<_> = seeded.iter().map(|seeded| &seeded.model).collect();
+                let steps = if sigma < SIGMA_COARSE { STEPS[1] } else { STEPS[0] };
+                self.states(&models, &seeded[0].contact, &seeded[0].start, steps).collect()
+            }
+            None => self.coulomb(start)?.run_derived(&self.times(), UNKNOWNS).ok()?.states,
+        };
+        if states.len() < self.truth.angles.len() {
+            return None;
+        }
+        let mut normal = Normal::new(start);
+        for (value, state) in states.iter().enumerate() {
+            normal.add((state.u - self.truth.angles[value]) / sigma, true);
+            self.keep_on_edge(&mut normal, state.s);
+            normal.possible &= is_clear(self.truth.part, self.way.edge, self.models[0].finger.radius, state.s.value);
+            normal.s_end = state.s.value;
+            normal.possible &= self.lasts(value, state);
+        }
+        self.add_prior(&mut normal, start);
+        Some(normal)
+    }
+
+    fn add_prior(&self, normal: &mut Normal, start: &State) {
+        let v_t_counts = !matches!(self.way.contact, Some(Contact::Rolling));
+        let v_t = self.truth.prior.v_t0_sigma.filter(|_| v_t_counts);
+        for (unknown, sigma, value) in [(2, self.truth.prior.omega0_sigma, start.omega), (3, v_t, start.v_t)] {
+            if let Some(sigma) = sigma {
+                normal.add(Jet::variable(value, unknown) / sigma, true);
+            }
+        }
+    }
+
+    fn keep_on_edge(&self, normal: &mut Normal, s: Jet<4>) {
+        let edge = &self.models[0].edge;
+        let beyond = (s.value - edge.s_max).max(0.0) - (edge.s_min - s.value).max(0.0);
+        if beyond != 0.0 {
+            let limit = if beyond > 0.0 { edge.s_max } else { edge.s_min };
+            normal.add((s - limit) / EDGE_SIGMA_M, false);
+        }
+        normal.possible &= beyond.abs() < BEYOND_M;
+    }
+
+    /// Whether the part still is pushed at a value, and slips the way it is taken to.
+    fn lasts(&self, value: usize, state: &State<Jet<4>>) -> bool {
+        let Some(contact) = self.way.contact else { return true };
+        let (model, time) = self.at(value);
+        let State { u, s, omega, v_t } = *state;
+        let state = State { u: u.value, s: s.value, omega: omega.value, v_t: v_t.value };
+        let slips = match contact {
+            Contact::Sliding { slip, .. } => model.slip(time, &state) * slip.sign() > 0.0,
+            _ => true,
+        };
+        slips && model.motion(&contact, time, &state).normal_force > 0.0
+    }
+
+    /// The leg that a value belongs to, and the time since its beginning, s.
+    fn at(&self, value: usize) -> (&PushModel<'a>, f64) {
+        let (mut leg, mut since) = (0, value);
+        while leg + 1 < self.models.len() && since >= self.truth.legs[leg].values - 1 {
+            since -= self.truth.legs[leg].values - 1;
+            leg += 1;
+        }
+        #[expect(clippy::cast_precision_loss, reason = "a count of values")]
+        let time = since as f64 * self.truth.dt;
+        (&self.models[leg], time)
+    }
+}
+
+/// A cost and what a step needs.
+struct Normal {
+    /// Without what keeps the path on its edge, and with it.
+    cost: f64,
+    total: f64,
+    gradient: Vector4<f64>,
+    curvature: Matrix4<f64>,
+    s_end: f64,
+    possible: bool,
+}
+
+impl Normal {
+    fn new(start: &State) -> Self {
+        let (gradient, curvature) = (Vector4::zeros(), Matrix4::zeros());
+        Self { cost: 0.0, total: 0.0, gradient, curvature, s_end: start.s, possible: true }
+    }
+
+    fn add(&mut self, residual: Jet<4>, counts: bool) {
+        let slopes = Vector4::from(residual.slopes);
+        let square = residual.value * residual.value;
+        self.cost += if counts { square } else { 0.0 };
+        self.total += square;
+        self.gradient += slopes * residual.value;
+        self.curvature += slopes * slopes.transpose();
+    }
+}

@@ -1,0 +1,902 @@
+//! A conversation with one device: handshake, commands, samples in order, reconnection.
+//!
+//! A thread reads the link without pause and stamps what comes with its time of arrival, so that neither a slow
+//! consumer nor the operating system's small buffers lose samples. Commands go out on the caller's thread and
+//! are repeated with the same id until the reply comes; what arrives meanwhile is kept in order.
+//!
+//! When the link breaks, [`Session::next`] reopens it, restores the settings and goes on; the gap is counted in
+//! samples like any other, unless the device itself restarted and began to count anew.
+
+use std::collections::VecDeque;
+use std::hash::{BuildHasher, RandomState};
+use std::io::{self, Read, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use palpate::finger::Samples;
+use palpate_shared::frame::{DELIMITER, FRAME_MAX, encode};
+use palpate_shared::units::Counts;
+use palpate_shared::wire::{
+    Block, Command, CommandId, Counters, Event, Failure, Fault, FromDevice, Health, Hello, Outcome, ProtocolVersion,
+    Refusal, Reply, Request, SelfTest, Source, Status, Temperature,
+};
+
+use crate::clock_map::{ClockEstimate, ClockMap};
+use crate::error::LinkError;
+use crate::sample_sequence::{Continuity, Sequence};
+use crate::simulated::SimulatedDevice;
+use crate::transport::address::Address;
+use crate::transport::{BAUD, BAUD_FALLBACK, Transport};
+use crate::wire_reader::{MessageReader, ReaderCounts};
+
+/// How long to wait for a reply before the command is repeated. A reply takes a few milliseconds over a serial
+/// line, and up to a second through an emulator's.
+const REPLY_WAIT: Duration = Duration::from_millis(250);
+
+/// How often a command is sent before the device counts as silent.
+const TRIES: u32 = 6;
+
+/// How often the handshake is sent at one speed; a board that is still starting answers the second or third.
+const HANDSHAKE_TRIES: u32 = 4;
+
+/// How long to wait between attempts to reopen a link that broke.
+const REOPEN_WAIT: Duration = Duration::from_millis(100);
+
+/// Messages that wait for a slow consumer before the reading thread stops reading: four seconds of blocks at 4 kHz.
+/// What then comes is lost, and counted, on the device; memory stays bounded.
+const WAITING_MAX: usize = 2048;
+
+/// A stream that is silent for this long is asked whether it is still one: the hello of a device that restarted may
+/// have been damaged on its way.
+const QUIET: Duration = Duration::from_millis(500);
+
+/// After a gap longer than this the device's time may have wrapped unseen, so that samples cannot be counted
+/// across it: half of its 71.6 minutes, less a margin.
+const COUNTABLE_GAP: Duration = Duration::from_secs(30 * 60);
+
+/// What a session hands on, in order of arrival.
+#[derive(Clone, Debug)]
+pub enum Incoming {
+    /// Samples.
+    Samples(Samples),
+    /// Something the device noticed.
+    Event(Event),
+    /// The board's temperature.
+    Temperature(Temperature),
+    /// The device started anew: its settings were restored, its sample numbers begin again at 0.
+    Restarted(Hello),
+    /// The link broke, or cannot be opened again for another reason than before.
+    Disconnected {
+        /// How that was noticed.
+        reason: String,
+    },
+    /// The link is back and the settings are restored.
+    Reconnected {
+        /// How long the link was down.
+        after: Duration,
+        /// Whether the samples that were missed can be counted. After half an hour the device's clock may have
+        /// wrapped unseen.
+        countable: bool,
+    },
+}
+
+/// What a session has counted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SessionCounts {
+    /// Samples received, each once.
+    pub samples: u64,
+    /// Samples that never came.
+    pub missing: u64,
+    /// Samples that came again and were dropped.
+    pub repeated: u64,
+    /// Frames damaged on the way, or whose contents make no sense.
+    pub damaged_frames: u64,
+    /// Messages of a newer device, skipped.
+    pub unknown_messages: u64,
+    /// Commands that had to be repeated.
+    pub commands_repeated: u64,
+    /// Times the link broke.
+    pub disconnections: u64,
+    /// Times the device started anew.
+    pub restarts: u64,
+}
+
+/// How a session is opened.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Speed of the serial line; by default both speeds that boards use are tried.
+    pub baud: Option<u32>,
+    /// Reopen the link by itself when it breaks.
+    pub reconnect: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { baud: None, reconnect: true }
+    }
+}
+
+/// Settings that a session restores after the device restarted.
+#[derive(Clone, Copy, Debug, Default)]
+struct Wanted {
+    rate_hz: Option<u32>,
+    gain: Option<u8>,
+    source: Option<Source>,
+    streaming: bool,
+}
+
+/// A message with its time of arrival, or the end of the link.
+#[derive(Debug)]
+enum Arrival {
+    Message(Box<FromDevice>, Instant),
+    Broken(String),
+}
+
+/// What the reading thread shares with the session.
+#[derive(Debug, Default)]
+struct Shared {
+    stop: AtomicBool,
+    counts: Mutex<(ReaderCounts, Option<ProtocolVersion>)>,
+}
+
+/// An open transport with its reading thread.
+#[derive(Debug)]
+struct Line {
+    transport: Transport,
+    /// `None` only while it is being closed: the thread must not wait for room that nobody makes.
+    arrivals: Option<Receiver<Arrival>>,
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// A conversation with one device.
+#[derive(Debug)]
+pub struct Session {
+    address: Address,
+    options: Options,
+    simulated: Option<Arc<SimulatedDevice>>,
+    line: Option<Line>,
+    baud: u32,
+    hello: Hello,
+    next_id: u32,
+    wanted: Wanted,
+    backlog: VecDeque<Incoming>,
+    sequence: Sequence,
+    clock: ClockMap,
+    epoch: Instant,
+    counts: SessionCounts,
+    /// Reader counts of lines that were closed.
+    closed_lines: ReaderCounts,
+    down_since: Option<Instant>,
+    last_heard: Instant,
+    last_status: Status,
+    temperature_c: Option<f64>,
+    /// Added to the device's time, so that it goes on over the device's restarts.
+    time_base_us: u64,
+    /// Found while taking in a message; told by the next call.
+    pending_error: Option<LinkError>,
+    /// Why the link could not be opened again, as last told.
+    still_down: String,
+}
+
+impl Session {
+    /// Opens the device at `address` and greets it.
+    ///
+    /// For a [`Address::Simulated`] address a simulated device is started, which lives as long as the session.
+    ///
+    /// # Errors
+    /// [`LinkError`]: the port cannot be opened, nobody answers, or the device speaks another protocol.
+    pub fn open(address: &Address, options: Options) -> Result<Self, LinkError> {
+        let simulated = match address {
+            Address::Simulated { seed } => {
+                let cannot_start = |source| LinkError::Open {
+                    address: address.to_string(),
+                    remedy: "the simulation could not start",
+                    source,
+                };
+                Some(Arc::new(SimulatedDevice::start_default(*seed).map_err(cannot_start)?))
+            }
+            _ => None,
+        };
+        Self::open_with(address, options, simulated)
+    }
+
+    /// Opens a simulated device that the caller has set up, through whatever line it has.
+    ///
+    /// # Errors
+    /// As [`Session::open`].
+    pub fn open_simulated(device: Arc<SimulatedDevice>, options: Options) -> Result<Self, LinkError> {
+        Self::open_with(&device.address().clone(), options, Some(device))
+    }
+
+    fn open_with(
+        address: &Address,
+        options: Options,
+        simulated: Option<Arc<SimulatedDevice>>,
+    ) -> Result<Self, LinkError> {
+        let epoch = Instant::now();
+        // A first id that no earlier host is likely to have used; see `CommandId`.
+        #[expect(clippy::cast_possible_truncation, reason = "any 32 bits will do")]
+        let mut next_id = RandomState::new().hash_one(epoch) as u32;
+        let greeted = greet(address, &options, simulated.as_deref(), &mut next_id)?;
+        let mut session = Self {
+            address: address.clone(),
+            options,
+            simulated,
+            line: Some(greeted.line),
+            baud: greeted.baud,
+            hello: greeted.hello,
+            next_id,
+            wanted: Wanted::default(),
+            backlog: VecDeque::new(),
+            sequence: Sequence::default(),
+            clock: ClockMap::default(),
+            epoch,
+            counts: SessionCounts::default(),
+            closed_lines: ReaderCounts::default(),
+            down_since: None,
+            last_heard: epoch,
+            last_status: Status::default(),
+            temperature_c: None,
+            time_base_us: 0,
+            pending_error: None,
+            still_down: String::new(),
+        };
+        session.take_early(greeted.early);
+        Ok(session)
+    }
+
+    /// Who the device is and how it is set.
+    #[must_use]
+    pub fn hello(&self) -> &Hello {
+        &self.hello
+    }
+
+    /// Where the device is.
+    #[must_use]
+    pub fn address(&self) -> &Address {
+        &self.address
+    }
+
+    /// The simulated device behind this session, if it is one of this process: the hand that presses.
+    #[must_use]
+    pub fn simulated(&self) -> Option<&Arc<SimulatedDevice>> {
+        self.simulated.as_ref()
+    }
+
+    /// Whether what this device sends is made up: it says so itself, or a block of samples did.
+    #[must_use]
+    pub fn is_simulated(&self) -> bool {
+        self.hello.source == Source::Simulated || self.last_status.contains(Status::SIMULATED)
+    }
+
+    /// The board's temperature as it last told, in °C; `None` where it has no sensor.
+    #[must_use]
+    pub fn temperature_c(&self) -> Option<f64> {
+        self.temperature_c
+    }
+
+    /// What was counted so far.
+    #[must_use]
+    pub fn counts(&self) -> SessionCounts {
+        let open = self.line.as_ref().map(Line::reader_counts).unwrap_or_default();
+        SessionCounts {
+            samples: self.sequence.received() - self.sequence.repeated(),
+            missing: self.sequence.missing(),
+            repeated: self.sequence.repeated(),
+            damaged_frames: self.closed_lines.damaged + self.closed_lines.malformed + open.damaged + open.malformed,
+            unknown_messages: self.closed_lines.unknown + open.unknown,
+            ..self.counts
+        }
+    }
+
+    /// How the device's clock relates to [`Session::epoch`].
+    #[must_use]
+    pub fn clock(&self) -> Option<ClockEstimate> {
+        self.clock.estimate()
+    }
+
+    /// Zero of the host times that [`Session::clock`] gives.
+    #[must_use]
+    pub fn epoch(&self) -> Instant {
+        self.epoch
+    }
+}
+
+/// Commands.
+impl Session {
+    /// Sends `request` until its reply comes.
+    ///
+    /// # Errors
+    /// [`LinkError::Refused`], [`LinkError::Unanswered`], [`LinkError::Unplugged`].
+    pub fn request(&mut self, request: Request) -> Result<Outcome, LinkError> {
+        let id = CommandId(self.next_id);
+        self.next_id = self.next_id.wrapping_add(1);
+        let begun = Instant::now();
+        for attempt in 0..TRIES {
+            self.counts.commands_repeated += u64::from(attempt > 0);
+            self.send(&Command::new(id, request))?;
+            if let Some(outcome) = self.wait_for_reply(id)? {
+                return accepted(request, outcome);
+            }
+        }
+        Err(LinkError::Unanswered { request: in_words(request), times: TRIES, within: begun.elapsed() })
+    }
+
+    /// Starts streaming.
+    ///
+    /// # Errors
+    /// As [`Session::request`]; refused where no front-end answers.
+    pub fn start(&mut self) -> Result<(), LinkError> {
+        self.request(Request::Start)?;
+        self.wanted.streaming = true;
+        Ok(())
+    }
+
+    /// Stops streaming; what was queued before is still handed on.
+    ///
+    /// # Errors
+    /// As [`Session::request`].
+    pub fn stop(&mut self) -> Result<(), LinkError> {
+        self.wanted.streaming = false;
+        self.request(Request::Stop).map(drop)
+    }
+
+    /// Sets the sample rate, in Hz.
+    ///
+    /// # Errors
+    /// As [`Session::request`]; refused where the front-end or the line cannot do it.
+    pub fn set_rate(&mut self, rate_hz: u32) -> Result<(), LinkError> {
+        self.request(Request::SetRate { rate_hz })?;
+        self.hello.rate_hz = rate_hz;
+        self.wanted.rate_hz = Some(rate_hz);
+        self.refresh_hello()
+    }
+
+    /// Sets the gain.
+    ///
+    /// # Errors
+    /// As [`Session::request`]; refused where the front-end has no such gain.
+    pub fn set_gain(&mut self, gain: u8) -> Result<(), LinkError> {
+        self.request(Request::SetGain { gain })?;
+        self.wanted.gain = Some(gain);
+        self.refresh_hello()
+    }
+
+    /// Takes samples from the board's front-end or from its built-in simulation.
+    ///
+    /// # Errors
+    /// As [`Session::request`]; refused where the board has no such source.
+    pub fn set_source(&mut self, source: Source) -> Result<(), LinkError> {
+        self.request(Request::SetSource { source })?;
+        self.wanted.source = Some(source);
+        self.refresh_hello()
+    }
+
+    /// Reads a register of the front-end.
+    ///
+    /// # Errors
+    /// As [`Session::request`].
+    pub fn read_register(&mut self, address: u8) -> Result<u16, LinkError> {
+        let request = Request::ReadRegister { address };
+        match self.request(request)? {
+            Outcome::Register { value, .. } => Ok(value),
+            _ => Err(LinkError::WrongAnswer { request: in_words(request) }),
+        }
+    }
+
+    /// Asks the device to check its front-end.
+    ///
+    /// # Errors
+    /// As [`Session::request`].
+    pub fn self_test(&mut self) -> Result<SelfTest, LinkError> {
+        match self.request(Request::SelfTest)? {
+            Outcome::SelfTest(result) => Ok(result),
+            _ => Err(LinkError::WrongAnswer { request: in_words(Request::SelfTest) }),
+        }
+    }
+
+    /// What the device has counted since it started.
+    ///
+    /// # Errors
+    /// As [`Session::request`].
+    pub fn device_counters(&mut self) -> Result<Counters, LinkError> {
+        match self.request(Request::Counters)? {
+            Outcome::Counters(counters) => Ok(counters),
+            _ => Err(LinkError::WrongAnswer { request: in_words(Request::Counters) }),
+        }
+    }
+
+    /// What the device recorded of its last fault; `None` if there was none since power-on.
+    ///
+    /// # Errors
+    /// As [`Session::request`]; refused by devices that keep no record.
+    pub fn last_fault(&mut self) -> Result<Option<Fault>, LinkError> {
+        match self.request(Request::LastFault)? {
+            Outcome::LastFault(fault) => Ok(fault),
+            _ => Err(LinkError::WrongAnswer { request: in_words(Request::LastFault) }),
+        }
+    }
+
+    /// How much stack and processor time the device uses.
+    ///
+    /// # Errors
+    /// As [`Session::request`]; refused by devices that do not know.
+    pub fn health(&mut self) -> Result<Health, LinkError> {
+        match self.request(Request::Health)? {
+            Outcome::Health(health) => Ok(health),
+            _ => Err(LinkError::WrongAnswer { request: in_words(Request::Health) }),
+        }
+    }
+
+    /// Restarts the device. [`Session::next`] then hands on [`Incoming::Restarted`] and restores the settings.
+    ///
+    /// # Errors
+    /// As [`Session::request`]; refused by devices that cannot.
+    pub fn reboot(&mut self) -> Result<(), LinkError> {
+        self.request(Request::Reboot).map(drop)
+    }
+
+    /// Measures the round trip to the device, and with it the offset between the clocks.
+    ///
+    /// # Errors
+    /// As [`Session::request`].
+    pub fn ping(&mut self) -> Result<Duration, LinkError> {
+        let sent = Instant::now();
+        let Outcome::Pong { time } = self.request(Request::Ping)? else {
+            return Err(LinkError::WrongAnswer { request: in_words(Request::Ping) });
+        };
+        let received = Instant::now();
+        let device_s = self.sequence.unwrap_time(time) as f64 * 1e-6;
+        self.clock.ping(self.seconds(sent), device_s, self.seconds(received));
+        Ok(received - sent)
+    }
+
+    fn refresh_hello(&mut self) -> Result<(), LinkError> {
+        match self.request(Request::Hello)? {
+            Outcome::Hello(hello) => self.hello = hello,
+            _ => return Err(LinkError::WrongAnswer { request: in_words(Request::Hello) }),
+        }
+        Ok(())
+    }
+
+    fn send(&mut self, command: &Command) -> Result<(), LinkError> {
+        let Some(line) = self.line.as_mut() else {
+            return Err(LinkError::Unplugged { address: self.address.to_string(), reason: "not connected".to_owned() });
+        };
+        match line.send(command) {
+            // Repeated later, like a command that was lost on the way.
+            Err(error) if error.kind() == io::ErrorKind::TimedOut => Ok(()),
+            Err(error) => Err(self.broken(error.to_string())),
+            Ok(()) => Ok(()),
+        }
+    }
+
+    /// Waits for the reply to `id`; everything else that arrives meanwhile goes to the backlog, in order.
+    fn wait_for_reply(&mut self, id: CommandId) -> Result<Option<Outcome>, LinkError> {
+        let deadline = Instant::now() + REPLY_WAIT;
+        loop {
+            let wait = deadline.saturating_duration_since(Instant::now());
+            match self.receive(wait) {
+                None => return Ok(None),
+                Some(Arrival::Broken(reason)) => return Err(self.broken(reason)),
+                Some(Arrival::Message(message, at)) => match *message {
+                    FromDevice::Reply(reply) if reply.id == id => return Ok(Some(reply.outcome)),
+                    message => self.take_in(message, at),
+                },
+            }
+        }
+    }
+}
+
+/// What arrives.
+impl Session {
+    /// The next samples, event or change of the link; `None` if nothing came within `wait`.
+    ///
+    /// # Errors
+    /// [`LinkError::Unplugged`] if the link broke and may not be reopened; [`LinkError::OtherDevice`] or
+    /// [`LinkError::OtherProtocol`] if what came back is not what was there; any other error means that the device
+    /// refuses what it accepted before.
+    pub fn next(&mut self, wait: Duration) -> Result<Option<Incoming>, LinkError> {
+        let deadline = Instant::now() + wait;
+        loop {
+            if let Some(error) = self.pending_error.take() {
+                return Err(error);
+            }
+            if let Some(incoming) = self.backlog.pop_front() {
+                if let Incoming::Restarted(_) = incoming {
+                    self.restore()?;
+                }
+                return Ok(Some(incoming));
+            }
+            if self.line.is_none() {
+                self.reopen()?;
+            } else {
+                let left = deadline.saturating_duration_since(Instant::now());
+                match self.receive(left.min(QUIET)) {
+                    Some(Arrival::Message(message, at)) => self.take_in(*message, at),
+                    None if self.wanted.streaming && self.last_heard.elapsed() > QUIET => self.ask_after_stream()?,
+                    Some(Arrival::Broken(reason)) => {
+                        let error = self.broken(reason);
+                        if !self.options.reconnect {
+                            return Err(error);
+                        }
+                    }
+                    None => {}
+                }
+            }
+            if self.backlog.is_empty() && Instant::now() >= deadline {
+                return Ok(None);
+            }
+        }
+    }
+
+    /// Drops samples that have arrived and were not yet handed on; events and changes of the link stay.
+    pub fn forget_waiting(&mut self) {
+        self.backlog.retain(|incoming| !matches!(incoming, Incoming::Samples(_) | Incoming::Temperature(_)));
+    }
+
+    fn receive(&self, wait: Duration) -> Option<Arrival> {
+        match self.line.as_ref()?.receive(wait) {
+            Ok(arrival) => Some(arrival),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => Some(Arrival::Broken("the reading thread ended".to_owned())),
+        }
+    }
+
+    /// Finds out why the stream is silent: a device that does not stream any more has started anew.
+    fn ask_after_stream(&mut self) -> Result<(), LinkError> {
+        self.last_heard = Instant::now();
+        match self.request(Request::Hello) {
+            Ok(Outcome::Hello(hello)) if !hello.streaming => self.restarted(hello),
+            // It is there, or gone: either shows by itself.
+            Ok(_) | Err(LinkError::Unplugged { .. } | LinkError::Unanswered { .. }) => {}
+            Err(error) => return Err(error),
+        }
+        Ok(())
+    }
+
+    /// Puts a message where it belongs.
+    fn take_in(&mut self, message: FromDevice, at: Instant) {
+        self.last_heard = at;
+        match message {
+            FromDevice::Block(block) => self.take_block(block, at),
+            FromDevice::Event(event) => self.backlog.push_back(Incoming::Event(event)),
+            FromDevice::Temperature(temperature) => {
+                self.temperature_c = Some(f64::from(temperature.centi_celsius) / 100.0);
+                self.backlog.push_back(Incoming::Temperature(temperature));
+            }
+            FromDevice::Hello(hello) => self.restarted(hello),
+            // The reply to a command that was answered before: the first answer was slow, not lost.
+            FromDevice::Reply(_) => {}
+        }
+    }
+
+    fn take_block(&mut self, block: Block, at: Instant) {
+        self.last_status = block.status;
+        let place = self.sequence.place(block.first, block.time, block.samples.len());
+        let rate_hz = self.hello.rate_hz.max(1);
+        let (missing_before, repeated) = match place.continuity {
+            Continuity::Missing(missing) => (missing, 0),
+            Continuity::Repeated(repeated) => (0, usize::try_from(repeated).unwrap_or(usize::MAX)),
+        };
+        let counts: Vec<[Counts; 2]> = block.samples.into_iter().skip(repeated).collect();
+        if counts.is_empty() {
+            return;
+        }
+        let samples = Samples {
+            first: place.first + repeated as u64,
+            missing_before,
+            time_us: self.time_base_us + place.time_us + repeated as u64 * 1_000_000 / u64::from(rate_hz),
+            period_us: 1e6 / f64::from(rate_hz),
+            status: block.status,
+            counts,
+        };
+        self.clock.arrived(samples.device_time_s(samples.counts.len() - 1), self.seconds(at));
+        self.backlog.push_back(Incoming::Samples(samples));
+    }
+
+    fn restarted(&mut self, hello: Hello) {
+        if !is_same_finger(&self.hello, &hello) {
+            let (was, is) = (self.hello.device.to_string(), hello.device.to_string());
+            self.pending_error = Some(LinkError::OtherDevice { was, is });
+        }
+        self.counts.restarts += 1;
+        self.time_base_us += self.sequence.last_time_us();
+        self.sequence.restart();
+        self.clock.restart();
+        self.hello = hello.clone();
+        self.backlog.push_back(Incoming::Restarted(hello));
+    }
+
+    /// Notes that the link is gone; returns the error that says so.
+    fn broken(&mut self, reason: String) -> LinkError {
+        if let Some(line) = self.line.take() {
+            let counts = line.reader_counts();
+            self.closed_lines.damaged += counts.damaged;
+            self.closed_lines.unknown += counts.unknown;
+            self.closed_lines.malformed += counts.malformed;
+            self.counts.disconnections += 1;
+            self.down_since = Some(Instant::now());
+            self.backlog.push_back(Incoming::Disconnected { reason: reason.clone() });
+        }
+        LinkError::Unplugged { address: self.address.to_string(), reason }
+    }
+
+    /// Tries once to open the link again. Not being able to is no error: the cable may come back.
+    fn reopen(&mut self) -> Result<(), LinkError> {
+        let options = Options { baud: Some(self.baud), ..self.options.clone() };
+        let greeted = match greet(&self.address, &options, self.simulated.as_deref(), &mut self.next_id) {
+            Ok(greeted) => greeted,
+            Err(error @ LinkError::OtherProtocol { .. }) => return Err(error),
+            Err(error) => {
+                self.tell_still_down(&error);
+                std::thread::sleep(REOPEN_WAIT);
+                return Ok(());
+            }
+        };
+        let after = self.down_since.take().map(|since| since.elapsed()).unwrap_or_default();
+        let began_anew =
+            !is_set_alike(&self.hello, &greeted.hello) || self.wanted.streaming && !greeted.hello.streaming;
+        let countable = !began_anew && after <= COUNTABLE_GAP;
+        self.line = Some(greeted.line);
+        self.still_down.clear();
+        self.backlog.push_back(Incoming::Reconnected { after, countable });
+        if began_anew {
+            // `next` restores the settings when it hands this on.
+            self.restarted(greeted.hello);
+        } else if !countable {
+            self.time_base_us += self.sequence.last_time_us();
+            self.sequence.restart();
+            self.clock.restart();
+        }
+        self.take_early(greeted.early);
+        Ok(())
+    }
+
+    /// Says why the link cannot be opened again, once for each reason.
+    fn tell_still_down(&mut self, error: &LinkError) {
+        let reason = error.to_string();
+        // That nothing is there is what a pulled cable looks like, and was told when the link broke.
+        let expected =
+            matches!(error, LinkError::NoSuchPort { .. } | LinkError::Unplugged { .. } | LinkError::Open { .. });
+        if !expected && reason != self.still_down {
+            self.backlog.push_back(Incoming::Disconnected { reason: reason.clone() });
+        }
+        self.still_down = reason;
+    }
+
+    /// Takes in what arrived during the greeting, except a hello that was sent unasked: it tells of a start-up
+    /// that the greeting has already dealt with.
+    fn take_early(&mut self, early: Vec<(FromDevice, Instant)>) {
+        for (message, at) in early {
+            if !matches!(message, FromDevice::Hello(_)) {
+                self.take_in(message, at);
+            }
+        }
+    }
+
+    /// Gives a device that started anew the settings that it had.
+    fn restore(&mut self) -> Result<(), LinkError> {
+        let Wanted { rate_hz, gain, source, streaming } = self.wanted;
+        let requests = [
+            source.map(|source| Request::SetSource { source }),
+            rate_hz.map(|rate_hz| Request::SetRate { rate_hz }),
+            gain.map(|gain| Request::SetGain { gain }),
+            Some(Request::Hello),
+            streaming.then_some(Request::Start),
+        ];
+        for request in requests.into_iter().flatten() {
+            match self.request(request) {
+                Ok(Outcome::Hello(hello)) => self.hello = hello,
+                Ok(_) => {}
+                // Gone again: the next reconnection restores.
+                Err(LinkError::Unplugged { .. } | LinkError::Unanswered { .. }) => return Ok(()),
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
+    }
+
+    fn seconds(&self, at: Instant) -> f64 {
+        at.saturating_duration_since(self.epoch).as_secs_f64()
+    }
+}
+
+/// Whether calibration and tare of a device hold for another hello.
+fn is_same_finger(a: &Hello, b: &Hello) -> bool {
+    (a.device, a.excitation_mv, a.full_scale_uv, a.channels) == (b.device, b.excitation_mv, b.full_scale_uv, b.channels)
+}
+
+/// Whether a device still is as it was left: it did not start anew in between.
+fn is_set_alike(a: &Hello, b: &Hello) -> bool {
+    (a.device, a.restarts, a.rate_hz, a.gain, a.source) == (b.device, b.restarts, b.rate_hz, b.gain, b.source)
+}
+
+impl Line {
+    fn start(transport: Transport) -> io::Result<Self> {
+        let shared = Arc::new(Shared::default());
+        let (sender, arrivals) = sync_channel(WAITING_MAX);
+        let (mut reading_end, for_thread) = (transport.second()?, Arc::clone(&shared));
+        let thread = std::thread::Builder::new()
+            .name("palpate link".to_owned())
+            .spawn(move || read_until_stopped(&mut reading_end, &for_thread, &sender))?;
+        Ok(Self { transport, arrivals: Some(arrivals), shared, thread: Some(thread) })
+    }
+
+    fn send(&mut self, command: &Command) -> io::Result<()> {
+        let mut buffer = [0; FRAME_MAX + 1];
+        let frame = encode(command, &mut buffer).map_err(|_| io::ErrorKind::InvalidInput)?;
+        // The leading delimiter ends whatever noise the device may have received before.
+        self.transport.write_all(&[&[DELIMITER], frame].concat())?;
+        self.transport.flush()
+    }
+
+    fn receive(&self, wait: Duration) -> Result<Arrival, RecvTimeoutError> {
+        self.arrivals.as_ref().ok_or(RecvTimeoutError::Disconnected)?.recv_timeout(wait)
+    }
+
+    fn reader_counts(&self) -> ReaderCounts {
+        self.shared.counts.lock().unwrap_or_else(PoisonError::into_inner).0
+    }
+
+    fn other_protocol(&self) -> Option<ProtocolVersion> {
+        self.shared.counts.lock().unwrap_or_else(PoisonError::into_inner).1
+    }
+}
+
+impl Drop for Line {
+    fn drop(&mut self) {
+        self.shared.stop.store(true, Ordering::Relaxed);
+        self.arrivals = None;
+        if let Some(thread) = self.thread.take() {
+            // A panic in the thread has been reported by it.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// The reading thread: bytes in, stamped messages out.
+fn read_until_stopped(transport: &mut Transport, shared: &Shared, sender: &SyncSender<Arrival>) {
+    let mut reader = MessageReader::default();
+    let mut buffer = vec![0; 65_536];
+    while !shared.stop.load(Ordering::Relaxed) {
+        match transport.read(&mut buffer) {
+            Ok(length) => {
+                let at = Instant::now();
+                let deliver = |message| sender.send(Arrival::Message(Box::new(message), at)).is_ok();
+                let mut wanted = true;
+                reader.read(&buffer[..length], |message| wanted &= deliver(message));
+                *shared.counts.lock().unwrap_or_else(PoisonError::into_inner) =
+                    (reader.counts(), reader.other_protocol());
+                if !wanted {
+                    return;
+                }
+            }
+            Err(error) if error.kind() == io::ErrorKind::TimedOut => {}
+            Err(error) => {
+                // The session may be gone already; then nobody needs to know.
+                let _ = sender.send(Arrival::Broken(error.to_string()));
+                return;
+            }
+        }
+    }
+}
+
+/// An open link whose device has answered.
+struct Greeted {
+    line: Line,
+    baud: u32,
+    hello: Hello,
+    /// What arrived before the answer.
+    early: Vec<(FromDevice, Instant)>,
+}
+
+/// Opens the link and asks the device who it is, at each speed in turn.
+fn greet(
+    address: &Address,
+    options: &Options,
+    simulated: Option<&SimulatedDevice>,
+    next_id: &mut u32,
+) -> Result<Greeted, LinkError> {
+    let speeds = match (address, options.baud) {
+        (Address::Serial(_), None) => vec![BAUD, BAUD_FALLBACK],
+        (_, baud) => vec![baud.unwrap_or(BAUD)],
+    };
+    let mut damaged = 0;
+    for &baud in &speeds {
+        let transport = Transport::open(address, baud, simulated.map(SimulatedDevice::connect))?;
+        let mut line = Line::start(transport).map_err(|source| LinkError::Open {
+            address: address.to_string(),
+            remedy: "the port opens but cannot be used",
+            source,
+        })?;
+        if let Some((hello, early)) = ask_who(&mut line, address, next_id)? {
+            return Ok(Greeted { line, baud, hello, early });
+        }
+        damaged += line.reader_counts().damaged;
+    }
+    let bauds = match address {
+        Address::Serial(_) => speeds.iter().map(u32::to_string).collect::<Vec<_>>().join(" or "),
+        _ => String::new(),
+    };
+    Err(LinkError::NoAnswer { address: address.to_string(), bauds, damaged })
+}
+
+/// What a greeting brought: the device's hello, and what arrived before it.
+type Greeting = (Hello, Vec<(FromDevice, Instant)>);
+
+/// Sends the handshake until it is answered; `None` if it never is.
+fn ask_who(line: &mut Line, address: &Address, next_id: &mut u32) -> Result<Option<Greeting>, LinkError> {
+    let id = CommandId(*next_id);
+    *next_id = next_id.wrapping_add(1);
+    let gone = |reason: String| LinkError::Unplugged { address: address.to_string(), reason };
+    let mut early = Vec::new();
+    for _ in 0..HANDSHAKE_TRIES {
+        line.send(&Command::new(id, Request::Hello)).map_err(|error| gone(error.to_string()))?;
+        let deadline = Instant::now() + REPLY_WAIT;
+        loop {
+            match line.receive(deadline.saturating_duration_since(Instant::now())) {
+                Ok(Arrival::Message(message, at)) => match *message {
+                    FromDevice::Reply(Reply { id: answered, outcome }) if answered == id => {
+                        return greeting(outcome).map(|hello| Some((hello, early)));
+                    }
+                    message => early.push((message, at)),
+                },
+                Ok(Arrival::Broken(reason)) => return Err(gone(reason)),
+                Err(RecvTimeoutError::Disconnected) => return Err(gone("the reading thread ended".to_owned())),
+                Err(RecvTimeoutError::Timeout) => break,
+            }
+        }
+        if let Some(device) = line.other_protocol() {
+            return Err(LinkError::other_protocol(device));
+        }
+    }
+    Ok(None)
+}
+
+/// The hello in the answer to a greeting.
+fn greeting(outcome: Outcome) -> Result<Hello, LinkError> {
+    match outcome {
+        Outcome::Hello(hello) => Ok(hello),
+        Outcome::Refused(Refusal::OtherProtocol { device }) => Err(LinkError::other_protocol(device)),
+        Outcome::Refused(refusal) => Err(LinkError::Refused { request: in_words(Request::Hello), refusal }),
+        _ => Err(LinkError::WrongAnswer { request: in_words(Request::Hello) }),
+    }
+}
+
+/// Turns a refusal into an error.
+fn accepted(request: Request, outcome: Outcome) -> Result<Outcome, LinkError> {
+    match outcome {
+        Outcome::Refused(Refusal::OtherProtocol { device }) => Err(LinkError::other_protocol(device)),
+        Outcome::Refused(refusal) => Err(LinkError::Refused { request: in_words(request), refusal }),
+        outcome => Ok(outcome),
+    }
+}
+
+/// A request as an error message names it.
+fn in_words(request: Request) -> String {
+    match request {
+        Request::Hello => "to say who it is".to_owned(),
+        Request::Start => "to start streaming".to_owned(),
+        Request::Stop => "to stop streaming".to_owned(),
+        Request::SetRate { rate_hz } => format!("a rate of {rate_hz} Hz"),
+        Request::SetGain { gain } => format!("a gain of {gain}"),
+        Request::SetSource { source: Source::Hardware } => "its own front-end as source".to_owned(),
+        Request::SetSource { source: Source::Simulated } => "its simulated finger as source".to_owned(),
+        Request::ReadRegister { address } => format!("to read register {address:#04x}"),
+        Request::Ping => "a ping".to_owned(),
+        Request::SelfTest => "a self-test".to_owned(),
+        Request::Counters => "its counters".to_owned(),
+        Request::LastFault => "its last fault".to_owned(),
+        Request::Health => "its use of stack and processor".to_owned(),
+        Request::Reboot => "to restart".to_owned(),
+        Request::Fail { failure: Failure::Panic } => "to panic".to_owned(),
+        Request::Fail { failure: Failure::Hang } => "to hang".to_owned(),
+        Request::Fail { failure: Failure::BadAccess } => "to read where no memory is".to_owned(),
+        Request::Fail { failure: Failure::StackOverflow } => "to overflow its stack".to_owned(),
+    }
+}

@@ -1,0 +1,287 @@
+//! A whole device without hardware: the firmware's own code on the simulated finger, behind a serial line.
+//!
+//! A thread steps the simulated front-end conversion by conversion, calls the firmware's sampler at each, and
+//! carries bytes between the firmware and an outlet: a pipe in this process (`sim:`), a pseudo-terminal that is
+//! opened like any serial port, or a TCP port. Everything between the force on the disk and those bytes is the
+//! code that runs on a board, or the model of the chip that stands on it.
+//!
+//! Two paces: [`Pace::RealTime`] takes samples when a board would; [`Pace::AsRead`] takes the next ones as soon as
+//! the host has read the last, so that a minute of samples takes a second. Either way the device's clock counts
+//! conversions, and the same seed gives the same samples.
+//!
+//! The owner of a [`SimulatedDevice`] is the hand that presses: it sets loads and faults, pulls the cable, and
+//! knows the truth.
+
+mod board;
+mod outlet;
+
+use std::io;
+use std::path::PathBuf;
+use std::sync::mpsc::{Sender, channel};
+use std::thread::JoinHandle;
+use std::time::Instant;
+
+use board::Control;
+use palpate_shared::sim::{Faults, FingerConfig, Load, Script, Truth};
+
+use crate::Address;
+pub use board::SimulatedOnly;
+use outlet::Outlet;
+
+use crate::transport::pipe::{End, Pipe};
+
+/// How fast simulated time passes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Pace {
+    /// As fast as on the clock.
+    #[default]
+    RealTime,
+    /// As fast as the host reads.
+    AsRead,
+}
+
+/// Where the device's serial line comes out.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Line {
+    /// In this process.
+    #[default]
+    Pipe,
+    /// At a pseudo-terminal; Unix only.
+    Pty {
+        /// A symbolic link that leads to it, also after it was unplugged and plugged in again.
+        link: Option<PathBuf>,
+    },
+    /// At a TCP port, for one host at a time.
+    Tcp {
+        /// Name or address, and port, as in `localhost:7800`; port 0 takes any free one.
+        host: String,
+    },
+}
+
+/// What a simulated device is made of.
+#[derive(Clone, Debug, Default)]
+pub struct Config {
+    /// Seed of everything random.
+    pub seed: u64,
+    /// The finger; by default the project's default finger.
+    pub finger: FingerConfig,
+    /// What is broken from the start.
+    pub faults: Faults,
+    /// How fast time passes.
+    pub pace: Pace,
+    /// Where the line comes out.
+    pub line: Line,
+    /// Speed of the line in baud; `None` is as fast as it goes.
+    pub baud: Option<u32>,
+}
+
+/// Forces on the disk that another simulation computed, evenly spaced in time, with straight lines between them.
+///
+/// The first acts at once, without a ramp; after the last the finger is released.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ForceCourse {
+    step_s: f64,
+    forces_finger: Vec<[f32; 2]>,
+}
+
+impl ForceCourse {
+    /// Forces on the disk in finger axes, N, each `step_s` seconds after the one before.
+    #[must_use]
+    pub fn new(step_s: f64, forces_finger: Vec<[f32; 2]>) -> Self {
+        Self { step_s, forces_finger }
+    }
+
+    /// The force at a time since the course began, s; `None` after its end.
+    #[must_use]
+    pub fn at(&self, t: f64) -> Option<[f32; 2]> {
+        let place = (t / self.step_s).max(0.0);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "not negative; large ones saturate"
+        )]
+        let index = place as usize;
+        let (&from, &to) = (self.forces_finger.get(index)?, self.forces_finger.get(index + 1)?);
+        #[expect(clippy::cast_possible_truncation, reason = "a share of 1")]
+        let share = place.fract() as f32;
+        Some([0, 1].map(|axis| from[axis] + share * (to[axis] - from[axis])))
+    }
+
+    /// How long it lasts, s.
+    #[must_use]
+    pub fn duration_s(&self) -> f64 {
+        self.step_s * self.forces_finger.len().saturating_sub(1) as f64
+    }
+}
+
+/// The simulated world at one moment.
+#[derive(Clone, Copy, Debug)]
+pub struct Moment {
+    /// Conversions since the device started.
+    pub conversion: u64,
+    /// The truth there.
+    pub truth: Truth,
+}
+
+/// A running simulated device. It ends when this is dropped.
+#[derive(Debug)]
+pub struct SimulatedDevice {
+    seed: u64,
+    address: Address,
+    pipe: Option<Pipe>,
+    control: Sender<Control>,
+    thread: Option<JoinHandle<()>>,
+    /// Host time at the device's time 0, for a device in real time.
+    epoch: Instant,
+}
+
+impl SimulatedDevice {
+    /// Starts a device.
+    ///
+    /// # Errors
+    /// What the operating system says when the pseudo-terminal, the TCP port or the thread cannot be had.
+    pub fn start(config: Config) -> io::Result<Self> {
+        let (outlet, pipe) = match &config.line {
+            Line::Pipe => {
+                let pipe = Pipe::default();
+                (Outlet::pipe(pipe.clone()), Some(pipe))
+            }
+            #[cfg(unix)]
+            Line::Pty { link } => (Outlet::pty(link.clone())?, None),
+            #[cfg(not(unix))]
+            Line::Pty { .. } => {
+                let reason = "this system has no pseudo-terminals; use sim: or tcp:";
+                return Err(io::Error::new(io::ErrorKind::Unsupported, reason));
+            }
+            Line::Tcp { host } => (Outlet::tcp(host)?, None),
+        };
+        let (seed, address) = (config.seed, outlet.address(config.seed));
+        let (control, orders) = channel();
+        let epoch = Instant::now();
+        let thread = std::thread::Builder::new()
+            .name("simulated device".to_owned())
+            .spawn(move || board::run(&config, outlet, &orders, epoch))?;
+        Ok(Self { seed, address, pipe, control, thread: Some(thread), epoch })
+    }
+
+    /// The default finger in this process, in real time.
+    ///
+    /// # Errors
+    /// As [`SimulatedDevice::start`].
+    pub fn start_default(seed: u64) -> io::Result<Self> {
+        Self::start(Config { seed, ..Config::default() })
+    }
+
+    /// Seed of everything random in it.
+    #[must_use]
+    pub fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    /// What a host gives as the device's name.
+    #[must_use]
+    pub fn address(&self) -> &Address {
+        &self.address
+    }
+
+    /// The host's end of the line of a device in this process; a dead end for any other.
+    #[must_use]
+    pub fn connect(&self) -> End {
+        self.pipe.clone().unwrap_or_default().host_end()
+    }
+
+    /// Host time at the device's time 0; meaningful in real time, until the device restarts.
+    #[must_use]
+    pub fn epoch(&self) -> Instant {
+        self.epoch
+    }
+
+    /// Presses on the disk from now on; returns the moment from which the load acts.
+    ///
+    /// # Errors
+    /// If the device has ended.
+    pub fn set_load(&self, load: Load) -> io::Result<Moment> {
+        self.ask(|answer| Control::Load(load, answer))
+    }
+
+    /// Starts a script of loads.
+    ///
+    /// # Errors
+    /// If the device has ended.
+    pub fn set_script(&self, script: Script) -> io::Result<Moment> {
+        self.ask(|answer| Control::Script(Box::new(script), answer))
+    }
+
+    /// Starts a course of forces.
+    ///
+    /// # Errors
+    /// If the device has ended.
+    pub fn set_course(&self, course: ForceCourse) -> io::Result<Moment> {
+        self.ask(|answer| Control::Course(course, answer))
+    }
+
+    /// Breaks or mends things.
+    ///
+    /// # Errors
+    /// If the device has ended.
+    pub fn set_faults(&self, faults: Faults) -> io::Result<Moment> {
+        self.ask(|answer| Control::Faults(faults, answer))
+    }
+
+    /// The state of the world now.
+    ///
+    /// # Errors
+    /// If the device has ended.
+    pub fn now(&self) -> io::Result<Moment> {
+        self.ask(Control::Now)
+    }
+
+    /// Pulls the cable; bytes under way are lost, the device goes on sampling.
+    ///
+    /// # Errors
+    /// If the device has ended.
+    pub fn unplug(&self) -> io::Result<Moment> {
+        self.ask(Control::Unplug)
+    }
+
+    /// Plugs the cable in again.
+    ///
+    /// # Errors
+    /// If the device has ended.
+    pub fn plug_in(&self) -> io::Result<Moment> {
+        self.ask(Control::PlugIn)
+    }
+
+    /// Switches the device off and on again: it forgets its settings and counts from 0.
+    ///
+    /// # Errors
+    /// If the device has ended.
+    pub fn restart(&self) -> io::Result<Moment> {
+        self.ask(Control::Restart)
+    }
+
+    /// Puts bytes on the line towards the host, as noise on the cable would.
+    ///
+    /// # Errors
+    /// If the device has ended.
+    pub fn disturb(&self, noise: Vec<u8>) -> io::Result<Moment> {
+        self.ask(|answer| Control::Disturb(noise, answer))
+    }
+
+    fn ask(&self, order: impl FnOnce(Sender<Moment>) -> Control) -> io::Result<Moment> {
+        let (answer, answered) = channel();
+        let ended = || io::Error::new(io::ErrorKind::BrokenPipe, "the simulated device has ended");
+        self.control.send(order(answer)).map_err(|_| ended())?;
+        answered.recv().map_err(|_| ended())
+    }
+}
+
+impl Drop for SimulatedDevice {
+    fn drop(&mut self) {
+        // A thread that has ended already does not listen.
+        let _ = self.control.send(Control::End);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}

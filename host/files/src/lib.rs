@@ -1,0 +1,14 @@
+//! What people and programs keep and exchange, for programs without a terminal: descriptions of parts, bodies, scenes, views and motions;
+//! calibrations; force logs; and the JSON Lines of `palpate solve`.
+//!
+//! Units: SI once read. Errors name the key or line, the value and the limit.
+
+pub mod body;
+pub mod calibration;
+pub mod motion;
+pub mod part;
+pub mod recordings;
+pub mod sampling_plan;
+pub mod scene;
+pub mod solve;
+pub mod views;

@@ -1,0 +1,94 @@
+//! How a finger moves, as a person writes it down.
+//!
+//! ```toml
+//! unit = "mm"                     # of every length below: m, cm, mm or in
+//! start = [0, 0]                  # the disk's centre at t = 0, when the motion begins (optional)
+//! [[segment]]
+//! seconds = 0.3
+//! acceleration = [150, 0]         # mm/s², along the finger's axes
+//! [[segment]]
+//! seconds = 0.5
+//! acceleration = [0, 150]
+//! ```
+//!
+//! Frames: finger axes. Units: SI once read. Errors: [`MotionFileError`] names the segment, the value, the limit and what to do.
+
+use palpate::pushing::finger_motion::{FingerMotion, MotionError, Segment};
+use serde::Deserialize;
+
+use crate::part::Unit;
+
+/// Why a text is no motion.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MotionFileError {
+    /// Not TOML, a key missing, unknown or of another type; the message shows the place.
+    #[error("{0}")]
+    Text(String),
+    /// No motion that can be.
+    #[error(transparent)]
+    Motion(#[from] MotionError),
+}
+
+/// The file's keys.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Keys {
+    unit: Unit,
+    #[serde(default)]
+    start: [f64; 2],
+    #[serde(default)]
+    segment: Vec<Segment>,
+}
+
+/// Reads the text of a motion file.
+///
+/// ```
+/// let motion = palpate_files::motion::parse("unit = 'mm'\n[[segment]]\nseconds = 0.5\nacceleration = [100, 0]")?;
+/// assert!((motion.centre(0.5).x - 0.0125).abs() < 1e-12); // a t²/2, m
+/// # Ok::<(), palpate_files::motion::MotionFileError>(())
+/// ```
+///
+/// # Errors
+/// [`MotionFileError`] names the first thing found wrong.
+pub fn parse(text: &str) -> Result<FingerMotion, MotionFileError> {
+    let keys: Keys = toml::from_str(text).map_err(|error| MotionFileError::Text(error.to_string()))?;
+    let metres = keys.unit.metres();
+    let in_metres = |[x, y]: [f64; 2]| [x * metres, y * metres];
+    let segments = keys.segment.iter();
+    let segments = segments.map(|segment| Segment { acceleration: in_metres(segment.acceleration), ..*segment });
+    Ok(FingerMotion::new(in_metres(keys.start), &segments.collect::<Vec<_>>())?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TURN: &str = "unit = 'cm'\nstart = [1, 2]\n[[segment]]\nseconds = 0.5\nacceleration = [10, 0]\n\
+                        [[segment]]\nseconds = 0.25\nacceleration = [0, -20]";
+
+    #[test]
+    fn lengths_are_in_the_files_unit() {
+        let motion = parse(TURN).unwrap();
+        // 1 cm + 10 cm/s² · (0.5 s)²/2, then 5 cm/s for a quarter of a second.
+        let wanted = [0.01 + 0.0125 + 0.0125, 0.02 - 0.2 * 0.25 * 0.25 / 2.0];
+        let end = motion.centre(0.75);
+        assert!((end.x - wanted[0]).abs() < 1e-15 && (end.y - wanted[1]).abs() < 1e-15, "{end}");
+    }
+
+    #[test]
+    fn every_mistake_is_named_with_its_segment() {
+        let bad = [
+            (TURN.replace("0.25", "-1"), "segment 1: seconds = -1.0"),
+            (TURN.replace("[0, -20]", "[0, nan]"), "segment 1: acceleration"),
+            (TURN.replace("[10, 0]", "[0, 0]"), "segment 0 has no acceleration"),
+            (TURN.replace("[1, 2]", "[inf, 2]"), "start = [inf"),
+            (TURN.replace("seconds = 0.5", "second = 0.5"), "unknown field `second`"),
+            ("unit = 'mm'".to_owned(), "no segments"),
+        ];
+        for (text, wanted) in bad {
+            let message = parse(&text).unwrap_err().to_string();
+            assert!(message.contains(wanted), "wanted {wanted}, got {message}");
+        }
+    }
+}

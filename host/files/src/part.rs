@@ -1,0 +1,556 @@
+//! The file in which a person describes a part: TOML, with the unit of its lengths.
+//!
+//! ```toml
+//! unit = "mm"                                     # of every length below: m, cm, mm or in
+//! vertices = [[0, 0], [90, 0], [90, 40], [30, 60]]    # counter-clockwise
+//! mu = 0.25                                       # friction between part and table
+//! mu_c = 0.3                                      # friction between part and finger (optional)
+//! feet = [[5, 5, 1], [85, 5, 1], [45, 45, 2]]     # x, y, weight on it in any unit; else all of the base (optional)
+//! centre_of_mass = [48, 25]                       # with radius_of_gyration; else those of a uniform plate (optional)
+//! radius_of_gyration = 28                         # √(moment of inertia about the centre of mass / mass)
+//! ```
+//!
+//! Where it is not known what a part stands on, the file lists what it may be instead of `feet`; `palpate which-part` finds out:
+//!
+//! ```toml
+//! [[support]]
+//! name = "all of its base"
+//! [[support]]
+//! name = "three feet"
+//! feet = [[5, 5, 1], [85, 5, 1], [45, 45, 2]]
+//! ```
+//!
+//! An elliptic part has, instead of `vertices`, `ellipse = {a = 40, b = 25}`: its semi-axes along x and y, its middle at the origin.
+//!
+//! Frames: the part's own, as its vertices are given. Units: SI once read.
+//! Errors: [`PartFileError`] names the key, the value, the limit and what to do.
+
+use nalgebra::Point2;
+use palpate::geometry::{PolygonError, SimplePolygon};
+use palpate::pushing::dynamics::support::SupportFriction;
+use palpate::pushing::dynamics::{Body, Mass, Part};
+use serde::Deserialize;
+
+/// A part that a person has described.
+#[derive(Clone, Debug)]
+pub struct PartFile {
+    /// Outline, support and mass.
+    pub part: DescribedPart,
+    /// µ between part and table.
+    pub mu: f64,
+    /// µ_c between part and finger, if the file says.
+    pub mu_c: Option<f64>,
+    /// The unit in which the person thinks.
+    pub unit: Unit,
+}
+
+/// A part with its outline.
+#[derive(Clone, Debug)]
+pub enum DescribedPart {
+    /// Bounded by edges.
+    Polygon(Part),
+    /// Bounded by an ellipse about the part frame's origin.
+    Ellipse {
+        /// Along x and y, m.
+        semi_axes: [f64; 2],
+        /// Support and mass.
+        body: Body,
+    },
+}
+
+/// Points in which an elliptic outline is drawn.
+const OUTLINE_POINTS: u32 = 180;
+
+impl DescribedPart {
+    /// Support and mass.
+    #[must_use]
+    pub fn body(&self) -> &Body {
+        match self {
+            Self::Polygon(part) => part.body(),
+            Self::Ellipse { body, .. } => body,
+        }
+    }
+
+    /// The centre of mass, part frame, m.
+    #[must_use]
+    pub fn centre_of_mass(&self) -> Point2<f64> {
+        self.body().centre_of_mass()
+    }
+
+    /// Points of the outline in order, part frame, m: the vertices, or enough for a smooth picture.
+    #[must_use]
+    pub fn outline(&self) -> Vec<Point2<f64>> {
+        match self {
+            Self::Polygon(part) => part.polygon().vertices().to_vec(),
+            Self::Ellipse { semi_axes: [a, b], .. } => {
+                let at = |i: u32| std::f64::consts::TAU * f64::from(i) / f64::from(OUTLINE_POINTS);
+                (0..OUTLINE_POINTS).map(|i| Point2::new(a * at(i).cos(), b * at(i).sin())).collect()
+            }
+        }
+    }
+
+    /// The polygon, if it is one.
+    #[must_use]
+    pub fn polygon(&self) -> Option<&SimplePolygon> {
+        match self {
+            Self::Polygon(part) => Some(part.polygon()),
+            Self::Ellipse { .. } => None,
+        }
+    }
+}
+
+/// A unit of length.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+pub enum Unit {
+    /// Metre.
+    #[serde(rename = "m")]
+    Metre,
+    /// Centimetre.
+    #[serde(rename = "cm")]
+    Centimetre,
+    /// Millimetre.
+    #[serde(rename = "mm")]
+    Millimetre,
+    /// Inch.
+    #[serde(rename = "in")]
+    Inch,
+}
+
+impl Unit {
+    /// m.
+    #[must_use]
+    pub fn metres(self) -> f64 {
+        match self {
+            Self::Metre => 1.0,
+            Self::Centimetre => 1e-2,
+            Self::Millimetre => 1e-3,
+            Self::Inch => 0.0254,
+        }
+    }
+}
+
+/// So many numbers in a file; one too many is a mistake, not to be passed over.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Numbers<const N: usize>(pub [f64; N]);
+
+impl<'de, const N: usize> Deserialize<'de> for Numbers<N> {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let list = Vec::<f64>::deserialize(deserializer)?;
+        let wrong = |list: Vec<f64>| serde::de::Error::custom(format!("expected {N} numbers, not {list:?}"));
+        list.try_into().map(Self).map_err(wrong)
+    }
+}
+
+/// The file's keys.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Keys {
+    unit: Unit,
+    vertices: Option<Vec<Numbers<2>>>,
+    ellipse: Option<SemiAxes>,
+    mu: f64,
+    mu_c: Option<f64>,
+    feet: Option<Vec<Numbers<3>>>,
+    centre_of_mass: Option<Numbers<2>>,
+    radius_of_gyration: Option<f64>,
+    support: Option<Vec<SupportKeys>>,
+}
+
+/// What a part may stand on.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SupportKeys {
+    name: String,
+    feet: Option<Vec<Numbers<3>>>,
+}
+
+/// The value of `ellipse`.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SemiAxes {
+    a: f64,
+    b: f64,
+}
+
+/// Why a file does not describe a part.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PartFileError {
+    /// Not TOML, a key missing, unknown or of another type; the message shows the place.
+    #[error("{0}")]
+    Toml(String),
+    /// The outline; coordinates are in the file's unit.
+    #[error("vertices: {0}")]
+    Outline(PolygonError),
+    /// No outline, or two.
+    #[error("the part has {what}: give either `vertices` or `ellipse`")]
+    OneOutline {
+        /// What is there.
+        what: &'static str,
+    },
+    /// An ellipse where edges are needed.
+    #[error("the part is an ellipse, and this works on polygons only: describe it by `vertices`")]
+    NotAPolygon,
+    /// A semi-axis that cannot be.
+    #[error("ellipse: {key} = {value:?} must be finite and above 0")]
+    SemiAxis {
+        /// `a` or `b`.
+        key: &'static str,
+        /// What was given.
+        value: f64,
+    },
+    /// A coefficient of friction that cannot be.
+    #[error("{key} = {value:?}, but friction coefficients are finite and not negative: check its sign")]
+    Friction {
+        /// `mu` or `mu_c`.
+        key: &'static str,
+        /// What was given.
+        value: f64,
+    },
+    /// A table without friction, where a part's resistance is to be felt.
+    #[error("mu = 0, but a part is felt by how it resists a push: give the friction between part and table")]
+    NothingResists,
+    /// No feet.
+    #[error("feet is empty: give at least one, or leave the key out for a base that bears everywhere")]
+    NoFeet,
+    /// A foot that cannot be.
+    #[error("foot {index} is {foot:?}: its place must be finite and the weight on it above 0")]
+    Foot {
+        /// Which, from 0.
+        index: usize,
+        /// As given.
+        foot: [f64; 3],
+    },
+    /// Several supports where one is needed.
+    #[error(
+        "the file lists {count} supports: `palpate which-part` tells which it is; for anything else leave one, as `feet` or without"
+    )]
+    Supports {
+        /// How many.
+        count: usize,
+    },
+    /// A list without supports, or beside `feet`.
+    #[error("{what}: give each thing that the part may stand on as a [[support]], and no `feet` beside them")]
+    SupportList {
+        /// What is there.
+        what: &'static str,
+    },
+    /// A support that cannot be.
+    #[error("support {name:?}: {error}")]
+    Support {
+        /// Its name.
+        name: String,
+        /// What is wrong with it.
+        error: Box<PartFileError>,
+    },
+    /// One of two keys that belong together.
+    #[error("{given} needs {missing} beside it: give both, or neither for a plate of uniform density")]
+    Alone {
+        /// In the file.
+        given: &'static str,
+        /// Not in the file.
+        missing: &'static str,
+    },
+    /// A centre of mass that is no number.
+    #[error("centre_of_mass = {value:?} must be finite")]
+    CentreOfMass {
+        /// What was given.
+        value: [f64; 2],
+    },
+    /// A radius of gyration that cannot be.
+    #[error("radius_of_gyration = {value:?} must be finite and above 0")]
+    RadiusOfGyration {
+        /// What was given.
+        value: f64,
+    },
+}
+
+impl PartFile {
+    /// Reads the text of a file.
+    ///
+    /// ```
+    /// use palpate_files::part::PartFile;
+    ///
+    /// let block = PartFile::parse("unit = 'mm'\nvertices = [[0, 0], [60, 0], [60, 40], [0, 40]]\nmu = 0.3")?;
+    /// assert_eq!(block.part.outline().len(), 4);
+    /// assert!((block.part.centre_of_mass().x - 0.03).abs() < 1e-12); // m
+    /// # Ok::<(), palpate_files::part::PartFileError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`PartFileError`] names the first thing found wrong.
+    pub fn parse(text: &str) -> Result<Self, PartFileError> {
+        Self::of(&Keys::parse(text)?)
+    }
+
+    fn of(keys: &Keys) -> Result<Self, PartFileError> {
+        if let Some(supports) = &keys.support {
+            return Err(PartFileError::Supports { count: supports.len() });
+        }
+        let mu = friction("mu", keys.mu)?;
+        let mu_c = keys.mu_c.map(|value| friction("mu_c", value)).transpose()?;
+        let part = match (&keys.vertices, keys.ellipse) {
+            (Some(vertices), None) => keys.polygon(vertices)?,
+            (None, Some(semi_axes)) => keys.ellipse(semi_axes)?,
+            (None, None) => return Err(PartFileError::OneOutline { what: "no outline" }),
+            (Some(_), Some(_)) => return Err(PartFileError::OneOutline { what: "two outlines" }),
+        };
+        Ok(Self { part, mu, mu_c, unit: keys.unit })
+    }
+}
+
+/// A described part that is a polygon and that friction holds: for what finds an edge by how the part resists.
+#[derive(Clone, Debug)]
+pub struct PolygonFile {
+    /// Outline, support and mass.
+    pub part: Part,
+    /// µ between part and table.
+    pub mu: f64,
+    /// µ_c between part and finger, if the file says.
+    pub mu_c: Option<f64>,
+    /// The unit in which the person thinks.
+    pub unit: Unit,
+}
+
+impl PolygonFile {
+    /// Reads the text of a file.
+    ///
+    /// # Errors
+    /// [`PartFileError`], also for an elliptic part and for a µ of 0.
+    pub fn parse(text: &str) -> Result<Self, PartFileError> {
+        Self::of(PartFile::parse(text)?)
+    }
+
+    /// Reads the text of a file that may list several supports: the part on each, with the support's name. A file without such a
+    /// list is one part, without a name.
+    ///
+    /// ```
+    /// use palpate_files::part::PolygonFile;
+    ///
+    /// let text = "unit = 'mm'\nvertices = [[0, 0], [60, 0], [60, 40], [0, 40]]\nmu = 0.3
+    /// [[support]]
+    /// name = 'base'
+    /// [[support]]
+    /// name = 'feet'
+    /// feet = [[5, 5, 1], [55, 5, 1], [30, 35, 1]]";
+    /// let names: Vec<_> = PolygonFile::parse_supports(text)?.into_iter().map(|(name, _)| name).collect();
+    /// assert_eq!(names, [Some("base".to_owned()), Some("feet".to_owned())]);
+    /// # Ok::<(), palpate_files::part::PartFileError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`PartFileError`], also for an elliptic part, a µ of 0 and an empty list.
+    pub fn parse_supports(text: &str) -> Result<Vec<(Option<String>, Self)>, PartFileError> {
+        let keys = Keys::parse(text)?;
+        let Some(supports) = &keys.support else { return Ok(vec![(None, Self::of(PartFile::of(&keys)?)?)]) };
+        match (supports.is_empty(), &keys.feet) {
+            (true, _) => return Err(PartFileError::SupportList { what: "support is empty" }),
+            (_, Some(_)) => return Err(PartFileError::SupportList { what: "feet and supports" }),
+            (false, None) => {}
+        }
+        let of = |support: &SupportKeys| {
+            let one = Keys { feet: support.feet.clone(), support: None, ..keys.clone() };
+            let file = PartFile::of(&one).and_then(Self::of).map_err(|error| match &support.feet {
+                Some(_) => PartFileError::Support { name: support.name.clone(), error: Box::new(error) },
+                None => error,
+            })?;
+            Ok((Some(support.name.clone()), file))
+        };
+        supports.iter().map(of).collect()
+    }
+
+    fn of(PartFile { part, mu, mu_c, unit }: PartFile) -> Result<Self, PartFileError> {
+        match part {
+            DescribedPart::Polygon(_) if mu == 0.0 => Err(PartFileError::NothingResists),
+            DescribedPart::Polygon(part) => Ok(Self { part, mu, mu_c, unit }),
+            DescribedPart::Ellipse { .. } => Err(PartFileError::NotAPolygon),
+        }
+    }
+}
+
+fn friction(key: &'static str, value: f64) -> Result<f64, PartFileError> {
+    if value.is_finite() && value >= 0.0 { Ok(value) } else { Err(PartFileError::Friction { key, value }) }
+}
+
+/// Feet in m with their shares of the weight.
+fn shares(feet: &[Numbers<3>], metres: f64) -> Result<Vec<(Point2<f64>, f64)>, PartFileError> {
+    if feet.is_empty() {
+        return Err(PartFileError::NoFeet);
+    }
+    let possible = |Numbers(foot): &Numbers<3>| foot.iter().all(|value| value.is_finite()) && foot[2] > 0.0;
+    if let Some(index) = feet.iter().position(|foot| !possible(foot)) {
+        return Err(PartFileError::Foot { index, foot: feet[index].0 });
+    }
+    let weight: f64 = feet.iter().map(|Numbers([_, _, weight])| weight).sum();
+    Ok(feet.iter().map(|&Numbers([x, y, share])| (Point2::new(x, y) * metres, share / weight)).collect())
+}
+
+impl Keys {
+    fn parse(text: &str) -> Result<Self, PartFileError> {
+        toml::from_str(text).map_err(|error| PartFileError::Toml(error.to_string()))
+    }
+
+    fn polygon(&self, vertices: &[Numbers<2>]) -> Result<DescribedPart, PartFileError> {
+        let metres = self.unit.metres();
+        // First as given, so that what is wrong is told in the file's unit.
+        let scaled = |scale: f64| {
+            let vertices: Vec<_> = vertices.iter().map(|vertex| Point2::from(vertex.0) * scale).collect();
+            SimplePolygon::new(vertices).map_err(PartFileError::Outline)
+        };
+        scaled(1.0)?;
+        let polygon = scaled(metres)?;
+        let mass = self.mass(Mass::uniform(&polygon))?;
+        Ok(DescribedPart::Polygon(match &self.feet {
+            None => Part::with_mass(polygon, mass),
+            Some(feet) => Part::on_feet(polygon, &shares(feet, metres)?, mass),
+        }))
+    }
+
+    fn ellipse(&self, SemiAxes { a, b }: SemiAxes) -> Result<DescribedPart, PartFileError> {
+        for (key, value) in [("a", a), ("b", b)] {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(PartFileError::SemiAxis { key, value });
+            }
+        }
+        let metres = self.unit.metres();
+        let semi_axes = [a * metres, b * metres];
+        let mass = self.mass(Mass::of_ellipse(semi_axes))?;
+        let body = match &self.feet {
+            None => Body::uniform(SupportFriction::ellipse(semi_axes), mass),
+            Some(feet) => Body::on_feet(&shares(feet, metres)?, mass),
+        };
+        Ok(DescribedPart::Ellipse { semi_axes, body })
+    }
+
+    /// As given, or that of a uniform plate.
+    fn mass(&self, uniform: Mass) -> Result<Mass, PartFileError> {
+        let metres = self.unit.metres();
+        let (centre, radius) = match (self.centre_of_mass, self.radius_of_gyration) {
+            (None, None) => return Ok(uniform),
+            (Some(Numbers(centre)), Some(radius)) => (centre, radius),
+            (Some(_), None) => return Err(alone("centre_of_mass", "radius_of_gyration")),
+            (None, Some(_)) => return Err(alone("radius_of_gyration", "centre_of_mass")),
+        };
+        if !centre.iter().all(|value| value.is_finite()) {
+            return Err(PartFileError::CentreOfMass { value: centre });
+        }
+        if !(radius.is_finite() && radius > 0.0) {
+            return Err(PartFileError::RadiusOfGyration { value: radius });
+        }
+        Ok(Mass { centre_of_mass: Point2::from(centre) * metres, inertia_per_mass: (radius * metres).powi(2) })
+    }
+}
+
+fn alone(given: &'static str, missing: &'static str) -> PartFileError {
+    PartFileError::Alone { given, missing }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BLOCK: &str = "unit = 'mm'\nvertices = [[0, 0], [60, 0], [60, 40], [0, 40]]\nmu = 0.3\n";
+
+    /// Relative rounding of a few operations.
+    const ROUNDING: f64 = 1e-12;
+
+    #[test]
+    fn units_change_nothing_but_the_numbers() {
+        let areas = [("m", 1.0), ("cm", 1e-4), ("mm", 1e-6), ("in", 0.0254 * 0.0254)];
+        for (unit, square) in areas {
+            let file = PartFile::parse(&BLOCK.replace("mm", unit)).unwrap();
+            let area = file.part.polygon().unwrap().area();
+            assert!((area / (2400.0 * square) - 1.0).abs() < ROUNDING, "{unit}");
+        }
+    }
+
+    #[test]
+    fn without_more_keys_a_part_is_a_uniform_plate() {
+        let PartFile { part, mu, mu_c, unit } = PartFile::parse(BLOCK).unwrap();
+        assert_eq!((mu, mu_c, unit), (0.3, None, Unit::Millimetre));
+        assert!((part.centre_of_mass() - Point2::new(0.03, 0.02)).norm() < ROUNDING);
+        let inertia = (0.06_f64.powi(2) + 0.04_f64.powi(2)) / 12.0;
+        assert!((part.body().inertia_per_mass() / inertia - 1.0).abs() < ROUNDING);
+    }
+
+    #[test]
+    fn weights_on_feet_are_shares_whatever_their_unit() {
+        for unit in [1.0, 250.0] {
+            let feet = shares(&[Numbers([0.0, 0.0, unit]), Numbers([60.0, 10.0, 3.0 * unit])], 1e-3).unwrap();
+            assert!((feet[0].1 - 0.25).abs() < ROUNDING && (feet[1].1 - 0.75).abs() < ROUNDING, "{feet:?}");
+            assert!((feet[1].0 - Point2::new(0.06, 0.01)).norm() < ROUNDING, "{feet:?}");
+        }
+    }
+
+    #[test]
+    fn a_given_mass_is_taken_in_the_files_unit() {
+        let text = format!("{BLOCK}centre_of_mass = [20, 10]\nradius_of_gyration = 25");
+        let part = PartFile::parse(&text).unwrap().part;
+        assert!((part.centre_of_mass() - Point2::new(0.02, 0.01)).norm() < ROUNDING);
+        assert!((part.body().inertia_per_mass() / 0.025_f64.powi(2) - 1.0).abs() < ROUNDING);
+    }
+
+    #[test]
+    fn an_ellipse_is_a_plate_with_a_smooth_outline() {
+        let part = PartFile::parse("unit = 'mm'\nellipse = {a = 40, b = 30}\nmu = 0.3").unwrap().part;
+        assert!((part.body().inertia_per_mass() / (0.05_f64.powi(2) / 4.0) - 1.0).abs() < ROUNDING);
+        let on_it = |p: &Point2<f64>| ((p.x / 0.04).hypot(p.y / 0.03) - 1.0).abs() < ROUNDING;
+        assert!(part.outline().iter().all(on_it) && part.polygon().is_none());
+        let refused = PolygonFile::parse("unit = 'mm'\nellipse = {a = 40, b = 30}\nmu = 0.3").unwrap_err();
+        assert_eq!(refused, PartFileError::NotAPolygon);
+    }
+
+    #[test]
+    fn every_support_of_a_list_is_a_part() {
+        let list =
+            format!("{BLOCK}[[support]]\nname = 'base'\n[[support]]\nname = 'feet'\nfeet = [[5, 5, 1], [55, 5, 2]]");
+        let listed = PolygonFile::parse_supports(&list).unwrap();
+        let alone = PolygonFile::parse_supports(&format!("{BLOCK}feet = [[5, 5, 1], [55, 5, 2]]")).unwrap();
+        assert_eq!((listed.len(), alone.len()), (2, 1));
+        assert_eq!(alone[0].0, None);
+        // Turning about a foot, the other one alone resists: by its share of the weight.
+        let resistance = |file: &PolygonFile| {
+            let twist = palpate::pushing::dynamics::support::Twist::new(nalgebra::Vector2::new(0.02, -0.03), 1.0);
+            format!("{:?}", file.part.body().support().mean_sliding(&twist))
+        };
+        assert_eq!(resistance(&listed[1].1), resistance(&alone[0].1));
+        assert_ne!(resistance(&listed[0].1), resistance(&alone[0].1));
+        let bad = [
+            (list.replace("2]]", "-2]]"), "support \"feet\": foot 1"),
+            (format!("{BLOCK}support = []"), "support is empty"),
+            (list.replace("mu = 0.3", "mu = 0.3\nfeet = [[1, 1, 1]]"), "feet and supports"),
+        ];
+        for (text, wanted) in bad {
+            let message = PolygonFile::parse_supports(&text).unwrap_err().to_string();
+            assert!(message.contains(wanted), "wanted {wanted}, got {message}");
+        }
+    }
+
+    #[test]
+    fn every_mistake_is_named_with_its_key() {
+        let bad = [
+            (BLOCK.replace("mu = 0.3", "mu = -0.3"), "mu = -0.3"),
+            (format!("{BLOCK}mu_c = nan"), "mu_c = NaN"),
+            (BLOCK.replace("'mm'", "'furlong'"), "furlong"),
+            (BLOCK.replace("unit = 'mm'\n", ""), "missing field `unit`"),
+            (BLOCK.replace("[60, 40], [0, 40]", "[0, 40], [60, 40]"), "vertices: edge"),
+            (BLOCK.replace("[60, 40]", "[60, 4e13]"), "the coordinate 40000000000000.0"),
+            (BLOCK.replace("[60, 40]", "[60]"), "expected"),
+            (format!("{BLOCK}ellipse = {{a = 40, b = 30}}"), "two outlines"),
+            ("unit = 'mm'\nmu = 0.3".to_owned(), "no outline"),
+            ("unit = 'mm'\nmu = 0.3\nellipse = {a = 40, b = -3}".to_owned(), "ellipse: b = -3.0"),
+            (format!("{BLOCK}mass = 2"), "unknown field `mass`"),
+            (format!("{BLOCK}feet = []"), "feet is empty"),
+            (format!("{BLOCK}[[support]]\nname = 'base'"), "lists 1 supports"),
+            (format!("{BLOCK}feet = [[1, 1, 1], [2, 2, -1]]"), "foot 1 is [2.0, 2.0, -1.0]"),
+            (format!("{BLOCK}centre_of_mass = [1, 1]"), "centre_of_mass needs radius_of_gyration"),
+            (format!("{BLOCK}radius_of_gyration = 1"), "radius_of_gyration needs centre_of_mass"),
+            (format!("{BLOCK}centre_of_mass = [1, inf]\nradius_of_gyration = 1"), "must be finite"),
+            (format!("{BLOCK}centre_of_mass = [1, 1]\nradius_of_gyration = 0"), "above 0"),
+        ];
+        for (text, wanted) in bad {
+            let message = PartFile::parse(&text).unwrap_err().to_string();
+            assert!(message.contains(wanted), "wanted {wanted}, got {message}");
+        }
+    }
+}

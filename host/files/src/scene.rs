@@ -1,0 +1,264 @@
+//! The file in which a person describes what is to be told apart: shapes, and the poses they may be in. TOML.
+//!
+//! ```toml
+//! unit = "mm"                 # of every length below: m, cm, mm or in
+//! curve_error = 0.01          # how far a chord may be from its arc (optional; the least of what this program does)
+//!
+//! [[shape]]
+//! name = "bracket"
+//! vertices = [[0, 0], [90, 0, 0.4], [90, 40], [30, 60]]   # counter-clockwise; a third number bulges the next edge
+//! poses = [[0, 0, 0], [20, 5, 90]]                        # x, y, degrees (optional: once, as drawn)
+//! ```
+//!
+//! A bulge is the tangent of a quarter of the arc's angle, as in DXF: positive to the outside, 1 for a half circle. Arcs become
+//! chords, and points are kept farther from them than the chords are off (thesis §3.7).
+//!
+//! Frames: world. Units: SI once read. Errors: [`SceneFileError`] names the shape, the value and what to do.
+
+use nalgebra::{Isometry2, Point2, Vector2};
+use palpate::geometry::{PolygonError, SimplePolygon};
+use serde::Deserialize;
+
+use crate::part::{Numbers, Unit};
+
+/// How far chords may be from their arc where the file does not say, m.
+const CURVE_ERROR_DEFAULT_M: f64 = 1e-5;
+
+/// Places on the table are rounded to multiples of this, m (2⁻⁴⁰: about a picometre), so that edges that are meant to lie on one
+/// another do, whatever conversion of units and turns by right angles did to their last digits.
+const PLACE_STEP_M: f64 = 9.094_947_017_729_282e-13;
+
+/// A place on the table as everything compares it: rounded to about a picometre.
+#[must_use]
+pub fn snapped(place: Point2<f64>) -> Point2<f64> {
+    place.map(|value| (value / PLACE_STEP_M).round() * PLACE_STEP_M)
+}
+
+/// Most chords of one arc: beyond it the error asked for is a mistake.
+const CHORDS_MAX: f64 = 10_000.0;
+
+/// What is to be told apart.
+#[derive(Clone, Debug)]
+pub struct SceneFile {
+    /// What each outline is called.
+    pub names: Vec<String>,
+    /// Outlines on the table.
+    pub polygons: Vec<SimplePolygon>,
+    /// How far outlines may be from the curves they stand for, m.
+    pub curve_error: f64,
+    /// The unit in which the person thinks.
+    pub unit: Unit,
+}
+
+/// Why a file describes no scene.
+#[derive(Debug, thiserror::Error)]
+pub enum SceneFileError {
+    /// Not TOML, or not these keys.
+    #[error(transparent)]
+    Toml(#[from] toml::de::Error),
+    /// No shape at all.
+    #[error("there is no shape: add a [[shape]] with its vertices")]
+    Empty,
+    /// A vertex of a wrong length, or a number that cannot be.
+    #[error("vertex {vertex} of shape `{shape}` is {value:?}: give x, y and, for an arc, its bulge within ±10")]
+    Vertex {
+        /// The shape.
+        shape: String,
+        /// The vertex, from 0.
+        vertex: usize,
+        /// What is there.
+        value: Vec<f64>,
+    },
+    /// An outline that is no polygon.
+    #[error("shape `{shape}`: {error}")]
+    Polygon {
+        /// The shape.
+        shape: String,
+        /// What is wrong.
+        error: PolygonError,
+    },
+    /// An error that no number of chords keeps.
+    #[error("`curve_error` is {0}: give a length above 0, not below a ten-thousandth of the arcs' size")]
+    CurveError(f64),
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawScene {
+    unit: Unit,
+    curve_error: Option<f64>,
+    #[serde(default)]
+    shape: Vec<RawShape>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawShape {
+    name: Option<String>,
+    vertices: Vec<Vec<f64>>,
+    #[serde(default)]
+    poses: Vec<Numbers<3>>,
+}
+
+impl SceneFile {
+    /// Reads a scene.
+    ///
+    /// # Errors
+    /// [`SceneFileError`].
+    ///
+    /// ```
+    /// let text = "unit = 'mm'\n[[shape]]\nvertices = [[0, 0], [60, 0], [60, 40], [0, 40]]\nposes = [[0, 0, 0], [20, 0, 90]]";
+    /// let scene = palpate_files::scene::SceneFile::parse(text)?;
+    /// assert_eq!(scene.names, ["shape 1, pose 1", "shape 1, pose 2"]);
+    /// # Ok::<(), palpate_files::scene::SceneFileError>(())
+    /// ```
+    pub fn parse(text: &str) -> Result<Self, SceneFileError> {
+        let raw: RawScene = toml::from_str(text)?;
+        let metres = raw.unit.metres();
+        let limit = raw.curve_error.map_or(CURVE_ERROR_DEFAULT_M, |error| error * metres);
+        if !(limit > 0.0 && limit.is_finite()) {
+            return Err(SceneFileError::CurveError(raw.curve_error.unwrap_or(limit)));
+        }
+        let mut scene = Self { names: Vec::new(), polygons: Vec::new(), curve_error: 0.0, unit: raw.unit };
+        for (number, shape) in raw.shape.iter().enumerate() {
+            scene.add(shape, number, limit)?;
+        }
+        if scene.polygons.is_empty() { Err(SceneFileError::Empty) } else { Ok(scene) }
+    }
+
+    fn add(&mut self, shape: &RawShape, number: usize, limit: f64) -> Result<(), SceneFileError> {
+        let metres = self.unit.metres();
+        let name = shape.name.clone().unwrap_or_else(|| format!("shape {}", number + 1));
+        let corners = corners(shape, &name, metres)?;
+        let mut outline = Vec::new();
+        for (k, &(start, bulge)) in corners.iter().enumerate() {
+            let (end, _) = corners[(k + 1) % corners.len()];
+            let arc = Arc { start, end, bulge };
+            let chords = arc.chords(limit).ok_or(SceneFileError::CurveError(limit / metres))?;
+            self.curve_error = self.curve_error.max(arc.error(chords));
+            outline.extend(arc.points(chords));
+        }
+        let identity = vec![Numbers([0.0; 3])];
+        let poses = if shape.poses.is_empty() { &identity } else { &shape.poses };
+        for (k, &Numbers([x, y, degrees])) in poses.iter().enumerate() {
+            let motion = Isometry2::new(metres * Vector2::new(x, y), degrees.to_radians());
+            let placed: Vec<_> = outline.iter().map(|p| snapped(motion * p)).collect();
+            let polygon = SimplePolygon::new(placed);
+            self.polygons.push(polygon.map_err(|error| SceneFileError::Polygon { shape: name.clone(), error })?);
+            let pose = if poses.len() > 1 { format!(", pose {}", k + 1) } else { String::new() };
+            self.names.push(name.clone() + &pose);
+        }
+        Ok(())
+    }
+}
+
+/// Vertices in metres, each with the bulge of the edge after it.
+fn corners(shape: &RawShape, name: &str, metres: f64) -> Result<Vec<(Point2<f64>, f64)>, SceneFileError> {
+    let corner = |(vertex, value): (usize, &Vec<f64>)| match value[..] {
+        [x, y] => Ok((Point2::new(x, y) * metres, 0.0)),
+        [x, y, bulge] if bulge.abs() <= 10.0 => Ok((Point2::new(x, y) * metres, bulge)),
+        _ => Err(SceneFileError::Vertex { shape: name.to_owned(), vertex, value: value.clone() }),
+    };
+    shape.vertices.iter().enumerate().map(corner).collect()
+}
+
+/// An edge that may be curved.
+struct Arc {
+    start: Point2<f64>,
+    end: Point2<f64>,
+    bulge: f64,
+}
+
+impl Arc {
+    /// Its angle, signed.
+    fn angle(&self) -> f64 {
+        4.0 * self.bulge.atan()
+    }
+
+    fn radius(&self) -> f64 {
+        (self.end - self.start).norm() / (2.0 * (self.angle() / 2.0).sin().abs())
+    }
+
+    /// How many chords keep within an error of it; none if too many.
+    fn chords(&self, error: f64) -> Option<u32> {
+        if self.bulge == 0.0 {
+            return Some(1);
+        }
+        let half = (1.0 - error / self.radius()).clamp(-1.0, 1.0).acos();
+        let count = (self.angle().abs() / (2.0 * half)).ceil().max(1.0);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to be small and positive")]
+        let whole = (count <= CHORDS_MAX).then_some(count as u32);
+        whole
+    }
+
+    /// How far its chords are off, m.
+    fn error(&self, chords: u32) -> f64 {
+        if self.bulge == 0.0 { 0.0 } else { self.radius() * (1.0 - (self.angle() / f64::from(2 * chords)).cos()) }
+    }
+
+    /// The starts of its chords.
+    fn points(&self, chords: u32) -> Vec<Point2<f64>> {
+        let chord = self.end - self.start;
+        (0..chords)
+            .map(|k| {
+                if k == 0 {
+                    return self.start;
+                }
+                // The point seen from the start at half the angle still to go, to the right of the chord for a positive bulge.
+                let (turned, left) = (self.angle() * f64::from(k) / f64::from(chords) / 2.0, self.angle() / 2.0);
+                let reach = turned.sin() / left.sin();
+                let direction = nalgebra::Rotation2::new(-(left - turned)) * chord;
+                self.start + reach * direction
+            })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_disk_of_two_half_circles_is_as_round_as_asked() {
+        let text = "unit = 'mm'\ncurve_error = 0.05\n[[shape]]\nname = 'disk'\nvertices = [[-20, 0, 1], [20, 0, 1]]";
+        let scene = SceneFile::parse(text).unwrap();
+        assert!(scene.curve_error > 1e-5 && scene.curve_error <= 5e-5, "{}", scene.curve_error);
+        for point in scene.polygons[0].vertices() {
+            assert!((point.coords.norm() - 0.02).abs() < PLACE_STEP_M, "{point}");
+        }
+        let full = std::f64::consts::PI * 0.02 * 0.02;
+        assert!(scene.polygons[0].area() > 0.99 * full && scene.polygons[0].area() < full);
+    }
+
+    #[test]
+    fn a_negative_bulge_goes_inwards() {
+        let text = "unit = 'mm'\n[[shape]]\nvertices = [[0, 0, -0.2], [60, 0], [60, 40], [0, 40]]";
+        let scene = SceneFile::parse(text).unwrap();
+        assert!(scene.polygons[0].area() < 0.0024 - 1e-5);
+        assert!(scene.polygons[0].vertices().iter().all(|p| p.y >= 0.0));
+    }
+
+    #[test]
+    fn turns_by_right_angles_leave_no_slivers() {
+        let text = "unit = 'mm'\n[[shape]]\nvertices = [[0, 0], [60, 0], [60, 20], [0, 20]]\n\
+                    poses = [[0, 0, 0], [60, 0, 90], [60, 20, 180], [0, 60, 270]]";
+        let scene = SceneFile::parse(text).unwrap();
+        // A lying bar twice, one to the left of x = 60 standing, and one to the right of x = 0 hanging down to y = 0.
+        assert_eq!(scene.polygons.len(), 4);
+        let regions = palpate::point_sampling::Subdivision::new(&scene.polygons).regions().count();
+        assert_eq!(regions, 5);
+    }
+
+    #[test]
+    fn mistakes_are_named() {
+        let told = |text: &str| SceneFile::parse(text).unwrap_err().to_string();
+        assert!(told("unit = 'mm'").contains("no shape"));
+        assert!(
+            told("unit = 'mm'\n[[shape]]\nname = 'x'\nvertices = [[0], [1, 0], [1, 1]]")
+                .contains("vertex 0 of shape `x`")
+        );
+        assert!(told("unit = 'mm'\n[[shape]]\nname = 'x'\nvertices = [[0, 0], [0, 1], [1, 1]]").contains("clockwise"));
+        assert!(told("unit = 'mm'\ncurve_error = 0\n[[shape]]\nvertices = []").contains("curve_error"));
+        assert!(told("unit = 'mm'\n[[shape]]\ncorners = []").contains("corners"));
+    }
+}

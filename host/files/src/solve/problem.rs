@@ -1,0 +1,244 @@
+//! What a kind of problem is, and which kinds there are.
+//!
+//! To add a kind: write its problem and answer types, `impl Problem for` the first, and list it in
+//! [`KINDS`]. Order, errors, threads and schema are the frame's.
+
+use schemars::{JsonSchema, Schema};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_json::value::RawValue;
+use serde_json::{Map, Value};
+
+use super::error::{ErrorCode, Failure, InvalidInput, Pointer, QUOTE_CHARS_MAX, SolveError, elide};
+use super::read::read;
+use super::{finite, kinds, schema, spelling};
+
+/// The kinds that `palpate solve` answers.
+pub const KINDS: Registry = Registry::new(&[
+    Kind::of::<kinds::support_friction::SupportFrictionProblem>(),
+    Kind::of::<kinds::push::Push>(),
+    Kind::of::<kinds::observe_push::ObservePush>(),
+    Kind::of::<kinds::roll::Roll>(),
+    Kind::of::<kinds::observability::Observability>(),
+    Kind::of::<kinds::initial_pose::InitialPose>(),
+    Kind::of::<kinds::inscription::Inscription>(),
+    Kind::of::<kinds::observe_roll::ObserveRoll>(),
+    Kind::of::<kinds::point_sampling::PointSampling>(),
+    Kind::of::<kinds::corner_poses::CornerPoses>(),
+]);
+
+/// One kind of problem.
+///
+/// The type holds the fields beside `problem` and `id`, checked one by one as they are read (see
+/// [`fields`](super::fields)); derive `Deserialize` with `#[serde(deny_unknown_fields)]`. What several fields must fulfil
+/// together is for [`Problem::solve`] to refuse.
+///
+/// ```
+/// use palpate_files::solve::fields::Polygon;
+/// use palpate_files::solve::{Problem, SolveError};
+/// use schemars::JsonSchema;
+/// use serde::{Deserialize, Serialize};
+///
+/// /// How large a part is.
+/// #[derive(Deserialize, JsonSchema)]
+/// #[serde(deny_unknown_fields)]
+/// struct Size {
+///     polygon: Polygon,
+/// }
+///
+/// #[derive(Serialize, JsonSchema)]
+/// struct SizeAnswer {
+///     /// m².
+///     area: f64,
+/// }
+///
+/// impl Problem for Size {
+///     const KIND: &'static str = "size";
+///     type Answer = SizeAnswer;
+///
+///     fn solve(&self) -> Result<SizeAnswer, SolveError> {
+///         Ok(SizeAnswer { area: self.polygon.area() })
+///     }
+/// }
+///
+/// let block: Size = serde_json::from_str(r#"{"polygon": [[0, 0], [0.06, 0], [0.06, 0.04], [0, 0.04]]}"#)?;
+/// assert!((block.solve()?.area - 0.0024).abs() < 1e-15);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub trait Problem: DeserializeOwned + JsonSchema {
+    /// The name in the field `problem`.
+    const KIND: &'static str;
+
+    /// The fields of a good result, beside `id` and `problem`: a struct.
+    type Answer: Serialize + JsonSchema;
+
+    /// Solves the problem. Physical answers ("no pose", "contact broke") are answers.
+    ///
+    /// # Errors
+    /// [`SolveError::InvalidInput`] where fields contradict each other, with places seen from the problem;
+    /// [`SolveError::Internal`] for a solver that should have come to an end and did not.
+    fn solve(&self) -> Result<Self::Answer, SolveError>;
+}
+
+/// A [`Problem`] with its type erased, for a [`Registry`].
+#[derive(Clone, Copy, Debug)]
+pub struct Kind {
+    name: &'static str,
+    answer: fn(Map<String, Value>, &RawValue) -> Result<String, Failure>,
+    schema: fn() -> KindSchema,
+}
+
+/// JSON Schemas of what goes in and what comes out.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct KindSchema {
+    /// A line of input, `problem` and `id` included.
+    pub problem: Schema,
+    /// The line of output if there is no error, `problem` and `id` included.
+    pub result: Schema,
+}
+
+impl Kind {
+    /// The kind that `P` describes.
+    #[must_use]
+    pub const fn of<P: Problem>() -> Self {
+        Self { name: P::KIND, answer: answer::<P>, schema: schema::of::<P> }
+    }
+
+    /// The name in the field `problem`.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// The JSON Schemas of this kind.
+    #[must_use]
+    pub fn schema(&self) -> KindSchema {
+        (self.schema)()
+    }
+}
+
+/// A list of kinds.
+#[derive(Clone, Copy, Debug)]
+pub struct Registry {
+    kinds: &'static [Kind],
+}
+
+impl Registry {
+    /// Lists the kinds to answer.
+    #[must_use]
+    pub const fn new(kinds: &'static [Kind]) -> Self {
+        Self { kinds }
+    }
+
+    /// The kinds in the order listed.
+    #[must_use]
+    pub fn kinds(&self) -> &'static [Kind] {
+        self.kinds
+    }
+
+    /// The names in the order listed.
+    pub fn names(&self) -> impl Iterator<Item = &'static str> {
+        self.kinds.iter().map(Kind::name)
+    }
+
+    /// The kind of this name.
+    #[must_use]
+    pub fn find(&self, name: &str) -> Option<&'static Kind> {
+        self.kinds.iter().find(|kind| kind.name == name)
+    }
+
+    /// What to tell someone who asked for a kind that is not listed.
+    #[must_use]
+    pub fn unknown(&self, name: &str) -> String {
+        let name_cut = elide(name, QUOTE_CHARS_MAX);
+        let list: Vec<_> = self.names().map(|name| format!("`{name}`")).collect();
+        let hint = spelling::nearest(name, self.names()).map(|near| format!("did you mean `{near}`? "));
+        match list.is_empty() {
+            true => format!("`{name_cut}` is not a kind of problem: this version has none built in yet"),
+            false => {
+                format!("`{name_cut}` is not a kind of problem: {}known: {}", hint.unwrap_or_default(), list.join(", "))
+            }
+        }
+    }
+
+    /// The line of output for a good problem, without its line end.
+    pub(super) fn answer(&self, kind: &str, fields: Map<String, Value>, id: &RawValue) -> Result<String, Failure> {
+        let Some(found) = self.find(kind) else {
+            let place = Pointer::from("problem");
+            return Err(Failure::new(ErrorCode::UnknownProblem, &self.unknown(kind)).at(place));
+        };
+        (found.answer)(fields, id)
+    }
+}
+
+/// Reads a problem, in which null says as much as leaving an optional field out.
+///
+/// Where null has a meaning of its own it keeps it: only what cannot be read as it stands is read without. A field that is required
+/// is then missing, and told as it stood.
+fn read_with_nulls<P: Problem>(fields: Map<String, Value>) -> Result<P, InvalidInput> {
+    let mut value = Value::Object(fields);
+    let mut as_it_stood = None;
+    loop {
+        let error = match read(value.clone()) {
+            Ok(problem) => return Ok(problem),
+            Err(error) => error,
+        };
+        let is_leaner = error.field().is_some_and(|place| place.remove_null(&mut value));
+        let first = as_it_stood.take().unwrap_or(error);
+        if !is_leaner {
+            return Err(first);
+        }
+        as_it_stood = Some(first);
+    }
+}
+
+fn answer<P: Problem>(fields: Map<String, Value>, id: &RawValue) -> Result<String, Failure> {
+    #[derive(Serialize)]
+    struct Good<'a, A> {
+        id: &'a RawValue,
+        problem: &'static str,
+        #[serde(flatten)]
+        answer: &'a A,
+    }
+    let problem: P = read_with_nulls(fields)?;
+    let answer = problem.solve()?;
+    // JSON has no such numbers and serde_json would write null, which means something else.
+    finite::check(&answer).map_err(|error| Failure::internal(&format!("the result is not a number: {error}")))?;
+    serde_json::to_string(&Good { id, problem: P::KIND, answer: &answer })
+        .map_err(|error| Failure::internal(&format!("the result cannot be written: {error}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::kinds::corner_poses::CornerPoses;
+    use super::kinds::inscription::Inscription;
+    use super::kinds::roll::Roll;
+    use super::*;
+
+    fn read_object<P: Problem>(value: &Value) -> Result<P, InvalidInput> {
+        read_with_nulls(value.as_object().unwrap().clone())
+    }
+
+    #[test]
+    fn null_in_an_optional_field_leaves_it_out_and_in_a_required_one_is_a_mistake() {
+        let square = json!([[0, 0], [0.06, 0], [0.06, 0.04], [0, 0.04]]);
+        let lean = json!({"polygon": square, "half_planes": [{"normal_angle": 0, "offset": 0.1}]});
+        let mut full = lean.clone();
+        for field in ["points", "cones", "rounding", "hull", "sigma"] {
+            full[field] = Value::Null;
+        }
+        let [lean, full] = [lean, full].map(|value| json!(read_object::<Inscription>(&value).unwrap()));
+        assert_eq!(full, lean);
+        // Beside another whose null has a meaning, and which is required.
+        let roll = json!({
+            "body": {"ellipsoid": [0.02, 0.03, 0.04]}, "spin": "free", "g": null, "palm_acceleration": null,
+            "initial": {"orientation": [1, 0, 0, 0], "omega": [0, 0, 1], "u": [0, 0]}, "times": [0.1],
+        });
+        assert!(read_object::<Roll>(&roll).unwrap().palm_acceleration.is_none());
+        let required = json!({"polygon": null, "corner_angle": 1.5, "push": [-1, -1]});
+        let message = read_object::<CornerPoses>(&required).unwrap_err().to_string();
+        assert!(message.contains("/polygon"), "{message}");
+    }
+}

@@ -1,0 +1,517 @@
+//! JSON values to typed fields, with errors that name the place and speak the user's language.
+//!
+//! A deserializer of its own rather than serde_json's, for three reasons: every error knows its place, down to the index,
+//! also inside [`tagged`] objects; it says what was expected in terms of JSON, not of Rust; and an object cannot be given as
+//! an array of its fields, which serde_json accepts.
+
+use std::fmt::Display;
+
+use serde::de::value::StringDeserializer;
+use serde::de::{self, DeserializeOwned, DeserializeSeed, Deserializer, Error as _, Expected, Unexpected, Visitor};
+use serde::forward_to_deserialize_any;
+use serde_json::{Map, Number, Value};
+
+use super::error::{InvalidInput, Pointer, QUOTE_CHARS_MAX, elide};
+use super::spelling;
+
+/// What serde calls the expected type, and what it is called in JSON.
+const TYPE_NAMES: [(&str, &str); 8] = [
+    ("f64", "a finite number"),
+    ("usize", "a whole number from 0"),
+    ("u64", "a whole number from 0"),
+    ("u32", "a whole number from 0"),
+    ("i64", "a whole number"),
+    ("a boolean", "true or false"),
+    ("a sequence", "an array"),
+    ("fewer elements in array", "fewer elements"),
+];
+
+/// Reads a typed value.
+///
+/// # Errors
+/// [`InvalidInput`], with the place seen from `value`.
+pub fn read<T: DeserializeOwned>(value: Value) -> Result<T, InvalidInput> {
+    T::deserialize(Json(value))
+}
+
+/// One variant of an object that says in one field which variant it is: the name and how to read the other fields.
+pub type Variant<T> = (&'static str, fn(Value) -> Result<T, InvalidInput>);
+
+/// Reads an object whose field `tag` names the variant.
+///
+/// Accepts what `#[serde(tag = "…")]` accepts, but keeps the place of an error inside the variant, which serde's own
+/// version loses. Derive the schema with `#[schemars(tag = "…")]`.
+///
+/// # Errors
+/// Those of the variant, of a missing `tag` and of an unknown variant.
+///
+/// ```
+/// use palpate_files::solve::{read, tagged};
+///
+/// #[derive(Debug, PartialEq)]
+/// enum Shape { Disk(Disk) }
+/// #[derive(Debug, PartialEq, serde::Deserialize)]
+/// #[serde(deny_unknown_fields)]
+/// struct Disk { radius: f64 }
+///
+/// impl<'de> serde::Deserialize<'de> for Shape {
+///     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+///         tagged(deserializer, "type", &[("disk", |fields| read(fields).map(Shape::Disk))])
+///     }
+/// }
+///
+/// let shape: Shape = read(serde_json::json!({"type": "disk", "radius": 0.015})).unwrap();
+/// assert_eq!(shape, Shape::Disk(Disk { radius: 0.015 })); // m
+/// let error = read::<Shape>(serde_json::json!({"type": "disk", "radius": "big"})).unwrap_err();
+/// assert!(error.to_string().starts_with(r#"at "/radius": "#));
+/// ```
+pub fn tagged<'de, D: Deserializer<'de>, T>(
+    deserializer: D,
+    tag: &'static str,
+    variants: &[Variant<T>],
+) -> Result<T, D::Error> {
+    let value: Value = serde::Deserialize::deserialize(deserializer)?;
+    read_tagged(value, tag, variants).map_err(D::Error::custom)
+}
+
+fn read_tagged<T>(mut value: Value, tag: &'static str, variants: &[Variant<T>]) -> Result<T, InvalidInput> {
+    let names: Vec<_> = variants.iter().map(|&(name, _)| name).collect();
+    let Some(fields) = value.as_object_mut() else {
+        let expected = format!("an object whose field `{tag}` is one of {}", list(&names));
+        return Err(InvalidInput::invalid_type(unexpected(&value), &expected.as_str()));
+    };
+    let Some(chosen) = fields.remove(tag) else {
+        return Err(InvalidInput::missing(tag, &format!("give one of {}", list(&names))));
+    };
+    match variants.iter().find(|&&(name, _)| chosen == name) {
+        Some((_, read_variant)) => read_variant(value),
+        None => {
+            let name = chosen.as_str().map_or_else(|| chosen.to_string(), str::to_owned);
+            Err(InvalidInput::at(tag, unknown_name(&name, &names)))
+        }
+    }
+}
+
+/// The deserializer.
+struct Json(Value);
+
+impl<'de> Deserializer<'de> for Json {
+    type Error = InvalidInput;
+
+    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, InvalidInput> {
+        match self.0 {
+            Value::Null => visitor.visit_unit(),
+            Value::Bool(value) => visitor.visit_bool(value),
+            Value::Number(number) => visit_number(&number, visitor),
+            Value::String(text) => visitor.visit_string(text),
+            Value::Array(array) => visit_array(array, visitor),
+            Value::Object(object) => visitor.visit_map(Members::of(object)),
+        }
+    }
+
+    fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, InvalidInput> {
+        if self.0.is_null() { visitor.visit_none() } else { visitor.visit_some(self) }
+    }
+
+    fn deserialize_newtype_struct<V: Visitor<'de>>(
+        self,
+        _name: &'static str,
+        visitor: V,
+    ) -> Result<V::Value, InvalidInput> {
+        visitor.visit_newtype_struct(self)
+    }
+
+    fn deserialize_struct<V: Visitor<'de>>(
+        self,
+        _name: &'static str,
+        _fields: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, InvalidInput> {
+        match self.0 {
+            Value::Object(object) => visitor.visit_map(Members::of(object)),
+            other => Err(InvalidInput::invalid_type(unexpected(&other), &"an object")),
+        }
+    }
+
+    /// A name, or an object of one field whose name is the variant's.
+    fn deserialize_enum<V: Visitor<'de>>(
+        self,
+        _name: &'static str,
+        variants: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, InvalidInput> {
+        match self.0 {
+            Value::String(variant) => visitor.visit_enum(Choice { variant, content: None }),
+            Value::Object(object) if object.len() == 1 => {
+                let only = object.into_iter().next();
+                let (variant, content) = only.map_or_else(Default::default, |(key, value)| (key, Some(value)));
+                visitor.visit_enum(Choice { variant, content })
+            }
+            Value::Object(_) => {
+                Err(InvalidInput::new(format!("expected exactly one of the fields {}", list(variants))))
+            }
+            other => {
+                Err(InvalidInput::invalid_type(unexpected(&other), &format!("one of {}", list(variants)).as_str()))
+            }
+        }
+    }
+
+    forward_to_deserialize_any! {
+        bool i8 i16 i32 i64 u8 u16 u32 u64 f32 f64 char str string bytes byte_buf
+        unit unit_struct seq tuple tuple_struct map identifier ignored_any
+    }
+}
+
+fn visit_number<'de, V: Visitor<'de>>(number: &Number, visitor: V) -> Result<V::Value, InvalidInput> {
+    match kind_of_number(number) {
+        Unexpected::Signed(value) => visitor.visit_i64(value),
+        Unexpected::Unsigned(value) => visitor.visit_u64(value),
+        Unexpected::Float(value) => visitor.visit_f64(value),
+        other => Err(InvalidInput::invalid_type(other, &visitor)),
+    }
+}
+
+fn visit_array<'de, V: Visitor<'de>>(array: Vec<Value>, visitor: V) -> Result<V::Value, InvalidInput> {
+    let length = array.len();
+    let mut elements = Elements { rest: array.into_iter(), next: 0 };
+    let value = visitor.visit_seq(&mut elements)?;
+    match elements.rest.len() {
+        0 => Ok(value),
+        _ => Err(InvalidInput::invalid_length(length, &"fewer elements")),
+    }
+}
+
+/// Inside an array.
+struct Elements {
+    rest: std::vec::IntoIter<Value>,
+    next: usize,
+}
+
+impl<'de> de::SeqAccess<'de> for Elements {
+    type Error = InvalidInput;
+
+    fn next_element_seed<T: DeserializeSeed<'de>>(&mut self, seed: T) -> Result<Option<T::Value>, InvalidInput> {
+        let Some(value) = self.rest.next() else { return Ok(None) };
+        let index = self.next;
+        self.next += 1;
+        seed.deserialize(Json(value)).map(Some).map_err(|error| error.below(Pointer::default().index(index)))
+    }
+
+    fn size_hint(&self) -> Option<usize> {
+        Some(self.rest.len())
+    }
+}
+
+/// Inside an object.
+struct Members {
+    rest: serde_json::map::IntoIter,
+    current: Option<(String, Value)>,
+}
+
+impl Members {
+    fn of(object: Map<String, Value>) -> Self {
+        Self { rest: object.into_iter(), current: None }
+    }
+}
+
+impl<'de> de::MapAccess<'de> for Members {
+    type Error = InvalidInput;
+
+    fn next_key_seed<K: DeserializeSeed<'de>>(&mut self, seed: K) -> Result<Option<K::Value>, InvalidInput> {
+        let Some((key, value)) = self.rest.next() else { return Ok(None) };
+        self.current = Some((key.clone(), value));
+        seed.deserialize(StringDeserializer::new(key)).map(Some)
+    }
+
+    fn next_value_seed<T: DeserializeSeed<'de>>(&mut self, seed: T) -> Result<T::Value, InvalidInput> {
+        let (key, value) = self.current.take().unwrap_or_default();
+        seed.deserialize(Json(value)).map_err(|error| error.inside(&key))
+    }
+}
+
+/// The variant of an enum.
+struct Choice {
+    variant: String,
+    content: Option<Value>,
+}
+
+impl<'de> de::EnumAccess<'de> for Choice {
+    type Error = InvalidInput;
+    type Variant = Self;
+
+    fn variant_seed<T: DeserializeSeed<'de>>(self, seed: T) -> Result<(T::Value, Self), InvalidInput> {
+        let name = StringDeserializer::<InvalidInput>::new(self.variant.clone());
+        Ok((seed.deserialize(name)?, self))
+    }
+}
+
+impl Choice {
+    fn read<T>(self, read: impl FnOnce(Json) -> Result<T, InvalidInput>) -> Result<T, InvalidInput> {
+        match self.content {
+            Some(content) => read(Json(content)).map_err(|error| error.inside(&self.variant)),
+            None => Err(InvalidInput::new(format!("`{0}` needs a value: {{\"{0}\": ...}}", self.variant))),
+        }
+    }
+}
+
+impl<'de> de::VariantAccess<'de> for Choice {
+    type Error = InvalidInput;
+
+    fn unit_variant(self) -> Result<(), InvalidInput> {
+        match self.content {
+            None => Ok(()),
+            Some(_) => Err(InvalidInput::at(&*self.variant, format!("takes no value: write \"{}\"", self.variant))),
+        }
+    }
+
+    fn newtype_variant_seed<T: DeserializeSeed<'de>>(self, seed: T) -> Result<T::Value, InvalidInput> {
+        self.read(|content| seed.deserialize(content))
+    }
+
+    fn tuple_variant<V: Visitor<'de>>(self, _len: usize, visitor: V) -> Result<V::Value, InvalidInput> {
+        self.read(|content| content.deserialize_any(visitor))
+    }
+
+    fn struct_variant<V: Visitor<'de>>(
+        self,
+        fields: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, InvalidInput> {
+        self.read(|content| content.deserialize_struct("", fields, visitor))
+    }
+}
+
+impl de::Error for InvalidInput {
+    fn custom<T: Display>(message: T) -> Self {
+        Self::from_text(&message.to_string())
+    }
+
+    fn invalid_type(got: Unexpected<'_>, expected: &dyn Expected) -> Self {
+        let expected = expected.to_string();
+        let known = TYPE_NAMES.iter().find(|(rust, _)| *rust == expected);
+        Self::new(format!("got {}, expected {}", describe(got), known.map_or(expected.as_str(), |&(_, json)| json)))
+    }
+
+    fn invalid_value(got: Unexpected<'_>, expected: &dyn Expected) -> Self {
+        Self::invalid_type(got, expected)
+    }
+
+    fn invalid_length(length: usize, expected: &dyn Expected) -> Self {
+        let expected = expected.to_string();
+        let known = TYPE_NAMES.iter().find(|(rust, _)| *rust == expected);
+        Self::new(format!("got length {length}, expected {}", known.map_or(expected.as_str(), |&(_, json)| json)))
+    }
+
+    fn unknown_variant(variant: &str, expected: &'static [&'static str]) -> Self {
+        Self::new(unknown_name(variant, expected))
+    }
+
+    fn unknown_field(field: &str, expected: &'static [&'static str]) -> Self {
+        Self::at(field, format!("is not a field here: {}allowed: {}", hint(field, expected), list(expected)))
+    }
+
+    fn missing_field(field: &'static str) -> Self {
+        Self::missing(field, "this field is required")
+    }
+}
+
+fn unexpected(value: &Value) -> Unexpected<'_> {
+    match value {
+        Value::Null => Unexpected::Unit,
+        Value::Bool(value) => Unexpected::Bool(*value),
+        Value::Number(number) => kind_of_number(number),
+        Value::String(text) => Unexpected::Str(text),
+        Value::Array(_) => Unexpected::Seq,
+        Value::Object(_) => Unexpected::Map,
+    }
+}
+
+/// A number in the narrowest of serde's three types.
+fn kind_of_number(number: &Number) -> Unexpected<'static> {
+    let signed = number.as_i64().map(Unexpected::Signed);
+    let whole = signed.or_else(|| number.as_u64().map(Unexpected::Unsigned));
+    whole.or_else(|| number.as_f64().map(Unexpected::Float)).unwrap_or(Unexpected::Other("a number"))
+}
+
+fn describe(got: Unexpected<'_>) -> String {
+    match got {
+        Unexpected::Unit => "null".to_owned(),
+        Unexpected::Bool(value) => value.to_string(),
+        Unexpected::Unsigned(value) => value.to_string(),
+        Unexpected::Signed(value) => value.to_string(),
+        Unexpected::Float(value) => format!("{value:?}"),
+        Unexpected::Str(text) => format!("the string {:?}", elide(text, QUOTE_CHARS_MAX)),
+        Unexpected::Seq => "an array".to_owned(),
+        Unexpected::Map => "an object".to_owned(),
+        other => other.to_string(),
+    }
+}
+
+/// Says that a name is none of those known, suggests the nearest and lists them.
+fn unknown_name(name: &str, known: &[&str]) -> String {
+    let shown = elide(name, QUOTE_CHARS_MAX);
+    format!("`{shown}` is not known: {}expected one of {}", hint(name, known), list(known))
+}
+
+fn hint(name: &str, known: &[&str]) -> String {
+    let near = spelling::nearest(name, known.iter().copied());
+    near.map(|near| format!("did you mean `{near}`? ")).unwrap_or_default()
+}
+
+fn list(names: &[&str]) -> String {
+    names.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use serde::Deserialize;
+    use serde_json::json;
+
+    use super::super::testing::any_json;
+    use super::*;
+
+    #[derive(Debug, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    #[expect(dead_code, reason = "only reading is tested")]
+    struct Push {
+        mode: Mode,
+        edge: usize,
+        path: Vec<[f64; 2]>,
+        tip: Tip,
+        choice: Option<Choice>,
+    }
+
+    #[derive(Debug, Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    #[expect(dead_code, reason = "only reading is tested")]
+    enum Choice {
+        Ball(Disk),
+        None,
+    }
+
+    #[derive(Debug, Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    enum Mode {
+        Rolling,
+        Sliding,
+    }
+
+    #[derive(Debug)]
+    #[expect(dead_code, reason = "only reading is tested")]
+    enum Tip {
+        Disk(Disk),
+    }
+
+    #[derive(Debug, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    #[expect(dead_code, reason = "only reading is tested")]
+    struct Disk {
+        radius: f64,
+    }
+
+    impl<'de> Deserialize<'de> for Tip {
+        fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+            tagged(deserializer, "type", &[("disk", |fields| read(fields).map(Tip::Disk))])
+        }
+    }
+
+    /// A good problem with one field changed (`None`: left out).
+    fn refuse(field: &str, value: Option<Value>) -> String {
+        let mut good = json!({"mode": "rolling", "edge": 0, "path": [[0, 1]], "tip": {"type": "disk", "radius": 0.01}});
+        assert!(read::<Push>(good.clone()).is_ok());
+        match value {
+            Some(value) => good[field] = value,
+            None => drop(good.as_object_mut().unwrap().remove(field)),
+        }
+        read::<Push>(good).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn every_mistake_is_told_at_its_place_in_terms_of_json() {
+        let cases = [
+            ("edge", None, r#"at "/edge": is missing: this field is required"#),
+            ("edge", Some(json!(0.5)), r#"at "/edge": got 0.5, expected a whole number from 0"#),
+            ("edge", Some(json!(-1)), r#"at "/edge": got -1, expected a whole number from 0"#),
+            (
+                "path",
+                Some(json!([[0, 1], [2, "map"]])),
+                r#"at "/path/1/1": got the string "map", expected a finite number"#,
+            ),
+            ("path", Some(json!([[0, null]])), r#"at "/path/0/1": got null, expected a finite number"#),
+            ("path", Some(json!([[0]])), r#"at "/path/0": got length 1, expected an array of length 2"#),
+            ("path", Some(json!([[0, 1, 2]])), r#"at "/path/0": got length 3, expected fewer elements"#),
+            ("path", Some(json!({})), r#"at "/path": got an object, expected an array"#),
+            (
+                "mode",
+                Some(json!("roling")),
+                r#"at "/mode": `roling` is not known: did you mean `rolling`? expected one of `rolling`, `sliding`"#,
+            ),
+            (
+                "pth",
+                Some(json!(1)),
+                r#"at "/pth": is not a field here: did you mean `path`? allowed: `mode`, `edge`, `path`, `tip`, `choice`"#,
+            ),
+            ("tip", Some(json!({"type": "disk"})), r#"at "/tip/radius": is missing: this field is required"#),
+            (
+                "tip",
+                Some(json!({"type": "disk", "radius": []})),
+                r#"at "/tip/radius": got an array, expected a finite number"#,
+            ),
+            (
+                "tip",
+                Some(json!({"type": "disk", "radius": 1, "a": 2})),
+                r#"at "/tip/a": is not a field here: allowed: `radius`"#,
+            ),
+            ("tip", Some(json!({"radius": 1})), r#"at "/tip/type": is missing: give one of `disk`"#),
+            (
+                "tip",
+                Some(json!({"type": "disc"})),
+                r#"at "/tip/type": `disc` is not known: did you mean `disk`? expected one of `disk`"#,
+            ),
+            ("tip", Some(json!({"type": 7})), r#"at "/tip/type": `7` is not known: expected one of `disk`"#),
+            ("choice", Some(json!("cube")), r#"at "/choice": `cube` is not known: expected one of `ball`, `none`"#),
+            ("choice", Some(json!("ball")), r#"at "/choice": `ball` needs a value: {"ball": ...}"#),
+            ("choice", Some(json!({"none": 1})), r#"at "/choice/none": takes no value: write "none""#),
+            (
+                "choice",
+                Some(json!({"ball": {"radius": true}})),
+                r#"at "/choice/ball/radius": got true, expected a finite number"#,
+            ),
+            ("choice", Some(json!({"ball": [0.1]})), r#"at "/choice/ball": got an array, expected an object"#),
+            (
+                "choice",
+                Some(json!({"ball": 1, "none": 1})),
+                r#"at "/choice": expected exactly one of the fields `ball`, `none`"#,
+            ),
+            ("choice", Some(json!([])), r#"at "/choice": got an array, expected one of `ball`, `none`"#),
+            ("tip", Some(json!(3)), r#"at "/tip": got 3, expected an object whose field `type` is one of `disk`"#),
+        ];
+        for (field, value, expected) in cases {
+            assert_eq!(refuse(field, value.clone()), expected, "{field} = {value:?}");
+        }
+    }
+
+    #[test]
+    fn a_name_full_of_traps_is_still_told_at_its_place() {
+        let trap = r#"x`, expected one of `a`, at "/b": y"#;
+        let told = refuse(trap, Some(json!(1)));
+        assert!(
+            told.starts_with(&format!("at {}: is not a field here", json!(Pointer::from(trap).as_str()))),
+            "{told}"
+        );
+    }
+
+    #[test]
+    fn a_long_value_does_not_hide_what_was_expected() {
+        let told = refuse("edge", Some(json!("z".repeat(100_000))));
+        assert!(told.ends_with("expected a whole number from 0") && told.len() < 1000, "{told}");
+    }
+
+    proptest! {
+        #[test]
+        fn any_json_is_read_as_it_is(value in any_json()) {
+            prop_assert_eq!(read::<Value>(value.clone()), Ok(value));
+        }
+    }
+}

@@ -1,0 +1,395 @@
+//! The files in which a person describes a part and what sensors saw of it.
+//!
+//! A part file is that of `palpate push`; only its outline matters here. Corners are rounded by `rounding = 3`: an arc of this radius
+//! about each vertex, and so much is added to the edges. A view file:
+//!
+//! ```toml
+//! unit = "mm"             # of every length below: m, cm, mm or in; angles are in degrees, counter-clockwise from x
+//! sigma = 0.1             # standard deviation of each bearing, degrees (optional: without it the readings are exact)
+//!
+//! [[cone]]                # what a sensor sees of the part: swept counter-clockwise from right to left
+//! apex = [-200, 50]
+//! right = -10.3
+//! left = 6.9
+//! moved = [0, 0, 0]       # how far the part had moved since the start when this was read: x, y, turn (optional)
+//!
+//! [[fence]]               # a line that the part touches: x cos(normal) + y sin(normal) = offset, the part below it
+//! normal = -90
+//! offset = 0
+//!
+//! [[point]]               # a point on the part's outline: a probed contact (optional; not with sigma)
+//! at = [60, 15]
+//! ```
+
+use nalgebra::{Isometry2, Point2};
+use palpate::geometry::{ConvexPolygon, NotConvex, PolygonError, SimplePolygon};
+use palpate::inscription::{Bearing, Cone, ConeError, Ellipse, HalfPlane, NoisyReadings, Outline, Rounded};
+use serde::Deserialize;
+use toml::Value;
+
+use crate::part::{Numbers, Unit};
+
+/// A part that a person has described.
+#[derive(Clone, Debug)]
+pub struct NamedPart {
+    /// What to call it.
+    pub name: String,
+    /// As the file gives it; a smooth one in short steps.
+    pub outline: SimplePolygon,
+    /// The convex part that its sensors see.
+    pub shape: Outline,
+    /// The hull of `outline`, prepared.
+    pub convex: ConvexPolygon,
+}
+
+/// What sensors saw of a part.
+#[derive(Clone, Debug)]
+pub struct Views {
+    /// As they were read, for pictures.
+    pub cones: Vec<Cone>,
+    /// Everything moved to where the part was at the start.
+    pub readings: NoisyReadings,
+    /// Points of the outline, moved likewise.
+    pub points: Vec<Point2<f64>>,
+    /// Whether the bearings have errors.
+    pub noisy: bool,
+}
+
+/// Why a file cannot be used.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FileError {
+    /// Not TOML, a key missing, unknown or of another type; the message shows the place.
+    #[error("{0}")]
+    Toml(String),
+    /// The outline.
+    #[error("vertices: {0}")]
+    Outline(PolygonError),
+    /// The outline has a notch.
+    #[error("vertices: {0}; --hull takes the hull")]
+    NotConvex(NotConvex),
+    /// A cone that no part can fill.
+    #[error("cone {index}: {error}")]
+    Cone {
+        /// Which, from 0.
+        index: usize,
+        /// What is wrong.
+        error: ConeError,
+    },
+    /// Not exactly one outline.
+    #[error("give either `vertices` or `ellipse`")]
+    WhichOutline,
+    /// A radius that cannot be.
+    #[error("rounding = {0:?} must be finite and not below 0, and needs `vertices`")]
+    Rounding(f64),
+    /// Semi-axes that cannot be.
+    #[error(
+        "ellipse = {{a = {a:?}, b = {b:?}}}: both must be finite and above 0, the larger at most 1000 times the other"
+    )]
+    Ellipse {
+        /// As given, in the file's unit.
+        a: f64,
+        /// See `a`.
+        b: f64,
+    },
+    /// What is only solved for exact readings of polygons.
+    #[error("{what} cannot be used with {with}: {remedy}")]
+    Together {
+        /// The one.
+        what: &'static str,
+        /// The other.
+        with: &'static str,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// A fence, a point or a motion that is no number.
+    #[error("{what} {index} has a number that is not finite")]
+    NotFinite {
+        /// `cone`, `fence` or `point`.
+        what: &'static str,
+        /// Which, from 0.
+        index: usize,
+    },
+    /// A standard deviation that cannot be.
+    #[error("sigma = {value:?} must be finite and above 0; leave it out for exact readings")]
+    Sigma {
+        /// As given, degrees.
+        value: f64,
+    },
+    /// Nothing was seen.
+    #[error("there is no [[cone]], no [[fence]] and no [[point]]: give at least one")]
+    Nothing,
+}
+
+/// The keys of a part file; those that tell how it slides are for other commands.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+#[expect(dead_code, reason = "known keys, so that unknown ones are mistakes")]
+struct PartKeys {
+    unit: Unit,
+    vertices: Option<Vec<Numbers<2>>>,
+    rounding: Option<f64>,
+    ellipse: Option<EllipseKeys>,
+    mu: Option<Value>,
+    mu_c: Option<Value>,
+    feet: Option<Value>,
+    centre_of_mass: Option<Value>,
+    radius_of_gyration: Option<Value>,
+    support: Option<Value>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct EllipseKeys {
+    a: f64,
+    b: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ViewKeys {
+    unit: Unit,
+    sigma: Option<f64>,
+    #[serde(default)]
+    cone: Vec<ConeKeys>,
+    #[serde(default)]
+    fence: Vec<FenceKeys>,
+    #[serde(default)]
+    point: Vec<PointKeys>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ConeKeys {
+    apex: Numbers<2>,
+    right: f64,
+    left: f64,
+    moved: Option<Numbers<3>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FenceKeys {
+    normal: f64,
+    offset: f64,
+    moved: Option<Numbers<3>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PointKeys {
+    at: Numbers<2>,
+    moved: Option<Numbers<3>>,
+}
+
+/// The longest ellipse for its width: its ends are sharper than its size can be measured.
+const ELLIPSE_RATIO_MAX: f64 = 1000.0;
+
+impl NamedPart {
+    /// Reads the text of a part file; `hull` takes the hull of a part with notches.
+    ///
+    /// # Errors
+    /// [`FileError`] names the first thing found wrong.
+    pub fn parse(name: &str, text: &str, hull: bool) -> Result<Self, FileError> {
+        let keys: PartKeys = toml::from_str(text).map_err(|error| FileError::Toml(error.to_string()))?;
+        let metres = keys.unit.metres();
+        let (outline, shape) = match (&keys.vertices, keys.ellipse) {
+            (Some(vertices), None) => polygon(vertices, metres, keys.rounding, hull)?,
+            (None, Some(ellipse)) => ellipse.outline(metres, keys.rounding)?,
+            _ => return Err(FileError::WhichOutline),
+        };
+        let convex = match &shape {
+            Outline::Polygon(convex) => convex.clone(),
+            smooth => smooth.sampled(),
+        };
+        Ok(Self { name: name.to_owned(), outline, shape, convex })
+    }
+
+    /// Whether the readings are of a kind that is solved for this part.
+    ///
+    /// # Errors
+    /// [`FileError::Together`] for points, or bearings with errors, of a smooth part, and for points of a part with notches.
+    pub fn check(&self, views: &Views) -> Result<(), FileError> {
+        let together = |what, with, remedy| Err(FileError::Together { what, with, remedy });
+        let smooth = !matches!(self.shape, Outline::Polygon(_));
+        let notched = ConvexPolygon::new(&self.outline).is_err();
+        match (views.noisy, views.points.is_empty()) {
+            (true, _) if smooth => together("sigma", "a smooth part", "describe it by many vertices"),
+            (false, false) if smooth => together("[[point]]", "a smooth part", "describe it by many vertices"),
+            (false, false) if notched => {
+                together("[[point]]", "a notched part", "it may lie in a notch, where no hull tells")
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// The outline with these vertices, and the convex part that it bounds.
+fn polygon(
+    vertices: &[Numbers<2>],
+    metres: f64,
+    rounding: Option<f64>,
+    hull: bool,
+) -> Result<(SimplePolygon, Outline), FileError> {
+    let vertices: Vec<_> = vertices.iter().map(|vertex| Point2::from(vertex.0) * metres).collect();
+    let outline = SimplePolygon::new(vertices).map_err(FileError::Outline)?;
+    let polygon = if hull {
+        ConvexPolygon::hull(&outline)
+    } else {
+        ConvexPolygon::new(&outline).map_err(FileError::NotConvex)?
+    };
+    match rounding {
+        Some(radius) if !(radius.is_finite() && radius >= 0.0) => Err(FileError::Rounding(radius)),
+        Some(radius) if radius > 0.0 => drawn(Outline::Rounded(Rounded { polygon, radius: radius * metres })),
+        _ => Ok((outline, Outline::Polygon(polygon))),
+    }
+}
+
+/// A smooth part with its outline in short steps.
+fn drawn(shape: Outline) -> Result<(SimplePolygon, Outline), FileError> {
+    let sampled = shape.sampled();
+    let corners: Vec<_> = sampled.corners().iter().map(|corner| sampled.centre() + corner).collect();
+    Ok((SimplePolygon::new(corners).map_err(FileError::Outline)?, shape))
+}
+
+impl EllipseKeys {
+    fn outline(self, metres: f64, rounding: Option<f64>) -> Result<(SimplePolygon, Outline), FileError> {
+        let Self { a, b } = self;
+        if let Some(radius) = rounding {
+            return Err(FileError::Rounding(radius));
+        }
+        let fair = [a, b].iter().all(|axis| axis.is_finite() && *axis > 0.0) && (a / b).max(b / a) <= ELLIPSE_RATIO_MAX;
+        if !fair {
+            return Err(FileError::Ellipse { a, b });
+        }
+        drawn(Outline::Ellipse(Ellipse { a: a * metres, b: b * metres }))
+    }
+}
+
+impl Views {
+    /// Reads the text of a view file.
+    ///
+    /// ```
+    /// let views = palpate_files::views::Views::parse("unit = 'mm'\n[[cone]]\napex = [-200, 50]\nright = -10\nleft = 7")?;
+    /// assert!((views.cones[0].opening() - 17_f64.to_radians()).abs() < 1e-12);
+    /// # Ok::<(), palpate_files::views::FileError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`FileError`] names the first thing found wrong.
+    pub fn parse(text: &str) -> Result<Self, FileError> {
+        let keys: ViewKeys = toml::from_str(text).map_err(|error| FileError::Toml(error.to_string()))?;
+        let metres = keys.unit.metres();
+        if let Some(value) = keys.sigma.filter(|sigma| !(sigma.is_finite() && *sigma > 0.0)) {
+            return Err(FileError::Sigma { value });
+        }
+        let (mut cones, mut bearings) = (Vec::new(), Vec::new());
+        for (index, cone) in keys.cone.iter().enumerate() {
+            let undo = undone(cone.moved, metres).ok_or(FileError::NotFinite { what: "cone", index })?;
+            let read = cone.read(metres).map_err(|error| FileError::Cone { index, error })?;
+            bearings.extend(read.bearings().map(|bearing: Bearing| bearing.moved(&undo)));
+            cones.push(read);
+        }
+        let mut fences = Vec::new();
+        for (index, fence) in keys.fence.iter().enumerate() {
+            let fault = FileError::NotFinite { what: "fence", index };
+            if !(fence.normal.is_finite() && fence.offset.is_finite()) {
+                return Err(fault);
+            }
+            let undo = undone(fence.moved, metres).ok_or(fault)?;
+            fences.push(HalfPlane::new(fence.normal.to_radians(), fence.offset * metres).moved(&undo));
+        }
+        let points = keys.point.iter().enumerate().map(|(index, point)| {
+            let undo = undone(point.moved, metres).filter(|_| point.at.0.iter().all(|value| value.is_finite()));
+            let undo = undo.ok_or(FileError::NotFinite { what: "point", index })?;
+            Ok(undo * (Point2::from(point.at.0) * metres))
+        });
+        let points = points.collect::<Result<Vec<_>, FileError>>()?;
+        let noisy = keys.sigma.is_some();
+        if bearings.is_empty() && fences.is_empty() && points.is_empty() {
+            return Err(FileError::Nothing);
+        }
+        if noisy && !points.is_empty() {
+            return Err(FileError::Together {
+                what: "[[point]]",
+                with: "sigma",
+                remedy: "points are taken to be exact: leave one of them out",
+            });
+        }
+        let sigma = keys.sigma.unwrap_or(0.0).to_radians();
+        Ok(Self { cones, readings: NoisyReadings { bearings, fences, sigma }, points, noisy })
+    }
+}
+
+impl ConeKeys {
+    fn read(&self, metres: f64) -> Result<Cone, ConeError> {
+        Cone::new(Point2::from(self.apex.0) * metres, self.right.to_radians(), self.left.to_radians())
+    }
+}
+
+/// The motion that takes the part back; none if it is not finite.
+fn undone(moved: Option<Numbers<3>>, metres: f64) -> Option<Isometry2<f64>> {
+    let [x, y, degrees] = moved.map_or([0.0; 3], |Numbers(moved)| moved);
+    let finite = [x, y, degrees].iter().all(|value| value.is_finite());
+    finite.then(|| Isometry2::new([x * metres, y * metres].into(), degrees.to_radians()).inverse())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const VIEWS: &str = "unit = 'mm'\nsigma = 0.1\n[[cone]]\napex = [-200, 50]\nright = -10\nleft = 7\n";
+
+    #[test]
+    fn lengths_are_in_the_files_unit_and_angles_in_degrees() {
+        let views = Views::parse(&format!("{VIEWS}[[fence]]\nnormal = 90\noffset = 40")).unwrap();
+        let bearing = views.readings.bearings[0];
+        assert!(
+            (bearing.apex - Point2::new(-0.2, 0.05)).norm() < 1e-15 && (bearing.angle + 0.174_532_925).abs() < 1e-9
+        );
+        assert!((views.readings.fences[0].beyond(Point2::new(3.0, 0.05)) - 0.01).abs() < 1e-12);
+        assert!(views.noisy && (views.readings.sigma - 0.1_f64.to_radians()).abs() < 1e-15);
+    }
+
+    #[test]
+    fn every_mistake_is_named() {
+        let bad = [
+            (VIEWS.replace("left = 7", "left = -30"), "cone 0: the cone opens by"),
+            (VIEWS.replace("left = 7", "left = -10"), "cone 0: the cone has no opening"),
+            (VIEWS.replace("left = 7", "left = nan"), "cone 0: the apex and the angles must be finite"),
+            (VIEWS.replace("50]", "50, 3]"), "expected 2 numbers, not [-200.0, 50.0, 3.0]"),
+            (
+                VIEWS.replace("sigma = 0.1\n", "") + "[[point]]\nat = [60, 15, 3]",
+                "expected 2 numbers, not [60.0, 15.0, 3.0]",
+            ),
+            (format!("{VIEWS}moved = [0, 0]"), "expected 3 numbers, not [0.0, 0.0]"),
+            (VIEWS.replace("left = 7\n", ""), "missing field `left`"),
+            (VIEWS.replace("sigma = 0.1", "sigma = -0.1"), "sigma = -0.1"),
+            (VIEWS.replace("sigma", "noise"), "unknown field `noise`"),
+            (format!("{VIEWS}moved = [0, inf, 0]"), "cone 0 has a number"),
+            (format!("{VIEWS}[[fence]]\nnormal = inf\noffset = 0"), "fence 0 has a number"),
+            (VIEWS.to_owned() + "[[point]]\nat = [1, 2]", "[[point]] cannot be used with sigma"),
+            (VIEWS.replace("sigma = 0.1\n", "") + "[[point]]\nat = [1, nan]", "point 0 has a number"),
+            ("unit = 'mm'".to_owned(), "at least one"),
+        ];
+        for (text, wanted) in bad {
+            let message = Views::parse(&text).unwrap_err().to_string();
+            assert!(message.contains(wanted), "wanted {wanted}, got {message}");
+        }
+        let parts = [
+            ("ellipse = {a = 40, b = 25}\nvertices = [[0, 0], [10, 0], [0, 10]]", "either `vertices` or `ellipse`"),
+            ("vertices = [[0, 0], [10, 0, 1], [0, 10]]", "expected 2 numbers, not [10.0, 0.0, 1.0]"),
+            ("mu = 0.3", "either `vertices` or `ellipse`"),
+            ("ellipse = {a = 40, b = 0}", "must be finite and above 0"),
+            ("ellipse = {a = 40, b = 25}\nrounding = 2", "needs `vertices`"),
+            ("rounding = -2\nvertices = [[0, 0], [10, 0], [0, 10]]", "rounding = -2.0"),
+        ];
+        for (text, wanted) in parts {
+            let message = NamedPart::parse("part", &format!("unit = 'mm'\n{text}"), false).unwrap_err().to_string();
+            assert!(message.contains(wanted), "wanted {wanted}, got {message}");
+        }
+        let notched = "unit = 'mm'\nvertices = [[0, 0], [10, 0], [3, 3], [0, 10]]\nmu = 0.3";
+        assert!(NamedPart::parse("part", notched, false).unwrap_err().to_string().contains("--hull"));
+        assert_eq!(NamedPart::parse("part", notched, true).unwrap().convex.corners().len(), 3);
+    }
+}

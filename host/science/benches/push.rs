@@ -1,0 +1,106 @@
+//! Pushes in time: the fixed step of observers, with and without derivatives, and the error-controlled run. Run with
+//! `cargo bench --bench push`.
+//!
+//! The bar: 0.8 s of a rolling pentagon at 5 ms steps within 60 µs.
+
+mod yardstick;
+
+use std::hint::black_box;
+
+use nalgebra::Point2;
+use palpate::geometry::SimplePolygon;
+use palpate::pushing::dynamics::{
+    Contact, ContactLaw, EdgeEnd, Finger, Parameter, Part, Push, PushModel, Scalar, Seeded, Slip, Start, State,
+};
+use yardstick::best_of_runs;
+
+/// Length of a push, s.
+const DURATION: f64 = 0.8;
+
+/// The observers' step, s.
+const STEP: f64 = 0.005;
+
+/// Steps in a push.
+const STEPS: usize = 160;
+
+/// Pushes in one run: enough for the clock's grain not to show, few enough for some runs not to be interrupted on a busy computer.
+const PUSHES: u32 = 2;
+
+/// Times that the best of some runs is taken.
+const RUNS_OF_RUNS: usize = 10;
+
+/// A pentagon of some centimetres, m.
+const PENTAGON: [[f64; 2]; 5] =
+    [[-0.02237, 0.0297], [-0.03108, -0.0037], [-0.01605, -0.03425], [0.02656, -0.02266], [0.02512, 0.01259]];
+
+fn main() {
+    let outline = SimplePolygon::new(PENTAGON.map(Point2::from)).unwrap_or_else(|error| panic!("{error}"));
+    let part = Part::uniform(outline);
+    let edge = part.edge(1).unwrap_or_else(|error| panic!("{error}"));
+    let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0, 0.02] };
+    let model = PushModel { part: &part, edge, grip: 0.3 * 9.81, finger };
+    let start = State { u: 1.6, s: 0.002, omega: 0.1, v_t: 0.0 };
+    let yardstick_s = per_push(|| yardstick(black_box(start.u)));
+    println!(
+        "yardstick: 5 square roots, 5 logarithms and 10 divisions a rate, 4 rates a step: {:.1} µs",
+        yardstick_s * 1e6
+    );
+    let report = |name: &str, seconds: f64| {
+        println!(
+            "{name:58} {:8.1} µs  {:6.1} ns a rate  {:5.2} × yardstick",
+            seconds * 1e6,
+            seconds * 1e9 / (4 * STEPS) as f64,
+            seconds / yardstick_s
+        );
+    };
+    let sliding = Contact::Sliding { friction: 0.2, slip: Slip::Forward };
+    for (name, contact) in
+        [("rolling", Contact::Rolling), ("frictionless", Contact::Frictionless), ("sliding", sliding)]
+    {
+        report(&format!("{name}, 160 steps of 5 ms"), per_push(|| roll_out(&model, &contact, &start)));
+    }
+    let seconds = per_push(|| {
+        black_box(black_box(&model).fast_rollout(&Contact::Rolling, black_box(&start), STEP).nth(STEPS - 1));
+    });
+    report("rolling, 160 steps of 5 ms, two rates a step", seconds);
+    let parameters = [Parameter::U, Parameter::S, Parameter::Omega];
+    let seeded = Seeded::new(&model, &Contact::Rolling, &start, parameters);
+    let seconds = per_push(|| roll_out(&seeded.model, &seeded.contact, &seeded.start));
+    report("rolling with derivatives by u, s and ω", seconds);
+    let parameters = [Parameter::U, Parameter::S, Parameter::Omega, Parameter::VT];
+    for (name, contact) in [("rolling", Contact::Rolling), ("frictionless", Contact::Frictionless)] {
+        let jets = Seeded::jets(&model, &contact, &start, parameters);
+        let seconds = per_push(|| roll_out(&jets.model, &jets.contact, &jets.start));
+        report(&format!("{name} with jets by u, s, ω and v_T"), seconds);
+        let seconds = per_push(|| {
+            black_box(black_box(&jets.model).fast_rollout(&jets.contact, black_box(&jets.start), STEP).nth(STEPS - 1));
+        });
+        report(&format!("{name} with jets, two rates a step"), seconds);
+    }
+    let law = ContactLaw::Rolling { friction: None };
+    let push = Push::new(model, law, Start::Moving(start), EdgeEnd::Extend).unwrap_or_else(|error| panic!("{error}"));
+    let seconds = per_push(|| {
+        let _ = black_box(black_box(&push).run(&[DURATION]));
+    });
+    report("rolling, error-controlled with events", seconds);
+}
+
+/// Best time of one push, s.
+fn per_push(mut push: impl FnMut()) -> f64 {
+    (0..RUNS_OF_RUNS).map(|_| best_of_runs(|| (0..PUSHES).for_each(|_| push()))).fold(f64::INFINITY, f64::min)
+        / f64::from(PUSHES)
+}
+
+fn roll_out<T: Scalar>(model: &PushModel<T>, contact: &Contact<T>, start: &State<T>) {
+    black_box(black_box(model).rollout(contact, black_box(start), STEP).nth(STEPS - 1));
+}
+
+/// What the friction of a pentagon cannot do without, as often as a push needs it.
+fn yardstick(seed: f64) {
+    let mut sum = 0.0;
+    for i in 0..4 * STEPS * PENTAGON.len() {
+        let x = seed + i as f64;
+        sum += x.sqrt() + x.ln() + 1.0 / x + 2.0 / (x + 1.0);
+    }
+    black_box(sum);
+}

@@ -1,0 +1,9 @@
+//! Shapes in the plane. Pure: no files, clocks or threads.
+
+mod convex;
+pub(crate) mod exact;
+mod polygon;
+
+pub use convex::{ConvexPolygon, NotConvex, convex_hull};
+pub(crate) use polygon::extent_of;
+pub use polygon::{PolygonError, SimplePolygon, bounding_box};

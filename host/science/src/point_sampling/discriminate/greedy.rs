@@ -1,0 +1,62 @@
+//! The greedy choice: again and again the column that separates most of the pairs not yet separated (thesis §3.4).
+//!
+//! It needs at most 1 + ln(n²/4) < 2 ln n times as many columns as are needed at all.
+
+use super::system::Columns;
+use crate::math::bits::BitSet;
+
+/// Columns that separate every pair, or as many pairs as can be; the first of equals is taken.
+pub(super) fn greedy(columns: &Columns) -> Vec<usize> {
+    let mut classes = vec![BitSet::full(columns.sets)];
+    let mut chosen = Vec::new();
+    classes.retain(|class| class.row().count() > 1);
+    while !classes.is_empty() {
+        let gain = |column: usize| classes.iter().map(|class| split_gain(columns, column, class)).sum::<usize>();
+        let best = (0..columns.len())
+            .map(|column| (gain(column), column))
+            .max_by_key(|&(gain, column)| (gain, usize::MAX - column));
+        let Some((1.., column)) = best else { break };
+        classes = classes.iter().flat_map(|class| split(columns, column, class)).collect();
+        chosen.push(column);
+    }
+    chosen
+}
+
+/// The pairs in a class that a column separates.
+fn split_gain(columns: &Columns, column: usize, class: &BitSet) -> usize {
+    let inside = columns.sides[column].row().count_common(class.row());
+    inside * (class.row().count() - inside)
+}
+
+/// The two parts of a class, those with one member left out.
+fn split(columns: &Columns, column: usize, class: &BitSet) -> impl Iterator<Item = BitSet> {
+    let (mut inside, mut outside) = (class.clone(), class.clone());
+    inside.keep(columns.sides[column].row());
+    outside.drop_all(columns.sides[column].row());
+    [inside, outside].into_iter().filter(|class| class.row().count() > 1)
+}
+
+/// As [`greedy`], until every pair is separated by so many different columns as there are, or `least`.
+pub(super) fn greedy_multiple(columns: &Columns, least: usize) -> Vec<usize> {
+    if least <= 1 {
+        return greedy(columns);
+    }
+    let pairs: Vec<[usize; 2]> = (0..columns.sets).flat_map(|i| (0..i).map(move |j| [i, j])).collect();
+    let mut missing = vec![least; pairs.len()];
+    let (mut free, mut chosen) = (vec![true; columns.len()], Vec::new());
+    loop {
+        let gain = |column: usize| {
+            let open = pairs.iter().zip(&missing).filter(|(_, missing)| **missing > 0);
+            open.filter(|([a, b], _)| columns.separates(column, *a, *b)).count()
+        };
+        let candidates = (0..columns.len()).filter(|&column| free[column]);
+        let best =
+            candidates.map(|column| (gain(column), column)).max_by_key(|&(gain, column)| (gain, usize::MAX - column));
+        let Some((1.., column)) = best else { return chosen };
+        for (missing, [a, b]) in missing.iter_mut().zip(&pairs) {
+            *missing -= usize::from(*missing > 0 && columns.separates(column, *a, *b));
+        }
+        free[column] = false;
+        chosen.push(column);
+    }
+}

@@ -1,0 +1,408 @@
+//! The solver against exhaustive search, and the thesis's reductions (§3.2, §3.4, §3.5, appendix B).
+
+use std::collections::BTreeSet;
+
+use proptest::prelude::*;
+
+use super::cuts::Cuts;
+use super::partition::{Order, Outcome, Partition, distances, log2_ceil};
+use super::system::Columns;
+use super::*;
+use crate::math::bits::BitSet;
+
+fn all(system: &SetSystem) -> Vec<usize> {
+    (0..system.elements()).collect()
+}
+
+fn solve(system: &SetSystem, separation: usize) -> Choice {
+    fewest(system, &all(system), &Search { separation, target: 0, effort: Effort::Full, stop: &|| false })
+}
+
+/// Subsets of `0..count`, smallest first.
+fn subsets(count: usize) -> Vec<Vec<usize>> {
+    let mut subsets: Vec<Vec<usize>> =
+        (0..1_usize << count).map(|mask| (0..count).filter(|bit| mask >> bit & 1 == 1).collect()).collect();
+    subsets.sort_by_key(Vec::len);
+    subsets
+}
+
+/// The size of the smallest choice, by trying all; sets are compared as sets of elements.
+fn by_exhaustion(system: &SetSystem, separation: usize) -> Option<usize> {
+    let sets: Vec<BTreeSet<usize>> = (0..system.sets())
+        .map(|set| (0..system.elements()).filter(|&element| system.holders(element).has(set)).collect())
+        .collect();
+    let enough = |choice: &Vec<usize>| {
+        let differ = |a: &BTreeSet<usize>, b: &BTreeSet<usize>| {
+            choice.iter().filter(|element| a.contains(element) != b.contains(element)).count() >= separation
+        };
+        (0..sets.len()).all(|i| (0..i).all(|j| differ(&sets[i], &sets[j])))
+    };
+    subsets(system.elements()).iter().find(|choice| enough(choice)).map(Vec::len)
+}
+
+/// Sparse and dense systems, some of separate parts.
+fn systems(sets: std::ops::Range<usize>, elements: usize) -> impl Strategy<Value = SetSystem> {
+    (sets, 0..4_u32).prop_flat_map(move |(sets, density)| {
+        let holder = proptest::collection::vec(0..4_u32, sets).prop_map(move |draws| {
+            BitSet::of(draws.len(), (0..draws.len()).filter(|&set| draws[set] <= density.saturating_sub(1)))
+        });
+        proptest::collection::vec(holder, 1..elements).prop_map(move |holders| SetSystem::new(sets, holders))
+    })
+}
+
+proptest! {
+    #[test]
+    fn the_fewest_are_as_few_as_exhaustive_search_finds(system in systems(2..9, 11), separation in 1..4_usize) {
+        let Some(least) = by_exhaustion(&system, separation) else {
+            prop_assert!(!system.closer_than(separation).is_empty());
+            return Ok(());
+        };
+        let choice = solve(&system, separation);
+        prop_assert!(system.separation(&choice.elements).is_none_or(|found| found >= separation));
+        prop_assert_eq!((choice.elements.len(), choice.lower_bound), (least, least), "{:?}", choice);
+    }
+
+    /// The search over partitions by itself: sets that few columns tell apart, so that every one of its bounds decides somewhere.
+    #[test]
+    fn so_many_columns_are_enough_exactly_if_some_of_all_choices_are(
+        holders in (2..16_usize).prop_flat_map(|sets| proptest::collection::vec(1..1_u32 << sets, 1..11).prop_map(move |holders| (sets, holders))),
+        first_most in proptest::bool::ANY,
+    ) {
+        let (sets, holders) = holders;
+        let of = |mask: &u32| BitSet::of(sets, (0..sets).filter(|set| mask >> set & 1 == 1));
+        let system = SetSystem::new(sets, holders.iter().map(of).collect());
+        let columns = Columns::new(&system, &all(&system), 1);
+        let least = by_exhaustion(&system, 1);
+        let order = if first_most { Order::Most } else { Order::Fewest };
+        for size in 0..=columns.len() {
+            match Partition::new(u64::MAX, order, &|| false).search(&columns, size) {
+                Outcome::Found(found) => {
+                    let elements: Vec<usize> = found.iter().map(|&column| columns.elements[column]).collect();
+                    prop_assert!(elements.len() <= size && system.tells_apart(&elements), "{:?}", elements);
+                }
+                outcome => {
+                    prop_assert_eq!(outcome, Outcome::Refuted);
+                    prop_assert!(least.is_none_or(|least| least > size), "{} of {:?} refuted", size, least);
+                }
+            }
+        }
+    }
+
+    /// Many small parts: what [`fewest`] solves one by one.
+    #[test]
+    fn parts_solved_one_by_one_need_no_more(parts in proptest::collection::vec((1..3_usize, 1..8_usize), 2..5)) {
+        let count: usize = parts.iter().map(|(sets, _)| sets).sum();
+        let (mut first, mut holders) = (0, Vec::new());
+        for (sets, kinds) in parts {
+            let masks = [vec![0], vec![sets - 1], (0..sets).collect::<Vec<_>>()];
+            holders.extend(masks.iter().enumerate().filter(|(bit, _)| kinds >> bit & 1 == 1).map(|(_, mask)| {
+                BitSet::of(count, mask.iter().map(|set| first + set))
+            }));
+            first += sets;
+        }
+        let system = SetSystem::new(count, holders);
+        if let Some(least) = by_exhaustion(&system, 1) {
+            let choice = solve(&system, 1);
+            prop_assert!(system.tells_apart(&choice.elements));
+            prop_assert_eq!((choice.elements.len(), choice.lower_bound), (least, least));
+        }
+    }
+
+    #[test]
+    fn greedy_stays_within_its_guarantee(system in systems(2..9, 11)) {
+        let Some(least) = by_exhaustion(&system, 1) else { return Ok(()) };
+        let greedy = fewest(&system, &all(&system), &Search { separation: 1, target: 0, effort: Effort::Greedy, stop: &|| false });
+        prop_assert!(system.tells_apart(&greedy.elements));
+        let n = f64::from(u32::try_from(system.sets()).unwrap());
+        let bound = (1.0 + (n * n / 4.0).floor().ln()) * f64::from(u32::try_from(least).unwrap());
+        prop_assert!(f64::from(u32::try_from(greedy.elements.len()).unwrap()) <= bound + 1e-9);
+    }
+
+    #[test]
+    fn every_choice_that_tells_apart_keeps_every_counting_row(system in systems(2..9, 9), group in 1..512_usize) {
+        let columns = Columns::new(&system, &all(&system), 1);
+        let group = BitSet::of(system.sets(), (0..system.sets()).filter(|set| group >> set & 1 == 1));
+        prop_assume!(group.row().count() > 1);
+        let row = Cuts::new(&columns, 1).counting_row(&group);
+        for choice in subsets(columns.len()) {
+            let elements: Vec<usize> = choice.iter().map(|&column| columns.elements[column]).collect();
+            let apart = group.row().iter().map(|set| system.code(set, &elements)).collect::<BTreeSet<_>>().len() == group.row().count();
+            let sum: f64 = row.terms.iter().filter(|(column, _)| choice.contains(&(*column as usize))).map(|(_, value)| value).sum();
+            prop_assert!(!apart || sum >= row.right, "{:?} {} {}", choice, sum, row.right);
+        }
+    }
+
+    #[test]
+    fn questions_find_every_set_and_are_as_few_as_can_be(system in systems(2..7, 7)) {
+        prop_assume!(system.closer_than(1).is_empty());
+        let search = Search { separation: 1, target: 0, effort: Effort::Full, stop: &|| false };
+        let (tree, bound) = questions(&system, &all(&system), &search);
+        for set in 0..system.sets() {
+            let mut at = &tree;
+            while let Question::Ask { element, yes, no } = at {
+                at = if system.holders(*element).has(set) { yes } else { no };
+            }
+            prop_assert_eq!(at, &Question::Answer(vec![set]));
+        }
+        let least = depth_by_exhaustion(&system, &(0..system.sets()).collect::<Vec<_>>());
+        prop_assert_eq!((tree.depth(), bound), (least, least));
+        prop_assert!(system.tells_apart(&tree.elements()));
+    }
+}
+
+fn depth_by_exhaustion(system: &SetSystem, sets: &[usize]) -> usize {
+    if sets.len() <= 1 {
+        return 0;
+    }
+    let depth = |element: usize| {
+        let (yes, no): (Vec<usize>, Vec<usize>) = sets.iter().partition(|&&set| system.holders(element).has(set));
+        (!yes.is_empty() && !no.is_empty())
+            .then(|| 1 + depth_by_exhaustion(system, &yes).max(depth_by_exhaustion(system, &no)))
+    };
+    (0..system.elements()).filter_map(depth).min().unwrap()
+}
+
+#[test]
+fn the_thesis_example_has_shallow_questions_or_few_elements() {
+    // a b c d a' b' c' d' e' (footnote 7)
+    let sets = [vec![0, 1, 4, 8], vec![0, 4], vec![1, 5, 7], vec![2, 5], vec![3, 6], vec![]];
+    let system = SetSystem::from_sets(9, &sets);
+    assert_eq!(solve(&system, 1).elements.len(), 4);
+    let search = Search { separation: 1, target: 0, effort: Effort::Full, stop: &|| false };
+    let (tree, bound) = questions(&system, &all(&system), &search);
+    assert_eq!((tree.depth(), bound), (3, 3));
+    // Asked for the four elements a, b, c, d alone it takes four questions.
+    assert_eq!(questions(&system, &[0, 1, 2, 3], &search).0.depth(), 4);
+}
+
+#[test]
+fn figure_3_2_needs_its_bounds() {
+    // (a) ⌈log n⌉ elements are enough; (b) nested sets need n − 1.
+    let n = 13;
+    let digits = |i: usize| (0..4).filter(move |bit| i >> bit & 1 == 1);
+    let spread: Vec<Vec<usize>> = (0..n).map(|i| digits(i).chain(4..5 + i).collect()).collect();
+    assert_eq!(solve(&SetSystem::from_sets(4 + n, &spread), 1).elements.len(), 4);
+    let nested: Vec<Vec<usize>> = (0..n).map(|i| (0..=i).collect()).collect();
+    assert_eq!(solve(&SetSystem::from_sets(n, &nested), 1).elements.len(), n - 1);
+}
+
+#[test]
+fn as_many_sets_as_fit_a_mask_are_told_apart_by_their_digits() {
+    let sets: Vec<Vec<usize>> =
+        (0..64_usize).map(|i| (0..6).filter(|bit| i >> bit & 1 == 1).chain(6..6 + i).collect()).collect();
+    let system = SetSystem::from_sets(6 + 63, &sets);
+    let columns = Columns::new(&system, &all(&system), 1);
+    let search = |size| Partition::new(u64::MAX, Order::Fewest, &|| false).search(&columns, size);
+    assert_eq!(search(5), Outcome::Refuted);
+    let Outcome::Found(found) = search(6) else { panic!("6 digits are enough") };
+    assert!(system.tells_apart(&found.iter().map(|&column| columns.elements[column]).collect::<Vec<_>>()));
+}
+
+#[test]
+fn sets_that_are_equal_are_named() {
+    let system = SetSystem::from_sets(2, &[vec![0], vec![1], vec![0], vec![0]]);
+    assert_eq!(system.closer_than(1), [[0, 2], [0, 3], [2, 3]]);
+    assert!(!system.tells_apart(&solve(&system, 1).elements));
+}
+
+/// Codes may be turned round in every bit, so a state is how many codes are in each class still equal; a bit takes some of
+/// each. Shares nothing with the bound but what is asked.
+fn least_distances(classes: Vec<u32>, known: &mut std::collections::HashMap<Vec<u32>, u32>) -> u32 {
+    let mut open: Vec<u32> = classes.into_iter().filter(|&size| size > 1).collect();
+    open.sort_unstable();
+    if open.is_empty() {
+        return 0;
+    }
+    if let Some(&least) = known.get(&open) {
+        return least;
+    }
+    let mut least = u32::MAX;
+    let combinations = open.iter().map(|size| size + 1).product::<u32>();
+    for mut number in 1..combinations {
+        let taken: Vec<u32> = open
+            .iter()
+            .map(|size| {
+                let taken = number % (size + 1);
+                number /= size + 1;
+                taken
+            })
+            .collect();
+        if open.iter().zip(&taken).all(|(size, taken)| *taken == 0 || taken == size) {
+            continue;
+        }
+        let finer = open.iter().zip(&taken).flat_map(|(size, taken)| [*taken, size - taken]).collect();
+        // Codes already alone are left out of the sum here, which can only make it smaller.
+        let ones: u32 = taken.iter().sum();
+        let all: u32 = open.iter().sum();
+        least = least.min(ones * (all - ones) + least_distances(finer, known));
+    }
+    known.insert(open, least);
+    least
+}
+
+#[test]
+fn codes_cannot_be_closer_than_the_bound_of_the_partition_search() {
+    // Exhaustive over codes of up to four bits: the least sum of distances of `count` different codes.
+    let exact = |count: u32, bits: usize| {
+        let sum = |codes: &[u32]| -> u32 {
+            codes.iter().enumerate().flat_map(|(i, a)| codes[..i].iter().map(move |b| (a ^ b).count_ones())).sum()
+        };
+        let all = 1_u32 << bits;
+        let choices = (0..1_u32 << all).filter(|mask| mask.count_ones() == count);
+        choices.map(|mask| sum(&(0..all).filter(|code| mask >> code & 1 == 1).collect::<Vec<_>>())).min().unwrap()
+    };
+    for bits in 1..=4 {
+        for count in 2..=1 << bits {
+            assert_eq!(distances(count, bits), exact(count, bits), "{count} codes of {bits} bits");
+        }
+    }
+    let mut known = std::collections::HashMap::new();
+    // With single codes left out of the sum it is smaller; the bound must not need more than that plus what is left out.
+    for count in 2..=7 {
+        assert!(least_distances(vec![count], &mut known) <= distances(count, 64), "{count}");
+    }
+    for count in 2..64_u32 {
+        assert!(distances(count, 64) >= count * (count - 1) / 2);
+        // All codes of some bits: each bit divides them evenly.
+        let bits = log2_ceil(count);
+        let full = 1_u32 << bits;
+        assert_eq!(distances(full, bits), u32::try_from(bits).unwrap() * full / 2 * (full / 2));
+    }
+}
+
+/// A graph by its edges.
+#[derive(Clone, Debug)]
+struct Graph {
+    vertices: usize,
+    edges: Vec<[usize; 2]>,
+}
+
+impl Graph {
+    fn distances(&self) -> Vec<Vec<usize>> {
+        let far = usize::MAX / 4;
+        let mut distance = vec![vec![far; self.vertices]; self.vertices];
+        (0..self.vertices).for_each(|v| distance[v][v] = 0);
+        self.edges.iter().for_each(|&[u, v]| (distance[u][v], distance[v][u]) = (1, 1));
+        for via in 0..self.vertices {
+            for u in 0..self.vertices {
+                for v in 0..self.vertices {
+                    distance[u][v] = distance[u][v].min(distance[u][via] + distance[via][v]);
+                }
+            }
+        }
+        distance
+    }
+
+    /// The size of the largest set of vertices at distances of `k` or more.
+    fn independent(&self, k: usize) -> usize {
+        let distance = self.distances();
+        grow(&distance, k, &mut Vec::new(), 0)
+    }
+
+    fn cover(&self) -> usize {
+        self.vertices - self.independent(2)
+    }
+}
+
+fn grow(distance: &[Vec<usize>], k: usize, chosen: &mut Vec<usize>, from: usize) -> usize {
+    let mut most = chosen.len();
+    for v in from..distance.len() {
+        if chosen.iter().all(|&u| distance[u][v] >= k) {
+            chosen.push(v);
+            most = most.max(grow(distance, k, chosen, v + 1));
+            chosen.pop();
+        }
+    }
+    most
+}
+
+fn graphs(vertices: std::ops::Range<usize>) -> impl Strategy<Value = Graph> {
+    vertices.prop_flat_map(|vertices| {
+        let pairs: Vec<[usize; 2]> = (0..vertices).flat_map(|v| (0..v).map(move |u| [u, v])).collect();
+        proptest::sample::subsequence(pairs.clone(), 1..=pairs.len()).prop_map(move |edges| Graph { vertices, edges })
+    })
+}
+
+/// Lemma 11: from independent sets to 3-independent sets.
+fn with_midvertices(graph: &Graph) -> Graph {
+    let mid = |edge: usize| graph.vertices + edge;
+    let mut edges = Vec::new();
+    for (i, &[u, v]) in graph.edges.iter().enumerate() {
+        edges.extend([[u, mid(i)], [v, mid(i)]]);
+        let adjacent = |other: &[usize; 2]| other.contains(&u) || other.contains(&v);
+        edges.extend((0..i).filter(|&j| adjacent(&graph.edges[j])).map(|j| [mid(j), mid(i)]));
+    }
+    Graph { vertices: graph.vertices + graph.edges.len(), edges }
+}
+
+/// Lemma 33: from independent sets to k-independent sets, k > 3. A path replaces each vertex, and its ends are joined to those
+/// of its neighbours, for odd k through a vertex in the middle.
+fn with_paths(graph: &Graph, k: usize) -> Graph {
+    let length = if k.is_multiple_of(2) { k - 1 } else { k - 2 };
+    let ends = |v: usize| [v * length, v * length + length - 1];
+    let mut edges: Vec<[usize; 2]> =
+        (0..graph.vertices).flat_map(|v| (1..length).map(move |i| [v * length + i - 1, v * length + i])).collect();
+    let mut vertices = graph.vertices * length;
+    for &[u, v] in &graph.edges {
+        if k.is_multiple_of(2) {
+            edges.extend(ends(u).into_iter().flat_map(|a| ends(v).map(|b| [a, b])));
+        } else {
+            edges.extend([ends(u), ends(v)].concat().into_iter().map(|end| [end, vertices]));
+            vertices += 1;
+        }
+    }
+    Graph { vertices, edges }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Theorem 5: a graph has a vertex cover of size l exactly if the sets have a discriminating set of size l + m − 1.
+    #[test]
+    fn vertex_cover_reduces_to_discriminating_sets(graph in graphs(2..6)) {
+        let (n, m) = (graph.vertices, graph.edges.len());
+        let with_ends = graph.edges.iter().enumerate().map(|(e, &[u, v])| vec![u, v, n + e]);
+        let sets: Vec<Vec<usize>> = with_ends.chain((0..m).map(|e| vec![n + e])).collect();
+        prop_assert_eq!(solve(&SetSystem::from_sets(n + m, &sets), 1).elements.len(), graph.cover() + m - 1);
+    }
+
+    /// Lemma 10: what a discriminating set of the edges and the empty set leaves out is a 3-independent set.
+    #[test]
+    fn edges_are_told_apart_by_what_a_3_independent_set_leaves(graph in graphs(2..9)) {
+        let mut sets: Vec<Vec<usize>> = graph.edges.iter().map(|edge| edge.to_vec()).collect();
+        sets.push(Vec::new());
+        let choice = solve(&SetSystem::from_sets(graph.vertices, &sets), 1);
+        prop_assert_eq!(choice.elements.len(), graph.vertices - graph.independent(3));
+    }
+
+    #[test]
+    fn independent_sets_reduce_to_k_independent_sets(graph in graphs(2..6), k in 3..8_usize) {
+        let reduced = if k == 3 { with_midvertices(&graph) } else { with_paths(&graph, k) };
+        prop_assert_eq!(reduced.independent(k), graph.independent(2), "k = {}", k);
+    }
+
+    /// §3.4: discriminating sets are what hits all symmetric differences; and Lemma 8, the other way, with one copy: hitting
+    /// sets of T₁ … Tₙ are what tells apart Tᵢ ∪ Aᵢ and Aᵢ, beside the digits that tell the Aᵢ apart.
+    #[test]
+    fn hitting_sets_and_discriminating_sets_reduce_to_each_other(
+        sets in proptest::collection::vec(proptest::collection::btree_set(0..6_usize, 1..5), 1..6),
+    ) {
+        let hit = |targets: &[BTreeSet<usize>]| {
+            let hits = |choice: &Vec<usize>| targets.iter().all(|target| choice.iter().any(|element| target.contains(element)));
+            subsets(6).iter().find(|choice| hits(choice)).map(Vec::len)
+        };
+        let as_vec = |set: &BTreeSet<usize>| set.iter().copied().collect::<Vec<_>>();
+        let distinct: Vec<BTreeSet<usize>> = sets.iter().cloned().collect::<BTreeSet<_>>().into_iter().collect();
+        let differences: Vec<BTreeSet<usize>> =
+            (0..distinct.len()).flat_map(|i| (0..i).map(move |j| (i, j))).map(|(i, j)| distinct[i].symmetric_difference(&distinct[j]).copied().collect()).collect();
+        let system = SetSystem::from_sets(6, &distinct.iter().map(as_vec).collect::<Vec<_>>());
+        prop_assert_eq!(Some(solve(&system, 1).elements.len()), hit(&differences));
+
+        let digits = log2_ceil(u32::try_from(sets.len()).unwrap());
+        let own = |i: usize| (0..digits).filter(move |bit| i >> bit & 1 == 1).map(|bit| 6 + bit);
+        let with = sets.iter().enumerate().map(|(i, set)| set.iter().copied().chain(own(i)).collect());
+        let all: Vec<Vec<usize>> = with.chain((0..sets.len()).map(|i| own(i).collect())).collect();
+        let least = solve(&SetSystem::from_sets(6 + digits, &all), 1).elements.len();
+        prop_assert_eq!(Some(least), hit(&sets).map(|size| size + digits));
+    }
+}

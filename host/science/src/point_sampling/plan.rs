@@ -1,0 +1,329 @@
+//! Where to put the points: regions of the subdivision that tell polygons apart, and the middle of each (thesis ch. 3).
+
+use nalgebra::Point2;
+
+use super::circle::{Circle, largest_circle};
+use super::discriminate::{Choice, Effort, Proof, Search, SetSystem, fewest};
+use super::subdivision::Subdivision;
+use crate::geometry::SimplePolygon;
+use crate::geometry::exact::turn;
+use crate::math::bits::BitSet;
+
+/// Points with more room than this share of the scene's extent are inside their region whatever rounding did; with less, that
+/// is decided exactly.
+const SURELY_INSIDE: f64 = 1e-9;
+
+/// What is asked of a plan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Request {
+    /// Regions of this area or less are left out, m².
+    pub min_area: f64,
+    /// Points nearer than this to an edge are left out, m.
+    pub min_clearance: f64,
+    /// By how many points any two polygons must differ: see [`Search::separation`].
+    pub separation: usize,
+    /// What is wanted.
+    pub objective: Objective,
+}
+
+/// What is wanted of a plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Objective {
+    /// The fewest points; of all such plans the one with the largest smallest clearance.
+    Fewest,
+    /// What the greedy choice gives: at most 2 ln n times as many as needed, at once.
+    Greedy,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self { min_area: 0.0, min_clearance: 0.0, separation: 1, objective: Objective::Fewest }
+    }
+}
+
+/// Points that tell polygons apart.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// The points; their radii are their clearances: the distance to the nearest edge of any polygon.
+    pub points: Vec<Circle>,
+    /// For each polygon, which of the points are in it.
+    pub signatures: Vec<Vec<bool>>,
+    /// Bounded faces inside at least one polygon, of more than the least area.
+    pub regions: usize,
+    /// No plan has fewer points.
+    pub lower_bound: usize,
+    /// What proves it.
+    pub proof: Proof,
+    /// No plan of so many points has a larger smallest clearance, m; none where nothing is proven about it.
+    pub clearance_bound: Option<f64>,
+    /// Pairs of polygons that no points tell apart, the lesser number first.
+    pub indistinguishable: Vec<[usize; 2]>,
+}
+
+impl Plan {
+    /// The smallest clearance, m; infinite for no points.
+    #[must_use]
+    pub fn clearance(&self) -> f64 {
+        self.points.iter().map(|point| point.radius).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Whether no plan has fewer points.
+    #[must_use]
+    pub fn is_fewest(&self) -> bool {
+        self.lower_bound >= self.points.len()
+    }
+}
+
+/// Points that tell polygons apart.
+///
+/// ```
+/// use nalgebra::Point2;
+/// use palpate::geometry::SimplePolygon;
+/// use palpate::point_sampling::{Request, plan};
+///
+/// // A block in three places.
+/// let block = |x: f64| SimplePolygon::new([[x, 0.0], [x + 0.06, 0.0], [x + 0.06, 0.04], [x, 0.04]].map(Point2::from));
+/// let plan = plan(&[block(0.0)?, block(0.02)?, block(0.04)?], &Request::default(), &|| false);
+/// assert_eq!((plan.points.len(), plan.lower_bound), (2, 2));
+/// assert!((plan.clearance() - 0.01).abs() < 1e-12); // m
+/// # Ok::<(), palpate::geometry::PolygonError>(())
+/// ```
+#[must_use]
+pub fn plan(polygons: &[SimplePolygon], request: &Request, stop: &dyn Fn() -> bool) -> Plan {
+    Scene::new(polygons).plan(request, stop)
+}
+
+/// Polygons with the places where points can be.
+#[derive(Debug)]
+pub struct Scene {
+    polygons: Vec<SimplePolygon>,
+    candidates: Vec<Candidate>,
+    areas: Vec<f64>,
+}
+
+/// A place for a point, in the middle of a region.
+#[derive(Clone, Debug)]
+struct Candidate {
+    circle: Circle,
+    area: f64,
+    inside: BitSet,
+}
+
+impl Scene {
+    /// Finds the regions and the middle of each.
+    #[must_use]
+    pub fn new(polygons: &[SimplePolygon]) -> Self {
+        let subdivision = Subdivision::new(polygons);
+        let (mut candidates, mut areas) = (Vec::new(), Vec::new());
+        let trusted = SURELY_INSIDE * extent(polygons);
+        for region in subdivision.regions() {
+            let area = region.area();
+            areas.push(area);
+            let Some(circle) = largest_circle(region.boundary()) else { continue };
+            let inside = region.inside();
+            // The middle of a sliver may round into its neighbour; then no point is in it at all.
+            let fits = |(number, polygon): (usize, &SimplePolygon)| {
+                contains(polygon, circle.centre) == Some(inside.has(number))
+            };
+            if circle.radius > trusted || polygons.iter().enumerate().all(fits) {
+                candidates.push(Candidate { circle, area, inside: inside.to_set() });
+            }
+        }
+        // The roomiest first: of regions that say the same, the first is taken.
+        candidates.sort_by(|a, b| b.circle.radius.total_cmp(&a.circle.radius));
+        Self { polygons: polygons.to_vec(), candidates, areas }
+    }
+
+    /// Plans points.
+    #[must_use]
+    pub fn plan(&self, request: &Request, stop: &dyn Fn() -> bool) -> Plan {
+        let choice = Chooser::new(self, request, stop).choose();
+        self.plan_of(choice, request)
+    }
+
+    /// For every number of points from the fewest on the plan with the largest smallest clearance, until more points give no
+    /// more.
+    #[must_use]
+    pub fn trade_off(&self, request: &Request, stop: &dyn Fn() -> bool) -> Vec<Plan> {
+        let chooser = Chooser::new(self, request, stop);
+        let mut chosen = chooser.choose();
+        let mut plans = vec![self.plan_of(chosen.clone(), request)];
+        let roomiest = chooser.clearance_max();
+        // A pair needs no more points than all polygons need without thought: one less than there are, for each point of separation.
+        let most = request.separation.max(1) * self.polygons.len();
+        for size in chosen.choice.elements.len() + 1..most {
+            if chosen.clearance(self) >= roomiest || stop() {
+                break;
+            }
+            let before = chosen.clearance(self);
+            chosen = chooser.roomiest(chosen, size);
+            if chosen.clearance(self) > before {
+                plans.push(self.plan_of(chosen.clone(), request));
+            }
+        }
+        plans
+    }
+
+    fn plan_of(&self, chosen: Chosen, request: &Request) -> Plan {
+        let points: Vec<Circle> = chosen.choice.elements.iter().map(|&element| self.measured(element)).collect();
+        let has = |polygon: usize| {
+            chosen.choice.elements.iter().map(move |&element| self.candidates[element].inside.row().has(polygon))
+        };
+        Plan {
+            signatures: (0..self.polygons.len()).map(|polygon| has(polygon).collect()).collect(),
+            regions: self.areas.iter().filter(|area| **area > request.min_area || request.min_area == 0.0).count(),
+            lower_bound: chosen.choice.lower_bound,
+            proof: chosen.choice.proof,
+            clearance_bound: chosen.clearance_bound,
+            indistinguishable: chosen.indistinguishable,
+            points,
+        }
+    }
+
+    /// A point with its distance to the nearest edge of all.
+    fn measured(&self, element: usize) -> Circle {
+        let centre = self.candidates[element].circle.centre;
+        let edges = self.polygons.iter().flat_map(SimplePolygon::edges);
+        let radius = edges.map(|(start, end)| distance(centre, start, end)).fold(f64::INFINITY, f64::min);
+        Circle { centre, radius }
+    }
+}
+
+/// What was chosen, with all that is to be said about it.
+#[derive(Clone, Debug, Default)]
+struct Chosen {
+    choice: Choice,
+    clearance_bound: Option<f64>,
+    indistinguishable: Vec<[usize; 2]>,
+}
+
+impl Chosen {
+    fn clearance(&self, scene: &Scene) -> f64 {
+        let radii = self.choice.elements.iter().map(|&element| scene.candidates[element].circle.radius);
+        radii.fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// Chooses candidates.
+struct Chooser<'a> {
+    scene: &'a Scene,
+    request: &'a Request,
+    stop: &'a dyn Fn() -> bool,
+    /// One polygon of each class of polygons that nothing tells apart.
+    system: SetSystem,
+    /// Candidates allowed, the roomiest first.
+    order: Vec<usize>,
+    indistinguishable: Vec<[usize; 2]>,
+}
+
+impl<'a> Chooser<'a> {
+    fn new(scene: &'a Scene, request: &'a Request, stop: &'a dyn Fn() -> bool) -> Self {
+        let roomy = |candidate: &Candidate| {
+            candidate.circle.radius >= request.min_clearance
+                && (candidate.area > request.min_area || request.min_area == 0.0)
+        };
+        let order: Vec<usize> = (0..scene.candidates.len()).filter(|&index| roomy(&scene.candidates[index])).collect();
+        let allowed = order.iter().map(|&index| scene.candidates[index].inside.clone()).collect();
+        let indistinguishable = SetSystem::new(scene.polygons.len(), allowed).closer_than(request.separation.max(1));
+        let mut repeats = vec![false; scene.polygons.len()];
+        indistinguishable.iter().for_each(|&[_, later]| repeats[later] = true);
+        let kept: Vec<usize> = (0..repeats.len()).filter(|&polygon| !repeats[polygon]).collect();
+        let reduced = |inside: &BitSet| {
+            let places =
+                kept.iter().enumerate().filter(|(_, polygon)| inside.row().has(**polygon)).map(|(place, _)| place);
+            BitSet::of(kept.len(), places)
+        };
+        let holders = scene.candidates.iter().map(|candidate| reduced(&candidate.inside)).collect();
+        Self { scene, request, stop, system: SetSystem::new(kept.len(), holders), order, indistinguishable }
+    }
+
+    fn choose(&self) -> Chosen {
+        let effort = if self.request.objective == Objective::Greedy { Effort::Greedy } else { Effort::Full };
+        let choice = fewest(&self.system, &self.order, &self.search(0, effort));
+        let size = choice.elements.len();
+        let chosen = Chosen { choice, clearance_bound: None, indistinguishable: self.indistinguishable.clone() };
+        if effort == Effort::Greedy || size == 0 { chosen } else { self.roomiest(chosen, size) }
+    }
+
+    fn search(&self, target: usize, effort: Effort) -> Search<'a> {
+        Search { separation: self.request.separation, target, effort, stop: self.stop }
+    }
+
+    /// The choice of so many candidates with the largest smallest clearance: by halving the range of clearances that may be
+    /// the least allowed, since what is possible with a larger one is with a smaller.
+    fn roomiest(&self, mut best: Chosen, size: usize) -> Chosen {
+        let radius = |place: usize| self.scene.candidates[self.order[place]].circle.radius;
+        let allowed =
+            |least: f64| self.order.partition_point(|&index| self.scene.candidates[index].circle.radius >= least);
+        let limit = self.clearance_max();
+        // Between these numbers of the roomiest candidates is the least that is enough: `enough` is, and below `refuted` none is.
+        let (mut enough, mut open, mut refuted) =
+            (allowed(best.clearance(self.scene)), allowed(limit) - 1, allowed(limit) - 1);
+        while open + 1 < enough && !(self.stop)() {
+            let tried = allowed(radius((open + enough) / 2));
+            let tried = if tried >= enough { (open + enough) / 2 } else { tried };
+            let found = fewest(&self.system, &self.order[..tried], &self.search(size, Effort::Brief));
+            let separates =
+                self.system.separation(&found.elements).is_none_or(|least| least >= self.request.separation.max(1));
+            if found.elements.len() <= size && separates {
+                best.choice.elements = found.elements;
+                enough = allowed(best.clearance(self.scene)).min(tried);
+            } else {
+                if found.lower_bound > size && refuted == open {
+                    refuted = tried;
+                }
+                open = tried;
+            }
+        }
+        // The next candidate after those refuted is the roomiest that can be the least.
+        best.clearance_bound = Some(radius(refuted.min(enough - 1)).min(limit));
+        best
+    }
+
+    /// The largest clearance at which candidates are left that tell all apart, whatever their number.
+    fn clearance_max(&self) -> f64 {
+        let separated = |count: usize| {
+            let holders = self.order[..count].iter().map(|&index| self.system.holders(index).to_set()).collect();
+            SetSystem::new(self.system.sets(), holders).closer_than(self.request.separation.max(1)).is_empty()
+        };
+        let (mut short, mut enough) = (0, self.order.len());
+        while short + 1 < enough {
+            let middle = (short + enough) / 2;
+            if separated(middle) { enough = middle } else { short = middle }
+        }
+        self.order.get(enough.saturating_sub(1)).map_or(0.0, |&index| self.scene.candidates[index].circle.radius)
+    }
+}
+
+/// The longer side of the box around polygons, and their distance from the origin: what rounding is relative to.
+fn extent(polygons: &[SimplePolygon]) -> f64 {
+    let coordinates = polygons.iter().flat_map(|polygon| polygon.vertices()).flat_map(|p| [p.x.abs(), p.y.abs()]);
+    coordinates.fold(0.0, f64::max)
+}
+
+/// Whether a polygon contains a point, exactly; none for a point on an edge.
+#[must_use]
+pub fn contains(polygon: &SimplePolygon, point: Point2<f64>) -> Option<bool> {
+    let mut inside = false;
+    for (start, end) in polygon.edges() {
+        if start.y.max(end.y) < point.y || start.y.min(end.y) > point.y {
+            continue;
+        }
+        let (side, _) = turn(start, end, point);
+        let within = |a: f64, b: f64, value: f64| a.min(b) <= value && value <= a.max(b);
+        if side == 0.0 && within(start.x, end.x, point.x) && within(start.y, end.y, point.y) {
+            return None;
+        }
+        if (start.y > point.y) != (end.y > point.y) && (side > 0.0) == (end.y > start.y) {
+            inside = !inside;
+        }
+    }
+    Some(inside)
+}
+
+/// From a point to a segment, m.
+fn distance(p: Point2<f64>, start: Point2<f64>, end: Point2<f64>) -> f64 {
+    let along = end - start;
+    let share = ((p - start).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
+    (p - (start + share * along)).norm()
+}

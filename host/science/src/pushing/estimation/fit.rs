@@ -1,0 +1,568 @@
+//! The cost of a hypothesis, and how to lower it.
+//!
+//! The cost is the sum of squared residuals in standard deviations, terms of the prior included. Its derivatives come with the
+//! simulation itself, so the step of Gauss and Newton is exact; Levenberg's and Marquardt's damping keeps it from going too far.
+//! What a contact cannot do (leave its stretch of the edge, pull, slip the other way) is held off by stiff springs: a minimum
+//! that leans against such a wall is found on it. The springs' energy is a penalty beside the cost, not part of it.
+//!
+//! Frames: world. Units: SI; costs of no dimension. Errors: none; unknowns that lead to no motion have no evaluation.
+
+use std::cell::Cell;
+
+use nalgebra::{Matrix4x5, Matrix5, RowVector5, SMatrix, SVector, Vector2, Vector5};
+
+use super::clock::{Clock, Fineness};
+use super::data::Data;
+use super::launch::{Begin, GRIP, UNKNOWNS, Unknowns, Variable, launch, rest_span};
+use super::observation::{Channel, GRIP_LOG_MAX, Known, Prior, Touch};
+use super::path::{Seen, Site, WALLS, follow, plain_contact, plain_state};
+use crate::math::Jet;
+use crate::math::angle::wrap_angle;
+use crate::pushing::dynamics::{Contact, Scalar, State};
+
+/// |ω| at t = 0 at most, where there is no prior, rad/s. Fixed by the interface.
+const OMEGA0_MAX: f64 = 10.0;
+
+/// |v_T| at t = 0 at most, where there is no prior, m/s. Fixed by the interface.
+const V_T0_MAX: f64 = 0.2;
+
+/// How far each wall gives way to one unit of penalty: place (m), twice; force (m/s², per µg), twice; slip (m/s).
+const WALL_GIVES: [f64; WALLS] = [1e-5, 1e-5, 1e-3, 1e-3, 1e-4];
+
+/// Support friction added to µg in the scale of a force, m/s²: without friction the finger pushes about so hard.
+const FORCE_FLOOR: f64 = 1e-2;
+
+/// Longest step of each unknown: a tenth of what it can be.
+pub(super) const STEP_MAX: Unknowns = [0.3, 0.02, 3.0, 0.1, 0.3];
+
+/// Curvature that holds an unknown without any influence in place, in inverse squares of [`STEP_MAX`].
+const CURVATURE_MIN: f64 = 1e-6;
+
+/// Damping to begin with, relative to the curvature.
+const DAMPING_FIRST: f64 = 1e-3;
+
+/// Damping at which no step helps any more.
+const DAMPING_MAX: f64 = 1e8;
+
+/// A part that slides along the finger moves no slower than this share of the finger's speed, as far as steps are concerned.
+const SPEED_SHARE_MIN: f64 = 0.1;
+
+/// The same where it is not known how the finger moves to the contact.
+const SPEED_SHARE: f64 = 0.7;
+
+/// In how long friction forgets the part's speed, s: infinite without friction or motion.
+///
+/// A part that rolls on the finger moves about as fast as it does; one that slides along it, as fast as it moves into the part.
+pub(super) fn forgets(known: &Known, data: &Data, time: f64) -> f64 {
+    let velocity = Vector2::from(known.finger.velocity(time));
+    let angle = || {
+        let angle = data.angle_near(time)?;
+        Some(Vector2::new(angle.cos(), angle.sin()))
+    };
+    let speed = match (known.touch, angle()) {
+        (Touch::Rolling { .. }, _) => velocity.norm(),
+        (_, Some(toward)) => velocity.dot(&toward).abs().max(SPEED_SHARE_MIN * velocity.norm()),
+        (_, None) => SPEED_SHARE * velocity.norm(),
+    };
+    if speed > 0.0 && known.grip > 0.0 { speed / known.grip } else { f64::INFINITY }
+}
+
+/// What to fit to what.
+#[derive(Clone, Debug)]
+pub(super) struct Fitting<'a, 'p> {
+    pub(super) known: &'a Known<'p>,
+    pub(super) data: Data,
+    pub(super) prior: Prior,
+    pub(super) clock: Clock,
+    /// How long a start from rest is followed in closed form, s.
+    pub(super) rest_span: f64,
+    /// By how much the walls are stiffer than [`WALL_GIVES`].
+    pub(super) wall_stiffness: f64,
+    /// Counts simulations.
+    pub(super) simulations: &'a Cell<usize>,
+}
+
+/// A hypothesis.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Candidate {
+    pub(super) site: Site,
+    pub(super) begin: Begin,
+    pub(super) unknowns: Unknowns,
+    /// In place of the prior: what values before t = 0 say.
+    pub(super) past: Option<Past>,
+}
+
+/// What values that are no longer kept said about the unknowns: their cost, near its minimum.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Past {
+    /// Where it is least.
+    pub(super) best: Vector5<f64>,
+    /// Half its curvature there.
+    pub(super) information: Matrix5<f64>,
+    /// What it is there.
+    pub(super) cost: f64,
+    /// Values and prior terms that went into it.
+    pub(super) terms: usize,
+}
+
+/// A candidate's cost and what comes with it.
+#[derive(Clone, Debug)]
+pub(super) struct Evaluation {
+    /// Squared residuals, those of the prior included.
+    pub(super) cost: f64,
+    /// Energy of the springs.
+    pub(super) penalty: f64,
+    /// Half the gradient of cost and penalty.
+    pub(super) gradient: Vector5<f64>,
+    /// Half their curvature, after Gauss.
+    curvature: Matrix5<f64>,
+    /// The same of the cost alone: the information that the data hold about the unknowns.
+    pub(super) information: Matrix5<f64>,
+    /// At the last value.
+    pub(super) end: State,
+    /// At the last value.
+    pub(super) contact_end: Contact,
+    /// At t = 0.
+    pub(super) start: State,
+    /// At t = 0.
+    pub(super) contact_start: Contact,
+    /// Derivatives of the state at the end by the unknowns.
+    pub(super) end_by_start: Matrix4x5<f64>,
+    /// The most that a wall gave way: in [`WALL_GIVES`].
+    pub(super) overrun: f64,
+}
+
+impl Evaluation {
+    /// What is lowered.
+    pub(super) fn total(&self) -> f64 {
+        self.cost + self.penalty
+    }
+}
+
+/// A candidate on its way down.
+#[derive(Clone, Debug)]
+pub(super) struct Descent {
+    pub(super) candidate: Candidate,
+    pub(super) evaluation: Evaluation,
+    damping: f64,
+    /// What the next step promises to lower the cost by.
+    pub(super) promise: f64,
+}
+
+/// Residuals being summed up.
+struct Sums<const N: usize> {
+    cost: f64,
+    gradient: SVector<f64, N>,
+    curvature: SMatrix<f64, N, N>,
+}
+
+impl<const N: usize> Sums<N> {
+    fn new() -> Self {
+        Self { cost: 0.0, gradient: SVector::zeros(), curvature: SMatrix::zeros() }
+    }
+
+    fn add(&mut self, residual: Jet<N>) {
+        let slope = SVector::from(residual.slopes);
+        self.cost += residual.value * residual.value;
+        self.gradient += slope * residual.value;
+        self.curvature += slope * slope.transpose();
+    }
+
+    /// Takes off what the mean of some residuals costs: they are right but for a number that is the same in all.
+    fn without_mean(&mut self, Common { count, sum }: Common<Jet<N>>) {
+        if count <= 0.0 {
+            return;
+        }
+        let slope = SVector::from(sum.slopes);
+        self.cost -= sum.value * sum.value / count;
+        self.gradient -= slope * (sum.value / count);
+        self.curvature -= slope * slope.transpose() / count;
+    }
+
+    fn add_past(&mut self, past: &Past, unknowns: &Unknowns, slots: Slots<N>) {
+        let (cost, slope) = past.at(unknowns);
+        self.cost += cost;
+        self.gradient += SVector::<f64, N>::from_fn(|i, _| slope[slots.unknown(i)]);
+        self.curvature += SMatrix::<f64, N, N>::from_fn(|i, j| past.information[(slots.unknown(i), slots.unknown(j))]);
+    }
+}
+
+/// Residuals that share an unknown number: how many, and their sum.
+#[derive(Clone, Copy)]
+struct Common<T> {
+    count: f64,
+    sum: T,
+}
+
+impl<T: Scalar> Common<T> {
+    fn none() -> Self {
+        Self { count: 0.0, sum: T::from(0.0) }
+    }
+
+    fn add(&mut self, residual: T) {
+        self.count += 1.0;
+        self.sum = self.sum + residual;
+    }
+}
+
+impl Past {
+    /// Cost and half its gradient.
+    fn at(&self, unknowns: &Unknowns) -> (f64, Vector5<f64>) {
+        let off = Vector5::from(*unknowns) - self.best;
+        let slope = self.information * off;
+        (self.cost + off.dot(&slope), slope)
+    }
+}
+
+impl<'a, 'p> Fitting<'a, 'p> {
+    /// With steps of a fineness and starts from rest that leave out no more than `rest_error` rad.
+    pub(super) fn new(
+        (known, data, prior): (&'a Known<'p>, Data, Prior),
+        fineness: Fineness,
+        rest_error: f64,
+        simulations: &'a Cell<usize>,
+    ) -> Self {
+        let duration = data.duration();
+        // The direction of the first move changes with the way gone, so angles err by its square.
+        let rest_span =
+            if known.starts_at_rest() { rest_span(known, rest_error.sqrt()).min(0.5 * duration) } else { 0.0 };
+        let fineness = Fineness { on_values: data.angle.is_none(), ..fineness };
+        let clock = Clock::new((data.dt, data.values), rest_span, fineness, |time| forgets(known, &data, time));
+        Self { known, data, prior, clock, rest_span, wall_stiffness: 1.0, simulations }
+    }
+
+    /// The range of each unknown.
+    pub(super) fn bounds(&self, Candidate { site, begin, .. }: &Candidate) -> [[f64; 2]; UNKNOWNS] {
+        // Slip has a direction of its own; how fast it is follows from the bounds of the velocity, which are walls then.
+        let slip_or =
+            |begin: &Begin, bounds| if matches!(begin, Begin::Slips(_)) { [0.0, f64::INFINITY] } else { bounds };
+        let free = [f64::NEG_INFINITY, f64::INFINITY];
+        let unless = |sigma: Option<f64>, most: f64| if sigma.is_some() { free } else { [-most, most] };
+        [
+            self.data.u0_range.unwrap_or(free),
+            [site.low, site.high],
+            unless(self.prior.omega0_sigma, OMEGA0_MAX),
+            slip_or(begin, unless(self.prior.v_t0_sigma, V_T0_MAX)),
+            if self.grip_is_unknown() { [-GRIP_LOG_MAX, GRIP_LOG_MAX] } else { [0.0; 2] },
+        ]
+    }
+
+    /// Whether the plane's friction is one of the unknowns.
+    fn grip_is_unknown(&self) -> bool {
+        self.prior.grip_log_sigma.is_some()
+    }
+
+    /// Whether a hypothesis has an unknown at all.
+    pub(super) fn has(&self, begin: Begin, unknown: usize) -> bool {
+        if unknown == GRIP { self.grip_is_unknown() } else { unknown < begin.unknowns() }
+    }
+
+    /// What is known, if a candidate is right about the plane's friction.
+    pub(super) fn known_by(&self, candidate: &Candidate) -> Known<'p> {
+        Known { grip: self.known.grip * candidate.unknowns[GRIP].exp(), ..*self.known }
+    }
+
+    /// µ g where it is one of the unknowns, m/s², and the logarithm of what it is over what it is taken for.
+    fn grip<T: Variable>(&self, candidate: &Candidate) -> Option<(T, T)> {
+        let log = T::variable(candidate.unknowns[GRIP], candidate.begin.unknowns());
+        let grip = self.known_by(candidate).grip;
+        // d(µg) = µg d(ln µg).
+        self.grip_is_unknown().then(|| ((log - log.re()) * grip + grip, log))
+    }
+
+    /// Terms of the prior, or values in its place, that a hypothesis has.
+    pub(super) fn prior_terms(&self, Candidate { begin, past, .. }: &Candidate) -> usize {
+        if let Some(past) = past {
+            return past.terms;
+        }
+        let sigmas = [self.prior.omega0_sigma, self.prior.v_t0_sigma];
+        sigmas.iter().take(begin.unknowns() - 2).chain([&self.prior.grip_log_sigma]).flatten().count()
+    }
+
+    pub(super) fn evaluate(&self, candidate: &Candidate) -> Option<Evaluation> {
+        match candidate.begin.unknowns() + usize::from(self.grip_is_unknown()) {
+            2 => self.evaluate_with::<2>(candidate),
+            3 => self.evaluate_with::<3>(candidate),
+            4 => self.evaluate_with::<4>(candidate),
+            _ => self.evaluate_with::<5>(candidate),
+        }
+    }
+
+    /// The cost alone, without derivatives.
+    pub(super) fn cost(&self, candidate: &Candidate) -> Option<f64> {
+        let Candidate { site, begin, unknowns, past } = candidate;
+        self.simulations.update(|count| count + 1);
+        let grip = self.grip::<f64>(candidate);
+        let known = self.known_by(candidate);
+        let launch = launch(&known, site, (*begin, unknowns), self.rest_span, grip.map(|(grip, _)| grip))?;
+        let (mut cost, mut common) = (0.0, Common::none());
+        let path = follow(&known, site, &launch, &self.clock, |value, seen| {
+            self.residuals(value, &seen, &mut common, |residual: f64| cost += residual * residual);
+        })?;
+        cost -= common.sum * common.sum / common.count.max(1.0);
+        match past {
+            Some(past) => cost += past.at(unknowns).0,
+            None => {
+                let start = (*begin, &launch.state, grip.map(|(_, log)| log));
+                self.prior_residuals(start, |residual: f64| cost += residual * residual);
+            }
+        }
+        for residual in self.wall_residuals(&path.walls).into_iter().chain([self.fast(*begin, &launch.state)]) {
+            cost += residual * residual;
+        }
+        Some(cost)
+    }
+
+    fn evaluate_with<const N: usize>(&self, candidate: &Candidate) -> Option<Evaluation> {
+        let Candidate { site, begin, unknowns, past } = candidate;
+        self.simulations.update(|count| count + 1);
+        let grip = self.grip::<Jet<N>>(candidate);
+        let slots = Slots::<N> { grip: grip.is_some() };
+        let known = self.known_by(candidate);
+        let launch = launch(&known, site, (*begin, unknowns), self.rest_span, grip.map(|(grip, _)| grip))?;
+        let (mut sums, mut common) = (Sums::<N>::new(), Common::none());
+        let path = follow(&known, site, &launch, &self.clock, |value, seen| {
+            self.residuals(value, &seen, &mut common, |residual| sums.add(residual));
+        })?;
+        sums.without_mean(common);
+        match past {
+            Some(past) => sums.add_past(past, unknowns, slots),
+            None => {
+                let start = (*begin, &launch.state, grip.map(|(_, log)| log));
+                self.prior_residuals(start, |residual| sums.add(residual));
+            }
+        }
+        let (cost, information) = (sums.cost, slots.widened(&sums.curvature));
+        let [low, high, push, cone, slip] = self.wall_residuals(&path.walls);
+        let walls = [low, high, push, cone, slip, self.fast(*begin, &launch.state)];
+        walls.iter().for_each(|residual| sums.add(*residual));
+        let slopes = |value: &Jet<N>| slots.widened_row(&SVector::from(value.slopes));
+        let evaluation = Evaluation {
+            cost,
+            penalty: sums.cost - cost,
+            gradient: slots.widened_row(&sums.gradient).transpose(),
+            curvature: slots.widened(&sums.curvature),
+            information,
+            end: plain_state(&path.end),
+            contact_end: plain_contact(&path.contact),
+            start: self.start(candidate, plain_state(&launch.state)),
+            contact_start: plain_contact(&launch.contact),
+            end_by_start: Matrix4x5::from_rows(
+                &[path.end.u, path.end.s, path.end.omega, path.end.v_t].map(|value| slopes(&value)),
+            ),
+            overrun: walls.iter().map(|wall| wall.value.abs()).fold(0.0, f64::max) / self.wall_stiffness,
+        };
+        evaluation.total().is_finite().then_some(evaluation)
+    }
+
+    /// The state at t = 0, whatever the path starts from.
+    fn start(&self, candidate: &Candidate, launched: State) -> State {
+        let [u, s, ..] = candidate.unknowns;
+        match candidate.begin {
+            Begin::Rest(_) => State { u, s, omega: 0.0, v_t: 0.0 },
+            _ => launched,
+        }
+    }
+
+    fn residuals<T: Scalar>(&self, value: usize, seen: &Seen<T>, common: &mut Common<T>, mut add: impl FnMut(T)) {
+        let Seen { u, normal_force, tangential_force } = *seen;
+        let Data { angle, direction, log_magnitude, .. } = &self.data;
+        if let Some(Channel { values, sigma }) = angle
+            && values[value].is_finite()
+        {
+            add((u - values[value]) / *sigma);
+        }
+        if let Some(Channel { values, sigma }) = direction
+            && values[value].is_finite()
+        {
+            let off = u - direction_of(normal_force, tangential_force) - values[value];
+            // Whole turns do not count.
+            add((off - (off.re() - wrap_angle(off.re()))) / *sigma);
+        }
+        if let Some(Channel { values, sigma }) = log_magnitude
+            && values[value].is_finite()
+        {
+            let squared = normal_force * normal_force + tangential_force * tangential_force;
+            let residual = (ln(squared) * 0.5 - values[value]) / *sigma;
+            if self.data.mass_is_unknown {
+                common.add(residual);
+            }
+            add(residual);
+        }
+    }
+
+    fn prior_residuals<T: Variable>(
+        &self,
+        (begin, start, grip_log): (Begin, &State<T>, Option<T>),
+        mut add: impl FnMut(T),
+    ) {
+        let terms = [(self.prior.omega0_sigma, start.omega), (self.prior.v_t0_sigma, start.v_t)];
+        for (sigma, value) in terms.into_iter().take(begin.unknowns() - 2) {
+            if let Some(sigma) = sigma {
+                add(value / sigma);
+            }
+        }
+        if let (Some(sigma), Some(log)) = (self.prior.grip_log_sigma, grip_log) {
+            add(log / sigma);
+        }
+    }
+
+    /// The wall at the greatest velocity along the contact, where the slip is the unknown.
+    fn fast<T: Variable>(&self, begin: Begin, start: &State<T>) -> T {
+        let over = start.v_t.re().abs() - V_T0_MAX;
+        if !matches!(begin, Begin::Slips(_)) || self.prior.v_t0_sigma.is_some() || over <= 0.0 {
+            return T::from(0.0);
+        }
+        (start.v_t - V_T0_MAX.copysign(start.v_t.re())) * (self.wall_stiffness / WALL_GIVES[WALLS - 1])
+    }
+
+    fn wall_residuals<T: Scalar>(&self, margins: &[T; WALLS]) -> [T; WALLS] {
+        let force = self.known.grip + FORCE_FLOOR;
+        let units = [1.0, 1.0, force, force, 1.0];
+        std::array::from_fn(|wall| {
+            let scale = WALL_GIVES[wall] * units[wall] / self.wall_stiffness;
+            if margins[wall].re() < 0.0 { margins[wall] / scale } else { T::from(0.0) }
+        })
+    }
+
+    /// Begins a descent; none where the candidate leads to no motion.
+    pub(super) fn descend(&self, mut candidate: Candidate) -> Option<Descent> {
+        let bounds = self.bounds(&candidate);
+        for (unknown, [low, high]) in candidate.unknowns.iter_mut().zip(bounds) {
+            *unknown = unknown.clamp(low, high);
+        }
+        let evaluation = self.evaluate(&candidate)?;
+        let mut descent = Descent { candidate, evaluation, damping: DAMPING_FIRST, promise: f64::INFINITY };
+        descent.promise = self.step(&descent, 0.0).map_or(0.0, |(_, promise)| promise);
+        Some(descent)
+    }
+
+    /// One step down. False if none helps.
+    pub(super) fn improve(&self, descent: &mut Descent) -> bool {
+        while descent.damping < DAMPING_MAX {
+            let Some((step, promise)) = self.step(descent, descent.damping) else { return false };
+            let mut next = descent.candidate;
+            let bounds = self.bounds(&next);
+            for i in 0..UNKNOWNS {
+                next.unknowns[i] = (next.unknowns[i] + step[i]).clamp(bounds[i][0], bounds[i][1]);
+            }
+            let lower = self.evaluate(&next).filter(|next| next.total() < descent.evaluation.total());
+            let Some(evaluation) = lower else {
+                // Where rounding is all that could still be gained, no step lowers the cost.
+                if promise < 1e-12 * descent.evaluation.total() {
+                    return false;
+                }
+                descent.damping = (descent.damping * 10.0).max(1e-2);
+                continue;
+            };
+            let gained = descent.evaluation.total() - evaluation.total();
+            descent.damping *= if gained > 0.5 * promise { 0.1 } else { 1.0 };
+            (descent.candidate, descent.evaluation) = (next, evaluation);
+            descent.promise = self.step(descent, 0.0).map_or(0.0, |(_, promise)| promise);
+            return true;
+        }
+        false
+    }
+
+    /// A damped step of Gauss and Newton within the bounds, and what it promises to gain.
+    fn step(&self, descent: &Descent, damping: f64) -> Option<(Vector5<f64>, f64)> {
+        let Evaluation { gradient, curvature, .. } = &descent.evaluation;
+        let held = self.held(descent);
+        let (mut matrix, mut slope) = (*curvature, *gradient);
+        for i in 0..UNKNOWNS {
+            let least = CURVATURE_MIN / (STEP_MAX[i] * STEP_MAX[i]);
+            matrix[(i, i)] += least + damping * matrix[(i, i)];
+            if held[i] {
+                matrix.row_mut(i).fill(0.0);
+                matrix.column_mut(i).fill(0.0);
+                matrix[(i, i)] = 1.0;
+                slope[i] = 0.0;
+            }
+        }
+        let step = -(matrix.cholesky()?.inverse() * slope);
+        let too_long = (0..UNKNOWNS).map(|i| step[i].abs() / STEP_MAX[i]).fold(1.0, f64::max);
+        let step = step / too_long;
+        let promise = -(2.0 * slope.dot(&step) + (step.transpose() * curvature * step)[0]);
+        Some((step, promise.max(0.0)))
+    }
+
+    /// Which unknowns are at a bound that the cost presses them against, or not there at all.
+    fn held(&self, descent: &Descent) -> [bool; UNKNOWNS] {
+        let Candidate { begin, unknowns, .. } = descent.candidate;
+        let (bounds, gradient) = (self.bounds(&descent.candidate), descent.evaluation.gradient);
+        std::array::from_fn(|i| {
+            let [low, high] = bounds[i];
+            let pressed = (unknowns[i] <= low && gradient[i] > 0.0) || (unknowns[i] >= high && gradient[i] < 0.0);
+            !self.has(begin, i) || pressed
+        })
+    }
+
+    /// Covariance of the unknowns, and what is left to their minimum, by the data and prior alone.
+    pub(super) fn spread(&self, descent: &Descent) -> Option<(Matrix5<f64>, Vector5<f64>)> {
+        let begin = descent.candidate.begin;
+        let (mut information, mut slope) = (descent.evaluation.information, descent.evaluation.gradient);
+        for i in 0..UNKNOWNS {
+            information[(i, i)] += CURVATURE_MIN / (STEP_MAX[i] * STEP_MAX[i]);
+            if !self.has(begin, i) {
+                (information[(i, i)], slope[i]) = (1.0, 0.0);
+            }
+        }
+        let mut covariance = information.cholesky()?.inverse();
+        for i in (0..UNKNOWNS).filter(|i| !self.has(begin, *i)) {
+            covariance[(i, i)] = 0.0;
+        }
+        Some((covariance, -(covariance * slope)))
+    }
+
+    /// Which unknowns are fitted: neither absent nor at a bound of the motion.
+    pub(super) fn free(&self, descent: &Descent) -> [bool; UNKNOWNS] {
+        let held = self.held(descent);
+        let begin = descent.candidate.begin;
+        // A place or angle at its limit is still uncertain by what the data say.
+        std::array::from_fn(|i| self.has(begin, i) && (i < 2 || !held[i]))
+    }
+}
+
+/// Angle of a vector, rad.
+fn direction_of<T: Scalar>(x: T, y: T) -> T {
+    let (x_re, y_re) = (x.re(), y.re());
+    let squared = x_re * x_re + y_re * y_re;
+    // What is left of a number without its value are its derivatives.
+    T::from(y_re.atan2(x_re)) + (y - y_re) * (x_re / squared) - (x - x_re) * (y_re / squared)
+}
+
+/// Natural logarithm.
+fn ln<T: Scalar>(x: T) -> T {
+    let value = x.re();
+    (x - value) / value + value.ln()
+}
+
+/// Which of the unknowns the `N` are that derivatives are carried by: the first ones, and the plane's friction last if it is one.
+#[derive(Clone, Copy)]
+struct Slots<const N: usize> {
+    grip: bool,
+}
+
+impl<const N: usize> Slots<N> {
+    fn unknown(self, slot: usize) -> usize {
+        if self.grip && slot + 1 == N { GRIP } else { slot }
+    }
+
+    fn widened(self, matrix: &SMatrix<f64, N, N>) -> Matrix5<f64> {
+        let mut wide = Matrix5::zeros();
+        for i in 0..N {
+            for j in 0..N {
+                wide[(self.unknown(i), self.unknown(j))] = matrix[(i, j)];
+            }
+        }
+        wide
+    }
+
+    fn widened_row(self, slopes: &SVector<f64, N>) -> RowVector5<f64> {
+        let mut wide = RowVector5::zeros();
+        for i in 0..N {
+            wide[self.unknown(i)] = slopes[i];
+        }
+        wide
+    }
+}

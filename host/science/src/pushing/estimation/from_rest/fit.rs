@@ -1,0 +1,268 @@
+//! Fitting a guess to what was felt: Levenberg and Marquardt's method, the mass found in closed form at every step.
+//!
+//! The force is the part's mass times what a guess predicts, so that for every guess the best mass follows at once. A contact
+//! beyond its edge's end, or one that takes more friction than can be, adds to the cost instead of ending the search: the
+//! minimum may lie at the limit. Where the friction of the plane is not known well, it is one more parameter, and how far it is from
+//! what it is taken for adds to the cost too.
+//!
+//! Units: SI. Errors: none; a guess that cannot be played through has no fit.
+
+use std::f64::consts::PI;
+
+use nalgebra::{DMatrix, DVector, Isometry2, Matrix3, Matrix4, SMatrix, Vector3, Vector4};
+
+use super::felt::FeltForce;
+use super::path::{Course, Guess, Path};
+use crate::pushing::dynamics::State;
+use crate::pushing::estimation::observation::GRIP_LOG_MAX;
+
+/// Largest friction coefficient between finger and part that is considered: rubber on a clean part.
+pub(super) const MU_C_MAX: f64 = 1.0;
+
+/// Least one: no dry contact has less.
+pub(super) const MU_C_MIN: f64 = 0.02;
+
+/// A contact so far beyond its edge's end costs 1, m: a rounded corner.
+const EDGE_SLACK_M: f64 = 1e-4;
+
+/// Friction so far above the largest costs 1.
+const FRICTION_SLACK: f64 = 0.01;
+
+/// Steps of a fit.
+const STEPS_MAX: usize = 30;
+
+/// A step that lowers the cost by less ends the fit: a fiftieth of what one standard deviation does.
+const COST_STEP: f64 = 0.02;
+
+/// Damping at first, and what it is multiplied or divided by; beyond the largest there is no way down.
+const DAMPING: (f64, f64, f64) = (1e-3, 5.0, 1e8);
+
+/// Least curvature of a parameter relative to the largest that counts: below it the data say nothing about it.
+const CURVATURE_MIN: f64 = 1e-12;
+
+/// Differences that stand for derivatives: rad, of the radius of gyration, of µ_c, of ln(µ g). Forces change by some 1e-4 over them,
+/// a thousand times what rounding and the bisection of events leave.
+const DIFFERENCES: [f64; PARAMETERS] = [1e-4, 1e-4, 1e-4, 1e-4];
+
+/// Parameters of a guess: contact angle, place, friction of the contact, friction of the plane. The mass's logarithm follows them.
+const PARAMETERS: usize = 4;
+
+/// Where among them the friction of the contact is, and that of the plane.
+const MU_C: usize = 2;
+/// See [`MU_C`].
+const GRIP: usize = 3;
+
+/// What adds to the cost beside the residuals: a contact beyond its edge, friction beyond reason, the plane's prior.
+const PENALTIES: usize = 3;
+
+/// What was felt and what is known.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Problem<'a, 'p> {
+    pub(super) course: &'a Course<'p>,
+    pub(super) felt: &'a FeltForce,
+}
+
+/// A guess with what came of it.
+#[derive(Clone, Debug)]
+pub(super) struct Tried {
+    pub(super) guess: Guess,
+    pub(super) path: Path,
+    /// Best mass, kg.
+    pub(super) mass: f64,
+    /// Squared whitened residuals and penalties.
+    pub(super) cost: f64,
+    /// Whitened force per unit mass.
+    shape: DVector<f64>,
+    /// What is asked too much.
+    penalties: [f64; PENALTIES],
+}
+
+impl Problem<'_, '_> {
+    /// Plays a guess through.
+    pub(super) fn try_guess(&self, guess: Guess) -> Option<Tried> {
+        let path = self.course.play(&guess).ok()?;
+        let edge = self.course.part.edge(guess.edge).ok()?;
+        let shape = self.felt.whiten(path.windows(self.felt.count()));
+        let data = self.felt.data();
+        let mass = shape.dot(data) / shape.norm_squared();
+        if mass.is_nan() || mass <= 0.0 {
+            return None;
+        }
+        let beyond = (edge.s_min - path.s_span[0]).max(path.s_span[1] - edge.s_max).max(0.0) / EDGE_SLACK_M;
+        let needed = if guess.mu_c.is_finite() { 0.0 } else { (path.friction_needed - MU_C_MAX).max(0.0) };
+        let unlikely = self.course.grip_log_sd.map_or(0.0, |sd| guess.grip_log / sd);
+        let penalties = [beyond, needed / FRICTION_SLACK, unlikely];
+        let squares = |values: [f64; PENALTIES]| values.iter().map(|value| value * value).sum::<f64>();
+        let cost = (data - &shape * mass).norm_squared() + squares(penalties);
+        Some(Tried { guess, path, mass, cost, shape, penalties })
+    }
+
+    /// Goes down to the nearest minimum.
+    pub(super) fn descend(&self, start: Tried, steps_max: usize) -> Tried {
+        let (mut best, mut damping) = (start, DAMPING.0);
+        for _ in 0..steps_max.min(STEPS_MAX) {
+            let slopes = self.slopes(&best);
+            let cost_before = best.cost;
+            while damping < DAMPING.2 {
+                let next = self.stepped(&best, &slopes, damping).filter(|next| next.cost < best.cost);
+                if let Some(next) = next {
+                    (best, damping) = (next, damping / DAMPING.1);
+                    break;
+                }
+                damping *= DAMPING.1;
+            }
+            if cost_before - best.cost < COST_STEP {
+                break;
+            }
+        }
+        best
+    }
+
+    fn differences(&self) -> [f64; PARAMETERS] {
+        let [u, s, mu_c, grip_log] = DIFFERENCES;
+        [u, s * self.course.part.inertia_per_mass().sqrt(), mu_c, grip_log]
+    }
+
+    /// Whether a parameter is to be found, and changes anything.
+    fn is_free(&self, at: &Tried, parameter: usize) -> bool {
+        match parameter {
+            MU_C => at.path.slipped,
+            GRIP => self.course.grip_log_sd.is_some(),
+            _ => true,
+        }
+    }
+
+    /// Derivatives of the whitened residuals, penalties included, by the parameters and the mass's logarithm.
+    fn slopes(&self, at: &Tried) -> DMatrix<f64> {
+        let size = at.shape.len();
+        let mut slopes = DMatrix::zeros(size + PENALTIES, PARAMETERS + 1);
+        slopes.view_mut((0, PARAMETERS), (size, 1)).copy_from(&(&at.shape * -at.mass));
+        for (column, difference) in self.differences().into_iter().enumerate() {
+            if !self.is_free(at, column) {
+                continue;
+            }
+            let aside =
+                beside(&at.guess, column, difference).find_map(|(step, guess)| Some((step, self.try_guess(guess)?)));
+            let Some((step, moved)) = aside else { continue };
+            let change = (&at.shape - &moved.shape) * (at.mass / step);
+            slopes.view_mut((0, column), (size, 1)).copy_from(&change);
+            for (row, (after, before)) in moved.penalties.iter().zip(at.penalties).enumerate() {
+                slopes[(size + row, column)] = (after - before) / step;
+            }
+        }
+        slopes
+    }
+
+    fn stepped(&self, at: &Tried, slopes: &DMatrix<f64>, damping: f64) -> Option<Tried> {
+        let size = at.shape.len();
+        let mut residuals = DVector::zeros(size + PENALTIES);
+        residuals.rows_mut(0, size).copy_from(&(self.felt.data() - &at.shape * at.mass));
+        residuals.rows_mut(size, PENALTIES).copy_from_slice(&at.penalties);
+        let mut normal = slopes.tr_mul(slopes);
+        let largest = normal.diagonal().max();
+        for i in 0..normal.nrows() {
+            normal[(i, i)] += damping * normal[(i, i)].max(CURVATURE_MIN * largest);
+        }
+        let step = normal.cholesky()?.solve(&slopes.tr_mul(&residuals));
+        let guess = (0..PARAMETERS).fold(at.guess, |guess, column| moved(&guess, column, -step[column]));
+        self.try_guess(guess)
+    }
+
+    /// Standard deviations of the parameters before anything is felt, each being anywhere in its range.
+    fn ranges(&self, at: &Tried) -> [f64; PARAMETERS] {
+        let length = self.course.part.edge(at.guess.edge).map_or(f64::INFINITY, |edge| edge.s_max - edge.s_min);
+        // The plane's friction has a prior of its own.
+        [PI, length, MU_C_MAX - MU_C_MIN, f64::INFINITY].map(|range| range / 12.0_f64.sqrt())
+    }
+
+    /// Covariance of the guess's parameters. Those that no slope tells of, since they make no difference or are held, count as known.
+    fn covariance(&self, at: &Tried) -> Option<DMatrix<f64>> {
+        let slopes = self.slopes(at);
+        let mut normal = slopes.tr_mul(&slopes);
+        // What slopes say nothing about is still within its range: a contact that slips for a moment tells little of its friction.
+        for (i, deviation) in self.ranges(at).into_iter().enumerate() {
+            normal[(i, i)] += if normal[(i, i)] > 0.0 { 1.0 / (deviation * deviation) } else { 0.0 };
+        }
+        let silent: Vec<_> = (0..normal.nrows()).filter(|&i| normal[(i, i)] <= 0.0).collect();
+        silent.iter().for_each(|&i| normal[(i, i)] = 1.0);
+        let mut covariance = normal.cholesky()?.inverse();
+        silent.iter().for_each(|&i| covariance[(i, i)] = 0.0);
+        Some(covariance)
+    }
+
+    /// What is uncertain at the end.
+    pub(super) fn end_covariance(&self, at: &Tried) -> Option<EndCovariance> {
+        let parameters = self.covariance(at)?;
+        let end = self.course.pose_at_end(&at.guess, &at.path)?;
+        let mut pose = SMatrix::<f64, 3, PARAMETERS>::zeros();
+        let mut state = SMatrix::<f64, 4, PARAMETERS>::zeros();
+        for (column, step) in self.differences().into_iter().enumerate() {
+            if !self.is_free(at, column) {
+                continue;
+            }
+            let played = |(step, guess)| Some((step, guess, self.course.play(&guess).ok()?));
+            let (step, guess, path) = beside(&at.guess, column, step).find_map(played)?;
+            pose.set_column(column, &(difference(&end, &self.course.pose_at_end(&guess, &path)?) / step));
+            state.set_column(column, &((vector(&path.end) - vector(&at.path.end)) / step));
+        }
+        let deviation = |parameter: usize| parameters[(parameter, parameter)].max(0.0).sqrt();
+        let (grip_log_sd, mass_log_sd) = (deviation(GRIP), deviation(PARAMETERS));
+        let weight_variance =
+            deviation(GRIP).powi(2) + deviation(PARAMETERS).powi(2) + 2.0 * parameters[(GRIP, PARAMETERS)];
+        let parameters = parameters.fixed_view::<PARAMETERS, PARAMETERS>(0, 0);
+        Some(EndCovariance {
+            grip_log_sd,
+            mass_log_sd,
+            resistance_log_sd: weight_variance.max(0.0).sqrt(),
+            pose: pose * parameters * pose.transpose(),
+            state: state * parameters * state.transpose(),
+            spread: parameters.fixed_view::<2, 2>(0, 0).determinant().max(0.0).sqrt(),
+        })
+    }
+}
+
+/// What is uncertain at the end of a fit.
+pub(super) struct EndCovariance {
+    /// Of x, y, θ.
+    pub(super) pose: Matrix3<f64>,
+    /// Of u, s, ω, v_T.
+    pub(super) state: Matrix4<f64>,
+    /// Square root of the determinant for contact angle and place at the start.
+    pub(super) spread: f64,
+    /// Standard deviation of ln(µ g); 0 where it is known.
+    pub(super) grip_log_sd: f64,
+    /// Of the mass's logarithm.
+    pub(super) mass_log_sd: f64,
+    /// Of the logarithm of their product.
+    pub(super) resistance_log_sd: f64,
+}
+
+fn vector(state: &State) -> Vector4<f64> {
+    Vector4::new(state.u, state.s, state.omega, state.v_t)
+}
+
+/// From one pose to another: x, y, θ.
+pub(super) fn difference(from: &Isometry2<f64>, to: &Isometry2<f64>) -> Vector3<f64> {
+    let shift = to.translation.vector - from.translation.vector;
+    Vector3::new(shift.x, shift.y, from.rotation.angle_to(&to.rotation))
+}
+
+/// A guess with one parameter changed by a difference, or the other way: at a limit, or where nothing can be played, that will do.
+fn beside(guess: &Guess, parameter: usize, difference: f64) -> impl Iterator<Item = (f64, Guess)> {
+    let guess = *guess;
+    let changed = [difference, -difference].into_iter().map(move |step| (step, moved(&guess, parameter, step)));
+    changed.filter(move |(_, changed)| *changed != guess)
+}
+
+/// A guess with one parameter changed, within its limits.
+fn moved(guess: &Guess, parameter: usize, by: f64) -> Guess {
+    let mut guess = *guess;
+    match parameter {
+        0 => guess.u += by,
+        1 => guess.s += by,
+        GRIP => guess.grip_log = (guess.grip_log + by).clamp(-GRIP_LOG_MAX, GRIP_LOG_MAX),
+        _ if guess.mu_c.is_finite() => guess.mu_c = (guess.mu_c + by).clamp(MU_C_MIN, MU_C_MAX),
+        _ => {}
+    }
+    guess
+}

@@ -1,0 +1,352 @@
+//! What the finger would feel: the force over a push from rest, for one guess of how it began.
+//!
+//! Coulomb's law decides between rolling and sliding; where that changes, the instant is found by bisection. Steps follow
+//! the time in which friction forgets a slow part's speed, v/(µg), so that the first milliseconds cost no more than the rest.
+//! A force that jumps (where the finger's acceleration does, or where sliding stops) is kept apart from its smooth course:
+//! sums over a coarse grid are then as good as integrals.
+//!
+//! Assumes: the contact stays on its edge's line. Frames: finger axes; forces are those on the finger's disk, per unit mass of
+//! the part. Units: SI. Errors: [`Lost`].
+
+use nalgebra::{Isometry2, Rotation2, Vector2};
+
+use super::windows;
+use crate::pushing::dynamics::{Contact, Edge, Motion, Part, PushModel, Slip, State};
+use crate::pushing::finger_motion::Leg;
+
+/// The start is followed in closed form for this long, s: a part turns by less than 1e-4 rad meanwhile, even at 10 rad/s².
+const REST_S: f64 = 4e-3;
+
+/// Longest step in units of v/(µg), in which friction forgets speed: the method of Runge and Kutta is stable up to 2.8. Poses
+/// come out within a micrometre of an error-controlled integration; see the tests.
+const STEP_OF_MEMORY: f64 = 1.5;
+
+/// Shortest step, s, for a part that nearly stops.
+const STEP_MIN_S: f64 = 2e-5;
+
+/// Halvings that find a change of the contact: 2⁻¹⁸ of a step of 5 ms is 20 ns, so that forces are smooth in the guess.
+const HALVINGS: u32 = 18;
+
+/// Changes between rolling and sliding after which a guess is given up.
+const CHANGES_MAX: usize = 100;
+
+/// Times nearer than this are one, s.
+const SAME_TIME_S: f64 = 1e-9;
+
+/// How a push may have begun.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Guess {
+    /// The edge that the finger touches.
+    pub(super) edge: usize,
+    /// Contact angle at the start, rad.
+    pub(super) u: f64,
+    /// Contact on the edge at the start, m.
+    pub(super) s: f64,
+    /// µ_c; infinite for a contact that never slips.
+    pub(super) mu_c: f64,
+    /// ln of the plane's µ g over what it is taken for.
+    pub(super) grip_log: f64,
+}
+
+/// A guess played through.
+#[derive(Clone, Debug)]
+pub(super) struct Path {
+    /// Smooth part of the force at each [`windows::GRID_S`], from 0 on, m/s².
+    smooth: Vec<Vector2<f64>>,
+    /// When the force jumps and by how much, the onset first.
+    jumps: Vec<(f64, Vector2<f64>)>,
+    /// The state at the end.
+    pub(super) end: State,
+    /// The contact at the end.
+    pub(super) contact: Contact,
+    /// Least and greatest place on the edge's line, m.
+    pub(super) s_span: [f64; 2],
+    /// Largest |tangential| over normal force while rolling: the friction that it takes.
+    pub(super) friction_needed: f64,
+    /// Whether the contact slipped at any time.
+    pub(super) slipped: bool,
+}
+
+impl Path {
+    /// Means of the force under the first `count` windows, m/s².
+    pub(super) fn windows(&self, count: usize) -> impl Iterator<Item = Vector2<f64>> + '_ {
+        (0..count).map(|window| {
+            let jumped = self.jumps.iter().map(|&(time, jump)| jump * windows::share_after(window, time));
+            windows::mean_of_grid(window, &self.smooth) + jumped.sum::<Vector2<f64>>()
+        })
+    }
+}
+
+/// Why a guess cannot be played through.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Lost {
+    /// The start was not found.
+    Start,
+    /// The finger loses the part, or jams against it.
+    Contact,
+}
+
+/// What every guess shares.
+#[derive(Clone, Debug)]
+pub(super) struct Course<'p> {
+    pub(super) part: &'p Part,
+    /// What µ g is taken for, m/s².
+    pub(super) grip: f64,
+    /// Standard deviation of ln(µ g), where it is not known.
+    pub(super) grip_log_sd: Option<f64>,
+    pub(super) legs: Vec<Leg>,
+    /// When the data end, s.
+    pub(super) duration: f64,
+}
+
+impl<'p> Course<'p> {
+    fn model(&self, edge: Edge, leg: &Leg, grip: f64) -> PushModel<'p> {
+        PushModel { part: self.part, edge, grip, finger: leg.finger }
+    }
+
+    /// µ g by a guess, m/s².
+    pub(super) fn grip_of(&self, guess: &Guess) -> f64 {
+        self.grip * guess.grip_log.exp()
+    }
+
+    /// The model at the start, with what µ g is taken for.
+    pub(super) fn first_model(&self, edge: Edge) -> PushModel<'p> {
+        self.model(edge, &self.legs[0], self.grip)
+    }
+
+    /// Plays a guess through.
+    pub(super) fn play(&self, guess: &Guess) -> Result<Path, Lost> {
+        let edge = self.part.edge(guess.edge).map_err(|_| Lost::Start)?;
+        let grip = self.grip_of(guess);
+        let model = self.model(edge, &self.legs[0], grip);
+        let mut player = Player::begin(model, guess)?;
+        for (index, leg) in self.legs.iter().enumerate() {
+            if leg.from >= self.duration - SAME_TIME_S {
+                break;
+            }
+            if index > 0 {
+                player.enter(self.model(edge, leg, grip), leg.from)?;
+            }
+            let last = index + 1 == self.legs.len();
+            let until = if last { self.duration } else { leg.to.min(self.duration) };
+            player.follow(until)?;
+        }
+        Ok(player.path)
+    }
+
+    /// Pose of the part frame in the motion's frame at the end of a path that began with this guess.
+    pub(super) fn pose_at_end(&self, guess: &Guess, path: &Path) -> Option<Isometry2<f64>> {
+        let edge = self.part.edge(guess.edge).ok()?;
+        let leg = self.legs.iter().rev().find(|leg| leg.from < self.duration - SAME_TIME_S)?;
+        let model = self.model(edge, leg, self.grip_of(guess));
+        Some(pose(&model, self.duration - leg.from, &path.end))
+    }
+
+    /// The same at the start.
+    pub(super) fn pose_at_start(&self, guess: &Guess) -> Option<Isometry2<f64>> {
+        let edge = self.part.edge(guess.edge).ok()?;
+        let state = State { u: guess.u, s: guess.s, omega: 0.0, v_t: 0.0 };
+        Some(pose(&self.first_model(edge), 0.0, &state))
+    }
+}
+
+/// Pose of the part frame, from where the contact is.
+fn pose(model: &PushModel, time: f64, state: &State) -> Isometry2<f64> {
+    let inward = Vector2::new(-state.u.cos(), -state.u.sin());
+    let turn = Rotation2::rotation_between(&model.edge.normal, &inward);
+    let origin = model.centre_of_mass(time, state) - turn * model.part.centre_of_mass().coords;
+    Isometry2::new(origin.coords, turn.angle())
+}
+
+/// How far a contact is from changing.
+struct Margin {
+    /// Below 0 it has changed.
+    left: f64,
+    /// The friction that rolling takes; 0 in sliding.
+    needed: f64,
+}
+
+/// A push under way.
+struct Player<'p> {
+    model: PushModel<'p>,
+    leg_from: f64,
+    mu_c: f64,
+    time: f64,
+    state: State,
+    contact: Contact,
+    path: Path,
+}
+
+impl<'p> Player<'p> {
+    fn begin(model: PushModel<'p>, guess: &Guess) -> Result<Self, Lost> {
+        let &Guess { u, s, mu_c, .. } = guess;
+        let rolling = model.rest_start(&Contact::Rolling, u, s).map_err(|_| Lost::Start)?;
+        let needed = rolling.tangential_force.abs() / rolling.normal_force;
+        let (contact, start) = if rolling.normal_force > 0.0 && needed <= mu_c {
+            (Contact::Rolling, rolling)
+        } else {
+            let contact = sliding(mu_c, -rolling.tangential_force);
+            (contact, model.rest_start(&contact, u, s).map_err(|_| Lost::Start)?)
+        };
+        if start.normal_force <= 0.0 || jams(&model, &contact, s) {
+            return Err(Lost::Contact);
+        }
+        let force = on_finger(u, start.normal_force, start.tangential_force);
+        let half = 0.5 * REST_S * REST_S;
+        let along = model.finger.acceleration[1] * u.cos() - model.finger.acceleration[0] * u.sin();
+        let reach = model.finger.radius + model.edge.height;
+        let state = State {
+            u: u + half * start.alpha,
+            s: s + half * (start.a_t - along - start.alpha * reach),
+            omega: start.alpha * REST_S,
+            v_t: start.a_t * REST_S,
+        };
+        let path = Path {
+            smooth: vec![Vector2::zeros()],
+            jumps: vec![(0.0, force)],
+            end: state,
+            contact,
+            s_span: [s, s],
+            friction_needed: if contact == Contact::Rolling { needed } else { 0.0 },
+            slipped: contact != Contact::Rolling,
+        };
+        Ok(Self { model, leg_from: 0.0, mu_c, time: REST_S, state, contact, path })
+    }
+
+    fn motion(&self) -> Motion {
+        self.model.motion(&self.contact, self.time - self.leg_from, &self.state)
+    }
+
+    fn force(&self) -> Vector2<f64> {
+        let motion = self.motion();
+        on_finger(self.state.u, motion.normal_force, motion.tangential_force)
+    }
+
+    /// Goes on to a time, s.
+    fn follow(&mut self, until: f64) -> Result<(), Lost> {
+        while self.time < until - SAME_TIME_S {
+            let grid = windows::GRID_S * as_f64(self.path.smooth.len());
+            let length = self.step_length().min(grid - self.time).min(until - self.time);
+            self.step(length)?;
+            self.note(grid);
+        }
+        self.path.end = State { v_t: self.v_t(), ..self.state };
+        self.path.contact = self.contact;
+        Ok(())
+    }
+
+    fn step_length(&self) -> f64 {
+        let [x, y] = self.model.velocity(&self.contact, self.time - self.leg_from, &self.state);
+        (STEP_OF_MEMORY * x.hypot(y) / self.model.grip).max(STEP_MIN_S)
+    }
+
+    fn v_t(&self) -> f64 {
+        match self.contact {
+            Contact::Rolling => self.model.rolling_v_t(self.time - self.leg_from, &self.state),
+            Contact::Frictionless | Contact::Sliding { .. } => self.state.v_t,
+        }
+    }
+
+    /// Keeps what belongs to the path at this time.
+    fn note(&mut self, grid: f64) {
+        let [low, high] = self.path.s_span;
+        self.path.s_span = [low.min(self.state.s), high.max(self.state.s)];
+        if self.time >= grid - SAME_TIME_S {
+            let jumped: Vector2<f64> = self.path.jumps.iter().map(|(_, jump)| jump).sum();
+            self.path.smooth.push(self.force() - jumped);
+        }
+    }
+
+    /// Takes a step, or the part of it that ends in a change of the contact.
+    fn step(&mut self, length: f64) -> Result<(), Lost> {
+        let (before, local) = (self.state, self.time - self.leg_from);
+        let (model, contact) = (self.model, self.contact);
+        let at = |length: f64| model.step(&contact, local, &before, length);
+        let after = at(length);
+        let Margin { left, needed } = self.margin(local + length, &after)?;
+        if left >= 0.0 {
+            self.path.friction_needed = self.path.friction_needed.max(needed);
+            (self.state, self.time) = (after, self.time + length);
+            return Ok(());
+        }
+        let (mut good, mut bad) = (0.0, length);
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (good + bad);
+            let holds = self.margin(local + middle, &at(middle)).is_ok_and(|margin| margin.left >= 0.0);
+            if holds { good = middle } else { bad = middle }
+        }
+        (self.state, self.time) = (at(bad), self.time + bad);
+        self.change()
+    }
+
+    fn margin(&self, local: f64, state: &State) -> Result<Margin, Lost> {
+        let motion = self.model.motion(&self.contact, local, state);
+        if motion.normal_force <= 0.0 || motion.normal_force.is_nan() || jams(&self.model, &self.contact, state.s) {
+            return Err(Lost::Contact);
+        }
+        Ok(match self.contact {
+            Contact::Sliding { slip, .. } => Margin { left: self.model.slip(local, state) * slip.sign(), needed: 0.0 },
+            _ => {
+                let needed = motion.tangential_force.abs() / motion.normal_force;
+                Margin { left: self.mu_c - needed, needed }
+            }
+        })
+    }
+
+    /// Changes between rolling and sliding, here.
+    fn change(&mut self) -> Result<(), Lost> {
+        let force_before = self.force();
+        let local = self.time - self.leg_from;
+        self.state.v_t = self.model.rolling_v_t(local, &self.state);
+        let rolling = self.model.motion(&Contact::Rolling, local, &self.state);
+        let sticks = rolling.normal_force > 0.0 && rolling.tangential_force.abs() <= self.mu_c * rolling.normal_force;
+        self.contact = match self.contact {
+            Contact::Sliding { .. } if sticks => Contact::Rolling,
+            Contact::Sliding { friction, slip } => Contact::Sliding { friction, slip: slip.reversed() },
+            _ => sliding(self.mu_c, -rolling.tangential_force),
+        };
+        self.jump(force_before)
+    }
+
+    /// Goes over to another acceleration of the finger: what rolled may slip at once.
+    fn enter(&mut self, model: PushModel<'p>, leg_from: f64) -> Result<(), Lost> {
+        let force_before = self.force();
+        (self.model, self.leg_from) = (model, leg_from);
+        let motion = self.motion();
+        if self.contact == Contact::Rolling && motion.tangential_force.abs() > self.mu_c * motion.normal_force {
+            self.state.v_t = self.v_t();
+            self.contact = sliding(self.mu_c, -motion.tangential_force);
+        }
+        self.jump(force_before)
+    }
+
+    fn jump(&mut self, force_before: Vector2<f64>) -> Result<(), Lost> {
+        self.path.slipped |= self.contact != Contact::Rolling;
+        self.path.jumps.push((self.time, self.force() - force_before));
+        if self.path.jumps.len() > CHANGES_MAX { Err(Lost::Contact) } else { Ok(()) }
+    }
+}
+
+fn as_f64(count: usize) -> f64 {
+    f64::from(u32::try_from(count).unwrap_or(u32::MAX))
+}
+
+/// Sliding in the direction of a number's sign.
+fn sliding(friction: f64, along: f64) -> Contact {
+    let slip = if along < 0.0 { Slip::Backward } else { Slip::Forward };
+    Contact::Sliding { friction, slip }
+}
+
+/// Whether no finite force fits a sliding part.
+fn jams(model: &PushModel, contact: &Contact, s: f64) -> bool {
+    match contact {
+        Contact::Sliding { friction, slip } => model.sliding_denominator(friction * slip.sign(), s) <= 0.0,
+        _ => false,
+    }
+}
+
+/// Force on the finger's disk from its components on the part.
+fn on_finger(u: f64, normal: f64, tangential: f64) -> Vector2<f64> {
+    let (sin, cos) = u.sin_cos();
+    Vector2::new(-cos * normal - sin * tangential, cos * tangential - sin * normal)
+}

@@ -1,0 +1,142 @@
+//! Where to begin: guesses spread over all edges, places and frictions, each agreeing with the first direction of the force.
+//!
+//! At the start the force is at the angle to the contact's normal that rolling needs, or at the edge of the friction cone if that
+//! is less. So the first direction felt fixes the contact angle for every place on every edge and every friction, but for a
+//! few solutions. What then is left is a grid in place and friction, of which the minima are worth a fit.
+//!
+//! Units: SI. Errors: none.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use super::fit::{MU_C_MAX, Problem, Tried};
+use super::path::Guess;
+use crate::math::angle::wrap_angle;
+use crate::pushing::dynamics::{Contact, Edge};
+
+/// Spacing of places on an edge, of the radius of gyration: some 2 mm for a part of 8 cm.
+const SPACING: f64 = 0.1;
+
+/// Fewest and most places on an edge.
+const PLACES: (usize, usize) = (6, 40);
+
+/// Contact angles are tried in so many steps to a right angle on either side of where the finger goes, which is left out: 5° each.
+const ANGLES: i32 = 18;
+
+/// Frictions tried: each is followed until the part slips or never does.
+const FRICTIONS: [f64; 9] = [0.05, 0.1, 0.15, 0.2, 0.27, 0.35, 0.45, 0.6, 0.8];
+
+/// Contact angles nearer than this, rad, are of one family.
+const FAMILY: f64 = 0.35;
+
+/// How near the direction felt the force turns back where it is tried all the same, rad: from one place to the next it turns by less.
+const TURNS_NEAR: f64 = 0.1;
+
+/// A member of the grid.
+struct Seed {
+    place: usize,
+    friction: usize,
+    tried: Tried,
+}
+
+/// Guesses that are better than their neighbours, on one edge.
+pub(super) fn on_edge(problem: &Problem, edge: usize) -> Vec<Tried> {
+    let Ok(line) = problem.course.part.edge(edge) else { return Vec::new() };
+    let seeds: Vec<_> = places(problem, &line)
+        .into_iter()
+        .enumerate()
+        .flat_map(|(place, s)| {
+            at_place(problem, edge, &line, s).into_iter().map(move |(friction, tried)| Seed { place, friction, tried })
+        })
+        .collect();
+    let best: Vec<_> = seeds.iter().map(|seed| is_best_around(seed, &seeds)).collect();
+    seeds.into_iter().zip(best).filter(|(_, best)| *best).map(|(seed, _)| seed.tried).collect()
+}
+
+fn is_best_around(seed: &Seed, seeds: &[Seed]) -> bool {
+    !seeds.iter().any(|other| {
+        other.place.abs_diff(seed.place) <= 1
+            && other.friction.abs_diff(seed.friction) <= 1
+            && (other.tried.guess.u - seed.tried.guess.u).abs() < FAMILY
+            && other.tried.cost < seed.tried.cost
+    })
+}
+
+fn places(problem: &Problem, line: &Edge) -> Vec<f64> {
+    let length = line.s_max - line.s_min;
+    let wanted = length / (SPACING * problem.course.part.inertia_per_mass().sqrt());
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a few dozen")]
+    let count = (wanted.ceil() as usize).clamp(PLACES.0, PLACES.1);
+    let share = |index: usize| (index as f64 + 0.5) / count as f64;
+    (0..count).map(|index| line.s_min + length * share(index)).collect()
+}
+
+/// Guesses at one place: for each friction those that agree with the first direction of the force.
+fn at_place(problem: &Problem, edge: usize, line: &Edge, s: f64) -> Vec<(usize, Tried)> {
+    let angles = Angles::new(problem, line, s);
+    let mut found: Vec<(usize, Tried)> = Vec::new();
+    // The largest friction first: where it suffices to roll, smaller ones that suffice too change nothing.
+    for u in angles.solutions(f64::INFINITY) {
+        let tried = problem.try_guess(Guess { edge, u, s, mu_c: f64::INFINITY, grip_log: 0.0 });
+        found.extend(
+            tried.filter(|tried| tried.path.friction_needed < 2.0 * MU_C_MAX).map(|tried| (FRICTIONS.len(), tried)),
+        );
+    }
+    let rolling = found.len();
+    for (index, &mu_c) in FRICTIONS.iter().enumerate() {
+        for u in angles.solutions(mu_c) {
+            let rolls = found[..rolling]
+                .iter()
+                .any(|(_, tried)| (tried.guess.u - u).abs() < 1e-6 && tried.path.friction_needed <= mu_c);
+            if !rolls {
+                found.extend(problem.try_guess(Guess { edge, u, s, mu_c, grip_log: 0.0 }).map(|tried| (index, tried)));
+            }
+        }
+    }
+    found
+}
+
+/// What rolling needs at the start for each contact angle: the angle of the force from the normal.
+struct Angles {
+    /// Contact angle, and that of the force from it; rad.
+    table: Vec<(f64, Option<f64>)>,
+    /// First direction felt of the force on the part, rad.
+    direction: f64,
+}
+
+impl Angles {
+    fn new(problem: &Problem, line: &Edge, s: f64) -> Self {
+        let model = problem.course.first_model(*line);
+        let [x, y] = model.finger.acceleration;
+        let ahead = y.atan2(x);
+        let needed = |u: f64| {
+            let start = model.rest_start(&Contact::Rolling, u, s).ok().filter(|start| start.normal_force > 0.0)?;
+            Some((-start.tangential_force).atan2(start.normal_force))
+        };
+        let step = FRAC_PI_2 / f64::from(ANGLES);
+        let angles = (1 - ANGLES..ANGLES).map(|index| ahead + f64::from(index) * step);
+        let force = problem.felt.forces_finger()[0];
+        Self { table: angles.map(|u| (u, needed(u))).collect(), direction: (-force.y).atan2(-force.x) }
+    }
+
+    /// Contact angles at which the force has the first direction felt, by straight lines in the table; and those at which it turns back
+    /// just before it, for at the place next to this one it may reach it.
+    fn solutions(&self, mu_c: f64) -> Vec<f64> {
+        let cone = mu_c.atan();
+        let off = |&(u, needed): &(f64, Option<f64>)| {
+            needed.map(|needed| (u, wrap_angle(u + needed.clamp(-cone, cone) - self.direction)))
+        };
+        let crossing = |pair: &[(f64, Option<f64>)]| {
+            let ((u0, off0), (u1, off1)) = (off(&pair[0])?, off(&pair[1])?);
+            let crosses = (off0 <= 0.0) != (off1 <= 0.0) && (off1 - off0).abs() < PI;
+            crosses.then(|| u0 + (u1 - u0) * off0 / (off0 - off1))
+        };
+        let turning = |three: &[(f64, Option<f64>)]| {
+            let [(_, before), (u, here), (_, after)] = [off(&three[0])?, off(&three[1])?, off(&three[2])?];
+            let nearest = here.abs() <= before.abs() && here.abs() <= after.abs();
+            let turns = (here <= 0.0) == (before <= 0.0) && (here <= 0.0) == (after <= 0.0);
+            (nearest && turns && here.abs() < TURNS_NEAR).then_some(u)
+        };
+        let crossings = self.table.windows(2).filter_map(crossing);
+        crossings.chain(self.table.windows(3).filter_map(turning)).collect()
+    }
+}

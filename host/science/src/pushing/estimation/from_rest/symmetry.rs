@@ -1,0 +1,42 @@
+//! Turns that take a part to itself: poses that differ by one of them cannot be told apart by any touch.
+//!
+//! Units: SI. Errors: none.
+
+use crate::pushing::dynamics::{Contact, Edge, Finger, Part, PushModel};
+
+/// Differences below this share of the part's size are none: drawings are rounded to that.
+const SAME: f64 = 1e-6;
+
+/// Places and angles at which friction is compared, as shares of an edge and rad off its normal: none of them special.
+const PROBES: [(f64, f64); 3] = [(0.21, 0.3), (0.58, -0.5), (0.83, 0.1)];
+
+/// How many turns take the part to itself, the whole turn included.
+pub(super) fn order(part: &Part) -> usize {
+    let count = part.polygon().vertices().len();
+    let edges: Vec<_> = (0..count).filter_map(|index| part.edge(index).ok()).collect();
+    let size = part.inertia_per_mass().sqrt();
+    let fits = |shift: usize| (0..count).all(|index| same(part, &edges[index], &edges[(index + shift) % count], size));
+    (1..count).filter(|&shift| count.is_multiple_of(shift)).find(|&shift| fits(shift)).map_or(1, |shift| count / shift)
+}
+
+fn same(part: &Part, a: &Edge, b: &Edge, size: f64) -> bool {
+    let lengths = [(a.height, b.height), (a.s_min, b.s_min), (a.s_max, b.s_max)];
+    lengths.iter().all(|(a, b)| (a - b).abs() < SAME * size)
+        && PROBES.iter().all(|&probe| same_start(part, a, b, probe))
+}
+
+/// Whether pushes at two edges begin alike: what rests on feet may look symmetric and not be.
+fn same_start(part: &Part, a: &Edge, b: &Edge, (share, u): (f64, f64)) -> bool {
+    let start = |edge: &Edge| {
+        let finger = Finger { radius: 0.0, centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [1.0, 0.0] };
+        let model = PushModel { part, edge: *edge, grip: 1.0, finger };
+        model.rest_start(&Contact::Rolling, u, edge.s_min + share * (edge.s_max - edge.s_min)).ok()
+    };
+    match (start(a), start(b)) {
+        (Some(a), Some(b)) => {
+            let forces = [(a.normal_force, b.normal_force), (a.tangential_force, b.tangential_force)];
+            forces.iter().all(|(a, b)| (a - b).abs() < 100.0 * SAME)
+        }
+        _ => false,
+    }
+}

@@ -1,0 +1,219 @@
+//! Random pushes and a judge: what the estimate from rest is tried on.
+//!
+//! [`Ranges`] says what problems are drawn from, [`Drawn`] is one of them with what became of it, [`Outcome`] compares an estimate with
+//! that truth. The same seed gives the same problem on every machine.
+//!
+//! Frames: finger axes. Units: SI. Errors: none; a part that cannot be pushed for so long is no problem.
+
+use std::f64::consts::PI;
+
+use nalgebra::{Isometry2, Rotation2, Vector2};
+
+use super::{Estimate, Hypothesis, Status};
+use crate::geometry::SimplePolygon;
+use crate::gravity::GRAVITY_ASSUMED;
+use crate::math::random::Draw;
+use crate::pushing::dynamics::{EndReason, Part};
+use crate::pushing::finger_motion::{FingerMotion, Segment};
+use crate::pushing::pushed_world::{Played, PushedWorld};
+
+/// Radius of the default finger's disk, m.
+pub const RADIUS_M: f64 = 0.015;
+
+/// A pose counts as right within this many of its stated standard deviations, of distance and of angle. A Gaussian's distance in
+/// the plane is beyond five once in 270,000 times.
+const RIGHT_SDS: f64 = 5.0;
+
+/// Nearer than this to the truth a pose is right, whatever it states: m, rad.
+const RIGHT: PoseError = PoseError { distance: 2e-4, angle: 3e-3 };
+
+/// What random problems are drawn from.
+#[derive(Clone, Debug)]
+pub struct Ranges {
+    /// µ of the plane, as known.
+    pub mu: f64,
+    /// µ_c between finger and part.
+    pub mu_c: [f64; 2],
+    /// The part's mass, kg.
+    pub mass: [f64; 2],
+    /// Greatest angle between where the finger goes and the contact's normal, rad.
+    pub angle: f64,
+    /// How the finger moves.
+    pub motion: FingerMotion,
+}
+
+/// The finger first goes along x, then turns towards y: its path bends, so that poses that feel alike in a straight push part.
+///
+/// # Panics
+/// Never: the segments are constants.
+#[must_use]
+pub fn default_motion() -> FingerMotion {
+    let segments =
+        [Segment { seconds: 0.3, acceleration: [0.15, 0.0] }, Segment { seconds: 0.5, acceleration: [0.0, 0.15] }];
+    FingerMotion::new([0.0; 2], &segments).expect("constant segments are sound")
+}
+
+/// As long and as fast as [`default_motion`], but straight.
+///
+/// # Panics
+/// Never: the segments are constants.
+#[must_use]
+pub fn straight_motion() -> FingerMotion {
+    let segments = [Segment { seconds: 0.8, acceleration: [0.12, 0.0] }];
+    FingerMotion::new([0.0; 2], &segments).expect("constant segments are sound")
+}
+
+impl Default for Ranges {
+    fn default() -> Self {
+        Self { mu: 0.3, mu_c: [0.1, 0.5], mass: [0.2, 0.8], angle: 0.8, motion: default_motion() }
+    }
+}
+
+/// A random problem and what became of it.
+#[derive(Clone, Debug)]
+pub struct Drawn {
+    /// µ_c.
+    pub mu_c: f64,
+    /// kg.
+    pub mass: f64,
+    /// The edge that is touched.
+    pub edge: usize,
+    /// Contact angle at the start, rad.
+    pub u: f64,
+    /// Contact on the edge at the start, m.
+    pub s: f64,
+    /// The push.
+    pub played: Played,
+    /// Starts that were drawn before this one and could not be: the finger does not fit, or the contact leaves the edge.
+    pub redrawn: usize,
+}
+
+/// Starts drawn before a part is given up as one that the finger cannot push for so long.
+const REDRAWS_MAX: usize = 2000;
+
+/// A random part: two of three are convex, one is a star.
+#[must_use]
+pub fn random_part(draw: &mut Draw) -> Part {
+    let convex = draw.chance(2.0 / 3.0);
+    let polygon: SimplePolygon = if convex {
+        draw.convex_polygon(8, 0.05)
+    } else {
+        let n = 5 + draw.index(4);
+        draw.star_polygon(n, 0.025, 0.055)
+    };
+    Part::uniform(polygon)
+}
+
+impl Ranges {
+    /// A push of this part: the contact uniform along the outline, friction, mass and angle uniform in their ranges. Redrawn until
+    /// the finger fits and the contact stays on its edge throughout.
+    ///
+    /// None if that never happens.
+    #[must_use]
+    pub fn draw(&self, draw: &mut Draw, part: &Part) -> Option<Drawn> {
+        (0..REDRAWS_MAX).find_map(|redrawn| {
+            let (edge, s) = place(draw, part)?;
+            let [x, y] = self.motion.first_acceleration();
+            let u = y.atan2(x) + draw.uniform(-self.angle, self.angle);
+            let mu_c = draw.uniform(self.mu_c[0], self.mu_c[1]);
+            let mass = draw.uniform(self.mass[0], self.mass[1]);
+            let grip = self.mu * GRAVITY_ASSUMED;
+            let world = PushedWorld { part, grip, mass, mu_c, radius: RADIUS_M, motion: &self.motion, edge, u, s };
+            let played = world.play().ok().filter(|played| played.end == EndReason::Time)?;
+            Some(Drawn { mu_c, mass, edge, u, s, played, redrawn })
+        })
+    }
+}
+
+/// A place uniform along the outline.
+fn place(draw: &mut Draw, part: &Part) -> Option<(usize, f64)> {
+    let lengths: Vec<_> = part.polygon().edges().map(|(from, to)| (to - from).norm()).collect();
+    let mut left = draw.uniform(0.0, lengths.iter().sum());
+    let edge = lengths.iter().position(|length| {
+        left -= length;
+        left < 0.0
+    })?;
+    let line = part.edge(edge).ok()?;
+    Some((edge, line.s_max + left))
+}
+
+/// How far a pose is from the truth, by the nearest of the poses that look the same.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PoseError {
+    /// Distance of the centres of mass, m.
+    pub distance: f64,
+    /// Angle, rad, not negative.
+    pub angle: f64,
+}
+
+/// Compares two poses of a part that `symmetry` turns take to itself.
+#[must_use]
+pub fn pose_error(part: &Part, symmetry: usize, pose: &Isometry2<f64>, truth: &Isometry2<f64>) -> PoseError {
+    let centre = part.centre_of_mass();
+    let distance = (pose * centre - truth * centre).norm();
+    let step = 2.0 * PI / f64::from(u32::try_from(symmetry.max(1)).unwrap_or(u32::MAX));
+    let off = pose.rotation.angle_to(&truth.rotation).rem_euclid(step);
+    PoseError { distance, angle: off.min(step - off) }
+}
+
+/// A pose turned about the part's centre of mass.
+#[must_use]
+pub fn turned(part: &Part, pose: &Isometry2<f64>, angle: f64) -> Isometry2<f64> {
+    let centre: Vector2<f64> = (pose * part.centre_of_mass()).coords;
+    let turn = Rotation2::new(pose.rotation.angle() + angle);
+    Isometry2::new(centre - turn * part.centre_of_mass().coords, turn.angle())
+}
+
+/// What came of one case.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// What the host said.
+    pub status: Status,
+    /// How far its best answer was from the truth.
+    pub best: Option<PoseError>,
+    /// The same of the listed answer nearest to the truth.
+    pub nearest: Option<PoseError>,
+    /// Whether one of the listed is right, within what it states.
+    pub holds_truth: bool,
+    /// How many were listed.
+    pub listed: usize,
+    /// Starts drawn before.
+    pub redrawn: usize,
+}
+
+impl Outcome {
+    /// Judges an estimate.
+    #[must_use]
+    pub fn new(part: &Part, drawn: &Drawn, estimate: &Estimate) -> Self {
+        let truth = drawn.played.pose(estimate.duration);
+        let error = |hypothesis: &Hypothesis| {
+            truth.as_ref().map(|truth| pose_error(part, estimate.symmetry, &hypothesis.pose_end, truth))
+        };
+        let errors: Vec<_> = estimate.hypotheses.iter().filter_map(error).collect();
+        let holds_truth =
+            estimate.hypotheses.iter().zip(&errors).any(|(hypothesis, error)| is_right(part, hypothesis, error));
+        let nearest = errors.iter().copied().min_by(|a, b| a.size(part).total_cmp(&b.size(part)));
+        Self {
+            status: estimate.status(),
+            best: errors.first().copied(),
+            nearest,
+            holds_truth,
+            listed: errors.len(),
+            redrawn: drawn.redrawn,
+        }
+    }
+}
+
+impl PoseError {
+    /// As one length, m: the turn counts at the radius of gyration.
+    fn size(&self, part: &Part) -> f64 {
+        self.distance + self.angle * part.inertia_per_mass().sqrt()
+    }
+}
+
+/// Whether a pose is right within what it states.
+fn is_right(part: &Part, hypothesis: &Hypothesis, error: &PoseError) -> bool {
+    let (distance_sd, angle_sd) = hypothesis.spread(part);
+    error.distance <= (RIGHT_SDS * distance_sd).max(RIGHT.distance)
+        && error.angle <= (RIGHT_SDS * angle_sd).max(RIGHT.angle)
+}

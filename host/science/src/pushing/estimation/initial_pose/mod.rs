@@ -1,0 +1,490 @@
+//! The resting pose of a part from a few contacts during a push that starts from rest.
+//!
+//! Before the push the finger touches the part at a known place u₀ of its own outline; where on the part, s₀, is the only unknown.
+//! Each s₀ leads to one motion and so to one contact at each time: those that agree with the contacts felt are the answer. The
+//! first contact leaves a few candidates, later ones tell them apart.
+//!
+//! Implements: the initial pose observer of thesis §5.3.2 and §6.2, by a scan of all s₀ instead of Newton's method from a few
+//! guesses, so that no candidate is lost (of pushes up to some dozen sizes of the part: beyond, motions part too fast); `table`: the
+//! variant that looks motions up instead of simulating them (§8.2.2).
+//! Assumes: contact without friction; part and finger at rest at t = 0.
+//! Frames: world; s₀ on the part as [`PartSide`] has it. Units: SI, u and its tolerance in the unit of the finger's outline.
+//! Errors: [`InitialPoseError`]; "no pose fits" is an answer.
+
+mod closing;
+mod swift;
+mod table;
+#[cfg(test)]
+mod tests;
+
+use std::f64::consts::PI;
+
+use nalgebra::{Point2, Vector2};
+
+use self::closing::{EXACT, Rough};
+use self::swift::{Glided, SCAN_ERROR};
+pub use self::table::Table;
+use crate::geometry::SimplePolygon;
+use crate::math::angle::wrap_angle;
+use crate::math::roots::{NearZero, near_zeros};
+use crate::pushing::dynamics::{
+    Body, ContactLaw, EdgeEnd, FingerPath, FingerShape, Mass, Part, PartSide, Run, ShapeError, ShapedModel, ShapedPush,
+    Start, State,
+};
+
+/// Places looked at on each edge. Motions change with s₀ on the scale of the part, so that folds are wide against a 32nd of an edge.
+const LOOKS_ON_EDGE: u32 = 32;
+
+/// Places looked at on half an ellipse.
+const LOOKS_ON_ELLIPSE: u32 = 160;
+
+/// How far a finger goes in a push of usual length, in radii of gyration of the part.
+const USUAL_TRAVEL: f64 = 4.0;
+
+/// See [`RestingPush::refinement`]: from a few dozen radii on a part near an unstable balance goes any way, and a place may be missed.
+const REFINEMENT_MAX: u32 = 16;
+
+/// Steps by which a candidate is moved to where all contacts fit best.
+const POLISH_STEPS: usize = 12;
+
+/// Step of the difference by which a candidate is moved, as a share of the site's length.
+const POLISH_DIFFERENCE: f64 = 1e-6;
+
+/// Tolerances that a later contact may be off by before a candidate is moved: motions part by less than a thousandfold.
+const HOPELESS: f64 = 1e3;
+
+/// Candidates nearer than this share of the site's length are one.
+const SAME_PLACE: f64 = 1e-7;
+
+/// How deep a finger may reach into the part elsewhere, as a share of its size: rounding of the input.
+const OVERLAP_TOLERANCE: f64 = 1e-6;
+
+/// Outline and mass of what is pushed.
+#[derive(Clone, Debug)]
+pub enum Object {
+    /// A polygon.
+    Polygon(SimplePolygon),
+    /// An ellipse with its semi-axes along the part's x and y, m.
+    Ellipse([f64; 2]),
+}
+
+/// A push from rest of which only the place on the part is unknown.
+#[derive(Clone, Debug)]
+pub struct RestingPush {
+    object: Object,
+    body: Body,
+    sites: Vec<Site>,
+    shape: FingerShape,
+    path: FingerPath,
+    grip: f64,
+    u0: f64,
+}
+
+/// Where the part may be touched.
+#[derive(Clone, Copy, Debug)]
+struct Site {
+    edge: Option<usize>,
+    side: PartSide,
+    /// Of s₀.
+    range: [f64; 2],
+}
+
+/// A place that fits all contacts.
+struct Fit {
+    site: Site,
+    near: NearZero,
+    misfits: Vec<f64>,
+}
+
+/// The finger's place on its own outline at a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TimedContact {
+    /// s.
+    pub t: f64,
+    /// Polar angle on a disk, eccentric angle on an ellipse, rad; on a line m.
+    pub u: f64,
+}
+
+/// A pose in which the part may have rested.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RestingPose {
+    /// The edge in contact; none on an ellipse.
+    pub edge: Option<usize>,
+    /// Where it is touched: m along an edge, eccentric angle in [0, π) on an ellipse.
+    pub s0: f64,
+    /// x, y (m) and theta (rad) of the part's frame.
+    pub pose: [f64; 3],
+    /// u as predicted less u as felt, for each contact that it has to explain.
+    pub residuals: Vec<f64>,
+    /// Whether every place of this side fits: nothing tells where it is touched.
+    pub anywhere: bool,
+}
+
+/// What some contacts say.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RestingPoses {
+    /// Poses that explain all contacts, best first.
+    pub solutions: Vec<RestingPose>,
+    /// Poses that explain the first contact.
+    pub candidates: Vec<RestingPose>,
+}
+
+/// A push that cannot be.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum InitialPoseError {
+    /// Two straight outlines, or an impossible size.
+    #[error(transparent)]
+    Shape(#[from] ShapeError),
+    /// The finger is not driven into whatever it touches.
+    #[error(
+        "the finger accelerates away from where it touches at u0, or along it ({toward:?} m/s² outward there, it must be > 0): nothing would be pushed"
+    )]
+    MovesAway {
+        /// Component of the acceleration along the finger's outward normal, m/s².
+        toward: f64,
+    },
+}
+
+impl RestingPush {
+    /// A push of `object` on a plane with µ g = `grip` (m/s²), by a finger that moves on `path` from rest and touches at `u0`.
+    ///
+    /// # Errors
+    /// [`InitialPoseError`].
+    pub fn new(
+        object: Object,
+        grip: f64,
+        shape: FingerShape,
+        path: FingerPath,
+        u0: f64,
+    ) -> Result<Self, InitialPoseError> {
+        let (body, sites) = match &object {
+            Object::Polygon(polygon) => of_polygon(polygon, grip),
+            Object::Ellipse(semi_axes) => of_ellipse(*semi_axes, grip),
+        };
+        let push = Self { object, body, sites, shape, path, grip, u0 };
+        push.sites.iter().try_for_each(|site| push.model(site).map(|_| ()))?;
+        let angle = push.normal_angle();
+        let toward = Vector2::from(path.acceleration).dot(&Vector2::new(angle.cos(), angle.sin()));
+        // Written so that NaN is refused.
+        if toward > 0.0 { Ok(push) } else { Err(InitialPoseError::MovesAway { toward }) }
+    }
+
+    /// Of the finger's outward normal at u₀, rad.
+    fn normal_angle(&self) -> f64 {
+        match self.shape {
+            FingerShape::Disk { .. } => self.u0,
+            FingerShape::Ellipse { semi_axes: [a, b] } => (a * self.u0.sin()).atan2(b * self.u0.cos()),
+            FingerShape::Line => PI / 2.0,
+        }
+    }
+
+    fn model(&self, site: &Site) -> Result<ShapedModel<'_>, ShapeError> {
+        ShapedModel::new(&self.body, site.side, self.grip, self.shape, self.path)
+    }
+
+    /// Every resting pose that agrees with contacts (times increasing, above 0; at least one) within `tolerance`.
+    ///
+    /// Of a disk and an ellipse whole turns of u do not count.
+    ///
+    /// ```
+    /// use nalgebra::Point2;
+    /// use palpate::geometry::SimplePolygon;
+    /// use palpate::pushing::estimation::{Object, RestingPush, TimedContact};
+    /// use palpate::pushing::dynamics::{FingerPath, FingerShape};
+    ///
+    /// let block = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.02, 0.03]].map(Point2::from))?;
+    /// let path = FingerPath { centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [0.01, 0.1] };
+    /// let push = RestingPush::new(Object::Polygon(block), 0.0, FingerShape::Disk { radius: 0.01 }, path, 1.5)?;
+    /// // A disk pushes the lower edge 5 mm beside the middle.
+    /// let felt = push.predicted(Some(0), 0.005, &[0.6, 0.9]);
+    /// let contacts = [TimedContact { t: 0.6, u: felt[0] }, TimedContact { t: 0.9, u: felt[1] }];
+    /// let poses = push.observe(&contacts, 1e-6);
+    /// assert_eq!(poses.solutions.len(), 1);
+    /// assert!((poses.solutions[0].s0 - 0.005).abs() < 1e-9); // m
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    #[must_use]
+    pub fn observe(&self, contacts: &[TimedContact], tolerance: f64) -> RestingPoses {
+        let contacts = self.without_turns(contacts);
+        let Some(first) = contacts.first() else {
+            return RestingPoses { solutions: Vec::new(), candidates: Vec::new() };
+        };
+        let places = self.sites.iter().flat_map(|site| self.scanned(*site, *first, tolerance));
+        let places: Vec<_> = places.collect();
+        let last = contacts[contacts.len() - 1];
+        // With friction a look at the last contact costs as much as all of them.
+        let hopeless = |site: &Site, s0: f64| {
+            let u = if self.grip > 0.0 { None } else { self.angle(site, s0, last.t) };
+            u.is_some_and(|u| (u - last.u).abs() > HOPELESS * tolerance)
+        };
+        self.judged(&places, &contacts, tolerance, &hopeless)
+    }
+
+    /// Places of a site that fit a contact. Without friction a rough simulation looks around.
+    fn scanned(&self, site: Site, first: TimedContact, tolerance: f64) -> Vec<(Site, NearZero)> {
+        let grid = site.grid(self.refinement(first.t));
+        let found = if self.grip > 0.0 {
+            near_zeros(&|s0| self.misfit(&site, s0, first), &grid, tolerance)
+        } else {
+            let misfit = |s0: f64| Some(self.scanned_angle(&site, s0, first.t)? - first.u);
+            self.places(&Rough { site, misfit: &misfit, grid: &grid, error: SCAN_ERROR }, first, tolerance)
+        };
+        found.into_iter().map(|near| (site, near)).collect()
+    }
+
+    /// How much more closely to look than at a push of usual length: motions part as it goes on. No closer than [`REFINEMENT_MAX`].
+    fn refinement(&self, time: f64) -> u32 {
+        let radius = self.body.inertia_per_mass().sqrt();
+        let gone = 0.5 * Vector2::from(self.path.acceleration).norm() * time * time;
+        let wanted = (gone / (USUAL_TRAVEL * radius)).sqrt().ceil();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a few")]
+        let whole = wanted.clamp(1.0, f64::from(REFINEMENT_MAX)) as u32;
+        whole
+    }
+
+    /// Where the finger feels the contact at some times (s, increasing) if it starts at `s0` of an edge (of the ellipse: none);
+    /// fewer if the contact ends before.
+    #[must_use]
+    pub fn predicted(&self, edge: Option<usize>, s0: f64, times: &[f64]) -> Vec<f64> {
+        let site = self.sites.iter().find(|site| site.edge == edge);
+        site.map_or_else(Vec::new, |site| self.angles(site, s0, times))
+    }
+
+    /// The pose that goes with a place on the part.
+    #[must_use]
+    pub fn resting_pose(&self, edge: Option<usize>, s0: f64) -> Option<[f64; 3]> {
+        let site = self.sites.iter().find(|site| site.edge == edge)?;
+        let (model, state) = (self.model(site).ok()?, self.start(s0));
+        let origin = model.position(0.0, &state);
+        Some([origin.x, origin.y, model.theta(&state)])
+    }
+
+    fn start(&self, s0: f64) -> State {
+        State { u: self.u0, s: s0, omega: 0.0, v_t: 0.0 }
+    }
+
+    /// u at each time until the contact ends.
+    fn angles(&self, site: &Site, s0: f64, times: &[f64]) -> Vec<f64> {
+        let run = self.run(site, s0, times);
+        run.map_or_else(Vec::new, |run| run.samples.iter().map(|sample| sample.state.u).collect())
+    }
+
+    /// u at each time, if the contact lasts.
+    fn lasting_angles(&self, site: &Site, s0: f64, times: &[f64]) -> Option<Vec<f64>> {
+        let [low, high] = site.side.range();
+        let glided = self.grip == 0.0 && low <= s0 && s0 <= high;
+        match glided.then(|| self.glided(site, s0, times)).flatten() {
+            Some(Glided { angles, lasts: Some(lasts) }) => lasts.then_some(angles),
+            _ => Some(self.angles(site, s0, times)).filter(|angles| angles.len() == times.len()),
+        }
+    }
+
+    /// u at a time; without friction under the part as if the contact lasted, otherwise none where it does not.
+    fn angle(&self, site: &Site, s0: f64, time: f64) -> Option<f64> {
+        if self.grip > 0.0 {
+            return self.angles(site, s0, &[time]).first().copied();
+        }
+        self.glided(site, s0, &[time])?.angles.first().copied()
+    }
+
+    /// The push from a place; none where it cannot begin.
+    fn run(&self, site: &Site, s0: f64, times: &[f64]) -> Option<Run> {
+        let start = Start::Rest { u: self.u0, s: s0 };
+        let push = ShapedPush::new(self.model(site).ok()?, ContactLaw::Frictionless, start, EdgeEnd::Stop);
+        push.ok()?.run(times).ok()
+    }
+
+    /// Candidates and solutions among places that may fit the first contact; `hopeless` are those that no move within the tolerance
+    /// brings to fit the last.
+    fn judged(
+        &self,
+        places: &[(Site, NearZero)],
+        contacts: &[TimedContact],
+        tolerance: f64,
+        hopeless: &dyn Fn(&Site, f64) -> bool,
+    ) -> RestingPoses {
+        let mut apart: Vec<(Site, NearZero)> = Vec::new();
+        for &(site, near) in places {
+            let same = |(other, kept): &(Site, NearZero)| other.is_same_place(&site, kept.at, near.at);
+            if !apart.iter().any(same) && !self.overlaps(&site, near.at) {
+                apart.push((site, near));
+            }
+        }
+        let possible = apart.iter().filter(|(site, near)| !hopeless(site, near.at));
+        let fits = possible.filter_map(|&(site, near)| {
+            let (at, misfits) = polished(near.at, site, &|s0| self.misfits(&site, s0, contacts), tolerance)?;
+            Some(Fit { site, near: NearZero { at, ..near }, misfits })
+        });
+        let fits = fits.filter(|fit| !self.overlaps(&fit.site, fit.near.at)).collect();
+        let solutions = self.one_each(fits, contacts, tolerance);
+        let candidate = |&(site, near): &(Site, NearZero)| self.pose_at(&site, &near, vec![near.value]);
+        let mut candidates: Vec<_> = apart.iter().map(candidate).collect();
+        // What fits to rounding fits alike, whatever the rounding.
+        let misfit = |pose: &RestingPose| squares(&pose.residuals).max(EXACT * EXACT);
+        let place = |a: &RestingPose, b: &RestingPose| a.edge.cmp(&b.edge).then(a.s0.total_cmp(&b.s0));
+        candidates.sort_by(|a, b| misfit(a).total_cmp(&misfit(b)).then_with(|| place(a, b)));
+        RestingPoses { solutions, candidates }
+    }
+
+    /// One pose for each stretch of places that all fit, best first.
+    fn one_each(&self, mut fits: Vec<Fit>, contacts: &[TimedContact], tolerance: f64) -> Vec<RestingPose> {
+        let is_fit = |site: &Site, s0: f64| {
+            self.misfits(site, s0, contacts).is_some_and(|misfits| all_within(&misfits, tolerance))
+        };
+        fits.sort_by(|a, b| squares(&a.misfits).total_cmp(&squares(&b.misfits)));
+        let mut kept: Vec<Fit> = Vec::new();
+        for fit in fits {
+            let joined = |best: &Fit| {
+                let (from, way) = (best.near.at, fit.site.way(best.near.at, fit.near.at));
+                best.site.is_same_place(&fit.site, from, fit.near.at)
+                    || (best.site.edge == fit.site.edge
+                        && [0.25, 0.5, 0.75].iter().all(|share| is_fit(&fit.site, from + share * way)))
+            };
+            if !kept.iter().any(joined) {
+                kept.push(fit);
+            }
+        }
+        kept.into_iter().map(|fit| self.pose_at(&fit.site, &fit.near, fit.misfits)).collect()
+    }
+
+    /// u as predicted less u as felt, if the contact lasts as long as the data.
+    fn misfits(&self, site: &Site, s0: f64, contacts: &[TimedContact]) -> Option<Vec<f64>> {
+        let times: Vec<_> = contacts.iter().map(|contact| contact.t).collect();
+        let angles = self.lasting_angles(site, s0, &times)?;
+        Some(angles.iter().zip(contacts).map(|(u, contact)| u - contact.u).collect())
+    }
+
+    fn pose_at(&self, site: &Site, near: &NearZero, residuals: Vec<f64>) -> RestingPose {
+        let s0 = site.principal(near.at);
+        let pose = self.resting_pose(site.edge, s0).unwrap_or([f64::NAN; 3]);
+        RestingPose { edge: site.edge, s0, pose, residuals, anywhere: near.anywhere }
+    }
+
+    /// Whether the finger would reach into the part elsewhere; only parts with reflex corners let it.
+    fn overlaps(&self, site: &Site, s0: f64) -> bool {
+        let semi_axes = match self.shape {
+            FingerShape::Disk { radius } => [radius; 2],
+            FingerShape::Ellipse { semi_axes } => semi_axes,
+            FingerShape::Line => return false,
+        };
+        let (Object::Polygon(polygon), Some(pose)) = (&self.object, self.resting_pose(site.edge, s0)) else {
+            return false;
+        };
+        let world = nalgebra::Isometry2::new(Vector2::new(pose[0], pose[1]), pose[2]);
+        // Where the finger is a disk of radius 1 about the origin.
+        let seen = |point: Point2<f64>| {
+            let from_centre = world * point - self.path.centre(0.0);
+            Vector2::new(from_centre.x / semi_axes[0], from_centre.y / semi_axes[1])
+        };
+        semi_axes[0] > 0.0
+            && polygon.edges().any(|(a, b)| distance_from_origin(seen(a), seen(b)) < 1.0 - OVERLAP_TOLERANCE)
+    }
+
+    /// Contacts with whole turns taken out, each within half a turn of the one before; on a line as they are.
+    fn without_turns(&self, contacts: &[TimedContact]) -> Vec<TimedContact> {
+        let mut last = self.u0;
+        let continuous = |&TimedContact { t, u }: &TimedContact| {
+            let turns = self.shape != FingerShape::Line && (u - last).abs() > PI;
+            last = if turns { last + wrap_angle(u - last) } else { u };
+            TimedContact { t, u: last }
+        };
+        contacts.iter().map(continuous).collect()
+    }
+}
+
+/// Without friction under it, what a part rests on does not matter; none is the cheapest to compute with.
+fn of_polygon(polygon: &SimplePolygon, grip: f64) -> (Body, Vec<Site>) {
+    let part = Part::uniform(polygon.clone());
+    let body = if grip > 0.0 { part.body().clone() } else { Body::on_feet(&[], Mass::uniform(polygon)) };
+    let edges = (0..polygon.vertices().len()).filter_map(|index| Some((index, part.edge(index).ok()?)));
+    let site = |(index, edge): (usize, crate::pushing::dynamics::Edge)| Site {
+        edge: Some(index),
+        side: PartSide::Edge(edge),
+        range: [edge.s_min, edge.s_max],
+    };
+    (body, edges.map(site).collect())
+}
+
+fn of_ellipse(semi_axes: [f64; 2], grip: f64) -> (Body, Vec<Site>) {
+    let body = if grip > 0.0 { Body::ellipse(semi_axes) } else { Body::on_feet(&[], Mass::of_ellipse(semi_axes)) };
+    let side = PartSide::Ellipse { semi_axes, middle: [0.0; 2] };
+    (body, vec![Site { edge: None, side, range: [0.0, PI] }])
+}
+
+impl Site {
+    fn length(&self) -> f64 {
+        self.range[1] - self.range[0]
+    }
+
+    /// Places to look at, so many times as many as usual; an ellipse's overlap at the seam, so that nothing hides there.
+    fn grid(&self, refinement: u32) -> Vec<f64> {
+        let (looks, beyond) = if self.edge.is_some() { (LOOKS_ON_EDGE, 0) } else { (LOOKS_ON_ELLIPSE, 1) };
+        let looks = refinement * looks;
+        let place = |index: u32| {
+            let share = (f64::from(index) - f64::from(beyond)) / f64::from(looks);
+            // The ends to the last bit, for the contact must not start beyond.
+            if index == looks && beyond == 0 { self.range[1] } else { self.range[0] + share * self.length() }
+        };
+        (0..=looks + 2 * beyond).map(place).collect()
+    }
+
+    /// An ellipse repeats after half a turn.
+    fn principal(&self, s0: f64) -> f64 {
+        if self.edge.is_some() { s0 } else { s0.rem_euclid(PI) }
+    }
+
+    /// From `a` to `b`, on an ellipse the shorter way.
+    fn way(&self, a: f64, b: f64) -> f64 {
+        if self.edge.is_some() { b - a } else { (b - a + PI / 2.0).rem_euclid(PI) - PI / 2.0 }
+    }
+
+    /// Whether a place on this and one on another site are one.
+    fn is_same_place(&self, other: &Self, here: f64, there: f64) -> bool {
+        self.edge == other.edge && self.gap(here, there) < SAME_PLACE * self.length()
+    }
+
+    fn gap(&self, a: f64, b: f64) -> f64 {
+        self.way(a, b).abs()
+    }
+}
+
+fn squares(values: &[f64]) -> f64 {
+    values.iter().map(|value| value * value).sum()
+}
+
+fn all_within(misfits: &[f64], tolerance: f64) -> bool {
+    misfits.iter().all(|misfit| misfit.abs() <= tolerance)
+}
+
+/// The place near a candidate at which all contacts fit best, with what they are off by, if they all fit there.
+fn polished(s0: f64, site: Site, misfits: &dyn Fn(f64) -> Option<Vec<f64>>, tolerance: f64) -> Option<(f64, Vec<f64>)> {
+    let (mut at, mut here) = (s0, misfits(s0)?);
+    for _ in 0..POLISH_STEPS {
+        // Exact data fit to a thousandth already.
+        if all_within(&here, 1e-3 * tolerance) {
+            break;
+        }
+        let Some((next, there)) = improved(at, &here, site, misfits) else { break };
+        (at, here) = (next, there);
+    }
+    all_within(&here, tolerance).then_some((at, here))
+}
+
+/// A Gauss–Newton step, shortened until it improves; none if it does not.
+fn improved(at: f64, here: &[f64], site: Site, misfits: &dyn Fn(f64) -> Option<Vec<f64>>) -> Option<(f64, Vec<f64>)> {
+    let look = POLISH_DIFFERENCE * site.length();
+    let beside = misfits(at + look).map(|there| (there, look)).or_else(|| Some((misfits(at - look)?, -look)))?;
+    let slopes: Vec<_> = beside.0.iter().zip(here).map(|(there, here)| (there - here) / beside.1).collect();
+    let full = -here.iter().zip(&slopes).map(|(misfit, slope)| misfit * slope).sum::<f64>() / squares(&slopes);
+    [1.0, 0.3, 0.1, 0.01].iter().find_map(|share| {
+        let next = at + share * full;
+        let there = misfits(next)?;
+        (squares(&there) < squares(here) * (1.0 - 1e-9)).then_some((next, there))
+    })
+}
+
+fn distance_from_origin(a: Vector2<f64>, b: Vector2<f64>) -> f64 {
+    let along = b - a;
+    let share = (-a.dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
+    (a + along * share).norm()
+}

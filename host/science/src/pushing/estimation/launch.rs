@@ -1,0 +1,214 @@
+//! How a push can begin: the unknowns of a hypothesis, and the path's start that they make.
+//!
+//! The unknowns are, in this order, contact angle, place on the edge, angular velocity and the motion along the contact: its
+//! velocity where there is no friction, and its slip, from 0 on, where the contact slides. A contact without slip lacks the last; a
+//! push from rest has only the first two. Where the plane's friction is not known well, it is one more, the last.
+//!
+//! A push from rest is followed in closed form until the part has gone a small share of its size: up to then it moves straight, with
+//! the acceleration of the start (see [`crate::pushing::dynamics`]), and direction of friction and all.
+//!
+//! Frames: world. Units: SI. Errors: none; a start without a pushing force is none.
+
+use nalgebra::Vector2;
+
+use super::observation::{Known, Touch};
+use super::path::{Launch, Site, lifted, without_slip};
+use crate::math::Jet;
+use crate::pushing::dynamics::{Contact, PushModel, RestStart, Scalar, Slip, State};
+
+/// Numbers of unknowns that a hypothesis can have at most.
+pub(super) const UNKNOWNS: usize = 5;
+
+/// Place among the unknowns of the plane's friction.
+pub(super) const GRIP: usize = 4;
+
+/// Contact angle (rad), place on the edge (m), angular velocity (rad/s), velocity or slip along the contact (m/s), all at t = 0;
+/// logarithm of µ g over what it is taken for.
+pub(super) type Unknowns = [f64; UNKNOWNS];
+
+/// Differences of angle (rad), place (in radii of gyration) and µ g (of itself) by which a start from rest is derived: the solution is exact to
+/// 1e-14, so the derivatives are to 1e-9.
+const REST_DIFFERENCE: f64 = 1e-5;
+
+/// Of a finger that stays where it is.
+const NO_START: RestStart = RestStart { a_n: 0.0, a_t: 0.0, alpha: 0.0, normal_force: 0.0, tangential_force: 0.0 };
+
+/// How a push begins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Begin {
+    /// Finger and part move; no contact friction.
+    Free,
+    /// Finger and part move, without slip.
+    NoSlip,
+    /// Finger and part move, with slip in this direction.
+    Slips(Slip),
+    /// Finger and part are at rest. Where the contact slides throughout, in this direction.
+    Rest(Option<Slip>),
+}
+
+impl Begin {
+    /// All the ways in which a push can begin, for what is known of the contact and the finger.
+    pub(super) fn all(known: &Known) -> Vec<Self> {
+        let both = [Slip::Forward, Slip::Backward];
+        match (known.touch, known.starts_at_rest()) {
+            (Touch::Sliding { .. }, true) => both.map(|slip| Self::Rest(Some(slip))).to_vec(),
+            (_, true) => vec![Self::Rest(None)],
+            (Touch::Frictionless, false) => vec![Self::Free],
+            (Touch::Rolling { .. }, false) => vec![Self::NoSlip],
+            (Touch::Sliding { .. }, false) => both.map(Self::Slips).to_vec(),
+            (Touch::Coulomb { .. }, false) => vec![Self::NoSlip, Self::Slips(both[0]), Self::Slips(both[1])],
+        }
+    }
+
+    /// How many of the unknowns it has, the plane's friction not counted.
+    pub(super) fn unknowns(self) -> usize {
+        match self {
+            Self::Rest(_) => 2,
+            Self::NoSlip => 3,
+            Self::Free | Self::Slips(_) => 4,
+        }
+    }
+}
+
+/// A number that can be made one of the unknowns.
+pub(super) trait Variable: Scalar {
+    /// The value, as the unknown of this index where derivatives by it are carried.
+    fn variable(value: f64, index: usize) -> Self;
+}
+
+impl Variable for f64 {
+    fn variable(value: f64, _index: usize) -> Self {
+        value
+    }
+}
+
+impl<const N: usize> Variable for Jet<N> {
+    fn variable(value: f64, index: usize) -> Self {
+        Self::variable(value, index)
+    }
+}
+
+/// The start of a path; none where the finger would not push, or slip is against its direction. `grip` is µ g where that is one of
+/// the unknowns, of the value in `known`.
+pub(super) fn launch<T: Variable>(
+    known: &Known,
+    site: &Site,
+    (begin, unknowns): (Begin, &Unknowns),
+    rest_span: f64,
+    grip: Option<T>,
+) -> Option<Launch<T>> {
+    let [u, s, omega, along] = [0, 1, 2, 3].map(|index| T::variable(unknowns[index], index));
+    let state = State { u, s, omega, v_t: along };
+    let plain = lifted::<T>(&known.model(site.edge));
+    let model = PushModel { grip: grip.unwrap_or(plain.grip), ..plain };
+    let rolling = |state: State<T>| State { v_t: model.rolling_v_t(0.0, &state), ..state };
+    let (state, contact) = match begin {
+        Begin::Free => (state, Contact::Frictionless),
+        Begin::Slips(slip) => {
+            let without = rolling(state);
+            (State { v_t: without.v_t - along * slip.sign(), ..without }, sliding(known.touch, slip))
+        }
+        Begin::NoSlip => {
+            let state = rolling(state);
+            (state, no_slip(known.touch, &model, &state))
+        }
+        Begin::Rest(slip) => return from_rest(known, site, slip, (u, s, grip), rest_span),
+    };
+    Some(Launch { time: 0.0, state, contact, rest: None, grip: model.grip })
+}
+
+fn sliding<T: Scalar>(touch: Touch, slip: Slip) -> Contact<T> {
+    match touch {
+        Touch::Sliding { friction } | Touch::Coulomb { friction } => {
+            Contact::Sliding { friction: T::from(friction), slip }
+        }
+        Touch::Frictionless | Touch::Rolling { .. } => Contact::Frictionless,
+    }
+}
+
+fn no_slip<T: Scalar>(touch: Touch, model: &PushModel<T>, state: &State<T>) -> Contact<T> {
+    match touch {
+        Touch::Coulomb { friction } => without_slip(model, 0.0, state, friction),
+        _ => Contact::Rolling,
+    }
+}
+
+/// How long a start from rest is followed in closed form, s: until the part has gone this share of its size.
+pub(super) fn rest_span(known: &Known, share: f64) -> f64 {
+    let acceleration = Vector2::from(known.finger.acceleration).norm();
+    (2.0 * share * known.part.inertia_per_mass().sqrt() / acceleration).sqrt()
+}
+
+fn from_rest<T: Variable>(
+    known: &Known,
+    site: &Site,
+    slip: Option<Slip>,
+    (u, s, grip): (T, T, Option<T>),
+    span: f64,
+) -> Option<Launch<T>> {
+    let plain = known.model(site.edge);
+    let (contact, start) = rest_start(known, &plain, slip, u.re(), s.re())?;
+    let differ = |[du, ds, dg]: [f64; 3]| {
+        let other = PushModel { grip: plain.grip + dg, ..plain };
+        let (_, other) = rest_start(known, &other, slip, u.re() + du, s.re() + ds)?;
+        let difference = du + ds + dg; // Two of them are zero.
+        Some([(other.alpha - start.alpha) / difference, (other.a_t - start.a_t) / difference])
+    };
+    let place = REST_DIFFERENCE * known.part.inertia_per_mass().sqrt();
+    let (by_u, by_s) = (differ([REST_DIFFERENCE, 0.0, 0.0])?, differ([0.0, place, 0.0])?);
+    let (du, ds) = (u - u.re(), s - s.re());
+    let mut alpha = du * by_u[0] + ds * by_s[0] + start.alpha;
+    let mut a_t = du * by_u[1] + ds * by_s[1] + start.a_t;
+    if let Some(grip) = grip.filter(|grip| grip.re() > 0.0) {
+        let by_grip = differ([0.0, 0.0, REST_DIFFERENCE * plain.grip])?;
+        let dg = grip - grip.re();
+        (alpha, a_t) = (alpha + dg * by_grip[0], a_t + dg * by_grip[1]);
+    }
+    let [x, y] = known.finger.acceleration;
+    let (sin, cos) = u.sin_cos();
+    let finger_a_t = cos * y - sin * x;
+    let reach = known.finger.radius + site.edge.height;
+    let half = 0.5 * span * span;
+    let state = State {
+        u: u + alpha * half,
+        s: s + (a_t - finger_a_t - alpha * reach) * half,
+        omega: alpha * span,
+        v_t: a_t * span,
+    };
+    let contact = match contact {
+        Contact::Frictionless => Contact::Frictionless,
+        Contact::Rolling => Contact::Rolling,
+        Contact::Sliding { friction, slip } => Contact::Sliding { friction: T::from(friction), slip },
+    };
+    let grip = grip.unwrap_or_else(|| T::from(plain.grip));
+    Some(Launch { time: span, state, contact, rest: Some((u, alpha * 0.5)), grip })
+}
+
+/// Contact and accelerations of the start from rest.
+fn rest_start(known: &Known, model: &PushModel, slip: Option<Slip>, u: f64, s: f64) -> Option<(Contact, RestStart)> {
+    let [x, y] = known.finger.acceleration;
+    if x.hypot(y) <= 0.0 {
+        return Some((Contact::Frictionless, NO_START)); // Nothing ever moves.
+    }
+    if x * u.cos() + y * u.sin() <= 0.0 {
+        return None; // The finger leaves.
+    }
+    let start = |contact: Contact| {
+        let start = model.rest_start(&contact, u, s).ok()?;
+        (start.normal_force > 0.0).then_some((contact, start))
+    };
+    match (known.touch, slip) {
+        (Touch::Frictionless, _) => start(Contact::Frictionless),
+        (Touch::Rolling { .. }, _) => start(Contact::Rolling),
+        (touch, Some(slip)) => start(sliding(touch, slip)),
+        (Touch::Sliding { .. }, None) => None,
+        (Touch::Coulomb { friction }, None) => {
+            let (_, rolling) = start(Contact::Rolling)?;
+            if rolling.tangential_force.abs() <= friction * rolling.normal_force {
+                return Some((Contact::Rolling, rolling));
+            }
+            let slip = if rolling.tangential_force > 0.0 { Slip::Backward } else { Slip::Forward };
+            start(Contact::Sliding { friction, slip })
+        }
+    }
+}

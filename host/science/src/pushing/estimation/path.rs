@@ -1,0 +1,389 @@
+//! The way a part takes from a hypothetical start, as the data see it, with derivatives by the start where wanted.
+//!
+//! Implements: the classical Runge–Kutta method of order 4 between the knots of a [`Clock`]; the contact angle between
+//! knots by the quintic through angle, rate and acceleration at both ends; Coulomb's changes between rolling and sliding,
+//! located within a step, where the derivatives jump by (f₋ − f₊) ∂t/∂p (f₋ and f₊ the rates on both sides, t the instant).
+//! Assumes: the contact lasts. Where it would not, shows in the path's [`Walls`].
+//! Frames: world. Units: SI, forces per unit mass. Errors: none; a motion without a physical force is no path.
+
+use super::clock::Clock;
+use super::observation::{Known, Touch};
+use crate::math::ode;
+use crate::pushing::dynamics::{Contact, Edge, Motion, PushModel, Scalar, Slip, State};
+
+/// Changes between rolling and sliding in one path: more are chatter of a motion that no real contact makes.
+const CHANGES_MAX: usize = 20;
+
+/// Steps of the search for the instant of a change: enough for rounding.
+const SEARCHES_MAX: usize = 60;
+
+/// How near to a step's ends an instant of change is taken for the end itself, as a share of the step.
+const SHARE_NONE: f64 = 1e-10;
+
+/// The first step after a change, as a share of the usual one; the following double.
+const SHARE_AFTER_CHANGE: f64 = 0.125;
+
+/// What a contact must stay within, in the order of [`Walls`].
+pub(super) const WALLS: usize = 5;
+
+/// How far inside each limit the path stayed, at the least: from the allowed stretch of the edge (m, two ends), force into the
+/// part (m/s²), friction left unused (m/s²), slip in the assumed direction (m/s).
+pub(super) type Walls<T> = [T; WALLS];
+
+/// Where on an edge the disk can be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Site {
+    /// The edge's number.
+    pub(super) index: usize,
+    /// The edge.
+    pub(super) edge: Edge,
+    /// Least place, m.
+    pub(super) low: f64,
+    /// Greatest place, m.
+    pub(super) high: f64,
+}
+
+/// How a path begins.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Launch<T> {
+    /// When, s: later than 0 only from rest.
+    pub(super) time: f64,
+    /// The state then.
+    pub(super) state: State<T>,
+    /// The contact then.
+    pub(super) contact: Contact<T>,
+    /// From rest: contact angle at t = 0 and half the angular acceleration since then.
+    pub(super) rest: Option<(T, T)>,
+    /// µ g, m/s².
+    pub(super) grip: T,
+}
+
+/// The end of a path, and how it kept to its limits.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Path<T> {
+    /// At the last value.
+    pub(super) end: State<T>,
+    /// At the last value.
+    pub(super) contact: Contact<T>,
+    /// Margins at their least.
+    pub(super) walls: Walls<T>,
+}
+
+/// What is seen of a path at the time of a value.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen<T> {
+    /// Contact angle, rad.
+    pub(super) u: T,
+    /// Force into the part and along the edge, m/s²; right only where the value has a knot.
+    pub(super) normal_force: T,
+    /// See `normal_force`.
+    pub(super) tangential_force: T,
+}
+
+/// A path being followed.
+struct Walker<'a, 'p, T: Scalar, F> {
+    model: PushModel<'p, T>,
+    /// The same without derivatives.
+    plain: PushModel<'p>,
+    touch: Touch,
+    site: &'a Site,
+    clock: &'a Clock,
+    see: F,
+    next_value: usize,
+    walls: Walls<T>,
+    changes: usize,
+}
+
+/// Everything at one instant.
+#[derive(Clone, Copy)]
+struct Now<T> {
+    time: f64,
+    state: State<T>,
+    contact: Contact<T>,
+    motion: Motion<T>,
+}
+
+/// Follows a path to the last value and shows `see` what each value would be. None if no force fits on the way.
+pub(super) fn follow<T: Scalar>(
+    known: &Known,
+    site: &Site,
+    launch: &Launch<T>,
+    clock: &Clock,
+    see: impl FnMut(usize, Seen<T>),
+) -> Option<Path<T>> {
+    let plain = PushModel { grip: launch.grip.re(), ..known.model(site.edge) };
+    let model = PushModel { grip: launch.grip, ..lifted(&plain) };
+    let walls = [T::from(f64::INFINITY); WALLS];
+    let mut walker = Walker { model, plain, touch: known.touch, site, clock, see, next_value: 0, walls, changes: 0 };
+    walker.walk(launch)
+}
+
+/// The same model with numbers that can carry derivatives.
+pub(super) fn lifted<'p, T: Scalar>(plain: &PushModel<'p>) -> PushModel<'p, T> {
+    let crate::pushing::dynamics::Finger { radius, centre0, velocity0, acceleration } = plain.finger;
+    let finger = crate::pushing::dynamics::Finger {
+        radius,
+        centre0,
+        velocity0: velocity0.map(T::from),
+        acceleration: acceleration.map(T::from),
+    };
+    PushModel { part: plain.part, edge: plain.edge, grip: T::from(plain.grip), finger }
+}
+
+/// The contact without derivatives.
+pub(super) fn plain_contact<T: Scalar>(contact: &Contact<T>) -> Contact {
+    match *contact {
+        Contact::Frictionless => Contact::Frictionless,
+        Contact::Rolling => Contact::Rolling,
+        Contact::Sliding { friction, slip } => Contact::Sliding { friction: friction.re(), slip },
+    }
+}
+
+/// A state without derivatives.
+pub(super) fn plain_state<T: Scalar>(state: &State<T>) -> State {
+    State { u: state.u.re(), s: state.s.re(), omega: state.omega.re(), v_t: state.v_t.re() }
+}
+
+/// What a contact without slip does, by Coulomb's law, from the force that rolling needs.
+pub(super) fn without_slip<T: Scalar>(model: &PushModel<T>, time: f64, state: &State<T>, friction: f64) -> Contact<T> {
+    let rolling = model.motion(&Contact::Rolling, time, state);
+    let (normal, along) = (rolling.normal_force.re(), rolling.tangential_force.re());
+    if along.abs() <= friction * normal {
+        return Contact::Rolling;
+    }
+    let slip = if along > 0.0 { Slip::Backward } else { Slip::Forward };
+    Contact::Sliding { friction: T::from(friction), slip }
+}
+
+/// One step of the Runge–Kutta method from known rates.
+fn step<T: Scalar>(
+    model: &PushModel<T>,
+    contact: &Contact<T>,
+    time: f64,
+    from: (&State<T>, &State<T>),
+    dt: f64,
+) -> State<T> {
+    let (state, k1) = from;
+    ode::step_from(state, k1, dt, |moment, state| model.motion(contact, moment.time(time, dt), state).rates)
+}
+
+impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
+    fn walk(&mut self, launch: &Launch<T>) -> Option<Path<T>> {
+        self.see_rest(launch);
+        let mut now = self.at(launch.time, launch.state, launch.contact)?;
+        self.see_exactly(&now);
+        for i in 1..self.clock.knots.len() {
+            now = self.reach(now, self.clock.knots[i])?;
+        }
+        let mut end = now.state;
+        if matches!(now.contact, Contact::Rolling) {
+            end.v_t = self.model.rolling_v_t(now.time, &end);
+        }
+        Some(Path { end, contact: now.contact, walls: self.walls })
+    }
+
+    /// Shows the values before a launch from rest.
+    fn see_rest(&mut self, launch: &Launch<T>) {
+        let Some((u, half_alpha)) = launch.rest else { return };
+        while self.next_value < self.clock.values && self.clock.time_of(self.next_value) < launch.time {
+            let t = self.clock.time_of(self.next_value);
+            let seen = Seen { u: u + half_alpha * (t * t), normal_force: T::from(1.0), tangential_force: T::from(0.0) };
+            (self.see)(self.next_value, seen);
+            self.next_value += 1;
+        }
+    }
+
+    /// A state with what it leads to; none where no force fits (a jam, or numbers out of range).
+    fn at(&mut self, time: f64, state: State<T>, contact: Contact<T>) -> Option<Now<T>> {
+        if let Contact::Sliding { friction, slip } = contact
+            && self.model.sliding_denominator(friction * slip.sign(), state.s).re() <= 0.0
+        {
+            return None;
+        }
+        let motion = self.model.motion(&contact, time, &state);
+        let now = Now { time, state, contact, motion };
+        let sound = motion.rates.omega.re().is_finite() && state.u.re().is_finite() && state.s.re().is_finite();
+        sound.then(|| {
+            self.note_walls(&now);
+            now
+        })
+    }
+
+    fn note_walls(&mut self, now: &Now<T>) {
+        let Now { time, state, contact, motion } = now;
+        let never = T::from(f64::INFINITY);
+        let (mut cone, mut slipping) = (never, never);
+        match (contact, self.touch) {
+            (Contact::Rolling, Touch::Rolling { friction: Some(friction) }) => {
+                let along = motion.tangential_force;
+                let along = if along.re() < 0.0 { -along } else { along };
+                cone = motion.normal_force * friction - along;
+            }
+            (Contact::Sliding { slip, .. }, Touch::Sliding { .. }) => {
+                slipping = self.model.slip(*time, state) * slip.sign();
+            }
+            _ => {}
+        }
+        let margins = [state.s - self.site.low, -(state.s - self.site.high), motion.normal_force, cone, slipping];
+        for (least, margin) in self.walls.iter_mut().zip(margins) {
+            if margin.re() < least.re() {
+                *least = margin;
+            }
+        }
+    }
+
+    fn see_exactly(&mut self, now: &Now<T>) {
+        let at_value = self.next_value < self.clock.values && self.clock.time_of(self.next_value) <= now.time;
+        if at_value {
+            self.show(now.state.u, &now.motion);
+        }
+    }
+
+    fn show(&mut self, u: T, motion: &Motion<T>) {
+        let seen = Seen { u, normal_force: motion.normal_force, tangential_force: motion.tangential_force };
+        (self.see)(self.next_value, seen);
+        self.next_value += 1;
+    }
+
+    /// From one instant to another, through changes of the contact. After a change, steps begin small: the force has jumped.
+    fn reach(&mut self, mut now: Now<T>, until: f64) -> Option<Now<T>> {
+        let (whole, mut share) = (until - now.time, 1.0);
+        loop {
+            let left = until - now.time;
+            let length = if left <= 1.5 * share * whole { left } else { share * whole };
+            let state = step(&self.model, &now.contact, now.time, (&now.state, &now.motion.rates), length);
+            let there = self.changing(&now, length, &plain_state(&state));
+            let Some(there) = there else {
+                let time = if length < left { now.time + length } else { until };
+                let next = self.at(time, state, now.contact)?;
+                self.see_between(&now, &next);
+                if length >= left {
+                    return Some(next);
+                }
+                (now, share) = (next, 2.0 * share);
+                continue;
+            };
+            now = self.change(&now, there, length)?;
+            share = SHARE_AFTER_CHANGE;
+            if until - now.time <= SHARE_NONE * whole {
+                return Some(now);
+            }
+        }
+    }
+
+    /// What must stay positive for the contact to stay as it is, where Coulomb's law decides that.
+    fn margin(&self, contact: &Contact, time: f64, state: &State) -> f64 {
+        let Touch::Coulomb { friction } = self.touch else { return f64::INFINITY };
+        match contact {
+            Contact::Sliding { slip, .. } => self.plain.slip(time, state) * slip.sign(),
+            _ => {
+                let motion = self.plain.motion(contact, time, state);
+                friction * motion.normal_force - motion.tangential_force.abs()
+            }
+        }
+    }
+
+    /// The share of a step after which the contact changes.
+    fn changing(&self, now: &Now<T>, length: f64, after: &State) -> Option<f64> {
+        let contact = plain_contact(&now.contact);
+        let end = self.margin(&contact, now.time + length, after);
+        if end >= 0.0 || end.is_nan() {
+            return None;
+        }
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..SEARCHES_MAX {
+            let middle = 0.5 * (low + high);
+            if middle <= low || middle >= high || high - low < SHARE_NONE {
+                break;
+            }
+            if self.margin_within(now, length, middle) < 0.0 { high = middle } else { low = middle }
+        }
+        Some(high)
+    }
+
+    /// The margin after a share of a step.
+    fn margin_within(&self, now: &Now<T>, length: f64, share: f64) -> f64 {
+        let (contact, state) = (plain_contact(&now.contact), plain_state(&now.state));
+        let rates = plain_state(&now.motion.rates);
+        let dt = share * length;
+        let within = step(&self.plain, &contact, now.time, (&state, &rates), dt);
+        self.margin(&contact, now.time + dt, &within)
+    }
+
+    /// Passes to the next contact after a share of a step.
+    fn change(&mut self, now: &Now<T>, share: f64, length: f64) -> Option<Now<T>> {
+        let Touch::Coulomb { friction } = self.touch else { return None };
+        self.changes += 1;
+        if self.changes > CHANGES_MAX {
+            return None;
+        }
+        let time = now.time + share * length;
+        let mut state = step(&self.model, &now.contact, now.time, (&now.state, &now.motion.rates), share * length);
+        let before = self.at(time, state, now.contact)?;
+        self.see_between(now, &before);
+        let Contact::Sliding { slip, .. } = now.contact else {
+            // Where rolling ends the force is that of sliding: nothing jumps.
+            state.v_t = self.model.rolling_v_t(time, &state);
+            let contact = match without_slip(&self.model, time, &state, friction) {
+                Contact::Rolling => sliding(friction, before.motion.tangential_force.re()),
+                sliding => sliding,
+            };
+            return self.at(time, state, contact);
+        };
+        let fading = self.model.slip(time, &state);
+        let mut contact = without_slip(&self.model, time, &state, friction);
+        if matches!(contact, Contact::Sliding { .. }) {
+            contact = Contact::Sliding { friction: T::from(friction), slip: slip.reversed() };
+        }
+        let rate = self.slip_rate(&before);
+        // No length of its own, only derivatives: how the instant moves with the start.
+        let later = -(fading - fading.re()) / rate;
+        let after = self.model.motion(&contact, time, &state).rates;
+        state.omega = state.omega + (before.motion.rates.omega - after.omega) * later;
+        state.v_t = state.v_t + (before.motion.rates.v_t - after.v_t) * later;
+        self.at(time, state, contact)
+    }
+
+    /// How fast the slip of a sliding contact changes, m/s².
+    fn slip_rate(&self, now: &Now<T>) -> f64 {
+        let Now { time, state, motion, .. } = now;
+        let (sin, cos) = state.u.re().sin_cos();
+        let ([v_x, v_y], [a_x, a_y]) = (self.plain.finger.velocity(*time), self.plain.finger.acceleration);
+        let (finger_v_n, finger_a_t) = (-(cos * v_x + sin * v_y), cos * a_y - sin * a_x);
+        // The rate of v_FT + hω − v_T, in which T turns with the contact.
+        let rates = &motion.rates;
+        finger_a_t + state.omega.re() * finger_v_n + self.plain.edge.height * rates.omega.re() - rates.v_t.re()
+    }
+
+    /// Shows the values between two instants.
+    fn see_between(&mut self, from: &Now<T>, to: &Now<T>) {
+        let length = to.time - from.time;
+        while self.next_value < self.clock.values {
+            let time = self.clock.time_of(self.next_value);
+            if time > to.time + SHARE_NONE * self.clock.dt {
+                return;
+            }
+            let u = if length > 0.0 { quintic(from, to, length, (time - from.time) / length) } else { to.state.u };
+            self.show(u, &to.motion);
+        }
+    }
+}
+
+/// Sliding against a force along the edge.
+fn sliding<T: Scalar>(friction: f64, along: f64) -> Contact<T> {
+    let slip = if along > 0.0 { Slip::Backward } else { Slip::Forward };
+    Contact::Sliding { friction: T::from(friction), slip }
+}
+
+/// The contact angle at a share of a step, by Hermite's interpolation of angle, rate and acceleration.
+fn quintic<T: Scalar>(from: &Now<T>, to: &Now<T>, length: f64, x: f64) -> T {
+    let (x2, x3) = (x * x, x * x * x);
+    let (x4, x5) = (x2 * x2, x2 * x3);
+    let rise = 10.0 * x3 - 15.0 * x4 + 6.0 * x5;
+    from.state.u * (1.0 - rise)
+        + to.state.u * rise
+        + from.state.omega * (length * (x - 6.0 * x3 + 8.0 * x4 - 3.0 * x5))
+        + to.state.omega * (length * (-4.0 * x3 + 7.0 * x4 - 3.0 * x5))
+        + from.motion.rates.omega * (length * length * 0.5 * (x2 - 3.0 * x3 + 3.0 * x4 - x5))
+        + to.motion.rates.omega * (length * length * 0.5 * (x3 - 2.0 * x4 + x5))
+}

@@ -1,0 +1,419 @@
+//! Where to begin: hypotheses near every local minimum of the cost.
+//!
+//! Contact angles tell the motion. After the first moments a part moves on its slow manifold ([`super::manifold`]), so that
+//! from a place on an edge and the measured angle follow the rate at which the angle should change and the place should move: a
+//! place is as bad as the angle that its rates add up to is off. One unknown an edge is left, and no simulation is needed; the
+//! measured angle, used in place of the predicted one, keeps errors from growing, so that the minima are broad.
+//!
+//! Where the data do not tell the angle, or the push is over before the part has settled, a grid of coarse simulations is
+//! looked through instead.
+//!
+//! Frames: world. Units: SI. Errors: none.
+
+use std::f64::consts::TAU;
+
+use nalgebra::Vector2;
+
+use super::clock::count;
+use super::data::{Data, Local, local};
+use super::fit::{Candidate, Fitting, forgets};
+use super::launch::{Begin, Unknowns};
+use super::manifold::{Settled, settled};
+use super::observation::{Known, Touch};
+use super::path::Site;
+use crate::pushing::dynamics::{PushModel, Slip, State};
+
+/// Places tried on an edge: one each so many parts of the radius of gyration, and how many at least and at most.
+const PLACES_PER_RADIUS: f64 = 8.0;
+/// See [`PLACES_PER_RADIUS`].
+const PLACES: (f64, f64) = (5.0, 60.0);
+
+/// How far beyond its stretch of the edge the contact may seem to go, in radii of gyration.
+const BEYOND: f64 = 0.25;
+
+/// Places beside a minimum are tried too if their mismatch is larger by less than so many squares of a value's standard deviation: a
+/// bottom so flat may have two minima, which the rates alone do not tell apart.
+const FLAT: f64 = 60.0;
+
+/// How many on either side.
+const FLAT_PLACES: usize = 2;
+
+/// Instants at which the rates are compared.
+const NODES: usize = 12;
+
+/// After so many times v/(µg) a part has settled.
+const SETTLING: f64 = 4.0;
+
+/// A push has to last for so many times the settling.
+const SETTLED_SHARE: f64 = 2.0;
+
+/// Values at the start from which its angle and rate are taken, as a time in units of v/(µg), s at most.
+const FIRST_MOMENTS: f64 = 2.0;
+
+/// Distance of the contact angles tried, rad, where the data do not tell it.
+const ANGLE_STEP: f64 = 0.035;
+
+/// Rates at t = 0 that are tried in a wide search, from the settled one (0) to the mean of the first moments (1) and beyond.
+const OMEGA_SHARES: [f64; 4] = [0.0, 1.0, 2.0, 3.5];
+
+/// Rates at t = 0 that are tried in a wide search where the angles are not known, in standard deviations of the prior.
+const OMEGA_SIGMAS: [f64; 7] = [-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0];
+
+/// Those where there is no prior, rad/s.
+const OMEGA_USUAL: f64 = 1.0;
+
+/// Velocities along the contact that are tried beside the settled one, in finger speeds.
+const ALONG: [f64; 4] = [-0.6, -0.2, 0.2, 0.6];
+
+/// A slip that is tried in any case, and the least distance of others, in finger speeds.
+const SLIP_SMALL: f64 = 0.1;
+
+/// By how much more than its mean over the first moments the rate at t = 0 differs from the settled one, which it decays to:
+/// x/(1 − e⁻ˣ) for x of [`FIRST_MOMENTS`].
+const FIRST_EXCESS: f64 = 2.3;
+
+/// Candidates from a grid of simulations that are worth a descent, for each site and beginning.
+const FROM_GRID_MAX: usize = 12;
+
+/// How widely to look for beginnings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Width {
+    /// On the slow manifold, where there is one.
+    Narrow,
+    /// Among simulations from many starts: for what the slow manifold does not lead to.
+    Wide,
+}
+
+/// Hypotheses to begin with.
+pub(super) fn seeds(fitting: &Fitting, sites: &[Site], begins: &[Begin], width: Width) -> Vec<Candidate> {
+    let mut found = Vec::new();
+    for &begin in begins {
+        match angles(fitting.known, &fitting.data, begin) {
+            Some(angles) if width == Width::Narrow && settles(fitting.known, &fitting.data) => {
+                let felt = Felt::new(fitting, &angles);
+                sites.iter().for_each(|site| found.extend(felt.seeds(site, begin)));
+            }
+            angles => {
+                let starts = start_angles(fitting, angles.as_deref());
+                sites.iter().for_each(|site| found.extend(grid_seeds(fitting, site, begin, (&starts, width))));
+            }
+        }
+    }
+    found
+}
+
+/// The contact angles, where the data tell them: measured, or the direction of a force at a known angle to the normal.
+pub(super) fn angles(known: &Known, data: &Data, begin: Begin) -> Option<Vec<f64>> {
+    if let Some(angle) = &data.angle {
+        return Some(angle.values.clone());
+    }
+    let slip = match begin {
+        Begin::Slips(slip) | Begin::Rest(Some(slip)) => slip.sign(),
+        _ => 0.0,
+    };
+    let from_normal = match known.touch {
+        Touch::Frictionless => 0.0,
+        Touch::Sliding { friction } => (friction * slip).atan(),
+        Touch::Rolling { .. } | Touch::Coulomb { .. } => return None,
+    };
+    let direction = data.direction.as_ref()?;
+    let angles = direction.values.iter().map(|value| value - from_normal);
+    let turns = data.u0_range.map_or(0.0, |[low, high]| {
+        let off = 0.5 * (low + high) - (direction.values[0] - from_normal);
+        (off / TAU).round() * TAU
+    });
+    Some(angles.map(|angle| angle + turns).collect())
+}
+
+/// How long a moving part takes to settle, s; none where the push is over before.
+pub(super) fn settling(known: &Known, data: &Data) -> Option<f64> {
+    let time = SETTLING * forgets(known, data, 0.0);
+    (!known.starts_at_rest() && data.values > 2 && SETTLED_SHARE * time < data.duration()).then_some(time)
+}
+
+/// Whether the push lasts long enough for the part to settle.
+fn settles(known: &Known, data: &Data) -> bool {
+    settling(known, data).is_some() || known.starts_at_rest() && known.grip > 0.0
+}
+
+/// Places on a stretch of an edge, ends included.
+fn places(known: &Known, site: &Site) -> Vec<f64> {
+    let length = site.high - site.low;
+    let wished = (length * PLACES_PER_RADIUS / known.part.inertia_per_mass().sqrt()).ceil();
+    let steps = wished.clamp(PLACES.0, PLACES.1);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a few dozen")]
+    let steps_whole = steps as usize;
+    (0..=steps_whole).map(|i| site.low + length * count(i) / steps).collect()
+}
+
+/// Contact angle and its rate at t = 0, of a part that forgets its start within `forgets` (s).
+fn first_moments(angles: &[f64], dt: f64, forgets: f64) -> Local {
+    local(angles, dt, 0.0, (FIRST_MOMENTS * forgets).max(dt))
+}
+
+/// What was felt, at some instants.
+struct Felt<'a, 'p> {
+    fitting: &'a Fitting<'a, 'p>,
+    /// Times, s.
+    times: Vec<f64>,
+    /// Contact angles, rad.
+    angles: Vec<f64>,
+    /// At t = 0.
+    first: Local,
+}
+
+impl<'a, 'p> Felt<'a, 'p> {
+    fn new(fitting: &'a Fitting<'a, 'p>, angles: &[f64]) -> Self {
+        let data = &fitting.data;
+        let forgets = if fitting.known.starts_at_rest() { 0.0 } else { forgets(fitting.known, data, 0.0) };
+        let from = (SETTLING * forgets).max(fitting.rest_span);
+        let spacing = (data.duration() - from) / count(NODES - 1);
+        let times: Vec<_> = (0..NODES).map(|i| from + spacing * count(i)).collect();
+        let width = (0.5 * spacing).max(data.dt);
+        let smooth = times.iter().map(|&time| local(angles, data.dt, time, width).value).collect();
+        let first = first_moments(angles, data.dt, forgets);
+        Self { fitting, times, angles: smooth, first }
+    }
+
+    /// Near the local minima of one site.
+    fn seeds(&self, site: &Site, begin: Begin) -> Vec<Candidate> {
+        let model = self.fitting.known.model(site.edge);
+        let places = places(self.fitting.known, site);
+        let off: Vec<_> = places.iter().map(|&s| self.mismatch(site, &model, begin, s)).collect();
+        let squares: Vec<_> = off.iter().map(|off| off.square).collect();
+        let margin = FLAT * self.fitting.data.sigma_min().powi(2);
+        let near = |i: usize| {
+            let beside = beside(&squares, i, margin).map(|j| (places[j], off[j].first_turn));
+            std::iter::once((vertex(&places, &squares, i), off[i].first_turn)).chain(beside)
+        };
+        let near = minima(&squares).into_iter().flat_map(near);
+        near.flat_map(|near| self.candidates(site, &model, begin, near)).collect()
+    }
+
+    /// How far off the angles are that the settled rates add up to, from a place at t = 0.
+    fn mismatch(&self, site: &Site, model: &PushModel, begin: Begin, s0: f64) -> Mismatch {
+        let slip = slip_of(self.fitting.known, begin);
+        let beyond = BEYOND * self.fitting.known.part.inertia_per_mass().sqrt();
+        let mut near = State { u: self.first.value, s: s0, omega: 0.0, v_t: 0.0 };
+        let (mut time, mut turned, mut last): (f64, f64, Option<Settled>) = (0.0, 0.0, None);
+        let mut offsets = [0.0; NODES];
+        for (i, offset) in offsets.iter_mut().enumerate() {
+            let step = self.times[i] - time; // The first one from t = 0.
+            near.s = self.moved(model, &near, last.as_ref(), s0, (i, step));
+            (near.u, time) = (self.angles[i], self.times[i]);
+            if near.s < site.low - beyond || near.s > site.high + beyond {
+                return Mismatch::HOPELESS;
+            }
+            let Some(now) = settled(model, self.fitting.known.touch, slip, time, &near) else {
+                return Mismatch::HOPELESS;
+            };
+            if now.normal_force < 0.0 {
+                return Mismatch::HOPELESS;
+            }
+            let before = last.map_or(now.state.omega, |last| last.state.omega);
+            turned += 0.5 * step * (before + now.state.omega);
+            *offset = near.u - turned;
+            near = now.state;
+            last = Some(now);
+        }
+        let mean = offsets.iter().sum::<f64>() / count(NODES);
+        let square = offsets.iter().map(|offset| (offset - mean) * (offset - mean)).sum();
+        Mismatch { square, first_turn: mean - self.first.value }
+    }
+
+    /// The place at a node: exactly by the angle where the contact rolls, otherwise by its rate.
+    fn moved(&self, model: &PushModel, near: &State, last: Option<&Settled>, s0: f64, (i, step): (usize, f64)) -> f64 {
+        match (self.fitting.known.touch, last) {
+            (Touch::Rolling { .. }, _) => s0 - model.finger.radius * (self.angles[i] - self.first.value),
+            (_, None) => s0,
+            (_, Some(last)) => near.s + step * last.s_rate,
+        }
+    }
+
+    fn candidates(
+        &self,
+        site: &Site,
+        model: &PushModel,
+        begin: Begin,
+        (place, first_turn): (f64, f64),
+    ) -> Vec<Candidate> {
+        let known = self.fitting.known;
+        // What the part turned by before it settled has moved the contact, by rolling or by sliding.
+        let (r, h) = (known.finger.radius, site.edge.height);
+        let levers = match known.touch {
+            Touch::Rolling { .. } => vec![0.0], // The measured angle has been followed.
+            Touch::Frictionless | Touch::Sliding { .. } => vec![r + h],
+            Touch::Coulomb { .. } => vec![r, r + h],
+        };
+        let places = levers.into_iter().map(|lever| (place + lever * first_turn).clamp(site.low, site.high));
+        places.flat_map(|s| self.candidates_at(site, model, begin, s)).collect()
+    }
+
+    fn candidates_at(&self, site: &Site, model: &PushModel, begin: Begin, s: f64) -> Vec<Candidate> {
+        let known = self.fitting.known;
+        let start = State { u: self.first.value, s, omega: self.first.rate, v_t: 0.0 };
+        let near = settled(model, known.touch, slip_of(known, begin), 0.0, &start).map_or(start, |now| now.state);
+        let omega = near.omega + FIRST_EXCESS * (self.first.rate - near.omega);
+        let near = State { omega, ..near };
+        let along = along_contact(known, model, begin, &near).into_iter();
+        along
+            .map(|along| Candidate { site: *site, begin, unknowns: [start.u, s, omega, along, 0.0], past: None })
+            .collect()
+    }
+}
+
+/// How far the settled rates are from explaining the angles.
+#[derive(Clone, Copy, Debug)]
+struct Mismatch {
+    /// Sum of squares, rad².
+    square: f64,
+    /// What the part turned by before it settled, beyond what the settled rates say, rad.
+    first_turn: f64,
+}
+
+impl Mismatch {
+    /// Of a place from which nothing moves as it should.
+    const HOPELESS: Self = Self { square: f64::INFINITY, first_turn: 0.0 };
+}
+
+/// Where the contact slides throughout: in which direction.
+fn slip_of(known: &Known, begin: Begin) -> Option<Slip> {
+    match (known.touch, begin) {
+        (Touch::Sliding { .. }, Begin::Slips(slip)) => Some(slip),
+        (Touch::Sliding { .. }, Begin::Rest(slip)) => slip,
+        _ => None,
+    }
+}
+
+/// What to begin with along the contact: the settled velocity; where a push begins with slip, the settled slip or some others.
+fn along_contact(known: &Known, model: &PushModel, begin: Begin, near: &State) -> Vec<f64> {
+    let Begin::Slips(slip) = begin else { return vec![near.v_t] };
+    let speed = Vector2::from(known.finger.velocity0).norm();
+    let rolling = model.rolling_v_t(0.0, near);
+    // The settled slip of a contact that slides on, and that of a part at rest, which the finger drags along.
+    let slips = [rolling - near.v_t, rolling].map(|v_t| v_t * slip.sign());
+    let mut tried = vec![SLIP_SMALL * speed];
+    for slip in slips {
+        if tried.iter().all(|other| (slip - other) > SLIP_SMALL * speed) {
+            tried.push(slip);
+        }
+    }
+    tried
+}
+
+/// Indices of local minima, ends included; of equal neighbours the first.
+fn minima(values: &[f64]) -> Vec<usize> {
+    let before = |i: usize| if i == 0 { f64::INFINITY } else { values[i - 1] };
+    let after = |i: usize| values.get(i + 1).copied().unwrap_or(f64::INFINITY);
+    let lowest = |i: &usize| values[*i].is_finite() && values[*i] < before(*i) && values[*i] <= after(*i);
+    (0..values.len()).filter(lowest).collect()
+}
+
+/// Places next to a minimum that are worse by less than a margin, in a row from it.
+fn beside(values: &[f64], minimum: usize, margin: f64) -> impl Iterator<Item = usize> {
+    let flat = move |i: &usize| values[*i] <= values[minimum] + margin;
+    let below = (0..minimum).rev().take(FLAT_PLACES).take_while(flat);
+    below.chain((minimum + 1..values.len()).take(FLAT_PLACES).take_while(flat))
+}
+
+/// Where the parabola through a minimum and its neighbours is lowest.
+fn vertex(places: &[f64], values: &[f64], i: usize) -> f64 {
+    if i == 0 || i + 1 >= values.len() || !values[i - 1].is_finite() || !values[i + 1].is_finite() {
+        return places[i];
+    }
+    let (left, right) = (values[i - 1] - values[i], values[i + 1] - values[i]);
+    if left + right <= 0.0 {
+        return places[i];
+    }
+    places[i] + 0.5 * (places[i + 1] - places[i]) * (left - right) / (left + right)
+}
+
+/// Contact angles to try at t = 0.
+fn start_angles(fitting: &Fitting, angles: Option<&[f64]>) -> Vec<Local> {
+    let data = &fitting.data;
+    if let Some(angles) = angles {
+        let forgets = forgets(fitting.known, data, 0.0).min(0.1 * data.duration());
+        return vec![first_moments(angles, data.dt, forgets)];
+    }
+    let [low, high] = data.u0_range.unwrap_or_else(|| {
+        // The finger pushes ahead of itself.
+        let finger = &fitting.known.finger;
+        let [x, y] = if fitting.known.starts_at_rest() { finger.acceleration } else { finger.velocity0 };
+        let ahead = y.atan2(x);
+        [ahead - 0.5 * TAU, ahead + 0.5 * TAU]
+    });
+    let steps = ((high - low) / ANGLE_STEP).ceil().clamp(1.0, TAU / ANGLE_STEP);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a few hundred")]
+    let whole = steps as usize;
+    (0..=whole).map(|i| Local { value: low + (high - low) * count(i) / steps, rate: 0.0 }).collect()
+}
+
+/// Near the local minima among simulations from a grid of starts.
+fn grid_seeds(fitting: &Fitting, site: &Site, begin: Begin, (starts, width): (&[Local], Width)) -> Vec<Candidate> {
+    let model = fitting.known.model(site.edge);
+    let places = places(fitting.known, site);
+    let mut rows: Vec<Vec<(f64, Option<Candidate>)>> = Vec::new();
+    for start in starts {
+        let tried = places.iter().map(|&s| {
+            let unknowns = tries(fitting, &model, begin, (start, s), width);
+            let costs = unknowns.into_iter().filter_map(|unknowns| {
+                let candidate = Candidate { site: *site, begin, unknowns, past: None };
+                Some((fitting.cost(&candidate)?, Some(candidate)))
+            });
+            costs.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, None))
+        });
+        rows.push(tried.collect());
+    }
+    let mut found: Vec<_> = grid_minima(&rows);
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    found.truncate(FROM_GRID_MAX);
+    found.into_iter().filter_map(|(_, candidate)| candidate).collect()
+}
+
+/// Starts to try at one angle and place.
+fn tries(fitting: &Fitting, model: &PushModel, begin: Begin, (start, s): (&Local, f64), width: Width) -> Vec<Unknowns> {
+    let known = fitting.known;
+    let felt = State { u: start.value, s, omega: start.rate, v_t: 0.0 };
+    let settled = settled(model, known.touch, slip_of(known, begin), 0.0, &felt).map(|now| now.state);
+    let settles = settles(known, &fitting.data);
+    let from = settled.filter(|_| settles).unwrap_or(felt);
+    let angle_known = angles(known, &fitting.data, begin).is_some();
+    let toward_felt = |share: &f64| from.omega + share * (felt.omega - from.omega);
+    let sigma = fitting.prior.omega0_sigma.unwrap_or(OMEGA_USUAL);
+    let omegas: Vec<f64> = match (width, angle_known) {
+        (Width::Narrow, true) => vec![from.omega],
+        (Width::Wide, true) => OMEGA_SHARES.iter().map(toward_felt).collect(),
+        (Width::Narrow, false) if settles => vec![from.omega],
+        (Width::Narrow, false) => vec![from.omega, 0.0, -from.omega],
+        (Width::Wide, false) => OMEGA_SIGMAS.iter().map(|share| share * sigma).chain([from.omega]).collect(),
+    };
+    let mut tried = Vec::new();
+    for omega in omegas {
+        let mut along = along_contact(known, model, begin, &State { omega, ..from });
+        if width == Width::Wide || !settles {
+            let speed = Vector2::from(known.finger.velocity0).norm();
+            match begin {
+                Begin::Free => along.extend(ALONG.map(|share| share * speed)),
+                Begin::Slips(_) => along.extend(ALONG.map(|share| share.abs() * speed)),
+                Begin::NoSlip | Begin::Rest(_) => {}
+            }
+        }
+        tried.extend(along.into_iter().map(|along| [from.u, s, omega, along, 0.0]));
+    }
+    tried
+}
+
+/// Entries that are no larger than their neighbours in their row and in those beside it.
+fn grid_minima(rows: &[Vec<(f64, Option<Candidate>)>]) -> Vec<(f64, Option<Candidate>)> {
+    let mut found = Vec::new();
+    for (i, row) in rows.iter().enumerate() {
+        for (j, entry) in row.iter().enumerate() {
+            let beside = rows[i.saturating_sub(1)..(i + 2).min(rows.len())].iter();
+            let around = beside.flat_map(|row| &row[j.saturating_sub(1)..(j + 2).min(row.len())]);
+            if entry.0.is_finite() && around.into_iter().all(|other| entry.0 <= other.0) {
+                found.push(*entry);
+            }
+        }
+    }
+    found
+}

@@ -1,0 +1,552 @@
+//! From seeds to the set of hypotheses that the data cannot exclude.
+//!
+//! All candidates go down side by side, a step each in turn; those whose cost will stay far above the best are given up, those
+//! that meet are one. What remains is fitted to the data as they are and judged: by the laws of contact, by the gate above the best
+//! cost, and the best by chi-square.
+//!
+//! Units: costs of no dimension. Errors: none.
+
+use std::cell::Cell;
+use std::f64::consts::TAU;
+
+use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix4, Matrix5, Vector2, Vector5};
+
+use super::clock::{Fineness, count};
+use super::data::Data;
+use super::fit::{Candidate, Descent, Fitting, STEP_MAX};
+use super::launch::{Begin, GRIP, UNKNOWNS};
+use super::observation::{Estimate, Fit, Hypothesis, Known, Observation, Prior, pose};
+use super::path::Site;
+use super::seed::{Width, angles, seeds, settling};
+use super::sites::sites;
+use super::which_part::{log_evidence_of, mixed, ranked};
+use crate::math::statistics::chi_square_quantile;
+
+/// Costs up to this above the best belong to the set. Fixed by the interface.
+pub(super) const GATE: f64 = 16.0;
+
+/// Minima on one edge whose ends are nearer than this are one, m. Fixed by the interface.
+pub(super) const SAME_END_M: f64 = 5e-4;
+
+/// Probability with which data of the model pass the test of fit. Fixed by the interface.
+const FIT_PROBABILITY: f64 = 0.999;
+
+/// Standard deviation to begin with at least, rad: with less, far starts have costs beyond all comparison, and steps would have to be
+/// fine before it is known where they matter.
+const SIGMA_FIRST: f64 = 1e-3;
+
+/// Standard deviation of forces to begin with, in their own: their valleys in angle and place are long and narrow.
+const SETTLED_SIGMAS: f64 = 10.0;
+
+/// From there to the data's own standard deviation by steps of this: where little is known, minima lie in valleys that grow
+/// narrow as it falls, and are followed rather than looked for.
+const SIGMA_RATIO: f64 = 10.0;
+
+/// Where in such a valley to look, in standard deviations from its lowest place.
+const VALLEY_PLACES: [f64; 5] = [0.0, -2.0, -1.0, 1.0, 2.0];
+
+/// The same where a minimum explains the data poorly.
+const FAR_PLACES: [f64; 6] = [-16.0, -8.0, -4.0, 4.0, 8.0, 16.0];
+
+/// Data of the model have a cost below that of a poor fit with this probability.
+const POOR_PROBABILITY: f64 = 0.95;
+
+/// Step over the time in which friction forgets speed, for a standard deviation of [`SIGMA_OF_SHARE`]; finer as its fourth root,
+/// like the error of the steps.
+const SHARE: f64 = 0.9;
+/// rad; see [`SHARE`].
+const SIGMA_OF_SHARE: f64 = 2e-3;
+/// Steps that keep the slowest parts stable.
+const SHARE_MAX: f64 = 1.0;
+
+/// Standard deviation of what the last, finer steps leave, over that of a value: they are chosen by it.
+const STEP_ERROR: f64 = 1e-3;
+
+/// Error of angles after a start from rest, in standard deviations.
+pub(super) const REST_ERROR: f64 = 0.05;
+
+/// Steps are halved at most so often, as long as costs change by more than [`ROUGH`].
+const FINER_MAX: i32 = 6;
+/// See [`FINER_MAX`].
+const ROUGH: f64 = 0.3;
+
+/// Rounds of descent: a step each.
+const ROUNDS_MAX: usize = 60;
+
+/// A descent whose next step promises less is over.
+const PROMISE_NONE: f64 = 1e-3;
+
+/// A descent is given up when its cost less this many times its promise is beyond the gate by [`SLACK`].
+const PROMISES: f64 = 3.0;
+/// See [`PROMISES`].
+const SLACK: f64 = 24.0;
+/// Rounds in which places along a valley have to come to its lowest, or to another: more than any that is not in a valley takes.
+const PATIENCE: usize = 12;
+
+/// Rounds before any descent is given up.
+const ROUNDS_MIN: usize = 2;
+
+/// Descents on one site that are as near as this (angle in rad, place in m) and go on alike are one.
+const MET: [f64; UNKNOWNS] = [2e-3, 2e-4, 0.1, 2e-3, 0.02];
+
+/// Where nothing explains them, one of so many contact angles may be left out: with fewer, anything is explained without some of them;
+/// with more, wrong ones stand out among their neighbours.
+const SPARSE: (usize, usize) = (9, 30);
+
+/// It must cost so much more to explain it with the others: ten standard deviations, squared.
+const GROSS: f64 = 100.0;
+
+/// A wall may give way by so much, in its own measure: 50 µm of an edge.
+const OVERRUN_MAX: f64 = 5.0;
+
+/// Times that walls are made ten times as stiff for a minimum that leans on one.
+const STIFFER_MAX: i32 = 4;
+
+/// A place is unknown if its standard deviation is more than this many lengths of its stretch of the edge: along it, the cost
+/// then changes by less than a hundredth.
+const UNKNOWN_PLACE: f64 = 10.0;
+
+/// Curvature that makes a matrix invertible, relative to the inverse squares of natural sizes.
+const CURVATURE_NONE: f64 = 1e-9;
+
+/// Every pose and motion that explains an observation.
+///
+/// Where nothing does, values that no smooth motion passes through are left out, as long as they are few; among few values, where none
+/// stands out, that one without which the others are explained. The estimate names them.
+#[must_use]
+pub fn estimate(known: &Known, observation: &Observation) -> Estimate {
+    let simulations = Cell::new(0);
+    let task = Task::new(known, observation, &simulations);
+    let outliers = || task.data.outliers();
+    // A part that has not yet forgotten its start turns less smoothly than an outlier's neighbours should.
+    let is_early = |value: usize| count(value) * observation.dt < settling(known, &task.data).unwrap_or(0.0);
+    let without = |outliers: Vec<usize>| {
+        let task = Task { data: task.data.without(&outliers), ..task.clone() };
+        let found = || task.explained(Width::Narrow).or_else(|| task.explained(Width::Wide));
+        if outliers.is_empty() { None } else { found().map(|found| Estimate { outliers, ..found }) }
+    };
+    let found = task
+        .explained(Width::Narrow)
+        .or_else(|| without(outliers()?.into_iter().filter(|&value| !is_early(value)).collect()))
+        .unwrap_or_else(|| {
+            let wide = task.conclude(task.minima(Width::Wide));
+            // Those that are not early were left out before.
+            let early = || outliers().filter(|outliers| outliers.iter().any(|&value| is_early(value)));
+            let fewer = || task.without_one().or_else(|| without(early()?));
+            if wide.hypotheses.is_empty() { fewer().unwrap_or(wide) } else { wide }
+        });
+    Estimate { simulations: simulations.get(), ..found }
+}
+
+/// Steps fine enough for a standard deviation (rad), or finer by a factor.
+pub(super) fn fineness(sigma: f64, factor: f64) -> Fineness {
+    let share = factor * (SHARE * (sigma / SIGMA_OF_SHARE).powf(0.25)).min(SHARE_MAX);
+    Fineness { share, on_values: false }
+}
+
+/// What all steps of an estimate need.
+#[derive(Clone)]
+struct Task<'a, 'p> {
+    known: &'a Known<'p>,
+    observation: &'a Observation,
+    data: Data,
+    sites: Vec<Site>,
+    begins: Vec<Begin>,
+    simulations: &'a Cell<usize>,
+}
+
+impl<'a, 'p> Task<'a, 'p> {
+    fn new(known: &'a Known<'p>, observation: &'a Observation, simulations: &'a Cell<usize>) -> Self {
+        let sites = sites(known.part, known.finger.radius);
+        Self { known, observation, data: Data::new(observation), sites, begins: Begin::all(known), simulations }
+    }
+
+    /// An estimate that explains the data; none where a search of this width finds nothing that does.
+    fn explained(&self, width: Width) -> Option<Estimate> {
+        let mut minima = self.minima(width);
+        self.look_farther(&mut minima);
+        let cost_max = chi_square_quantile(FIT_PROBABILITY, self.data.terms());
+        // What does not fit coarse data does not fit exact ones; what does, may not.
+        let fits = minima.iter().any(|descent| descent.evaluation.cost <= cost_max);
+        fits.then(|| self.conclude(minima)).filter(|found| !found.hypotheses.is_empty())
+    }
+
+    /// What explains all values but one, if they are few contact angles: each is left out in turn. The estimate holds what is left
+    /// possible by whichever it was, and names the likeliest.
+    fn without_one(&self) -> Option<Estimate> {
+        if self.data.angle.is_none() || !(SPARSE.0..=SPARSE.1).contains(&self.data.terms()) {
+            return None;
+        }
+        let with_all = least_cost(&self.minima(Width::Narrow));
+        let explained = (0..self.data.values).filter_map(|value| {
+            let task = Task { data: self.data.without(&[value]), ..self.clone() };
+            let found = Estimate { outliers: vec![value], ..task.explained(Width::Narrow)? };
+            // A wrong part is off by a little everywhere, a wrong value by much in one place.
+            found.fit.cost.filter(|cost| with_all > cost + GROSS)?;
+            let evidence = log_evidence_of(self.known.part, &found);
+            Some((found, evidence))
+        });
+        mixed(ranked(explained))
+    }
+
+    /// Adds what lies farther along the valleys of minima that explain the data, but poorly: the better one beside it may have been
+    /// missed.
+    fn look_farther(&self, minima: &mut Vec<Descent>) {
+        let best = least_cost(minima);
+        let [poor, wrong] =
+            [POOR_PROBABILITY, FIT_PROBABILITY].map(|share| chi_square_quantile(share, self.data.terms()));
+        if best > poor && best <= wrong {
+            let fitting = self.coarse();
+            minima.extend(descend_together(&fitting, &along_valleys(&fitting, minima, &FAR_PLACES)));
+            merge_met(minima);
+        }
+    }
+
+    /// The minima of the cost at the standard deviation to begin with.
+    fn minima(&self, width: Width) -> Vec<Descent> {
+        let fitting = self.coarse();
+        let Some(settled) = self.settled(&fitting).filter(|_| width == Width::Narrow) else {
+            let candidates = seeds(&fitting, &self.sites, &self.begins, width);
+            return descend_together(&fitting, &candidates);
+        };
+        let candidates = seeds(&settled, &self.sites, &self.begins, width);
+        let minima = descend_together(&settled, &candidates);
+        descend_together(&fitting, &along_valleys(&settled, &minima, &VALLEY_PLACES))
+    }
+
+    /// Without the values before the part has settled, where the angle is not felt: those tell the first rates, but lead astray
+    /// as long as the place is not known.
+    fn settled(&self, fitting: &Fitting<'a, 'p>) -> Option<Fitting<'_, 'p>> {
+        let is_felt = |begin: &Begin| angles(self.known, &self.data, *begin).is_some();
+        let time = settling(self.known, &self.data).filter(|_| !self.begins.iter().all(is_felt))?;
+        let coarse = self.fitting(SETTLED_SIGMAS * fitting.data.sigma_min(), 1.0);
+        Some(Fitting { data: coarse.data.without_first(time), ..coarse })
+    }
+
+    /// With the standard deviation to begin with.
+    fn coarse(&self) -> Fitting<'_, 'p> {
+        self.fitting(self.data.sigma_min().max(SIGMA_FIRST), 1.0)
+    }
+
+    /// With angles of at least a standard deviation and steps fine enough for it, or finer by a factor.
+    fn fitting(&self, sigma: f64, factor: f64) -> Fitting<'_, 'p> {
+        let data = self.data.with_sigma_floor(sigma);
+        let prior = self.observation.prior;
+        Fitting::new((self.known, data, prior), fineness(sigma, factor), REST_ERROR * factor * sigma, self.simulations)
+    }
+
+    /// Drops minima that cannot be listed, because then the best would not explain the data either: they are as costly to refine as
+    /// others, and more so where they lie on walls.
+    fn forget_hopeless(&self, minima: &mut Vec<Descent>) {
+        let most = chi_square_quantile(FIT_PROBABILITY, self.data.terms() + UNKNOWNS) + GATE + SLACK;
+        let is_possible = |descent: &Descent| descent.evaluation.total() <= most;
+        if minima.iter().any(is_possible) {
+            minima.retain(is_possible);
+        }
+    }
+
+    /// Follows minima to the data as they are, and judges them.
+    fn conclude(&self, mut minima: Vec<Descent>) -> Estimate {
+        let (least, mut sigma) = (self.data.sigma_min(), SIGMA_FIRST);
+        let mut fitting = self.fitting(sigma, 1.0);
+        // Rounding apart.
+        while sigma > 1.001 * least {
+            let candidates = along_valleys(&fitting, &minima, &VALLEY_PLACES);
+            sigma = (sigma / SIGMA_RATIO).max(least);
+            fitting = self.fitting(sigma, 1.0);
+            minima = descend_patiently(&fitting, &candidates, PATIENCE);
+        }
+        self.forget_hopeless(&mut minima);
+        let mut power = 1;
+        loop {
+            let finer = self.fitting(least, 0.5_f64.powi(power));
+            let same: Option<Vec<_>> = minima.iter().map(|descent| polished(&finer, descent)).collect();
+            let is_last = same.is_some() || power == FINER_MAX;
+            minima = same.unwrap_or_else(|| again(&finer, &minima));
+            if is_last {
+                return judge_all(&finer, &minima, self.begins.len());
+            }
+            power += 1;
+        }
+    }
+}
+
+/// Infinity where there is none.
+pub(super) fn least_cost(minima: &[Descent]) -> f64 {
+    minima.iter().map(|descent| descent.evaluation.cost).fold(f64::INFINITY, f64::min)
+}
+
+/// A descent of a larger total comes to nothing beside these.
+pub(super) fn total_max<'a>(minima: impl IntoIterator<Item = &'a Descent>) -> f64 {
+    minima.into_iter().map(|descent| descent.evaluation.total()).fold(f64::INFINITY, f64::min) + GATE + SLACK
+}
+
+/// Minima, and places beside each along what the data say least about: with a smaller standard deviation the minimum may be there, or
+/// turn out to be two.
+fn along_valleys(fitting: &Fitting, minima: &[Descent], places: &[f64]) -> Vec<Candidate> {
+    // Finer data cost more, not less.
+    let most = total_max(minima);
+    let possible = minima.iter().filter(|descent| descent.evaluation.total() <= most);
+    let candidates = possible.flat_map(|descent| {
+        let (lowest, valley) = (descent.candidate, valley(fitting, descent).unwrap_or_else(Vector5::zeros));
+        let at = move |share: f64| (Vector5::from(lowest.unknowns) + valley * share).into();
+        places.iter().map(move |&share| Candidate { unknowns: at(share), ..lowest })
+    });
+    candidates.collect()
+}
+
+/// The longest axis of what the data leave open, one standard deviation long; none where they leave everything.
+fn valley(fitting: &Fitting, descent: &Descent) -> Option<Vector5<f64>> {
+    let sizes = Vector5::from(STEP_MAX);
+    let (covariance, _) = fitting.spread(descent)?;
+    let axes = covariance.component_div(&(sizes * sizes.transpose())).symmetric_eigen();
+    let longest = axes.eigenvalues.imax();
+    Some(axes.eigenvectors.column(longest).component_mul(&sizes) * axes.eigenvalues[longest].max(0.0).sqrt())
+}
+
+/// Descents that go on from where others ended.
+fn again(fitting: &Fitting, descents: &[Descent]) -> Vec<Descent> {
+    let candidates: Vec<_> = descents.iter().map(|descent| descent.candidate).collect();
+    descend_together(fitting, &candidates)
+}
+
+/// A step further down with finer steps; none if those see another cost.
+fn polished(finer: &Fitting, descent: &Descent) -> Option<Descent> {
+    let mut polished = finer.descend(descent.candidate)?;
+    let rough = (polished.evaluation.total() - descent.evaluation.total()).abs() > ROUGH;
+    finer.improve(&mut polished);
+    (!rough).then_some(polished)
+}
+
+/// Takes all candidates down, and gives up those that cannot come near the best.
+pub(super) fn descend_together(fitting: &Fitting, candidates: &[Candidate]) -> Vec<Descent> {
+    descend_patiently(fitting, candidates, ROUNDS_MAX)
+}
+
+/// The same; after some rounds those are given up too that lie above a minimum on their own edge: they creep along its valley.
+fn descend_patiently(fitting: &Fitting, candidates: &[Candidate], patience: usize) -> Vec<Descent> {
+    let mut alive: Vec<_> = candidates.iter().filter_map(|candidate| fitting.descend(*candidate)).collect();
+    let mut over: Vec<Descent> = Vec::new();
+    for round in 0..ROUNDS_MAX {
+        let most = total_max(alive.iter().chain(&over));
+        if round >= ROUNDS_MIN {
+            alive.retain(|descent| descent.evaluation.total() - PROMISES * descent.promise <= most);
+        }
+        if round >= patience {
+            alive.retain(|descent| !over.iter().any(|minimum| is_above(descent, minimum)));
+        }
+        if alive.is_empty() {
+            break;
+        }
+        let mut going = Vec::new();
+        for mut descent in alive {
+            let moved = fitting.improve(&mut descent);
+            if !moved || descent.promise < PROMISE_NONE { over.push(descent) } else { going.push(descent) }
+        }
+        alive = going;
+        if round >= ROUNDS_MIN {
+            merge_met(&mut alive);
+        }
+    }
+    over.extend(alive);
+    merge_met(&mut over);
+    over
+}
+
+fn is_above(descent: &Descent, minimum: &Descent) -> bool {
+    let (a, b) = (&descent.candidate, &minimum.candidate);
+    a.site == b.site && a.begin == b.begin && descent.evaluation.total() > minimum.evaluation.total()
+}
+
+/// Keeps the lowest of descents that have met.
+pub(super) fn merge_met(descents: &mut Vec<Descent>) {
+    descents.sort_by(|a, b| a.evaluation.total().total_cmp(&b.evaluation.total()));
+    let mut kept: Vec<Descent> = Vec::new();
+    for descent in descents.drain(..) {
+        if !kept.iter().any(|other| have_met(&descent.candidate, &other.candidate)) {
+            kept.push(descent);
+        }
+    }
+    *descents = kept;
+}
+
+fn have_met(a: &Candidate, b: &Candidate) -> bool {
+    let near = |i: usize| (a.unknowns[i] - b.unknowns[i]).abs() < MET[i];
+    a.site == b.site && a.begin == b.begin && (0..a.begin.unknowns()).chain([GRIP]).all(near)
+}
+
+/// Stiffens the walls until the minimum lies on them; none if it cannot.
+fn onto_walls(fitting: &Fitting, descent: &Descent) -> Option<Descent> {
+    let mut descent = descent.clone();
+    for power in 1..=STIFFER_MAX {
+        if descent.evaluation.overrun <= OVERRUN_MAX {
+            return Some(descent);
+        }
+        let stiffer = Fitting { wall_stiffness: 10_f64.powi(power), ..fitting.clone() };
+        descent = stiffer.descend(descent.candidate)?;
+        for _ in 0..ROUNDS_MAX {
+            if !stiffer.improve(&mut descent) || descent.promise < PROMISE_NONE {
+                break;
+            }
+        }
+    }
+    (descent.evaluation.overrun <= OVERRUN_MAX).then_some(descent)
+}
+
+/// Judges the minima.
+pub(super) fn judge_all(fitting: &Fitting, descents: &[Descent], begins: usize) -> Estimate {
+    let mut possible: Vec<_> = descents.iter().filter_map(|descent| onto_walls(fitting, descent)).collect();
+    possible.sort_by(|a, b| a.evaluation.cost.total_cmp(&b.evaluation.cost));
+    let degrees = |descent: &Descent| {
+        let unknowns = fitting.free(descent).iter().filter(|free| **free).count();
+        (fitting.data.terms() + fitting.prior_terms(&descent.candidate)).saturating_sub(unknowns)
+    };
+    let cost = possible.first().map(|best| best.evaluation.cost);
+    let degrees_of_freedom = possible.first().map_or(fitting.data.terms(), degrees);
+    let fit = Fit { cost, degrees_of_freedom, cost_max: chi_square_quantile(FIT_PROBABILITY, degrees_of_freedom) };
+    let Some(best) = cost.filter(|cost| *cost <= fit.cost_max.max(COST_OF_NO_DATA)) else {
+        return Estimate { hypotheses: Vec::new(), fit, outliers: Vec::new(), simulations: 0 };
+    };
+    possible.retain(|descent| descent.evaluation.cost <= best + GATE);
+    let mut judged: Vec<Judged> = Vec::new();
+    for descent in &possible {
+        let next = judge(fitting, descent, begins);
+        if !judged.iter().any(|other| are_one(other, &next)) {
+            judged.push(next);
+        }
+    }
+    Estimate { hypotheses: by_probability(judged), fit, outliers: Vec::new(), simulations: 0 }
+}
+
+/// A cost that counts as none where there are no more data than unknowns: what steps and walls leave.
+const COST_OF_NO_DATA: f64 = 1e-2;
+
+/// A hypothesis and the logarithm of its evidence.
+struct Judged {
+    hypothesis: Hypothesis,
+    log_evidence: f64,
+    place: (f64, f64),
+}
+
+fn are_one(a: &Judged, b: &Judged) -> bool {
+    let (x, y) = (&a.hypothesis, &b.hypothesis);
+    let continuum = x.covariance.is_none() && y.covariance.is_none() && a.place == b.place;
+    x.edge == y.edge && ((x.end.s - y.end.s).abs() < SAME_END_M || continuum)
+}
+
+fn by_probability(mut judged: Vec<Judged>) -> Vec<Hypothesis> {
+    judged.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+    let most = judged.first().map_or(0.0, |first| first.log_evidence);
+    let weights: Vec<_> = judged.iter().map(|judged| (judged.log_evidence - most).exp()).collect();
+    let sum: f64 = weights.iter().sum();
+    let shares = judged.into_iter().zip(weights);
+    shares.map(|(judged, weight)| Hypothesis { probability: weight / sum, ..judged.hypothesis }).collect()
+}
+
+fn judge(fitting: &Fitting, descent: &Descent, begins: usize) -> Judged {
+    let Descent { candidate, evaluation, .. } = descent;
+    let (site, time) = (candidate.site, fitting.data.duration());
+    let model = fitting.known.model(site.edge);
+    let (state_covariance, grip_log_sd) = state_covariance(fitting, descent).unzip();
+    let hypothesis = Hypothesis {
+        edge: site.index,
+        start: evaluation.start,
+        contact_start: evaluation.contact_start,
+        end: evaluation.end,
+        contact_end: evaluation.contact_end,
+        pose_end: pose(&model, evaluation.start.u, time, &evaluation.end),
+        velocity_end: Vector2::from(model.velocity(&evaluation.contact_end, time, &evaluation.end)),
+        covariance: state_covariance
+            .map(|state| pose_covariance(fitting, descent, &state.fixed_view::<2, 2>(0, 0).into())),
+        state_covariance,
+        grip: fitting.known_by(candidate).grip,
+        grip_log_sd,
+        cost: evaluation.cost,
+        probability: 0.0,
+    };
+    Judged { hypothesis, log_evidence: log_evidence(fitting, descent, begins), place: (site.low, site.high) }
+}
+
+/// The information about the unknowns, the identity for those not free.
+fn information(fitting: &Fitting, descent: &Descent) -> Matrix5<f64> {
+    let (mut information, free) = (descent.evaluation.information, fitting.free(descent));
+    for i in (0..UNKNOWNS).filter(|i| !free[*i]) {
+        information.row_mut(i).fill(0.0);
+        information.column_mut(i).fill(0.0);
+        information[(i, i)] = 1.0;
+    }
+    information
+}
+
+/// Covariance of the state at the end, and the standard deviation of ln(µg); none where the data leave the place free.
+fn state_covariance(fitting: &Fitting, descent: &Descent) -> Option<(Matrix4<f64>, f64)> {
+    let Descent { candidate, evaluation, .. } = descent;
+    let length = candidate.site.high - candidate.site.low;
+    let mut information = information(fitting, descent);
+    let sizes = [1.0, length, 1.0, 0.1, 1.0];
+    for (i, size) in sizes.iter().enumerate() {
+        information[(i, i)] += CURVATURE_NONE / (size * size);
+    }
+    let mut unknowns = information.cholesky()?.inverse();
+    for i in (0..UNKNOWNS).filter(|i| !fitting.free(descent)[*i]) {
+        unknowns[(i, i)] = 0.0;
+    }
+    let mut covariance: Matrix4<f64> = evaluation.end_by_start * unknowns * evaluation.end_by_start.transpose();
+    let unknown = covariance.m22.sqrt() > UNKNOWN_PLACE * length || covariance.m11.sqrt() > UNKNOWN_PLACE;
+    // What steps leave, of the angle and, over the part's size, of the place.
+    let left = STEP_ERROR * fitting.data.sigma_min();
+    let radius = fitting.known.part.inertia_per_mass().sqrt();
+    covariance.m11 += left * left;
+    covariance.m22 += (left * radius).powi(2);
+    let grip_log_sd = unknowns[(GRIP, GRIP)].max(0.0).sqrt();
+    (!unknown && covariance.iter().all(|c| c.is_finite())).then_some((covariance, grip_log_sd))
+}
+
+/// Mean squares of the errors of the pose at the end, from the covariance of the contact's angle and place, to second order.
+///
+/// The part touches the disk, so to first order the pose has two freedoms, and this would be a singular matrix. What the curved
+/// motions add, however little, makes it invertible: of a bend `a` the error xᵀ a x / 2, whose mean is not zero either.
+fn pose_covariance(fitting: &Fitting, descent: &Descent, contact: &Matrix2<f64>) -> Matrix3<f64> {
+    let Descent { candidate, evaluation, .. } = descent;
+    let time = fitting.data.duration();
+    let model = fitting.known.model(candidate.site.edge);
+    let (sin, cos) = evaluation.end.u.sin_cos();
+    let [x, y, _] = pose(&model, evaluation.start.u, time, &evaluation.end);
+    let arm = Vector2::new(x, y) - fitting.known.finger.centre(time).coords;
+    // The part turns about the disk's centre with the angle, and moves along the tangent with the place.
+    let slopes = Matrix3x2::new(-arm.y, -sin, arm.x, cos, 1.0, 0.0);
+    let bends = [Matrix2::new(-arm.x, -cos, -cos, 0.0), Matrix2::new(-arm.y, -sin, -sin, 0.0)];
+    let mut covariance = slopes * contact * slopes.transpose();
+    for (i, a) in bends.iter().enumerate() {
+        for (j, b) in bends.iter().enumerate() {
+            let (a, b) = (a * contact, b * contact);
+            covariance[(i, j)] += 0.5 * (a * b).trace() + 0.25 * a.trace() * b.trace();
+        }
+    }
+    covariance
+}
+
+/// Laplace's approximation of the probability of the data, up to a factor that all hypotheses share.
+fn log_evidence(fitting: &Fitting, descent: &Descent, begins: usize) -> f64 {
+    let Descent { candidate, evaluation, .. } = descent;
+    let mut information = descent.evaluation.information;
+    let bounds = fitting.bounds(candidate);
+    let Prior { omega0_sigma, v_t0_sigma, grip_log_sigma } = fitting.prior;
+    let sigmas = [None, None, omega0_sigma, v_t0_sigma, grip_log_sigma];
+    let mut log_prior = -super::clock::count(begins).ln();
+    for i in 0..UNKNOWNS {
+        let width = bounds[i][1] - bounds[i][0];
+        match sigmas[i] {
+            _ if !fitting.has(candidate.begin, i) => information[(i, i)] = TAU, // Cancels below.
+            Some(sigma) => log_prior -= (sigma * TAU.sqrt()).ln(),
+            None if width.is_finite() && width > 0.0 => {
+                // Flat over its range: no wider than that, however little the data say. The perimeter is shared by all.
+                information[(i, i)] += 12.0 / (width * width);
+                log_prior -= if i == 1 { 0.0 } else { width.ln() };
+            }
+            None => {}
+        }
+    }
+    let spread = (information / TAU).determinant();
+    -0.5 * evaluation.cost + log_prior - 0.5 * spread.ln()
+}

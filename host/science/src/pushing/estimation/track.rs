@@ -1,0 +1,397 @@
+//! The estimate while the push goes on: one value in, everything that is still possible out.
+//!
+//! Each hypothesis starts where the value before left it and takes one Gauss–Newton step, so a value costs a few simulations, not a
+//! search. While the window grows, one site of the outline after the other is searched anew, so that nothing is lost that
+//! more values bring out. When the window is full, its older part is dropped and what it said about each hypothesis is kept as a
+//! Gaussian about the state at the window's new start (a moving horizon with an arrival cost).
+//!
+//! A value that no hypothesis can follow, though they explained all before it, is held back: a spark, not a motion. If the next ones cannot
+//! be followed either, the motion itself is another than was thought, and all of them count. Values held back are named
+//! ([`Estimate::outliers`]).
+//!
+//! Assumes: values come each `dt` from contact onset on; one that got lost is given as none. Frames: world. Units: SI.
+//! Errors: none. Until there are values enough, or where nothing explains them, there are no hypotheses.
+
+use std::cell::Cell;
+
+use nalgebra::{DMatrix, Matrix5, Vector2, Vector5};
+
+use super::data::Data;
+use super::fit::{Candidate, Descent, Fitting, Past};
+use super::launch::{Begin, GRIP, UNKNOWNS};
+use super::observation::{Channel, Estimate, Fit, Known, Measured, Observation, Prior};
+use super::path::Site;
+use super::seed::{Width, seeds};
+use super::select::{REST_ERROR, descend_together, fineness, judge_all, least_cost, merge_met, total_max};
+use super::sites::sites;
+use crate::pushing::dynamics::{Contact, Finger};
+
+/// Values before the first estimate.
+const VALUES_FIRST: usize = 15;
+
+/// Values between one search of a site and the next.
+const SEARCH_EACH: usize = 4;
+
+/// Part of the window that is dropped when it is full: one in so many.
+const DROPPED_SHARE: usize = 4;
+
+/// A value is held back if it adds more than this to the cost of every hypothesis, though they take a step towards it: six standard
+/// deviations, squared. Noise does that once in 10⁸ values.
+const WILD: f64 = 36.0;
+
+/// So many values in a row that cannot be followed are no sparks: the motion is another.
+const WILD_IN_A_ROW: usize = 4;
+
+/// What the model may be off by while a part of the window passes: rad, m, rad/s, m/s, of µg. It keeps the memory of the past finite.
+const DRIFT: [f64; UNKNOWNS] = [1e-4, 1e-5, 1e-3, 1e-4, 1e-2];
+
+/// How to follow a push.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrackerSettings {
+    /// Time between values, s.
+    pub dt: f64,
+    /// Standard deviation of one, rad, above 0.
+    pub sigma: f64,
+    /// The start.
+    pub prior: Prior,
+    /// Most values in the window; at least twice [`Tracker::VALUES_FIRST`].
+    pub window: usize,
+}
+
+/// Follows a push from contact onset on.
+///
+/// ```
+/// use nalgebra::Point2;
+/// use palpate::geometry::SimplePolygon;
+/// use palpate::pushing::estimation::{Known, Prior, Touch, Tracker, TrackerSettings};
+/// use palpate::pushing::dynamics::{Contact, Finger, Part, PushModel, State};
+///
+/// let wedge = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.02, 0.025], [-0.03, 0.01]].map(Point2::from))?;
+/// let part = Part::uniform(wedge);
+/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+/// let known = Known { part: &part, grip: 0.3 * 9.81, finger, touch: Touch::Rolling { friction: None } };
+/// let settings = TrackerSettings { dt: 0.01, sigma: 2e-3, prior: Prior::default(), window: 80 };
+/// let mut tracker = Tracker::new(known, settings);
+///
+/// let model = PushModel { part: &part, edge: part.edge(0)?, grip: 0.3 * 9.81, finger };
+/// let start = State { u: 1.6, s: 0.012, omega: 0.1, v_t: 0.0 };
+/// let felt = std::iter::once(start).chain(model.rollout(&Contact::Rolling, &start, 0.01)).take(50);
+/// let mut end = start;
+/// for state in felt {
+///     tracker.push_sample(Some(state.u));
+///     end = state;
+/// }
+/// let found = tracker.estimate().hypotheses.iter().find(|found| found.edge == 0).unwrap();
+/// assert!((found.end.s - end.s).abs() < 1e-3); // m
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Tracker<'p> {
+    /// With the finger as it is at the start of the window.
+    known: Known<'p>,
+    settings: TrackerSettings,
+    sites: Vec<Site>,
+    begins: Vec<Begin>,
+    window: Vec<f64>,
+    /// Whether older values were dropped.
+    full: bool,
+    /// Values so far.
+    count: usize,
+    next_site: usize,
+    live: Vec<Candidate>,
+    /// The least cost among them.
+    cost: f64,
+    /// Values held back, in their order: number, from the first of the push on, and what it was, rad.
+    held_back: Vec<(usize, f64)>,
+    estimate: Estimate,
+}
+
+impl<'p> Tracker<'p> {
+    /// Values before the first estimate.
+    pub const VALUES_FIRST: usize = VALUES_FIRST;
+
+    /// Starts at contact onset; `known` has the finger's motion from there on.
+    #[must_use]
+    pub fn new(known: Known<'p>, settings: TrackerSettings) -> Self {
+        let settings = TrackerSettings { window: settings.window.max(2 * VALUES_FIRST), ..settings };
+        let fit = Fit { cost: None, degrees_of_freedom: 0, cost_max: 0.0 };
+        Self {
+            sites: sites(known.part, known.finger.radius),
+            begins: Begin::all(&known),
+            known,
+            settings,
+            window: Vec::new(),
+            full: false,
+            count: 0,
+            next_site: 0,
+            live: Vec::new(),
+            cost: f64::INFINITY,
+            held_back: Vec::new(),
+            estimate: Estimate { hypotheses: Vec::new(), fit, outliers: Vec::new(), simulations: 0 },
+        }
+    }
+
+    /// The estimate at the last value's time.
+    #[must_use]
+    pub fn estimate(&self) -> &Estimate {
+        &self.estimate
+    }
+
+    /// The finger's motion with t = 0 moved to the last value's time: what a planner or another estimate goes on from.
+    #[must_use]
+    pub fn finger_now(&self) -> Finger {
+        moved(&self.known.finger, self.time_of(self.window.len().saturating_sub(1)))
+    }
+
+    /// Takes the next contact angle, rad; none for one that got lost. Whole turns do not count.
+    pub fn push_sample(&mut self, angle: Option<f64>) -> &Estimate {
+        self.window.push(angle.unwrap_or(f64::NAN));
+        self.count += 1;
+        if self.window.len() >= VALUES_FIRST {
+            self.update();
+        }
+        if self.window.len() >= self.settings.window {
+            self.drop_oldest(self.settings.window / DROPPED_SHARE);
+        }
+        &self.estimate
+    }
+
+    fn time_of(&self, value: usize) -> f64 {
+        super::clock::count(value) * self.settings.dt
+    }
+
+    fn update(&mut self) {
+        let (simulations, known) = (Cell::new(0), self.known);
+        let mut fitting = self.fitting(&known, self.window.clone(), &simulations);
+        let mut minima = self.followed(&fitting);
+        if self.is_wild(&minima) {
+            self.hold_back_last();
+            fitting = self.fitting(&known, self.window.clone(), &simulations);
+            minima = self.followed(&fitting);
+        }
+        minima.extend(self.searched(&fitting));
+        self.conclude(&fitting, minima);
+        if self.estimate.hypotheses.is_empty() && self.is_search_due() {
+            self.search_without_wild();
+        }
+    }
+
+    /// The hypotheses so far, a step nearer to the values.
+    fn followed(&self, fitting: &Fitting) -> Vec<Descent> {
+        let mut minima: Vec<_> = self.live.iter().filter_map(|candidate| fitting.descend(*candidate)).collect();
+        for descent in &mut minima {
+            fitting.improve(descent);
+        }
+        minima
+    }
+
+    fn conclude(&mut self, fitting: &Fitting, mut minima: Vec<Descent>) {
+        keep_near_best(&mut minima);
+        self.cost = least_cost(&minima);
+        let judged = judge_all(fitting, &minima, self.begins.len());
+        let outliers = self.held_back.iter().map(|(number, _)| *number).collect();
+        self.estimate = Estimate { simulations: fitting.simulations.get(), outliers, ..judged };
+        self.live = minima.iter().map(|descent| descent.candidate).collect();
+    }
+
+    /// Whether hypotheses that explained all values before the last cannot follow that one.
+    fn is_wild(&self, followed: &[Descent]) -> bool {
+        !self.estimate.hypotheses.is_empty() && least_cost(followed) > self.cost + WILD
+    }
+
+    /// Number, from the first of the push on, of the first value in the window.
+    fn first_number(&self) -> usize {
+        self.count - self.window.len()
+    }
+
+    /// Holds the last value back; if those before it were too, they all count.
+    fn hold_back_last(&mut self) {
+        let last = self.count - 1;
+        let before = self.held_back.len().saturating_sub(WILD_IN_A_ROW - 1);
+        let row = &self.held_back[before..];
+        if row.len() + 1 < WILD_IN_A_ROW || row[0].0 + row.len() != last {
+            return self.hold_back(self.window.len() - 1);
+        }
+        for (number, value) in self.held_back.split_off(before) {
+            if let Some(place) = number.checked_sub(self.first_number()) {
+                self.window[place] = value;
+            }
+        }
+    }
+
+    fn hold_back(&mut self, place: usize) {
+        let value = std::mem::replace(&mut self.window[place], f64::NAN);
+        self.held_back.push((self.first_number() + place, value));
+    }
+
+    /// Searches everywhere without the values that no smooth motion passes through, and keeps to that if it explains the others.
+    fn search_without_wild(&mut self) {
+        let (simulations, known, mut tried) = (Cell::new(self.estimate.simulations), self.known, self.clone());
+        let fitting = self.fitting(&known, self.window.clone(), &simulations);
+        let Some(wild) = fitting.data.outliers().filter(|wild| !wild.is_empty()) else { return };
+        wild.into_iter().for_each(|place| tried.hold_back(place));
+        tried.held_back.sort_by_key(|(number, _)| *number);
+        let fitting = tried.fitting(&known, tried.window.clone(), &simulations);
+        let candidates = seeds(&fitting, &tried.sites, &tried.begins, Width::Narrow);
+        tried.conclude(&fitting, descend_together(&fitting, &candidates));
+        if !tried.estimate.hypotheses.is_empty() {
+            *self = tried;
+        }
+    }
+
+    fn fitting<'a>(&self, known: &'a Known<'p>, values: Vec<f64>, simulations: &'a Cell<usize>) -> Fitting<'a, 'p> {
+        let TrackerSettings { dt, sigma, prior, .. } = self.settings;
+        let measured = Measured::ContactAngle(Channel { values, sigma });
+        let data = Data::new(&Observation { dt, measured, prior });
+        Fitting::new((known, data, prior), fineness(sigma, 1.0), REST_ERROR * sigma, simulations)
+    }
+
+    fn is_first(&self) -> bool {
+        self.window.len() == VALUES_FIRST && !self.full
+    }
+
+    fn is_search_due(&self) -> bool {
+        !self.full && (self.is_first() || self.window.len().is_multiple_of(SEARCH_EACH))
+    }
+
+    /// Minima of the sites whose turn it is: all at first, then one now and then until values are dropped.
+    fn searched(&mut self, fitting: &Fitting) -> Vec<Descent> {
+        let candidates = if self.is_first() {
+            seeds(fitting, &self.sites, &self.begins, Width::Narrow)
+        } else if self.is_search_due() && !self.sites.is_empty() {
+            self.next_site = (self.next_site + 1) % self.sites.len();
+            seeds(fitting, &[self.sites[self.next_site]], &self.begins, Width::Narrow)
+        } else {
+            return Vec::new();
+        };
+        descend_together(fitting, &candidates)
+    }
+
+    /// Moves the window's start, and keeps what the values before it said.
+    fn drop_oldest(&mut self, dropped: usize) {
+        let simulations = Cell::new(0);
+        let known = self.known;
+        // The value at the new start stays in the window.
+        let mut values = self.window[..=dropped].to_vec();
+        values[dropped] = f64::NAN;
+        let fitting = self.fitting(&known, values, &simulations);
+        let time = self.time_of(dropped);
+        self.live = self.live.iter().filter_map(|candidate| remembered(&fitting, candidate, time)).collect();
+        self.window.drain(..dropped);
+        self.known.finger = moved(&known.finger, time);
+        self.full = true;
+    }
+}
+
+/// The same motion with another t = 0.
+fn moved(finger: &Finger, time: f64) -> Finger {
+    Finger { centre0: finger.centre(time).into(), velocity0: finger.velocity(time), ..*finger }
+}
+
+/// Drops what is far above the best, and the worse of two that are one.
+fn keep_near_best(minima: &mut Vec<Descent>) {
+    let most = total_max(minima.iter());
+    minima.retain(|descent| descent.evaluation.total() <= most);
+    merge_met(minima);
+}
+
+/// A candidate at the end of some values, with what they say about it there. None where they say it cannot be.
+fn remembered(fitting: &Fitting, candidate: &Candidate, time: f64) -> Option<Candidate> {
+    let descent = fitting.descend(*candidate)?;
+    let evaluation = &descent.evaluation;
+    let (end, edge) = (evaluation.end, candidate.site.edge);
+    // The plane's friction stays what it is.
+    let mut by_start = Matrix5::identity();
+    by_start.fixed_rows_mut::<GRIP>(0).copy_from(&evaluation.end_by_start);
+    let (begin, along) = match evaluation.contact_end {
+        Contact::Frictionless => (Begin::Free, end.v_t),
+        Contact::Rolling => (Begin::NoSlip, 0.0),
+        Contact::Sliding { slip, .. } => {
+            // v_FT + hω − v_T in the direction of the slip; T turns with the contact.
+            let model = fitting.known.model(edge);
+            let finger_v_n = -Vector2::from(model.finger.velocity(time)).dot(&Vector2::new(end.u.cos(), end.u.sin()));
+            let row = by_start.row(0) * finger_v_n + by_start.row(2) * edge.height - by_start.row(3);
+            by_start.set_row(3, &(row * slip.sign()));
+            (Begin::Slips(slip), (model.slip(time, &end) * slip.sign()).max(0.0))
+        }
+    };
+    let (covariance, step) = fitting.spread(&descent)?;
+    let drift = Matrix5::from_diagonal(&Vector5::from(DRIFT).map(|drift| drift * drift));
+    let spread = by_start * covariance * by_start.transpose() + drift;
+    let unknowns = [end.u, end.s, end.omega, along, candidate.unknowns[GRIP]];
+    let past = Past {
+        best: Vector5::from(unknowns) + by_start * step,
+        information: inverse_of(&spread, |unknown| fitting.has(begin, unknown))?,
+        cost: evaluation.cost - step.dot(&(evaluation.information * step)),
+        terms: fitting.data.terms() + fitting.prior_terms(candidate),
+    };
+    Some(Candidate { site: candidate.site, begin, unknowns, past: Some(past) })
+}
+
+/// The inverse of the rows and columns of some unknowns, zeros elsewhere.
+fn inverse_of(matrix: &Matrix5<f64>, is_there: impl Fn(usize) -> bool) -> Option<Matrix5<f64>> {
+    let there: Vec<_> = (0..UNKNOWNS).filter(|unknown| is_there(*unknown)).collect();
+    let block = DMatrix::from_fn(there.len(), there.len(), |i, j| matrix[(there[i], there[j])]);
+    let inverse = block.cholesky()?.inverse();
+    let mut widened = Matrix5::zeros();
+    for (i, row) in there.iter().enumerate() {
+        for (j, column) in there.iter().enumerate() {
+            widened[(*row, *column)] = inverse[(i, j)];
+        }
+    }
+    Some(widened)
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Point2;
+
+    use super::*;
+    use crate::geometry::SimplePolygon;
+    use crate::pushing::dynamics::{Part, PushModel, State};
+    use crate::pushing::estimation::Touch;
+
+    /// rad: 0.112°.
+    const SIGMA: f64 = 1.95e-3;
+
+    /// Four of the estimate's own standard deviations.
+    const DEVIATIONS: f64 = 4.0;
+
+    /// Follows a push of `values` values with an alternating error of one standard deviation.
+    fn follow(touch: Touch, contact: Contact, values: usize) {
+        let outline = [[-0.031, -0.022], [0.03, -0.018], [0.022, 0.027], [-0.028, 0.012]].map(Point2::from);
+        let part = Part::uniform(SimplePolygon::new(outline).unwrap());
+        let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+        let known = Known { part: &part, grip: 0.3 * 9.81, finger, touch };
+        let prior = Prior { omega0_sigma: Some(1.0), v_t0_sigma: Some(0.004), grip_log_sigma: None };
+        let mut tracker = Tracker::new(known, TrackerSettings { dt: 0.01, sigma: SIGMA, prior, window: 60 });
+        let model = PushModel { part: &part, edge: part.edge(0).unwrap(), grip: 0.3 * 9.81, finger };
+        let start = State { u: 1.6, s: 0.006, omega: 0.2, v_t: 0.0 };
+        let path = std::iter::once(start).chain(model.rollout(&contact, &start, 0.002)).step_by(5).take(values);
+        for (i, truth) in path.enumerate() {
+            let error = if i.is_multiple_of(2) { SIGMA } else { -SIGMA };
+            let lost = i % 17 == 16;
+            tracker.push_sample((!lost).then_some(truth.u + error));
+            if i + 1 < 2 * VALUES_FIRST {
+                continue;
+            }
+            let off = |found: &&crate::pushing::estimation::Hypothesis| {
+                let deviation = found.state_covariance.map_or(f64::INFINITY, |covariance| covariance.m22.sqrt());
+                (found.end.s - truth.s).abs() / deviation
+            };
+            let found = tracker.estimate().hypotheses.iter().filter(|found| found.edge == 0);
+            let nearest = found.map(|found| off(&found)).fold(f64::INFINITY, f64::min);
+            assert!(nearest < DEVIATIONS, "value {i}: {nearest} deviations off: {:?}", tracker.estimate());
+        }
+    }
+
+    #[test]
+    fn a_rolling_part_stays_in_the_set_beyond_the_window() {
+        follow(Touch::Rolling { friction: None }, Contact::Rolling, 110);
+    }
+
+    #[test]
+    fn a_part_without_contact_friction_stays_in_the_set_beyond_the_window() {
+        follow(Touch::Frictionless, Contact::Frictionless, 110);
+    }
+}

@@ -1,0 +1,193 @@
+//! How a finger moves that begins at rest: stretches of constant acceleration.
+//!
+//! A motion is given at once, or piece by piece by whoever moves the finger.
+//!
+//! Frames: finger axes, which the disk keeps because it does not turn; the origin is wherever `start` counts from.
+//! Units: SI. Errors: [`MotionError`] names the segment, the value, the limit and what to do.
+
+use nalgebra::{Point2, Vector2};
+use serde::Deserialize;
+
+use crate::pushing::dynamics::Finger;
+
+/// Most segments: an hour of a robot's commands at 100 Hz.
+pub const SEGMENTS_MAX: usize = 360_000;
+
+/// A motion from rest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FingerMotion {
+    start: Point2<f64>,
+    segments: Vec<Segment>,
+}
+
+/// A stretch of constant acceleration.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Segment {
+    /// How long it lasts, s.
+    pub seconds: f64,
+    /// Along the finger's axes, m/s².
+    pub acceleration: [f64; 2],
+}
+
+/// A stretch of the motion with what went before it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Leg {
+    /// When it begins, s.
+    pub from: f64,
+    /// When it ends, s.
+    pub to: f64,
+    /// The finger, in time since `from`.
+    pub finger: Finger,
+}
+
+/// Why a motion is none.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MotionError {
+    /// Nothing to do.
+    #[error("the motion has no segments: give at least one [[segment]] with `seconds` and `acceleration`")]
+    Empty,
+    /// Too many.
+    #[error("the motion has {count} segments: at most {SEGMENTS_MAX} are possible")]
+    TooMany {
+        /// How many.
+        count: usize,
+    },
+    /// A length of time that cannot be.
+    #[error("segment {index}: seconds = {seconds:?}, but a time is finite and above 0")]
+    Seconds {
+        /// Which, from 0.
+        index: usize,
+        /// As given.
+        seconds: f64,
+    },
+    /// An acceleration that is no number.
+    #[error("segment {index}: acceleration = {acceleration:?} must be finite")]
+    Acceleration {
+        /// Which, from 0.
+        index: usize,
+        /// As given.
+        acceleration: [f64; 2],
+    },
+    /// The finger would stay at rest.
+    #[error(
+        "segment 0 has no acceleration: the motion starts at rest, and its clock starts when the finger begins to push"
+    )]
+    AtRest,
+    /// A start that is no number.
+    #[error("start = {0:?} must be finite")]
+    Start([f64; 2]),
+}
+
+impl FingerMotion {
+    /// A motion that begins at rest at `start`, m.
+    ///
+    /// ```
+    /// use palpate::pushing::finger_motion::{FingerMotion, Segment};
+    ///
+    /// let motion = FingerMotion::new([0.0; 2], &[Segment { seconds: 0.5, acceleration: [0.1, 0.0] }])?;
+    /// assert!((motion.centre(0.5).x - 0.0125).abs() < 1e-12); // a t²/2, m
+    /// # Ok::<(), palpate::pushing::finger_motion::MotionError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`MotionError`] names the first thing found wrong.
+    pub fn new(start: [f64; 2], segments: &[Segment]) -> Result<Self, MotionError> {
+        if !start.iter().all(|value| value.is_finite()) {
+            return Err(MotionError::Start(start));
+        }
+        let mut motion = Self { start: start.into(), segments: Vec::new() };
+        segments.iter().try_for_each(|&segment| motion.append(segment))?;
+        if motion.segments.is_empty() { Err(MotionError::Empty) } else { Ok(motion) }
+    }
+
+    /// Adds a segment at the end.
+    ///
+    /// # Errors
+    /// [`MotionError`] if it cannot be.
+    pub fn append(&mut self, segment: Segment) -> Result<(), MotionError> {
+        let index = self.segments.len();
+        let Segment { seconds, acceleration } = segment;
+        if !(seconds.is_finite() && seconds > 0.0) {
+            return Err(MotionError::Seconds { index, seconds });
+        }
+        if !acceleration.iter().all(|value| value.is_finite()) {
+            return Err(MotionError::Acceleration { index, acceleration });
+        }
+        if index == 0 && acceleration == [0.0, 0.0] {
+            return Err(MotionError::AtRest);
+        }
+        if index >= SEGMENTS_MAX {
+            return Err(MotionError::TooMany { count: index + 1 });
+        }
+        self.segments.push(segment);
+        Ok(())
+    }
+
+    /// How long it lasts, s.
+    #[must_use]
+    pub fn duration(&self) -> f64 {
+        self.segments.iter().map(|segment| segment.seconds).sum()
+    }
+
+    /// The acceleration with which it begins, m/s².
+    #[must_use]
+    pub fn first_acceleration(&self) -> [f64; 2] {
+        self.segments.first().map_or([0.0; 2], |segment| segment.acceleration)
+    }
+
+    /// The segments.
+    #[must_use]
+    pub fn segments(&self) -> &[Segment] {
+        &self.segments
+    }
+
+    /// The motion of a disk of this radius (m), stretch after stretch.
+    pub fn legs(&self, radius: f64) -> impl Iterator<Item = Leg> + '_ {
+        let (mut from, mut centre, mut velocity) = (0.0, self.start, Vector2::zeros());
+        self.segments.iter().map(move |&Segment { seconds, acceleration }| {
+            let finger = Finger { radius, centre0: centre.coords.into(), velocity0: velocity.into(), acceleration };
+            let leg = Leg { from, to: from + seconds, finger };
+            (from, centre, velocity) = (leg.to, finger.centre(seconds), Vector2::from(finger.velocity(seconds)));
+            leg
+        })
+    }
+
+    /// The disk's centre at a time (s), m. Beyond the end the last acceleration goes on.
+    #[must_use]
+    pub fn centre(&self, t: f64) -> Point2<f64> {
+        let mut legs = self.legs(0.0).peekable();
+        while let Some(leg) = legs.next() {
+            if t <= leg.to || legs.peek().is_none() {
+                return leg.finger.centre(t - leg.from);
+            }
+        }
+        self.start
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rounding of a few sums of lengths of a centimetre, m, and of speeds of centimetres a second, m/s.
+    const ROUNDING_M: f64 = 1e-15;
+
+    const TURN: [Segment; 2] =
+        [Segment { seconds: 0.5, acceleration: [0.1, 0.0] }, Segment { seconds: 0.25, acceleration: [0.0, -0.2] }];
+
+    #[test]
+    fn segments_follow_each_other_without_a_jump() {
+        let motion = FingerMotion::new([0.01, 0.02], &TURN).unwrap();
+        let legs: Vec<_> = motion.legs(0.015).collect();
+        let [first, second] = legs[..] else { panic!("{legs:?}") };
+        assert!((first.finger.centre(0.5) - second.finger.centre(0.0)).norm() < ROUNDING_M);
+        let [before, after] = [first.finger.velocity(0.5), second.finger.velocity0].map(Vector2::from);
+        assert!((before - after).norm() < ROUNDING_M, "{before} {after} m/s");
+        // 1 cm + 10 cm/s² · (0.5 s)²/2, then 5 cm/s for a quarter of a second.
+        let wanted = Point2::new(0.01 + 0.0125 + 0.0125, 0.02 - 0.2 * 0.25 * 0.25 / 2.0);
+        assert!((motion.centre(0.75) - wanted).norm() < ROUNDING_M, "{}", motion.centre(0.75));
+        assert!((motion.duration() - 0.75).abs() < ROUNDING_M);
+    }
+}

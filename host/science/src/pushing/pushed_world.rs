@@ -1,0 +1,152 @@
+//! A simulated world in which a finger that begins at rest pushes a part: the truth behind demonstrations and tests.
+//!
+//! The finger touches the part, both at rest; then it moves as a [`FingerMotion`] says, and Coulomb's law decides at every
+//! moment whether the contact rolls or slides. What comes out is the part's motion and the force on the finger's disk.
+//!
+//! Assumes: as [`crate::pushing::dynamics`]; the contact stays on its edge. Frames: finger axes, with the origin of the motion's file;
+//! **force is the force on the finger's disk**. Units: SI.
+//! Errors: [`WorldError`] for a start that cannot be. A push that ends early is an answer.
+
+use nalgebra::{Isometry2, Vector2};
+
+use crate::pushing::dynamics::{
+    ContactLaw, Edge, EdgeEnd, EndReason, ModelError, Part, Push, PushError, PushModel, Run, RunError, Sample, Start,
+};
+use crate::pushing::finger_motion::{FingerMotion, Leg};
+
+/// Time between two states that are kept, s: the time of one conversion. A force that jumps, where sliding stops or the finger's
+/// acceleration changes, comes late or early by no more than the converter would have it.
+pub const STEP_S: f64 = 250e-6;
+
+/// A part, a finger, and how they touch.
+#[derive(Clone, Copy, Debug)]
+pub struct PushedWorld<'p> {
+    /// The part.
+    pub part: &'p Part,
+    /// µ g of the plane, m/s².
+    pub grip: f64,
+    /// The part's mass, kg.
+    pub mass: f64,
+    /// µ_c between finger and part.
+    pub mu_c: f64,
+    /// Of the finger's disk, m.
+    pub radius: f64,
+    /// How the finger moves.
+    pub motion: &'p FingerMotion,
+    /// The edge that it touches.
+    pub edge: usize,
+    /// Contact angle at the start, rad.
+    pub u: f64,
+    /// Contact on the edge at the start, m.
+    pub s: f64,
+}
+
+/// What happened.
+#[derive(Clone, Debug)]
+pub struct Played {
+    /// The part each [`STEP_S`]; where the finger's acceleration changes twice, before and after.
+    pub samples: Vec<Sample>,
+    /// Force on the disk in finger axes at the same times, N.
+    pub forces_finger: Vec<Vector2<f64>>,
+    /// What ended the push: `Time` is the end of the motion.
+    pub end: EndReason,
+}
+
+/// Why a world cannot be played.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum WorldError {
+    /// The part has fewer edges.
+    #[error(transparent)]
+    Edge(#[from] ModelError),
+    /// Impossible from the start.
+    #[error(transparent)]
+    Push(#[from] PushError),
+    /// Could not be followed.
+    #[error(transparent)]
+    Run(#[from] RunError),
+}
+
+impl PushedWorld<'_> {
+    /// Lets the finger move.
+    ///
+    /// # Errors
+    /// [`WorldError`].
+    pub fn play(&self) -> Result<Played, WorldError> {
+        let edge = self.part.edge(self.edge)?;
+        let mut start = Start::Rest { u: self.u, s: self.s };
+        let mut played = Played { samples: Vec::new(), forces_finger: Vec::new(), end: EndReason::Time };
+        for leg in self.motion.legs(self.radius) {
+            let run = self.run(edge, &leg, start)?;
+            start = Start::Moving(run.last.state);
+            played.take(&run, &leg, self.mass);
+            if run.end.reason != EndReason::Time {
+                played.end = run.end.reason;
+                break;
+            }
+        }
+        Ok(played)
+    }
+
+    fn run(&self, edge: Edge, leg: &Leg, start: Start) -> Result<Run, WorldError> {
+        let model = PushModel { part: self.part, edge, grip: self.grip, finger: leg.finger };
+        let law = ContactLaw::Coulomb { friction: self.mu_c };
+        Ok(Push::new(model, law, start, EdgeEnd::Stop)?.run(&times(leg))?)
+    }
+}
+
+/// A leg's start, the common grid's times in it, and its end, since its start.
+fn times(leg: &Leg) -> Vec<f64> {
+    let grid = std::iter::successors(Some((leg.from / STEP_S).floor() + 1.0), |step| Some(step + 1.0));
+    let length = leg.to - leg.from;
+    let within = grid.map(|step| step * STEP_S - leg.from).filter(|t| *t > SAME_TIME_S);
+    [0.0].into_iter().chain(within.take_while(|t| *t < length - SAME_TIME_S)).chain([length]).collect()
+}
+
+/// Times nearer than this are one: rounding of sums of segments, s.
+const SAME_TIME_S: f64 = 1e-9;
+
+impl Played {
+    fn take(&mut self, run: &Run, leg: &Leg, mass: f64) {
+        for sample in &run.samples {
+            let sample = Sample { t: leg.from + sample.t, ..*sample };
+            self.samples.push(sample);
+            self.forces_finger.push(force_finger(&sample, mass));
+        }
+    }
+
+    /// How long the push lasted, s.
+    #[must_use]
+    pub fn duration(&self) -> f64 {
+        self.samples.last().map_or(0.0, |sample| sample.t)
+    }
+
+    /// Pose of the part (part frame to the motion's) at a time, s: that of the nearest state kept.
+    #[must_use]
+    pub fn pose(&self, t: f64) -> Option<Isometry2<f64>> {
+        let near = self.samples.iter().min_by(|a, b| (a.t - t).abs().total_cmp(&(b.t - t).abs()))?;
+        Some(Isometry2::new(near.position.coords, near.theta))
+    }
+
+    /// Force on the disk each [`STEP_S`] from the start to the end, finger axes, N.
+    #[must_use]
+    pub fn forces_evenly(&self) -> Vec<Vector2<f64>> {
+        let at = |step: f64| {
+            let t = step * STEP_S;
+            let after = self.samples.partition_point(|sample| sample.t <= t).min(self.samples.len() - 1);
+            let before = after.saturating_sub(1);
+            let span = self.samples[after].t - self.samples[before].t;
+            let share = if span > 0.0 { ((t - self.samples[before].t) / span).clamp(0.0, 1.0) } else { 0.0 };
+            self.forces_finger[before].lerp(&self.forces_finger[after], share)
+        };
+        let steps = std::iter::successors(Some(0.0), |step| Some(step + 1.0));
+        let duration = self.duration();
+        steps.take_while(|step| step * STEP_S <= duration + SAME_TIME_S).map(at).collect()
+    }
+}
+
+/// Force on the disk, finger axes, N; none where the part jams.
+fn force_finger(sample: &Sample, mass: f64) -> Vector2<f64> {
+    let (sin, cos) = sample.state.u.sin_cos();
+    let on_part = |normal: f64, along: f64| Vector2::new(cos, sin) * normal + Vector2::new(sin, -cos) * along;
+    sample.force.map_or_else(Vector2::zeros, |force| -on_part(force.normal, force.tangential) * mass)
+}

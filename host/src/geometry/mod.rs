@@ -1,9 +1,0 @@
-//! Shapes in the plane. Pure: no files, clocks or threads.
-
-pub mod angle;
-mod convex;
-mod polygon;
-
-pub use convex::{ConvexPolygon, NotConvex, convex_hull};
-pub(crate) use polygon::extent_of;
-pub use polygon::{PolygonError, SimplePolygon, bounding_box};

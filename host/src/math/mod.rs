@@ -1,3 +1,0 @@
-//! Mathematics that knows nothing of fingers and parts.
-
-pub mod ode;
