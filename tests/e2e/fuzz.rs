@@ -8,8 +8,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use rand_core::Rng as _;
-use rand_pcg::Pcg64Mcg;
+use palpate::math::random::Draw;
 
 /// Mutations of each target: some seconds in all.
 const MUTATIONS: usize = 20_000;
@@ -26,11 +25,11 @@ fn corpus(target: &str) -> Vec<(PathBuf, Vec<u8>)> {
 }
 
 /// Random numbers for mutations.
-struct Random(Pcg64Mcg);
+struct Random(Draw);
 
 impl Random {
     fn below(&mut self, limit: usize) -> usize {
-        usize::try_from(self.0.next_u64() % limit.max(1) as u64).unwrap()
+        self.0.index(limit)
     }
 
     fn byte(&mut self) -> u8 {
@@ -38,7 +37,7 @@ impl Random {
         const TELLING: [u8; 8] = [0, 0, 0xFF, 0xFE, 1, 2, 0x80, 0x7F];
         match self.below(2) {
             0 => TELLING[self.below(TELLING.len())],
-            _ => self.0.next_u64().to_le_bytes()[0],
+            _ => self.0.bits().to_le_bytes()[0],
         }
     }
 
@@ -70,7 +69,7 @@ fn fuzz(target: &str, law: fn(&[u8])) {
         eprintln!("{}", path.display());
         law(bytes);
     }
-    let mut random = Random(Pcg64Mcg::new(0x7061_6c70_6174_6521));
+    let mut random = Random(Draw::new(0x7061_6c70_6174_6521));
     for _ in 0..MUTATIONS {
         let mut bytes = corpus[random.below(corpus.len())].1.clone();
         let other = &corpus[random.below(corpus.len())].1;

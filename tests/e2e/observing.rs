@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
 use nalgebra::Isometry2;
+use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::random::Draw;
 use palpate::pushing::dynamics::EndReason;
 use palpate::pushing::pushed_world::{Played, PushedWorld};
-use palpate_cli::push_scenario::GRAVITY;
 use palpate_files::part::PolygonFile;
 use palpate_tests::rig::palpate_binary;
 use serde_json::Value;
@@ -40,7 +40,7 @@ fn text(bytes: &[u8]) -> String {
 fn pushed() -> Played {
     let file = PolygonFile::parse(&std::fs::read_to_string(example("part.toml")).unwrap()).unwrap();
     let motion = palpate_files::motion::parse(&std::fs::read_to_string(example("motion.toml")).unwrap()).unwrap();
-    let (part, grip) = (&file.part, file.mu * GRAVITY);
+    let (part, grip) = (&file.part, file.mu * GRAVITY_ASSUMED);
     let world =
         PushedWorld { part, grip, mass: 0.5, mu_c: 0.25, radius: 0.015, motion: &motion, edge: 3, u: 0.3, s: -0.004 };
     let played = world.play().unwrap();
@@ -235,7 +235,7 @@ const STRAIGHT: &str = "unit = 'mm'\n[[segment]]\nseconds = 0.5\nacceleration = 
 fn pushed_straight(folder: &Path) -> [PathBuf; 3] {
     let file = PolygonFile::parse(RECTANGLE).unwrap();
     let motion = palpate_files::motion::parse(STRAIGHT).unwrap();
-    let (part, grip) = (&file.part, file.mu * GRAVITY);
+    let (part, grip) = (&file.part, file.mu * GRAVITY_ASSUMED);
     let world =
         PushedWorld { part, grip, mass: 0.5, mu_c: 0.3, radius: 0.015, motion: &motion, edge: 0, u: 0.0, s: 0.0 };
     let contents = [RECTANGLE.to_owned(), STRAIGHT.to_owned(), forces(&world.play().unwrap(), 1.5, 0.003)];

@@ -1,6 +1,5 @@
 //! Rigs and oracles for the end-to-end tests in `tests/e2e`.
 
-pub mod draw;
 pub mod force_logs;
 pub mod fuzz;
 pub mod inscription_oracle;

@@ -9,14 +9,12 @@
 //! Errors: [`PlanError`] for what cannot be.
 
 use nalgebra::{Point2, Rotation2, Vector2};
+use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::pushing::dynamics::{
     ContactLaw, EdgeEnd, FingerPath, FingerShape, FingerTrack, ModelError, PartSide, PushError, Run, RunError, Sample,
     ShapeError, ShapedModel, ShapedPush, Start, State,
 };
 use palpate_files::part::{DescribedPart, PartFile};
-
-/// Gravity, m/s².
-pub const GRAVITY: f64 = palpate_files::solve::fields::GRAVITY_DEFAULT;
 
 /// A motion planned nearer than this to straight along the edge is along it, rad.
 const ALONG_TOLERANCE: f64 = 1e-9;
@@ -197,7 +195,7 @@ impl PushPlan {
         let spot = self.spot(&file.part)?;
         self.check_motion()?;
         let (u, path) = self.finger(&spot)?;
-        let model = ShapedModel::new(file.part.body(), spot.side, file.mu * GRAVITY, self.shape, path)?;
+        let model = ShapedModel::new(file.part.body(), spot.side, file.mu * GRAVITY_ASSUMED, self.shape, path)?;
         let start = if self.speed == 0.0 { Start::Rest { u, s: spot.s } } else { self.moving(&model, u, spot.s) };
         let turns: Vec<_> =
             self.then.iter().map(|turn| (turn.t, toward(&spot, turn.direction, turn.acceleration))).collect();
@@ -299,7 +297,7 @@ impl Pushed {
     pub fn force_over_weight(&self, sample: &Sample) -> Option<Vector2<f64>> {
         let (sin, cos) = self.shape.normal_angle(sample.state.u).sin_cos();
         let force = sample.force?;
-        Some((Vector2::new(cos, sin) * force.normal + Vector2::new(sin, -cos) * force.tangential) / GRAVITY)
+        Some((Vector2::new(cos, sin) * force.normal + Vector2::new(sin, -cos) * force.tangential) / GRAVITY_ASSUMED)
     }
 }
 
@@ -352,7 +350,7 @@ mod tests {
             assert!((last.position - wanted).norm() < PLACE_ROUNDING, "{last:?}");
             // Newton's second law: friction µ of the weight, and what accelerates.
             let force = pushed.force_over_weight(&last).unwrap();
-            assert!((force - Vector2::new(0.0, 0.3 + 0.1 / GRAVITY)).norm() < 1e-9, "{force}");
+            assert!((force - Vector2::new(0.0, 0.3 + 0.1 / GRAVITY_ASSUMED)).norm() < 1e-9, "{force}");
         }
     }
 

@@ -9,6 +9,8 @@
 
 use std::collections::VecDeque;
 
+use palpate::math::statistics::mean;
+
 /// Length of the intervals whose earliest arrival is kept, in seconds of device time: long enough that some
 /// block in it was not delayed, short enough to follow a drift that changes with temperature.
 const BIN_S: f64 = 0.5;
@@ -111,9 +113,8 @@ fn same_bin(a: f64, b: f64) -> bool {
 
 /// Slope of the least-squares line through `points`.
 fn slope(points: &VecDeque<(f64, f64)>) -> f64 {
-    let count = points.len() as f64;
-    let mean = |pick: fn(&(f64, f64)) -> f64| points.iter().map(pick).sum::<f64>() / count;
-    let (x_mean, y_mean) = (mean(|point| point.0), mean(|point| point.1));
+    let mean_of = |pick: fn(&(f64, f64)) -> f64| mean(points.iter().map(pick)).unwrap_or(f64::NAN);
+    let (x_mean, y_mean) = (mean_of(|point| point.0), mean_of(|point| point.1));
     let (mut xx, mut xy) = (0.0, 0.0);
     for (x, y) in points {
         xx += (x - x_mean) * (x - x_mean);

@@ -6,8 +6,9 @@ use std::error::Error;
 
 use nalgebra::Point2;
 use palpate::geometry::SimplePolygon;
+use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::random::Draw;
-use palpate::pushing::dynamics::{ContactLaw, EdgeEnd, Finger, GRAVITY, Part, Push, PushModel, Start, State};
+use palpate::pushing::dynamics::{ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, Start, State};
 use palpate::pushing::estimation::{Channel, Known, Measured, Observation, Observer, Prior, Status, Touch};
 
 /// Standard deviation of an angle, rad.
@@ -20,7 +21,7 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     let outline = [[-0.027, -0.022], [-0.002, -0.024], [0.027, 0.001], [0.03, 0.022], [0.003, 0.046]];
     let part = Part::uniform(SimplePolygon::new(outline.map(Point2::from))?);
     let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.05, 0.0] };
-    let grip = 0.3 * GRAVITY;
+    let grip = 0.3 * GRAVITY_ASSUMED;
 
     // What happens, and what the finger feels of it.
     let model = PushModel { part: &part, edge: part.edge(1)?, grip, finger };

@@ -6,13 +6,14 @@ use std::error::Error;
 
 use nalgebra::Point2;
 use palpate::geometry::SimplePolygon;
-use palpate::pushing::dynamics::{ContactLaw, EdgeEnd, Finger, GRAVITY, Part, Push, PushModel, Start};
+use palpate::gravity::GRAVITY_ASSUMED;
+use palpate::pushing::dynamics::{ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, Start};
 
 pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     let outline = [[-0.03, -0.02], [0.03, -0.02], [0.02, 0.03]].map(Point2::from); // m, counter-clockwise
     let part = Part::uniform(SimplePolygon::new(outline)?);
     let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [0.0, 0.15] };
-    let model = PushModel { part: &part, edge: part.edge(0)?, grip: 0.3 * GRAVITY, finger };
+    let model = PushModel { part: &part, edge: part.edge(0)?, grip: 0.3 * GRAVITY_ASSUMED, finger };
 
     // Part and finger at rest; the finger touches the lower edge 5 mm beside the middle, from below, and accelerates up.
     let start = Start::Rest { u: 1.5, s: 0.005 };

@@ -13,7 +13,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use nalgebra::{Isometry2, Matrix2, Point2, Rotation2, Vector2};
 
-use crate::geometry::SimplePolygon;
+use crate::geometry::{SimplePolygon, convex_hull, extent_of};
 
 /// Flush poses on A and on B that are nearer than this are one, flush on both, rad: rounding of angles is 1e-15, and parts
 /// whose right angles are this good do not exist.
@@ -116,7 +116,9 @@ impl Corner {
     /// ```
     #[must_use]
     pub fn poses(&self, part: &SimplePolygon) -> Vec<CornerPose> {
-        let (hull, centroid) = (hull(part), part.centroid());
+        let vertices = part.vertices();
+        let hull: Vec<_> = convex_hull(vertices).into_iter().map(|corner| vertices[corner]).collect();
+        let centroid = part.centroid();
         let edges = hull.iter().zip(hull.iter().cycle().skip(1));
         let turns = edges.flat_map(|(start, end)| {
             let along = end - start;
@@ -146,7 +148,7 @@ impl Corner {
     ) -> Result<SimplePolygon, crate::geometry::PolygonError> {
         let motion = pose.world_from_part();
         let points: Vec<_> = part.vertices().iter().map(|p| motion * p).collect();
-        let near = 1e-9 * size(part.vertices());
+        let near = 1e-9 * extent_of(part.vertices());
         let [a, b] = self.outward();
         let snapped = |p: Point2<f64>| match (a.dot(&p.coords).abs() < near, b.dot(&p.coords).abs() < near) {
             (true, true) => Point2::origin(),
@@ -187,7 +189,7 @@ impl Corner {
         // On either side U is a sinusoid about 0, so over a small turn its mean slope lags by U times half the turn.
         let bend = -self.push.dot(&(origin.coords + about.coords)) * BASIN_RAD / 2.0;
         let margin = (-slope(0)).min(slope(1)) - bend;
-        let margin = if margin.abs() < LEVEL * size(hull) { 0.0 } else { margin };
+        let margin = if margin.abs() < LEVEL * extent_of(hull) { 0.0 } else { margin };
         CornerPose { origin, theta, flush, margin }
     }
 }
@@ -245,38 +247,6 @@ fn merged(sorted: Vec<(f64, Flush)>) -> Vec<(f64, Flush)> {
         merged.pop();
     }
     merged
-}
-
-/// The convex hull, counter-clockwise, without flat vertices (Andrew's monotone chain, with exact turns).
-fn hull(part: &SimplePolygon) -> Vec<Point2<f64>> {
-    let mut points = part.vertices().to_vec();
-    points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
-    let mut outline = half_hull(points.iter());
-    outline.extend(half_hull(points.iter().rev()));
-    outline
-}
-
-/// One side of the hull, from its first point to just before its last.
-fn half_hull<'a>(points: impl Iterator<Item = &'a Point2<f64>>) -> Vec<Point2<f64>> {
-    let coordinates = |p: Point2<f64>| robust::Coord { x: p.x, y: p.y };
-    let mut side: Vec<Point2<f64>> = Vec::new();
-    for &point in points {
-        while let [.., before, last] = side.as_slice() {
-            if robust::orient2d(coordinates(*before), coordinates(*last), coordinates(point)) > 0.0 {
-                break;
-            }
-            side.pop();
-        }
-        side.push(point);
-    }
-    side.pop();
-    side
-}
-
-/// The longer side of the bounding box, m.
-fn size(points: &[Point2<f64>]) -> f64 {
-    let (low, high) = points.iter().fold((points[0], points[0]), |(low, high), p| (low.inf(p), high.sup(p)));
-    (high - low).max()
 }
 
 /// A number with half of its bits.

@@ -3,6 +3,7 @@
 pub mod corner;
 pub mod finger;
 pub mod geometry;
+pub mod gravity;
 pub mod inscription;
 pub mod math;
 pub mod point_sampling;

@@ -341,10 +341,11 @@ fn rfc3339(unix_s: u64) -> String {
 #[cfg(test)]
 mod tests {
     use clap::Parser;
-    use palpate::finger::calibration::dwell::SampleBlock;
-    use palpate::finger::calibration::session::{BenchError, SourceError, Wish};
+    use palpate::finger::Samples;
+    use palpate::finger::calibration::session::{BenchError, Delivered, SourceError, Wish};
     use palpate_files::calibration::file::{CalibrationFile, RawState};
     use palpate_shared::units::Counts;
+    use palpate_shared::wire::Status;
 
     use super::*;
 
@@ -385,7 +386,7 @@ mod tests {
     }
 
     impl SampleSource for Ideal {
-        fn next_block(&mut self) -> Result<SampleBlock, SourceError> {
+        fn next_block(&mut self) -> Result<Delivered, SourceError> {
             let first = self.seq;
             let counts = (0..8_u64).map(|index| {
                 let dither = i32::try_from((first + index) * 7 % 5).unwrap() - 2;
@@ -394,7 +395,8 @@ mod tests {
             });
             let counts = counts.collect();
             self.seq += 8;
-            Ok(SampleBlock { first, time_us: 250 * first, period_us: 250.0, counts, trouble: None })
+            let (time_us, status) = (250 * first, Status::default());
+            Ok(Delivered::Samples(Samples { first, missing_before: 0, time_us, period_us: 250.0, status, counts }))
         }
 
         fn discard_waiting(&mut self) -> Result<(), SourceError> {

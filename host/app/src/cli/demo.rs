@@ -21,8 +21,8 @@ use palpate_files::part::PolygonFile;
 
 use super::read::read;
 use super::{not_negative, pose, static_demo};
-use crate::push_scenario::GRAVITY;
 use crate::thesis::demonstration::{CALIBRATION_CONTACTS, CALIBRATION_FORCE_N, FeltPush, Rig, course};
+use palpate::gravity::GRAVITY_ASSUMED;
 
 /// Times since the onset at which the host says what it knows, s; the end of the push comes last.
 const TIMES_S: [f64; 3] = [0.1, 0.2, 0.4];
@@ -95,8 +95,13 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     if let Some(folder) = &arguments.keep {
         arguments.keep_files(folder, &part, &ranges, &felt)?;
     }
-    let known =
-        Known { part: &part, grip: ranges.mu * GRAVITY, grip_log_sd: None, radius: RADIUS_M, motion: &ranges.motion };
+    let known = Known {
+        part: &part,
+        grip: ranges.mu * GRAVITY_ASSUMED,
+        grip_log_sd: None,
+        radius: RADIUS_M,
+        motion: &ranges.motion,
+    };
     let Some(estimate) = say_what_is_felt(&known, &felt.sense) else {
         say!("The push was not felt: its force does not stand out of {} times the noise.", arguments.noise);
         return Ok(ExitCode::SUCCESS);

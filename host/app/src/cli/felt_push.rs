@@ -13,7 +13,7 @@ use palpate_files::recordings::csv::{self, Table};
 
 use super::positive;
 use super::read::{read, report_problems};
-use crate::push_scenario::GRAVITY;
+use palpate::gravity::GRAVITY_ASSUMED;
 
 /// The files, as `palpate observe` takes them.
 #[derive(Debug, clap::Args)]
@@ -124,7 +124,7 @@ impl FeltPushArguments {
 impl FeltPush {
     /// What is known of the push if this part was pushed.
     pub(super) fn known<'p>(&'p self, file: &'p PolygonFile) -> Known<'p> {
-        let (grip, grip_log_sd) = (file.mu * GRAVITY, self.grip_log_sd);
+        let (grip, grip_log_sd) = (file.mu * GRAVITY_ASSUMED, self.grip_log_sd);
         Known { part: &file.part, grip, grip_log_sd, radius: self.radius, motion: &self.motion }
     }
 }

@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use palpate::finger::Samples;
+use palpate::math::statistics::percentile;
 use palpate_device::Session;
 
 /// Most delays kept: half an hour of blocks at 4 kHz.
@@ -34,15 +35,12 @@ impl Latency {
 
     /// Median, 99th percentile and maximum; `None` without samples.
     pub(crate) fn in_words(&self) -> Option<String> {
-        let mut sorted = self.delays_s.clone();
-        sorted.sort_by(f64::total_cmp);
-        let at = |share: usize| sorted.get((sorted.len() * share / 100).min(sorted.len().saturating_sub(1)));
-        let ms = |delay: &f64| delay * 1e3;
+        let ms = |per_cent: usize| Some(percentile(self.delays_s.iter().copied(), per_cent)? * 1e3);
         Some(format!(
             "from a block's last sample to its angle: p50 {:.2} ms, p99 {:.2} ms, max {:.2} ms",
-            at(50).map(ms)?,
-            at(99).map(ms)?,
-            at(100).map(ms)?
+            ms(50)?,
+            ms(99)?,
+            ms(100)?
         ))
     }
 }

@@ -193,7 +193,8 @@ fn stretch(text: &str) -> Result<f64, String> {
 fn finite(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),
-        _ => Err(format!("`{text}` is not a finite number")),
+        Ok(value) => Err(format!("{value} is out of range: it must be finite")),
+        Err(_) => Err(format!("`{text}` is not a number")),
     }
 }
 

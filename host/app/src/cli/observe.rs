@@ -24,7 +24,7 @@ use super::read::read;
 use super::{pose, positive};
 use crate::live;
 use crate::live::interrupt;
-use crate::push_scenario::GRAVITY;
+use palpate::gravity::GRAVITY_ASSUMED;
 
 /// Times since the onset at which the whole part is searched, s; in between only what was found then is followed. At the end all
 /// is searched once more.
@@ -203,7 +203,7 @@ impl Observer<'_> {
             return;
         };
         let radius = self.arguments.radius_mm * 1e-3;
-        let (grip, grip_log_sd) = (self.file.mu * GRAVITY, self.arguments.friction.log_sd());
+        let (grip, grip_log_sd) = (self.file.mu * GRAVITY_ASSUMED, self.arguments.friction.log_sd());
         let known = Known { part: &self.file.part, grip, grip_log_sd, radius, motion };
         let now = windows::end(felt.count() - 1);
         let estimate = match &self.last {

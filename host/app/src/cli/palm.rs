@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use miette::{IntoDiagnostic as _, WrapErr as _, miette};
 use nalgebra::{Vector2, Vector3};
+use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::rolling::{
     BodyKnowledge, Estimate, Noise, PalmAcceleration, PalmKnowledge, Question, Report, Spin, State, Tracked, Tracker,
     Verdict,
@@ -18,7 +19,7 @@ use serde_json::{Value, json};
 
 use super::positive;
 use super::read::read;
-use super::roll::{GRAVITY, triple};
+use super::roll::triple;
 
 const LONG_HELP: &str = "\
 Reads a contact a line from standard input, at equal steps of time, in s and m:
@@ -133,7 +134,7 @@ impl Arguments {
                 true => PalmKnowledge::Constant,
                 false => PalmKnowledge::Known(PalmAcceleration::Constant(Vector3::from(self.palm_m_s2))),
             },
-            g: GRAVITY,
+            g: GRAVITY_ASSUMED,
             noise: match self.grid_mm {
                 Some(pitch) => Noise::Grid(pitch * 1e-3),
                 None => Noise::Gauss(self.sigma_mm * 1e-3),

@@ -6,7 +6,7 @@ use palpate::pushing::dynamics::Part;
 use palpate::pushing::estimation::{Estimate, FromForce, Hypothesis, Status};
 use serde_json::{Value, json};
 
-use crate::push_scenario::GRAVITY;
+use palpate::gravity::GRAVITY_ASSUMED;
 
 /// Poses of one estimate that a person is shown; a program gets them all.
 const SHOWN: usize = 5;
@@ -84,7 +84,7 @@ fn line(part: &Part, hypothesis: &Hypothesis) -> String {
 
 /// The plane's friction and how uncertain the mass is with it.
 fn plane(hypothesis: &Hypothesis) -> String {
-    let mu = hypothesis.grip / GRAVITY;
+    let mu = hypothesis.grip / GRAVITY_ASSUMED;
     let (mu_log_sd, force) = (hypothesis.grip_log_sd.unwrap_or(f64::NAN), hypothesis.from_force);
     format!("{mu:8.3} {:8.3} {:8.1}", mu * mu_log_sd, force.map_or(f64::NAN, |force| force.mass_log_sd) * 100.0)
 }
@@ -130,14 +130,14 @@ fn friction_in_words(estimate: &Estimate) -> String {
     if estimate.mass_and_friction_are_one() {
         return format!(
             " Mass and friction of the plane cannot be told apart by this push: mu times the mass is {:.4} kg within {}, each alone is known within {} only (one standard deviation); a finger that accelerates harder tells more.",
-            best.grip / GRAVITY * force.mass,
+            best.grip / GRAVITY_ASSUMED * force.mass,
             share_or_factor(force.resistance_log_sd),
             share_or_factor(force.mass_log_sd)
         );
     }
     format!(
         " The plane's friction mu is {:.3} within {}; beforehand it was known within {} (one standard deviation).",
-        best.grip / GRAVITY,
+        best.grip / GRAVITY_ASSUMED,
         share_or_factor(grip_log_sd),
         share_or_factor(beforehand)
     )
@@ -199,7 +199,7 @@ fn hypothesis_as_json(hypothesis: &Hypothesis) -> Value {
         "friction_needed": force.map(|force| force.friction_needed),
         "mass": force.map(|force| force.mass),
         "mass_log_sd": force.map(|force| force.mass_log_sd),
-        "mu": hypothesis.grip / GRAVITY,
+        "mu": hypothesis.grip / GRAVITY_ASSUMED,
         "mu_log_sd": hypothesis.grip_log_sd,
         "pose_start": pose(&hypothesis.pose_start),
         "pose_end": pose(&hypothesis.pose_end),

@@ -12,11 +12,12 @@ use palpate_files::solve::kinds::push::{InitialAcceleration, Meeting, PushAnswer
 
 use super::plot::{PlotArguments, draw_to, picture_file};
 use super::read::read;
-use super::{equal_steps, not_negative, positive};
+use super::{equal_steps, finite, not_negative, positive};
 use crate::pictures::limit_surface;
 use crate::pictures::plot::Figure;
 use crate::pictures::push::{PushPicture, SAMPLES};
-use crate::push_scenario::{GRAVITY, Place, PushPlan, Pushed, Turn, to_world};
+use crate::push_scenario::{Place, PushPlan, Pushed, Turn, to_world};
+use palpate::gravity::GRAVITY_ASSUMED;
 
 /// Most rows of the table; far beyond what anybody reads, and short of what would exhaust memory.
 const ROWS_MAX: i64 = 100_000;
@@ -157,15 +158,6 @@ fn turn(text: &str) -> Result<TurnArgument, String> {
             Ok(TurnArgument { t, acceleration_mm_s2, direction_deg: Some(direction) })
         }
         _ => Err(format!("`{text}` is not a time and an acceleration: write for example 0.5,-50 or 0.5,-50,20")),
-    }
-}
-
-/// A finite number.
-fn finite(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value.is_finite() => Ok(value),
-        Ok(value) => Err(format!("{value} is out of range: it must be finite")),
-        Err(_) => Err(format!("`{text}` is not a number")),
     }
 }
 
@@ -333,7 +325,7 @@ fn table(file: &PartFile, plan: &PushPlan, pushed: &Pushed) -> String {
 fn row(file: &PartFile, pushed: &Pushed, sample: &Sample) -> String {
     let centre = to_world(sample, file.part.centre_of_mass()) * 1e3;
     let force = |component: fn(ContactForce) -> f64| match sample.force {
-        Some(force) => fixed(component(force) / GRAVITY, 4),
+        Some(force) => fixed(component(force) / GRAVITY_ASSUMED, 4),
         None => "--".to_owned(),
     };
     format!(

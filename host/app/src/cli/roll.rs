@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use nalgebra::{UnitQuaternion, Vector3};
+use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::rolling::{EndReason, PalmAcceleration, Roll, Run, Sample, Spin};
 use palpate_files::body::BodyFile;
 use palpate_files::solve::kinds::roll::{RollAnswer, wxyz};
@@ -16,9 +17,6 @@ use super::read::read;
 use super::{equal_steps, finite, not_negative, positive};
 use crate::pictures::plot::Figure;
 use crate::pictures::roll::{RollPicture, SAMPLES};
-
-/// Gravity, m/s².
-pub(crate) const GRAVITY: f64 = 9.81;
 
 /// Most rows of the table.
 const ROWS_MAX: i64 = 100_000;
@@ -134,7 +132,7 @@ impl Arguments {
             SpinChoice::Free => Spin::Free,
             SpinChoice::None => Spin::None,
         };
-        let on = (&file.body, spin, palm, GRAVITY);
+        let on = (&file.body, spin, palm, GRAVITY_ASSUMED);
         let cannot = || format!("cannot put {} on the palm", self.body.display());
         Roll::new(on, wxyz(&attitude), omega.into(), [0.0; 2]).into_diagnostic().wrap_err_with(cannot)
     }
@@ -150,7 +148,7 @@ impl Arguments {
         };
         let subtitles = [format!("{spin}; palm {palm}"), end_in_words(run)];
         let title = format!("Rolling {name}");
-        RollPicture { body: &file.body, run, g: GRAVITY, title: &title, subtitles: &subtitles }.figure()
+        RollPicture { body: &file.body, run, g: GRAVITY_ASSUMED, title: &title, subtitles: &subtitles }.figure()
     }
 
     fn print_contacts(&self, run: &Run) {
@@ -176,7 +174,7 @@ fn print_table(run: &Run) {
 fn print_row(sample: &Sample) {
     let attitude = sample.state.attitude();
     let turning = (attitude * sample.state.omega).map(f64::to_degrees);
-    let force = sample.contact_force / GRAVITY;
+    let force = sample.contact_force / GRAVITY_ASSUMED;
     say!(
         "{:>7.4} {:>8} {:>8} {:>6} {:>6} {:>6} {:>6} {:>8} {:>8}",
         sample.t,

@@ -7,6 +7,7 @@ use std::time::Instant;
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use palpate::finger::calibration::Fit;
 use palpate::finger::contact::Averaging;
+use palpate::math::statistics::mean;
 use palpate_device::Session;
 use palpate_device::session::Options;
 use palpate_device::simulated::{Config, Line, Pace, SimulatedDevice};
@@ -119,7 +120,7 @@ fn print_contacts(force: f64, felt: &[Felt]) {
 
 fn print_row(name: &str, felt: &[Felt]) {
     let worst = worst(felt);
-    let held = felt.iter().map(|felt| felt.covered).sum::<f64>() / felt.len() as f64;
+    let held = mean(felt.iter().map(|felt| felt.covered)).unwrap_or(f64::NAN);
     say!(
         "  {name:<24} {:>11.3} {:>10.3} {:>12.1} % of readings",
         worst.error.to_degrees(),

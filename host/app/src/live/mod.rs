@@ -9,9 +9,9 @@ use std::time::{Duration, Instant};
 
 use miette::Diagnostic;
 use palpate::finger::Samples;
-use palpate::finger::calibration::dwell::{Refusal, SampleBlock};
+use palpate::finger::calibration::dwell::Refusal;
 use palpate::finger::calibration::plan::{PlannedContact, Step};
-use palpate::finger::calibration::session::{Bench, BenchError, SampleSource, SourceError, Summary, Wish};
+use palpate::finger::calibration::session::{Bench, BenchError, Delivered, SampleSource, SourceError, Summary, Wish};
 use palpate::finger::calibration::{self, Calibration, FrontEnd, FrontEndError, FrontEndSettings};
 use palpate::finger::contact::{Settings, Tare, TareError};
 use palpate::finger::sense;
@@ -193,7 +193,7 @@ impl<'a> LinkSource<'a> {
 }
 
 impl SampleSource for LinkSource<'_> {
-    fn next_block(&mut self) -> Result<SampleBlock, SourceError> {
+    fn next_block(&mut self) -> Result<Delivered, SourceError> {
         let (mut block, mut trouble) = (None, None);
         let taken = stream(
             self.session,
@@ -204,9 +204,8 @@ impl SampleSource for LinkSource<'_> {
             |incoming| trouble = trouble.take().or_else(|| trouble_with(incoming)),
         );
         taken.map_err(|error| SourceError(error.to_string()))?;
-        let Samples { first, time_us, period_us, counts, .. } =
-            block.ok_or_else(|| SourceError("the stream ended".to_owned()))?;
-        Ok(SampleBlock { first, time_us, period_us, counts, trouble })
+        let samples = block.ok_or_else(|| SourceError("the stream ended".to_owned()))?;
+        Ok(trouble.map_or(Delivered::Samples(samples), Delivered::Trouble))
     }
 
     /// Stops the stream, drops what is under way, and starts it anew: between two steps a person may take as long

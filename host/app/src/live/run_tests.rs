@@ -1,16 +1,18 @@
 //! Whole runs: a simulated finger on a bench, from the first sample to the file and back.
 
 #[path = "../../../science/src/finger/calibration/test_world.rs"]
+#[allow(dead_code, reason = "the calibration's own tests use all of it")]
 mod test_world;
 
 use std::fs;
 use std::path::Path;
 
 use nalgebra::Vector2;
-use palpate::finger::calibration::dwell::{Refusal, SampleBlock};
+use palpate::finger::Samples;
+use palpate::finger::calibration::dwell::{Refusal, Verdict};
 use palpate::finger::calibration::plan::{Plan, Step, TareMode};
 use palpate::finger::calibration::session::{
-    Bench, BenchError, Ending, SampleSource, Session, SourceError, Summary, Wish, run,
+    Bench, BenchError, Delivered, Ending, SampleSource, Session, SourceError, Summary, Wish, run,
 };
 use palpate::finger::calibration::*;
 use palpate::math::angle::{contact_angle, wrap_angle};
@@ -18,6 +20,7 @@ use palpate_files::calibration::conclusion::{Conclusion, HELD_BACK_ERROR_MAX_DEG
 use palpate_files::calibration::file::{CalibrationFile, FileError, RawState, save_raw, save_result};
 use palpate_files::calibration::raw::{Provenance, RawError, RawRun};
 use palpate_shared::units::Counts;
+use palpate_shared::wire::Status;
 use proptest::prelude::*;
 use test_world::{COUNTS_PER_MICROSTRAIN, Finger, Noise};
 
@@ -39,7 +42,7 @@ struct World {
 
 impl World {
     fn new(seed: u64) -> Self {
-        Self { finger: Finger::TYPICAL, noise: Noise(seed), seq: 0, load: Vector2::zeros(), drift: 0.001 }
+        Self { finger: Finger::TYPICAL, noise: Noise::new(seed), seq: 0, load: Vector2::zeros(), drift: 0.001 }
     }
 
     fn sample(&mut self) -> [Counts; 2] {
@@ -56,10 +59,11 @@ impl World {
 }
 
 impl World {
-    fn block(&mut self) -> SampleBlock {
+    fn block(&mut self) -> Samples {
         let first = self.seq;
         let counts = (0..40).map(|_| self.sample()).collect();
-        SampleBlock { first, time_us: 250 * first, period_us: 250.0, counts, trouble: None }
+        let (time_us, status) = (250 * first, Status::default());
+        Samples { first, missing_before: 0, time_us, period_us: 250.0, status, counts }
     }
 }
 
@@ -69,8 +73,8 @@ type Shared = std::rc::Rc<std::cell::RefCell<World>>;
 struct Device(Shared);
 
 impl SampleSource for Device {
-    fn next_block(&mut self) -> Result<SampleBlock, SourceError> {
-        Ok(self.0.borrow_mut().block())
+    fn next_block(&mut self) -> Result<Delivered, SourceError> {
+        Ok(Delivered::Samples(self.0.borrow_mut().block()))
     }
 
     fn discard_waiting(&mut self) -> Result<(), SourceError> {
@@ -98,7 +102,7 @@ struct Robot {
 
 impl Robot {
     fn new(world: &Shared, lies: bool) -> Self {
-        let setting = Noise(world.borrow().noise.0 ^ 0x5555);
+        let setting = Noise::new(world.borrow().noise.0 ^ 0x5555);
         Self { world: world.clone(), lies, setting, wish_at: None, forgets_at: None, refusals: Vec::new(), accepted: 0 }
     }
 
@@ -175,6 +179,19 @@ fn worst_error_deg(conclusion: &Conclusion) -> f64 {
         wrap_angle(contact_angle(force) - degrees.to_radians()).to_degrees().abs()
     };
     (0..36).map(error).fold(0.0, f64::max)
+}
+
+#[test]
+fn what_the_device_complains_of_ends_the_attempt() {
+    let plan = quick_plan(Load::Same, TareMode::Once);
+    let mut session = Session::new(plan.steps(), plan.dwell_settings(provenance().check().unwrap(), RATE_HZ).unwrap());
+    session.begin();
+    let verdict = session.feed(&Delivered::Trouble("no front-end answers".to_owned()));
+    assert!(
+        matches!(&verdict, Verdict::Refused(Refusal::Trouble(words)) if words.contains("front-end")),
+        "{verdict:?}"
+    );
+    assert_eq!(session.feed(&Delivered::Samples(World::new(1).block())), Verdict::NeedsMoreTime(None));
 }
 
 #[test]

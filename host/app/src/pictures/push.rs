@@ -9,7 +9,8 @@ use palpate::pushing::dynamics::{Contact, FingerShape, PartSide, Sample};
 use palpate_files::part::PartFile;
 
 use crate::pictures::plot::{Chart, Colour, Dash, Figure, Key, Scene, Stroke, Style};
-use crate::push_scenario::{GRAVITY, Pushed, to_world};
+use crate::push_scenario::{Pushed, to_world};
+use palpate::gravity::GRAVITY_ASSUMED;
 
 /// Times of a push to ask for, for smooth curves.
 pub const SAMPLES: usize = 300;
@@ -191,12 +192,12 @@ impl PushPicture<'_> {
     fn force_chart(&self) -> Chart {
         let mut chart = self.chart("Force on the part, as a share of its weight", "force / weight", Changes::Marked);
         chart.y_span_at_least(CHART_SPANS_MIN[2]);
-        let normal = self.over_time(|sample| sample.force.map(|force| force.normal / GRAVITY));
+        let normal = self.over_time(|sample| sample.force.map(|force| force.normal / GRAVITY_ASSUMED));
         if let Some(friction) = self.friction {
             let cone: Vec<_> = normal.iter().map(|&[t, f]| [t, -friction * f, friction * f]).collect();
             chart.band("friction cone", &cone, Colour::ORANGE);
         }
-        let along = self.over_time(|sample| sample.force.map(|force| force.tangential / GRAVITY));
+        let along = self.over_time(|sample| sample.force.map(|force| force.tangential / GRAVITY_ASSUMED));
         chart.curve("into the part", &normal, Stroke::solid(FORCE, 1.8));
         chart.curve("along the edge", &along, Stroke::solid(PART, 1.8).with(Dash::Dashed));
         chart

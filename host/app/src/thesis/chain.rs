@@ -4,6 +4,7 @@
 //! thesis is beside it: its sensor was never used on a moving part (§6.4).
 
 use palpate::math::random::Draw;
+use palpate::math::statistics::percentile;
 use palpate::pushing::estimation::Status;
 use palpate::pushing::estimation::from_rest::trial::{Outcome, RADIUS_M, Ranges, random_part, straight_motion};
 use palpate::pushing::estimation::from_rest::{self, Known};
@@ -11,8 +12,8 @@ use palpate_device::simulated::Line;
 
 use super::cases::of_each;
 use super::{Cell, Experiment, Settings, Table};
-use crate::push_scenario::GRAVITY;
 use crate::thesis::demonstration::{Rig, course};
+use palpate::gravity::GRAVITY_ASSUMED;
 
 /// Runs one case: None where no push of the part lasts, or the chain broke.
 fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<Outcome, String> {
@@ -28,8 +29,13 @@ fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<Outcome, String> {
     let felt = Rig::start(finger_seed, 1.0, Line::Pipe).and_then(|mut rig| rig.push(course(&drawn.played)));
     let felt = felt.map_err(|error| format!("case {number}: {error}"))?;
     let felt = felt.sense.felt(duration).ok_or_else(|| format!("case {number}: the push was not felt"))?;
-    let known =
-        Known { part: &part, grip: ranges.mu * GRAVITY, grip_log_sd: None, radius: RADIUS_M, motion: &ranges.motion };
+    let known = Known {
+        part: &part,
+        grip: ranges.mu * GRAVITY_ASSUMED,
+        grip_log_sd: None,
+        radius: RADIUS_M,
+        motion: &ranges.motion,
+    };
     Ok(Outcome::new(&part, &drawn, &from_rest::estimate(&known, &felt)))
 }
 
@@ -84,17 +90,12 @@ fn add(table: &mut Table, name: &str, outcomes: &[Result<Outcome, String>]) {
     let sound: Vec<_> = outcomes.iter().filter_map(|outcome| outcome.as_ref().ok()).collect();
     let all = outcomes.len();
     let share = |pick: &dyn Fn(&&Outcome) -> bool| Cell::share(sound.iter().copied().filter(pick).count(), all);
-    let errors = |of: fn(&Outcome) -> Option<f64>| {
-        let mut errors: Vec<_> = sound.iter().filter_map(|outcome| of(outcome)).collect();
-        errors.sort_by(f64::total_cmp);
-        errors
-    };
+    let errors = |of: fn(&Outcome) -> Option<f64>| sound.iter().filter_map(|outcome| of(outcome)).collect::<Vec<_>>();
     let millimetres = errors(|outcome| outcome.best.map(|error| error.distance * 1e3));
     let degrees = errors(|outcome| outcome.best.map(|error| error.angle.to_degrees()));
     let nearest = errors(|outcome| outcome.nearest.map(|error| error.distance * 1e3));
-    let at = |sorted: &[f64], per_cent: usize| match sorted.get(sorted.len() * per_cent / 100) {
-        Some(&value) => Cell::number(value, 3),
-        None => Cell::Empty,
+    let at = |errors: &[f64], per_cent: usize| {
+        percentile(errors.iter().copied(), per_cent).map_or(Cell::Empty, |error| Cell::number(error, 3))
     };
     let listed = sound.iter().map(|outcome| outcome.listed).sum::<usize>();
     let redrawn = sound.iter().map(|outcome| outcome.redrawn).sum::<usize>();

@@ -5,7 +5,9 @@
 use std::f64::consts::PI;
 
 use palpate::geometry::SimplePolygon;
+use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::random::Draw;
+use palpate::math::statistics;
 use palpate::pushing::dynamics::{Contact, ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, Start, State};
 use palpate::pushing::estimation::{Gho, GhoSettings};
 
@@ -102,7 +104,7 @@ impl Case {
 
     fn model(&self, edge: usize) -> Option<PushModel<'_>> {
         let edge = self.part.edge(edge).ok()?;
-        Some(PushModel { part: &self.part, edge, grip: 0.3 * 9.81, finger: self.finger })
+        Some(PushModel { part: &self.part, edge, grip: 0.3 * GRAVITY_ASSUMED, finger: self.finger })
     }
 
     /// States while finger and part touch on the edge; none if they cannot at the start.
@@ -390,10 +392,7 @@ fn side_by_side(settings: &Settings) -> Table {
 }
 
 fn mean(values: &[f64], decimals: usize) -> Cell {
-    if values.is_empty() {
-        return Cell::Empty;
-    }
-    Cell::number(values.iter().sum::<f64>() / values.len() as f64, decimals)
+    statistics::mean(values).map_or(Cell::Empty, |mean| Cell::number(mean, decimals))
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@
 
 use std::f64::consts::PI;
 
+use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::random::Draw;
 use palpate::pushing::dynamics::{FingerPath, FingerShape, Part};
 use palpate::pushing::estimation::{Object, RestingPose, RestingPoses, RestingPush, Table as Motions, TimedContact};
@@ -71,7 +72,7 @@ impl Case {
         let u0 = if pair == Pair::LineOnEllipse { 0.0 } else { draw.uniform(1.3, 2.0) };
         let friction = pair == Pair::DiskOnPolygon;
         let (size, grip) =
-            if friction { (draw.uniform(1.2, 1.8), 0.3 * 9.81) } else { (draw.uniform(0.08, 0.13), 0.0) };
+            if friction { (draw.uniform(1.2, 1.8), 0.3 * GRAVITY_ASSUMED) } else { (draw.uniform(0.08, 0.13), 0.0) };
         let sideways = if friction { draw.uniform(-0.25, 0.25) } else { draw.uniform(-0.5, 0.5) };
         let acceleration = [size * sideways.sin(), size * sideways.cos()];
         let path = FingerPath { centre0: [0.0; 2], velocity0: [0.0; 2], acceleration };

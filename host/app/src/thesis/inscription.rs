@@ -11,6 +11,7 @@ use palpate::inscription::{
 };
 use palpate::math::angle::wrap_angle;
 use palpate::math::random::Draw;
+use palpate::math::statistics;
 
 use super::{Cell, Experiment, Settings, Table};
 
@@ -299,7 +300,7 @@ fn range(counts: &[usize]) -> String {
 }
 
 fn mean(counts: &[usize]) -> f64 {
-    real(counts.iter().sum()) / real(counts.len())
+    statistics::mean(counts.iter().map(|&count| real(count))).unwrap_or(f64::NAN)
 }
 
 /// Counts here stay far below 2³².
@@ -384,12 +385,10 @@ fn noise(settings: &Settings) -> Table {
         let judged: Vec<_> = trials.iter().filter_map(|trial| trial.as_ref().ok()).collect();
         let true_modes: Vec<_> = judged.iter().filter_map(|judged| judged.truth.as_ref()).collect();
         let average = |value: fn(&(f64, Mode)) -> f64| {
-            true_modes.iter().map(|mode| value(mode)).sum::<f64>() / real(true_modes.len())
+            statistics::mean(true_modes.iter().map(|mode| value(mode))).unwrap_or(f64::NAN)
         };
         let median = |value: fn(&Mode) -> f64| {
-            let mut values: Vec<_> = true_modes.iter().map(|(_, mode)| value(mode)).collect();
-            values.sort_by(f64::total_cmp);
-            values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+            statistics::percentile(true_modes.iter().map(|(_, mode)| value(mode)), 50).unwrap_or(f64::NAN)
         };
         table.push([
             Cell::number(sigma_deg, 1),

@@ -6,7 +6,9 @@ use std::fs;
 use std::time::Instant;
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
+use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::random::Draw;
+use palpate::math::statistics::percentile;
 use palpate::rolling::{
     Body, BodyKnowledge, Estimate, Gho, Hypothesis, Model, Noise, PalmAcceleration, PalmKnowledge, Question, Spin,
     State, felt,
@@ -46,9 +48,6 @@ pub(super) const GHO: Experiment = Experiment {
     run: gho,
 };
 
-/// Gravity, m/s².
-const GRAVITY: f64 = 9.81;
-
 /// Readings 500 times a second, s.
 const DT: f64 = 0.002;
 
@@ -87,14 +86,14 @@ fn millimetre_grid(seconds: f64) -> Sensing {
 fn trial(draw: &mut Draw, body: &Body, spin: Spin, sensing: &Sensing) -> Trial {
     let steps = readings(sensing.seconds);
     let model = Model { body, spin };
-    let weight = felt(Vector3::zeros(), GRAVITY);
+    let weight = felt(Vector3::zeros(), GRAVITY_ASSUMED);
     loop {
         let start = start(draw, spin);
         let mut states = vec![start];
         for _ in 1..steps {
             states.push(model.step(&states[states.len() - 1], &[weight; 3], DT));
         }
-        let pressed = |state: &State| model.contact_force(state, &weight).z > FORCE_MIN * GRAVITY;
+        let pressed = |state: &State| model.contact_force(state, &weight).z > FORCE_MIN * GRAVITY_ASSUMED;
         if states.iter().all(pressed) {
             let u = states.iter().map(|state| sense(draw, sensing.noise, state.u)).collect();
             return Trial { start, end: states[states.len() - 1], u };
@@ -133,7 +132,7 @@ fn question(bodies: Vec<Body>, spins: Vec<Spin>, noise: Noise) -> Question {
         body: BodyKnowledge::OneOf(bodies),
         spins,
         palm: PalmKnowledge::Known(PalmAcceleration::Rest),
-        g: GRAVITY,
+        g: GRAVITY_ASSUMED,
         noise,
     }
 }
@@ -153,9 +152,9 @@ fn processor_ms() -> f64 {
     first.map_or_else(|| BEGUN.with(|begun| begun.elapsed().as_secs_f64() * 1e3), |nanoseconds| nanoseconds * 1e-6)
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+/// One of the values, the upper of the two middle ones; not a number without any.
+fn median(values: Vec<f64>) -> f64 {
+    percentile(values, 50).unwrap_or(f64::NAN)
 }
 
 /// Attitude error at the end, modulo symmetry, degrees.
@@ -428,7 +427,7 @@ fn gho(settings: &Settings) -> Table {
 }
 
 fn observer_of(body: &Body, zeta: f64) -> Gho<'_> {
-    Gho { model: Model { body, spin: Spin::Free }, felt: felt(Vector3::zeros(), GRAVITY), zeta }
+    Gho { model: Model { body, spin: Spin::Free }, felt: felt(Vector3::zeros(), GRAVITY_ASSUMED), zeta }
 }
 
 /// The states of a roll at every reading.

@@ -10,9 +10,10 @@ use std::f64::consts::TAU;
 
 use palpate::finger::Samples;
 use palpate::finger::calibration::Calibration;
-use palpate::finger::contact::{Averaging, Settings, SettingsError};
+use palpate::finger::contact::{Averaging, Settings, SettingsError, Touch};
 use palpate::finger::sense::{self, FingerSense, Sensed};
 use palpate::math::angle::wrap_angle;
+use palpate::math::statistics::mean;
 use palpate_device::Session;
 use palpate_device::simulated::SimulatedDevice;
 use palpate_shared::sim::{Contact, Load};
@@ -230,15 +231,16 @@ fn judge(
     }
     let count = touches.len() as f64;
     let errors: Vec<f64> = touches.iter().map(|touch| wrap_angle(touch.u - angle)).collect();
-    let error = errors.iter().sum::<f64>() / count;
+    let mean_of = |value: fn(&Touch) -> f64| mean(touches.iter().map(|touch| value(touch))).unwrap_or(f64::NAN);
+    let error = mean(&errors).unwrap_or(f64::NAN);
     let variance = errors.iter().map(|value| (value - error).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
     Ok(Felt {
         angle,
         error,
         sd: variance.sqrt(),
-        stated_sd: touches.iter().map(|touch| touch.u_sd).sum::<f64>() / count,
+        stated_sd: mean_of(|touch| touch.u_sd),
         covered: touches.iter().filter(|touch| touch.interval(COVERAGE).contains(angle)).count() as f64 / count,
-        magnitude: touches.iter().map(|touch| touch.magnitude).sum::<f64>() / count,
+        magnitude: mean_of(|touch| touch.magnitude),
         readings: touches.len(),
     })
 }

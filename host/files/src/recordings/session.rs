@@ -12,6 +12,7 @@ use nalgebra::{Matrix2, Vector2};
 use palpate::finger::contact::offline::{self, Bias, BiasUnknown, Found, Judged, Start};
 use palpate::finger::contact::{Contact, Event, Felt, Reading, Settings, SettingsError, Tare, noise};
 use palpate::math::angle::wrap_angle;
+use palpate::math::statistics::{mean, median};
 use serde::Serialize;
 
 use super::csv::Table;
@@ -292,16 +293,16 @@ fn free_check(readings: &[Reading], bias: &Bias, settings: &Settings) -> Option<
     let (from, to) = (bias.tare.t_from, bias.tare.t_to);
     let free: Vec<Reading> = readings.iter().filter(|r| (from..=to).contains(&r.t)).copied().collect();
     let (first, second) = free.split_at(free.len() / 2);
-    let mean = |half: &[Reading]| noise::mean(&half.iter().map(|r| r.force_finger).collect::<Vec<_>>());
+    let force = |half: &[Reading]| mean(half.iter().map(|reading| reading.force_finger)).unwrap_or_else(Vector2::zeros);
     match Tare::estimate(first, &settings.tare_settings()) {
         Err(_) => Some(FreeCheck {
-            half_difference: (mean(first) - mean(second)).norm(),
+            half_difference: (force(first) - force(second)).norm(),
             half_difference_sigmas: None,
             samples: 0,
             within: 0,
         }),
         Ok(tare) => {
-            let difference = tare.bias - mean(second);
+            let difference = tare.bias - force(second);
             let one = tare.single_covariance + tare.bias_covariance;
             let inside = |r: &&Reading| noise::mahalanobis(&(r.force_finger - tare.bias), &one) <= WITHIN_SIGMAS;
             // The second half is as long as the first, so its mean is as uncertain.
@@ -318,12 +319,11 @@ fn free_check(readings: &[Reading], bias: &Bias, settings: &Settings) -> Option<
 
 fn summarise(series: &[Row]) -> Option<TouchSummary> {
     let touches: Vec<RowTouch> = series.iter().filter_map(|row| row.touch).collect();
-    let n = touches.len() as f64;
-    let u_sd_median = noise::median(&touches.iter().map(|touch| touch.u_sd).collect::<Vec<_>>())?;
+    let u_sd_median = median(touches.iter().map(|touch| touch.u_sd))?;
     let direction: Vector2<f64> = touches.iter().map(|touch| Vector2::new(touch.u.cos(), touch.u.sin())).sum();
     Some(TouchSummary {
         samples: touches.len(),
-        force_mean: touches.iter().map(|touch| touch.magnitude).sum::<f64>() / n,
+        force_mean: mean(touches.iter().map(|touch| touch.magnitude))?,
         force_max: touches.iter().map(|touch| touch.magnitude).fold(0.0, f64::max),
         u_mean: direction.y.atan2(direction.x),
         u_sd_median,
@@ -418,7 +418,7 @@ impl<'a> Scene<'a> {
             samples: angles.len(),
             within_cone: angles.iter().filter(|angle| angle.abs() <= cone).count(),
             within_stated: touches.iter().filter(stated).count(),
-            angle_median: noise::median(&angles)?,
+            angle_median: median(angles.iter().copied())?,
             angle_worst: angles.iter().fold(0.0, |worst: f64, angle| worst.max(angle.abs())),
             gap_onset: self.seen.then(|| self.gap(self.t_start, &self.push.before)),
             gap_end: self.gap(self.t_end, &self.push.after),
@@ -486,10 +486,6 @@ impl Summary {
             gap_end_mean: mean(&gaps),
         }
     }
-}
-
-fn mean(values: &[f64]) -> Option<f64> {
-    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
 #[cfg(test)]

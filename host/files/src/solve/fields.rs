@@ -10,6 +10,7 @@ use std::ops::Deref;
 
 use nalgebra::{Isometry2, Point2, Vector2};
 use palpate::geometry::{PolygonError, SimplePolygon};
+use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::pushing::dynamics::FingerPath;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::Error as _;
@@ -17,16 +18,13 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use super::error::{InvalidInput, Pointer};
 
-/// Gravity where a problem does not say, m/s².
-pub const GRAVITY_DEFAULT: f64 = palpate::pushing::dynamics::GRAVITY;
-
 /// What a `sigma` of 0 stands for, rad: exact data still need a scale to weigh their residuals by.
 pub const SIGMA_LEAST: f64 = 1e-6;
 
 /// The default of a field `g`: use with `#[serde(default = "default_gravity")]`.
 #[must_use]
 pub fn default_gravity() -> NonNegative {
-    NonNegative(GRAVITY_DEFAULT)
+    NonNegative(GRAVITY_ASSUMED)
 }
 
 /// Largest number of a field that has a sign only: no length, time or mass in SI units comes near it.

@@ -8,8 +8,9 @@
 
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 
+use crate::finger::STUCK_SAMPLES;
 use crate::finger::calibration::FrontEnd;
-use crate::finger::sense::STUCK_SAMPLES;
+use crate::math::statistics::mean;
 
 /// Length of the averages by which hum and drift are told from noise, in s: one mains period at 50 Hz.
 const AVERAGE_S: f64 = 0.02;
@@ -108,7 +109,7 @@ fn figures(seen: &Observation) -> Option<Figures> {
         seen.counts.iter().map(|counts| counts * seen.front_end.microstrain_per_count()).collect();
     let window = (AVERAGE_S * seen.rate_hz).round().max(1.0);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small positive whole number")]
-    let averages: Vec<Vector2<f64>> = strain.chunks_exact(window as usize).map(mean).collect();
+    let averages: Vec<Vector2<f64>> = strain.chunks_exact(window as usize).filter_map(mean).collect();
     if averages.len() < 4 {
         return None;
     }
@@ -138,10 +139,6 @@ fn figures(seen: &Observation) -> Option<Figures> {
     })
 }
 
-fn mean(values: &[Vector2<f64>]) -> Vector2<f64> {
-    values.iter().sum::<Vector2<f64>>() / values.len() as f64
-}
-
 /// A straight line through equally spaced values.
 struct Trend {
     /// Change from one value to the next.
@@ -154,7 +151,7 @@ struct Trend {
 impl Trend {
     fn fit(values: &[Vector2<f64>]) -> Self {
         let count = values.len() as f64;
-        let (centre, middle) = (mean(values), (count - 1.0) / 2.0);
+        let (centre, middle): (Vector2<f64>, f64) = (mean(values).unwrap_or_default(), (count - 1.0) / 2.0);
         let spread = count * (count * count - 1.0) / 12.0;
         let moment: Vector2<f64> =
             values.iter().enumerate().map(|(i, value)| (value - centre) * (i as f64 - middle)).sum();
@@ -264,7 +261,7 @@ fn drift(figures: &Figures) -> Finding {
 
 fn range(seen: &Observation, figures: &Figures) -> Finding {
     let stuck = figures.longest_run >= STUCK_SAMPLES;
-    let centre = mean(&seen.counts) * seen.front_end.microstrain_per_count();
+    let centre = mean::<Vector2<f64>, _>(&seen.counts).unwrap_or_default() * seen.front_end.microstrain_per_count();
     Finding {
         subject: "range",
         verdict: if stuck || seen.saturated > 0 { Verdict::Fault } else { Verdict::Good },
@@ -305,6 +302,7 @@ mod tests {
 
     use super::*;
     use crate::finger::calibration::FrontEndSettings;
+    use crate::finger::contact::test_noise::Random;
 
     const RATE_HZ: f64 = 4000.0;
 
@@ -317,17 +315,9 @@ mod tests {
 
     /// Ten seconds of white noise, hum and drift, in µε.
     fn finger(noise: f64, hum: f64, drift_per_min: f64, seed: u64) -> Observation {
-        let mut state = seed;
-        let mut uniform = move || {
-            // SplitMix64.
-            state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-            let mut z = state;
-            z = (z ^ z >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-            z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
-            ((z ^ z >> 31) >> 11) as f64 / (1_u64 << 53) as f64
-        };
+        let mut random = Random(seed);
         // The sum of twelve uniform numbers has variance 1.
-        let mut normal = move || (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
+        let mut normal = move || (0..12).map(|_| random.unit()).sum::<f64>() - 6.0;
         let counts = (0..40_000).map(|i| {
             let t = f64::from(i) / RATE_HZ;
             let common = hum / 2.0 * (std::f64::consts::TAU * 50.0 * t).sin() + drift_per_min * t / 60.0;

@@ -11,4 +11,4 @@ pub mod diagnosis;
 mod samples;
 pub mod sense;
 
-pub use samples::Samples;
+pub use samples::{STUCK_SAMPLES, Samples};

@@ -1,4 +1,4 @@
-//! From samples to contact: the pure chain between the link and whoever wants to know what is touched.
+//! From samples to contact: the pure chain between the converter and whoever wants to know what is touched.
 //!
 //! Counts become force by the calibration's matrix; the force minus the tare becomes a contact. A sample at the end
 //! of the converter's range, or one of many equal ones in a row, is no measurement and is told as such: it is neither
@@ -9,9 +9,9 @@
 use nalgebra::Vector2;
 use palpate_shared::units::Counts;
 
-use crate::finger::Samples;
 use crate::finger::calibration::{Calibration, FrontEnd, counts_vector};
 use crate::finger::contact::{ContactSense, Felt, Reading, Settings, SettingsError, Tare};
+use crate::finger::{STUCK_SAMPLES, Samples};
 
 /// How far a bridge's offset wanders after the tare, in microstrain per √s.
 ///
@@ -38,9 +38,6 @@ pub fn readings<'a>(samples: &'a Samples, calibration: &'a Calibration) -> impl 
         Reading::new(samples.device_time_s(index), force_finger)
     })
 }
-
-/// Equal samples in a row, on both channels, that noise of a hundred counts never gives: 5 ms at 4 kHz.
-pub const STUCK_SAMPLES: usize = 20;
 
 /// Why a sample says nothing about the force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -10,7 +10,7 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Point2, Vector2};
 
-use super::polygon::{SimplePolygon, around, extent_of, sweep_order, turn};
+use super::polygon::{SimplePolygon, around, centroid_of, extent_of, sweep_order, turn};
 
 /// How deep inside the hull a vertex may lie and still count as flat, as a share of the extent.
 ///
@@ -93,12 +93,12 @@ impl ConvexPolygon {
     /// The convex hull of points; none if they all lie on one line.
     #[must_use]
     pub fn hull_of_points(points: &[Point2<f64>]) -> Option<Self> {
-        let corners = hull_corners(points);
+        let corners = convex_hull(points);
         if corners.len() < 3 {
             return None;
         }
         let outline: Vec<_> = corners.iter().map(|&corner| points[corner]).collect();
-        let centre = centroid(&outline);
+        let centre = centroid_of(&outline);
         Some(Self::of_corners(points, corners, centre))
     }
 
@@ -187,20 +187,19 @@ impl ConvexPolygon {
     }
 }
 
-/// Area centroid of a polygon, from a corner of it so that a far origin costs no digits.
-fn centroid(corners: &[Point2<f64>]) -> Point2<f64> {
-    let (mut twice_area, mut moment) = (0.0, Vector2::zeros());
-    for pair in corners.windows(2) {
-        let (a, b) = (pair[0] - corners[0], pair[1] - corners[0]);
-        let cross = a.perp(&b);
-        twice_area += cross;
-        moment += cross * (a + b);
-    }
-    corners[0] + moment / (3.0 * twice_area)
-}
-
-/// The corners of the hull, counter-clockwise, by Andrew's monotone chain with exact turns.
-fn hull_corners(points: &[Point2<f64>]) -> Vec<usize> {
+/// Which points are the corners of the convex hull: counter-clockwise from the leftmost (then lowest), none of them flat.
+///
+/// Andrew's monotone chain (1979) with exact turns. Fewer than three where all points lie on one line.
+///
+/// ```
+/// use nalgebra::Point2;
+/// use palpate::geometry::convex_hull;
+///
+/// let points = [[0.02, 0.01], [0.06, 0.0], [0.0, 0.0], [0.03, 0.0], [0.06, 0.04]].map(Point2::from); // m
+/// assert_eq!(convex_hull(&points), [2, 1, 4]);
+/// ```
+#[must_use]
+pub fn convex_hull(points: &[Point2<f64>]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_unstable_by(|&a, &b| sweep_order(points[a], points[b]));
     order.dedup_by(|a, b| sweep_order(points[*a], points[*b]).is_eq());

@@ -5,6 +5,7 @@ pub(crate) mod exact;
 mod polygon;
 mod pose;
 
-pub use convex::{ConvexPolygon, NotConvex};
-pub use polygon::{PolygonError, SimplePolygon};
+pub use convex::{ConvexPolygon, NotConvex, convex_hull};
+pub(crate) use polygon::extent_of;
+pub use polygon::{PolygonError, SimplePolygon, bounding_box};
 pub use pose::Pose;

@@ -196,15 +196,7 @@ impl SimplePolygon {
     /// The area centroid, m.
     #[must_use]
     pub fn centroid(&self) -> Point2<f64> {
-        // Measured from a vertex, as the area is.
-        let corner = self.vertices[0];
-        let (mut twice_area, mut moment) = (0.0, Vector2::zeros());
-        for (a, b) in self.edges().map(|(a, b)| (a - corner, b - corner)) {
-            let cross = a.perp(&b);
-            twice_area += cross;
-            moment += cross * (a + b);
-        }
-        corner + moment / (3.0 * twice_area)
+        centroid_of(&self.vertices)
     }
 
     /// The first vertex with an inner angle over 180°, decided exactly; `None` for a convex polygon.
@@ -270,9 +262,32 @@ fn is_counter_clockwise(vertices: &[Point2<f64>]) -> bool {
     turn(before, here, after) > 0.0
 }
 
+/// The area centroid of an outline, m.
+pub(super) fn centroid_of(vertices: &[Point2<f64>]) -> Point2<f64> {
+    // Measured from a vertex, as the area is; that vertex's own two edges add nothing then.
+    let corner = vertices[0];
+    let (mut twice_area, mut moment) = (0.0, Vector2::zeros());
+    for pair in vertices.windows(2) {
+        let (a, b) = (pair[0] - corner, pair[1] - corner);
+        let cross = a.perp(&b);
+        twice_area += cross;
+        moment += cross * (a + b);
+    }
+    corner + moment / (3.0 * twice_area)
+}
+
+/// The lower left and the upper right corner of the box around points, m.
+///
+/// # Panics
+/// Without points.
+#[must_use]
+pub fn bounding_box(points: &[Point2<f64>]) -> (Point2<f64>, Point2<f64>) {
+    points.iter().fold((points[0], points[0]), |(low, high), p| (low.inf(p), high.sup(p)))
+}
+
 /// The longer side of the bounding box, m.
-pub(super) fn extent_of(vertices: &[Point2<f64>]) -> f64 {
-    let (low, high) = vertices.iter().fold((vertices[0], vertices[0]), |(low, high), p| (low.inf(p), high.sup(p)));
+pub(crate) fn extent_of(points: &[Point2<f64>]) -> f64 {
+    let (low, high) = bounding_box(points);
     (high - low).max()
 }
 

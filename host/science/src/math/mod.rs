@@ -4,6 +4,7 @@ pub mod angle;
 pub(crate) mod bits;
 mod dual;
 pub mod least_squares;
+pub mod ode;
 pub mod random;
 pub(crate) mod roots;
 mod spectrum;

@@ -1,9 +1,62 @@
-//! Quantiles and tails of the distributions that gates and intervals are made of, from the crate `statrs`.
+//! Means and quantiles of data, and those of the distributions that gates and intervals are made of (from the crate `statrs`).
 //!
-//! Accuracy: 1e-9 of the value. Errors: none; the ends of the range are the ends of the distribution.
+//! Accuracy: of data, rounding; of distributions, 1e-9 of the value.
+//! Errors: none; of no data there is `None`, and the ends of the range are the ends of the distribution.
+
+use std::iter::Sum;
+use std::ops::Div;
 
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 use statrs::function::erf::erfc;
+
+/// The arithmetic mean; `None` of nothing.
+///
+/// ```
+/// use crate::math::statistics::mean;
+///
+/// assert_eq!(mean(&[1.5, 2.5, 5.0]), Some(3.0)); // N
+/// assert_eq!(mean::<f64, [f64; 0]>([]), None);
+/// ```
+#[must_use]
+pub fn mean<T: Sum<I::Item> + Div<f64, Output = T>, I: IntoIterator>(values: I) -> Option<T> {
+    let mut count = 0_usize;
+    let sum: T = values.into_iter().inspect(|_| count += 1).sum();
+    (count > 0).then(|| sum / count as f64)
+}
+
+/// The middle value, of an even number the mean of the two middle ones; `None` of nothing. Values must be numbers.
+///
+/// ```
+/// use crate::math::statistics::median;
+///
+/// assert_eq!(median([4.0, 1.0, 2.0, 3.0]), Some(2.5));
+/// ```
+#[must_use]
+pub fn median(values: impl IntoIterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.into_iter().collect();
+    if values.is_empty() {
+        return None;
+    }
+    let (middle, is_odd) = (values.len() / 2, values.len() % 2 == 1);
+    let (below, &mut upper, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
+    let lower = below.iter().copied().max_by(f64::total_cmp).filter(|_| !is_odd);
+    Some(lower.map_or(upper, |lower| 0.5 * (lower + upper)))
+}
+
+/// The value that this share of all, in per cent, lie below: of n sorted ones that at place ⌊n · share⌋ from 0, at 100 % the
+/// last; `None` of nothing. At 50 % it is one of the values, the upper of the two middle ones where [`median`] takes their mean.
+///
+/// ```
+/// use crate::math::statistics::percentile;
+///
+/// assert_eq!(percentile([4.0, 1.0, 2.0, 3.0], 50), Some(3.0));
+/// ```
+#[must_use]
+pub fn percentile(values: impl IntoIterator<Item = f64>, per_cent: usize) -> Option<f64> {
+    let mut values: Vec<f64> = values.into_iter().collect();
+    let place = (values.len() * per_cent / 100).min(values.len().checked_sub(1)?);
+    Some(*values.select_nth_unstable_by(place, f64::total_cmp).1)
+}
 
 /// The value that a standard normal number stays below with probability `p`; infinite at 0 and 1.
 #[must_use]
@@ -51,6 +104,17 @@ mod tests {
 
     /// Tables print so many digits.
     const PRINTED: f64 = 5e-4;
+
+    #[test]
+    fn data_have_a_middle_and_nothing_has_none() {
+        assert_eq!(mean([[1.0, 2.0], [3.0, 6.0]].map(nalgebra::Vector2::from)), Some(nalgebra::Vector2::new(2.0, 4.0)));
+        assert_eq!(median([3.0, 1.0, 2.0]), Some(2.0));
+        assert_eq!(median([4.0, 1.0, 2.0, 3.0]), Some(2.5));
+        assert_eq!((median([]), percentile([], 50)), (None, None));
+        let hundred = || (0..100).rev().map(f64::from);
+        let places = [0, 50, 95, 99, 100].map(|per_cent| percentile(hundred(), per_cent));
+        assert_eq!(places, [0.0, 50.0, 95.0, 99.0, 99.0].map(Some));
+    }
 
     #[test]
     fn normal_quantiles_are_those_of_the_tables() {

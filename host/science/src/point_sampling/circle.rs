@@ -332,6 +332,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::geometry::bounding_box;
 
     fn outline(points: &[Point2<f64>]) -> Vec<Piece> {
         let next = points.iter().cycle().skip(1);
@@ -345,7 +346,7 @@ mod tests {
     /// Clearance by sampling a fine grid: what any finer one could add is half its diagonal.
     fn by_grid(points: &[Point2<f64>], cells: u32) -> f64 {
         let room = Room::new(std::iter::once(outline(points).into_iter())).unwrap();
-        let (low, high) = points.iter().fold((points[0], points[0]), |(l, h), p| (l.inf(p), h.sup(p)));
+        let (low, high) = bounding_box(points);
         let step = (high - low) / f64::from(cells);
         let places = (0..=cells).flat_map(|i| (0..=cells).map(move |j| Vector2::new(f64::from(i), f64::from(j))));
         let clearances = places.map(|place| room.clearance(low + step.component_mul(&place) - room.offset));

@@ -10,7 +10,7 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Point2, Rotation2, Vector2};
 
-use crate::geometry::SimplePolygon;
+use crate::geometry::{SimplePolygon, bounding_box};
 use crate::math::random::Draw;
 
 /// Lines in an arrangement, as in the thesis.
@@ -72,7 +72,7 @@ impl SceneKind {
         for _ in 0..ORIENTATIONS_MAX {
             let rotation = Rotation2::new(draw.uniform(0.0, TAU));
             let turned: Vec<_> = shape.iter().map(|p| rotation * p).collect();
-            let (low, high) = extent(&turned);
+            let (low, high) = bounding_box(&turned);
             let room = Vector2::repeat(self.side) - (high - low);
             if room.min() < 0.0 {
                 continue;
@@ -82,10 +82,6 @@ impl SceneKind {
         }
         None
     }
-}
-
-fn extent(points: &[Point2<f64>]) -> (Point2<f64>, Point2<f64>) {
-    points.iter().fold((points[0], points[0]), |(low, high), p| (low.inf(p), high.sup(p)))
 }
 
 fn perimeter(outline: &[Point2<f64>]) -> f64 {
@@ -199,7 +195,7 @@ mod tests {
             let scene = kind.draw(&mut Draw::case(1, case), 20);
             assert_eq!(scene.len(), 20);
             for polygon in &scene {
-                let (low, high) = extent(polygon.vertices());
+                let (low, high) = bounding_box(polygon.vertices());
                 assert!(low.x >= -1e-12 && high.x.max(high.y) <= kind.side + 1e-12 && low.y >= -1e-12, "{low} {high}");
                 let around = perimeter(polygon.vertices());
                 assert!(around >= kind.perimeter[0] - 1e-9 && around <= kind.perimeter[1] + 1e-9, "{around}");

@@ -3,7 +3,9 @@
 //! Each column is a small change: `θ` turns the attitude to `A exp[θ]×`, `ω` and `u` change by themselves. A column starts
 //! as a change of the attitude (palm-axis angular velocity `W = A ω` kept), of `W`, of the logarithm of a semi-axis or of the
 //! palm's acceleration, and is carried along by the linearised equations of motion, in closed form, by the same Runge–Kutta
-//! steps as the motion itself.
+//! steps as the motion itself. The method of [`ode`] is written out here once more, because the columns want it differently: the
+//! motion's stages leave their linearised equations behind, and each column is then taken through all four from beginning to end,
+//! so that the compiler can put several columns side by side.
 //!
 //! Implements: the derivatives of [`mechanics`](super::mechanics); with `W` kept, "no spin" only drops the change of `W₃`.
 //! Frames: `θ`, `ω` body axes; `u` palm axes. Units: SI per rad, per rad/s, per 1, per m/s².
@@ -13,6 +15,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::mechanics::{Instant, Model, Rates, Resistance, Rows, Spin, State};
 use super::shape::{Local, Scaled, Shape};
+use crate::math::ode::{self, Moves};
 
 /// Columns of a state alone: three of attitude, three of angular velocity.
 pub const STATE_COLUMNS: usize = 6;
@@ -154,7 +157,7 @@ impl Model<'_> {
         let (k2, l2) = stage(1, &state.moved(&k1, half), &felt[1]);
         let (k3, l3) = stage(2, &state.moved(&k2, half), &felt[1]);
         let (k4, l4) = stage(3, &state.moved(&k3, dt), &felt[2]);
-        (state.stepped(&[k1, k2, k3, k4], dt), carry(&[l1, l2, l3, l4], &forced, tangent, dt))
+        (ode::end(state, &[k1, k2, k3, k4], dt).normalized(), carry(&[l1, l2, l3, l4], &forced, tangent, dt))
     }
 
     /// The motion itself by way of the short chain of [`Scaled`]; everything else may wait.

@@ -15,6 +15,7 @@ use num_dual::{Derivative, Dual, DualSVec64};
 
 use super::mechanics::{Model, State, StateOf};
 use super::shape::Real;
+use crate::math::ode::{self, Moment, Moves};
 
 /// A number with the derivatives by a small turn and a change of the angular velocity.
 type BySix = DualSVec64<6>;
@@ -68,12 +69,8 @@ impl Gho<'_> {
     #[must_use]
     pub fn step(&self, state: &State, u: [Vector2<f64>; 2], dt: f64) -> Option<State> {
         let at = |share: f64| u[0] * (1.0 - share) + u[1] * share;
-        let k1 = self.slope(state, at(0.0))?;
-        let k2 = self.slope(&moved(state, &k1, 0.5 * dt), at(0.5))?;
-        let k3 = self.slope(&moved(state, &k2, 0.5 * dt), at(0.5))?;
-        let k4 = self.slope(&moved(state, &k3, dt), at(1.0))?;
-        let mean = (k1 + (k2 + k3) * 2.0 + k4) / 6.0;
-        Some(moved(state, &mean, dt))
+        let slope = |moment: Moment, state: &State| self.slope(state, at(moment.share())).ok_or(());
+        ode::try_step(state, dt, slope).ok()
     }
 
     /// Rates of (u, θ, ω): the motion's own, and the correction.
@@ -92,13 +89,15 @@ impl Gho<'_> {
     }
 }
 
-/// The state after `dt` at constant rates of (u, θ, ω).
-fn moved(state: &State, slope: &SVector<f64, 8>, dt: f64) -> State {
-    let turn = UnitQuaternion::from_scaled_axis(slope.fixed_rows::<3>(2) * dt);
-    State {
-        orientation: (state.attitude() * turn).into_inner(),
-        omega: state.omega + slope.fixed_rows::<3>(5) * dt,
-        u: state.u + slope.fixed_rows::<2>(0) * dt,
+/// Rates of (u, θ, ω): the attitude turns by as much at once.
+impl Moves<SVector<f64, 8>> for State {
+    fn moved(&self, slope: &SVector<f64, 8>, dt: f64) -> Self {
+        let turn = UnitQuaternion::from_scaled_axis(slope.fixed_rows::<3>(2) * dt);
+        Self {
+            orientation: (self.attitude() * turn).into_inner(),
+            omega: self.omega + slope.fixed_rows::<3>(5) * dt,
+            u: self.u + slope.fixed_rows::<2>(0) * dt,
+        }
     }
 }
 
@@ -172,8 +171,7 @@ mod tests {
                 let step = 1e-3;
                 let mut slope = SVector::<f64, 8>::zeros();
                 slope[2 + column] = step;
-                let (ahead, behind) =
-                    (derivatives(&moved(&state, &slope, 1.0)), derivatives(&moved(&state, &slope, -1.0)));
+                let (ahead, behind) = (derivatives(&state.moved(&slope, 1.0)), derivatives(&state.moved(&slope, -1.0)));
                 for order in 0..3 {
                     let wanted = (ahead[order] - behind[order]) / (2.0 * step);
                     for axis in 0..2 {

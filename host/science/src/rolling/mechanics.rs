@@ -21,12 +21,15 @@
 //! Frames: `omega`, `β`, `n`, `f` in body axes; `u` and `a_P` in palm axes, e₃ up. Units: SI; all forces over the mass.
 //! Errors: none; that a contact cannot pull is for [`run`](super::run) to see.
 
+use std::ops::{Add, Mul};
+
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector2, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::body::Body;
 use super::shape::{Real, Scaled, cross, dot};
+use crate::math::ode::{self, Moment, Moves};
 
 /// Up to here the series of 1/√(1 + x) to the third power of x is exact: what follows is 0.27 x⁴.
 const SERIES_MAX: f64 = 1e-4;
@@ -108,27 +111,6 @@ impl State {
         -(self.attitude().inverse() * Vector3::z())
     }
 
-    /// The state after `dt` at constant rates.
-    #[inline(always)]
-    pub(super) fn moved(&self, rates: &Rates, dt: f64) -> Self {
-        Self {
-            orientation: self.orientation + rates.orientation * dt,
-            omega: self.omega + rates.omega * dt,
-            u: self.u + rates.u * dt,
-        }
-    }
-
-    /// The state at the end of a Runge–Kutta step, its orientation of length 1.
-    #[inline(always)]
-    pub(super) fn stepped(&self, [first, second, third, fourth]: &[Rates; 4], dt: f64) -> Self {
-        let mean = Rates {
-            orientation: first.orientation + (second.orientation + third.orientation) * 2.0 + fourth.orientation,
-            omega: first.omega + (second.omega + third.omega) * 2.0 + fourth.omega,
-            u: first.u + (second.u + third.u) * 2.0 + fourth.u,
-        };
-        self.moved(&mean, dt / 6.0).normalized()
-    }
-
     /// `q'`.
     #[inline(always)]
     pub(super) fn turning(&self) -> Quaternion<f64> {
@@ -148,6 +130,36 @@ impl State {
             1.0 / (1.0 + excess).sqrt()
         };
         Self { orientation: self.orientation * per_length, ..self }
+    }
+}
+
+impl Moves<Rates> for State {
+    #[inline(always)]
+    fn moved(&self, rates: &Rates, dt: f64) -> Self {
+        Self {
+            orientation: self.orientation + rates.orientation * dt,
+            omega: self.omega + rates.omega * dt,
+            u: self.u + rates.u * dt,
+        }
+    }
+}
+
+impl Add for Rates {
+    type Output = Self;
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        let orientation = self.orientation + other.orientation;
+        Self { orientation, omega: self.omega + other.omega, u: self.u + other.u }
+    }
+}
+
+impl Mul<f64> for Rates {
+    type Output = Self;
+
+    #[inline(always)]
+    fn mul(self, factor: f64) -> Self {
+        Self { orientation: self.orientation * factor, omega: self.omega * factor, u: self.u * factor }
     }
 }
 
@@ -295,12 +307,12 @@ impl Model<'_> {
     #[inline]
     #[must_use]
     pub fn step(&self, state: &State, felt: &[Vector3<f64>; 3], dt: f64) -> State {
-        let half = 0.5 * dt;
-        let k1 = self.rates(state, &felt[0]);
-        let k2 = self.rates(&state.moved(&k1, half), &felt[1]);
-        let k3 = self.rates(&state.moved(&k2, half), &felt[1]);
-        let k4 = self.rates(&state.moved(&k3, dt), &felt[2]);
-        state.stepped(&[k1, k2, k3, k4], dt)
+        let rates = |moment, state: &State| match moment {
+            Moment::Start => self.rates(state, &felt[0]),
+            Moment::Middle => self.rates(state, &felt[1]),
+            Moment::End => self.rates(state, &felt[2]),
+        };
+        ode::step(state, dt, rates).normalized()
     }
 
     /// The point of contact, body axes, m.

@@ -228,11 +228,10 @@ mod tests {
     use super::super::body::Body;
     use super::super::tests::{bodies, state_of};
     use super::*;
-
-    const GRAVITY: f64 = 9.81;
+    use crate::gravity::GRAVITY_ASSUMED;
 
     fn rank(body: &Body, spin: Spin, state: &State, inputs: Inputs) -> usize {
-        observability(&Model { body, spin }, state, GRAVITY, inputs).unwrap().spectrum.rank()
+        observability(&Model { body, spin }, state, GRAVITY_ASSUMED, inputs).unwrap().spectrum.rank()
     }
 
     #[test]
@@ -285,7 +284,8 @@ mod tests {
         assert_eq!(ranks(&at(0.0), Spin::Free), [6, 6, 8]);
         assert_eq!(ranks(&at(5.0), Spin::Free), [6, 6, 8]);
         assert_eq!(ranks(&at(0.0), Spin::None), [6, 6, 7]);
-        let hidden = observability(&Model { body: &body, spin: Spin::Free }, &at(0.0), GRAVITY, Inputs::Zero).unwrap();
+        let hidden =
+            observability(&Model { body: &body, spin: Spin::Free }, &at(0.0), GRAVITY_ASSUMED, Inputs::Zero).unwrap();
         for direction in &hidden.spectrum.unseen {
             let seen =
                 STATE_NAMES.iter().zip(direction).filter(|(name, _)| !["rotation_z", "omega_palm_z"].contains(name));
@@ -349,7 +349,7 @@ mod tests {
             *(if signed(low).0 * signed(middle).0 <= 0.0 { &mut high } else { &mut low }) = middle;
         }
         let (_, state) = signed(low);
-        let at = observability(&model, &state, GRAVITY, Inputs::Zero).unwrap();
+        let at = observability(&model, &state, GRAVITY_ASSUMED, Inputs::Zero).unwrap();
         assert_eq!((at.spectrum.rank(), at.sufficient_condition.holds), (8, false), "{at:?}");
     }
 }

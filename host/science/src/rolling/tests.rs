@@ -6,8 +6,7 @@ use nalgebra::{Matrix3, Quaternion, SMatrix, SVector, UnitQuaternion, Vector2, V
 use proptest::prelude::*;
 
 use super::*;
-
-const GRAVITY: f64 = 9.81;
+use crate::gravity::GRAVITY_ASSUMED;
 
 /// One of each kind.
 pub(super) fn bodies() -> &'static [Body] {
@@ -41,7 +40,7 @@ pub(super) fn motions() -> impl Strategy<Value = (Spin, State, Vector3<f64>)> {
     let w = [-12.0..12.0, -12.0..12.0, -12.0..12.0_f64];
     let a = [-3.0..3.0, -3.0..3.0, -3.0..3.0_f64];
     (prop_oneof![Just(Spin::Free), Just(Spin::None)], q, w, a)
-        .prop_map(|(spin, q, w, a)| (spin, state_of(spin, q, w), felt(Vector3::from(a), GRAVITY)))
+        .prop_map(|(spin, q, w, a)| (spin, state_of(spin, q, w), felt(Vector3::from(a), GRAVITY_ASSUMED)))
 }
 
 /// Newton's and Euler's equations in palm axes for the velocity of the centre of mass and the angular velocity, the contact
@@ -100,9 +99,9 @@ proptest! {
     fn energy_changes_only_by_the_palms_work((spin, state, _) in motions()) {
         for body in bodies() {
             let model = Model { body, spin };
-            let felt = [felt(Vector3::zeros(), GRAVITY); 3];
+            let felt = [felt(Vector3::zeros(), GRAVITY_ASSUMED); 3];
             let end = (0..200).fold(state, |state, _| model.step(&state, &felt, 5e-4));
-            let energies = [state, end].map(|state| model.energy(&state, GRAVITY));
+            let energies = [state, end].map(|state| model.energy(&state, GRAVITY_ASSUMED));
             // 0.5 ms steps for 0.1 s at up to 20 rad/s.
             prop_assert!((energies[1] / energies[0] - 1.0).abs() < 1e-7, "{spin:?} {body:?}: {energies:?}");
         }
@@ -213,7 +212,7 @@ fn a_sphere_rolls_as_in_the_textbook() {
         let start = state_of(spin, [0.3, -0.4, 0.7, 0.2], [3.0, -5.0, 2.0]);
         let palm = Vector3::new(0.7, -1.3, 0.4);
         let model = Model { body: &body, spin };
-        let felt = [felt(palm, GRAVITY); 3];
+        let felt = [felt(palm, GRAVITY_ASSUMED); 3];
         let end = (0..500).fold(start, |state, _| model.step(&state, &felt, 1e-3));
         let w = start.attitude() * start.omega;
         let t = 0.5;
@@ -233,7 +232,7 @@ fn a_turn_about_the_axis_of_revolution_never_shows() {
         let start = (state, Tangent::<STATE_COLUMNS>::seed(&state));
         // Steps long enough that the orientations of a step's stages are not of length 1.
         let (_, tangent) = (0..60).fold(start, |(state, tangent), _| {
-            model.step_with(Columns::STATE, (&state, &tangent), &[felt(Vector3::zeros(), GRAVITY); 3], 4e-3)
+            model.step_with(Columns::STATE, (&state, &tangent), &[felt(Vector3::zeros(), GRAVITY_ASSUMED); 3], 4e-3)
         });
         for [seen, hidden] in tangent.u.map(|row| [row[0], row[2]]) {
             assert!(hidden.abs() < 1e-15 && seen.abs() > 1e-3, "{spin:?}: {hidden} beside {seen} m/rad");

@@ -309,15 +309,14 @@ mod tests {
     use super::super::observer::Noise;
     use super::super::tests::{bodies, state_of};
     use super::*;
-
-    const GRAVITY: f64 = 9.81;
+    use crate::gravity::GRAVITY_ASSUMED;
 
     fn question(body: &Body, spin: Spin) -> Question {
         Question {
             body: BodyKnowledge::OneOf(vec![body.clone()]),
             spins: vec![spin],
             palm: PalmKnowledge::Known(PalmAcceleration::Rest),
-            g: GRAVITY,
+            g: GRAVITY_ASSUMED,
             noise: Noise::Grid(1e-3),
         }
     }
@@ -326,7 +325,7 @@ mod tests {
     fn path(body: &Body, spin: Spin, count: usize) -> Vec<(f64, Vector2<f64>, State)> {
         let model = Model { body, spin };
         let start = state_of(spin, [0.4, -0.2, 0.7, 0.3], [2.0, -3.0, 1.5]);
-        let felt = [felt(Vector3::zeros(), GRAVITY); 3];
+        let felt = [felt(Vector3::zeros(), GRAVITY_ASSUMED); 3];
         let states = std::iter::successors(Some(start), |state| Some(model.step(state, &felt, 0.002)));
         let rounded = |state: &State| state.u.map(|x| (x * 1e3).round() * 1e-3);
         let times = std::iter::successors(Some(0.0), |t| Some(t + 0.002));

@@ -11,7 +11,9 @@ use std::num::NonZeroUsize;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::random::Draw;
+use palpate::math::statistics::percentile;
 use palpate::pushing::dynamics::{ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, Sample, Start, State};
 use palpate::pushing::estimation::planning::{
     AMBIGUOUS_BELOW, Felt, Motion, Present, Sampling, motions, prospects, updated,
@@ -44,7 +46,7 @@ pub(super) const SIGMA_RAD: f64 = 0.112 / 180.0 * std::f64::consts::PI;
 const SAMPLING: Sampling = Sampling { dt: DT_S, sigma: SIGMA_RAD, felt: Felt::ContactAngle };
 
 /// µ g, m/s².
-pub(super) const GRIP: f64 = 0.3 * 9.81;
+pub(super) const GRIP: f64 = 0.3 * GRAVITY_ASSUMED;
 
 /// Of the finger at first, m/s, and of what it then can do, m/s².
 const SPEED: f64 = 0.05;
@@ -293,10 +295,9 @@ fn run(settings: &Settings) -> Table {
         let straight = outcomes.iter().filter(|outcome| outcome.motions[0].0).count();
         #[expect(clippy::cast_precision_loss, reason = "counts of cases")]
         let ratio = if ambiguous > 0 { Cell::number(straight as f64 / ambiguous as f64, 1) } else { Cell::Empty };
-        let mut friction: Vec<_> = found.iter().map(|(_, friction)| *friction).collect();
-        friction.sort_by(f64::total_cmp);
         // Of the best in hindsight there is none: it is another motion in each case.
-        let median = friction.get(friction.len() / 2).copied().filter(|friction| friction.is_finite());
+        let median =
+            percentile(found.iter().map(|(_, friction)| *friction), 50).filter(|friction| friction.is_finite());
         let friction = median.map_or(Cell::Empty, |median| Cell::number(median, 2));
         table.push([name.into(), Cell::count(outcomes.len()), Cell::share(ambiguous, outcomes.len()), ratio, friction]);
     };

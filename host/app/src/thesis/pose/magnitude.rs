@@ -6,10 +6,11 @@
 //!
 //! Units: SI inside, as the headings say in the table. Errors: none.
 
+use palpate::math::statistics::percentile;
 use palpate::pushing::estimation::{Hypothesis, estimate};
 
 use super::world::{Case, Kind, Sense, Setting};
-use super::{FORCE_DEVIATIONS, FORCE_PLACE_M, PUSHES, mean};
+use super::{FORCE_DEVIATIONS, FORCE_PLACE_M, PUSHES, mean_count};
 use crate::thesis::{Cell, Experiment, Settings, Table, cases};
 
 /// The table `magnitude`.
@@ -87,9 +88,8 @@ fn outcome(case: &Case) -> Outcome {
 fn row(name: &str, outcomes: &[Outcome]) -> Vec<Cell> {
     let share = |is: fn(&Outcome) -> bool| Cell::share(outcomes.iter().filter(|o| is(o)).count(), outcomes.len());
     let median = |of: fn((f64, f64)) -> f64, decimals: usize| {
-        let mut errors: Vec<_> = outcomes.iter().filter_map(|outcome| outcome.errors.map(of)).collect();
-        errors.sort_by(f64::total_cmp);
-        errors.get(errors.len() / 2).map_or(Cell::Empty, |error| Cell::number(*error, decimals))
+        let errors = outcomes.iter().filter_map(|outcome| outcome.errors.map(of));
+        percentile(errors, 50).map_or(Cell::Empty, |error| Cell::number(error, decimals))
     };
     vec![
         name.into(),
@@ -97,7 +97,7 @@ fn row(name: &str, outcomes: &[Outcome]) -> Vec<Cell> {
         share(|outcome| outcome.errors.is_some()),
         share(|outcome| outcome.first),
         share(|outcome| outcome.members == 1),
-        Cell::number(mean(outcomes.iter().map(|outcome| outcome.members)), 2),
+        Cell::number(mean_count(outcomes.iter().map(|outcome| outcome.members)), 2),
         median(|(place, _)| place * 1e3, 2),
         median(|(_, turn)| turn.to_degrees(), 2),
     ]

@@ -10,6 +10,7 @@ mod magnitude;
 mod model_error;
 mod world;
 
+use palpate::math::statistics::mean;
 use palpate::pushing::estimation::{Hypothesis, estimate};
 
 use self::world::{Case, Kind, Sense, Setting};
@@ -169,7 +170,7 @@ fn force(settings: &Settings) -> Table {
             share(|outcome| outcome.first),
             share(|outcome| outcome.in_set),
             if setting.kind == Kind::Sliding { share(|outcome| outcome.sign) } else { Cell::Empty },
-            Cell::number(mean(outcomes.iter().map(|outcome| outcome.members)), 2),
+            Cell::number(mean_count(outcomes.iter().map(|outcome| outcome.members)), 2),
         ]);
     }
     table
@@ -213,18 +214,15 @@ fn force_case(case: &Case) -> Outcome {
     }
 }
 
-#[expect(clippy::cast_precision_loss, reason = "counts of cases")]
-fn mean(counts: impl ExactSizeIterator<Item = usize>) -> f64 {
-    let all = counts.len().max(1) as f64;
-    counts.sum::<usize>() as f64 / all
+/// 0 of none.
+fn mean_count(counts: impl Iterator<Item = usize>) -> f64 {
+    mean(counts.map(|count| count as f64)).unwrap_or(0.0)
 }
 
 fn row(name: &str, outcomes: &[Outcome]) -> Vec<Cell> {
     let count = |is: fn(&Outcome) -> bool| outcomes.iter().filter(|outcome| is(outcome)).count();
     let all = outcomes.len();
-    let errors: Vec<_> = outcomes.iter().filter_map(|outcome| outcome.squared_error).collect();
-    #[expect(clippy::cast_precision_loss, reason = "counts of cases")]
-    let error = errors.iter().sum::<f64>() / errors.len().max(1) as f64;
+    let error = mean(outcomes.iter().filter_map(|outcome| outcome.squared_error)).unwrap_or(0.0);
     vec![
         name.into(),
         Cell::count(all),
@@ -232,7 +230,7 @@ fn row(name: &str, outcomes: &[Outcome]) -> Vec<Cell> {
         Cell::share(count(|outcome| outcome.first), all),
         Cell::share(count(|outcome| outcome.first && !outcome.ambiguous), count(|outcome| !outcome.ambiguous)),
         Cell::share(count(|outcome| outcome.in_set), all),
-        Cell::number(mean(outcomes.iter().map(|outcome| outcome.members)), 2),
+        Cell::number(mean_count(outcomes.iter().map(|outcome| outcome.members)), 2),
         Cell::count(outcomes.iter().map(|outcome| outcome.false_members).sum()),
         Cell::number(error, 2),
     ]

@@ -4,6 +4,7 @@ use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::{Point2, Rotation2, Vector3};
 use palpate::geometry::Pose;
+use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::angle::wrap_angle;
 use palpate::math::random::Draw;
 use palpate::pushing::dynamics::{
@@ -18,7 +19,7 @@ const DT_S: f64 = 0.01;
 const VALUES: u32 = 81;
 
 /// µ g, m/s².
-const GRIP: f64 = 0.3 * 9.81;
+const GRIP: f64 = 0.3 * GRAVITY_ASSUMED;
 
 /// Friction between finger and part, where there is some.
 const CONTACT_FRICTION: f64 = 0.2;

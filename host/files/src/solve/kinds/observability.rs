@@ -4,6 +4,7 @@
 
 use std::collections::BTreeMap;
 
+use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::Spectrum;
 use palpate::pushing::dynamics::{Contact, Slip, Start};
 use palpate::pushing::observability::{PushObservabilityError, STATE_NAMES, Scales, spectrum};
@@ -16,9 +17,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use super::push::{Initial, Mode, Push, Support, needed_friction};
 use super::roll::Body;
-use crate::solve::fields::{
-    Finger, GRAVITY_DEFAULT, NonNegative, Polygon, Positive, Times, default_gravity, plane_friction,
-};
+use crate::solve::fields::{Finger, NonNegative, Polygon, Positive, Times, default_gravity, plane_friction};
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError, read, tagged};
 
 /// A state of a system: what of it can be told from its contact?
@@ -210,7 +209,7 @@ impl PushSystem {
         };
         let length = part.inertia_per_mass().sqrt();
         // Without gravity there is no time to compare with; the usual one keeps the scales finite.
-        let gravity = if self.g.get() > 0.0 { self.g.get() } else { GRAVITY_DEFAULT };
+        let gravity = if self.g.get() > 0.0 { self.g.get() } else { GRAVITY_ASSUMED };
         let scales = Scales { length, time: (length / gravity).sqrt() };
         let spectrum = spectrum(&model, &contact, &state, &scales).map_err(refuse)?;
         let states = spectrum.singular_values.len();

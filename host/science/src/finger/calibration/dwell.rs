@@ -21,7 +21,9 @@ use super::force::Reading;
 use super::front_end::{FrontEnd, counts_vector};
 use super::measurements::Fixture;
 use super::steadiness::Rest;
+use crate::finger::{STUCK_SAMPLES, Samples};
 use crate::math::angle::direction_variance;
+use crate::math::statistics::mean;
 
 /// Largest turn of a contact's direction between the halves of a dwell, degrees: half the bar for a mean.
 pub const TURN_MAX_DEG: f64 = 0.1;
@@ -37,9 +39,6 @@ pub(super) const NO_LOAD_MICROSTRAIN: f64 = 1.0;
 
 /// Share of the largest load seen in a dwell below which it has been taken away.
 const REMOVED_SHARE: f64 = 0.25;
-
-/// Equal codes in a row that noise never gives (its standard deviation is some 270 codes): 8 ms at 4 kHz.
-const STUCK_SAMPLES: usize = 32;
 
 /// Time at the end of the range after which a dwell is given up, s; a knock while a weight is hung is shorter.
 const SATURATED_MAX_S: f64 = 0.1;
@@ -175,21 +174,6 @@ pub enum DwellSettingsError {
         /// Needed.
         needed_s: f64,
     },
-}
-
-/// Samples in a row as they come from the device.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SampleBlock {
-    /// Number of the first sample, counted by the device without wrap.
-    pub first: u64,
-    /// Device time of the first sample, µs, without wrap.
-    pub time_us: u64,
-    /// Time between samples, µs.
-    pub period_us: f64,
-    /// Counts of both bridges.
-    pub counts: Vec<[Counts; 2]>,
-    /// What the device says is wrong with them, in words for the person at the bench.
-    pub trouble: Option<String>,
 }
 
 /// One sample as it is kept.
@@ -445,10 +429,7 @@ impl Watcher {
     }
 
     /// Takes the next samples; stops at the first that decides.
-    pub fn push(&mut self, block: &SampleBlock) -> Verdict {
-        if let Some(trouble) = &block.trouble {
-            return Verdict::Refused(Refusal::Trouble(trouble.clone()));
-        }
+    pub fn push(&mut self, block: &Samples) -> Verdict {
         let rate_hz = self.settings.rate_hz;
         if (block.period_us * rate_hz * 1e-6 - 1.0).abs() > RATE_TOLERANCE || !block.period_us.is_finite() {
             return Verdict::Refused(Refusal::WrongRate { period_us: block.period_us, rate_hz });
@@ -548,7 +529,7 @@ impl Watcher {
     fn notice_removal(&mut self, samples: &[RawSample]) -> Option<Refusal> {
         let Expected::Load { tare } = self.expected else { return None };
         let microstrain =
-            |block: &[RawSample]| (mean(block) - tare).norm() * self.settings.front_end.microstrain_per_count();
+            |block: &[RawSample]| (mean_counts(block) - tare).norm() * self.settings.front_end.microstrain_per_count();
         let loads: Vec<f64> = samples.chunks_exact(self.settings.block_samples()).map(microstrain).collect();
         let load = loads.last().copied()?;
         self.largest_load = loads.into_iter().fold(self.largest_load, f64::max);
@@ -573,11 +554,9 @@ fn whole_us(time_us: f64) -> u64 {
     rounded
 }
 
-fn mean(samples: &[RawSample]) -> Vector2<f64> {
-    let sum: Vector2<f64> = samples.iter().map(|sample| counts_vector(sample.counts)).sum();
-    #[expect(clippy::cast_precision_loss, reason = "a dwell is far below 2^52 samples")]
-    let count = samples.len().max(1) as f64;
-    sum / count
+/// Zero of none.
+fn mean_counts(samples: &[RawSample]) -> Vector2<f64> {
+    mean(samples.iter().map(|sample| counts_vector(sample.counts))).unwrap_or_default()
 }
 
 /// Judges exactly these samples, as the watcher does with its window; also for samples kept in a file.
@@ -591,7 +570,7 @@ pub fn measure(samples: &[RawSample], settings: &DwellSettings, expected: Expect
     }
     let samples = &samples[..needed];
     check_sound(samples, settings)?;
-    let blocks: Vec<Vector2<f64>> = samples.chunks_exact(settings.block_samples()).map(mean).collect();
+    let blocks: Vec<Vector2<f64>> = samples.chunks_exact(settings.block_samples()).map(mean_counts).collect();
     let rest = Rest::new(settings, expected, &blocks);
     rest.check()?;
     let reading = rest.reading();

@@ -15,8 +15,8 @@ use super::least_squares::{Problem, STEPS_MAX, Solution, solve};
 use super::measurements::{Contact, Fixture, Load, Measurements};
 use super::offset;
 use super::span::{self, SPAN_MAX};
-use super::start;
 use crate::math::angle::{contact_angle, direction_variance, push_direction, wrap_angle};
+use crate::math::statistics::median;
 
 /// Fewest contacts the matrix is fitted to: one more than three directions determine, so that the fit checks itself.
 pub const FITTED_MIN: usize = 4;
@@ -265,8 +265,7 @@ fn check_contacts(measurements: &Measurements, fixture: &Fixture) -> Result<(), 
         check_contact(index + 1, contact, fixture, !measurements.tares.is_empty())?;
     }
     // The weakness of a load shows only against its tare, which the checks above have made sure of.
-    let typical =
-        start::median(measurements.contacts.iter().map(|contact| measurements.loaded_counts(contact).norm()).collect());
+    let typical = median(measurements.contacts.iter().map(|contact| measurements.loaded_counts(contact).norm()));
     for (index, contact) in measurements.contacts.iter().enumerate() {
         check_strength(index + 1, contact, measurements, fixture, typical.unwrap_or(0.0))?;
     }

@@ -60,7 +60,7 @@ proptest! {
 
     #[test]
     fn unknown_loads_give_the_matrix_up_to_size(finger in fingers(), count in 5..16_u32, seed in any::<u64>()) {
-        let loads: Vec<f64> = { let mut noise = Noise(seed); (0..count).map(|_| 0.5 + 3.0 * noise.uniform()).collect() };
+        let loads: Vec<f64> = { let mut noise = Noise::new(seed); (0..count).map(|_| 0.5 + 3.0 * noise.uniform()).collect() };
         let fitted = fit(&all_round(&finger, count, |k| (loads[k as usize], Load::Unknown)), &settings(PERFECT)).unwrap();
         let mean = loads.iter().sum::<f64>() / f64::from(count);
         let parts = fitted.calibration.parts();
@@ -98,7 +98,7 @@ proptest! {
 
     #[test]
     fn relative_and_newton_agree_but_for_size(seed in any::<u64>()) {
-        let mut data = noisy(&Finger::TYPICAL, 12, &mut Noise(seed), &FIXTURE_NOISE);
+        let mut data = noisy(&Finger::TYPICAL, 12, &mut Noise::new(seed), &FIXTURE_NOISE);
         let newtons = fit(&data, &settings(stated(&FIXTURE_NOISE))).unwrap();
         data.contacts.iter_mut().for_each(|contact| contact.load = Load::Same);
         let relative = fit(&data, &settings(stated(&FIXTURE_NOISE))).unwrap();
@@ -123,7 +123,7 @@ proptest! {
 
     #[test]
     fn a_contact_set_wrong_by_ten_degrees_is_named_and_does_no_harm(wrong in 0..12_usize, seed in any::<u64>(), slip in any::<bool>()) {
-        let mut data = noisy(&Finger::TYPICAL, 12, &mut Noise(seed), &FIXTURE_NOISE);
+        let mut data = noisy(&Finger::TYPICAL, 12, &mut Noise::new(seed), &FIXTURE_NOISE);
         let clean = fit(&data, &settings(stated(&FIXTURE_NOISE))).unwrap();
         if slip {
             // The thread slipped: only half of the weight still hangs on the disk.
@@ -145,7 +145,7 @@ proptest! {
 
 #[test]
 fn two_of_twelve_unknown_loads_set_wrong_do_no_harm() {
-    let mut data = noisy(&Finger::TYPICAL, 12, &mut Noise(5), &FIXTURE_NOISE);
+    let mut data = noisy(&Finger::TYPICAL, 12, &mut Noise::new(5), &FIXTURE_NOISE);
     data.contacts.iter_mut().for_each(|contact| contact.load = Load::Unknown);
     data.contacts[3].angle += 10.0_f64.to_radians();
     data.contacts[8].angle -= 6.0_f64.to_radians();
@@ -157,7 +157,7 @@ fn two_of_twelve_unknown_loads_set_wrong_do_no_harm() {
 #[test]
 fn a_zero_that_slipped_for_the_last_four_contacts_is_seen_by_the_other_eight() {
     for load in [Load::Newtons(LOAD_N), Load::Unknown] {
-        let mut data = noisy(&Finger::TYPICAL, 12, &mut Noise(15), &FIXTURE_NOISE);
+        let mut data = noisy(&Finger::TYPICAL, 12, &mut Noise::new(15), &FIXTURE_NOISE);
         data.contacts.iter_mut().for_each(|contact| contact.load = load);
         data.contacts[8..].iter_mut().for_each(|contact| contact.angle += 15.0_f64.to_radians());
         let fitted = fit(&data, &settings(stated(&FIXTURE_NOISE))).unwrap();
@@ -168,7 +168,7 @@ fn a_zero_that_slipped_for_the_last_four_contacts_is_seen_by_the_other_eight() {
 
 #[test]
 fn a_contact_given_half_a_turn_off_is_named_even_if_its_load_is_unknown() {
-    let mut data = noisy(&Finger::TYPICAL, 12, &mut Noise(6), &FIXTURE_NOISE);
+    let mut data = noisy(&Finger::TYPICAL, 12, &mut Noise::new(6), &FIXTURE_NOISE);
     data.contacts.iter_mut().for_each(|contact| contact.load = Load::Unknown);
     data.contacts[4].angle += std::f64::consts::PI;
     let fitted = fit(&data, &settings(stated(&FIXTURE_NOISE))).unwrap();
@@ -230,7 +230,7 @@ const HONEST: std::ops::Range<f64> = 0.80..1.10;
 
 fn mean_normalised_error(load: Load, dimensions: usize) -> f64 {
     let finger = Finger::TYPICAL;
-    let mut noise = Noise(20_240_502);
+    let mut noise = Noise::new(20_240_502);
     let mut sum = 0.0;
     for _ in 0..TRIALS {
         let mut data = noisy(&finger, 12, &mut noise, &FIXTURE_NOISE);
@@ -271,7 +271,7 @@ fn the_covariance_is_honest_with_one_shared_load() {
 #[test]
 fn the_direction_variance_is_honest_with_unknown_loads() {
     let finger = Finger::TYPICAL;
-    let mut noise = Noise(77);
+    let mut noise = Noise::new(77);
     let mut sum = 0.0;
     let mut largest: f64 = 0.0;
     for _ in 0..TRIALS {
@@ -355,7 +355,7 @@ fn saturated_and_impossible_contacts_are_refused_by_number() {
 
 #[test]
 fn a_bridge_that_is_not_connected_is_refused() {
-    let mut data = noisy(&Finger::TYPICAL, 12, &mut Noise(9), &FIXTURE_NOISE);
+    let mut data = noisy(&Finger::TYPICAL, 12, &mut Noise::new(9), &FIXTURE_NOISE);
     data.contacts.iter_mut().for_each(|contact| contact.reading.counts.y = data.tares[0].0.counts.y);
     let error = fit(&data, &settings(stated(&FIXTURE_NOISE))).unwrap_err();
     assert!(matches!(error, FitError::NoTwoAxes | FitError::Unusable(_) | FitError::LoadTooSmall { .. }), "{error:?}");
@@ -363,7 +363,7 @@ fn a_bridge_that_is_not_connected_is_refused() {
 
 #[test]
 fn every_fourth_angle_is_held_back_and_judges() {
-    let data = noisy(&Finger::TYPICAL, 12, &mut Noise(3), &FIXTURE_NOISE);
+    let data = noisy(&Finger::TYPICAL, 12, &mut Noise::new(3), &FIXTURE_NOISE);
     let with = FitSettings { fixture: stated(&FIXTURE_NOISE), held_back_every: 4 };
     let fitted = fit(&data, &with).unwrap();
     let held: Vec<String> = fitted
@@ -403,7 +403,7 @@ fn contacts_that_are_needed_are_not_held_back() {
 #[test]
 fn a_fixture_worse_than_stated_widens_the_covariance() {
     let worse = Disturbance { angle_sigma_deg: 0.25, ..FIXTURE_NOISE };
-    let data = noisy(&Finger::TYPICAL, 24, &mut Noise(4), &worse);
+    let data = noisy(&Finger::TYPICAL, 24, &mut Noise::new(4), &worse);
     let fitted = fit(&data, &settings(stated(&FIXTURE_NOISE))).unwrap();
     assert!(fitted.quality.reduced_chi2 > 4.0, "{:?}", fitted.quality);
     let told = fit(&data, &settings(stated(&worse))).unwrap();
@@ -414,7 +414,7 @@ fn a_fixture_worse_than_stated_widens_the_covariance() {
 #[test]
 fn a_long_plan_is_fitted_as_well() {
     // Unknown loads and pairs and triples thinned out: 180 contacts make 16 110 pairs and 955 860 triples.
-    let mut data = noisy(&Finger::TYPICAL, 180, &mut Noise(8), &FIXTURE_NOISE);
+    let mut data = noisy(&Finger::TYPICAL, 180, &mut Noise::new(8), &FIXTURE_NOISE);
     data.contacts.iter_mut().for_each(|contact| contact.load = Load::Unknown);
     let fitted = fit(&data, &FitSettings { fixture: stated(&FIXTURE_NOISE), held_back_every: 4 }).unwrap();
     assert!(fitted.held_back().unwrap().rms_error.to_degrees() < 0.1, "{:?}", fitted.held_back());

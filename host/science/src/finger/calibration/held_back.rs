@@ -10,6 +10,7 @@
 use super::fit::{ContactResult, FITTED_MIN, Fit, Role};
 use super::measurements::{Contact, Load};
 use super::span;
+use crate::math::statistics::mean;
 
 /// Angles nearer than this are one angle, rad (0.5°): repeated contacts are held back together or not at all.
 const SAME_ANGLE: f64 = 0.5 * std::f64::consts::PI / 180.0;
@@ -76,12 +77,10 @@ impl Fit {
     pub fn held_back(&self) -> Option<HeldBack> {
         let held: Vec<&ContactResult> = self.contacts.iter().filter(|contact| contact.role == Role::HeldBack).collect();
         let worst = held.iter().max_by(|a, b| a.angle_error.abs().total_cmp(&b.angle_error.abs()))?;
-        #[expect(clippy::cast_precision_loss, reason = "a session has tens of contacts")]
-        let count = held.len() as f64;
         Some(HeldBack {
             contacts: held.len(),
-            mean_error: held.iter().map(|contact| contact.angle_error).sum::<f64>() / count,
-            rms_error: (held.iter().map(|contact| contact.angle_error.powi(2)).sum::<f64>() / count).sqrt(),
+            mean_error: mean(held.iter().map(|contact| contact.angle_error))?,
+            rms_error: mean(held.iter().map(|contact| contact.angle_error.powi(2))).map(f64::sqrt)?,
             worst_error: worst.angle_error,
             worst_angle: worst.angle,
             worst_sigma: worst.angle_sigma,

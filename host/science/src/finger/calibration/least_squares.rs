@@ -22,6 +22,7 @@ use super::force::{ForceUnit, Tare};
 use super::measurements::{Contact, Fixture, Load, Measurements};
 use super::start;
 use crate::math::angle::{contact_angle, push_direction};
+use crate::math::statistics::median;
 
 /// Variance of a value rounded to a whole code, counts²: no reading is known better, even one without any noise.
 const ROUNDING_VARIANCE: f64 = 1.0 / 12.0;
@@ -126,10 +127,10 @@ impl Problem {
         let newtons = contacts
             .iter()
             .filter_map(|contact| if let Load::Newtons(newtons) = contact.load { Some(newtons) } else { None });
-        let load = start::median(newtons.collect());
+        let load = median(newtons);
         let mut problem = Self {
             observations: Vec::new(),
-            counts_scale: start::median(sizes.collect()).filter(|&scale| scale > 0.0).unwrap_or(1.0),
+            counts_scale: median(sizes).filter(|&scale| scale > 0.0).unwrap_or(1.0),
             load_scale: load.unwrap_or(1.0),
             reference_offset: measurements.mean_tare_counts(),
             has_offset: contacts.iter().any(|contact| contact.tare.is_none()),
@@ -246,7 +247,7 @@ impl Problem {
             }
         }
         for (magnitude, values) in magnitudes.iter_mut().zip(collected) {
-            *magnitude = start::median(values).unwrap_or(1.0);
+            *magnitude = median(values).unwrap_or(1.0);
         }
         Some(Unknowns { matrix, offset: Vector2::zeros(), magnitudes })
     }
@@ -342,7 +343,7 @@ fn robust_scale(distances: &[f64], problem: &Problem) -> f64 {
     let free = components.saturating_sub(problem.costly_unknowns()).max(1);
     #[expect(clippy::cast_precision_loss, reason = "a session has tens of contacts")]
     let small_sample = components as f64 / free as f64;
-    start::median(normalised.collect()).map_or(1.0, |middle| (middle * small_sample).sqrt().max(1.0))
+    median(normalised).map_or(1.0, |middle| (middle * small_sample).sqrt().max(1.0))
 }
 
 /// Gauss–Newton with weights renewed at every step.

@@ -8,9 +8,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use thiserror::Error;
 
 use super::measurements::Load;
-
-/// Standard gravity, m/s² (CGPM 1901). Local gravity differs by at most 0.3 %, which scales newtons and no angle.
-pub const STANDARD_GRAVITY: f64 = 9.806_65;
+use crate::gravity::GRAVITY_STANDARD;
 
 /// A load that cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, Error, miette::Diagnostic)]
@@ -28,7 +26,7 @@ impl FromStr for Load {
             "unknown" => return Ok(Self::Unknown),
             _ => {}
         }
-        let units = [("kg", STANDARD_GRAVITY), ("g", STANDARD_GRAVITY * 1e-3), ("N", 1.0)];
+        let units = [("kg", GRAVITY_STANDARD), ("g", GRAVITY_STANDARD * 1e-3), ("N", 1.0)];
         let newtons = units
             .into_iter()
             .find_map(|(unit, newtons)| Some(trimmed.strip_suffix(unit)?.trim().parse::<f64>().ok()? * newtons));
@@ -75,7 +73,7 @@ mod tests {
         assert_eq!("same".parse(), Ok(Load::Same));
         let Ok(Load::Newtons(newtons)) = "204 g".parse() else { panic!() };
         assert!((newtons - 2.000_556_6).abs() < 1e-9, "got {newtons} N");
-        assert_eq!("0.5 kg".parse::<Load>(), Ok(Load::Newtons(0.5 * STANDARD_GRAVITY)));
+        assert_eq!("0.5 kg".parse::<Load>(), Ok(Load::Newtons(0.5 * GRAVITY_STANDARD)));
     }
 
     #[test]

@@ -158,7 +158,7 @@ impl Step {
             Self::Tare { angle_deg: Some(angle) } => format!("turn the finger to {angle}° and take every load off it"),
             Self::Tare { angle_deg: None } => "take every load off the finger".to_owned(),
             Self::Contact(PlannedContact { angle_deg, load: Load::Newtons(newtons) }) => {
-                let grams = newtons / super::load_text::STANDARD_GRAVITY * 1e3;
+                let grams = newtons / crate::gravity::GRAVITY_STANDARD * 1e3;
                 format!("load the finger at {angle_deg}° with {newtons:.4} N ({grams:.1} g hung)")
             }
             Self::Contact(PlannedContact { angle_deg, load: Load::Same }) => {

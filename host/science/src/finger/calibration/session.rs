@@ -9,10 +9,20 @@
 use nalgebra::Vector2;
 use thiserror::Error;
 
-use super::dwell::{Dwell, DwellSettings, Expected, RawSample, Refusal, SampleBlock, Verdict, Watcher};
+use super::dwell::{Dwell, DwellSettings, Expected, RawSample, Refusal, Verdict, Watcher};
 use super::force::{Reading, Tare};
 use super::measurements::{Contact, Measurements};
 use super::plan::Step;
+use crate::finger::Samples;
+
+/// What a source has next.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Delivered {
+    /// Samples.
+    Samples(Samples),
+    /// What the device says is wrong, in words for the person at the bench; no sample around it counts.
+    Trouble(String),
+}
 
 /// Where samples come from.
 pub trait SampleSource {
@@ -20,7 +30,7 @@ pub trait SampleSource {
     ///
     /// # Errors
     /// The device is gone or silent.
-    fn next_block(&mut self) -> Result<SampleBlock, SourceError>;
+    fn next_block(&mut self) -> Result<Delivered, SourceError>;
 
     /// Drops everything that was measured before now: a person takes half a minute between two steps.
     ///
@@ -175,9 +185,12 @@ impl Session {
     }
 
     /// Takes samples of the present step. After a verdict other than "needs more time" the attempt is over.
-    pub fn feed(&mut self, block: &SampleBlock) -> Verdict {
+    pub fn feed(&mut self, delivered: &Delivered) -> Verdict {
         let Some(watcher) = &mut self.watcher else { return Verdict::NeedsMoreTime(None) };
-        let verdict = watcher.push(block);
+        let verdict = match delivered {
+            Delivered::Samples(samples) => watcher.push(samples),
+            Delivered::Trouble(words) => Verdict::Refused(Refusal::Trouble(words.clone())),
+        };
         match &verdict {
             Verdict::NeedsMoreTime(_) => {}
             Verdict::Refused(_) => self.watcher = None,

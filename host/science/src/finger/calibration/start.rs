@@ -13,6 +13,7 @@ use nalgebra::{Matrix2, Matrix3, Matrix3x4, Vector2, Vector4};
 
 use super::measurements::Load;
 use crate::math::angle::{contact_angle, push_direction, wrap_angle};
+use crate::math::statistics::median;
 
 /// One contact reduced to what a first guess needs.
 #[derive(Clone, Copy, Debug)]
@@ -146,7 +147,7 @@ struct LogSizes {
 impl LogSizes {
     fn new(inverse: &Matrix2<f64>, observations: &[Observation]) -> Self {
         let median_of = |kind: fn(Load) -> bool| {
-            median(observations.iter().filter(|o| kind(o.load)).filter_map(|o| log_size(inverse, o)).collect())
+            median(observations.iter().filter(|o| kind(o.load)).filter_map(|o| log_size(inverse, o)))
         };
         let known = median_of(|load| matches!(load, Load::Newtons(_))).unwrap_or(0.0);
         Self { known, same: median_of(|load| load == Load::Same).unwrap_or(0.0) }
@@ -162,14 +163,7 @@ impl LogSizes {
 fn with_size(inverse: Matrix2<f64>, observations: &[Observation]) -> Matrix2<f64> {
     let newtons = |o: &Observation| if let Load::Newtons(newtons) = o.load { Some(newtons) } else { None };
     let ratios = observations.iter().filter_map(|o| Some(newtons(o)? / (inverse * o.counts).norm()));
-    let sizes = || observations.iter().map(|o| 1.0 / (inverse * o.counts).norm()).collect();
-    let scale = median(ratios.collect()).or_else(|| median(sizes())).filter(|scale| scale.is_finite());
+    let sizes = || observations.iter().map(|o| 1.0 / (inverse * o.counts).norm());
+    let scale = median(ratios).or_else(|| median(sizes())).filter(|scale| scale.is_finite());
     inverse * scale.unwrap_or(1.0)
-}
-
-/// The middle value, the mean of the two middle ones for an even number; `None` of nothing.
-pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    let upper = *values.get(values.len() / 2)?;
-    Some(if values.len() % 2 == 1 { upper } else { 0.5 * (upper + values[values.len() / 2 - 1]) })
 }

@@ -9,7 +9,7 @@ use nalgebra::{Matrix2, Vector2};
 
 use super::dwell::{Change, DwellSettings, Expected, NO_LOAD_MICROSTRAIN, Refusal};
 use super::force::Reading;
-use super::start::median;
+use crate::math::statistics::{mean, median};
 
 /// A change below this many of its standard deviations is chance: one dwell in 16 000 for each axis.
 const SIGNIFICANT: f64 = 4.0;
@@ -32,7 +32,7 @@ fn block_noise(blocks: &[Vector2<f64>]) -> Matrix2<f64> {
 fn quiet_noise(blocks: &[Vector2<f64>]) -> Vector2<f64> {
     let variance = |axis: usize| {
         let squares = blocks.windows(2).map(|pair| (pair[1][axis] - pair[0][axis]).powi(2));
-        median(squares.collect()).unwrap_or(0.0) / (2.0 * CHI2_MEDIAN) + ROUNDING_VARIANCE
+        median(squares).unwrap_or(0.0) / (2.0 * CHI2_MEDIAN) + ROUNDING_VARIANCE
     };
     Vector2::new(variance(0), variance(1)).map(f64::sqrt)
 }
@@ -76,7 +76,7 @@ impl<'a> Rest<'a> {
     /// Mean of all blocks, with the noise of the blocks and what a trend within the limits may hide.
     pub(super) fn reading(&self) -> Reading {
         let trend = self.halves_apart();
-        let counts = self.blocks.iter().sum::<Vector2<f64>>() / self.count();
+        let counts = average(self.blocks);
         // An even trend of twice that size over the dwell has this variance about its middle; chance has it too.
         let excess = trend * trend.transpose() / 12.0;
         let significant = self.is_significant(trend, 4.0 / self.count());
@@ -157,10 +157,9 @@ impl<'a> Rest<'a> {
     }
 }
 
+/// Zero of none.
 fn average(blocks: &[Vector2<f64>]) -> Vector2<f64> {
-    #[expect(clippy::cast_precision_loss, reason = "a dwell has tens of blocks")]
-    let count = blocks.len().max(1) as f64;
-    blocks.iter().sum::<Vector2<f64>>() / count
+    mean(blocks).unwrap_or_default()
 }
 
 /// Sum of squares about the mean.

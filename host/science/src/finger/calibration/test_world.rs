@@ -8,20 +8,23 @@ pub(super) const COUNTS_PER_NEWTON: f64 = 26_700.0;
 /// Counts of one microstrain.
 pub(super) const COUNTS_PER_MICROSTRAIN: f64 = 559.24;
 
-/// Random numbers that are the same on every machine (SplitMix64, Box–Muller).
+/// Random numbers that are the same on every machine (SplitMix64, Box–Muller). Of its own, because this file is compiled into the
+/// tests of two crates.
 #[derive(Clone, Debug)]
 pub(super) struct Noise(pub(super) u64);
 
 impl Noise {
+    pub(super) fn new(seed: u64) -> Self {
+        Self(seed)
+    }
+
     pub(super) fn uniform(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut bits = self.0;
         bits = (bits ^ (bits >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         bits = (bits ^ (bits >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
         bits ^= bits >> 31;
-        #[expect(clippy::cast_precision_loss, reason = "53 bits fit exactly")]
-        let fraction = (bits >> 11) as f64 / (1_u64 << 53) as f64;
-        fraction
+        (bits >> 11) as f64 / (1_u64 << 53) as f64
     }
 
     pub(super) fn normal(&mut self) -> f64 {

@@ -8,6 +8,8 @@
 
 use nalgebra::{Matrix2, Vector2};
 
+use crate::math::statistics::mean;
+
 /// Covariance, and how many independent values it is worth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scatter {
@@ -15,13 +17,6 @@ pub struct Scatter {
     pub covariance: Matrix2<f64>,
     /// Degrees of freedom that it was estimated with.
     pub freedom: f64,
-}
-
-/// Mean of the values; zero of none.
-#[must_use]
-pub fn mean(values: &[Vector2<f64>]) -> Vector2<f64> {
-    let sum: Vector2<f64> = values.iter().sum();
-    sum / values.len().max(1) as f64
 }
 
 /// Covariance of single values about their mean; `None` of fewer than two.
@@ -40,7 +35,7 @@ pub fn of_window_mean(values: &[Vector2<f64>], samples: usize) -> Option<Scatter
     if samples == 0 || n < 2 * samples {
         return None;
     }
-    let centre = mean(values);
+    let centre: Vector2<f64> = mean(values)?;
     let mut sum: Vector2<f64> = values[..samples].iter().map(|value| value - centre).sum();
     let mut total = Matrix2::zeros();
     for start in 0..=n - samples {
@@ -62,7 +57,7 @@ pub fn block_means(values: &[Vector2<f64>], blocks: usize) -> Vec<Vector2<f64>> 
     (0..blocks)
         .map(|block| {
             let end = if block + 1 == blocks { values.len() } else { (block + 1) * length };
-            mean(&values[block * length..end])
+            mean(&values[block * length..end]).unwrap_or_default()
         })
         .collect()
 }
@@ -74,19 +69,6 @@ pub fn mahalanobis(value: &Vector2<f64>, covariance: &Matrix2<f64>) -> f64 {
         Some(inverse) => value.dot(&(inverse * value)).max(0.0).sqrt(),
         None if *value == Vector2::zeros() => 0.0,
         None => f64::INFINITY,
-    }
-}
-
-/// Median; `None` of nothing. Values must be finite.
-#[must_use]
-pub fn median(values: &[f64]) -> Option<f64> {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let middle = sorted.len() / 2;
-    match sorted.len() {
-        0 => None,
-        n if n % 2 == 1 => Some(sorted[middle]),
-        _ => Some(0.5 * (sorted[middle - 1] + sorted[middle])),
     }
 }
 
@@ -141,12 +123,5 @@ mod tests {
         assert!((norm - 2_f64.sqrt()).abs() < 1e-12);
         assert!(mahalanobis(&Vector2::new(1.0, 0.0), &Matrix2::zeros()).is_infinite());
         assert!(mahalanobis(&Vector2::zeros(), &Matrix2::zeros()) < f64::MIN_POSITIVE);
-    }
-
-    #[test]
-    fn medians_of_odd_even_and_empty_lists() {
-        assert_eq!(median(&[3.0, 1.0, 2.0]), Some(2.0));
-        assert_eq!(median(&[4.0, 1.0, 2.0, 3.0]), Some(2.5));
-        assert_eq!(median(&[]), None);
     }
 }

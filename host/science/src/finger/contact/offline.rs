@@ -16,6 +16,7 @@ use serde::Serialize;
 
 use super::detector::Event;
 use super::{Averaging, ContactSense, Felt, Reading, Settings, Tare, TareError, noise};
+use crate::math::statistics::{mean, median};
 
 /// The first moments of a recording, s, whose mean tells whether it began in contact.
 pub const LEAD_S: f64 = 0.2;
@@ -184,7 +185,7 @@ pub fn judge(recordings: &[&[Reading]], settings: &Settings, start_force: f64) -
 /// a few touches do not move. (That of a two-dimensional normal is `2 ln 2` variances.)
 fn usual_deviation(deviations: &[Option<f64>]) -> f64 {
     let squares: Vec<f64> = deviations.iter().flatten().map(|deviation| deviation * deviation).collect();
-    (noise::median(&squares).unwrap_or(0.0) / (2.0 * LN_2)).sqrt()
+    (median(squares).unwrap_or(0.0) / (2.0 * LN_2)).sqrt()
 }
 
 /// A quiet stretch, if the recording goes on after it (otherwise it says nothing: all of it may be one touch).
@@ -258,7 +259,7 @@ impl Leads {
     fn lead(readings: &[Reading]) -> Option<Reading> {
         let first = readings.first()?;
         let lead: Vec<_> = until(readings, first.t + LEAD_S).iter().map(|reading| reading.force_finger).collect();
-        Some(Reading::new(first.t, noise::mean(&lead)))
+        Some(Reading::new(first.t, mean(&lead)?))
     }
 
     /// The nearest recordings in time other than `i`, as many before as after.
@@ -285,7 +286,7 @@ impl Leads {
         if neighbours.len() < NEIGHBOURS_MIN {
             return None;
         }
-        let axis = |axis: usize| noise::median(&neighbours.iter().map(|n| n.force_finger[axis]).collect::<Vec<_>>());
+        let axis = |axis: usize| median(neighbours.iter().map(|n| n.force_finger[axis]));
         Some((self.0[i]?.force_finger - Vector2::new(axis(0)?, axis(1)?)).norm())
     }
 }

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::average::Averaging;
 use super::{Reading, noise};
+use crate::math::statistics::{mean, median};
 
 /// Shortest block whose mean is used to judge the stretch, s: one mains period at 50 Hz, so that hum averages out.
 const BLOCK_S: f64 = 0.02;
@@ -314,7 +315,7 @@ impl<'a> Stretch<'a> {
     fn tare(&self) -> Tare {
         let line = Change::line(&self.blocks);
         Tare {
-            bias: noise::mean(&self.forces),
+            bias: mean(&self.forces).unwrap_or_default(),
             bias_covariance: self.bias_covariance(&line),
             sample_covariance: self.sample.covariance,
             single_covariance: self.single.covariance,
@@ -357,7 +358,7 @@ impl Change {
     /// Least-squares line.
     fn line(blocks: &[Vector2<f64>]) -> Self {
         let n = blocks.len() as f64;
-        let centre = noise::mean(blocks);
+        let centre: Vector2<f64> = mean(blocks).unwrap_or_default();
         let at = |i: usize| i as f64 - (n - 1.0) / 2.0;
         let spread = n * (n * n - 1.0) / 12.0;
         let slope: Vector2<f64> =
@@ -375,7 +376,8 @@ impl Change {
     }
 
     fn step_at(blocks: &[Vector2<f64>], block: usize) -> Self {
-        let (before, after) = (noise::mean(&blocks[..block]), noise::mean(&blocks[block..]));
+        let side = |blocks: &[Vector2<f64>]| mean(blocks).unwrap_or_default();
+        let (before, after) = (side(&blocks[..block]), side(&blocks[block..]));
         let left = left_over(blocks, |i| if i < block { before } else { after });
         let (n, n_before) = (blocks.len() as f64, block as f64);
         let weight = 1.0 / n_before + 1.0 / (n - n_before);
@@ -409,7 +411,7 @@ fn check_order(readings: &[Reading]) -> Result<(), TareError> {
 #[must_use]
 pub fn period(readings: &[Reading]) -> Option<f64> {
     let steps: Vec<f64> = readings.windows(2).map(|pair| pair[1].t - pair[0].t).collect();
-    noise::median(&steps)
+    median(steps)
 }
 
 fn duration(readings: &[Reading]) -> f64 {
@@ -443,13 +445,13 @@ struct Range {
 impl Range {
     fn of(readings: &[Reading], axis: usize) -> Result<Self, TareError> {
         let values: Vec<f64> = readings.iter().map(|reading| reading.force_finger[axis]).collect();
-        let centre = noise::median(&values).unwrap_or(f64::NAN);
+        let centre = median(values.iter().copied()).unwrap_or(f64::NAN);
         let distances: Vec<f64> = values.iter().map(|value| (value - centre).abs()).collect();
         let name = if axis == 0 { 'x' } else { 'y' };
         if distances.iter().all(|&distance| distance == 0.0) {
             return Err(TareError::Stuck { axis: name, value: centre, samples: values.len() });
         }
-        let robust = MAD_TO_SD * noise::median(&distances).unwrap_or(0.0);
+        let robust = MAD_TO_SD * median(distances.iter().copied()).unwrap_or(0.0);
         // Coarse steps of the converter can make the median distance 0: then the plain standard deviation.
         let plain = (distances.iter().map(|d| d * d).sum::<f64>() / values.len() as f64).sqrt();
         let sd = if robust > 0.0 { robust } else { plain };

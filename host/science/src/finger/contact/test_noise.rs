@@ -6,19 +6,25 @@ use nalgebra::Vector2;
 
 use super::Reading;
 
-/// A small generator of its own (SplitMix64), so that the tests' numbers never change with a dependency.
+/// A small generator of its own (SplitMix64), so that the numbers of the finger's tests never change with a dependency; what else
+/// draws, draws with [`crate::math::random::Draw`].
 #[derive(Clone, Debug)]
 pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
-    /// Uniform in (0, 1).
-    pub(crate) fn uniform(&mut self) -> f64 {
+    /// Uniform in [0, 1).
+    pub(crate) fn unit(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
         z ^= z >> 31;
-        ((z >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
+        (z >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// Uniform in (0, 1): in the middle of each step.
+    pub(crate) fn uniform(&mut self) -> f64 {
+        self.unit() + 0.5 / (1_u64 << 53) as f64
     }
 
     /// Two independent standard normal values (Box and Muller).

@@ -19,8 +19,8 @@ use crossings::{Cuts, index};
 use graph::{Graph, twin};
 use nalgebra::{Point2, Vector2};
 
-use crate::geometry::SimplePolygon;
 use crate::geometry::exact::{order_above, turn};
+use crate::geometry::{SimplePolygon, bounding_box};
 use crate::math::bits::{BitMatrix, BitRow};
 
 /// A planar subdivision.
@@ -222,9 +222,7 @@ struct Extent {
 
 impl Extent {
     fn of(polygon: &SimplePolygon) -> Self {
-        let first = polygon.vertices()[0];
-        let grow = |(low, high): (Point2<f64>, Point2<f64>), p: &Point2<f64>| (low.inf(p), high.sup(p));
-        let (low, high) = polygon.vertices().iter().fold((first, first), grow);
+        let (low, high) = bounding_box(polygon.vertices());
         Self { low, high }
     }
 

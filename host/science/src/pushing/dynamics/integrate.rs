@@ -1,13 +1,16 @@
 //! Steps in time: a fixed one for observers, an error-controlled one for truth.
 //!
-//! Implements: the classical Runge–Kutta method of order 4; Dormand and Prince's pair of orders 5 and 4 with its interpolant
+//! Implements: the classical Runge–Kutta method of order 4 ([`ode`]); Dormand and Prince's pair of orders 5 and 4 with its interpolant
 //! of order 4 (Hairer, Nørsett, Wanner, *Solving Ordinary Differential Equations I*, 2nd ed., II.5 and II.6).
 //! Assumes: the contact stays as it is during a step.
 //! Units: SI. Errors: none; a step too large shows in its error estimate.
 
+use std::ops::{Add, Mul};
+
 use super::contact_model::ContactModel;
 use super::model::{Contact, PushModel, State};
 use super::scalar::Scalar;
+use crate::math::ode::{self, Moves};
 
 /// Error of one adaptive step that is accepted, relative to the scales of [`Scale`].
 ///
@@ -24,34 +27,29 @@ const SAFETY: f64 = 0.9;
 /// Least and greatest change from one step's length to the next.
 const GROWTH: (f64, f64) = (0.2, 5.0);
 
-impl<T: Scalar> State<T> {
-    /// The state after `dt` at constant rates.
-    #[must_use]
-    fn moved(&self, rates: &Self, dt: f64) -> Self {
-        Self {
-            u: self.u + rates.u * dt,
-            s: self.s + rates.s * dt,
-            omega: self.omega + rates.omega * dt,
-            v_t: self.v_t + rates.v_t * dt,
-        }
-    }
-
-    /// One step of `dt` (s) of the classical Runge–Kutta method of order 4, given the rates at its start.
-    #[must_use]
+/// The rates of a state are kept as another one.
+impl<T: Scalar> Moves<Self> for State<T> {
     #[inline]
-    pub(crate) fn runge_kutta(&self, k1: &Self, rates: impl Fn(f64, &Self) -> Self, time: f64, dt: f64) -> Self {
-        let half = 0.5 * dt;
-        let k2 = rates(time + half, &self.moved(k1, half));
-        let k3 = rates(time + half, &self.moved(&k2, half));
-        let k4 = rates(time + dt, &self.moved(&k3, dt));
-        let sixth = dt / 6.0;
-        let sum = |from: T, a: T, b: T, c: T, d: T| from + (a + (b + c) * 2.0 + d) * sixth;
-        Self {
-            u: sum(self.u, k1.u, k2.u, k3.u, k4.u),
-            s: sum(self.s, k1.s, k2.s, k3.s, k4.s),
-            omega: sum(self.omega, k1.omega, k2.omega, k3.omega, k4.omega),
-            v_t: sum(self.v_t, k1.v_t, k2.v_t, k3.v_t, k4.v_t),
-        }
+    fn moved(&self, rates: &Self, dt: f64) -> Self {
+        *self + *rates * dt
+    }
+}
+
+impl<T: Scalar> Add for State<T> {
+    type Output = Self;
+
+    #[inline]
+    fn add(self, other: Self) -> Self {
+        Self { u: self.u + other.u, s: self.s + other.s, omega: self.omega + other.omega, v_t: self.v_t + other.v_t }
+    }
+}
+
+impl<T: Scalar> Mul<f64> for State<T> {
+    type Output = Self;
+
+    #[inline]
+    fn mul(self, factor: f64) -> Self {
+        Self { u: self.u * factor, s: self.s * factor, omega: self.omega * factor, v_t: self.v_t * factor }
     }
 }
 
@@ -71,8 +69,7 @@ impl<T: Scalar> PushModel<'_, T> {
     /// Friction forgets speed within v/(µg), 17 ms there; steps much longer than that diverge.
     #[must_use]
     pub fn step(&self, contact: &Contact<T>, time: f64, state: &State<T>, dt: f64) -> State<T> {
-        let rates = |time: f64, state: &State<T>| self.motion(contact, time, state).rates;
-        state.runge_kutta(&rates(time, state), rates, time, dt)
+        ode::step(state, dt, |moment, state| self.motion(contact, moment.time(time, dt), state).rates)
     }
 }
 

@@ -44,6 +44,3 @@ pub use scalar::Scalar;
 pub use sensitivity::{Parameter, Seeded, derivatives, slopes};
 pub use shaped::{ShapeError, ShapedModel};
 pub use switching::DerivedRun;
-
-/// Gravity where none is given, m/s²: the default of the `solve` interface.
-pub const GRAVITY: f64 = 9.81;

@@ -3,6 +3,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::geometry::SimplePolygon;
+use crate::gravity::GRAVITY_ASSUMED;
 use crate::pushing::dynamics::{ContactLaw, EdgeEnd, Finger, Part, Push, Slip, Start};
 
 mod theorems;
@@ -11,15 +12,13 @@ mod theorems;
 const PENTAGON: [[f64; 2]; 5] =
     [[-0.02237, 0.0297], [-0.03108, -0.0037], [-0.01605, -0.03425], [0.02656, -0.02266], [0.02512, 0.01259]];
 
-const GRAVITY: f64 = 9.81;
-
 fn part() -> Part {
     Part::uniform(SimplePolygon::new(PENTAGON.map(Point2::from)).unwrap())
 }
 
 fn scales(part: &Part) -> Scales {
     let length = part.inertia_per_mass().sqrt();
-    Scales { length, time: (length / GRAVITY).sqrt() }
+    Scales { length, time: (length / GRAVITY_ASSUMED).sqrt() }
 }
 
 fn model(part: &Part, edge: usize, grip: f64, velocity0: [f64; 2], acceleration: [f64; 2]) -> PushModel<'_> {
@@ -70,7 +69,7 @@ proptest! {
         rolling in any::<bool>(),
     ) {
         let part = part();
-        let model = model(&part, edge, 0.3 * GRAVITY, [0.0, 0.05], [0.01, 0.02]);
+        let model = model(&part, edge, 0.3 * GRAVITY_ASSUMED, [0.0, 0.05], [0.01, 0.02]);
         let s = model.edge.s_min + at * (model.edge.s_max - model.edge.s_min);
         let contact = if rolling { Contact::Rolling } else { Contact::Frictionless };
         let spectrum = spectrum(&model, &contact, &State { u, s, omega, v_t }, &scales(&part)).unwrap();
@@ -87,7 +86,7 @@ proptest! {
         v_t in prop_oneof![-0.3..-0.1, 0.1..0.3],
     ) {
         let part = part();
-        let (speed, grip) = (0.5, 0.3 * GRAVITY);
+        let (speed, grip) = (0.5, 0.3 * GRAVITY_ASSUMED);
         let still = model(&part, edge, grip, [0.0, speed], [0.0; 2]);
         let s = still.edge.s_min + at * (still.edge.s_max - still.edge.s_min);
         let state = State { u, s, omega: 0.0, v_t };
@@ -130,7 +129,7 @@ fn unseen_directions_do_not_change_the_simulated_angle_and_others_do() {
 fn singular_values_are_those_of_finite_differences() {
     let part = part();
     let scales = scales(&part);
-    let model = model(&part, 1, 0.3 * GRAVITY, [0.0, 0.05], [0.0, 0.02]);
+    let model = model(&part, 1, 0.3 * GRAVITY_ASSUMED, [0.0, 0.05], [0.0, 0.02]);
     let state = State { u: 1.55, s: 0.003, omega: 0.4, v_t: 0.002 };
     for contact in [Contact::Frictionless, Contact::Sliding { friction: 0.2, slip: Slip::Forward }] {
         let state = match contact {

@@ -4,6 +4,7 @@
 
 use super::clock::count;
 use crate::math::angle::wrap_angle;
+use crate::math::statistics::percentile;
 use crate::pushing::estimation::observation::{Channel, Measured, Observation};
 
 /// What is fitted, one value each `dt` from t = 0 on.
@@ -149,16 +150,12 @@ fn lies_off(Channel { values, sigma }: &Channel, value: usize) -> bool {
         return false;
     }
     let pairs = near.iter().enumerate().flat_map(|(i, &a)| near[i + 1..].iter().map(move |&b| (a, b)));
-    let slope = median(pairs.map(|(a, b)| (values[b] - values[a]) / (count(b) - count(a))).collect());
+    let middle_of = |values: &mut dyn Iterator<Item = f64>| percentile(values, 50).unwrap_or(f64::NAN);
+    let slope = middle_of(&mut pairs.map(|(a, b)| (values[b] - values[a]) / (count(b) - count(a))));
     let level = |i: usize| values[i] - slope * count(i);
-    let middle = median(near.iter().map(|&i| level(i)).collect());
-    let spread = SIGMA_PER_MEDIAN * median(near.iter().map(|&i| (level(i) - middle).abs()).collect());
+    let middle = middle_of(&mut near.iter().map(|&i| level(i)));
+    let spread = SIGMA_PER_MEDIAN * middle_of(&mut near.iter().map(|&i| (level(i) - middle).abs()));
     (level(value) - middle).abs() > OUTLIER_SIGMAS * sigma.max(spread)
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
 }
 
 /// Angles without jumps of whole turns.

@@ -12,6 +12,7 @@
 //! Frames: world. Units: SI, forces per unit mass. Errors: none; a motion without a physical force is no path.
 
 use super::clock::Clock;
+use crate::math::ode;
 use crate::pushing::dynamics::contact_mode::{ContactFriction, jams, slip_left};
 use crate::pushing::dynamics::mode_change::{Margin, across, first_ended};
 use crate::pushing::dynamics::{Contact, Edge, Motion, PushModel, Scalar, State};
@@ -152,7 +153,7 @@ fn step<T: Scalar>(
     dt: f64,
 ) -> State<T> {
     let (state, k1) = from;
-    state.runge_kutta(k1, |time, state| model.motion(contact, time, state).rates, time, dt)
+    ode::step_from(state, k1, dt, |moment, state| model.motion(contact, moment.time(time, dt), state).rates)
 }
 
 impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {

@@ -68,7 +68,7 @@ fn felt(drawn: &Drawn, draw: &mut Draw, duration: f64) -> FeltForce {
 }
 
 fn known<'a>(part: &'a Part, ranges: &'a Ranges) -> Known<'a> {
-    let grip = ranges.mu * crate::pushing::dynamics::GRAVITY;
+    let grip = ranges.mu * crate::gravity::GRAVITY_ASSUMED;
     Known { part, grip, grip_log_sd: None, radius: RADIUS_M, motion: &ranges.motion }
 }
 
@@ -245,7 +245,7 @@ fn on_an_unknown_plane(case: usize, acceleration: f64) -> (Part, Ranges, Drawn, 
 
 /// What is said of such a push, with the standard deviation of ln µ or taking µ as known.
 fn estimate_on_it((part, ranges, drawn, draw): &(Part, Ranges, Drawn, Draw), grip_log_sd: Option<f64>) -> Estimate {
-    let grip = Ranges::default().mu * crate::pushing::dynamics::GRAVITY;
+    let grip = Ranges::default().mu * crate::gravity::GRAVITY_ASSUMED;
     let known = Known { part, grip, grip_log_sd, radius: RADIUS_M, motion: &ranges.motion };
     estimate(&known, &felt(drawn, &mut draw.clone(), ranges.motion.duration()))
 }
@@ -258,7 +258,7 @@ fn errors((part, ranges, drawn, _): &(Part, Ranges, Drawn, Draw), estimate: &Est
         error.distance < 2e-3 && error.angle < 0.05
     };
     let found = estimate.hypotheses.iter().find(near)?;
-    let grip = (found.grip / (ranges.mu * crate::pushing::dynamics::GRAVITY)).ln();
+    let grip = (found.grip / (ranges.mu * crate::gravity::GRAVITY_ASSUMED)).ln();
     let force = found.from_force?;
     let mass = (force.mass / drawn.mass).ln();
     Some([grip / found.grip_log_sd?, mass / force.mass_log_sd, (grip + mass) / force.resistance_log_sd])

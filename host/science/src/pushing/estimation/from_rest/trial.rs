@@ -10,8 +10,9 @@ use std::f64::consts::PI;
 use nalgebra::Isometry2;
 
 use crate::geometry::{Pose, SimplePolygon};
+use crate::gravity::GRAVITY_ASSUMED;
 use crate::math::random::Draw;
-use crate::pushing::dynamics::{EndReason, GRAVITY, Part};
+use crate::pushing::dynamics::{EndReason, Part};
 use crate::pushing::estimation::hypotheses::{Estimate, Hypothesis, Status};
 use crate::pushing::finger_motion::{FingerMotion, Segment};
 use crate::pushing::pushed_world::{Played, PushedWorld};
@@ -116,7 +117,7 @@ impl Ranges {
             let u = y.atan2(x) + draw.uniform(-self.angle, self.angle);
             let mu_c = draw.uniform(self.mu_c[0], self.mu_c[1]);
             let mass = draw.uniform(self.mass[0], self.mass[1]);
-            let grip = self.mu * GRAVITY;
+            let grip = self.mu * GRAVITY_ASSUMED;
             let world = PushedWorld { part, grip, mass, mu_c, radius: RADIUS_M, motion: &self.motion, edge, u, s };
             let played = world.play().ok().filter(|played| played.end == EndReason::Time)?;
             Some(Drawn { mu_c, mass, edge, u, s, played, redrawn })

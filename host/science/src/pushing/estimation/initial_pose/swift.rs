@@ -8,6 +8,7 @@
 //! Units: SI. Errors: none; a contact that ends has no value.
 
 use super::{RestingPush, Site};
+use crate::math::ode::{self, Moment};
 use crate::pushing::dynamics::{Contact, Glide, Passed, State};
 
 /// Steps to scan a push of usual length with.
@@ -30,10 +31,12 @@ impl RestingPush {
         let model = self.model(site).ok()?;
         let steps = self.refinement(time) * SCAN_STEPS;
         let dt = time / f64::from(steps);
-        let rates = |time: f64, state: &State| model.motion(&Contact::Frictionless, time, state).rates;
         let step = |state: State, index| {
-            let time = f64::from(index) * dt;
-            state.runge_kutta(&rates(time, &state), rates, time, dt)
+            let start = f64::from(index) * dt;
+            let rates = |moment: Moment, state: &State| {
+                model.motion(&Contact::Frictionless, moment.time(start, dt), state).rates
+            };
+            ode::step(&state, dt, rates)
         };
         let end = (0..steps).fold(self.start(s0), step);
         end.u.is_finite().then_some(end.u)

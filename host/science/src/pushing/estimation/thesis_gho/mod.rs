@@ -26,6 +26,7 @@ pub use bank::{GhoBank, GhoRun};
 use nalgebra::{Const, Matrix3, Matrix4, RowVector4, SMatrix, Vector3, Vector4};
 
 use crate::math::angle::wrap_angle;
+use crate::math::ode;
 use crate::pushing::dynamics::{Contact, Finger, Parameter, PushModel, Seeded, State};
 
 /// How far along the drift to look for the change of a gradient, as a share of the state's own scales.
@@ -133,16 +134,11 @@ impl Gho<'_> {
     #[must_use]
     pub fn step(&self, time: f64, estimate: &State, [from, to]: [f64; 2], dt: f64) -> State {
         let corrects = self.settings.corrects(time);
-        let rates = |share: f64, x: &Vector4<f64>| {
-            let angle = corrects.then_some(from + share * (to - from));
-            self.rates(time + share * dt, x, angle)
-        };
-        let x = vector(estimate);
-        let k1 = rates(0.0, &x);
-        let k2 = rates(0.5, &(x + k1 * (0.5 * dt)));
-        let k3 = rates(0.5, &(x + k2 * (0.5 * dt)));
-        let k4 = rates(1.0, &(x + k3 * dt));
-        self.complete(time + dt, &state(&(x + (k1 + (k2 + k3) * 2.0 + k4) * (dt / 6.0))))
+        let next = ode::step(&vector(estimate), dt, |moment, x| {
+            let angle = corrects.then_some(from + moment.share() * (to - from));
+            self.rates(moment.time(time, dt), x, angle)
+        });
+        self.complete(time + dt, &state(&next))
     }
 
     /// In rolling, v_T follows from the other states.
