@@ -42,7 +42,7 @@ const IMPROVEMENT: Settings<3> = Settings {
         down: 0.1,
         trusted_share: 0.0,
     },
-    floor: Floor::Relative(0.0),
+    floor: Floor::NONE,
     enough: Enough { relative: 0.0, absolute: 0.0, damping_max: f64::INFINITY },
     trials_max: 4,
     steps_max: usize::MAX,

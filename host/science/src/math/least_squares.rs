@@ -16,7 +16,7 @@
 //! trusted ([`Problem::limited`]), which unknowns rest against a bound ([`Problem::held`]), what walls and priors add to
 //! the cost. The constants are data ([`Settings`]).
 //!
-//! Source: K. Madsen, H. B. Nielsen, O. Tingleff, "Methods for Non-linear Least Squares Problems", 2nd ed., IMM, DTU 2004, §3.2.
+//! Source: D. W. Marquardt, "An Algorithm for Least-Squares Estimation of Nonlinear Parameters", J. SIAM 11 (1963) 431–441.
 //! Assumes: `H` has no negative eigenvalue. Units: any; a cost is mostly in squared standard deviations. Errors: none; a
 //! place that has no evaluation is a trial that failed, and the [`Outcome`] says how a descent ended.
 
@@ -182,11 +182,14 @@ pub struct Damping {
 pub enum Floor<const N: usize> {
     /// For each unknown, in its own unit: a scale far above what it can be, squared and inverted.
     Absolute([f64; N]),
-    /// A share of the largest entry on the diagonal: where the unknowns have like scales.
+    /// A share of the largest entry on the diagonal: at 1e-15, what rounding leaves of it.
     Relative(f64),
 }
 
 impl<const N: usize> Floor<N> {
+    /// Nothing: every unknown has curvature of its own.
+    pub const NONE: Self = Self::Relative(0.0);
+
     fn of(&self, curvature: &SMatrix<f64, N, N>) -> [f64; N] {
         match *self {
             Self::Absolute(each) => each,
@@ -224,7 +227,7 @@ pub struct Settings<const N: usize> {
     pub steps_max: usize,
 }
 
-/// Steps shorten a thousandfold before a descent stalls; a cost that falls by 1e-12 of itself has fallen.
+/// Damping from a thousandth up until steps are no longer than 1e-8 of those without it; enough is what gains 1e-12 of the cost.
 impl<const N: usize> Default for Settings<N> {
     fn default() -> Self {
         Self {
@@ -305,7 +308,7 @@ pub fn minimise<const N: usize, P: Problem<N>>(
 }
 
 /// One step down, for callers that take several descents side by side: `damping` goes on from step to step, and begins with that of
-/// the settings. The bounds on trials and steps and what is enough are the caller's.
+/// the settings. The bound on trials is that of this one step; how many steps, and what is enough, the caller decides.
 ///
 /// # Errors
 /// The outcome, where no step lowers the cost or none is needed.

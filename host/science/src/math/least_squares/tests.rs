@@ -52,7 +52,7 @@ const VALLEY_START: Vector2<f64> = Vector2::new(-1.2, 1.0);
 fn undamped<const N: usize>() -> Settings<N> {
     let standard = Settings::<N>::default();
     let damping = Damping { first: 0.0, min_after_failure: 1e-3, ..standard.damping };
-    Settings { damping, floor: Floor::Relative(0.0), ..standard }
+    Settings { damping, floor: Floor::NONE, ..standard }
 }
 
 #[test]
@@ -356,7 +356,7 @@ proptest! {
     #[test]
     fn the_path_does_not_depend_on_units(power in -6..7) {
         let unit = 10.0_f64.powi(power);
-        let no_floor = Settings { floor: Floor::Relative(0.0), trials_max: 12, ..Settings::default() };
+        let no_floor = Settings { floor: Floor::NONE, trials_max: 12, ..Settings::default() };
         let plain = minimise(&rosenbrock(1.0), VALLEY_START, &no_floor, |_| false);
         let start = Vector2::new(VALLEY_START.x, VALLEY_START.y * unit);
         let scaled = minimise(&rosenbrock(unit), start, &no_floor, |_| false);

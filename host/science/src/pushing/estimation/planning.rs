@@ -45,7 +45,7 @@ const FIT: Settings<4> = Settings {
         down: 0.1,
         trusted_share: 0.0,
     },
-    floor: Floor::Relative(0.0),
+    floor: Floor::NONE,
     enough: Enough { relative: 0.0, absolute: 0.0, damping_max: f64::INFINITY },
     trials_max: 5,
     steps_max: usize::MAX,
