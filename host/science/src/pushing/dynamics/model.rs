@@ -206,6 +206,7 @@ pub enum Contact<T = f64> {
 
 impl<T: Scalar> Contact<T> {
     /// m = µ_c times the sign of the slip: tangential over normal force on the part, but for the sign; none where nothing slips.
+    #[inline]
     pub(crate) fn signed_friction(&self) -> Option<T> {
         match *self {
             Self::Frictionless => Some(T::from(0.0)),

@@ -179,10 +179,9 @@ impl<T: Scalar> ShapedModel<'_, T> {
     #[must_use]
     pub fn motion(&self, contact: &Contact<T>, time: f64, state: &State<T>) -> Motion<T> {
         let instant = self.instant(contact, time, state);
-        match contact {
-            Contact::Frictionless => self.sliding(T::from(0.0), state, &instant),
-            Contact::Sliding { friction, slip } => self.sliding(*friction * slip.sign(), state, &instant),
-            Contact::Rolling => self.rolling(state, &instant),
+        match contact.signed_friction() {
+            Some(m) => self.sliding(m, state, &instant),
+            None => self.rolling(state, &instant),
         }
     }
 
