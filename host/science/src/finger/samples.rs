@@ -1,7 +1,7 @@
 //! Samples in a row, as a device numbers and times them.
 
+use palpate_shared::status::Status;
 use palpate_shared::units::Counts;
-use palpate_shared::wire::Status;
 
 /// Samples in a row, placed on the device's time line.
 #[derive(Clone, Debug)]

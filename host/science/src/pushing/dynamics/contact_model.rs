@@ -6,7 +6,7 @@ use nalgebra::{Point2, Vector2};
 
 use super::body::Body;
 use super::curve::{FingerShape, PartSide};
-use super::dynamics::Motion;
+use super::disk_on_edge::Motion;
 use super::model::{Arm, Contact, FingerPath, PushModel, State};
 use super::rest::{AtRest, RestError, RestStart};
 use super::shaped::ShapedModel;

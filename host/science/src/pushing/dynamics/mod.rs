@@ -3,7 +3,7 @@
 //! In reading order:
 //! - [`support`]: what the plane does to a sliding part;
 //! - `body`: a mass and what it rests on; `model`: part, edge, finger and contact, as plain data; `scalar` and `jet`: the numbers they are written for;
-//! - `dynamics`: accelerations and contact force of a disk on an edge; `curve` and `shaped`: of any two outlines; `rest`: how a part at rest begins to move;
+//! - `disk_on_edge`: accelerations and contact force of a disk on an edge; `curve` and `shaped`: of any two outlines; `rest`: how a part at rest begins to move;
 //! - `integrate`: steps in time, fixed and error-controlled; `glide`: smooth motions in a few large ones; `rollout`: fixed steps, state after state;
 //! - `sensitivity`: derivatives of a push by its start and its parameters; `switching`: these across changes of contact;
 //! - `push`: a push from its start; `run`: a push in time, with what ends it.
@@ -11,7 +11,7 @@
 mod body;
 mod contact_model;
 mod curve;
-mod dynamics;
+mod disk_on_edge;
 mod glide;
 mod integrate;
 mod model;
@@ -30,7 +30,7 @@ mod tests;
 pub use body::{Body, FOOT_AT_REST, Mass};
 pub use contact_model::ContactModel;
 pub use curve::{FingerShape, PartSide};
-pub use dynamics::Motion;
+pub use disk_on_edge::Motion;
 pub use glide::{Glide, Passed};
 pub use model::{Contact, Edge, Finger, FingerPath, ModelError, Part, PushModel, Slip, State};
 pub use push::{ContactLaw, EdgeEnd, FingerTrack, Push, PushError, PushOf, ShapedPush, Start};

@@ -31,7 +31,7 @@ use nalgebra::{Point2, Rotation2, Vector2};
 
 use super::body::Body;
 use super::curve::{CurvePoint, FingerShape, PartSide, dot, left};
-use super::dynamics::Motion;
+use super::disk_on_edge::Motion;
 use super::model::{Arm, Contact, FingerPath, State};
 use super::scalar::Scalar;
 

@@ -15,10 +15,11 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Matrix2, Vector3, Vector4};
 
-use super::select::{GATE, SAME_END_M};
-use super::{Estimate, Hypothesis, Known, Observation, estimate};
+use super::select::{GATE, SAME_END_M, halting_estimate};
+use super::{Estimate, Hypothesis, Known, Observation};
 use crate::math::angle::wrap_angle;
 use crate::pushing::dynamics::Part;
+use crate::search::{Halt, Searched, Stop, never};
 
 /// What a push says about one of several parts.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,11 +44,23 @@ pub struct Weight {
 /// Which of several parts explains an observation, the likeliest first; `known` differs in the part.
 #[must_use]
 pub fn which_part(known: &[Known], observation: &Observation) -> Vec<PartEstimate<Estimate>> {
-    let estimates = known.iter().map(|known| estimate(known, observation));
-    ranked(estimates.zip(known).map(|(estimate, known)| {
+    which_part_until(known, observation, &never).found
+}
+
+/// The same, ended when `stop` says so: then parts that were not looked at explain nothing yet, and others too little.
+#[must_use]
+pub fn which_part_until(
+    known: &[Known],
+    observation: &Observation,
+    stop: Stop<'_>,
+) -> Searched<Vec<PartEstimate<Estimate>>> {
+    let halt = Halt::new(stop);
+    let estimates = known.iter().map(|known| halting_estimate(known, observation, &halt));
+    let parts = ranked(estimates.zip(known).map(|(estimate, known)| {
         let evidence = log_evidence_of(known.part, &estimate);
         (estimate, evidence)
-    }))
+    }));
+    halt.searched(parts)
 }
 
 /// What several parts of one outline leave possible together, whichever it is: explanations of different parts that end at one place

@@ -36,6 +36,7 @@ use super::planning::{Belief, Present};
 use super::which_part::{PartEstimate, Weight, log_evidence, ranked};
 use crate::pushing::dynamics::{ContactLaw, EdgeEnd, Part, Push, Start, State};
 use crate::pushing::finger_motion::FingerMotion;
+use crate::search::{Halt, Searched, Stop, never};
 
 /// A minimum is listed if its cost is at most this much above the best one's: four standard deviations.
 pub const COST_MARGIN: f64 = 16.0;
@@ -223,22 +224,43 @@ impl Estimate {
 /// Every pose that explains what was felt, sought all over the part.
 #[must_use]
 pub fn estimate(known: &Known, felt: &FeltForce) -> Estimate {
+    estimate_until(known, felt, &never).found
+}
+
+/// The same, ended when `stop` says so: then with the poses found by then.
+#[must_use]
+pub fn estimate_until(known: &Known, felt: &FeltForce, stop: Stop<'_>) -> Searched<Estimate> {
+    let halt = Halt::new(stop);
+    let estimate = halting_estimate(known, felt, &halt);
+    halt.searched(estimate)
+}
+
+fn halting_estimate(known: &Known, felt: &FeltForce, halt: &Halt<'_>) -> Estimate {
     let symmetry = symmetry::order(known.part);
     let edges = known.part.polygon().vertices().len() / symmetry;
     let course = course(known, felt);
     let problem = Problem { course: &course, felt };
-    let starts = (0..edges).flat_map(|edge| seeds::on_edge(&problem, edge)).collect();
-    conclude(&problem, descend_all(&problem, starts), symmetry)
+    let edges = (0..edges).take_while(|_| !halt.is_wished());
+    let starts = edges.flat_map(|edge| seeds::on_edge(&problem, edge)).collect();
+    conclude(&problem, descend_all(&problem, starts, halt), symmetry)
 }
 
 /// Which of several parts explains what was felt, the likeliest first; `known` differs in the part.
 #[must_use]
 pub fn which_part(known: &[Known], felt: &FeltForce) -> Vec<PartEstimate<Estimate>> {
-    ranked(known.iter().map(|known| {
-        let estimate = estimate(known, felt);
+    which_part_until(known, felt, &never).found
+}
+
+/// The same, ended when `stop` says so: then parts that were not looked at explain nothing yet, and others too little.
+#[must_use]
+pub fn which_part_until(known: &[Known], felt: &FeltForce, stop: Stop<'_>) -> Searched<Vec<PartEstimate<Estimate>>> {
+    let halt = Halt::new(stop);
+    let parts = ranked(known.iter().map(|known| {
+        let estimate = halting_estimate(known, felt, &halt);
         let evidence = log_evidence(known.part, estimate.weights());
         (estimate, evidence)
-    }))
+    }));
+    halt.searched(parts)
 }
 
 /// What several parts of one outline leave possible together, whichever it is: poses of different parts that are one are joined, and
@@ -274,7 +296,7 @@ pub fn follow(known: &Known, felt: &FeltForce, earlier: &Estimate) -> Estimate {
     let problem = Problem { course: &course, felt };
     let starts = earlier.hypotheses.iter().filter_map(|hypothesis| problem.try_guess(hypothesis.guess(&course)));
     let starts = starts.collect::<Vec<_>>();
-    conclude(&problem, descend_all(&problem, starts), earlier.symmetry)
+    conclude(&problem, descend_all(&problem, starts, &Halt::new(&never)), earlier.symmetry)
 }
 
 fn course<'p>(known: &Known<'p>, felt: &FeltForce) -> Course<'p> {
@@ -287,12 +309,14 @@ fn course<'p>(known: &Known<'p>, felt: &FeltForce) -> Course<'p> {
     }
 }
 
-/// Goes down from every start, giving up what stays far above the best.
-fn descend_all(problem: &Problem, starts: Vec<Tried>) -> Vec<Tried> {
-    let mut tried: Vec<_> = starts.into_iter().map(|start| problem.descend(start, STEPS_FIRST)).collect();
+/// Goes down from every start, giving up what stays far above the best. Only what came to its minimum before the wish to halt is kept.
+fn descend_all(problem: &Problem, starts: Vec<Tried>, halt: &Halt<'_>) -> Vec<Tried> {
+    let starts = starts.into_iter().take_while(|_| !halt.is_wished());
+    let mut tried: Vec<_> = starts.map(|start| problem.descend(start, STEPS_FIRST)).collect();
     let best = least_cost(&tried);
     tried.retain(|tried| tried.cost <= HOPELESS * best || tried.cost <= best + HOPELESS_COST);
-    tried.into_iter().map(|tried| problem.descend(tried, usize::MAX)).collect()
+    let tried = tried.into_iter().take_while(|_| !halt.is_wished());
+    tried.map(|tried| problem.descend(tried, usize::MAX)).collect()
 }
 
 fn least_cost(tried: &[Tried]) -> f64 {

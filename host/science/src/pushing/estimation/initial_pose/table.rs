@@ -9,6 +9,7 @@
 use super::closing::Rough;
 use super::{HOPELESS, RestingPoses, RestingPush, Site, TimedContact};
 use crate::math::roots::{NearZero, near_zeros};
+use crate::search::{Halt, never};
 
 /// Times kept of each motion.
 const TIMES: usize = 32;
@@ -95,7 +96,7 @@ impl<'p> Table<'p> {
             let misfit = self.looked_up(site, s0, last.t).map(|u| (u - last.u).abs());
             misfit.is_some_and(|misfit| misfit > TABLE_ERROR_MAX + HOPELESS * tolerance)
         };
-        self.push.judged(&places, &contacts, tolerance, &hopeless)
+        self.push.judged(&places, (&contacts, tolerance), &hopeless, &Halt::new(&never))
     }
 
     /// u at a time as the table has it; none where the contact may have ended.
