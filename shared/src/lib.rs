@@ -1,8 +1,8 @@
 //! What both ends of a palpate link agree on.
 //!
-//! - [`units`]: counts, device time and sample numbers, each a type of its own;
-//! - [`wire`]: the messages; [`frame`]: the frames that carry them over a serial line;
-//! - [`sim`] (feature `sim`): the simulated finger and its front-end.
+//! - [`units`]: counts, device time and sample numbers, each a type of its own; [`status`]: what qualifies samples;
+//! - `wire`: the messages; `frame`: the frames that carry them over a serial line (feature `wire`, on by default);
+//! - `sim` (feature `sim`): the simulated finger and its front-end.
 //!
 //! Nothing here knows mechanics, allocates, or needs an operating system.
 #![no_std]
@@ -10,8 +10,11 @@
 #[cfg(test)]
 extern crate std;
 
+#[cfg(feature = "wire")]
 pub mod frame;
 #[cfg(feature = "sim")]
 pub mod sim;
+pub mod status;
 pub mod units;
+#[cfg(feature = "wire")]
 pub mod wire;

@@ -308,7 +308,7 @@ fn a_peer_of_another_major_version_is_refused_with_the_side_to_update() {
         let address = rig::peer_that_says(hello(major));
         let error = rig::open_tcp(address).map(drop).unwrap_err();
         assert!(matches!(error, LinkError::OtherProtocol { device, .. } if device.major == major), "{error:?}");
-        let help = miette::Diagnostic::help(&error).map(|help| help.to_string()).unwrap_or_default();
+        let help = palpate_cli::advice::help(&error).unwrap_or_default();
         assert!(help.contains(side), "{help}");
     }
 }

@@ -82,7 +82,7 @@ fn device_that_answers(to: Request, of: &'static str) -> Peer {
 }
 
 fn help_of(error: &LinkError) -> String {
-    miette::Diagnostic::help(error).map(|help| help.to_string()).unwrap_or_default()
+    palpate_cli::advice::help(error).unwrap_or_default()
 }
 
 /// Waits until the session's reading thread has counted `unknown` messages as unknown; none may count as damaged.

@@ -1,5 +1,6 @@
 //! The tool `palpate`: commands, pictures and the thesis's tables over the libraries.
 
+pub mod advice;
 mod cli;
 pub mod live;
 pub mod pictures;

@@ -1,20 +1,31 @@
-//! What can go wrong between host and device, and what to do about it.
+//! What can go wrong between host and device. The facts alone: what to do about them is for the program to say.
 
 use std::io;
 use std::time::Duration;
 
-use miette::Diagnostic;
 use palpate_shared::wire::{CommandId, PROTOCOL, ProtocolVersion, Refusal};
 use thiserror::Error;
 
+/// What could not be opened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Opened {
+    /// A file that is to be a serial port.
+    SerialPort,
+    /// A device behind a TCP port.
+    Server,
+    /// A simulated device's end of a pipe, of which there is none.
+    SimulationNotStarted,
+    /// A simulated device.
+    Simulation,
+    /// What opened as a port, but cannot be read and written in threads of their own.
+    Line,
+}
+
 /// Why a device cannot be reached or does not do what it was asked to.
-#[derive(Debug, Error, Diagnostic)]
+#[derive(Debug, Error)]
 pub enum LinkError {
     /// The device's name cannot be meant.
     #[error("`{text}` is not a device: {reason}")]
-    #[diagnostic(help(
-        "a device is a serial port's path, tcp:HOST:PORT, or sim:SEED; `palpate ports` lists the serial ports"
-    ))]
     Address {
         /// What was given.
         text: String,
@@ -24,7 +35,6 @@ pub enum LinkError {
 
     /// The operating system does not list its ports.
     #[error("cannot list the serial ports: {reason}")]
-    #[diagnostic(help("name the port with --device, for example --device /dev/ttyACM0"))]
     Listing {
         /// The operating system's words.
         reason: String,
@@ -32,12 +42,10 @@ pub enum LinkError {
 
     /// No device was named and none is there.
     #[error("no USB serial port found")]
-    #[diagnostic(help("plug the board in, name its port with --device, or try --device sim: for a simulated finger"))]
     NothingFound,
 
     /// No device was named and there is a choice.
     #[error("{} USB serial ports found: {}", paths.len(), paths.join(", "))]
-    #[diagnostic(help("choose one with --device, for example --device {}", paths[0]))]
     SeveralFound {
         /// What there is to choose from; never empty.
         paths: Vec<String>,
@@ -45,11 +53,6 @@ pub enum LinkError {
 
     /// The port's file does not exist.
     #[error("there is no port {path}")]
-    #[diagnostic(help("{}", if listed.is_empty() {
-        "this machine lists no serial port: is the board plugged in?".to_owned()
-    } else {
-        format!("this machine lists {}", listed.join(", "))
-    }))]
     NoSuchPort {
         /// The path that was given.
         path: String,
@@ -59,17 +62,15 @@ pub enum LinkError {
 
     /// The port may not be opened by this user.
     #[error("no permission to open {path}")]
-    #[diagnostic(help("{remedy}"))]
     Permission {
         /// The path that was given.
         path: String,
-        /// What to do on this system.
-        remedy: String,
+        /// The group of users that the port belongs to, where that can be known.
+        group: Option<String>,
     },
 
     /// Another program holds the port.
     #[error("{path} is in use{}", holder.as_ref().map(|holder| format!(" by {holder}")).unwrap_or_default())]
-    #[diagnostic(help("close the other program, then try again"))]
     Busy {
         /// The path that was given.
         path: String,
@@ -79,12 +80,11 @@ pub enum LinkError {
 
     /// The port cannot be opened for another reason.
     #[error("cannot open {address}")]
-    #[diagnostic(help("{remedy}"))]
     Open {
         /// What was to be opened.
         address: String,
-        /// What to look at.
-        remedy: &'static str,
+        /// What kind of thing that is.
+        what: Opened,
         /// The operating system's words.
         #[source]
         source: io::Error,
@@ -92,10 +92,6 @@ pub enum LinkError {
 
     /// The port opens, but no palpate firmware answers.
     #[error("no answer from {address}{}", if bauds.is_empty() { String::new() } else { format!(" at {bauds} baud") })]
-    #[diagnostic(help(
-        "is this the finger's board, is it powered, and is palpate's firmware on it? \
-         {damaged} damaged frames were seen; many of them mean a wrong speed (--baud)"
-    ))]
     NoAnswer {
         /// Who was asked.
         address: String,
@@ -107,11 +103,6 @@ pub enum LinkError {
 
     /// The device speaks another major version of the protocol.
     #[error("the device speaks protocol {device}, this program {host}")]
-    #[diagnostic(help("{}", if device.major > host.major {
-        "update this program: the firmware is newer"
-    } else {
-        "update the firmware on the board: this program is newer"
-    }))]
     OtherProtocol {
         /// What the device speaks.
         device: ProtocolVersion,
@@ -121,11 +112,6 @@ pub enum LinkError {
 
     /// The device describes itself in ways that only a newer minor version of the protocol knows.
     #[error("the device speaks protocol {device}, this program {host}, which does not know all that its hello says")]
-    #[diagnostic(help("{}", if is_newer(*device, *host) {
-        "update palpate: the firmware is newer"
-    } else {
-        "this is a bug in the firmware, whose hello says what its protocol does not have; please report it"
-    }))]
     NewerHello {
         /// What the device speaks.
         device: ProtocolVersion,
@@ -135,7 +121,6 @@ pub enum LinkError {
 
     /// The device answered a command in a way that only a newer minor version of the protocol knows.
     #[error("the device answered command {} ({request}) in a way that this version does not know", id.0)]
-    #[diagnostic(help("{}", newer_answer_remedy(*device, *host)))]
     NewerAnswer {
         /// The command's id.
         id: CommandId,
@@ -149,7 +134,6 @@ pub enum LinkError {
 
     /// The device answered a command with a refusal.
     #[error("the device refused {request}: {}", in_words(*refusal))]
-    #[diagnostic(help("{}", remedy(*refusal)))]
     Refused {
         /// The command in words.
         request: String,
@@ -159,9 +143,6 @@ pub enum LinkError {
 
     /// A command was repeated without an answer.
     #[error("no answer to {request}, sent {times} times in {} ms", within.as_millis())]
-    #[diagnostic(help(
-        "the cable, or a device that hangs: `palpate diagnose` tells which; unplug it and plug it in again"
-    ))]
     Unanswered {
         /// The command in words.
         request: String,
@@ -173,7 +154,6 @@ pub enum LinkError {
 
     /// The answer does not belong to the question.
     #[error("the device gave {request} an answer of the wrong kind")]
-    #[diagnostic(help("this is a bug in the firmware; please report it with the output of `palpate info`"))]
     WrongAnswer {
         /// The command in words.
         request: String,
@@ -181,7 +161,6 @@ pub enum LinkError {
 
     /// Another device answers where the first one was.
     #[error("another device answers: {is} instead of {was}")]
-    #[diagnostic(help("calibration and tare belong to one finger: start again with the one that is connected now"))]
     OtherDevice {
         /// Number of the device that was connected before.
         was: String,
@@ -191,11 +170,6 @@ pub enum LinkError {
 
     /// The device is gone.
     #[error("{address} is gone: {reason}")]
-    #[diagnostic(help("{}", if address.starts_with("tcp:") {
-        "the device may have ended, or another program may be connected to it: it talks to one at a time"
-    } else {
-        "plug it in again"
-    }))]
     Unplugged {
         /// What was open.
         address: String,
@@ -228,25 +202,6 @@ impl LinkError {
     }
 }
 
-/// Whether a device of the same major version may say what this program does not know.
-fn is_newer(device: ProtocolVersion, host: ProtocolVersion) -> bool {
-    device.minor > host.minor
-}
-
-/// What to do about an answer that only a newer version can read.
-fn newer_answer_remedy(device: Option<ProtocolVersion>, host: ProtocolVersion) -> String {
-    match device {
-        Some(device) if is_newer(device, host) => {
-            format!("update palpate: the device speaks protocol {device}, this program {host}")
-        }
-        Some(device) => format!(
-            "this is a bug in the firmware, which speaks protocol {device} and answers what {device} does not have; \
-             please report it with the output of `palpate info`"
-        ),
-        None => format!("update palpate: the firmware is newer than protocol {host}, which this program speaks"),
-    }
-}
-
 /// A refusal in words, with the limit that was broken.
 fn in_words(refusal: Refusal) -> String {
     match refusal {
@@ -266,66 +221,9 @@ fn in_words(refusal: Refusal) -> String {
     }
 }
 
-/// What to do about a refusal.
-fn remedy(refusal: Refusal) -> &'static str {
-    match refusal {
-        Refusal::OtherProtocol { device } if device.major > PROTOCOL.major => "update this program",
-        Refusal::OtherProtocol { .. } | Refusal::UnknownRequest => "update the firmware on the board",
-        Refusal::RateNotPossible { .. } | Refusal::GainNotPossible { .. } | Refusal::AddressNotPossible { .. } => {
-            "choose one of these"
-        }
-        Refusal::LinkTooSlow { .. } => "choose a slower rate, or connect by a faster line",
-        Refusal::SourceNotPossible => "choose another source, or another board",
-        Refusal::NoFrontEnd | Refusal::FrontEndSilent => {
-            "check the converter's supply, clock and bus wiring; `palpate info --source simulated` works without one"
-        }
-        Refusal::Busy => "try again",
-        Refusal::NotOnThisBoard => "a board with palpate's own firmware image can; see docs/HARDWARE.md",
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn help_of(error: &LinkError) -> String {
-        error.help().map(|help| help.to_string()).unwrap_or_default()
-    }
-
-    #[test]
-    fn a_version_clash_names_the_side_to_update() {
-        let newer = LinkError::other_protocol(ProtocolVersion { major: PROTOCOL.major + 1, minor: 0 });
-        assert!(help_of(&newer).contains("update this program"), "{}", help_of(&newer));
-        let older = LinkError::other_protocol(ProtocolVersion { major: 0, minor: 3 });
-        assert!(help_of(&older).contains("update the firmware"), "{}", help_of(&older));
-    }
-
-    #[test]
-    fn what_only_a_newer_version_can_read_names_both_versions_and_the_remedy() {
-        let newer = ProtocolVersion { minor: PROTOCOL.minor + 1, ..PROTOCOL };
-        let hello = LinkError::newer_hello(newer);
-        assert!(hello.to_string().contains(&format!("protocol {newer}, this program {PROTOCOL}")), "{hello}");
-        assert!(help_of(&hello).contains("update palpate"), "{}", help_of(&hello));
-        let answer = LinkError::newer_answer(CommandId(17), "a rate of 9000 Hz".to_owned(), Some(newer));
-        assert_eq!(
-            answer.to_string(),
-            "the device answered command 17 (a rate of 9000 Hz) in a way that this version does not know"
-        );
-        assert_eq!(
-            help_of(&answer),
-            format!("update palpate: the device speaks protocol {newer}, this program {PROTOCOL}")
-        );
-    }
-
-    #[test]
-    fn a_device_that_says_what_its_own_version_does_not_have_has_a_bug() {
-        for error in [
-            LinkError::newer_hello(PROTOCOL),
-            LinkError::newer_answer(CommandId(17), "a ping".to_owned(), Some(PROTOCOL)),
-        ] {
-            assert!(help_of(&error).contains("bug in the firmware"), "{}", help_of(&error));
-        }
-    }
 
     #[test]
     fn a_refusal_names_the_limit() {

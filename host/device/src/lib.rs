@@ -6,7 +6,7 @@
 //! until answered, and reconnection when the cable comes back.
 //!
 //! This is the rim: threads, clocks and I/O live here and nowhere further in. What depends on the operating
-//! system is in [`transport::platform`].
+//! system is in `transport::platform`.
 
 pub mod clock_map;
 pub mod error;
@@ -16,6 +16,6 @@ pub mod simulated;
 pub mod transport;
 pub mod wire_reader;
 
-pub use error::LinkError;
+pub use error::{LinkError, Opened};
 pub use session::{Incoming, Session};
 pub use transport::Address;

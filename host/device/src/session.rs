@@ -26,7 +26,7 @@ use palpate_shared::wire::{
 };
 
 use crate::clock_map::{ClockEstimate, ClockMap};
-use crate::error::LinkError;
+use crate::error::{LinkError, Opened};
 use crate::sample_sequence::{Continuity, Sequence};
 use crate::simulated::SimulatedDevice;
 use crate::transport::address::Address;
@@ -196,11 +196,8 @@ impl Session {
     pub fn open(address: &Address, options: Options) -> Result<Self, LinkError> {
         let simulated = match address {
             Address::Simulated { seed } => {
-                let cannot_start = |source| LinkError::Open {
-                    address: address.to_string(),
-                    remedy: "the simulation could not start",
-                    source,
-                };
+                let cannot_start =
+                    |source| LinkError::Open { address: address.to_string(), what: Opened::Simulation, source };
                 Some(Arc::new(SimulatedDevice::start_default(*seed).map_err(cannot_start)?))
             }
             _ => None,
@@ -840,7 +837,7 @@ fn greet(
         let transport = Transport::open(address, baud, simulated.map(SimulatedDevice::connect))?;
         let mut line = Line::start(transport).map_err(|source| LinkError::Open {
             address: address.to_string(),
-            remedy: "the port opens but cannot be used",
+            what: Opened::Line,
             source,
         })?;
         if let Some((hello, early)) = ask_who(&mut line, address, next_id)? {

@@ -12,3 +12,8 @@ pub mod sampling_plan;
 pub mod scene;
 pub mod solve;
 pub mod views;
+
+/// The examples of the crate's page are compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

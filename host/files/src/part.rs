@@ -222,9 +222,7 @@ pub enum PartFileError {
         foot: [f64; 3],
     },
     /// Several supports where one is needed.
-    #[error(
-        "the file lists {count} supports: `palpate which-part` tells which it is; for anything else leave one, as `feet` or without"
-    )]
+    #[error("the file lists {count} supports, where one is needed")]
     Supports {
         /// How many.
         count: usize,

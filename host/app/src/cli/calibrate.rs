@@ -17,6 +17,7 @@ use palpate_files::calibration::plan::from_toml;
 use palpate_files::calibration::raw::{Provenance, RawRun};
 
 use super::device::DeviceArguments;
+use crate::advice::{self, Advise as _};
 use crate::live::person::Person;
 use crate::live::{self, GAUGE_FACTOR, LinkSource, SimulatedBench};
 
@@ -116,7 +117,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let (hello, hand) = (link.hello().clone(), link.simulated().cloned());
     let temperature_c = match arguments.temperature_c {
         Some(celsius) => Some(celsius),
-        None => live::temperature(&mut link)?,
+        None => live::temperature(&mut link).advised()?,
     };
     let device = Device {
         source: &mut LinkSource::new(&mut link),
@@ -169,7 +170,7 @@ pub(crate) fn calibrate(
     };
     // Whatever is wrong with names, settings and folders is said before a quarter of an hour of work, not after.
     check_writable(&arguments.out.join(&provenance.finger))?;
-    let settings = plan.dwell_settings(provenance.check()?, provenance.rate_hz)?;
+    let settings = plan.dwell_settings(provenance.check().advised()?, provenance.rate_hz).advised()?;
     let mut run = Session::new(plan.steps(), settings);
     let mut unfinished = Unfinished::new(&arguments.out, &provenance, plan);
     let ending = session::run_keeping(&mut run, device.source, bench, &mut |taken| unfinished.keep(taken));
@@ -177,7 +178,7 @@ pub(crate) fn calibrate(
     let raw = RawRun::new(provenance, plan.clone(), run.taken());
     match ending {
         Ok(Ending::Complete) => {
-            let raw_path = save_raw(&arguments.out, &raw)?;
+            let raw_path = save_raw(&arguments.out, &raw).advised()?;
             unfinished.remove();
             conclude_and_write(arguments, &raw, &raw_path)
         }
@@ -190,9 +191,9 @@ pub(crate) fn calibrate(
         Err(error) => Err(match unfinished.path() {
             Some(path) => {
                 let kept = format!("the steps so far are kept in {}", path.display());
-                miette::Report::from(error).wrap_err(kept)
+                advice::report(error).wrap_err(kept)
             }
-            None => error.into(),
+            None => advice::report(error),
         }),
     }
 }
@@ -251,10 +252,10 @@ fn check_writable(folder: &Path) -> miette::Result<()> {
 
 fn conclude_and_write(arguments: &Arguments, raw: &RawRun, raw_path: &Path) -> miette::Result<ExitCode> {
     let conclusion = conclude(raw)
-        .map_err(miette::Report::from)
+        .advised()
         .and_then(|conclusion| judge(arguments, conclusion))
         .wrap_err_with(|| format!("no calibration; the samples are kept in {}", raw_path.display()))?;
-    let path = save_result(&arguments.out, &conclusion.fit, &conclusion.taken, &raw.provenance, raw_path)?;
+    let path = save_result(&arguments.out, &conclusion.fit, &conclusion.taken, &raw.provenance, raw_path).advised()?;
     say!("written  {}\nsamples  {}", path.display(), raw_path.display());
     Ok(ExitCode::SUCCESS)
 }
@@ -264,11 +265,9 @@ fn recalculate(arguments: &Arguments, path: &Path) -> miette::Result<ExitCode> {
     let text =
         fs::read_to_string(path).into_diagnostic().wrap_err_with(|| format!("cannot read {}", path.display()))?;
     let named = || format!("cannot calibrate from {}", path.display());
-    let raw = RawRun::from_text(&text).map_err(miette::Report::from).wrap_err_with(named)?;
-    let conclusion = conclude(&raw)
-        .map_err(miette::Report::from)
-        .and_then(|conclusion| judge(arguments, conclusion))
-        .wrap_err_with(named)?;
+    let raw = RawRun::from_text(&text).advised().wrap_err_with(named)?;
+    let conclusion =
+        conclude(&raw).advised().and_then(|conclusion| judge(arguments, conclusion)).wrap_err_with(named)?;
     let mut provenance = raw.provenance;
     if let Some(date) = &arguments.date {
         provenance.date.clone_from(date);
@@ -284,7 +283,7 @@ fn recalculate(arguments: &Arguments, path: &Path) -> miette::Result<ExitCode> {
             provenance.finger
         )
     })?;
-    let written = save_result(root, &conclusion.fit, &conclusion.taken, &provenance, path)?;
+    let written = save_result(root, &conclusion.fit, &conclusion.taken, &provenance, path).advised()?;
     say!("written  {}", written.display());
     Ok(ExitCode::SUCCESS)
 }
@@ -292,13 +291,13 @@ fn recalculate(arguments: &Arguments, path: &Path) -> miette::Result<ExitCode> {
 /// Prints the report and asks the held-back contacts.
 fn judge(arguments: &Arguments, conclusion: Conclusion) -> miette::Result<Conclusion> {
     super::write_out(format_args!("{conclusion}"));
-    conclusion.judge(arguments.max_error_deg)?;
+    conclusion.judge(arguments.max_error_deg).advised()?;
     Ok(conclusion)
 }
 
 fn keep_if_wished(arguments: &Arguments, raw: &RawRun) -> miette::Result<()> {
     if arguments.keep && !raw.dwells.is_empty() {
-        let path = save_raw(&arguments.out, raw)?;
+        let path = save_raw(&arguments.out, raw).advised()?;
         eprintln!("samples  {}", path.display());
     }
     Ok(())
@@ -312,7 +311,7 @@ impl Arguments {
         };
         let text =
             fs::read_to_string(path).into_diagnostic().wrap_err_with(|| format!("cannot read {}", path.display()))?;
-        from_toml(&text).map_err(miette::Report::from).wrap_err_with(|| format!("cannot use {}", path.display()))
+        from_toml(&text).advised().wrap_err_with(|| format!("cannot use {}", path.display()))
     }
 }
 

@@ -11,6 +11,7 @@ use palpate_device::Session;
 use palpate_files::calibration::file::{CalibrationFile, RawState};
 use serde::{Deserialize, Serialize};
 
+use crate::advice::Advise as _;
 use crate::live;
 
 /// Which calibration to use.
@@ -29,14 +30,14 @@ impl CalibrationArguments {
             return Ok(None);
         };
         let named = || format!("cannot use the calibration {}", path.display());
-        let (file, state) = CalibrationFile::read(&path).map_err(miette::Report::from).wrap_err_with(named)?;
-        let front_end = live::front_end(session.hello()).into_diagnostic()?;
-        file.check_device(&device(session), &front_end).map_err(miette::Report::from).wrap_err_with(named)?;
+        let (file, state) = CalibrationFile::read(&path).advised().wrap_err_with(named)?;
+        let front_end = live::front_end(session.hello()).advised()?;
+        file.check_device(&device(session), &front_end).advised().wrap_err_with(named)?;
         if let RawState::Missing = state {
             tracing::warn!(calibration = %path.display(), "its raw samples do not lie beside it");
         }
         eprintln!("calibration {}", path.display());
-        Ok(Some(file.calibration().into_diagnostic().wrap_err_with(named)?))
+        Ok(Some(file.calibration().advised().wrap_err_with(named)?))
     }
 
     /// As [`CalibrationArguments::load`], where nothing can be done without.

@@ -17,6 +17,7 @@ use palpate_files::recordings::{Format, Problem, csv, mlab, text};
 use serde::Serialize;
 
 use super::read::report_problems;
+use crate::advice;
 
 /// Exit status when every file was read, but not every line or push in them.
 const EXIT_SOME_BAD: u8 = 2;
@@ -287,7 +288,9 @@ impl std::fmt::Display for Line<'_> {
         let onset = report.onset.map_or("-".to_owned(), |onset| format!("{onset:.3}"));
         write!(f, "{:>4} {start:<10} {onset:>7} ", report.index)?;
         let Some(bias) = &report.bias else {
-            return write!(f, "{}", report.bias_unknown.as_deref().unwrap_or("bias unknown"));
+            let Some(unknown) = &report.bias_unknown else { return write!(f, "bias unknown") };
+            let help = advice::help(unknown).map(|help| format!("; {help}")).unwrap_or_default();
+            return write!(f, "{unknown}{help}");
         };
         let (tare, found) = (&bias.tare, found(bias.found, report));
         write!(f, "{:>8.4} {:>8.4} {:>7.4} {found:<17} ", tare.bias.x, tare.bias.y, tare.bias_sd())?;

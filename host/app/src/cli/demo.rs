@@ -21,6 +21,7 @@ use palpate_files::part::PolygonFile;
 
 use super::read::read;
 use super::{not_negative, pose, static_demo};
+use crate::advice::Advise as _;
 use crate::thesis::demonstration::{CALIBRATION_CONTACTS, CALIBRATION_FORCE_N, FeltPush, Rig, course};
 use palpate::gravity::GRAVITY_ASSUMED;
 
@@ -89,9 +90,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
             ranges.motion.duration()
         )
     })?;
-    let mut rig = Rig::start(arguments.seed, arguments.noise, line())?;
+    let mut rig = Rig::start(arguments.seed, arguments.noise, line()).advised()?;
     introduce(&rig, &part, &ranges, CALIBRATION_FORCE_N * arguments.noise.max(1.0));
-    let felt = rig.push(course(&drawn.played))?;
+    let felt = rig.push(course(&drawn.played)).advised()?;
     if let Some(folder) = &arguments.keep {
         arguments.keep_files(folder, &part, &ranges, &felt)?;
     }

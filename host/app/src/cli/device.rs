@@ -1,5 +1,6 @@
 //! What every command that talks to a device takes: which one, and at what speed.
 
+use crate::advice::Advise as _;
 use palpate_device::session::{Options, Session};
 use palpate_device::transport::address::{self, Address};
 
@@ -20,14 +21,14 @@ impl DeviceArguments {
     /// The address that was given, or that of the only device there is.
     pub(crate) fn address(&self) -> miette::Result<Address> {
         Ok(match &self.device {
-            Some(name) => name.parse()?,
-            None => address::only_device(&address::ports()?)?,
+            Some(name) => name.parse().advised()?,
+            None => address::only_device(&address::ports().advised()?).advised()?,
         })
     }
 
     /// Opens the device, reconnecting by itself later if `reconnect`.
     pub(crate) fn open(&self, reconnect: bool) -> miette::Result<Session> {
-        Ok(Session::open(&self.address()?, self.options(reconnect))?)
+        Session::open(&self.address()?, self.options(reconnect)).advised()
     }
 
     /// The options of a session with this device.

@@ -3,7 +3,6 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
-use miette::IntoDiagnostic as _;
 use nalgebra::Matrix2;
 use palpate::finger::calibration::{ForceUnit, counts_vector};
 use palpate::finger::diagnosis::{self, Figures, Finding, Observation, Verdict};
@@ -13,6 +12,7 @@ use palpate_shared::sim::ads131m02::{CLKIN_HZ, noise_rms};
 use super::calibrated::CalibrationArguments;
 use super::device::DeviceArguments;
 use super::latency::Latency;
+use crate::advice::{Advise as _, remedy};
 use crate::live;
 use crate::live::interrupt;
 
@@ -79,8 +79,8 @@ fn observe(
     seconds: f64,
     newtons_per_count: Option<Matrix2<f64>>,
 ) -> miette::Result<(Observation, Latency)> {
-    session.start()?;
-    session.ping()?;
+    session.start().advised()?;
+    session.ping().advised()?;
     let before = session.counts();
     let mut latency = Latency::default();
     let mut counts = Vec::new();
@@ -95,8 +95,9 @@ fn observe(
             end_s < *until_s.get_or_insert(end_s + seconds)
         },
         super::tell,
-    )?;
-    session.stop()?;
+    )
+    .advised()?;
+    session.stop().advised()?;
     let after = session.counts();
     let hello = session.hello();
     let oversampling = CLKIN_HZ / 2 / hello.rate_hz.max(1);
@@ -107,7 +108,7 @@ fn observe(
         clock_ratio: session.clock().filter(|_| seconds >= 5.0).map(|clock| 1.0 / (1.0 + clock.drift)),
         missing: after.missing - before.missing,
         damaged_frames: after.damaged_frames - before.damaged_frames,
-        front_end: live::front_end(hello).into_diagnostic()?,
+        front_end: live::front_end(hello).advised()?,
         converter_noise_v: f64::from(noise_rms(hello.gain, oversampling)),
         newtons_per_count,
     };
@@ -121,8 +122,8 @@ fn print_finding(finding: &Finding) {
         Verdict::Fault => "FAULT",
     };
     say!("{:<7} {verdict} {}", finding.subject, finding.figures);
-    if !finding.remedy.is_empty() {
-        say!("              -> {}", finding.remedy);
+    if let Some(cause) = finding.cause {
+        say!("              -> {}", remedy(cause));
     }
 }
 
@@ -138,7 +139,7 @@ fn as_json(session: &Session, figures: &Figures, findings: &[Finding]) -> String
                     Verdict::Fault => "fault",
                 },
                 "figures": finding.figures,
-                "remedy": finding.remedy,
+                "remedy": finding.cause.map_or("", remedy),
             })
         })
         .collect();

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use miette::WrapErr as _;
-use palpate::finger::contact::Reading;
+use palpate::finger::contact::{Reading, TareError};
 use palpate::pushing::estimation::from_rest::onset::{PushSense, RestNoise};
 use palpate::pushing::estimation::from_rest::{FeltForce, Known, WINDOWS_MIN};
 use palpate::pushing::finger_motion::FingerMotion;
@@ -13,6 +13,7 @@ use palpate_files::recordings::csv::{self, Table};
 
 use super::positive;
 use super::read::{read, report_problems};
+use crate::advice;
 use palpate::gravity::GRAVITY_ASSUMED;
 
 /// The files, as `palpate observe` takes them.
@@ -107,9 +108,7 @@ impl FeltPushArguments {
         let readings = read_forces(&self.forces)?;
         let rest_end = readings.first().map_or(0.0, |first| first.t) + self.tare;
         let (rest, push) = readings.split_at(readings.partition_point(|reading| reading.t < rest_end));
-        let noise = RestNoise::estimate(rest).map_err(|error| {
-            miette::miette!(help = error.help(), "the finger was not at rest while the tare was taken: {error}")
-        })?;
+        let noise = RestNoise::estimate(rest).map_err(not_at_rest)?;
         let mut sense = PushSense::new(noise, None);
         push.iter().for_each(|reading| sense.push(reading));
         sense.felt(motion.duration()).filter(|felt| felt.count() >= WINDOWS_MIN).ok_or_else(|| {
@@ -127,4 +126,10 @@ impl FeltPush {
         let (grip, grip_log_sd) = (file.mu * GRAVITY_ASSUMED, self.grip_log_sd);
         Known { part: &file.part, grip, grip_log_sd, radius: self.radius, motion: &self.motion }
     }
+}
+
+/// What to tell where the stretch for the tare was no rest.
+pub(super) fn not_at_rest(error: TareError) -> miette::Report {
+    let help = advice::help(&error).unwrap_or_default();
+    miette::miette!(help = help, "the finger was not at rest while the tare was taken: {error}")
 }

@@ -9,6 +9,7 @@ use palpate_shared::wire::{
 };
 
 use super::device::DeviceArguments;
+use crate::advice::Advise as _;
 
 /// Says who a device is, how it is set, what it counted, and whether its front-end is well.
 #[derive(Debug, clap::Args)]
@@ -43,12 +44,14 @@ enum SourceName {
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let mut session = arguments.device.open(false)?;
     if let Some(source) = arguments.source {
-        session.set_source(match source {
-            SourceName::Hardware => Source::Hardware,
-            SourceName::Simulated => Source::Simulated,
-        })?;
+        session
+            .set_source(match source {
+                SourceName::Hardware => Source::Hardware,
+                SourceName::Simulated => Source::Simulated,
+            })
+            .advised()?;
     }
-    let about = About::of(&mut session, &arguments.registers)?;
+    let about = About::of(&mut session, &arguments.registers).advised()?;
     if arguments.json {
         say!("{}", about.as_json(&session));
     } else {

@@ -14,6 +14,7 @@ use serde_json::{Value, json};
 use super::calibrated::{CalibrationArguments, KeptTare};
 use super::device::DeviceArguments;
 use super::latency::Latency;
+use crate::advice::{self, Advise as _};
 use crate::live::interrupt;
 use crate::live::{self, LiveError};
 
@@ -75,17 +76,17 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     interrupt::listen();
     let mut session = arguments.device.open(true)?;
     let calibration = arguments.calibration.require(&session)?;
-    let front_end = live::front_end(session.hello())?;
+    let front_end = live::front_end(session.hello()).advised()?;
     let settings = Settings { bias_walk: sense::bias_walk(&calibration, &front_end), ..settings(arguments) };
     settings.check().into_diagnostic()?;
-    session.start()?;
-    session.ping()?;
+    session.start().advised()?;
+    session.ping().advised()?;
     let unit = calibration.unit().symbol();
     let tare = match &arguments.tare_file {
         Some(file) => KeptTare::load(file, &session, unit)?,
         None => {
             eprintln!("{}taring for {} s: keep the finger free", super::simulated_note(&session), arguments.tare);
-            live::tare(&mut session, arguments.tare, &calibration, &settings, super::tell)?
+            live::tare(&mut session, arguments.tare, &calibration, &settings, super::tell).advised()?
         }
     };
     report_tare(&tare, unit);
@@ -97,7 +98,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     // Whatever ended it, nobody listens any more.
     let stopped = session.stop();
     shown?;
-    stopped?;
+    stopped.advised()?;
     let counts = session.counts();
     let newer = match counts.unknown_messages {
         0 => String::new(),
@@ -181,7 +182,7 @@ impl<'a> Monitor<'a> {
                     }
                     silent = true;
                 }
-                Err(error) => return Err(error.into()),
+                Err(error) => return Err(advice::report(error)),
                 Ok(()) => break,
             }
         }

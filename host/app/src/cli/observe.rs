@@ -7,7 +7,7 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use palpate::finger::calibration::Calibration;
-use palpate::finger::contact::{Reading, TareError};
+use palpate::finger::contact::Reading;
 use palpate::finger::sense;
 use palpate::pushing::estimation::Estimate;
 use palpate::pushing::estimation::from_rest::onset::{PushSense, RestNoise};
@@ -19,9 +19,10 @@ use palpate_files::part::PolygonFile;
 
 use super::calibrated::CalibrationArguments;
 use super::device::DeviceArguments;
-use super::felt_push::{FrictionArguments, read_forces};
+use super::felt_push::{FrictionArguments, not_at_rest, read_forces};
 use super::read::read;
 use super::{pose, positive};
+use crate::advice::Advise as _;
 use crate::live;
 use crate::live::interrupt;
 use palpate::gravity::GRAVITY_ASSUMED;
@@ -113,7 +114,7 @@ fn from_file(mut observer: Observer, path: &Path) -> miette::Result<ExitCode> {
     let readings = read_forces(path)?;
     let rest_end = readings.first().map_or(0.0, |first| first.t) + observer.arguments.tare;
     let rest = readings.partition_point(|reading| reading.t < rest_end);
-    let noise = RestNoise::estimate(&readings[..rest]).map_err(at_rest).wrap_err_with(named)?;
+    let noise = RestNoise::estimate(&readings[..rest]).map_err(not_at_rest).wrap_err_with(named)?;
     observer.motion.read_all()?;
     let mut sense = PushSense::new(noise, None);
     for reading in &readings[rest..] {
@@ -129,12 +130,12 @@ fn from_device(mut observer: Observer) -> miette::Result<ExitCode> {
     interrupt::listen();
     let mut session = observer.arguments.device.open(true)?;
     let calibration = observer.arguments.calibration.require(&session)?;
-    session.start()?;
+    session.start().advised()?;
     let sense = watch(&mut observer, &mut session, &calibration);
     // Whatever ended it, nobody listens any more.
     let stopped = session.stop();
     let sense = sense?;
-    stopped?;
+    stopped.advised()?;
     observer.finish(&sense)
 }
 
@@ -142,9 +143,9 @@ fn from_device(mut observer: Observer) -> miette::Result<ExitCode> {
 fn watch(observer: &mut Observer, session: &mut Session, calibration: &Calibration) -> miette::Result<PushSense> {
     let seconds = observer.arguments.tare;
     eprintln!("{}taring for {seconds} s: no force on the finger", super::simulated_note(session));
-    let blocks = live::collect(session, seconds, super::tell)?;
+    let blocks = live::collect(session, seconds, super::tell).advised()?;
     let rest: Vec<Reading> = blocks.iter().flat_map(|samples| sense::readings(samples, calibration)).collect();
-    let mut sense = PushSense::new(RestNoise::estimate(&rest).map_err(at_rest)?, Some(calibration));
+    let mut sense = PushSense::new(RestNoise::estimate(&rest).map_err(not_at_rest)?, Some(calibration));
     eprintln!("ready: push");
     let mut failed = Ok(());
     live::stream(
@@ -160,12 +161,9 @@ fn watch(observer: &mut Observer, session: &mut Session, calibration: &Calibrati
             }
         },
         super::tell,
-    )?;
+    )
+    .advised()?;
     failed.map(|()| sense)
-}
-
-fn at_rest(error: TareError) -> miette::Report {
-    miette::miette!(help = error.help(), "the finger was not at rest while the tare was taken: {error}")
 }
 
 /// What goes on from look to look.

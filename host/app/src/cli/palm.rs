@@ -13,7 +13,7 @@ use palpate::rolling::{
     Verdict,
 };
 use palpate_files::body::BodyFile;
-use palpate_files::solve::kinds::roll::wxyz;
+use palpate_files::solve::kinds::roll::{self, wxyz};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
@@ -170,7 +170,7 @@ fn found(estimate: &Estimate) -> Value {
     let mut object = motion(&best.end);
     if let Some(object) = object.as_object_mut() {
         object.insert("body".to_owned(), json!(best.body));
-        object.insert("spin".to_owned(), json!(best.spin));
+        object.insert("spin".to_owned(), json!(roll::Spin::from(best.spin)));
         object.insert("symmetry".to_owned(), json!(best.symmetry.name()));
         object.insert("certified".to_owned(), json!(estimate.certified));
         if let Some(acceleration) = best.palm_acceleration {

@@ -2,6 +2,7 @@
 
 use std::process::ExitCode;
 
+use crate::advice::Advise as _;
 use palpate_device::transport::address::{self, Port};
 
 /// Lists the serial ports of this machine, USB devices first.
@@ -13,7 +14,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
-    let ports = address::ports()?;
+    let ports = address::ports().advised()?;
     for port in &ports {
         say!("{}", if arguments.json { as_json(port) } else { as_line(port) });
     }

@@ -7,6 +7,8 @@ use std::path::Path;
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
 
+use crate::advice::Advise as _;
+
 /// Most problems of a file that are printed; their number always is.
 const PROBLEMS_SHOWN: usize = 10;
 
@@ -27,5 +29,5 @@ where
 {
     let cannot = || format!("cannot use {}", path.display());
     let text = fs::read_to_string(path).into_diagnostic().wrap_err_with(cannot)?;
-    parse(&text).into_diagnostic().wrap_err_with(cannot)
+    parse(&text).advised().wrap_err_with(cannot)
 }

@@ -283,7 +283,7 @@ fn trade_off(arguments: &Arguments, file: &SceneFile) -> ExitCode {
 }
 
 /// Probing the plan's points one after the other.
-fn print_tree(names: &[String], plan: &Plan, stop: &dyn Fn() -> bool) {
+fn print_tree(names: &[String], plan: &Plan, stop: palpate::Stop<'_>) {
     let sets: Vec<Vec<usize>> = plan
         .signatures
         .iter()

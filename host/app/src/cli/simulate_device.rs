@@ -11,6 +11,7 @@ use palpate_device::simulated::{Config, ForceCourse, Line, Moment, Pace, Simulat
 use palpate_files::recordings::csv;
 use palpate_shared::sim::{Contact, Faults, FloatingBus, Load};
 
+use crate::advice::Advise as _;
 use crate::live::interrupt;
 
 /// Runs a finger without hardware: the firmware on a simulated front-end, behind a pseudo-terminal.
@@ -70,7 +71,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         baud: arguments.baud,
         ..Config::default()
     })
-    .into_diagnostic()
+    .advised()
     .wrap_err("cannot start the simulated device")?;
     interrupt::listen();
     say!("{}", device.address());

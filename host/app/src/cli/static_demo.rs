@@ -12,6 +12,7 @@ use palpate_device::Session;
 use palpate_device::session::Options;
 use palpate_device::simulated::{Config, Line, Pace, SimulatedDevice};
 
+use crate::advice::Advise as _;
 use crate::thesis::demonstration::{self, CALIBRATION_CONTACTS, CALIBRATION_FORCE_N};
 use crate::thesis::static_contacts::{self, Contacts, Felt, worst};
 
@@ -45,9 +46,9 @@ pub(super) fn run(seed: u64) -> miette::Result<ExitCode> {
     let hand =
         Arc::new(SimulatedDevice::start(config).into_diagnostic().wrap_err("cannot start the simulated finger")?);
     say!("A simulated finger runs the firmware at {}; the host opens it like any serial port.", hand.address());
-    let mut session = Session::open_simulated(Arc::clone(&hand), Options::default())?;
+    let mut session = Session::open_simulated(Arc::clone(&hand), Options::default()).advised()?;
     say!("It streams {} samples a second, gain {}.", session.hello().rate_hz, session.hello().gain);
-    let fit = demonstration::calibrate(&mut session, &hand, CALIBRATION_FORCE_N)?;
+    let fit = demonstration::calibrate(&mut session, &hand, CALIBRATION_FORCE_N).advised()?;
     print_calibration(&fit);
     feel_and_print(&mut session, &hand, &fit)?;
     print_ending(&session, begun);
@@ -76,7 +77,7 @@ fn feel_and_print(session: &mut Session, hand: &SimulatedDevice, fit: &Fit) -> m
     let mut rows = Vec::new();
     for force in FORCES_N {
         let contacts = Contacts::round_the_disk(FELT_CONTACTS, force);
-        let felt = static_contacts::feel(session, hand, &fit.calibration, &contacts, &averagings)?;
+        let felt = static_contacts::feel(session, hand, &fit.calibration, &contacts, &averagings).advised()?;
         if force.to_bits() == CALIBRATION_FORCE_N.to_bits() {
             print_contacts(force, &felt[2]);
         }
@@ -89,7 +90,7 @@ fn feel_and_print(session: &mut Session, hand: &SimulatedDevice, fit: &Fit) -> m
     say!("  {:<24} {:>11} {:>10}", "thesis, 1000 readings", "within 1", "below 0.5");
 
     let contacts = Contacts::round_the_disk(FELT_CONTACTS, CALIBRATION_FORCE_N).with_friction(MU_C);
-    let felt = static_contacts::feel(session, hand, &fit.calibration, &contacts, &averagings)?;
+    let felt = static_contacts::feel(session, hand, &fit.calibration, &contacts, &averagings).advised()?;
     say!("");
     say!(
         "With friction {MU_C} the force leaves the normal by up to {:.1} deg, which no force sensor can see; the stated",

@@ -7,7 +7,6 @@ mod run_tests;
 
 use std::time::{Duration, Instant};
 
-use miette::Diagnostic;
 use palpate::finger::Samples;
 use palpate::finger::calibration::dwell::Refusal;
 use palpate::finger::calibration::plan::{PlannedContact, Step};
@@ -31,22 +30,19 @@ const SILENCE: Duration = Duration::from_secs(2);
 const TEMPERATURE_WAIT: Duration = Duration::from_millis(1500);
 
 /// Why no samples could be taken.
-#[derive(Debug, Error, Diagnostic)]
+#[derive(Debug, Error)]
 pub enum LiveError {
     /// The link failed.
     #[error(transparent)]
-    #[diagnostic(transparent)]
     Link(#[from] LinkError),
     /// The device streams nothing.
     #[error("no samples for {} s{}", SILENCE.as_secs(), last_event.map(|kind| format!("; the device last said: {}", in_words(kind))).unwrap_or_default())]
-    #[diagnostic(help("`palpate info` shows what the device and its front-end say"))]
     Silent {
         /// The last thing the device told of its own accord.
         last_event: Option<EventKind>,
     },
     /// The stretch taken for the tare was not at rest.
     #[error("cannot tare")]
-    #[diagnostic(help("{}", source.help()))]
     Tare {
         /// What was wrong with it.
         source: TareError,

@@ -8,6 +8,8 @@ use palpate::finger::calibration::dwell::Refusal;
 use palpate::finger::calibration::plan::Step;
 use palpate::finger::calibration::session::{Bench, BenchError, Summary, Wish};
 
+use crate::advice;
+
 /// A person who reads prompts and types answers.
 #[derive(Debug)]
 pub struct Person<R, W> {
@@ -59,7 +61,7 @@ impl<R: BufRead, W: Write> Bench for Person<R, W> {
 
     fn refused(&mut self, _step: &Step, refusal: &Refusal) -> Result<Wish, BenchError> {
         self.say(&format!("  refused: {refusal}\n"))?;
-        if let Some(help) = miette::Diagnostic::help(refusal) {
+        if let Some(help) = advice::help(refusal) {
             self.say(&format!("  {help}\n"))?;
         }
         self.ask("again?")

@@ -8,7 +8,6 @@
 use std::io;
 use std::sync::Arc;
 
-use miette::Diagnostic;
 use nalgebra::Vector2;
 use palpate::finger::calibration::plan::PlanError;
 use palpate::finger::calibration::plan::{Plan, TareMode};
@@ -61,18 +60,16 @@ pub struct FeltPush {
 }
 
 /// Why the chain broke.
-#[derive(Debug, thiserror::Error, Diagnostic)]
+#[derive(Debug, thiserror::Error)]
 pub enum RigError {
     /// The simulated finger could not be started, or has ended.
     #[error("the simulated finger is gone")]
     Device(#[from] io::Error),
     /// The link failed.
     #[error(transparent)]
-    #[diagnostic(transparent)]
     Link(#[from] LinkError),
     /// No samples came.
     #[error(transparent)]
-    #[diagnostic(transparent)]
     Live(#[from] LiveError),
     /// The calibration could not be taken.
     #[error("the simulated finger cannot be calibrated")]

@@ -81,11 +81,10 @@ pub struct Felt {
 }
 
 /// Why the experiment could not be made.
-#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+#[derive(Debug, thiserror::Error)]
 pub enum ExperimentError {
     /// The samples could not be had.
     #[error(transparent)]
-    #[diagnostic(transparent)]
     Live(#[from] LiveError),
     /// A setting is out of range.
     #[error(transparent)]
@@ -95,7 +94,6 @@ pub enum ExperimentError {
     Ended(#[from] std::io::Error),
     /// A contact was not felt.
     #[error("{readings} readings of the contact at {angle_deg:.1}° with {normal_force} N were felt, of {wanted}")]
-    #[diagnostic(help("is the force above the noise? `palpate diagnose` tells the noise"))]
     NotFelt {
         /// Where it was.
         angle_deg: f64,

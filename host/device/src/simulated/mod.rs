@@ -26,6 +26,7 @@ use palpate_shared::sim::{Faults, FingerConfig, Load, Script, Truth};
 
 use crate::Address;
 pub use board::SimulatedOnly;
+pub use outlet::LinkExists;
 use outlet::Outlet;
 
 use crate::transport::pipe::{End, Pipe};

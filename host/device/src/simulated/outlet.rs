@@ -6,6 +6,8 @@ use std::io::{self, ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::PathBuf;
 
+use thiserror::Error;
+
 use crate::Address;
 use crate::transport::pipe::Pipe;
 #[cfg(unix)]
@@ -149,6 +151,11 @@ fn accept(listener: &TcpListener, peer: &mut Option<TcpStream>, plugged_in: bool
     }
 }
 
+/// Something that this device did not make is where its symbolic link is to be; it is left alone.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("{} exists", .0.display())]
+pub struct LinkExists(pub PathBuf);
+
 /// A symbolic link that this device made, and may therefore change and remove; any other file is left alone.
 #[cfg(unix)]
 #[derive(Debug)]
@@ -171,10 +178,7 @@ impl OwnLink {
             std::fs::remove_file(&self.path)?;
         }
         std::os::unix::fs::symlink(target, &self.path).map_err(|error| match error.kind() {
-            ErrorKind::AlreadyExists => io::Error::new(
-                ErrorKind::AlreadyExists,
-                format!("{} exists; choose another --link or remove it", self.path.display()),
-            ),
+            ErrorKind::AlreadyExists => io::Error::new(ErrorKind::AlreadyExists, LinkExists(self.path.clone())),
             _ => error,
         })?;
         self.target = Some(target.to_owned());
@@ -209,7 +213,7 @@ mod tests {
         std::os::unix::fs::symlink(&file, &foreign).unwrap();
         for taken in [&file, &foreign] {
             let refused = Outlet::pty(Some(taken.clone())).map(drop).unwrap_err();
-            assert!(refused.to_string().contains("choose another --link"), "{refused}");
+            assert!(refused.to_string().contains("exists"), "{refused}");
             assert_eq!(std::fs::read_to_string(taken).unwrap(), "kept");
         }
         let own = folder.path().join("own");

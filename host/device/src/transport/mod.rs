@@ -2,7 +2,7 @@
 
 pub mod address;
 pub mod pipe;
-pub mod platform;
+pub(crate) mod platform;
 
 pub use address::Address;
 
@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use serialport::SerialPort;
 
-use crate::error::LinkError;
+use crate::error::{LinkError, Opened};
 
 /// How long one read waits for bytes: short, so that a reader notices soon that it shall end.
 pub const READ_WAIT: Duration = Duration::from_millis(20);
@@ -53,13 +53,13 @@ impl Transport {
             (Address::Serial(path), _) => open_serial(path, baud),
             (Address::Tcp(host), _) => open_tcp(host).map_err(|source| LinkError::Open {
                 address: address.to_string(),
-                remedy: "is the device running there, and is the port right?",
+                what: Opened::Server,
                 source,
             }),
             (Address::Simulated { .. }, Some(end)) => Ok(Self::Pipe(end)),
             (Address::Simulated { .. }, None) => Err(LinkError::Open {
                 address: address.to_string(),
-                remedy: "start the simulated device first",
+                what: Opened::SimulationNotStarted,
                 source: io::ErrorKind::NotConnected.into(),
             }),
         }
@@ -153,16 +153,12 @@ fn why_not_opened(path: &str, error: serialport::Error) -> LinkError {
             listed: address::ports().unwrap_or_default().into_iter().map(|port| port.path).collect(),
         },
         (_, Err(io::ErrorKind::PermissionDenied)) => {
-            LinkError::Permission { path: path.to_owned(), remedy: platform::permission_remedy(file) }
+            LinkError::Permission { path: path.to_owned(), group: platform::owning_group(file) }
         }
         (_, Err(io::ErrorKind::ResourceBusy)) => LinkError::Busy { path: path.to_owned(), holder },
         // What can be opened but not locked is locked by another.
         (serialport::ErrorKind::NoDevice, Ok(_)) if is_terminal => LinkError::Busy { path: path.to_owned(), holder },
         _ if is_terminal && holder.is_some() => LinkError::Busy { path: path.to_owned(), holder },
-        _ => LinkError::Open {
-            address: path.to_owned(),
-            remedy: "is it a serial port? `palpate ports` lists those there are",
-            source: error.into(),
-        },
+        _ => LinkError::Open { address: path.to_owned(), what: Opened::SerialPort, source: error.into() },
     }
 }

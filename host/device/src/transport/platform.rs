@@ -5,20 +5,10 @@
 
 use std::path::Path;
 
-/// What to do when a port may not be opened.
-#[must_use]
-pub fn permission_remedy(path: &Path) -> String {
-    match owning_group(path) {
-        Some(group) => format!(
-            "the port belongs to the group {group}: run `sudo usermod -a -G {group} $USER`, then log out and in again"
-        ),
-        None => "open it as a user who may use serial ports".to_owned(),
-    }
-}
-
-/// The name of the group that a file belongs to.
+/// The name of the group that a file belongs to, where that can be known.
 #[cfg(unix)]
-fn owning_group(path: &Path) -> Option<String> {
+#[must_use]
+pub(crate) fn owning_group(path: &Path) -> Option<String> {
     use std::os::unix::fs::MetadataExt;
     let group = std::fs::metadata(path).ok()?.gid().to_string();
     let groups = std::fs::read_to_string("/etc/group").ok()?;
@@ -30,15 +20,17 @@ fn owning_group(path: &Path) -> Option<String> {
     name.map(str::to_owned)
 }
 
+/// The name of the group that a file belongs to: not known on this system.
 #[cfg(not(unix))]
-fn owning_group(_path: &Path) -> Option<String> {
+#[must_use]
+pub(crate) fn owning_group(_path: &Path) -> Option<String> {
     None
 }
 
 /// The process, other than this one, that has `path` open, as `name (process 123)`, where that can be known.
 #[cfg(target_os = "linux")]
 #[must_use]
-pub fn holder(path: &Path) -> Option<String> {
+pub(crate) fn holder(path: &Path) -> Option<String> {
     let device = std::fs::canonicalize(path).ok()?;
     let own = std::process::id().to_string();
     std::fs::read_dir("/proc").ok()?.flatten().find_map(|process| {
@@ -56,13 +48,13 @@ pub fn holder(path: &Path) -> Option<String> {
 /// The process that has `path` open: not known on this system.
 #[cfg(not(target_os = "linux"))]
 #[must_use]
-pub fn holder(_path: &Path) -> Option<String> {
+pub(crate) fn holder(_path: &Path) -> Option<String> {
     None
 }
 
 /// Pseudo-terminals: a serial port without hardware.
 #[cfg(unix)]
-pub mod pty {
+pub(crate) mod pty {
     use std::fs::File;
     use std::io;
 
@@ -73,11 +65,11 @@ pub mod pty {
 
     /// The device's end of a pseudo-terminal.
     #[derive(Debug)]
-    pub struct Pty {
+    pub(crate) struct Pty {
         /// Reading and writing do not block.
-        pub device_end: File,
+        pub(crate) device_end: File,
         /// What the host opens as if it were a serial port.
-        pub path: String,
+        pub(crate) path: String,
     }
 
     impl Pty {
@@ -85,7 +77,7 @@ pub mod pty {
         ///
         /// # Errors
         /// What the operating system says.
-        pub fn open() -> io::Result<Self> {
+        pub(crate) fn open() -> io::Result<Self> {
             let device_end = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
             grantpt(&device_end)?;
             unlockpt(&device_end)?;
@@ -102,7 +94,7 @@ pub mod pty {
 
         /// Whether a host has the other end open. Without one, what is written is lost, as on a serial line.
         #[must_use]
-        pub fn has_host(&self) -> bool {
+        pub(crate) fn has_host(&self) -> bool {
             let mut asked = [PollFd::new(&self.device_end, PollFlags::OUT)];
             let now = Timespec { tv_sec: 0, tv_nsec: 0 };
             poll(&mut asked, Some(&now)).is_ok() && !asked[0].revents().contains(PollFlags::HUP)

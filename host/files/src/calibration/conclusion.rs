@@ -26,26 +26,21 @@ pub struct Conclusion {
 }
 
 /// Why a run gives none.
-#[derive(Clone, Debug, PartialEq, Error, miette::Diagnostic)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum ConclusionError {
     /// The samples cannot be used.
     #[error(transparent)]
-    #[diagnostic(transparent)]
     Raw(#[from] RawError),
     /// The contacts give no matrix.
     #[error(transparent)]
-    #[diagnostic(transparent)]
     Fit(#[from] FitError),
 }
 
 /// A calibration that its held-back contacts speak against.
-#[derive(Clone, Copy, Debug, PartialEq, Error, miette::Diagnostic)]
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error(
     "the held-back contact at {angle_deg:.1}° is felt {error_deg:+.2}° off (limit {limit_deg}°, expected ± {sigma_deg:.2}°)"
 )]
-#[diagnostic(help(
-    "check the head's zero and that contact, then calibrate again; see calibration/PROCEDURE.md, \"When it does not come out\""
-))]
 pub struct HeldBackError {
     /// Where.
     pub angle_deg: f64,

@@ -147,11 +147,10 @@ pub struct HeldBackRecord {
 }
 
 /// Why a result cannot be written or used.
-#[derive(Debug, Error, miette::Diagnostic)]
+#[derive(Debug, Error)]
 pub enum FileError {
     /// The system refused.
     #[error("cannot {doing} {path}")]
-    #[diagnostic(help("check the path, and that you may read and write there"))]
     Io {
         /// What was tried.
         doing: &'static str,
@@ -163,23 +162,18 @@ pub enum FileError {
     },
     /// There is one of that name.
     #[error("{0} exists already and is never overwritten")]
-    #[diagnostic(help("move it away, or give another date or finger"))]
     Exists(PathBuf),
     /// Not TOML, or not a calibration.
     #[error("not a calibration: {0}")]
-    #[diagnostic(help("take the file as palpate calibrate wrote it, or recalculate it from its raw samples"))]
     Text(String),
     /// Another format.
     #[error("the calibration has format {0}, this program reads format {FILE_FORMAT}")]
-    #[diagnostic(help("update palpate, or recalculate the calibration from its raw samples"))]
     Format(i64),
     /// Changed after it was written.
     #[error("the calibration was changed or cut short after it was written (its checksum does not match)")]
-    #[diagnostic(help("restore the file, or recalculate it: palpate calibrate --from-raw <its raw file>"))]
     Altered,
     /// The raw samples are not those it was made from.
     #[error("{path} is not the raw file this calibration was made from (sha256 {found}, not {wanted})")]
-    #[diagnostic(help("restore the raw file; the calibration itself is still valid"))]
     RawAltered {
         /// The raw file.
         path: PathBuf,
@@ -190,11 +184,9 @@ pub enum FileError {
     },
     /// A number that is infinite or not a number.
     #[error("{0} in the calibration is not a finite number")]
-    #[diagnostic(help("recalculate the calibration from its raw samples"))]
     NotFinite(String),
     /// For another device.
     #[error("the calibration was made with device {made_with}, but device {connected} is connected")]
-    #[diagnostic(help("connect the finger it was made for, or calibrate this one: palpate calibrate"))]
     WrongDevice {
         /// In the file.
         made_with: String,
@@ -203,7 +195,6 @@ pub enum FileError {
     },
     /// With other settings.
     #[error("the calibration was made with {made_with}, but the device runs with {connected}")]
-    #[diagnostic(help("set the device as it was, or calibrate again with the present settings"))]
     WrongFrontEnd {
         /// In the file.
         made_with: String,
@@ -212,15 +203,12 @@ pub enum FileError {
     },
     /// Numbers that make no calibration.
     #[error("the numbers in the calibration cannot be used")]
-    #[diagnostic(transparent)]
     Calibration(#[from] CalibrationError),
     /// Names or date that cannot be.
     #[error(transparent)]
-    #[diagnostic(transparent)]
     Provenance(#[from] ProvenanceError),
     /// The raw samples cannot be written.
     #[error(transparent)]
-    #[diagnostic(transparent)]
     Raw(#[from] RawError),
 }
 

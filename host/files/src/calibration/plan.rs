@@ -3,15 +3,13 @@
 use palpate::finger::calibration::plan::{Plan, PlanError};
 
 /// Why a text is no plan.
-#[derive(Clone, Debug, PartialEq, thiserror::Error, miette::Diagnostic)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PlanFileError {
     /// Not TOML, or not the keys of a plan; the message shows the place.
     #[error("not a plan: {0}")]
-    #[diagnostic(help("calibration/PROCEDURE.md shows one"))]
     Text(String),
     /// A value that cannot be.
     #[error(transparent)]
-    #[diagnostic(transparent)]
     Plan(#[from] PlanError),
 }
 

@@ -43,11 +43,10 @@ pub struct Provenance {
 }
 
 /// What is wrong with a name, a date or a temperature.
-#[derive(Clone, Debug, PartialEq, Error, miette::Diagnostic)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum ProvenanceError {
     /// A name that would not do as a folder.
     #[error("the {what} \"{name}\" is not a name of 1 to {NAME_MAX} letters, digits, - and _")]
-    #[diagnostic(help("choose a plain name like finger-a"))]
     Name {
         /// Whose name.
         what: &'static str,
@@ -56,11 +55,9 @@ pub enum ProvenanceError {
     },
     /// Not a date and time.
     #[error("\"{0}\" is not a date with time and offset (RFC 3339)")]
-    #[diagnostic(help("write it like 2024-05-02T10:15:00Z"))]
     Date(String),
     /// A number that cannot be.
     #[error("the {name} is {value}")]
-    #[diagnostic(help("give the {name} as a plain number"))]
     Value {
         /// Which.
         name: &'static str,
@@ -69,7 +66,6 @@ pub enum ProvenanceError {
     },
     /// A front-end that cannot be.
     #[error(transparent)]
-    #[diagnostic(transparent)]
     FrontEnd(#[from] FrontEndError),
 }
 
@@ -127,19 +123,16 @@ struct Header {
 }
 
 /// Why a raw file cannot be used.
-#[derive(Clone, Debug, PartialEq, Error, miette::Diagnostic)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum RawError {
     /// The comment lines are no TOML table of the right content.
     #[error("the heading of the raw file cannot be read: {0}")]
-    #[diagnostic(help("the comment lines at the top belong to the file: take it as it was written"))]
     Header(String),
     /// Another format.
     #[error("the raw file has format {0}, this program reads format {RAW_FORMAT}")]
-    #[diagnostic(help("update palpate"))]
     Format(u32),
     /// A line that is no sample.
     #[error("line {line} of the raw file: {what}")]
-    #[diagnostic(help("the file was cut short or edited: take it as it was written"))]
     Line {
         /// Number of the line, from 1.
         line: usize,
@@ -148,19 +141,15 @@ pub enum RawError {
     },
     /// A dwell without samples.
     #[error("the raw file has no samples of dwell {0}")]
-    #[diagnostic(help("the file was cut short: take it as it was written"))]
     NoSamples(usize),
     /// What it was measured with cannot be.
     #[error(transparent)]
-    #[diagnostic(transparent)]
     Provenance(#[from] ProvenanceError),
     /// The plan cannot be.
     #[error(transparent)]
-    #[diagnostic(transparent)]
     Plan(#[from] PlanError),
     /// A dwell is not at rest.
     #[error("dwell {number} of the raw file is not usable")]
-    #[diagnostic(help("the file was edited, or its plan was"))]
     Dwell {
         /// Its number, from 1.
         number: usize,

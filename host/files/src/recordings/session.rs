@@ -88,7 +88,8 @@ pub struct Report {
     /// The bias, and how it was found.
     pub bias: Option<Bias>,
     /// Why there is none.
-    pub bias_unknown: Option<String>,
+    #[serde(serialize_with = "in_words")]
+    pub bias_unknown: Option<BiasUnknown>,
     /// How the free interval's second half agrees with its first.
     pub free_check: Option<FreeCheck>,
     /// Start of the first contact, s after the first reading; `None` if there was none, or if it began before.
@@ -268,7 +269,7 @@ fn report(
         start_deviation: judged.deviation,
         start_doubtful: judged.doubtful,
         free_check: bias.as_ref().and_then(|bias| free_check(readings, bias, &options.settings)),
-        bias_unknown: judged.bias.err().map(|unknown| unknown.to_string()),
+        bias_unknown: judged.bias.err(),
         bias,
         onset: onsets.first().filter(|_| !began).map(|onset| onset - t0),
         contacts: onsets.len(),
@@ -276,6 +277,11 @@ fn report(
         edge: scene.and_then(|scene| scene.summarise(&series, options.cone)),
         series,
     })
+}
+
+#[expect(clippy::ref_option, reason = "the signature that serde asks for")]
+fn in_words<S: serde::Serializer>(unknown: &Option<BiasUnknown>, serializer: S) -> Result<S::Ok, S::Error> {
+    unknown.map(|unknown| unknown.to_string()).serialize(serializer)
 }
 
 fn onset(felt: &Felt) -> Option<f64> {
@@ -613,7 +619,7 @@ mod tests {
     fn a_push_alone_has_an_unknown_bias_and_no_contact_is_claimed() {
         let free = &felt(&session(1))[0];
         assert_eq!((free.start, free.contacts, free.bias), (Start::Unknown, 0, None));
-        let words = free.bias_unknown.as_deref().unwrap();
+        let words = free.bias_unknown.unwrap().to_string();
         assert!(words.contains("0.00 s to 1.4") && words.contains("quiet"), "{words}");
         let pressed = &felt(&[PushSpec { onset: 0.0, ..PushSpec::default() }])[0];
         assert_eq!((pressed.start, pressed.touch, pressed.bias), (Start::Unknown, None, None));
@@ -624,7 +630,7 @@ mod tests {
         let pushes: Vec<_> = session(6).iter().map(|p| PushSpec { onset: 0.17, force: 1.0, ..*p }).collect();
         for report in felt(&pushes) {
             assert_eq!((report.start, report.bias, report.contacts), (Start::Free, None, 0));
-            assert!(report.bias_unknown.unwrap().contains("0 neighbours with some"));
+            assert!(report.bias_unknown.unwrap().to_string().contains("0 neighbours with some"));
         }
     }
 
@@ -670,7 +676,7 @@ mod tests {
         assert!(given.touch.unwrap().u_mean.abs() < 0.01, "pressed from +x: {:?}", given.touch);
         let touched = of_table(&table(), &Options { tare: Some([0.5, 1.5]), ..plain }).unwrap();
         assert!(touched.bias.is_none() && touched.touch.is_none());
-        let words = touched.bias_unknown.unwrap();
+        let words = touched.bias_unknown.unwrap().to_string();
         assert!(words.contains("the stretch given cannot serve") && words.contains("stepped by"), "{words}");
     }
 

@@ -1,8 +1,11 @@
-//! One line of input to one line of output, whatever the line holds.
+//! One problem to one answer, whatever it holds: a line of text, or JSON that a program has at hand.
+
+use serde_json::Value;
+use serde_json::value::{RawValue, to_raw_value};
 
 use super::error::{ErrorCode, ErrorLine, Failure};
 use super::input::{Content, LINE_BYTES_MAX};
-use super::line::{self, ParsedLine};
+use super::line::{self, ParsedLine, Request};
 use super::panics;
 use super::problem::Registry;
 
@@ -22,14 +25,59 @@ pub(super) fn answer(registry: &Registry, number: u64, content: &Content) -> Ans
         Content::TooLong => ParsedLine { id: line::null(), request: Err(too_long()) },
     };
     let id = parsed.id;
-    let solved = parsed.request.and_then(|request| {
-        let solve = || registry.answer(&request.kind, request.fields, &id);
-        panics::catch(solve).unwrap_or_else(|caught| Err(crashed(&caught)))
-    });
+    let solved = parsed.request.and_then(|request| solved(registry, request, &id));
     let failed = solved.is_err();
     let mut text = solved.unwrap_or_else(|error| error_line(ErrorLine { id, line: number, error }));
     text.push('\n');
     Answer { text, failed }
+}
+
+/// The line of output for a problem, without its line end. A crash of its solver is an error like others.
+fn solved(registry: &Registry, request: Request, id: &RawValue) -> Result<String, Failure> {
+    let solve = || registry.answer(&request.kind, request.fields, id);
+    panics::catch(solve).unwrap_or_else(|caught| Err(crashed(&caught)))
+}
+
+impl Registry {
+    /// Solves one problem: the same answer, or the same error, as [`run`](super::run) gives for a line that holds it, without threads or
+    /// streams. The answer has the fields `id` (null where the problem has none) and `problem`, and those of its kind.
+    ///
+    /// # Errors
+    /// [`Failure`]: what is wrong with the problem and where, or that its solver failed.
+    ///
+    /// ```
+    /// use palpate_files::solve::{ErrorCode, KINDS};
+    /// use serde_json::json;
+    ///
+    /// let block = json!([[0, 0], [0.06, 0], [0.06, 0.04], [0, 0.04]]); // m
+    /// let mut problem = json!({"problem": "support_friction", "id": 1, "polygon": block, "velocity": [0.1, 0], "omega": 2});
+    /// assert_eq!(KINDS.solve(problem.clone())?["area"], json!(0.0024)); // m²
+    ///
+    /// problem["polygon"][3] = json!([0.05, -0.01]);
+    /// let failure = KINDS.solve(problem).unwrap_err();
+    /// assert_eq!((failure.code, failure.field.unwrap().as_str()), (ErrorCode::InvalidInput, "/polygon"));
+    /// # Ok::<(), palpate_files::solve::Failure>(())
+    /// ```
+    pub fn solve(&self, problem: Value) -> Result<Value, Failure> {
+        let unreadable = |error: serde_json::Error| Failure::internal(&format!("the result cannot be read: {error}"));
+        let id = to_raw_value(problem.get("id").unwrap_or(&Value::Null)).map_err(unreadable)?;
+        let text = line::request_of(problem).and_then(|request| solved(self, request, &id))?;
+        serde_json::from_str(&text).map_err(unreadable)
+    }
+
+    /// The same for a problem as a line of text, to the letter: the line of the answer, without its line end.
+    ///
+    /// # Errors
+    /// [`Failure`], also where the line is not JSON.
+    ///
+    /// ```
+    /// let failure = palpate_files::solve::KINDS.solve_line(b"{\"problem\": }").unwrap_err();
+    /// assert!(failure.message.starts_with("not JSON at column 13"));
+    /// ```
+    pub fn solve_line(&self, line: &[u8]) -> Result<String, Failure> {
+        let ParsedLine { id, request } = line::parse(line);
+        solved(self, request?, &id)
+    }
 }
 
 fn error_line(line: ErrorLine) -> String {
@@ -51,4 +99,100 @@ fn too_long() -> Failure {
 fn crashed(panics::Caught { place, message }: &panics::Caught) -> Failure {
     tracing::error!(place, message, "a solver crashed");
     Failure::internal(&format!("the solver crashed at {place}: this is a bug of palpate, please report the line"))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+    use std::num::NonZeroUsize;
+
+    use proptest::prelude::*;
+    use serde_json::json;
+
+    use super::super::testing::{self, answer_to, any_json, area_problem, documented_lines};
+    use super::super::{KINDS, run};
+    use super::*;
+
+    /// A line of the interface as a program has it that asked for one problem alone.
+    fn alone(answer: &Value) -> Result<Value, Value> {
+        match answer.get("error") {
+            Some(error) => Err(error.clone()),
+            None => Ok(answer.clone()),
+        }
+    }
+
+    fn of_value(registry: &Registry, problem: Value) -> Result<Value, Value> {
+        registry.solve(problem).map_err(|failure| json!(failure))
+    }
+
+    fn of_line(registry: &Registry, line: &str) -> Result<Value, Value> {
+        let text = registry.solve_line(line.as_bytes()).map_err(|failure| json!(failure))?;
+        Ok(serde_json::from_str(&text).unwrap())
+    }
+
+    #[test]
+    fn every_documented_problem_alone_has_the_answer_of_its_line_to_the_letter() {
+        let lines = documented_lines();
+        assert!(lines.len() >= KINDS.kinds().len(), "{} documented problems", lines.len());
+        for line in lines {
+            let mut output = Vec::new();
+            run(KINDS, NonZeroUsize::MIN, Cursor::new(line.clone().into_bytes()), &mut output).unwrap();
+            let wanted = String::from_utf8(output).unwrap();
+            assert_eq!(KINDS.solve_line(line.as_bytes()).unwrap() + "\n", wanted);
+            let problem: Value = serde_json::from_str(&line).unwrap();
+            assert_eq!(KINDS.solve(problem).unwrap(), serde_json::from_str::<Value>(&wanted).unwrap(), "{line}");
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_documented_problem_is_told_alone_as_in_its_line() {
+        for line in documented_lines() {
+            let problem: Value = serde_json::from_str(&line).unwrap();
+            let mut others: Vec<Value> = problem
+                .as_object()
+                .unwrap()
+                .keys()
+                .map(|key| {
+                    let mut other = problem.clone();
+                    other[key.as_str()] = json!("x");
+                    other
+                })
+                .collect();
+            others.push(json!({"problem": problem["problem"], "typo": 1}));
+            for other in others {
+                let mut output = Vec::new();
+                run(KINDS, NonZeroUsize::MIN, Cursor::new(other.to_string().into_bytes()), &mut output).unwrap();
+                let wanted = alone(&serde_json::from_slice(&output).unwrap());
+                assert_eq!(of_value(&KINDS, other.clone()), wanted, "{other}");
+                assert_eq!(of_line(&KINDS, &other.to_string()), wanted, "{other}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_crash_and_a_result_that_is_no_number_are_failures_of_the_one_problem() {
+        for kind in ["crash", "not_a_number", "give_up"] {
+            let problem = json!({"problem": kind, "id": 1});
+            let failure = testing::KINDS.solve(problem.clone()).unwrap_err();
+            assert_eq!(failure.code, ErrorCode::Internal, "{kind}");
+            assert_eq!(Err(json!(failure)), alone(&answer_to(&problem.to_string())), "{kind}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_problem_alone_has_the_answer_or_the_error_of_its_line(
+            problem in prop_oneof![area_problem(), any_json()],
+            id in any_json(),
+        ) {
+            let mut problem = problem;
+            if let Some(fields) = problem.as_object_mut() {
+                fields.insert("id".to_owned(), id);
+            }
+            let line = problem.to_string();
+            let wanted = alone(&answer_to(&line));
+            prop_assert_eq!(of_value(&testing::KINDS, problem), wanted.clone());
+            prop_assert_eq!(of_line(&testing::KINDS, &line), wanted);
+        }
+    }
 }

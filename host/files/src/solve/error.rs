@@ -38,7 +38,8 @@ pub struct ErrorLine {
 }
 
 /// What is wrong with a line.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema, thiserror::Error)]
+#[error("{message}")]
 pub struct Failure {
     /// What kind of mistake it is.
     pub code: ErrorCode,

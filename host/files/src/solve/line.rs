@@ -79,7 +79,12 @@ fn without_spaces(json: &str) -> Option<Box<RawValue>> {
 }
 
 fn read_request(text: &str) -> Result<Request, Failure> {
-    let Value::Object(mut fields) = read_strictly(text)? else {
+    request_of(read_strictly(text)?)
+}
+
+/// What a problem that has been read asks for.
+pub(super) fn request_of(problem: Value) -> Result<Request, Failure> {
+    let Value::Object(mut fields) = problem else {
         return Err(InvalidInput::new(r#"a problem is a JSON object: {"problem": KIND, ...}"#).into());
     };
     fields.remove("id");

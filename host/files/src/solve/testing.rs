@@ -174,6 +174,18 @@ pub(super) fn documented(kind: &str) -> [Value; 2] {
     })
 }
 
+/// Every good problem that `docs/SOLVE.md` shows, as a line.
+pub(super) fn documented_lines() -> Vec<String> {
+    let page = include_str!("../../../../docs/SOLVE.md");
+    let shown = page.lines().map(|line| {
+        let typed = line.strip_prefix("$ echo '").and_then(|line| line.split("' | palpate").next());
+        typed.unwrap_or(line)
+    });
+    // Answers begin with the id.
+    let problems = shown.filter(|line| line.starts_with("{\"problem\"") && !line.contains("\"fly\""));
+    problems.map(str::to_owned).collect()
+}
+
 /// Whether every number of an answer can be written.
 pub(super) fn all_finite(answer: &impl Serialize) {
     super::finite::check(answer).unwrap();

@@ -1,7 +1,7 @@
 //! Is the finger well? Ten seconds at rest, then five lines that a person can judge.
 //!
 //! Pure: samples go in with what the link counted, findings come out. Each finding has its figure, the limit it is
-//! held against, and what to do when it is broken.
+//! held against, and the cause when it is broken.
 //!
 //! Units: microstrain (µε) for strain, because that is what gauges are read in; newtons where the finger is
 //! calibrated.
@@ -71,8 +71,29 @@ pub struct Finding {
     pub verdict: Verdict,
     /// The figures, in words.
     pub figures: String,
-    /// What to do; empty where nothing needs doing.
-    pub remedy: &'static str,
+    /// Why it is not good; `None` where nothing needs doing.
+    pub cause: Option<Cause>,
+}
+
+/// What may be wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// The observation lasted too short a time to tell.
+    TooShort,
+    /// The converter's clock runs fast or slow.
+    Clock,
+    /// Noise beyond the converter's own is picked up on the way.
+    PickedUp,
+    /// Hum of the mains.
+    Hum,
+    /// The reading drifts.
+    Drift,
+    /// A bridge is at the end of the converter's range.
+    Saturated,
+    /// The converter gives the same code over and over.
+    Stuck,
+    /// Samples are lost or damaged on the way.
+    Lost,
 }
 
 /// Figures behind the findings, for programs.
@@ -194,7 +215,7 @@ fn rate(seen: &Observation) -> Finding {
             subject: "rate",
             verdict: Verdict::Look,
             figures: format!("{:.0} Hz set; too short to measure", seen.rate_hz),
-            remedy: "run longer",
+            cause: Some(Cause::TooShort),
         };
     };
     let measured = seen.rate_hz * ratio;
@@ -207,7 +228,7 @@ fn rate(seen: &Observation) -> Finding {
             seen.rate_hz,
             (ratio - 1.0) * 1e6
         ),
-        remedy: if good { "" } else { "check the converter's 8.192 MHz clock" },
+        cause: (!good).then_some(Cause::Clock),
     }
 }
 
@@ -233,10 +254,10 @@ fn noise(seen: &Observation, figures: &Figures) -> Finding {
             figures.hum_microstrain.y,
             figures.hum_hz,
         ),
-        remedy: match (too_noisy, hums) {
-            (true, _) => "look for a loose wire, an unscreened lead, or something touching the finger",
-            (false, true) => "screen the leads and ground the finger; average over a mains period",
-            _ => "",
+        cause: match (too_noisy, hums) {
+            (true, _) => Some(Cause::PickedUp),
+            (false, true) => Some(Cause::Hum),
+            (false, false) => None,
         },
     }
 }
@@ -255,7 +276,7 @@ fn drift(figures: &Figures) -> Finding {
             drift.y,
             figures.drift_sd.max()
         ),
-        remedy: if drifts { "let it warm up for ten minutes, keep it out of draughts, tare again" } else { "" },
+        cause: drifts.then_some(Cause::Drift),
     }
 }
 
@@ -273,10 +294,10 @@ fn range(seen: &Observation, figures: &Figures) -> Finding {
             centre.x,
             centre.y,
         ),
-        remedy: match (seen.saturated > 0, stuck) {
-            (true, _) => "a gauge or its wire is broken, or the load is too large for the gain",
-            (false, true) => "the converter repeats itself: check its supply, clock and bus",
-            _ => "",
+        cause: match (seen.saturated > 0, stuck) {
+            (true, _) => Some(Cause::Saturated),
+            (false, true) => Some(Cause::Stuck),
+            (false, false) => None,
         },
     }
 }
@@ -292,7 +313,7 @@ fn losses(seen: &Observation) -> Finding {
             seen.counts.len() as u64 + seen.missing,
             seen.damaged_frames
         ),
-        remedy: if lost { "try another cable or port; `palpate info` tells whether the device lost them" } else { "" },
+        cause: lost.then_some(Cause::Lost),
     }
 }
 

@@ -4,8 +4,8 @@
 //!
 //! Units: counts; µs of device time where a name says so. Errors: none.
 
+use palpate_shared::status::Status;
 use palpate_shared::units::Counts;
-use palpate_shared::wire::Status;
 
 /// Equal codes of a bridge in a row that no working converter gives: 5 ms at 4 kHz.
 ///

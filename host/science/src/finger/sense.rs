@@ -142,7 +142,7 @@ impl FingerSense {
 mod tests {
 
     use nalgebra::{Matrix2, SMatrix};
-    use palpate_shared::wire::Status;
+    use palpate_shared::status::Status;
 
     use super::*;
     use crate::finger::calibration::{CalibrationParts, ForceUnit};

@@ -8,6 +8,7 @@ use super::subdivision::Subdivision;
 use crate::geometry::SimplePolygon;
 use crate::geometry::exact::turn;
 use crate::math::bits::BitSet;
+use crate::search::Stop;
 
 /// Points with more room than this share of the scene's extent are inside their region whatever rounding did; with less, that
 /// is decided exactly.
@@ -89,7 +90,7 @@ impl Plan {
 /// # Ok::<(), palpate::geometry::PolygonError>(())
 /// ```
 #[must_use]
-pub fn plan(polygons: &[SimplePolygon], request: &Request, stop: &dyn Fn() -> bool) -> Plan {
+pub fn plan(polygons: &[SimplePolygon], request: &Request, stop: Stop<'_>) -> Plan {
     Scene::new(polygons).plan(request, stop)
 }
 
@@ -136,7 +137,7 @@ impl Scene {
 
     /// Plans points.
     #[must_use]
-    pub fn plan(&self, request: &Request, stop: &dyn Fn() -> bool) -> Plan {
+    pub fn plan(&self, request: &Request, stop: Stop<'_>) -> Plan {
         let choice = Chooser::new(self, request, stop).choose();
         self.plan_of(choice, request)
     }
@@ -144,7 +145,7 @@ impl Scene {
     /// For every number of points from the fewest on the plan with the largest smallest clearance, until more points give no
     /// more.
     #[must_use]
-    pub fn trade_off(&self, request: &Request, stop: &dyn Fn() -> bool) -> Vec<Plan> {
+    pub fn trade_off(&self, request: &Request, stop: Stop<'_>) -> Vec<Plan> {
         let chooser = Chooser::new(self, request, stop);
         let mut chosen = chooser.choose();
         let mut plans = vec![self.plan_of(chosen.clone(), request)];
@@ -208,7 +209,7 @@ impl Chosen {
 struct Chooser<'a> {
     scene: &'a Scene,
     request: &'a Request,
-    stop: &'a dyn Fn() -> bool,
+    stop: Stop<'a>,
     /// One polygon of each class of polygons that nothing tells apart.
     system: SetSystem,
     /// Candidates allowed, the roomiest first.
@@ -217,7 +218,7 @@ struct Chooser<'a> {
 }
 
 impl<'a> Chooser<'a> {
-    fn new(scene: &'a Scene, request: &'a Request, stop: &'a dyn Fn() -> bool) -> Self {
+    fn new(scene: &'a Scene, request: &'a Request, stop: Stop<'a>) -> Self {
         let roomy = |candidate: &Candidate| {
             candidate.circle.radius >= request.min_clearance
                 && (candidate.area > request.min_area || request.min_area == 0.0)

@@ -24,8 +24,6 @@
 use std::ops::{Add, Mul};
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector2, Vector3};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 use super::body::Body;
 use super::shape::{Real, Scaled, cross, dot};
@@ -35,8 +33,7 @@ use crate::math::ode::{self, Moment, Moves};
 const SERIES_MAX: f64 = 1e-4;
 
 /// What the contact transmits beside a force.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Spin {
     /// Nothing: a point contact. The body spins about the normal as it likes.
     Free,

@@ -12,7 +12,6 @@
 //! Errors: none.
 
 use nalgebra::{DMatrix, Matrix2, Matrix3, SymmetricEigen, Vector3};
-use serde::{Deserialize, Serialize};
 
 use super::flow::{Columns, STATE_COLUMNS, Tangent};
 use super::mechanics::{Model, Resistance, Spin, State};
@@ -41,8 +40,7 @@ const UMBILIC: f64 = 1e-9;
 const TERM_THRESHOLD: f64 = 1e-9;
 
 /// How the palm moves while it feels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Inputs {
     /// Not at all.
     Zero,

@@ -8,8 +8,6 @@
 use std::f64::consts::FRAC_1_SQRT_2;
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 use super::shape::{Egg, Rounded};
 
@@ -40,8 +38,8 @@ pub enum Symmetry {
     Sphere,
 }
 
-/// The groups by name, as the interface has them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+/// The groups by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SymmetryName {
     /// No symmetry.
     C1,
@@ -54,10 +52,8 @@ pub enum SymmetryName {
     /// The turns of a cube.
     O,
     /// A body of revolution.
-    #[serde(rename = "revolution")]
     Revolution,
     /// A sphere.
-    #[serde(rename = "sphere")]
     Sphere,
 }
 

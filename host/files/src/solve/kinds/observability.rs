@@ -10,13 +10,13 @@ use palpate::pushing::dynamics::{Contact, Slip, Start};
 use palpate::pushing::observability::{PushObservabilityError, STATE_NAMES, Scales, spectrum};
 use palpate::rolling::observability::STATE_NAMES as ROLL_STATE_NAMES;
 use palpate::rolling::{
-    CannotFollow, Inputs, Model, PalmAcceleration, Roll, RollError, Spin, SufficientCondition, observability,
+    self, CannotFollow, Model, PalmAcceleration, Roll, RollError, SufficientCondition, observability,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::push::{Initial, Mode, Push, Support, needed_friction};
-use super::roll::Body;
+use super::roll::{Body, Spin};
 use crate::solve::fields::{Finger, NonNegative, Polygon, Positive, Times, default_gravity, plane_friction};
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError, read, tagged};
 
@@ -106,6 +106,28 @@ pub struct RollSystem {
     pub inputs: Inputs,
 }
 
+/// How the palm moves while it feels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Inputs {
+    /// Not at all.
+    Zero,
+    /// Up and down.
+    Vertical,
+    /// In all directions, with unrelated frequencies.
+    Generic,
+}
+
+impl From<Inputs> for rolling::Inputs {
+    fn from(inputs: Inputs) -> Self {
+        match inputs {
+            Inputs::Zero => Self::Zero,
+            Inputs::Vertical => Self::Vertical,
+            Inputs::Generic => Self::Generic,
+        }
+    }
+}
+
 /// The thesis's Theorem 32 at one contact, with its terms. Lengths in units of the body's size L.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct SufficientConditionFields {
@@ -144,10 +166,10 @@ impl RollSystem {
                 InvalidInput::at("g", "is 0: nothing presses the body onto the palm, give a gravity above 0").into()
             );
         }
-        let on = (&body, self.spin, &PalmAcceleration::Rest, self.g.get());
+        let on = (&body, self.spin.into(), &PalmAcceleration::Rest, self.g.get());
         let roll = Roll::new(on, self.orientation, self.omega, [0.0; 2]).map_err(refuse_start)?;
-        let model = Model { body: &body, spin: self.spin };
-        let found = observability(&model, roll.start(), self.g.get(), self.inputs).map_err(|error| {
+        let model = Model { body: &body, spin: self.spin.into() };
+        let found = observability(&model, roll.start(), self.g.get(), self.inputs.into()).map_err(|error| {
             let field = if matches!(error, CannotFollow::TooSharp { .. }) { "body" } else { "omega" };
             InvalidInput::at(field, error.to_string())
         })?;

@@ -3,14 +3,13 @@
 
 use nalgebra::Vector2;
 use palpate::rolling::{
-    BodyKnowledge, Estimate, Hypothesis, Noise as ReadingNoise, ObserveError, PalmKnowledge, Question, Spin,
-    SymmetryName, Verdict,
+    self, BodyKnowledge, Estimate, Hypothesis, Noise as ReadingNoise, ObserveError, PalmKnowledge, Question, Verdict,
 };
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::roll::{Acceleration, Body, EggFields, Harmonic, Piecewise, RoundedFields, palm_acceleration, wxyz};
+use super::roll::{Acceleration, Body, EggFields, Harmonic, Piecewise, RoundedFields, Spin, palm_acceleration, wxyz};
 use crate::solve::fields::{NonNegative, Positive, default_gravity};
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError, read};
 
@@ -201,6 +200,41 @@ pub struct RollHypothesis {
     pub palm_acceleration: Option<[f64; 3]>,
 }
 
+/// The groups by name, as the interface has them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum SymmetryName {
+    /// No symmetry.
+    C1,
+    /// One axis of half turns.
+    C2,
+    /// Three axes of half turns.
+    D2,
+    /// One axis of quarter turns, four of half turns.
+    D4,
+    /// The turns of a cube.
+    O,
+    /// A body of revolution.
+    #[serde(rename = "revolution")]
+    Revolution,
+    /// A sphere.
+    #[serde(rename = "sphere")]
+    Sphere,
+}
+
+impl From<rolling::SymmetryName> for SymmetryName {
+    fn from(name: rolling::SymmetryName) -> Self {
+        match name {
+            rolling::SymmetryName::C1 => Self::C1,
+            rolling::SymmetryName::C2 => Self::C2,
+            rolling::SymmetryName::D2 => Self::D2,
+            rolling::SymmetryName::D4 => Self::D4,
+            rolling::SymmetryName::O => Self::O,
+            rolling::SymmetryName::Revolution => Self::Revolution,
+            rolling::SymmetryName::Sphere => Self::Sphere,
+        }
+    }
+}
+
 /// The turns that leave a body as it is, in shape and inertia.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct SymmetryFields {
@@ -259,9 +293,9 @@ impl ObserveRoll {
         Ok(Question {
             body: self.body()?,
             spins: match self.spin {
-                SpinKnowledge::Free => vec![Spin::Free],
-                SpinKnowledge::None => vec![Spin::None],
-                SpinKnowledge::Unknown => vec![Spin::Free, Spin::None],
+                SpinKnowledge::Free => vec![rolling::Spin::Free],
+                SpinKnowledge::None => vec![rolling::Spin::None],
+                SpinKnowledge::Unknown => vec![rolling::Spin::Free, rolling::Spin::None],
             },
             palm: self.palm(),
             g: self.g.get(),
@@ -329,7 +363,7 @@ impl ObserveRoll {
                 Verdict::None => Status::None,
             },
             hypotheses: estimate.hypotheses.iter().map(|hypothesis| self.hypothesis(hypothesis)).collect(),
-            symmetry: symmetry.map(|group| SymmetryFields { name: group.kind(), order: group.order() }),
+            symmetry: symmetry.map(|group| SymmetryFields { name: group.kind().into(), order: group.order() }),
             certificate: Certificate {
                 degrees_of_freedom: estimate.degrees_of_freedom,
                 cost: Some(estimate.cost).filter(|cost| cost.is_finite()),
@@ -353,7 +387,7 @@ impl ObserveRoll {
             unobservable: hypothesis.unobservable,
             semi_axes: hypothesis.semi_axes,
             body_index: self.bodies.is_some().then_some(hypothesis.body),
-            spin: (self.spin == SpinKnowledge::Unknown).then_some(hypothesis.spin),
+            spin: (self.spin == SpinKnowledge::Unknown).then_some(hypothesis.spin.into()),
             palm_acceleration: hypothesis.palm_acceleration.map(Into::into),
         }
     }

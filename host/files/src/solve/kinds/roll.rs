@@ -1,7 +1,7 @@
 //! The kind `roll`: a smooth convex body rolling on a palm that translates. See [`palpate::rolling`].
 
 use nalgebra::Vector3;
-use palpate::rolling::{self, Body as RollingBody, BodyError, Egg, EndReason, PalmAcceleration, RollError, Spin};
+use palpate::rolling::{self, Body as RollingBody, BodyError, Egg, EndReason, PalmAcceleration, RollError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -26,6 +26,34 @@ pub struct Roll {
     pub palm_acceleration: Option<Acceleration>,
     /// When to sample, s. The run ends at the last, or with the lift-off.
     pub times: Times,
+}
+
+/// What the contact transmits beside a force.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Spin {
+    /// Nothing: a point contact. The body spins about the normal as it likes.
+    Free,
+    /// A torque about the normal, which keeps the spin at zero.
+    None,
+}
+
+impl From<Spin> for rolling::Spin {
+    fn from(spin: Spin) -> Self {
+        match spin {
+            Spin::Free => Self::Free,
+            Spin::None => Self::None,
+        }
+    }
+}
+
+impl From<rolling::Spin> for Spin {
+    fn from(spin: rolling::Spin) -> Self {
+        match spin {
+            rolling::Spin::Free => Self::Free,
+            rolling::Spin::None => Self::None,
+        }
+    }
 }
 
 /// A body: one of three families of smooth convex bodies.
@@ -205,7 +233,7 @@ impl Problem for Roll {
         let body = self.body.build().map_err(|error| error.inside("body"))?;
         let palm = palm_acceleration(self.palm_acceleration.as_ref());
         let Initial { orientation, omega, u } = self.initial;
-        let on = (&body, self.spin, &palm, self.g.get());
+        let on = (&body, self.spin.into(), &palm, self.g.get());
         let roll = rolling::Roll::new(on, orientation, omega, u).map_err(refuse)?;
         let run = roll.run(&self.times).map_err(|error| SolveError::Internal(error.to_string()))?;
         Ok(RollAnswer::from(&run))

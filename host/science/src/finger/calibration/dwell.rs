@@ -154,11 +154,10 @@ pub(super) fn whole(samples: f64) -> usize {
 }
 
 /// Why settings for dwells are refused.
-#[derive(Clone, Copy, Debug, PartialEq, Error, miette::Diagnostic)]
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum DwellSettingsError {
     /// Not a quantity that can be.
     #[error("the {name} is {value}, which cannot be")]
-    #[diagnostic(help("50 or 60 Hz mains, 1 s dwell and 4000 Hz are usual"))]
     Impossible {
         /// Which one.
         name: &'static str,
@@ -167,7 +166,6 @@ pub enum DwellSettingsError {
     },
     /// Too short to tell movement from noise.
     #[error("a dwell of {duration_s} s is too short: {BLOCKS_MIN} blocks of whole mains periods take {needed_s} s")]
-    #[diagnostic(help("make the dwell at least {needed_s} s"))]
     TooShort {
         /// Given.
         duration_s: f64,
@@ -258,13 +256,10 @@ impl std::fmt::Display for Change {
 }
 
 /// Why a dwell is refused.
-#[derive(Clone, Debug, PartialEq, Error, miette::Diagnostic)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum Refusal {
     /// A steady trend.
     #[error("the reading drifts: {change} between the two halves of {seconds:.1} s")]
-    #[diagnostic(help(
-        "let the finger warm up for ten minutes away from draughts; if loaded, see that nothing creeps or slips"
-    ))]
     Drifts {
         /// How far.
         change: Change,
@@ -273,9 +268,6 @@ pub enum Refusal {
     },
     /// A jump.
     #[error("the reading stepped by {change} after {at_s:.2} s of {seconds:.1} s")]
-    #[diagnostic(help(
-        "something slipped or was touched: settle the load and do not touch the bench while it samples"
-    ))]
     Stepped {
         /// How far.
         change: Change,
@@ -286,7 +278,6 @@ pub enum Refusal {
     },
     /// To and fro.
     #[error("the reading swings by {change} within {seconds:.1} s")]
-    #[diagnostic(help("let the weight come to rest; a shorter thread or a finger under the weight damps it"))]
     Swings {
         /// How far, peak to peak.
         change: Change,
@@ -295,7 +286,6 @@ pub enum Refusal {
     },
     /// The load was there and went.
     #[error("the load went from {before_microstrain:.1} to {after_microstrain:.1} microstrain while sampling")]
-    #[diagnostic(help("hang the weight again and leave it until the step is accepted"))]
     LoadRemoved {
         /// Largest load seen.
         before_microstrain: f64,
@@ -304,7 +294,6 @@ pub enum Refusal {
     },
     /// Nothing hangs on the finger.
     #[error("no load: {microstrain:.2} microstrain from the unloaded reading (at least {NO_LOAD_MICROSTRAIN} needed)")]
-    #[diagnostic(help("hang the weight or press the finger before going on"))]
     NoLoad {
         /// Difference to the tare.
         microstrain: f64,
@@ -312,7 +301,6 @@ pub enum Refusal {
     /// A load whose direction is lost in the noise.
     #[error("the load is too small: noise and drift leave its direction uncertain by {sigma_deg:.2}° (limit {limit_deg:.2}°)",
         limit_deg = CONTACT_ANGLE_SIGMA_MAX.to_degrees())]
-    #[diagnostic(help("use at least {factor:.1} times the load"))]
     TooWeak {
         /// Standard deviation of the direction.
         sigma_deg: f64,
@@ -321,7 +309,6 @@ pub enum Refusal {
     },
     /// A bridge at the end of its range.
     #[error("bridge {bridge} is saturated in sample {seq} (|counts| ≥ 8388607)")]
-    #[diagnostic(help("lower the gain or the load; if nothing is loaded, look for a torn gauge or a loose wire"))]
     Saturated {
         /// Which bridge, x or y.
         bridge: char,
@@ -330,7 +317,6 @@ pub enum Refusal {
     },
     /// The same code over and over.
     #[error("bridge {bridge} gave the code {code} {STUCK_SAMPLES} times in a row, up to sample {seq}")]
-    #[diagnostic(help("a live bridge is never that quiet: check its wiring and run palpate diagnose"))]
     Stuck {
         /// Which bridge, x or y.
         bridge: char,
@@ -341,7 +327,6 @@ pub enum Refusal {
     },
     /// Never a window without a gap.
     #[error("{lost} samples were lost in {waited_s:.1} s, never {needed_s:.1} s without a gap")]
-    #[diagnostic(help("use a shorter cable or a faster link; palpate diagnose shows where samples are lost"))]
     LostSamples {
         /// How many.
         lost: u64,
@@ -352,7 +337,6 @@ pub enum Refusal {
     },
     /// Sample numbers went backwards.
     #[error("the device started anew: sample {after} came after sample {before}")]
-    #[diagnostic(help("check the supply and the cable, then repeat this step"))]
     Restarted {
         /// Last number before.
         before: u64,
@@ -361,7 +345,6 @@ pub enum Refusal {
     },
     /// Samples do not come at the stated rate.
     #[error("samples come every {period_us:.2} µs, but {rate_hz} Hz were stated ({:.2} µs)", 1e6 / rate_hz)]
-    #[diagnostic(help("state the rate the device runs at (palpate info)"))]
     WrongRate {
         /// Measured.
         period_us: f64,
@@ -370,11 +353,9 @@ pub enum Refusal {
     },
     /// The device complains.
     #[error("the device reports: {0}")]
-    #[diagnostic(help("palpate diagnose tells more"))]
     Trouble(String),
     /// Too few samples to judge anything.
     #[error("{samples} samples are not the {needed} of a whole dwell")]
-    #[diagnostic(help("the raw file is cut short; take the data again"))]
     Incomplete {
         /// There.
         samples: usize,

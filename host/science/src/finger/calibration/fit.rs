@@ -104,15 +104,12 @@ impl ContactResult {
 }
 
 /// Why contacts do not give a matrix. Contacts are numbered from 1 in the order given.
-#[derive(Clone, Debug, PartialEq, Error, miette::Diagnostic)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum FitError {
     /// Neither a tare of its own nor one for the session.
     #[error(
         "contact {contact} at {angle_deg:.1}° has no tare: no unloaded reading at its position, and none for the whole run"
     )]
-    #[diagnostic(help(
-        "take an unloaded reading before the contact, or one for all; see calibration/PROCEDURE.md, step 4"
-    ))]
     NoTare {
         /// Number of the contact.
         contact: usize,
@@ -121,7 +118,6 @@ pub enum FitError {
     },
     /// Not enough contacts.
     #[error("{fitted} contacts to fit the matrix to, at least {FITTED_MIN} are needed")]
-    #[diagnostic(help("add {} contacts at other angles", FITTED_MIN - fitted))]
     TooFew {
         /// How many there are.
         fitted: usize,
@@ -131,7 +127,6 @@ pub enum FitError {
         "the contacts push along {lines} line(s) through the disk's centre, which leaves contact angles near {worst_deg:.0}° {} (limit {SPAN_MAX})",
         how_uncertain(*worst)
     )]
-    #[diagnostic(help("add contacts at {add} (or opposite); twelve evenly all round are best"))]
     DoesNotSpan {
         /// Different lines.
         lines: usize,
@@ -144,7 +139,6 @@ pub enum FitError {
     },
     /// A number that cannot be.
     #[error("contact {contact} at {angle_deg:.1}° has {what}")]
-    #[diagnostic(help("take the contact again; loads are in newtons and above zero"))]
     BadContact {
         /// Number of the contact.
         contact: usize,
@@ -155,7 +149,6 @@ pub enum FitError {
     },
     /// A bridge at the end of its range.
     #[error("contact {contact} at {angle_deg:.1}° has a saturated bridge (|counts| ≥ 8388607)")]
-    #[diagnostic(help("lower the gain or the load, then take the contact again"))]
     Saturated {
         /// Number of the contact.
         contact: usize,
@@ -167,7 +160,6 @@ pub enum FitError {
         "contact {contact} at {angle_deg:.1}° is too weak: noise and drift leave its direction uncertain by {sigma_deg:.2}° (limit {limit_deg:.2}°)",
         limit_deg = CONTACT_ANGLE_SIGMA_MAX.to_degrees()
     )]
-    #[diagnostic(help("use at least {factor:.1} times the load{}", needed.map(|newtons| format!(" ({newtons:.2} N)")).unwrap_or_default()))]
     LoadTooSmall {
         /// Number of the contact.
         contact: usize,
@@ -182,13 +174,11 @@ pub enum FitError {
     },
     /// No two or three contacts determine a matrix.
     #[error("no two axes show in the counts: the contacts change both bridges in the same proportion")]
-    #[diagnostic(help("check that both bridges are connected and that the angles given are those of the contacts"))]
     NoTwoAxes,
     /// So many outliers that the rest no longer spans.
     #[error(
         "{outliers} of {fitted} contacts disagree with the others (contacts {named}), and the others are not enough alone"
     )]
-    #[diagnostic(help("check the angles and loads given for those contacts, then take them again"))]
     Disagree {
         /// How many were turned down.
         outliers: usize,
@@ -199,14 +189,12 @@ pub enum FitError {
     },
     /// The steps did not come to rest.
     #[error("the fit did not come to rest in {STEPS_MAX} steps (last step {last_step:.1e})")]
-    #[diagnostic(help("the contacts contradict each other; check the angles given, then take them again"))]
     NotConverged {
         /// Largest change of a parameter in the last step, relative.
         last_step: f64,
     },
     /// The matrix found is not usable.
     #[error("the contacts give no usable matrix")]
-    #[diagnostic(transparent)]
     Unusable(#[from] CalibrationError),
 }
 

@@ -102,24 +102,21 @@ pub struct CalibrationParts {
 }
 
 /// Why numbers do not make a calibration.
-#[derive(Clone, Copy, Debug, PartialEq, Error, miette::Diagnostic)]
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum CalibrationError {
     /// A number is infinite or not a number.
     #[error("the {0} holds a number that is not finite")]
-    #[diagnostic(help("calibrate again; the file or the data it came from is damaged"))]
     NotFinite(&'static str),
     /// The two bridges measure almost the same direction.
     #[error(
         "the matrix has condition number {condition:.0} (limit {CONDITION_MAX}): both bridges measure nearly the same direction"
     )]
-    #[diagnostic(help("check that the two bridges are glued a quarter turn apart and that both are connected"))]
     NotTwoAxes {
         /// Largest over smallest singular value; infinite for a singular matrix.
         condition: f64,
     },
     /// The covariance is not symmetric or has an eigenvalue that is not above zero.
     #[error("the covariance of the calibration is not symmetric and positive definite")]
-    #[diagnostic(help("calibrate again; the file or the data it came from is damaged"))]
     Covariance,
 }
 

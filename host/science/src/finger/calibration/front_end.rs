@@ -38,15 +38,13 @@ pub struct FrontEndSettings {
 }
 
 /// Why a front-end is refused.
-#[derive(Clone, Copy, Debug, PartialEq, Error, miette::Diagnostic)]
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum FrontEndError {
     /// The gain is not one the converter has.
     #[error("gain {0} is not one of 1, 2, 4, 8, 16, 32, 64, 128")]
-    #[diagnostic(help("read the gain from the device again (palpate info)"))]
     Gain(u8),
     /// A voltage or the gauge factor is zero, negative or not a number.
     #[error("{name} is {value}, which is not above 0 and finite")]
-    #[diagnostic(help("give the {name} from the data sheet of the part that is fitted"))]
     NotPositive {
         /// Which quantity, with its unit.
         name: &'static str,

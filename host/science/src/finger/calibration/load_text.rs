@@ -11,9 +11,8 @@ use super::measurements::Load;
 use crate::gravity::GRAVITY_STANDARD;
 
 /// A load that cannot be read.
-#[derive(Clone, Debug, PartialEq, Eq, Error, miette::Diagnostic)]
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("the load \"{0}\" is neither a weight above zero nor \"same\" nor \"unknown\"")]
-#[diagnostic(help("write it like 2 N, 204 g or 0.204 kg; \"same\" for one weight that nobody weighed"))]
 pub struct LoadTextError(String);
 
 impl FromStr for Load {

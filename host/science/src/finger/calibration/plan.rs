@@ -109,19 +109,16 @@ fn default_drift_sigma_microstrain() -> f64 {
 }
 
 /// What is wrong with a plan.
-#[derive(Clone, Debug, PartialEq, Error, miette::Diagnostic)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum PlanError {
     /// Another format.
     #[error("the plan has format {0}, this program reads format {PLAN_FORMAT}")]
-    #[diagnostic(help("write format = {PLAN_FORMAT}, or update palpate"))]
     Format(u32),
     /// No or far too many contacts.
     #[error("the plan has {0} contacts, 1 to {CONTACTS_MAX} can be taken")]
-    #[diagnostic(help("twelve every 30° are a good plan"))]
     Contacts(usize),
     /// A number that cannot be.
     #[error("{name} is {value}")]
-    #[diagnostic(help("{name} must be {wanted}"))]
     Value {
         /// Which one.
         name: String,
@@ -132,7 +129,6 @@ pub enum PlanError {
     },
     /// Dwell settings that do not work.
     #[error(transparent)]
-    #[diagnostic(transparent)]
     Dwell(#[from] DwellSettingsError),
 }
 

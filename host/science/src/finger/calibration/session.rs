@@ -40,9 +40,8 @@ pub trait SampleSource {
 }
 
 /// Why no samples come. The text is the link's own.
-#[derive(Clone, Debug, PartialEq, Eq, Error, miette::Diagnostic)]
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("no samples from the device: {0}")]
-#[diagnostic(help("check the cable, then repeat the step; palpate diagnose looks at the device alone"))]
 pub struct SourceError(pub String);
 
 /// What the bench wants next.
@@ -75,20 +74,18 @@ pub trait Bench {
 }
 
 /// Why the bench cannot go on.
-#[derive(Clone, Debug, PartialEq, Eq, Error, miette::Diagnostic)]
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("the bench cannot go on: {0}")]
 pub struct BenchError(pub String);
 
 /// Why a run ended without an ending.
-#[derive(Clone, Debug, PartialEq, Error, miette::Diagnostic)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum RunError {
     /// No samples.
     #[error(transparent)]
-    #[diagnostic(transparent)]
     Source(#[from] SourceError),
     /// No bench.
     #[error(transparent)]
-    #[diagnostic(transparent)]
     Bench(#[from] BenchError),
 }
 

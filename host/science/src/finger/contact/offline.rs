@@ -108,7 +108,7 @@ pub enum BiasUnknown {
         free: usize,
     },
     /// The stretch that the caller named is not free.
-    #[error("bias unknown: the stretch given cannot serve as a tare: {0}; {help}", help = .0.help())]
+    #[error("bias unknown: the stretch given cannot serve as a tare: {0}")]
     Refused(TareError),
 }
 

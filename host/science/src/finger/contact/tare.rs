@@ -171,21 +171,6 @@ pub enum TareError {
     },
 }
 
-impl TareError {
-    /// What to do about it.
-    #[must_use]
-    pub fn help(&self) -> &'static str {
-        match self {
-            Self::TooFew { .. } | Self::TooShort { .. } => "give a longer stretch without contact, or average less",
-            Self::NotFinite { .. } | Self::NotInOrder { .. } => "repair or skip these readings",
-            Self::Stuck { .. } => "check the wiring and the supply of this axis",
-            Self::Drift { .. } => "let the sensor warm up, or take a shorter stretch",
-            Self::Step { .. } | Self::Outliers { .. } => "take a stretch in which nothing touches the finger",
-            Self::Noisy { .. } => "check shielding and wiring, or raise `noise_max` if this is the sensor's noise",
-        }
-    }
-}
-
 impl Tare {
     /// Estimates bias and noise from a stretch that should be free of contact, and judges whether it was.
     ///

@@ -26,6 +26,7 @@ use super::readings::{Bearing, HalfPlane};
 use crate::geometry::ConvexPolygon;
 use crate::geometry::Pose;
 use crate::math::statistics::chi_square_quantile;
+use crate::search::{Halt, Searched, Stop, never};
 pub use objective::FENCE_SD_RELATIVE;
 pub(super) use objective::{Objective, Placed};
 
@@ -112,6 +113,19 @@ impl NoisyReadings {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn estimate(part: &ConvexPolygon, readings: &NoisyReadings) -> Result<Estimate, Continuum> {
+    estimate_until(part, readings, &never).map(|searched| searched.found)
+}
+
+/// The same, ended when `stop` says so: then with the modes found by then, any of which may be missing.
+///
+/// # Errors
+/// [`Continuum`] if the lines do not determine the pose.
+pub fn estimate_until(
+    part: &ConvexPolygon,
+    readings: &NoisyReadings,
+    stop: Stop<'_>,
+) -> Result<Searched<Estimate>, Continuum> {
+    let halt = Halt::new(stop);
     let lines = readings.lines();
     determined(part, &lines)?;
     let objective = Objective::new(part, readings);
@@ -120,6 +134,9 @@ pub fn estimate(part: &ConvexPolygon, readings: &NoisyReadings) -> Result<Estima
     let mut modes: Vec<Settled> = Vec::new();
     let mut starts = starts::starts(&objective, &lines, gate);
     while let Some(start) = starts.pop() {
+        if halt.is_wished() {
+            break;
+        }
         for settled in objective.settle(&start) {
             if settled.chi2 <= EXPLORED_GATES * gate && !modes.iter().any(|mode| objective.is_same(mode, &settled)) {
                 starts.extend(starts::beside(&objective, &lines, &settled));
@@ -130,7 +147,7 @@ pub fn estimate(part: &ConvexPolygon, readings: &NoisyReadings) -> Result<Estima
     modes.retain(|mode| mode.chi2 <= gate);
     modes.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
     let modes = modes.iter().filter_map(|settled| objective.mode(settled)).collect();
-    Ok(Estimate { modes, dof, gate })
+    Ok(halt.searched(Estimate { modes, dof, gate }))
 }
 
 /// A local minimum of χ².

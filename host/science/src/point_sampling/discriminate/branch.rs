@@ -3,6 +3,7 @@
 use super::cuts::Cuts;
 use super::simplex::{End, Simplex};
 use super::system::Columns;
+use crate::search::Stop;
 
 /// A bound this far above a whole number proves the next one: rounding in the bound's own sum is far smaller.
 const ROUNDING: f64 = 1e-6;
@@ -33,7 +34,7 @@ pub(super) struct Branch<'a> {
     cuts: Cuts<'a>,
     least: usize,
     budget: u64,
-    stop: &'a dyn Fn() -> bool,
+    stop: Stop<'a>,
     /// Programs solved.
     pub nodes: u64,
     /// The best choice known.
@@ -46,13 +47,7 @@ pub(super) struct Branch<'a> {
 
 impl<'a> Branch<'a> {
     /// A search for less than `best`, which separates all; ends after so many programs.
-    pub(super) fn new(
-        columns: &'a Columns,
-        least: usize,
-        best: Vec<usize>,
-        budget: u64,
-        stop: &'a dyn Fn() -> bool,
-    ) -> Self {
+    pub(super) fn new(columns: &'a Columns, least: usize, best: Vec<usize>, budget: u64, stop: Stop<'a>) -> Self {
         Self { columns, cuts: Cuts::new(columns, least), least, budget, stop, nodes: 0, best, limit: 0, root_bound: 0 }
     }
 

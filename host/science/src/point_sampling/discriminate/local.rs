@@ -4,6 +4,7 @@
 //! Deterministic: the same columns give the same choice.
 
 use super::system::Columns;
+use crate::search::Stop;
 
 /// Entries of the list of columns that separate each pair, at most: beyond it the search would take gigabytes.
 const ENTRIES_MAX: usize = 60_000_000;
@@ -74,7 +75,7 @@ impl<'a> Local<'a> {
 
     /// Searches until so many more scores have changed, or a choice of the size `target` is found; gives a choice smaller than
     /// the last found, if there is one.
-    pub(super) fn run(&mut self, work: u64, target: usize, stop: &dyn Fn() -> bool) -> Option<Vec<usize>> {
+    pub(super) fn run(&mut self, work: u64, target: usize, stop: Stop<'_>) -> Option<Vec<usize>> {
         let mut best = None;
         let end = self.work + work;
         while self.work < end {

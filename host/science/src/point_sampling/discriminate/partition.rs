@@ -11,6 +11,7 @@
 use super::packing::Packing;
 use super::splits::{Split, Splits, distinct};
 use super::system::Columns;
+use crate::search::Stop;
 
 /// Sets that fit a mask.
 pub(super) const SETS_MAX: usize = 64;
@@ -43,14 +44,14 @@ pub(super) struct Partition<'a> {
     /// States that may still be looked at.
     budget: u64,
     order: Order,
-    stop: &'a dyn Fn() -> bool,
+    stop: Stop<'a>,
     /// States looked at.
     pub states: u64,
     chosen: Vec<u32>,
 }
 
 impl<'a> Partition<'a> {
-    pub(super) fn new(budget: u64, order: Order, stop: &'a dyn Fn() -> bool) -> Self {
+    pub(super) fn new(budget: u64, order: Order, stop: Stop<'a>) -> Self {
         Self { budget, order, stop, states: 0, chosen: Vec::new() }
     }
 

@@ -5,6 +5,7 @@ use super::greedy::greedy_multiple;
 use super::local::Local;
 use super::partition::{Order, Outcome, Partition, SETS_MAX, log2_ceil};
 use super::system::{Columns, SetSystem};
+use crate::search::Stop;
 
 /// What is asked for.
 #[derive(Clone, Copy)]
@@ -17,7 +18,7 @@ pub struct Search<'a> {
     /// How long to search.
     pub effort: Effort,
     /// Asked now and then whether to end.
-    pub stop: &'a dyn Fn() -> bool,
+    pub stop: Stop<'a>,
 }
 
 /// How long to search, in steps, so that it does not depend on the computer.

@@ -11,6 +11,7 @@ use nalgebra::{Matrix2x3, Matrix3, Matrix4, Point2, Rotation2, Vector2, Vector3,
 use crate::geometry::Pose;
 use crate::math::angle::wrap_angle;
 use crate::pushing::dynamics::{Contact, ContactLaw, Part, PushModel, State};
+use crate::search::{Searched, Stop, never};
 
 /// Costs up to this above the best belong to the set: four standard deviations. Fixed by the interface.
 pub const GATE: f64 = 16.0;
@@ -40,7 +41,12 @@ pub trait Observer {
     type Observation: ?Sized;
 
     /// Everything that the observation cannot exclude.
-    fn estimate(&self, observation: &Self::Observation) -> Estimate;
+    fn estimate(&self, observation: &Self::Observation) -> Estimate {
+        self.estimate_until(observation, &never).found
+    }
+
+    /// The same, ended when `stop` says so: then hypotheses may be missing, and the best one with them.
+    fn estimate_until(&self, observation: &Self::Observation, stop: Stop<'_>) -> Searched<Estimate>;
 }
 
 /// What an observation says.

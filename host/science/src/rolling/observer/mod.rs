@@ -30,6 +30,7 @@ use super::flow::Columns;
 use super::mechanics::{Model, Spin, felt};
 use super::palm::PalmAcceleration;
 use crate::math::least_squares::Enough;
+use crate::search::{Halt, Searched, Stop, never};
 
 /// The largest ratio of semi-axes to search: a body with such axes is a needle or a blade, and still strictly convex.
 const AXIS_RATIO_MAX: f64 = 100.0;
@@ -136,19 +137,38 @@ impl Question {
     /// # Errors
     /// [`ObserveError`] for readings too few or too short, without gravity, and for semi-axes of too wide a range.
     pub fn answer(&self, dt: f64, u: &[Vector2<f64>]) -> Result<Estimate, ObserveError> {
+        self.answer_until(dt, u, &never).map(|searched| searched.found)
+    }
+
+    /// The same, ended when `stop` says so: then with the explanations found by then, and never certified.
+    ///
+    /// # Errors
+    /// As for [`Question::answer`].
+    pub fn answer_until(
+        &self,
+        dt: f64,
+        u: &[Vector2<f64>],
+        stop: Stop<'_>,
+    ) -> Result<Searched<Estimate>, ObserveError> {
+        let halt = Halt::new(stop);
         let readings = Readings { start: 0.0, dt, u: u.to_vec(), sigma: self.noise.sigma() };
         self.check(&readings)?;
         let mut solutions = Vec::new();
         for width in 0..WIDTHS.len() {
-            solutions.extend(self.solve(&readings, width));
+            solutions.extend(self.solve(&readings, width, &halt));
             solutions.sort_by(|a: &Solution, b| a.fit.cost.total_cmp(&b.fit.cost));
+            if halt.is_wished() {
+                break;
+            }
             match self.gate(&readings).quality(&solutions) {
                 Quality::Good => break,
                 Quality::Weak if width > 0 => break,
                 Quality::Weak | Quality::Poor => {}
             }
         }
-        Ok(self.gate(&readings).judge(solutions))
+        let mut searched = halt.searched(self.gate(&readings).judge(solutions));
+        searched.found.certified &= searched.complete;
+        Ok(searched)
     }
 
     fn gate(&self, readings: &Readings) -> Gate {
@@ -195,19 +215,20 @@ impl Question {
     }
 
     /// The minima found for every model that may be.
-    fn solve(&self, readings: &Readings, width: usize) -> Vec<Solution> {
+    fn solve(&self, readings: &Readings, width: usize, halt: &Halt<'_>) -> Vec<Solution> {
         let mut solutions = Vec::new();
         for &spin in &self.spins {
             match &self.body {
                 BodyKnowledge::OneOf(bodies) => {
                     for (index, body) in bodies.iter().enumerate() {
-                        let found = self.solve_model(readings, spin, std::slice::from_ref(body), &WIDTHS[width]);
+                        let found =
+                            self.solve_model(readings, (spin, std::slice::from_ref(body)), &WIDTHS[width], halt);
                         solutions.extend(found.into_iter().map(|solution| Solution { body: index, ..solution }));
                     }
                 }
                 BodyKnowledge::Ellipsoid { range } => {
                     let shapes = shapes(*range);
-                    solutions.extend(self.solve_model(readings, spin, &shapes, &WIDTHS_SHAPE[width]));
+                    solutions.extend(self.solve_model(readings, (spin, &shapes), &WIDTHS_SHAPE[width], halt));
                 }
             }
         }
@@ -226,18 +247,28 @@ impl Question {
         }
     }
 
-    fn solve_model(&self, readings: &Readings, spin: Spin, bodies: &[Body], width: &Width) -> Vec<Solution> {
+    fn solve_model(
+        &self,
+        readings: &Readings,
+        (spin, bodies): (Spin, &[Body]),
+        width: &Width,
+        halt: &Halt<'_>,
+    ) -> Vec<Solution> {
+        if halt.is_wished() {
+            return Vec::new();
+        }
         let range = if let BodyKnowledge::Ellipsoid { range } = self.body { range } else { [0.0, f64::INFINITY] };
         let unknowns = Unknowns { spin, columns: self.columns(), range };
         let pace = self.pace(bodies);
         let coarse = readings.averaged(pace);
         let track = coarse.search_track(self.palm(), self.g, pace);
         let felt = felt(self.palm().at(track.centre_time), self.g);
-        let found = Ground { unknowns, bodies, track: &track, felt, pace }.search(width);
+        let found = Ground { unknowns, bodies, track: &track, felt, pace, halt }.search(width);
         let fine = readings.fine_track(self.palm(), self.g, pace);
         let best = found.first().map_or(0.0, |fit| fit.cost);
         let worth = found.into_iter().filter(|fit| fit.cost <= best + WORTH_POLISHING);
-        let polished = worth.map(|fit| polish(&unknowns, &track, &fine, fit, self.noise));
+        let polished =
+            worth.take_while(|_| !halt.is_wished()).map(|fit| polish(&unknowns, &track, &fine, fit, self.noise));
         polished.filter(|solution| solution.fit.cost.is_finite()).collect()
     }
 }

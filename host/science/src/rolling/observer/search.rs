@@ -18,6 +18,7 @@ use super::fit::{Effort, Fit, Norm, Point, Unknowns};
 use super::rotations::spread;
 use super::track::Track;
 use crate::math::least_squares::Enough;
+use crate::search::Halt;
 
 /// Half the stretch that the derivatives are taken from, in units of √(size/g).
 const CUBIC_HORIZON: f64 = 0.9;
@@ -85,10 +86,12 @@ pub(super) struct Ground<'a> {
     pub(super) felt: Vector3<f64>,
     /// Share of a round body's times in which this one does as much.
     pub(super) pace: f64,
+    /// Whether to end.
+    pub(super) halt: &'a Halt<'a>,
 }
 
 impl Ground<'_> {
-    /// The best fits of the search's readings, best first, all different.
+    /// The best fits of the search's readings, best first, all different; none where it was to halt before it had them.
     pub(super) fn search(&self, width: &Width) -> Vec<Fit> {
         let time = self.time_unit();
         let derivatives = self.derivatives(self.track.ranks(CUBIC_HORIZON * time * self.pace));
@@ -100,7 +103,8 @@ impl Ground<'_> {
             horizon *= HORIZON_GROWTH;
             fits = self.fit_all(fits.into_iter().map(|fit| fit.point).collect(), horizon, 6, width);
         }
-        fits
+        // Fits of a part of the window would pass for more than they are.
+        if self.halt.is_wished() { Vec::new() } else { fits }
     }
 
     /// √(size/g): how long the body takes to roll, s.
@@ -141,7 +145,7 @@ impl Ground<'_> {
     /// Attitudes and spins, those nearest in acceleration.
     fn candidates(&self, width: &Width, derivatives: &Derivatives) -> Vec<Candidate> {
         let mut candidates = Vec::new();
-        for (index, body) in self.bodies.iter().enumerate() {
+        for (index, body) in self.bodies.iter().enumerate().take_while(|_| !self.halt.is_wished()) {
             let model = Model { body, spin: self.unknowns.spin };
             for attitude in spread(body.symmetry(), width.attitudes).iter() {
                 self.spins(model, attitude, derivatives, |state, score| {
@@ -212,6 +216,9 @@ impl Ground<'_> {
     fn roll(&self, mut candidates: Vec<Candidate>, horizon: f64, width: &Width) -> Vec<Candidate> {
         let ranks = self.track.ranks(horizon);
         for candidate in &mut candidates {
+            if self.halt.is_wished() {
+                return Vec::new();
+            }
             candidate.score = self.unknowns.cost(self.track, &self.point(candidate), ranks);
         }
         nearest(candidates, 8 * width.starts)
@@ -253,8 +260,11 @@ impl Ground<'_> {
             palm_sigma,
             norm: Norm::Squares,
         };
-        let mut fits: Vec<Fit> =
-            points.into_iter().map(|point| self.unknowns.fit(self.track, point, &effort)).collect();
+        let points = points.into_iter();
+        let mut fits: Vec<Fit> = points
+            .take_while(|_| !self.halt.is_wished())
+            .map(|point| self.unknowns.fit(self.track, point, &effort))
+            .collect();
         fits.retain(|fit| fit.cost.is_finite());
         fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
         let best = fits.first().map_or(0.0, |fit| fit.cost);

@@ -31,16 +31,17 @@ mod sites;
 mod tests;
 mod track;
 
-pub use select::estimate;
+pub use select::{estimate, estimate_until};
 pub use track::{Tracker, TrackerSettings};
 
 use super::hypotheses::{Estimate, Observer};
 use super::observation::{Known, Observation};
+use crate::search::{Searched, Stop};
 
 impl Observer for Known<'_> {
     type Observation = Observation;
 
-    fn estimate(&self, observation: &Observation) -> Estimate {
-        estimate(self, observation)
+    fn estimate_until(&self, observation: &Observation, stop: Stop<'_>) -> Searched<Estimate> {
+        estimate_until(self, observation, stop)
     }
 }

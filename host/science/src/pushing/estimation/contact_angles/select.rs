@@ -22,6 +22,7 @@ use crate::math::statistics::chi_square_quantile;
 use crate::pushing::estimation::hypotheses::{Estimate, Fit, GATE, Hypothesis, Nearness, SAME_END_M, pose};
 use crate::pushing::estimation::observation::{Known, Observation, Prior};
 use crate::pushing::estimation::which_part::{mixed, which_part};
+use crate::search::{Halt, Searched, Stop, never};
 
 /// Probability with which data of the model pass the test of fit. Fixed by the interface.
 const FIT_PROBABILITY: f64 = 0.999;
@@ -110,8 +111,21 @@ const CURVATURE_NONE: f64 = 1e-9;
 /// stands out, that one without which the others are explained. The estimate names them.
 #[must_use]
 pub fn estimate(known: &Known, observation: &Observation) -> Estimate {
+    estimate_until(known, observation, &never).found
+}
+
+/// The same, ended when `stop` says so: then with the explanations that were found and fitted by then, often none.
+#[must_use]
+pub fn estimate_until(known: &Known, observation: &Observation, stop: Stop<'_>) -> Searched<Estimate> {
+    let halt = Halt::new(stop);
+    let estimate = halting_estimate(known, observation, &halt);
+    halt.searched(estimate)
+}
+
+/// [`estimate_until`], for several searches that halt together.
+pub(super) fn halting_estimate(known: &Known, observation: &Observation, halt: &Halt<'_>) -> Estimate {
     let simulations = Cell::new(0);
-    let task = Task::new(known, observation, &simulations);
+    let task = Task::new(known, observation, (&simulations, halt));
     let outliers = || task.data.outliers();
     // A part that has not yet forgotten its start turns less smoothly than an outlier's neighbours should.
     let is_early = |value: usize| count(value) * observation.dt < settling(known, &task.data).unwrap_or(0.0);
@@ -148,12 +162,22 @@ struct Task<'a, 'p> {
     sites: Vec<Site>,
     begins: Vec<Begin>,
     simulations: &'a Cell<usize>,
+    halt: &'a Halt<'a>,
 }
 
 impl<'a, 'p> Task<'a, 'p> {
-    fn new(known: &'a Known<'p>, observation: &'a Observation, simulations: &'a Cell<usize>) -> Self {
+    fn new(
+        known: &'a Known<'p>,
+        observation: &'a Observation,
+        (simulations, halt): (&'a Cell<usize>, &'a Halt<'a>),
+    ) -> Self {
         let sites = sites(known.part, known.finger.radius);
-        Self { known, observation, data: Data::new(observation), sites, begins: Begin::all(known), simulations }
+        Self { known, observation, data: Data::new(observation), sites, begins: Begin::all(known), simulations, halt }
+    }
+
+    /// Takes all candidates down until one should halt.
+    fn descend(&self, fitting: &Fitting, candidates: &[Candidate]) -> Vec<Descent> {
+        descend_patiently(fitting, candidates, ROUNDS_MAX, self.halt)
     }
 
     /// An estimate that explains the data; none where a search of this width finds nothing that does.
@@ -173,7 +197,8 @@ impl<'a, 'p> Task<'a, 'p> {
             return None;
         }
         let with_all = least_cost(&self.minima(Width::Narrow));
-        let explained = (0..self.data.values).filter_map(|value| {
+        let values = (0..self.data.values).take_while(|_| !self.halt.is_wished());
+        let explained = values.filter_map(|value| {
             let task = Task { data: self.data.without(&[value]), ..self.clone() };
             let found = Estimate { outliers: vec![value], ..task.explained(Width::Narrow)? };
             // A wrong part is off by a little everywhere, a wrong value by much in one place.
@@ -191,21 +216,24 @@ impl<'a, 'p> Task<'a, 'p> {
             [POOR_PROBABILITY, FIT_PROBABILITY].map(|share| chi_square_quantile(share, self.data.terms()));
         if best > poor && best <= wrong {
             let fitting = self.coarse();
-            minima.extend(descend_together(&fitting, &along_valleys(&fitting, minima, &FAR_PLACES)));
+            minima.extend(self.descend(&fitting, &along_valleys(&fitting, minima, &FAR_PLACES)));
             merge_met(minima);
         }
     }
 
     /// The minima of the cost at the standard deviation to begin with.
     fn minima(&self, width: Width) -> Vec<Descent> {
+        if self.halt.is_wished() {
+            return Vec::new();
+        }
         let fitting = self.coarse();
         let Some(settled) = self.settled(&fitting).filter(|_| width == Width::Narrow) else {
             let candidates = seeds(&fitting, &self.sites, &self.begins, width);
-            return descend_together(&fitting, &candidates);
+            return self.descend(&fitting, &candidates);
         };
         let candidates = seeds(&settled, &self.sites, &self.begins, width);
-        let minima = descend_together(&settled, &candidates);
-        descend_together(&fitting, &along_valleys(&settled, &minima, &VALLEY_PLACES))
+        let minima = self.descend(&settled, &candidates);
+        self.descend(&fitting, &along_valleys(&settled, &minima, &VALLEY_PLACES))
     }
 
     /// Without the values before the part has settled, where the angle is not felt: those tell the first rates, but lead astray
@@ -248,7 +276,7 @@ impl<'a, 'p> Task<'a, 'p> {
             let candidates = along_valleys(&fitting, &minima, &VALLEY_PLACES);
             sigma = (sigma / SIGMA_RATIO).max(least);
             fitting = self.fitting(sigma, 1.0);
-            minima = descend_patiently(&fitting, &candidates, PATIENCE);
+            minima = descend_patiently(&fitting, &candidates, PATIENCE, self.halt);
         }
         self.forget_hopeless(&mut minima);
         let mut power = 1;
@@ -256,12 +284,18 @@ impl<'a, 'p> Task<'a, 'p> {
             let finer = self.fitting(least, 0.5_f64.powi(power));
             let same: Option<Vec<_>> = minima.iter().map(|descent| polished(&finer, descent)).collect();
             let is_last = same.is_some() || power == FINER_MAX;
-            minima = same.unwrap_or_else(|| again(&finer, &minima));
+            minima = same.unwrap_or_else(|| self.again(&finer, &minima));
             if is_last {
                 return judge_all(&finer, &minima, self.begins.len());
             }
             power += 1;
         }
+    }
+
+    /// Descents that go on from where others ended.
+    fn again(&self, fitting: &Fitting, descents: &[Descent]) -> Vec<Descent> {
+        let candidates: Vec<_> = descents.iter().map(|descent| descent.evaluation.candidate).collect();
+        self.descend(fitting, &candidates)
     }
 }
 
@@ -298,12 +332,6 @@ fn valley(fitting: &Fitting, descent: &Descent) -> Option<Vector5<f64>> {
     Some(axes.eigenvectors.column(longest).component_mul(&sizes) * axes.eigenvalues[longest].max(0.0).sqrt())
 }
 
-/// Descents that go on from where others ended.
-fn again(fitting: &Fitting, descents: &[Descent]) -> Vec<Descent> {
-    let candidates: Vec<_> = descents.iter().map(|descent| descent.evaluation.candidate).collect();
-    descend_together(fitting, &candidates)
-}
-
 /// A step further down with finer steps; none if those see another cost.
 fn polished(finer: &Fitting, descent: &Descent) -> Option<Descent> {
     let mut polished = finer.descend(descent.evaluation.candidate)?;
@@ -314,14 +342,17 @@ fn polished(finer: &Fitting, descent: &Descent) -> Option<Descent> {
 
 /// Takes all candidates down, and gives up those that cannot come near the best.
 pub(super) fn descend_together(fitting: &Fitting, candidates: &[Candidate]) -> Vec<Descent> {
-    descend_patiently(fitting, candidates, ROUNDS_MAX)
+    descend_patiently(fitting, candidates, ROUNDS_MAX, &Halt::new(&never))
 }
 
-/// The same; after some rounds those are given up too that lie above a minimum on their own edge: they creep along its valley.
-fn descend_patiently(fitting: &Fitting, candidates: &[Candidate], patience: usize) -> Vec<Descent> {
+/// The same, until one should halt: what has not come to its minimum by then is dropped. After some rounds those are given up too that lie above a minimum on their own edge: they creep along its valley.
+fn descend_patiently(fitting: &Fitting, candidates: &[Candidate], patience: usize, halt: &Halt<'_>) -> Vec<Descent> {
     let mut alive: Vec<_> = candidates.iter().filter_map(|candidate| fitting.descend(*candidate)).collect();
     let mut over: Vec<Descent> = Vec::new();
     for round in 0..ROUNDS_MAX {
+        if halt.is_wished() {
+            alive.clear();
+        }
         let most = total_max(alive.iter().chain(&over));
         if round >= ROUNDS_MIN {
             alive.retain(|descent| descent.evaluation.total() - PROMISES * descent.promise <= most);

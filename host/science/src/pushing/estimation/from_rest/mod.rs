@@ -34,6 +34,7 @@ use super::hypotheses::{Estimate, Fit, FromForce, GATE, Hypothesis, Nearness, Ob
 use super::planning::Present;
 use crate::pushing::dynamics::{ContactLaw, EdgeEnd, Part, Push, Start, State};
 use crate::pushing::finger_motion::FingerMotion;
+use crate::search::{Halt, Searched, Stop, never};
 
 /// Steps of every fit at first; those that then are hopeless are given up.
 const STEPS_FIRST: usize = 4;
@@ -89,20 +90,33 @@ impl<'p> Known<'p> {
 impl Observer for Known<'_> {
     type Observation = FeltForce;
 
-    fn estimate(&self, felt: &FeltForce) -> Estimate {
-        estimate(self, felt)
+    fn estimate_until(&self, felt: &FeltForce, stop: Stop<'_>) -> Searched<Estimate> {
+        estimate_until(self, felt, stop)
     }
 }
 
 /// Every pose that explains what was felt, sought all over the part.
 #[must_use]
 pub fn estimate(known: &Known, felt: &FeltForce) -> Estimate {
+    estimate_until(known, felt, &never).found
+}
+
+/// The same, ended when `stop` says so: then with the poses found by then.
+#[must_use]
+pub fn estimate_until(known: &Known, felt: &FeltForce, stop: Stop<'_>) -> Searched<Estimate> {
+    let halt = Halt::new(stop);
+    let estimate = halting_estimate(known, felt, &halt);
+    halt.searched(estimate)
+}
+
+fn halting_estimate(known: &Known, felt: &FeltForce, halt: &Halt<'_>) -> Estimate {
     let symmetry = symmetry::order(known.part);
     let edges = known.part.polygon().vertices().len() / symmetry;
     let course = course(known, felt);
     let problem = Problem { course: &course, felt };
-    let starts = (0..edges).flat_map(|edge| seeds::on_edge(&problem, edge)).collect();
-    conclude(&problem, descend_all(&problem, starts), symmetry)
+    let edges = (0..edges).take_while(|_| !halt.is_wished());
+    let starts = edges.flat_map(|edge| seeds::on_edge(&problem, edge)).collect();
+    conclude(&problem, descend_all(&problem, starts, halt), symmetry)
 }
 
 /// The same, sought only where an earlier answer from the beginning of the same push had found something: what was excluded then
@@ -113,7 +127,7 @@ pub fn follow(known: &Known, felt: &FeltForce, earlier: &Estimate) -> Estimate {
     let problem = Problem { course: &course, felt };
     let starts = earlier.hypotheses.iter().filter_map(|hypothesis| problem.try_guess(guess(hypothesis, &course)));
     let starts = starts.collect::<Vec<_>>();
-    conclude(&problem, descend_all(&problem, starts), earlier.symmetry)
+    conclude(&problem, descend_all(&problem, starts, &Halt::new(&never)), earlier.symmetry)
 }
 
 fn course<'p>(known: &Known<'p>, felt: &FeltForce) -> Course<'p> {
@@ -126,12 +140,14 @@ fn course<'p>(known: &Known<'p>, felt: &FeltForce) -> Course<'p> {
     }
 }
 
-/// Goes down from every start, giving up what stays far above the best.
-fn descend_all(problem: &Problem, starts: Vec<Tried>) -> Vec<Tried> {
-    let mut tried: Vec<_> = starts.into_iter().map(|start| problem.descend(start, STEPS_FIRST)).collect();
+/// Goes down from every start, giving up what stays far above the best. Only what came to its minimum before the wish to halt is kept.
+fn descend_all(problem: &Problem, starts: Vec<Tried>, halt: &Halt<'_>) -> Vec<Tried> {
+    let starts = starts.into_iter().take_while(|_| !halt.is_wished());
+    let mut tried: Vec<_> = starts.map(|start| problem.descend(start, STEPS_FIRST)).collect();
     let best = least_cost(&tried);
     tried.retain(|tried| tried.cost <= HOPELESS * best || tried.cost <= best + HOPELESS_COST);
-    tried.into_iter().map(|tried| problem.descend(tried, usize::MAX)).collect()
+    let tried = tried.into_iter().take_while(|_| !halt.is_wished());
+    tried.map(|tried| problem.descend(tried, usize::MAX)).collect()
 }
 
 fn least_cost(tried: &[Tried]) -> f64 {

@@ -32,6 +32,7 @@ use crate::pushing::dynamics::{
     ShapedPush, Start, State,
 };
 use crate::pushing::estimation::hypotheses::{Estimate, Fit, Hypothesis, Observer};
+use crate::search::{Halt, Searched, Stop, never};
 
 /// Places looked at on each edge. Motions change with s₀ on the scale of the part, so that folds are wide against a 32nd of an edge.
 const LOOKS_ON_EDGE: u32 = 32;
@@ -215,11 +216,24 @@ impl RestingPush {
     /// ```
     #[must_use]
     pub fn observe(&self, contacts: &[TimedContact], tolerance: f64) -> RestingPoses {
+        self.observe_until(contacts, tolerance, &never).found
+    }
+
+    /// The same, ended when `stop` says so: then with the poses found by then.
+    #[must_use]
+    pub fn observe_until(&self, contacts: &[TimedContact], tolerance: f64, stop: Stop<'_>) -> Searched<RestingPoses> {
+        let halt = Halt::new(stop);
+        let poses = self.halting_observe(contacts, tolerance, &halt);
+        halt.searched(poses)
+    }
+
+    fn halting_observe(&self, contacts: &[TimedContact], tolerance: f64, halt: &Halt<'_>) -> RestingPoses {
         let contacts = self.without_turns(contacts);
         let Some(first) = contacts.first() else {
             return RestingPoses { solutions: Vec::new(), candidates: Vec::new() };
         };
-        let places = self.sites.iter().flat_map(|site| self.scanned(*site, *first, tolerance));
+        let sites = self.sites.iter().take_while(|_| !halt.is_wished());
+        let places = sites.flat_map(|site| self.scanned(*site, *first, tolerance));
         let places: Vec<_> = places.collect();
         let last = contacts[contacts.len() - 1];
         // With friction a look at the last contact costs as much as all of them.
@@ -227,7 +241,7 @@ impl RestingPush {
             let u = if self.grip > 0.0 { None } else { self.angle(site, s0, last.t) };
             u.is_some_and(|u| (u - last.u).abs() > HOPELESS * tolerance)
         };
-        self.judged(&places, &contacts, tolerance, &hopeless)
+        self.judged(&places, (&contacts, tolerance), &hopeless, halt)
     }
 
     /// Places of a site that fit a contact. Without friction a rough simulation looks around.
@@ -309,9 +323,9 @@ impl RestingPush {
     fn judged(
         &self,
         places: &[(Site, NearZero)],
-        contacts: &[TimedContact],
-        tolerance: f64,
+        (contacts, tolerance): (&[TimedContact], f64),
         hopeless: &dyn Fn(&Site, f64) -> bool,
+        halt: &Halt<'_>,
     ) -> RestingPoses {
         let mut apart: Vec<(Site, NearZero)> = Vec::new();
         for &(site, near) in places {
@@ -321,7 +335,7 @@ impl RestingPush {
             }
         }
         let possible = apart.iter().filter(|(site, near)| !hopeless(site, near.at));
-        let fits = possible.filter_map(|&(site, near)| {
+        let fits = possible.take_while(|_| !halt.is_wished()).filter_map(|&(site, near)| {
             let (at, misfits) = polished(near.at, site, &|s0| self.misfits(&site, s0, contacts), tolerance)?;
             Some(FittingPlace { site, near: NearZero { at, ..near }, misfits })
         });
@@ -405,16 +419,18 @@ impl RestingPush {
 impl Observer for RestingPush {
     type Observation = Contacts;
 
-    fn estimate(&self, contacts: &Contacts) -> Estimate {
-        self.judged_as(&self.observe(&contacts.felt, contacts.tolerance).solutions, contacts)
+    fn estimate_until(&self, contacts: &Contacts, stop: Stop<'_>) -> Searched<Estimate> {
+        let Searched { found, complete } = self.observe_until(&contacts.felt, contacts.tolerance, stop);
+        Searched { found: self.judged_as(&found.solutions, contacts), complete }
     }
 }
 
 impl Observer for Table<'_> {
     type Observation = Contacts;
 
-    fn estimate(&self, contacts: &Contacts) -> Estimate {
-        self.push().judged_as(&self.observe(&contacts.felt, contacts.tolerance).solutions, contacts)
+    fn estimate_until(&self, contacts: &Contacts, stop: Stop<'_>) -> Searched<Estimate> {
+        let Searched { found, complete } = self.observe_until(&contacts.felt, contacts.tolerance, stop);
+        Searched { found: self.push().judged_as(&found.solutions, contacts), complete }
     }
 }
 

@@ -9,6 +9,7 @@
 use super::closing::Rough;
 use super::{HOPELESS, RestingPoses, RestingPush, Site, TimedContact};
 use crate::math::roots::{NearZero, near_zeros};
+use crate::search::{Halt, Searched, Stop, never};
 
 /// Times kept of each motion.
 const TIMES: usize = 32;
@@ -88,19 +89,35 @@ impl<'p> Table<'p> {
     /// The same as [`RestingPush::observe`].
     #[must_use]
     pub fn observe(&self, contacts: &[TimedContact], tolerance: f64) -> RestingPoses {
+        self.observe_until(contacts, tolerance, &never).found
+    }
+
+    /// The same, ended when `stop` says so: then with the poses found by then.
+    #[must_use]
+    pub fn observe_until(&self, contacts: &[TimedContact], tolerance: f64, stop: Stop<'_>) -> Searched<RestingPoses> {
+        let halt = Halt::new(stop);
+        let poses = self.halting_observe(contacts, tolerance, &halt);
+        halt.searched(poses)
+    }
+
+    fn halting_observe(&self, contacts: &[TimedContact], tolerance: f64, halt: &Halt<'_>) -> RestingPoses {
         let beyond = |contact: &TimedContact| !(contact.t > 0.0 && contact.t <= self.times[TIMES - 1]);
         if contacts.first().is_none_or(beyond) {
-            return self.push.observe(contacts, tolerance);
+            return self.push.halting_observe(contacts, tolerance, halt);
         }
         let contacts = self.push.without_turns(contacts);
-        let places = self.sites.iter().flat_map(|table| self.places(table, contacts[0], tolerance));
+        let places = self
+            .sites
+            .iter()
+            .take_while(|_| !halt.is_wished())
+            .flat_map(|table| self.places(table, contacts[0], tolerance));
         let places: Vec<_> = places.collect();
         let last = contacts[contacts.len() - 1];
         let hopeless = |site: &Site, s0: f64| {
             let misfit = self.looked_up(site, s0, last.t).map(|u| (u - last.u).abs());
             misfit.is_some_and(|misfit| misfit > TABLE_ERROR_MAX + HOPELESS * tolerance)
         };
-        self.push.judged(&places, &contacts, tolerance, &hopeless)
+        self.push.judged(&places, (&contacts, tolerance), &hopeless, halt)
     }
 
     /// u at a time as the table has it; none where the contact may have ended.

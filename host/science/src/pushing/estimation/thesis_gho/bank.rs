@@ -11,6 +11,7 @@ use crate::math::statistics::chi_square_quantile;
 use crate::pushing::dynamics::{Contact, State};
 use crate::pushing::estimation::hypotheses::{Estimate, Fit, Hypothesis, Observer, pose};
 use crate::pushing::estimation::observation::{Known, Measured, Observation};
+use crate::search::{Halt, Searched, Stop, never};
 
 /// Probability with which data of the model pass the test of fit, as with the other observers.
 const FIT_PROBABILITY: f64 = 0.999;
@@ -48,6 +49,10 @@ impl GhoBank<'_> {
     /// If an edge of `contacts` is none of the part's.
     #[must_use]
     pub fn runs(&self, observation: &Observation) -> Vec<GhoRun> {
+        self.halting_runs(observation, &Halt::new(&never))
+    }
+
+    fn halting_runs(&self, observation: &Observation, halt: &Halt) -> Vec<GhoRun> {
         let Measured::ContactAngle(felt) = &observation.measured else { return Vec::new() };
         let run = |&(edge, contact): &(usize, Contact)| {
             let line = self.known.part.edge(edge).expect("contacts are on edges of the part");
@@ -56,7 +61,7 @@ impl GhoBank<'_> {
             let cost = cost(&trace, &felt.values, felt.sigma);
             GhoRun { edge, contact, trace, cost }
         };
-        let mut runs: Vec<_> = self.contacts.iter().map(run).collect();
+        let mut runs: Vec<_> = self.contacts.iter().take_while(|_| !halt.is_wished()).map(run).collect();
         let order = |run: &GhoRun| run.cost.unwrap_or(f64::INFINITY);
         runs.sort_by(|a, b| order(a).total_cmp(&order(b)));
         runs
@@ -94,8 +99,9 @@ impl Observer for GhoBank<'_> {
 
     /// Every observer that did not diverge, the best first. The thesis gives no uncertainty, hence no covariance; probabilities are
     /// equal shares, because the cost of a run that was pulled along by the data is no likelihood.
-    fn estimate(&self, observation: &Observation) -> Estimate {
-        let runs = self.runs(observation);
+    fn estimate_until(&self, observation: &Observation, stop: Stop<'_>) -> Searched<Estimate> {
+        let halt = Halt::new(stop);
+        let runs = self.halting_runs(observation, &halt);
         let mut hypotheses: Vec<_> = runs.iter().filter_map(|run| self.hypothesis(run, observation.dt)).collect();
         let share = 1.0 / hypotheses.len().max(1) as f64;
         hypotheses.iter_mut().for_each(|hypothesis| hypothesis.probability = share);
@@ -107,7 +113,7 @@ impl Observer for GhoBank<'_> {
             cost_max: chi_square_quantile(FIT_PROBABILITY, degrees_of_freedom),
         };
         let time_end = observation.dt * values.saturating_sub(1) as f64;
-        Estimate { hypotheses, ..Estimate::unexplained(fit, time_end) }
+        halt.searched(Estimate { hypotheses, ..Estimate::unexplained(fit, time_end) })
     }
 }
 
