@@ -1,16 +1,11 @@
 //! The pages a person reads: what they mark up and where they lead.
 
-#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+use std::path::PathBuf;
 
-use std::path::{Path, PathBuf};
-
-/// The project's folder.
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
-}
+use palpate_tests::project::folder;
 
 fn pages() -> Vec<(PathBuf, String)> {
-    let folders = [".", "docs", "calibration", "firmware/board"].map(|folder| root().join(folder));
+    let folders = [".", "docs", "calibration", "firmware/board"].map(|name| folder().join(name));
     let files = folders.iter().flat_map(|folder| std::fs::read_dir(folder).unwrap()).map(|entry| entry.unwrap().path());
     let pages: Vec<_> = files
         .filter(|path| path.extension().is_some_and(|extension| extension == "md"))
