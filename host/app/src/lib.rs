@@ -2,6 +2,7 @@
 
 mod cli;
 pub mod live;
+mod messages;
 pub mod pictures;
 pub mod push_scenario;
 pub mod thesis;

@@ -19,6 +19,7 @@ mod sample;
 mod solve;
 mod solving;
 mod support_friction;
+mod warnings;
 
 /// The tool's binary.
 const PALPATE: &str = env!("CARGO_BIN_EXE_palpate");

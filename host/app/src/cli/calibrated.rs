@@ -33,9 +33,12 @@ impl CalibrationArguments {
         let front_end = live::front_end(session.hello()).into_diagnostic()?;
         file.check_device(&device(session), &front_end).map_err(miette::Report::from).wrap_err_with(named)?;
         if let RawState::Missing = state {
-            tracing::warn!(calibration = %path.display(), "its raw samples do not lie beside it");
+            tracing::warn!(
+                "calibration {}: its raw samples do not lie beside it, so nobody can check or repeat its fit",
+                path.display()
+            );
         }
-        eprintln!("calibration {}", path.display());
+        note!("calibration {}", path.display());
         Ok(Some(file.calibration().into_diagnostic().wrap_err_with(named)?))
     }
 

@@ -84,7 +84,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let tare = match &arguments.tare_file {
         Some(file) => KeptTare::load(file, &session, unit)?,
         None => {
-            eprintln!("{}taring for {} s: keep the finger free", super::simulated_note(&session), arguments.tare);
+            note!("{}taring for {} s: keep the finger free", super::simulated_note(&session), arguments.tare);
             live::tare(&mut session, arguments.tare, &calibration, &settings, super::tell)?
         }
     };
@@ -99,9 +99,12 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     shown?;
     stopped?;
     let counts = session.counts();
-    eprintln!(
+    note!(
         "{} samples, {} missing, {} repeated, {} damaged frames",
-        counts.samples, counts.missing, counts.repeated, counts.damaged_frames
+        counts.samples,
+        counts.missing,
+        counts.repeated,
+        counts.damaged_frames
     );
     Ok(ExitCode::SUCCESS)
 }
@@ -120,7 +123,7 @@ fn settings(arguments: &Arguments) -> Settings {
 }
 
 fn report_tare(tare: &Tare, unit: &str) {
-    eprintln!(
+    note!(
         "tare ({:.4}, {:.4}) {unit} from {} samples; noise of one reading ({:.4}, {:.4}) {unit}",
         tare.bias.x,
         tare.bias.y,
@@ -173,7 +176,7 @@ impl<'a> Monitor<'a> {
                 // The device is there and its front-end is not: it may come back as a cable does.
                 Err(error @ LiveError::Silent { .. }) => {
                     if !silent {
-                        eprintln!("{error}; waiting");
+                        note!("{error}; waiting");
                     }
                     silent = true;
                 }
@@ -187,7 +190,7 @@ impl<'a> Monitor<'a> {
             other => other.into_diagnostic()?,
         }
         if let Some(latency) = monitor.borrow().latency.in_words() {
-            eprintln!("latency {latency}");
+            note!("latency {latency}");
         }
         Ok(())
     }

@@ -24,7 +24,7 @@ pub(super) fn answer(registry: &Registry, number: u64, content: &Content) -> Ans
     let id = parsed.id;
     let solved = parsed.request.and_then(|request| {
         let solve = || registry.answer(&request.kind, request.fields, &id);
-        panics::catch(solve).unwrap_or_else(|caught| Err(crashed(&caught)))
+        panics::catch(solve).unwrap_or_else(|caught| Err(crashed(number, &caught)))
     });
     let failed = solved.is_err();
     let mut text = solved.unwrap_or_else(|error| error_line(ErrorLine { id, line: number, error }));
@@ -48,7 +48,7 @@ fn too_long() -> Failure {
 }
 
 /// The message of the panic means nothing to the user; who repairs it finds it in the log.
-fn crashed(panics::Caught { place, message }: &panics::Caught) -> Failure {
-    tracing::error!(place, message, "a solver crashed");
+fn crashed(number: u64, panics::Caught { place, message }: &panics::Caught) -> Failure {
+    tracing::error!("line {number}: the solver crashed at {place}: {message}");
     Failure::internal(&format!("the solver crashed at {place}: this is a bug of palpate, please report the line"))
 }
