@@ -7,7 +7,7 @@
 mod emulator;
 
 #[path = "../../xtask/src/image.rs"]
-#[allow(dead_code, reason = "only the log's lines are wanted here")]
+#[allow(dead_code, reason = "only its place and the log's lines are wanted here")]
 mod image;
 
 use std::io::{BufRead, BufReader, Read, Write};
@@ -15,7 +15,7 @@ use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::OnceLock;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 use emulator::Serial;
 use palpate::finger::Samples;
@@ -29,11 +29,8 @@ use palpate_shared::wire::{
 };
 use palpate_tests::rig;
 
-/// The image to test, if it was built already; otherwise the test has it built.
+/// The image to test; otherwise the one that `cargo xtask firmware build` left.
 const IMAGE_VARIABLE: &str = "PALPATE_FIRMWARE";
-
-/// `cargo xtask firmware build` ends with this where no compiler is there for it.
-const NO_COMPILER: i32 = 69;
 
 /// Times that a host tries to get hold of a machine that is starting.
 const ATTEMPTS: u32 = 20;
@@ -61,6 +58,9 @@ impl Drop for Machine {
     }
 }
 
+/// What makes an image, or makes it anew.
+const REMEDY: &str = "`cargo xtask firmware build` builds it, `cargo xtask firmware emulate --test` tests it too";
+
 /// Says, once, why these tests do not run; not through the test harness, which would keep it to itself.
 fn absent(reason: &str) -> Option<PathBuf> {
     let _ = writeln!(std::io::stderr(), "the emulator's end-to-end test did not run: {reason}");
@@ -74,20 +74,37 @@ fn image() -> Option<(&'static PathBuf, &'static str)> {
         (Some(_), None) => panic!("{} has no STM32F405, or is not installed", emulator::PROGRAM),
         (Some(path), Some(_)) => Some(PathBuf::from(path)),
         (None, None) => absent(&format!("{} is not installed", emulator::PROGRAM)),
-        (None, Some(_)) => build(),
+        (None, Some(_)) => built(),
     });
     image.as_ref().zip(emulator::machine())
 }
 
-/// Builds the image.
-fn build() -> Option<PathBuf> {
-    let arguments = ["run", "--quiet", "--package", "xtask", "--", "firmware", "build"];
-    let output = Command::new(env!("CARGO")).args(arguments).stderr(Stdio::inherit()).output().expect("cargo starts");
-    match output.status.code() {
-        Some(0) => Some(PathBuf::from(String::from_utf8(output.stdout).expect("a path").trim())),
-        Some(NO_COMPILER) => absent("no compiler here builds for the board"),
-        _ => panic!("the image does not build"),
+/// The image that was built last in this target folder, unless its sources changed since. Nothing is built here: a test
+/// that compiles measures the computer, and may change the code under the other tests.
+fn built() -> Option<PathBuf> {
+    // Tests run from `<target>/<profile>/deps`.
+    let me = std::env::current_exe().expect("a test knows its program");
+    let path = image::path_in(me.ancestors().nth(3).expect("a test lies in the target folder"));
+    match modified(&path) {
+        None => absent(&format!("no image is built; {REMEDY}")),
+        Some(built) if changed_since(&path, built) => {
+            absent(&format!("the image {} is older than its sources; {REMEDY}", path.display()))
+        }
+        Some(_) => Some(path),
     }
+}
+
+/// When a file was last written; `None` if it is not there.
+fn modified(path: &Path) -> Option<SystemTime> {
+    std::fs::metadata(path).and_then(|about| about.modified()).ok()
+}
+
+/// Whether a source of an image, as the compiler listed them beside it, was changed after it was built.
+fn changed_since(image: &Path, built: SystemTime) -> bool {
+    let listed = std::fs::read_to_string(image.with_extension("d")).unwrap_or_default();
+    let sources = listed.split_once(": ").map_or("", |(_, sources)| sources).replace("\\ ", "\0");
+    let mut sources = sources.split_whitespace().map(|source| source.replace('\0', " "));
+    sources.any(|source| modified(Path::new(&source)).is_none_or(|changed| changed > built))
 }
 
 /// A machine that waits for its host at a TCP port.
@@ -273,15 +290,46 @@ fn refusal<T: std::fmt::Debug>(result: Result<T, LinkError>) -> Refusal {
     }
 }
 
+/// What these tests, without an image that is named, say on standard error from a program at `me`, with this search path.
+fn said_where_they_do_not_run(me: &Path, search: &Path) -> String {
+    let others = ["--skip", "where_no_", "--test-threads", "1"];
+    let mut command = Command::new(me);
+    let output = command.args(others).env("PATH", search).env_remove(IMAGE_VARIABLE).output().expect("it starts");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{said}");
+    said
+}
+
 #[test]
 fn where_no_emulator_is_installed_these_tests_say_so_in_one_line() {
     let me = std::env::current_exe().expect("a test knows its program");
-    let skipped = ["--skip", "where_no_emulator_is_installed", "--test-threads", "1"];
-    let mut command = Command::new(me);
-    let output = command.args(skipped).env("PATH", "").env_remove(IMAGE_VARIABLE).output().expect("it starts");
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success(), "{said}");
+    let said = said_where_they_do_not_run(&me, Path::new(""));
     assert_eq!(said, "the emulator's end-to-end test did not run: qemu-system-arm is not installed\n");
+}
+
+#[cfg(unix)]
+#[test]
+fn where_no_image_is_built_these_tests_say_how_to_build_one() {
+    use std::os::unix::fs::PermissionsExt as _;
+    // A target folder without an image, and a stand-in for the emulator that knows the board.
+    let real = std::env::current_exe().unwrap();
+    let folder = tempfile::tempdir_in(real.parent().unwrap()).unwrap();
+    let me = folder.path().join("debug/deps/emulator");
+    std::fs::create_dir_all(me.parent().unwrap()).unwrap();
+    std::fs::hard_link(real, &me).unwrap();
+    let emulator = folder.path().join(emulator::PROGRAM);
+    std::fs::write(&emulator, "#!/bin/sh\necho olimex-stm32-h405 a board\n").unwrap();
+    std::fs::set_permissions(&emulator, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let said = said_where_they_do_not_run(&me, folder.path());
+    assert_eq!(said, format!("the emulator's end-to-end test did not run: no image is built; {REMEDY}\n"));
+
+    // An image older than what it was made from is not taken for it.
+    let image = image::path_in(folder.path());
+    std::fs::create_dir_all(image.parent().unwrap()).unwrap();
+    std::fs::write(&image, "").unwrap();
+    std::fs::write(image.with_extension("d"), format!("{}: /no/such/source.rs\n", image.display())).unwrap();
+    let said = said_where_they_do_not_run(&me, folder.path());
+    assert!(said.contains("is older than its sources") && said.contains("cargo xtask firmware build"), "{said}");
 }
 
 #[test]

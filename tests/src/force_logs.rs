@@ -4,7 +4,9 @@
 
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, PI, TAU};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+
+use crate::project;
 
 /// Vertices of the block that was pushed, mm, as the logs' notes give them.
 const BLOCK_MM: [[f64; 2]; 3] = [[0.0, 0.0], [150.0, 0.0], [0.0, 150.0]];
@@ -30,7 +32,7 @@ pub struct RawPush {
 /// The folders of the logs and the log in each; `None` where the data is not there.
 #[must_use]
 pub fn logs() -> Option<Vec<(String, PathBuf)>> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/mlab_point_push");
+    let root = project::folder().join("../shared/data/mlab_point_push");
     let folders = fs::read_dir(&root).ok()?.filter_map(|entry| Some(entry.ok()?.path())).filter(|path| path.is_dir());
     let mut logs: Vec<(String, PathBuf)> = folders
         .filter_map(|folder| {

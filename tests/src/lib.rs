@@ -5,5 +5,6 @@ pub mod fuzz;
 pub mod inscription_oracle;
 pub mod newer;
 pub mod oracle;
+pub mod project;
 pub mod push_oracle;
 pub mod rig;

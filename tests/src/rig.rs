@@ -2,8 +2,7 @@
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::path::PathBuf;
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use palpate::finger::Samples;
@@ -231,27 +230,3 @@ const PROTOCOL_MAJOR: u8 = palpate_shared::wire::PROTOCOL.major;
 
 /// First byte of a reply.
 const REPLY: u8 = 3;
-
-/// The `palpate` binary of this build, built if it is not there yet.
-///
-/// # Panics
-/// If it cannot be built.
-pub fn palpate_binary() -> &'static PathBuf {
-    static BINARY: OnceLock<PathBuf> = OnceLock::new();
-    BINARY.get_or_init(|| {
-        // Tests run from `<target>/<profile>/deps`.
-        let mut profile = std::env::current_exe().expect("a test has a path");
-        profile.pop();
-        if profile.ends_with("deps") {
-            profile.pop();
-        }
-        let target = profile.parent().expect("the profile's folder lies in the target folder");
-        let mut cargo = std::process::Command::new(env!("CARGO"));
-        cargo.args(["build", "--quiet", "--package", "palpate-cli", "--bin", "palpate", "--target-dir"]).arg(target);
-        if profile.ends_with("release") {
-            cargo.arg("--release");
-        }
-        assert!(cargo.status().expect("cargo starts").success(), "palpate is built");
-        profile.join(format!("palpate{}", std::env::consts::EXE_SUFFIX))
-    })
-}

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
 use crate::emulator::{self, Serial};
-use crate::image::Image;
-use crate::toolchain::{self, TARGET};
+use crate::image::{self, Image, TARGET};
+use crate::toolchain;
 
 /// Most flash that the image may take, in bytes.
 const FLASH_MAX: u32 = 64 * 1024;
@@ -32,7 +32,7 @@ pub(crate) const USAGE: &str = "       cargo xtask firmware build            bui
        cargo xtask firmware emulate --test   build it and run the end-to-end test on it
        cargo xtask firmware size             build it, print its size, count its instructions in the emulator";
 
-/// Exit status where no compiler builds for the board, by sysexits.h "unavailable"; the end-to-end test asks for it.
+/// Exit status where no compiler builds for the board, by sysexits.h "unavailable".
 const NO_COMPILER: u8 = 69;
 
 /// A command that failed; it has said why. Holds the exit status.
@@ -69,15 +69,15 @@ fn finish(command: &mut Command) -> Result<(), Failed> {
     }
 }
 
-/// The folder of the image's build, apart from the host's: another compiler may build it.
+/// Cargo's target folder.
 fn target_folder() -> PathBuf {
     let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    env::var_os("CARGO_TARGET_DIR").map_or_else(|| workspace.join("target"), PathBuf::from).join("firmware")
+    env::var_os("CARGO_TARGET_DIR").map_or_else(|| workspace.join("target"), PathBuf::from)
 }
 
 /// Checks the code that only the board's own target compiles; where nothing here can, says so and is content.
 pub(crate) fn lint() -> Result<(), Failed> {
-    let Some(mut cargo) = toolchain::cargo("clippy", &target_folder()) else {
+    let Some(mut cargo) = toolchain::cargo("clippy", &image::folder_in(&target_folder())) else {
         eprintln!("the board's own code was not checked: no compiler with clippy here builds for {TARGET}");
         return Ok(());
     };
@@ -87,13 +87,13 @@ pub(crate) fn lint() -> Result<(), Failed> {
 
 /// Builds the image.
 fn build() -> Result<PathBuf, Failed> {
-    let folder = target_folder();
-    let Some(mut cargo) = toolchain::cargo("build", &folder) else {
+    let target = target_folder();
+    let Some(mut cargo) = toolchain::cargo("build", &image::folder_in(&target)) else {
         return fail(&format!("no compiler here builds for {TARGET}; {}", toolchain::REMEDY))
             .map_err(|Failed(_)| Failed(NO_COMPILER));
     };
     finish(&mut cargo)?;
-    Ok(folder.join(TARGET).join("firmware").join("palpate-firmware"))
+    Ok(image::path_in(&target))
 }
 
 /// Puts the image onto a board and shows its log.

@@ -3,7 +3,10 @@
 //! Only what a 32-bit little-endian executable for this target needs. Source: System V ABI, chapters 4 and 5.
 
 use std::fmt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+/// The board's processor, as the compiler names it.
+pub(crate) const TARGET: &str = "thumbv7em-none-eabihf";
 
 /// A section's flags: it takes memory on the target.
 const ALLOCATED: u32 = 2;
@@ -19,6 +22,18 @@ const RAM_START: u32 = 0x2000_0000;
 
 /// Bytes of a symbol's entry.
 const SYMBOL_BYTES: usize = 16;
+
+/// The folder of the image's build in cargo's target folder, apart from the host's: another compiler may build it.
+#[must_use]
+pub(crate) fn folder_in(target: &Path) -> PathBuf {
+    target.join("firmware")
+}
+
+/// Where `cargo xtask firmware build` leaves the image.
+#[must_use]
+pub(crate) fn path_in(target: &Path) -> PathBuf {
+    folder_in(target).join(TARGET).join("firmware").join("palpate-firmware")
+}
 
 /// An image's needs and names.
 #[derive(Debug)]

@@ -3,6 +3,7 @@
 pub mod advice;
 mod cli;
 pub mod live;
+mod messages;
 pub mod pictures;
 pub mod push_scenario;
 pub mod thesis;

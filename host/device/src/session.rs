@@ -247,6 +247,8 @@ impl Session {
             still_down: String::new(),
         };
         session.take_early(greeted.early);
+        let hello = &session.hello;
+        tracing::info!("{address}: device {}, {} Hz, gain {}", hello.device, hello.rate_hz, hello.gain);
         Ok(session)
     }
 
@@ -320,7 +322,10 @@ impl Session {
         self.next_id = self.next_id.wrapping_add(1);
         let (begun, command) = (Instant::now(), Command::new(id, request));
         for attempt in 0..TRIES {
-            self.counts.commands_repeated += u64::from(attempt > 0);
+            if attempt > 0 {
+                self.counts.commands_repeated += 1;
+                tracing::debug!("{}: repeating a command: {}", self.address, in_words(request));
+            }
             self.send(&command)?;
             if let Some(outcome) = self.wait_for_reply(&command)? {
                 return accepted(request, outcome);
@@ -656,6 +661,7 @@ impl Session {
                 @ (LinkError::OtherProtocol { .. } | LinkError::NewerHello { .. } | LinkError::NewerAnswer { .. }),
             ) => return Err(error),
             Err(error) => {
+                tracing::debug!("{}: still down: {error}", self.address);
                 self.tell_still_down(&error);
                 std::thread::sleep(REOPEN_WAIT);
                 return Ok(());
@@ -834,6 +840,7 @@ fn greet(
     };
     let mut damaged = 0;
     for &baud in &speeds {
+        tracing::debug!("{address}: asking who is there at {baud} baud");
         let transport = Transport::open(address, baud, simulated.map(SimulatedDevice::connect))?;
         let mut line = Line::start(transport).map_err(|source| LinkError::Open {
             address: address.to_string(),

@@ -113,7 +113,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         return Ok(ExitCode::SUCCESS);
     }
     let mut link = arguments.device.open(true)?;
-    eprint!("{}", super::simulated_note(&link));
+    if link.is_simulated() {
+        note!("{}", super::simulated_note(&link).trim_end());
+    }
     let (hello, hand) = (link.hello().clone(), link.simulated().cloned());
     let temperature_c = match arguments.temperature_c {
         Some(celsius) => Some(celsius),
@@ -130,7 +132,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     };
     match hand {
         Some(hand) => {
-            eprintln!("a simulated hand sets every angle exactly: a reduced chi² near 0 is right for it");
+            note!("a simulated hand sets every angle exactly: a reduced chi² near 0 is right for it");
             calibrate(arguments, &plan, device, &mut SimulatedBench::new(&hand, SIMULATED_FORCE_N, tell_step))
         }
         None => calibrate(arguments, &plan, device, &mut Person::new(io::stdin().lock(), io::stderr())),
@@ -143,8 +145,8 @@ const SIMULATED_FORCE_N: f64 = 2.0;
 /// Says what a simulated hand did.
 fn tell_step(step: &Step, outcome: Result<&Summary, &Refusal>) {
     match outcome {
-        Ok(summary) => eprintln!("[simulated hand] {}: accepted after {:.1} s", step.prompt(), summary.waited_s),
-        Err(refusal) => eprintln!("[simulated hand] {}: {refusal}", step.prompt()),
+        Ok(summary) => note!("[simulated hand] {}: accepted after {:.1} s", step.prompt(), summary.waited_s),
+        Err(refusal) => note!("[simulated hand] {}: {refusal}", step.prompt()),
     }
 }
 
@@ -185,7 +187,7 @@ pub(crate) fn calibrate(
         Ok(Ending::Quit) => {
             keep_if_wished(arguments, &raw)?;
             unfinished.remove();
-            eprintln!("stopped after {} of {} steps; no calibration written", raw.dwells.len(), run.len());
+            note!("stopped after {} of {} steps; no calibration written", raw.dwells.len(), run.len());
             Ok(ExitCode::FAILURE)
         }
         Err(error) => Err(match unfinished.path() {
@@ -215,7 +217,7 @@ impl<'a> Unfinished<'a> {
     fn keep(&mut self, taken: &[Taken]) {
         let written = save_unfinished(self.root, &RawRun::new(self.provenance.clone(), self.plan.clone(), taken));
         if let (Err(error), None | Some(Ok(_))) = (&written, &self.written) {
-            tracing::warn!(%error, "the samples so far cannot be kept; the run goes on");
+            tracing::warn!("the samples so far cannot be kept ({error}); the run goes on, and its end tries again");
         }
         self.written = Some(written);
     }
@@ -229,7 +231,7 @@ impl<'a> Unfinished<'a> {
     fn remove(self) {
         if let Some(path) = self.path() {
             if let Err(error) = fs::remove_file(path) {
-                tracing::warn!(path = %path.display(), %error, "this file is left over");
+                tracing::warn!("{} is left over and may be removed: {error}", path.display());
             }
             // Only an empty folder goes.
             let _ = path.parent().map(fs::remove_dir);
@@ -298,7 +300,7 @@ fn judge(arguments: &Arguments, conclusion: Conclusion) -> miette::Result<Conclu
 fn keep_if_wished(arguments: &Arguments, raw: &RawRun) -> miette::Result<()> {
     if arguments.keep && !raw.dwells.is_empty() {
         let path = save_raw(&arguments.out, raw).advised()?;
-        eprintln!("samples  {}", path.display());
+        note!("samples  {}", path.display());
     }
     Ok(())
 }

@@ -34,9 +34,12 @@ impl CalibrationArguments {
         let front_end = live::front_end(session.hello()).advised()?;
         file.check_device(&device(session), &front_end).advised().wrap_err_with(named)?;
         if let RawState::Missing = state {
-            tracing::warn!(calibration = %path.display(), "its raw samples do not lie beside it");
+            tracing::warn!(
+                "calibration {}: its raw samples do not lie beside it, so nobody can check or repeat its fit",
+                path.display()
+            );
         }
-        eprintln!("calibration {}", path.display());
+        note!("calibration {}", path.display());
         Ok(Some(file.calibration().advised().wrap_err_with(named)?))
     }
 

@@ -148,7 +148,7 @@ impl Arguments {
             .wrap_err_with(cannot)?;
         let named = |name: &str| folder.join(name).display().to_string();
         let [part, motion, forces] = ["part.toml", "motion.toml", "forces.csv"].map(named);
-        eprintln!("kept; to look again: palpate observe {forces} --part {part} --motion {motion}");
+        note!("kept; to look again: palpate observe {forces} --part {part} --motion {motion}");
         Ok(())
     }
 

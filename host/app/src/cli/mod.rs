@@ -13,6 +13,15 @@ macro_rules! eprintln {
     }};
 }
 
+/// A line on standard error for the person at the terminal, which `--quiet` leaves out.
+macro_rules! note {
+    ($($argument:tt)*) => {
+        if $crate::messages::notes_wanted() {
+            eprintln!($($argument)*);
+        }
+    };
+}
+
 mod calibrate;
 mod calibrated;
 mod contact;
@@ -48,6 +57,7 @@ use clap::{Parser, Subcommand};
 use palpate_device::{Incoming, Session};
 
 use crate::live;
+use crate::messages::{self, Loudness};
 
 /// Exit status for a wrong command line (`EX_USAGE` of BSD's sysexits; fixed by the `solve` interface).
 const EXIT_USAGE: u8 = 64;
@@ -56,6 +66,9 @@ const EXIT_USAGE: u8 = 64;
 #[derive(Debug, Parser)]
 #[command(name = "palpate", version, propagate_version = true, arg_required_else_help = true)]
 struct Arguments {
+    #[command(flatten)]
+    loudness: Loudness,
+
     #[command(subcommand)]
     command: Command,
 }
@@ -84,6 +97,8 @@ enum Command {
 }
 
 /// Runs the command named on the command line and returns the process's exit status.
+///
+/// Answers go to standard output. Warnings go to standard error, unless the program has a `tracing` subscriber already.
 pub fn run<I, T>(arguments: I) -> ExitCode
 where
     I: IntoIterator<Item = T>,
@@ -98,6 +113,8 @@ where
             return if failed { ExitCode::from(EXIT_USAGE) } else { ExitCode::SUCCESS };
         }
     };
+    messages::listen(arguments.loudness);
+    tracing::debug!("palpate {} on {} {}", env!("CARGO_PKG_VERSION"), std::env::consts::OS, std::env::consts::ARCH);
     let outcome = match arguments.command {
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Ports(arguments) => ports::run(&arguments),
@@ -155,13 +172,13 @@ fn simulated_note(session: &Session) -> &'static str {
 /// Tells a person what happened on the link, beside the samples.
 fn tell(incoming: &Incoming) {
     match incoming {
-        Incoming::Event(event) => eprintln!("device: {}", live::in_words(event.kind)),
-        Incoming::Disconnected { reason } => eprintln!("link lost ({reason}); waiting for it to come back"),
-        Incoming::Reconnected { after, countable: true } => eprintln!("link back after {:.1} s", after.as_secs_f64()),
+        Incoming::Event(event) => note!("device: {}", live::in_words(event.kind)),
+        Incoming::Disconnected { reason } => note!("link lost ({reason}); waiting for it to come back"),
+        Incoming::Reconnected { after, countable: true } => note!("link back after {:.1} s", after.as_secs_f64()),
         Incoming::Reconnected { after, countable: false } => {
-            eprintln!("link back after {:.1} s; the samples missed meanwhile cannot be counted", after.as_secs_f64());
+            note!("link back after {:.1} s; the samples missed meanwhile cannot be counted", after.as_secs_f64());
         }
-        Incoming::Restarted(_) => eprintln!("the device started anew; its settings were restored"),
+        Incoming::Restarted(_) => note!("the device started anew; its settings were restored"),
         Incoming::Samples(_) | Incoming::Temperature(_) => {}
     }
 }
@@ -204,5 +221,32 @@ fn not_negative(text: &str) -> Result<f64, String> {
         Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
         Ok(value) => Err(format!("{value} is out of range: it must be finite and not negative")),
         Err(_) => Err(format!("`{text}` is not a number")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory as _;
+
+    use super::*;
+
+    #[test]
+    fn no_option_of_a_command_has_the_name_of_another_or_of_an_option_of_all() {
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn how_much_is_told_may_be_said_before_and_after_the_command() {
+        for words in [["palpate", "-v", "ports"], ["palpate", "ports", "-v"], ["palpate", "ports", "--quiet"]] {
+            assert!(Arguments::try_parse_from(words).is_ok(), "{words:?}");
+        }
+        assert!(Arguments::try_parse_from(["palpate", "ports", "-v", "-q"]).is_err());
+    }
+
+    #[test]
+    fn a_second_run_in_one_process_is_as_good_as_the_first() {
+        for _ in 0..2 {
+            assert_eq!(run(["palpate", "tables", "-q"]), ExitCode::SUCCESS);
+        }
     }
 }

@@ -85,7 +85,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let tare = match &arguments.tare_file {
         Some(file) => KeptTare::load(file, &session, unit)?,
         None => {
-            eprintln!("{}taring for {} s: keep the finger free", super::simulated_note(&session), arguments.tare);
+            note!("{}taring for {} s: keep the finger free", super::simulated_note(&session), arguments.tare);
             live::tare(&mut session, arguments.tare, &calibration, &settings, super::tell).advised()?
         }
     };
@@ -104,9 +104,12 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         0 => String::new(),
         skipped => format!(", {skipped} messages skipped that only a newer palpate can read"),
     };
-    eprintln!(
+    note!(
         "{} samples, {} missing, {} repeated, {} damaged frames{newer}",
-        counts.samples, counts.missing, counts.repeated, counts.damaged_frames
+        counts.samples,
+        counts.missing,
+        counts.repeated,
+        counts.damaged_frames
     );
     Ok(ExitCode::SUCCESS)
 }
@@ -125,7 +128,7 @@ fn settings(arguments: &Arguments) -> Settings {
 }
 
 fn report_tare(tare: &Tare, unit: &str) {
-    eprintln!(
+    note!(
         "tare ({:.4}, {:.4}) {unit} from {} samples; noise of one reading ({:.4}, {:.4}) {unit}",
         tare.bias.x,
         tare.bias.y,
@@ -178,7 +181,7 @@ impl<'a> Monitor<'a> {
                 // The device is there and its front-end is not: it may come back as a cable does.
                 Err(error @ LiveError::Silent { .. }) => {
                     if !silent {
-                        eprintln!("{error}; waiting");
+                        note!("{error}; waiting");
                     }
                     silent = true;
                 }
@@ -192,7 +195,7 @@ impl<'a> Monitor<'a> {
             other => other.into_diagnostic()?,
         }
         if let Some(latency) = monitor.borrow().latency.in_words() {
-            eprintln!("latency {latency}");
+            note!("latency {latency}");
         }
         Ok(())
     }

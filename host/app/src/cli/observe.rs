@@ -142,11 +142,11 @@ fn from_device(mut observer: Observer) -> miette::Result<ExitCode> {
 /// Takes the tare, waits for the push and follows it to its end.
 fn watch(observer: &mut Observer, session: &mut Session, calibration: &Calibration) -> miette::Result<PushSense> {
     let seconds = observer.arguments.tare;
-    eprintln!("{}taring for {seconds} s: no force on the finger", super::simulated_note(session));
+    note!("{}taring for {seconds} s: no force on the finger", super::simulated_note(session));
     let blocks = live::collect(session, seconds, super::tell).advised()?;
     let rest: Vec<Reading> = blocks.iter().flat_map(|samples| sense::readings(samples, calibration)).collect();
     let mut sense = PushSense::new(RestNoise::estimate(&rest).map_err(not_at_rest)?, Some(calibration));
-    eprintln!("ready: push");
+    note!("ready: push");
     let mut failed = Ok(());
     live::stream(
         session,

@@ -34,6 +34,6 @@ pub(crate) fn draw_to(path: &Path, figure: &Figure) -> miette::Result<()> {
     let picture = Format::of(path).and_then(|format| figure.to_page().encode(format));
     let bytes = picture.into_diagnostic().wrap_err_with(named)?;
     fs::write(path, bytes).into_diagnostic().wrap_err_with(named)?;
-    eprintln!("drawn to {}", path.display());
+    note!("drawn to {}", path.display());
     Ok(())
 }

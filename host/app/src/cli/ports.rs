@@ -19,7 +19,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         say!("{}", if arguments.json { as_json(port) } else { as_line(port) });
     }
     if ports.is_empty() {
-        eprintln!("no serial port found; `--device sim:` stands for a simulated finger everywhere");
+        note!("no serial port found; `--device sim:` stands for a simulated finger everywhere");
     }
     Ok(ExitCode::SUCCESS)
 }

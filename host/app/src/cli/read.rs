@@ -15,10 +15,10 @@ const PROBLEMS_SHOWN: usize = 10;
 /// Prints what of a file was skipped.
 pub(super) fn report_problems(path: &Path, problems: &[impl Display]) {
     for problem in problems.iter().take(PROBLEMS_SHOWN) {
-        eprintln!("{}: {problem}", path.display());
+        tracing::warn!("{}: {problem}", path.display());
     }
     if problems.len() > PROBLEMS_SHOWN {
-        eprintln!("{}: … {} problems in all", path.display(), problems.len());
+        tracing::warn!("{}: … {} problems in all", path.display(), problems.len());
     }
 }
 

@@ -76,7 +76,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     interrupt::listen();
     say!("{}", device.address());
     if !arguments.detached {
-        eprintln!("type `help` for the orders, `quit` to end");
+        note!("type `help` for the orders, `quit` to end");
     }
     let orders = if arguments.detached { None } else { Some(lines_of_input()?) };
     while !interrupt::requested() {

@@ -93,7 +93,7 @@ fn open(file: &Path) -> miette::Result<Box<dyn Read + Send>> {
         return Ok(Box::new(File::open(file).into_diagnostic()?));
     }
     if io::stdin().is_terminal() {
-        eprintln!("reading problems from the terminal, one JSON object a line; Ctrl-D ends");
+        note!("reading problems from the terminal, one JSON object a line; Ctrl-D ends");
     }
     Ok(Box::new(io::stdin()))
 }

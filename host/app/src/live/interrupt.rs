@@ -3,6 +3,7 @@
 //! Long-running commands look at it between two blocks of samples, so that they end in order: the device is told to
 //! stop, the summary is printed, links are removed.
 
+use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 static REQUESTED: AtomicBool = AtomicBool::new(false);
@@ -12,14 +13,18 @@ static REQUESTED: AtomicBool = AtomicBool::new(false);
 ///
 /// Where no handler can be installed, an interruption still ends the process at once.
 pub fn listen() {
-    let installed = ctrlc::set_handler(|| {
-        if REQUESTED.swap(true, Ordering::Relaxed) {
-            std::process::exit(INTERRUPTED_TWICE);
+    // A process has one handler; a second command in it uses the first one's.
+    static INSTALLED: Once = Once::new();
+    INSTALLED.call_once(|| {
+        let installed = ctrlc::set_handler(|| {
+            if REQUESTED.swap(true, Ordering::Relaxed) {
+                std::process::exit(INTERRUPTED_TWICE);
+            }
+        });
+        if let Err(error) = installed {
+            tracing::warn!("cannot listen for Ctrl-C ({error}): it will end the program at once, without a summary");
         }
     });
-    if let Err(error) = installed {
-        tracing::warn!(%error, "cannot listen for Ctrl-C");
-    }
 }
 
 /// Exit status of a process that was interrupted while it was ending: what shells give for a signal 2.

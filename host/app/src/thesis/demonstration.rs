@@ -131,7 +131,7 @@ impl Rig {
             let readings = self.rest()?;
             match RestNoise::estimate(&readings) {
                 Ok(rest) => return Ok((rest, readings)),
-                Err(refused) => tracing::warn!(%refused, "the tare is taken again"),
+                Err(refused) => tracing::info!("the tare is taken again: {refused}"),
             }
         }
         let readings = self.rest()?;

@@ -245,7 +245,7 @@ impl Board<'_> {
             Control::PlugIn(sender) => {
                 // Without a new terminal the cable stays out, which the host will notice.
                 if let Err(error) = outlet.plug_in() {
-                    tracing::warn!(%error, "cannot plug the simulated cable in");
+                    tracing::warn!("the simulated cable stays unplugged: {error}");
                 }
                 sender
             }

@@ -25,7 +25,7 @@ pub(super) fn answer(registry: &Registry, number: u64, content: &Content) -> Ans
         Content::TooLong => ParsedLine { id: line::null(), request: Err(too_long()) },
     };
     let id = parsed.id;
-    let solved = parsed.request.and_then(|request| solved(registry, request, &id));
+    let solved = parsed.request.and_then(|request| solved(registry, request, &id, Some(number)));
     let failed = solved.is_err();
     let mut text = solved.unwrap_or_else(|error| error_line(ErrorLine { id, line: number, error }));
     text.push('\n');
@@ -33,9 +33,9 @@ pub(super) fn answer(registry: &Registry, number: u64, content: &Content) -> Ans
 }
 
 /// The line of output for a problem, without its line end. A crash of its solver is an error like others.
-fn solved(registry: &Registry, request: Request, id: &RawValue) -> Result<String, Failure> {
+fn solved(registry: &Registry, request: Request, id: &RawValue, line: Option<u64>) -> Result<String, Failure> {
     let solve = || registry.answer(&request.kind, request.fields, id);
-    panics::catch(solve).unwrap_or_else(|caught| Err(crashed(&caught)))
+    panics::catch(solve).unwrap_or_else(|caught| Err(crashed(line, &caught)))
 }
 
 impl Registry {
@@ -61,7 +61,7 @@ impl Registry {
     pub fn solve(&self, problem: Value) -> Result<Value, Failure> {
         let unreadable = |error: serde_json::Error| Failure::internal(&format!("the result cannot be read: {error}"));
         let id = to_raw_value(problem.get("id").unwrap_or(&Value::Null)).map_err(unreadable)?;
-        let text = line::request_of(problem).and_then(|request| solved(self, request, &id))?;
+        let text = line::request_of(problem).and_then(|request| solved(self, request, &id, None))?;
         serde_json::from_str(&text).map_err(unreadable)
     }
 
@@ -76,7 +76,7 @@ impl Registry {
     /// ```
     pub fn solve_line(&self, line: &[u8]) -> Result<String, Failure> {
         let ParsedLine { id, request } = line::parse(line);
-        solved(self, request?, &id)
+        solved(self, request?, &id, None)
     }
 }
 
@@ -96,8 +96,9 @@ fn too_long() -> Failure {
 }
 
 /// The message of the panic means nothing to the user; who repairs it finds it in the log.
-fn crashed(panics::Caught { place, message }: &panics::Caught) -> Failure {
-    tracing::error!(place, message, "a solver crashed");
+fn crashed(line: Option<u64>, panics::Caught { place, message }: &panics::Caught) -> Failure {
+    let line_named = line.map_or_else(String::new, |line| format!("line {line}: "));
+    tracing::error!("{line_named}the solver crashed at {place}: {message}");
     Failure::internal(&format!("the solver crashed at {place}: this is a bug of palpate, please report the line"))
 }
 

@@ -2,9 +2,10 @@
 
 use std::f64::consts::PI;
 
+use palpate_tests::project::reference_cases;
 use serde_json::{Value, json};
 
-use crate::solving::{assert_documented, shared_cases, solve};
+use crate::solving::{assert_documented, solve};
 
 /// How far apart two places on the part are: on an ellipse they repeat after half a turn.
 fn gap(a: &Value, b: &Value) -> f64 {
@@ -15,7 +16,7 @@ fn gap(a: &Value, b: &Value) -> f64 {
 
 #[test]
 fn the_shared_cases_are_solved_and_no_candidate_is_lost() {
-    let Some(cases) = shared_cases("initial_pose") else { return };
+    let Some(cases) = reference_cases("initial_pose") else { return };
     assert!(!cases.is_empty());
     let answers = solve(&cases.iter().map(|case| case["problem"].to_string()).collect::<Vec<_>>());
     for (case, answer) in cases.iter().zip(&answers) {

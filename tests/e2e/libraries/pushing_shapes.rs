@@ -3,8 +3,6 @@
 //! Shares nothing with the equations of `palpate::pushing::dynamics`: accelerations are differences of sampled velocities, velocities
 //! differences of sampled places, the contact is where the outlines, searched point by point, come nearest.
 
-#![expect(clippy::unwrap_used, reason = "a test stops at what it cannot read")]
-
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use nalgebra::{Point2, Rotation2, Vector2};

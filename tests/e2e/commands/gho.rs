@@ -2,15 +2,16 @@
 
 use std::f64::consts::PI;
 
+use palpate_tests::project::reference_cases;
 use serde_json::{Value, json};
 
-use crate::solving::{assert_documented, shared_cases, solve};
+use crate::solving::{assert_documented, solve};
 
 const NAMES: [&str; 4] = ["u", "s", "omega", "vT"];
 
 #[test]
 fn the_shared_cases_are_followed() {
-    let Some(cases) = shared_cases("gho") else { return };
+    let Some(cases) = reference_cases("gho") else { return };
     assert!(!cases.is_empty());
     let answers = solve(&cases.iter().map(|case| case["problem"].to_string()).collect::<Vec<_>>());
     for (case, answer) in cases.iter().zip(&answers) {

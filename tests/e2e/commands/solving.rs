@@ -1,24 +1,16 @@
-//! `palpate solve` as a process, the shared cases and the worked lines of the documentation.
+//! `palpate solve` as a process, and the worked lines of the documentation.
 
 use std::io::Write;
-use std::path::Path;
 use std::process::{Command, Stdio};
 
+use palpate_tests::project;
 use serde_json::Value;
 
-/// The shared cases of one file; `None`, said aloud, where there are none.
-pub(crate) fn shared_cases(name: &str) -> Option<Vec<Value>> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/cases").join(format!("{name}.jsonl"));
-    let Ok(text) = std::fs::read_to_string(&path) else {
-        eprintln!("NOT TESTED: the reference cases {} are absent", path.display());
-        return None;
-    };
-    Some(text.lines().map(|line| serde_json::from_str(line).unwrap()).collect())
-}
+use crate::PALPATE;
 
 /// The answers to some lines, in order. Newlines within a line are taken out.
 pub(crate) fn solve(lines: &[String]) -> Vec<Value> {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
+    let mut command = Command::new(PALPATE);
     let mut child = command.args(["solve", "-"]).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
     let input: Vec<_> = lines.iter().map(|line| line.replace('\n', " ")).collect();
     let (mut stdin, input) = (child.stdin.take().unwrap(), input.join("\n"));
@@ -50,7 +42,7 @@ fn alike(a: &Value, b: &Value) -> bool {
 
 /// Solves the worked line of a kind in `docs/SOLVE.md` and compares it with the answer printed after it.
 pub(crate) fn assert_documented(kind: &str, chosen: impl Fn(&Value) -> bool) {
-    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/SOLVE.md");
+    let page = project::folder().join("docs/SOLVE.md");
     let page = std::fs::read_to_string(page).unwrap();
     let mut lines = page.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
     let problem = lines.find(|line| line["problem"] == kind && chosen(line)).unwrap();

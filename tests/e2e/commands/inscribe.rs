@@ -1,11 +1,11 @@
 //! `palpate inscribe` as a user runs it: exit status, what is printed, the picture, and a message for each mistake.
 
-#![expect(clippy::unwrap_used, reason = "a test stops at what it cannot read")]
-
 use std::fs;
 use std::process::{Command, Output};
 
 use tempfile::TempDir;
+
+use crate::PALPATE;
 
 const BLOCK: &str = "unit = 'mm'\nvertices = [[0, 0], [60, 0], [60, 40], [10, 50]]\nmu = 0.3\n";
 const WEDGE: &str = "unit = 'mm'\nvertices = [[0, 0], [150, 0], [0, 20]]\nmu = 0.3\n";
@@ -24,7 +24,7 @@ fn inscribe(views: &str, arguments: &[&str]) -> (TempDir, Output) {
     for (name, text) in parts.into_iter().chain([("views.toml", views)]) {
         fs::write(folder.path().join(name), text).unwrap();
     }
-    let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
+    let mut command = Command::new(PALPATE);
     let output = command
         .args([&["inscribe", "--views", "views.toml"], arguments].concat())
         .current_dir(folder.path())
@@ -60,7 +60,7 @@ fn points_that_tell_the_poses_apart_are_planned_and_decoded() {
     let (folder, output) = inscribe(VIEWS, &["block.toml", "--resolve", "--json"]);
     fs::write(folder.path().join("plan.json"), &output.stdout).unwrap();
     let decoded = ["0", "1"].map(|reading| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
+        let mut command = Command::new(PALPATE);
         let command = command.args(["sample", "--decode", "plan.json", reading]).current_dir(folder.path());
         printed(&command.output().unwrap())
     });
@@ -154,11 +154,7 @@ fn poses_are_numbered_through_all_parts_and_parts_of_one_name_by_their_paths() {
     fs::create_dir(folder.path().join("other")).unwrap();
     fs::write(folder.path().join("other/block.toml"), BLOCK).unwrap();
     let arguments = "inscribe --views views.toml block.toml other/block.toml --resolve --plot poses.svg";
-    let output = Command::new(env!("CARGO_BIN_EXE_palpate"))
-        .args(arguments.split(' '))
-        .current_dir(folder.path())
-        .output()
-        .unwrap();
+    let output = Command::new(PALPATE).args(arguments.split(' ')).current_dir(folder.path()).output().unwrap();
     let text = printed(&output);
     for words in
         ["block.toml: 2 poses", "other/block.toml: 2 poses", "\n     3 ", "\n     4 ", "other/block.toml, pose 4"]
@@ -182,11 +178,7 @@ fn options_that_would_change_nothing_are_refused() {
         ("sample --decode plan.json 01 --greedy", "--decode"),
     ] {
         let (folder, _) = inscribe(VIEWS, &["block.toml"]);
-        let output = Command::new(env!("CARGO_BIN_EXE_palpate"))
-            .args(words.split(' '))
-            .current_dir(folder.path())
-            .output()
-            .unwrap();
+        let output = Command::new(PALPATE).args(words.split(' ')).current_dir(folder.path()).output().unwrap();
         assert_eq!(output.status.code(), Some(64), "{words}");
         assert!(complaint(&output).contains(missing), "{words}: {}", complaint(&output));
     }
@@ -198,7 +190,7 @@ fn sets_are_answered_for_programs_too_and_a_corner_needs_no_friction() {
     fs::write(folder.path().join("sets.txt"), "a: x y\nb: y\nc:\n").unwrap();
     let run = |words: &str| {
         let words = words.split(' ');
-        Command::new(env!("CARGO_BIN_EXE_palpate")).args(words).current_dir(folder.path()).output().unwrap()
+        Command::new(PALPATE).args(words).current_dir(folder.path()).output().unwrap()
     };
     let sets = printed(&run("sample --sets sets.txt --json"));
     assert!(sets.contains(r#""elements":["x","y"]"#) && sets.contains(r#""signatures":[[1,1],[0,1],[0,0]]"#), "{sets}");

@@ -1,7 +1,5 @@
 //! The link over real lines: nothing lost unseen, nothing acted on twice, and back after every mishap.
 
-#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
-
 use std::net::SocketAddr;
 use std::time::Duration;
 

@@ -4,8 +4,6 @@
 //! comes from the recordings by slow, separate code (`palpate_tests::force_logs`) and from
 //! `tests/golden/mlab_pushes_begun_in_contact.csv`.
 
-#![expect(clippy::unwrap_used, reason = "a test stops at what it cannot read")]
-
 use std::collections::BTreeMap;
 use std::fs;
 
@@ -73,7 +71,7 @@ fn session(folder: String, path: &std::path::Path) -> Session {
 
 /// Folder and push of those that begin in contact, with the deviation in N.
 fn golden() -> BTreeMap<(String, usize), f64> {
-    let text = include_str!("../golden/mlab_pushes_begun_in_contact.csv");
+    let text = include_str!("../../golden/mlab_pushes_begun_in_contact.csv");
     let rows = text.lines().filter(|line| !line.starts_with('#')).skip(1);
     rows.map(|row| {
         let fields: Vec<&str> = row.split(',').collect();

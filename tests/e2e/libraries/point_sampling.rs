@@ -1,9 +1,6 @@
 //! Telling polygons apart, from problem to points: what is answered is checked with exact integers and fractions of its own.
 
-#![allow(clippy::unwrap_used, reason = "a test stops at what it cannot read")]
-
 use std::collections::BTreeSet;
-use std::process::Command;
 
 use nalgebra::Point2;
 use palpate::corner::{Corner, RIGHT_ANGLE};
@@ -11,10 +8,8 @@ use palpate::geometry::SimplePolygon;
 use palpate::math::random::Draw;
 use palpate::point_sampling::scenes::SceneKind;
 use palpate::point_sampling::{Request, Scene, plan};
-use palpate_files::sampling_plan::PlanFile;
 use palpate_files::solve::Problem;
 use palpate_files::solve::kinds::point_sampling::PointSampling;
-use palpate_tests::rig::palpate_binary;
 
 /// Scenes of each kind.
 const SCENES: usize = 3;
@@ -102,28 +97,6 @@ fn twelve_corner_poses_need_four_points() {
     assert!(plan.clearance() > 1e-4, "{}", plan.clearance());
 }
 
-/// The same from the part file to the plan, on the command line; and every pose is known again by what its points read.
-#[test]
-fn a_part_file_becomes_twelve_corner_poses_and_a_plan_of_four_points() {
-    let folder = tempfile::TempDir::new().unwrap();
-    let part =
-        "unit = 'mm'\nvertices = [[0, 0], [52, -4], [71, 23], [49, 58], [21, 37], [-9, 49], [-17, 21]]\nmu = 0.3\n";
-    std::fs::write(folder.path().join("part.toml"), part).unwrap();
-    let run = |arguments: &[&str]| {
-        let output = Command::new(palpate_binary()).args(arguments).current_dir(folder.path()).output().unwrap();
-        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-        String::from_utf8(output.stdout).unwrap()
-    };
-    let json = run(&["corner", "part.toml", "--sample", "--json"]);
-    let plan: PlanFile = serde_json::from_str(&json).unwrap();
-    assert_eq!((plan.names.len(), plan.answer.points.len(), plan.answer.lower_bound), (12, 4, 4));
-    std::fs::write(folder.path().join("plan.json"), &json).unwrap();
-    for (signature, name) in plan.answer.signatures.iter().zip(&plan.names) {
-        let readings: String = signature.iter().map(u8::to_string).collect();
-        assert!(run(&["sample", "--decode", "plan.json", &readings]).starts_with(name.as_str()));
-    }
-}
-
 #[test]
 fn identical_shapes_are_named_in_pairs() {
     let line = r#"{"polygons": [[[0,0],[1,0],[1,1],[0,1]], [[0.5,0],[1.5,0],[1.5,1],[0.5,1]], [[1,0],[1,1],[0,1],[0,0]],
@@ -149,32 +122,4 @@ fn what_cannot_be_is_refused_with_its_place() {
     assert!(told("\"separation\": 0").contains("from 1 to 64"));
     let none = serde_json::from_str::<PointSampling>("{\"polygons\": []}").unwrap().solve().unwrap_err().to_string();
     assert!(none.contains("at least one polygon"), "{none}");
-}
-
-#[test]
-fn a_plan_made_on_the_command_line_decodes_there() {
-    let folder = tempfile::TempDir::new().unwrap();
-    let scene = "unit = 'mm'\n[[shape]]\nname = 'bar'\nvertices = [[0, 0], [60, 0], [60, 10], [0, 10]]\n\
-                 poses = [[0, 0, 0], [30, 0, 0], [10, 0, 90]]\n[[shape]]\nname = 'disk'\nvertices = [[0, 0, 1], [40, 0, 1]]";
-    std::fs::write(folder.path().join("scene.toml"), scene).unwrap();
-    let run = |arguments: &[&str]| {
-        let output = Command::new(palpate_binary()).args(arguments).current_dir(folder.path()).output().unwrap();
-        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-        String::from_utf8(output.stdout).unwrap()
-    };
-    let json = run(&["sample", "scene.toml", "--notice", "1", "--json"]);
-    let plan: PlanFile = serde_json::from_str(&json).unwrap();
-    std::fs::write(folder.path().join("plan.json"), &json).unwrap();
-    for (signature, name) in plan.answer.signatures.iter().zip(&plan.names) {
-        let readings: String = signature.iter().map(u8::to_string).collect();
-        assert!(run(&["sample", "--decode", "plan.json", &readings]).starts_with(name.as_str()));
-        let unreadable = format!("?{}", &readings[1..]);
-        assert!(run(&["sample", "--decode", "plan.json", &unreadable]).starts_with(name.as_str()));
-    }
-    std::fs::write(folder.path().join("sets.txt"), "x: a b\ny: a\nz: b c\nnone:\n").unwrap();
-    let found = run(&["sample", "--sets", "sets.txt", "--tree"]);
-    assert!(
-        found.contains("2 of them tell the sets apart (proven fewest): a b") && found.contains("at most 2 questions"),
-        "{found}"
-    );
 }

@@ -1,7 +1,5 @@
 //! The whole chain: force on the simulated disk, through firmware, wire and calibration, to a contact angle.
 
-#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
-
 use std::sync::Arc;
 
 use palpate::finger::calibration::plan::{Plan, TareMode};

@@ -1,7 +1,5 @@
 //! Support friction against quadrature of its definition, which shares nothing with the closed forms.
 
-#![allow(clippy::unwrap_used, reason = "clippy exempts tests, but not their helpers")]
-
 use nalgebra::{Point2, Vector2};
 use palpate::geometry::SimplePolygon;
 use palpate::pushing::dynamics::support::{SupportFriction, Twist};

@@ -1,12 +1,13 @@
 //! The kind `observability`.
 
+use palpate_tests::project::reference_cases;
 use serde_json::Value;
 
-use crate::solving::{assert_documented, shared_cases, solve};
+use crate::solving::{assert_documented, solve};
 
 #[test]
 fn the_shared_cases_of_pushes_have_their_rank() {
-    let Some(cases) = shared_cases("observability") else { return };
+    let Some(cases) = reference_cases("observability") else { return };
     let pushes: Vec<_> = cases.into_iter().filter(|case| case["problem"]["system"] == "push").collect();
     assert!(!pushes.is_empty());
     let answers = solve(&pushes.iter().map(|case| case["problem"].to_string()).collect::<Vec<_>>());

@@ -1,20 +1,20 @@
 //! `palpate solve` as a process: pipes, exit statuses, streaming.
 
-#![allow(clippy::unwrap_used, reason = "clippy exempts tests, but not their helpers")]
-
 use std::io::{BufRead, BufReader, Read, Write};
-use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::thread;
 
+use palpate_tests::project::reference_cases;
 use serde_json::{Value, json};
+
+use crate::PALPATE;
 
 const EXIT_UNREADABLE: i32 = 1;
 const EXIT_SOME_FAILED: i32 = 2;
 const EXIT_USAGE: i32 = 64;
 
 fn palpate(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
+    let mut command = Command::new(PALPATE);
     command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     command
 }
@@ -209,12 +209,7 @@ fn the_help_shows_the_interface() {
 /// Malformed lines kept beside the project. What they expect of a kind that is not built in is left out, and told.
 #[test]
 fn malformed_reference_lines_get_the_errors_they_should() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/cases/bad.jsonl");
-    let Ok(text) = std::fs::read_to_string(&path) else {
-        eprintln!("NOT TESTED: the reference lines {} are absent", path.display());
-        return;
-    };
-    let cases: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let Some(cases) = reference_cases("bad") else { return };
     let lines: Vec<_> = cases.iter().map(|case| case["line"].as_str().unwrap()).collect();
     let output = solve(&["--jobs", "2"], lines.join("\n").as_bytes());
     let schema = answers_of_schema();

@@ -1,21 +1,20 @@
 //! The commands as a person uses them: the real binary, in two terminals, over a real pseudo-terminal.
 
-#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
-#![cfg(unix)]
-
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Output, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 
-use palpate_tests::rig::{PATIENCE, palpate_binary};
+use palpate_tests::rig::PATIENCE;
 use serde_json::Value;
+
+use crate::PALPATE;
 
 /// Exit status of a wrong command line.
 const EXIT_USAGE: i32 = 64;
 
 fn palpate(arguments: &[&str]) -> Command {
-    let mut command = Command::new(palpate_binary());
+    let mut command = Command::new(PALPATE);
     command.args(arguments).env_remove("PALPATE_DEVICE").env_remove("PALPATE_CALIBRATION");
     command
 }

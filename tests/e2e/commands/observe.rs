@@ -1,7 +1,5 @@
 //! A part is pushed, and the real binary names its pose: live over a pseudo-terminal, and from files.
 
-#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
-
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -13,8 +11,10 @@ use palpate::math::random::Draw;
 use palpate::pushing::dynamics::EndReason;
 use palpate::pushing::pushed_world::{Played, PushedWorld};
 use palpate_files::part::PolygonFile;
-use palpate_tests::rig::palpate_binary;
+use palpate_tests::project;
 use serde_json::Value;
+
+use crate::PALPATE;
 
 /// Seed of the simulated finger, whose calibration is that of another one with the same seed.
 const SEED: &str = "7";
@@ -23,11 +23,11 @@ const SEED: &str = "7";
 const POSE_ERROR: (f64, f64) = (5e-4, 0.01);
 
 fn example(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples").join(name)
+    project::folder().join("examples").join(name)
 }
 
 fn palpate(arguments: &[&str]) -> Command {
-    let mut command = Command::new(palpate_binary());
+    let mut command = Command::new(PALPATE);
     command.args(arguments).env_remove("PALPATE_DEVICE").env_remove("PALPATE_CALIBRATION");
     command
 }

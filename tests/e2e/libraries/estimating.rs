@@ -1,8 +1,6 @@
 //! The kind `observe_push` on contacts from pushes in world coordinates (`palpate_tests::push_oracle`), which share no formula with
 //! the estimator: parts on feet, their mass where it likes, any edge.
 
-#![expect(clippy::unwrap_used, reason = "a test stops at what it cannot read")]
-
 use palpate::math::random::Draw;
 use palpate_files::solve::Problem;
 use palpate_files::solve::kinds::observe_push::{ObservePush, ObservePushAnswer, Status};

@@ -2,18 +2,12 @@
 //!
 //! The reference cases are beside the project; without them the tests say so and check the documentation alone.
 
-#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
-
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use palpate_files::solve::{KINDS, run};
+use palpate_tests::project;
 use serde_json::Value;
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
-}
 
 /// Answers to problems, in order.
 fn solve<'a>(problems: impl Iterator<Item = &'a Value>) -> Vec<Value> {
@@ -25,12 +19,7 @@ fn solve<'a>(problems: impl Iterator<Item = &'a Value>) -> Vec<Value> {
 
 /// The reference cases of a file that are about rolling.
 fn cases(name: &str) -> Vec<Value> {
-    let path = root().join("../shared/cases").join(name);
-    let Ok(text) = std::fs::read_to_string(&path) else {
-        eprintln!("NOT TESTED: the reference cases {} are absent", path.display());
-        return Vec::new();
-    };
-    let all = text.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+    let all = project::reference_cases(name).unwrap_or_default().into_iter();
     all.filter(|case| case["problem"]["system"].as_str().is_none_or(|system| system == "roll")).collect()
 }
 
@@ -45,7 +34,7 @@ fn attitude(value: &Value) -> UnitQuaternion<f64> {
 
 #[test]
 fn rolls_are_those_of_the_reference() {
-    let cases = cases("roll.jsonl");
+    let cases = cases("roll");
     let answers = solve(cases.iter().map(|case| &case["problem"]));
     for (case, answer) in cases.iter().zip(&answers) {
         let (wanted, got) = (&case["expected"]["samples"], &answer["samples"]);
@@ -63,7 +52,7 @@ fn rolls_are_those_of_the_reference() {
 
 #[test]
 fn ranks_are_those_of_the_reference() {
-    let cases = cases("observability.jsonl");
+    let cases = cases("observability");
     let answers = solve(cases.iter().map(|case| &case["problem"]));
     for (case, answer) in cases.iter().zip(&answers) {
         for field in ["dimension", "rank", "observable"] {
@@ -90,7 +79,7 @@ fn error(got: &UnitQuaternion<f64>, wanted: &UnitQuaternion<f64>, symmetry: &str
 
 #[test]
 fn attitudes_are_found_from_the_paths_of_the_reference() {
-    let cases = cases("observe_roll.jsonl");
+    let cases = cases("observe_roll");
     let answers = solve(cases.iter().map(|case| &case["problem"]));
     for (case, answer) in cases.iter().zip(&answers) {
         let (expected, first) = (&case["expected"], &answer["hypotheses"][0]);
@@ -108,7 +97,7 @@ fn attitudes_are_found_from_the_paths_of_the_reference() {
 
 #[test]
 fn what_is_unknown_is_found_on_the_reference() {
-    let cases = cases("blind.jsonl");
+    let cases = cases("blind");
     let answers = solve(cases.iter().map(|case| &case["problem"]));
     for (case, answer) in cases.iter().zip(&answers) {
         let (expected, tolerance, first) = (&case["expected"], &case["tolerance"], &answer["hypotheses"][0]);
@@ -158,7 +147,7 @@ fn alike(a: &Value, b: &Value) -> bool {
 
 #[test]
 fn worked_lines_are_answered_as_documented() {
-    let page = std::fs::read_to_string(root().join("docs/SOLVE.md")).unwrap();
+    let page = std::fs::read_to_string(project::folder().join("docs/SOLVE.md")).unwrap();
     let lines: Vec<Value> = page.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
     for id in ["pebble", "seen", "tip"] {
         let [problem, documented] = lines.iter().filter(|line| line["id"] == id).collect::<Vec<_>>()[..] else {

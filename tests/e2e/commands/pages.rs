@@ -1,16 +1,11 @@
 //! The pages a person reads: what they mark up, where they lead, and that the index of the thesis is whole and true.
 
-#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+use std::path::PathBuf;
 
-use std::path::{Path, PathBuf};
-
-/// The project's folder.
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
-}
+use palpate_tests::project::folder;
 
 fn pages() -> Vec<(PathBuf, String)> {
-    let folders = [".", "docs", "calibration", "firmware/board"].map(|folder| root().join(folder));
+    let folders = [".", "docs", "calibration", "firmware/board"].map(|name| folder().join(name));
     let files = folders.iter().flat_map(|folder| std::fs::read_dir(folder).unwrap()).map(|entry| entry.unwrap().path());
     let pages: Vec<_> = files
         .filter(|path| path.extension().is_some_and(|extension| extension == "md"))
@@ -146,7 +141,7 @@ struct Row {
 
 /// The rows of the index, without headings.
 fn index() -> Vec<Row> {
-    let page = std::fs::read_to_string(root().join(INDEX_PAGE)).unwrap();
+    let page = std::fs::read_to_string(folder().join(INDEX_PAGE)).unwrap();
     let (mut inside, mut label, mut rows) = (false, String::new(), Vec::new());
     for (line, text) in page.lines().enumerate().map(|(at, text)| (at + 1, text)) {
         if text.starts_with("## ") {
@@ -229,19 +224,19 @@ fn defines(source: &str, name: &str) -> bool {
 
 #[test]
 fn what_the_notation_names_is_there() {
-    let page = std::fs::read_to_string(root().join(INDEX_PAGE)).unwrap();
+    let page = std::fs::read_to_string(folder().join(INDEX_PAGE)).unwrap();
     let (mut places, mut faults) = (0, Vec::new());
     for (line, text) in page.lines().enumerate().map(|(at, text)| (at + 1, text)) {
         // `path/to/folder/`, `path/to/file.rs` or `path/to/file.rs::name`.
         for place in marked(text).filter(|place| place.ends_with('/')) {
-            if !root().join(place).is_dir() {
+            if !folder().join(place).is_dir() {
                 faults.push(format!("{INDEX_PAGE}:{line}: got {place}, wanted a folder"));
             }
         }
         for place in marked(text).filter(|place| place.contains('/') && place.contains(".rs")) {
             places += 1;
             let (file, name) = place.split_once("::").map_or((place, None), |(file, name)| (file, Some(name)));
-            match (std::fs::read_to_string(root().join(file)), name) {
+            match (std::fs::read_to_string(folder().join(file)), name) {
                 (Err(error), _) => faults.push(format!("{INDEX_PAGE}:{line}: got {file}: {error}, wanted a file")),
                 (Ok(source), Some(name)) if !defines(&source, name) => {
                     faults.push(format!("{INDEX_PAGE}:{line}: got no {name} in {file}, wanted its definition"));

@@ -1,36 +1,9 @@
 //! `palpate solve` on the shared cases of kind `support_friction`, where they are present.
 
-#![allow(clippy::unwrap_used, reason = "clippy exempts tests, but not their helpers")]
-
-use std::io::Write;
-use std::path::Path;
-use std::process::{Command, Stdio};
-
+use palpate_tests::project::reference_cases;
 use serde_json::Value;
 
-/// The shared cases; `None`, said aloud, where there are none.
-fn cases() -> Option<Vec<Value>> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/cases/friction.jsonl");
-    let Ok(text) = std::fs::read_to_string(&path) else {
-        eprintln!("NOT TESTED: the reference cases {} are absent", path.display());
-        return None;
-    };
-    Some(text.lines().map(|line| serde_json::from_str(line).unwrap()).collect())
-}
-
-/// The answers to some lines, in order.
-fn solve(lines: &[String]) -> Vec<Value> {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
-    let mut child = command.args(["solve", "-"]).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
-    let (mut stdin, input) = (child.stdin.take().unwrap(), lines.join("\n"));
-    let feeder = std::thread::spawn(move || stdin.write_all(input.as_bytes()).unwrap());
-    let output = child.wait_with_output().unwrap();
-    feeder.join().unwrap();
-    let answers: Vec<_> =
-        String::from_utf8(output.stdout).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect();
-    assert_eq!(answers.len(), lines.len());
-    answers
-}
+use crate::solving::solve;
 
 /// All numbers of a value, in order.
 fn numbers(value: &Value) -> Vec<f64> {
@@ -42,7 +15,7 @@ fn numbers(value: &Value) -> Vec<f64> {
 
 #[test]
 fn the_shared_cases_come_out_within_their_tolerances() {
-    let Some(cases) = cases() else { return };
+    let Some(cases) = reference_cases("friction") else { return };
     assert!(!cases.is_empty());
     let answers = solve(&cases.iter().map(|case| case["problem"].to_string()).collect::<Vec<_>>());
     for (case, answer) in cases.iter().zip(&answers) {

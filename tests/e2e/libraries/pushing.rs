@@ -1,12 +1,11 @@
 //! The kind `push` against the same pushes in world coordinates (`palpate_tests::push_oracle`).
 
-#![expect(clippy::unwrap_used, reason = "a test stops at what it cannot read")]
-
 use std::f64::consts::PI;
 
 use palpate::math::random::Draw;
 use palpate_files::solve::Problem;
 use palpate_files::solve::kinds::push::{Push, PushAnswer, PushSample, Reason};
+use palpate_tests::project::reference_cases;
 use palpate_tests::push_oracle::{Motion, Seen, Tangential, World};
 use serde_json::{Value, json};
 
@@ -351,12 +350,7 @@ fn off_by(got: &Value, want: &Value, tolerance: &Value) -> f64 {
 /// The checked problems of `../shared/cases`, at their tolerances.
 #[test]
 fn public_cases_are_answered_as_expected() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/cases/push.jsonl");
-    let Ok(text) = std::fs::read_to_string(path) else {
-        eprintln!("NOT CHECKED: ../shared/cases is absent, so no public case was compared");
-        return;
-    };
-    let cases: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let Some(cases) = reference_cases("push") else { return };
     assert!(cases.len() >= 50, "only {} cases", cases.len());
     for case in cases {
         let (expected, tolerance) = (&case["expected"], &case["tolerance"]);

@@ -1,17 +1,17 @@
 //! `palpate push` as a user runs it: exit status, what is printed where, the picture, and a message for each mistake.
 
-#![expect(clippy::unwrap_used, reason = "a test stops at what it cannot read")]
-
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
 use tempfile::TempDir;
 
+use crate::PALPATE;
+
 const BLOCK: &str = "unit = 'mm'\nvertices = [[0, 0], [60, 0], [60, 40], [0, 40]]\nmu = 0.3\nmu_c = 0.25\n";
 
 fn palpate(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_palpate")).args(arguments).current_dir(folder).output().unwrap()
+    Command::new(PALPATE).args(arguments).current_dir(folder).output().unwrap()
 }
 
 /// A folder with the block, and what `palpate push block.toml` says there.
@@ -149,7 +149,7 @@ fn a_finger_that_overlaps_the_part_is_refused() {
 
 #[test]
 fn the_example_part_can_be_pushed_at_every_edge() {
-    let part = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/part.toml");
+    let part = palpate_tests::project::folder().join("examples/part.toml");
     for edge in ["0", "1", "2", "3", "4"] {
         let output = palpate(Path::new("."), &["push", part.to_str().unwrap(), "--edge", edge, "--speed-mm-s", "50"]);
         assert_eq!(output.status.code(), Some(0), "{}", complaint(&output));

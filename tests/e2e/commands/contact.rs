@@ -1,15 +1,15 @@
 //! `palpate contact` as a user runs it: exit status, what is printed where, and that the JSON is JSON.
 
-#![expect(clippy::unwrap_used, reason = "a test stops at what it cannot read")]
-
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
 use tempfile::TempDir;
 
+use crate::PALPATE;
+
 fn contact(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_palpate")).arg("contact").args(arguments).current_dir(folder).output().unwrap()
+    Command::new(PALPATE).arg("contact").args(arguments).current_dir(folder).output().unwrap()
 }
 
 /// A table at 100 Hz with a bad line: free for a second, then 2 N along −x. The "noise" is a fixed pattern.

@@ -1,7 +1,5 @@
 //! Inscription against exhaustion (`palpate_tests::inscription_oracle`), which shares nothing with it.
 
-#![allow(clippy::unwrap_used, reason = "clippy exempts tests, but not their helpers")]
-
 use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Point2, Vector3};

@@ -3,12 +3,11 @@
 //! The seed is fixed, so that a failure repeats; it prints the bytes that broke the law. For an unbounded search with
 //! coverage, see `fuzz/`. A file that libFuzzer finds goes into the corpus.
 
-#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
-
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use palpate::math::random::Draw;
+use palpate_tests::project;
 
 /// Mutations of each target: some seconds in all.
 const MUTATIONS: usize = 20_000;
@@ -17,7 +16,7 @@ const MUTATIONS: usize = 20_000;
 const INPUT_MAX: usize = 1200;
 
 fn corpus(target: &str) -> Vec<(PathBuf, Vec<u8>)> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("golden/fuzz").join(target);
+    let folder = project::folder().join("tests/golden/fuzz").join(target);
     let mut files: Vec<PathBuf> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
     files.sort();
     assert!(files.len() >= 8, "the corpus in {} is kept", folder.display());

@@ -1,0 +1,26 @@
+//! The tool `palpate` as people and programs use it: the real binary, its answers, and the pages that explain it.
+//!
+//! A target of the tool's package, so that cargo builds the binary before any test begins.
+
+#![allow(clippy::unwrap_used, reason = "clippy exempts tests, but not their helpers")]
+
+mod chain;
+mod contact;
+#[cfg(unix)]
+mod devices;
+mod gho;
+mod initial_pose;
+mod inscribe;
+mod newer_firmware;
+mod observability;
+mod observe;
+mod pages;
+mod push;
+mod sample;
+mod solve;
+mod solving;
+mod support_friction;
+mod warnings;
+
+/// The tool's binary.
+const PALPATE: &str = env!("CARGO_BIN_EXE_palpate");

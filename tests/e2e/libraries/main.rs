@@ -1,0 +1,15 @@
+//! The libraries, judged from outside: against slow code that shares nothing with them, recordings of others, hostile
+//! bytes and broken lines.
+
+#![allow(clippy::unwrap_used, reason = "clippy exempts tests, but not their helpers")]
+
+mod estimating;
+mod force_recordings;
+mod friction;
+mod fuzz;
+mod inscription;
+mod link;
+mod point_sampling;
+mod pushing;
+mod pushing_shapes;
+mod rolling;
