@@ -271,7 +271,7 @@ impl<'a> Search<'a> {
         let states = match self.way.contact {
             Some(contact) => {
                 let seeded: Vec<_> =
-                    self.models.iter().map(|model| Seeded::jets(model, &contact, start, UNKNOWNS)).collect();
+                    self.models.iter().map(|model| Seeded::new(model, &contact, start, UNKNOWNS)).collect();
                 let models: Vec<_> = seeded.iter().map(|seeded| &seeded.model).collect();
                 let steps = if sigma < SIGMA_COARSE { STEPS[1] } else { STEPS[0] };
                 self.states(&models, &seeded[0].contact, &seeded[0].start, steps).collect()

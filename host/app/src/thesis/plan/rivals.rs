@@ -130,7 +130,7 @@ impl Search<'_> {
         let seeded: Vec<_> = self
             .legs
             .iter()
-            .map(|(model, values)| (Seeded::jets(model, &Contact::Rolling, start, parameters), *values))
+            .map(|(model, values)| (Seeded::new(model, &Contact::Rolling, start, parameters), *values))
             .collect();
         let mut normal = Normal::new(start);
         let states = states(seeded.iter().map(|(leg, values)| (&leg.model, *values)), &seeded[0].0.start);

@@ -91,7 +91,7 @@ impl Push<'_> {
             ContactLaw::Sliding { friction, .. } | ContactLaw::Coulomb { friction } => friction,
         };
         let row = parameters.iter().position(|&parameter| parameter == Parameter::ContactFriction);
-        let Seeded { model, contact, start } = Seeded::jets(&self.model, contact, start, parameters);
+        let Seeded { model, contact, start } = Seeded::new(&self.model, contact, start, parameters);
         let friction = row.map_or_else(|| Jet::constant(friction), |row| Jet::variable(friction, row));
         let mut carrier = Carrier { model, friction, contact, time: 0.0, state: start };
         carrier.keep_rolling(0.0);
