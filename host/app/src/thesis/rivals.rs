@@ -206,7 +206,6 @@ impl<'a> Search<'a> {
         start: &State<T>,
         steps: usize,
     ) -> impl Iterator<Item = State<T>> + use<T> {
-        #[expect(clippy::cast_precision_loss, reason = "a few")]
         let step = self.truth.dt / steps as f64;
         let mut states = vec![*start];
         for (model, leg) in models.iter().zip(self.truth.legs) {
@@ -333,7 +332,6 @@ impl<'a> Search<'a> {
             since -= self.truth.legs[leg].values - 1;
             leg += 1;
         }
-        #[expect(clippy::cast_precision_loss, reason = "a count of values")]
         let time = since as f64 * self.truth.dt;
         (&self.models[leg], time)
     }

@@ -58,7 +58,6 @@ fn states<'m, 'p: 'm, T: Scalar + 'm>(
     legs: impl Iterator<Item = (&'m PushModel<'p, T>, usize)>,
     start: &State<T>,
 ) -> Vec<State<T>> {
-    #[expect(clippy::cast_precision_loss, reason = "2")]
     let step = DT_S / STEPS as f64;
     let mut states = vec![*start];
     for (model, values) in legs {
@@ -164,7 +163,6 @@ impl Search<'_> {
         });
         // The last value ends the last leg.
         let Some((model, _)) = leg else { return true };
-        #[expect(clippy::cast_precision_loss, reason = "a count of values")]
         let time = (value - since) as f64 * DT_S;
         let State { u, s, omega, v_t } = *state;
         let state = State { u: u.value, s: s.value, omega: omega.value, v_t: v_t.value };
