@@ -8,6 +8,8 @@ use std::env;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use crate::image::TARGET;
+
 /// Where cargo finds flags for the compiler, whatever characters are in them. It takes the place of flags that are meant
 /// for this computer's own programs.
 const FLAGS: &str = "CARGO_ENCODED_RUSTFLAGS";

@@ -69,7 +69,7 @@ fn main() {
     report("rolling with derivatives by u, s and ω", seconds);
     let parameters = [Parameter::U, Parameter::S, Parameter::Omega, Parameter::VT];
     for (name, contact) in [("rolling", Contact::Rolling), ("frictionless", Contact::Frictionless)] {
-        let jets = Seeded::jets(&model, &contact, &start, parameters);
+        let jets = Seeded::new(&model, &contact, &start, parameters);
         let seconds = per_push(|| roll_out(&jets.model, &jets.contact, &jets.start));
         report(&format!("{name} with jets by u, s, ω and v_T"), seconds);
         let seconds = per_push(|| {

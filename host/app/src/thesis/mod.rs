@@ -138,7 +138,6 @@ impl Cell {
     /// A share `part / whole`; empty where there is no whole.
     #[must_use]
     pub fn share(part: usize, whole: usize) -> Self {
-        #[expect(clippy::cast_precision_loss, reason = "counts of cases are far below 2^53")]
         let share = |part: usize, whole: usize| part as f64 / whole as f64;
         if whole == 0 { Self::Empty } else { Self::Share(share(part, whole)) }
     }

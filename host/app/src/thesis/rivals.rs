@@ -223,7 +223,6 @@ impl<'a> Search<'a> {
         start: &State<T>,
         steps: usize,
     ) -> impl Iterator<Item = State<T>> + use<T> {
-        #[expect(clippy::cast_precision_loss, reason = "a few")]
         let step = self.truth.dt / steps as f64;
         let mut states = vec![*start];
         for (model, leg) in models.iter().zip(self.truth.legs) {
@@ -268,7 +267,7 @@ impl<'a> Search<'a> {
         let states = match self.way.contact {
             Some(contact) => {
                 let seeded: Vec<_> =
-                    self.models.iter().map(|model| Seeded::jets(model, &contact, start, UNKNOWNS)).collect();
+                    self.models.iter().map(|model| Seeded::new(model, &contact, start, UNKNOWNS)).collect();
                 let models: Vec<_> = seeded.iter().map(|seeded| &seeded.model).collect();
                 let steps = if sigma < SIGMA_COARSE { STEPS[1] } else { STEPS[0] };
                 self.states(&models, &seeded[0].contact, &seeded[0].start, steps).collect()
@@ -334,7 +333,6 @@ impl<'a> Search<'a> {
             since -= self.truth.legs[leg].values;
             leg += 1;
         }
-        #[expect(clippy::cast_precision_loss, reason = "a count of values")]
         let time = since as f64 * self.truth.dt;
         (&self.models[leg], time)
     }

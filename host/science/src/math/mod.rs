@@ -11,5 +11,5 @@ mod spectrum;
 pub mod statistics;
 
 pub use bits::{BitMatrix, BitRow, BitSet};
-pub use dual::Jet;
+pub use dual::{Jet, Number};
 pub use spectrum::{RANK_THRESHOLD, Spectrum};

@@ -62,7 +62,6 @@ impl Draw {
     /// An index below `count`; 0 if `count` is 0.
     pub fn index(&mut self, count: usize) -> usize {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below `count`, which is a usize")]
-        #[expect(clippy::cast_precision_loss, reason = "counts here are far below 2^53")]
         let index = (self.unit() * count as f64) as usize;
         index
     }

@@ -77,7 +77,6 @@ pub fn normal_tail(x: f64) -> f64 {
 /// none, infinite for p = 1.
 #[must_use]
 pub fn chi_square_quantile(p: f64, degrees_of_freedom: usize) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "counts of data are far below 2^53")]
     let freedom = degrees_of_freedom as f64;
     match ChiSquared::new(freedom) {
         Ok(_) if p >= 1.0 => f64::INFINITY,

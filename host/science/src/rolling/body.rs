@@ -384,13 +384,11 @@ fn moments(shape: &Shape) -> Moments {
 /// Gauss's rule from pole to pole, equal steps around: both converge exponentially for a smooth body.
 fn quadrature(shape: &Shape, rings: usize) -> Moments {
     let around = 2 * rings;
-    #[expect(clippy::cast_precision_loss, reason = "a few hundred")]
     let step = 2.0 * PI / around as f64;
     let (mut volume, mut first, mut second) = (0.0, Vector3::zeros(), Matrix3::zeros());
     for (z, weight) in gauss(rings) {
         let radius = (1.0 - z * z).sqrt();
         for k in 0..around {
-            #[expect(clippy::cast_precision_loss, reason = "a few hundred")]
             let (sin, cos) = (step * k as f64).sin_cos();
             let normal = Vector3::new(radius * cos, radius * sin, z);
             let local = shape.local(&normal, &Vector3::zeros());
@@ -405,16 +403,13 @@ fn quadrature(shape: &Shape, rings: usize) -> Moments {
 
 /// Nodes and weights of Gauss's rule on [−1, 1]: Newton's iteration on the Legendre polynomial.
 fn gauss(count: usize) -> impl Iterator<Item = (f64, f64)> {
-    #[expect(clippy::cast_precision_loss, reason = "a few hundred")]
     let n = count as f64;
     (0..count).map(move |k| {
-        #[expect(clippy::cast_precision_loss, reason = "a few hundred")]
         let mut z = (PI * (k as f64 + 0.75) / (n + 0.5)).cos();
         let mut slope = 1.0;
         for _ in 0..8 {
             let (mut before, mut here) = (1.0, z);
             for j in 2..=count {
-                #[expect(clippy::cast_precision_loss, reason = "a few hundred")]
                 let j = j as f64;
                 (before, here) = (here, ((2.0 * j - 1.0) * z * here - (j - 1.0) * before) / j);
             }

@@ -10,15 +10,14 @@
 //! Errors: none; where the map is singular the state stops being a number. `None` for custom shapes, which carry no
 //! derivatives of higher order.
 
-use nalgebra::{Const, Quaternion, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
-use num_dual::{Derivative, Dual, DualSVec64};
+use nalgebra::{Quaternion, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
 
 use super::mechanics::{Model, State, StateOf};
-use super::shape::Real;
 use crate::math::ode::{self, Moment, Moves};
+use crate::math::{Jet, Number};
 
 /// A number with the derivatives by a small turn and a change of the angular velocity.
-type BySix = DualSVec64<6>;
+type BySix = Jet<6>;
 
 /// The observer.
 #[derive(Clone, Copy, Debug)]
@@ -46,9 +45,8 @@ impl Gho<'_> {
         for axis in 0..2 {
             jacobian[(axis, axis)] = 1.0;
             for (order, value) in orders.iter().enumerate() {
-                let slopes = value[axis].eps.unwrap_generic(Const, Const);
                 for column in 0..6 {
-                    jacobian[(2 * (order + 1) + axis, 2 + column)] = slopes[column];
+                    jacobian[(2 * (order + 1) + axis, 2 + column)] = value[axis].slopes[column];
                 }
             }
         }
@@ -104,7 +102,7 @@ impl Moves<SVector<f64, 8>> for State {
 /// A state with its derivatives by (θ, ω).
 fn seed(state: &State) -> StateOf<BySix> {
     let unit = |column: usize| SVector::<f64, 6>::ith(column, 1.0);
-    let number = |value: f64, slopes: SVector<f64, 6>| BySix::new(value, Derivative::some(slopes));
+    let number = |value: f64, slopes: SVector<f64, 6>| BySix { value, slopes: slopes.into() };
     let q = state.orientation.normalize();
     // q ⊗ (1, θ/2)
     let turned = |axis: usize| q * Quaternion::from_imag(Vector3::ith(axis, 0.5));
@@ -120,24 +118,24 @@ fn seed(state: &State) -> StateOf<BySix> {
 }
 
 /// The state a moment later: its rates as derivatives by time.
-fn flowing<T: Real>(model: &Model, state: &StateOf<T>, felt: &Vector3<f64>) -> Option<StateOf<Dual<T, f64>>> {
+fn flowing<T: Number>(model: &Model, state: &StateOf<T>, felt: &Vector3<f64>) -> Option<StateOf<Jet<1, T>>> {
     let (_, rates) = model.rates_with(state, felt)?;
     Some(StateOf {
-        orientation: [0, 1, 2, 3].map(|i| Dual::new(state.orientation[i], rates.orientation[i])),
-        omega: [0, 1, 2].map(|i| Dual::new(state.omega[i], rates.omega[i])),
+        orientation: [0, 1, 2, 3].map(|i| Jet { value: state.orientation[i], slopes: [rates.orientation[i]] }),
+        omega: [0, 1, 2].map(|i| Jet { value: state.omega[i], slopes: [rates.omega[i]] }),
     })
 }
 
-fn velocity<T: Real>(model: &Model, state: &StateOf<T>, felt: &Vector3<f64>) -> Option<[T; 2]> {
+fn velocity<T: Number>(model: &Model, state: &StateOf<T>, felt: &Vector3<f64>) -> Option<[T; 2]> {
     Some(model.rates_with(state, felt)?.0)
 }
 
-fn acceleration<T: Real>(model: &Model, state: &StateOf<T>, felt: &Vector3<f64>) -> Option<[T; 2]> {
-    Some(velocity(model, &flowing(model, state, felt)?, felt)?.map(|component| component.eps))
+fn acceleration<T: Number>(model: &Model, state: &StateOf<T>, felt: &Vector3<f64>) -> Option<[T; 2]> {
+    Some(velocity(model, &flowing(model, state, felt)?, felt)?.map(|component| component.slopes[0]))
 }
 
-fn jerk<T: Real>(model: &Model, state: &StateOf<T>, felt: &Vector3<f64>) -> Option<[T; 2]> {
-    Some(acceleration(model, &flowing(model, state, felt)?, felt)?.map(|component| component.eps))
+fn jerk<T: Number>(model: &Model, state: &StateOf<T>, felt: &Vector3<f64>) -> Option<[T; 2]> {
+    Some(acceleration(model, &flowing(model, state, felt)?, felt)?.map(|component| component.slopes[0]))
 }
 
 #[cfg(test)]

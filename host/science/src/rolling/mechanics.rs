@@ -26,7 +26,8 @@ use std::ops::{Add, Mul};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector2, Vector3};
 
 use super::body::Body;
-use super::shape::{Real, Scaled, cross, dot};
+use super::shape::{Scaled, cross, dot};
+use crate::math::Number;
 use crate::math::ode::{self, Moment, Moves};
 
 /// Up to here the series of 1/√(1 + x) to the third power of x is exact: what follows is 0.27 x⁴.
@@ -379,7 +380,7 @@ pub(super) struct StateOf<T> {
 impl Model<'_> {
     /// `u'` and the rates of orientation and angular velocity, with numbers that carry derivatives; `None` for a custom
     /// shape.
-    pub(super) fn rates_with<T: Real>(
+    pub(super) fn rates_with<T: Number>(
         &self,
         state: &StateOf<T>,
         felt_palm: &Vector3<f64>,

@@ -28,7 +28,7 @@ pub use observability::{CannotFollow, Inputs, Observability, SufficientCondition
 pub use observer::{BodyKnowledge, Estimate, Hypothesis, Noise, ObserveError, PalmKnowledge, Question, Verdict};
 pub use palm::{Harmonic, PalmAcceleration, Pieces, PiecesError};
 pub use run::{End, EndReason, Roll, RollError, Run, Sample};
-pub use shape::{Custom, Egg, Ellipsoid, Local, Real, Rounded, Shape, SupportFunction};
+pub use shape::{Custom, Egg, Ellipsoid, Local, Rounded, Shape, SupportFunction};
 pub use symmetry::{Symmetry, SymmetryName};
 pub use tracker::{Report, Tracked, Tracker};
 

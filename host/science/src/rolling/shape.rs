@@ -14,12 +14,8 @@ use std::fmt;
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
-use num_dual::DualNum;
 
-/// A number that formulas of a shape are written for: `f64`, or one that carries derivatives.
-pub trait Real: DualNum<f64> + Copy {}
-
-impl<T: DualNum<f64> + Copy> Real for T {}
+use crate::math::{Jet, Number};
 
 /// A smooth convex shape.
 #[derive(Clone, Debug, PartialEq)]
@@ -68,14 +64,15 @@ pub struct Custom(Arc<dyn Differentiated>);
 /// A support function: homogeneous of degree 1, twice continuously differentiable but at the origin.
 ///
 /// ```
-/// use palpate::rolling::{Custom, Real, Shape, SupportFunction};
+/// use palpate::math::Number;
+/// use palpate::rolling::{Custom, Shape, SupportFunction};
 ///
 /// /// A ball of 2 cm.
 /// #[derive(Debug)]
 /// struct Ball;
 ///
 /// impl SupportFunction for Ball {
-///     fn support<T: Real>(&self, [x, y, z]: [T; 3]) -> T {
+///     fn support<T: Number>(&self, [x, y, z]: [T; 3]) -> T {
 ///         (x * x + y * y + z * z).sqrt() * 0.02
 ///     }
 /// }
@@ -86,7 +83,7 @@ pub struct Custom(Arc<dyn Differentiated>);
 /// ```
 pub trait SupportFunction: fmt::Debug + Send + Sync {
     /// `h(p)`, m.
-    fn support<T: Real>(&self, p: [T; 3]) -> T;
+    fn support<T: Number>(&self, p: [T; 3]) -> T;
 }
 
 /// The surface near one contact.
@@ -170,7 +167,7 @@ impl Shape {
 
     /// [`roll`](Self::roll) with numbers that carry derivatives; `None` for a [`Custom`] shape, which cannot.
     #[must_use]
-    pub fn roll_with<T: Real>(&self, normal: [T; 3], turning: [T; 3]) -> Option<([T; 3], [T; 3])> {
+    pub fn roll_with<T: Number>(&self, normal: [T; 3], turning: [T; 3]) -> Option<([T; 3], [T; 3])> {
         match self {
             Self::Ellipsoid(ellipsoid) => Some(ellipsoid.roll_with(normal, turning)),
             Self::Egg(egg) => Some(egg.roll_with(normal, turning)),
@@ -222,7 +219,7 @@ impl Ellipsoid {
         Local { contact, hessian, slope }
     }
 
-    fn roll_with<T: Real>(&self, normal: [T; 3], turning: [T; 3]) -> ([T; 3], [T; 3]) {
+    fn roll_with<T: Number>(&self, normal: [T; 3], turning: [T; 3]) -> ([T; 3], [T; 3]) {
         let e = self.semi_axes.map(|a| a * a);
         let w = [0, 1, 2].map(|i| normal[i] * e[i]);
         let per_h = dot(w, normal).sqrt().recip();
@@ -281,16 +278,16 @@ impl Egg {
         slope * self.skew
     }
 
-    fn roll_with<T: Real>(&self, p: [T; 3], v: [T; 3]) -> ([T; 3], [T; 3]) {
+    fn roll_with<T: Number>(&self, p: [T; 3], v: [T; 3]) -> ([T; 3], [T; 3]) {
         let (mut contact, mut moving) = self.ellipsoid().roll_with(p, v);
         let (e, z, along) = (self.skew, p[2], dot(p, v));
         let (square, cube) = (z * z, z * z * z);
         for i in 0..3 {
-            contact[i] -= p[i] * cube * (2.0 * e);
-            moving[i] += (cube * (p[i] * along * 8.0 - v[i] * 2.0) - square * p[i] * v[2] * 6.0) * e;
+            contact[i] = contact[i] - p[i] * cube * (2.0 * e);
+            moving[i] = moving[i] + (cube * (p[i] * along * 8.0 - v[i] * 2.0) - square * p[i] * v[2] * 6.0) * e;
         }
-        contact[2] += square * (3.0 * e) - self.origin;
-        moving[2] += (z * v[2] * 6.0 - square * along * 6.0) * e;
+        contact[2] = contact[2] + (square * (3.0 * e) - self.origin);
+        moving[2] = moving[2] + (z * v[2] * 6.0 - square * along * 6.0) * e;
         (contact, moving)
     }
 }
@@ -331,7 +328,7 @@ impl Rounded {
         Local { contact: p * self.radius + cubes * q3, hessian, slope }
     }
 
-    fn roll_with<T: Real>(&self, p: [T; 3], v: [T; 3]) -> ([T; 3], [T; 3]) {
+    fn roll_with<T: Number>(&self, p: [T; 3], v: [T; 3]) -> ([T; 3], [T; 3]) {
         let e = self.fourths();
         let squares = [0, 1, 2].map(|i| p[i] * p[i] * e[i]);
         let cubes = [0, 1, 2].map(|i| squares[i] * p[i]);
@@ -345,12 +342,12 @@ impl Rounded {
 }
 
 /// `a·b`.
-pub(super) fn dot<T: Real>(a: [T; 3], b: [T; 3]) -> T {
+pub(super) fn dot<T: Number>(a: [T; 3], b: [T; 3]) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// `a × b`.
-pub(super) fn cross<T: Real>(a: [T; 3], b: [T; 3]) -> [T; 3] {
+pub(super) fn cross<T: Number>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
@@ -362,21 +359,25 @@ trait Differentiated: fmt::Debug + Send + Sync {
 impl<F: SupportFunction> Differentiated for F {
     fn local(&self, normal: &Vector3<f64>, turning: &Vector3<f64>) -> Local {
         let along = |i: usize, j: usize| {
-            let third = num_dual::HyperHyperDual64::new;
             let unit = |axis: usize, k: usize| f64::from(u8::from(axis == k));
-            // Three independent small steps: along axis i, along axis j, and along the turning.
-            let p = [0, 1, 2].map(|k| third(normal[k], unit(i, k), unit(j, k), turning[k], 0.0, 0.0, 0.0, 0.0));
-            self.support(p)
+            // Three independent small steps, one inside the other: along axis i, along axis j, and along the turning.
+            let p = [0, 1, 2].map(|k| {
+                let first = Jet { value: normal[k], slopes: [unit(i, k)] };
+                let second = Jet { value: first, slopes: [Jet::from(unit(j, k))] };
+                Jet { value: second, slopes: [Jet::from(turning[k])] }
+            });
+            self.support::<Jet<1, Jet<1, Jet<1>>>>(p)
         };
         let mut local = Local { contact: Vector3::zeros(), hessian: Matrix3::zeros(), slope: Matrix3::zeros() };
         for i in 0..3 {
             for j in 0..=i {
                 let h = along(i, j);
-                local.contact[i] = h.eps1;
-                local.hessian[(i, j)] = h.eps1eps2;
-                local.hessian[(j, i)] = h.eps1eps2;
-                local.slope[(i, j)] = h.eps1eps2eps3;
-                local.slope[(j, i)] = h.eps1eps2eps3;
+                let [turned] = h.slopes;
+                local.contact[i] = h.value.value.slopes[0];
+                local.hessian[(i, j)] = h.value.slopes[0].slopes[0];
+                local.hessian[(j, i)] = h.value.slopes[0].slopes[0];
+                local.slope[(i, j)] = turned.slopes[0].slopes[0];
+                local.slope[(j, i)] = turned.slopes[0].slopes[0];
             }
         }
         local
@@ -421,7 +422,7 @@ mod tests {
     }
 
     impl SupportFunction for Formula {
-        fn support<T: Real>(&self, p: [T; 3]) -> T {
+        fn support<T: Number>(&self, p: [T; 3]) -> T {
             let norm = |a: [f64; 3]| [0, 1, 2].map(|i| p[i] * p[i] * (a[i] * a[i])).into_iter().sum::<T>().sqrt();
             match *self {
                 Self::Ellipsoid(a) => norm(a),

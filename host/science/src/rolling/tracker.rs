@@ -160,10 +160,8 @@ impl Collection {
     /// Asks the observer if enough is new.
     fn ask(&mut self, question: &Question, window: f64) -> Option<(Estimate, f64)> {
         let count = self.times.len();
-        #[expect(clippy::cast_precision_loss, reason = "some thousands")]
         let steps = (count.max(2) - 1) as f64;
         let dt = self.seconds() / steps;
-        #[expect(clippy::cast_precision_loss, reason = "some thousands")]
         let fresh = (count - self.asked) as f64 * dt;
         if count < 2 || self.seconds() < window || self.asked > 0 && fresh < RETRY * window {
             return None;

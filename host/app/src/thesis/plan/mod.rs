@@ -153,7 +153,6 @@ fn count(seconds: f64) -> usize {
 }
 
 /// Time from one value to the one so many later, s.
-#[expect(clippy::cast_precision_loss, reason = "counts of values")]
 fn seconds(values: usize) -> f64 {
     values as f64 * DT_S
 }
@@ -293,7 +292,6 @@ fn run(settings: &Settings) -> Table {
         let found: Vec<_> = outcomes.iter().map(of).collect();
         let ambiguous = found.iter().filter(|(ambiguous, _)| *ambiguous).count();
         let straight = outcomes.iter().filter(|outcome| outcome.motions[0].0).count();
-        #[expect(clippy::cast_precision_loss, reason = "counts of cases")]
         let ratio = if ambiguous > 0 { Cell::number(straight as f64 / ambiguous as f64, 1) } else { Cell::Empty };
         // Of the best in hindsight there is none: it is another motion in each case.
         let median =

@@ -117,7 +117,6 @@ impl DwellSettings {
                 value: self.rate_hz,
             });
         }
-        #[expect(clippy::cast_precision_loss, reason = "a few thousand samples")]
         let needed_s = (BLOCKS_MIN * self.block_samples()) as f64 / self.rate_hz;
         // Half a sample of slack: 0.16 s at 4 kHz are 640 samples only up to rounding.
         if self.duration_s + 0.5 / self.rate_hz < needed_s {
@@ -416,7 +415,6 @@ impl Watcher {
             return Verdict::Refused(Refusal::WrongRate { period_us: block.period_us, rate_hz });
         }
         for (index, &counts) in (0_u64..).zip(&block.counts) {
-            #[expect(clippy::cast_precision_loss, reason = "an index within a block")]
             let after_us = whole_us(block.period_us * index as f64);
             let sample = RawSample { seq: block.first + index, t_us: block.time_us + after_us, counts };
             match self.push_sample(sample) {
@@ -481,7 +479,6 @@ impl Watcher {
     }
 
     fn waited_s(&self) -> f64 {
-        #[expect(clippy::cast_precision_loss, reason = "a dwell is far below 2^52 samples")]
         let samples = (self.seen + self.lost) as f64;
         samples / self.settings.rate_hz
     }
@@ -558,7 +555,6 @@ pub fn measure(samples: &[RawSample], settings: &DwellSettings, expected: Expect
     if let Expected::Load { tare } = expected {
         check_load(&reading, tare, settings)?;
     }
-    #[expect(clippy::cast_precision_loss, reason = "a dwell is far below 2^52 samples")]
     let waited_s = needed as f64 / settings.rate_hz;
     let noise_microstrain =
         sample_noise(samples, &reading).map(|sigma| sigma * settings.front_end.microstrain_per_count());
@@ -590,7 +586,6 @@ fn sample_noise(samples: &[RawSample], reading: &Reading) -> [f64; 2] {
         .iter()
         .map(|sample| (counts_vector(sample.counts) - reading.counts).map(|deviation| deviation * deviation))
         .sum();
-    #[expect(clippy::cast_precision_loss, reason = "a dwell is far below 2^52 samples")]
     let free = samples.len().saturating_sub(1).max(1) as f64;
     [(squares.x / free).sqrt(), (squares.y / free).sqrt()]
 }

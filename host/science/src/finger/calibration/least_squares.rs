@@ -341,7 +341,6 @@ fn robust_scale(distances: &[f64], problem: &Problem) -> f64 {
         .map(|(o, distance)| distance.powi(2) / CHI2_MEDIAN[o.dimensions() - 1]);
     let components: usize = problem.observations.iter().map(Observation::dimensions).sum();
     let free = components.saturating_sub(problem.costly_unknowns()).max(1);
-    #[expect(clippy::cast_precision_loss, reason = "a session has tens of contacts")]
     let small_sample = components as f64 / free as f64;
     median(normalised).map_or(1.0, |middle| (middle * small_sample).sqrt().max(1.0))
 }
@@ -524,7 +523,6 @@ fn quality(problem: &Problem, distances: &[f64], weights: &[f64], ending: Ending
         chi2 += weight * distance.powi(2);
         components += weight * if observation.is_alone { 1.0 } else { 2.0 };
     }
-    #[expect(clippy::cast_precision_loss, reason = "a session has tens of unknowns")]
     let degrees_of_freedom = components - problem.costly_unknowns() as f64;
     let reduced_chi2 = if degrees_of_freedom >= 1.0 { chi2 / degrees_of_freedom } else { 1.0 };
     Quality { degrees_of_freedom, reduced_chi2, robust_scale: ending.scale, steps: ending.steps }

@@ -51,7 +51,6 @@ impl Measurements {
     /// Mean of the session's tares, zero if there are none.
     pub(super) fn mean_tare_counts(&self) -> Vector2<f64> {
         let sum: Vector2<f64> = self.tares.iter().map(|tare| tare.0.counts).sum();
-        #[expect(clippy::cast_precision_loss, reason = "a session has a few tares")]
         let count = self.tares.len().max(1) as f64;
         sum / count
     }

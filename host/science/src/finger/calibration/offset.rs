@@ -32,7 +32,6 @@ pub(super) struct OwnTares {
 pub(super) fn from_own_tares(contacts: &[Contact], matrix: &Matrix2<f64>, fixture: &Fixture) -> OwnTares {
     let tares: Vec<(Vector2<f64>, Vector2<f64>)> =
         contacts.iter().filter_map(|contact| Some((push_direction(contact.angle), contact.tare?.0.counts))).collect();
-    #[expect(clippy::cast_precision_loss, reason = "a session has tens of tares")]
     let count = tares.len().max(1) as f64;
     let mean_direction: Vector2<f64> = tares.iter().map(|(direction, _)| direction).sum::<Vector2<f64>>() / count;
     let with_weight = 1.0 - mean_direction.norm_squared() > SPREAD_MIN && tares.len() > 1;

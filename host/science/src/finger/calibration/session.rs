@@ -302,7 +302,6 @@ impl Drift {
 
 /// Device time in the middle of a dwell, µs.
 fn middle_us(dwell: &Dwell) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "exact for 285 years of microseconds")]
     let times =
         [dwell.samples.first(), dwell.samples.last()].map(|sample| sample.map_or(0.0, |sample| sample.t_us as f64));
     0.5 * (times[0] + times[1])

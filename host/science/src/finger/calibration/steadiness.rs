@@ -23,7 +23,6 @@ const ROUNDING_VARIANCE: f64 = 1.0 / 12.0;
 fn block_noise(blocks: &[Vector2<f64>]) -> Matrix2<f64> {
     let squares: Matrix2<f64> =
         blocks.windows(2).map(|pair| (pair[1] - pair[0]) * (pair[1] - pair[0]).transpose()).sum();
-    #[expect(clippy::cast_precision_loss, reason = "a dwell has tens of blocks")]
     let pairs = blocks.len().saturating_sub(1).max(1) as f64;
     squares / (2.0 * pairs) + Matrix2::identity() * ROUNDING_VARIANCE
 }
@@ -85,9 +84,7 @@ impl<'a> Rest<'a> {
     }
 
     fn count(&self) -> f64 {
-        #[expect(clippy::cast_precision_loss, reason = "a dwell has tens of blocks")]
-        let count = self.blocks.len() as f64;
-        count
+        self.blocks.len() as f64
     }
 
     /// Mean of the second half minus mean of the first, counts.
@@ -122,7 +119,6 @@ impl<'a> Rest<'a> {
         let (at, left_by_step) = (1..self.blocks.len())
             .map(|at| (at, scatter(&self.blocks[..at]) + scatter(&self.blocks[at..])))
             .min_by(|a, b| a.1.total_cmp(&b.1))?;
-        #[expect(clippy::cast_precision_loss, reason = "a dwell has tens of blocks")]
         let share = at as f64 / self.count();
         (left_by_step < 0.5 * self.scatter_about_line()).then_some(share)
     }
@@ -136,7 +132,6 @@ impl<'a> Rest<'a> {
     fn about_line(&self) -> Vec<Vector2<f64>> {
         let middle = 0.5 * (self.count() - 1.0);
         let time = |index: usize| {
-            #[expect(clippy::cast_precision_loss, reason = "a dwell has tens of blocks")]
             let index = index as f64;
             index - middle
         };

@@ -41,6 +41,6 @@ pub use push::{ContactLaw, EdgeEnd, FingerTrack, Push, PushError, PushOf, Shaped
 pub use rest::{RestError, RestStart};
 pub use run::{Acceleration, Change, End, EndReason, Run, RunError, Sample, SecondContact};
 pub use scalar::Scalar;
-pub use sensitivity::{Parameter, Seeded, derivatives, slopes};
+pub use sensitivity::{Parameter, Seeded, derivatives};
 pub use shaped::{ShapeError, ShapedModel};
 pub use switching::DerivedRun;

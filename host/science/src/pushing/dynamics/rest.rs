@@ -11,11 +11,11 @@
 //! Errors: [`RestError`] where the iteration does not settle.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
-use num_dual::{Derivative, DualSVec64};
 
 use super::body::Body;
 use super::contact_mode::ContactForce;
 use super::model::{Arm, Contact};
+use crate::math::Jet;
 
 /// Iterations after which a solution is given up: a few suffice.
 const ITERATIONS_MAX: usize = 60;
@@ -173,17 +173,15 @@ impl AtRest<'_> {
 
     /// Support friction opposing a twist with components along N and T, and its gradient.
     fn friction(&self, twist: &Vector3<f64>) -> (Vector3<f64>, Matrix3<f64>) {
-        let seed = |i: usize| {
-            DualSVec64::<3>::new(twist[i], Derivative::derivative_generic(nalgebra::Const, nalgebra::Const, i))
-        };
+        let seed = |i: usize| Jet::<3>::variable(twist[i], i);
         let (x, y) = (self.normal.x, self.normal.y);
         // T is a quarter turn clockwise from N.
         let (n, t) = (seed(0), seed(1));
         let [d_x, d_y, turn] = self.body.sliding([n * x + t * y, n * y - t * x, seed(2)]);
         let components = [d_x * x + d_y * y, d_x * y - d_y * x, turn];
-        let rows = components.map(|part| part.eps.unwrap_generic(nalgebra::Const, nalgebra::Const).transpose());
-        let values = Vector3::from(components.map(|part: DualSVec64<3>| part.re));
-        (values * self.grip, Matrix3::from_rows(&rows) * self.grip)
+        let values = Vector3::from(components.map(|part| part.value));
+        let gradient = Matrix3::from_fn(|row, column| components[row].slopes[column]);
+        (values * self.grip, gradient * self.grip)
     }
 }
 

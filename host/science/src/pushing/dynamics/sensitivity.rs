@@ -1,16 +1,14 @@
 //! Derivatives of a push with respect to where it starts and what drives it.
 //!
-//! Parameters become dual numbers, and the same formulas and steps then carry exact derivatives: those of the very numbers
+//! Parameters become jets, and the same formulas and steps then carry exact derivatives: those of the very numbers
 //! computed, not approximations of them. Support friction enters by its own gradient in closed form.
 //!
 //! Assumes: the contact stays as it is; what ends it moves with the parameters and has no part in these derivatives.
 //! Units: SI; derivatives in units of the state over units of the parameter. Errors: none.
 
-use nalgebra::{Const, SMatrix};
-use num_dual::{Derivative, DualSVec64};
+use nalgebra::SMatrix;
 
 use super::model::{Contact, Finger, PushModel, State};
-use super::scalar::Scalar;
 use crate::math::Jet;
 
 /// What a push can be derived by.
@@ -53,44 +51,22 @@ pub enum Parameter {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Copy, Debug)]
-pub struct Seeded<'p, const N: usize, T = DualSVec64<N>> {
+pub struct Seeded<'p, const N: usize> {
     /// The model.
-    pub model: PushModel<'p, T>,
+    pub model: PushModel<'p, Jet<N>>,
     /// The contact.
-    pub contact: Contact<T>,
+    pub contact: Contact<Jet<N>>,
     /// The start.
-    pub start: State<T>,
+    pub start: State<Jet<N>>,
 }
 
 impl<'p, const N: usize> Seeded<'p, N> {
     /// Makes each of `parameters` a variable. Naming one that the contact does not depend on gives zeros.
     #[must_use]
     pub fn new(model: &PushModel<'p>, contact: &Contact, start: &State, parameters: [Parameter; N]) -> Self {
-        let variable =
-            |value: f64, row: usize| DualSVec64::new(value, Derivative::derivative_generic(Const, Const, row));
-        Self::with_variables(model, contact, start, parameters, variable)
-    }
-}
-
-impl<'p, const N: usize> Seeded<'p, N, Jet<N>> {
-    /// The same with [`Jet`]s: for estimators, which derive thousands of pushes.
-    #[must_use]
-    pub fn jets(model: &PushModel<'p>, contact: &Contact, start: &State, parameters: [Parameter; N]) -> Self {
-        Self::with_variables(model, contact, start, parameters, Jet::variable)
-    }
-}
-
-impl<'p, const N: usize, T: Scalar> Seeded<'p, N, T> {
-    fn with_variables(
-        model: &PushModel<'p>,
-        contact: &Contact,
-        start: &State,
-        parameters: [Parameter; N],
-        variable: impl Fn(f64, usize) -> T,
-    ) -> Self {
         let seed = |value: f64, parameter: Parameter| {
             let row = parameters.iter().position(|&wanted| wanted == parameter);
-            row.map_or_else(|| T::from(value), |row| variable(value, row))
+            row.map_or_else(|| Jet::constant(value), |row| Jet::variable(value, row))
         };
         let Finger { radius, centre0, velocity0, acceleration } = model.finger;
         let axes = |values: [f64; 2], parameter: fn(usize) -> Parameter| {
@@ -117,16 +93,9 @@ impl<'p, const N: usize, T: Scalar> Seeded<'p, N, T> {
     }
 }
 
-/// [`derivatives`] of a state made of [`Jet`]s.
-#[must_use]
-pub fn slopes<const N: usize>(state: &State<Jet<N>>) -> SMatrix<f64, 4, N> {
-    let rows = [state.u, state.s, state.omega, state.v_t].map(|part| part.slopes);
-    SMatrix::from_fn(|row, column| rows[row][column])
-}
-
 /// The derivatives that a state carries: rows u, s, ω, v_T; columns the parameters.
 #[must_use]
-pub fn derivatives<const N: usize>(state: &State<DualSVec64<N>>) -> SMatrix<f64, 4, N> {
-    let rows = [state.u, state.s, state.omega, state.v_t].map(|part| part.eps.unwrap_generic(Const, Const).transpose());
-    SMatrix::from_rows(&rows)
+pub fn derivatives<const N: usize>(state: &State<Jet<N>>) -> SMatrix<f64, 4, N> {
+    let rows = [state.u, state.s, state.omega, state.v_t].map(|part| part.slopes);
+    SMatrix::from_fn(|row, column| rows[row][column])
 }

@@ -78,7 +78,7 @@ impl Push<'_> {
     fn carrier<const N: usize>(&self, contact: &Contact, start: &State, parameters: [Parameter; N]) -> Carrier<'_, N> {
         let friction = self.law.friction();
         let row = parameters.iter().position(|&parameter| parameter == Parameter::ContactFriction);
-        let Seeded { model, contact, start } = Seeded::jets(&self.model, contact, start, parameters);
+        let Seeded { model, contact, start } = Seeded::new(&self.model, contact, start, parameters);
         let friction = row.map_or_else(|| Jet::constant(friction), |row| Jet::variable(friction, row));
         let mut carrier =
             Carrier { model, friction: ContactFriction::same(friction), contact, time: 0.0, state: start };

@@ -529,7 +529,6 @@ fn risk(foreseen: &[Foreseen], truth: usize, place_sd: f64, sigma: f64) -> f64 {
 
 /// How long so many values take, s.
 fn span(values: usize, sampling: Sampling) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "a count of samples")]
     let values = values as f64;
     values * sampling.dt
 }

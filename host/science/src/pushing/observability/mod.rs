@@ -9,10 +9,9 @@
 //! Frames: as [`crate::pushing::dynamics`]. Units: SI; state changes scaled by [`Scales`].
 //! Errors: [`PushObservabilityError`], where there is no window at all.
 
-use nalgebra::{Const, DMatrix, RowDVector, Vector2};
-use num_dual::DualSVec64;
+use nalgebra::{DMatrix, RowDVector, Vector2};
 
-use crate::math::Spectrum;
+use crate::math::{Jet, Spectrum};
 use crate::pushing::dynamics::contact_mode::JAM_DENOMINATOR;
 use crate::pushing::dynamics::{Contact, Parameter, PushModel, Seeded, State};
 
@@ -198,12 +197,12 @@ impl Window<'_> {
     }
 }
 
-fn values(state: &State<DualSVec64<4>>) -> State {
-    State { u: state.u.re, s: state.s.re, omega: state.omega.re, v_t: state.v_t.re }
+fn values(state: &State<Jet<4>>) -> State {
+    State { u: state.u.value, s: state.s.value, omega: state.omega.value, v_t: state.v_t.value }
 }
 
-fn gradient(u: &DualSVec64<4>) -> RowDVector<f64> {
-    RowDVector::from_iterator(4, u.eps.unwrap_generic(Const, Const).iter().copied())
+fn gradient(u: &Jet<4>) -> RowDVector<f64> {
+    RowDVector::from_row_slice(&u.slopes)
 }
 
 #[cfg(test)]

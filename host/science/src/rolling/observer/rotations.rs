@@ -24,7 +24,6 @@ pub(super) fn spread(symmetry: Symmetry, count: usize) -> Spread {
     Arc::clone(known.entry((format!("{symmetry:?}"), count)).or_insert_with(|| Arc::new(make(symmetry, count))))
 }
 
-#[expect(clippy::cast_precision_loss, reason = "some thousands")]
 fn make(symmetry: Symmetry, count: usize) -> Vec<UnitQuaternion<f64>> {
     match symmetry {
         Symmetry::Sphere => vec![UnitQuaternion::identity()],

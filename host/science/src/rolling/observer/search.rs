@@ -116,7 +116,6 @@ impl Ground<'_> {
     /// Cubics through the readings around the middle.
     fn derivatives(&self, ranks: usize) -> Derivatives {
         let (mut normal, mut right) = (SMatrix::<f64, 4, 4>::zeros(), SMatrix::<f64, 4, 2>::zeros());
-        #[expect(clippy::cast_precision_loss, reason = "a small count")]
         let reach = ranks as f64;
         let mut add = |x: f64, u: &Vector2<f64>| {
             let powers = SVector::<f64, 4>::new(1.0, x, x * x, x * x * x);
@@ -126,7 +125,6 @@ impl Ground<'_> {
         add(0.0, &self.track.centre);
         for (leaps, sign) in [(&self.track.forward, 1.0), (&self.track.backward, -1.0)] {
             for leap in leaps.iter().take_while(|leap| leap.rank <= ranks) {
-                #[expect(clippy::cast_precision_loss, reason = "a small count")]
                 let x = leap.rank as f64 / reach;
                 if let Some(reading) = &leap.reading {
                     add(sign * x, reading);

@@ -93,7 +93,6 @@ impl Readings {
     /// The time of a reading, s.
     #[must_use]
     pub fn time(&self, index: usize) -> f64 {
-        #[expect(clippy::cast_precision_loss, reason = "far below 2^53 readings")]
         let steps = index as f64;
         self.start + steps * self.dt
     }
@@ -108,7 +107,6 @@ impl Readings {
     pub(super) fn averaged(&self, pace: f64) -> Self {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small positive count")]
         let block = ((BLOCK_S * pace / self.dt).round() as usize).clamp(1, (self.u.len() / 8).max(1));
-        #[expect(clippy::cast_precision_loss, reason = "a small count")]
         let count = block as f64;
         let mean = |block: &[Vector2<f64>]| block.iter().sum::<Vector2<f64>>() / count;
         Self {

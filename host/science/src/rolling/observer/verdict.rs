@@ -167,7 +167,6 @@ impl Gate {
     /// Whether a wider search is worth its time.
     pub(super) fn quality(self, solutions: &[Solution]) -> Quality {
         let Some(best) = solutions.first() else { return Quality::Poor };
-        #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
         let degrees = self.degrees_of_freedom(best.unknowns.count()) as f64;
         if best.fit.cost > degrees + WIDER_SIGMAS * (2.0 * degrees).sqrt() && !self.rounds(best) {
             return Quality::Poor;

@@ -91,7 +91,6 @@ impl Clock {
 }
 
 /// A count as a number.
-#[expect(clippy::cast_precision_loss, reason = "counts of values and steps are far below 2^53")]
 pub(in crate::pushing::estimation) fn count(n: usize) -> f64 {
     n as f64
 }

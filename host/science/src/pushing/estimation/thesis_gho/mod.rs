@@ -183,8 +183,8 @@ impl Gho<'_> {
         let Seeded { model, contact, start } = Seeded::new(&model, &self.contact, &state(x), parameters);
         let rates = model.motion(&contact, 0.0, &start).rates;
         let rates = [rates.u, rates.s, rates.omega, rates.v_t];
-        let rows = rates.map(|rate| rate.eps.unwrap_generic(Const::<4>, Const::<1>).transpose());
-        Drift { rates: rates.map(|rate| rate.re).into(), jacobian: Matrix4::from_rows(&rows) }
+        let jacobian = Matrix4::from_fn(|row, column| rates[row].slopes[column]);
+        Drift { rates: rates.map(|rate| rate.value).into(), jacobian }
     }
 
     /// The change of ∇(L_f ω) along f: what ∇(L_f² ω) has beyond ∇(L_f ω) ∂f/∂x.
