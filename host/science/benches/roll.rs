@@ -10,7 +10,8 @@ use std::hint::black_box;
 
 use nalgebra::{Quaternion, Vector2, Vector3};
 use palpate::rolling::{
-    Body, BodyKnowledge, Columns, Model, Noise, PalmAcceleration, PalmKnowledge, Question, Spin, State, Tangent, felt,
+    Body, BodyKnowledge, Columns, Model, Noise, PalmAcceleration, PalmKnowledge, Question, Spin, State, Tangent,
+    specific_force,
 };
 use yardstick::best_of_runs;
 
@@ -60,34 +61,34 @@ fn start(model: &Model) -> State {
 }
 
 fn weight() -> [Vector3<f64>; 3] {
-    [felt(Vector3::zeros(), 9.81); 3]
+    [specific_force(Vector3::zeros(), 9.81); 3]
 }
 
 /// Best time of one step, s.
 fn step(model: &Model) -> f64 {
-    let (begun, felt) = (start(model), weight());
+    let (begun, specific_force) = (start(model), weight());
     best_of_runs(|| {
-        let end = (0..STEPS).fold(black_box(begun), |state, _| model.step(&state, &felt, STEP));
+        let end = (0..STEPS).fold(black_box(begun), |state, _| model.step(&state, &specific_force, STEP));
         black_box(end);
     }) / f64::from(STEPS)
 }
 
 fn step_with<const N: usize>(model: &Model, columns: Columns) -> f64 {
-    let (begun, felt) = (start(model), weight());
+    let (begun, specific_force) = (start(model), weight());
     best_of_runs(|| {
         let seed = black_box((begun, Tangent::<N>::seed(&begun)));
         // A new seed now and then keeps the sensitivities from overflowing.
         let end = (0..STEPS).fold(seed, |here, k| {
             let here = if k % 100 == 0 { (here.0, seed.1) } else { here };
-            model.step_with(columns, (&here.0, &here.1), &felt, STEP)
+            model.step_with(columns, (&here.0, &here.1), &specific_force, STEP)
         });
         black_box(end);
     }) / f64::from(STEPS)
 }
 
 fn estimate(model: &Model) -> f64 {
-    let felt = weight();
-    let path = std::iter::successors(Some(start(model)), |state| Some(model.step(state, &felt, 0.002)));
+    let specific_force = weight();
+    let path = std::iter::successors(Some(start(model)), |state| Some(model.step(state, &specific_force, 0.002)));
     let rounded: Vec<_> = path.take(201).map(|state| state.u.map(|x| (x * 1e3).round() * 1e-3)).collect();
     let question = Question {
         body: BodyKnowledge::OneOf(vec![model.body.clone()]),

@@ -11,7 +11,7 @@ use palpate::math::random::Draw;
 use palpate::math::statistics::percentile;
 use palpate::rolling::{
     Body, BodyKnowledge, Estimate, Gho, Hypothesis, Model, Noise, PalmAcceleration, PalmKnowledge, Question, Spin,
-    State, felt,
+    State, specific_force,
 };
 
 use super::{Cell, Experiment, Settings, Table};
@@ -86,7 +86,7 @@ fn millimetre_grid(seconds: f64) -> Sensing {
 fn trial(draw: &mut Draw, body: &Body, spin: Spin, sensing: &Sensing) -> Trial {
     let steps = readings(sensing.seconds);
     let model = Model { body, spin };
-    let weight = felt(Vector3::zeros(), GRAVITY_ASSUMED);
+    let weight = specific_force(Vector3::zeros(), GRAVITY_ASSUMED);
     loop {
         let start = start(draw, spin);
         let mut states = vec![start];
@@ -427,13 +427,18 @@ fn gho(settings: &Settings) -> Table {
 }
 
 fn observer_of(body: &Body, zeta: f64) -> Gho<'_> {
-    Gho { model: Model { body, spin: Spin::Free }, felt: felt(Vector3::zeros(), GRAVITY_ASSUMED), zeta }
+    Gho {
+        model: Model { body, spin: Spin::Free },
+        specific_force: specific_force(Vector3::zeros(), GRAVITY_ASSUMED),
+        zeta,
+    }
 }
 
 /// The states of a roll at every reading.
 fn states(body: &Body, trial: &Trial) -> Vec<State> {
     let gho = observer_of(body, 1.0);
-    let steps = std::iter::successors(Some(trial.start), |state| Some(gho.model.step(state, &[gho.felt; 3], DT)));
+    let steps =
+        std::iter::successors(Some(trial.start), |state| Some(gho.model.step(state, &[gho.specific_force; 3], DT)));
     steps.take(trial.u.len()).collect()
 }
 

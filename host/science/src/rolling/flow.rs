@@ -141,29 +141,29 @@ impl Model<'_> {
         &self,
         columns: Columns,
         (state, tangent): (&State, &Tangent<N>),
-        felt: &[Vector3<f64>; 3],
+        specific_force: &[Vector3<f64>; 3],
         dt: f64,
     ) -> (State, Tangent<N>) {
         let half = 0.5 * dt;
         let mut forced = [Forced { omega: [[0.0; N]; 3], u: [[0.0; N]; 2] }; 4];
-        let mut stage = |index: usize, state: &State, felt: &Vector3<f64>| {
-            let parts = self.parts(state, felt);
+        let mut stage = |index: usize, state: &State, specific_force: &Vector3<f64>| {
+            let parts = self.parts(state, specific_force);
             if N > STATE_COLUMNS {
                 self.force(columns, &parts, &mut forced[index]);
             }
             (parts.rates(), self.linearise(&parts))
         };
-        let (k1, l1) = stage(0, state, &felt[0]);
-        let (k2, l2) = stage(1, &state.moved(&k1, half), &felt[1]);
-        let (k3, l3) = stage(2, &state.moved(&k2, half), &felt[1]);
-        let (k4, l4) = stage(3, &state.moved(&k3, dt), &felt[2]);
+        let (k1, l1) = stage(0, state, &specific_force[0]);
+        let (k2, l2) = stage(1, &state.moved(&k1, half), &specific_force[1]);
+        let (k3, l3) = stage(2, &state.moved(&k2, half), &specific_force[1]);
+        let (k4, l4) = stage(3, &state.moved(&k3, dt), &specific_force[2]);
         (ode::end(state, &[k1, k2, k3, k4], dt).normalized(), carry(&[l1, l2, l3, l4], &forced, tangent, dt))
     }
 
     /// The motion itself by way of the short chain of [`Scaled`]; everything else may wait.
     #[inline(always)]
-    fn parts(&self, state: &State, felt: &Vector3<f64>) -> Parts {
-        let instant = Instant::of(state, felt);
+    fn parts(&self, state: &State, specific_force: &Vector3<f64>) -> Parts {
+        let instant = Instant::of(state, specific_force);
         let shape = self.body.shape();
         let scaled = shape.roll_scaled(&instant.normal, &instant.turning);
         let turn = self.turn_scaled(state, &instant, &scaled);
@@ -194,20 +194,20 @@ impl Model<'_> {
     #[inline(always)]
     fn linearise(&self, parts: &Parts) -> Linear {
         let Parts { state, instant, local: Local { contact, hessian, slope }, moving, turn, mobility } = parts;
-        let (omega, normal, felt) = (&state.omega, &instant.normal, &instant.felt);
+        let (omega, normal, specific_force) = (&state.omega, &instant.normal, &instant.specific_force);
         let (spin, roll) = (normal.dot(omega), contact.dot(omega));
         let bent = hessian * contact;
         let y = omega.cross(contact) + moving;
-        let force = felt - turn.cross(contact) - omega.cross(&y);
+        let force = specific_force - turn.cross(contact) - omega.cross(&y);
         let swept = hessian * contact.cross(omega) + slope.tr_mul(contact);
         let by_normal =
             cross_columns(&(force - omega * roll), hessian) + turn * bent.transpose() + omega * swept.transpose()
                 - hessian * contact.dot(turn)
                 - slope * roll;
-        let mut by_theta = felt * contact.transpose()
+        let mut by_theta = specific_force * contact.transpose()
             - times_cross(&by_normal, normal)
             - (omega * bent.transpose() - hessian * roll) * spin
-            - Matrix3::from_diagonal_element(contact.dot(felt));
+            - Matrix3::from_diagonal_element(contact.dot(specific_force));
         if self.spin == Spin::None {
             let momentum = self.body.inertia().component_mul(omega);
             // It lies along the normal and turns with it.
@@ -280,7 +280,7 @@ impl Model<'_> {
             / height
             - moving * longer;
         let inertia_change = (Vector3::repeat(1.0) - unit) * (0.4 * square);
-        let push = instant.felt - omega.cross(&(omega.cross(contact) + moving));
+        let push = instant.specific_force - omega.cross(&(omega.cross(contact) + moving));
         let push_change = -omega.cross(&(omega.cross(&contact_change) + moving_change));
         let heavy = inertia_change.component_mul(turn) + turn * (2.0 * contact.dot(&contact_change))
             - contact_change * contact.dot(turn)

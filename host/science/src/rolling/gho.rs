@@ -25,7 +25,7 @@ pub struct Gho<'a> {
     /// The body, free to spin.
     pub model: Model<'a>,
     /// What it feels, palm axes, m/s²; constant.
-    pub felt: Vector3<f64>,
+    pub specific_force: Vector3<f64>,
     /// Rate of all poles, 1/s.
     pub zeta: f64,
 }
@@ -35,7 +35,7 @@ impl Gho<'_> {
     #[must_use]
     pub fn jacobian(&self, state: &State) -> Option<SMatrix<f64, 8, 8>> {
         let seeded = seed(state);
-        let feel = &self.felt;
+        let feel = &self.specific_force;
         let orders = [
             velocity(&self.model, &seeded, feel)?,
             acceleration(&self.model, &seeded, feel)?,
@@ -57,7 +57,7 @@ impl Gho<'_> {
     #[must_use]
     pub fn determinant(&self, state: &State) -> Option<f64> {
         let size = self.model.body.size();
-        let rate = (self.felt.norm() / size).sqrt();
+        let rate = (self.specific_force.norm() / size).sqrt();
         // Rows: velocities, accelerations and jerks over the size; columns: angular velocities.
         let scale = size.powi(6) * rate.powi(12) / rate.powi(3);
         Some(self.jacobian(state)?.determinant() / scale)
@@ -73,7 +73,7 @@ impl Gho<'_> {
 
     /// Rates of (u, θ, ω): the motion's own, and the correction.
     fn slope(&self, state: &State, u: Vector2<f64>) -> Option<SVector<f64, 8>> {
-        let rates = self.model.rates(state, &self.felt);
+        let rates = self.model.rates(state, &self.specific_force);
         let miss = u - state.u;
         let z = self.zeta;
         let gains = [4.0 * z, 6.0 * z * z, 4.0 * z.powi(3), z.powi(4)];
@@ -118,45 +118,54 @@ fn seed(state: &State) -> StateOf<BySix> {
 }
 
 /// The state a moment later: its rates as derivatives by time.
-fn flowing<T: Number>(model: &Model, state: &StateOf<T>, felt: &Vector3<f64>) -> Option<StateOf<Jet<1, T>>> {
-    let (_, rates) = model.rates_with(state, felt)?;
+fn flowing<T: Number>(model: &Model, state: &StateOf<T>, specific_force: &Vector3<f64>) -> Option<StateOf<Jet<1, T>>> {
+    let (_, rates) = model.rates_with(state, specific_force)?;
     Some(StateOf {
         orientation: [0, 1, 2, 3].map(|i| Jet { value: state.orientation[i], slopes: [rates.orientation[i]] }),
         omega: [0, 1, 2].map(|i| Jet { value: state.omega[i], slopes: [rates.omega[i]] }),
     })
 }
 
-fn velocity<T: Number>(model: &Model, state: &StateOf<T>, felt: &Vector3<f64>) -> Option<[T; 2]> {
-    Some(model.rates_with(state, felt)?.0)
+fn velocity<T: Number>(model: &Model, state: &StateOf<T>, specific_force: &Vector3<f64>) -> Option<[T; 2]> {
+    Some(model.rates_with(state, specific_force)?.0)
 }
 
-fn acceleration<T: Number>(model: &Model, state: &StateOf<T>, felt: &Vector3<f64>) -> Option<[T; 2]> {
-    Some(velocity(model, &flowing(model, state, felt)?, felt)?.map(|component| component.slopes[0]))
+fn acceleration<T: Number>(model: &Model, state: &StateOf<T>, specific_force: &Vector3<f64>) -> Option<[T; 2]> {
+    Some(velocity(model, &flowing(model, state, specific_force)?, specific_force)?.map(|component| component.slopes[0]))
 }
 
-fn jerk<T: Number>(model: &Model, state: &StateOf<T>, felt: &Vector3<f64>) -> Option<[T; 2]> {
-    Some(acceleration(model, &flowing(model, state, felt)?, felt)?.map(|component| component.slopes[0]))
+fn jerk<T: Number>(model: &Model, state: &StateOf<T>, specific_force: &Vector3<f64>) -> Option<[T; 2]> {
+    Some(
+        acceleration(model, &flowing(model, state, specific_force)?, specific_force)?
+            .map(|component| component.slopes[0]),
+    )
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::mechanics::{Spin, felt};
+    use super::super::mechanics::{Spin, specific_force};
     use super::super::tests::{bodies, state_of};
     use super::*;
 
     #[test]
     fn the_map_is_that_of_the_motions_derivatives() {
-        let felt = felt(Vector3::new(0.3, -0.2, 0.1), 9.81);
+        let specific_force = specific_force(Vector3::new(0.3, -0.2, 0.1), 9.81);
         for body in bodies() {
             let model = Model { body, spin: Spin::Free };
-            let gho = Gho { model, felt, zeta: 10.0 };
+            let gho = Gho { model, specific_force, zeta: 10.0 };
             let state = state_of(Spin::Free, [0.4, -0.3, 0.8, 0.1], [2.0, -3.0, 1.0]);
             let jacobian = gho.jacobian(&state).unwrap();
             // Derivatives by time from a stencil of whole motions, by the state from differences.
             let derivatives = |state: &State| {
                 let h = 2e-3;
                 let at = |steps: f64| {
-                    model.step(&model.step(state, &[felt; 3], steps * h / 2.0), &[felt; 3], steps * h / 2.0).u
+                    model
+                        .step(
+                            &model.step(state, &[specific_force; 3], steps * h / 2.0),
+                            &[specific_force; 3],
+                            steps * h / 2.0,
+                        )
+                        .u
                 };
                 let [a, b, c, d] = [-2.0, -1.0, 1.0, 2.0].map(at);
                 [

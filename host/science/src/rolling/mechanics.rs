@@ -93,7 +93,7 @@ pub(super) struct Instant {
     /// `n × ω`.
     pub(super) turning: Vector3<f64>,
     /// `f`.
-    pub(super) felt: Vector3<f64>,
+    pub(super) specific_force: Vector3<f64>,
 }
 
 impl State {
@@ -184,10 +184,10 @@ impl Rows {
 
 impl Instant {
     #[inline(always)]
-    pub(super) fn of(state: &State, felt_palm: &Vector3<f64>) -> Self {
+    pub(super) fn of(state: &State, specific_force_palm: &Vector3<f64>) -> Self {
         let rows = Rows::of(&state.orientation);
         let normal = -rows.0[2];
-        Self { rows, normal, turning: normal.cross(&state.omega), felt: rows.to_body(felt_palm) }
+        Self { rows, normal, turning: normal.cross(&state.omega), specific_force: rows.to_body(specific_force_palm) }
     }
 }
 
@@ -250,16 +250,16 @@ impl Resistance {
 
 /// What a body feels of a palm's acceleration under gravity: `a_P + g e₃`, palm axes, m/s².
 #[must_use]
-pub fn felt(palm_acceleration: Vector3<f64>, g: f64) -> Vector3<f64> {
+pub fn specific_force(palm_acceleration: Vector3<f64>, g: f64) -> Vector3<f64> {
     palm_acceleration + Vector3::new(0.0, 0.0, g)
 }
 
 impl Model<'_> {
-    /// The rates at a state whose body feels `felt` (palm axes, m/s²).
+    /// The rates at a state whose body feels `specific_force` (palm axes, m/s²).
     #[inline(always)]
     #[must_use]
-    pub fn rates(&self, state: &State, felt: &Vector3<f64>) -> Rates {
-        let instant = Instant::of(state, felt);
+    pub fn rates(&self, state: &State, specific_force: &Vector3<f64>) -> Rates {
+        let instant = Instant::of(state, specific_force);
         let scaled = self.body.shape().roll_scaled(&instant.normal, &instant.turning);
         let omega = self.turn_scaled(state, &instant, &scaled);
         let Rows([first, second, _]) = instant.rows;
@@ -295,20 +295,20 @@ impl Model<'_> {
         // w × (ω × y) with y = ω × w + β'√η, where w is across ω × w.
         let along = state.omega * (point.dot(motion) * per_square);
         let back = (state.omega.cross(point) + motion * per_square) * point.dot(&state.omega);
-        point.cross(&instant.felt) * square.sqrt() + back - along - gyroscopic * *square
+        point.cross(&instant.specific_force) * square.sqrt() + back - along - gyroscopic * *square
     }
 
     /// One step of `dt` (s) by the classical Runge–Kutta method of order 4, then the orientation's length put right.
     ///
-    /// `felt` is what the body feels at the step's start, middle and end. Largest relative error of the energy over 60 s
+    /// `specific_force` is what the body feels at the step's start, middle and end. Largest relative error of the energy over 60 s
     /// of a 2-3-4 cm ellipsoid at about 10 rad/s: 5e-5 at 4 ms, 1e-6 at 2 ms, 6e-8 at 1 ms, 3e-9 at 0.5 ms.
     #[inline]
     #[must_use]
-    pub fn step(&self, state: &State, felt: &[Vector3<f64>; 3], dt: f64) -> State {
+    pub fn step(&self, state: &State, specific_force: &[Vector3<f64>; 3], dt: f64) -> State {
         let rates = |moment, state: &State| match moment {
-            Moment::Start => self.rates(state, &felt[0]),
-            Moment::Middle => self.rates(state, &felt[1]),
-            Moment::End => self.rates(state, &felt[2]),
+            Moment::Start => self.rates(state, &specific_force[0]),
+            Moment::Middle => self.rates(state, &specific_force[1]),
+            Moment::End => self.rates(state, &specific_force[2]),
         };
         ode::step(state, dt, rates).normalized()
     }
@@ -322,20 +322,20 @@ impl Model<'_> {
     /// The contact's force on the body over its mass, palm axes, m/s². Its third component must stay above 0: a contact
     /// cannot pull.
     #[must_use]
-    pub fn contact_force(&self, state: &State, felt: &Vector3<f64>) -> Vector3<f64> {
+    pub fn contact_force(&self, state: &State, specific_force: &Vector3<f64>) -> Vector3<f64> {
         let state = state.normalized();
-        let instant = Instant::of(&state, felt);
+        let instant = Instant::of(&state, specific_force);
         let (contact, moving) = self.body.shape().roll(&instant.normal, &instant.turning);
         let turning = self.turn(&state, &instant, (contact, moving));
         let spinning = state.omega.cross(&(state.omega.cross(&contact) + moving));
-        state.attitude() * (instant.felt - spinning - turning.cross(&contact))
+        state.attitude() * (instant.specific_force - spinning - turning.cross(&contact))
     }
 
     /// The torque about the normal that the contact transmits, over the mass, m²/s²; positive along the palm's e₃.
     #[must_use]
-    pub fn contact_torque(&self, state: &State, felt: &Vector3<f64>) -> f64 {
+    pub fn contact_torque(&self, state: &State, specific_force: &Vector3<f64>) -> f64 {
         let state = state.normalized();
-        let instant = Instant::of(&state, felt);
+        let instant = Instant::of(&state, specific_force);
         let (contact, moving) = self.body.shape().roll(&instant.normal, &instant.turning);
         let turn = self.turn(&state, &instant, (contact, moving));
         let needed = Resistance::new(&self.body.inertia(), &contact).times(&turn);
@@ -383,7 +383,7 @@ impl Model<'_> {
     pub(super) fn rates_with<T: Number>(
         &self,
         state: &StateOf<T>,
-        felt_palm: &Vector3<f64>,
+        specific_force_palm: &Vector3<f64>,
     ) -> Option<([T; 2], StateOf<T>)> {
         let StateOf { orientation: [w, x, y, z], omega } = *state;
         let two = |a: T, b: T| a * b * 2.0;
@@ -397,12 +397,14 @@ impl Model<'_> {
         ]
         .map(|row| row.map(|entry| entry * per));
         let normal = rows[2].map(|entry| -entry);
-        let felt = [0, 1, 2].map(|i| rows[0][i] * felt_palm.x + rows[1][i] * felt_palm.y + rows[2][i] * felt_palm.z);
+        let specific_force = [0, 1, 2].map(|i| {
+            rows[0][i] * specific_force_palm.x + rows[1][i] * specific_force_palm.y + rows[2][i] * specific_force_palm.z
+        });
         let (contact, moving) = self.body.shape().roll_with(normal, cross(normal, omega))?;
         let inertia = self.body.inertia();
         let spun = cross(omega, contact);
         let spinning = cross(omega, [0, 1, 2].map(|i| spun[i] + moving[i]));
-        let pushed = cross(contact, [0, 1, 2].map(|i| felt[i] - spinning[i]));
+        let pushed = cross(contact, [0, 1, 2].map(|i| specific_force[i] - spinning[i]));
         let gyroscopic = cross(omega, [0, 1, 2].map(|i| omega[i] * inertia[i]));
         let reach = dot(contact, contact);
         let diagonal = [0, 1, 2].map(|i| (reach + inertia[i]).recip());

@@ -23,7 +23,7 @@ pub mod tracker;
 pub use body::{Body, BodyError};
 pub use flow::{Columns, STATE_COLUMNS, Tangent};
 pub use gho::Gho;
-pub use mechanics::{Model, Rates, Spin, State, felt};
+pub use mechanics::{Model, Rates, Spin, State, specific_force};
 pub use observability::{CannotFollow, Inputs, Observability, SufficientCondition, observability};
 pub use observer::{BodyKnowledge, Estimate, Hypothesis, Noise, ObserveError, PalmKnowledge, Question, Verdict};
 pub use palm::{Harmonic, PalmAcceleration, Pieces, PiecesError};

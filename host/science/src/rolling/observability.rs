@@ -130,7 +130,7 @@ fn sensitivities(model: &Model, state: &State, g: f64, inputs: Inputs, turn: f64
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 1 to TURN_MAX/TURN_OF_STEPS")]
     let steps = STEPS * (turn / TURN_OF_STEPS).ceil().max(1.0) as u32;
     let dt = WINDOW / rate / f64::from(CONTACTS * steps);
-    let felt = |step: u32, within: f64| feel(inputs, g, rate * dt * (f64::from(step) + within));
+    let specific_force = |step: u32, within: f64| feel(inputs, g, rate * dt * (f64::from(step) + within));
     let dimension = model.dimension();
     let mut rows = DMatrix::zeros(2 * CONTACTS as usize + 2, dimension);
     let mut here = (state.normalized(), Tangent::<STATE_COLUMNS>::seed(&state.normalized()));
@@ -144,8 +144,8 @@ fn sensitivities(model: &Model, state: &State, g: f64, inputs: Inputs, turn: f64
             }
         }
         for step in contact * steps..(contact + 1) * steps {
-            let felt = [0.0, 0.5, 1.0].map(|within| felt(step, within));
-            here = model.step_with(Columns::STATE, (&here.0, &here.1), &felt, dt);
+            let specific_force = [0.0, 0.5, 1.0].map(|within| specific_force(step, within));
+            here = model.step_with(Columns::STATE, (&here.0, &here.1), &specific_force, dt);
         }
     }
     rows

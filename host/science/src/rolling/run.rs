@@ -9,7 +9,7 @@
 use nalgebra::{Quaternion, Vector2, Vector3};
 
 use super::body::Body;
-use super::mechanics::{Model, Spin, State, felt};
+use super::mechanics::{Model, Spin, State, specific_force};
 use super::palm::PalmAcceleration;
 
 /// Error of one step that is accepted: rad, and the same share of angular velocity and size.
@@ -203,22 +203,22 @@ impl<'a> Roll<'a> {
         &self.start
     }
 
-    fn felt(&self, t: f64, inside: f64) -> Vector3<f64> {
-        felt(self.palm.at_within(t, inside), self.g)
+    fn specific_force(&self, t: f64, inside: f64) -> Vector3<f64> {
+        specific_force(self.palm.at_within(t, inside), self.g)
     }
 
     fn lifts(&self, t: f64, state: &State) -> bool {
-        self.model.contact_force(state, &self.felt(t, t)).z <= 0.0
+        self.model.contact_force(state, &self.specific_force(t, t)).z <= 0.0
     }
 
     fn sample(&self, t: f64, state: &State) -> Sample {
-        let felt = self.felt(t, t);
+        let specific_force = self.specific_force(t, t);
         Sample {
             t,
             state: *state,
             contact_body: self.model.contact(state),
-            contact_force: self.model.contact_force(state, &felt),
-            contact_torque: self.model.contact_torque(state, &felt),
+            contact_force: self.model.contact_force(state, &specific_force),
+            contact_torque: self.model.contact_torque(state, &specific_force),
             energy: self.model.energy(state, self.g),
         }
     }
@@ -226,8 +226,8 @@ impl<'a> Roll<'a> {
     /// One Runge–Kutta step, then the spin put back to 0 where there is none.
     fn leap(&self, t: f64, state: &State, dt: f64) -> State {
         let inside = t + 0.5 * dt;
-        let felt = [t, inside, t + dt].map(|time| self.felt(time, inside));
-        self.model.step(state, &felt, dt)
+        let specific_force = [t, inside, t + dt].map(|time| self.specific_force(time, inside));
+        self.model.step(state, &specific_force, dt)
     }
 
     /// A step in two halves, extrapolated; with the state at its middle and the error estimated.
@@ -316,7 +316,7 @@ impl Walk<'_, '_> {
     /// Takes a step, or finds the lift-off in it.
     fn arrive(&mut self, dt: f64, middle: &State, end: State, t_end: f64) -> Option<End> {
         let lifts = |t: f64, state: &State| {
-            self.roll.model.contact_force(state, &self.roll.felt(t, self.t + 0.5 * dt)).z <= 0.0
+            self.roll.model.contact_force(state, &self.roll.specific_force(t, self.t + 0.5 * dt)).z <= 0.0
         };
         let share = match (lifts(self.t + 0.5 * dt, middle), lifts(t_end, &end)) {
             (true, _) => 0.5,

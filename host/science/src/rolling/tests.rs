@@ -40,14 +40,14 @@ pub(super) fn motions() -> impl Strategy<Value = (Spin, State, Vector3<f64>)> {
     let w = [-12.0..12.0, -12.0..12.0, -12.0..12.0_f64];
     let a = [-3.0..3.0, -3.0..3.0, -3.0..3.0_f64];
     (prop_oneof![Just(Spin::Free), Just(Spin::None)], q, w, a)
-        .prop_map(|(spin, q, w, a)| (spin, state_of(spin, q, w), felt(Vector3::from(a), GRAVITY_ASSUMED)))
+        .prop_map(|(spin, q, w, a)| (spin, state_of(spin, q, w), specific_force(Vector3::from(a), GRAVITY_ASSUMED)))
 }
 
 /// Newton's and Euler's equations in palm axes for the velocity of the centre of mass and the angular velocity, the contact
 /// force as a multiplier of the constraint that the touching point of the body rests, differentiated by time numerically.
 ///
 /// Shares with the code under test only the support function's contact point.
-fn newton_euler(body: &Body, spin: Spin, state: &State, felt: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+fn newton_euler(body: &Body, spin: Spin, state: &State, specific_force: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let turned = |t: f64, w: &Vector3<f64>| UnitQuaternion::from_scaled_axis(w * t) * state.attitude();
     let w = state.attitude() * state.omega;
     // From the centre of mass to the contact, palm axes, once the body has turned for a time `t`.
@@ -64,7 +64,7 @@ fn newton_euler(body: &Body, spin: Spin, state: &State, felt: &Vector3<f64>) -> 
     let mut b = SVector::<f64, 10>::zeros();
     m.fixed_view_mut::<3, 3>(0, 0).copy_from(&Matrix3::identity());
     m.fixed_view_mut::<3, 3>(0, 6).copy_from(&-Matrix3::identity());
-    b.fixed_rows_mut::<3>(0).copy_from(&-felt);
+    b.fixed_rows_mut::<3>(0).copy_from(&-specific_force);
     m.fixed_view_mut::<3, 3>(3, 3).copy_from(&inertia);
     m.fixed_view_mut::<3, 3>(3, 6).copy_from(&-arm(0.0).cross_matrix());
     m[(5, 9)] = -1.0;
@@ -84,13 +84,13 @@ const ORACLE_ERROR: f64 = 2e-6;
 
 proptest! {
     #[test]
-    fn the_motion_is_that_of_newton_and_euler((spin, state, felt) in motions()) {
+    fn the_motion_is_that_of_newton_and_euler((spin, state, specific_force) in motions()) {
         for body in bodies() {
             let model = Model { body, spin };
-            let (turn, force) = newton_euler(body, spin, &state, &felt);
-            let got = model.rates(&state, &felt);
+            let (turn, force) = newton_euler(body, spin, &state, &specific_force);
+            let got = model.rates(&state, &specific_force);
             prop_assert!((got.omega - turn).norm() < ORACLE_ERROR * (1.0 + turn.norm()), "{spin:?} {:?} {turn:?}", got.omega);
-            let got = model.contact_force(&state, &felt);
+            let got = model.contact_force(&state, &specific_force);
             prop_assert!((got - force).norm() < ORACLE_ERROR * (1.0 + force.norm()), "{spin:?} {got:?} {force:?}");
         }
     }
@@ -99,8 +99,8 @@ proptest! {
     fn energy_changes_only_by_the_palms_work((spin, state, _) in motions()) {
         for body in bodies() {
             let model = Model { body, spin };
-            let felt = [felt(Vector3::zeros(), GRAVITY_ASSUMED); 3];
-            let end = (0..200).fold(state, |state, _| model.step(&state, &felt, 5e-4));
+            let specific_force = [specific_force(Vector3::zeros(), GRAVITY_ASSUMED); 3];
+            let end = (0..200).fold(state, |state, _| model.step(&state, &specific_force, 5e-4));
             let energies = [state, end].map(|state| model.energy(&state, GRAVITY_ASSUMED));
             // 0.5 ms steps for 0.1 s at up to 20 rad/s.
             prop_assert!((energies[1] / energies[0] - 1.0).abs() < 1e-7, "{spin:?} {body:?}: {energies:?}");
@@ -108,18 +108,18 @@ proptest! {
     }
 
     #[test]
-    fn a_body_that_does_not_spin_never_does((_, state, felt) in motions()) {
+    fn a_body_that_does_not_spin_never_does((_, state, specific_force) in motions()) {
         for body in bodies() {
             let model = Model { body, spin: Spin::None };
             let state = state_of(Spin::None, state.orientation.coords.into(), state.omega.into());
-            let end = (0..100).fold(state, |state, _| model.step(&state, &[felt; 3], 1e-3));
+            let end = (0..100).fold(state, |state, _| model.step(&state, &[specific_force; 3], 1e-3));
             prop_assert!(model.spin_rate(&end).abs() < 1e-5, "{}", model.spin_rate(&end));
         }
     }
 
     /// Turning body and frame alike changes nothing the palm can see.
     #[test]
-    fn symmetric_attitudes_roll_alike((spin, state, felt) in motions()) {
+    fn symmetric_attitudes_roll_alike((spin, state, specific_force) in motions()) {
         for body in bodies() {
             let model = Model { body, spin };
             for turn in body.symmetry().turns() {
@@ -128,7 +128,7 @@ proptest! {
                     omega: turn.inverse() * state.omega,
                     u: state.u,
                 };
-                let end = |state: State| (0..50).fold(state, |state, _| model.step(&state, &[felt; 3], 1e-3)).u;
+                let end = |state: State| (0..50).fold(state, |state, _| model.step(&state, &[specific_force; 3], 1e-3)).u;
                 prop_assert!((end(state) - end(twin)).norm() < 1e-12);
             }
         }
@@ -136,25 +136,25 @@ proptest! {
 
     /// The state and its columns against differences of whole motions.
     #[test]
-    fn sensitivities_are_those_of_the_motion((spin, state, felt) in motions()) {
+    fn sensitivities_are_those_of_the_motion((spin, state, specific_force) in motions()) {
         let columns = Columns { semi_axes: true, palm: true };
-        let go = |body: &Body, state: State, felt: Vector3<f64>| {
-            (0..20).fold(state, |state, _| Model { body, spin }.step(&state, &[felt; 3], 1e-3))
+        let go = |body: &Body, state: State, specific_force: Vector3<f64>| {
+            (0..20).fold(state, |state, _| Model { body, spin }.step(&state, &[specific_force; 3], 1e-3))
         };
         for body in bodies() {
             let model = Model { body, spin };
             let start = (state, Tangent::<12>::seed(&state));
             let (end, tangent) = (0..20).fold(start, |(state, tangent), _| {
-                model.step_with(columns, (&state, &tangent), &[felt; 3], 1e-3)
+                model.step_with(columns, (&state, &tangent), &[specific_force; 3], 1e-3)
             });
-            prop_assert!((end.u - go(body, state, felt).u).norm() < 1e-12);
+            prop_assert!((end.u - go(body, state, specific_force).u).norm() < 1e-12);
             let step = 1e-5;
             for column in 0..12 {
                 if spin == Spin::None && column == 5 { continue; } // A change of spin leaves the model.
                 let ellipsoid = matches!(body.shape(), Shape::Ellipsoid(_));
                 if !ellipsoid && (6..9).contains(&column) { continue; }
                 let moved = |sign: f64| {
-                    let (mut state, mut felt, mut changed) = (state, felt, body.clone());
+                    let (mut state, mut specific_force, mut changed) = (state, specific_force, body.clone());
                     let unit = |axis: usize| Vector3::ith(axis, sign * step);
                     match column {
                         0..3 => {
@@ -168,9 +168,9 @@ proptest! {
                             ellipsoid.semi_axes[column - 6] *= (sign * step).exp();
                             changed = Body::ellipsoid(ellipsoid.semi_axes).unwrap();
                         }
-                        _ => felt += unit(column - 9),
+                        _ => specific_force += unit(column - 9),
                     }
-                    go(&changed, state, felt)
+                    go(&changed, state, specific_force)
                 };
                 let (ahead, behind) = (moved(1.0), moved(-1.0));
                 let u = (ahead.u - behind.u) / (2.0 * step);
@@ -189,13 +189,13 @@ proptest! {
     }
 
     #[test]
-    fn formulas_with_derivatives_are_those_without((spin, state, felt) in motions()) {
+    fn formulas_with_derivatives_are_those_without((spin, state, specific_force) in motions()) {
         for body in bodies() {
             let model = Model { body, spin };
             let [x, y, z, w] = state.orientation.coords.into();
             let typed = mechanics::StateOf { orientation: [w, x, y, z], omega: state.omega.into() };
-            let (u, rates) = model.rates_with::<f64>(&typed, &felt).unwrap();
-            let wanted = model.rates(&state, &felt);
+            let (u, rates) = model.rates_with::<f64>(&typed, &specific_force).unwrap();
+            let wanted = model.rates(&state, &specific_force);
             prop_assert!((Vector2::from(u) - wanted.u).norm() < 1e-12);
             prop_assert!((Vector3::from(rates.omega) - wanted.omega).norm() < 1e-9);
             let [w, x, y, z] = rates.orientation;
@@ -212,8 +212,8 @@ fn a_sphere_rolls_as_in_the_textbook() {
         let start = state_of(spin, [0.3, -0.4, 0.7, 0.2], [3.0, -5.0, 2.0]);
         let palm = Vector3::new(0.7, -1.3, 0.4);
         let model = Model { body: &body, spin };
-        let felt = [felt(palm, GRAVITY_ASSUMED); 3];
-        let end = (0..500).fold(start, |state, _| model.step(&state, &felt, 1e-3));
+        let specific_force = [specific_force(palm, GRAVITY_ASSUMED); 3];
+        let end = (0..500).fold(start, |state, _| model.step(&state, &specific_force, 1e-3));
         let w = start.attitude() * start.omega;
         let t = 0.5;
         let wanted = start.u + Vector2::new(w.y, -w.x) * (0.025 * t) - palm.xy() * (5.0 / 14.0 * t * t);
@@ -232,7 +232,12 @@ fn a_turn_about_the_axis_of_revolution_never_shows() {
         let start = (state, Tangent::<STATE_COLUMNS>::seed(&state));
         // Steps long enough that the orientations of a step's stages are not of length 1.
         let (_, tangent) = (0..60).fold(start, |(state, tangent), _| {
-            model.step_with(Columns::STATE, (&state, &tangent), &[felt(Vector3::zeros(), GRAVITY_ASSUMED); 3], 4e-3)
+            model.step_with(
+                Columns::STATE,
+                (&state, &tangent),
+                &[specific_force(Vector3::zeros(), GRAVITY_ASSUMED); 3],
+                4e-3,
+            )
         });
         for [seen, hidden] in tangent.u.map(|row| [row[0], row[2]]) {
             assert!(hidden.abs() < 1e-15 && seen.abs() > 1e-3, "{spin:?}: {hidden} beside {seen} m/rad");

@@ -12,7 +12,7 @@ use nalgebra::{Matrix2, Matrix3, SMatrix, UnitQuaternion, Vector2, Vector3};
 
 use super::body::Body;
 use super::flow::{Columns, STATE_COLUMNS, Tangent};
-use super::mechanics::{Model, Spin, State, felt};
+use super::mechanics::{Model, Spin, State, specific_force};
 use super::observer::{BodyKnowledge, Estimate, Hypothesis, PalmKnowledge, Question, Verdict};
 use super::palm::PalmAcceleration;
 
@@ -225,10 +225,10 @@ impl Track {
         while done < parts {
             let start = self.t + done * step;
             let middle = start + 0.5 * step;
-            let feel = |time: f64| felt(self.palm.at_within(time, middle), self.g);
-            let felt = [feel(start), feel(middle), feel(start + step)];
+            let feel = |time: f64| specific_force(self.palm.at_within(time, middle), self.g);
+            let specific_force = [feel(start), feel(middle), feel(start + step)];
             let model = Model { body: &self.body, spin: self.spin };
-            here = model.step_with(Columns::STATE, (&here.0, &here.1), &felt, step);
+            here = model.step_with(Columns::STATE, (&here.0, &here.1), &specific_force, step);
             done += 1.0;
         }
         let transition = transition(&here.0, &here.1);
@@ -323,8 +323,8 @@ mod tests {
     fn path(body: &Body, spin: Spin, count: usize) -> Vec<(f64, Vector2<f64>, State)> {
         let model = Model { body, spin };
         let start = state_of(spin, [0.4, -0.2, 0.7, 0.3], [2.0, -3.0, 1.5]);
-        let felt = [felt(Vector3::zeros(), GRAVITY_ASSUMED); 3];
-        let states = std::iter::successors(Some(start), |state| Some(model.step(state, &felt, 0.002)));
+        let specific_force = [specific_force(Vector3::zeros(), GRAVITY_ASSUMED); 3];
+        let states = std::iter::successors(Some(start), |state| Some(model.step(state, &specific_force, 0.002)));
         let rounded = |state: &State| state.u.map(|x| (x * 1e3).round() * 1e-3);
         let times = std::iter::successors(Some(0.0), |t| Some(t + 0.002));
         states.zip(times).take(count).map(|(state, t)| (t, rounded(&state), state)).collect()

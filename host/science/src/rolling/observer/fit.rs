@@ -150,12 +150,12 @@ impl Unknowns {
         normal.add(&[[0.0; N]; 2], point.state.u - track.centre);
         for leaps in [&track.forward, &track.backward] {
             let mut here = (point.state, Tangent::<N>::seed(&point.state));
-            for Leap { dt, felt, reading, rank } in leaps {
+            for Leap { dt, specific_force, reading, rank } in leaps {
                 if *rank > effort.ranks {
                     break;
                 }
-                let felt = felt.map(|felt| felt + point.palm);
-                here = model.step_with(self.columns, (&here.0, &here.1), &felt, *dt);
+                let specific_force = specific_force.map(|specific_force| specific_force + point.palm);
+                here = model.step_with(self.columns, (&here.0, &here.1), &specific_force, *dt);
                 if let Some(reading) = reading {
                     normal.add(&here.1.u, here.0.u - reading);
                 }
@@ -181,11 +181,11 @@ impl Unknowns {
         let (mut count, mut sum, mut squares) = (1.0, first, first.norm_squared());
         for leaps in [&track.forward, &track.backward] {
             let mut state = point.state;
-            for Leap { dt, felt, reading, rank } in leaps {
+            for Leap { dt, specific_force, reading, rank } in leaps {
                 if *rank > ranks {
                     break;
                 }
-                state = model.step(&state, &felt.map(|felt| felt + point.palm), *dt);
+                state = model.step(&state, &specific_force.map(|specific_force| specific_force + point.palm), *dt);
                 if let Some(reading) = reading {
                     let residual = state.u - reading;
                     count += 1.0;
@@ -211,8 +211,8 @@ impl Unknowns {
         let go = |leaps: &[Leap]| {
             let start = (point.state, Tangent::<N>::seed(&point.state));
             leaps.iter().fold(start, |here, leap| {
-                let felt = leap.felt.map(|felt| felt + point.palm);
-                model.step_with(self.columns, (&here.0, &here.1), &felt, leap.dt)
+                let specific_force = leap.specific_force.map(|specific_force| specific_force + point.palm);
+                model.step_with(self.columns, (&here.0, &here.1), &specific_force, leap.dt)
             })
         };
         let columns = |tangent: &Tangent<N>| {
@@ -232,7 +232,8 @@ impl Unknowns {
         for leaps in [&track.forward, &track.backward] {
             let (mut state, mut before) = (point.state, first);
             for leap in leaps {
-                state = model.step(&state, &leap.felt.map(|felt| felt + point.palm), leap.dt);
+                state =
+                    model.step(&state, &leap.specific_force.map(|specific_force| specific_force + point.palm), leap.dt);
                 if let Some(reading) = leap.reading {
                     let residual = state.u - reading;
                     max = residual.amax().max(max);

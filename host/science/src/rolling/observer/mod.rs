@@ -27,7 +27,7 @@ use self::track::Track;
 use self::verdict::{Gate, Quality, Solution};
 use super::body::Body;
 use super::flow::Columns;
-use super::mechanics::{Model, Spin, felt};
+use super::mechanics::{Model, Spin, specific_force};
 use super::palm::PalmAcceleration;
 use crate::math::least_squares::Enough;
 use crate::search::{Halt, Searched, Stop, never};
@@ -262,8 +262,8 @@ impl Question {
         let pace = self.pace(bodies);
         let coarse = readings.averaged(pace);
         let track = coarse.search_track(self.palm(), self.g, pace);
-        let felt = felt(self.palm().at(track.centre_time), self.g);
-        let found = Ground { unknowns, bodies, track: &track, felt, pace, halt }.search(width);
+        let specific_force = specific_force(self.palm().at(track.centre_time), self.g);
+        let found = Ground { unknowns, bodies, track: &track, specific_force, pace, halt }.search(width);
         let fine = readings.fine_track(self.palm(), self.g, pace);
         let best = found.first().map_or(0.0, |fit| fit.cost);
         let worth = found.into_iter().filter(|fit| fit.cost <= best + WORTH_POLISHING);
@@ -290,8 +290,8 @@ const ROUNDING_MAX: f64 = 0.75;
 fn polish(unknowns: &Unknowns, track: &Track, fine: &Track, fit: Fit, noise: Noise) -> Solution {
     let mut point = fit.point;
     let shift = fine.centre_time - track.centre_time;
-    let felt = track.forward.first().map_or(Vector3::zeros(), |leap| leap.felt[0]) + point.palm;
-    point.state = Model { body: &point.body, spin: unknowns.spin }.step(&point.state, &[felt; 3], shift);
+    let specific_force = track.forward.first().map_or(Vector3::zeros(), |leap| leap.specific_force[0]) + point.palm;
+    point.state = Model { body: &point.body, spin: unknowns.spin }.step(&point.state, &[specific_force; 3], shift);
     let ranks = fine.ranks_max();
     let squares = Effort {
         ranks,

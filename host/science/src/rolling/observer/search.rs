@@ -83,7 +83,7 @@ pub(super) struct Ground<'a> {
     pub(super) bodies: &'a [Body],
     pub(super) track: &'a Track,
     /// What the body feels in the middle of the window, palm axes, m/s².
-    pub(super) felt: Vector3<f64>,
+    pub(super) specific_force: Vector3<f64>,
     /// Share of a round body's times in which this one does as much.
     pub(super) pace: f64,
     /// Whether to end.
@@ -110,7 +110,7 @@ impl Ground<'_> {
     /// √(size/g): how long the body takes to roll, s.
     fn time_unit(&self) -> f64 {
         let size = self.bodies.iter().map(Body::size).fold(f64::INFINITY, f64::min);
-        (size / self.felt.norm().max(1e-3)).sqrt()
+        (size / self.specific_force.norm().max(1e-3)).sqrt()
     }
 
     /// Cubics through the readings around the middle.
@@ -180,7 +180,7 @@ impl Ground<'_> {
             return found(state(0.0), miss(0.0).norm_squared());
         }
         // u'' is quadratic in the spin: three values give it everywhere.
-        let range = SPIN_RANGE * (self.felt.norm() / model.body.size()).sqrt();
+        let range = SPIN_RANGE * (self.specific_force.norm() / model.body.size()).sqrt();
         let [low, middle, high] = [-range, 0.0, range].map(miss);
         let (slope, bend) = ((high - low) * 0.5, (high + low) * 0.5 - middle);
         let score = |x: f64| (middle + slope * x + bend * (x * x)).norm_squared();
@@ -201,7 +201,7 @@ impl Ground<'_> {
 
     /// `u''`.
     fn acceleration(&self, model: Model, state: &State) -> Vector2<f64> {
-        let instant = Instant::of(state, &self.felt);
+        let instant = Instant::of(state, &self.specific_force);
         let local = model.body.shape().local(&instant.normal, &instant.turning);
         let moving = local.hessian * instant.turning;
         let turn = model.turn(state, &instant, (local.contact, moving));
@@ -244,7 +244,7 @@ impl Ground<'_> {
     /// How different two states are: the angle modulo symmetry, and the angular velocity in palm axes in units of √(g/size).
     fn differ(&self, body: &Body, a: &State, b: &State) -> f64 {
         let (x, y) = (a.attitude(), b.attitude());
-        let rate = (self.felt.norm() / body.size()).sqrt();
+        let rate = (self.specific_force.norm() / body.size()).sqrt();
         body.symmetry().angle(&x, &y).hypot((x * a.omega - y * b.omega).norm() / rate)
     }
 

@@ -7,7 +7,7 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use super::super::mechanics::felt;
+use super::super::mechanics::specific_force;
 use super::super::palm::PalmAcceleration;
 
 /// The length of time that one averaged reading of the search stands for, s: short beside all that happens.
@@ -69,7 +69,7 @@ pub(super) struct Leap {
     /// s, negative backward.
     pub(super) dt: f64,
     /// What the body feels at its start, middle and end, palm axes, m/s².
-    pub(super) felt: [Vector3<f64>; 3],
+    pub(super) specific_force: [Vector3<f64>; 3],
     /// The reading at its end.
     pub(super) reading: Option<Vector2<f64>>,
     /// How many readings away from the middle it ends, or the next one is.
@@ -173,8 +173,8 @@ fn between(palm: &PalmAcceleration, g: f64, [from, to]: [f64; 2], longest: f64) 
         while done < parts {
             let (start, end) = (at + done * dt, at + (done + 1.0) * dt);
             let middle = 0.5 * (start + end);
-            let felt = [start, middle, end].map(|time| felt(palm.at_within(time, middle), g));
-            leaps.push(Leap { dt, felt, reading: None, rank: 0 });
+            let specific_force = [start, middle, end].map(|time| specific_force(palm.at_within(time, middle), g));
+            leaps.push(Leap { dt, specific_force, reading: None, rank: 0 });
             done += 1.0;
         }
         at = stop;
