@@ -207,7 +207,9 @@ fn say_what_is_felt(known: &Known, sense: &PushSense) -> Option<Estimate> {
     let end = known.motion.duration();
     let mut last = None;
     for until in TIMES_S.into_iter().filter(|&until| until < end).chain([end]) {
-        let Some(felt) = sense.felt(until).filter(|felt| felt.count() >= from_rest::WINDOWS_MIN) else { continue };
+        let Some(felt) = sense.windowed_force(until).filter(|felt| felt.count() >= from_rest::WINDOWS_MIN) else {
+            continue;
+        };
         if last.is_none() {
             say!("\n{}", pose::HEADINGS);
         }

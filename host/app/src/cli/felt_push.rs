@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use miette::WrapErr as _;
 use palpate::finger::contact::{Reading, TareError};
 use palpate::pushing::estimation::from_rest::onset::{PushSense, RestNoise};
-use palpate::pushing::estimation::from_rest::{FeltForce, Known, WINDOWS_MIN};
+use palpate::pushing::estimation::from_rest::{Known, WINDOWS_MIN, WindowedForce};
 use palpate::pushing::finger_motion::FingerMotion;
 use palpate_files::motion;
 use palpate_files::part::PolygonFile;
@@ -90,7 +90,7 @@ pub(super) fn read_forces(path: &Path) -> miette::Result<Vec<Reading>> {
 
 /// A push that was felt.
 pub(super) struct FeltPush {
-    pub(super) force: FeltForce,
+    pub(super) force: WindowedForce,
     motion: FingerMotion,
     radius: f64,
     grip_log_sd: Option<f64>,
@@ -104,14 +104,14 @@ impl FeltPushArguments {
         Ok(FeltPush { force, motion, radius: self.radius_mm * 1e-3, grip_log_sd: self.friction.log_sd() })
     }
 
-    fn feel(&self, motion: &FingerMotion) -> miette::Result<FeltForce> {
+    fn feel(&self, motion: &FingerMotion) -> miette::Result<WindowedForce> {
         let readings = read_forces(&self.forces)?;
         let rest_end = readings.first().map_or(0.0, |first| first.t) + self.tare;
         let (rest, push) = readings.split_at(readings.partition_point(|reading| reading.t < rest_end));
         let noise = RestNoise::estimate(rest).map_err(not_at_rest)?;
         let mut sense = PushSense::new(noise, None);
         push.iter().for_each(|reading| sense.push(reading));
-        sense.felt(motion.duration()).filter(|felt| felt.count() >= WINDOWS_MIN).ok_or_else(|| {
+        sense.windowed_force(motion.duration()).filter(|felt| felt.count() >= WINDOWS_MIN).ok_or_else(|| {
             miette::miette!(
                 help = "a push must stand out of the noise for a tenth of a second at least, and begin after the tare",
                 "no push was felt, or too short a one"

@@ -197,7 +197,8 @@ impl Observer<'_> {
 
     fn estimate(&mut self, sense: &PushSense, at_end: bool) {
         let Some(motion) = self.motion.known() else { return };
-        let Some(felt) = sense.felt(motion.duration()).filter(|felt| felt.count() >= from_rest::WINDOWS_MIN) else {
+        let Some(felt) = sense.windowed_force(motion.duration()).filter(|felt| felt.count() >= from_rest::WINDOWS_MIN)
+        else {
             return;
         };
         let radius = self.arguments.radius_mm * 1e-3;

@@ -28,7 +28,7 @@ fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<Outcome, String> {
     let duration = ranges.motion.duration();
     let felt = Rig::start(finger_seed, 1.0, Line::Pipe).and_then(|mut rig| rig.push(course(&drawn.played)));
     let felt = felt.map_err(|error| format!("case {number}: {error}"))?;
-    let felt = felt.sense.felt(duration).ok_or_else(|| format!("case {number}: the push was not felt"))?;
+    let felt = felt.sense.windowed_force(duration).ok_or_else(|| format!("case {number}: the push was not felt"))?;
     let known = Known {
         part: &part,
         grip: ranges.mu * GRAVITY_ASSUMED,

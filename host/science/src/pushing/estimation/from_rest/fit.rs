@@ -11,8 +11,8 @@ use std::f64::consts::PI;
 
 use nalgebra::{DMatrix, DVector, Isometry2, Matrix3, Matrix4, SMatrix, SVector, Vector3, Vector4};
 
-use super::felt::FeltForce;
 use super::path::{Course, Guess, Path};
+use super::windowed_force::WindowedForce;
 use crate::math::least_squares::{self, Damping, Enough, Floor, NormalEquations, Settings, minimise};
 use crate::pushing::dynamics::State;
 use crate::pushing::estimation::observation::GRIP_LOG_MAX;
@@ -74,7 +74,7 @@ const PENALTIES: usize = 3;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Problem<'a, 'p> {
     pub(super) course: &'a Course<'p>,
-    pub(super) felt: &'a FeltForce,
+    pub(super) felt: &'a WindowedForce,
 }
 
 /// A guess with what came of it.

@@ -6,7 +6,7 @@
 //! direction and its course say where the part is, its size says the mass. Where µ of the plane is not known well, it is found with the
 //! rest. But a slow part feels its mass only through µ m g: then the answer says that the two cannot be told apart.
 //!
-//! - [`windows`]: how force is averaged; [`felt`]: what was felt and how uncertain it is;
+//! - [`windows`]: how force is averaged; [`windowed_force`]: what was felt and how uncertain it is;
 //! - `path`: what a guess would feel; `seeds`: guesses to begin with; `fit`: going down from each to a minimum;
 //! - `symmetry`: turns of the part that nobody can tell apart.
 //!
@@ -17,18 +17,18 @@
 //! Frames: finger axes, with the origin of the motion's file; force is the force on the finger's disk. Units: SI.
 //! Errors: none. "No pose explains the force" and "several do" are answers.
 
-pub mod felt;
 mod fit;
 pub mod onset;
 mod path;
 mod seeds;
 mod symmetry;
 pub mod trial;
+pub mod windowed_force;
 pub mod windows;
 
-pub use felt::{CalibrationError, FeltForce, Uncertainty};
 use fit::{EndCovariance, Problem, Tried};
 use path::{Course, Guess};
+pub use windowed_force::{CalibrationError, Uncertainty, WindowedForce};
 
 use super::hypotheses::{Estimate, Fit, FromForce, GATE, Hypothesis, Nearness, Observer, SAME_END_M, joined};
 use super::planning::Present;
@@ -88,28 +88,28 @@ impl<'p> Known<'p> {
 }
 
 impl Observer for Known<'_> {
-    type Observation = FeltForce;
+    type Observation = WindowedForce;
 
-    fn estimate_until(&self, felt: &FeltForce, stop: Stop<'_>) -> Searched<Estimate> {
+    fn estimate_until(&self, felt: &WindowedForce, stop: Stop<'_>) -> Searched<Estimate> {
         estimate_until(self, felt, stop)
     }
 }
 
 /// Every pose that explains what was felt, sought all over the part.
 #[must_use]
-pub fn estimate(known: &Known, felt: &FeltForce) -> Estimate {
+pub fn estimate(known: &Known, felt: &WindowedForce) -> Estimate {
     estimate_until(known, felt, &never).found
 }
 
 /// The same, ended when `stop` says so: then with the poses found by then.
 #[must_use]
-pub fn estimate_until(known: &Known, felt: &FeltForce, stop: Stop<'_>) -> Searched<Estimate> {
+pub fn estimate_until(known: &Known, felt: &WindowedForce, stop: Stop<'_>) -> Searched<Estimate> {
     let halt = Halt::new(stop);
     let estimate = halting_estimate(known, felt, &halt);
     halt.searched(estimate)
 }
 
-fn halting_estimate(known: &Known, felt: &FeltForce, halt: &Halt<'_>) -> Estimate {
+fn halting_estimate(known: &Known, felt: &WindowedForce, halt: &Halt<'_>) -> Estimate {
     let symmetry = symmetry::order(known.part);
     let edges = known.part.polygon().vertices().len() / symmetry;
     let course = course(known, felt);
@@ -122,7 +122,7 @@ fn halting_estimate(known: &Known, felt: &FeltForce, halt: &Halt<'_>) -> Estimat
 /// The same, sought only where an earlier answer from the beginning of the same push had found something: what was excluded then
 /// stays excluded.
 #[must_use]
-pub fn follow(known: &Known, felt: &FeltForce, earlier: &Estimate) -> Estimate {
+pub fn follow(known: &Known, felt: &WindowedForce, earlier: &Estimate) -> Estimate {
     let course = course(known, felt);
     let problem = Problem { course: &course, felt };
     let starts = earlier.hypotheses.iter().filter_map(|hypothesis| problem.try_guess(guess(hypothesis, &course)));
@@ -130,7 +130,7 @@ pub fn follow(known: &Known, felt: &FeltForce, earlier: &Estimate) -> Estimate {
     conclude(&problem, descend_all(&problem, starts, &Halt::new(&never)), earlier.symmetry)
 }
 
-fn course<'p>(known: &Known<'p>, felt: &FeltForce) -> Course<'p> {
+fn course<'p>(known: &Known<'p>, felt: &WindowedForce) -> Course<'p> {
     Course {
         part: known.part,
         grip: known.grip,

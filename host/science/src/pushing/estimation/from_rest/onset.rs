@@ -14,7 +14,7 @@ use nalgebra::{Matrix2, Matrix4, Vector2};
 use crate::finger::calibration::Calibration;
 use crate::finger::contact::{Averaging, Reading, Tare, TareError, TareSettings};
 use crate::pushing::estimation::from_rest::windows::{self, HOP_S, LENGTH_S};
-use crate::pushing::estimation::from_rest::{CalibrationError, FeltForce, Uncertainty};
+use crate::pushing::estimation::from_rest::{CalibrationError, Uncertainty, WindowedForce};
 
 /// The force has left the noise when it is this many standard deviations of a reading, for [`CONFIRMED`] readings of
 /// [`ATTEMPTS`] in a row: by chance once in a year.
@@ -227,9 +227,9 @@ impl PushSense {
         }
     }
 
-    /// What was felt up to now, or up to `until` seconds after the onset if that is earlier; none before the first window is over.
+    /// The force up to now, or up to `until` seconds after the onset if that is earlier; none before the first window is over.
     #[must_use]
-    pub fn felt(&self, until: f64) -> Option<FeltForce> {
+    pub fn windowed_force(&self, until: f64) -> Option<WindowedForce> {
         let Stage::Pushing(windows) = &self.stage else { return None };
         let now = self.now.min(windows.onset + until);
         let means: Vec<_> = windows.complete(self.rest.period, now).collect();
@@ -243,7 +243,7 @@ impl PushSense {
             calibration: self.calibration,
             onset_sd: ONSET_SD_S,
         };
-        FeltForce::new(means[..kept].to_vec(), &uncertainty)
+        WindowedForce::new(means[..kept].to_vec(), &uncertainty)
     }
 
     /// Whether the finger has lost the part, or readings are missing: nothing that comes is of use.
@@ -299,7 +299,7 @@ mod tests {
         let found = sense.onset_time().unwrap();
         assert!((found - onset).abs() < 2.0 * ONSET_SD_S, "{found}, wanted {onset}");
         assert!(sense.is_over());
-        let felt = sense.felt(f64::INFINITY).unwrap();
+        let felt = sense.windowed_force(f64::INFINITY).unwrap();
         // Windows that end before the force does, less one.
         assert!((26..=29).contains(&felt.forces_finger().len()), "{}", felt.forces_finger().len());
         for (window, force) in felt.forces_finger().iter().enumerate() {

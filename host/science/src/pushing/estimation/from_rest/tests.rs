@@ -60,11 +60,11 @@ fn true_windows(played: &Played, count: usize) -> Vec<Vector2<f64>> {
     (0..count).map(mean).collect()
 }
 
-fn felt(drawn: &Drawn, draw: &mut Draw, duration: f64) -> FeltForce {
+fn felt(drawn: &Drawn, draw: &mut Draw, duration: f64) -> WindowedForce {
     let mut means = true_windows(&drawn.played, windows::count(duration));
     means.iter_mut().for_each(|mean| *mean += Vector2::new(draw.normal(), draw.normal()) * NOISE_N);
     let noise = Matrix2::identity() * NOISE_N * NOISE_N;
-    FeltForce::new(means, &Uncertainty { noise, bias: Matrix2::zeros(), calibration: None, onset_sd: 0.0 }).unwrap()
+    WindowedForce::new(means, &Uncertainty { noise, bias: Matrix2::zeros(), calibration: None, onset_sd: 0.0 }).unwrap()
 }
 
 fn known<'a>(part: &'a Part, ranges: &'a Ranges) -> Known<'a> {
@@ -193,7 +193,7 @@ fn what_was_found_early_is_followed_to_the_same_end() {
         calibration: None,
         onset_sd: 0.0,
     };
-    let early = FeltForce::new(whole.forces_finger()[..19].to_vec(), &noise).unwrap();
+    let early = WindowedForce::new(whole.forces_finger()[..19].to_vec(), &noise).unwrap();
     let (followed, sought) = (follow(&known, &whole, &estimate(&known, &early)), estimate(&known, &whole));
     let costs = |estimate: &Estimate| estimate.hypotheses.first().map_or(f64::NAN, |hypothesis| hypothesis.cost);
     assert!((costs(&followed) - costs(&sought)).abs() < SAME_COST, "{} {}", costs(&followed), costs(&sought));

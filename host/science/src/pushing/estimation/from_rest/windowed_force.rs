@@ -5,7 +5,7 @@
 //! of all windows, and what is compared is whitened by it.
 //!
 //! Frames: finger axes; force is the force on the finger's disk. Units: SI, or the calibration's relative unit of force.
-//! Errors: [`FeltForce::new`] gives none where there is nothing to compare.
+//! Errors: [`WindowedForce::new`] gives none where there is nothing to compare.
 
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x4, Matrix4, Vector2};
 
@@ -37,9 +37,9 @@ pub struct CalibrationError {
     pub covariance: Matrix4<f64>,
 }
 
-/// What was felt.
+/// Means of the force under the windows, and what whitens them.
 #[derive(Clone, Debug)]
-pub struct FeltForce {
+pub struct WindowedForce {
     forces_finger: Vec<Vector2<f64>>,
     /// The whitened means.
     data: DVector<f64>,
@@ -47,7 +47,7 @@ pub struct FeltForce {
     whitener: DMatrix<f64>,
 }
 
-impl FeltForce {
+impl WindowedForce {
     /// From the means of the windows, tared, of a contact that began at time 0.
     ///
     /// None without a window, or where the covariance is none.
