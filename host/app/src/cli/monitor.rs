@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use std::time::{Instant, SystemTime};
 
 use miette::IntoDiagnostic as _;
-use palpate::finger::contact::{Averaging, Contact, Felt, Settings, Tare, detector};
+use palpate::finger::contact::{Averaging, Contact, ContactReading, Settings, Tare, detector};
 use palpate::finger::sense::{self, Fault, FingerSense, Sensed};
 use palpate_device::{Incoming, Session};
 use serde_json::{Value, json};
@@ -211,7 +211,7 @@ impl<'a> Monitor<'a> {
         let mut lines = Vec::new();
         for sensed in self.finger.feel(samples) {
             let (t, fault, event) = match &sensed {
-                Sensed::Felt(felt) => (felt.t, None, felt.event),
+                Sensed::Contact(reading) => (reading.t, None, reading.event),
                 Sensed::NotMeasured { t, fault } => (*t, Some(*fault), None),
             };
             let news = event.is_some() || fault != self.fault;
@@ -230,7 +230,7 @@ impl<'a> Monitor<'a> {
         }
         let mark = if session.is_simulated() { "  [simulated]" } else { "" };
         match sensed {
-            Sensed::Felt(felt) => format!("{}{mark}", as_words(felt, self.unit)),
+            Sensed::Contact(reading) => format!("{}{mark}", as_words(reading, self.unit)),
             Sensed::NotMeasured { t, fault } => format!("{t:10.4} s  NOT MEASURING: {fault}{mark}"),
         }
     }
@@ -261,9 +261,9 @@ fn write_line(line: &str) -> io::Result<()> {
 }
 
 /// A reading for a person.
-fn as_words(felt: &Felt, unit: &str) -> String {
-    match &felt.contact {
-        Contact::None { sigmas, .. } => format!("{:10.4} s  no contact ({sigmas:.1} sigma)", felt.t),
+fn as_words(reading: &ContactReading, unit: &str) -> String {
+    match &reading.contact {
+        Contact::None { sigmas, .. } => format!("{:10.4} s  no contact ({sigmas:.1} sigma)", reading.t),
         Contact::Touching(touch) => {
             let friction = if touch.friction_half_angle > 0.0 {
                 format!(" +/-{:.1} (friction)", touch.friction_half_angle.to_degrees())
@@ -272,7 +272,7 @@ fn as_words(felt: &Felt, unit: &str) -> String {
             };
             format!(
                 "{:10.4} s  contact at {:8.2} deg, sd {:.2}{friction}, force {:.4} {unit}, sd {:.4}",
-                felt.t,
+                reading.t,
                 touch.u.to_degrees(),
                 touch.u_sd.to_degrees(),
                 touch.magnitude,
@@ -293,7 +293,7 @@ fn unix_time(session: &Session, device_s: f64) -> Option<f64> {
 /// device's clock, `unix_time` on the host's; `contact` is null where nothing was measured.
 fn as_json(session: &Session, sensed: &Sensed, unit: &str, missing_before: u64) -> Value {
     let t = match sensed {
-        Sensed::Felt(felt) => felt.t,
+        Sensed::Contact(reading) => reading.t,
         Sensed::NotMeasured { t, .. } => *t,
     };
     let mut line = json!({
@@ -305,7 +305,7 @@ fn as_json(session: &Session, sensed: &Sensed, unit: &str, missing_before: u64) 
     });
     let more = match sensed {
         Sensed::NotMeasured { fault, .. } => json!({ "contact": null, "fault": fault.to_string() }),
-        Sensed::Felt(felt) => felt_as_json(felt),
+        Sensed::Contact(reading) => contact_as_json(reading),
     };
     if let (Value::Object(line), Value::Object(more)) = (&mut line, more) {
         line.extend(more);
@@ -313,12 +313,12 @@ fn as_json(session: &Session, sensed: &Sensed, unit: &str, missing_before: u64) 
     line
 }
 
-fn felt_as_json(felt: &Felt) -> Value {
-    let event = felt.event.map(|event| match event {
+fn contact_as_json(reading: &ContactReading) -> Value {
+    let event = reading.event.map(|event| match event {
         detector::Event::Onset { .. } => "onset",
         detector::Event::Release { .. } => "release",
     });
-    match &felt.contact {
+    match &reading.contact {
         Contact::None { force_finger, sigmas } => json!({
             "contact": false, "event": event, "sigmas": sigmas, "force": [force_finger.x, force_finger.y],
         }),

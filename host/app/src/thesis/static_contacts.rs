@@ -211,7 +211,7 @@ fn judge(
         .iter()
         .flat_map(|block| finger.feel(block))
         .filter_map(|sensed| match sensed {
-            Sensed::Felt(felt) => Some(felt),
+            Sensed::Contact(felt) => Some(felt),
             Sensed::NotMeasured { .. } => None,
         })
         .collect();

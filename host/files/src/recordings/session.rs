@@ -10,7 +10,7 @@
 
 use nalgebra::{Matrix2, Vector2};
 use palpate::finger::contact::offline::{self, Bias, BiasUnknown, Found, Judged, Start};
-use palpate::finger::contact::{Contact, Event, Felt, Reading, Settings, SettingsError, Tare, noise};
+use palpate::finger::contact::{Contact, ContactReading, Event, Reading, Settings, SettingsError, Tare, noise};
 use palpate::math::angle::wrap_angle;
 use palpate::math::statistics::{mean, median};
 use serde::Serialize;
@@ -284,7 +284,7 @@ fn in_words<S: serde::Serializer>(unknown: &Option<BiasUnknown>, serializer: S) 
     unknown.map(|unknown| unknown.to_string()).serialize(serializer)
 }
 
-fn onset(felt: &Felt) -> Option<f64> {
+fn onset(felt: &ContactReading) -> Option<f64> {
     match felt.event {
         Some(Event::Onset { t, .. }) => Some(t),
         _ => None,
@@ -344,7 +344,7 @@ struct View<'a> {
 }
 
 impl View<'_> {
-    fn row(&self, felt: &Felt) -> Row {
+    fn row(&self, felt: &ContactReading) -> Row {
         let (force, touch) = match felt.contact {
             Contact::None { force_finger, .. } => (force_finger, None),
             Contact::Touching(touch) => (touch.force_finger, Some(touch)),

@@ -10,7 +10,7 @@ use nalgebra::Vector2;
 use palpate_shared::units::Counts;
 
 use crate::finger::calibration::{Calibration, FrontEnd, counts_vector};
-use crate::finger::contact::{ContactSense, Felt, Reading, Settings, SettingsError, Tare};
+use crate::finger::contact::{ContactReading, ContactSense, Reading, Settings, SettingsError, Tare};
 use crate::finger::{STUCK_SAMPLES, Samples};
 
 /// How far a bridge's offset wanders after the tare, in microstrain per √s.
@@ -65,7 +65,7 @@ impl std::fmt::Display for Fault {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sensed {
     /// A contact, or none.
-    Felt(Felt),
+    Contact(ContactReading),
     /// Nothing was measured.
     NotMeasured {
         /// Device time, s.
@@ -125,7 +125,7 @@ impl FingerSense {
         }
         let reading = Reading::new(t, self.calibration.inverse() * counts_vector(counts));
         let calibration = &self.calibration;
-        self.sense.push_calibrated(&reading, |force| calibration.systematic(*force)).map(Sensed::Felt)
+        self.sense.push_calibrated(&reading, |force| calibration.systematic(*force)).map(Sensed::Contact)
     }
 
     fn fault(&mut self, counts: [Counts; 2]) -> Option<Fault> {
@@ -172,7 +172,7 @@ mod tests {
     }
 
     fn touches(sensed: &[Sensed]) -> usize {
-        sensed.iter().filter(|sensed| matches!(sensed, Sensed::Felt(felt) if felt.contact.touch().is_some())).count()
+        sensed.iter().filter(|sensed| matches!(sensed, Sensed::Contact(felt) if felt.contact.touch().is_some())).count()
     }
 
     #[test]

@@ -108,7 +108,7 @@ impl Contact {
 
 /// What [`ContactSense`] says after one reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Felt {
+pub struct ContactReading {
     /// Mean time of the readings averaged, s.
     pub t: f64,
     /// The answer.
@@ -245,7 +245,7 @@ impl ContactSense {
     }
 
     /// Takes one reading of a force that is calibrated exactly. See [`ContactSense::push_calibrated`].
-    pub fn push(&mut self, reading: &Reading) -> Option<Felt> {
+    pub fn push(&mut self, reading: &Reading) -> Option<ContactReading> {
         self.push_calibrated(reading, |_| Matrix2::zeros())
     }
 
@@ -258,7 +258,7 @@ impl ContactSense {
         &mut self,
         reading: &Reading,
         calibration_covariance: impl FnOnce(&Vector2<f64>) -> Matrix2<f64>,
-    ) -> Option<Felt> {
+    ) -> Option<ContactReading> {
         let mean = self.average.push(reading)?;
         let force_finger = mean.force_finger - self.tare.bias;
         let noise = self.noise_at(mean.t);
@@ -276,7 +276,7 @@ impl ContactSense {
                 ))
             }
         };
-        Some(Felt { t: mean.t, contact, event })
+        Some(ContactReading { t: mean.t, contact, event })
     }
 
     /// Covariance of one averaged and tared reading at time `t`: its noise, the tare's, and the bias's walk since.

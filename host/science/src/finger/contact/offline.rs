@@ -15,7 +15,7 @@ use nalgebra::{Matrix2, Vector2};
 use serde::Serialize;
 
 use super::detector::Event;
-use super::{Averaging, ContactSense, Felt, Reading, Settings, Tare, TareError, noise};
+use super::{Averaging, ContactReading, ContactSense, Reading, Settings, Tare, TareError, noise};
 use crate::math::statistics::{mean, median};
 
 /// The first moments of a recording, s, whose mean tells whether it began in contact.
@@ -142,7 +142,11 @@ pub fn given(readings: &[Reading], [t_from, t_to]: [f64; 2], settings: &Settings
 ///
 /// # Errors
 /// [`super::SettingsError`] if a setting is out of range.
-pub fn feel(readings: &[Reading], settings: &Settings, tare: Tare) -> Result<Vec<Felt>, super::SettingsError> {
+pub fn feel(
+    readings: &[Reading],
+    settings: &Settings,
+    tare: Tare,
+) -> Result<Vec<ContactReading>, super::SettingsError> {
     let mut sense = ContactSense::new(settings, tare)?;
     Ok(readings.iter().filter_map(|reading| sense.push(reading)).collect())
 }
