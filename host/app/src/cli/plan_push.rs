@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use palpate::pushing::estimation::planning::{self, Felt, Motion, Present, Prospect, Sampling};
+use palpate::pushing::estimation::planning::{self, Motion, Present, Prospect, Sampling, SensedAngle};
 use palpate::pushing::estimation::{Estimate, Hypothesis, from_rest};
 use palpate::pushing::finger_motion::Segment;
 use palpate_files::part::PolygonFile;
@@ -125,8 +125,11 @@ struct Plan<'e> {
 impl Plan<'_> {
     fn prospects(&self, arguments: &Arguments) -> Vec<Prospect> {
         let beliefs: Vec<_> = self.estimate.hypotheses.iter().filter_map(Hypothesis::belief).collect();
-        let sampling =
-            Sampling { felt: Felt::ForceDirection, dt: VALUES_EVERY_S, sigma: arguments.noise_deg.to_radians() };
+        let sampling = Sampling {
+            sensed: SensedAngle::ForceDirection,
+            dt: VALUES_EVERY_S,
+            sigma: arguments.noise_deg.to_radians(),
+        };
         planning::prospects(&self.present, &beliefs, &self.motions, sampling)
     }
 

@@ -16,7 +16,7 @@ use palpate::math::random::Draw;
 use palpate::math::statistics::percentile;
 use palpate::pushing::dynamics::{ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, Sample, Start, State};
 use palpate::pushing::estimation::planning::{
-    AMBIGUOUS_BELOW, Felt, Motion, Present, Sampling, motions, prospects, updated,
+    AMBIGUOUS_BELOW, Motion, Present, Sampling, SensedAngle, motions, prospects, updated,
 };
 use palpate::pushing::estimation::{Belief, Hypothesis};
 use palpate::pushing::estimation::{Channel, Known, Measured, Observation, Prior, Touch, estimate};
@@ -43,7 +43,7 @@ const VALUES_MIN: usize = 31;
 pub(super) const SIGMA_RAD: f64 = 0.112 / 180.0 * std::f64::consts::PI;
 
 /// How the angles are felt.
-const SAMPLING: Sampling = Sampling { dt: DT_S, sigma: SIGMA_RAD, felt: Felt::ContactAngle };
+const SAMPLING: Sampling = Sampling { dt: DT_S, sigma: SIGMA_RAD, sensed: SensedAngle::ContactAngle };
 
 /// µ g, m/s².
 pub(super) const GRIP: f64 = 0.3 * GRAVITY_ASSUMED;

@@ -63,20 +63,20 @@ const OVER_AFTER: f64 = 1.0 / 3.0;
 /// Steps of the central differences, in units of the state: far above rounding, far below what bends the prediction.
 const DIFFERENCE_STEPS: [f64; 4] = [1e-5, 1e-6, 1e-4, 1e-5];
 
-/// What the finger feels.
+/// Which angle the finger senses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Felt {
+pub enum SensedAngle {
     /// Where it is touched.
     ContactAngle,
     /// The direction of the force, which is that of the contact only without friction.
     ForceDirection,
 }
 
-/// How it is felt.
+/// How it is sensed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampling {
     /// The angle that is compared.
-    pub felt: Felt,
+    pub sensed: SensedAngle,
     /// Time between values, s.
     pub dt: f64,
     /// Standard deviation of one, rad.
@@ -255,7 +255,7 @@ impl Ahead<'_, '_> {
             let times = times(self.sampling.dt, seconds);
             let Some(run) = self.run(finger, state, &times) else { break };
             let seen = run.samples.iter().map_while(|sample| {
-                Some(Seen { angle: angle(sample, self.sampling.felt)?, state: vector(sample.state) })
+                Some(Seen { angle: angle(sample, self.sampling.sensed)?, state: vector(sample.state) })
             });
             let before = all.len();
             all.extend(seen);
@@ -348,7 +348,7 @@ impl Foreseen {
     }
 }
 
-/// Where the hypotheses stand after a motion that was made, by what was felt of it (`felt` at dt, 2 dt, …, not longer than the
+/// Where the hypotheses stand after a motion that was made, by what was felt of it (`sensed` at dt, 2 dt, …, not longer than the
 /// motion): each moved to where it fits best, those that cannot explain it left out.
 ///
 /// Every hypothesis is fitted by [`least_squares`], with its covariance before the motion as prior.
@@ -357,10 +357,10 @@ pub fn updated(
     present: &Present<'_>,
     beliefs: &[Belief],
     motion: &Motion,
-    felt: &[f64],
+    sensed: &[f64],
     sampling: Sampling,
 ) -> Vec<Belief> {
-    let fits = beliefs.iter().filter_map(|belief| Ahead { present, belief, motion, sampling }.fitted(felt));
+    let fits = beliefs.iter().filter_map(|belief| Ahead { present, belief, motion, sampling }.fitted(sensed));
     let fits: Vec<_> = fits.collect();
     let best = fits.iter().map(|fit| fit.log_probability).fold(f64::NEG_INFINITY, f64::max);
     let sum: f64 = fits.iter().map(|fit| (fit.log_probability - best).exp()).sum();
@@ -377,8 +377,8 @@ struct Fitted {
 
 impl Ahead<'_, '_> {
     /// The hypothesis moved to where it and what was felt agree best; none if the contact would not have lasted.
-    fn fitted(&self, felt: &[f64]) -> Option<Fitted> {
-        let updating = Updating { ahead: self, felt, root: root(&self.belief.covariance) };
+    fn fitted(&self, sensed: &[f64]) -> Option<Fitted> {
+        let updating = Updating { ahead: self, sensed, root: root(&self.belief.covariance) };
         let start = updating.linear(Vector4::zeros())?;
         let best = least_squares::minimise(&updating, start, &FIT, |_| false).place;
         let cholesky = best.equations.curvature.cholesky()?;
@@ -391,7 +391,7 @@ impl Ahead<'_, '_> {
 /// What was felt, and a hypothesis to be moved to it.
 struct Updating<'a> {
     ahead: &'a Ahead<'a, 'a>,
-    felt: &'a [f64],
+    sensed: &'a [f64],
     /// Of the covariance before.
     root: Matrix4<f64>,
 }
@@ -399,17 +399,17 @@ struct Updating<'a> {
 impl Updating<'_> {
     /// What was felt against what is predicted from a deviation on, linear near it.
     fn linear(&self, deviation: Vector4<f64>) -> Option<Linear> {
-        let Self { ahead, felt, root } = self;
+        let Self { ahead, sensed, root } = self;
         let sigma = ahead.sampling.sigma;
         let (seen, columns) = ahead.sensitive(shifted(ahead.belief.state, &(root * deviation)), root);
-        let last = felt.len().checked_sub(1)?;
+        let last = sensed.len().checked_sub(1)?;
         let end = seen.get(last)?.state;
         // The prior: each deviation is 0, give or take 1.
         let mut equations =
             NormalEquations { cost: deviation.norm_squared(), gradient: deviation, curvature: Matrix4::identity() };
-        for (row, felt) in felt.iter().enumerate() {
+        for (row, sensed) in sensed.iter().enumerate() {
             let slopes = Vector4::from_fn(|column, _| columns[column][row].angle / sigma);
-            equations.add((seen[row].angle - felt) / sigma, slopes);
+            equations.add((seen[row].angle - sensed) / sigma, slopes);
         }
         Some(Linear {
             deviation,
@@ -490,11 +490,11 @@ fn vector(state: State) -> Vector4<f64> {
 }
 
 /// World angle of the contact or of the force on the part, rad; none where the part jams.
-fn angle(sample: &Sample, felt: Felt) -> Option<f64> {
-    match felt {
-        Felt::ContactAngle => Some(sample.state.u),
+fn angle(sample: &Sample, sensed: SensedAngle) -> Option<f64> {
+    match sensed {
+        SensedAngle::ContactAngle => Some(sample.state.u),
         // The tangential force is counted along the edge, clockwise about the disk.
-        Felt::ForceDirection => sample.force.map(|force| sample.state.u - force.tangential.atan2(force.normal)),
+        SensedAngle::ForceDirection => sample.force.map(|force| sample.state.u - force.tangential.atan2(force.normal)),
     }
 }
 
@@ -563,7 +563,7 @@ mod tests {
     use crate::pushing::dynamics::ContactLaw;
 
     /// One value at 100 Hz of a sensor with 0.5° at 2 kHz, rad.
-    const SAMPLING: Sampling = Sampling { felt: Felt::ContactAngle, dt: 0.01, sigma: 0.001_95 };
+    const SAMPLING: Sampling = Sampling { sensed: SensedAngle::ContactAngle, dt: 0.01, sigma: 0.001_95 };
     const SPEED: f64 = 0.05; // m/s
     const LATERAL: f64 = 0.08; // m/s²
 
@@ -623,18 +623,19 @@ mod tests {
         // Straight through the centre of mass nothing pulls along the edge; aside, friction has to.
         let part = rectangle(0.06, 0.03);
         let (present, belief) = (present(&part), belief(0, 0.0, 0.0));
-        let angles = |acceleration, felt| {
-            let sampling = Sampling { felt, dt: 0.1, ..SAMPLING };
+        let angles = |acceleration, sensed| {
+            let sampling = Sampling { sensed, dt: 0.1, ..SAMPLING };
             let motion = &Motion::steady("", acceleration, 0.2);
             let seen = Ahead { present: &present, belief: &belief, motion, sampling }.seen(belief.state);
             assert_eq!(seen.len(), 2);
             seen.iter().map(|seen| seen.angle).collect::<Vec<_>>()
         };
-        let straight = [Felt::ContactAngle, Felt::ForceDirection].map(|felt| angles([0.0, 0.0], felt));
+        let straight =
+            [SensedAngle::ContactAngle, SensedAngle::ForceDirection].map(|sensed| angles([0.0, 0.0], sensed));
         assert!(straight[0].iter().zip(&straight[1]).all(|(contact, force)| (contact - force).abs() < 1e-9));
         // The finger drags the part to +x: the force on the part turns from straight up towards +x.
-        let aside = angles([LATERAL, 0.0], Felt::ForceDirection);
-        let contact = angles([LATERAL, 0.0], Felt::ContactAngle);
+        let aside = angles([LATERAL, 0.0], SensedAngle::ForceDirection);
+        let contact = angles([LATERAL, 0.0], SensedAngle::ContactAngle);
         assert!(aside.iter().zip(&contact).all(|(force, contact)| force < contact), "{aside:?} {contact:?}");
     }
 
@@ -673,8 +674,8 @@ mod tests {
         let motion = &motions([0.0, SPEED], LATERAL, 0.3)[7];
         let truth = Belief { state: State { s: 0.0049, ..beliefs[0].state }, ..beliefs[0] };
         let seen = Ahead { present: &present, belief: &truth, motion, sampling: SAMPLING }.seen(truth.state);
-        let felt: Vec<_> = seen.iter().map(|seen| seen.angle).collect();
-        let after = updated(&present, &beliefs, motion, &felt, SAMPLING);
+        let sensed: Vec<_> = seen.iter().map(|seen| seen.angle).collect();
+        let after = updated(&present, &beliefs, motion, &sensed, SAMPLING);
         assert_eq!(after.len(), 1, "{after:?}");
         let (left, end) = (&after[0], seen[seen.len() - 1].state);
         let s_sd = left.covariance[(1, 1)].sqrt();
@@ -683,7 +684,7 @@ mod tests {
         assert!((left.state.s - end[1]).abs() < s_sd && s_sd < 2e-4, "{left:?} {end}");
         assert!((left.state.u - end[0]).abs() < SAMPLING.sigma);
         // Nothing felt would be another motion; longer than the contact, none explains it.
-        assert!(updated(&present, &beliefs, motion, &[felt.clone(), felt].concat(), SAMPLING).is_empty());
+        assert!(updated(&present, &beliefs, motion, &[sensed.clone(), sensed].concat(), SAMPLING).is_empty());
     }
 
     #[test]
