@@ -90,8 +90,8 @@ pub(super) fn seeds(fitting: &Fitting, sites: &[Site], begins: &[Begin], width: 
     for &begin in begins {
         match angles(fitting.known, &fitting.data, begin) {
             Some(angles) if width == Width::Narrow && settles(fitting.known, &fitting.data) => {
-                let felt = Felt::new(fitting, &angles);
-                sites.iter().for_each(|site| found.extend(felt.seeds(site, begin)));
+                let smoothed = SmoothedAngles::new(fitting, &angles);
+                sites.iter().for_each(|site| found.extend(smoothed.seeds(site, begin)));
             }
             angles => {
                 let starts = start_angles(fitting, angles.as_deref());
@@ -151,8 +151,8 @@ fn first_moments(angles: &[f64], dt: f64, forgets: f64) -> Local {
     local(angles, dt, 0.0, (FIRST_MOMENTS * forgets).max(dt))
 }
 
-/// What was felt, at some instants.
-struct Felt<'a, 'p> {
+/// The contact angles at some instants, smoothed by straight lines.
+struct SmoothedAngles<'a, 'p> {
     fitting: &'a Fitting<'a, 'p>,
     /// Times, s.
     times: Vec<f64>,
@@ -162,7 +162,7 @@ struct Felt<'a, 'p> {
     first: Local,
 }
 
-impl<'a, 'p> Felt<'a, 'p> {
+impl<'a, 'p> SmoothedAngles<'a, 'p> {
     fn new(fitting: &'a Fitting<'a, 'p>, angles: &[f64]) -> Self {
         let data = &fitting.data;
         let forgets = if fitting.known.starts_at_rest() { 0.0 } else { forgets(fitting.known, data, 0.0) };
@@ -373,16 +373,16 @@ fn grid_seeds(fitting: &Fitting, site: &Site, begin: Begin, (starts, width): (&[
 /// Starts to try at one angle and place.
 fn tries(fitting: &Fitting, model: &PushModel, begin: Begin, (start, s): (&Local, f64), width: Width) -> Vec<Unknowns> {
     let known = fitting.known;
-    let felt = State { u: start.value, s, omega: start.rate, v_t: 0.0 };
-    let settled = settled(model, known.touch, slip_of(known, begin), 0.0, &felt).map(|now| now.state);
+    let smoothed = State { u: start.value, s, omega: start.rate, v_t: 0.0 };
+    let settled = settled(model, known.touch, slip_of(known, begin), 0.0, &smoothed).map(|now| now.state);
     let settles = settles(known, &fitting.data);
-    let from = settled.filter(|_| settles).unwrap_or(felt);
+    let from = settled.filter(|_| settles).unwrap_or(smoothed);
     let angle_known = angles(known, &fitting.data, begin).is_some();
-    let toward_felt = |share: &f64| from.omega + share * (felt.omega - from.omega);
+    let toward_smoothed = |share: &f64| from.omega + share * (smoothed.omega - from.omega);
     let sigma = fitting.prior.omega0_sigma.unwrap_or(OMEGA_USUAL);
     let omegas: Vec<f64> = match (width, angle_known) {
         (Width::Narrow, true) => vec![from.omega],
-        (Width::Wide, true) => OMEGA_SHARES.iter().map(toward_felt).collect(),
+        (Width::Wide, true) => OMEGA_SHARES.iter().map(toward_smoothed).collect(),
         (Width::Narrow, false) if settles => vec![from.omega],
         (Width::Narrow, false) => vec![from.omega, 0.0, -from.omega],
         (Width::Wide, false) => OMEGA_SIGMAS.iter().map(|share| share * sigma).chain([from.omega]).collect(),
