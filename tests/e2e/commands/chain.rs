@@ -6,7 +6,7 @@ use palpate::finger::calibration::plan::{Plan, TareMode};
 use palpate::finger::calibration::{self, Calibration, Load};
 use palpate::finger::contact::Averaging;
 use palpate_cli::live::{self, LinkSource, SimulatedBench};
-use palpate_cli::thesis::static_contacts::{self, Contacts, ExperimentError, Felt, worst};
+use palpate_cli::thesis::static_contacts::{self, ContactAccuracy, Contacts, ExperimentError, worst};
 use palpate_device::Session;
 use palpate_device::simulated::SimulatedDevice;
 use palpate_tests::rig;
@@ -58,13 +58,13 @@ impl Finger {
         Self { hand, session, calibration }
     }
 
-    fn feel(&mut self, contacts: &Contacts) -> Vec<Vec<Felt>> {
+    fn feel(&mut self, contacts: &Contacts) -> Vec<Vec<ContactAccuracy>> {
         let felt = static_contacts::feel(&mut self.session, &self.hand, &self.calibration, contacts, &AVERAGINGS);
         felt.unwrap_or_else(|error| panic!("{error}"))
     }
 }
 
-fn covered(felt: &[Felt]) -> f64 {
+fn covered(felt: &[ContactAccuracy]) -> f64 {
     felt.iter().map(|felt| felt.covered).sum::<f64>() / felt.len() as f64
 }
 

@@ -14,7 +14,7 @@ use palpate_device::simulated::{Config, Line, Pace, SimulatedDevice};
 
 use crate::advice::Advise as _;
 use crate::thesis::demonstration::{self, CALIBRATION_CONTACTS, CALIBRATION_FORCE_N};
-use crate::thesis::static_contacts::{self, Contacts, Felt, worst};
+use crate::thesis::static_contacts::{self, ContactAccuracy, Contacts, worst};
 
 /// Contacts that are felt, evenly round the disk and between those of the calibration.
 const FELT_CONTACTS: u32 = 36;
@@ -102,7 +102,7 @@ fn feel_and_print(session: &mut Session, hand: &SimulatedDevice, fit: &Fit) -> m
 }
 
 /// Some contacts one by one.
-fn print_contacts(force: f64, felt: &[Felt]) {
+fn print_contacts(force: f64, felt: &[ContactAccuracy]) {
     say!("");
     say!("Felt with {force} N, 20 ms average, in degrees:");
     say!("  {:>8} {:>9} {:>7} {:>9} {:>9} {:>9}", "true", "felt", "error", "noise sd", "stated sd", "force [N]");
@@ -119,7 +119,7 @@ fn print_contacts(force: f64, felt: &[Felt]) {
     }
 }
 
-fn print_row(name: &str, felt: &[Felt]) {
+fn print_row(name: &str, felt: &[ContactAccuracy]) {
     let worst = worst(felt);
     let held = mean(felt.iter().map(|felt| felt.covered)).unwrap_or(f64::NAN);
     say!(

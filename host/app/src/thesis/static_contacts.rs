@@ -63,7 +63,7 @@ impl Contacts {
 
 /// What was felt of one contact with one averaging.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Felt {
+pub struct ContactAccuracy {
     /// True contact angle, rad.
     pub angle: f64,
     /// Mean of the felt angles, minus the true one, rad.
@@ -118,7 +118,7 @@ pub fn feel(
     calibration: &Calibration,
     contacts: &Contacts,
     averagings: &[Averaging],
-) -> Result<Vec<Vec<Felt>>, ExperimentError> {
+) -> Result<Vec<Vec<ContactAccuracy>>, ExperimentError> {
     let mut fingers = tared(session, hand, calibration, contacts, averagings)?;
     let mut felt = vec![Vec::new(); averagings.len()];
     for (i, &angle) in contacts.angles.iter().enumerate() {
@@ -206,7 +206,7 @@ fn judge(
     blocks: &[Samples],
     angle: f64,
     contacts: &Contacts,
-) -> Result<Felt, ExperimentError> {
+) -> Result<ContactAccuracy, ExperimentError> {
     let felt: Vec<_> = blocks
         .iter()
         .flat_map(|block| finger.feel(block))
@@ -232,7 +232,7 @@ fn judge(
     let mean_of = |value: fn(&Touch) -> f64| mean(touches.iter().map(|touch| value(touch))).unwrap_or(f64::NAN);
     let error = mean(&errors).unwrap_or(f64::NAN);
     let variance = errors.iter().map(|value| (value - error).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
-    Ok(Felt {
+    Ok(ContactAccuracy {
         angle,
         error,
         sd: variance.sqrt(),
@@ -259,8 +259,8 @@ pub struct Worst {
 
 /// The worst error, deviation and coverage among contacts.
 #[must_use]
-pub fn worst(felt: &[Felt]) -> Worst {
-    let largest = |pick: fn(&Felt) -> f64| felt.iter().map(pick).fold(0.0, f64::max);
+pub fn worst(felt: &[ContactAccuracy]) -> Worst {
+    let largest = |pick: fn(&ContactAccuracy) -> f64| felt.iter().map(pick).fold(0.0, f64::max);
     Worst {
         error: largest(|felt| felt.error.abs()),
         sd: largest(|felt| felt.sd),
