@@ -156,13 +156,13 @@ fn ignore_closed_pipe(error: io::Error) -> io::Result<()> {
 }
 
 /// What a file gave.
-struct FeltFile {
+struct FileReports {
     reports: Vec<Report>,
     problems: Vec<String>,
     force_unit: &'static str,
 }
 
-impl FeltFile {
+impl FileReports {
     /// Prints what was skipped; whether anything was.
     fn report_problems(&self, file: &Path) -> bool {
         report_problems(file, &self.problems);
@@ -170,7 +170,7 @@ impl FeltFile {
     }
 }
 
-fn feel(file: &Path, arguments: &Arguments) -> miette::Result<FeltFile> {
+fn feel(file: &Path, arguments: &Arguments) -> miette::Result<FileReports> {
     let bytes = fs::read(file).into_diagnostic()?;
     let text = text(&bytes).map_err(|error| miette!("{error}"))?;
     let is_mlab = match arguments.format {
@@ -180,7 +180,7 @@ fn feel(file: &Path, arguments: &Arguments) -> miette::Result<FeltFile> {
     if is_mlab { feel_log(file, &text, arguments) } else { feel_table(&text, arguments) }
 }
 
-fn feel_log(file: &Path, text: &str, arguments: &Arguments) -> miette::Result<FeltFile> {
+fn feel_log(file: &Path, text: &str, arguments: &Arguments) -> miette::Result<FileReports> {
     let log = mlab::parse(text).map_err(|error| miette!("{error}"))?;
     let part = arguments.part.clone().or_else(|| outline_near(file));
     let options = Options { part: part.as_deref().map(read_part).transpose()?, ..options(arguments, true) };
@@ -189,14 +189,14 @@ fn feel_log(file: &Path, text: &str, arguments: &Arguments) -> miette::Result<Fe
     if log.declared != log.pushes.len() {
         problems.push(format!("{} pushes announced, {} found", log.declared, log.pushes.len()));
     }
-    Ok(FeltFile { reports, problems, force_unit: "N" })
+    Ok(FileReports { reports, problems, force_unit: "N" })
 }
 
-fn feel_table(text: &str, arguments: &Arguments) -> miette::Result<FeltFile> {
+fn feel_table(text: &str, arguments: &Arguments) -> miette::Result<FileReports> {
     let table = csv::parse(text).map_err(|error| miette!("{error}"))?;
     let report = session::of_table(&table, &options(arguments, false)).map_err(|error| miette!("{error}"))?;
     let problems = table.problems.iter().map(Problem::to_string).collect();
-    Ok(FeltFile { reports: vec![report], problems, force_unit: if table.force_in_newtons { "N" } else { "units" } })
+    Ok(FileReports { reports: vec![report], problems, force_unit: if table.force_in_newtons { "N" } else { "units" } })
 }
 
 fn options(arguments: &Arguments, is_log: bool) -> Options {
@@ -238,7 +238,7 @@ fn outline_near(log: &Path) -> Option<PathBuf> {
     })
 }
 
-fn print(file: &Path, felt: &FeltFile, arguments: &Arguments) -> io::Result<()> {
+fn print(file: &Path, felt: &FileReports, arguments: &Arguments) -> io::Result<()> {
     if arguments.json {
         return felt.reports.iter().try_for_each(|report| print_json(file, felt.force_unit, report, arguments.series));
     }

@@ -22,7 +22,7 @@ use palpate_files::part::PolygonFile;
 use super::read::read;
 use super::{not_negative, pose, static_demo};
 use crate::advice::Advise as _;
-use crate::thesis::demonstration::{CALIBRATION_CONTACTS, CALIBRATION_FORCE_N, FeltPush, Rig, course};
+use crate::thesis::demonstration::{CALIBRATION_CONTACTS, CALIBRATION_FORCE_N, Rig, SensedPush, course};
 use palpate::gravity::GRAVITY_ASSUMED;
 
 /// Times since the onset at which the host says what it knows, s; the end of the push comes last.
@@ -125,7 +125,7 @@ impl Arguments {
         Ok((file.part, Ranges { mu: file.mu, mu_c, ..default }))
     }
 
-    fn keep_files(&self, folder: &Path, part: &Part, ranges: &Ranges, felt: &FeltPush) -> miette::Result<()> {
+    fn keep_files(&self, folder: &Path, part: &Part, ranges: &Ranges, felt: &SensedPush) -> miette::Result<()> {
         let cannot = || format!("cannot keep the push in {}", folder.display());
         let part = match &self.part {
             Some(path) => fs::read_to_string(path).into_diagnostic().wrap_err_with(cannot)?,

@@ -19,8 +19,8 @@ use palpate_files::part::PolygonFile;
 
 use super::calibrated::CalibrationArguments;
 use super::device::DeviceArguments;
-use super::felt_push::{FrictionArguments, not_at_rest, read_forces};
 use super::read::read;
+use super::recorded_push::{FrictionArguments, not_at_rest, read_forces};
 use super::{pose, positive};
 use crate::advice::Advise as _;
 use crate::live;

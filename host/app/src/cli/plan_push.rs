@@ -9,8 +9,8 @@ use palpate::pushing::finger_motion::Segment;
 use palpate_files::part::PolygonFile;
 use serde_json::{Value, json};
 
-use super::felt_push::FeltPushArguments;
 use super::read::read;
+use super::recorded_push::RecordedPushArguments;
 use super::{pose, positive};
 
 /// One value a hundredth of a second, s.
@@ -44,7 +44,7 @@ pub(crate) struct Arguments {
     part: PathBuf,
 
     #[command(flatten)]
-    push: FeltPushArguments,
+    push: RecordedPushArguments,
 
     /// How strongly the finger can turn aside or speed up
     #[arg(long, value_name = "MM/S2", value_parser = positive, default_value_t = 150.0)]

@@ -10,9 +10,9 @@ use palpate::pushing::estimation::{Estimate, Observer as _, PartEstimate, from_r
 use palpate_files::part::PolygonFile;
 use serde_json::json;
 
-use super::felt_push::FeltPushArguments;
 use super::pose;
 use super::read::read;
+use super::recorded_push::RecordedPushArguments;
 
 /// Names which of several known parts a finger has begun to push, and where it is.
 ///
@@ -26,7 +26,7 @@ pub(crate) struct Arguments {
     parts: Vec<PathBuf>,
 
     #[command(flatten)]
-    push: FeltPushArguments,
+    push: RecordedPushArguments,
 
     /// Print one JSON object: SI units, radians
     #[arg(long)]

@@ -52,7 +52,7 @@ pub struct Rig {
 
 /// A push as the host felt it.
 #[derive(Clone, Debug)]
-pub struct FeltPush {
+pub struct SensedPush {
     /// What it makes of it.
     pub sense: PushSense,
     /// Every reading, those at rest before included.
@@ -114,7 +114,7 @@ impl Rig {
     ///
     /// # Errors
     /// [`RigError`].
-    pub fn push(&mut self, course: ForceCourse) -> Result<FeltPush, RigError> {
+    pub fn push(&mut self, course: ForceCourse) -> Result<SensedPush, RigError> {
         let (rest, mut readings) = self.rest_noise()?;
         let mut sense = PushSense::new(rest, Some(&self.fit.calibration));
         let duration = course.duration_s();
@@ -122,7 +122,7 @@ impl Rig {
         let push = self.readings_until(begun_s + duration + AFTER_S)?;
         push.iter().for_each(|reading| sense.push(reading));
         readings.extend(push);
-        Ok(FeltPush { sense, readings })
+        Ok(SensedPush { sense, readings })
     }
 
     /// Bias and noise; a stretch that is refused is taken again, as a person would.

@@ -79,7 +79,7 @@ pub(super) struct Case {
 
 /// Exact contact angles of a push, as long as it lasted.
 #[derive(Clone, Debug)]
-struct FeltPush {
+struct PushAngles {
     angles: Vec<f64>,
     /// Place on the edge at the last of them, m.
     s_end: f64,
@@ -159,7 +159,7 @@ fn seconds(values: usize) -> f64 {
 
 impl Case {
     /// The case of a number under a seed: drawn until every motion keeps the contact for long enough.
-    fn draw(seed: u64, number: usize) -> (Self, Vec<FeltPush>) {
+    fn draw(seed: u64, number: usize) -> (Self, Vec<PushAngles>) {
         let mut draw = Draw::case(seed, number);
         let offered = offered_first();
         loop {
@@ -194,7 +194,7 @@ impl Case {
     }
 
     /// What is felt if the finger goes on so; none if it loses the part too soon.
-    fn push(&self, then: &Motion) -> Option<FeltPush> {
+    fn push(&self, then: &Motion) -> Option<PushAngles> {
         let law = ContactLaw::Rolling { friction: None };
         let mut samples: Vec<Sample> = Vec::new();
         let mut state = self.start;
@@ -213,7 +213,7 @@ impl Case {
         let needed = |sample: &Sample| sample.force.map_or(0.0, |force| (force.tangential / force.normal).abs());
         let friction = samples.iter().map(needed).fold(0.0, f64::max);
         let angles: Vec<_> = samples.iter().map(|sample| sample.state.u).collect();
-        (angles.len() >= VALUES_MIN).then_some(FeltPush { angles, s_end, friction })
+        (angles.len() >= VALUES_MIN).then_some(PushAngles { angles, s_end, friction })
     }
 
     /// The motion that the planner chooses after the beginning, by its place among those on offer.
@@ -246,7 +246,7 @@ impl Case {
     }
 
     /// Whether a pose other than the truth has a cost below [`AMBIGUOUS_BELOW`] on the exact angles of a push.
-    fn is_ambiguous(&self, then: &Motion, felt: &FeltPush) -> bool {
+    fn is_ambiguous(&self, then: &Motion, felt: &PushAngles) -> bool {
         let truth = Truth {
             part: &self.part,
             grip: GRIP,
@@ -354,7 +354,7 @@ pub(super) fn outcomes<O: Clone + Default + Send>(
 
 fn outcome(seed: u64, number: usize) -> Outcome {
     let (case, felt) = Case::draw(seed, number);
-    let judged = |motion: &Motion, felt: &FeltPush| (case.is_ambiguous(motion, felt), felt.friction);
+    let judged = |motion: &Motion, felt: &PushAngles| (case.is_ambiguous(motion, felt), felt.friction);
     let motions = offered_first().iter().zip(&felt).map(|(motion, felt)| judged(motion, felt)).collect();
     let beliefs = case.beliefs(&felt[0].angles);
     let choice = case.choice(&beliefs);
@@ -373,7 +373,7 @@ mod tests {
         let (case, felt) = Case::draw(1, 3);
         let (again, _) = Case::draw(1, 3);
         assert_eq!((case.edge, case.start, &case.noise), (again.edge, again.start, &again.noise));
-        let beginning = |felt: &FeltPush| felt.angles[..VALUES_FIRST].to_vec();
+        let beginning = |felt: &PushAngles| felt.angles[..VALUES_FIRST].to_vec();
         assert!(felt.iter().all(|other| beginning(other) == beginning(&felt[0])));
     }
 

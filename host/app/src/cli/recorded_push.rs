@@ -18,7 +18,7 @@ use palpate::gravity::GRAVITY_ASSUMED;
 
 /// The files, as `palpate observe` takes them.
 #[derive(Debug, clap::Args)]
-pub(super) struct FeltPushArguments {
+pub(super) struct RecordedPushArguments {
     /// Forces on the finger: a table of t, Fx, Fy, with the finger at rest at its beginning
     #[arg(value_name = "FORCES")]
     forces: PathBuf,
@@ -88,20 +88,20 @@ pub(super) fn read_forces(path: &Path) -> miette::Result<Vec<Reading>> {
     Ok(readings)
 }
 
-/// A push that was felt.
-pub(super) struct FeltPush {
+/// A push as files keep it.
+pub(super) struct RecordedPush {
     pub(super) force: WindowedForce,
     motion: FingerMotion,
     radius: f64,
     grip_log_sd: Option<f64>,
 }
 
-impl FeltPushArguments {
-    pub(super) fn read(&self) -> miette::Result<FeltPush> {
+impl RecordedPushArguments {
+    pub(super) fn read(&self) -> miette::Result<RecordedPush> {
         let motion = read(&self.motion, motion::parse)?;
         let named = || format!("cannot use the forces {}", self.forces.display());
         let force = self.feel(&motion).wrap_err_with(named)?;
-        Ok(FeltPush { force, motion, radius: self.radius_mm * 1e-3, grip_log_sd: self.friction.log_sd() })
+        Ok(RecordedPush { force, motion, radius: self.radius_mm * 1e-3, grip_log_sd: self.friction.log_sd() })
     }
 
     fn feel(&self, motion: &FingerMotion) -> miette::Result<WindowedForce> {
@@ -120,7 +120,7 @@ impl FeltPushArguments {
     }
 }
 
-impl FeltPush {
+impl RecordedPush {
     /// What is known of the push if this part was pushed.
     pub(super) fn known<'p>(&'p self, file: &'p PolygonFile) -> Known<'p> {
         let (grip, grip_log_sd) = (file.mu * GRAVITY_ASSUMED, self.grip_log_sd);
