@@ -26,7 +26,11 @@ fn mains_average_to_angle(bencher: Bencher, force: f64) {
     let Ok(Ok(sense)) = tare.map(|tare| ContactSense::new(&settings, tare)) else { return };
     let pressed = readings(READINGS, force);
     bencher.counter(ItemsCount::new(READINGS)).with_inputs(|| sense.clone()).bench_local_values(|mut sense| {
-        pressed.iter().filter_map(|reading| sense.push(reading)).filter(|felt| felt.contact.touch().is_some()).count()
+        pressed
+            .iter()
+            .filter_map(|reading| sense.push(reading))
+            .filter(|measured| measured.contact.touch().is_some())
+            .count()
     });
 }
 

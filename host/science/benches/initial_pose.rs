@@ -64,8 +64,8 @@ impl Plan {
 }
 
 fn measure(name: &str, push: &RestingPush, edge: Option<usize>, s0: f64, times: [f64; 2], yardstick_s: f64) {
-    let felt = push.predicted(edge, s0, &times);
-    let contacts: Vec<_> = times.iter().zip(&felt).map(|(&t, &u)| TimedContact { t, u }).collect();
+    let measured = push.predicted(edge, s0, &times);
+    let contacts: Vec<_> = times.iter().zip(&measured).map(|(&t, &u)| TimedContact { t, u }).collect();
     assert_eq!(contacts.len(), times.len(), "{name}: the contact does not last");
     let table = Table::new(push, 1.1 * times[1]);
     let found = table.observe(&contacts, TOLERANCE);

@@ -96,7 +96,7 @@ fn every_push_is_read_in_full() {
 #[test]
 fn pushes_that_begin_in_contact_are_recognised_and_no_others() {
     let Some(sessions) = sessions() else { return };
-    let mut felt = BTreeMap::new();
+    let mut measured = BTreeMap::new();
     for session in &sessions {
         for (report, &truth) in session.reports.iter().zip(&start_deviations(&session.raw)) {
             let deviation = report.start_deviation.unwrap();
@@ -109,14 +109,14 @@ fn pushes_that_begin_in_contact_are_recognised_and_no_others() {
             assert_eq!(report.start == Start::InContact, truth > START_FORCE_N, "{} {}", session.folder, report.index);
             if report.start == Start::InContact {
                 assert!(matches!(report.bias.unwrap().found, Found::Neighbours { refusal: None, .. }));
-                felt.insert((session.folder.clone(), report.index), deviation);
+                measured.insert((session.folder.clone(), report.index), deviation);
             }
         }
     }
     let golden = golden();
-    assert!(felt.keys().eq(golden.keys()), "felt {felt:?}, listed {golden:?}");
+    assert!(measured.keys().eq(golden.keys()), "felt {measured:?}, listed {golden:?}");
     for (push, listed) in golden {
-        assert!((felt[&push] - listed).abs() < WANDER_N, "{push:?}: {} N, listed {listed} N", felt[&push]);
+        assert!((measured[&push] - listed).abs() < WANDER_N, "{push:?}: {} N, listed {listed} N", measured[&push]);
     }
 }
 

@@ -136,13 +136,14 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let mut all = Vec::new();
     let mut some_bad = false;
     for file in &arguments.files {
-        let felt = feel(file, arguments).wrap_err_with(|| format!("cannot read contact from {}", file.display()))?;
-        some_bad |= felt.report_problems(file);
+        let measured =
+            feel(file, arguments).wrap_err_with(|| format!("cannot read contact from {}", file.display()))?;
+        some_bad |= measured.report_problems(file);
         if let Some(out) = &mut csv_out {
-            out.write(file, &felt.reports)?;
+            out.write(file, &measured.reports)?;
         }
-        print(file, &felt, arguments).or_else(ignore_closed_pipe).into_diagnostic()?;
-        all.extend(felt.reports);
+        print(file, &measured, arguments).or_else(ignore_closed_pipe).into_diagnostic()?;
+        all.extend(measured.reports);
     }
     if !arguments.json && arguments.files.len() > 1 {
         print_summary(&Summary::of(&all), false, arguments).or_else(ignore_closed_pipe).into_diagnostic()?;
@@ -238,22 +239,25 @@ fn outline_near(log: &Path) -> Option<PathBuf> {
     })
 }
 
-fn print(file: &Path, felt: &FileReports, arguments: &Arguments) -> io::Result<()> {
+fn print(file: &Path, measured: &FileReports, arguments: &Arguments) -> io::Result<()> {
     if arguments.json {
-        return felt.reports.iter().try_for_each(|report| print_json(file, felt.force_unit, report, arguments.series));
+        return measured
+            .reports
+            .iter()
+            .try_for_each(|report| print_json(file, measured.force_unit, report, arguments.series));
     }
     let mut out = io::stdout().lock();
-    writeln!(out, "{} (forces in {})", file.display(), felt.force_unit)?;
+    writeln!(out, "{} (forces in {})", file.display(), measured.force_unit)?;
     writeln!(
         out,
         "{:>4} {:<10} {:>7} {:>8} {:>8} {:>7} {:<17} {:>6} {:>6} {:>7} {:>5}  edge: angle to normal",
         "push", "start", "onset s", "bias x", "bias y", "±", "bias from", "mean F", "max F", "u deg", "±"
     )?;
-    for report in &felt.reports {
+    for report in &measured.reports {
         writeln!(out, "{}", Line(report))?;
     }
     drop(out);
-    if felt.reports.len() > 1 { print_summary(&Summary::of(&felt.reports), true, arguments) } else { Ok(()) }
+    if measured.reports.len() > 1 { print_summary(&Summary::of(&measured.reports), true, arguments) } else { Ok(()) }
 }
 
 #[derive(Serialize)]

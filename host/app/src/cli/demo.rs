@@ -92,9 +92,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     })?;
     let mut rig = Rig::start(arguments.seed, arguments.noise, line()).advised()?;
     introduce(&rig, &part, &ranges, CALIBRATION_FORCE_N * arguments.noise.max(1.0));
-    let felt = rig.push(course(&drawn.played)).advised()?;
+    let measured = rig.push(course(&drawn.played)).advised()?;
     if let Some(folder) = &arguments.keep {
-        arguments.keep_files(folder, &part, &ranges, &felt)?;
+        arguments.keep_files(folder, &part, &ranges, &measured)?;
     }
     let known = Known {
         part: &part,
@@ -103,7 +103,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         radius: RADIUS_M,
         motion: &ranges.motion,
     };
-    let Some(estimate) = say_what_is_felt(&known, &felt.sense) else {
+    let Some(estimate) = say_what_is_felt(&known, &measured.sense) else {
         say!("The push was not felt: its force does not stand out of {} times the noise.", arguments.noise);
         return Ok(ExitCode::SUCCESS);
     };
@@ -125,7 +125,7 @@ impl Arguments {
         Ok((file.part, Ranges { mu: file.mu, mu_c, ..default }))
     }
 
-    fn keep_files(&self, folder: &Path, part: &Part, ranges: &Ranges, felt: &SensedPush) -> miette::Result<()> {
+    fn keep_files(&self, folder: &Path, part: &Part, ranges: &Ranges, measured: &SensedPush) -> miette::Result<()> {
         let cannot = || format!("cannot keep the push in {}", folder.display());
         let part = match &self.part {
             Some(path) => fs::read_to_string(path).into_diagnostic().wrap_err_with(cannot)?,
@@ -134,7 +134,7 @@ impl Arguments {
         let files = [
             ("part.toml", part),
             ("motion.toml", motion_as_toml(&ranges.motion)),
-            ("forces.csv", as_table(&felt.readings)),
+            ("forces.csv", as_table(&measured.readings)),
         ];
         if let Some((name, _)) = files.iter().find(|(name, _)| folder.join(name).exists()) {
             let help = "name a new folder, or move the file away";
@@ -207,13 +207,14 @@ fn say_what_is_felt(known: &Known, sense: &PushSense) -> Option<Estimate> {
     let end = known.motion.duration();
     let mut last = None;
     for until in TIMES_S.into_iter().filter(|&until| until < end).chain([end]) {
-        let Some(felt) = sense.windowed_force(until).filter(|felt| felt.count() >= from_rest::WINDOWS_MIN) else {
+        let Some(measured) = sense.windowed_force(until).filter(|measured| measured.count() >= from_rest::WINDOWS_MIN)
+        else {
             continue;
         };
         if last.is_none() {
             say!("\n{}", pose::HEADINGS);
         }
-        let estimate = from_rest::estimate(known, &felt);
+        let estimate = from_rest::estimate(known, &measured);
         pose::lines(known.part, &estimate).iter().for_each(|line| say!("{line}"));
         last = Some(estimate);
     }

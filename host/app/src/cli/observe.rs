@@ -197,17 +197,18 @@ impl Observer<'_> {
 
     fn estimate(&mut self, sense: &PushSense, at_end: bool) {
         let Some(motion) = self.motion.known() else { return };
-        let Some(felt) = sense.windowed_force(motion.duration()).filter(|felt| felt.count() >= from_rest::WINDOWS_MIN)
+        let Some(measured) =
+            sense.windowed_force(motion.duration()).filter(|measured| measured.count() >= from_rest::WINDOWS_MIN)
         else {
             return;
         };
         let radius = self.arguments.radius_mm * 1e-3;
         let (grip, grip_log_sd) = (self.file.mu * GRAVITY_ASSUMED, self.arguments.friction.log_sd());
         let known = Known { part: &self.file.part, grip, grip_log_sd, radius, motion };
-        let now = windows::end(felt.count() - 1);
+        let now = windows::end(measured.count() - 1);
         let estimate = match &self.last {
-            Some(last) if !at_end && !search_is_due(last.time_end, now) => from_rest::follow(&known, &felt, last),
-            _ => from_rest::estimate(&known, &felt),
+            Some(last) if !at_end && !search_is_due(last.time_end, now) => from_rest::follow(&known, &measured, last),
+            _ => from_rest::estimate(&known, &measured),
         };
         self.print(&estimate);
         self.last = Some(estimate);

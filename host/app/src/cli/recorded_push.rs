@@ -111,7 +111,7 @@ impl RecordedPushArguments {
         let noise = RestNoise::estimate(rest).map_err(not_at_rest)?;
         let mut sense = PushSense::new(noise, None);
         push.iter().for_each(|reading| sense.push(reading));
-        sense.windowed_force(motion.duration()).filter(|felt| felt.count() >= WINDOWS_MIN).ok_or_else(|| {
+        sense.windowed_force(motion.duration()).filter(|measured| measured.count() >= WINDOWS_MIN).ok_or_else(|| {
             miette::miette!(
                 help = "a push must stand out of the noise for a tenth of a second at least, and begin after the tare",
                 "no push was felt, or too short a one"

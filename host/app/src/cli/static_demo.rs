@@ -77,51 +77,53 @@ fn feel_and_print(session: &mut Session, hand: &SimulatedDevice, fit: &Fit) -> m
     let mut rows = Vec::new();
     for force in FORCES_N {
         let contacts = Contacts::round_the_disk(FELT_CONTACTS, force);
-        let felt = static_contacts::feel(session, hand, &fit.calibration, &contacts, &averagings).advised()?;
+        let measured = static_contacts::feel(session, hand, &fit.calibration, &contacts, &averagings).advised()?;
         if force.to_bits() == CALIBRATION_FORCE_N.to_bits() {
-            print_contacts(force, &felt[2]);
+            print_contacts(force, &measured[2]);
         }
-        rows.extend(AVERAGINGS.iter().zip(felt).map(|((name, _), felt)| (format!("{force} N, {name}"), felt)));
+        rows.extend(
+            AVERAGINGS.iter().zip(measured).map(|((name, _), measured)| (format!("{force} N, {name}"), measured)),
+        );
     }
     say!("");
     say!("All {FELT_CONTACTS} contacts, none of them used for calibration; the worst of them, in degrees:");
     say!("  {:<24} {:>11} {:>10} {:>22}", "", "mean error", "noise sd", "stated 99 % held");
-    rows.iter().for_each(|(name, felt)| print_row(name, felt));
+    rows.iter().for_each(|(name, measured)| print_row(name, measured));
     say!("  {:<24} {:>11} {:>10}", "thesis, 1000 readings", "within 1", "below 0.5");
 
     let contacts = Contacts::round_the_disk(FELT_CONTACTS, CALIBRATION_FORCE_N).with_friction(MU_C);
-    let felt = static_contacts::feel(session, hand, &fit.calibration, &contacts, &averagings).advised()?;
+    let measured = static_contacts::feel(session, hand, &fit.calibration, &contacts, &averagings).advised()?;
     say!("");
     say!(
         "With friction {MU_C} the force leaves the normal by up to {:.1} deg, which no force sensor can see; the stated",
         MU_C.atan().to_degrees()
     );
     say!("interval allows for it:");
-    AVERAGINGS.iter().zip(felt).for_each(|((name, _), felt)| print_row(&format!("2 N, {name}"), &felt));
+    AVERAGINGS.iter().zip(measured).for_each(|((name, _), measured)| print_row(&format!("2 N, {name}"), &measured));
     Ok(())
 }
 
 /// Some contacts one by one.
-fn print_contacts(force: f64, felt: &[ContactAccuracy]) {
+fn print_contacts(force: f64, measured: &[ContactAccuracy]) {
     say!("");
     say!("Felt with {force} N, 20 ms average, in degrees:");
     say!("  {:>8} {:>9} {:>7} {:>9} {:>9} {:>9}", "true", "felt", "error", "noise sd", "stated sd", "force [N]");
-    for felt in felt.iter().step_by(PRINTED_EVERY) {
+    for measured in measured.iter().step_by(PRINTED_EVERY) {
         say!(
             "  {:>8.2} {:>9.2} {:>+7.2} {:>9.2} {:>9.2} {:>9.4}",
-            felt.angle.to_degrees(),
-            (felt.angle + felt.error).to_degrees(),
-            felt.error.to_degrees(),
-            felt.sd.to_degrees(),
-            felt.stated_sd.to_degrees(),
-            felt.magnitude,
+            measured.angle.to_degrees(),
+            (measured.angle + measured.error).to_degrees(),
+            measured.error.to_degrees(),
+            measured.sd.to_degrees(),
+            measured.stated_sd.to_degrees(),
+            measured.magnitude,
         );
     }
 }
 
-fn print_row(name: &str, felt: &[ContactAccuracy]) {
-    let worst = worst(felt);
-    let held = mean(felt.iter().map(|felt| felt.covered)).unwrap_or(f64::NAN);
+fn print_row(name: &str, measured: &[ContactAccuracy]) {
+    let worst = worst(measured);
+    let held = mean(measured.iter().map(|measured| measured.covered)).unwrap_or(f64::NAN);
     say!(
         "  {name:<24} {:>11.3} {:>10.3} {:>12.1} % of readings",
         worst.error.to_degrees(),

@@ -26,9 +26,10 @@ fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<Outcome, String> {
     };
     let finger_seed = seed.wrapping_mul(1_000_003).wrapping_add(number as u64);
     let duration = ranges.motion.duration();
-    let felt = Rig::start(finger_seed, 1.0, Line::Pipe).and_then(|mut rig| rig.push(course(&drawn.played)));
-    let felt = felt.map_err(|error| format!("case {number}: {error}"))?;
-    let felt = felt.sense.windowed_force(duration).ok_or_else(|| format!("case {number}: the push was not felt"))?;
+    let measured = Rig::start(finger_seed, 1.0, Line::Pipe).and_then(|mut rig| rig.push(course(&drawn.played)));
+    let measured = measured.map_err(|error| format!("case {number}: {error}"))?;
+    let measured =
+        measured.sense.windowed_force(duration).ok_or_else(|| format!("case {number}: the push was not felt"))?;
     let known = Known {
         part: &part,
         grip: ranges.mu * GRAVITY_ASSUMED,
@@ -36,7 +37,7 @@ fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<Outcome, String> {
         radius: RADIUS_M,
         motion: &ranges.motion,
     };
-    Ok(Outcome::new(&part, &drawn, &from_rest::estimate(&known, &felt)))
+    Ok(Outcome::new(&part, &drawn, &from_rest::estimate(&known, &measured)))
 }
 
 /// The table `chain`.

@@ -83,8 +83,8 @@ impl Case {
         } else {
             [draw.uniform(0.45, 0.65), draw.uniform(0.85, 1.05)]
         };
-        let felt = push.predicted(edge, s0, &times);
-        let contacts: Vec<_> = times.iter().zip(&felt).map(|(&t, &u)| TimedContact { t, u }).collect();
+        let measured = push.predicted(edge, s0, &times);
+        let contacts: Vec<_> = times.iter().zip(&measured).map(|(&t, &u)| TimedContact { t, u }).collect();
         (contacts.len() == 2).then_some(Self { push, edge, s0, contacts })
     }
 

@@ -120,16 +120,16 @@ pub fn feel(
     averagings: &[Averaging],
 ) -> Result<Vec<Vec<ContactAccuracy>>, ExperimentError> {
     let mut fingers = tared(session, hand, calibration, contacts, averagings)?;
-    let mut felt = vec![Vec::new(); averagings.len()];
+    let mut measured = vec![Vec::new(); averagings.len()];
     for (i, &angle) in contacts.angles.iter().enumerate() {
         let friction_angle = contacts.friction_angles[i % contacts.friction_angles.len().max(1)];
         let blocks = press(session, hand, angle, friction_angle, contacts)?;
-        for (finger, felt) in fingers.iter_mut().zip(&mut felt) {
-            felt.push(judge(finger, &blocks, angle, contacts)?);
+        for (finger, measured) in fingers.iter_mut().zip(&mut measured) {
+            measured.push(judge(finger, &blocks, angle, contacts)?);
         }
     }
     hand.set_load(Load::Released)?;
-    Ok(felt)
+    Ok(measured)
 }
 
 /// One tared finger for each averaging, all from the same second without contact.
@@ -207,24 +207,24 @@ fn judge(
     angle: f64,
     contacts: &Contacts,
 ) -> Result<ContactAccuracy, ExperimentError> {
-    let felt: Vec<_> = blocks
+    let measured: Vec<_> = blocks
         .iter()
         .flat_map(|block| finger.feel(block))
         .filter_map(|sensed| match sensed {
-            Sensed::Contact(felt) => Some(felt),
+            Sensed::Contact(measured) => Some(measured),
             Sensed::NotMeasured { .. } => None,
         })
         .collect();
-    let touches: Vec<_> = felt.iter().filter_map(|felt| felt.contact.touch()).collect();
+    let touches: Vec<_> = measured.iter().filter_map(|measured| measured.contact.touch()).collect();
     // The averaging window, and the detector's confirmation, are still full of the contact before.
     let fresh = finger.tare().averaging_samples + DETECTOR_LAG;
     let touches = touches.get(fresh..).unwrap_or_default();
-    if touches.len() + 2 * fresh < felt.len() || touches.is_empty() {
+    if touches.len() + 2 * fresh < measured.len() || touches.is_empty() {
         return Err(ExperimentError::NotFelt {
             angle_deg: angle.to_degrees(),
             normal_force: contacts.normal_force,
             readings: touches.len(),
-            wanted: felt.len(),
+            wanted: measured.len(),
         });
     }
     let count = touches.len() as f64;
@@ -259,11 +259,11 @@ pub struct Worst {
 
 /// The worst error, deviation and coverage among contacts.
 #[must_use]
-pub fn worst(felt: &[ContactAccuracy]) -> Worst {
-    let largest = |pick: fn(&ContactAccuracy) -> f64| felt.iter().map(pick).fold(0.0, f64::max);
+pub fn worst(measured: &[ContactAccuracy]) -> Worst {
+    let largest = |pick: fn(&ContactAccuracy) -> f64| measured.iter().map(pick).fold(0.0, f64::max);
     Worst {
-        error: largest(|felt| felt.error.abs()),
-        sd: largest(|felt| felt.sd),
-        covered: felt.iter().map(|felt| felt.covered).fold(1.0, f64::min),
+        error: largest(|measured| measured.error.abs()),
+        sd: largest(|measured| measured.sd),
+        covered: measured.iter().map(|measured| measured.covered).fold(1.0, f64::min),
     }
 }

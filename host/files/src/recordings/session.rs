@@ -251,15 +251,15 @@ fn report(
 ) -> Result<Report, SettingsError> {
     let t0 = readings.first().map_or(0.0, |reading| reading.t);
     let bias = judged.bias.ok();
-    let felt = match &bias {
+    let measured = match &bias {
         Some(bias) => offline::feel(readings, &options.settings, bias.tare)?,
         None => Vec::new(),
     };
-    let onsets: Vec<f64> = felt.iter().filter_map(onset).collect();
+    let onsets: Vec<f64> = measured.iter().filter_map(onset).collect();
     let began = judged.start == Start::InContact;
     let scene = push.and_then(|push| Some(Scene::new(push, options.part.as_ref()?, onsets.first().copied(), began)));
     let view = View { t0, tips: push.map(|push| push.tips.as_slice()), scene: scene.as_ref() };
-    let series: Vec<Row> = felt.iter().map(|felt| view.row(felt)).collect();
+    let series: Vec<Row> = measured.iter().map(|measured| view.row(measured)).collect();
     Ok(Report {
         index,
         t0,
@@ -284,8 +284,8 @@ fn in_words<S: serde::Serializer>(unknown: &Option<BiasUnknown>, serializer: S) 
     unknown.map(|unknown| unknown.to_string()).serialize(serializer)
 }
 
-fn onset(felt: &ContactReading) -> Option<f64> {
-    match felt.event {
+fn onset(measured: &ContactReading) -> Option<f64> {
+    match measured.event {
         Some(Event::Onset { t, .. }) => Some(t),
         _ => None,
     }
@@ -344,15 +344,15 @@ struct View<'a> {
 }
 
 impl View<'_> {
-    fn row(&self, felt: &ContactReading) -> Row {
-        let (force, touch) = match felt.contact {
+    fn row(&self, measured: &ContactReading) -> Row {
+        let (force, touch) = match measured.contact {
             Contact::None { force_finger, .. } => (force_finger, None),
             Contact::Touching(touch) => (touch.force_finger, Some(touch)),
         };
-        let tip = self.tips.map(|tips| tip_at(tips, felt.t));
+        let tip = self.tips.map(|tips| tip_at(tips, measured.t));
         let touch = touch.map(|touch| {
             let u = wrap_angle(touch.u + tip.map_or(0.0, |tip| tip.yaw));
-            let normal = self.scene.zip(tip).map(|(scene, tip)| scene.normal(felt.t, &tip));
+            let normal = self.scene.zip(tip).map(|(scene, tip)| scene.normal(measured.t, &tip));
             RowTouch {
                 u,
                 u_sd: touch.u_sd,
@@ -363,7 +363,7 @@ impl View<'_> {
                 edge: normal.map(|(edge, _)| edge),
             }
         });
-        Row { t: felt.t - self.t0, force_finger: [force.x, force.y], touch }
+        Row { t: measured.t - self.t0, force_finger: [force.x, force.y], touch }
     }
 }
 
@@ -512,7 +512,7 @@ mod tests {
         Options { settings, finger_from_sensor: MLAB_TOOL_FROM_SENSOR, part, ..Options::default() }
     }
 
-    fn felt(pushes: &[PushSpec]) -> Vec<Report> {
+    fn measured(pushes: &[PushSpec]) -> Vec<Report> {
         of_log(&mlab::parse(&log(pushes)).unwrap(), &options()).unwrap()
     }
 
@@ -524,7 +524,7 @@ mod tests {
     fn a_push_that_starts_free_is_felt_with_onset_direction_and_force() {
         for (i, yaw) in [0.0, 1.0, 3.0, -2.0].into_iter().enumerate() {
             let pushes: Vec<_> = session(5).into_iter().map(|push| PushSpec { yaw, ..push }).collect();
-            let report = &felt(&pushes)[i];
+            let report = &measured(&pushes)[i];
             assert_eq!(report.start, Start::Free);
             assert!((report.onset.unwrap() - 1.5).abs() < ONSET_ERROR_S, "{:?}", report.onset);
             let touch = report.touch.unwrap();
@@ -546,7 +546,7 @@ mod tests {
         let mut pushes = session(7);
         pushes[3].onset = 0.0;
         pushes.rotate_left(2);
-        let reports = felt(&pushes);
+        let reports = measured(&pushes);
         let began: Vec<_> = reports.iter().filter(|r| r.start == Start::InContact).map(|r| r.index).collect();
         assert_eq!(began, [1], "the order in the file does not matter");
         let bias = reports[1].bias.unwrap();
@@ -562,7 +562,7 @@ mod tests {
         let times = [0.0, 60.0, 120.0, 180.0, 200.0, 280.0, 340.0, 400.0];
         let mut pushes = times.map(|t0| PushSpec { t0, bias: drift(t0), ..PushSpec::default() });
         pushes[4].onset = 0.0;
-        let report = &felt(&pushes)[4];
+        let report = &measured(&pushes)[4];
         let bias = report.bias.unwrap().tare.bias;
         // Halfway between the neighbours instead would be 6.7 mN off.
         assert!((bias - bias_in_finger_axes(&pushes[4])).norm() < BIAS_ERROR_N, "{bias}");
@@ -586,7 +586,7 @@ mod tests {
     fn a_touch_too_early_for_an_own_tare_takes_the_neighbours_and_says_why() {
         let mut pushes = session(6);
         pushes[2] = PushSpec { onset: 0.19, force: 1.0, ..pushes[2] };
-        let report = &felt(&pushes)[2];
+        let report = &measured(&pushes)[2];
         assert_eq!(report.start, Start::Free);
         let Found::Neighbours { before: Some(1), after: Some(3), refusal: Some(_) } = report.bias.unwrap().found else {
             panic!("{:?}", report.bias);
@@ -599,7 +599,7 @@ mod tests {
         let mut pushes = session(12);
         // 0.1 N for the whole push: below the force that counts as contact, far above the wander of 1 mN.
         pushes[5] = PushSpec { onset: -1.0, force: 0.1, ..pushes[5] };
-        let doubted: Vec<_> = felt(&pushes).iter().filter(|r| r.start_doubtful).map(|r| r.index).collect();
+        let doubted: Vec<_> = measured(&pushes).iter().filter(|r| r.start_doubtful).map(|r| r.index).collect();
         assert_eq!(doubted, [5]);
     }
 
@@ -617,18 +617,18 @@ mod tests {
 
     #[test]
     fn a_push_alone_has_an_unknown_bias_and_no_contact_is_claimed() {
-        let free = &felt(&session(1))[0];
+        let free = &measured(&session(1))[0];
         assert_eq!((free.start, free.contacts, free.bias), (Start::Unknown, 0, None));
         let words = free.bias_unknown.unwrap().to_string();
         assert!(words.contains("0.00 s to 1.4") && words.contains("quiet"), "{words}");
-        let pressed = &felt(&[PushSpec { onset: 0.0, ..PushSpec::default() }])[0];
+        let pressed = &measured(&[PushSpec { onset: 0.0, ..PushSpec::default() }])[0];
         assert_eq!((pressed.start, pressed.touch, pressed.bias), (Start::Unknown, None, None));
     }
 
     #[test]
     fn pushes_without_any_free_time_have_an_unknown_bias() {
         let pushes: Vec<_> = session(6).iter().map(|p| PushSpec { onset: 0.17, force: 1.0, ..*p }).collect();
-        for report in felt(&pushes) {
+        for report in measured(&pushes) {
             assert_eq!((report.start, report.bias, report.contacts), (Start::Free, None, 0));
             assert!(report.bias_unknown.unwrap().to_string().contains("0 neighbours with some"));
         }
@@ -637,7 +637,7 @@ mod tests {
     #[test]
     fn pushes_hours_apart_say_nothing_of_each_other() {
         let pushes: Vec<_> = session(6).iter().map(|p| PushSpec { t0: p.t0 * 60.0, ..*p }).collect();
-        assert!(felt(&pushes).iter().all(|report| report.start == Start::Unknown && report.bias.is_none()));
+        assert!(measured(&pushes).iter().all(|report| report.start == Start::Unknown && report.bias.is_none()));
     }
 
     #[test]
@@ -684,7 +684,7 @@ mod tests {
     fn the_summary_counts_what_the_reports_say() {
         let mut pushes = session(6);
         pushes[2].onset = 0.0;
-        let summary = Summary::of(&felt(&pushes));
+        let summary = Summary::of(&measured(&pushes));
         assert_eq!((summary.recordings, summary.began_in_contact.as_slice()), (6, &[2][..]));
         assert_eq!((summary.halves, summary.bias_unknown.len(), summary.never_touched.len()), (5, 0, 0));
         assert!(summary.half_difference_max < BIAS_ERROR_N && summary.half_difference_max > 0.0);

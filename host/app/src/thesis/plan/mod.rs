@@ -164,9 +164,9 @@ impl Case {
         let offered = offered_first();
         loop {
             let Some(case) = Self::try_draw(&mut draw) else { continue };
-            let felt: Option<Vec<_>> = offered.iter().map(|motion| case.push(motion)).collect();
-            if let Some(felt) = felt {
-                return (case, felt);
+            let measured: Option<Vec<_>> = offered.iter().map(|motion| case.push(motion)).collect();
+            if let Some(measured) = measured {
+                return (case, measured);
             }
         }
     }
@@ -233,9 +233,9 @@ impl Case {
             let Some(best) = best else { break };
             let stretch = beginning(&best.motion, seconds(to - from));
             made.segments.extend(&stretch.segments);
-            let felt = self.push(&made).map_or_else(Vec::new, |felt| self.noisy(&felt.angles));
-            let Some(felt) = felt.get(from + 1..=to) else { break };
-            beliefs = updated(&present, &beliefs, &stretch, felt, SAMPLING);
+            let measured = self.push(&made).map_or_else(Vec::new, |measured| self.noisy(&measured.angles));
+            let Some(measured) = measured.get(from + 1..=to) else { break };
+            beliefs = updated(&present, &beliefs, &stretch, measured, SAMPLING);
         }
         made
     }
@@ -246,7 +246,7 @@ impl Case {
     }
 
     /// Whether a pose other than the truth has a cost below [`AMBIGUOUS_BELOW`] on the exact angles of a push.
-    fn is_ambiguous(&self, then: &Motion, felt: &PushAngles) -> bool {
+    fn is_ambiguous(&self, then: &Motion, measured: &PushAngles) -> bool {
         let truth = Truth {
             part: &self.part,
             grip: GRIP,
@@ -254,8 +254,8 @@ impl Case {
             touch: Touch::Rolling { friction: None },
             edge: self.edge,
             start: self.start,
-            s_end: felt.s_end,
-            angles: &felt.angles,
+            s_end: measured.s_end,
+            angles: &measured.angles,
             dt: DT_S,
             sigma: SIGMA_RAD,
             prior: PRIOR,
@@ -353,14 +353,14 @@ pub(super) fn outcomes<O: Clone + Default + Send>(
 }
 
 fn outcome(seed: u64, number: usize) -> Outcome {
-    let (case, felt) = Case::draw(seed, number);
-    let judged = |motion: &Motion, felt: &PushAngles| (case.is_ambiguous(motion, felt), felt.friction);
-    let motions = offered_first().iter().zip(&felt).map(|(motion, felt)| judged(motion, felt)).collect();
-    let beliefs = case.beliefs(&felt[0].angles);
+    let (case, measured) = Case::draw(seed, number);
+    let judged = |motion: &Motion, measured: &PushAngles| (case.is_ambiguous(motion, measured), measured.friction);
+    let motions = offered_first().iter().zip(&measured).map(|(motion, measured)| judged(motion, measured)).collect();
+    let beliefs = case.beliefs(&measured[0].angles);
     let choice = case.choice(&beliefs);
     let chosen = case.choices(beliefs);
     // A contact that ended too soon tells too little.
-    let twice = case.push(&chosen).map_or((true, f64::INFINITY), |felt| judged(&chosen, &felt));
+    let twice = case.push(&chosen).map_or((true, f64::INFINITY), |measured| judged(&chosen, &measured));
     Outcome { motions, choice, twice }
 }
 
@@ -370,11 +370,11 @@ mod tests {
 
     #[test]
     fn cases_are_the_same_each_time_and_all_begin_alike() {
-        let (case, felt) = Case::draw(1, 3);
+        let (case, measured) = Case::draw(1, 3);
         let (again, _) = Case::draw(1, 3);
         assert_eq!((case.edge, case.start, &case.noise), (again.edge, again.start, &again.noise));
-        let beginning = |felt: &PushAngles| felt.angles[..VALUES_FIRST].to_vec();
-        assert!(felt.iter().all(|other| beginning(other) == beginning(&felt[0])));
+        let beginning = |measured: &PushAngles| measured.angles[..VALUES_FIRST].to_vec();
+        assert!(measured.iter().all(|other| beginning(other) == beginning(&measured[0])));
     }
 
     #[test]
@@ -398,7 +398,7 @@ mod tests {
         let s = 0.5 * (line.s_min + line.s_max) + 0.004;
         let start = State { u: FRAC_PI_2, s, omega: 0.0, v_t: 0.0 };
         let case = Case { part, edge, start, noise: vec![0.0; VALUES] };
-        let clear = |motion: &Motion| case.push(motion).is_some_and(|felt| !case.is_ambiguous(motion, &felt));
+        let clear = |motion: &Motion| case.push(motion).is_some_and(|measured| !case.is_ambiguous(motion, &measured));
         assert!(offered_first().iter().any(clear));
     }
 }

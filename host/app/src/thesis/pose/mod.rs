@@ -69,28 +69,28 @@ const REPRODUCED: f64 = 1.0;
 /// Rows of a table.
 type Rows<'a> = &'a [(&'static str, Setting)];
 
-const fn felt(kind: Kind, sense: Sense, sigma: f64) -> Setting {
+const fn measured(kind: Kind, sense: Sense, sigma: f64) -> Setting {
     Setting { kind, sense, sigma }
 }
 
 const POSE: Rows = &[
-    ("rolling, exact", felt(Kind::Rolling, Sense::Angle, 0.0)),
-    ("rolling, noisy", felt(Kind::Rolling, Sense::Angle, SIGMA_RAD)),
-    ("frictionless, exact", felt(Kind::Frictionless, Sense::Angle, 0.0)),
-    ("frictionless, noisy", felt(Kind::Frictionless, Sense::Angle, SIGMA_RAD)),
+    ("rolling, exact", measured(Kind::Rolling, Sense::Angle, 0.0)),
+    ("rolling, noisy", measured(Kind::Rolling, Sense::Angle, SIGMA_RAD)),
+    ("frictionless, exact", measured(Kind::Frictionless, Sense::Angle, 0.0)),
+    ("frictionless, noisy", measured(Kind::Frictionless, Sense::Angle, SIGMA_RAD)),
 ];
 
 const POSE_FRICTION: Rows = &[
-    ("sliding, exact", felt(Kind::Sliding, Sense::Angle, 0.0)),
-    ("sliding, noisy", felt(Kind::Sliding, Sense::Angle, SIGMA_RAD)),
-    ("coulomb, exact", felt(Kind::Coulomb, Sense::Angle, 0.0)),
-    ("coulomb, noisy", felt(Kind::Coulomb, Sense::Angle, SIGMA_RAD)),
+    ("sliding, exact", measured(Kind::Sliding, Sense::Angle, 0.0)),
+    ("sliding, noisy", measured(Kind::Sliding, Sense::Angle, SIGMA_RAD)),
+    ("coulomb, exact", measured(Kind::Coulomb, Sense::Angle, 0.0)),
+    ("coulomb, noisy", measured(Kind::Coulomb, Sense::Angle, SIGMA_RAD)),
 ];
 
 const FORCE: Rows = &[
-    ("rolling, direction", felt(Kind::Rolling, Sense::Direction, SIGMA_RAD)),
-    ("rolling, direction and magnitude", felt(Kind::Rolling, Sense::Force, SIGMA_RAD)),
-    ("sliding, direction", felt(Kind::Sliding, Sense::Direction, SIGMA_RAD)),
+    ("rolling, direction", measured(Kind::Rolling, Sense::Direction, SIGMA_RAD)),
+    ("rolling, direction and magnitude", measured(Kind::Rolling, Sense::Force, SIGMA_RAD)),
+    ("sliding, direction", measured(Kind::Sliding, Sense::Direction, SIGMA_RAD)),
 ];
 
 /// What came of one case.
@@ -282,15 +282,15 @@ mod tests {
     /// lost, because a minimum of coarse data is two of fine ones.
     #[test]
     fn starts_beside_the_valley_are_found() {
-        let angle = |kind, sigma| felt(kind, Sense::Angle, sigma);
+        let angle = |kind, sigma| measured(kind, Sense::Angle, sigma);
         let lost = [
             (angle(Kind::Frictionless, 0.0), [218, 496], EXACT),
             (angle(Kind::Frictionless, SIGMA_RAD), [40, 95], NOISY),
             (angle(Kind::Sliding, 0.0), [71, 72], EXACT),
             (angle(Kind::Coulomb, 0.0), [63, 274], EXACT),
             (angle(Kind::Coulomb, SIGMA_RAD), [52, 172], NOISY),
-            (felt(Kind::Rolling, Sense::Direction, SIGMA_RAD), [1, 20], NOISY),
-            (felt(Kind::Sliding, Sense::Direction, SIGMA_RAD), [44, 65], NOISY),
+            (measured(Kind::Rolling, Sense::Direction, SIGMA_RAD), [1, 20], NOISY),
+            (measured(Kind::Sliding, Sense::Direction, SIGMA_RAD), [44, 65], NOISY),
         ];
         for (setting, numbers, tolerance) in lost {
             for number in numbers {
@@ -304,7 +304,7 @@ mod tests {
 
     #[test]
     fn wrong_values_are_named_and_do_not_lose_the_truth() {
-        let setting = felt(Kind::Rolling, Sense::Angle, SIGMA_RAD);
+        let setting = measured(Kind::Rolling, Sense::Angle, SIGMA_RAD);
         for number in 0..6 {
             let case = Case::draw(1, number, setting);
             let (observation, wrong) = model_error::spoilt(&case.observation(), &mut Draw::case(7, number));

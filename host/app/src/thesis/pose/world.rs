@@ -104,7 +104,7 @@ pub(super) struct Case {
     pub(super) samples: Vec<Sample>,
     pub(super) angles: Vec<f64>,
     /// Angles of what is felt: of the contact or of the force.
-    felt: Vec<f64>,
+    measured: Vec<f64>,
     /// Logarithms of the force per mass.
     magnitudes: Vec<f64>,
 }
@@ -125,7 +125,7 @@ impl Case {
         for (sample, angle) in self.samples.iter().zip(&self.angles) {
             let (normal, along) = sample.force.map_or((1.0, 0.0), |force| (force.normal, force.tangential));
             let from_normal = if self.sense == Sense::Angle { 0.0 } else { along.atan2(normal) };
-            self.felt.push(angle - from_normal + self.sigma * draw.normal());
+            self.measured.push(angle - from_normal + self.sigma * draw.normal());
             self.magnitudes.push(normal.hypot(along).ln() + SIGMA_FORCE * draw.normal());
         }
     }
@@ -171,9 +171,9 @@ impl Case {
             return None;
         }
         let angles = samples.iter().map(|sample| sample.state.u).collect();
-        let (felt, magnitudes) = (Vec::new(), Vec::new());
+        let (measured, magnitudes) = (Vec::new(), Vec::new());
         let leg = Leg { finger, values: times.len() - 1 };
-        Some(Self { edge: edge_index, leg, kind, sense, sigma, samples, angles, felt, magnitudes, part })
+        Some(Self { edge: edge_index, leg, kind, sense, sigma, samples, angles, measured, magnitudes, part })
     }
 
     pub(super) fn known(&self) -> Known<'_> {
@@ -219,7 +219,7 @@ impl Case {
     }
 
     pub(super) fn observation(&self) -> Observation {
-        let angles = Channel { values: self.felt.clone(), sigma: self.sigma_used() };
+        let angles = Channel { values: self.measured.clone(), sigma: self.sigma_used() };
         let magnitudes = Channel { values: self.magnitudes.clone(), sigma: SIGMA_FORCE };
         let u0_range = Some([FRAC_PI_2 - self.sense.range(), FRAC_PI_2 + self.sense.range()]);
         let measured = match self.sense {
@@ -282,7 +282,11 @@ impl Case {
         let times: Vec<_> = (0..values(self.kind)).map(|i| f64::from(i) * DT_S).collect();
         let Ok(run) = push.run(&times) else { return false };
         let sigma = self.sigma_used();
-        let off = run.samples.iter().zip(&self.felt).map(|(sample, felt)| ((sample.state.u - felt) / sigma).powi(2));
+        let off = run
+            .samples
+            .iter()
+            .zip(&self.measured)
+            .map(|(sample, measured)| ((sample.state.u - measured) / sigma).powi(2));
         let mut cost: f64 = off.sum::<f64>() + (hypothesis.start.omega / PRIOR.0).powi(2);
         let has_v_t = match self.kind {
             Kind::Rolling => false,
@@ -290,7 +294,7 @@ impl Case {
             Kind::Coulomb => model.slip(0.0, &hypothesis.start).abs() > 1e-9,
         };
         cost += if has_v_t { (hypothesis.start.v_t / PRIOR.1).powi(2) } else { 0.0 };
-        run.samples.len() == self.felt.len() && (cost - hypothesis.cost).abs() < tolerance
+        run.samples.len() == self.measured.len() && (cost - hypothesis.cost).abs() < tolerance
     }
 }
 

@@ -215,18 +215,18 @@ mod tests {
     fn a_second_push_decides_what_the_first_left_open() {
         let part = part();
         let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [0.0, 0.12] };
-        let (felt, _, end) = push(&part, 0, 0.006, finger);
+        let (measured, _, end) = push(&part, 0, 0.006, finger);
         let (_, begin, _) = push(&part, 1, -0.004, finger);
         let second_finger = placed(finger, begin, end);
-        let (felt_again, start, _) = push(&part, 1, -0.004, second_finger);
+        let (measured_again, start, _) = push(&part, 1, -0.004, second_finger);
         let apart = (start.origin() - end.origin()).norm() + wrap_angle(start.theta - end.theta).abs();
         assert!(apart < 1e-9, "{start:?} {end:?}");
 
         let (first, second) = (known(&part, finger), known(&part, second_finger));
-        let (one, two) = (estimate(&first, &felt), estimate(&second, &felt_again));
+        let (one, two) = (estimate(&first, &measured), estimate(&second, &measured_again));
         let after: Vec<_> = one.hypotheses.iter().filter_map(PoseBelief::after).collect();
         let before: Vec<_> =
-            two.hypotheses.iter().filter_map(|found| PoseBelief::before(&second, &felt_again, found)).collect();
+            two.hypotheses.iter().filter_map(|found| PoseBelief::before(&second, &measured_again, found)).collect();
         assert!(after.len() > 1, "the first push alone decides: {one:?}");
         let both = in_sequence(&after, &before, SLACK);
         let edges = both

@@ -213,8 +213,8 @@ mod tests {
         let Observation { dt, measured, prior } = push(&parts[truth]);
         let Measured::ContactAngle(Channel { values, .. }) = measured else { panic!("angles were felt") };
         let measured = Measured::ContactAngle(Channel { values, sigma: 10.0 * SIGMA });
-        let felt = Observation { dt, measured, prior };
-        let ranked = which_part(all.iter().map(|known| (known.part, known.estimate(&felt))));
+        let measured = Observation { dt, measured, prior };
+        let ranked = which_part(all.iter().map(|known| (known.part, known.estimate(&measured))));
         assert!(ranked.iter().all(|part| part.probability < 0.95), "{ranked:?}");
         let alone: Vec<_> = ranked.iter().map(|part| (part.probability, part.estimate.clone())).collect();
         let mixed = mixed(&ranked, Nearness::BY_PLACE).unwrap();
@@ -243,8 +243,8 @@ mod tests {
     #[test]
     fn parts_that_are_alike_share_the_probability() {
         let parts = [rectangle(0.06, 0.04), rectangle(0.06, 0.04)];
-        let felt = push(&parts[0]);
-        let ranked = which_part(parts.each_ref().map(|part| (part, known(part).estimate(&felt))));
+        let measured = push(&parts[0]);
+        let ranked = which_part(parts.each_ref().map(|part| (part, known(part).estimate(&measured))));
         assert!(ranked.iter().all(|part| (part.probability - 0.5).abs() < 1e-9), "{ranked:?}");
     }
 

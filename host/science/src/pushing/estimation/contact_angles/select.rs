@@ -239,8 +239,8 @@ impl<'a, 'p> Task<'a, 'p> {
     /// Without the values before the part has settled, where the angle is not felt: those tell the first rates, but lead astray
     /// as long as the place is not known.
     fn settled(&self, fitting: &Fitting<'a, 'p>) -> Option<Fitting<'_, 'p>> {
-        let is_felt = |begin: &Begin| angles(self.known, &self.data, *begin).is_some();
-        let time = settling(self.known, &self.data).filter(|_| !self.begins.iter().all(is_felt))?;
+        let is_measured = |begin: &Begin| angles(self.known, &self.data, *begin).is_some();
+        let time = settling(self.known, &self.data).filter(|_| !self.begins.iter().all(is_measured))?;
         let coarse = self.fitting(SETTLED_SIGMAS * fitting.data.sigma_min(), 1.0);
         Some(Fitting { data: coarse.data.without_first(time), ..coarse })
     }

@@ -114,8 +114,8 @@ mod unknown_friction {
             let log = LOG_SIGMA * draw.normal();
             let kind = if case.is_multiple_of(2) { FRICTIONLESS } else { ROLLING };
             let pushed = Pushed::draw(&mut draw, kind, GRIP * log.exp());
-            let felt = observed(pushed.angles(&mut draw, SIGMA), SIGMA, JOINT);
-            let estimate = estimate(&pushed.known(), &felt);
+            let measured = observed(pushed.angles(&mut draw, SIGMA), SIGMA, JOINT);
+            let estimate = estimate(&pushed.known(), &measured);
             let found = pushed.truth(&estimate).unwrap_or_else(|| panic!("case {case}: truth not in {estimate:?}"));
             let deviation = found.grip_log_sd.unwrap();
             assert!(deviation <= LOG_SIGMA, "case {case}: data made the friction less certain: {deviation}");

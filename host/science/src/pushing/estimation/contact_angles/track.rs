@@ -76,9 +76,9 @@ pub struct TrackerSettings {
 ///
 /// let model = PushModel { part: &part, edge: part.edge(0)?, grip: 0.3 * 9.81, finger };
 /// let start = State { u: 1.6, s: 0.012, omega: 0.1, v_t: 0.0 };
-/// let felt = std::iter::once(start).chain(model.rollout(&Contact::Rolling, &start, 0.01)).take(50);
+/// let measured = std::iter::once(start).chain(model.rollout(&Contact::Rolling, &start, 0.01)).take(50);
 /// let mut end = start;
-/// for state in felt {
+/// for state in measured {
 ///     tracker.push_sample(Some(state.u));
 ///     end = state;
 /// }

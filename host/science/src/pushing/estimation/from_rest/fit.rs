@@ -74,7 +74,7 @@ const PENALTIES: usize = 3;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Problem<'a, 'p> {
     pub(super) course: &'a Course<'p>,
-    pub(super) felt: &'a WindowedForce,
+    pub(super) measured: &'a WindowedForce,
 }
 
 /// A guess with what came of it.
@@ -97,8 +97,8 @@ impl Problem<'_, '_> {
     pub(super) fn try_guess(&self, guess: Guess) -> Option<Tried> {
         let path = self.course.play(&guess).ok()?;
         let edge = self.course.part.edge(guess.edge).ok()?;
-        let shape = self.felt.whiten(path.windows(self.felt.count()));
-        let data = self.felt.data();
+        let shape = self.measured.whiten(path.windows(self.measured.count()));
+        let data = self.measured.data();
         let mass = shape.dot(data) / shape.norm_squared();
         if mass.is_nan() || mass <= 0.0 {
             return None;
@@ -215,7 +215,7 @@ impl least_squares::Problem<COLUMNS> for Problem<'_, '_> {
     fn normal_equations(&self, tried: &Tried) -> NormalEquations<COLUMNS> {
         let (size, slopes) = (tried.shape.len(), self.slopes(tried));
         let mut residuals = DVector::zeros(size + PENALTIES);
-        residuals.rows_mut(0, size).copy_from(&(self.felt.data() - &tried.shape * tried.mass));
+        residuals.rows_mut(0, size).copy_from(&(self.measured.data() - &tried.shape * tried.mass));
         residuals.rows_mut(size, PENALTIES).copy_from_slice(&tried.penalties);
         NormalEquations {
             cost: tried.cost,

@@ -90,30 +90,30 @@ impl<'p> Known<'p> {
 impl Observer for Known<'_> {
     type Observation = WindowedForce;
 
-    fn estimate_until(&self, felt: &WindowedForce, stop: Stop<'_>) -> Searched<Estimate> {
-        estimate_until(self, felt, stop)
+    fn estimate_until(&self, measured: &WindowedForce, stop: Stop<'_>) -> Searched<Estimate> {
+        estimate_until(self, measured, stop)
     }
 }
 
 /// Every pose that explains what was felt, sought all over the part.
 #[must_use]
-pub fn estimate(known: &Known, felt: &WindowedForce) -> Estimate {
-    estimate_until(known, felt, &never).found
+pub fn estimate(known: &Known, measured: &WindowedForce) -> Estimate {
+    estimate_until(known, measured, &never).found
 }
 
 /// The same, ended when `stop` says so: then with the poses found by then.
 #[must_use]
-pub fn estimate_until(known: &Known, felt: &WindowedForce, stop: Stop<'_>) -> Searched<Estimate> {
+pub fn estimate_until(known: &Known, measured: &WindowedForce, stop: Stop<'_>) -> Searched<Estimate> {
     let halt = Halt::new(stop);
-    let estimate = halting_estimate(known, felt, &halt);
+    let estimate = halting_estimate(known, measured, &halt);
     halt.searched(estimate)
 }
 
-fn halting_estimate(known: &Known, felt: &WindowedForce, halt: &Halt<'_>) -> Estimate {
+fn halting_estimate(known: &Known, measured: &WindowedForce, halt: &Halt<'_>) -> Estimate {
     let symmetry = symmetry::order(known.part);
     let edges = known.part.polygon().vertices().len() / symmetry;
-    let course = course(known, felt);
-    let problem = Problem { course: &course, felt };
+    let course = course(known, measured);
+    let problem = Problem { course: &course, measured };
     let edges = (0..edges).take_while(|_| !halt.is_wished());
     let starts = edges.flat_map(|edge| seeds::on_edge(&problem, edge)).collect();
     conclude(&problem, descend_all(&problem, starts, halt), symmetry)
@@ -122,21 +122,21 @@ fn halting_estimate(known: &Known, felt: &WindowedForce, halt: &Halt<'_>) -> Est
 /// The same, sought only where an earlier answer from the beginning of the same push had found something: what was excluded then
 /// stays excluded.
 #[must_use]
-pub fn follow(known: &Known, felt: &WindowedForce, earlier: &Estimate) -> Estimate {
-    let course = course(known, felt);
-    let problem = Problem { course: &course, felt };
+pub fn follow(known: &Known, measured: &WindowedForce, earlier: &Estimate) -> Estimate {
+    let course = course(known, measured);
+    let problem = Problem { course: &course, measured };
     let starts = earlier.hypotheses.iter().filter_map(|hypothesis| problem.try_guess(guess(hypothesis, &course)));
     let starts = starts.collect::<Vec<_>>();
     conclude(&problem, descend_all(&problem, starts, &Halt::new(&never)), earlier.symmetry)
 }
 
-fn course<'p>(known: &Known<'p>, felt: &WindowedForce) -> Course<'p> {
+fn course<'p>(known: &Known<'p>, measured: &WindowedForce) -> Course<'p> {
     Course {
         part: known.part,
         grip: known.grip,
         grip_log_sd: known.grip_log_sd,
         legs: known.motion.legs(known.radius).collect(),
-        duration: windows::end(felt.count() - 1),
+        duration: windows::end(measured.count() - 1),
     }
 }
 
@@ -157,7 +157,7 @@ fn least_cost(tried: &[Tried]) -> f64 {
 /// The list of what cannot be excluded.
 fn conclude(problem: &Problem, mut tried: Vec<Tried>, symmetry: usize) -> Estimate {
     let duration = problem.course.duration;
-    let cost_max = chi_square_limit(2 * problem.felt.count());
+    let cost_max = chi_square_limit(2 * problem.measured.count());
     tried.retain(|tried| is_possible(problem, tried));
     tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let best = tried.first().map(|tried| tried.cost);
@@ -171,7 +171,7 @@ fn conclude(problem: &Problem, mut tried: Vec<Tried>, symmetry: usize) -> Estima
     hypotheses.iter_mut().for_each(|hypothesis| hypothesis.probability /= total);
     let mut hypotheses = joined(hypotheses, SAME_PLACE);
     hypotheses.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    let fit = Fit { cost: best, degrees_of_freedom: 2 * problem.felt.count(), cost_max };
+    let fit = Fit { cost: best, degrees_of_freedom: 2 * problem.measured.count(), cost_max };
     let grip_log_sd = problem.course.grip_log_sd;
     Estimate { hypotheses, symmetry, grip_log_sd, ..Estimate::unexplained(fit, duration) }
 }

@@ -299,10 +299,10 @@ mod tests {
         let found = sense.onset_time().unwrap();
         assert!((found - onset).abs() < 2.0 * ONSET_SD_S, "{found}, wanted {onset}");
         assert!(sense.is_over());
-        let felt = sense.windowed_force(f64::INFINITY).unwrap();
+        let measured = sense.windowed_force(f64::INFINITY).unwrap();
         // Windows that end before the force does, less one.
-        assert!((26..=29).contains(&felt.forces_finger().len()), "{}", felt.forces_finger().len());
-        for (window, force) in felt.forces_finger().iter().enumerate() {
+        assert!((26..=29).contains(&measured.forces_finger().len()), "{}", measured.forces_finger().len());
+        for (window, force) in measured.forces_finger().iter().enumerate() {
             let middle = windows::end(window) - 0.5 * LENGTH_S;
             let error = (force - Vector2::new(-1.0 - 0.2 * middle, 0.3)).norm();
             assert!(error < 5e-3, "window {window}: {error} N");

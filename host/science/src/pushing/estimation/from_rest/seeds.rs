@@ -114,7 +114,7 @@ impl Angles {
         };
         let step = FRAC_PI_2 / f64::from(ANGLES);
         let angles = (1 - ANGLES..ANGLES).map(|index| ahead + f64::from(index) * step);
-        let force = problem.felt.forces_finger()[0];
+        let force = problem.measured.forces_finger()[0];
         Self { table: angles.map(|u| (u, needed(u))).collect(), direction: (-force.y).atan2(-force.x) }
     }
 

@@ -60,7 +60,7 @@ fn true_windows(played: &Played, count: usize) -> Vec<Vector2<f64>> {
     (0..count).map(mean).collect()
 }
 
-fn felt(drawn: &Drawn, draw: &mut Draw, duration: f64) -> WindowedForce {
+fn measured(drawn: &Drawn, draw: &mut Draw, duration: f64) -> WindowedForce {
     let mut means = true_windows(&drawn.played, windows::count(duration));
     means.iter_mut().for_each(|mean| *mean += Vector2::new(draw.normal(), draw.normal()) * NOISE_N);
     let noise = Matrix2::identity() * NOISE_N * NOISE_N;
@@ -98,7 +98,7 @@ fn the_truth_is_among_the_answers_and_mostly_the_only_one() {
     let mut unique = 0;
     for case in 0..CASES {
         let (part, ranges, drawn, mut draw) = drawn(case);
-        let estimate = estimate(&known(&part, &ranges), &felt(&drawn, &mut draw, ranges.motion.duration()));
+        let estimate = estimate(&known(&part, &ranges), &measured(&drawn, &mut draw, ranges.motion.duration()));
         let outcome = Outcome::new(&part, &drawn, &estimate);
         assert!(outcome.holds_truth, "case {case}: {outcome:?}, drawn edge {} s {}", drawn.edge, drawn.s);
         unique += usize::from(outcome.status == Status::Unique);
@@ -115,8 +115,8 @@ fn a_straight_push_is_no_less_certain_than_its_cost() {
     for case in 0..24 {
         let (part, ranges, drawn, mut draw) =
             drawn_from(Ranges { motion: straight_motion(), ..Ranges::default() }, case);
-        let (known, felt) = (known(&part, &ranges), felt(&drawn, &mut draw, ranges.motion.duration()));
-        let estimate = estimate(&known, &felt);
+        let (known, measured) = (known(&part, &ranges), measured(&drawn, &mut draw, ranges.motion.duration()));
+        let estimate = estimate(&known, &measured);
         assert!(Outcome::new(&part, &drawn, &estimate).holds_truth, "case {case}: {estimate:?}");
         for hypothesis in &estimate.hypotheses {
             let spread = hypothesis.spread(&part).unwrap();
@@ -132,11 +132,11 @@ fn nothing_that_explains_a_short_push_is_missed() {
     const DURATION_S: f64 = 0.3;
     for case in 0..3 {
         let (part, ranges, drawn, mut draw) = drawn(case);
-        let felt = felt(&drawn, &mut draw, DURATION_S);
+        let measured = measured(&drawn, &mut draw, DURATION_S);
         let known = known(&part, &ranges);
-        let answer = estimate(&known, &felt);
-        let course = course(&known, &felt);
-        let problem = Problem { course: &course, felt: &felt };
+        let answer = estimate(&known, &measured);
+        let course = course(&known, &measured);
+        let problem = Problem { course: &course, measured: &measured };
         let best = answer.hypotheses.iter().map(|hypothesis| hypothesis.cost).fold(f64::INFINITY, f64::min);
         for _ in 0..STARTS {
             let edge = draw.index(part.polygon().vertices().len());
@@ -158,10 +158,10 @@ fn nothing_that_explains_a_short_push_is_missed() {
 #[test]
 fn the_force_on_another_part_is_explained_by_no_pose() {
     let (_, ranges, drawn, mut draw) = drawn(4);
-    let felt = felt(&drawn, &mut draw, ranges.motion.duration());
+    let measured = measured(&drawn, &mut draw, ranges.motion.duration());
     let small = SimplePolygon::new([[0.0, 0.0], [0.03, 0.0], [0.03, 0.02], [0.0, 0.025]].map(Point2::from)).unwrap();
     let small = Part::uniform(small);
-    let estimate = estimate(&known(&small, &ranges), &felt);
+    let estimate = estimate(&known(&small, &ranges), &measured);
     assert_eq!(estimate.status(), Status::Unexplained, "{:?}", estimate.hypotheses);
     assert!(estimate.fit.cost.is_none_or(|cost| cost > estimate.fit.cost_max));
 }
@@ -186,7 +186,7 @@ fn turns_that_take_a_part_to_itself_are_counted() {
 #[test]
 fn what_was_found_early_is_followed_to_the_same_end() {
     let (part, ranges, drawn, mut draw) = drawn(5);
-    let (known, whole) = (known(&part, &ranges), felt(&drawn, &mut draw, ranges.motion.duration()));
+    let (known, whole) = (known(&part, &ranges), measured(&drawn, &mut draw, ranges.motion.duration()));
     let noise = Uncertainty {
         noise: Matrix2::identity() * NOISE_N * NOISE_N,
         bias: Matrix2::zeros(),
@@ -212,10 +212,10 @@ fn the_limit_of_a_misfit_is_the_quantile_of_chi_square() {
 #[test]
 fn a_fit_ends_in_a_minimum() {
     let (part, ranges, drawn, mut draw) = drawn(6);
-    let felt = felt(&drawn, &mut draw, ranges.motion.duration());
+    let measured = measured(&drawn, &mut draw, ranges.motion.duration());
     let known = known(&part, &ranges);
-    let course = course(&known, &felt);
-    let problem = Problem { course: &course, felt: &felt };
+    let course = course(&known, &measured);
+    let problem = Problem { course: &course, measured: &measured };
     let (u, s, mu_c) = (drawn.u + 0.01, drawn.s + 5e-4, drawn.mu_c + 0.01);
     let guess = Guess { edge: drawn.edge, u, s, mu_c, grip_log: 0.0 };
     let found: Tried = problem.descend(problem.try_guess(guess).unwrap(), usize::MAX);
@@ -247,7 +247,7 @@ fn on_an_unknown_plane(case: usize, acceleration: f64) -> (Part, Ranges, Drawn, 
 fn estimate_on_it((part, ranges, drawn, draw): &(Part, Ranges, Drawn, Draw), grip_log_sd: Option<f64>) -> Estimate {
     let grip = Ranges::default().mu * crate::gravity::GRAVITY_ASSUMED;
     let known = Known { part, grip, grip_log_sd, radius: RADIUS_M, motion: &ranges.motion };
-    estimate(&known, &felt(drawn, &mut draw.clone(), ranges.motion.duration()))
+    estimate(&known, &measured(drawn, &mut draw.clone(), ranges.motion.duration()))
 }
 
 /// The hypothesis that is the truth, and its errors of ln µ, ln m and ln µm in standard deviations.

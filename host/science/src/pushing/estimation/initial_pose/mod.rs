@@ -111,7 +111,7 @@ pub struct TimedContact {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contacts {
     /// Times increasing, above 0; at least one.
-    pub felt: Vec<TimedContact>,
+    pub measured: Vec<TimedContact>,
     /// Predictions this near agree, in the unit of u.
     pub tolerance: f64,
 }
@@ -207,8 +207,8 @@ impl RestingPush {
     /// let path = FingerPath { centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [0.01, 0.1] };
     /// let push = RestingPush::new(Object::Polygon(block), 0.0, FingerShape::Disk { radius: 0.01 }, path, 1.5)?;
     /// // A disk pushes the lower edge 5 mm beside the middle.
-    /// let felt = push.predicted(Some(0), 0.005, &[0.6, 0.9]);
-    /// let contacts = [TimedContact { t: 0.6, u: felt[0] }, TimedContact { t: 0.9, u: felt[1] }];
+    /// let measured = push.predicted(Some(0), 0.005, &[0.6, 0.9]);
+    /// let contacts = [TimedContact { t: 0.6, u: measured[0] }, TimedContact { t: 0.9, u: measured[1] }];
     /// let poses = push.observe(&contacts, 1e-6);
     /// assert_eq!(poses.solutions.len(), 1);
     /// assert!((poses.solutions[0].s0 - 0.005).abs() < 1e-9); // m
@@ -420,7 +420,7 @@ impl Observer for RestingPush {
     type Observation = Contacts;
 
     fn estimate_until(&self, contacts: &Contacts, stop: Stop<'_>) -> Searched<Estimate> {
-        let Searched { found, complete } = self.observe_until(&contacts.felt, contacts.tolerance, stop);
+        let Searched { found, complete } = self.observe_until(&contacts.measured, contacts.tolerance, stop);
         Searched { found: self.judged_as(&found.solutions, contacts), complete }
     }
 }
@@ -429,7 +429,7 @@ impl Observer for Table<'_> {
     type Observation = Contacts;
 
     fn estimate_until(&self, contacts: &Contacts, stop: Stop<'_>) -> Searched<Estimate> {
-        let Searched { found, complete } = self.observe_until(&contacts.felt, contacts.tolerance, stop);
+        let Searched { found, complete } = self.observe_until(&contacts.measured, contacts.tolerance, stop);
         Searched { found: self.push().judged_as(&found.solutions, contacts), complete }
     }
 }
@@ -440,7 +440,7 @@ impl RestingPush {
     /// A tolerance is no standard deviation: what fits within it fits, all alike, so there are no covariances, and the cost is the
     /// largest residual over the tolerance, squared.
     fn judged_as(&self, solutions: &[RestingPose], contacts: &Contacts) -> Estimate {
-        let time_end = contacts.felt.last().map_or(0.0, |last| last.t);
+        let time_end = contacts.measured.last().map_or(0.0, |last| last.t);
         let probability = 1.0 / solutions.len().max(1) as f64;
         let explained = |found: &RestingPose| {
             let site = self.sites.iter().find(|site| site.edge == found.edge)?;
@@ -467,7 +467,7 @@ impl RestingPush {
         };
         let hypotheses: Vec<_> = solutions.iter().filter_map(explained).collect();
         let cost = hypotheses.iter().map(|found| found.cost).reduce(f64::min);
-        let fit = Fit { cost, degrees_of_freedom: contacts.felt.len().saturating_sub(1), cost_max: 1.0 };
+        let fit = Fit { cost, degrees_of_freedom: contacts.measured.len().saturating_sub(1), cost_max: 1.0 };
         Estimate { hypotheses, ..Estimate::unexplained(fit, time_end) }
     }
 }

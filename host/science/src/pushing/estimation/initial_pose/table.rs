@@ -38,8 +38,8 @@ const BORDER_REACH: f64 = 5.0;
 /// let path = FingerPath { centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [0.01, 0.1] };
 /// let push = RestingPush::new(Object::Polygon(block), 0.0, FingerShape::Disk { radius: 0.01 }, path, 1.5)?;
 /// let table = Table::new(&push, 1.0);
-/// let felt = push.predicted(Some(0), 0.005, &[0.6, 0.9]);
-/// let contacts = [TimedContact { t: 0.6, u: felt[0] }, TimedContact { t: 0.9, u: felt[1] }];
+/// let measured = push.predicted(Some(0), 0.005, &[0.6, 0.9]);
+/// let contacts = [TimedContact { t: 0.6, u: measured[0] }, TimedContact { t: 0.9, u: measured[1] }];
 /// assert!((table.observe(&contacts, 1e-6).solutions[0].s0 - 0.005).abs() < 1e-9); // m
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```

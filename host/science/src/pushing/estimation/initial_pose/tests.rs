@@ -97,7 +97,7 @@ impl ByGap {
     }
 
     /// Where the finger feels the contact.
-    fn felt(&self, q: [f64; 3]) -> f64 {
+    fn contact_angle(&self, q: [f64; 3]) -> f64 {
         let angle = self.normal(q);
         match (self.shape, &self.object) {
             (FingerShape::Disk { .. }, _) => angle,
@@ -159,10 +159,10 @@ proptest! {
         let q0 = [world.x - 0.01, world.y + 0.02, pose.theta];
         // The resting pose touches, at u0.
         prop_assert!(oracle.gap(q0).abs() < 1e-9, "{}", oracle.gap(q0));
-        prop_assert!((oracle.felt(q0) - u0).abs() < 1e-5, "{} {u0}", oracle.felt(q0));
-        let felt = oracle.felt(oracle.after(q0, 0.3));
+        prop_assert!((oracle.contact_angle(q0) - u0).abs() < 1e-5, "{} {u0}", oracle.contact_angle(q0));
+        let measured = oracle.contact_angle(oracle.after(q0, 0.3));
         // Differences of a gap that is known to rounding.
-        prop_assert!((felt - predicted[0]).abs() < 2e-5, "{felt} {predicted:?}");
+        prop_assert!((measured - predicted[0]).abs() < 2e-5, "{measured} {predicted:?}");
     }
 
     /// Whatever the place, the contacts it leads to lead back to it, by simulation and by table.
@@ -172,9 +172,9 @@ proptest! {
         let push = push(shape, object.clone(), [0.01, 0.1], u0);
         let site = push.sites[edge % push.sites.len()];
         let s0 = site.range[0] + share * site.length();
-        let felt = push.predicted(site.edge, s0, &[0.5, 0.8]);
-        prop_assume!(felt.len() == 2);
-        let contacts = [TimedContact { t: 0.5, u: felt[0] }, TimedContact { t: 0.8, u: felt[1] + 4.0 * PI * f64::from(u8::from(shape != FingerShape::Line)) }];
+        let measured = push.predicted(site.edge, s0, &[0.5, 0.8]);
+        prop_assume!(measured.len() == 2);
+        let contacts = [TimedContact { t: 0.5, u: measured[0] }, TimedContact { t: 0.8, u: measured[1] + 4.0 * PI * f64::from(u8::from(shape != FingerShape::Line)) }];
         let simulated = push.observe(&contacts, 1e-6);
         let table = Table::new(&push, 0.8).observe(&contacts, 1e-6);
         for poses in [&simulated, &table] {
@@ -203,8 +203,8 @@ fn a_place_at_a_fold_is_found() {
                 // The vertex of the parabola through the three: next to the fold, on either side of it.
                 let at = three[1] + 0.5 / 200.0 * (a - c) / (a - 2.0 * b + c);
                 let s0 = site.range[0] + at * site.length();
-                let felt = push.predicted(site.edge, s0, &[0.5, 0.8]);
-                let contacts: Vec<_> = [0.5, 0.8].iter().zip(&felt).map(|(&t, &u)| TimedContact { t, u }).collect();
+                let measured = push.predicted(site.edge, s0, &[0.5, 0.8]);
+                let contacts: Vec<_> = [0.5, 0.8].iter().zip(&measured).map(|(&t, &u)| TimedContact { t, u }).collect();
                 for poses in [push.observe(&contacts, 1e-6), Table::new(&push, 0.8).observe(&contacts, 1e-6)] {
                     let near =
                         |pose: &RestingPose| pose.edge == site.edge && site.gap(pose.s0, s0) < 1e-3 * site.length();
@@ -230,8 +230,8 @@ fn a_circle_can_lie_any_way() {
 fn a_square_lies_in_four_ways() {
     let square = SimplePolygon::new([[-0.02, -0.02], [0.02, -0.02], [0.02, 0.02], [-0.02, 0.02]].map(Point2::from));
     let push = push(FingerShape::Disk { radius: 0.01 }, Object::Polygon(square.unwrap()), [0.0, 0.1], 1.5);
-    let felt = push.predicted(Some(2), 0.007, &[0.4, 0.7]);
-    let contacts = [TimedContact { t: 0.4, u: felt[0] }, TimedContact { t: 0.7, u: felt[1] }];
+    let measured = push.predicted(Some(2), 0.007, &[0.4, 0.7]);
+    let contacts = [TimedContact { t: 0.4, u: measured[0] }, TimedContact { t: 0.7, u: measured[1] }];
     let poses = push.observe(&contacts, 1e-6);
     assert_eq!(poses.solutions.len(), 4, "{poses:?}");
 }
@@ -239,11 +239,11 @@ fn a_square_lies_in_four_ways() {
 #[test]
 fn later_contacts_decide_within_their_tolerance() {
     let push = push(FingerShape::Disk { radius: 0.01 }, triangle(), [0.01, 0.1], 1.55);
-    let felt = push.predicted(Some(1), 0.006, &[0.4, 0.6, 0.8]);
+    let measured = push.predicted(Some(1), 0.006, &[0.4, 0.6, 0.8]);
     let with = |noise: [f64; 3], tolerance: f64| {
         let contacts: Vec<_> = [0.4, 0.6, 0.8]
             .iter()
-            .zip(&felt)
+            .zip(&measured)
             .zip(noise)
             .map(|((&t, &u), noise)| TimedContact { t, u: u + noise })
             .collect();
@@ -285,8 +285,8 @@ fn a_contact_that_ends_soon_after_it_was_felt_is_in_the_table() {
     let shape = FingerShape::Ellipse { semi_axes: [0.024_758_498, 0.017_338_234] };
     let push = push(shape, object, [-0.026_780_753, 0.093_252_006], 1.952_510_745);
     let times = [0.482_969_508, 0.988_323_216];
-    let felt = push.predicted(Some(4), 0.009_740_169, &times);
-    let contacts: Vec<_> = times.iter().zip(&felt).map(|(&t, &u)| TimedContact { t, u }).collect();
+    let measured = push.predicted(Some(4), 0.009_740_169, &times);
+    let contacts: Vec<_> = times.iter().zip(&measured).map(|(&t, &u)| TimedContact { t, u }).collect();
     let edges = |poses: &RestingPoses| {
         let mut edges: Vec<_> = poses.candidates.iter().map(|pose| pose.edge).collect();
         edges.sort_unstable();

@@ -53,12 +53,12 @@ impl GhoBank<'_> {
     }
 
     fn halting_runs(&self, observation: &Observation, halt: &Halt) -> Vec<GhoRun> {
-        let Measured::ContactAngle(felt) = &observation.measured else { return Vec::new() };
+        let Measured::ContactAngle(measured) = &observation.measured else { return Vec::new() };
         let run = |&(edge, contact): &(usize, Contact)| {
             let line = self.known.part.edge(edge).expect("contacts are on edges of the part");
             let gho = Gho { model: self.known.model(line), contact, settings: self.settings };
-            let trace = gho.trace(self.start, &felt.values, observation.dt);
-            let cost = cost(&trace, &felt.values, felt.sigma);
+            let trace = gho.trace(self.start, &measured.values, observation.dt);
+            let cost = cost(&trace, &measured.values, measured.sigma);
             GhoRun { edge, contact, trace, cost }
         };
         let mut runs: Vec<_> = self.contacts.iter().take_while(|_| !halt.is_wished()).map(run).collect();
@@ -117,8 +117,8 @@ impl Observer for GhoBank<'_> {
     }
 }
 
-fn cost(trace: &[State], felt: &[f64], sigma: f64) -> Option<f64> {
-    let angles = without_turns(felt, trace.first()?.u);
+fn cost(trace: &[State], measured: &[f64], sigma: f64) -> Option<f64> {
+    let angles = without_turns(measured, trace.first()?.u);
     if trace.len() < angles.len() {
         return None;
     }

@@ -81,10 +81,10 @@ impl GhoSettings {
 /// let model = PushModel { part: &part, edge: part.edge(0)?, grip: 0.3 * 9.81, finger };
 /// // What the finger feels of a block pushed 5 mm off its middle ...
 /// let truth = State { u: 1.6, s: 0.005, omega: 0.0, v_t: 0.0 };
-/// let felt: Vec<_> = model.rollout(&Contact::Rolling, &truth, 0.01).take(120).map(|state| state.u).collect();
+/// let measured: Vec<_> = model.rollout(&Contact::Rolling, &truth, 0.01).take(120).map(|state| state.u).collect();
 /// // ... lets an observer that thinks of 15 mm find the place within a millimetre.
 /// let observer = Gho { model, contact: Contact::Rolling, settings: GhoSettings::new(10.0) };
-/// let trace = observer.trace(State { s: 0.015, ..truth }, &felt, 0.01);
+/// let trace = observer.trace(State { s: 0.015, ..truth }, &measured, 0.01);
 /// let true_end = model.rollout(&Contact::Rolling, &truth, 0.01).nth(119).unwrap();
 /// assert!((trace.last().unwrap().s - true_end.s).abs() < 0.001); // m
 /// # Ok::<(), Box<dyn std::error::Error>>(())

@@ -22,7 +22,7 @@ fn observer(part: &Part, contact: Contact, acceleration: [f64; 2]) -> Gho<'_> {
 }
 
 /// Steps so short that the simulation counts as exact.
-fn felt(observer: &Gho, start: State, count: usize) -> Vec<f64> {
+fn measured(observer: &Gho, start: State, count: usize) -> Vec<f64> {
     let fine = observer.model.rollout(&observer.contact, &start, DT / 20.0).skip(19).step_by(20);
     std::iter::once(start.u).chain(fine.map(|state| state.u)).take(count).collect()
 }
@@ -110,7 +110,7 @@ fn a_distant_estimate_comes_to_the_truth() {
     let part = part();
     let observer = observer(&part, Contact::Rolling, [0.0; 2]);
     let start = State { u: 1.65, s: 0.004, omega: 0.0, v_t: 0.0 };
-    let angles = felt(&observer, start, 121);
+    let angles = measured(&observer, start, 121);
     let estimate = State { u: 1.5, s: 0.02, omega: 0.7, v_t: 0.0 };
     let trace = observer.trace(estimate, &angles, DT);
     let truth = observer.model.rollout(&observer.contact, &start, DT).nth(119).unwrap();
@@ -123,7 +123,7 @@ fn whole_turns_of_the_contact_angle_do_not_count() {
     let part = part();
     let observer = observer(&part, Contact::Frictionless, [0.0; 2]);
     let start = State { u: 1.6, s: 0.004, omega: 0.2, v_t: 0.0 };
-    let angles = felt(&observer, start, 40);
+    let angles = measured(&observer, start, 40);
     let turned: Vec<_> =
         angles.iter().zip([0.0, 1.0, 2.0].iter().cycle()).map(|(u, turns)| u + turns * 2.0 * PI).collect();
     let (plain, turned) = (observer.trace(start, &angles, DT), observer.trace(start, &turned, DT));
