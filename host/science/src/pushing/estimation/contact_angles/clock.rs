@@ -38,20 +38,20 @@ pub(in crate::pushing::estimation) struct Clock {
 }
 
 impl Clock {
-    /// From `start` (s), for values each `dt` (s), for a part that forgets its speed within `forgets` (s) at each time.
+    /// From `start` (s), for values each `dt` (s), for a part that forgets its speed within `relaxation_time` (s) at each time.
     pub(in crate::pushing::estimation) fn new(
         (dt, values): (f64, usize),
         start: f64,
         fineness: Fineness,
-        forgets: impl Fn(f64) -> f64,
+        relaxation_time: impl Fn(f64) -> f64,
     ) -> Self {
         let mut clock = Self { knots: vec![start], dt, values };
         let step_min = STEP_MIN_SHARE * dt;
         let (mut now, end) = (start, clock.time_of(values - 1));
         while now < end {
-            let forgets = forgets(now).min(STEP_MAX_PER_SHARE_S);
-            let settled = (FIRST_FACTOR + FIRST_GROWTH * (now - start) / forgets).min(1.0);
-            let wished = (fineness.share * settled * forgets).max(step_min);
+            let relaxation_time = relaxation_time(now).min(STEP_MAX_PER_SHARE_S);
+            let settled = (FIRST_FACTOR + FIRST_GROWTH * (now - start) / relaxation_time).min(1.0);
+            let wished = (fineness.share * settled * relaxation_time).max(step_min);
             let (until, on_value) = clock.stretch(now, wished, fineness);
             let steps = ((until - now) / wished).ceil().max(1.0);
             now = if steps <= 1.0 { until } else { now + (until - now) / steps };

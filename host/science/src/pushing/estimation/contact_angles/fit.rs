@@ -65,10 +65,10 @@ const SPEED_SHARE_MIN: f64 = 0.1;
 /// The same where it is not known how the finger moves to the contact.
 const SPEED_SHARE: f64 = 0.7;
 
-/// In how long friction forgets the part's speed, s: infinite without friction or motion.
+/// Relaxation time v/(µg), in which friction makes the part forget its speed, s: infinite without friction or motion.
 ///
 /// A part that rolls on the finger moves about as fast as it does; one that slides along it, as fast as it moves into the part.
-pub(super) fn forgets(known: &Known, data: &Data, time: f64) -> f64 {
+pub(super) fn relaxation_time(known: &Known, data: &Data, time: f64) -> f64 {
     let velocity = Vector2::from(known.finger.velocity(time));
     let angle = || {
         let angle = data.angle_near(time)?;
@@ -228,7 +228,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
         let rest_span =
             if known.starts_at_rest() { rest_span(known, rest_error.sqrt()).min(0.5 * duration) } else { 0.0 };
         let fineness = Fineness { on_values: data.angle.is_none(), ..fineness };
-        let clock = Clock::new((data.dt, data.values), rest_span, fineness, |time| forgets(known, &data, time));
+        let clock = Clock::new((data.dt, data.values), rest_span, fineness, |time| relaxation_time(known, &data, time));
         Self { known, data, prior, clock, rest_span, wall_stiffness: 1.0, simulations }
     }
 

@@ -16,7 +16,7 @@ use nalgebra::Vector2;
 
 use super::clock::count;
 use super::data::{Data, Local, local};
-use super::fit::{Candidate, Fitting, forgets};
+use super::fit::{Candidate, Fitting, relaxation_time};
 use super::launch::{Begin, Unknowns};
 use super::manifold::{Settled, settled};
 use super::path::Site;
@@ -127,7 +127,7 @@ pub(super) fn angles(known: &Known, data: &Data, begin: Begin) -> Option<Vec<f64
 
 /// How long a moving part takes to settle, s; none where the push is over before.
 pub(super) fn settling(known: &Known, data: &Data) -> Option<f64> {
-    let time = SETTLING * forgets(known, data, 0.0);
+    let time = SETTLING * relaxation_time(known, data, 0.0);
     (!known.starts_at_rest() && data.values > 2 && SETTLED_SHARE * time < data.duration()).then_some(time)
 }
 
@@ -146,9 +146,9 @@ fn places(known: &Known, site: &Site) -> Vec<f64> {
     (0..=steps_whole).map(|i| site.low + length * count(i) / steps).collect()
 }
 
-/// Contact angle and its rate at t = 0, of a part that forgets its start within `forgets` (s).
-fn first_moments(angles: &[f64], dt: f64, forgets: f64) -> Local {
-    local(angles, dt, 0.0, (FIRST_MOMENTS * forgets).max(dt))
+/// Contact angle and its rate at t = 0, of a part that forgets its start within `relaxation_time` (s).
+fn first_moments(angles: &[f64], dt: f64, relaxation_time: f64) -> Local {
+    local(angles, dt, 0.0, (FIRST_MOMENTS * relaxation_time).max(dt))
 }
 
 /// The contact angles at some instants, smoothed by straight lines.
@@ -165,13 +165,14 @@ struct SmoothedAngles<'a, 'p> {
 impl<'a, 'p> SmoothedAngles<'a, 'p> {
     fn new(fitting: &'a Fitting<'a, 'p>, angles: &[f64]) -> Self {
         let data = &fitting.data;
-        let forgets = if fitting.known.starts_at_rest() { 0.0 } else { forgets(fitting.known, data, 0.0) };
-        let from = (SETTLING * forgets).max(fitting.rest_span);
+        let relaxation_time =
+            if fitting.known.starts_at_rest() { 0.0 } else { relaxation_time(fitting.known, data, 0.0) };
+        let from = (SETTLING * relaxation_time).max(fitting.rest_span);
         let spacing = (data.duration() - from) / count(NODES - 1);
         let times: Vec<_> = (0..NODES).map(|i| from + spacing * count(i)).collect();
         let width = (0.5 * spacing).max(data.dt);
         let smooth = times.iter().map(|&time| local(angles, data.dt, time, width).value).collect();
-        let first = first_moments(angles, data.dt, forgets);
+        let first = first_moments(angles, data.dt, relaxation_time);
         Self { fitting, times, angles: smooth, first }
     }
 
@@ -332,8 +333,8 @@ fn vertex(places: &[f64], values: &[f64], i: usize) -> f64 {
 fn start_angles(fitting: &Fitting, angles: Option<&[f64]>) -> Vec<Local> {
     let data = &fitting.data;
     if let Some(angles) = angles {
-        let forgets = forgets(fitting.known, data, 0.0).min(0.1 * data.duration());
-        return vec![first_moments(angles, data.dt, forgets)];
+        let relaxation_time = relaxation_time(fitting.known, data, 0.0).min(0.1 * data.duration());
+        return vec![first_moments(angles, data.dt, relaxation_time)];
     }
     let [low, high] = data.u0_range.unwrap_or_else(|| {
         // The finger pushes ahead of itself.

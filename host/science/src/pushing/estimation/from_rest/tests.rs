@@ -352,8 +352,8 @@ impl FromRest {
         let start = launch::<T>(&known, &site, (Begin::Rest(None), &[self.u, self.s, 0.0, 0.0, 0.0]), span, None)?;
         let dt = until / (VALUES - 1) as f64;
         let fineness = Fineness { share: 0.2, on_values: true };
-        let forgets = |time: f64| 0.1 * 0.4 * time / self.model_grip;
-        let clock = Clock::new((dt, VALUES), span, fineness, forgets);
+        let relaxation_time = |time: f64| 0.1 * 0.4 * time / self.model_grip;
+        let clock = Clock::new((dt, VALUES), span, fineness, relaxation_time);
         let path = contact_path::follow(&known, &site, &start, &clock, |_, _| ())?;
         if path.walls[2].re() <= 0.0 {
             return None; // The finger would have had to pull.
