@@ -19,7 +19,7 @@ pub struct World {
     /// Feet: places from the centre of mass, part axes, m, and shares of the weight.
     pub feet: Vec<(V, f64)>,
     /// µ g, m/s².
-    pub grip: f64,
+    pub mu_g: f64,
     /// The finger: radius, centre, velocity and acceleration at t = 0.
     pub radius: f64,
     /// See `radius`.
@@ -131,7 +131,7 @@ impl World {
             let velocity = plus([v_x, v_y], left(arm), omega);
             let speed = velocity[0].hypot(velocity[1]);
             if speed > 0.0 {
-                let force = -self.grip * share / speed;
+                let force = -self.mu_g * share / speed;
                 total = (plus(total.0, velocity, force), total.1 + force * cross(arm, velocity));
             }
         }
@@ -237,7 +237,7 @@ mod tests {
             vertex: [-0.02, -0.02],
             inertia: 1e-4,
             feet: Vec::new(),
-            grip: 0.0,
+            mu_g: 0.0,
             radius: 0.01,
             centre: [0.0; 2],
             velocity: [0.0, 0.1],

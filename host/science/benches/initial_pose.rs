@@ -34,8 +34,8 @@ fn main() {
         Object::Polygon(outline)
     };
     let ellipse = FingerShape::Ellipse { semi_axes: [0.0114, 0.0217] };
-    let slow = Plan { acceleration: [-0.05, 0.06], times: [0.59, 0.91], grip: 0.0 };
-    let fast = Plan { acceleration: [0.1, 1.2], times: [0.1278, 0.213], grip: 0.3 * 9.81 };
+    let slow = Plan { acceleration: [-0.05, 0.06], times: [0.59, 0.91], mu_g: 0.0 };
+    let fast = Plan { acceleration: [0.1, 1.2], times: [0.1278, 0.213], mu_g: 0.3 * 9.81 };
     let rows = [
         ("ellipse on ellipse", ellipse, Object::Ellipse([0.0256, 0.0481]), None, 2.12, slow),
         ("line on ellipse", FingerShape::Line, Object::Ellipse([0.0367, 0.0195]), None, 1.39, slow),
@@ -52,14 +52,14 @@ fn main() {
 struct Plan {
     acceleration: [f64; 2],
     times: [f64; 2],
-    grip: f64,
+    mu_g: f64,
 }
 
 impl Plan {
     fn push(&self, object: Object, shape: FingerShape) -> RestingPush {
         let path = FingerPath { centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: self.acceleration };
         let u0 = if shape == FingerShape::Line { 0.0 } else { 1.7 };
-        RestingPush::new(object, self.grip, shape, path, u0).unwrap_or_else(|error| panic!("{error}"))
+        RestingPush::new(object, self.mu_g, shape, path, u0).unwrap_or_else(|error| panic!("{error}"))
     }
 }
 

@@ -64,14 +64,14 @@ struct Timed {
 
 fn time_push(part: &Part, edge: usize, touch: Touch, contact: Contact) -> Timed {
     let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
-    let known = Known { part, grip: 0.3 * 9.81, finger, touch };
+    let known = Known { part, mu_g: 0.3 * 9.81, finger, touch };
     let edge = part.edge(edge).unwrap_or_else(|error| panic!("{error}"));
-    let model = PushModel { part, edge, grip: known.grip, finger };
+    let model = PushModel { part, edge, mu_g: known.mu_g, finger };
     let start = State { u: 1.6, s: 0.25 * edge.s_min + 0.75 * edge.s_max, omega: 0.1, v_t: 0.0 };
     let path = std::iter::once(start).chain(model.rollout(&contact, &start, DT / 5.0)).step_by(5).take(VALUES);
     // An error of one standard deviation, up and down.
     let values: Vec<_> = path.enumerate().map(|(i, state)| state.u + if i % 2 == 0 { SIGMA } else { -SIGMA }).collect();
-    let prior = Prior { omega0_sigma: Some(1.0), v_t0_sigma: Some(0.004), grip_log_sigma: None };
+    let prior = Prior { omega0_sigma: Some(1.0), v_t0_sigma: Some(0.004), mu_g_log_sigma: None };
     let measured = Measured::ContactAngle(Channel { values: values.clone(), sigma: SIGMA });
     let observation = Observation { dt: DT, measured, prior };
     let simulations = estimate(&known, &observation).simulations;

@@ -38,7 +38,7 @@ fn main() {
     let part = Part::uniform(outline);
     let edge = part.edge(1).unwrap_or_else(|error| panic!("{error}"));
     let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0, 0.02] };
-    let model = PushModel { part: &part, edge, grip: 0.3 * 9.81, finger };
+    let model = PushModel { part: &part, edge, mu_g: 0.3 * 9.81, finger };
     let start = State { u: 1.6, s: 0.002, omega: 0.1, v_t: 0.0 };
     let yardstick_s = per_push(|| yardstick(black_box(start.u)));
     println!(

@@ -21,10 +21,10 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     let outline = [[-0.027, -0.022], [-0.002, -0.024], [0.027, 0.001], [0.03, 0.022], [0.003, 0.046]];
     let part = Part::uniform(SimplePolygon::new(outline.map(Point2::from))?);
     let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.05, 0.0] };
-    let grip = 0.3 * GRAVITY_ASSUMED;
+    let mu_g = 0.3 * GRAVITY_ASSUMED;
 
     // What happens, and what the finger feels of it.
-    let model = PushModel { part: &part, edge: part.edge(1)?, grip, finger };
+    let model = PushModel { part: &part, edge: part.edge(1)?, mu_g, finger };
     let start = Start::Moving(State { u: 1.5, s: -0.004, omega: 0.0, v_t: 0.0 });
     let times: Vec<_> = (0..=60).map(|k| DT * f64::from(k)).collect();
     let truth = Push::new(model, ContactLaw::Rolling { friction: None }, start, EdgeEnd::Stop)?.run(&times)?;
@@ -32,7 +32,7 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     let values = truth.samples.iter().map(|sample| sample.state.u + SIGMA * draw.normal()).collect();
 
     // What the host makes of it: it knows the part and the finger's motion, not the edge, the place or the speed.
-    let known = Known { part: &part, grip, finger, touch: Touch::Rolling { friction: None } };
+    let known = Known { part: &part, mu_g, finger, touch: Touch::Rolling { friction: None } };
     let measured = Measured::ContactAngle(Channel { values, sigma: SIGMA });
     let estimate = known.estimate(&Observation { dt: DT, measured, prior: Prior::default() });
 

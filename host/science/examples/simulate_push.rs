@@ -13,7 +13,7 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     let outline = [[-0.03, -0.02], [0.03, -0.02], [0.02, 0.03]].map(Point2::from); // m, counter-clockwise
     let part = Part::uniform(SimplePolygon::new(outline)?);
     let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [0.0, 0.15] };
-    let model = PushModel { part: &part, edge: part.edge(0)?, grip: 0.3 * GRAVITY_ASSUMED, finger };
+    let model = PushModel { part: &part, edge: part.edge(0)?, mu_g: 0.3 * GRAVITY_ASSUMED, finger };
 
     // Part and finger at rest; the finger touches the lower edge 5 mm beside the middle, from below, and accelerates up.
     let start = Start::Rest { u: 1.5, s: 0.005 };

@@ -40,9 +40,9 @@ fn text(bytes: &[u8]) -> String {
 fn pushed() -> Played {
     let file = PolygonFile::parse(&std::fs::read_to_string(example("part.toml")).unwrap()).unwrap();
     let motion = palpate_files::motion::parse(&std::fs::read_to_string(example("motion.toml")).unwrap()).unwrap();
-    let (part, grip) = (&file.part, file.mu * GRAVITY_ASSUMED);
+    let (part, mu_g) = (&file.part, file.mu * GRAVITY_ASSUMED);
     let world =
-        PushedWorld { part, grip, mass: 0.5, mu_c: 0.25, radius: 0.015, motion: &motion, edge: 3, u: 0.3, s: -0.004 };
+        PushedWorld { part, mu_g, mass: 0.5, mu_c: 0.25, radius: 0.015, motion: &motion, edge: 3, u: 0.3, s: -0.004 };
     let played = world.play().unwrap();
     assert_eq!(played.end, EndReason::Time);
     played
@@ -235,9 +235,9 @@ const STRAIGHT: &str = "unit = 'mm'\n[[segment]]\nseconds = 0.5\nacceleration = 
 fn pushed_straight(folder: &Path) -> [PathBuf; 3] {
     let file = PolygonFile::parse(RECTANGLE).unwrap();
     let motion = palpate_files::motion::parse(STRAIGHT).unwrap();
-    let (part, grip) = (&file.part, file.mu * GRAVITY_ASSUMED);
+    let (part, mu_g) = (&file.part, file.mu * GRAVITY_ASSUMED);
     let world =
-        PushedWorld { part, grip, mass: 0.5, mu_c: 0.3, radius: 0.015, motion: &motion, edge: 0, u: 0.0, s: 0.0 };
+        PushedWorld { part, mu_g, mass: 0.5, mu_c: 0.3, radius: 0.015, motion: &motion, edge: 0, u: 0.0, s: 0.0 };
     let contents = [RECTANGLE.to_owned(), STRAIGHT.to_owned(), forces(&world.play().unwrap(), 1.5, 0.003)];
     let paths = ["part.toml", "motion.toml", "forces.csv"].map(|name| folder.join(name));
     paths.iter().zip(contents).for_each(|(path, content)| std::fs::write(path, content).unwrap());

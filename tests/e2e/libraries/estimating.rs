@@ -65,7 +65,7 @@ fn try_case(draw: &mut Draw, mode: &str) -> Option<Case> {
         vertex,
         inertia: draw.uniform(2e-4, 5e-4),
         feet: feet.iter().map(|&([x, y], share)| ([x - mass[0], y - mass[1]], share)).collect(),
-        grip: draw.uniform(0.2, 0.4) * 9.81,
+        mu_g: draw.uniform(0.2, 0.4) * 9.81,
         radius: draw.uniform(0.005, 0.015),
         centre: [draw.uniform(-0.1, 0.1), draw.uniform(-0.1, 0.1)],
         velocity: toward(draw.uniform(0.04, 0.08)),
@@ -98,7 +98,7 @@ fn try_case(draw: &mut Draw, mode: &str) -> Option<Case> {
         }
     }
     let problem = json!({
-        "polygon": polygon, "mu": world.grip / 9.81, "g": 9.81, "mode": mode,
+        "polygon": polygon, "mu": world.mu_g / 9.81, "g": 9.81, "mode": mode,
         "finger": {
             "radius": world.radius, "centre0": world.centre, "velocity0": world.velocity,
             "acceleration": world.acceleration,

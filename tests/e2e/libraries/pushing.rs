@@ -63,7 +63,7 @@ fn case(seed: u64, mode: &str) -> Case {
         vertex,
         inertia,
         feet: feet.iter().map(|&([x, y], share)| ([x - mass[0], y - mass[1]], share)).collect(),
-        grip: mu * 9.81,
+        mu_g: mu * 9.81,
         radius,
         centre,
         velocity: toward(speed),
@@ -302,7 +302,7 @@ fn starts_from_rest_obey_newton_and_coulomb() {
             let starts = [a_x - alpha * arm[1], a_y + alpha * arm[0]];
             let size = starts[0].hypot(starts[1]);
             slowest = slowest.min(size);
-            let friction = starts.map(|component| -case.world.grip * share * component / size);
+            let friction = starts.map(|component| -case.world.mu_g * share * component / size);
             left = [left[0] + friction[0], left[1] + friction[1]];
             moment += arm[0] * friction[1] - arm[1] * friction[0];
         }

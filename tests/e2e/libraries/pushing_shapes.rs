@@ -32,7 +32,7 @@ const PLACE_M: f64 = 2e-6;
 /// A foot slower than this may be about to stop, which no difference follows, m/s.
 const FOOT_SLOW: f64 = 3e-3;
 /// µ g, m/s².
-const GRIP: f64 = 2.0;
+const MU_G: f64 = 2.0;
 
 #[derive(Clone, Copy, Debug)]
 enum Outlines {
@@ -105,7 +105,7 @@ impl Case {
     }
 
     fn run(&self, law: ContactLaw) -> Run {
-        let model = ShapedModel::new(self.body(), self.side, GRIP, self.shape, self.path).unwrap();
+        let model = ShapedModel::new(self.body(), self.side, MU_G, self.shape, self.path).unwrap();
         let times: Vec<_> = (0..=STEPS).map(|i| f64::from(i) * STEP_S).collect();
         ShapedPush::new(model, law, Start::Moving(self.state), EdgeEnd::Stop).unwrap().run(&times).unwrap()
     }
@@ -169,7 +169,7 @@ impl Case {
             let arm = Rotation2::new(sample.theta) * (at - self.mass.centre_of_mass);
             let velocity = sample.velocity + sample.state.omega * Vector2::new(-arm.y, arm.x);
             slowest = slowest.min(velocity.norm());
-            let on_foot = -GRIP * *share * velocity.normalize();
+            let on_foot = -MU_G * *share * velocity.normalize();
             force += on_foot;
             moment += arm.perp(&on_foot);
         }

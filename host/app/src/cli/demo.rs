@@ -98,8 +98,8 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     }
     let known = Known {
         part: &part,
-        grip: ranges.mu * GRAVITY_ASSUMED,
-        grip_log_sd: None,
+        mu_g: ranges.mu * GRAVITY_ASSUMED,
+        mu_g_log_sd: None,
         radius: RADIUS_M,
         motion: &ranges.motion,
     };

@@ -203,8 +203,8 @@ impl Observer<'_> {
             return;
         };
         let radius = self.arguments.radius_mm * 1e-3;
-        let (grip, grip_log_sd) = (self.file.mu * GRAVITY_ASSUMED, self.arguments.friction.log_sd());
-        let known = Known { part: &self.file.part, grip, grip_log_sd, radius, motion };
+        let (mu_g, mu_g_log_sd) = (self.file.mu * GRAVITY_ASSUMED, self.arguments.friction.log_sd());
+        let known = Known { part: &self.file.part, mu_g, mu_g_log_sd, radius, motion };
         let now = windows::end(measured.count() - 1);
         let estimate = match &self.last {
             Some(last) if !at_end && !search_is_due(last.time_end, now) => from_rest::follow(&known, &measured, last),

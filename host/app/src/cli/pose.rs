@@ -19,7 +19,7 @@ pub(super) const HEADINGS: &str = concat!(
 
 /// Above the lines of an estimate: where the plane's friction is sought too, it has columns of its own.
 pub(super) fn headings(estimate: &Estimate) -> String {
-    let [first, second] = if estimate.grip_log_sd.is_some() { FRICTION_HEADINGS } else { ["", ""] };
+    let [first, second] = if estimate.mu_g_log_sd.is_some() { FRICTION_HEADINGS } else { ["", ""] };
     let mut lines = HEADINGS.lines();
     let mut with = |added: &str, width: usize| format!("{:width$}{added}", lines.next().unwrap_or_default());
     // The friction of the contact is the last column, of varying width.
@@ -40,7 +40,7 @@ pub(super) fn lines(part: &Part, estimate: &Estimate) -> Vec<String> {
         _ => {
             let shown = estimate.hypotheses.iter().take(SHOWN);
             let of_plane =
-                |hypothesis: &Hypothesis| estimate.grip_log_sd.map_or_else(String::new, |_| plane(hypothesis));
+                |hypothesis: &Hypothesis| estimate.mu_g_log_sd.map_or_else(String::new, |_| plane(hypothesis));
             let of = |hypothesis: &Hypothesis| {
                 let line = format!("{at}   {}", line(part, hypothesis));
                 let added = of_plane(hypothesis);
@@ -84,8 +84,8 @@ fn line(part: &Part, hypothesis: &Hypothesis) -> String {
 
 /// The plane's friction and how uncertain the mass is with it.
 fn plane(hypothesis: &Hypothesis) -> String {
-    let mu = hypothesis.grip / GRAVITY_ASSUMED;
-    let (mu_log_sd, force) = (hypothesis.grip_log_sd.unwrap_or(f64::NAN), hypothesis.from_force);
+    let mu = hypothesis.mu_g / GRAVITY_ASSUMED;
+    let (mu_log_sd, force) = (hypothesis.mu_g_log_sd.unwrap_or(f64::NAN), hypothesis.from_force);
     format!("{mu:8.3} {:8.3} {:8.1}", mu * mu_log_sd, force.map_or(f64::NAN, |force| force.mass_log_sd) * 100.0)
 }
 
@@ -123,22 +123,22 @@ pub(super) fn in_words(part: &Part, estimate: &Estimate) -> String {
 
 /// What is known now of the plane's friction, where it was not.
 fn friction_in_words(estimate: &Estimate) -> String {
-    let (Some(beforehand), Some(best)) = (estimate.grip_log_sd, estimate.hypotheses.first()) else {
+    let (Some(beforehand), Some(best)) = (estimate.mu_g_log_sd, estimate.hypotheses.first()) else {
         return String::new();
     };
-    let (Some(force), Some(grip_log_sd)) = (best.from_force, best.grip_log_sd) else { return String::new() };
+    let (Some(force), Some(mu_g_log_sd)) = (best.from_force, best.mu_g_log_sd) else { return String::new() };
     if estimate.mass_and_friction_are_one() {
         return format!(
             " Mass and friction of the plane cannot be told apart by this push: mu times the mass is {:.4} kg within {}, each alone is known within {} only (one standard deviation); a finger that accelerates harder tells more.",
-            best.grip / GRAVITY_ASSUMED * force.mass,
+            best.mu_g / GRAVITY_ASSUMED * force.mass,
             share_or_factor(force.resistance_log_sd),
             share_or_factor(force.mass_log_sd)
         );
     }
     format!(
         " The plane's friction mu is {:.3} within {}; beforehand it was known within {} (one standard deviation).",
-        best.grip / GRAVITY_ASSUMED,
-        share_or_factor(grip_log_sd),
+        best.mu_g / GRAVITY_ASSUMED,
+        share_or_factor(mu_g_log_sd),
         share_or_factor(beforehand)
     )
 }
@@ -199,8 +199,8 @@ fn hypothesis_as_json(hypothesis: &Hypothesis) -> Value {
         "friction_needed": force.map(|force| force.friction_needed),
         "mass": force.map(|force| force.mass),
         "mass_log_sd": force.map(|force| force.mass_log_sd),
-        "mu": hypothesis.grip / GRAVITY_ASSUMED,
-        "mu_log_sd": hypothesis.grip_log_sd,
+        "mu": hypothesis.mu_g / GRAVITY_ASSUMED,
+        "mu_log_sd": hypothesis.mu_g_log_sd,
         "pose_start": pose(&hypothesis.pose_start),
         "pose_end": pose(&hypothesis.pose_end),
         "covariance": covariance,

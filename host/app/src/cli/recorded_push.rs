@@ -93,7 +93,7 @@ pub(super) struct RecordedPush {
     pub(super) force: WindowedForce,
     motion: FingerMotion,
     radius: f64,
-    grip_log_sd: Option<f64>,
+    mu_g_log_sd: Option<f64>,
 }
 
 impl RecordedPushArguments {
@@ -101,7 +101,7 @@ impl RecordedPushArguments {
         let motion = read(&self.motion, motion::parse)?;
         let named = || format!("cannot use the forces {}", self.forces.display());
         let force = self.feel(&motion).wrap_err_with(named)?;
-        Ok(RecordedPush { force, motion, radius: self.radius_mm * 1e-3, grip_log_sd: self.friction.log_sd() })
+        Ok(RecordedPush { force, motion, radius: self.radius_mm * 1e-3, mu_g_log_sd: self.friction.log_sd() })
     }
 
     fn feel(&self, motion: &FingerMotion) -> miette::Result<WindowedForce> {
@@ -123,8 +123,8 @@ impl RecordedPushArguments {
 impl RecordedPush {
     /// What is known of the push if this part was pushed.
     pub(super) fn known<'p>(&'p self, file: &'p PolygonFile) -> Known<'p> {
-        let (grip, grip_log_sd) = (file.mu * GRAVITY_ASSUMED, self.grip_log_sd);
-        Known { part: &file.part, grip, grip_log_sd, radius: self.radius, motion: &self.motion }
+        let (mu_g, mu_g_log_sd) = (file.mu * GRAVITY_ASSUMED, self.mu_g_log_sd);
+        Known { part: &file.part, mu_g, mu_g_log_sd, radius: self.radius, motion: &self.motion }
     }
 }
 

@@ -32,8 +32,8 @@ fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<Outcome, String> {
         measured.sense.windowed_force(duration).ok_or_else(|| format!("case {number}: the push was not felt"))?;
     let known = Known {
         part: &part,
-        grip: ranges.mu * GRAVITY_ASSUMED,
-        grip_log_sd: None,
+        mu_g: ranges.mu * GRAVITY_ASSUMED,
+        mu_g_log_sd: None,
         radius: RADIUS_M,
         motion: &ranges.motion,
     };

@@ -104,7 +104,7 @@ impl Case {
 
     fn model(&self, edge: usize) -> Option<PushModel<'_>> {
         let edge = self.part.edge(edge).ok()?;
-        Some(PushModel { part: &self.part, edge, grip: 0.3 * GRAVITY_ASSUMED, finger: self.finger })
+        Some(PushModel { part: &self.part, edge, mu_g: 0.3 * GRAVITY_ASSUMED, finger: self.finger })
     }
 
     /// States while finger and part touch on the edge; none if they cannot at the start.

@@ -71,13 +71,13 @@ impl Case {
         };
         let u0 = if pair == Pair::LineOnEllipse { 0.0 } else { draw.uniform(1.3, 2.0) };
         let friction = pair == Pair::DiskOnPolygon;
-        let (size, grip) =
+        let (size, mu_g) =
             if friction { (draw.uniform(1.2, 1.8), 0.3 * GRAVITY_ASSUMED) } else { (draw.uniform(0.08, 0.13), 0.0) };
         let sideways = if friction { draw.uniform(-0.25, 0.25) } else { draw.uniform(-0.5, 0.5) };
         let acceleration = [size * sideways.sin(), size * sideways.cos()];
         let path = FingerPath { centre0: [0.0; 2], velocity0: [0.0; 2], acceleration };
         let (object, edge, s0) = object(draw, pair)?;
-        let push = RestingPush::new(object, grip, shape, path, u0).ok()?;
+        let push = RestingPush::new(object, mu_g, shape, path, u0).ok()?;
         let times = if friction {
             [draw.uniform(0.12, 0.15), draw.uniform(0.2, 0.25)]
         } else {

@@ -8,7 +8,7 @@ use palpate::math::random::Draw;
 use palpate::pushing::dynamics::{ContactLaw, EdgeEnd, Finger, Push, Start};
 use palpate::pushing::estimation::{Channel, Known, Measured, Observation, Observer as _, Prior, Touch, which_part};
 
-use super::plan::{Case, DT_S, GRIP, OMEGA_SIGMA, SIGMA_RAD, finger_first, outcomes};
+use super::plan::{Case, DT_S, MU_G, OMEGA_SIGMA, SIGMA_RAD, finger_first, outcomes};
 use super::{Cell, Experiment, Settings, Table};
 
 /// Values of a push.
@@ -98,11 +98,11 @@ fn outcome(seed: u64, number: usize, parts: usize, acceleration: [f64; 2]) -> Ou
         .collect();
     let touch = Touch::Rolling { friction: None };
     let known: Vec<_> =
-        std::iter::once(&case.part).chain(&others).map(|part| Known { part, grip: GRIP, finger, touch }).collect();
+        std::iter::once(&case.part).chain(&others).map(|part| Known { part, mu_g: MU_G, finger, touch }).collect();
     let observation = Observation {
         dt: DT_S,
         measured: Measured::ContactAngle(Channel { values, sigma: SIGMA_RAD }),
-        prior: Prior { omega0_sigma: Some(OMEGA_SIGMA), v_t0_sigma: None, grip_log_sigma: None },
+        prior: Prior { omega0_sigma: Some(OMEGA_SIGMA), v_t0_sigma: None, mu_g_log_sigma: None },
     };
     let ranked = which_part(known.iter().map(|known| (known.part, known.estimate(&observation))));
     let of = |truth: bool| ranked.iter().filter(move |part| (part.part == 0) == truth).map(|part| part.probability);

@@ -83,7 +83,7 @@ pub(super) struct Leg {
 pub(super) struct Truth<'a> {
     pub(super) part: &'a Part,
     /// µ g, m/s².
-    pub(super) grip: f64,
+    pub(super) mu_g: f64,
     pub(super) legs: &'a [Leg],
     pub(super) touch: Touch,
     /// The edge touched.
@@ -162,7 +162,7 @@ struct Search<'a> {
 impl<'a> Search<'a> {
     fn new(truth: &'a Truth<'a>, way: Way) -> Option<Self> {
         let edge = truth.part.edge(way.edge).ok()?;
-        let model = |leg: &Leg| PushModel { part: truth.part, edge, grip: truth.grip, finger: leg.finger };
+        let model = |leg: &Leg| PushModel { part: truth.part, edge, mu_g: truth.mu_g, finger: leg.finger };
         Some(Self { truth, way, models: truth.legs.iter().map(model).collect() })
     }
 

@@ -24,7 +24,7 @@ pub struct PushedWorld<'p> {
     /// The part.
     pub part: &'p Part,
     /// µ g of the plane, m/s².
-    pub grip: f64,
+    pub mu_g: f64,
     /// The part's mass, kg.
     pub mass: f64,
     /// µ_c between finger and part.
@@ -88,7 +88,7 @@ impl PushedWorld<'_> {
     }
 
     fn run(&self, edge: Edge, leg: &Leg, start: Start) -> Result<Run, WorldError> {
-        let model = PushModel { part: self.part, edge, grip: self.grip, finger: leg.finger };
+        let model = PushModel { part: self.part, edge, mu_g: self.mu_g, finger: leg.finger };
         let law = ContactLaw::Coulomb { friction: self.mu_c };
         Ok(Push::new(model, law, start, EdgeEnd::Stop)?.run(&times(leg))?)
     }

@@ -46,7 +46,7 @@ pub(super) const SIGMA_RAD: f64 = 0.112 / 180.0 * std::f64::consts::PI;
 const SAMPLING: Sampling = Sampling { dt: DT_S, sigma: SIGMA_RAD, sensed: SensedAngle::ContactAngle };
 
 /// µ g, m/s².
-pub(super) const GRIP: f64 = 0.3 * GRAVITY_ASSUMED;
+pub(super) const MU_G: f64 = 0.3 * GRAVITY_ASSUMED;
 
 /// Of the finger at first, m/s, and of what it then can do, m/s².
 const SPEED: f64 = 0.05;
@@ -57,7 +57,7 @@ const ACCELERATION: f64 = 0.15;
 pub(super) const OMEGA_SIGMA: f64 = 1.0;
 
 /// What is known of the start.
-const PRIOR: Prior = Prior { omega0_sigma: Some(OMEGA_SIGMA), v_t0_sigma: None, grip_log_sigma: None };
+const PRIOR: Prior = Prior { omega0_sigma: Some(OMEGA_SIGMA), v_t0_sigma: None, mu_g_log_sigma: None };
 
 /// The table `plan`.
 pub(super) const EXPERIMENT: Experiment = Experiment {
@@ -190,7 +190,7 @@ impl Case {
     }
 
     pub(super) fn model(&self, edge: usize, finger: Finger) -> Option<PushModel<'_>> {
-        Some(PushModel { part: &self.part, edge: self.part.edge(edge).ok()?, grip: GRIP, finger })
+        Some(PushModel { part: &self.part, edge: self.part.edge(edge).ok()?, mu_g: MU_G, finger })
     }
 
     /// What is felt if the finger goes on so; none if it loses the part too soon.
@@ -249,7 +249,7 @@ impl Case {
     fn is_ambiguous(&self, then: &Motion, measured: &PushAngles) -> bool {
         let truth = Truth {
             part: &self.part,
-            grip: GRIP,
+            mu_g: MU_G,
             legs: &legs(then),
             touch: Touch::Rolling { friction: None },
             edge: self.edge,
@@ -267,13 +267,13 @@ impl Case {
 
     fn present(&self, finger: &Finger) -> Present<'_> {
         let Finger { radius, centre0: centre, velocity0: velocity, .. } = *finger;
-        Present { part: &self.part, grip: GRIP, radius, centre, velocity }
+        Present { part: &self.part, mu_g: MU_G, radius, centre, velocity }
     }
 
     /// Where the part may be after the beginning, by what was felt of it.
     fn beliefs(&self, angles: &[f64]) -> Vec<Belief> {
         let touch = Touch::Rolling { friction: None };
-        let known = Known { part: &self.part, grip: GRIP, finger: finger_first(), touch };
+        let known = Known { part: &self.part, mu_g: MU_G, finger: finger_first(), touch };
         let values =
             angles.iter().take(VALUES_FIRST).zip(&self.noise).map(|(angle, noise)| angle + SIGMA_RAD * noise).collect();
         let measured = Measured::ContactAngle(Channel { values, sigma: SIGMA_RAD });

@@ -115,7 +115,7 @@ fn told(case: &Case, wrong: Wrong, draw: &mut Draw) -> Estimate {
     let (known, observation) = (case.known(), case.observation());
     match wrong {
         Wrong::Nothing => estimate(&known, &observation),
-        Wrong::Friction(factor) => estimate(&Known { grip: known.grip * factor, ..known }, &observation),
+        Wrong::Friction(factor) => estimate(&Known { mu_g: known.mu_g * factor, ..known }, &observation),
         Wrong::Outline => {
             let part = moved(&case.part, draw);
             estimate(&Known { part: part.as_ref().unwrap_or(known.part), ..known }, &observation)

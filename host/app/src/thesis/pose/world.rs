@@ -19,7 +19,7 @@ const DT_S: f64 = 0.01;
 const VALUES: u32 = 81;
 
 /// µ g, m/s².
-const GRIP: f64 = 0.3 * GRAVITY_ASSUMED;
+const MU_G: f64 = 0.3 * GRAVITY_ASSUMED;
 
 /// Friction between finger and part, where there is some.
 const CONTACT_FRICTION: f64 = 0.2;
@@ -158,7 +158,7 @@ impl Case {
         let u = FRAC_PI_2 + draw.uniform(-sense.range(), sense.range());
         let omega = PRIOR.0 * draw.normal();
         let state = State { u, s, omega, v_t: PRIOR.1 * draw.normal() };
-        let model = PushModel { part: &part, edge, grip: GRIP, finger };
+        let model = PushModel { part: &part, edge, mu_g: MU_G, finger };
         let law = law(kind, Slip::of(model.slip(0.0, &state)));
         let push = Push::new(model, law, Start::Moving(state), EdgeEnd::Stop).ok()?;
         let times: Vec<_> = (0..values(kind)).map(|i| f64::from(i) * DT_S).collect();
@@ -184,19 +184,19 @@ impl Case {
             Kind::Sliding => Touch::Sliding { friction },
             Kind::Coulomb => Touch::Coulomb { friction },
         };
-        Known { part: &self.part, grip: GRIP, finger: self.leg.finger, touch }
+        Known { part: &self.part, mu_g: MU_G, finger: self.leg.finger, touch }
     }
 
     pub(super) fn model(&self, edge: usize) -> Option<PushModel<'_>> {
-        Some(PushModel { part: &self.part, edge: self.part.edge(edge).ok()?, grip: GRIP, finger: self.leg.finger })
+        Some(PushModel { part: &self.part, edge: self.part.edge(edge).ok()?, mu_g: MU_G, finger: self.leg.finger })
     }
 
     /// What another pose would have to have been felt like.
     pub(super) fn truth(&self) -> Truth<'_> {
-        let Known { part, grip, touch, .. } = self.known();
+        let Known { part, mu_g, touch, .. } = self.known();
         Truth {
             part,
-            grip,
+            mu_g,
             legs: std::slice::from_ref(&self.leg),
             touch,
             edge: self.edge,
@@ -215,7 +215,7 @@ impl Case {
     }
 
     pub(super) fn prior() -> Prior {
-        Prior { omega0_sigma: Some(PRIOR.0), v_t0_sigma: Some(PRIOR.1), grip_log_sigma: None }
+        Prior { omega0_sigma: Some(PRIOR.0), v_t0_sigma: Some(PRIOR.1), mu_g_log_sigma: None }
     }
 
     pub(super) fn observation(&self) -> Observation {

@@ -220,8 +220,8 @@ impl Problem for InitialPose {
             PushedObject::Polygon(PolygonObject { vertices }) => Object::Polygon((**vertices).clone()),
             PushedObject::Ellipse(EllipseObject { a, b }) => Object::Ellipse([a.get(), b.get()]),
         };
-        let grip = self.mu.get() * self.g.get();
-        let push = RestingPush::new(object, grip, self.finger.shape(), self.finger.path(), self.u0).map_err(refuse)?;
+        let mu_g = self.mu.get() * self.g.get();
+        let push = RestingPush::new(object, mu_g, self.finger.shape(), self.finger.path(), self.u0).map_err(refuse)?;
         let poses = push.observe(&contacts, self.tolerance()?);
         let solutions: Vec<_> = poses.solutions.iter().map(PoseFit::from).collect();
         let status = match &solutions[..] {

@@ -263,7 +263,7 @@ impl ObservePush {
         let prior = Belief {
             omega0_sigma: omega0_sigma.map(Positive::get),
             v_t0_sigma: v_t0_sigma.map(Positive::get),
-            grip_log_sigma: self.mu_sigma_log()?,
+            mu_g_log_sigma: self.mu_sigma_log()?,
         };
         let observation = Observation { dt: self.dt.get(), measured, prior };
         let duration = observation.dt * (observation.len().saturating_sub(1)) as f64;
@@ -273,7 +273,7 @@ impl ObservePush {
         let mut answer = ObservePushAnswer::from(&estimate);
         if self.mu_sigma_log.is_some() {
             for (hypothesis, found) in answer.hypotheses.iter_mut().zip(&estimate.hypotheses) {
-                (hypothesis.mu, hypothesis.mu_sigma_log) = (Some(found.grip / self.g.get()), found.grip_log_sd);
+                (hypothesis.mu, hypothesis.mu_sigma_log) = (Some(found.mu_g / self.g.get()), found.mu_g_log_sd);
             }
         }
         Ok(answer)
@@ -372,7 +372,7 @@ impl ObservePush {
     fn known<'p>(&self, part: &'p Part) -> Result<Known<'p>, InvalidInput> {
         let Finger { radius, centre0, velocity0, acceleration } = self.finger;
         let finger = Disk { radius: radius.get(), centre0, velocity0, acceleration };
-        Ok(Known { part, grip: self.mu.get() * self.g.get(), finger, touch: self.touch()? })
+        Ok(Known { part, mu_g: self.mu.get() * self.g.get(), finger, touch: self.touch()? })
     }
 
     fn touch(&self) -> Result<Touch, InvalidInput> {

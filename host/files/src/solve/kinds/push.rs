@@ -325,7 +325,7 @@ impl Push {
         let edge = part.edge(self.edge).map_err(|error| InvalidInput::at("edge", error.to_string()))?;
         let Finger { radius, centre0, velocity0, acceleration } = self.finger;
         let finger = Disk { radius: radius.get(), centre0, velocity0, acceleration };
-        Ok(PushModel { part, edge, grip: self.mu.get() * self.g.get(), finger })
+        Ok(PushModel { part, edge, mu_g: self.mu.get() * self.g.get(), finger })
     }
 
     fn edge_end(&self) -> EdgeEnd {

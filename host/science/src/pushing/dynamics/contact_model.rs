@@ -37,7 +37,7 @@ pub trait ContactModel: Copy {
     /// Outline of the finger.
     fn shape(&self) -> FingerShape;
     /// µ g, m/s².
-    fn grip(&self) -> f64;
+    fn mu_g(&self) -> f64;
     /// Motion of the finger.
     fn path(&self) -> FingerPath;
     /// The same with another motion of the finger.
@@ -90,8 +90,8 @@ impl ContactModel for PushModel<'_> {
         FingerShape::Disk { radius: self.finger.radius }
     }
 
-    fn grip(&self) -> f64 {
-        self.grip
+    fn mu_g(&self) -> f64 {
+        self.mu_g
     }
 
     fn path(&self) -> FingerPath {
@@ -150,8 +150,8 @@ impl ContactModel for ShapedModel<'_> {
         self.shape
     }
 
-    fn grip(&self) -> f64 {
-        self.grip
+    fn mu_g(&self) -> f64 {
+        self.mu_g
     }
 
     fn path(&self) -> FingerPath {
@@ -182,7 +182,7 @@ pub(super) fn rest_start(model: &impl ContactModel, contact: &Contact, u: f64, s
     let (normal, acceleration) = (normal(model, &state), Vector2::from(model.path().acceleration));
     let at_rest = AtRest {
         body: model.body(),
-        grip: model.grip(),
+        mu_g: model.mu_g(),
         normal: model.side().at(s).normal.into(),
         arm: arm(model, &state),
         // T is a quarter turn clockwise from N.

@@ -147,7 +147,7 @@ impl<T: Scalar> PushModel<'_, T> {
     fn drag(&self, velocity: Components<T>, omega: T) -> Drag<T> {
         let twist = EdgeTwist { normal: velocity.n, along: -velocity.t, turn: omega };
         let sliding = self.part.sliding(&self.edge, twist);
-        Drag { n: sliding.normal * self.grip, t: -(sliding.along * self.grip), moment: sliding.turn * self.grip }
+        Drag { n: sliding.normal * self.mu_g, t: -(sliding.along * self.mu_g), moment: sliding.turn * self.mu_g }
     }
 
     #[inline]

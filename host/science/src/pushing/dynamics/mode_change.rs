@@ -72,11 +72,11 @@ impl<T: Scalar> Margin<T> {
     fn rate(&self, model: &PushModel<T>, contact: &Contact<T>, time: f64, state: &State<T>) -> f64 {
         let flat = |number: T| Jet::<1>::constant(number.re());
         let late = Jet::<1>::variable(0.0, 0);
-        let PushModel { part, edge, grip, finger } = *model;
+        let PushModel { part, edge, mu_g, finger } = *model;
         let Finger { radius, centre0, velocity0, acceleration } = finger;
         let (velocity0, acceleration) = (velocity0.map(flat), acceleration.map(flat));
         let finger = Finger { radius, centre0, velocity0, acceleration };
-        let model = later(&PushModel { part, edge, grip: flat(grip), finger }, late);
+        let model = later(&PushModel { part, edge, mu_g: flat(mu_g), finger }, late);
         let contact = contact.map(flat);
         let now = state.map(flat);
         let rates = model.motion(&contact, time, &now).rates;

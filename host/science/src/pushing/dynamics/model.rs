@@ -288,7 +288,7 @@ pub struct PushModel<'p, T = f64> {
     /// The edge in contact.
     pub edge: Edge,
     /// µ g: what support friction decelerates a sliding part by, m/s².
-    pub grip: T,
+    pub mu_g: T,
     /// The finger and its motion.
     pub finger: Finger<T>,
 }

@@ -73,7 +73,7 @@ struct Equations<const K: usize> {
 /// A part at rest and what sets it in motion.
 pub(super) struct AtRest<'a> {
     pub(super) body: &'a Body,
-    pub(super) grip: f64,
+    pub(super) mu_g: f64,
     /// N, part axes.
     pub(super) normal: Vector2<f64>,
     pub(super) arm: Arm,
@@ -144,7 +144,7 @@ impl AtRest<'_> {
         start: SVector<f64, K>,
     ) -> Result<SVector<f64, K>, RestError> {
         let (mut x, (mut residual, mut jacobian)) = (start, self.residual(equations, &start));
-        let scale = equations.offset.norm() + self.grip;
+        let scale = equations.offset.norm() + self.mu_g;
         for _ in 0..ITERATIONS_MAX {
             if residual.norm() <= RESIDUAL_SOLVED * scale {
                 return Ok(x);
@@ -181,7 +181,7 @@ impl AtRest<'_> {
         let components = [d_x * x + d_y * y, d_x * y - d_y * x, turn];
         let values = Vector3::from(components.map(|part| part.value));
         let gradient = Matrix3::from_fn(|row, column| components[row].slopes[column]);
-        (values * self.grip, gradient * self.grip)
+        (values * self.mu_g, gradient * self.mu_g)
     }
 }
 

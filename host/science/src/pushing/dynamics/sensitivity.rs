@@ -23,7 +23,7 @@ pub enum Parameter {
     /// Velocity along the contact at the start, m/s.
     VT,
     /// µ g, m/s².
-    Grip,
+    MuG,
     /// µ_c of a sliding contact.
     ContactFriction,
     /// Velocity of the finger at t = 0 along world axis 0 or 1, m/s.
@@ -42,7 +42,7 @@ pub enum Parameter {
 /// let block = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?;
 /// let part = Part::uniform(block);
 /// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
-/// let model = PushModel { part: &part, edge: part.edge(0)?, grip: 0.3 * 9.81, finger };
+/// let model = PushModel { part: &part, edge: part.edge(0)?, mu_g: 0.3 * 9.81, finger };
 /// let start = State { u: 1.6, s: 0.005, omega: 0.0, v_t: 0.0 };
 /// let seeded = Seeded::new(&model, &Contact::Rolling, &start, [Parameter::S]);
 /// let end = seeded.model.rollout(&seeded.contact, &seeded.start, 0.005).nth(99).unwrap(); // after 0.5 s
@@ -86,7 +86,7 @@ impl<'p, const N: usize> Seeded<'p, N> {
             v_t: seed(start.v_t, Parameter::VT),
         };
         Self {
-            model: PushModel { part: model.part, edge: model.edge, grip: seed(model.grip, Parameter::Grip), finger },
+            model: PushModel { part: model.part, edge: model.edge, mu_g: seed(model.mu_g, Parameter::MuG), finger },
             contact,
             start,
         }

@@ -43,7 +43,7 @@ pub struct ShapedModel<'p, T = f64> {
     /// Where it is touched; for an ellipse, `middle` must be as seen from this body's centre of mass.
     pub side: PartSide,
     /// µ g: what support friction decelerates a sliding part by, m/s².
-    pub grip: T,
+    pub mu_g: T,
     /// Outline of the finger.
     pub shape: FingerShape,
     /// Motion of the finger.
@@ -138,7 +138,7 @@ impl<'p> ShapedModel<'p> {
     pub fn new(
         body: &'p Body,
         side: PartSide,
-        grip: f64,
+        mu_g: f64,
         shape: FingerShape,
         path: FingerPath,
     ) -> Result<Self, ShapeError> {
@@ -149,7 +149,7 @@ impl<'p> ShapedModel<'p> {
         if matches!((shape, side), (FingerShape::Line, PartSide::Edge(_))) {
             return Err(ShapeError::BothStraight);
         }
-        Ok(Self { body, side, grip, shape, path })
+        Ok(Self { body, side, mu_g, shape, path })
     }
 }
 
@@ -255,7 +255,7 @@ impl<T: Scalar> ShapedModel<'_, T> {
         let along = left(normal);
         let body = [0, 1].map(|axis| normal[axis] * velocity.n + along[axis] * velocity.t);
         let [x, y, moment] = self.body.sliding([body[0], body[1], omega]);
-        Drag { n: dot([x, y], normal) * self.grip, t: dot([x, y], along) * self.grip, moment: moment * self.grip }
+        Drag { n: dot([x, y], normal) * self.mu_g, t: dot([x, y], along) * self.mu_g, moment: moment * self.mu_g }
     }
 
     fn sliding(&self, m: T, state: &State<T>, instant: &Instant<T>) -> Motion<T> {

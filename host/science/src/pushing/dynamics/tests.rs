@@ -21,7 +21,7 @@ const RUN_TOLERANCE: f64 = 1e-7;
 struct Scene {
     outline: Vec<Point2<f64>>,
     edge: usize,
-    grip: f64,
+    mu_g: f64,
     finger: Finger,
     start: State,
 }
@@ -32,7 +32,7 @@ impl Scene {
     }
 
     fn model<'p>(&self, part: &'p Part) -> PushModel<'p> {
-        PushModel { part, edge: part.edge(self.edge).unwrap(), grip: self.grip, finger: self.finger }
+        PushModel { part, edge: part.edge(self.edge).unwrap(), mu_g: self.mu_g, finger: self.finger }
     }
 
     fn run(&self, law: ContactLaw, times: &[f64]) -> Run {
@@ -64,7 +64,7 @@ prop_compose! {
         u in -PI..PI,
         share in 0.2..0.8,
         heading in -0.3..0.3,
-        (speed, acceleration, grip) in (0.02..0.08, 0.0..0.1, 1.0..5.0),
+        (speed, acceleration, mu_g) in (0.02..0.08, 0.0..0.1, 1.0..5.0),
         (omega, v_t) in (-0.8..0.8, -0.02..0.02),
         radius in 0.0..0.01,
     ) -> Scene {
@@ -78,7 +78,7 @@ prop_compose! {
             acceleration: [toward.x * acceleration, toward.y * acceleration],
         };
         let start = State { u, s: place.s_min + share * (place.s_max - place.s_min), omega, v_t };
-        Scene { outline, edge, grip, finger, start }
+        Scene { outline, edge, mu_g, finger, start }
     }
 }
 
@@ -130,7 +130,7 @@ fn power(scene: &Scene, part: &Part, support: &SupportFriction, sample: &Sample)
     let contact_velocity = sample.velocity + omega * Vector2::new(-arm.y, arm.x);
     let body_velocity = Rotation2::new(sample.theta).inverse() * sample.velocity;
     let twist = Twist::new(body_velocity, omega);
-    force.dot(&contact_velocity) - scene.grip * support.mean_sliding(&twist).mean_speed(&twist)
+    force.dot(&contact_velocity) - scene.mu_g * support.mean_sliding(&twist).mean_speed(&twist)
 }
 
 /// Scaling of lengths and times: both to powers of two, so that rounding stays the same.
@@ -143,7 +143,7 @@ fn scaled(scene: &Scene) -> Scene {
     Scene {
         outline: scene.outline.iter().map(|point| point * LENGTH_SCALE).collect(),
         edge: scene.edge,
-        grip: scene.grip * acceleration,
+        mu_g: scene.mu_g * acceleration,
         finger: Finger {
             radius: scene.finger.radius * LENGTH_SCALE,
             centre0: scene.finger.centre0.map(|x| x * LENGTH_SCALE),
@@ -163,7 +163,7 @@ fn mirrored(scene: &Scene) -> Scene {
         outline: scene.outline.iter().rev().map(|point| flip((*point).into()).into()).collect(),
         // Reversed, edge i runs from what was vertex n − 1 − i to the one before.
         edge: (2 * n - 2 - scene.edge) % n,
-        grip: scene.grip,
+        mu_g: scene.mu_g,
         finger: Finger {
             radius: scene.finger.radius,
             centre0: flip(scene.finger.centre0),
@@ -211,7 +211,7 @@ proptest! {
     /// Seen from a finger in steady motion, a part without any friction keeps its kinetic energy: the contact does no work.
     #[test]
     fn without_any_friction_energy_relative_to_a_steady_finger_is_kept(scene in possible_scenes()) {
-        let scene = Scene { grip: 0.0, finger: Finger { acceleration: [0.0; 2], ..scene.finger }, ..scene };
+        let scene = Scene { mu_g: 0.0, finger: Finger { acceleration: [0.0; 2], ..scene.finger }, ..scene };
         let (run, part) = (scene.run(ContactLaw::Frictionless, &[0.0, 0.5]), scene.part());
         let energy = |sample: &Sample| {
             let velocity = sample.velocity - Vector2::from(scene.finger.velocity0);
@@ -282,7 +282,7 @@ proptest! {
         let model = scene.model(&part);
         let shape = FingerShape::Disk { radius: scene.finger.radius };
         let side = PartSide::Edge(model.edge);
-        let shaped = ShapedModel::new(part.body(), side, scene.grip, shape, scene.finger.path()).unwrap();
+        let shaped = ShapedModel::new(part.body(), side, scene.mu_g, shape, scene.finger.path()).unwrap();
         let state = scene.start;
         let (fast, general) = (model.motion(&contact, t, &state), shaped.motion(&contact, t, &state));
         let scale = 1.0 + fast.normal_force.abs() + fast.rates.omega.abs();
@@ -428,7 +428,7 @@ proptest! {
             let (normal, along) = (model.edge.normal, Vector2::new(-model.edge.normal.y, model.edge.normal.x));
             let twist = Twist::new(normal * a_n - along * a_t, alpha);
             let inertia = a_n * a_n + a_t * a_t + part.inertia_per_mass() * alpha * alpha;
-            0.5 * inertia + scene.grip * support.mean_sliding(&twist).mean_speed(&twist)
+            0.5 * inertia + scene.mu_g * support.mean_sliding(&twist).mean_speed(&twist)
         };
         // Neighbours that the contact permits: alike along N, in rolling along T too.
         let a_t = start.a_t + if rolls { model.edge.height * turn } else { shift };
@@ -465,7 +465,7 @@ proptest! {
     #[test]
     fn derivatives_are_those_of_finite_differences(scene in scenes(), contact in contacts()) {
         const ALL: [Parameter; 10] = [
-            Parameter::U, Parameter::S, Parameter::Omega, Parameter::VT, Parameter::Grip, Parameter::ContactFriction,
+            Parameter::U, Parameter::S, Parameter::Omega, Parameter::VT, Parameter::MuG, Parameter::ContactFriction,
             Parameter::FingerVelocity(0), Parameter::FingerVelocity(1),
             Parameter::FingerAcceleration(0), Parameter::FingerAcceleration(1),
         ];
@@ -502,7 +502,7 @@ proptest! {
     #[test]
     fn derivatives_cross_changes_of_contact(scene in possible_scenes(), friction in 0.05..0.4) {
         const BY: [Parameter; 5] =
-            [Parameter::U, Parameter::S, Parameter::Omega, Parameter::VT, Parameter::Grip];
+            [Parameter::U, Parameter::S, Parameter::Omega, Parameter::VT, Parameter::MuG];
         const SMALL: [f64; 5] = [1e-5, 1e-6, 1e-5, 1e-6, 1e-5];
         /// Of a difference of runs that are good to 1e-10, over 2e-6 and more; and of the steps that carry the derivatives.
         const QUOTIENT: f64 = 2e-3;
@@ -556,7 +556,7 @@ proptest! {
     /// The instant at which a push ends by itself, against central differences of whole runs.
     #[test]
     fn the_end_of_a_push_has_its_derivatives(scene in possible_scenes(), law in laws()) {
-        const BY: [Parameter; 4] = [Parameter::S, Parameter::Omega, Parameter::Grip, Parameter::FingerVelocity(0)];
+        const BY: [Parameter; 4] = [Parameter::S, Parameter::Omega, Parameter::MuG, Parameter::FingerVelocity(0)];
         const SMALL: [f64; 4] = [1e-6, 1e-5, 1e-5, 1e-6];
         /// Of the steps that carry the derivatives, and the 1e-10 s to which instants are located.
         const QUOTIENT: f64 = 5e-3;
@@ -616,7 +616,7 @@ fn changed<'p>(
         Parameter::S => start.s += change,
         Parameter::Omega => start.omega += change,
         Parameter::VT => start.v_t += change,
-        Parameter::Grip => model.grip += change,
+        Parameter::MuG => model.mu_g += change,
         Parameter::ContactFriction => {
             if let Contact::Sliding { friction, .. } = &mut contact {
                 *friction += change;
@@ -631,7 +631,7 @@ fn changed<'p>(
 #[test]
 fn fixed_steps_are_of_fourth_order() {
     let part = block();
-    let model = PushModel { part: &part, edge: part.edge(0).unwrap(), grip: 2.943, finger: finger() };
+    let model = PushModel { part: &part, edge: part.edge(0).unwrap(), mu_g: 2.943, finger: finger() };
     let start = State { u: 1.7, s: 0.004, omega: 0.3, v_t: 0.002 };
     for contact in [Contact::Rolling, Contact::Frictionless] {
         let truth = model.rollout(&contact, &start, 5e-5).nth(7999).unwrap().u;
@@ -653,7 +653,7 @@ fn fixed_steps_err_as_documented() {
     let part = block();
     for i in 0..20 {
         let start = State { u: 1.4 + 0.02 * f64::from(i), s: 0.0008 * f64::from(i - 10), omega: 0.2, v_t: 0.002 };
-        let model = PushModel { part: &part, edge: part.edge(0).unwrap(), grip: 2.943, finger: finger() };
+        let model = PushModel { part: &part, edge: part.edge(0).unwrap(), mu_g: 2.943, finger: finger() };
         let truth = model.rollout(&Contact::Rolling, &start, 1e-4).nth(7999).unwrap();
         let exact = model.rollout(&Contact::Rolling, &start, 5e-3).nth(159).unwrap();
         let fast = model.fast_rollout(&Contact::Rolling, &start, 5e-3).nth(159).unwrap();
@@ -694,7 +694,7 @@ fn a_blocks_mass_is_that_of_the_textbook() {
 #[test]
 fn a_block_pushed_at_its_middle_goes_straight() {
     let part = block();
-    let model = PushModel { part: &part, edge: part.edge(0).unwrap(), grip: 2.943, finger: finger() };
+    let model = PushModel { part: &part, edge: part.edge(0).unwrap(), mu_g: 2.943, finger: finger() };
     let start = Start::Moving(State { u: PI / 2.0, s: 0.0, omega: 0.0, v_t: 0.0 });
     let push = Push::new(model, ContactLaw::Frictionless, start, EdgeEnd::Stop).unwrap();
     let run = push.run(&[0.0, 0.5, 1.0]).unwrap();
@@ -710,7 +710,7 @@ fn a_finger_that_stops_loses_the_part_where_it_stops() {
     let part = block();
     // Slower to brake than friction would be, so that the part is pushed to the end: at rest after 1 s.
     let finger = Finger { acceleration: [0.0, -0.05], ..finger() };
-    let model = PushModel { part: &part, edge: part.edge(0).unwrap(), grip: 2.943, finger };
+    let model = PushModel { part: &part, edge: part.edge(0).unwrap(), mu_g: 2.943, finger };
     let start = Start::Moving(State { u: PI / 2.0, s: 0.004, omega: 0.3, v_t: 0.0 });
     let run =
         Push::new(model, ContactLaw::Rolling { friction: None }, start, EdgeEnd::Stop).unwrap().run(&[2.0]).unwrap();
@@ -721,7 +721,7 @@ fn a_finger_that_stops_loses_the_part_where_it_stops() {
 #[test]
 fn a_contact_at_the_end_of_its_edge_stops_there_or_not_as_asked() {
     let part = block();
-    let model = PushModel { part: &part, edge: part.edge(0).unwrap(), grip: 2.943, finger: finger() };
+    let model = PushModel { part: &part, edge: part.edge(0).unwrap(), mu_g: 2.943, finger: finger() };
     // At the vertex, sliding outwards.
     let start = Start::Moving(State { u: PI / 2.0, s: 0.03, omega: 0.0, v_t: 0.01 });
     let run =

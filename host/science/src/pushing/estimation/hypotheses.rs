@@ -61,7 +61,7 @@ pub struct Estimate {
     /// Up to when data were used, s.
     pub time_end: f64,
     /// Standard deviation of ln(µ g) beforehand, where the friction of the plane was not known.
-    pub grip_log_sd: Option<f64>,
+    pub mu_g_log_sd: Option<f64>,
     /// Values that no smooth motion passes through, by their place; left out where nothing explains the data with them.
     pub outliers: Vec<usize>,
     /// Forward simulations that it took, those with derivatives included; 0 where they were not counted.
@@ -116,9 +116,9 @@ pub struct Hypothesis {
     /// Of `end`: u, s, ω, v_T; none where `covariance` is none. In rolling, v_T follows from the others.
     pub state_covariance: Option<Matrix4<f64>>,
     /// µ g, m/s²: as known, or as found where it was not.
-    pub grip: f64,
+    pub mu_g: f64,
     /// Standard deviation of ln(µg), 0 where that is known; none where `covariance` is none.
-    pub grip_log_sd: Option<f64>,
+    pub mu_g_log_sd: Option<f64>,
     /// What only the force's size and direction tell; none where they were not felt.
     pub from_force: Option<FromForce>,
     /// Squared residuals in standard deviations, prior terms included.
@@ -168,7 +168,7 @@ impl Estimate {
     #[must_use]
     pub fn unexplained(fit: Fit, time_end: f64) -> Self {
         let hypotheses = Vec::new();
-        Self { hypotheses, fit, symmetry: 1, time_end, grip_log_sd: None, outliers: Vec::new(), simulations: 0 }
+        Self { hypotheses, fit, symmetry: 1, time_end, mu_g_log_sd: None, outliers: Vec::new(), simulations: 0 }
     }
 
     /// What kind of answer it is.
@@ -184,10 +184,10 @@ impl Estimate {
     /// Whether the force tells µ m g but neither µ nor m, beyond what was known beforehand.
     #[must_use]
     pub fn mass_and_friction_are_one(&self) -> bool {
-        let Some(beforehand) = self.grip_log_sd else { return false };
+        let Some(beforehand) = self.mu_g_log_sd else { return false };
         let best = self.hypotheses.first();
-        best.and_then(|best| best.from_force.zip(best.grip_log_sd)).is_some_and(|(force, grip_log_sd)| {
-            grip_log_sd > FOUND_SHARE * beforehand && force.resistance_log_sd < TOGETHER_SHARE * force.mass_log_sd
+        best.and_then(|best| best.from_force.zip(best.mu_g_log_sd)).is_some_and(|(force, mu_g_log_sd)| {
+            mu_g_log_sd > FOUND_SHARE * beforehand && force.resistance_log_sd < TOGETHER_SHARE * force.mass_log_sd
         })
     }
 }

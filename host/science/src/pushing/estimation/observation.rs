@@ -13,7 +13,7 @@ pub struct Known<'p> {
     /// The part.
     pub part: &'p Part,
     /// µ g, m/s².
-    pub grip: f64,
+    pub mu_g: f64,
     /// The finger and its motion from t = 0 on.
     pub finger: Finger,
     /// How finger and part touch.
@@ -44,7 +44,7 @@ impl<'p> Known<'p> {
 
     /// The dynamics with one edge in contact.
     pub(super) fn model(&self, edge: Edge) -> PushModel<'p> {
-        PushModel { part: self.part, edge, grip: self.grip, finger: self.finger }
+        PushModel { part: self.part, edge, mu_g: self.mu_g, finger: self.finger }
     }
 }
 
@@ -108,7 +108,7 @@ pub enum Measured {
 }
 
 /// The plane's friction is within e³, a factor of twenty, of what it is taken for, however little is known of it.
-pub(super) const GRIP_LOG_MAX: f64 = 3.0;
+pub(super) const MU_G_LOG_MAX: f64 = 3.0;
 
 /// What is known of the motion at t = 0: standard deviations about zero, what is not given is bounded instead; and of the plane.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -117,9 +117,9 @@ pub struct Prior {
     pub omega0_sigma: Option<f64>,
     /// Of v_T, m/s.
     pub v_t0_sigma: Option<f64>,
-    /// Of ln(µg) about that of [`Known::grip`]: 0.2 where it is known to a fifth. Every hypothesis then has a friction of its own.
+    /// Of ln(µg) about that of [`Known::mu_g`]: 0.2 where it is known to a fifth. Every hypothesis then has a friction of its own.
     /// None where the friction is known.
-    pub grip_log_sigma: Option<f64>,
+    pub mu_g_log_sigma: Option<f64>,
 }
 
 /// Data of a push and what is known of its start.

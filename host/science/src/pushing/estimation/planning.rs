@@ -89,7 +89,7 @@ pub struct Present<'p> {
     /// The part.
     pub part: &'p Part,
     /// µ g, m/s².
-    pub grip: f64,
+    pub mu_g: f64,
     /// Radius of the disk, m.
     pub radius: f64,
     /// Centre of the disk, world axes, m.
@@ -270,8 +270,8 @@ impl Ahead<'_, '_> {
     }
 
     fn run(&self, finger: Finger, state: State, times: &[f64]) -> Option<Run> {
-        let Present { part, grip, .. } = *self.present;
-        let model = PushModel { part, edge: part.edge(self.belief.edge).ok()?, grip, finger };
+        let Present { part, mu_g, .. } = *self.present;
+        let model = PushModel { part, edge: part.edge(self.belief.edge).ok()?, mu_g, finger };
         let push = Push::new(model, self.belief.law, Start::Moving(state), EdgeEnd::Stop).ok()?;
         push.run(times).ok()
     }
@@ -574,7 +574,7 @@ mod tests {
 
     /// A disk that moves up into whatever it touches.
     fn present(part: &Part) -> Present<'_> {
-        Present { part, grip: 0.3 * 9.81, radius: 0.01, centre: [0.0; 2], velocity: [0.0, SPEED] }
+        Present { part, mu_g: 0.3 * 9.81, radius: 0.01, centre: [0.0; 2], velocity: [0.0, SPEED] }
     }
 
     /// Touched straight ahead, off the foot by `s`, moving along with the finger.

@@ -188,7 +188,7 @@ mod tests {
     }
 
     fn known(part: &Part, finger: Finger) -> Known<'_> {
-        Known { part, grip: 0.3 * 9.81, finger, touch: Touch::Rolling { friction: None } }
+        Known { part, mu_g: 0.3 * 9.81, finger, touch: Touch::Rolling { friction: None } }
     }
 
     /// A push of an edge from rest by a finger ahead of it, and what is felt.

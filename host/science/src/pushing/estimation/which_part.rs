@@ -121,7 +121,7 @@ mod tests {
     use crate::pushing::dynamics::{ContactLaw, EdgeEnd, Finger, Mass, Push, PushModel, Start, State};
     use crate::pushing::estimation::{Channel, Known, Measured, Observation, Observer as _, Prior, SAME_END_M, Touch};
 
-    const GRIP: f64 = 0.3 * 9.81;
+    const MU_G: f64 = 0.3 * 9.81;
     const DT: f64 = 0.01; // s
     const SIGMA: f64 = 0.001_95; // rad
     const FINGER: Finger =
@@ -136,12 +136,12 @@ mod tests {
     }
 
     fn known(part: &Part) -> Known<'_> {
-        Known { part, grip: GRIP, finger: FINGER, touch: Touch::Rolling { friction: None } }
+        Known { part, mu_g: MU_G, finger: FINGER, touch: Touch::Rolling { friction: None } }
     }
 
     /// Exact angles of a part that is pushed at edge 0.
     fn push(part: &Part) -> Observation {
-        let model = PushModel { part, edge: part.edge(0).unwrap(), grip: GRIP, finger: FINGER };
+        let model = PushModel { part, edge: part.edge(0).unwrap(), mu_g: MU_G, finger: FINGER };
         let start = Start::Moving(State { u: FRAC_PI_2, s: 0.006, omega: 0.0, v_t: 0.0 });
         let law = ContactLaw::Rolling { friction: None };
         let times: Vec<_> = (0..61).map(|i| f64::from(i) * DT).collect();

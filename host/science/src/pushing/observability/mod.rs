@@ -81,7 +81,7 @@ pub enum PushObservabilityError {
 /// let block = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?;
 /// let part = Part::uniform(block);
 /// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
-/// let model = PushModel { part: &part, edge: part.edge(0)?, grip: 0.3 * 9.81, finger };
+/// let model = PushModel { part: &part, edge: part.edge(0)?, mu_g: 0.3 * 9.81, finger };
 /// let state = State { u: 1.6, s: 0.005, omega: 0.2, v_t: 0.0 };
 /// let scales = Scales { length: 0.02, time: 0.045 };
 /// assert!(spectrum(&model, &Contact::Rolling, &state, &scales)?.observable());
@@ -152,7 +152,7 @@ impl<'a> Pace<'a> {
 
     /// The time in which anything changes, s: friction, the turning part, or the window itself.
     fn time_of_change(&self, time: f64, state: &State) -> f64 {
-        let friction = self.speed(time, state) / self.model.grip;
+        let friction = self.speed(time, state) / self.model.mu_g;
         let turning = 1.0 / state.omega.abs();
         let near_jam = (self.denominator(state.s) / self.denominator).abs().min(1.0);
         near_jam * self.time.min(friction).min(turning)

@@ -21,9 +21,9 @@ fn scales(part: &Part) -> Scales {
     Scales { length, time: (length / GRAVITY_ASSUMED).sqrt() }
 }
 
-fn model(part: &Part, edge: usize, grip: f64, velocity0: [f64; 2], acceleration: [f64; 2]) -> PushModel<'_> {
+fn model(part: &Part, edge: usize, mu_g: f64, velocity0: [f64; 2], acceleration: [f64; 2]) -> PushModel<'_> {
     let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0, acceleration };
-    PushModel { part, edge: part.edge(edge).unwrap(), grip, finger }
+    PushModel { part, edge: part.edge(edge).unwrap(), mu_g, finger }
 }
 
 fn law(contact: &Contact) -> ContactLaw {
@@ -86,15 +86,15 @@ proptest! {
         v_t in prop_oneof![-0.3..-0.1, 0.1..0.3],
     ) {
         let part = part();
-        let (speed, grip) = (0.5, 0.3 * GRAVITY_ASSUMED);
-        let still = model(&part, edge, grip, [0.0, speed], [0.0; 2]);
+        let (speed, mu_g) = (0.5, 0.3 * GRAVITY_ASSUMED);
+        let still = model(&part, edge, mu_g, [0.0, speed], [0.0; 2]);
         let s = still.edge.s_min + at * (still.edge.s_max - still.edge.s_min);
         let state = State { u, s, omega: 0.0, v_t };
         // The finger slows down as the part does by itself along the normal.
         let velocity = Vector2::from(still.velocity(&Contact::Frictionless, 0.0, &state));
         let normal = -Vector2::new(u.cos(), u.sin());
-        let slowing = -normal * (normal.dot(&velocity.normalize()) * grip);
-        let model = model(&part, edge, grip, [0.0, speed], slowing.into());
+        let slowing = -normal * (normal.dot(&velocity.normalize()) * mu_g);
+        let model = model(&part, edge, mu_g, [0.0, speed], slowing.into());
         let scales = scales(&part);
         let spectrum = spectrum(&model, &Contact::Frictionless, &state, &scales).unwrap();
         prop_assert_eq!(&spectrum.unseen, &vec![vec![0.0, 1.0, 0.0, 0.0]], "{:?}", spectrum);

@@ -13,13 +13,13 @@ use nalgebra::{Matrix4x5, Matrix5, RowVector5, SMatrix, SVector, Vector2, Vector
 
 use super::clock::{Clock, Fineness};
 use super::data::Data;
-use super::launch::{Begin, GRIP, UNKNOWNS, Unknowns, Variable, launch, rest_span};
+use super::launch::{Begin, MU_G, UNKNOWNS, Unknowns, Variable, launch, rest_span};
 use super::path::{Seen, Site, WALLS, follow, plain_contact, plain_state};
 use crate::math::Jet;
 use crate::math::angle::wrap_angle;
 use crate::math::least_squares::{self, Damping, Enough, Floor, NormalEquations, Problem, Settings};
 use crate::pushing::dynamics::{Contact, Scalar, State};
-use crate::pushing::estimation::observation::{Channel, GRIP_LOG_MAX, Known, Prior, Touch};
+use crate::pushing::estimation::observation::{Channel, Known, MU_G_LOG_MAX, Prior, Touch};
 
 /// |ω| at t = 0 at most, where there is no prior, rad/s. Fixed by the interface.
 const OMEGA0_MAX: f64 = 10.0;
@@ -38,8 +38,8 @@ pub(super) const STEP_MAX: Unknowns = [0.3, 0.02, 3.0, 0.1, 0.3];
 
 /// Curvature that holds an unknown without any influence in place: in inverse squares of [`STEP_MAX`], a millionth.
 const CURVATURE_MIN: [f64; UNKNOWNS] = {
-    let [u, s, omega, v_t, grip_log] = STEP_MAX;
-    [1e-6 / (u * u), 1e-6 / (s * s), 1e-6 / (omega * omega), 1e-6 / (v_t * v_t), 1e-6 / (grip_log * grip_log)]
+    let [u, s, omega, v_t, mu_g_log] = STEP_MAX;
+    [1e-6 / (u * u), 1e-6 / (s * s), 1e-6 / (omega * omega), 1e-6 / (v_t * v_t), 1e-6 / (mu_g_log * mu_g_log)]
 };
 
 /// How descents go down. Who follows them decides when they have gone far enough.
@@ -79,7 +79,7 @@ pub(super) fn relaxation_time(known: &Known, data: &Data, time: f64) -> f64 {
         (_, Some(toward)) => velocity.dot(&toward).abs().max(SPEED_SHARE_MIN * velocity.norm()),
         (_, None) => SPEED_SHARE * velocity.norm(),
     };
-    if speed > 0.0 && known.grip > 0.0 { speed / known.grip } else { f64::INFINITY }
+    if speed > 0.0 && known.mu_g > 0.0 { speed / known.mu_g } else { f64::INFINITY }
 }
 
 /// What to fit to what.
@@ -244,31 +244,31 @@ impl<'a, 'p> Fitting<'a, 'p> {
             [site.low, site.high],
             unless(self.prior.omega0_sigma, OMEGA0_MAX),
             slip_or(begin, unless(self.prior.v_t0_sigma, V_T0_MAX)),
-            if self.grip_is_unknown() { [-GRIP_LOG_MAX, GRIP_LOG_MAX] } else { [0.0; 2] },
+            if self.mu_g_is_unknown() { [-MU_G_LOG_MAX, MU_G_LOG_MAX] } else { [0.0; 2] },
         ]
     }
 
     /// Whether the plane's friction is one of the unknowns.
-    fn grip_is_unknown(&self) -> bool {
-        self.prior.grip_log_sigma.is_some()
+    fn mu_g_is_unknown(&self) -> bool {
+        self.prior.mu_g_log_sigma.is_some()
     }
 
     /// Whether a hypothesis has an unknown at all.
     pub(super) fn has(&self, begin: Begin, unknown: usize) -> bool {
-        if unknown == GRIP { self.grip_is_unknown() } else { unknown < begin.unknowns() }
+        if unknown == MU_G { self.mu_g_is_unknown() } else { unknown < begin.unknowns() }
     }
 
     /// What is known, if a candidate is right about the plane's friction.
     pub(super) fn known_by(&self, candidate: &Candidate) -> Known<'p> {
-        Known { grip: self.known.grip * candidate.unknowns[GRIP].exp(), ..*self.known }
+        Known { mu_g: self.known.mu_g * candidate.unknowns[MU_G].exp(), ..*self.known }
     }
 
     /// µ g where it is one of the unknowns, m/s², and the logarithm of what it is over what it is taken for.
-    fn grip<T: Variable>(&self, candidate: &Candidate) -> Option<(T, T)> {
-        let log = T::variable(candidate.unknowns[GRIP], candidate.begin.unknowns());
-        let grip = self.known_by(candidate).grip;
+    fn mu_g<T: Variable>(&self, candidate: &Candidate) -> Option<(T, T)> {
+        let log = T::variable(candidate.unknowns[MU_G], candidate.begin.unknowns());
+        let mu_g = self.known_by(candidate).mu_g;
         // d(µg) = µg d(ln µg).
-        self.grip_is_unknown().then(|| ((log - log.re()) * grip + grip, log))
+        self.mu_g_is_unknown().then(|| ((log - log.re()) * mu_g + mu_g, log))
     }
 
     /// Terms of the prior, or values in its place, that a hypothesis has.
@@ -277,11 +277,11 @@ impl<'a, 'p> Fitting<'a, 'p> {
             return past.terms;
         }
         let sigmas = [self.prior.omega0_sigma, self.prior.v_t0_sigma];
-        sigmas.iter().take(begin.unknowns() - 2).chain([&self.prior.grip_log_sigma]).flatten().count()
+        sigmas.iter().take(begin.unknowns() - 2).chain([&self.prior.mu_g_log_sigma]).flatten().count()
     }
 
     pub(super) fn evaluate(&self, candidate: &Candidate) -> Option<Evaluation> {
-        match candidate.begin.unknowns() + usize::from(self.grip_is_unknown()) {
+        match candidate.begin.unknowns() + usize::from(self.mu_g_is_unknown()) {
             2 => self.evaluate_with::<2>(candidate),
             3 => self.evaluate_with::<3>(candidate),
             4 => self.evaluate_with::<4>(candidate),
@@ -293,9 +293,9 @@ impl<'a, 'p> Fitting<'a, 'p> {
     pub(super) fn cost(&self, candidate: &Candidate) -> Option<f64> {
         let Candidate { site, begin, unknowns, past } = candidate;
         self.simulations.update(|count| count + 1);
-        let grip = self.grip::<f64>(candidate);
+        let mu_g = self.mu_g::<f64>(candidate);
         let known = self.known_by(candidate);
-        let launch = launch(&known, site, (*begin, unknowns), self.rest_span, grip.map(|(grip, _)| grip))?;
+        let launch = launch(&known, site, (*begin, unknowns), self.rest_span, mu_g.map(|(mu_g, _)| mu_g))?;
         let (mut cost, mut common) = (0.0, Common::none());
         let path = follow(&known, site, &launch, &self.clock, |value, seen| {
             self.residuals(value, &seen, &mut common, |residual: f64| cost += residual * residual);
@@ -304,7 +304,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
         match past {
             Some(past) => cost += past.at(unknowns).0,
             None => {
-                let start = (*begin, &launch.state, grip.map(|(_, log)| log));
+                let start = (*begin, &launch.state, mu_g.map(|(_, log)| log));
                 self.prior_residuals(start, |residual: f64| cost += residual * residual);
             }
         }
@@ -317,10 +317,10 @@ impl<'a, 'p> Fitting<'a, 'p> {
     fn evaluate_with<const N: usize>(&self, candidate: &Candidate) -> Option<Evaluation> {
         let Candidate { site, begin, unknowns, past } = candidate;
         self.simulations.update(|count| count + 1);
-        let grip = self.grip::<Jet<N>>(candidate);
-        let slots = Slots::<N> { grip: grip.is_some() };
+        let mu_g = self.mu_g::<Jet<N>>(candidate);
+        let slots = Slots::<N> { mu_g: mu_g.is_some() };
         let known = self.known_by(candidate);
-        let launch = launch(&known, site, (*begin, unknowns), self.rest_span, grip.map(|(grip, _)| grip))?;
+        let launch = launch(&known, site, (*begin, unknowns), self.rest_span, mu_g.map(|(mu_g, _)| mu_g))?;
         let (mut sums, mut common) = (NormalEquations::<N>::zero(), Common::none());
         let path = follow(&known, site, &launch, &self.clock, |value, seen| {
             self.residuals(value, &seen, &mut common, |residual| add(&mut sums, residual));
@@ -329,7 +329,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
         match past {
             Some(past) => add_past(&mut sums, past, unknowns, slots),
             None => {
-                let start = (*begin, &launch.state, grip.map(|(_, log)| log));
+                let start = (*begin, &launch.state, mu_g.map(|(_, log)| log));
                 self.prior_residuals(start, |residual| add(&mut sums, residual));
             }
         }
@@ -395,7 +395,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
 
     fn prior_residuals<T: Variable>(
         &self,
-        (begin, start, grip_log): (Begin, &State<T>, Option<T>),
+        (begin, start, mu_g_log): (Begin, &State<T>, Option<T>),
         mut add: impl FnMut(T),
     ) {
         let terms = [(self.prior.omega0_sigma, start.omega), (self.prior.v_t0_sigma, start.v_t)];
@@ -404,7 +404,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
                 add(value / sigma);
             }
         }
-        if let (Some(sigma), Some(log)) = (self.prior.grip_log_sigma, grip_log) {
+        if let (Some(sigma), Some(log)) = (self.prior.mu_g_log_sigma, mu_g_log) {
             add(log / sigma);
         }
     }
@@ -419,7 +419,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
     }
 
     fn wall_residuals<T: Scalar>(&self, margins: &[T; WALLS]) -> [T; WALLS] {
-        let force = self.known.grip + FORCE_FLOOR;
+        let force = self.known.mu_g + FORCE_FLOOR;
         let units = [1.0, 1.0, force, force, 1.0];
         std::array::from_fn(|wall| {
             let scale = WALL_GIVES[wall] * units[wall] / self.wall_stiffness;
@@ -536,12 +536,12 @@ fn ln<T: Scalar>(x: T) -> T {
 /// Which of the unknowns the `N` are that derivatives are carried by: the first ones, and the plane's friction last if it is one.
 #[derive(Clone, Copy)]
 struct Slots<const N: usize> {
-    grip: bool,
+    mu_g: bool,
 }
 
 impl<const N: usize> Slots<N> {
     fn unknown(self, slot: usize) -> usize {
-        if self.grip && slot + 1 == N { GRIP } else { slot }
+        if self.mu_g && slot + 1 == N { MU_G } else { slot }
     }
 
     fn widened(self, matrix: &SMatrix<f64, N, N>) -> Matrix5<f64> {

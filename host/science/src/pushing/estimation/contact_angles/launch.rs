@@ -21,7 +21,7 @@ use crate::pushing::estimation::observation::{Known, Touch};
 pub(in crate::pushing::estimation) const UNKNOWNS: usize = 5;
 
 /// Place among the unknowns of the plane's friction.
-pub(in crate::pushing::estimation) const GRIP: usize = 4;
+pub(in crate::pushing::estimation) const MU_G: usize = 4;
 
 /// Contact angle (rad), place on the edge (m), angular velocity (rad/s), velocity or slip along the contact (m/s), all at t = 0;
 /// logarithm of µ g over what it is taken for.
@@ -89,19 +89,19 @@ impl<const N: usize> Variable for Jet<N> {
     }
 }
 
-/// The start of a path; none where the finger would not push, or slip is against its direction. `grip` is µ g where that is one of
+/// The start of a path; none where the finger would not push, or slip is against its direction. `mu_g` is µ g where that is one of
 /// the unknowns, of the value in `known`.
 pub(in crate::pushing::estimation) fn launch<T: Variable>(
     known: &Known,
     site: &Site,
     (begin, unknowns): (Begin, &Unknowns),
     rest_span: f64,
-    grip: Option<T>,
+    mu_g: Option<T>,
 ) -> Option<Launch<T>> {
     let [u, s, omega, along] = [0, 1, 2, 3].map(|index| T::variable(unknowns[index], index));
     let state = State { u, s, omega, v_t: along };
     let plain = lifted::<T>(&known.model(site.edge));
-    let model = PushModel { grip: grip.unwrap_or(plain.grip), ..plain };
+    let model = PushModel { mu_g: mu_g.unwrap_or(plain.mu_g), ..plain };
     let rolling = |state: State<T>| State { v_t: model.rolling_v_t(0.0, &state), ..state };
     let (state, contact) = match begin {
         Begin::Free => (state, Contact::Frictionless),
@@ -113,9 +113,9 @@ pub(in crate::pushing::estimation) fn launch<T: Variable>(
             let state = rolling(state);
             (state, no_slip(known.touch, &model, &state))
         }
-        Begin::Rest(slip) => return from_rest(known, site, slip, (u, s, grip), rest_span),
+        Begin::Rest(slip) => return from_rest(known, site, slip, (u, s, mu_g), rest_span),
     };
-    Some(Launch { time: 0.0, state, contact, rest: None, grip: model.grip })
+    Some(Launch { time: 0.0, state, contact, rest: None, mu_g: model.mu_g })
 }
 
 fn sliding<T: Scalar>(touch: Touch, slip: Slip) -> Contact<T> {
@@ -144,13 +144,13 @@ fn from_rest<T: Variable>(
     known: &Known,
     site: &Site,
     slip: Option<Slip>,
-    (u, s, grip): (T, T, Option<T>),
+    (u, s, mu_g): (T, T, Option<T>),
     span: f64,
 ) -> Option<Launch<T>> {
     let plain = known.model(site.edge);
     let (contact, start) = rest_start(known, &plain, slip, u.re(), s.re())?;
     let differ = |[du, ds, dg]: [f64; 3]| {
-        let other = PushModel { grip: plain.grip + dg, ..plain };
+        let other = PushModel { mu_g: plain.mu_g + dg, ..plain };
         let (_, other) = rest_start(known, &other, slip, u.re() + du, s.re() + ds)?;
         let difference = du + ds + dg; // Two of them are zero.
         Some([(other.alpha - start.alpha) / difference, (other.a_t - start.a_t) / difference])
@@ -160,15 +160,15 @@ fn from_rest<T: Variable>(
     let (du, ds) = (u - u.re(), s - s.re());
     let mut alpha = du * by_u[0] + ds * by_s[0] + start.alpha;
     let mut a_t = du * by_u[1] + ds * by_s[1] + start.a_t;
-    if let Some(grip) = grip.filter(|grip| grip.re() > 0.0) {
-        let by_grip = differ([0.0, 0.0, REST_DIFFERENCE * plain.grip])?;
-        let dg = grip - grip.re();
-        (alpha, a_t) = (alpha + dg * by_grip[0], a_t + dg * by_grip[1]);
+    if let Some(mu_g) = mu_g.filter(|mu_g| mu_g.re() > 0.0) {
+        let by_mu_g = differ([0.0, 0.0, REST_DIFFERENCE * plain.mu_g])?;
+        let dg = mu_g - mu_g.re();
+        (alpha, a_t) = (alpha + dg * by_mu_g[0], a_t + dg * by_mu_g[1]);
     }
     let state = lifted::<T>(&plain).after_rest([u, s], [alpha, a_t], span);
     let contact = contact.map(T::from);
-    let grip = grip.unwrap_or_else(|| T::from(plain.grip));
-    Some(Launch { time: span, state, contact, rest: Some((u, alpha * 0.5)), grip })
+    let mu_g = mu_g.unwrap_or_else(|| T::from(plain.mu_g));
+    Some(Launch { time: span, state, contact, rest: Some((u, alpha * 0.5)), mu_g })
 }
 
 /// Contact and accelerations of the start from rest.

@@ -106,7 +106,7 @@ fn settle<const K: usize>(model: &PushModel, contact: &Contact, time: f64, near:
     };
     let (mut off, mut slopes) = residual(&now.rates);
     for _ in 0..ITERATIONS_MAX {
-        if off.norm() <= BALANCED * model.grip {
+        if off.norm() <= BALANCED * model.mu_g {
             break;
         }
         let newton = slopes.try_inverse()? * off;
@@ -117,7 +117,7 @@ fn settle<const K: usize>(model: &PushModel, contact: &Contact, time: f64, near:
         });
         (x, now, off, slopes) = better?;
     }
-    if off.norm() > BALANCED.sqrt() * model.grip || off.norm().is_nan() {
+    if off.norm() > BALANCED.sqrt() * model.mu_g || off.norm().is_nan() {
         return None;
     }
     let state = place(&x);

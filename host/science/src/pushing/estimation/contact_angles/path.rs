@@ -59,7 +59,7 @@ pub(in crate::pushing::estimation) struct Launch<T> {
     /// From rest: contact angle at t = 0 and half the angular acceleration since then.
     pub(in crate::pushing::estimation) rest: Option<(T, T)>,
     /// µ g, m/s².
-    pub(in crate::pushing::estimation) grip: T,
+    pub(in crate::pushing::estimation) mu_g: T,
 }
 
 /// The end of a path, and how it kept to its limits.
@@ -115,8 +115,8 @@ pub(in crate::pushing::estimation) fn follow<T: Scalar>(
     clock: &Clock,
     see: impl FnMut(usize, Seen<T>),
 ) -> Option<Path<T>> {
-    let plain = PushModel { grip: launch.grip.re(), ..known.model(site.edge) };
-    let model = PushModel { grip: launch.grip, ..lifted(&plain) };
+    let plain = PushModel { mu_g: launch.mu_g.re(), ..known.model(site.edge) };
+    let model = PushModel { mu_g: launch.mu_g, ..lifted(&plain) };
     let walls = [T::from(f64::INFINITY); WALLS];
     let mut walker = Walker { model, plain, touch: known.touch, site, clock, see, next_value: 0, walls, changes: 0 };
     walker.walk(launch)
@@ -131,7 +131,7 @@ pub(in crate::pushing::estimation) fn lifted<'p, T: Scalar>(plain: &PushModel<'p
         velocity0: velocity0.map(T::from),
         acceleration: acceleration.map(T::from),
     };
-    PushModel { part: plain.part, edge: plain.edge, grip: T::from(plain.grip), finger }
+    PushModel { part: plain.part, edge: plain.edge, mu_g: T::from(plain.mu_g), finger }
 }
 
 /// The contact without derivatives.

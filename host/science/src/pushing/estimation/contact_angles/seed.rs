@@ -133,7 +133,7 @@ pub(super) fn settling(known: &Known, data: &Data) -> Option<f64> {
 
 /// Whether the push lasts long enough for the part to settle.
 fn settles(known: &Known, data: &Data) -> bool {
-    settling(known, data).is_some() || known.starts_at_rest() && known.grip > 0.0
+    settling(known, data).is_some() || known.starts_at_rest() && known.mu_g > 0.0
 }
 
 /// Places on a stretch of an edge, ends included.

@@ -14,7 +14,7 @@ use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix4, Matrix5, Vector2, Vector5};
 use super::clock::{Fineness, count};
 use super::data::Data;
 use super::fit::{Candidate, Descent, Fitting, STEP_MAX};
-use super::launch::{Begin, GRIP, UNKNOWNS};
+use super::launch::{Begin, MU_G, UNKNOWNS};
 use super::path::Site;
 use super::seed::{Width, angles, seeds, settling};
 use super::sites::sites;
@@ -397,7 +397,7 @@ pub(super) fn merge_met(descents: &mut Vec<Descent>) {
 
 fn have_met(a: &Candidate, b: &Candidate) -> bool {
     let near = |i: usize| (a.unknowns[i] - b.unknowns[i]).abs() < MET[i];
-    a.site == b.site && a.begin == b.begin && (0..a.begin.unknowns()).chain([GRIP]).all(near)
+    a.site == b.site && a.begin == b.begin && (0..a.begin.unknowns()).chain([MU_G]).all(near)
 }
 
 /// Stiffens the walls until the minimum lies on them; none if it cannot.
@@ -440,8 +440,8 @@ pub(super) fn judge_all(fitting: &Fitting, descents: &[Descent], begins: usize) 
             judged.push(next);
         }
     }
-    let grip_log_sd = fitting.prior.grip_log_sigma;
-    Estimate { hypotheses: by_probability(judged), grip_log_sd, ..Estimate::unexplained(fit, fitting.data.duration()) }
+    let mu_g_log_sd = fitting.prior.mu_g_log_sigma;
+    Estimate { hypotheses: by_probability(judged), mu_g_log_sd, ..Estimate::unexplained(fit, fitting.data.duration()) }
 }
 
 /// A cost that counts as none where there are no more data than unknowns: what steps and walls leave.
@@ -473,7 +473,7 @@ fn judge(fitting: &Fitting, descent: &Descent, begins: usize) -> Judged {
     let (evaluation, candidate) = (&descent.evaluation, &descent.evaluation.candidate);
     let (site, time) = (candidate.site, fitting.data.duration());
     let model = fitting.known.model(site.edge);
-    let (state_covariance, grip_log_sd) = state_covariance(fitting, descent).unzip();
+    let (state_covariance, mu_g_log_sd) = state_covariance(fitting, descent).unzip();
     let hypothesis = Hypothesis {
         edge: site.index,
         start: evaluation.start,
@@ -487,8 +487,8 @@ fn judge(fitting: &Fitting, descent: &Descent, begins: usize) -> Judged {
         covariance: state_covariance
             .map(|state| pose_covariance(fitting, descent, &state.fixed_view::<2, 2>(0, 0).into())),
         state_covariance,
-        grip: fitting.known_by(candidate).grip,
-        grip_log_sd,
+        mu_g: fitting.known_by(candidate).mu_g,
+        mu_g_log_sd,
         from_force: None,
         cost: evaluation.cost,
         probability: 0.0,
@@ -527,8 +527,8 @@ fn state_covariance(fitting: &Fitting, descent: &Descent) -> Option<(Matrix4<f64
     let radius = fitting.known.part.inertia_per_mass().sqrt();
     covariance.m11 += left * left;
     covariance.m22 += (left * radius).powi(2);
-    let grip_log_sd = unknowns[(GRIP, GRIP)].max(0.0).sqrt();
-    (!unknown && covariance.iter().all(|c| c.is_finite())).then_some((covariance, grip_log_sd))
+    let mu_g_log_sd = unknowns[(MU_G, MU_G)].max(0.0).sqrt();
+    (!unknown && covariance.iter().all(|c| c.is_finite())).then_some((covariance, mu_g_log_sd))
 }
 
 /// Mean squares of the errors of the pose at the end, from the covariance of the contact's angle and place, to second order.
@@ -560,8 +560,8 @@ fn log_evidence(fitting: &Fitting, descent: &Descent, begins: usize) -> f64 {
     let (evaluation, candidate) = (&descent.evaluation, &descent.evaluation.candidate);
     let mut information = descent.evaluation.information;
     let bounds = fitting.bounds(candidate);
-    let Prior { omega0_sigma, v_t0_sigma, grip_log_sigma } = fitting.prior;
-    let sigmas = [None, None, omega0_sigma, v_t0_sigma, grip_log_sigma];
+    let Prior { omega0_sigma, v_t0_sigma, mu_g_log_sigma } = fitting.prior;
+    let sigmas = [None, None, omega0_sigma, v_t0_sigma, mu_g_log_sigma];
     let mut log_prior = -super::clock::count(begins).ln();
     for i in 0..UNKNOWNS {
         let width = bounds[i][1] - bounds[i][0];

@@ -12,7 +12,7 @@ use crate::pushing::dynamics::{ContactLaw, EdgeEnd, EndReason, Finger, Part, Pus
 use crate::pushing::estimation::*;
 
 /// What µ g is taken for, m/s².
-const GRIP: f64 = 0.3 * 9.81;
+const MU_G: f64 = 0.3 * 9.81;
 
 /// Time between values, s, and their number.
 const DT: f64 = 0.01;
@@ -23,7 +23,7 @@ const SIGMA: f64 = 1.95e-3;
 const SIGMA_FINE: f64 = 2e-4;
 
 /// Of the start, rad/s and m/s.
-const PRIOR: Prior = Prior { omega0_sigma: Some(1.0), v_t0_sigma: Some(0.004), grip_log_sigma: None };
+const PRIOR: Prior = Prior { omega0_sigma: Some(1.0), v_t0_sigma: Some(0.004), mu_g_log_sigma: None };
 
 /// A hypothesis on the true edge that ends nearer than this to the truth is the truth, m.
 const NEAR: f64 = 2e-3;
@@ -39,7 +39,7 @@ struct Pushed {
 
 impl Pushed {
     /// A random convex part pushed somewhere for [`VALUES`] values by a finger of this radius, on a plane with this µ g.
-    fn draw(draw: &mut Draw, (touch, law): (Touch, ContactLaw), grip: f64) -> Self {
+    fn draw(draw: &mut Draw, (touch, law): (Touch, ContactLaw), mu_g: f64) -> Self {
         loop {
             let part = Part::uniform(draw.convex_polygon(7, 0.05));
             let edge_index = draw.index(part.polygon().vertices().len());
@@ -47,7 +47,7 @@ impl Pushed {
             let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0, 0.02] };
             let (u, s) = (FRAC_PI_2 + draw.uniform(-0.3, 0.3), draw.uniform(edge.s_min, edge.s_max));
             let start = State { u, s, omega: draw.normal(), v_t: 0.004 * draw.normal() };
-            let model = PushModel { part: &part, edge, grip, finger };
+            let model = PushModel { part: &part, edge, mu_g, finger };
             let times: Vec<_> = (0..VALUES).map(|i| f64::from(i) * DT).collect();
             let Ok(push) = Push::new(model, law, Start::Moving(start), EdgeEnd::Stop) else { continue };
             let Ok(run) = push.run(&times) else { continue };
@@ -58,7 +58,7 @@ impl Pushed {
     }
 
     fn known(&self) -> Known<'_> {
-        Known { part: &self.part, grip: GRIP, finger: self.finger, touch: self.touch }
+        Known { part: &self.part, mu_g: MU_G, finger: self.finger, touch: self.touch }
     }
 
     /// Its contact angles with noise.
@@ -98,32 +98,32 @@ mod unknown_friction {
     /// The friction of the plane is known to a fifth.
     const LOG_SIGMA: f64 = 0.2;
 
-    const JOINT: Prior = Prior { grip_log_sigma: Some(LOG_SIGMA), ..PRIOR };
+    const JOINT: Prior = Prior { mu_g_log_sigma: Some(LOG_SIGMA), ..PRIOR };
 
     /// Means over so many pushes of squared errors in standard deviations, of the pose (two freedoms, so 2, and up to 3 with the
     /// curved motions beside them) and of ln(µg) (1): within four standard deviations of chi-square's mean.
     const PUSHES: usize = 24;
     const POSE_MAX: f64 = 5.0;
-    const GRIP_RANGE: [f64; 2] = [0.2, 2.2];
+    const MU_G_RANGE: [f64; 2] = [0.2, 2.2];
 
     #[test]
     fn errors_are_as_large_as_the_estimate_says() {
-        let (mut of_pose, mut of_grip) = (0.0, 0.0);
+        let (mut of_pose, mut of_mu_g) = (0.0, 0.0);
         for case in 0..PUSHES {
             let mut draw = Draw::case(31, case);
             let log = LOG_SIGMA * draw.normal();
             let kind = if case.is_multiple_of(2) { FRICTIONLESS } else { ROLLING };
-            let pushed = Pushed::draw(&mut draw, kind, GRIP * log.exp());
+            let pushed = Pushed::draw(&mut draw, kind, MU_G * log.exp());
             let measured = observed(pushed.angles(&mut draw, SIGMA), SIGMA, JOINT);
             let estimate = estimate(&pushed.known(), &measured);
             let found = pushed.truth(&estimate).unwrap_or_else(|| panic!("case {case}: truth not in {estimate:?}"));
-            let deviation = found.grip_log_sd.unwrap();
+            let deviation = found.mu_g_log_sd.unwrap();
             assert!(deviation <= LOG_SIGMA, "case {case}: data made the friction less certain: {deviation}");
             of_pose += pushed.squared_error(found) / PUSHES as f64;
-            of_grip += (((found.grip / GRIP).ln() - log) / deviation).powi(2) / PUSHES as f64;
+            of_mu_g += (((found.mu_g / MU_G).ln() - log) / deviation).powi(2) / PUSHES as f64;
         }
         assert!((0.7..POSE_MAX).contains(&of_pose), "pose: {of_pose}");
-        assert!((GRIP_RANGE[0]..GRIP_RANGE[1]).contains(&of_grip), "friction: {of_grip}");
+        assert!((MU_G_RANGE[0]..MU_G_RANGE[1]).contains(&of_mu_g), "friction: {of_mu_g}");
     }
 
     /// Pushes with the friction off by a fifth: who takes it as known is told that nothing explains them, or has it wrong.
@@ -134,13 +134,13 @@ mod unknown_friction {
         for case in 0..CASES {
             let mut draw = Draw::case(32, case);
             let factor: f64 = if draw.chance(0.5) { 1.2 } else { 1.0 / 1.2 };
-            let pushed = Pushed::draw(&mut draw, FRICTIONLESS, GRIP * factor);
+            let pushed = Pushed::draw(&mut draw, FRICTIONLESS, MU_G * factor);
             let angles = pushed.angles(&mut draw, SIGMA_FINE);
             let joint = estimate(&pushed.known(), &observed(angles.clone(), SIGMA_FINE, JOINT));
             let found = pushed.truth(&joint).unwrap_or_else(|| panic!("case {case}: truth not in {joint:?}"));
-            let deviation = found.grip_log_sd.unwrap();
+            let deviation = found.mu_g_log_sd.unwrap();
             // A push may say little about the friction; then the deviation says so.
-            let off = ((found.grip / GRIP / factor).ln() / deviation).abs();
+            let off = ((found.mu_g / MU_G / factor).ln() / deviation).abs();
             assert!(off < 4.0, "case {case}: {off} deviations of {deviation} off");
             let fixed = estimate(&pushed.known(), &observed(angles, SIGMA_FINE, PRIOR));
             let is_right = |found: &&Hypothesis| pushed.squared_error(found) < 16.0;
@@ -152,21 +152,21 @@ mod unknown_friction {
     #[test]
     fn the_pose_is_less_certain_with_it_and_the_friction_itself_untouched_without() {
         let mut draw = Draw::case(33, 0);
-        let pushed = Pushed::draw(&mut draw, FRICTIONLESS, GRIP);
+        let pushed = Pushed::draw(&mut draw, FRICTIONLESS, MU_G);
         let angles = pushed.angles(&mut draw, SIGMA);
         let [known, joint] =
             [PRIOR, JOINT].map(|prior| estimate(&pushed.known(), &observed(angles.clone(), SIGMA, prior)));
         let (known, joint) = (pushed.truth(&known).unwrap(), pushed.truth(&joint).unwrap());
         let spread = |found: &Hypothesis| found.covariance.unwrap().trace();
         assert!(spread(joint) > spread(known), "{} {}", spread(joint), spread(known));
-        assert!(known.grip == GRIP && known.grip_log_sd == Some(0.0), "{known:?}");
+        assert!(known.mu_g == MU_G && known.mu_g_log_sd == Some(0.0), "{known:?}");
     }
 
     #[test]
     fn the_tracker_finds_it_too() {
         for (case, kind) in [FRICTIONLESS, ROLLING].into_iter().enumerate() {
             let mut draw = Draw::case(34, case);
-            let pushed = Pushed::draw(&mut draw, kind, 1.3 * GRIP);
+            let pushed = Pushed::draw(&mut draw, kind, 1.3 * MU_G);
             let settings = TrackerSettings { dt: DT, sigma: SIGMA_FINE, prior: JOINT, window: 60 };
             let mut tracker = Tracker::new(pushed.known(), settings);
             for angle in pushed.angles(&mut draw, SIGMA_FINE) {
@@ -174,7 +174,7 @@ mod unknown_friction {
             }
             let found = pushed.truth(tracker.estimate());
             let found = found.unwrap_or_else(|| panic!("case {case}: truth not in {:?}", tracker.estimate()));
-            let off = (found.grip / GRIP / 1.3).ln() / found.grip_log_sd.unwrap();
+            let off = (found.mu_g / MU_G / 1.3).ln() / found.mu_g_log_sd.unwrap();
             assert!(off.abs() < 4.0, "case {case}: {off} deviations off");
         }
     }
@@ -190,7 +190,7 @@ mod wild_values {
     fn follow(case: usize, sparks: &[usize]) -> (Pushed, Tracker<'static>, Vec<bool>) {
         let mut draw = Draw::case(41, case);
         let kind = if case.is_multiple_of(2) { FRICTIONLESS } else { ROLLING };
-        let pushed = Pushed::draw(&mut draw, kind, GRIP);
+        let pushed = Pushed::draw(&mut draw, kind, MU_G);
         // Tests may leak.
         let part: &'static Part = Box::leak(Box::new(pushed.part.clone()));
         let settings = TrackerSettings { dt: DT, sigma: SIGMA, prior: PRIOR, window: 60 };
@@ -241,7 +241,7 @@ mod wild_values {
     #[test]
     fn a_part_that_was_knocked_is_not_taken_for_sparks() {
         let mut draw = Draw::case(42, 0);
-        let pushed = Pushed::draw(&mut draw, ROLLING, GRIP);
+        let pushed = Pushed::draw(&mut draw, ROLLING, MU_G);
         let settings = TrackerSettings { dt: DT, sigma: SIGMA, prior: PRIOR, window: 60 };
         let mut tracker = Tracker::new(pushed.known(), settings);
         for (i, angle) in pushed.angles(&mut draw, SIGMA).into_iter().enumerate() {
@@ -259,7 +259,7 @@ mod wild_values {
         let (mut named, mut found) = (0, 0);
         for case in 0..CASES {
             let mut draw = Draw::case(43, case);
-            let pushed = Pushed::draw(&mut draw, if case.is_multiple_of(2) { FRICTIONLESS } else { ROLLING }, GRIP);
+            let pushed = Pushed::draw(&mut draw, if case.is_multiple_of(2) { FRICTIONLESS } else { ROLLING }, MU_G);
             let mut values: Vec<_> = pushed.angles(&mut draw, SIGMA).into_iter().step_by(EACH).collect();
             assert_eq!(values.len(), 12);
             let (dt, prior) = (DT * EACH as f64, PRIOR);
@@ -293,7 +293,7 @@ mod magnitudes {
     fn how_hard_a_point_pushes_tells_where_a_part_can_be() {
         for (case, mass_is_unknown) in [(0, false), (1, false), (0, true)] {
             let mut draw = Draw::case(51, case);
-            let pushed = Pushed::draw(&mut draw, FRICTIONLESS, GRIP);
+            let pushed = Pushed::draw(&mut draw, FRICTIONLESS, MU_G);
             let force = |sample: &Sample| sample.force.map_or(f64::NAN, |force| force.normal.hypot(force.tangential));
             // A mass of 0.4 kg, where it is not known.
             let mass: f64 = if mass_is_unknown { 0.4 } else { 1.0 };

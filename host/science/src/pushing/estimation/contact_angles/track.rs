@@ -18,7 +18,7 @@ use nalgebra::{DMatrix, Matrix5, Vector2, Vector5};
 
 use super::data::Data;
 use super::fit::{Candidate, Descent, Fitting, Past};
-use super::launch::{Begin, GRIP, UNKNOWNS};
+use super::launch::{Begin, MU_G, UNKNOWNS};
 use super::path::Site;
 use super::seed::{Width, seeds};
 use super::select::{REST_ERROR, descend_together, fineness, judge_all, least_cost, merge_met, total_max};
@@ -70,11 +70,11 @@ pub struct TrackerSettings {
 /// let wedge = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.02, 0.025], [-0.03, 0.01]].map(Point2::from))?;
 /// let part = Part::uniform(wedge);
 /// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
-/// let known = Known { part: &part, grip: 0.3 * 9.81, finger, touch: Touch::Rolling { friction: None } };
+/// let known = Known { part: &part, mu_g: 0.3 * 9.81, finger, touch: Touch::Rolling { friction: None } };
 /// let settings = TrackerSettings { dt: 0.01, sigma: 2e-3, prior: Prior::default(), window: 80 };
 /// let mut tracker = Tracker::new(known, settings);
 ///
-/// let model = PushModel { part: &part, edge: part.edge(0)?, grip: 0.3 * 9.81, finger };
+/// let model = PushModel { part: &part, edge: part.edge(0)?, mu_g: 0.3 * 9.81, finger };
 /// let start = State { u: 1.6, s: 0.012, omega: 0.1, v_t: 0.0 };
 /// let measured = std::iter::once(start).chain(model.rollout(&Contact::Rolling, &start, 0.01)).take(50);
 /// let mut end = start;
@@ -303,7 +303,7 @@ fn remembered(fitting: &Fitting, candidate: &Candidate, time: f64) -> Option<Can
     let (end, edge) = (evaluation.end, candidate.site.edge);
     // The plane's friction stays what it is.
     let mut by_start = Matrix5::identity();
-    by_start.fixed_rows_mut::<GRIP>(0).copy_from(&evaluation.end_by_start);
+    by_start.fixed_rows_mut::<MU_G>(0).copy_from(&evaluation.end_by_start);
     let (begin, along) = match evaluation.contact_end {
         Contact::Frictionless => (Begin::Free, end.v_t),
         Contact::Rolling => (Begin::NoSlip, 0.0),
@@ -319,7 +319,7 @@ fn remembered(fitting: &Fitting, candidate: &Candidate, time: f64) -> Option<Can
     let (covariance, step) = fitting.spread(&descent)?;
     let drift = Matrix5::from_diagonal(&Vector5::from(DRIFT).map(|drift| drift * drift));
     let spread = by_start * covariance * by_start.transpose() + drift;
-    let unknowns = [end.u, end.s, end.omega, along, candidate.unknowns[GRIP]];
+    let unknowns = [end.u, end.s, end.omega, along, candidate.unknowns[MU_G]];
     let past = Past {
         best: Vector5::from(unknowns) + by_start * step,
         information: inverse_of(&spread, |unknown| fitting.has(begin, unknown))?,
@@ -363,10 +363,10 @@ mod tests {
         let outline = [[-0.031, -0.022], [0.03, -0.018], [0.022, 0.027], [-0.028, 0.012]].map(Point2::from);
         let part = Part::uniform(SimplePolygon::new(outline).unwrap());
         let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
-        let known = Known { part: &part, grip: 0.3 * 9.81, finger, touch };
-        let prior = Prior { omega0_sigma: Some(1.0), v_t0_sigma: Some(0.004), grip_log_sigma: None };
+        let known = Known { part: &part, mu_g: 0.3 * 9.81, finger, touch };
+        let prior = Prior { omega0_sigma: Some(1.0), v_t0_sigma: Some(0.004), mu_g_log_sigma: None };
         let mut tracker = Tracker::new(known, TrackerSettings { dt: 0.01, sigma: SIGMA, prior, window: 60 });
-        let model = PushModel { part: &part, edge: part.edge(0).unwrap(), grip: 0.3 * 9.81, finger };
+        let model = PushModel { part: &part, edge: part.edge(0).unwrap(), mu_g: 0.3 * 9.81, finger };
         let start = State { u: 1.6, s: 0.006, omega: 0.2, v_t: 0.0 };
         let path = std::iter::once(start).chain(model.rollout(&contact, &start, 0.002)).step_by(5).take(values);
         for (i, truth) in path.enumerate() {

@@ -15,7 +15,7 @@ use super::path::{Course, Guess, Path};
 use super::windowed_force::WindowedForce;
 use crate::math::least_squares::{self, Damping, Enough, Floor, NormalEquations, Settings, minimise};
 use crate::pushing::dynamics::State;
-use crate::pushing::estimation::observation::GRIP_LOG_MAX;
+use crate::pushing::estimation::observation::MU_G_LOG_MAX;
 
 /// Largest friction coefficient between finger and part that is considered: rubber on a clean part.
 pub(super) const MU_C_MAX: f64 = 1.0;
@@ -65,7 +65,7 @@ const COLUMNS: usize = PARAMETERS + 1;
 /// Where among them the friction of the contact is, and that of the plane.
 const MU_C: usize = 2;
 /// See [`MU_C`].
-const GRIP: usize = 3;
+const MU_G: usize = 3;
 
 /// What adds to the cost beside the residuals: a contact beyond its edge, friction beyond reason, the plane's prior.
 const PENALTIES: usize = 3;
@@ -105,7 +105,7 @@ impl Problem<'_, '_> {
         }
         let beyond = (edge.s_min - path.s_span[0]).max(path.s_span[1] - edge.s_max).max(0.0) / EDGE_SLACK_M;
         let needed = if guess.mu_c.is_finite() { 0.0 } else { (path.friction_needed - MU_C_MAX).max(0.0) };
-        let unlikely = self.course.grip_log_sd.map_or(0.0, |sd| guess.grip_log / sd);
+        let unlikely = self.course.mu_g_log_sd.map_or(0.0, |sd| guess.mu_g_log / sd);
         let penalties = [beyond, needed / FRICTION_SLACK, unlikely];
         let squares = |values: [f64; PENALTIES]| values.iter().map(|value| value * value).sum::<f64>();
         let cost = (data - &shape * mass).norm_squared() + squares(penalties);
@@ -118,15 +118,15 @@ impl Problem<'_, '_> {
     }
 
     fn differences(&self) -> [f64; PARAMETERS] {
-        let [u, s, mu_c, grip_log] = DIFFERENCES;
-        [u, s * self.course.part.inertia_per_mass().sqrt(), mu_c, grip_log]
+        let [u, s, mu_c, mu_g_log] = DIFFERENCES;
+        [u, s * self.course.part.inertia_per_mass().sqrt(), mu_c, mu_g_log]
     }
 
     /// Whether a parameter is to be found, and changes anything.
     fn is_free(&self, at: &Tried, parameter: usize) -> bool {
         match parameter {
             MU_C => at.path.slipped,
-            GRIP => self.course.grip_log_sd.is_some(),
+            MU_G => self.course.mu_g_log_sd.is_some(),
             _ => true,
         }
     }
@@ -190,12 +190,12 @@ impl Problem<'_, '_> {
             state.set_column(column, &((vector(&path.end) - vector(&at.path.end)) / step));
         }
         let deviation = |parameter: usize| parameters[(parameter, parameter)].max(0.0).sqrt();
-        let (grip_log_sd, mass_log_sd) = (deviation(GRIP), deviation(PARAMETERS));
+        let (mu_g_log_sd, mass_log_sd) = (deviation(MU_G), deviation(PARAMETERS));
         let weight_variance =
-            deviation(GRIP).powi(2) + deviation(PARAMETERS).powi(2) + 2.0 * parameters[(GRIP, PARAMETERS)];
+            deviation(MU_G).powi(2) + deviation(PARAMETERS).powi(2) + 2.0 * parameters[(MU_G, PARAMETERS)];
         let parameters = parameters.fixed_view::<PARAMETERS, PARAMETERS>(0, 0);
         Some(EndCovariance {
-            grip_log_sd,
+            mu_g_log_sd,
             mass_log_sd,
             resistance_log_sd: weight_variance.max(0.0).sqrt(),
             pose: pose * parameters * pose.transpose(),
@@ -239,7 +239,7 @@ pub(super) struct EndCovariance {
     /// Square root of the determinant for contact angle and place at the start.
     pub(super) spread: f64,
     /// Standard deviation of ln(µ g); 0 where it is known.
-    pub(super) grip_log_sd: f64,
+    pub(super) mu_g_log_sd: f64,
     /// Of the mass's logarithm.
     pub(super) mass_log_sd: f64,
     /// Of the logarithm of their product.
@@ -269,7 +269,7 @@ fn moved(guess: &Guess, parameter: usize, by: f64) -> Guess {
     match parameter {
         0 => guess.u += by,
         1 => guess.s += by,
-        GRIP => guess.grip_log = (guess.grip_log + by).clamp(-GRIP_LOG_MAX, GRIP_LOG_MAX),
+        MU_G => guess.mu_g_log = (guess.mu_g_log + by).clamp(-MU_G_LOG_MAX, MU_G_LOG_MAX),
         _ if guess.mu_c.is_finite() => guess.mu_c = (guess.mu_c + by).clamp(MU_C_MIN, MU_C_MAX),
         _ => {}
     }

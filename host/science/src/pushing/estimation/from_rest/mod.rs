@@ -60,9 +60,9 @@ pub struct Known<'p> {
     /// The part.
     pub part: &'p Part,
     /// µ g of the plane, m/s².
-    pub grip: f64,
+    pub mu_g: f64,
     /// Standard deviation of ln(µ g): 0.2 where it is known to a fifth; none where it is known.
-    pub grip_log_sd: Option<f64>,
+    pub mu_g_log_sd: Option<f64>,
     /// Of the finger's disk, m.
     pub radius: f64,
     /// How the finger moves.
@@ -79,7 +79,7 @@ impl<'p> Known<'p> {
         let since = estimate.time_end - leg.from;
         Present {
             part: self.part,
-            grip: estimate.hypotheses.first().map_or(self.grip, |best| best.grip),
+            mu_g: estimate.hypotheses.first().map_or(self.mu_g, |best| best.mu_g),
             radius: self.radius,
             centre: leg.finger.centre(since).coords.into(),
             velocity: leg.finger.velocity(since),
@@ -133,8 +133,8 @@ pub fn follow(known: &Known, measured: &WindowedForce, earlier: &Estimate) -> Es
 fn course<'p>(known: &Known<'p>, measured: &WindowedForce) -> Course<'p> {
     Course {
         part: known.part,
-        grip: known.grip,
-        grip_log_sd: known.grip_log_sd,
+        mu_g: known.mu_g,
+        mu_g_log_sd: known.mu_g_log_sd,
         legs: known.motion.legs(known.radius).collect(),
         duration: windows::end(measured.count() - 1),
     }
@@ -172,8 +172,8 @@ fn conclude(problem: &Problem, mut tried: Vec<Tried>, symmetry: usize) -> Estima
     let mut hypotheses = joined(hypotheses, SAME_PLACE);
     hypotheses.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     let fit = Fit { cost: best, degrees_of_freedom: 2 * problem.measured.count(), cost_max };
-    let grip_log_sd = problem.course.grip_log_sd;
-    Estimate { hypotheses, symmetry, grip_log_sd, ..Estimate::unexplained(fit, duration) }
+    let mu_g_log_sd = problem.course.mu_g_log_sd;
+    Estimate { hypotheses, symmetry, mu_g_log_sd, ..Estimate::unexplained(fit, duration) }
 }
 
 /// Whether the finger can be there at all, outside the part.
@@ -202,9 +202,9 @@ fn distinct(tried: Vec<Tried>, cost_max: f64) -> Vec<Tried> {
 
 /// The guess that an earlier answer's explanation began with.
 fn guess(hypothesis: &Hypothesis, course: &Course) -> Guess {
-    let grip_log = if course.grip_log_sd.is_some() { (hypothesis.grip / course.grip).ln() } else { 0.0 };
+    let mu_g_log = if course.mu_g_log_sd.is_some() { (hypothesis.mu_g / course.mu_g).ln() } else { 0.0 };
     let mu_c = hypothesis.from_force.and_then(|force| force.mu_c).unwrap_or(f64::INFINITY);
-    Guess { edge: hypothesis.edge, u: hypothesis.start.u, s: hypothesis.start.s, mu_c, grip_log }
+    Guess { edge: hypothesis.edge, u: hypothesis.start.u, s: hypothesis.start.s, mu_c, mu_g_log }
 }
 
 fn hypothesis(problem: &Problem, tried: &Tried, best: f64) -> Option<Hypothesis> {
@@ -225,8 +225,8 @@ fn hypothesis(problem: &Problem, tried: &Tried, best: f64) -> Option<Hypothesis>
         velocity_end: problem.course.velocity_at_end(guess, path)?,
         covariance: Some(covariance),
         state_covariance: Some(state_covariance),
-        grip: problem.course.grip_of(guess),
-        grip_log_sd: Some(at_end.grip_log_sd),
+        mu_g: problem.course.mu_g_of(guess),
+        mu_g_log_sd: Some(at_end.mu_g_log_sd),
         from_force: Some(FromForce {
             mass: *mass,
             mass_log_sd: at_end.mass_log_sd,

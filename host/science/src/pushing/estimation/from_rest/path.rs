@@ -52,7 +52,7 @@ pub(super) struct Guess {
     /// µ_c; infinite for a contact that never slips.
     pub(super) mu_c: f64,
     /// ln of the plane's µ g over what it is taken for.
-    pub(super) grip_log: f64,
+    pub(super) mu_g_log: f64,
 }
 
 /// A guess played through.
@@ -106,41 +106,41 @@ pub(super) enum Lost {
 pub(super) struct Course<'p> {
     pub(super) part: &'p Part,
     /// What µ g is taken for, m/s².
-    pub(super) grip: f64,
+    pub(super) mu_g: f64,
     /// Standard deviation of ln(µ g), where it is not known.
-    pub(super) grip_log_sd: Option<f64>,
+    pub(super) mu_g_log_sd: Option<f64>,
     pub(super) legs: Vec<Leg>,
     /// When the data end, s.
     pub(super) duration: f64,
 }
 
 impl<'p> Course<'p> {
-    fn model(&self, edge: Edge, leg: &Leg, grip: f64) -> PushModel<'p> {
-        PushModel { part: self.part, edge, grip, finger: leg.finger }
+    fn model(&self, edge: Edge, leg: &Leg, mu_g: f64) -> PushModel<'p> {
+        PushModel { part: self.part, edge, mu_g, finger: leg.finger }
     }
 
     /// µ g by a guess, m/s².
-    pub(super) fn grip_of(&self, guess: &Guess) -> f64 {
-        self.grip * guess.grip_log.exp()
+    pub(super) fn mu_g_of(&self, guess: &Guess) -> f64 {
+        self.mu_g * guess.mu_g_log.exp()
     }
 
     /// The model at the start, with what µ g is taken for.
     pub(super) fn first_model(&self, edge: Edge) -> PushModel<'p> {
-        self.model(edge, &self.legs[0], self.grip)
+        self.model(edge, &self.legs[0], self.mu_g)
     }
 
     /// Plays a guess through.
     pub(super) fn play(&self, guess: &Guess) -> Result<Path, Lost> {
         let edge = self.part.edge(guess.edge).map_err(|_| Lost::Start)?;
-        let grip = self.grip_of(guess);
-        let model = self.model(edge, &self.legs[0], grip);
+        let mu_g = self.mu_g_of(guess);
+        let model = self.model(edge, &self.legs[0], mu_g);
         let mut player = Player::begin(model, guess)?;
         for (index, leg) in self.legs.iter().enumerate() {
             if leg.from >= self.duration - SAME_TIME_S {
                 break;
             }
             if index > 0 {
-                player.enter(self.model(edge, leg, grip), leg.from)?;
+                player.enter(self.model(edge, leg, mu_g), leg.from)?;
             }
             let last = index + 1 == self.legs.len();
             let until = if last { self.duration } else { leg.to.min(self.duration) };
@@ -153,7 +153,7 @@ impl<'p> Course<'p> {
     pub(super) fn pose_at_end(&self, guess: &Guess, path: &Path) -> Option<Isometry2<f64>> {
         let edge = self.part.edge(guess.edge).ok()?;
         let leg = self.legs.iter().rev().find(|leg| leg.from < self.duration - SAME_TIME_S)?;
-        let model = self.model(edge, leg, self.grip_of(guess));
+        let model = self.model(edge, leg, self.mu_g_of(guess));
         Some(pose(&model, self.duration - leg.from, &path.end))
     }
 
@@ -161,7 +161,7 @@ impl<'p> Course<'p> {
     pub(super) fn velocity_at_end(&self, guess: &Guess, path: &Path) -> Option<Vector2<f64>> {
         let edge = self.part.edge(guess.edge).ok()?;
         let leg = self.legs.iter().rev().find(|leg| leg.from < self.duration - SAME_TIME_S)?;
-        let model = self.model(edge, leg, self.grip_of(guess));
+        let model = self.model(edge, leg, self.mu_g_of(guess));
         Some(model.velocity(&path.contact, self.duration - leg.from, &path.end).into())
     }
 
@@ -248,7 +248,7 @@ impl<'p> Player<'p> {
 
     fn step_length(&self) -> f64 {
         let [x, y] = self.model.velocity(&self.contact, self.time - self.leg_from, &self.state);
-        (STEP_OF_MEMORY * x.hypot(y) / self.model.grip).max(STEP_MIN_S)
+        (STEP_OF_MEMORY * x.hypot(y) / self.model.mu_g).max(STEP_MIN_S)
     }
 
     fn v_t(&self) -> f64 {

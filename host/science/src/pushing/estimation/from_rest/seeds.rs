@@ -76,7 +76,7 @@ fn at_place(problem: &Problem, edge: usize, line: &Edge, s: f64) -> Vec<(usize, 
     let mut found: Vec<(usize, Tried)> = Vec::new();
     // The largest friction first: where it suffices to roll, smaller ones that suffice too change nothing.
     for u in angles.solutions(f64::INFINITY) {
-        let tried = problem.try_guess(Guess { edge, u, s, mu_c: f64::INFINITY, grip_log: 0.0 });
+        let tried = problem.try_guess(Guess { edge, u, s, mu_c: f64::INFINITY, mu_g_log: 0.0 });
         found.extend(
             tried.filter(|tried| tried.path.friction_needed < 2.0 * MU_C_MAX).map(|tried| (FRICTIONS.len(), tried)),
         );
@@ -88,7 +88,7 @@ fn at_place(problem: &Problem, edge: usize, line: &Edge, s: f64) -> Vec<(usize, 
                 .iter()
                 .any(|(_, tried)| (tried.guess.u - u).abs() < 1e-6 && tried.path.friction_needed <= mu_c);
             if !rolls {
-                found.extend(problem.try_guess(Guess { edge, u, s, mu_c, grip_log: 0.0 }).map(|tried| (index, tried)));
+                found.extend(problem.try_guess(Guess { edge, u, s, mu_c, mu_g_log: 0.0 }).map(|tried| (index, tried)));
             }
         }
     }

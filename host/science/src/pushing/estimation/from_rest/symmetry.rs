@@ -29,7 +29,7 @@ fn same(part: &Part, a: &Edge, b: &Edge, size: f64) -> bool {
 fn same_start(part: &Part, a: &Edge, b: &Edge, (share, u): (f64, f64)) -> bool {
     let start = |edge: &Edge| {
         let finger = Finger { radius: 0.0, centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [1.0, 0.0] };
-        let model = PushModel { part, edge: *edge, grip: 1.0, finger };
+        let model = PushModel { part, edge: *edge, mu_g: 1.0, finger };
         model.rest_start(&Contact::Rolling, u, edge.s_min + share * (edge.s_max - edge.s_min)).ok()
     };
     match (start(a), start(b)) {

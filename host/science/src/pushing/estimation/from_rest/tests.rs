@@ -68,8 +68,8 @@ fn measured(drawn: &Drawn, draw: &mut Draw, duration: f64) -> WindowedForce {
 }
 
 fn known<'a>(part: &'a Part, ranges: &'a Ranges) -> Known<'a> {
-    let grip = ranges.mu * crate::gravity::GRAVITY_ASSUMED;
-    Known { part, grip, grip_log_sd: None, radius: RADIUS_M, motion: &ranges.motion }
+    let mu_g = ranges.mu * crate::gravity::GRAVITY_ASSUMED;
+    Known { part, mu_g, mu_g_log_sd: None, radius: RADIUS_M, motion: &ranges.motion }
 }
 
 #[test]
@@ -78,8 +78,8 @@ fn a_path_feels_what_the_world_does() {
         let (part, ranges, drawn, _) = drawn(case);
         let duration = ranges.motion.duration();
         let legs = ranges.motion.legs(RADIUS_M).collect();
-        let course = Course { part: &part, grip: known(&part, &ranges).grip, grip_log_sd: None, legs, duration };
-        let guess = Guess { edge: drawn.edge, u: drawn.u, s: drawn.s, mu_c: drawn.mu_c, grip_log: 0.0 };
+        let course = Course { part: &part, mu_g: known(&part, &ranges).mu_g, mu_g_log_sd: None, legs, duration };
+        let guess = Guess { edge: drawn.edge, u: drawn.u, s: drawn.s, mu_c: drawn.mu_c, mu_g_log: 0.0 };
         let path = course.play(&guess).unwrap();
         let truth = true_windows(&drawn.played, windows::count(duration));
         for (window, (mean, truth)) in path.windows(truth.len()).zip(&truth).enumerate() {
@@ -143,7 +143,7 @@ fn nothing_that_explains_a_short_push_is_missed() {
             let line = part.edge(edge).unwrap();
             let (u, s) = (draw.uniform(-1.5, 1.5), draw.uniform(line.s_min, line.s_max));
             let mu_c = if draw.chance(0.3) { f64::INFINITY } else { draw.uniform(0.03, 0.9) };
-            let Some(start) = problem.try_guess(Guess { edge, u, s, mu_c, grip_log: 0.0 }) else { continue };
+            let Some(start) = problem.try_guess(Guess { edge, u, s, mu_c, mu_g_log: 0.0 }) else { continue };
             let found = problem.descend(start, usize::MAX);
             assert!(
                 found.cost > best - SAME_COST,
@@ -217,7 +217,7 @@ fn a_fit_ends_in_a_minimum() {
     let course = course(&known, &measured);
     let problem = Problem { course: &course, measured: &measured };
     let (u, s, mu_c) = (drawn.u + 0.01, drawn.s + 5e-4, drawn.mu_c + 0.01);
-    let guess = Guess { edge: drawn.edge, u, s, mu_c, grip_log: 0.0 };
+    let guess = Guess { edge: drawn.edge, u, s, mu_c, mu_g_log: 0.0 };
     let found: Tried = problem.descend(problem.try_guess(guess).unwrap(), usize::MAX);
     for (du, ds) in [(1e-3, 0.0), (-1e-3, 0.0), (0.0, 1e-4), (0.0, -1e-4)] {
         let moved = Guess { u: found.guess.u + du, s: found.guess.s + ds, ..found.guess };
@@ -244,9 +244,9 @@ fn on_an_unknown_plane(case: usize, acceleration: f64) -> (Part, Ranges, Drawn, 
 }
 
 /// What is said of such a push, with the standard deviation of ln µ or taking µ as known.
-fn estimate_on_it((part, ranges, drawn, draw): &(Part, Ranges, Drawn, Draw), grip_log_sd: Option<f64>) -> Estimate {
-    let grip = Ranges::default().mu * crate::gravity::GRAVITY_ASSUMED;
-    let known = Known { part, grip, grip_log_sd, radius: RADIUS_M, motion: &ranges.motion };
+fn estimate_on_it((part, ranges, drawn, draw): &(Part, Ranges, Drawn, Draw), mu_g_log_sd: Option<f64>) -> Estimate {
+    let mu_g = Ranges::default().mu * crate::gravity::GRAVITY_ASSUMED;
+    let known = Known { part, mu_g, mu_g_log_sd, radius: RADIUS_M, motion: &ranges.motion };
     estimate(&known, &measured(drawn, &mut draw.clone(), ranges.motion.duration()))
 }
 
@@ -258,10 +258,10 @@ fn errors((part, ranges, drawn, _): &(Part, Ranges, Drawn, Draw), estimate: &Est
         error.distance < 2e-3 && error.angle < 0.05
     };
     let found = estimate.hypotheses.iter().find(near)?;
-    let grip = (found.grip / (ranges.mu * crate::gravity::GRAVITY_ASSUMED)).ln();
+    let mu_g = (found.mu_g / (ranges.mu * crate::gravity::GRAVITY_ASSUMED)).ln();
     let force = found.from_force?;
     let mass = (force.mass / drawn.mass).ln();
-    Some([grip / found.grip_log_sd?, mass / force.mass_log_sd, (grip + mass) / force.resistance_log_sd])
+    Some([mu_g / found.mu_g_log_sd?, mass / force.mass_log_sd, (mu_g + mass) / force.resistance_log_sd])
 }
 
 /// Far outside of what chance gives to a hundred numbers, standard deviations.
@@ -292,7 +292,7 @@ fn a_brisk_push_tells_mass_and_friction_of_the_plane() {
         let joint = errors(&pushed, &estimate).unwrap_or_else(|| panic!("case {case}: the truth is not in the answer"));
         assert!(joint.iter().all(|error| error.abs() < FAR), "case {case}: {joint:?}");
         let fixed = estimate_on_it(&pushed, None);
-        assert!(fixed.hypotheses.iter().all(|found| found.grip_log_sd == Some(0.0)));
+        assert!(fixed.hypotheses.iter().all(|found| found.mu_g_log_sd == Some(0.0)));
         fixed_is_off += usize::from(errors(&pushed, &fixed).is_none_or(|errors| errors[1].abs() > FAR));
     }
     assert!(fixed_is_off >= 4, "a fixed friction did for {} of 5", 5 - fixed_is_off);
@@ -302,7 +302,7 @@ fn a_brisk_push_tells_mass_and_friction_of_the_plane() {
 struct FromRest {
     part: Part,
     edge: usize,
-    model_grip: f64,
+    model_mu_g: f64,
     finger: Finger,
     u: f64,
     s: f64,
@@ -322,12 +322,12 @@ impl FromRest {
         let acceleration = [(u + heading).cos() * 0.4, (u + heading).sin() * 0.4];
         let finger = Finger { radius: 0.005, centre0: [0.0; 2], velocity0: [0.0; 2], acceleration };
         let s = place.s_min + draw.uniform(0.05, 0.95) * (place.s_max - place.s_min);
-        Self { part, edge, model_grip: draw.uniform(1.0, 5.0), finger, u, s, mu_c: draw.uniform(0.02, 0.8) }
+        Self { part, edge, model_mu_g: draw.uniform(1.0, 5.0), finger, u, s, mu_c: draw.uniform(0.02, 0.8) }
     }
 
     fn model(&self) -> PushModel<'_> {
         let edge = self.part.edge(self.edge).unwrap();
-        PushModel { part: &self.part, edge, grip: self.model_grip, finger: self.finger }
+        PushModel { part: &self.part, edge, mu_g: self.model_mu_g, finger: self.finger }
     }
 
     /// The run that controls its errors, with when it changed.
@@ -346,13 +346,13 @@ impl FromRest {
     fn path<T: Variable>(&self, until: f64) -> Followed {
         const VALUES: usize = 41;
         let touch = Touch::Coulomb { friction: self.mu_c };
-        let known = PushKnown { part: &self.part, grip: self.model_grip, finger: self.finger, touch };
+        let known = PushKnown { part: &self.part, mu_g: self.model_mu_g, finger: self.finger, touch };
         let site = Site { index: self.edge, edge: self.model().edge, low: -1.0, high: 1.0 };
         let span = rest_span(&known, 1e-4);
         let start = launch::<T>(&known, &site, (Begin::Rest(None), &[self.u, self.s, 0.0, 0.0, 0.0]), span, None)?;
         let dt = until / (VALUES - 1) as f64;
         let fineness = Fineness { share: 0.2, on_values: true };
-        let relaxation_time = |time: f64| 0.1 * 0.4 * time / self.model_grip;
+        let relaxation_time = |time: f64| 0.1 * 0.4 * time / self.model_mu_g;
         let clock = Clock::new((dt, VALUES), span, fineness, relaxation_time);
         let path = contact_path::follow(&known, &site, &start, &clock, |_, _| ())?;
         if path.walls[2].re() <= 0.0 {
@@ -365,8 +365,8 @@ impl FromRest {
     fn course(&self, until: f64) -> (Followed, Vec<f64>) {
         let play = |duration: f64| {
             let legs = vec![Leg { from: 0.0, to: until, finger: self.finger }];
-            let course = Course { part: &self.part, grip: self.model_grip, grip_log_sd: None, legs, duration };
-            course.play(&Guess { edge: self.edge, u: self.u, s: self.s, mu_c: self.mu_c, grip_log: 0.0 })
+            let course = Course { part: &self.part, mu_g: self.model_mu_g, mu_g_log_sd: None, legs, duration };
+            course.play(&Guess { edge: self.edge, u: self.u, s: self.s, mu_c: self.mu_c, mu_g_log: 0.0 })
         };
         let (Ok(start), Ok(path)) = (play(1e-3), play(until)) else { return (None, Vec::new()) };
         (Some((start.contact, path.contact, path.end)), path.changes())

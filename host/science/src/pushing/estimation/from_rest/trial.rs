@@ -117,8 +117,8 @@ impl Ranges {
             let u = y.atan2(x) + draw.uniform(-self.angle, self.angle);
             let mu_c = draw.uniform(self.mu_c[0], self.mu_c[1]);
             let mass = draw.uniform(self.mass[0], self.mass[1]);
-            let grip = self.mu * GRAVITY_ASSUMED;
-            let world = PushedWorld { part, grip, mass, mu_c, radius: RADIUS_M, motion: &self.motion, edge, u, s };
+            let mu_g = self.mu * GRAVITY_ASSUMED;
+            let world = PushedWorld { part, mu_g, mass, mu_c, radius: RADIUS_M, motion: &self.motion, edge, u, s };
             let played = world.play().ok().filter(|played| played.end == EndReason::Time)?;
             Some(Drawn { mu_c, mass, edge, u, s, played, redrawn })
         })

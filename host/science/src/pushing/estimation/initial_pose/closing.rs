@@ -50,7 +50,7 @@ impl RestingPush {
     /// A place that fits, or, where its contact ends too soon, one beside it that fits too and whose contact lasts.
     fn lasting(&self, rough: &Rough, near: NearZero, first: TimedContact, tolerance: f64) -> Option<NearZero> {
         // With friction under the part a place whose contact ends has no misfit.
-        if self.grip > 0.0 {
+        if self.mu_g > 0.0 {
             return Some(near);
         }
         let look = |at: f64| {

@@ -78,7 +78,7 @@ pub struct RestingPush {
     sites: Vec<Site>,
     shape: FingerShape,
     path: FingerPath,
-    grip: f64,
+    mu_g: f64,
     u0: f64,
 }
 
@@ -157,22 +157,22 @@ pub enum InitialPoseError {
 }
 
 impl RestingPush {
-    /// A push of `object` on a plane with µ g = `grip` (m/s²), by a finger that moves on `path` from rest and touches at `u0`.
+    /// A push of `object` on a plane with µ g = `mu_g` (m/s²), by a finger that moves on `path` from rest and touches at `u0`.
     ///
     /// # Errors
     /// [`InitialPoseError`].
     pub fn new(
         object: Object,
-        grip: f64,
+        mu_g: f64,
         shape: FingerShape,
         path: FingerPath,
         u0: f64,
     ) -> Result<Self, InitialPoseError> {
         let (body, sites) = match &object {
-            Object::Polygon(polygon) => of_polygon(polygon, grip),
-            Object::Ellipse(semi_axes) => of_ellipse(*semi_axes, grip),
+            Object::Polygon(polygon) => of_polygon(polygon, mu_g),
+            Object::Ellipse(semi_axes) => of_ellipse(*semi_axes, mu_g),
         };
-        let push = Self { object, body, sites, shape, path, grip, u0 };
+        let push = Self { object, body, sites, shape, path, mu_g, u0 };
         push.sites.iter().try_for_each(|site| push.model(site).map(|_| ()))?;
         let angle = push.normal_angle();
         let toward = Vector2::from(path.acceleration).dot(&Vector2::new(angle.cos(), angle.sin()));
@@ -190,7 +190,7 @@ impl RestingPush {
     }
 
     fn model(&self, site: &Site) -> Result<ShapedModel<'_>, ShapeError> {
-        ShapedModel::new(&self.body, site.side, self.grip, self.shape, self.path)
+        ShapedModel::new(&self.body, site.side, self.mu_g, self.shape, self.path)
     }
 
     /// Every resting pose that agrees with contacts (times increasing, above 0; at least one) within `tolerance`.
@@ -238,7 +238,7 @@ impl RestingPush {
         let last = contacts[contacts.len() - 1];
         // With friction a look at the last contact costs as much as all of them.
         let hopeless = |site: &Site, s0: f64| {
-            let u = if self.grip > 0.0 { None } else { self.angle(site, s0, last.t) };
+            let u = if self.mu_g > 0.0 { None } else { self.angle(site, s0, last.t) };
             u.is_some_and(|u| (u - last.u).abs() > HOPELESS * tolerance)
         };
         self.judged(&places, (&contacts, tolerance), &hopeless, halt)
@@ -247,7 +247,7 @@ impl RestingPush {
     /// Places of a site that fit a contact. Without friction a rough simulation looks around.
     fn scanned(&self, site: Site, first: TimedContact, tolerance: f64) -> Vec<(Site, NearZero)> {
         let grid = site.grid(self.refinement(first.t));
-        let found = if self.grip > 0.0 {
+        let found = if self.mu_g > 0.0 {
             near_zeros(&|s0| self.misfit(&site, s0, first), &grid, tolerance)
         } else {
             let misfit = |s0: f64| Some(self.scanned_angle(&site, s0, first.t)? - first.u);
@@ -296,7 +296,7 @@ impl RestingPush {
     /// u at each time, if the contact lasts.
     fn lasting_angles(&self, site: &Site, s0: f64, times: &[f64]) -> Option<Vec<f64>> {
         let [low, high] = site.side.range();
-        let glided = self.grip == 0.0 && low <= s0 && s0 <= high;
+        let glided = self.mu_g == 0.0 && low <= s0 && s0 <= high;
         match glided.then(|| self.glided(site, s0, times)).flatten() {
             Some(Glided { angles, lasts: Some(lasts) }) => lasts.then_some(angles),
             _ => Some(self.angles(site, s0, times)).filter(|angles| angles.len() == times.len()),
@@ -305,7 +305,7 @@ impl RestingPush {
 
     /// u at a time; without friction under the part as if the contact lasted, otherwise none where it does not.
     fn angle(&self, site: &Site, s0: f64, time: f64) -> Option<f64> {
-        if self.grip > 0.0 {
+        if self.mu_g > 0.0 {
             return self.angles(site, s0, &[time]).first().copied();
         }
         self.glided(site, s0, &[time])?.angles.first().copied()
@@ -458,8 +458,8 @@ impl RestingPush {
                 velocity_end: end.velocity,
                 covariance: None,
                 state_covariance: None,
-                grip: self.grip,
-                grip_log_sd: None,
+                mu_g: self.mu_g,
+                mu_g_log_sd: None,
                 from_force: None,
                 cost: (most / contacts.tolerance).powi(2),
                 probability,
@@ -473,9 +473,9 @@ impl RestingPush {
 }
 
 /// Without friction under it, what a part rests on does not matter; none is the cheapest to compute with.
-fn of_polygon(polygon: &SimplePolygon, grip: f64) -> (Body, Vec<Site>) {
+fn of_polygon(polygon: &SimplePolygon, mu_g: f64) -> (Body, Vec<Site>) {
     let part = Part::uniform(polygon.clone());
-    let body = if grip > 0.0 { part.body().clone() } else { Body::on_feet(&[], Mass::uniform(polygon)) };
+    let body = if mu_g > 0.0 { part.body().clone() } else { Body::on_feet(&[], Mass::uniform(polygon)) };
     let edges = (0..polygon.vertices().len()).filter_map(|index| Some((index, part.edge(index).ok()?)));
     let site = |(index, edge): (usize, crate::pushing::dynamics::Edge)| Site {
         edge: Some(index),
@@ -485,8 +485,8 @@ fn of_polygon(polygon: &SimplePolygon, grip: f64) -> (Body, Vec<Site>) {
     (body, edges.map(site).collect())
 }
 
-fn of_ellipse(semi_axes: [f64; 2], grip: f64) -> (Body, Vec<Site>) {
-    let body = if grip > 0.0 { Body::ellipse(semi_axes) } else { Body::on_feet(&[], Mass::of_ellipse(semi_axes)) };
+fn of_ellipse(semi_axes: [f64; 2], mu_g: f64) -> (Body, Vec<Site>) {
+    let body = if mu_g > 0.0 { Body::ellipse(semi_axes) } else { Body::on_feet(&[], Mass::of_ellipse(semi_axes)) };
     let side = PartSide::Ellipse { semi_axes, middle: [0.0; 2] };
     (body, vec![Site { edge: None, side, range: [0.0, PI] }])
 }

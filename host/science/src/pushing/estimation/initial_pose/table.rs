@@ -215,7 +215,7 @@ impl Table<'_> {
 impl Motion {
     /// Without friction under the part as if the contact lasted.
     fn of(push: &RestingPush, site: &Site, s0: f64, times: &[f64]) -> Self {
-        if push.grip == 0.0
+        if push.mu_g == 0.0
             && let Some(glided) = push.glided(site, s0, times)
         {
             return Self { angles: glided.angles, end: None };

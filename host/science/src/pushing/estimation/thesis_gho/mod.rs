@@ -78,7 +78,7 @@ impl GhoSettings {
 /// let block = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?;
 /// let part = Part::uniform(block);
 /// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
-/// let model = PushModel { part: &part, edge: part.edge(0)?, grip: 0.3 * 9.81, finger };
+/// let model = PushModel { part: &part, edge: part.edge(0)?, mu_g: 0.3 * 9.81, finger };
 /// // What the finger feels of a block pushed 5 mm off its middle ...
 /// let truth = State { u: 1.6, s: 0.005, omega: 0.0, v_t: 0.0 };
 /// let measured: Vec<_> = model.rollout(&Contact::Rolling, &truth, 0.01).take(120).map(|state| state.u).collect();

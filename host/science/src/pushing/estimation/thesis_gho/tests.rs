@@ -17,7 +17,7 @@ fn part() -> Part {
 
 fn observer(part: &Part, contact: Contact, acceleration: [f64; 2]) -> Gho<'_> {
     let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration };
-    let model = PushModel { part, edge: part.edge(1).unwrap(), grip: 0.3 * 9.81, finger };
+    let model = PushModel { part, edge: part.edge(1).unwrap(), mu_g: 0.3 * 9.81, finger };
     Gho { model, contact, settings: GhoSettings::new(10.0) }
 }
 

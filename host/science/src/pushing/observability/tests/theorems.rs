@@ -182,7 +182,7 @@ proptest! {
         let finger = Finger {
             radius: push.radius, centre0: [0.0; 2], velocity0: world(x[4], x[5]), acceleration: world(input[0], input[1]),
         };
-        let model = PushModel { part: &part, edge: part.edge(0).unwrap(), grip: 0.0, finger };
+        let model = PushModel { part: &part, edge: part.edge(0).unwrap(), mu_g: 0.0, finger };
         let slip = if friction < 0.0 { Slip::Backward } else { Slip::Forward };
         let state = State { u: x[0], s, omega: x[2], v_t: x[3] };
         let rates = model.motion(&Contact::Sliding { friction: friction.abs(), slip }, 0.0, &state).rates;
