@@ -13,7 +13,7 @@ use nalgebra::{Matrix4x5, Matrix5, RowVector5, SMatrix, SVector, Vector2, Vector
 
 use super::clock::{Clock, Fineness};
 use super::data::Data;
-use super::launch::{Begin, MU_G, UNKNOWNS, Unknowns, Variable, launch, rest_span};
+use super::initial_state::{Begin, MU_G, UNKNOWNS, Unknowns, Variable, initial_state, rest_span};
 use super::path::{Seen, Site, WALLS, follow, plain_contact, plain_state};
 use crate::math::Jet;
 use crate::math::angle::wrap_angle;
@@ -295,20 +295,21 @@ impl<'a, 'p> Fitting<'a, 'p> {
         self.simulations.update(|count| count + 1);
         let mu_g = self.mu_g::<f64>(candidate);
         let known = self.known_by(candidate);
-        let launch = launch(&known, site, (*begin, unknowns), self.rest_span, mu_g.map(|(mu_g, _)| mu_g))?;
+        let initial_state =
+            initial_state(&known, site, (*begin, unknowns), self.rest_span, mu_g.map(|(mu_g, _)| mu_g))?;
         let (mut cost, mut common) = (0.0, Common::none());
-        let path = follow(&known, site, &launch, &self.clock, |value, seen| {
+        let path = follow(&known, site, &initial_state, &self.clock, |value, seen| {
             self.residuals(value, &seen, &mut common, |residual: f64| cost += residual * residual);
         })?;
         cost -= common.sum * common.sum / common.count.max(1.0);
         match past {
             Some(past) => cost += past.at(unknowns).0,
             None => {
-                let start = (*begin, &launch.state, mu_g.map(|(_, log)| log));
+                let start = (*begin, &initial_state.state, mu_g.map(|(_, log)| log));
                 self.prior_residuals(start, |residual: f64| cost += residual * residual);
             }
         }
-        for residual in self.wall_residuals(&path.walls).into_iter().chain([self.fast(*begin, &launch.state)]) {
+        for residual in self.wall_residuals(&path.walls).into_iter().chain([self.fast(*begin, &initial_state.state)]) {
             cost += residual * residual;
         }
         Some(cost)
@@ -320,22 +321,23 @@ impl<'a, 'p> Fitting<'a, 'p> {
         let mu_g = self.mu_g::<Jet<N>>(candidate);
         let slots = Slots::<N> { mu_g: mu_g.is_some() };
         let known = self.known_by(candidate);
-        let launch = launch(&known, site, (*begin, unknowns), self.rest_span, mu_g.map(|(mu_g, _)| mu_g))?;
+        let initial_state =
+            initial_state(&known, site, (*begin, unknowns), self.rest_span, mu_g.map(|(mu_g, _)| mu_g))?;
         let (mut sums, mut common) = (NormalEquations::<N>::zero(), Common::none());
-        let path = follow(&known, site, &launch, &self.clock, |value, seen| {
+        let path = follow(&known, site, &initial_state, &self.clock, |value, seen| {
             self.residuals(value, &seen, &mut common, |residual| add(&mut sums, residual));
         })?;
         without_mean(&mut sums, common);
         match past {
             Some(past) => add_past(&mut sums, past, unknowns, slots),
             None => {
-                let start = (*begin, &launch.state, mu_g.map(|(_, log)| log));
+                let start = (*begin, &initial_state.state, mu_g.map(|(_, log)| log));
                 self.prior_residuals(start, |residual| add(&mut sums, residual));
             }
         }
         let (cost, information) = (sums.cost, slots.widened(&sums.curvature));
         let [low, high, push, cone, slip] = self.wall_residuals(&path.walls);
-        let walls = [low, high, push, cone, slip, self.fast(*begin, &launch.state)];
+        let walls = [low, high, push, cone, slip, self.fast(*begin, &initial_state.state)];
         walls.iter().for_each(|residual| add(&mut sums, *residual));
         let slopes = |value: &Jet<N>| slots.widened_row(&SVector::from(value.slopes));
         let evaluation = Evaluation {
@@ -347,8 +349,8 @@ impl<'a, 'p> Fitting<'a, 'p> {
             information,
             end: plain_state(&path.end),
             contact_end: plain_contact(&path.contact),
-            start: self.start(candidate, plain_state(&launch.state)),
-            contact_start: plain_contact(&launch.contact),
+            start: self.start(candidate, plain_state(&initial_state.state)),
+            contact_start: plain_contact(&initial_state.contact),
             end_by_start: Matrix4x5::from_rows(
                 &[path.end.u, path.end.s, path.end.omega, path.end.v_t].map(|value| slopes(&value)),
             ),
@@ -358,11 +360,11 @@ impl<'a, 'p> Fitting<'a, 'p> {
     }
 
     /// The state at t = 0, whatever the path starts from.
-    fn start(&self, candidate: &Candidate, launched: State) -> State {
+    fn start(&self, candidate: &Candidate, started: State) -> State {
         let [u, s, ..] = candidate.unknowns;
         match candidate.begin {
             Begin::Rest(_) => State { u, s, omega: 0.0, v_t: 0.0 },
-            _ => launched,
+            _ => started,
         }
     }
 

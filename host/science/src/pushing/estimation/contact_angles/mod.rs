@@ -12,7 +12,7 @@
 //!   hypothesis;
 //! - all candidates go down side by side, and those that cannot come near the best are given up early: see `select`.
 //!
-//! From observation to answer: `data` (what was felt, as it is compared); `sites` (where the disk can touch); `launch` (how a push
+//! From observation to answer: `data` (what was felt, as it is compared); `sites` (where the disk can touch); `initial_state` (how a push
 //! can begin); `clock`, `path` (simulation); `fit` (the cost and a step down); `manifold`, `seed` (where to begin); `select`
 //! (the search and the judgement). `track` does the same while the push goes on.
 //!
@@ -21,7 +21,7 @@
 pub(super) mod clock;
 mod data;
 mod fit;
-pub(super) mod launch;
+pub(super) mod initial_state;
 mod manifold;
 pub(super) mod path;
 mod seed;

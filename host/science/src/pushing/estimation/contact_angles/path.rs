@@ -49,7 +49,7 @@ pub(in crate::pushing::estimation) struct Site {
 
 /// How a path begins.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::pushing::estimation) struct Launch<T> {
+pub(in crate::pushing::estimation) struct InitialState<T> {
     /// When, s: later than 0 only from rest.
     pub(in crate::pushing::estimation) time: f64,
     /// The state then.
@@ -111,15 +111,15 @@ struct Now<T> {
 pub(in crate::pushing::estimation) fn follow<T: Scalar>(
     known: &Known,
     site: &Site,
-    launch: &Launch<T>,
+    initial_state: &InitialState<T>,
     clock: &Clock,
     see: impl FnMut(usize, Seen<T>),
 ) -> Option<Path<T>> {
-    let plain = PushModel { mu_g: launch.mu_g.re(), ..known.model(site.edge) };
-    let model = PushModel { mu_g: launch.mu_g, ..lifted(&plain) };
+    let plain = PushModel { mu_g: initial_state.mu_g.re(), ..known.model(site.edge) };
+    let model = PushModel { mu_g: initial_state.mu_g, ..lifted(&plain) };
     let walls = [T::from(f64::INFINITY); WALLS];
     let mut walker = Walker { model, plain, touch: known.touch, site, clock, see, next_value: 0, walls, changes: 0 };
-    walker.walk(launch)
+    walker.walk(initial_state)
 }
 
 /// The same model with numbers that can carry derivatives.
@@ -157,9 +157,9 @@ fn step<T: Scalar>(
 }
 
 impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
-    fn walk(&mut self, launch: &Launch<T>) -> Option<Path<T>> {
-        self.see_rest(launch);
-        let mut now = self.at(launch.time, launch.state, launch.contact)?;
+    fn walk(&mut self, initial_state: &InitialState<T>) -> Option<Path<T>> {
+        self.see_rest(initial_state);
+        let mut now = self.at(initial_state.time, initial_state.state, initial_state.contact)?;
         self.see_exactly(&now);
         for i in 1..self.clock.knots.len() {
             now = self.reach(now, self.clock.knots[i])?;
@@ -171,10 +171,10 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
         Some(Path { end, contact: now.contact, walls: self.walls })
     }
 
-    /// Shows the values before a launch from rest.
-    fn see_rest(&mut self, launch: &Launch<T>) {
-        let Some((u, half_alpha)) = launch.rest else { return };
-        while self.next_value < self.clock.values && self.clock.time_of(self.next_value) < launch.time {
+    /// Shows the values before a start from rest.
+    fn see_rest(&mut self, initial_state: &InitialState<T>) {
+        let Some((u, half_alpha)) = initial_state.rest else { return };
+        while self.next_value < self.clock.values && self.clock.time_of(self.next_value) < initial_state.time {
             let t = self.clock.time_of(self.next_value);
             let seen = Seen { u: u + half_alpha * (t * t), normal_force: T::from(1.0), tangential_force: T::from(0.0) };
             (self.see)(self.next_value, seen);

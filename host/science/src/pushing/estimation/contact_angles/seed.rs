@@ -17,7 +17,7 @@ use nalgebra::Vector2;
 use super::clock::count;
 use super::data::{Data, Local, local};
 use super::fit::{Candidate, Fitting, relaxation_time};
-use super::launch::{Begin, Unknowns};
+use super::initial_state::{Begin, Unknowns};
 use super::manifold::{Settled, settled};
 use super::path::Site;
 use crate::pushing::dynamics::{PushModel, Slip, State};

@@ -14,7 +14,7 @@ use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix4, Matrix5, Vector2, Vector5};
 use super::clock::{Fineness, count};
 use super::data::Data;
 use super::fit::{Candidate, Descent, Fitting, STEP_MAX};
-use super::launch::{Begin, MU_G, UNKNOWNS};
+use super::initial_state::{Begin, MU_G, UNKNOWNS};
 use super::path::Site;
 use super::seed::{Width, angles, seeds, settling};
 use super::sites::sites;

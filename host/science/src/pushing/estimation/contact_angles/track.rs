@@ -18,7 +18,7 @@ use nalgebra::{DMatrix, Matrix5, Vector2, Vector5};
 
 use super::data::Data;
 use super::fit::{Candidate, Descent, Fitting, Past};
-use super::launch::{Begin, MU_G, UNKNOWNS};
+use super::initial_state::{Begin, MU_G, UNKNOWNS};
 use super::path::Site;
 use super::seed::{Width, seeds};
 use super::select::{REST_ERROR, descend_together, fineness, judge_all, least_cost, merge_met, total_max};

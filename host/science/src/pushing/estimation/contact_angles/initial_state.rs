@@ -11,7 +11,7 @@
 
 use nalgebra::Vector2;
 
-use super::path::{Launch, Site, lifted};
+use super::path::{InitialState, Site, lifted};
 use crate::math::Jet;
 use crate::pushing::dynamics::contact_mode::ContactFriction;
 use crate::pushing::dynamics::{Contact, PushModel, RestStart, Scalar, Slip, State};
@@ -91,13 +91,13 @@ impl<const N: usize> Variable for Jet<N> {
 
 /// The start of a path; none where the finger would not push, or slip is against its direction. `mu_g` is µ g where that is one of
 /// the unknowns, of the value in `known`.
-pub(in crate::pushing::estimation) fn launch<T: Variable>(
+pub(in crate::pushing::estimation) fn initial_state<T: Variable>(
     known: &Known,
     site: &Site,
     (begin, unknowns): (Begin, &Unknowns),
     rest_span: f64,
     mu_g: Option<T>,
-) -> Option<Launch<T>> {
+) -> Option<InitialState<T>> {
     let [u, s, omega, along] = [0, 1, 2, 3].map(|index| T::variable(unknowns[index], index));
     let state = State { u, s, omega, v_t: along };
     let plain = lifted::<T>(&known.model(site.edge));
@@ -115,7 +115,7 @@ pub(in crate::pushing::estimation) fn launch<T: Variable>(
         }
         Begin::Rest(slip) => return from_rest(known, site, slip, (u, s, mu_g), rest_span),
     };
-    Some(Launch { time: 0.0, state, contact, rest: None, mu_g: model.mu_g })
+    Some(InitialState { time: 0.0, state, contact, rest: None, mu_g: model.mu_g })
 }
 
 fn sliding<T: Scalar>(touch: Touch, slip: Slip) -> Contact<T> {
@@ -146,7 +146,7 @@ fn from_rest<T: Variable>(
     slip: Option<Slip>,
     (u, s, mu_g): (T, T, Option<T>),
     span: f64,
-) -> Option<Launch<T>> {
+) -> Option<InitialState<T>> {
     let plain = known.model(site.edge);
     let (contact, start) = rest_start(known, &plain, slip, u.re(), s.re())?;
     let differ = |[du, ds, dg]: [f64; 3]| {
@@ -168,7 +168,7 @@ fn from_rest<T: Variable>(
     let state = lifted::<T>(&plain).after_rest([u, s], [alpha, a_t], span);
     let contact = contact.map(T::from);
     let mu_g = mu_g.unwrap_or_else(|| T::from(plain.mu_g));
-    Some(Launch { time: span, state, contact, rest: Some((u, alpha * 0.5)), mu_g })
+    Some(InitialState { time: span, state, contact, rest: Some((u, alpha * 0.5)), mu_g })
 }
 
 /// Contact and accelerations of the start from rest.
