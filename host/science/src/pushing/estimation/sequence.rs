@@ -216,8 +216,8 @@ mod tests {
         let part = part();
         let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [0.0, 0.12] };
         let (measured, _, end) = push(&part, 0, 0.006, finger);
-        let (_, begin, _) = push(&part, 1, -0.004, finger);
-        let second_finger = placed(finger, begin, end);
+        let (_, start_mode, _) = push(&part, 1, -0.004, finger);
+        let second_finger = placed(finger, start_mode, end);
         let (measured_again, start, _) = push(&part, 1, -0.004, second_finger);
         let apart = (start.origin() - end.origin()).norm() + wrap_angle(start.theta - end.theta).abs();
         assert!(apart < 1e-9, "{start:?} {end:?}");

@@ -13,7 +13,7 @@ use nalgebra::{Matrix4x5, Matrix5, RowVector5, SMatrix, SVector, Vector2, Vector
 
 use super::clock::{Clock, Fineness};
 use super::data::Data;
-use super::initial_state::{Begin, MU_G, UNKNOWNS, Unknowns, Variable, initial_state, rest_span};
+use super::initial_state::{MU_G, StartMode, UNKNOWNS, Unknowns, Variable, initial_state, rest_span};
 use super::path::{Seen, Site, WALLS, follow, plain_contact, plain_state};
 use crate::math::Jet;
 use crate::math::angle::wrap_angle;
@@ -101,7 +101,7 @@ pub(super) struct Fitting<'a, 'p> {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Candidate {
     pub(super) site: Site,
-    pub(super) begin: Begin,
+    pub(super) start_mode: StartMode,
     pub(super) unknowns: Unknowns,
     /// In place of the prior: what values before t = 0 say.
     pub(super) past: Option<Past>,
@@ -233,17 +233,18 @@ impl<'a, 'p> Fitting<'a, 'p> {
     }
 
     /// The range of each unknown.
-    pub(super) fn bounds(&self, Candidate { site, begin, .. }: &Candidate) -> [[f64; 2]; UNKNOWNS] {
+    pub(super) fn bounds(&self, Candidate { site, start_mode, .. }: &Candidate) -> [[f64; 2]; UNKNOWNS] {
         // Slip has a direction of its own; how fast it is follows from the bounds of the velocity, which are walls then.
-        let slip_or =
-            |begin: &Begin, bounds| if matches!(begin, Begin::Slips(_)) { [0.0, f64::INFINITY] } else { bounds };
+        let slip_or = |start_mode: &StartMode, bounds| {
+            if matches!(start_mode, StartMode::Slips(_)) { [0.0, f64::INFINITY] } else { bounds }
+        };
         let free = [f64::NEG_INFINITY, f64::INFINITY];
         let unless = |sigma: Option<f64>, most: f64| if sigma.is_some() { free } else { [-most, most] };
         [
             self.data.u0_range.unwrap_or(free),
             [site.low, site.high],
             unless(self.prior.omega0_sigma, OMEGA0_MAX),
-            slip_or(begin, unless(self.prior.v_t0_sigma, V_T0_MAX)),
+            slip_or(start_mode, unless(self.prior.v_t0_sigma, V_T0_MAX)),
             if self.mu_g_is_unknown() { [-MU_G_LOG_MAX, MU_G_LOG_MAX] } else { [0.0; 2] },
         ]
     }
@@ -254,8 +255,8 @@ impl<'a, 'p> Fitting<'a, 'p> {
     }
 
     /// Whether a hypothesis has an unknown at all.
-    pub(super) fn has(&self, begin: Begin, unknown: usize) -> bool {
-        if unknown == MU_G { self.mu_g_is_unknown() } else { unknown < begin.unknowns() }
+    pub(super) fn has(&self, start_mode: StartMode, unknown: usize) -> bool {
+        if unknown == MU_G { self.mu_g_is_unknown() } else { unknown < start_mode.unknowns() }
     }
 
     /// What is known, if a candidate is right about the plane's friction.
@@ -265,23 +266,23 @@ impl<'a, 'p> Fitting<'a, 'p> {
 
     /// µ g where it is one of the unknowns, m/s², and the logarithm of what it is over what it is taken for.
     fn mu_g<T: Variable>(&self, candidate: &Candidate) -> Option<(T, T)> {
-        let log = T::variable(candidate.unknowns[MU_G], candidate.begin.unknowns());
+        let log = T::variable(candidate.unknowns[MU_G], candidate.start_mode.unknowns());
         let mu_g = self.known_by(candidate).mu_g;
         // d(µg) = µg d(ln µg).
         self.mu_g_is_unknown().then(|| ((log - log.re()) * mu_g + mu_g, log))
     }
 
     /// Terms of the prior, or values in its place, that a hypothesis has.
-    pub(super) fn prior_terms(&self, Candidate { begin, past, .. }: &Candidate) -> usize {
+    pub(super) fn prior_terms(&self, Candidate { start_mode, past, .. }: &Candidate) -> usize {
         if let Some(past) = past {
             return past.terms;
         }
         let sigmas = [self.prior.omega0_sigma, self.prior.v_t0_sigma];
-        sigmas.iter().take(begin.unknowns() - 2).chain([&self.prior.mu_g_log_sigma]).flatten().count()
+        sigmas.iter().take(start_mode.unknowns() - 2).chain([&self.prior.mu_g_log_sigma]).flatten().count()
     }
 
     pub(super) fn evaluate(&self, candidate: &Candidate) -> Option<Evaluation> {
-        match candidate.begin.unknowns() + usize::from(self.mu_g_is_unknown()) {
+        match candidate.start_mode.unknowns() + usize::from(self.mu_g_is_unknown()) {
             2 => self.evaluate_with::<2>(candidate),
             3 => self.evaluate_with::<3>(candidate),
             4 => self.evaluate_with::<4>(candidate),
@@ -291,12 +292,12 @@ impl<'a, 'p> Fitting<'a, 'p> {
 
     /// The cost alone, without derivatives.
     pub(super) fn cost(&self, candidate: &Candidate) -> Option<f64> {
-        let Candidate { site, begin, unknowns, past } = candidate;
+        let Candidate { site, start_mode, unknowns, past } = candidate;
         self.simulations.update(|count| count + 1);
         let mu_g = self.mu_g::<f64>(candidate);
         let known = self.known_by(candidate);
         let initial_state =
-            initial_state(&known, site, (*begin, unknowns), self.rest_span, mu_g.map(|(mu_g, _)| mu_g))?;
+            initial_state(&known, site, (*start_mode, unknowns), self.rest_span, mu_g.map(|(mu_g, _)| mu_g))?;
         let (mut cost, mut common) = (0.0, Common::none());
         let path = follow(&known, site, &initial_state, &self.clock, |value, seen| {
             self.residuals(value, &seen, &mut common, |residual: f64| cost += residual * residual);
@@ -305,24 +306,26 @@ impl<'a, 'p> Fitting<'a, 'p> {
         match past {
             Some(past) => cost += past.at(unknowns).0,
             None => {
-                let start = (*begin, &initial_state.state, mu_g.map(|(_, log)| log));
+                let start = (*start_mode, &initial_state.state, mu_g.map(|(_, log)| log));
                 self.prior_residuals(start, |residual: f64| cost += residual * residual);
             }
         }
-        for residual in self.wall_residuals(&path.walls).into_iter().chain([self.fast(*begin, &initial_state.state)]) {
+        for residual in
+            self.wall_residuals(&path.walls).into_iter().chain([self.fast(*start_mode, &initial_state.state)])
+        {
             cost += residual * residual;
         }
         Some(cost)
     }
 
     fn evaluate_with<const N: usize>(&self, candidate: &Candidate) -> Option<Evaluation> {
-        let Candidate { site, begin, unknowns, past } = candidate;
+        let Candidate { site, start_mode, unknowns, past } = candidate;
         self.simulations.update(|count| count + 1);
         let mu_g = self.mu_g::<Jet<N>>(candidate);
         let slots = Slots::<N> { mu_g: mu_g.is_some() };
         let known = self.known_by(candidate);
         let initial_state =
-            initial_state(&known, site, (*begin, unknowns), self.rest_span, mu_g.map(|(mu_g, _)| mu_g))?;
+            initial_state(&known, site, (*start_mode, unknowns), self.rest_span, mu_g.map(|(mu_g, _)| mu_g))?;
         let (mut sums, mut common) = (NormalEquations::<N>::zero(), Common::none());
         let path = follow(&known, site, &initial_state, &self.clock, |value, seen| {
             self.residuals(value, &seen, &mut common, |residual| add(&mut sums, residual));
@@ -331,13 +334,13 @@ impl<'a, 'p> Fitting<'a, 'p> {
         match past {
             Some(past) => add_past(&mut sums, past, unknowns, slots),
             None => {
-                let start = (*begin, &initial_state.state, mu_g.map(|(_, log)| log));
+                let start = (*start_mode, &initial_state.state, mu_g.map(|(_, log)| log));
                 self.prior_residuals(start, |residual| add(&mut sums, residual));
             }
         }
         let (cost, information) = (sums.cost, slots.widened(&sums.curvature));
         let [low, high, push, cone, slip] = self.wall_residuals(&path.walls);
-        let walls = [low, high, push, cone, slip, self.fast(*begin, &initial_state.state)];
+        let walls = [low, high, push, cone, slip, self.fast(*start_mode, &initial_state.state)];
         walls.iter().for_each(|residual| add(&mut sums, *residual));
         let slopes = |value: &Jet<N>| slots.widened_row(&SVector::from(value.slopes));
         let evaluation = Evaluation {
@@ -362,8 +365,8 @@ impl<'a, 'p> Fitting<'a, 'p> {
     /// The state at t = 0, whatever the path starts from.
     fn start(&self, candidate: &Candidate, started: State) -> State {
         let [u, s, ..] = candidate.unknowns;
-        match candidate.begin {
-            Begin::Rest(_) => State { u, s, omega: 0.0, v_t: 0.0 },
+        match candidate.start_mode {
+            StartMode::Rest(_) => State { u, s, omega: 0.0, v_t: 0.0 },
             _ => started,
         }
     }
@@ -397,11 +400,11 @@ impl<'a, 'p> Fitting<'a, 'p> {
 
     fn prior_residuals<T: Variable>(
         &self,
-        (begin, start, mu_g_log): (Begin, &State<T>, Option<T>),
+        (start_mode, start, mu_g_log): (StartMode, &State<T>, Option<T>),
         mut add: impl FnMut(T),
     ) {
         let terms = [(self.prior.omega0_sigma, start.omega), (self.prior.v_t0_sigma, start.v_t)];
-        for (sigma, value) in terms.into_iter().take(begin.unknowns() - 2) {
+        for (sigma, value) in terms.into_iter().take(start_mode.unknowns() - 2) {
             if let Some(sigma) = sigma {
                 add(value / sigma);
             }
@@ -412,9 +415,9 @@ impl<'a, 'p> Fitting<'a, 'p> {
     }
 
     /// The wall at the greatest velocity along the contact, where the slip is the unknown.
-    fn fast<T: Variable>(&self, begin: Begin, start: &State<T>) -> T {
+    fn fast<T: Variable>(&self, start_mode: StartMode, start: &State<T>) -> T {
         let over = start.v_t.re().abs() - V_T0_MAX;
-        if !matches!(begin, Begin::Slips(_)) || self.prior.v_t0_sigma.is_some() || over <= 0.0 {
+        if !matches!(start_mode, StartMode::Slips(_)) || self.prior.v_t0_sigma.is_some() || over <= 0.0 {
             return T::from(0.0);
         }
         (start.v_t - V_T0_MAX.copysign(start.v_t.re())) * (self.wall_stiffness / WALL_GIVES[WALLS - 1])
@@ -454,16 +457,16 @@ impl<'a, 'p> Fitting<'a, 'p> {
 
     /// Covariance of the unknowns, and what is left to their minimum, by the data and prior alone.
     pub(super) fn spread(&self, descent: &Descent) -> Option<(Matrix5<f64>, Vector5<f64>)> {
-        let begin = descent.evaluation.candidate.begin;
+        let start_mode = descent.evaluation.candidate.start_mode;
         let (mut information, mut slope) = (descent.evaluation.information, descent.evaluation.gradient);
         for i in 0..UNKNOWNS {
             information[(i, i)] += CURVATURE_MIN[i];
-            if !self.has(begin, i) {
+            if !self.has(start_mode, i) {
                 (information[(i, i)], slope[i]) = (1.0, 0.0);
             }
         }
         let mut covariance = information.cholesky()?.inverse();
-        for i in (0..UNKNOWNS).filter(|i| !self.has(begin, *i)) {
+        for i in (0..UNKNOWNS).filter(|i| !self.has(start_mode, *i)) {
             covariance[(i, i)] = 0.0;
         }
         Some((covariance, -(covariance * slope)))
@@ -472,9 +475,9 @@ impl<'a, 'p> Fitting<'a, 'p> {
     /// Which unknowns are fitted: neither absent nor at a bound of the motion.
     pub(super) fn free(&self, descent: &Descent) -> [bool; UNKNOWNS] {
         let Evaluation { candidate, gradient, .. } = &descent.evaluation;
-        let (held, begin) = (self.pressed(candidate, gradient), candidate.begin);
+        let (held, start_mode) = (self.pressed(candidate, gradient), candidate.start_mode);
         // A place or angle at its limit is still uncertain by what the data say.
-        std::array::from_fn(|i| self.has(begin, i) && (i < 2 || !held[i]))
+        std::array::from_fn(|i| self.has(start_mode, i) && (i < 2 || !held[i]))
     }
 }
 
@@ -485,7 +488,7 @@ impl Fitting<'_, '_> {
         std::array::from_fn(|i| {
             let [low, high] = bounds[i];
             let pressed = (unknowns[i] <= low && gradient[i] > 0.0) || (unknowns[i] >= high && gradient[i] < 0.0);
-            !self.has(candidate.begin, i) || pressed
+            !self.has(candidate.start_mode, i) || pressed
         })
     }
 }

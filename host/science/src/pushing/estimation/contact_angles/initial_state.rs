@@ -34,9 +34,9 @@ const REST_DIFFERENCE: f64 = 1e-5;
 /// Of a finger that stays where it is.
 const NO_START: RestStart = RestStart { a_n: 0.0, a_t: 0.0, alpha: 0.0, normal_force: 0.0, tangential_force: 0.0 };
 
-/// How a push begins.
+/// What moves at the start, and how the contact slides.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::pushing::estimation) enum Begin {
+pub(in crate::pushing::estimation) enum StartMode {
     /// Finger and part move; no contact friction.
     Free,
     /// Finger and part move, without slip.
@@ -47,7 +47,7 @@ pub(in crate::pushing::estimation) enum Begin {
     Rest(Option<Slip>),
 }
 
-impl Begin {
+impl StartMode {
     /// All the ways in which a push can begin, for what is known of the contact and the finger.
     pub(in crate::pushing::estimation) fn all(known: &Known) -> Vec<Self> {
         let both = [Slip::Forward, Slip::Backward];
@@ -94,7 +94,7 @@ impl<const N: usize> Variable for Jet<N> {
 pub(in crate::pushing::estimation) fn initial_state<T: Variable>(
     known: &Known,
     site: &Site,
-    (begin, unknowns): (Begin, &Unknowns),
+    (start_mode, unknowns): (StartMode, &Unknowns),
     rest_span: f64,
     mu_g: Option<T>,
 ) -> Option<InitialState<T>> {
@@ -103,17 +103,17 @@ pub(in crate::pushing::estimation) fn initial_state<T: Variable>(
     let plain = lifted::<T>(&known.model(site.edge));
     let model = PushModel { mu_g: mu_g.unwrap_or(plain.mu_g), ..plain };
     let rolling = |state: State<T>| State { v_t: model.rolling_v_t(0.0, &state), ..state };
-    let (state, contact) = match begin {
-        Begin::Free => (state, Contact::Frictionless),
-        Begin::Slips(slip) => {
+    let (state, contact) = match start_mode {
+        StartMode::Free => (state, Contact::Frictionless),
+        StartMode::Slips(slip) => {
             let without = rolling(state);
             (State { v_t: without.v_t - along * slip.sign(), ..without }, sliding(known.touch, slip))
         }
-        Begin::NoSlip => {
+        StartMode::NoSlip => {
             let state = rolling(state);
             (state, no_slip(known.touch, &model, &state))
         }
-        Begin::Rest(slip) => return from_rest(known, site, slip, (u, s, mu_g), rest_span),
+        StartMode::Rest(slip) => return from_rest(known, site, slip, (u, s, mu_g), rest_span),
     };
     Some(InitialState { time: 0.0, state, contact, rest: None, mu_g: model.mu_g })
 }

@@ -17,7 +17,7 @@ use nalgebra::Vector2;
 use super::clock::count;
 use super::data::{Data, Local, local};
 use super::fit::{Candidate, Fitting, relaxation_time};
-use super::initial_state::{Begin, Unknowns};
+use super::initial_state::{StartMode, Unknowns};
 use super::manifold::{Settled, settled};
 use super::path::Site;
 use crate::pushing::dynamics::{PushModel, Slip, State};
@@ -85,17 +85,17 @@ pub(super) enum Width {
 }
 
 /// Hypotheses to begin with.
-pub(super) fn seeds(fitting: &Fitting, sites: &[Site], begins: &[Begin], width: Width) -> Vec<Candidate> {
+pub(super) fn seeds(fitting: &Fitting, sites: &[Site], start_modes: &[StartMode], width: Width) -> Vec<Candidate> {
     let mut found = Vec::new();
-    for &begin in begins {
-        match angles(fitting.known, &fitting.data, begin) {
+    for &start_mode in start_modes {
+        match angles(fitting.known, &fitting.data, start_mode) {
             Some(angles) if width == Width::Narrow && settles(fitting.known, &fitting.data) => {
                 let smoothed = SmoothedAngles::new(fitting, &angles);
-                sites.iter().for_each(|site| found.extend(smoothed.seeds(site, begin)));
+                sites.iter().for_each(|site| found.extend(smoothed.seeds(site, start_mode)));
             }
             angles => {
                 let starts = start_angles(fitting, angles.as_deref());
-                sites.iter().for_each(|site| found.extend(grid_seeds(fitting, site, begin, (&starts, width))));
+                sites.iter().for_each(|site| found.extend(grid_seeds(fitting, site, start_mode, (&starts, width))));
             }
         }
     }
@@ -103,12 +103,12 @@ pub(super) fn seeds(fitting: &Fitting, sites: &[Site], begins: &[Begin], width: 
 }
 
 /// The contact angles, where the data tell them: measured, or the direction of a force at a known angle to the normal.
-pub(super) fn angles(known: &Known, data: &Data, begin: Begin) -> Option<Vec<f64>> {
+pub(super) fn angles(known: &Known, data: &Data, start_mode: StartMode) -> Option<Vec<f64>> {
     if let Some(angle) = &data.angle {
         return Some(angle.values.clone());
     }
-    let slip = match begin {
-        Begin::Slips(slip) | Begin::Rest(Some(slip)) => slip.sign(),
+    let slip = match start_mode {
+        StartMode::Slips(slip) | StartMode::Rest(Some(slip)) => slip.sign(),
         _ => 0.0,
     };
     let from_normal = match known.touch {
@@ -177,10 +177,10 @@ impl<'a, 'p> SmoothedAngles<'a, 'p> {
     }
 
     /// Near the local minima of one site.
-    fn seeds(&self, site: &Site, begin: Begin) -> Vec<Candidate> {
+    fn seeds(&self, site: &Site, start_mode: StartMode) -> Vec<Candidate> {
         let model = self.fitting.known.model(site.edge);
         let places = places(self.fitting.known, site);
-        let off: Vec<_> = places.iter().map(|&s| self.mismatch(site, &model, begin, s)).collect();
+        let off: Vec<_> = places.iter().map(|&s| self.mismatch(site, &model, start_mode, s)).collect();
         let squares: Vec<_> = off.iter().map(|off| off.square).collect();
         let margin = FLAT * self.fitting.data.sigma_min().powi(2);
         let near = |i: usize| {
@@ -188,12 +188,12 @@ impl<'a, 'p> SmoothedAngles<'a, 'p> {
             std::iter::once((vertex(&places, &squares, i), off[i].first_turn)).chain(beside)
         };
         let near = minima(&squares).into_iter().flat_map(near);
-        near.flat_map(|near| self.candidates(site, &model, begin, near)).collect()
+        near.flat_map(|near| self.candidates(site, &model, start_mode, near)).collect()
     }
 
     /// How far off the angles are that the settled rates add up to, from a place at t = 0.
-    fn mismatch(&self, site: &Site, model: &PushModel, begin: Begin, s0: f64) -> Mismatch {
-        let slip = slip_of(self.fitting.known, begin);
+    fn mismatch(&self, site: &Site, model: &PushModel, start_mode: StartMode, s0: f64) -> Mismatch {
+        let slip = slip_of(self.fitting.known, start_mode);
         let beyond = BEYOND * self.fitting.known.part.inertia_per_mass().sqrt();
         let mut near = State { u: self.first.value, s: s0, omega: 0.0, v_t: 0.0 };
         let (mut time, mut turned, mut last): (f64, f64, Option<Settled>) = (0.0, 0.0, None);
@@ -235,7 +235,7 @@ impl<'a, 'p> SmoothedAngles<'a, 'p> {
         &self,
         site: &Site,
         model: &PushModel,
-        begin: Begin,
+        start_mode: StartMode,
         (place, first_turn): (f64, f64),
     ) -> Vec<Candidate> {
         let known = self.fitting.known;
@@ -247,18 +247,18 @@ impl<'a, 'p> SmoothedAngles<'a, 'p> {
             Touch::Coulomb { .. } => vec![r, r + h],
         };
         let places = levers.into_iter().map(|lever| (place + lever * first_turn).clamp(site.low, site.high));
-        places.flat_map(|s| self.candidates_at(site, model, begin, s)).collect()
+        places.flat_map(|s| self.candidates_at(site, model, start_mode, s)).collect()
     }
 
-    fn candidates_at(&self, site: &Site, model: &PushModel, begin: Begin, s: f64) -> Vec<Candidate> {
+    fn candidates_at(&self, site: &Site, model: &PushModel, start_mode: StartMode, s: f64) -> Vec<Candidate> {
         let known = self.fitting.known;
         let start = State { u: self.first.value, s, omega: self.first.rate, v_t: 0.0 };
-        let near = settled(model, known.touch, slip_of(known, begin), 0.0, &start).map_or(start, |now| now.state);
+        let near = settled(model, known.touch, slip_of(known, start_mode), 0.0, &start).map_or(start, |now| now.state);
         let omega = near.omega + FIRST_EXCESS * (self.first.rate - near.omega);
         let near = State { omega, ..near };
-        let along = along_contact(known, model, begin, &near).into_iter();
+        let along = along_contact(known, model, start_mode, &near).into_iter();
         along
-            .map(|along| Candidate { site: *site, begin, unknowns: [start.u, s, omega, along, 0.0], past: None })
+            .map(|along| Candidate { site: *site, start_mode, unknowns: [start.u, s, omega, along, 0.0], past: None })
             .collect()
     }
 }
@@ -278,17 +278,17 @@ impl Mismatch {
 }
 
 /// Where the contact slides throughout: in which direction.
-fn slip_of(known: &Known, begin: Begin) -> Option<Slip> {
-    match (known.touch, begin) {
-        (Touch::Sliding { .. }, Begin::Slips(slip)) => Some(slip),
-        (Touch::Sliding { .. }, Begin::Rest(slip)) => slip,
+fn slip_of(known: &Known, start_mode: StartMode) -> Option<Slip> {
+    match (known.touch, start_mode) {
+        (Touch::Sliding { .. }, StartMode::Slips(slip)) => Some(slip),
+        (Touch::Sliding { .. }, StartMode::Rest(slip)) => slip,
         _ => None,
     }
 }
 
 /// What to begin with along the contact: the settled velocity; where a push begins with slip, the settled slip or some others.
-fn along_contact(known: &Known, model: &PushModel, begin: Begin, near: &State) -> Vec<f64> {
-    let Begin::Slips(slip) = begin else { return vec![near.v_t] };
+fn along_contact(known: &Known, model: &PushModel, start_mode: StartMode, near: &State) -> Vec<f64> {
+    let StartMode::Slips(slip) = start_mode else { return vec![near.v_t] };
     let speed = Vector2::from(known.finger.velocity0).norm();
     let rolling = model.rolling_v_t(0.0, near);
     // The settled slip of a contact that slides on, and that of a part at rest, which the finger drags along.
@@ -350,15 +350,20 @@ fn start_angles(fitting: &Fitting, angles: Option<&[f64]>) -> Vec<Local> {
 }
 
 /// Near the local minima among simulations from a grid of starts.
-fn grid_seeds(fitting: &Fitting, site: &Site, begin: Begin, (starts, width): (&[Local], Width)) -> Vec<Candidate> {
+fn grid_seeds(
+    fitting: &Fitting,
+    site: &Site,
+    start_mode: StartMode,
+    (starts, width): (&[Local], Width),
+) -> Vec<Candidate> {
     let model = fitting.known.model(site.edge);
     let places = places(fitting.known, site);
     let mut rows: Vec<Vec<(f64, Option<Candidate>)>> = Vec::new();
     for start in starts {
         let tried = places.iter().map(|&s| {
-            let unknowns = tries(fitting, &model, begin, (start, s), width);
+            let unknowns = tries(fitting, &model, start_mode, (start, s), width);
             let costs = unknowns.into_iter().filter_map(|unknowns| {
-                let candidate = Candidate { site: *site, begin, unknowns, past: None };
+                let candidate = Candidate { site: *site, start_mode, unknowns, past: None };
                 Some((fitting.cost(&candidate)?, Some(candidate)))
             });
             costs.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, None))
@@ -372,13 +377,19 @@ fn grid_seeds(fitting: &Fitting, site: &Site, begin: Begin, (starts, width): (&[
 }
 
 /// Starts to try at one angle and place.
-fn tries(fitting: &Fitting, model: &PushModel, begin: Begin, (start, s): (&Local, f64), width: Width) -> Vec<Unknowns> {
+fn tries(
+    fitting: &Fitting,
+    model: &PushModel,
+    start_mode: StartMode,
+    (start, s): (&Local, f64),
+    width: Width,
+) -> Vec<Unknowns> {
     let known = fitting.known;
     let smoothed = State { u: start.value, s, omega: start.rate, v_t: 0.0 };
-    let settled = settled(model, known.touch, slip_of(known, begin), 0.0, &smoothed).map(|now| now.state);
+    let settled = settled(model, known.touch, slip_of(known, start_mode), 0.0, &smoothed).map(|now| now.state);
     let settles = settles(known, &fitting.data);
     let from = settled.filter(|_| settles).unwrap_or(smoothed);
-    let angle_known = angles(known, &fitting.data, begin).is_some();
+    let angle_known = angles(known, &fitting.data, start_mode).is_some();
     let toward_smoothed = |share: &f64| from.omega + share * (smoothed.omega - from.omega);
     let sigma = fitting.prior.omega0_sigma.unwrap_or(OMEGA_USUAL);
     let omegas: Vec<f64> = match (width, angle_known) {
@@ -390,13 +401,13 @@ fn tries(fitting: &Fitting, model: &PushModel, begin: Begin, (start, s): (&Local
     };
     let mut tried = Vec::new();
     for omega in omegas {
-        let mut along = along_contact(known, model, begin, &State { omega, ..from });
+        let mut along = along_contact(known, model, start_mode, &State { omega, ..from });
         if width == Width::Wide || !settles {
             let speed = Vector2::from(known.finger.velocity0).norm();
-            match begin {
-                Begin::Free => along.extend(ALONG.map(|share| share * speed)),
-                Begin::Slips(_) => along.extend(ALONG.map(|share| share.abs() * speed)),
-                Begin::NoSlip | Begin::Rest(_) => {}
+            match start_mode {
+                StartMode::Free => along.extend(ALONG.map(|share| share * speed)),
+                StartMode::Slips(_) => along.extend(ALONG.map(|share| share.abs() * speed)),
+                StartMode::NoSlip | StartMode::Rest(_) => {}
             }
         }
         tried.extend(along.into_iter().map(|along| [from.u, s, omega, along, 0.0]));

@@ -14,7 +14,7 @@ use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix4, Matrix5, Vector2, Vector5};
 use super::clock::{Fineness, count};
 use super::data::Data;
 use super::fit::{Candidate, Descent, Fitting, STEP_MAX};
-use super::initial_state::{Begin, MU_G, UNKNOWNS};
+use super::initial_state::{MU_G, StartMode, UNKNOWNS};
 use super::path::Site;
 use super::seed::{Width, angles, seeds, settling};
 use super::sites::sites;
@@ -160,7 +160,7 @@ struct Task<'a, 'p> {
     observation: &'a Observation,
     data: Data,
     sites: Vec<Site>,
-    begins: Vec<Begin>,
+    start_modes: Vec<StartMode>,
     simulations: &'a Cell<usize>,
     halt: &'a Halt<'a>,
 }
@@ -172,7 +172,15 @@ impl<'a, 'p> Task<'a, 'p> {
         (simulations, halt): (&'a Cell<usize>, &'a Halt<'a>),
     ) -> Self {
         let sites = sites(known.part, known.finger.radius);
-        Self { known, observation, data: Data::new(observation), sites, begins: Begin::all(known), simulations, halt }
+        Self {
+            known,
+            observation,
+            data: Data::new(observation),
+            sites,
+            start_modes: StartMode::all(known),
+            simulations,
+            halt,
+        }
     }
 
     /// Takes all candidates down until one should halt.
@@ -228,10 +236,10 @@ impl<'a, 'p> Task<'a, 'p> {
         }
         let fitting = self.coarse();
         let Some(settled) = self.settled(&fitting).filter(|_| width == Width::Narrow) else {
-            let candidates = seeds(&fitting, &self.sites, &self.begins, width);
+            let candidates = seeds(&fitting, &self.sites, &self.start_modes, width);
             return self.descend(&fitting, &candidates);
         };
-        let candidates = seeds(&settled, &self.sites, &self.begins, width);
+        let candidates = seeds(&settled, &self.sites, &self.start_modes, width);
         let minima = self.descend(&settled, &candidates);
         self.descend(&fitting, &along_valleys(&settled, &minima, &VALLEY_PLACES))
     }
@@ -239,8 +247,8 @@ impl<'a, 'p> Task<'a, 'p> {
     /// Without the values before the part has settled, where the angle is not felt: those tell the first rates, but lead astray
     /// as long as the place is not known.
     fn settled(&self, fitting: &Fitting<'a, 'p>) -> Option<Fitting<'_, 'p>> {
-        let is_measured = |begin: &Begin| angles(self.known, &self.data, *begin).is_some();
-        let time = settling(self.known, &self.data).filter(|_| !self.begins.iter().all(is_measured))?;
+        let is_measured = |start_mode: &StartMode| angles(self.known, &self.data, *start_mode).is_some();
+        let time = settling(self.known, &self.data).filter(|_| !self.start_modes.iter().all(is_measured))?;
         let coarse = self.fitting(SETTLED_SIGMAS * fitting.data.sigma_min(), 1.0);
         Some(Fitting { data: coarse.data.without_first(time), ..coarse })
     }
@@ -286,7 +294,7 @@ impl<'a, 'p> Task<'a, 'p> {
             let is_last = same.is_some() || power == FINER_MAX;
             minima = same.unwrap_or_else(|| self.again(&finer, &minima));
             if is_last {
-                return judge_all(&finer, &minima, self.begins.len());
+                return judge_all(&finer, &minima, self.start_modes.len());
             }
             power += 1;
         }
@@ -380,7 +388,7 @@ fn descend_patiently(fitting: &Fitting, candidates: &[Candidate], patience: usiz
 
 fn is_above(descent: &Descent, minimum: &Descent) -> bool {
     let (a, b) = (&descent.evaluation.candidate, &minimum.evaluation.candidate);
-    a.site == b.site && a.begin == b.begin && descent.evaluation.total() > minimum.evaluation.total()
+    a.site == b.site && a.start_mode == b.start_mode && descent.evaluation.total() > minimum.evaluation.total()
 }
 
 /// Keeps the lowest of descents that have met.
@@ -397,7 +405,7 @@ pub(super) fn merge_met(descents: &mut Vec<Descent>) {
 
 fn have_met(a: &Candidate, b: &Candidate) -> bool {
     let near = |i: usize| (a.unknowns[i] - b.unknowns[i]).abs() < MET[i];
-    a.site == b.site && a.begin == b.begin && (0..a.begin.unknowns()).chain([MU_G]).all(near)
+    a.site == b.site && a.start_mode == b.start_mode && (0..a.start_mode.unknowns()).chain([MU_G]).all(near)
 }
 
 /// Stiffens the walls until the minimum lies on them; none if it cannot.
@@ -419,7 +427,7 @@ fn onto_walls(fitting: &Fitting, descent: &Descent) -> Option<Descent> {
 }
 
 /// Judges the minima.
-pub(super) fn judge_all(fitting: &Fitting, descents: &[Descent], begins: usize) -> Estimate {
+pub(super) fn judge_all(fitting: &Fitting, descents: &[Descent], start_modes: usize) -> Estimate {
     let mut possible: Vec<_> = descents.iter().filter_map(|descent| onto_walls(fitting, descent)).collect();
     possible.sort_by(|a, b| a.evaluation.cost.total_cmp(&b.evaluation.cost));
     let degrees = |descent: &Descent| {
@@ -435,7 +443,7 @@ pub(super) fn judge_all(fitting: &Fitting, descents: &[Descent], begins: usize) 
     possible.retain(|descent| descent.evaluation.cost <= best + GATE);
     let mut judged: Vec<Judged> = Vec::new();
     for descent in &possible {
-        let next = judge(fitting, descent, begins);
+        let next = judge(fitting, descent, start_modes);
         if !judged.iter().any(|other| are_one(other, &next)) {
             judged.push(next);
         }
@@ -469,7 +477,7 @@ fn by_probability(mut judged: Vec<Judged>) -> Vec<Hypothesis> {
     shares.map(|(judged, weight)| Hypothesis { probability: weight / sum, ..judged.hypothesis }).collect()
 }
 
-fn judge(fitting: &Fitting, descent: &Descent, begins: usize) -> Judged {
+fn judge(fitting: &Fitting, descent: &Descent, start_modes: usize) -> Judged {
     let (evaluation, candidate) = (&descent.evaluation, &descent.evaluation.candidate);
     let (site, time) = (candidate.site, fitting.data.duration());
     let model = fitting.known.model(site.edge);
@@ -493,7 +501,7 @@ fn judge(fitting: &Fitting, descent: &Descent, begins: usize) -> Judged {
         cost: evaluation.cost,
         probability: 0.0,
     };
-    Judged { hypothesis, log_evidence: log_evidence(fitting, descent, begins), place: (site.low, site.high) }
+    Judged { hypothesis, log_evidence: log_evidence(fitting, descent, start_modes), place: (site.low, site.high) }
 }
 
 /// The information about the unknowns, the identity for those not free.
@@ -556,17 +564,17 @@ fn pose_covariance(fitting: &Fitting, descent: &Descent, contact: &Matrix2<f64>)
 }
 
 /// Laplace's approximation of the probability of the data, up to a factor that all hypotheses share.
-fn log_evidence(fitting: &Fitting, descent: &Descent, begins: usize) -> f64 {
+fn log_evidence(fitting: &Fitting, descent: &Descent, start_modes: usize) -> f64 {
     let (evaluation, candidate) = (&descent.evaluation, &descent.evaluation.candidate);
     let mut information = descent.evaluation.information;
     let bounds = fitting.bounds(candidate);
     let Prior { omega0_sigma, v_t0_sigma, mu_g_log_sigma } = fitting.prior;
     let sigmas = [None, None, omega0_sigma, v_t0_sigma, mu_g_log_sigma];
-    let mut log_prior = -super::clock::count(begins).ln();
+    let mut log_prior = -super::clock::count(start_modes).ln();
     for i in 0..UNKNOWNS {
         let width = bounds[i][1] - bounds[i][0];
         match sigmas[i] {
-            _ if !fitting.has(candidate.begin, i) => information[(i, i)] = TAU, // Cancels below.
+            _ if !fitting.has(candidate.start_mode, i) => information[(i, i)] = TAU, // Cancels below.
             Some(sigma) => log_prior -= (sigma * TAU.sqrt()).ln(),
             None if width.is_finite() && width > 0.0 => {
                 // Flat over its range: no wider than that, however little the data say. The perimeter is shared by all.

@@ -18,7 +18,7 @@ use nalgebra::{DMatrix, Matrix5, Vector2, Vector5};
 
 use super::data::Data;
 use super::fit::{Candidate, Descent, Fitting, Past};
-use super::initial_state::{Begin, MU_G, UNKNOWNS};
+use super::initial_state::{MU_G, StartMode, UNKNOWNS};
 use super::path::Site;
 use super::seed::{Width, seeds};
 use super::select::{REST_ERROR, descend_together, fineness, judge_all, least_cost, merge_met, total_max};
@@ -92,7 +92,7 @@ pub struct Tracker<'p> {
     known: Known<'p>,
     settings: TrackerSettings,
     sites: Vec<Site>,
-    begins: Vec<Begin>,
+    start_modes: Vec<StartMode>,
     window: Vec<f64>,
     /// Whether older values were dropped.
     full: bool,
@@ -118,7 +118,7 @@ impl<'p> Tracker<'p> {
         let fit = Fit { cost: None, degrees_of_freedom: 0, cost_max: 0.0 };
         Self {
             sites: sites(known.part, known.finger.radius),
-            begins: Begin::all(&known),
+            start_modes: StartMode::all(&known),
             known,
             settings,
             window: Vec::new(),
@@ -189,7 +189,7 @@ impl<'p> Tracker<'p> {
     fn conclude(&mut self, fitting: &Fitting, mut minima: Vec<Descent>) {
         keep_near_best(&mut minima);
         self.cost = least_cost(&minima);
-        let judged = judge_all(fitting, &minima, self.begins.len());
+        let judged = judge_all(fitting, &minima, self.start_modes.len());
         let outliers = self.held_back.iter().map(|(number, _)| *number).collect();
         self.estimate = Estimate { simulations: fitting.simulations.get(), outliers, ..judged };
         self.live = minima.iter().map(|descent| descent.evaluation.candidate).collect();
@@ -233,7 +233,7 @@ impl<'p> Tracker<'p> {
         wild.into_iter().for_each(|place| tried.hold_back(place));
         tried.held_back.sort_by_key(|(number, _)| *number);
         let fitting = tried.fitting(&known, tried.window.clone(), &simulations);
-        let candidates = seeds(&fitting, &tried.sites, &tried.begins, Width::Narrow);
+        let candidates = seeds(&fitting, &tried.sites, &tried.start_modes, Width::Narrow);
         tried.conclude(&fitting, descend_together(&fitting, &candidates));
         if !tried.estimate.hypotheses.is_empty() {
             *self = tried;
@@ -258,10 +258,10 @@ impl<'p> Tracker<'p> {
     /// Minima of the sites whose turn it is: all at first, then one now and then until values are dropped.
     fn searched(&mut self, fitting: &Fitting) -> Vec<Descent> {
         let candidates = if self.is_first() {
-            seeds(fitting, &self.sites, &self.begins, Width::Narrow)
+            seeds(fitting, &self.sites, &self.start_modes, Width::Narrow)
         } else if self.is_search_due() && !self.sites.is_empty() {
             self.next_site = (self.next_site + 1) % self.sites.len();
-            seeds(fitting, &[self.sites[self.next_site]], &self.begins, Width::Narrow)
+            seeds(fitting, &[self.sites[self.next_site]], &self.start_modes, Width::Narrow)
         } else {
             return Vec::new();
         };
@@ -304,16 +304,16 @@ fn remembered(fitting: &Fitting, candidate: &Candidate, time: f64) -> Option<Can
     // The plane's friction stays what it is.
     let mut by_start = Matrix5::identity();
     by_start.fixed_rows_mut::<MU_G>(0).copy_from(&evaluation.end_by_start);
-    let (begin, along) = match evaluation.contact_end {
-        Contact::Frictionless => (Begin::Free, end.v_t),
-        Contact::Rolling => (Begin::NoSlip, 0.0),
+    let (start_mode, along) = match evaluation.contact_end {
+        Contact::Frictionless => (StartMode::Free, end.v_t),
+        Contact::Rolling => (StartMode::NoSlip, 0.0),
         Contact::Sliding { slip, .. } => {
             // v_FT + hω − v_T in the direction of the slip; T turns with the contact.
             let model = fitting.known.model(edge);
             let finger_v_n = -Vector2::from(model.finger.velocity(time)).dot(&Vector2::new(end.u.cos(), end.u.sin()));
             let row = by_start.row(0) * finger_v_n + by_start.row(2) * edge.height - by_start.row(3);
             by_start.set_row(3, &(row * slip.sign()));
-            (Begin::Slips(slip), (model.slip(time, &end) * slip.sign()).max(0.0))
+            (StartMode::Slips(slip), (model.slip(time, &end) * slip.sign()).max(0.0))
         }
     };
     let (covariance, step) = fitting.spread(&descent)?;
@@ -322,11 +322,11 @@ fn remembered(fitting: &Fitting, candidate: &Candidate, time: f64) -> Option<Can
     let unknowns = [end.u, end.s, end.omega, along, candidate.unknowns[MU_G]];
     let past = Past {
         best: Vector5::from(unknowns) + by_start * step,
-        information: inverse_of(&spread, |unknown| fitting.has(begin, unknown))?,
+        information: inverse_of(&spread, |unknown| fitting.has(start_mode, unknown))?,
         cost: evaluation.cost - step.dot(&(evaluation.information * step)),
         terms: fitting.data.terms() + fitting.prior_terms(candidate),
     };
-    Some(Candidate { site: candidate.site, begin, unknowns, past: Some(past) })
+    Some(Candidate { site: candidate.site, start_mode, unknowns, past: Some(past) })
 }
 
 /// The inverse of the rows and columns of some unknowns, zeros elsewhere.

@@ -11,7 +11,7 @@ use crate::math::Jet;
 use crate::math::random::Draw;
 use crate::pushing::dynamics::{Contact, EndReason, Finger, PushModel};
 use crate::pushing::estimation::contact_angles::clock::{Clock, Fineness};
-use crate::pushing::estimation::contact_angles::initial_state::{Begin, Variable, initial_state, rest_span};
+use crate::pushing::estimation::contact_angles::initial_state::{StartMode, Variable, initial_state, rest_span};
 use crate::pushing::estimation::contact_angles::path::{self as contact_path, Site, plain_contact, plain_state};
 use crate::pushing::estimation::hypotheses::Status;
 use crate::pushing::estimation::{Known as PushKnown, Touch};
@@ -350,7 +350,7 @@ impl FromRest {
         let site = Site { index: self.edge, edge: self.model().edge, low: -1.0, high: 1.0 };
         let span = rest_span(&known, 1e-4);
         let start =
-            initial_state::<T>(&known, &site, (Begin::Rest(None), &[self.u, self.s, 0.0, 0.0, 0.0]), span, None)?;
+            initial_state::<T>(&known, &site, (StartMode::Rest(None), &[self.u, self.s, 0.0, 0.0, 0.0]), span, None)?;
         let dt = until / (VALUES - 1) as f64;
         let fineness = Fineness { share: 0.2, on_values: true };
         let relaxation_time = |time: f64| 0.1 * 0.4 * time / self.model_mu_g;
