@@ -14,7 +14,7 @@ use nalgebra::{Matrix4x5, Matrix5, RowVector5, SMatrix, SVector, Vector2, Vector
 use super::clock::{Clock, Fineness};
 use super::data::Data;
 use super::initial_state::{MU_G, StartMode, UNKNOWNS, Unknowns, Variable, initial_state, rest_span};
-use super::path::{Seen, Site, WALLS, follow, plain_contact, plain_state};
+use super::path::{ContactInterval, Seen, WALLS, follow, plain_contact, plain_state};
 use crate::math::Jet;
 use crate::math::angle::wrap_angle;
 use crate::math::least_squares::{self, Damping, Enough, Floor, NormalEquations, Problem, Settings};
@@ -100,7 +100,7 @@ pub(super) struct Fitting<'a, 'p> {
 /// A hypothesis.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Candidate {
-    pub(super) site: Site,
+    pub(super) interval: ContactInterval,
     pub(super) start_mode: StartMode,
     pub(super) unknowns: Unknowns,
     /// In place of the prior: what values before t = 0 say.
@@ -233,7 +233,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
     }
 
     /// The range of each unknown.
-    pub(super) fn bounds(&self, Candidate { site, start_mode, .. }: &Candidate) -> [[f64; 2]; UNKNOWNS] {
+    pub(super) fn bounds(&self, Candidate { interval, start_mode, .. }: &Candidate) -> [[f64; 2]; UNKNOWNS] {
         // Slip has a direction of its own; how fast it is follows from the bounds of the velocity, which are walls then.
         let slip_or = |start_mode: &StartMode, bounds| {
             if matches!(start_mode, StartMode::Slips(_)) { [0.0, f64::INFINITY] } else { bounds }
@@ -242,7 +242,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
         let unless = |sigma: Option<f64>, most: f64| if sigma.is_some() { free } else { [-most, most] };
         [
             self.data.u0_range.unwrap_or(free),
-            [site.low, site.high],
+            [interval.low, interval.high],
             unless(self.prior.omega0_sigma, OMEGA0_MAX),
             slip_or(start_mode, unless(self.prior.v_t0_sigma, V_T0_MAX)),
             if self.mu_g_is_unknown() { [-MU_G_LOG_MAX, MU_G_LOG_MAX] } else { [0.0; 2] },
@@ -292,14 +292,14 @@ impl<'a, 'p> Fitting<'a, 'p> {
 
     /// The cost alone, without derivatives.
     pub(super) fn cost(&self, candidate: &Candidate) -> Option<f64> {
-        let Candidate { site, start_mode, unknowns, past } = candidate;
+        let Candidate { interval, start_mode, unknowns, past } = candidate;
         self.simulations.update(|count| count + 1);
         let mu_g = self.mu_g::<f64>(candidate);
         let known = self.known_by(candidate);
         let initial_state =
-            initial_state(&known, site, (*start_mode, unknowns), self.rest_span, mu_g.map(|(mu_g, _)| mu_g))?;
+            initial_state(&known, interval, (*start_mode, unknowns), self.rest_span, mu_g.map(|(mu_g, _)| mu_g))?;
         let (mut cost, mut common) = (0.0, Common::none());
-        let path = follow(&known, site, &initial_state, &self.clock, |value, seen| {
+        let path = follow(&known, interval, &initial_state, &self.clock, |value, seen| {
             self.residuals(value, &seen, &mut common, |residual: f64| cost += residual * residual);
         })?;
         cost -= common.sum * common.sum / common.count.max(1.0);
@@ -319,15 +319,15 @@ impl<'a, 'p> Fitting<'a, 'p> {
     }
 
     fn evaluate_with<const N: usize>(&self, candidate: &Candidate) -> Option<Evaluation> {
-        let Candidate { site, start_mode, unknowns, past } = candidate;
+        let Candidate { interval, start_mode, unknowns, past } = candidate;
         self.simulations.update(|count| count + 1);
         let mu_g = self.mu_g::<Jet<N>>(candidate);
         let slots = Slots::<N> { mu_g: mu_g.is_some() };
         let known = self.known_by(candidate);
         let initial_state =
-            initial_state(&known, site, (*start_mode, unknowns), self.rest_span, mu_g.map(|(mu_g, _)| mu_g))?;
+            initial_state(&known, interval, (*start_mode, unknowns), self.rest_span, mu_g.map(|(mu_g, _)| mu_g))?;
         let (mut sums, mut common) = (NormalEquations::<N>::zero(), Common::none());
-        let path = follow(&known, site, &initial_state, &self.clock, |value, seen| {
+        let path = follow(&known, interval, &initial_state, &self.clock, |value, seen| {
             self.residuals(value, &seen, &mut common, |residual| add(&mut sums, residual));
         })?;
         without_mean(&mut sums, common);

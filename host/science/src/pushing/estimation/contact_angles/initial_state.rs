@@ -11,7 +11,7 @@
 
 use nalgebra::Vector2;
 
-use super::path::{InitialState, Site, lifted};
+use super::path::{ContactInterval, InitialState, lifted};
 use crate::math::Jet;
 use crate::pushing::dynamics::contact_mode::ContactFriction;
 use crate::pushing::dynamics::{Contact, PushModel, RestStart, Scalar, Slip, State};
@@ -93,14 +93,14 @@ impl<const N: usize> Variable for Jet<N> {
 /// the unknowns, of the value in `known`.
 pub(in crate::pushing::estimation) fn initial_state<T: Variable>(
     known: &Known,
-    site: &Site,
+    interval: &ContactInterval,
     (start_mode, unknowns): (StartMode, &Unknowns),
     rest_span: f64,
     mu_g: Option<T>,
 ) -> Option<InitialState<T>> {
     let [u, s, omega, along] = [0, 1, 2, 3].map(|index| T::variable(unknowns[index], index));
     let state = State { u, s, omega, v_t: along };
-    let plain = lifted::<T>(&known.model(site.edge));
+    let plain = lifted::<T>(&known.model(interval.edge));
     let model = PushModel { mu_g: mu_g.unwrap_or(plain.mu_g), ..plain };
     let rolling = |state: State<T>| State { v_t: model.rolling_v_t(0.0, &state), ..state };
     let (state, contact) = match start_mode {
@@ -113,7 +113,7 @@ pub(in crate::pushing::estimation) fn initial_state<T: Variable>(
             let state = rolling(state);
             (state, no_slip(known.touch, &model, &state))
         }
-        StartMode::Rest(slip) => return from_rest(known, site, slip, (u, s, mu_g), rest_span),
+        StartMode::Rest(slip) => return from_rest(known, interval, slip, (u, s, mu_g), rest_span),
     };
     Some(InitialState { time: 0.0, state, contact, rest: None, mu_g: model.mu_g })
 }
@@ -142,12 +142,12 @@ pub(in crate::pushing::estimation) fn rest_span(known: &Known, share: f64) -> f6
 
 fn from_rest<T: Variable>(
     known: &Known,
-    site: &Site,
+    interval: &ContactInterval,
     slip: Option<Slip>,
     (u, s, mu_g): (T, T, Option<T>),
     span: f64,
 ) -> Option<InitialState<T>> {
-    let plain = known.model(site.edge);
+    let plain = known.model(interval.edge);
     let (contact, start) = rest_start(known, &plain, slip, u.re(), s.re())?;
     let differ = |[du, ds, dg]: [f64; 3]| {
         let other = PushModel { mu_g: plain.mu_g + dg, ..plain };

@@ -12,13 +12,14 @@
 //!   hypothesis;
 //! - all candidates go down side by side, and those that cannot come near the best are given up early: see `select`.
 //!
-//! From observation to answer: `data` (what was felt, as it is compared); `sites` (where the disk can touch); `initial_state` (how a push
+//! From observation to answer: `data` (what was felt, as it is compared); `contact_intervals` (where the disk can touch); `initial_state` (how a push
 //! can begin); `clock`, `path` (simulation); `fit` (the cost and a step down); `manifold`, `seed` (where to begin); `select`
 //! (the search and the judgement). `track` does the same while the push goes on.
 //!
 //! Implements: MAP estimation beside the observers of thesis chapters 5 and 6. Frames: world. Units: SI. Errors: none.
 
 pub(super) mod clock;
+mod contact_intervals;
 mod data;
 mod fit;
 pub(super) mod initial_state;
@@ -26,7 +27,6 @@ mod manifold;
 pub(super) mod path;
 mod seed;
 mod select;
-mod sites;
 #[cfg(test)]
 mod tests;
 mod track;

@@ -36,7 +36,7 @@ pub(in crate::pushing::estimation) type Walls<T> = [T; WALLS];
 
 /// Where on an edge the disk can be.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::pushing::estimation) struct Site {
+pub(in crate::pushing::estimation) struct ContactInterval {
     /// The edge's number.
     pub(in crate::pushing::estimation) index: usize,
     /// The edge.
@@ -90,7 +90,7 @@ struct Walker<'a, 'p, T: Scalar, F> {
     /// The same without derivatives.
     plain: PushModel<'p>,
     touch: Touch,
-    site: &'a Site,
+    interval: &'a ContactInterval,
     clock: &'a Clock,
     see: F,
     next_value: usize,
@@ -110,15 +110,16 @@ struct Now<T> {
 /// Follows a path to the last value and shows `see` what each value would be. None if no force fits on the way.
 pub(in crate::pushing::estimation) fn follow<T: Scalar>(
     known: &Known,
-    site: &Site,
+    interval: &ContactInterval,
     initial_state: &InitialState<T>,
     clock: &Clock,
     see: impl FnMut(usize, Seen<T>),
 ) -> Option<Path<T>> {
-    let plain = PushModel { mu_g: initial_state.mu_g.re(), ..known.model(site.edge) };
+    let plain = PushModel { mu_g: initial_state.mu_g.re(), ..known.model(interval.edge) };
     let model = PushModel { mu_g: initial_state.mu_g, ..lifted(&plain) };
     let walls = [T::from(f64::INFINITY); WALLS];
-    let mut walker = Walker { model, plain, touch: known.touch, site, clock, see, next_value: 0, walls, changes: 0 };
+    let mut walker =
+        Walker { model, plain, touch: known.touch, interval, clock, see, next_value: 0, walls, changes: 0 };
     walker.walk(initial_state)
 }
 
@@ -211,7 +212,8 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
             }
             _ => {}
         }
-        let margins = [state.s - self.site.low, -(state.s - self.site.high), motion.normal_force, cone, slipping];
+        let margins =
+            [state.s - self.interval.low, -(state.s - self.interval.high), motion.normal_force, cone, slipping];
         for (least, margin) in self.walls.iter_mut().zip(margins) {
             if margin.re() < least.re() {
                 *least = margin;

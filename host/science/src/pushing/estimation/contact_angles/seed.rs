@@ -19,7 +19,7 @@ use super::data::{Data, Local, local};
 use super::fit::{Candidate, Fitting, relaxation_time};
 use super::initial_state::{StartMode, Unknowns};
 use super::manifold::{Settled, settled};
-use super::path::Site;
+use super::path::ContactInterval;
 use crate::pushing::dynamics::{PushModel, Slip, State};
 use crate::pushing::estimation::observation::{Known, Touch};
 
@@ -72,7 +72,7 @@ const SLIP_SMALL: f64 = 0.1;
 /// x/(1 − e⁻ˣ) for x of [`FIRST_MOMENTS`].
 const FIRST_EXCESS: f64 = 2.3;
 
-/// Candidates from a grid of simulations that are worth a descent, for each site and beginning.
+/// Candidates from a grid of simulations that are worth a descent, for each interval and beginning.
 const FROM_GRID_MAX: usize = 12;
 
 /// How widely to look for beginnings.
@@ -85,17 +85,24 @@ pub(super) enum Width {
 }
 
 /// Hypotheses to begin with.
-pub(super) fn seeds(fitting: &Fitting, sites: &[Site], start_modes: &[StartMode], width: Width) -> Vec<Candidate> {
+pub(super) fn seeds(
+    fitting: &Fitting,
+    contact_intervals: &[ContactInterval],
+    start_modes: &[StartMode],
+    width: Width,
+) -> Vec<Candidate> {
     let mut found = Vec::new();
     for &start_mode in start_modes {
         match angles(fitting.known, &fitting.data, start_mode) {
             Some(angles) if width == Width::Narrow && settles(fitting.known, &fitting.data) => {
                 let smoothed = SmoothedAngles::new(fitting, &angles);
-                sites.iter().for_each(|site| found.extend(smoothed.seeds(site, start_mode)));
+                contact_intervals.iter().for_each(|interval| found.extend(smoothed.seeds(interval, start_mode)));
             }
             angles => {
                 let starts = start_angles(fitting, angles.as_deref());
-                sites.iter().for_each(|site| found.extend(grid_seeds(fitting, site, start_mode, (&starts, width))));
+                contact_intervals
+                    .iter()
+                    .for_each(|interval| found.extend(grid_seeds(fitting, interval, start_mode, (&starts, width))));
             }
         }
     }
@@ -137,13 +144,13 @@ fn settles(known: &Known, data: &Data) -> bool {
 }
 
 /// Places on a stretch of an edge, ends included.
-fn places(known: &Known, site: &Site) -> Vec<f64> {
-    let length = site.high - site.low;
+fn places(known: &Known, interval: &ContactInterval) -> Vec<f64> {
+    let length = interval.high - interval.low;
     let wished = (length * PLACES_PER_RADIUS / known.part.inertia_per_mass().sqrt()).ceil();
     let steps = wished.clamp(PLACES.0, PLACES.1);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a few dozen")]
     let steps_whole = steps as usize;
-    (0..=steps_whole).map(|i| site.low + length * count(i) / steps).collect()
+    (0..=steps_whole).map(|i| interval.low + length * count(i) / steps).collect()
 }
 
 /// Contact angle and its rate at t = 0, of a part that forgets its start within `relaxation_time` (s).
@@ -176,11 +183,11 @@ impl<'a, 'p> SmoothedAngles<'a, 'p> {
         Self { fitting, times, angles: smooth, first }
     }
 
-    /// Near the local minima of one site.
-    fn seeds(&self, site: &Site, start_mode: StartMode) -> Vec<Candidate> {
-        let model = self.fitting.known.model(site.edge);
-        let places = places(self.fitting.known, site);
-        let off: Vec<_> = places.iter().map(|&s| self.mismatch(site, &model, start_mode, s)).collect();
+    /// Near the local minima of one interval.
+    fn seeds(&self, interval: &ContactInterval, start_mode: StartMode) -> Vec<Candidate> {
+        let model = self.fitting.known.model(interval.edge);
+        let places = places(self.fitting.known, interval);
+        let off: Vec<_> = places.iter().map(|&s| self.mismatch(interval, &model, start_mode, s)).collect();
         let squares: Vec<_> = off.iter().map(|off| off.square).collect();
         let margin = FLAT * self.fitting.data.sigma_min().powi(2);
         let near = |i: usize| {
@@ -188,11 +195,11 @@ impl<'a, 'p> SmoothedAngles<'a, 'p> {
             std::iter::once((vertex(&places, &squares, i), off[i].first_turn)).chain(beside)
         };
         let near = minima(&squares).into_iter().flat_map(near);
-        near.flat_map(|near| self.candidates(site, &model, start_mode, near)).collect()
+        near.flat_map(|near| self.candidates(interval, &model, start_mode, near)).collect()
     }
 
     /// How far off the angles are that the settled rates add up to, from a place at t = 0.
-    fn mismatch(&self, site: &Site, model: &PushModel, start_mode: StartMode, s0: f64) -> Mismatch {
+    fn mismatch(&self, interval: &ContactInterval, model: &PushModel, start_mode: StartMode, s0: f64) -> Mismatch {
         let slip = slip_of(self.fitting.known, start_mode);
         let beyond = BEYOND * self.fitting.known.part.inertia_per_mass().sqrt();
         let mut near = State { u: self.first.value, s: s0, omega: 0.0, v_t: 0.0 };
@@ -202,7 +209,7 @@ impl<'a, 'p> SmoothedAngles<'a, 'p> {
             let step = self.times[i] - time; // The first one from t = 0.
             near.s = self.moved(model, &near, last.as_ref(), s0, (i, step));
             (near.u, time) = (self.angles[i], self.times[i]);
-            if near.s < site.low - beyond || near.s > site.high + beyond {
+            if near.s < interval.low - beyond || near.s > interval.high + beyond {
                 return Mismatch::HOPELESS;
             }
             let Some(now) = settled(model, self.fitting.known.touch, slip, time, &near) else {
@@ -233,24 +240,30 @@ impl<'a, 'p> SmoothedAngles<'a, 'p> {
 
     fn candidates(
         &self,
-        site: &Site,
+        interval: &ContactInterval,
         model: &PushModel,
         start_mode: StartMode,
         (place, first_turn): (f64, f64),
     ) -> Vec<Candidate> {
         let known = self.fitting.known;
         // What the part turned by before it settled has moved the contact, by rolling or by sliding.
-        let (r, h) = (known.finger.radius, site.edge.height);
+        let (r, h) = (known.finger.radius, interval.edge.height);
         let levers = match known.touch {
             Touch::Rolling { .. } => vec![0.0], // The measured angle has been followed.
             Touch::Frictionless | Touch::Sliding { .. } => vec![r + h],
             Touch::Coulomb { .. } => vec![r, r + h],
         };
-        let places = levers.into_iter().map(|lever| (place + lever * first_turn).clamp(site.low, site.high));
-        places.flat_map(|s| self.candidates_at(site, model, start_mode, s)).collect()
+        let places = levers.into_iter().map(|lever| (place + lever * first_turn).clamp(interval.low, interval.high));
+        places.flat_map(|s| self.candidates_at(interval, model, start_mode, s)).collect()
     }
 
-    fn candidates_at(&self, site: &Site, model: &PushModel, start_mode: StartMode, s: f64) -> Vec<Candidate> {
+    fn candidates_at(
+        &self,
+        interval: &ContactInterval,
+        model: &PushModel,
+        start_mode: StartMode,
+        s: f64,
+    ) -> Vec<Candidate> {
         let known = self.fitting.known;
         let start = State { u: self.first.value, s, omega: self.first.rate, v_t: 0.0 };
         let near = settled(model, known.touch, slip_of(known, start_mode), 0.0, &start).map_or(start, |now| now.state);
@@ -258,7 +271,12 @@ impl<'a, 'p> SmoothedAngles<'a, 'p> {
         let near = State { omega, ..near };
         let along = along_contact(known, model, start_mode, &near).into_iter();
         along
-            .map(|along| Candidate { site: *site, start_mode, unknowns: [start.u, s, omega, along, 0.0], past: None })
+            .map(|along| Candidate {
+                interval: *interval,
+                start_mode,
+                unknowns: [start.u, s, omega, along, 0.0],
+                past: None,
+            })
             .collect()
     }
 }
@@ -352,18 +370,18 @@ fn start_angles(fitting: &Fitting, angles: Option<&[f64]>) -> Vec<Local> {
 /// Near the local minima among simulations from a grid of starts.
 fn grid_seeds(
     fitting: &Fitting,
-    site: &Site,
+    interval: &ContactInterval,
     start_mode: StartMode,
     (starts, width): (&[Local], Width),
 ) -> Vec<Candidate> {
-    let model = fitting.known.model(site.edge);
-    let places = places(fitting.known, site);
+    let model = fitting.known.model(interval.edge);
+    let places = places(fitting.known, interval);
     let mut rows: Vec<Vec<(f64, Option<Candidate>)>> = Vec::new();
     for start in starts {
         let tried = places.iter().map(|&s| {
             let unknowns = tries(fitting, &model, start_mode, (start, s), width);
             let costs = unknowns.into_iter().filter_map(|unknowns| {
-                let candidate = Candidate { site: *site, start_mode, unknowns, past: None };
+                let candidate = Candidate { interval: *interval, start_mode, unknowns, past: None };
                 Some((fitting.cost(&candidate)?, Some(candidate)))
             });
             costs.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, None))

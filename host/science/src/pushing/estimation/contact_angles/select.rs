@@ -12,12 +12,12 @@ use std::f64::consts::TAU;
 use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix4, Matrix5, Vector2, Vector5};
 
 use super::clock::{Fineness, count};
+use super::contact_intervals::contact_intervals;
 use super::data::Data;
 use super::fit::{Candidate, Descent, Fitting, STEP_MAX};
 use super::initial_state::{MU_G, StartMode, UNKNOWNS};
-use super::path::Site;
+use super::path::ContactInterval;
 use super::seed::{Width, angles, seeds, settling};
-use super::sites::sites;
 use crate::math::statistics::chi_square_quantile;
 use crate::pushing::estimation::hypotheses::{Estimate, Fit, GATE, Hypothesis, Nearness, SAME_END_M, pose};
 use crate::pushing::estimation::observation::{Known, Observation, Prior};
@@ -82,7 +82,7 @@ const PATIENCE: usize = 12;
 /// Rounds before any descent is given up.
 const ROUNDS_MIN: usize = 2;
 
-/// Descents on one site that are as near as this (angle in rad, place in m) and go on alike are one.
+/// Descents on one interval that are as near as this (angle in rad, place in m) and go on alike are one.
 const MET: [f64; UNKNOWNS] = [2e-3, 2e-4, 0.1, 2e-3, 0.02];
 
 /// Where nothing explains them, one of so many contact angles may be left out: with fewer, anything is explained without some of them;
@@ -159,7 +159,7 @@ struct Task<'a, 'p> {
     known: &'a Known<'p>,
     observation: &'a Observation,
     data: Data,
-    sites: Vec<Site>,
+    contact_intervals: Vec<ContactInterval>,
     start_modes: Vec<StartMode>,
     simulations: &'a Cell<usize>,
     halt: &'a Halt<'a>,
@@ -171,12 +171,12 @@ impl<'a, 'p> Task<'a, 'p> {
         observation: &'a Observation,
         (simulations, halt): (&'a Cell<usize>, &'a Halt<'a>),
     ) -> Self {
-        let sites = sites(known.part, known.finger.radius);
+        let contact_intervals = contact_intervals(known.part, known.finger.radius);
         Self {
             known,
             observation,
             data: Data::new(observation),
-            sites,
+            contact_intervals,
             start_modes: StartMode::all(known),
             simulations,
             halt,
@@ -236,10 +236,10 @@ impl<'a, 'p> Task<'a, 'p> {
         }
         let fitting = self.coarse();
         let Some(settled) = self.settled(&fitting).filter(|_| width == Width::Narrow) else {
-            let candidates = seeds(&fitting, &self.sites, &self.start_modes, width);
+            let candidates = seeds(&fitting, &self.contact_intervals, &self.start_modes, width);
             return self.descend(&fitting, &candidates);
         };
-        let candidates = seeds(&settled, &self.sites, &self.start_modes, width);
+        let candidates = seeds(&settled, &self.contact_intervals, &self.start_modes, width);
         let minima = self.descend(&settled, &candidates);
         self.descend(&fitting, &along_valleys(&settled, &minima, &VALLEY_PLACES))
     }
@@ -388,7 +388,7 @@ fn descend_patiently(fitting: &Fitting, candidates: &[Candidate], patience: usiz
 
 fn is_above(descent: &Descent, minimum: &Descent) -> bool {
     let (a, b) = (&descent.evaluation.candidate, &minimum.evaluation.candidate);
-    a.site == b.site && a.start_mode == b.start_mode && descent.evaluation.total() > minimum.evaluation.total()
+    a.interval == b.interval && a.start_mode == b.start_mode && descent.evaluation.total() > minimum.evaluation.total()
 }
 
 /// Keeps the lowest of descents that have met.
@@ -405,7 +405,7 @@ pub(super) fn merge_met(descents: &mut Vec<Descent>) {
 
 fn have_met(a: &Candidate, b: &Candidate) -> bool {
     let near = |i: usize| (a.unknowns[i] - b.unknowns[i]).abs() < MET[i];
-    a.site == b.site && a.start_mode == b.start_mode && (0..a.start_mode.unknowns()).chain([MU_G]).all(near)
+    a.interval == b.interval && a.start_mode == b.start_mode && (0..a.start_mode.unknowns()).chain([MU_G]).all(near)
 }
 
 /// Stiffens the walls until the minimum lies on them; none if it cannot.
@@ -479,11 +479,11 @@ fn by_probability(mut judged: Vec<Judged>) -> Vec<Hypothesis> {
 
 fn judge(fitting: &Fitting, descent: &Descent, start_modes: usize) -> Judged {
     let (evaluation, candidate) = (&descent.evaluation, &descent.evaluation.candidate);
-    let (site, time) = (candidate.site, fitting.data.duration());
-    let model = fitting.known.model(site.edge);
+    let (interval, time) = (candidate.interval, fitting.data.duration());
+    let model = fitting.known.model(interval.edge);
     let (state_covariance, mu_g_log_sd) = state_covariance(fitting, descent).unzip();
     let hypothesis = Hypothesis {
-        edge: site.index,
+        edge: interval.index,
         start: evaluation.start,
         contact_start: evaluation.contact_start,
         end: evaluation.end,
@@ -501,7 +501,11 @@ fn judge(fitting: &Fitting, descent: &Descent, start_modes: usize) -> Judged {
         cost: evaluation.cost,
         probability: 0.0,
     };
-    Judged { hypothesis, log_evidence: log_evidence(fitting, descent, start_modes), place: (site.low, site.high) }
+    Judged {
+        hypothesis,
+        log_evidence: log_evidence(fitting, descent, start_modes),
+        place: (interval.low, interval.high),
+    }
 }
 
 /// The information about the unknowns, the identity for those not free.
@@ -518,7 +522,7 @@ fn information(fitting: &Fitting, descent: &Descent) -> Matrix5<f64> {
 /// Covariance of the state at the end, and the standard deviation of ln(µg); none where the data leave the place free.
 fn state_covariance(fitting: &Fitting, descent: &Descent) -> Option<(Matrix4<f64>, f64)> {
     let (evaluation, candidate) = (&descent.evaluation, &descent.evaluation.candidate);
-    let length = candidate.site.high - candidate.site.low;
+    let length = candidate.interval.high - candidate.interval.low;
     let mut information = information(fitting, descent);
     let sizes = [1.0, length, 1.0, 0.1, 1.0];
     for (i, size) in sizes.iter().enumerate() {
@@ -546,7 +550,7 @@ fn state_covariance(fitting: &Fitting, descent: &Descent) -> Option<(Matrix4<f64
 fn pose_covariance(fitting: &Fitting, descent: &Descent, contact: &Matrix2<f64>) -> Matrix3<f64> {
     let (evaluation, candidate) = (&descent.evaluation, &descent.evaluation.candidate);
     let time = fitting.data.duration();
-    let model = fitting.known.model(candidate.site.edge);
+    let model = fitting.known.model(candidate.interval.edge);
     let (sin, cos) = evaluation.end.u.sin_cos();
     let origin = pose(&model, evaluation.start.u, time, &evaluation.end).origin();
     let arm = origin.coords - fitting.known.finger.centre(time).coords;

@@ -1,7 +1,7 @@
 //! The estimate while the push goes on: one value in, everything that is still possible out.
 //!
 //! Each hypothesis starts where the value before left it and takes one Gauss–Newton step, so a value costs a few simulations, not a
-//! search. While the window grows, one site of the outline after the other is searched anew, so that nothing is lost that
+//! search. While the window grows, one interval of the outline after the other is searched anew, so that nothing is lost that
 //! more values bring out. When the window is full, its older part is dropped and what it said about each hypothesis is kept as a
 //! Gaussian about the state at the window's new start (a moving horizon with an arrival cost).
 //!
@@ -16,13 +16,13 @@ use std::cell::Cell;
 
 use nalgebra::{DMatrix, Matrix5, Vector2, Vector5};
 
+use super::contact_intervals::contact_intervals;
 use super::data::Data;
 use super::fit::{Candidate, Descent, Fitting, Past};
 use super::initial_state::{MU_G, StartMode, UNKNOWNS};
-use super::path::Site;
+use super::path::ContactInterval;
 use super::seed::{Width, seeds};
 use super::select::{REST_ERROR, descend_together, fineness, judge_all, least_cost, merge_met, total_max};
-use super::sites::sites;
 use crate::pushing::dynamics::{Contact, Finger};
 use crate::pushing::estimation::hypotheses::{Estimate, Fit};
 use crate::pushing::estimation::observation::{Channel, Known, Measured, Observation, Prior};
@@ -30,7 +30,7 @@ use crate::pushing::estimation::observation::{Channel, Known, Measured, Observat
 /// Values before the first estimate.
 const VALUES_FIRST: usize = 15;
 
-/// Values between one search of a site and the next.
+/// Values between one search of a interval and the next.
 const SEARCH_EACH: usize = 4;
 
 /// Part of the window that is dropped when it is full: one in so many.
@@ -91,14 +91,14 @@ pub struct Tracker<'p> {
     /// With the finger as it is at the start of the window.
     known: Known<'p>,
     settings: TrackerSettings,
-    sites: Vec<Site>,
+    contact_intervals: Vec<ContactInterval>,
     start_modes: Vec<StartMode>,
     window: Vec<f64>,
     /// Whether older values were dropped.
     full: bool,
     /// Values so far.
     count: usize,
-    next_site: usize,
+    next_interval: usize,
     live: Vec<Candidate>,
     /// The least cost among them.
     cost: f64,
@@ -117,14 +117,14 @@ impl<'p> Tracker<'p> {
         let settings = TrackerSettings { window: settings.window.max(2 * VALUES_FIRST), ..settings };
         let fit = Fit { cost: None, degrees_of_freedom: 0, cost_max: 0.0 };
         Self {
-            sites: sites(known.part, known.finger.radius),
+            contact_intervals: contact_intervals(known.part, known.finger.radius),
             start_modes: StartMode::all(&known),
             known,
             settings,
             window: Vec::new(),
             full: false,
             count: 0,
-            next_site: 0,
+            next_interval: 0,
             live: Vec::new(),
             cost: f64::INFINITY,
             held_back: Vec::new(),
@@ -233,7 +233,7 @@ impl<'p> Tracker<'p> {
         wild.into_iter().for_each(|place| tried.hold_back(place));
         tried.held_back.sort_by_key(|(number, _)| *number);
         let fitting = tried.fitting(&known, tried.window.clone(), &simulations);
-        let candidates = seeds(&fitting, &tried.sites, &tried.start_modes, Width::Narrow);
+        let candidates = seeds(&fitting, &tried.contact_intervals, &tried.start_modes, Width::Narrow);
         tried.conclude(&fitting, descend_together(&fitting, &candidates));
         if !tried.estimate.hypotheses.is_empty() {
             *self = tried;
@@ -255,13 +255,13 @@ impl<'p> Tracker<'p> {
         !self.full && (self.is_first() || self.window.len().is_multiple_of(SEARCH_EACH))
     }
 
-    /// Minima of the sites whose turn it is: all at first, then one now and then until values are dropped.
+    /// Minima of the intervals whose turn it is: all at first, then one now and then until values are dropped.
     fn searched(&mut self, fitting: &Fitting) -> Vec<Descent> {
         let candidates = if self.is_first() {
-            seeds(fitting, &self.sites, &self.start_modes, Width::Narrow)
-        } else if self.is_search_due() && !self.sites.is_empty() {
-            self.next_site = (self.next_site + 1) % self.sites.len();
-            seeds(fitting, &[self.sites[self.next_site]], &self.start_modes, Width::Narrow)
+            seeds(fitting, &self.contact_intervals, &self.start_modes, Width::Narrow)
+        } else if self.is_search_due() && !self.contact_intervals.is_empty() {
+            self.next_interval = (self.next_interval + 1) % self.contact_intervals.len();
+            seeds(fitting, &[self.contact_intervals[self.next_interval]], &self.start_modes, Width::Narrow)
         } else {
             return Vec::new();
         };
@@ -300,7 +300,7 @@ fn keep_near_best(minima: &mut Vec<Descent>) {
 fn remembered(fitting: &Fitting, candidate: &Candidate, time: f64) -> Option<Candidate> {
     let descent = fitting.descend(*candidate)?;
     let evaluation = &descent.evaluation;
-    let (end, edge) = (evaluation.end, candidate.site.edge);
+    let (end, edge) = (evaluation.end, candidate.interval.edge);
     // The plane's friction stays what it is.
     let mut by_start = Matrix5::identity();
     by_start.fixed_rows_mut::<MU_G>(0).copy_from(&evaluation.end_by_start);
@@ -326,7 +326,7 @@ fn remembered(fitting: &Fitting, candidate: &Candidate, time: f64) -> Option<Can
         cost: evaluation.cost - step.dot(&(evaluation.information * step)),
         terms: fitting.data.terms() + fitting.prior_terms(candidate),
     };
-    Some(Candidate { site: candidate.site, start_mode, unknowns, past: Some(past) })
+    Some(Candidate { interval: candidate.interval, start_mode, unknowns, past: Some(past) })
 }
 
 /// The inverse of the rows and columns of some unknowns, zeros elsewhere.

@@ -12,7 +12,9 @@ use crate::math::random::Draw;
 use crate::pushing::dynamics::{Contact, EndReason, Finger, PushModel};
 use crate::pushing::estimation::contact_angles::clock::{Clock, Fineness};
 use crate::pushing::estimation::contact_angles::initial_state::{StartMode, Variable, initial_state, rest_span};
-use crate::pushing::estimation::contact_angles::path::{self as contact_path, Site, plain_contact, plain_state};
+use crate::pushing::estimation::contact_angles::path::{
+    self as contact_path, ContactInterval, plain_contact, plain_state,
+};
 use crate::pushing::estimation::hypotheses::Status;
 use crate::pushing::estimation::{Known as PushKnown, Touch};
 use crate::pushing::finger_motion::{Leg, Segment};
@@ -347,15 +349,20 @@ impl FromRest {
         const VALUES: usize = 41;
         let touch = Touch::Coulomb { friction: self.mu_c };
         let known = PushKnown { part: &self.part, mu_g: self.model_mu_g, finger: self.finger, touch };
-        let site = Site { index: self.edge, edge: self.model().edge, low: -1.0, high: 1.0 };
+        let interval = ContactInterval { index: self.edge, edge: self.model().edge, low: -1.0, high: 1.0 };
         let span = rest_span(&known, 1e-4);
-        let start =
-            initial_state::<T>(&known, &site, (StartMode::Rest(None), &[self.u, self.s, 0.0, 0.0, 0.0]), span, None)?;
+        let start = initial_state::<T>(
+            &known,
+            &interval,
+            (StartMode::Rest(None), &[self.u, self.s, 0.0, 0.0, 0.0]),
+            span,
+            None,
+        )?;
         let dt = until / (VALUES - 1) as f64;
         let fineness = Fineness { share: 0.2, on_values: true };
         let relaxation_time = |time: f64| 0.1 * 0.4 * time / self.model_mu_g;
         let clock = Clock::new((dt, VALUES), span, fineness, relaxation_time);
-        let path = contact_path::follow(&known, &site, &start, &clock, |_, _| ())?;
+        let path = contact_path::follow(&known, &interval, &start, &clock, |_, _| ())?;
         if path.walls[2].re() <= 0.0 {
             return None; // The finger would have had to pull.
         }

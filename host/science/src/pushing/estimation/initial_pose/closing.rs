@@ -2,7 +2,7 @@
 //!
 //! Units: SI, u in the unit of the finger's outline. Errors: none.
 
-use super::{RestingPush, Site, TimedContact};
+use super::{ContactInterval, RestingPush, TimedContact};
 use crate::math::roots::{Look, NearZero, border, near_zeros};
 
 /// Corrections of a place by its misfit over the slope: each gains several digits.
@@ -14,7 +14,7 @@ pub(super) const EXACT: f64 = 1e-10;
 /// Places nearer than this, in steps of the grid, may be the two sides of a fold, where the slope says little.
 const FOLD_STEPS: f64 = 2.5;
 
-/// Distance over which the slope is taken, as a share of the site's length.
+/// Distance over which the slope is taken, as a share of the interval's length.
 const SLOPE_SHARE: f64 = 1e-4;
 
 /// Places to either side of a rough one at which to simulate, and how far apart they are, in steps of the grid: together a step and
@@ -22,9 +22,9 @@ const SLOPE_SHARE: f64 = 1e-4;
 const AROUND: i32 = 4;
 const AROUND_STEP: f64 = 0.375;
 
-/// A rough misfit as a function of s₀ on one site, and how far it may be off.
+/// A rough misfit as a function of s₀ on one interval, and how far it may be off.
 pub(super) struct Rough<'a> {
-    pub(super) site: Site,
+    pub(super) interval: ContactInterval,
     pub(super) misfit: &'a dyn Fn(f64) -> Option<f64>,
     pub(super) grid: &'a [f64],
     pub(super) error: f64,
@@ -54,7 +54,7 @@ impl RestingPush {
             return Some(near);
         }
         let look = |at: f64| {
-            let angles = self.lasting_angles(&rough.site, at, &[first.t])?;
+            let angles = self.lasting_angles(&rough.interval, at, &[first.t])?;
             Some(Look { at, value: angles[0] - first.u })
         };
         if look(near.at).is_some() {
@@ -63,7 +63,7 @@ impl RestingPush {
         let step = rough.grid[1] - rough.grid[0];
         // No farther than the slope lets the misfit stay within its tolerance.
         let reach = (2.0 * tolerance / self.slope(rough, near.at)?.abs()).min(step);
-        let [low, high] = rough.site.side.range();
+        let [low, high] = rough.interval.side.range();
         let inside = [(near.at - reach).max(low), (near.at + reach).min(high)].into_iter().find_map(look)?;
         let Look { at, value } = border(&look, inside, near.at);
         (value.abs() <= tolerance).then_some(NearZero { at, value, ..near })
@@ -71,17 +71,17 @@ impl RestingPush {
 
     /// How the rough misfit changes with s₀.
     fn slope(&self, rough: &Rough, at: f64) -> Option<f64> {
-        let look = SLOPE_SHARE * rough.site.length();
+        let look = SLOPE_SHARE * rough.interval.length();
         Some(((rough.misfit)(at + look)? - (rough.misfit)(at - look)?) / (2.0 * look))
     }
 
-    pub(super) fn misfit(&self, site: &Site, s0: f64, first: TimedContact) -> Option<f64> {
-        Some(self.angle(site, s0, first.t)? - first.u)
+    pub(super) fn misfit(&self, interval: &ContactInterval, s0: f64, first: TimedContact) -> Option<f64> {
+        Some(self.angle(interval, s0, first.t)? - first.u)
     }
 
     /// The place moved along the rough slope to where it fits; none where that does not lead there.
     fn corrected(&self, rough: &Rough, near: &NearZero, first: TimedContact) -> Option<NearZero> {
-        let misfit = |s0: f64| self.misfit(&rough.site, s0, first);
+        let misfit = |s0: f64| self.misfit(&rough.interval, s0, first);
         if near.anywhere {
             return Some(NearZero { value: misfit(near.at)?, ..*near });
         }
@@ -97,7 +97,7 @@ impl RestingPush {
             .map(|index| (near.at + AROUND_STEP * f64::from(index) * step).clamp(low, high))
             .collect();
         grid.dedup();
-        near_zeros(&|s0| self.misfit(&rough.site, s0, first), &grid, tolerance)
+        near_zeros(&|s0| self.misfit(&rough.interval, s0, first), &grid, tolerance)
     }
 }
 

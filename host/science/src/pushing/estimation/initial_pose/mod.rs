@@ -49,13 +49,13 @@ const REFINEMENT_MAX: u32 = 16;
 /// Steps by which a candidate is moved to where all contacts fit best.
 const POLISH_STEPS: usize = 12;
 
-/// Step of the difference by which a candidate is moved, as a share of the site's length.
+/// Step of the difference by which a candidate is moved, as a share of the interval's length.
 const POLISH_DIFFERENCE: f64 = 1e-6;
 
 /// Tolerances that a later contact may be off by before a candidate is moved: motions part by less than a thousandfold.
 const HOPELESS: f64 = 1e3;
 
-/// Candidates nearer than this share of the site's length are one.
+/// Candidates nearer than this share of the interval's length are one.
 const SAME_PLACE: f64 = 1e-7;
 
 /// How deep a finger may reach into the part elsewhere, as a share of its size: rounding of the input.
@@ -75,7 +75,7 @@ pub enum Object {
 pub struct RestingPush {
     object: Object,
     body: Body,
-    sites: Vec<Site>,
+    contact_intervals: Vec<ContactInterval>,
     shape: FingerShape,
     path: FingerPath,
     mu_g: f64,
@@ -84,7 +84,7 @@ pub struct RestingPush {
 
 /// Where the part may be touched.
 #[derive(Clone, Copy, Debug)]
-struct Site {
+struct ContactInterval {
     edge: Option<usize>,
     side: PartSide,
     /// Of s₀.
@@ -93,7 +93,7 @@ struct Site {
 
 /// A place that fits all contacts.
 struct FittingPlace {
-    site: Site,
+    interval: ContactInterval,
     near: NearZero,
     misfits: Vec<f64>,
 }
@@ -168,12 +168,12 @@ impl RestingPush {
         path: FingerPath,
         u0: f64,
     ) -> Result<Self, InitialPoseError> {
-        let (body, sites) = match &object {
+        let (body, contact_intervals) = match &object {
             Object::Polygon(polygon) => of_polygon(polygon, mu_g),
             Object::Ellipse(semi_axes) => of_ellipse(*semi_axes, mu_g),
         };
-        let push = Self { object, body, sites, shape, path, mu_g, u0 };
-        push.sites.iter().try_for_each(|site| push.model(site).map(|_| ()))?;
+        let push = Self { object, body, contact_intervals, shape, path, mu_g, u0 };
+        push.contact_intervals.iter().try_for_each(|interval| push.model(interval).map(|_| ()))?;
         let angle = push.normal_angle();
         let toward = Vector2::from(path.acceleration).dot(&Vector2::new(angle.cos(), angle.sin()));
         // Written so that NaN is refused.
@@ -189,8 +189,8 @@ impl RestingPush {
         }
     }
 
-    fn model(&self, site: &Site) -> Result<ShapedModel<'_>, ShapeError> {
-        ShapedModel::new(&self.body, site.side, self.mu_g, self.shape, self.path)
+    fn model(&self, interval: &ContactInterval) -> Result<ShapedModel<'_>, ShapeError> {
+        ShapedModel::new(&self.body, interval.side, self.mu_g, self.shape, self.path)
     }
 
     /// Every resting pose that agrees with contacts (times increasing, above 0; at least one) within `tolerance`.
@@ -232,28 +232,33 @@ impl RestingPush {
         let Some(first) = contacts.first() else {
             return RestingPoses { solutions: Vec::new(), candidates: Vec::new() };
         };
-        let sites = self.sites.iter().take_while(|_| !halt.is_wished());
-        let places = sites.flat_map(|site| self.scanned(*site, *first, tolerance));
+        let contact_intervals = self.contact_intervals.iter().take_while(|_| !halt.is_wished());
+        let places = contact_intervals.flat_map(|interval| self.scanned(*interval, *first, tolerance));
         let places: Vec<_> = places.collect();
         let last = contacts[contacts.len() - 1];
         // With friction a look at the last contact costs as much as all of them.
-        let hopeless = |site: &Site, s0: f64| {
-            let u = if self.mu_g > 0.0 { None } else { self.angle(site, s0, last.t) };
+        let hopeless = |interval: &ContactInterval, s0: f64| {
+            let u = if self.mu_g > 0.0 { None } else { self.angle(interval, s0, last.t) };
             u.is_some_and(|u| (u - last.u).abs() > HOPELESS * tolerance)
         };
         self.judged(&places, (&contacts, tolerance), &hopeless, halt)
     }
 
-    /// Places of a site that fit a contact. Without friction a rough simulation looks around.
-    fn scanned(&self, site: Site, first: TimedContact, tolerance: f64) -> Vec<(Site, NearZero)> {
-        let grid = site.grid(self.refinement(first.t));
+    /// Places of a interval that fit a contact. Without friction a rough simulation looks around.
+    fn scanned(
+        &self,
+        interval: ContactInterval,
+        first: TimedContact,
+        tolerance: f64,
+    ) -> Vec<(ContactInterval, NearZero)> {
+        let grid = interval.grid(self.refinement(first.t));
         let found = if self.mu_g > 0.0 {
-            near_zeros(&|s0| self.misfit(&site, s0, first), &grid, tolerance)
+            near_zeros(&|s0| self.misfit(&interval, s0, first), &grid, tolerance)
         } else {
-            let misfit = |s0: f64| Some(self.scanned_angle(&site, s0, first.t)? - first.u);
-            self.places(&Rough { site, misfit: &misfit, grid: &grid, error: SCAN_ERROR }, first, tolerance)
+            let misfit = |s0: f64| Some(self.scanned_angle(&interval, s0, first.t)? - first.u);
+            self.places(&Rough { interval, misfit: &misfit, grid: &grid, error: SCAN_ERROR }, first, tolerance)
         };
-        found.into_iter().map(|near| (site, near)).collect()
+        found.into_iter().map(|near| (interval, near)).collect()
     }
 
     /// How much more closely to look than at a push of usual length: motions part as it goes on. No closer than [`REFINEMENT_MAX`].
@@ -270,15 +275,15 @@ impl RestingPush {
     /// fewer if the contact ends before.
     #[must_use]
     pub fn predicted(&self, edge: Option<usize>, s0: f64, times: &[f64]) -> Vec<f64> {
-        let site = self.sites.iter().find(|site| site.edge == edge);
-        site.map_or_else(Vec::new, |site| self.angles(site, s0, times))
+        let interval = self.contact_intervals.iter().find(|interval| interval.edge == edge);
+        interval.map_or_else(Vec::new, |interval| self.angles(interval, s0, times))
     }
 
     /// The pose that goes with a place on the part.
     #[must_use]
     pub fn resting_pose(&self, edge: Option<usize>, s0: f64) -> Option<Pose> {
-        let site = self.sites.iter().find(|site| site.edge == edge)?;
-        let (model, state) = (self.model(site).ok()?, self.start(s0));
+        let interval = self.contact_intervals.iter().find(|interval| interval.edge == edge)?;
+        let (model, state) = (self.model(interval).ok()?, self.start(s0));
         let origin = model.position(0.0, &state);
         Some(Pose { x: origin.x, y: origin.y, theta: model.theta(&state) })
     }
@@ -288,33 +293,33 @@ impl RestingPush {
     }
 
     /// u at each time until the contact ends.
-    fn angles(&self, site: &Site, s0: f64, times: &[f64]) -> Vec<f64> {
-        let run = self.run(site, s0, times);
+    fn angles(&self, interval: &ContactInterval, s0: f64, times: &[f64]) -> Vec<f64> {
+        let run = self.run(interval, s0, times);
         run.map_or_else(Vec::new, |run| run.samples.iter().map(|sample| sample.state.u).collect())
     }
 
     /// u at each time, if the contact lasts.
-    fn lasting_angles(&self, site: &Site, s0: f64, times: &[f64]) -> Option<Vec<f64>> {
-        let [low, high] = site.side.range();
+    fn lasting_angles(&self, interval: &ContactInterval, s0: f64, times: &[f64]) -> Option<Vec<f64>> {
+        let [low, high] = interval.side.range();
         let glided = self.mu_g == 0.0 && low <= s0 && s0 <= high;
-        match glided.then(|| self.glided(site, s0, times)).flatten() {
+        match glided.then(|| self.glided(interval, s0, times)).flatten() {
             Some(Glided { angles, lasts: Some(lasts) }) => lasts.then_some(angles),
-            _ => Some(self.angles(site, s0, times)).filter(|angles| angles.len() == times.len()),
+            _ => Some(self.angles(interval, s0, times)).filter(|angles| angles.len() == times.len()),
         }
     }
 
     /// u at a time; without friction under the part as if the contact lasted, otherwise none where it does not.
-    fn angle(&self, site: &Site, s0: f64, time: f64) -> Option<f64> {
+    fn angle(&self, interval: &ContactInterval, s0: f64, time: f64) -> Option<f64> {
         if self.mu_g > 0.0 {
-            return self.angles(site, s0, &[time]).first().copied();
+            return self.angles(interval, s0, &[time]).first().copied();
         }
-        self.glided(site, s0, &[time])?.angles.first().copied()
+        self.glided(interval, s0, &[time])?.angles.first().copied()
     }
 
     /// The push from a place; none where it cannot begin.
-    fn run(&self, site: &Site, s0: f64, times: &[f64]) -> Option<Run> {
+    fn run(&self, interval: &ContactInterval, s0: f64, times: &[f64]) -> Option<Run> {
         let start = Start::Rest { u: self.u0, s: s0 };
-        let push = ShapedPush::new(self.model(site).ok()?, ContactLaw::Frictionless, start, EdgeEnd::Stop);
+        let push = ShapedPush::new(self.model(interval).ok()?, ContactLaw::Frictionless, start, EdgeEnd::Stop);
         push.ok()?.run(times).ok()
     }
 
@@ -322,26 +327,27 @@ impl RestingPush {
     /// brings to fit the last.
     fn judged(
         &self,
-        places: &[(Site, NearZero)],
+        places: &[(ContactInterval, NearZero)],
         (contacts, tolerance): (&[TimedContact], f64),
-        hopeless: &dyn Fn(&Site, f64) -> bool,
+        hopeless: &dyn Fn(&ContactInterval, f64) -> bool,
         halt: &Halt<'_>,
     ) -> RestingPoses {
-        let mut apart: Vec<(Site, NearZero)> = Vec::new();
-        for &(site, near) in places {
-            let same = |(other, kept): &(Site, NearZero)| other.is_same_place(&site, kept.at, near.at);
-            if !apart.iter().any(same) && !self.overlaps(&site, near.at) {
-                apart.push((site, near));
+        let mut apart: Vec<(ContactInterval, NearZero)> = Vec::new();
+        for &(interval, near) in places {
+            let same = |(other, kept): &(ContactInterval, NearZero)| other.is_same_place(&interval, kept.at, near.at);
+            if !apart.iter().any(same) && !self.overlaps(&interval, near.at) {
+                apart.push((interval, near));
             }
         }
-        let possible = apart.iter().filter(|(site, near)| !hopeless(site, near.at));
-        let fits = possible.take_while(|_| !halt.is_wished()).filter_map(|&(site, near)| {
-            let (at, misfits) = polished(near.at, site, &|s0| self.misfits(&site, s0, contacts), tolerance)?;
-            Some(FittingPlace { site, near: NearZero { at, ..near }, misfits })
+        let possible = apart.iter().filter(|(interval, near)| !hopeless(interval, near.at));
+        let fits = possible.take_while(|_| !halt.is_wished()).filter_map(|&(interval, near)| {
+            let (at, misfits) = polished(near.at, interval, &|s0| self.misfits(&interval, s0, contacts), tolerance)?;
+            Some(FittingPlace { interval, near: NearZero { at, ..near }, misfits })
         });
-        let fits = fits.filter(|fit| !self.overlaps(&fit.site, fit.near.at)).collect();
+        let fits = fits.filter(|fit| !self.overlaps(&fit.interval, fit.near.at)).collect();
         let solutions = self.one_each(fits, contacts, tolerance);
-        let candidate = |&(site, near): &(Site, NearZero)| self.pose_at(&site, &near, vec![near.value]);
+        let candidate =
+            |&(interval, near): &(ContactInterval, NearZero)| self.pose_at(&interval, &near, vec![near.value]);
         let mut candidates: Vec<_> = apart.iter().map(candidate).collect();
         // What fits to rounding fits alike, whatever the rounding.
         let misfit = |pose: &RestingPose| squares(&pose.residuals).max(EXACT * EXACT);
@@ -352,46 +358,46 @@ impl RestingPush {
 
     /// One pose for each stretch of places that all fit, best first.
     fn one_each(&self, mut fits: Vec<FittingPlace>, contacts: &[TimedContact], tolerance: f64) -> Vec<RestingPose> {
-        let is_fit = |site: &Site, s0: f64| {
-            self.misfits(site, s0, contacts).is_some_and(|misfits| all_within(&misfits, tolerance))
+        let is_fit = |interval: &ContactInterval, s0: f64| {
+            self.misfits(interval, s0, contacts).is_some_and(|misfits| all_within(&misfits, tolerance))
         };
         fits.sort_by(|a, b| squares(&a.misfits).total_cmp(&squares(&b.misfits)));
         let mut kept: Vec<FittingPlace> = Vec::new();
         for fit in fits {
             let joined = |best: &FittingPlace| {
-                let (from, way) = (best.near.at, fit.site.way(best.near.at, fit.near.at));
-                best.site.is_same_place(&fit.site, from, fit.near.at)
-                    || (best.site.edge == fit.site.edge
-                        && [0.25, 0.5, 0.75].iter().all(|share| is_fit(&fit.site, from + share * way)))
+                let (from, way) = (best.near.at, fit.interval.way(best.near.at, fit.near.at));
+                best.interval.is_same_place(&fit.interval, from, fit.near.at)
+                    || (best.interval.edge == fit.interval.edge
+                        && [0.25, 0.5, 0.75].iter().all(|share| is_fit(&fit.interval, from + share * way)))
             };
             if !kept.iter().any(joined) {
                 kept.push(fit);
             }
         }
-        kept.into_iter().map(|fit| self.pose_at(&fit.site, &fit.near, fit.misfits)).collect()
+        kept.into_iter().map(|fit| self.pose_at(&fit.interval, &fit.near, fit.misfits)).collect()
     }
 
     /// u as predicted less u as felt, if the contact lasts as long as the data.
-    fn misfits(&self, site: &Site, s0: f64, contacts: &[TimedContact]) -> Option<Vec<f64>> {
+    fn misfits(&self, interval: &ContactInterval, s0: f64, contacts: &[TimedContact]) -> Option<Vec<f64>> {
         let times: Vec<_> = contacts.iter().map(|contact| contact.t).collect();
-        let angles = self.lasting_angles(site, s0, &times)?;
+        let angles = self.lasting_angles(interval, s0, &times)?;
         Some(angles.iter().zip(contacts).map(|(u, contact)| u - contact.u).collect())
     }
 
-    fn pose_at(&self, site: &Site, near: &NearZero, residuals: Vec<f64>) -> RestingPose {
-        let s0 = site.principal(near.at);
-        let pose = self.resting_pose(site.edge, s0).unwrap_or(Pose { x: f64::NAN, y: f64::NAN, theta: f64::NAN });
-        RestingPose { edge: site.edge, s0, pose, residuals, anywhere: near.anywhere }
+    fn pose_at(&self, interval: &ContactInterval, near: &NearZero, residuals: Vec<f64>) -> RestingPose {
+        let s0 = interval.principal(near.at);
+        let pose = self.resting_pose(interval.edge, s0).unwrap_or(Pose { x: f64::NAN, y: f64::NAN, theta: f64::NAN });
+        RestingPose { edge: interval.edge, s0, pose, residuals, anywhere: near.anywhere }
     }
 
     /// Whether the finger would reach into the part elsewhere; only parts with reflex corners let it.
-    fn overlaps(&self, site: &Site, s0: f64) -> bool {
+    fn overlaps(&self, interval: &ContactInterval, s0: f64) -> bool {
         let semi_axes = match self.shape {
             FingerShape::Disk { radius } => [radius; 2],
             FingerShape::Ellipse { semi_axes } => semi_axes,
             FingerShape::Line => return false,
         };
-        let (Object::Polygon(polygon), Some(pose)) = (&self.object, self.resting_pose(site.edge, s0)) else {
+        let (Object::Polygon(polygon), Some(pose)) = (&self.object, self.resting_pose(interval.edge, s0)) else {
             return false;
         };
         let world = pose.isometry();
@@ -443,8 +449,8 @@ impl RestingPush {
         let time_end = contacts.measured.last().map_or(0.0, |last| last.t);
         let probability = 1.0 / solutions.len().max(1) as f64;
         let explained = |found: &RestingPose| {
-            let site = self.sites.iter().find(|site| site.edge == found.edge)?;
-            let end = *self.run(site, found.s0, &[time_end])?.samples.last()?;
+            let interval = self.contact_intervals.iter().find(|interval| interval.edge == found.edge)?;
+            let end = *self.run(interval, found.s0, &[time_end])?.samples.last()?;
             let most = found.residuals.iter().fold(0.0_f64, |most, residual| most.max(residual.abs()));
             Some(Hypothesis {
                 edge: found.edge.unwrap_or(0),
@@ -473,25 +479,25 @@ impl RestingPush {
 }
 
 /// Without friction under it, what a part rests on does not matter; none is the cheapest to compute with.
-fn of_polygon(polygon: &SimplePolygon, mu_g: f64) -> (Body, Vec<Site>) {
+fn of_polygon(polygon: &SimplePolygon, mu_g: f64) -> (Body, Vec<ContactInterval>) {
     let part = Part::uniform(polygon.clone());
     let body = if mu_g > 0.0 { part.body().clone() } else { Body::on_feet(&[], Mass::uniform(polygon)) };
     let edges = (0..polygon.vertices().len()).filter_map(|index| Some((index, part.edge(index).ok()?)));
-    let site = |(index, edge): (usize, crate::pushing::dynamics::Edge)| Site {
+    let interval = |(index, edge): (usize, crate::pushing::dynamics::Edge)| ContactInterval {
         edge: Some(index),
         side: PartSide::Edge(edge),
         range: [edge.s_min, edge.s_max],
     };
-    (body, edges.map(site).collect())
+    (body, edges.map(interval).collect())
 }
 
-fn of_ellipse(semi_axes: [f64; 2], mu_g: f64) -> (Body, Vec<Site>) {
+fn of_ellipse(semi_axes: [f64; 2], mu_g: f64) -> (Body, Vec<ContactInterval>) {
     let body = if mu_g > 0.0 { Body::ellipse(semi_axes) } else { Body::on_feet(&[], Mass::of_ellipse(semi_axes)) };
     let side = PartSide::Ellipse { semi_axes, middle: [0.0; 2] };
-    (body, vec![Site { edge: None, side, range: [0.0, PI] }])
+    (body, vec![ContactInterval { edge: None, side, range: [0.0, PI] }])
 }
 
-impl Site {
+impl ContactInterval {
     fn length(&self) -> f64 {
         self.range[1] - self.range[0]
     }
@@ -518,7 +524,7 @@ impl Site {
         if self.edge.is_some() { b - a } else { (b - a + PI / 2.0).rem_euclid(PI) - PI / 2.0 }
     }
 
-    /// Whether a place on this and one on another site are one.
+    /// Whether a place on this and one on another interval are one.
     fn is_same_place(&self, other: &Self, here: f64, there: f64) -> bool {
         self.edge == other.edge && self.gap(here, there) < SAME_PLACE * self.length()
     }
@@ -537,22 +543,32 @@ fn all_within(misfits: &[f64], tolerance: f64) -> bool {
 }
 
 /// The place near a candidate at which all contacts fit best, with what they are off by, if they all fit there.
-fn polished(s0: f64, site: Site, misfits: &dyn Fn(f64) -> Option<Vec<f64>>, tolerance: f64) -> Option<(f64, Vec<f64>)> {
+fn polished(
+    s0: f64,
+    interval: ContactInterval,
+    misfits: &dyn Fn(f64) -> Option<Vec<f64>>,
+    tolerance: f64,
+) -> Option<(f64, Vec<f64>)> {
     let (mut at, mut here) = (s0, misfits(s0)?);
     for _ in 0..POLISH_STEPS {
         // Exact data fit to a thousandth already.
         if all_within(&here, 1e-3 * tolerance) {
             break;
         }
-        let Some((next, there)) = improved(at, &here, site, misfits) else { break };
+        let Some((next, there)) = improved(at, &here, interval, misfits) else { break };
         (at, here) = (next, there);
     }
     all_within(&here, tolerance).then_some((at, here))
 }
 
 /// A Gauss–Newton step, shortened until it improves; none if it does not.
-fn improved(at: f64, here: &[f64], site: Site, misfits: &dyn Fn(f64) -> Option<Vec<f64>>) -> Option<(f64, Vec<f64>)> {
-    let look = POLISH_DIFFERENCE * site.length();
+fn improved(
+    at: f64,
+    here: &[f64],
+    interval: ContactInterval,
+    misfits: &dyn Fn(f64) -> Option<Vec<f64>>,
+) -> Option<(f64, Vec<f64>)> {
+    let look = POLISH_DIFFERENCE * interval.length();
     let beside = misfits(at + look).map(|there| (there, look)).or_else(|| Some((misfits(at - look)?, -look)))?;
     let slopes: Vec<_> = beside.0.iter().zip(here).map(|(there, here)| (there - here) / beside.1).collect();
     let full = -here.iter().zip(&slopes).map(|(misfit, slope)| misfit * slope).sum::<f64>() / squares(&slopes);

@@ -2,12 +2,12 @@
 //!
 //! Without friction under the part its motion is smooth in t from the start, and goes on smoothly where in truth the contact ends: an
 //! edge is followed as a line, and the finger pulls if it has to. So u at a time is a smooth function of s₀ over the whole
-//! site, with no borders to find. Roughly by the classical Runge–Kutta method of order 4, exactly by [`Glide`]; whether the contact
+//! interval, with no borders to find. Roughly by the classical Runge–Kutta method of order 4, exactly by [`Glide`]; whether the contact
 //! lasts is seen from the places passed, and where that is close, by the full simulation.
 //!
 //! Units: SI. Errors: none; a contact that ends has no value.
 
-use super::{RestingPush, Site};
+use super::{ContactInterval, RestingPush};
 use crate::math::ode::{self, Moment};
 use crate::pushing::dynamics::{Contact, Glide, Passed, State};
 
@@ -27,8 +27,8 @@ pub(super) struct Glided {
 
 impl RestingPush {
     /// u at a time, roughly, as if the contact lasted.
-    pub(super) fn scanned_angle(&self, site: &Site, s0: f64, time: f64) -> Option<f64> {
-        let model = self.model(site).ok()?;
+    pub(super) fn scanned_angle(&self, interval: &ContactInterval, s0: f64, time: f64) -> Option<f64> {
+        let model = self.model(interval).ok()?;
         let steps = self.refinement(time) * SCAN_STEPS;
         let dt = time / f64::from(steps);
         let step = |state: State, index| {
@@ -43,8 +43,8 @@ impl RestingPush {
     }
 
     /// u at each time (increasing) as if the contact lasted.
-    pub(super) fn glided(&self, site: &Site, s0: f64, times: &[f64]) -> Option<Glided> {
-        let (model, mut passed) = (self.model(site).ok()?, Vec::new());
+    pub(super) fn glided(&self, interval: &ContactInterval, s0: f64, times: &[f64]) -> Option<Glided> {
+        let (model, mut passed) = (self.model(interval).ok()?, Vec::new());
         let glide = Glide { model: &model, contact: Contact::Frictionless };
         let (mut time, mut state) = (0.0, self.start(s0));
         let mut angles = Vec::with_capacity(times.len());
@@ -54,13 +54,13 @@ impl RestingPush {
             angles.push(state.u);
         }
         passed.push(glide.place(time, &state));
-        Some(Glided { angles, lasts: lasts(site, &passed) })
+        Some(Glided { angles, lasts: lasts(interval, &passed) })
     }
 }
 
 /// Whether the contact stays on the part and presses, by more than either changes from one place passed to the next.
-fn lasts(site: &Site, passed: &[Passed]) -> Option<bool> {
-    let [low, high] = site.side.range();
+fn lasts(interval: &ContactInterval, passed: &[Passed]) -> Option<bool> {
+    let [low, high] = interval.side.range();
     let clear = |two: &[Passed]| {
         let (travel, change) = ((two[1].s - two[0].s).abs(), (two[1].normal_force - two[0].normal_force).abs());
         let room = two.iter().map(|place| (place.s - low).min(high - place.s)).fold(f64::INFINITY, f64::min);

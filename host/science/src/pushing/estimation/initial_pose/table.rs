@@ -7,7 +7,7 @@
 //! Assumes: as [`super`]. Units: SI. Errors: none; contacts later than the table are simulated as without it.
 
 use super::closing::Rough;
-use super::{HOPELESS, RestingPoses, RestingPush, Site, TimedContact};
+use super::{ContactInterval, HOPELESS, RestingPoses, RestingPush, TimedContact};
 use crate::math::roots::{NearZero, near_zeros};
 use crate::search::{Halt, Searched, Stop, never};
 
@@ -47,12 +47,12 @@ const BORDER_REACH: f64 = 5.0;
 pub struct Table<'p> {
     push: &'p RestingPush,
     times: Vec<f64>,
-    sites: Vec<SiteTable>,
+    contact_intervals: Vec<IntervalTable>,
 }
 
 #[derive(Clone, Debug)]
-struct SiteTable {
-    site: Site,
+struct IntervalTable {
+    interval: ContactInterval,
     places: Vec<f64>,
     /// From each place.
     motions: Vec<Motion>,
@@ -73,12 +73,12 @@ impl<'p> Table<'p> {
     pub fn new(push: &'p RestingPush, time_end: f64) -> Self {
         let step = time_end / TIMES as f64;
         let times: Vec<_> = (1..=TIMES).map(|index| step * index as f64).collect();
-        let table = |&site: &Site| {
-            let places = site.grid(push.refinement(time_end));
-            let motions = places.iter().map(|&s0| Motion::of(push, &site, s0, &times)).collect();
-            SiteTable { site, places, motions }
+        let table = |&interval: &ContactInterval| {
+            let places = interval.grid(push.refinement(time_end));
+            let motions = places.iter().map(|&s0| Motion::of(push, &interval, s0, &times)).collect();
+            IntervalTable { interval, places, motions }
         };
-        Self { push, sites: push.sites.iter().map(table).collect(), times }
+        Self { push, contact_intervals: push.contact_intervals.iter().map(table).collect(), times }
     }
 
     /// The push that it is a table of.
@@ -107,45 +107,45 @@ impl<'p> Table<'p> {
         }
         let contacts = self.push.without_turns(contacts);
         let places = self
-            .sites
+            .contact_intervals
             .iter()
             .take_while(|_| !halt.is_wished())
             .flat_map(|table| self.places(table, contacts[0], tolerance));
         let places: Vec<_> = places.collect();
         let last = contacts[contacts.len() - 1];
-        let hopeless = |site: &Site, s0: f64| {
-            let misfit = self.looked_up(site, s0, last.t).map(|u| (u - last.u).abs());
+        let hopeless = |interval: &ContactInterval, s0: f64| {
+            let misfit = self.looked_up(interval, s0, last.t).map(|u| (u - last.u).abs());
             misfit.is_some_and(|misfit| misfit > TABLE_ERROR_MAX + HOPELESS * tolerance)
         };
         self.push.judged(&places, (&contacts, tolerance), &hopeless, halt)
     }
 
     /// u at a time as the table has it; none where the contact may have ended.
-    fn looked_up(&self, site: &Site, s0: f64, t: f64) -> Option<f64> {
-        let table = self.sites.iter().find(|table| table.site.edge == site.edge)?;
+    fn looked_up(&self, interval: &ContactInterval, s0: f64, t: f64) -> Option<f64> {
+        let table = self.contact_intervals.iter().find(|table| table.interval.edge == interval.edge)?;
         let now: Vec<_> = table.motions.iter().map(|motion| self.at_time(motion, t)).collect();
         table.at_place(&now, s0)
     }
 
-    /// Places of one site that fit the first contact.
-    fn places(&self, table: &SiteTable, first: TimedContact, tolerance: f64) -> Vec<(Site, NearZero)> {
+    /// Places of one interval that fit the first contact.
+    fn places(&self, table: &IntervalTable, first: TimedContact, tolerance: f64) -> Vec<(ContactInterval, NearZero)> {
         let now: Vec<_> = table.motions.iter().map(|motion| self.at_time(motion, first.t)).collect();
         let misfit = |s0: f64| Some(table.at_place(&now, s0)? - first.u);
-        let rough = Rough { site: table.site, misfit: &misfit, grid: &table.places, error: TABLE_ERROR };
+        let rough = Rough { interval: table.interval, misfit: &misfit, grid: &table.places, error: TABLE_ERROR };
         let inside = self.push.places(&rough, first, tolerance);
         let at_borders = self.near_borders(table, &now, first, tolerance);
-        inside.into_iter().chain(at_borders).map(|near| (table.site, near)).collect()
+        inside.into_iter().chain(at_borders).map(|near| (table.interval, near)).collect()
     }
 
     /// Places between one whose contact lasts and one whose does not: simulated where the misfit can reach zero there.
     fn near_borders(
         &self,
-        table: &SiteTable,
+        table: &IntervalTable,
         now: &[Option<f64>],
         first: TimedContact,
         tolerance: f64,
     ) -> Vec<NearZero> {
-        let exact = |s0: f64| self.push.misfit(&table.site, s0, first);
+        let exact = |s0: f64| self.push.misfit(&table.interval, s0, first);
         // Changes of the two steps of the grid that lead to the border; where there are none, anything is possible.
         let reaches = |here: usize, beside: usize, beyond: usize| {
             let value = |index: usize| now.get(index).copied().flatten();
@@ -214,13 +214,13 @@ impl Table<'_> {
 
 impl Motion {
     /// Without friction under the part as if the contact lasted.
-    fn of(push: &RestingPush, site: &Site, s0: f64, times: &[f64]) -> Self {
+    fn of(push: &RestingPush, interval: &ContactInterval, s0: f64, times: &[f64]) -> Self {
         if push.mu_g == 0.0
-            && let Some(glided) = push.glided(site, s0, times)
+            && let Some(glided) = push.glided(interval, s0, times)
         {
             return Self { angles: glided.angles, end: None };
         }
-        let Some(run) = push.run(site, s0, times) else {
+        let Some(run) = push.run(interval, s0, times) else {
             return Self { angles: Vec::new(), end: Some((0.0, push.u0)) };
         };
         let angles: Vec<_> = run.samples.iter().map(|sample| sample.state.u).collect();
@@ -238,7 +238,7 @@ fn lagrange(points: &[(f64, f64)], t: f64) -> f64 {
     points.iter().enumerate().map(|(index, (_, u))| weight(index) * u).sum()
 }
 
-impl SiteTable {
+impl IntervalTable {
     /// The kept values between their places: a cubic through the four around.
     fn at_place(&self, values: &[Option<f64>], s0: f64) -> Option<f64> {
         let step = self.places[1] - self.places[0];

@@ -145,7 +145,7 @@ proptest! {
         let u0 = if shape == FingerShape::Line { 0.0 } else { u0 };
         let push = push(shape, object.clone(), acceleration, u0);
         let (edge, s0) = match &object {
-            Object::Polygon(_) => (Some(edge), push.sites[edge].range[0] + share * push.sites[edge].length()),
+            Object::Polygon(_) => (Some(edge), push.contact_intervals[edge].range[0] + share * push.contact_intervals[edge].length()),
             Object::Ellipse(_) => (None, share * PI),
         };
         let predicted = push.predicted(edge, s0, &[0.3]);
@@ -170,16 +170,16 @@ proptest! {
     fn no_place_is_lost((shape, object) in shapes(), edge in 0..3_usize, share in 0.02..0.98, u0 in 1.4..1.7) {
         let u0 = if shape == FingerShape::Line { 0.0 } else { u0 };
         let push = push(shape, object.clone(), [0.01, 0.1], u0);
-        let site = push.sites[edge % push.sites.len()];
-        let s0 = site.range[0] + share * site.length();
-        let measured = push.predicted(site.edge, s0, &[0.5, 0.8]);
+        let interval = push.contact_intervals[edge % push.contact_intervals.len()];
+        let s0 = interval.range[0] + share * interval.length();
+        let measured = push.predicted(interval.edge, s0, &[0.5, 0.8]);
         prop_assume!(measured.len() == 2);
         let contacts = [TimedContact { t: 0.5, u: measured[0] }, TimedContact { t: 0.8, u: measured[1] + 4.0 * PI * f64::from(u8::from(shape != FingerShape::Line)) }];
         let simulated = push.observe(&contacts, 1e-6);
         let table = Table::new(&push, 0.8).observe(&contacts, 1e-6);
         for poses in [&simulated, &table] {
-            let found = |poses: &[RestingPose]| poses.iter().any(|pose| pose.edge == site.edge && site.gap(pose.s0, s0) < 1e-5);
-            prop_assert!(found(&poses.candidates) && found(&poses.solutions), "{site:?} {s0} {poses:?}");
+            let found = |poses: &[RestingPose]| poses.iter().any(|pose| pose.edge == interval.edge && interval.gap(pose.s0, s0) < 1e-5);
+            prop_assert!(found(&poses.candidates) && found(&poses.solutions), "{interval:?} {s0} {poses:?}");
         }
         prop_assert_eq!(simulated.candidates.len(), table.candidates.len(), "{:?} {:?}", simulated, table);
     }
@@ -188,11 +188,13 @@ proptest! {
 /// Where u(t₁) as a function of s₀ turns back, two candidates become one: it must not be lost.
 #[test]
 fn a_place_at_a_fold_is_found() {
-    for (object, sites) in [(Object::Ellipse([0.025, 0.048]), 1), (triangle(), 3)] {
+    for (object, contact_intervals) in [(Object::Ellipse([0.025, 0.048]), 1), (triangle(), 3)] {
         let push = push(FingerShape::Ellipse { semi_axes: [0.012, 0.021] }, object, [-0.02, 0.08], 1.7);
         let mut folds = 0;
-        for site in &push.sites[..sites] {
-            let u = |share: f64| push.angles(site, site.range[0] + share * site.length(), &[0.5]).first().copied();
+        for interval in &push.contact_intervals[..contact_intervals] {
+            let u = |share: f64| {
+                push.angles(interval, interval.range[0] + share * interval.length(), &[0.5]).first().copied()
+            };
             let shares: Vec<_> = (1..200).map(|i| f64::from(i) / 200.0).collect();
             for three in shares.windows(3) {
                 let (Some(a), Some(b), Some(c)) = (u(three[0]), u(three[1]), u(three[2])) else { continue };
@@ -202,12 +204,13 @@ fn a_place_at_a_fold_is_found() {
                 folds += 1;
                 // The vertex of the parabola through the three: next to the fold, on either side of it.
                 let at = three[1] + 0.5 / 200.0 * (a - c) / (a - 2.0 * b + c);
-                let s0 = site.range[0] + at * site.length();
-                let measured = push.predicted(site.edge, s0, &[0.5, 0.8]);
+                let s0 = interval.range[0] + at * interval.length();
+                let measured = push.predicted(interval.edge, s0, &[0.5, 0.8]);
                 let contacts: Vec<_> = [0.5, 0.8].iter().zip(&measured).map(|(&t, &u)| TimedContact { t, u }).collect();
                 for poses in [push.observe(&contacts, 1e-6), Table::new(&push, 0.8).observe(&contacts, 1e-6)] {
-                    let near =
-                        |pose: &RestingPose| pose.edge == site.edge && site.gap(pose.s0, s0) < 1e-3 * site.length();
+                    let near = |pose: &RestingPose| {
+                        pose.edge == interval.edge && interval.gap(pose.s0, s0) < 1e-3 * interval.length()
+                    };
                     assert!(poses.candidates.iter().any(near), "{s0} {poses:?}");
                     assert!(contacts.len() < 2 || poses.solutions.iter().any(near), "{s0} {poses:?}");
                 }

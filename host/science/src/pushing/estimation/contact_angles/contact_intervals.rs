@@ -3,11 +3,11 @@
 //! The disk touches an edge with its centre on a parallel at its radius. The other edges keep the centre out of everything
 //! nearer than the radius to them; of the parallel that is one interval an edge.
 //!
-//! Frames: part. Units: SI. Errors: none; an edge in too narrow a notch has no site.
+//! Frames: part. Units: SI. Errors: none; an edge in too narrow a notch has no interval.
 
 use nalgebra::{Point2, Vector2};
 
-use super::path::Site;
+use super::path::ContactInterval;
 use crate::pushing::dynamics::Part;
 
 /// Overlaps and stretches shorter than this are none, m: rounding of outlines printed to the nanometre.
@@ -20,11 +20,11 @@ struct Line {
 }
 
 /// Every stretch of the outline that a disk of `radius` (m) can touch, edge by edge.
-pub(super) fn sites(part: &Part, radius: f64) -> Vec<Site> {
-    (0..part.polygon().vertices().len()).flat_map(|index| sites_of_edge(part, index, radius)).collect()
+pub(super) fn contact_intervals(part: &Part, radius: f64) -> Vec<ContactInterval> {
+    (0..part.polygon().vertices().len()).flat_map(|index| contact_intervals_of_edge(part, index, radius)).collect()
 }
 
-fn sites_of_edge(part: &Part, index: usize, radius: f64) -> Vec<Site> {
+fn contact_intervals_of_edge(part: &Part, index: usize, radius: f64) -> Vec<ContactInterval> {
     let Ok(edge) = part.edge(index) else { return Vec::new() };
     let along = Vector2::new(-edge.normal.y, edge.normal.x);
     let centres = Line { from: part.centre_of_mass() + edge.normal * (edge.height + radius), along };
@@ -39,7 +39,7 @@ fn sites_of_edge(part: &Part, index: usize, radius: f64) -> Vec<Site> {
     }
     stretches.push([low, edge.s_max]);
     let long = stretches.into_iter().filter(|[low, high]| high - low > LENGTH_NONE_M);
-    long.map(|[low, high]| Site { index, edge, low, high }).collect()
+    long.map(|[low, high]| ContactInterval { index, edge, low, high }).collect()
 }
 
 /// The places on a line that are nearer than the radius to a segment: one interval, as both are convex.
@@ -93,7 +93,10 @@ mod tests {
     fn stretches(vertices: &[[f64; 2]], radius: f64) -> Vec<(usize, f64, f64)> {
         let part =
             Part::uniform(SimplePolygon::new(vertices.iter().copied().map(Point2::from).collect::<Vec<_>>()).unwrap());
-        sites(&part, radius).iter().map(|site| (site.index, site.high - site.low, site.low - site.edge.s_min)).collect()
+        contact_intervals(&part, radius)
+            .iter()
+            .map(|interval| (interval.index, interval.high - interval.low, interval.low - interval.edge.s_min))
+            .collect()
     }
 
     #[test]
