@@ -12,7 +12,7 @@
 //! Errors: [`InitialPoseError`]; "no pose fits" is an answer.
 
 mod closing;
-mod swift;
+mod event_free;
 mod table;
 #[cfg(test)]
 mod tests;
@@ -22,7 +22,7 @@ use std::f64::consts::PI;
 use nalgebra::{Point2, Vector2};
 
 use self::closing::{EXACT, Rough};
-use self::swift::{Glided, SCAN_ERROR};
+use self::event_free::{EventFree, SCAN_ERROR};
 pub use self::table::Table;
 use crate::geometry::{Pose, SimplePolygon};
 use crate::math::angle::wrap_angle;
@@ -301,9 +301,9 @@ impl RestingPush {
     /// u at each time, if the contact lasts.
     fn lasting_angles(&self, interval: &ContactInterval, s0: f64, times: &[f64]) -> Option<Vec<f64>> {
         let [low, high] = interval.side.range();
-        let glided = self.mu_g == 0.0 && low <= s0 && s0 <= high;
-        match glided.then(|| self.glided(interval, s0, times)).flatten() {
-            Some(Glided { angles, lasts: Some(lasts) }) => lasts.then_some(angles),
+        let event_free = self.mu_g == 0.0 && low <= s0 && s0 <= high;
+        match event_free.then(|| self.event_free(interval, s0, times)).flatten() {
+            Some(EventFree { angles, lasts: Some(lasts) }) => lasts.then_some(angles),
             _ => Some(self.angles(interval, s0, times)).filter(|angles| angles.len() == times.len()),
         }
     }
@@ -313,7 +313,7 @@ impl RestingPush {
         if self.mu_g > 0.0 {
             return self.angles(interval, s0, &[time]).first().copied();
         }
-        self.glided(interval, s0, &[time])?.angles.first().copied()
+        self.event_free(interval, s0, &[time])?.angles.first().copied()
     }
 
     /// The push from a place; none where it cannot begin.

@@ -216,9 +216,9 @@ impl Motion {
     /// Without friction under the part as if the contact lasted.
     fn of(push: &RestingPush, interval: &ContactInterval, s0: f64, times: &[f64]) -> Self {
         if push.mu_g == 0.0
-            && let Some(glided) = push.glided(interval, s0, times)
+            && let Some(event_free) = push.event_free(interval, s0, times)
         {
-            return Self { angles: glided.angles, end: None };
+            return Self { angles: event_free.angles, end: None };
         }
         let Some(run) = push.run(interval, s0, times) else {
             return Self { angles: Vec::new(), end: Some((0.0, push.u0)) };

@@ -18,7 +18,7 @@ const SCAN_STEPS: u32 = 16;
 pub(super) const SCAN_ERROR: f64 = 1e-4;
 
 /// What a push comes to if its contact lasts, and whether it does.
-pub(super) struct Glided {
+pub(super) struct EventFree {
     /// u at each time.
     pub(super) angles: Vec<f64>,
     /// Whether it does; none where that is close.
@@ -43,7 +43,7 @@ impl RestingPush {
     }
 
     /// u at each time (increasing) as if the contact lasted.
-    pub(super) fn glided(&self, interval: &ContactInterval, s0: f64, times: &[f64]) -> Option<Glided> {
+    pub(super) fn event_free(&self, interval: &ContactInterval, s0: f64, times: &[f64]) -> Option<EventFree> {
         let (model, mut passed) = (self.model(interval).ok()?, Vec::new());
         let glide = Glide { model: &model, contact: Contact::Frictionless };
         let (mut time, mut state) = (0.0, self.start(s0));
@@ -54,7 +54,7 @@ impl RestingPush {
             angles.push(state.u);
         }
         passed.push(glide.place(time, &state));
-        Some(Glided { angles, lasts: lasts(interval, &passed) })
+        Some(EventFree { angles, lasts: lasts(interval, &passed) })
     }
 }
 
