@@ -5,7 +5,7 @@
 //! - `body`: a mass and what it rests on; `model`: part, edge, finger and contact, as plain data; `scalar` and `jet`: the numbers they are written for;
 //! - `disk_on_edge`: accelerations and contact force of a disk on an edge; `curve` and `shaped`: of any two outlines; `rest`: how a part at rest begins to move;
 //! - `contact_mode`: whether a contact sticks, slides, breaks or jams, for all who follow a push; `mode_change`: when, and what that does to derivatives;
-//! - `integrate`: steps in time, fixed and error-controlled; `glide`: smooth motions in a few large ones; `rollout`: fixed steps, state after state;
+//! - `integrate`: steps in time, fixed and error-controlled; `extrapolation`: smooth motions in a few large ones; `rollout`: fixed steps, state after state;
 //! - `sensitivity`: derivatives of a push by its start and its parameters; `switching`: these across changes of contact;
 //! - `push`: a push from its start; `run`: a push in time, with what ends it.
 
@@ -14,7 +14,7 @@ pub(crate) mod contact_mode;
 mod contact_model;
 mod curve;
 mod disk_on_edge;
-mod glide;
+mod extrapolation;
 mod integrate;
 pub(crate) mod mode_change;
 mod model;
@@ -35,7 +35,7 @@ pub use contact_mode::ContactForce;
 pub use contact_model::ContactModel;
 pub use curve::{FingerShape, PartSide};
 pub use disk_on_edge::Motion;
-pub use glide::{Glide, Passed};
+pub use extrapolation::{Extrapolation, Passed};
 pub use model::{Contact, Edge, Finger, FingerPath, ModelError, Part, PushModel, Slip, State};
 pub use push::{ContactLaw, EdgeEnd, FingerTrack, Push, PushError, PushOf, ShapedPush, Start};
 pub use rest::{RestError, RestStart};

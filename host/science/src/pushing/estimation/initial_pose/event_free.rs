@@ -2,14 +2,14 @@
 //!
 //! Without friction under the part its motion is smooth in t from the start, and goes on smoothly where in truth the contact ends: an
 //! edge is followed as a line, and the finger pulls if it has to. So u at a time is a smooth function of s₀ over the whole
-//! interval, with no borders to find. Roughly by the classical Runge–Kutta method of order 4, exactly by [`Glide`]; whether the contact
+//! interval, with no borders to find. Roughly by the classical Runge–Kutta method of order 4, exactly by [`Extrapolation`]; whether the contact
 //! lasts is seen from the places passed, and where that is close, by the full simulation.
 //!
 //! Units: SI. Errors: none; a contact that ends has no value.
 
 use super::{ContactInterval, RestingPush};
 use crate::math::ode::{self, Moment};
-use crate::pushing::dynamics::{Contact, Glide, Passed, State};
+use crate::pushing::dynamics::{Contact, Extrapolation, Passed, State};
 
 /// Steps to scan a push of usual length with.
 const SCAN_STEPS: u32 = 16;
@@ -45,15 +45,15 @@ impl RestingPush {
     /// u at each time (increasing) as if the contact lasted.
     pub(super) fn event_free(&self, interval: &ContactInterval, s0: f64, times: &[f64]) -> Option<EventFree> {
         let (model, mut passed) = (self.model(interval).ok()?, Vec::new());
-        let glide = Glide { model: &model, contact: Contact::Frictionless };
+        let extrapolation = Extrapolation { model: &model, contact: Contact::Frictionless };
         let (mut time, mut state) = (0.0, self.start(s0));
         let mut angles = Vec::with_capacity(times.len());
         for &until in times {
-            state = glide.end(time, state, until, &mut passed)?;
+            state = extrapolation.end(time, state, until, &mut passed)?;
             time = until;
             angles.push(state.u);
         }
-        passed.push(glide.place(time, &state));
+        passed.push(extrapolation.place(time, &state));
         Some(EventFree { angles, lasts: lasts(interval, &passed) })
     }
 }
