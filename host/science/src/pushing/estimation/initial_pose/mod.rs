@@ -11,8 +11,8 @@
 //! Frames: world; s₀ on the part as [`PartSide`] has it. Units: SI, u and its tolerance in the unit of the finger's outline.
 //! Errors: [`InitialPoseError`]; "no pose fits" is an answer.
 
-mod closing;
 mod event_free;
+mod root_polishing;
 mod table;
 #[cfg(test)]
 mod tests;
@@ -21,8 +21,8 @@ use std::f64::consts::PI;
 
 use nalgebra::{Point2, Vector2};
 
-use self::closing::{EXACT, Rough};
 use self::event_free::{EventFree, SCAN_ERROR};
+use self::root_polishing::{EXACT, Rough};
 pub use self::table::Table;
 use crate::geometry::{Pose, SimplePolygon};
 use crate::math::angle::wrap_angle;

@@ -6,7 +6,7 @@
 //! Implements: the table lookup that thesis §8.2.2 proposes.
 //! Assumes: as [`super`]. Units: SI. Errors: none; contacts later than the table are simulated as without it.
 
-use super::closing::Rough;
+use super::root_polishing::Rough;
 use super::{ContactInterval, HOPELESS, RestingPoses, RestingPush, TimedContact};
 use crate::math::roots::{NearZero, near_zeros};
 use crate::search::{Halt, Searched, Stop, never};
