@@ -15,11 +15,11 @@
 //! - `uniform`: uniform pressure; near centres of rotation by integrals along the outline,
 //!   - `lanes`: those of a polygon, in closed form, one square root and one logarithm an edge, four edges at a time;
 //!   - `smooth`: those of a smooth curve, by quadrature;
-//!   - `far`: far centres of rotation, by a power series that goes through pure translation;
+//!   - `far_field`: far centres of rotation, by a power series that goes through pure translation;
 //! - `feet`: support on a few points;
 //! - [`EllipsoidalLimitSurface`]: what others use instead, for comparison.
 
-mod far;
+mod far_field;
 mod feet;
 mod lanes;
 mod limit_surface;

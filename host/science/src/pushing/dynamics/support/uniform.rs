@@ -14,7 +14,7 @@
 //! Then, for turning with the sign `σ`: `I₁ = σ ẑ × G`, `I₂ = σ (q · G + M)`.
 //!
 //! Nothing is divided by `h`, so a centre of rotation on an edge, on its line or at a vertex needs no case of its own.
-//! Far away the terms cancel to second order in the distance; from [`NEAR_MAX`] on, `far` takes over.
+//! Far away the terms cancel to second order in the distance; from [`NEAR_MAX`] on, `far_field` takes over.
 //!
 //! Frames: the part's axes, origin at the centroid. Units: SI. Errors: none.
 
@@ -22,7 +22,7 @@ use std::sync::OnceLock;
 
 use nalgebra::{Point2, Vector2};
 
-use super::far::{self, Far};
+use super::far_field::{self, FarField};
 use super::lanes::{LANES, Lanes};
 use super::smooth::Smooth;
 use super::{MeanSliding, SlidingGradient, Twist, turn_left};
@@ -43,7 +43,7 @@ pub(super) struct Uniform {
     per_area: f64,
     /// Largest distance of the outline from the centroid, m.
     radius: f64,
-    far: OnceLock<Far>,
+    far_field: OnceLock<FarField>,
 }
 
 #[derive(Clone, Debug)]
@@ -88,7 +88,7 @@ impl Uniform {
     }
 
     fn new(outline: Outline, area: f64, radius: f64) -> Self {
-        Self { outline, area, per_area: area.recip(), radius, far: OnceLock::new() }
+        Self { outline, area, per_area: area.recip(), radius, far_field: OnceLock::new() }
     }
 
     /// m².
@@ -100,7 +100,7 @@ impl Uniform {
     pub(super) fn mean_sliding(&self, twist: &Twist) -> MeanSliding {
         match self.near_pole(twist) {
             Some(pole) => self.near_sliding(&self.sums::<false>(pole.at), &pole),
-            None => self.far().mean_sliding(twist),
+            None => self.far_field().mean_sliding(twist),
         }
     }
 
@@ -112,7 +112,7 @@ impl Uniform {
         finish: impl Fn((MeanSliding, SlidingGradient)) -> T,
     ) -> T {
         let Some(pole) = self.near_pole(twist) else {
-            return finish(self.far().mean_sliding_and_gradient(twist));
+            return finish(self.far_field().mean_sliding_and_gradient(twist));
         };
         let sums = self.sums::<true>(pole.at);
         finish((self.near_sliding(&sums, &pole), self.near_gradient(&sums, &pole)))
@@ -138,10 +138,12 @@ impl Uniform {
         }
     }
 
-    fn far(&self) -> &Far {
-        self.far.get_or_init(|| match &self.outline {
-            Outline::Polygon(lanes) => Far::new(far::rays_of_polygon(lanes.vertices()), self.area, self.radius),
-            Outline::Smooth(smooth) => Far::new(smooth.rays(), self.area, self.radius),
+    fn far_field(&self) -> &FarField {
+        self.far_field.get_or_init(|| match &self.outline {
+            Outline::Polygon(lanes) => {
+                FarField::new(far_field::rays_of_polygon(lanes.vertices()), self.area, self.radius)
+            }
+            Outline::Smooth(smooth) => FarField::new(smooth.rays(), self.area, self.radius),
         })
     }
 
@@ -192,6 +194,6 @@ impl Uniform {
         let pole = Pole::of(twist);
         let sums = self.sums::<true>(pole.at);
         let near = (self.near_sliding(&sums, &pole), self.near_gradient(&sums, &pole));
-        [near, self.far().mean_sliding_and_gradient(twist)]
+        [near, self.far_field().mean_sliding_and_gradient(twist)]
     }
 }

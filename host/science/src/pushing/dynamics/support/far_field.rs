@@ -48,7 +48,7 @@ type Column = [f64; ROWS];
 
 /// The series of one part.
 #[derive(Clone, Debug)]
-pub(super) struct Far {
+pub(super) struct FarField {
     /// `columns[j][m]` is the factor of `a^j b^m` in `f`, where `(a, b) = ε·radius`.
     columns: Vec<Column>,
     radius: f64,
@@ -65,7 +65,7 @@ struct Expansion {
     mm: f64,
 }
 
-impl Far {
+impl FarField {
     /// The series of a shape whose outline is given by points and `p × dp` there, relative to its centroid.
     pub(super) fn new(rays: impl Iterator<Item = (Vector2<f64>, f64)>, area: f64, radius: f64) -> Self {
         let mut series = Self { columns: vec![[0.0; ROWS]; DEGREE + 1], radius, arch: Arch::new() };
