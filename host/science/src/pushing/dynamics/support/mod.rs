@@ -13,7 +13,7 @@
 //! Errors: none. A centre of rotation inside, on an edge, at a vertex or infinitely far away is valid.
 //!
 //! - `uniform`: uniform pressure; near centres of rotation by integrals along the outline,
-//!   - `lanes`: those of a polygon, in closed form, one square root and one logarithm an edge, four edges at a time;
+//!   - `simd`: those of a polygon, in closed form, one square root and one logarithm an edge, four edges at a time;
 //!   - `smooth`: those of a smooth curve, by quadrature;
 //!   - `far_field`: far centres of rotation, by a power series that goes through pure translation;
 //! - `feet`: support on a few points;
@@ -21,16 +21,16 @@
 
 mod far_field;
 mod feet;
-mod lanes;
 mod limit_surface;
+mod simd;
 mod smooth;
 mod uniform;
 
 use nalgebra::{Matrix3, Point2, Vector2};
 
 use self::feet::Feet;
-use self::lanes::LANES;
 pub use self::limit_surface::EllipsoidalLimitSurface;
+use self::simd::LANES;
 use self::smooth::Smooth;
 use self::uniform::Uniform;
 use crate::geometry::SimplePolygon;

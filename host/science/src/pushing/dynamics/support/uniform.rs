@@ -23,7 +23,7 @@ use std::sync::OnceLock;
 use nalgebra::{Point2, Vector2};
 
 use super::far_field::{self, FarField};
-use super::lanes::{LANES, Lanes};
+use super::simd::{LANES, SimdEdges};
 use super::smooth::Smooth;
 use super::{MeanSliding, SlidingGradient, Twist, turn_left};
 use crate::geometry::SimplePolygon;
@@ -48,7 +48,7 @@ pub(super) struct Uniform {
 
 #[derive(Clone, Debug)]
 enum Outline {
-    Polygon(Lanes),
+    Polygon(SimdEdges),
     Smooth(Smooth),
 }
 
@@ -75,7 +75,7 @@ impl Uniform {
     pub(super) fn polygon(polygon: &SimplePolygon, centroid: Point2<f64>) -> Self {
         let vertices: Vec<_> = polygon.vertices().iter().map(|p| p - centroid).collect();
         let radius = vertices.iter().map(|p| p.norm()).fold(0.0, f64::max);
-        let outline = Outline::Polygon(Lanes::new(vertices));
+        let outline = Outline::Polygon(SimdEdges::new(vertices));
         Self::new(outline, polygon.area(), radius)
     }
 

@@ -52,7 +52,7 @@ const WHOLE: f64 = 4_503_599_627_370_496.0;
 
 /// The edges, four by four. The last four are filled up with edges of no length at the first vertex.
 #[derive(Clone, Debug)]
-pub(super) struct Lanes {
+pub(super) struct SimdEdges {
     vertices: Vec<Vector2<f64>>,
     blocks: Vec<Block>,
     arch: Arch,
@@ -86,7 +86,7 @@ struct Summing<'a, const GRADIENT: bool> {
     centre: Vector2<f64>,
 }
 
-impl Lanes {
+impl SimdEdges {
     /// The edges of a polygon with these vertices.
     pub(super) fn new(vertices: Vec<Vector2<f64>>) -> Self {
         let first = vertices.first().copied().unwrap_or_default();
@@ -329,8 +329,8 @@ mod tests {
         #[test]
         fn wide_and_plain_vectors_give_the_same_bits(x in -0.1..0.1_f64, y in -0.1..0.1_f64) {
             let vertices = [[0.03, 0.0], [0.0, 0.02], [-0.04, -0.01], [-0.01, -0.03], [0.01, -0.025]].map(Vector2::from);
-            let lanes = Lanes::new(vertices.to_vec());
-            let plain = Lanes { arch: Arch::Scalar, ..lanes.clone() };
+            let lanes = SimdEdges::new(vertices.to_vec());
+            let plain = SimdEdges { arch: Arch::Scalar, ..lanes.clone() };
             let centre = Vector2::new(x, y);
             let (wide, plain) = (lanes.sums::<true>(centre), plain.sums::<true>(centre));
             prop_assert_eq!((wide.pull, wide.distance, wide.bend), (plain.pull, plain.distance, plain.bend));
