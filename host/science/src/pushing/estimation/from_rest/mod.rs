@@ -6,7 +6,7 @@
 //! direction and its course say where the part is, its size says the mass. Where µ of the plane is not known well, it is found with the
 //! rest. But a slow part feels its mass only through µ m g: then the answer says that the two cannot be told apart.
 //!
-//! - [`windows`]: how force is averaged; [`windowed_force`]: what was felt and how uncertain it is;
+//! - [`hann_windows`]: how force is averaged; [`windowed_force`]: what was felt and how uncertain it is;
 //! - `path`: what a guess would feel; `seeds`: guesses to begin with; `fit`: going down from each to a minimum;
 //! - `symmetry`: turns of the part that nobody can tell apart.
 //!
@@ -18,13 +18,13 @@
 //! Errors: none. "No pose explains the force" and "several do" are answers.
 
 mod fit;
+pub mod hann_windows;
 pub mod onset;
 mod path;
 mod seeds;
 mod symmetry;
 pub mod trial;
 pub mod windowed_force;
-pub mod windows;
 
 use fit::{EndCovariance, Problem, Tried};
 use path::{Course, Guess};
@@ -136,7 +136,7 @@ fn course<'p>(known: &Known<'p>, measured: &WindowedForce) -> Course<'p> {
         mu_g: known.mu_g,
         mu_g_log_sd: known.mu_g_log_sd,
         legs: known.motion.legs(known.radius).collect(),
-        duration: windows::end(measured.count() - 1),
+        duration: hann_windows::end(measured.count() - 1),
     }
 }
 

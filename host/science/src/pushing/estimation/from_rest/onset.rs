@@ -13,7 +13,7 @@ use nalgebra::{Matrix2, Matrix4, Vector2};
 
 use crate::finger::calibration::Calibration;
 use crate::finger::contact::{Averaging, Reading, Tare, TareError, TareSettings};
-use crate::pushing::estimation::from_rest::windows::{self, HOP_S, LENGTH_S};
+use crate::pushing::estimation::from_rest::hann_windows::{self, HOP_S, LENGTH_S};
 use crate::pushing::estimation::from_rest::{CalibrationError, Uncertainty, WindowedForce};
 
 /// The force has left the noise when it is this many standard deviations of a reading, for [`CONFIRMED`] readings of
@@ -111,7 +111,7 @@ impl Windows {
         let last = (time / HOP_S) as usize;
         self.sums.resize(self.sums.len().max(last + 1), (0.0, Vector2::zeros()));
         for window in last.saturating_sub(1)..=last {
-            let weight = windows::weight(window, time);
+            let weight = hann_windows::weight(window, time);
             self.sums[window].0 += weight;
             self.sums[window].1 += (reading.force_finger - bias) * weight;
         }
@@ -120,7 +120,7 @@ impl Windows {
     /// Means of the windows that are over by `now`, up to the first that lacks readings.
     fn complete(&self, period: f64, now: f64) -> impl Iterator<Item = Vector2<f64>> + '_ {
         let full = LENGTH_S / period;
-        let over = windows::count(now - self.onset);
+        let over = hann_windows::count(now - self.onset);
         let covered = self.sums.iter().take(over).take_while(move |(weight, _)| *weight >= COVERED_MIN * full);
         covered.map(|(weight, sum)| sum / *weight)
     }
@@ -250,7 +250,7 @@ impl PushSense {
     #[must_use]
     pub fn is_over(&self) -> bool {
         let Stage::Pushing(windows) = &self.stage else { return false };
-        let over = windows::count(self.now - windows.onset);
+        let over = hann_windows::count(self.now - windows.onset);
         let means: Vec<_> = windows.complete(self.rest.period, self.now).collect();
         let first = means.first().map_or(0.0, Vector2::norm);
         means.len() < over || means.last().is_some_and(|last| last.norm() < LOST_SHARE * first)
@@ -303,7 +303,7 @@ mod tests {
         // Windows that end before the force does, less one.
         assert!((26..=29).contains(&measured.forces_finger().len()), "{}", measured.forces_finger().len());
         for (window, force) in measured.forces_finger().iter().enumerate() {
-            let middle = windows::end(window) - 0.5 * LENGTH_S;
+            let middle = hann_windows::end(window) - 0.5 * LENGTH_S;
             let error = (force - Vector2::new(-1.0 - 0.2 * middle, 0.3)).norm();
             assert!(error < 5e-3, "window {window}: {error} N");
         }

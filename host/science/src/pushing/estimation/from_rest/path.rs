@@ -15,7 +15,7 @@
 
 use nalgebra::{Isometry2, Rotation2, Vector2};
 
-use super::windows;
+use super::hann_windows;
 use crate::pushing::dynamics::contact_mode::{ContactFriction, jams};
 use crate::pushing::dynamics::mode_change::first_ended;
 use crate::pushing::dynamics::{Contact, ContactForce, Edge, Motion, Part, PushModel, State};
@@ -58,7 +58,7 @@ pub(super) struct Guess {
 /// A guess played through.
 #[derive(Clone, Debug)]
 pub(super) struct Path {
-    /// Smooth part of the force at each [`windows::GRID_S`], from 0 on, m/s².
+    /// Smooth part of the force at each [`hann_windows::GRID_S`], from 0 on, m/s².
     smooth: Vec<Vector2<f64>>,
     /// When the force jumps and by how much, the onset first.
     jumps: Vec<(f64, Vector2<f64>)>,
@@ -86,8 +86,8 @@ impl Path {
     /// Means of the force under the first `count` windows, m/s².
     pub(super) fn windows(&self, count: usize) -> impl Iterator<Item = Vector2<f64>> + '_ {
         (0..count).map(|window| {
-            let jumped = self.jumps.iter().map(|&(time, jump)| jump * windows::share_after(window, time));
-            windows::mean_of_grid(window, &self.smooth) + jumped.sum::<Vector2<f64>>()
+            let jumped = self.jumps.iter().map(|&(time, jump)| jump * hann_windows::share_after(window, time));
+            hann_windows::mean_of_grid(window, &self.smooth) + jumped.sum::<Vector2<f64>>()
         })
     }
 }
@@ -236,7 +236,7 @@ impl<'p> Player<'p> {
     /// Goes on to a time, s.
     fn follow(&mut self, until: f64) -> Result<(), Lost> {
         while self.time < until - SAME_TIME_S {
-            let grid = windows::GRID_S * as_f64(self.path.smooth.len());
+            let grid = hann_windows::GRID_S * as_f64(self.path.smooth.len());
             let length = self.step_length().min(grid - self.time).min(until - self.time);
             self.step(length)?;
             self.note(grid);

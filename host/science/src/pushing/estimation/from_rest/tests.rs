@@ -23,7 +23,7 @@ use crate::pushing::pushed_world::Played;
 /// Noise of a window's mean, N: that of the default finger.
 const NOISE_N: f64 = 1e-3;
 
-/// What windows predicted on a grid may be off by, relative to the force: see [`windows::GRID_S`].
+/// What windows predicted on a grid may be off by, relative to the force: see [`hann_windows::GRID_S`].
 const PREDICTION_ERROR: f64 = 1e-3;
 
 /// Largest distance and angle between the two integrators' poses after 0.8 s; m, rad.
@@ -52,7 +52,7 @@ fn true_windows(played: &Played, count: usize) -> Vec<Vector2<f64>> {
         let (mut sum, mut total) = (Vector2::zeros(), 0.0);
         for (samples, forces) in played.samples.windows(2).zip(played.forces_finger.windows(2)) {
             for (sample, force) in samples.iter().zip(forces) {
-                let weight = 0.5 * (samples[1].t - samples[0].t) * windows::weight(window, sample.t);
+                let weight = 0.5 * (samples[1].t - samples[0].t) * hann_windows::weight(window, sample.t);
                 sum += force * weight;
                 total += weight;
             }
@@ -63,7 +63,7 @@ fn true_windows(played: &Played, count: usize) -> Vec<Vector2<f64>> {
 }
 
 fn measured(drawn: &Drawn, draw: &mut Draw, duration: f64) -> WindowedForce {
-    let mut means = true_windows(&drawn.played, windows::count(duration));
+    let mut means = true_windows(&drawn.played, hann_windows::count(duration));
     means.iter_mut().for_each(|mean| *mean += Vector2::new(draw.normal(), draw.normal()) * NOISE_N);
     let noise = Matrix2::identity() * NOISE_N * NOISE_N;
     WindowedForce::new(means, &Uncertainty { noise, bias: Matrix2::zeros(), calibration: None, onset_sd: 0.0 }).unwrap()
@@ -83,7 +83,7 @@ fn a_path_feels_what_the_world_does() {
         let course = Course { part: &part, mu_g: known(&part, &ranges).mu_g, mu_g_log_sd: None, legs, duration };
         let guess = Guess { edge: drawn.edge, u: drawn.u, s: drawn.s, mu_c: drawn.mu_c, mu_g_log: 0.0 };
         let path = course.play(&guess).unwrap();
-        let truth = true_windows(&drawn.played, windows::count(duration));
+        let truth = true_windows(&drawn.played, hann_windows::count(duration));
         for (window, (mean, truth)) in path.windows(truth.len()).zip(&truth).enumerate() {
             let error = (mean * drawn.mass - truth).norm() / truth.norm();
             assert!(error < PREDICTION_ERROR, "case {case}, window {window}: off by {error:e}");

@@ -9,7 +9,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x4, Matrix4, Vector2};
 
-use super::windows::{HOP_S, NEIGHBOUR_CORRELATION};
+use super::hann_windows::{HOP_S, NEIGHBOUR_CORRELATION};
 
 /// What a prediction may be off by, as a share of the force: sums over windows up to 9e-4 where the force bends (see the tests of
 /// `path`) and typically a fifth of that, the disk's ringing, which a window lets through by 8e-4 at first.
