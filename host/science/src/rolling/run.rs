@@ -224,7 +224,7 @@ impl<'a> Roll<'a> {
     }
 
     /// One Runge–Kutta step, then the spin put back to 0 where there is none.
-    fn leap(&self, t: f64, state: &State, dt: f64) -> State {
+    fn integrated(&self, t: f64, state: &State, dt: f64) -> State {
         let inside = t + 0.5 * dt;
         let specific_force = [t, inside, t + dt].map(|time| self.specific_force(time, inside));
         self.model.step(state, &specific_force, dt)
@@ -232,9 +232,9 @@ impl<'a> Roll<'a> {
 
     /// A step in two halves, extrapolated; with the state at its middle and the error estimated.
     fn doubled(&self, t: f64, state: &State, dt: f64) -> (State, State, f64) {
-        let whole = self.leap(t, state, dt);
-        let middle = self.leap(t, state, 0.5 * dt);
-        let end = self.leap(t + 0.5 * dt, &middle, 0.5 * dt);
+        let whole = self.integrated(t, state, dt);
+        let middle = self.integrated(t, state, 0.5 * dt);
+        let end = self.integrated(t + 0.5 * dt, &middle, 0.5 * dt);
         let size = self.model.body.size();
         let omega = (end.omega - whole.omega).norm() / (end.omega.norm() + OMEGA_FLOOR);
         let error = (end.orientation - whole.orientation).norm() + omega + (end.u - whole.u).norm() / size;
@@ -329,7 +329,7 @@ impl Walk<'_, '_> {
         let (mut low, mut high) = (0.0, share * dt);
         for _ in 0..HALVINGS {
             let half = 0.5 * (low + high);
-            let lifted = lifts(self.t + half, &self.roll.leap(self.t, &self.state, half));
+            let lifted = lifts(self.t + half, &self.roll.integrated(self.t, &self.state, half));
             *(if lifted { &mut high } else { &mut low }) = half;
         }
         let (_, state, _) = self.roll.doubled(self.t, &self.state, high);

@@ -10,7 +10,7 @@ use super::super::body::Body;
 use super::super::flow::{Columns, STATE_COLUMNS, Tangent};
 use super::super::mechanics::{Model, Spin, State};
 use super::super::shape::{Ellipsoid, Shape};
-use super::track::{Leap, Track};
+use super::track::{IntegrationStep, Track};
 use crate::math::least_squares::{self, Damping, Enough, Floor, NormalEquations, Problem, Settings, Trial};
 
 /// Column of the spin among those of a state: fixed where there is none.
@@ -148,9 +148,9 @@ impl Unknowns {
         let model = Model { body: &point.body, spin: self.spin };
         let mut normal = Normal::<P> { norm: effort.norm, sums: NormalEquations::zero() };
         normal.add(&[[0.0; N]; 2], point.state.u - track.centre);
-        for leaps in [&track.forward, &track.backward] {
+        for integration_steps in [&track.forward, &track.backward] {
             let mut here = (point.state, Tangent::<N>::seed(&point.state));
-            for Leap { dt, specific_force, reading, rank } in leaps {
+            for IntegrationStep { dt, specific_force, reading, rank } in integration_steps {
                 if *rank > effort.ranks {
                     break;
                 }
@@ -179,9 +179,9 @@ impl Unknowns {
         let model = Model { body: &point.body, spin: self.spin };
         let first = point.state.u - track.centre;
         let (mut count, mut sum, mut squares) = (1.0, first, first.norm_squared());
-        for leaps in [&track.forward, &track.backward] {
+        for integration_steps in [&track.forward, &track.backward] {
             let mut state = point.state;
-            for Leap { dt, specific_force, reading, rank } in leaps {
+            for IntegrationStep { dt, specific_force, reading, rank } in integration_steps {
                 if *rank > ranks {
                     break;
                 }
@@ -208,11 +208,11 @@ impl Unknowns {
 
     fn ends_of<const N: usize>(&self, track: &Track, point: &Point) -> Ends {
         let model = Model { body: &point.body, spin: self.spin };
-        let go = |leaps: &[Leap]| {
+        let go = |integration_steps: &[IntegrationStep]| {
             let start = (point.state, Tangent::<N>::seed(&point.state));
-            leaps.iter().fold(start, |here, leap| {
-                let specific_force = leap.specific_force.map(|specific_force| specific_force + point.palm);
-                model.step_with(self.columns, (&here.0, &here.1), &specific_force, leap.dt)
+            integration_steps.iter().fold(start, |here, integration_step| {
+                let specific_force = integration_step.specific_force.map(|specific_force| specific_force + point.palm);
+                model.step_with(self.columns, (&here.0, &here.1), &specific_force, integration_step.dt)
             })
         };
         let columns = |tangent: &Tangent<N>| {
@@ -220,7 +220,8 @@ impl Unknowns {
             let columns = SMatrix::<f64, STATE_COLUMNS, N>::from_row_iterator(rows.flatten().copied());
             DMatrix::from_column_slice(STATE_COLUMNS, N, columns.as_slice())
         };
-        let [(start, before), (end, after)] = [&track.backward, &track.forward].map(|leaps| go(leaps));
+        let [(start, before), (end, after)] =
+            [&track.backward, &track.forward].map(|integration_steps| go(integration_steps));
         Ends { start, end, columns: [columns(&before), columns(&after)] }
     }
 
@@ -229,12 +230,15 @@ impl Unknowns {
         let model = Model { body: &point.body, spin: self.spin };
         let first = point.state.u - track.centre;
         let (mut max, mut squares, mut products) = (first.amax(), first.norm_squared(), 0.0);
-        for leaps in [&track.forward, &track.backward] {
+        for integration_steps in [&track.forward, &track.backward] {
             let (mut state, mut before) = (point.state, first);
-            for leap in leaps {
-                state =
-                    model.step(&state, &leap.specific_force.map(|specific_force| specific_force + point.palm), leap.dt);
-                if let Some(reading) = leap.reading {
+            for integration_step in integration_steps {
+                state = model.step(
+                    &state,
+                    &integration_step.specific_force.map(|specific_force| specific_force + point.palm),
+                    integration_step.dt,
+                );
+                if let Some(reading) = integration_step.reading {
                     let residual = state.u - reading;
                     max = residual.amax().max(max);
                     squares += residual.norm_squared();

@@ -290,7 +290,9 @@ const ROUNDING_MAX: f64 = 0.75;
 fn polish(unknowns: &Unknowns, track: &Track, fine: &Track, fit: Fit, noise: Noise) -> Solution {
     let mut point = fit.point;
     let shift = fine.centre_time - track.centre_time;
-    let specific_force = track.forward.first().map_or(Vector3::zeros(), |leap| leap.specific_force[0]) + point.palm;
+    let specific_force =
+        track.forward.first().map_or(Vector3::zeros(), |integration_step| integration_step.specific_force[0])
+            + point.palm;
     point.state = Model { body: &point.body, spin: unknowns.spin }.step(&point.state, &[specific_force; 3], shift);
     let ranks = fine.ranks_max();
     let squares = Effort {

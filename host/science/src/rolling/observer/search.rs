@@ -123,10 +123,12 @@ impl Ground<'_> {
             right += powers * u.transpose();
         };
         add(0.0, &self.track.centre);
-        for (leaps, sign) in [(&self.track.forward, 1.0), (&self.track.backward, -1.0)] {
-            for leap in leaps.iter().take_while(|leap| leap.rank <= ranks) {
-                let x = leap.rank as f64 / reach;
-                if let Some(reading) = &leap.reading {
+        for (integration_steps, sign) in [(&self.track.forward, 1.0), (&self.track.backward, -1.0)] {
+            for integration_step in
+                integration_steps.iter().take_while(|integration_step| integration_step.rank <= ranks)
+            {
+                let x = integration_step.rank as f64 / reach;
+                if let Some(reading) = &integration_step.reading {
                     add(sign * x, reading);
                 }
             }

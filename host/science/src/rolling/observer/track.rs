@@ -63,9 +63,9 @@ pub struct Readings {
     pub sigma: f64,
 }
 
-/// One step of time.
+/// One step of the integration.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Leap {
+pub(super) struct IntegrationStep {
     /// s, negative backward.
     pub(super) dt: f64,
     /// What the body feels at its start, middle and end, palm axes, m/s².
@@ -85,8 +85,8 @@ pub(super) struct Track {
     pub(super) sigma: f64,
     /// s.
     pub(super) dt: f64,
-    pub(super) forward: Vec<Leap>,
-    pub(super) backward: Vec<Leap>,
+    pub(super) forward: Vec<IntegrationStep>,
+    pub(super) backward: Vec<IntegrationStep>,
 }
 
 impl Readings {
@@ -135,36 +135,36 @@ impl Readings {
     fn track(&self, palm: &PalmAcceleration, g: f64, longest: f64) -> Track {
         let last = self.u.len() - 1;
         let middle = last / 2;
-        let leaps = |index: usize, next: usize, rank: usize| {
+        let integration_steps = |index: usize, next: usize, rank: usize| {
             let (from, to) = (self.time(index), self.time(next));
-            let mut leaps = between(palm, g, [from, to], longest);
-            for leap in &mut leaps {
-                leap.rank = rank;
+            let mut integration_steps = between(palm, g, [from, to], longest);
+            for integration_step in &mut integration_steps {
+                integration_step.rank = rank;
             }
-            if let Some(end) = leaps.last_mut() {
+            if let Some(end) = integration_steps.last_mut() {
                 end.reading = Some(self.u[next]);
             }
-            leaps
+            integration_steps
         };
         Track {
             centre: self.u[middle],
             centre_time: self.time(middle),
             sigma: self.sigma,
             dt: self.dt,
-            forward: (middle..last).flat_map(|index| leaps(index, index + 1, index + 1 - middle)).collect(),
-            backward: (0..middle).rev().flat_map(|index| leaps(index + 1, index, middle - index)).collect(),
+            forward: (middle..last).flat_map(|index| integration_steps(index, index + 1, index + 1 - middle)).collect(),
+            backward: (0..middle).rev().flat_map(|index| integration_steps(index + 1, index, middle - index)).collect(),
         }
     }
 }
 
 /// Steps no longer than `longest`, none across a jump of the palm's acceleration.
-fn between(palm: &PalmAcceleration, g: f64, [from, to]: [f64; 2], longest: f64) -> Vec<Leap> {
+fn between(palm: &PalmAcceleration, g: f64, [from, to]: [f64; 2], longest: f64) -> Vec<IntegrationStep> {
     let mut stops: Vec<f64> = palm.jumps(from.min(to), from.max(to)).collect();
     if to < from {
         stops.reverse();
     }
     stops.push(to);
-    let mut leaps = Vec::with_capacity(stops.len());
+    let mut integration_steps = Vec::with_capacity(stops.len());
     let mut at = from;
     for stop in stops {
         let parts = ((stop - at).abs() / longest).ceil().max(1.0);
@@ -174,12 +174,12 @@ fn between(palm: &PalmAcceleration, g: f64, [from, to]: [f64; 2], longest: f64) 
             let (start, end) = (at + done * dt, at + (done + 1.0) * dt);
             let middle = 0.5 * (start + end);
             let specific_force = [start, middle, end].map(|time| specific_force(palm.at_within(time, middle), g));
-            leaps.push(Leap { dt, specific_force, reading: None, rank: 0 });
+            integration_steps.push(IntegrationStep { dt, specific_force, reading: None, rank: 0 });
             done += 1.0;
         }
         at = stop;
     }
-    leaps
+    integration_steps
 }
 
 impl Track {
@@ -192,7 +192,9 @@ impl Track {
 
     /// Readings away from the middle at most.
     pub(super) fn ranks_max(&self) -> usize {
-        let last = |leaps: &[Leap]| leaps.last().map_or(0, |leap| leap.rank);
+        let last = |integration_steps: &[IntegrationStep]| {
+            integration_steps.last().map_or(0, |integration_step| integration_step.rank)
+        };
         last(&self.forward).max(last(&self.backward))
     }
 }
