@@ -3,7 +3,7 @@
 //! The cost is the sum of squared residuals in standard deviations, terms of the prior included. Its derivatives come with the
 //! simulation itself, so the step of Gauss and Newton is exact; [`least_squares`] keeps it from going too far.
 //! What a contact cannot do (leave its stretch of the edge, pull, slip the other way) is held off by stiff springs: a minimum
-//! that leans against such a wall is found on it. The springs' energy is a penalty beside the cost, not part of it.
+//! that leans against such a constraint is found on it. The springs' energy is a penalty beside the cost, not part of it.
 //!
 //! Frames: world. Units: SI; costs of no dimension. Errors: none; unknowns that lead to no motion have no evaluation.
 
@@ -14,7 +14,7 @@ use nalgebra::{Matrix4x5, Matrix5, RowVector5, SMatrix, SVector, Vector2, Vector
 use super::clock::{Clock, Fineness};
 use super::data::Data;
 use super::initial_state::{MU_G, StartMode, UNKNOWNS, Unknowns, Variable, initial_state, rest_span};
-use super::path::{ContactInterval, Seen, WALLS, follow, plain_contact, plain_state};
+use super::path::{CONSTRAINTS, ContactInterval, Seen, follow, plain_contact, plain_state};
 use crate::math::Jet;
 use crate::math::angle::wrap_angle;
 use crate::math::least_squares::{self, Damping, Enough, Floor, NormalEquations, Problem, Settings};
@@ -27,8 +27,8 @@ const OMEGA0_MAX: f64 = 10.0;
 /// |v_T| at t = 0 at most, where there is no prior, m/s. Fixed by the interface.
 const V_T0_MAX: f64 = 0.2;
 
-/// How far each wall gives way to one unit of penalty: place (m), twice; force (m/s², per µg), twice; slip (m/s).
-const WALL_GIVES: [f64; WALLS] = [1e-5, 1e-5, 1e-3, 1e-3, 1e-4];
+/// How far each constraint gives way to one unit of penalty: place (m), twice; force (m/s², per µg), twice; slip (m/s).
+const CONSTRAINT_COMPLIANCE: [f64; CONSTRAINTS] = [1e-5, 1e-5, 1e-3, 1e-3, 1e-4];
 
 /// Support friction added to µg in the scale of a force, m/s²: without friction the finger pushes about so hard.
 const FORCE_FLOOR: f64 = 1e-2;
@@ -91,8 +91,8 @@ pub(super) struct Fitting<'a, 'p> {
     pub(super) clock: Clock,
     /// How long a start from rest is followed in closed form, s.
     pub(super) rest_span: f64,
-    /// By how much the walls are stiffer than [`WALL_GIVES`].
-    pub(super) wall_stiffness: f64,
+    /// By how much the constraints are stiffer than [`CONSTRAINT_COMPLIANCE`].
+    pub(super) constraint_stiffness: f64,
     /// Counts simulations.
     pub(super) simulations: &'a Cell<usize>,
 }
@@ -144,7 +144,7 @@ pub(super) struct Evaluation {
     pub(super) contact_start: Contact,
     /// Derivatives of the state at the end by the unknowns.
     pub(super) end_by_start: Matrix4x5<f64>,
-    /// The most that a wall gave way: in [`WALL_GIVES`].
+    /// The most that a constraint gave way: in [`CONSTRAINT_COMPLIANCE`].
     pub(super) overrun: f64,
 }
 
@@ -229,12 +229,12 @@ impl<'a, 'p> Fitting<'a, 'p> {
             if known.starts_at_rest() { rest_span(known, rest_error.sqrt()).min(0.5 * duration) } else { 0.0 };
         let fineness = Fineness { on_values: data.angle.is_none(), ..fineness };
         let clock = Clock::new((data.dt, data.values), rest_span, fineness, |time| relaxation_time(known, &data, time));
-        Self { known, data, prior, clock, rest_span, wall_stiffness: 1.0, simulations }
+        Self { known, data, prior, clock, rest_span, constraint_stiffness: 1.0, simulations }
     }
 
     /// The range of each unknown.
     pub(super) fn bounds(&self, Candidate { interval, start_mode, .. }: &Candidate) -> [[f64; 2]; UNKNOWNS] {
-        // Slip has a direction of its own; how fast it is follows from the bounds of the velocity, which are walls then.
+        // Slip has a direction of its own; how fast it is follows from the bounds of the velocity, which are constraints then.
         let slip_or = |start_mode: &StartMode, bounds| {
             if matches!(start_mode, StartMode::Slips(_)) { [0.0, f64::INFINITY] } else { bounds }
         };
@@ -310,8 +310,10 @@ impl<'a, 'p> Fitting<'a, 'p> {
                 self.prior_residuals(start, |residual: f64| cost += residual * residual);
             }
         }
-        for residual in
-            self.wall_residuals(&path.walls).into_iter().chain([self.fast(*start_mode, &initial_state.state)])
+        for residual in self
+            .constraint_residuals(&path.constraint_margins)
+            .into_iter()
+            .chain([self.fast(*start_mode, &initial_state.state)])
         {
             cost += residual * residual;
         }
@@ -339,9 +341,9 @@ impl<'a, 'p> Fitting<'a, 'p> {
             }
         }
         let (cost, information) = (sums.cost, slots.widened(&sums.curvature));
-        let [low, high, push, cone, slip] = self.wall_residuals(&path.walls);
-        let walls = [low, high, push, cone, slip, self.fast(*start_mode, &initial_state.state)];
-        walls.iter().for_each(|residual| add(&mut sums, *residual));
+        let [low, high, push, cone, slip] = self.constraint_residuals(&path.constraint_margins);
+        let constraint_residuals = [low, high, push, cone, slip, self.fast(*start_mode, &initial_state.state)];
+        constraint_residuals.iter().for_each(|residual| add(&mut sums, *residual));
         let slopes = |value: &Jet<N>| slots.widened_row(&SVector::from(value.slopes));
         let evaluation = Evaluation {
             candidate: *candidate,
@@ -357,7 +359,8 @@ impl<'a, 'p> Fitting<'a, 'p> {
             end_by_start: Matrix4x5::from_rows(
                 &[path.end.u, path.end.s, path.end.omega, path.end.v_t].map(|value| slopes(&value)),
             ),
-            overrun: walls.iter().map(|wall| wall.value.abs()).fold(0.0, f64::max) / self.wall_stiffness,
+            overrun: constraint_residuals.iter().map(|constraint| constraint.value.abs()).fold(0.0, f64::max)
+                / self.constraint_stiffness,
         };
         evaluation.total().is_finite().then_some(evaluation)
     }
@@ -414,21 +417,22 @@ impl<'a, 'p> Fitting<'a, 'p> {
         }
     }
 
-    /// The wall at the greatest velocity along the contact, where the slip is the unknown.
+    /// The constraint at the greatest velocity along the contact, where the slip is the unknown.
     fn fast<T: Variable>(&self, start_mode: StartMode, start: &State<T>) -> T {
         let over = start.v_t.re().abs() - V_T0_MAX;
         if !matches!(start_mode, StartMode::Slips(_)) || self.prior.v_t0_sigma.is_some() || over <= 0.0 {
             return T::from(0.0);
         }
-        (start.v_t - V_T0_MAX.copysign(start.v_t.re())) * (self.wall_stiffness / WALL_GIVES[WALLS - 1])
+        (start.v_t - V_T0_MAX.copysign(start.v_t.re()))
+            * (self.constraint_stiffness / CONSTRAINT_COMPLIANCE[CONSTRAINTS - 1])
     }
 
-    fn wall_residuals<T: Scalar>(&self, margins: &[T; WALLS]) -> [T; WALLS] {
+    fn constraint_residuals<T: Scalar>(&self, margins: &[T; CONSTRAINTS]) -> [T; CONSTRAINTS] {
         let force = self.known.mu_g + FORCE_FLOOR;
         let units = [1.0, 1.0, force, force, 1.0];
-        std::array::from_fn(|wall| {
-            let scale = WALL_GIVES[wall] * units[wall] / self.wall_stiffness;
-            if margins[wall].re() < 0.0 { margins[wall] / scale } else { T::from(0.0) }
+        std::array::from_fn(|constraint| {
+            let scale = CONSTRAINT_COMPLIANCE[constraint] * units[constraint] / self.constraint_stiffness;
+            if margins[constraint].re() < 0.0 { margins[constraint] / scale } else { T::from(0.0) }
         })
     }
 

@@ -1,14 +1,14 @@
 //! The way a part takes from a hypothetical start, as the data see it, with derivatives by the start where wanted.
 //!
 //! The hot path of the search, hence a simulation of its own: numbers with or without derivatives, at knots that do not depend on
-//! the start, so that costs are smooth in it; values interpolated between few knots; what a contact cannot do is a wall and no
+//! the start, so that costs are smooth in it; values interpolated between few knots; what a contact cannot do is a constraint and no
 //! end. Shared with the others who follow a push are the equations, the rule which mode follows, the search for its instant and
 //! the derivatives' way across ([`crate::pushing::dynamics::contact_mode`], [`crate::pushing::dynamics::mode_change`]).
 //!
 //! Implements: the classical Runge–Kutta method of order 4 between the knots of a [`Clock`]; the contact angle between
 //! knots by the quintic through angle, rate and acceleration at both ends; Coulomb's changes between rolling and sliding,
 //! located within a step, where the derivatives jump by (f₋ − f₊) ∂t/∂p (f₋ and f₊ the rates on both sides, t the instant).
-//! Assumes: the contact lasts. Where it would not, shows in the path's [`Walls`].
+//! Assumes: the contact lasts. Where it would not, shows in the path's [`ConstraintMargins`].
 //! Frames: world. Units: SI, forces per unit mass. Errors: none; a motion without a physical force is no path.
 
 use super::clock::Clock;
@@ -27,12 +27,12 @@ const SHARE_NONE: f64 = 1e-10;
 /// The first step after a change, as a share of the usual one; the following double.
 const SHARE_AFTER_CHANGE: f64 = 0.125;
 
-/// What a contact must stay within, in the order of [`Walls`].
-pub(in crate::pushing::estimation) const WALLS: usize = 5;
+/// What a contact must stay within, in the order of [`ConstraintMargins`].
+pub(in crate::pushing::estimation) const CONSTRAINTS: usize = 5;
 
 /// How far inside each limit the path stayed, at the least: from the allowed stretch of the edge (m, two ends), force into the
 /// part (m/s²), friction left unused (m/s²), slip in the assumed direction (m/s).
-pub(in crate::pushing::estimation) type Walls<T> = [T; WALLS];
+pub(in crate::pushing::estimation) type ConstraintMargins<T> = [T; CONSTRAINTS];
 
 /// Where on an edge the disk can be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,7 +70,7 @@ pub(in crate::pushing::estimation) struct Path<T> {
     /// At the last value.
     pub(in crate::pushing::estimation) contact: Contact<T>,
     /// Margins at their least.
-    pub(in crate::pushing::estimation) walls: Walls<T>,
+    pub(in crate::pushing::estimation) constraint_margins: ConstraintMargins<T>,
 }
 
 /// What is seen of a path at the time of a value.
@@ -94,7 +94,7 @@ struct Walker<'a, 'p, T: Scalar, F> {
     clock: &'a Clock,
     see: F,
     next_value: usize,
-    walls: Walls<T>,
+    constraint_margins: ConstraintMargins<T>,
     changes: usize,
 }
 
@@ -117,9 +117,18 @@ pub(in crate::pushing::estimation) fn follow<T: Scalar>(
 ) -> Option<Path<T>> {
     let plain = PushModel { mu_g: initial_state.mu_g.re(), ..known.model(interval.edge) };
     let model = PushModel { mu_g: initial_state.mu_g, ..lifted(&plain) };
-    let walls = [T::from(f64::INFINITY); WALLS];
-    let mut walker =
-        Walker { model, plain, touch: known.touch, interval, clock, see, next_value: 0, walls, changes: 0 };
+    let constraint_margins = [T::from(f64::INFINITY); CONSTRAINTS];
+    let mut walker = Walker {
+        model,
+        plain,
+        touch: known.touch,
+        interval,
+        clock,
+        see,
+        next_value: 0,
+        constraint_margins,
+        changes: 0,
+    };
     walker.walk(initial_state)
 }
 
@@ -169,7 +178,7 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
         if matches!(now.contact, Contact::Rolling) {
             end.v_t = self.model.rolling_v_t(now.time, &end);
         }
-        Some(Path { end, contact: now.contact, walls: self.walls })
+        Some(Path { end, contact: now.contact, constraint_margins: self.constraint_margins })
     }
 
     /// Shows the values before a start from rest.
@@ -194,12 +203,12 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
         let now = Now { time, state, contact, motion };
         let sound = motion.rates.omega.re().is_finite() && state.u.re().is_finite() && state.s.re().is_finite();
         sound.then(|| {
-            self.note_walls(&now);
+            self.note_constraint_margins(&now);
             now
         })
     }
 
-    fn note_walls(&mut self, now: &Now<T>) {
+    fn note_constraint_margins(&mut self, now: &Now<T>) {
         let Now { time, state, contact, motion } = now;
         let never = T::from(f64::INFINITY);
         let (mut cone, mut slipping) = (never, never);
@@ -214,7 +223,7 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
         }
         let margins =
             [state.s - self.interval.low, -(state.s - self.interval.high), motion.normal_force, cone, slipping];
-        for (least, margin) in self.walls.iter_mut().zip(margins) {
+        for (least, margin) in self.constraint_margins.iter_mut().zip(margins) {
             if margin.re() < least.re() {
                 *least = margin;
             }

@@ -92,10 +92,10 @@ const SPARSE: (usize, usize) = (9, 30);
 /// It must cost so much more to explain it with the others: ten standard deviations, squared.
 const GROSS: f64 = 100.0;
 
-/// A wall may give way by so much, in its own measure: 50 µm of an edge.
+/// A constraint may give way by so much, in its own measure: 50 µm of an edge.
 const OVERRUN_MAX: f64 = 5.0;
 
-/// Times that walls are made ten times as stiff for a minimum that leans on one.
+/// Times that constraints are made ten times as stiff for a minimum that leans on one.
 const STIFFER_MAX: i32 = 4;
 
 /// A place is unknown if its standard deviation is more than this many lengths of its stretch of the edge: along it, the cost
@@ -266,7 +266,7 @@ impl<'a, 'p> Task<'a, 'p> {
     }
 
     /// Drops minima that cannot be listed, because then the best would not explain the data either: they are as costly to refine as
-    /// others, and more so where they lie on walls.
+    /// others, and more so where they lie on constraints.
     fn forget_hopeless(&self, minima: &mut Vec<Descent>) {
         let most = chi_square_quantile(FIT_PROBABILITY, self.data.terms() + UNKNOWNS) + GATE + SLACK;
         let is_possible = |descent: &Descent| descent.evaluation.total() <= most;
@@ -408,14 +408,14 @@ fn have_met(a: &Candidate, b: &Candidate) -> bool {
     a.interval == b.interval && a.start_mode == b.start_mode && (0..a.start_mode.unknowns()).chain([MU_G]).all(near)
 }
 
-/// Stiffens the walls until the minimum lies on them; none if it cannot.
-fn onto_walls(fitting: &Fitting, descent: &Descent) -> Option<Descent> {
+/// Stiffens the constraints until the minimum lies on them; none if it cannot.
+fn onto_constraints(fitting: &Fitting, descent: &Descent) -> Option<Descent> {
     let mut descent = descent.clone();
     for power in 1..=STIFFER_MAX {
         if descent.evaluation.overrun <= OVERRUN_MAX {
             return Some(descent);
         }
-        let stiffer = Fitting { wall_stiffness: 10_f64.powi(power), ..fitting.clone() };
+        let stiffer = Fitting { constraint_stiffness: 10_f64.powi(power), ..fitting.clone() };
         descent = stiffer.descend(descent.evaluation.candidate)?;
         for _ in 0..ROUNDS_MAX {
             if !stiffer.improve(&mut descent) || descent.promise < PROMISE_NONE {
@@ -428,7 +428,7 @@ fn onto_walls(fitting: &Fitting, descent: &Descent) -> Option<Descent> {
 
 /// Judges the minima.
 pub(super) fn judge_all(fitting: &Fitting, descents: &[Descent], start_modes: usize) -> Estimate {
-    let mut possible: Vec<_> = descents.iter().filter_map(|descent| onto_walls(fitting, descent)).collect();
+    let mut possible: Vec<_> = descents.iter().filter_map(|descent| onto_constraints(fitting, descent)).collect();
     possible.sort_by(|a, b| a.evaluation.cost.total_cmp(&b.evaluation.cost));
     let degrees = |descent: &Descent| {
         let unknowns = fitting.free(descent).iter().filter(|free| **free).count();
@@ -452,7 +452,7 @@ pub(super) fn judge_all(fitting: &Fitting, descents: &[Descent], start_modes: us
     Estimate { hypotheses: by_probability(judged), mu_g_log_sd, ..Estimate::unexplained(fit, fitting.data.duration()) }
 }
 
-/// A cost that counts as none where there are no more data than unknowns: what steps and walls leave.
+/// A cost that counts as none where there are no more data than unknowns: what steps and constraints leave.
 const COST_OF_NO_DATA: f64 = 1e-2;
 
 /// A hypothesis and the logarithm of its evidence.

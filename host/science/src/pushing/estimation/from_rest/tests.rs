@@ -363,7 +363,7 @@ impl FromRest {
         let relaxation_time = |time: f64| 0.1 * 0.4 * time / self.model_mu_g;
         let clock = Clock::new((dt, VALUES), span, fineness, relaxation_time);
         let path = contact_path::follow(&known, &interval, &start, &clock, |_, _| ())?;
-        if path.walls[2].re() <= 0.0 {
+        if path.constraint_margins[2].re() <= 0.0 {
             return None; // The finger would have had to pull.
         }
         Some((plain_contact(&start.contact), plain_contact(&path.contact), plain_state(&path.end)))
