@@ -23,13 +23,13 @@ const DESCENT: Settings<3> = Settings {
     steps_max: usize::MAX,
 };
 
-/// A minimum is reached when a Newton step promises to lower χ² by less than this share of 1 + χ².
+/// A minimum is reached when a Newton step is predicted to lower χ² by less than this share of 1 + χ².
 ///
 /// The pose is then within about 1e-6 standard deviations of the minimum.
-pub(super) const PROMISE_MIN: f64 = 1e-12;
+pub(super) const PREDICTED_REDUCTION_MIN: f64 = 1e-12;
 
-/// Where descent stalls, a promise up to this share is rounding: σ may be as small as 1e-6 rad.
-const PROMISE_ROUNDING: f64 = 1e-7;
+/// Where descent stalls, a predicted reduction up to this share is rounding: σ may be as small as 1e-6 rad.
+const PREDICTED_REDUCTION_ROUNDING: f64 = 1e-7;
 
 impl Objective<'_> {
     /// The minima that descent from a place leads to: one, or those of the valley in which it stalls; none if it stalls elsewhere.
@@ -37,8 +37,8 @@ impl Objective<'_> {
         let Some(quadratic) = self.quadratic(start) else { return Vec::new() };
         let (placed, quadratic) = least_squares::minimise(self, (*start, quadratic), &DESCENT, |_| false).place;
         let (chi2, information) = (quadratic.cost, quadratic.curvature);
-        match newton_promise(&quadratic) {
-            Some(promise) if promise <= PROMISE_ROUNDING * (1.0 + chi2) => {
+        match newton_predicted_reduction(&quadratic) {
+            Some(predicted_reduction) if predicted_reduction <= PREDICTED_REDUCTION_ROUNDING * (1.0 + chi2) => {
                 vec![Settled { placed, chi2, information, at_corner_change: false }]
             }
             Some(_) => self.valley_minima(&placed),
@@ -64,11 +64,12 @@ impl Problem<3> for Objective<'_> {
     }
 
     fn is_minimum(&self, _: &Self::Place, quadratic: &NormalEquations<3>) -> bool {
-        newton_promise(quadratic).is_some_and(|promise| promise <= PROMISE_MIN * (1.0 + quadratic.cost))
+        newton_predicted_reduction(quadratic)
+            .is_some_and(|predicted_reduction| predicted_reduction <= PREDICTED_REDUCTION_MIN * (1.0 + quadratic.cost))
     }
 }
 
 /// How much an undamped step would lower χ², if χ² were what it is to second order.
-fn newton_promise(quadratic: &NormalEquations<3>) -> Option<f64> {
+fn newton_predicted_reduction(quadratic: &NormalEquations<3>) -> Option<f64> {
     Some(-quadratic.gauss_newton_step()?.dot(&quadratic.gradient))
 }

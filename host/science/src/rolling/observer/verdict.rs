@@ -2,7 +2,7 @@
 //!
 //! Listed are all physically possible minima whose cost is within [`LISTED`] of the best; `unique` is one of them alone. The
 //! certificate says whether one may rely on it: residuals as small as the noise, no rival, and a Cramér–Rao bound small
-//! enough for the promise of [`PROMISE_RAD`].
+//! enough for the guarantee of [`GUARANTEED_RAD`].
 //!
 //! Units: costs are sums of squared residuals over their variances. Errors: none.
 
@@ -21,12 +21,12 @@ use crate::math::statistics::chi_square_quantile;
 pub(super) const LISTED: f64 = 16.0;
 
 /// Attitude error that a certified estimate stays below from the first reading to the last, rad.
-pub(super) const PROMISE_RAD: f64 = 0.034_906_585;
+pub(super) const GUARANTEED_RAD: f64 = 0.034_906_585;
 
 /// Standard deviations that the promise must leave room for, at the end where they are larger and in the worst direction.
 ///
 /// The largest error of 4500 rolls of a 2-3-4 ellipsoid was 3.56 of them; with 2.5 no certified one was off by 2° yet.
-const PROMISE_SIGMAS: f64 = 3.5;
+const GUARANTEED_SIGMAS: f64 = 3.5;
 
 /// Share of right models whose cost stays below the limit.
 const EXPLAINED: f64 = 0.999;
@@ -192,7 +192,7 @@ impl Gate {
             _ => Verdict::Ambiguous,
         };
         let sure = |solution: &Solution| match solution.attitude_sigma_at_ends() {
-            Some(sigma) => sigma * solution.residuals.dilution() * PROMISE_SIGMAS <= PROMISE_RAD,
+            Some(sigma) => sigma * solution.residuals.dilution() * GUARANTEED_SIGMAS <= GUARANTEED_RAD,
             None => false,
         };
         let certified = verdict == Verdict::Unique && listed.iter().all(sure);

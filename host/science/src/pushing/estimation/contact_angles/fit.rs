@@ -160,8 +160,8 @@ impl Evaluation {
 pub(super) struct Descent {
     pub(super) evaluation: Evaluation,
     damping: f64,
-    /// What the next step promises to lower the cost by.
-    pub(super) promise: f64,
+    /// What the next step is predicted to lower the cost by.
+    pub(super) predicted_reduction: f64,
 }
 
 /// Adds a residual that carries its derivatives.
@@ -443,19 +443,23 @@ impl<'a, 'p> Fitting<'a, 'p> {
             *unknown = unknown.clamp(low, high);
         }
         let evaluation = self.evaluate(&candidate)?;
-        Some(Descent { promise: self.promise(&evaluation), evaluation, damping: DESCENT.damping.first })
+        Some(Descent {
+            predicted_reduction: self.predicted_reduction(&evaluation),
+            evaluation,
+            damping: DESCENT.damping.first,
+        })
     }
 
     /// One step down. False if none helps.
     pub(super) fn improve(&self, descent: &mut Descent) -> bool {
         let lower = least_squares::lowered(self, &descent.evaluation, &DESCENT, &mut descent.damping);
         let Ok(evaluation) = lower else { return false };
-        descent.promise = self.promise(&evaluation);
+        descent.predicted_reduction = self.predicted_reduction(&evaluation);
         descent.evaluation = evaluation;
         true
     }
 
-    fn promise(&self, evaluation: &Evaluation) -> f64 {
+    fn predicted_reduction(&self, evaluation: &Evaluation) -> f64 {
         least_squares::predicted_reduction(self, evaluation, &DESCENT)
     }
 

@@ -69,12 +69,12 @@ const ROUGH: f64 = 0.3;
 /// Rounds of descent: a step each.
 const ROUNDS_MAX: usize = 60;
 
-/// A descent whose next step promises less is over.
-const PROMISE_NONE: f64 = 1e-3;
+/// A descent whose next step predicts a smaller reduction is over.
+const PREDICTED_REDUCTION_NONE: f64 = 1e-3;
 
-/// A descent is given up when its cost less this many times its promise is beyond the gate by [`SLACK`].
-const PROMISES: f64 = 3.0;
-/// See [`PROMISES`].
+/// A descent is given up when its cost less this many times its predicted reduction is beyond the gate by [`SLACK`].
+const PREDICTED_REDUCTIONS: f64 = 3.0;
+/// See [`PREDICTED_REDUCTIONS`].
 const SLACK: f64 = 24.0;
 /// Rounds in which places along a valley have to come to its lowest, or to another: more than any that is not in a valley takes.
 const PATIENCE: usize = 12;
@@ -363,7 +363,9 @@ fn descend_patiently(fitting: &Fitting, candidates: &[Candidate], patience: usiz
         }
         let most = total_max(alive.iter().chain(&over));
         if round >= ROUNDS_MIN {
-            alive.retain(|descent| descent.evaluation.total() - PROMISES * descent.promise <= most);
+            alive.retain(|descent| {
+                descent.evaluation.total() - PREDICTED_REDUCTIONS * descent.predicted_reduction <= most
+            });
         }
         if round >= patience {
             alive.retain(|descent| !over.iter().any(|minimum| is_above(descent, minimum)));
@@ -374,7 +376,11 @@ fn descend_patiently(fitting: &Fitting, candidates: &[Candidate], patience: usiz
         let mut going = Vec::new();
         for mut descent in alive {
             let moved = fitting.improve(&mut descent);
-            if !moved || descent.promise < PROMISE_NONE { over.push(descent) } else { going.push(descent) }
+            if !moved || descent.predicted_reduction < PREDICTED_REDUCTION_NONE {
+                over.push(descent)
+            } else {
+                going.push(descent)
+            }
         }
         alive = going;
         if round >= ROUNDS_MIN {
@@ -418,7 +424,7 @@ fn onto_constraints(fitting: &Fitting, descent: &Descent) -> Option<Descent> {
         let stiffer = Fitting { constraint_stiffness: 10_f64.powi(power), ..fitting.clone() };
         descent = stiffer.descend(descent.evaluation.candidate)?;
         for _ in 0..ROUNDS_MAX {
-            if !stiffer.improve(&mut descent) || descent.promise < PROMISE_NONE {
+            if !stiffer.improve(&mut descent) || descent.predicted_reduction < PREDICTED_REDUCTION_NONE {
                 break;
             }
         }
