@@ -73,7 +73,7 @@ struct Track {
     /// θ (body), W (palm), u.
     covariance: SMatrix<f64, 8, 8>,
     /// Mean normalised square of the innovations.
-    surprise: f64,
+    normalised_innovation: f64,
 }
 
 /// What is known after a contact.
@@ -201,7 +201,18 @@ impl Track {
         };
         let sigma = question.noise.sigma().max(SIGMA_MIN);
         let covariance = start_covariance(best, sigma);
-        Self { body, spin: best.spin, palm, g: question.g, sigma, t, dt, state: best.end, covariance, surprise: 1.0 }
+        Self {
+            body,
+            spin: best.spin,
+            palm,
+            g: question.g,
+            sigma,
+            t,
+            dt,
+            state: best.end,
+            covariance,
+            normalised_innovation: 1.0,
+        }
     }
 
     /// `None` once the track is lost.
@@ -215,7 +226,7 @@ impl Track {
         self.correct(u);
         let block = |first: usize| self.covariance.fixed_view::<3, 3>(first, first).symmetric_eigenvalues().max();
         let [attitude_sigma, omega_sigma] = [0, 3].map(|first| block(first).max(0.0).sqrt());
-        (self.surprise < LOST_ABOVE).then_some(Tracked { state: self.state, attitude_sigma, omega_sigma })
+        (self.normalised_innovation < LOST_ABOVE).then_some(Tracked { state: self.state, attitude_sigma, omega_sigma })
     }
 
     fn predict(&mut self, dt: f64) {
@@ -244,7 +255,8 @@ impl Track {
         let spread = self.covariance.fixed_view::<2, 2>(6, 6) + Matrix2::from_diagonal_element(self.sigma * self.sigma);
         let Some(inverse) = spread.try_inverse() else { return };
         let gain = self.covariance.fixed_view::<8, 2>(0, 6) * inverse;
-        self.surprise += ((innovation.transpose() * inverse * innovation)[0] * 0.5 - self.surprise) / LOST_AFTER;
+        self.normalised_innovation +=
+            ((innovation.transpose() * inverse * innovation)[0] * 0.5 - self.normalised_innovation) / LOST_AFTER;
         let change = gain * innovation;
         self.covariance -= gain * self.covariance.fixed_view::<2, 8>(6, 0).into_owned();
         self.covariance = (self.covariance + self.covariance.transpose()) * 0.5;
