@@ -242,9 +242,10 @@ pub fn fit(measurements: &Measurements, settings: &FitSettings) -> Result<Fit, F
     let solution = solve(&problem)?;
     check_outliers(measurements, &solution)?;
     let (calibration, own_weight) = calibration_of(measurements, &problem, &solution, &settings.fixture)?;
-    let judge = Judge { calibration: &calibration, problem: &problem, solution: &solution, fixture: &settings.fixture };
+    let comparison =
+        Comparison { calibration: &calibration, problem: &problem, solution: &solution, fixture: &settings.fixture };
     let contacts =
-        measurements.contacts.iter().enumerate().map(|(index, contact)| judge.result(index, contact)).collect();
+        measurements.contacts.iter().enumerate().map(|(index, contact)| comparison.result(index, contact)).collect();
     Ok(Fit { calibration, quality: solution.quality, contacts, own_weight })
 }
 
@@ -385,14 +386,14 @@ fn calibration_of(
 }
 
 /// Compares every contact, fitted or held back, with the finished calibration.
-struct Judge<'a> {
+struct Comparison<'a> {
     calibration: &'a Calibration,
     problem: &'a Problem,
     solution: &'a Solution,
     fixture: &'a Fixture,
 }
 
-impl Judge<'_> {
+impl Comparison<'_> {
     fn result(&self, index: usize, contact: &Contact) -> ContactResult {
         let tare = contact.tare.unwrap_or_else(|| self.calibration.offset_as_tare());
         let force = self.calibration.force(&contact.reading, &tare);

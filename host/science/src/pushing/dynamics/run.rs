@@ -237,12 +237,12 @@ impl<M: ContactModel> PushOf<M> {
     /// [`RunError`].
     pub fn run(&self, times: &[f64]) -> Result<Run, RunError> {
         let &time_end = times.last().ok_or(RunError::NoTimes)?;
-        let mut runner = Runner::new(self, times, time_end);
-        let mut next = runner.begin()?;
+        let mut simulation = Simulation::new(self, times, time_end);
+        let mut next = simulation.begin()?;
         loop {
             next = match next {
-                Next::End(reason) => return Ok(runner.finish(reason)),
-                Next::Leg(leg) => runner.follow(leg)?,
+                Next::End(reason) => return Ok(simulation.finish(reason)),
+                Next::Leg(leg) => simulation.follow(leg)?,
             }
         }
     }
@@ -279,7 +279,7 @@ impl<M: ContactModel> PushOf<M> {
 }
 
 /// A push under way.
-struct Runner<'a, M> {
+struct Simulation<'a, M> {
     push: &'a PushOf<M>,
     /// With the finger's present path.
     model: M,
@@ -297,7 +297,7 @@ struct Runner<'a, M> {
     last: Sample,
 }
 
-impl<'a, M: ContactModel> Runner<'a, M> {
+impl<'a, M: ContactModel> Simulation<'a, M> {
     fn new(push: &'a PushOf<M>, times: &'a [f64], time_end: f64) -> Self {
         let (u, s) = push.start.contact();
         let state = State { u, s, omega: 0.0, v_t: 0.0 };

@@ -36,7 +36,7 @@ pub struct DerivedRun<const N: usize> {
 }
 
 /// A seeded push under way.
-struct Carrier<'p, const N: usize> {
+struct DerivedSimulation<'p, const N: usize> {
     model: PushModel<'p, Jet<N>>,
     friction: ContactFriction<Jet<N>>,
     contact: Contact<Jet<N>>,
@@ -60,34 +60,39 @@ impl Push<'_> {
         }
         let run = self.run(times)?;
         let first = self.run(&[0.0])?.last;
-        let mut carrier = self.carrier(&first.contact, &start, parameters);
+        let mut simulation = self.simulation(&first.contact, &start, parameters);
         let (mut states, mut changes) = (Vec::new(), Vec::new());
         let mut asked = run.samples.iter().map(|sample| sample.t).peekable();
         for change in &run.changes {
             while let Some(t) = asked.next_if(|t| *t < change.t) {
-                states.push(carrier.at(t));
+                states.push(simulation.at(t));
             }
-            changes.push(carrier.change(change.t, &change.to));
+            changes.push(simulation.change(change.t, &change.to));
         }
-        states.extend(asked.map(|t| carrier.at(t)));
-        carrier.go(run.end.t);
-        let end = carrier.end(run.end.reason, run.end.t);
+        states.extend(asked.map(|t| simulation.at(t)));
+        simulation.go(run.end.t);
+        let end = simulation.end(run.end.reason, run.end.t);
         Ok(DerivedRun { run, states, changes, end })
     }
 
-    fn carrier<const N: usize>(&self, contact: &Contact, start: &State, parameters: [Parameter; N]) -> Carrier<'_, N> {
+    fn simulation<const N: usize>(
+        &self,
+        contact: &Contact,
+        start: &State,
+        parameters: [Parameter; N],
+    ) -> DerivedSimulation<'_, N> {
         let friction = self.law.friction();
         let row = parameters.iter().position(|&parameter| parameter == Parameter::ContactFriction);
         let Seeded { model, contact, start } = Seeded::new(&self.model, contact, start, parameters);
         let friction = row.map_or_else(|| Jet::constant(friction), |row| Jet::variable(friction, row));
-        let mut carrier =
-            Carrier { model, friction: ContactFriction::same(friction), contact, time: 0.0, state: start };
-        carrier.keep_rolling(0.0);
-        carrier
+        let mut simulation =
+            DerivedSimulation { model, friction: ContactFriction::same(friction), contact, time: 0.0, state: start };
+        simulation.keep_rolling(0.0);
+        simulation
     }
 }
 
-impl<'p, const N: usize> Carrier<'p, N> {
+impl<'p, const N: usize> DerivedSimulation<'p, N> {
     /// In rolling v_T follows from the rest.
     fn keep_rolling(&mut self, time: f64) {
         if matches!(self.contact, Contact::Rolling) {

@@ -85,7 +85,7 @@ pub(in crate::pushing::estimation) struct Seen<T> {
 }
 
 /// A path being followed.
-struct Walker<'a, 'p, T: Scalar, F> {
+struct PathSimulation<'a, 'p, T: Scalar, F> {
     model: PushModel<'p, T>,
     /// The same without derivatives.
     plain: PushModel<'p>,
@@ -118,7 +118,7 @@ pub(in crate::pushing::estimation) fn follow<T: Scalar>(
     let plain = PushModel { mu_g: initial_state.mu_g.re(), ..known.model(interval.edge) };
     let model = PushModel { mu_g: initial_state.mu_g, ..lifted(&plain) };
     let constraint_margins = [T::from(f64::INFINITY); CONSTRAINTS];
-    let mut walker = Walker {
+    let mut simulation = PathSimulation {
         model,
         plain,
         touch: known.touch,
@@ -129,7 +129,7 @@ pub(in crate::pushing::estimation) fn follow<T: Scalar>(
         constraint_margins,
         changes: 0,
     };
-    walker.walk(initial_state)
+    simulation.walk(initial_state)
 }
 
 /// The same model with numbers that can carry derivatives.
@@ -166,7 +166,7 @@ fn step<T: Scalar>(
     ode::step_from(state, k1, dt, |moment, state| model.motion(contact, moment.time(time, dt), state).rates)
 }
 
-impl<T: Scalar, F: FnMut(usize, Seen<T>)> Walker<'_, '_, T, F> {
+impl<T: Scalar, F: FnMut(usize, Seen<T>)> PathSimulation<'_, '_, T, F> {
     fn walk(&mut self, initial_state: &InitialState<T>) -> Option<Path<T>> {
         self.see_rest(initial_state);
         let mut now = self.at(initial_state.time, initial_state.state, initial_state.contact)?;

@@ -134,19 +134,19 @@ impl<'p> Course<'p> {
         let edge = self.part.edge(guess.edge).map_err(|_| Lost::Start)?;
         let mu_g = self.mu_g_of(guess);
         let model = self.model(edge, &self.legs[0], mu_g);
-        let mut player = Player::begin(model, guess)?;
+        let mut simulation = PathSimulation::begin(model, guess)?;
         for (index, leg) in self.legs.iter().enumerate() {
             if leg.from >= self.duration - SAME_TIME_S {
                 break;
             }
             if index > 0 {
-                player.enter(self.model(edge, leg, mu_g), leg.from)?;
+                simulation.enter(self.model(edge, leg, mu_g), leg.from)?;
             }
             let last = index + 1 == self.legs.len();
             let until = if last { self.duration } else { leg.to.min(self.duration) };
-            player.follow(until)?;
+            simulation.follow(until)?;
         }
-        Ok(player.path)
+        Ok(simulation.path)
     }
 
     /// Pose of the part frame in the motion's frame at the end of a path that began with this guess.
@@ -190,7 +190,7 @@ struct Margin {
 }
 
 /// A push under way.
-struct Player<'p> {
+struct PathSimulation<'p> {
     model: PushModel<'p>,
     leg_from: f64,
     friction: ContactFriction,
@@ -200,7 +200,7 @@ struct Player<'p> {
     path: Path,
 }
 
-impl<'p> Player<'p> {
+impl<'p> PathSimulation<'p> {
     fn begin(model: PushModel<'p>, guess: &Guess) -> Result<Self, Lost> {
         let &Guess { u, s, mu_c, .. } = guess;
         let friction = ContactFriction::same(mu_c);
