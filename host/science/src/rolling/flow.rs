@@ -13,7 +13,7 @@
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use super::mechanics::{Instant, Model, Rates, Resistance, Rows, Spin, State};
+use super::mechanics::{ContactPointInertia, Instant, Model, Rates, Rows, Spin, State};
 use super::shape::{Local, Scaled, Shape};
 use crate::math::ode::{self, Moves};
 
@@ -175,7 +175,8 @@ impl Model<'_> {
 
     #[inline(always)]
     fn mobility(&self, normal: &Vector3<f64>, scaled: &Scaled) -> Mobility {
-        let free = Resistance::scaled(&self.body.inertia(), &scaled.point, scaled.square).inverse() * scaled.square;
+        let free =
+            ContactPointInertia::scaled(&self.body.inertia(), &scaled.point, scaled.square).inverse() * scaled.square;
         match self.spin {
             Spin::Free => Mobility { matrix: free, held: Vector3::zeros() },
             Spin::None => {

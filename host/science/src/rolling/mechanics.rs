@@ -75,7 +75,7 @@ pub struct Model<'a> {
 
 /// `η D = diag(d) − wwᵀ`, for a contact `β = w/√η`, and how to solve with it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Resistance {
+pub(super) struct ContactPointInertia {
     diagonal: Vector3<f64>,
     point: Vector3<f64>,
 }
@@ -191,7 +191,7 @@ impl Instant {
     }
 }
 
-impl Resistance {
+impl ContactPointInertia {
     #[inline(always)]
     pub(super) fn new(inertia: &Vector3<f64>, contact: &Vector3<f64>) -> Self {
         Self::scaled(inertia, contact, 1.0)
@@ -277,11 +277,11 @@ impl Model<'_> {
 
     #[inline(always)]
     pub(super) fn turn_scaled(&self, state: &State, instant: &Instant, scaled: &Scaled) -> Vector3<f64> {
-        let resistance = Resistance::scaled(&self.body.inertia(), &scaled.point, scaled.square);
+        let contact_inertia = ContactPointInertia::scaled(&self.body.inertia(), &scaled.point, scaled.square);
         let torque = self.torque(state, instant, scaled);
         match self.spin {
-            Spin::Free => resistance.solve(&torque),
-            Spin::None => resistance.solve_across(&instant.normal, &torque),
+            Spin::Free => contact_inertia.solve(&torque),
+            Spin::None => contact_inertia.solve_across(&instant.normal, &torque),
         }
     }
 
@@ -338,7 +338,7 @@ impl Model<'_> {
         let instant = Instant::of(&state, specific_force);
         let (contact, moving) = self.body.shape().roll(&instant.normal, &instant.turning);
         let turn = self.turn(&state, &instant, (contact, moving));
-        let needed = Resistance::new(&self.body.inertia(), &contact).times(&turn);
+        let needed = ContactPointInertia::new(&self.body.inertia(), &contact).times(&turn);
         let given = self.torque(&state, &instant, &Scaled::plain((contact, moving)));
         instant.normal.dot(&(given - needed))
     }

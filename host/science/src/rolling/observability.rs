@@ -14,7 +14,7 @@
 use nalgebra::{DMatrix, Matrix2, Matrix3, SymmetricEigen, Vector3};
 
 use super::flow::{Columns, STATE_COLUMNS, Tangent};
-use super::mechanics::{Model, Resistance, Spin, State};
+use super::mechanics::{ContactPointInertia, Model, Spin, State};
 use crate::math::Spectrum;
 
 /// Length of the window, in units of √(L/g): about 0.2 s for 3 cm.
@@ -168,7 +168,7 @@ fn sufficient_condition(model: &Model, state: &State) -> SufficientCondition {
     let normal = state.normal();
     let local = model.body.shape().local(&normal, &Vector3::zeros());
     let (contact, size) = (local.contact, model.body.size());
-    let mobility = Resistance::new(&model.body.inertia(), &contact).inverse();
+    let mobility = ContactPointInertia::new(&model.body.inertia(), &contact).inverse();
     let ([x, y], radii) = principal(&normal, &local.hessian);
     let [k1, k2] = radii.map(|radius| -1.0 / radius);
     let umbilic = (radii[0] - radii[1]).abs() <= UMBILIC * radii[0];
