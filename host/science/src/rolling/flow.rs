@@ -78,7 +78,7 @@ struct Linear {
     torque_by_omega: Matrix3<f64>,
     u_by_theta: [Vector3<f64>; 2],
     u_by_omega: [Vector3<f64>; 2],
-    mobility: Mobility,
+    inverse_inertia: InverseContactInertia,
     /// `ω' × n`: without spin, as the normal turns, so does the plane of the angular acceleration.
     turned: Vector3<f64>,
 }
@@ -92,7 +92,7 @@ struct Forced<const N: usize> {
 
 /// How the angular acceleration answers a change of torque.
 #[derive(Clone, Copy, Debug)]
-struct Mobility {
+struct InverseContactInertia {
     /// The answer itself; without spin across the normal.
     matrix: Matrix3<f64>,
     /// Without spin: where a torque about the normal leads, as far as to have 1 along the normal; else 0.
@@ -106,7 +106,7 @@ struct Parts {
     local: Local,
     moving: Vector3<f64>,
     turn: Vector3<f64>,
-    mobility: Mobility,
+    inverse_inertia: InverseContactInertia,
 }
 
 /// `v × m`, column by column.
@@ -169,20 +169,20 @@ impl Model<'_> {
         let turn = self.turn_scaled(state, &instant, &scaled);
         let local = shape.local(&instant.normal, &instant.turning);
         let moving = local.hessian * instant.turning;
-        let mobility = self.mobility(&instant.normal, &scaled);
-        Parts { state: *state, instant, local, moving, turn, mobility }
+        let inverse_inertia = self.inverse_inertia(&instant.normal, &scaled);
+        Parts { state: *state, instant, local, moving, turn, inverse_inertia }
     }
 
     #[inline(always)]
-    fn mobility(&self, normal: &Vector3<f64>, scaled: &Scaled) -> Mobility {
+    fn inverse_inertia(&self, normal: &Vector3<f64>, scaled: &Scaled) -> InverseContactInertia {
         let free =
             ContactPointInertia::scaled(&self.body.inertia(), &scaled.point, scaled.square).inverse() * scaled.square;
         match self.spin {
-            Spin::Free => Mobility { matrix: free, held: Vector3::zeros() },
+            Spin::Free => InverseContactInertia { matrix: free, held: Vector3::zeros() },
             Spin::None => {
                 let answer = free * normal;
                 let held = answer * (1.0 / normal.dot(&answer));
-                Mobility { matrix: free - held * answer.transpose(), held }
+                InverseContactInertia { matrix: free - held * answer.transpose(), held }
             }
         }
     }
@@ -194,7 +194,7 @@ impl Model<'_> {
     /// `δf = f × θ` and `a × (b × v) = b (a·v) − v (a·b)`, which leaves no product of two matrices.
     #[inline(always)]
     fn linearise(&self, parts: &Parts) -> Linear {
-        let Parts { state, instant, local: Local { contact, hessian, slope }, moving, turn, mobility } = parts;
+        let Parts { state, instant, local: Local { contact, hessian, slope }, moving, turn, inverse_inertia } = parts;
         let (omega, normal, specific_force) = (&state.omega, &instant.normal, &instant.specific_force);
         let (spin, roll) = (normal.dot(omega), contact.dot(omega));
         let bent = hessian * contact;
@@ -228,7 +228,7 @@ impl Model<'_> {
             torque_by_omega: by_omega,
             u_by_theta: [drift(0), drift(1)],
             u_by_omega: bends.map(|bend| bend.cross(normal)),
-            mobility: *mobility,
+            inverse_inertia: *inverse_inertia,
             turned: turn.cross(normal),
         }
     }
@@ -254,14 +254,14 @@ impl Model<'_> {
         if let (true, Shape::Ellipsoid(ellipsoid)) = (columns.semi_axes, self.body.shape()) {
             for axis in 0..3 {
                 let (torque, moving) = self.reshape(parts, axis, ellipsoid.semi_axes[axis]);
-                put(STATE_COLUMNS + axis, parts.mobility.matrix * torque, moving);
+                put(STATE_COLUMNS + axis, parts.inverse_inertia.matrix * torque, moving);
             }
         }
         if columns.palm {
             let first = columns.count() - 3;
             for axis in 0..3 {
                 let torque = parts.local.contact.cross(&parts.instant.rows.0[axis]);
-                put(first + axis, parts.mobility.matrix * torque, Vector3::zeros());
+                put(first + axis, parts.inverse_inertia.matrix * torque, Vector3::zeros());
             }
         }
     }
@@ -343,7 +343,7 @@ impl Linear {
     /// The slope of column `j`.
     #[inline(always)]
     fn at<const N: usize>(&self, forced: &Forced<N>, column: &Column, j: usize) -> Column {
-        let Linear { omega, torque_by_theta, torque_by_omega, u_by_theta, u_by_omega, mobility, turned } = self;
+        let Linear { omega, torque_by_theta, torque_by_omega, u_by_theta, u_by_omega, inverse_inertia, turned } = self;
         let (&[a, b, c], &[d, e, f]) = (&column.theta, &column.omega);
         let theta = [d - omega.y * c + omega.z * b, e - omega.z * a + omega.x * c, f - omega.x * b + omega.y * a];
         let (m, n) = (torque_by_theta, torque_by_omega);
@@ -351,7 +351,7 @@ impl Linear {
             (m[(i, 0)] * a + m[(i, 1)] * b + m[(i, 2)] * c) + (n[(i, 0)] * d + n[(i, 1)] * e + n[(i, 2)] * f)
         };
         let (x, y, z) = (row(0), row(1), row(2));
-        let (p, held) = (&mobility.matrix, &mobility.held);
+        let (p, held) = (&inverse_inertia.matrix, &inverse_inertia.held);
         let out = turned.x * a + turned.y * b + turned.z * c;
         let answer = |i: usize| (p[(i, 0)] * x + p[(i, 1)] * y) + (p[(i, 2)] * z - held[i] * out);
         let drift = |i: usize| {

@@ -168,7 +168,7 @@ fn sufficient_condition(model: &Model, state: &State) -> SufficientCondition {
     let normal = state.normal();
     let local = model.body.shape().local(&normal, &Vector3::zeros());
     let (contact, size) = (local.contact, model.body.size());
-    let mobility = ContactPointInertia::new(&model.body.inertia(), &contact).inverse();
+    let inverse_inertia = ContactPointInertia::new(&model.body.inertia(), &contact).inverse();
     let ([x, y], radii) = principal(&normal, &local.hessian);
     let [k1, k2] = radii.map(|radius| -1.0 / radius);
     let umbilic = (radii[0] - radii[1]).abs() <= UMBILIC * radii[0];
@@ -183,8 +183,8 @@ fn sufficient_condition(model: &Model, state: &State) -> SufficientCondition {
         Spin::None => contact.dot(&normal) / size,
     };
     let across = contact.cross(&normal).norm() / size;
-    let curvature = (k1 * x.dot(&(mobility * x)) - k2 * y.dot(&(mobility * y))) * size.powi(3);
-    let mixed = x.dot(&(mobility * y)) * size * size;
+    let curvature = (k1 * x.dot(&(inverse_inertia * x)) - k2 * y.dot(&(inverse_inertia * y))) * size.powi(3);
+    let mixed = x.dot(&(inverse_inertia * y)) * size * size;
     let turned = if across > PARALLEL {
         contact_and_inertia.abs() > TERM_THRESHOLD
     } else {
