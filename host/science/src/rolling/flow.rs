@@ -13,7 +13,7 @@
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use super::mechanics::{ContactPointInertia, Instant, Model, Rates, Rows, Spin, State};
+use super::mechanics::{ContactPointInertia, Instant, Model, Rates, RotationMatrix, Spin, State};
 use super::shape::{Local, Scaled, Shape};
 use crate::math::ode::{self, Moves};
 
@@ -56,14 +56,14 @@ impl<const N: usize> Tangent<N> {
     #[must_use]
     pub fn seed(state: &State) -> Self {
         let mut seed = Self { theta: [[0.0; N]; 3], omega: [[0.0; N]; 3], u: [[0.0; N]; 2] };
-        let rows = Rows::of(&state.orientation);
+        let rotation = RotationMatrix::of(&state.orientation);
         // ω = AᵀW: keeping W while A turns by θ changes ω by ω × θ.
         let kept = state.omega.cross_matrix();
         for i in 0..3 {
             seed.theta[i][i] = 1.0;
             for j in 0..3 {
                 seed.omega[i][j] = kept[(i, j)];
-                seed.omega[i][3 + j] = rows.0[j][i];
+                seed.omega[i][3 + j] = rotation.0[j][i];
             }
         }
         seed
@@ -127,7 +127,7 @@ fn times_cross(m: &Matrix3<f64>, v: &Vector3<f64>) -> Matrix3<f64> {
 impl Parts {
     #[inline(always)]
     fn rates(&self) -> Rates {
-        let Rows([first, second, _]) = self.instant.rows;
+        let RotationMatrix([first, second, _]) = self.instant.rotation;
         let u = Vector2::new(first.dot(&self.moving), second.dot(&self.moving));
         Rates { orientation: self.state.turning(), omega: self.turn, u }
     }
@@ -219,7 +219,7 @@ impl Model<'_> {
             + (times_cross(hessian, normal) - contact.cross_matrix()) * roll
             - Matrix3::from_diagonal_element(contact.dot(&y))
             - self.gyroscopic(omega);
-        let rows = [instant.rows.0[0], instant.rows.0[1]];
+        let rows = [instant.rotation.0[0], instant.rotation.0[1]];
         let bends = rows.map(|row| hessian * row);
         let drift = |i: usize| slope.tr_mul(&rows[i]).cross(normal) + bends[i] * spin + moving.cross(&rows[i]);
         Linear {
@@ -248,7 +248,7 @@ impl Model<'_> {
                 slopes.omega[i][column] += omega[i];
             }
             for i in 0..2 {
-                slopes.u[i][column] += parts.instant.rows.0[i].dot(&moving);
+                slopes.u[i][column] += parts.instant.rotation.0[i].dot(&moving);
             }
         };
         if let (true, Shape::Ellipsoid(ellipsoid)) = (columns.semi_axes, self.body.shape()) {
@@ -260,7 +260,7 @@ impl Model<'_> {
         if columns.palm {
             let first = columns.count() - 3;
             for axis in 0..3 {
-                let torque = parts.local.contact.cross(&parts.instant.rows.0[axis]);
+                let torque = parts.local.contact.cross(&parts.instant.rotation.0[axis]);
                 put(first + axis, parts.inverse_inertia.matrix * torque, Vector3::zeros());
             }
         }

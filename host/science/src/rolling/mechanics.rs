@@ -82,12 +82,12 @@ pub(super) struct ContactPointInertia {
 
 /// Orientation as a matrix, by rows, times the square of the quaternion's length.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Rows(pub(super) [Vector3<f64>; 3]);
+pub(super) struct RotationMatrix(pub(super) [Vector3<f64>; 3]);
 
 /// Everything about one instant that rates, forces and sensitivities share.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Instant {
-    pub(super) rows: Rows,
+    pub(super) rotation: RotationMatrix,
     /// `n`.
     pub(super) normal: Vector3<f64>,
     /// `n × ω`.
@@ -161,7 +161,7 @@ impl Mul<f64> for Rates {
     }
 }
 
-impl Rows {
+impl RotationMatrix {
     #[inline(always)]
     pub(super) fn of(q: &Quaternion<f64>) -> Self {
         let [x, y, z, w] = q.coords.into();
@@ -185,9 +185,14 @@ impl Rows {
 impl Instant {
     #[inline(always)]
     pub(super) fn of(state: &State, specific_force_palm: &Vector3<f64>) -> Self {
-        let rows = Rows::of(&state.orientation);
-        let normal = -rows.0[2];
-        Self { rows, normal, turning: normal.cross(&state.omega), specific_force: rows.to_body(specific_force_palm) }
+        let rotation = RotationMatrix::of(&state.orientation);
+        let normal = -rotation.0[2];
+        Self {
+            rotation,
+            normal,
+            turning: normal.cross(&state.omega),
+            specific_force: rotation.to_body(specific_force_palm),
+        }
     }
 }
 
@@ -262,7 +267,7 @@ impl Model<'_> {
         let instant = Instant::of(state, specific_force);
         let scaled = self.body.shape().roll_scaled(&instant.normal, &instant.turning);
         let omega = self.turn_scaled(state, &instant, &scaled);
-        let Rows([first, second, _]) = instant.rows;
+        let RotationMatrix([first, second, _]) = instant.rotation;
         let per_square = 1.0 / scaled.square;
         let per_cube = scaled.square.sqrt() * per_square * per_square;
         let u = Vector2::new(first.dot(&scaled.motion), second.dot(&scaled.motion)) * per_cube;

@@ -13,7 +13,7 @@ use std::cmp::Ordering;
 use nalgebra::{Matrix2, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
 
 use super::super::body::Body;
-use super::super::mechanics::{Instant, Model, Rows, Spin, State};
+use super::super::mechanics::{Instant, Model, RotationMatrix, Spin, State};
 use super::fit::{Effort, Fit, Norm, Point, Unknowns};
 use super::rotations::spread;
 use super::track::Track;
@@ -165,16 +165,16 @@ impl Ground<'_> {
         mut found: impl FnMut(State, f64),
     ) {
         let orientation = attitude.into_inner();
-        let rows = Rows::of(&orientation);
-        let hessian = model.body.shape().local(&-rows.0[2], &Vector3::zeros()).hessian;
-        let across = |i: usize, j: usize| rows.0[i].dot(&(hessian * rows.0[j]));
+        let rotation = RotationMatrix::of(&orientation);
+        let hessian = model.body.shape().local(&-rotation.0[2], &Vector3::zeros()).hessian;
+        let across = |i: usize, j: usize| rotation.0[i].dot(&(hessian * rotation.0[j]));
         // u' = (A H Aᵀ) (W_y, −W_x), because n × ω is (W_y, −W_x, 0) in palm axes.
         let Some(inverse) = Matrix2::new(across(0, 0), across(0, 1), across(1, 0), across(1, 1)).try_inverse() else {
             return;
         };
         let sway = inverse * derivatives.velocity;
         let state = |spin: f64| {
-            let omega = rows.to_body(&Vector3::new(-sway.y, sway.x, spin));
+            let omega = rotation.to_body(&Vector3::new(-sway.y, sway.x, spin));
             State { orientation, omega, u: derivatives.u }
         };
         let miss = |spin: f64| self.acceleration(model, &state(spin)) - derivatives.acceleration;
@@ -209,7 +209,7 @@ impl Ground<'_> {
         let turn = model.turn(state, &instant, (local.contact, moving));
         let turning = instant.turning.cross(&state.omega) + instant.normal.cross(&turn);
         let bending = state.omega.cross(&moving) + local.slope * instant.turning + local.hessian * turning;
-        Vector2::new(instant.rows.0[0].dot(&bending), instant.rows.0[1].dot(&bending))
+        Vector2::new(instant.rotation.0[0].dot(&bending), instant.rotation.0[1].dot(&bending))
     }
 
     /// Rolls candidates over a horizon, best first.
