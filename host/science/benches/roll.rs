@@ -35,7 +35,7 @@ fn main() {
         println!("{name:48} {:9.0} ns  {:6.2} × yardstick", seconds * 1e9, seconds / yardstick_s);
     };
     let body = ellipsoid();
-    for spin in [Spin::Free, Spin::None] {
+    for spin in [Spin::Free, Spin::NoSpin] {
         let model = Model { body: &body, spin };
         let name = format!("{spin:?}").to_lowercase();
         report(&format!("RK4 step, spin {name}"), step(&model));
@@ -53,7 +53,7 @@ fn ellipsoid() -> Body {
 fn start(model: &Model) -> State {
     let orientation = Quaternion::new(0.3, -0.5, 0.7, 0.2).normalize();
     let mut state = State { orientation, omega: Vector3::new(2.0, -3.0, 1.5), u: Vector2::zeros() };
-    if model.spin == Spin::None {
+    if model.spin == Spin::NoSpin {
         let normal = state.normal();
         state.omega -= normal * normal.dot(&state.omega);
     }

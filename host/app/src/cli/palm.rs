@@ -72,7 +72,8 @@ enum SpinChoice {
     /// A point contact: no torque
     Free,
     /// A torque that keeps the spin at 0
-    None,
+    #[value(name = "none")]
+    NoSpin,
 }
 
 /// A line of input.
@@ -126,9 +127,9 @@ impl Arguments {
         Ok(Question {
             body: BodyKnowledge::OneOf(bodies),
             spins: match self.spin {
-                SpinChoice::Unknown => vec![Spin::Free, Spin::None],
+                SpinChoice::Unknown => vec![Spin::Free, Spin::NoSpin],
                 SpinChoice::Free => vec![Spin::Free],
-                SpinChoice::None => vec![Spin::None],
+                SpinChoice::NoSpin => vec![Spin::NoSpin],
             },
             palm: match self.unknown_tilt {
                 true => PalmKnowledge::Constant,

@@ -82,7 +82,8 @@ enum SpinChoice {
     /// A point contact: no torque
     Free,
     /// A torque that keeps the spin at 0
-    None,
+    #[value(name = "none")]
+    NoSpin,
 }
 
 /// Three finite numbers with commas between.
@@ -130,7 +131,7 @@ impl Arguments {
         let omega = attitude.inverse() * Vector3::from(self.turning_deg_s.map(f64::to_radians));
         let spin = match self.spin {
             SpinChoice::Free => Spin::Free,
-            SpinChoice::None => Spin::None,
+            SpinChoice::NoSpin => Spin::NoSpin,
         };
         let on = (&file.body, spin, palm, GRAVITY_ASSUMED);
         let cannot = || format!("cannot put {} on the palm", self.body.display());

@@ -112,7 +112,7 @@ fn start(draw: &mut Draw, spin: Spin) -> State {
     let omega = Vector3::new(normal(), normal(), normal()) * OMEGA_SIGMA;
     let u = Vector2::new(draw.uniform(-0.01, 0.01), draw.uniform(-0.01, 0.01));
     let mut state = State { orientation, omega, u };
-    if spin == Spin::None {
+    if spin == Spin::NoSpin {
         let normal = state.normal();
         state.omega -= normal * normal.dot(&state.omega);
     }
@@ -202,7 +202,7 @@ fn attitude(settings: &Settings) -> Table {
         ([2.9, 3.0, 3.1], millimetre_grid(0.6)),
     ];
     for (axes, sensing) in rows {
-        for spin in [Spin::Free, Spin::None] {
+        for spin in [Spin::Free, Spin::NoSpin] {
             if let Some(body) = pebble(axes) {
                 attitude_row(settings, &mut table, &body, spin, &sensing);
             }
@@ -288,7 +288,7 @@ fn semi_axes(settings: &Settings) -> Table {
             .to_owned(),
     ];
     let range = [0.015, 0.05];
-    for spin in [Spin::Free, Spin::None] {
+    for spin in [Spin::Free, Spin::NoSpin] {
         let sensing = millimetre_grid(1.0);
         let unknown =
             Question { body: BodyKnowledge::Ellipsoid { range }, ..question(Vec::new(), vec![spin], sensing.noise) };
@@ -352,12 +352,12 @@ fn which(settings: &Settings) -> Table {
     let bodies: Vec<Body> = SIX.into_iter().filter_map(pebble).collect();
     for seconds in [0.3, 0.6] {
         let sensing = millimetre_grid(seconds);
-        let question = question(bodies.clone(), vec![Spin::Free, Spin::None], sensing.noise);
+        let question = question(bodies.clone(), vec![Spin::Free, Spin::NoSpin], sensing.noise);
         let ([mut body_right, mut spin_right, mut both], mut times) = ([0; 3], Vec::new());
         for case in 0..settings.cases {
             let mut draw = Draw::case(settings.seed, case);
             let index = draw.index(bodies.len());
-            let spin = if draw.chance(0.5) { Spin::Free } else { Spin::None };
+            let spin = if draw.chance(0.5) { Spin::Free } else { Spin::NoSpin };
             let trial = trial(&mut draw, &bodies[index], spin, &sensing);
             let (estimate, time) = timed(&question, &trial);
             times.push(time);
@@ -502,7 +502,7 @@ mod tests {
     #[test]
     fn an_attitude_is_found_from_less_than_half_a_second() {
         let body = pebble(SIX[0]).unwrap();
-        for (case, spin) in (0..10).zip([Spin::Free, Spin::None].into_iter().cycle()) {
+        for (case, spin) in (0..10).zip([Spin::Free, Spin::NoSpin].into_iter().cycle()) {
             let sensing = millimetre_grid(0.4);
             let trial = trial(&mut Draw::case(7, case), &body, spin, &sensing);
             let estimate = timed(&question(vec![body.clone()], vec![spin], sensing.noise), &trial).0.unwrap();

@@ -179,7 +179,7 @@ impl Model<'_> {
             ContactPointInertia::scaled(&self.body.inertia(), &scaled.point, scaled.square).inverse() * scaled.square;
         match self.spin {
             Spin::Free => InverseContactInertia { matrix: free, held: Vector3::zeros() },
-            Spin::None => {
+            Spin::NoSpin => {
                 let answer = free * normal;
                 let held = answer * (1.0 / normal.dot(&answer));
                 InverseContactInertia { matrix: free - held * answer.transpose(), held }
@@ -209,7 +209,7 @@ impl Model<'_> {
             - times_cross(&by_normal, normal)
             - (omega * bent.transpose() - hessian * roll) * spin
             - Matrix3::from_diagonal_element(contact.dot(specific_force));
-        if self.spin == Spin::None {
+        if self.spin == Spin::NoSpin {
             let momentum = self.body.inertia().component_mul(omega);
             // It lies along the normal and turns with it.
             let needed = self.body.inertia().component_mul(turn) + omega.cross(&momentum) - contact.cross(&force);

@@ -39,7 +39,7 @@ pub enum Spin {
     /// Nothing: a point contact. The body spins about the normal as it likes.
     Free,
     /// A torque about the normal, which keeps the spin at zero.
-    None,
+    NoSpin,
 }
 
 /// A rolling body at one instant.
@@ -286,7 +286,7 @@ impl Model<'_> {
         let torque = self.torque(state, instant, scaled);
         match self.spin {
             Spin::Free => contact_inertia.solve(&torque),
-            Spin::None => contact_inertia.solve_across(&instant.normal, &torque),
+            Spin::NoSpin => contact_inertia.solve_across(&instant.normal, &torque),
         }
     }
 
@@ -369,7 +369,7 @@ impl Model<'_> {
     pub fn dimension(&self) -> usize {
         match self.spin {
             Spin::Free => 8,
-            Spin::None => 7,
+            Spin::NoSpin => 7,
         }
     }
 }
@@ -419,7 +419,7 @@ impl Model<'_> {
         let free = times([0, 1, 2].map(|i| pushed[i] - gyroscopic[i]));
         let turning = match self.spin {
             Spin::Free => free,
-            Spin::None => {
+            Spin::NoSpin => {
                 let held = times(normal);
                 let torque = -dot(normal, free) / dot(normal, held);
                 [0, 1, 2].map(|i| free[i] + held[i] * torque)

@@ -180,7 +180,7 @@ fn sufficient_condition(model: &Model, state: &State) -> SufficientCondition {
     });
     let contact_and_inertia = match model.spin {
         Spin::Free => contact.dot(&model.body.inertia().component_mul(&normal)) / size.powi(3),
-        Spin::None => contact.dot(&normal) / size,
+        Spin::NoSpin => contact.dot(&normal) / size,
     };
     let across = contact.cross(&normal).norm() / size;
     let curvature = (k1 * x.dot(&(inverse_inertia * x)) - k2 * y.dot(&(inverse_inertia * y))) * size.powi(3);
@@ -246,7 +246,7 @@ mod tests {
                         "{k} {inputs:?} {body:?}"
                     );
                     assert_eq!(
-                        rank(body, Spin::None, &state_of(Spin::None, q, w), inputs),
+                        rank(body, Spin::NoSpin, &state_of(Spin::NoSpin, q, w), inputs),
                         7,
                         "{k} {inputs:?} {body:?}"
                     );
@@ -260,7 +260,7 @@ mod tests {
         let (q, w) = ([1.0, 0.4, -0.7, 0.2], [4.0, -6.0, 3.0]);
         let spheroid = Body::ellipsoid([0.02, 0.02, 0.035]).unwrap();
         let sphere = Body::ellipsoid([0.03; 3]).unwrap();
-        for (spin, ranks) in [(Spin::Free, [7, 4]), (Spin::None, [6, 4])] {
+        for (spin, ranks) in [(Spin::Free, [7, 4]), (Spin::NoSpin, [6, 4])] {
             let state = state_of(spin, q, w);
             assert_eq!([&spheroid, &sphere].map(|body| rank(body, spin, &state, Inputs::Generic)), ranks, "{spin:?}");
         }
@@ -281,7 +281,7 @@ mod tests {
         };
         assert_eq!(ranks(&at(0.0), Spin::Free), [6, 6, 8]);
         assert_eq!(ranks(&at(5.0), Spin::Free), [6, 6, 8]);
-        assert_eq!(ranks(&at(0.0), Spin::None), [6, 6, 7]);
+        assert_eq!(ranks(&at(0.0), Spin::NoSpin), [6, 6, 7]);
         let hidden =
             observability(&Model { body: &body, spin: Spin::Free }, &at(0.0), GRAVITY_ASSUMED, Inputs::Zero).unwrap();
         for direction in &hidden.spectrum.unseen {

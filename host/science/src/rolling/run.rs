@@ -164,7 +164,7 @@ impl<'a> Roll<'a> {
         let orientation = unit_quaternion(orientation)?;
         let start = State { orientation, omega: Vector3::from(omega), u: Vector2::from(u) };
         let model = Model { body, spin };
-        if spin == Spin::None {
+        if spin == Spin::NoSpin {
             let rate = start.omega.dot(&start.normal());
             if rate.abs() > SPIN_MAX {
                 return Err(RollError::Spins { spin: rate });
@@ -247,7 +247,7 @@ impl<'a> Roll<'a> {
     }
 
     fn without_spin(&self, mut state: State) -> State {
-        if self.model.spin == Spin::None {
+        if self.model.spin == Spin::NoSpin {
             let normal = state.normal();
             state.omega -= normal * normal.dot(&state.omega);
         }
@@ -397,7 +397,7 @@ mod tests {
         let on = |spin| (&body, spin, &PalmAcceleration::Rest, 9.81);
         let error = Roll::new(on(Spin::Free), [1.0, 0.1, 0.0, 0.0], [0.0; 3], [0.0; 2]).unwrap_err();
         assert!(matches!(error, RollError::Quaternion { .. }), "{error}");
-        let error = Roll::new(on(Spin::None), [1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.1], [0.0; 2]).unwrap_err();
+        let error = Roll::new(on(Spin::NoSpin), [1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.1], [0.0; 2]).unwrap_err();
         assert!(error.to_string().contains("0.1 rad/s"), "{error}");
     }
 }

@@ -27,7 +27,7 @@ fn make_bodies() -> Vec<Body> {
 pub(super) fn state_of(spin: Spin, q: [f64; 4], w: [f64; 3]) -> State {
     let orientation = Quaternion::from(q).normalize();
     let mut state = State { orientation, omega: Vector3::from(w), u: Vector2::new(0.001, -0.002) };
-    if spin == Spin::None {
+    if spin == Spin::NoSpin {
         let normal = state.normal();
         state.omega -= normal * normal.dot(&state.omega);
     }
@@ -39,7 +39,7 @@ pub(super) fn motions() -> impl Strategy<Value = (Spin, State, Vector3<f64>)> {
         .prop_filter("not 0", |q| q.iter().map(|x| x * x).sum::<f64>() > 0.05);
     let w = [-12.0..12.0, -12.0..12.0, -12.0..12.0_f64];
     let a = [-3.0..3.0, -3.0..3.0, -3.0..3.0_f64];
-    (prop_oneof![Just(Spin::Free), Just(Spin::None)], q, w, a)
+    (prop_oneof![Just(Spin::Free), Just(Spin::NoSpin)], q, w, a)
         .prop_map(|(spin, q, w, a)| (spin, state_of(spin, q, w), specific_force(Vector3::from(a), GRAVITY_ASSUMED)))
 }
 
@@ -110,8 +110,8 @@ proptest! {
     #[test]
     fn a_body_that_does_not_spin_never_does((_, state, specific_force) in motions()) {
         for body in bodies() {
-            let model = Model { body, spin: Spin::None };
-            let state = state_of(Spin::None, state.orientation.coords.into(), state.omega.into());
+            let model = Model { body, spin: Spin::NoSpin };
+            let state = state_of(Spin::NoSpin, state.orientation.coords.into(), state.omega.into());
             let end = (0..100).fold(state, |state, _| model.step(&state, &[specific_force; 3], 1e-3));
             prop_assert!(model.spin_rate(&end).abs() < 1e-5, "{}", model.spin_rate(&end));
         }
@@ -150,7 +150,7 @@ proptest! {
             prop_assert!((end.u - go(body, state, specific_force).u).norm() < 1e-12);
             let step = 1e-5;
             for column in 0..12 {
-                if spin == Spin::None && column == 5 { continue; } // A change of spin leaves the model.
+                if spin == Spin::NoSpin && column == 5 { continue; } // A change of spin leaves the model.
                 let ellipsoid = matches!(body.shape(), Shape::Ellipsoid(_));
                 if !ellipsoid && (6..9).contains(&column) { continue; }
                 let moved = |sign: f64| {
@@ -208,7 +208,7 @@ proptest! {
 #[test]
 fn a_sphere_rolls_as_in_the_textbook() {
     let body = Body::ellipsoid([0.025; 3]).unwrap();
-    for spin in [Spin::Free, Spin::None] {
+    for spin in [Spin::Free, Spin::NoSpin] {
         let start = state_of(spin, [0.3, -0.4, 0.7, 0.2], [3.0, -5.0, 2.0]);
         let palm = Vector3::new(0.7, -1.3, 0.4);
         let model = Model { body: &body, spin };
@@ -226,7 +226,7 @@ fn a_sphere_rolls_as_in_the_textbook() {
 #[test]
 fn a_turn_about_the_axis_of_revolution_never_shows() {
     let body = Body::ellipsoid([0.02, 0.02, 0.035]).unwrap();
-    for spin in [Spin::Free, Spin::None] {
+    for spin in [Spin::Free, Spin::NoSpin] {
         let model = Model { body: &body, spin };
         let state = state_of(spin, [0.3, -0.5, 0.7, 0.2], [2.0, -3.0, 1.5]);
         let start = (state, Tangent::<STATE_COLUMNS>::seed(&state));

@@ -263,7 +263,7 @@ impl Track {
         let attitude = self.state.attitude();
         let turned = attitude * UnitQuaternion::from_scaled_axis(change.fixed_rows::<3>(0).into_owned());
         let mut spinning: Vector3<f64> = attitude * self.state.omega + change.fixed_rows::<3>(3);
-        if self.spin == Spin::None {
+        if self.spin == Spin::NoSpin {
             spinning.z = 0.0;
         }
         self.state = State {
@@ -345,7 +345,7 @@ mod tests {
     #[test]
     fn a_body_is_found_and_followed() {
         let body = &bodies()[0];
-        for spin in [Spin::Free, Spin::None] {
+        for spin in [Spin::Free, Spin::NoSpin] {
             let mut tracker = Tracker::new(question(body, spin), 0.4);
             let (mut found, mut followed) = (0, 0);
             for (t, u, truth) in path(body, spin, 600) {
@@ -368,10 +368,10 @@ mod tests {
     #[test]
     fn a_body_that_was_pushed_is_lost_and_found_again() {
         let body = &bodies()[0];
-        let mut tracker = Tracker::new(question(body, Spin::None), 0.4);
-        let first = path(body, Spin::None, 260);
+        let mut tracker = Tracker::new(question(body, Spin::NoSpin), 0.4);
+        let first = path(body, Spin::NoSpin, 260);
         let push = first[259].0;
-        let second = path(body, Spin::None, 400).into_iter().skip(60).map(|(t, u, _)| (push + t - 0.118, -u));
+        let second = path(body, Spin::NoSpin, 400).into_iter().skip(60).map(|(t, u, _)| (push + t - 0.118, -u));
         let all = first.into_iter().map(|(t, u, _)| (t, u)).chain(second);
         let mut words = Vec::new();
         for (t, u) in all {

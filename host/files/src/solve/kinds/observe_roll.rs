@@ -113,7 +113,8 @@ pub enum SpinKnowledge {
     /// It does.
     Free,
     /// It does not.
-    None,
+    #[serde(rename = "none")]
+    NoSpin,
     /// To be found.
     Unknown,
 }
@@ -294,8 +295,8 @@ impl ObserveRoll {
             body: self.body()?,
             spins: match self.spin {
                 SpinKnowledge::Free => vec![rolling::Spin::Free],
-                SpinKnowledge::None => vec![rolling::Spin::None],
-                SpinKnowledge::Unknown => vec![rolling::Spin::Free, rolling::Spin::None],
+                SpinKnowledge::NoSpin => vec![rolling::Spin::NoSpin],
+                SpinKnowledge::Unknown => vec![rolling::Spin::Free, rolling::Spin::NoSpin],
             },
             palm: self.palm(),
             g: self.g.get(),

@@ -42,7 +42,7 @@ impl From<Spin> for rolling::Spin {
     fn from(spin: Spin) -> Self {
         match spin {
             Spin::Free => Self::Free,
-            Spin::None => Self::None,
+            Spin::None => Self::NoSpin,
         }
     }
 }
@@ -51,7 +51,7 @@ impl From<rolling::Spin> for Spin {
     fn from(spin: rolling::Spin) -> Self {
         match spin {
             rolling::Spin::Free => Self::Free,
-            rolling::Spin::None => Self::None,
+            rolling::Spin::NoSpin => Self::None,
         }
     }
 }

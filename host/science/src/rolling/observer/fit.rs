@@ -80,7 +80,7 @@ pub(super) struct Fit {
 impl Unknowns {
     /// Numbers that are fitted.
     pub(super) fn count(&self) -> usize {
-        self.columns.count() + 2 - usize::from(self.spin == Spin::None)
+        self.columns.count() + 2 - usize::from(self.spin == Spin::NoSpin)
     }
 
     /// The best fit near `start`.
@@ -304,7 +304,7 @@ impl<const N: usize, const P: usize> Problem<P> for Fitting<'_, N> {
     }
 
     fn held(&self, _: &Weighed<P>, _: &NormalEquations<P>) -> [bool; P] {
-        std::array::from_fn(|i| i == SPIN_COLUMN && self.unknowns.spin == Spin::None)
+        std::array::from_fn(|i| i == SPIN_COLUMN && self.unknowns.spin == Spin::NoSpin)
     }
 
     /// No turn beyond the longest.

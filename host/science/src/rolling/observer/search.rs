@@ -178,7 +178,7 @@ impl Ground<'_> {
             State { orientation, omega, u: derivatives.u }
         };
         let miss = |spin: f64| self.acceleration(model, &state(spin)) - derivatives.acceleration;
-        if self.unknowns.spin == Spin::None {
+        if self.unknowns.spin == Spin::NoSpin {
             return found(state(0.0), miss(0.0).norm_squared());
         }
         // u'' is quadratic in the spin: three values give it everywhere.

@@ -224,7 +224,7 @@ impl Solution {
     /// Columns of the information that are fitted.
     fn fitted(&self) -> Vec<usize> {
         let last = self.fit.information.nrows();
-        (0..last).filter(|&column| !(self.unknowns.spin == Spin::None && column == 5)).collect()
+        (0..last).filter(|&column| !(self.unknowns.spin == Spin::NoSpin && column == 5)).collect()
     }
 
     /// Covariance of what is fitted, with zeros for what is fixed; in the middle of the window.
