@@ -161,7 +161,7 @@ fn motion(state: &State) -> Value {
 }
 
 fn undecided(estimate: &Estimate) -> Value {
-    let why = if estimate.verdict == Verdict::None { "nothing explains the contacts" } else { "several do" };
+    let why = if estimate.verdict == Verdict::Unexplained { "nothing explains the contacts" } else { "several do" };
     let list: Vec<Value> = estimate.hypotheses.iter().map(|hypothesis| motion(&hypothesis.end)).collect();
     json!({"why": why, "cost": finite_or_null(estimate.cost), "cost_max": estimate.cost_max, "hypotheses": list})
 }

@@ -189,7 +189,8 @@ pub enum PoseStatus {
     /// Several, or one of a continuum.
     Ambiguous,
     /// No pose of this part leads to these contacts.
-    None,
+    #[serde(rename = "none")]
+    Unexplained,
 }
 
 /// A pose and how well it fits.
@@ -225,7 +226,7 @@ impl Problem for InitialPose {
         let poses = push.observe(&contacts, self.tolerance()?);
         let solutions: Vec<_> = poses.solutions.iter().map(PoseFit::from).collect();
         let status = match &solutions[..] {
-            [] => PoseStatus::None,
+            [] => PoseStatus::Unexplained,
             [only] if !only.unobservable => PoseStatus::Unique,
             _ => PoseStatus::Ambiguous,
         };

@@ -154,7 +154,8 @@ pub enum Status {
     /// Several.
     Ambiguous,
     /// No pose and motion of this part explains the data.
-    None,
+    #[serde(rename = "none")]
+    Unexplained,
 }
 
 /// Goodness of fit.
@@ -499,7 +500,7 @@ impl ObservePushAnswer {
 impl Status {
     fn of(explanations: usize) -> Self {
         match explanations {
-            0 => Self::None,
+            0 => Self::Unexplained,
             1 => Self::Unique,
             _ => Self::Ambiguous,
         }
@@ -681,7 +682,7 @@ mod tests {
     fn a_finger_that_moves_away_pushes_nothing() {
         let away = json!({"radius": 0.01, "centre0": [0, 0], "velocity0": [0, -0.05], "acceleration": [0, 0]});
         let answer = solve(&json!({"finger": away}));
-        assert!(answer.status == Status::None && answer.hypotheses.is_empty(), "{answer:?}");
+        assert!(answer.status == Status::Unexplained && answer.hypotheses.is_empty(), "{answer:?}");
     }
 
     #[test]

@@ -165,7 +165,8 @@ pub enum Status {
     /// Several.
     Ambiguous,
     /// None.
-    None,
+    #[serde(rename = "none")]
+    Unexplained,
 }
 
 /// A motion that explains the contacts.
@@ -361,7 +362,7 @@ impl ObserveRoll {
             status: match estimate.verdict {
                 Verdict::Unique => Status::Unique,
                 Verdict::Ambiguous => Status::Ambiguous,
-                Verdict::None => Status::None,
+                Verdict::Unexplained => Status::Unexplained,
             },
             hypotheses: estimate.hypotheses.iter().map(|hypothesis| self.hypothesis(hypothesis)).collect(),
             symmetry: symmetry.map(|group| SymmetryFields { name: group.kind().into(), order: group.order() }),

@@ -76,7 +76,7 @@ pub enum Verdict {
     /// Several do.
     Ambiguous,
     /// None does.
-    None,
+    Unexplained,
 }
 
 /// Everything that explains the readings.
@@ -187,7 +187,7 @@ impl Gate {
             }
         }
         let verdict = match listed.len() {
-            0 => Verdict::None,
+            0 => Verdict::Unexplained,
             1 => Verdict::Unique,
             _ => Verdict::Ambiguous,
         };
