@@ -263,7 +263,7 @@ fn write_line(line: &str) -> io::Result<()> {
 /// A reading for a person.
 fn as_words(reading: &ContactReading, unit: &str) -> String {
     match &reading.contact {
-        Contact::None { sigmas, .. } => format!("{:10.4} s  no contact ({sigmas:.1} sigma)", reading.t),
+        Contact::Free { sigmas, .. } => format!("{:10.4} s  no contact ({sigmas:.1} sigma)", reading.t),
         Contact::Touching(touch) => {
             let friction = if touch.friction_half_angle > 0.0 {
                 format!(" +/-{:.1} (friction)", touch.friction_half_angle.to_degrees())
@@ -319,7 +319,7 @@ fn contact_as_json(reading: &ContactReading) -> Value {
         detector::Event::Release { .. } => "release",
     });
     match &reading.contact {
-        Contact::None { force_finger, sigmas } => json!({
+        Contact::Free { force_finger, sigmas } => json!({
             "contact": false, "event": event, "sigmas": sigmas, "force": [force_finger.x, force_finger.y],
         }),
         Contact::Touching(touch) => json!({

@@ -346,7 +346,7 @@ struct View<'a> {
 impl View<'_> {
     fn row(&self, measured: &ContactReading) -> Row {
         let (force, touch) = match measured.contact {
-            Contact::None { force_finger, .. } => (force_finger, None),
+            Contact::Free { force_finger, .. } => (force_finger, None),
             Contact::Touching(touch) => (touch.force_finger, Some(touch)),
         };
         let tip = self.tips.map(|tips| tip_at(tips, measured.t));

@@ -85,7 +85,7 @@ impl Reading {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Contact {
     /// The force does not stand out of its own noise.
-    None {
+    Free {
         /// Tared force, finger axes.
         force_finger: Vector2<f64>,
         /// Its size in standard deviations of its own noise (Mahalanobis norm).
@@ -100,7 +100,7 @@ impl Contact {
     #[must_use]
     pub fn touch(&self) -> Option<&Touch> {
         match self {
-            Self::None { .. } => None,
+            Self::Free { .. } => None,
             Self::Touching(touch) => Some(touch),
         }
     }
@@ -265,7 +265,7 @@ impl ContactSense {
         let sigmas = noise::mahalanobis(&force_finger, &noise);
         let event = self.detector.push(mean.t, sigmas, force_finger.norm());
         let contact = match self.detector.onset() {
-            None => Contact::None { force_finger, sigmas },
+            None => Contact::Free { force_finger, sigmas },
             Some(onset) => {
                 let force_covariance = noise + calibration_covariance(&force_finger);
                 let sensed = Sensed { force_finger, force_covariance, onset };
