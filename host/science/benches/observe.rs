@@ -9,7 +9,7 @@ use std::hint::black_box;
 
 use nalgebra::Point2;
 use palpate::geometry::SimplePolygon;
-use palpate::pushing::dynamics::{Contact, Finger, Part, PushModel, State};
+use palpate::pushing::dynamics::{ContactMode, Finger, Part, PushModel, State};
 use palpate::pushing::estimation::{
     Channel, Known, Measured, Observation, Prior, Touch, Tracker, TrackerSettings, estimate,
 };
@@ -38,8 +38,8 @@ fn main() {
     let outline = SimplePolygon::new(OCTAGON.map(Point2::from)).unwrap_or_else(|error| panic!("{error}"));
     let part = Part::uniform(outline);
     for (name, touch, contact) in [
-        ("rolling", Touch::Rolling { friction: None }, Contact::Rolling),
-        ("frictionless", Touch::Frictionless, Contact::Frictionless),
+        ("rolling", Touch::Rolling { friction: None }, ContactMode::Rolling),
+        ("frictionless", Touch::Frictionless, ContactMode::Frictionless),
     ] {
         let mut pushes: Vec<_> = (0..8).map(|edge| time_push(&part, edge, touch, contact)).collect();
         pushes.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
@@ -62,7 +62,7 @@ struct Timed {
     update: f64,
 }
 
-fn time_push(part: &Part, edge: usize, touch: Touch, contact: Contact) -> Timed {
+fn time_push(part: &Part, edge: usize, touch: Touch, contact: ContactMode) -> Timed {
     let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
     let known = Known { part, mu_g: 0.3 * 9.81, finger, touch };
     let edge = part.edge(edge).unwrap_or_else(|error| panic!("{error}"));

@@ -10,7 +10,7 @@ use std::hint::black_box;
 use nalgebra::Point2;
 use palpate::geometry::SimplePolygon;
 use palpate::pushing::dynamics::{
-    Contact, ContactLaw, EdgeEnd, Finger, Parameter, Part, Push, PushModel, Scalar, Seeded, Slip, Start, State,
+    ContactLaw, ContactMode, EdgeEnd, Finger, Parameter, Part, Push, PushModel, Scalar, Seeded, Slip, Start, State,
 };
 use yardstick::best_of_runs;
 
@@ -53,22 +53,22 @@ fn main() {
             seconds / yardstick_s
         );
     };
-    let sliding = Contact::Sliding { friction: 0.2, slip: Slip::Forward };
+    let sliding = ContactMode::Sliding { friction: 0.2, slip: Slip::Forward };
     for (name, contact) in
-        [("rolling", Contact::Rolling), ("frictionless", Contact::Frictionless), ("sliding", sliding)]
+        [("rolling", ContactMode::Rolling), ("frictionless", ContactMode::Frictionless), ("sliding", sliding)]
     {
         report(&format!("{name}, 160 steps of 5 ms"), per_push(|| roll_out(&model, &contact, &start)));
     }
     let seconds = per_push(|| {
-        black_box(black_box(&model).fast_rollout(&Contact::Rolling, black_box(&start), STEP).nth(STEPS - 1));
+        black_box(black_box(&model).fast_rollout(&ContactMode::Rolling, black_box(&start), STEP).nth(STEPS - 1));
     });
     report("rolling, 160 steps of 5 ms, two rates a step", seconds);
     let parameters = [Parameter::U, Parameter::S, Parameter::Omega];
-    let seeded = Seeded::new(&model, &Contact::Rolling, &start, parameters);
+    let seeded = Seeded::new(&model, &ContactMode::Rolling, &start, parameters);
     let seconds = per_push(|| roll_out(&seeded.model, &seeded.contact, &seeded.start));
     report("rolling with derivatives by u, s and ω", seconds);
     let parameters = [Parameter::U, Parameter::S, Parameter::Omega, Parameter::VT];
-    for (name, contact) in [("rolling", Contact::Rolling), ("frictionless", Contact::Frictionless)] {
+    for (name, contact) in [("rolling", ContactMode::Rolling), ("frictionless", ContactMode::Frictionless)] {
         let jets = Seeded::new(&model, &contact, &start, parameters);
         let seconds = per_push(|| roll_out(&jets.model, &jets.contact, &jets.start));
         report(&format!("{name} with jets by u, s, ω and v_T"), seconds);
@@ -91,7 +91,7 @@ fn per_push(mut push: impl FnMut()) -> f64 {
         / f64::from(PUSHES)
 }
 
-fn roll_out<T: Scalar>(model: &PushModel<T>, contact: &Contact<T>, start: &State<T>) {
+fn roll_out<T: Scalar>(model: &PushModel<T>, contact: &ContactMode<T>, start: &State<T>) {
     black_box(black_box(model).rollout(contact, black_box(start), STEP).nth(STEPS - 1));
 }
 

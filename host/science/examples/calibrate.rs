@@ -5,7 +5,7 @@
 use std::error::Error;
 
 use nalgebra::{Matrix2, Vector2};
-use palpate::finger::calibration::{Contact, FitSettings, Fixture, Load, Measurements, Reading, Tare, fit};
+use palpate::finger::calibration::{CalibrationContact, FitSettings, Fixture, Load, Measurements, Reading, Tare, fit};
 
 /// Noise of a reading, counts: a dwell of a second at 4 kHz.
 const NOISE_COUNTS: f64 = 6.0;
@@ -24,7 +24,7 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     let contact = |k: u32| {
         let angle = f64::from(30 * k).to_radians();
         let force_finger = -2.0 * Vector2::new(angle.cos(), angle.sin());
-        Contact { angle, load: Load::Newtons(2.0), reading: reading(truth * force_finger), tare: None }
+        CalibrationContact { angle, load: Load::Newtons(2.0), reading: reading(truth * force_finger), tare: None }
     };
     let tare = Tare(reading(Vector2::zeros()));
     let measurements = Measurements { contacts: (0..12).map(contact).collect(), tares: vec![tare] };

@@ -21,7 +21,7 @@ pub const RAMP_US: u32 = 20_000;
 
 /// A point of the disk's rim that is pressed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Contact {
+pub struct ContactLoad {
     /// Polar angle of the contact seen from the disk's centre, u, in radians.
     pub angle: f32,
     /// Force along the contact's normal, in newtons, not negative.
@@ -30,7 +30,7 @@ pub struct Contact {
     pub friction_angle: f32,
 }
 
-impl Contact {
+impl ContactLoad {
     /// A contact without friction.
     #[must_use]
     pub const fn frictionless(angle: f32, normal_force: f32) -> Self {
@@ -40,8 +40,8 @@ impl Contact {
     /// Force on the disk, in newtons: N / cos φ along −(cos(u+φ), sin(u+φ)).
     ///
     /// ```
-    /// use palpate_shared::sim::Contact;
-    /// let [x, y] = Contact::frictionless(0.0, 2.0).force_finger(); // pressed from +x ...
+    /// use palpate_shared::sim::ContactLoad;
+    /// let [x, y] = ContactLoad::frictionless(0.0, 2.0).force_finger(); // pressed from +x ...
     /// assert!((x + 2.0).abs() < 1e-6 && y.abs() < 1e-6); // ... the finger is pushed towards −x
     /// ```
     #[must_use]
@@ -59,11 +59,11 @@ pub enum Load {
     #[default]
     Released,
     /// A contact that stays where it is.
-    Static(Contact),
+    Static(ContactLoad),
     /// A contact that travels round the disk at constant speed and force, then stays.
     Sweep {
         /// The contact at the start.
-        from: Contact,
+        from: ContactLoad,
         /// Angle at the end, in radians; a full turn round is `from.angle + 2π`.
         to_angle: f32,
         /// Time it takes, in microseconds.
@@ -76,13 +76,13 @@ pub enum Load {
 impl Load {
     /// The contact at a time after the load began, where there is one.
     #[must_use]
-    pub fn contact_at(&self, elapsed_us: u64) -> Option<Contact> {
+    pub fn contact_at(&self, elapsed_us: u64) -> Option<ContactLoad> {
         match *self {
             Self::Released | Self::Force(_) => None,
             Self::Static(contact) => Some(contact),
             Self::Sweep { from, to_angle, duration_us } => {
                 let part = part_of(elapsed_us, duration_us);
-                Some(Contact { angle: from.angle + part * (to_angle - from.angle), ..from })
+                Some(ContactLoad { angle: from.angle + part * (to_angle - from.angle), ..from })
             }
         }
     }
@@ -224,7 +224,7 @@ impl Loading {
     }
 
     /// The contact at a time, if there is one.
-    pub(super) fn contact_at(&self, now_us: u64) -> Option<Contact> {
+    pub(super) fn contact_at(&self, now_us: u64) -> Option<ContactLoad> {
         self.load.contact_at(now_us.saturating_sub(self.load_start_us))
     }
 
@@ -261,7 +261,7 @@ mod tests {
         fn the_normal_part_of_a_contact_force_is_what_was_asked(
             angle in -PI..PI, normal_force in 0.0f32..5.0, friction_angle in -1.0f32..1.0
         ) {
-            let [x, y] = Contact { angle, normal_force, friction_angle }.force_finger();
+            let [x, y] = ContactLoad { angle, normal_force, friction_angle }.force_finger();
             let inward = -(x * angle.cos() + y * angle.sin());
             let sideways = -(y * angle.cos() - x * angle.sin());
             prop_assert!((inward - normal_force).abs() < FORCE_ERROR_N);
@@ -270,7 +270,7 @@ mod tests {
 
         #[test]
         fn a_sweep_turns_the_contact_at_constant_speed(from in -PI..PI, turn in -TAU..TAU, part in 0u32..=1000) {
-            let from = Contact::frictionless(from, 2.0);
+            let from = ContactLoad::frictionless(from, 2.0);
             let sweep = Load::Sweep { from, to_angle: from.angle + turn, duration_us: 1_000_000 };
             let contact = sweep.contact_at(u64::from(part) * 1000).unwrap();
             prop_assert!((contact.angle - (from.angle + turn * part as f32 / 1000.0)).abs() < 2e-6);
@@ -279,7 +279,7 @@ mod tests {
 
     #[test]
     fn a_sweep_stays_at_its_end() {
-        let sweep = Load::Sweep { from: Contact::frictionless(0.0, 1.0), to_angle: 1.0, duration_us: 10 };
+        let sweep = Load::Sweep { from: ContactLoad::frictionless(0.0, 1.0), to_angle: 1.0, duration_us: 10 };
         for elapsed_us in [10, 1 << 40] {
             assert!((sweep.contact_at(elapsed_us).unwrap().angle - 1.0).abs() < 1e-6);
         }

@@ -21,9 +21,9 @@
 //! Frame: finger. Units: SI inside, strain as a plain ratio. Errors: per module.
 //!
 //! ```
-//! use palpate_shared::sim::{Contact, FingerConfig, Load, SimulatedFrontEnd};
+//! use palpate_shared::sim::{ContactLoad, FingerConfig, Load, SimulatedFrontEnd};
 //! let mut front_end = SimulatedFrontEnd::new(FingerConfig::default(), 1);
-//! front_end.set_load(Load::Static(Contact::frictionless(0.0, 2.0))); // 2 N from the +x side
+//! front_end.set_load(Load::Static(ContactLoad::frictionless(0.0, 2.0))); // 2 N from the +x side
 //! for _ in 0..4000 {
 //!     front_end.step(); // one second at 4 kSPS
 //! }
@@ -44,6 +44,6 @@ mod trig;
 pub use beam::BeamConfig;
 pub use bridge::{BridgeConfig, BridgesConfig, MICROSTRAIN};
 pub use front_end::{Faults, FingerConfig, FloatingBus, SimulatedFrontEnd, Truth};
-pub use load::{Contact, Load, RAMP_US, STEPS_MAX, Script, ScriptError};
+pub use load::{ContactLoad, Load, RAMP_US, STEPS_MAX, Script, ScriptError};
 pub use port::{DataReadyPin, PortBusy, SpiPort, SyncResetPin};
 pub use thermal::ThermalConfig;

@@ -8,7 +8,7 @@ use core::f32::consts::TAU;
 
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 use palpate_firmware_core::{SelectSource, SourceNotPossible};
-use palpate_shared::sim::{Contact, FingerConfig, Load, SimulatedFrontEnd, SpiPort};
+use palpate_shared::sim::{ContactLoad, FingerConfig, Load, SimulatedFrontEnd, SpiPort};
 use palpate_shared::wire::Source;
 use stm32f4::stm32f405::{GPIOA, SPI1};
 
@@ -147,7 +147,7 @@ impl Bus {
         self.doing = match (left_us.checked_sub(period_us), doing) {
             (Some(left_us), _) => (doing, left_us),
             (None, Doing::Free) => {
-                let from = Contact::frictionless(0.0, FORCE_N);
+                let from = ContactLoad::frictionless(0.0, FORCE_N);
                 simulation.set_load(Load::Sweep { from, to_angle: TAU, duration_us: ROUND_US });
                 (Doing::Round, ROUND_US)
             }

@@ -6,7 +6,9 @@ use std::process::ExitCode;
 
 use clap::ValueEnum;
 use miette::{IntoDiagnostic as _, WrapErr as _};
-use palpate::pushing::dynamics::{Contact, ContactForce, ContactLaw, EndReason, FingerShape, PartSide, Run, Sample};
+use palpate::pushing::dynamics::{
+    ContactForce, ContactLaw, ContactMode, EndReason, FingerShape, PartSide, Run, Sample,
+};
 use palpate_files::part::{DescribedPart, PartFile};
 use palpate_files::solve::kinds::push::{InitialAcceleration, Meeting, PushAnswer, PushEnd, PushSample, Transition};
 
@@ -359,10 +361,10 @@ fn fixed(value: f64, decimals: usize) -> String {
 }
 
 /// What a contact does.
-fn verb(contact: &Contact) -> &'static str {
+fn verb(contact: &ContactMode) -> &'static str {
     match contact {
-        Contact::Rolling => "roll",
-        Contact::Frictionless | Contact::Sliding { .. } => "slide",
+        ContactMode::Rolling => "roll",
+        ContactMode::Frictionless | ContactMode::Sliding { .. } => "slide",
     }
 }
 

@@ -9,7 +9,7 @@ use std::time::Duration;
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use palpate_device::simulated::{Config, ForceCourse, Line, Moment, Pace, SimulatedDevice};
 use palpate_files::recordings::csv;
-use palpate_shared::sim::{Contact, Faults, FloatingBus, Load};
+use palpate_shared::sim::{ContactLoad, Faults, FloatingBus, Load};
 
 use crate::advice::Advise as _;
 use crate::live::interrupt;
@@ -191,9 +191,9 @@ fn time_s(word: &str) -> Result<f32, String> {
     at_most(not_negative(word, "the time")?, TIME_MAX_S, "the time in s")
 }
 
-fn contact(angle_deg: &str, newtons: &str, mu: &str) -> Result<Contact, String> {
+fn contact(angle_deg: &str, newtons: &str, mu: &str) -> Result<ContactLoad, String> {
     let normal_force = at_most(not_negative(newtons, "the force")?, FORCE_MAX_N, "the force in N")?;
-    Ok(Contact { angle: angle(angle_deg)?, normal_force, friction_angle: number(mu)?.atan() })
+    Ok(ContactLoad { angle: angle(angle_deg)?, normal_force, friction_angle: number(mu)?.atan() })
 }
 
 fn sweep(from_deg: &str, to_deg: &str, seconds: &str, newtons: &str) -> Result<Load, String> {

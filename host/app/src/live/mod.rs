@@ -16,7 +16,7 @@ use palpate::finger::contact::{Settings, Tare, TareError};
 use palpate::finger::sense;
 use palpate_device::simulated::SimulatedDevice;
 use palpate_device::{Incoming, LinkError, Session};
-use palpate_shared::sim::{Contact, Load};
+use palpate_shared::sim::{ContactLoad, Load};
 use palpate_shared::wire::{EventKind, Hello};
 use thiserror::Error;
 
@@ -249,7 +249,7 @@ impl<'a> SimulatedBench<'a> {
             calibration::Load::Same | calibration::Load::Unknown => self.normal_force,
         };
         #[expect(clippy::cast_possible_truncation, reason = "the simulation computes in single precision")]
-        Load::Static(Contact::frictionless(contact.angle_deg.to_radians() as f32, force as f32))
+        Load::Static(ContactLoad::frictionless(contact.angle_deg.to_radians() as f32, force as f32))
     }
 }
 

@@ -5,7 +5,7 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{Point2, Vector2};
-use palpate::pushing::dynamics::{Contact, FingerShape, PartSide, Sample};
+use palpate::pushing::dynamics::{ContactMode, FingerShape, PartSide, Sample};
 use palpate_files::part::PartFile;
 
 use crate::pictures::plot::{Chart, Colour, Dash, Figure, Key, Scene, Stroke, Style};
@@ -160,7 +160,7 @@ impl PushPicture<'_> {
 
     fn mark(&self, chart: &mut Chart, changes: Changes) {
         for change in &self.pushed.run.changes {
-            let name = if matches!(change.to, Contact::Rolling) { "rolls" } else { "slides" };
+            let name = if matches!(change.to, ContactMode::Rolling) { "rolls" } else { "slides" };
             chart.instant(change.t, if changes == Changes::Named { name } else { "" });
         }
     }

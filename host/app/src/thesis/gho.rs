@@ -8,7 +8,7 @@ use palpate::geometry::SimplePolygon;
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::random::Draw;
 use palpate::math::statistics;
-use palpate::pushing::dynamics::{Contact, ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, Start, State};
+use palpate::pushing::dynamics::{ContactLaw, ContactMode, EdgeEnd, Finger, Part, Push, PushModel, Start, State};
 use palpate::pushing::estimation::{Gho, GhoSettings};
 
 use super::{Cell, Experiment, Settings, Table};
@@ -61,7 +61,7 @@ struct Case {
     part: Part,
     edge: usize,
     finger: Finger,
-    contact: Contact,
+    contact: ContactMode,
     /// At 0, STEP, …, while the contact lasts on its edge.
     truth: Vec<State>,
     draw: Draw,
@@ -85,7 +85,7 @@ enum Choice {
 
 impl Case {
     /// The first push of the sequence whose contact lasts for `steps`.
-    fn new(seed: u64, case: usize, contact: Contact, acceleration: f64, steps: usize) -> Self {
+    fn new(seed: u64, case: usize, contact: ContactMode, acceleration: f64, steps: usize) -> Self {
         let mut draw = Draw::case(seed, case);
         loop {
             let part = Part::uniform(polygon(&mut draw));
@@ -111,11 +111,11 @@ impl Case {
     fn simulated(&self, start: State) -> Vec<State> {
         let Some(model) = self.model(self.edge) else { return Vec::new() };
         let law = match self.contact {
-            Contact::Rolling => ContactLaw::Rolling { friction: None },
+            ContactMode::Rolling => ContactLaw::Rolling { friction: None },
             _ => ContactLaw::Frictionless,
         };
         let start = match self.contact {
-            Contact::Rolling => State { v_t: model.rolling_v_t(0.0, &start), ..start },
+            ContactMode::Rolling => State { v_t: model.rolling_v_t(0.0, &start), ..start },
             _ => start,
         };
         if Push::new(model, law, Start::Moving(start), EdgeEnd::Stop).is_err() {
@@ -131,7 +131,7 @@ impl Case {
         lasting
             .step_by(FINE)
             .map(|(index, state)| match self.contact {
-                Contact::Rolling => {
+                ContactMode::Rolling => {
                     State { v_t: model.rolling_v_t(STEP * index as f64 / FINE as f64, &state), ..state }
                 }
                 _ => state,
@@ -169,7 +169,7 @@ impl Case {
     }
 
     fn negligible(&self, a: &State, b: &State) -> bool {
-        let v_t = self.contact == Contact::Rolling || (a.v_t - b.v_t).abs() < NEGLIGIBLE.v_t;
+        let v_t = self.contact == ContactMode::Rolling || (a.v_t - b.v_t).abs() < NEGLIGIBLE.v_t;
         let [u, s, omega] = [a.u - b.u, a.s - b.s, a.omega - b.omega].map(f64::abs);
         u < NEGLIGIBLE.u && s < NEGLIGIBLE.s && omega < NEGLIGIBLE.omega && v_t
     }
@@ -227,25 +227,25 @@ fn state(part: &Part, edge: usize, draw: &mut Draw) -> Option<State> {
 
 /// A row of the thesis's tables: contact, the finger's acceleration in m/s², and what the thesis found.
 struct Row<T> {
-    contact: Contact,
+    contact: ContactMode,
     acceleration: f64,
     thesis: T,
 }
 
 impl<T> Row<T> {
     fn name(&self) -> String {
-        let contact = if self.contact == Contact::Rolling { "rolling" } else { "frictionless" };
+        let contact = if self.contact == ContactMode::Rolling { "rolling" } else { "frictionless" };
         format!("{contact}, aF {} cm/s²", self.acceleration * 100.0)
     }
 }
 
 fn rows<T>([a, b, c, d]: [T; 4]) -> [Row<T>; 4] {
-    let row = |contact: Contact, acceleration: f64, thesis: T| Row { contact, acceleration, thesis };
+    let row = |contact: ContactMode, acceleration: f64, thesis: T| Row { contact, acceleration, thesis };
     [
-        row(Contact::Frictionless, 0.0, a),
-        row(Contact::Frictionless, 0.025, b),
-        row(Contact::Rolling, 0.0, c),
-        row(Contact::Rolling, 0.025, d),
+        row(ContactMode::Frictionless, 0.0, a),
+        row(ContactMode::Frictionless, 0.025, b),
+        row(ContactMode::Rolling, 0.0, c),
+        row(ContactMode::Rolling, 0.025, d),
     ]
 }
 

@@ -14,7 +14,7 @@ use nalgebra::{Point2, Vector2, Vector4};
 use palpate::math::Jet;
 use palpate::math::least_squares::{self, Damping, Enough, Floor, NormalEquations, Problem, Settings};
 use palpate::pushing::dynamics::{
-    Contact, ContactLaw, EdgeEnd, Finger, Parameter, Part, Push, PushModel, Scalar, Seeded, Slip, Start, State,
+    ContactLaw, ContactMode, EdgeEnd, Finger, Parameter, Part, Push, PushModel, Scalar, Seeded, Slip, Start, State,
 };
 use palpate::pushing::estimation::{Prior, Touch};
 
@@ -118,10 +118,10 @@ impl Truth<'_> {
     /// The ways in which the part can be touched on an edge.
     fn ways(&self, edge: usize) -> Vec<Way> {
         let contacts = match self.touch {
-            Touch::Frictionless => vec![Contact::Frictionless],
-            Touch::Rolling { .. } => vec![Contact::Rolling],
+            Touch::Frictionless => vec![ContactMode::Frictionless],
+            Touch::Rolling { .. } => vec![ContactMode::Rolling],
             Touch::Sliding { friction } => {
-                [Slip::Forward, Slip::Backward].map(|slip| Contact::Sliding { friction, slip }).to_vec()
+                [Slip::Forward, Slip::Backward].map(|slip| ContactMode::Sliding { friction, slip }).to_vec()
             }
             Touch::Coulomb { friction } => return vec![Way { edge, contact: None, friction }],
         };
@@ -148,7 +148,7 @@ fn distance_to_segment(point: Point2<f64>, from: Point2<f64>, to: Point2<f64>) -
 #[derive(Clone, Copy, Debug)]
 struct Way {
     edge: usize,
-    contact: Option<Contact>,
+    contact: Option<ContactMode>,
     friction: f64,
 }
 
@@ -219,7 +219,7 @@ impl<'a> Search<'a> {
     fn states<T: Scalar>(
         &self,
         models: &[&PushModel<'_, T>],
-        contact: &Contact<T>,
+        contact: &ContactMode<T>,
         start: &State<T>,
         steps: usize,
     ) -> impl Iterator<Item = State<T>> + use<T> {
@@ -294,7 +294,7 @@ impl<'a> Search<'a> {
     }
 
     fn add_prior(&self, tried: &mut Tried, start: &State) {
-        let v_t_counts = !matches!(self.way.contact, Some(Contact::Rolling));
+        let v_t_counts = !matches!(self.way.contact, Some(ContactMode::Rolling));
         let v_t = self.truth.prior.v_t0_sigma.filter(|_| v_t_counts);
         for (unknown, sigma, value) in [(2, self.truth.prior.omega0_sigma, start.omega), (3, v_t, start.v_t)] {
             if let Some(sigma) = sigma {
@@ -320,7 +320,7 @@ impl<'a> Search<'a> {
         let State { u, s, omega, v_t } = *state;
         let state = State { u: u.value, s: s.value, omega: omega.value, v_t: v_t.value };
         let slips = match contact {
-            Contact::Sliding { slip, .. } => model.slip(time, &state) * slip.sign() > 0.0,
+            ContactMode::Sliding { slip, .. } => model.slip(time, &state) * slip.sign() > 0.0,
             _ => true,
         };
         slips && model.motion(&contact, time, &state).normal_force > 0.0

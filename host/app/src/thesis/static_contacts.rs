@@ -16,7 +16,7 @@ use palpate::math::angle::wrap_angle;
 use palpate::math::statistics::mean;
 use palpate_device::Session;
 use palpate_device::simulated::SimulatedDevice;
-use palpate_shared::sim::{Contact, Load};
+use palpate_shared::sim::{ContactLoad, Load};
 
 use crate::live::{self, LiveError};
 
@@ -164,7 +164,7 @@ fn press(
     contacts: &Contacts,
 ) -> Result<Vec<Samples>, ExperimentError> {
     #[expect(clippy::cast_possible_truncation, reason = "the simulation computes in single precision")]
-    let load = Load::Static(Contact {
+    let load = Load::Static(ContactLoad {
         angle: angle as f32,
         normal_force: contacts.normal_force as f32,
         friction_angle: friction_angle as f32,

@@ -9,7 +9,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::sim::ads131m02::registers::{CLOCK, GAIN1};
-use crate::sim::{Contact, DataReadyPin, MICROSTRAIN, PortBusy, SpiPort, SyncResetPin};
+use crate::sim::{ContactLoad, DataReadyPin, MICROSTRAIN, PortBusy, SpiPort, SyncResetPin};
 
 /// Bytes in a frame of four 24-bit words.
 const FRAME: usize = 12;
@@ -71,7 +71,7 @@ proptest! {
     fn an_ideal_finger_reads_the_strain_and_the_angle_of_the_truth(angle in -3.1f32..3.1, force in 0.5f32..5.0) {
         let config = FingerConfig::ideal();
         let mut front_end = at_gain_32(config, 1);
-        front_end.set_load(Load::Static(Contact::frictionless(angle, force)));
+        front_end.set_load(Load::Static(ContactLoad::frictionless(angle, force)));
         let [x, y] = *record(&mut front_end, &config, 3).last().unwrap();
         let truth = front_end.truth();
         prop_assert_eq!(truth.contact_angle, Some(angle));

@@ -8,7 +8,7 @@ use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::angle::wrap_angle;
 use palpate::math::random::Draw;
 use palpate::pushing::dynamics::{
-    Contact, ContactLaw, EdgeEnd, EndReason, Finger, Part, Push, PushModel, Run, Sample, Slip, Start, State,
+    ContactLaw, ContactMode, EdgeEnd, EndReason, Finger, Part, Push, PushModel, Run, Sample, Slip, Start, State,
 };
 use palpate::pushing::estimation::{Channel, Hypothesis, Known, Measured, Observation, Prior, Touch};
 
@@ -272,7 +272,7 @@ impl Case {
     pub(super) fn reproduces(&self, hypothesis: &Hypothesis, tolerance: f64) -> bool {
         let Some(model) = self.model(hypothesis.edge) else { return false };
         let slip = match hypothesis.contact_start {
-            Contact::Sliding { slip, .. } => slip,
+            ContactMode::Sliding { slip, .. } => slip,
             _ => Slip::Forward,
         };
         // On the edge's line, as an end may lean over a vertex by micrometres.

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::Spectrum;
-use palpate::pushing::dynamics::{Contact, Slip, Start};
+use palpate::pushing::dynamics::{ContactMode, Slip, Start};
 use palpate::pushing::observability::{PushObservabilityError, STATE_NAMES, Scales, spectrum};
 use palpate::rolling::observability::STATE_NAMES as ROLL_STATE_NAMES;
 use palpate::rolling::{
@@ -261,11 +261,11 @@ impl PushSystem {
         })
     }
 
-    fn contact(&self) -> Result<Contact, InvalidInput> {
+    fn contact(&self) -> Result<ContactMode, InvalidInput> {
         match self.mode {
-            Mode::Frictionless => Ok(Contact::Frictionless),
-            Mode::Rolling => Ok(Contact::Rolling),
-            Mode::Sliding => Ok(Contact::Sliding { friction: needed_friction(self.mu_c)?, slip: self.slip() }),
+            Mode::Frictionless => Ok(ContactMode::Frictionless),
+            Mode::Rolling => Ok(ContactMode::Rolling),
+            Mode::Sliding => Ok(ContactMode::Sliding { friction: needed_friction(self.mu_c)?, slip: self.slip() }),
             Mode::Coulomb => {
                 let message = "`coulomb` is no single system: ask for `rolling` and `sliding` apart";
                 Err(InvalidInput::at("mode", message))

@@ -1,6 +1,6 @@
 //! The kind `observe_push`: pose and motion of a pushed part from what the finger feels. See [`palpate::pushing::estimation`].
 
-use palpate::pushing::dynamics::{Contact, Finger as Disk, Part, Slip, State};
+use palpate::pushing::dynamics::{ContactMode, Finger as Disk, Part, Slip, State};
 use palpate::pushing::estimation::{
     self, Channel, Estimate, GhoBank, GhoRun, GhoSettings, Known, Measured, Observation, Prior as Belief, Touch,
 };
@@ -323,12 +323,12 @@ impl ObservePush {
         Ok(ObservePushAnswer::of_gho(&bank, &observation))
     }
 
-    fn gho_contacts(&self, known: &Known) -> Result<Vec<Contact>, InvalidInput> {
+    fn gho_contacts(&self, known: &Known) -> Result<Vec<ContactMode>, InvalidInput> {
         match known.touch {
-            Touch::Frictionless => Ok(vec![Contact::Frictionless]),
-            Touch::Rolling { .. } => Ok(vec![Contact::Rolling]),
+            Touch::Frictionless => Ok(vec![ContactMode::Frictionless]),
+            Touch::Rolling { .. } => Ok(vec![ContactMode::Rolling]),
             Touch::Sliding { friction } => {
-                Ok([Slip::Forward, Slip::Backward].map(|slip| Contact::Sliding { friction, slip }).to_vec())
+                Ok([Slip::Forward, Slip::Backward].map(|slip| ContactMode::Sliding { friction, slip }).to_vec())
             }
             Touch::Coulomb { .. } => {
                 let message = "the method `gho` follows one kind of contact: ask for `rolling` or `sliding`";
@@ -531,8 +531,8 @@ impl From<&estimation::Hypothesis> for Hypothesis {
     fn from(hypothesis: &estimation::Hypothesis) -> Self {
         let estimation::Hypothesis { edge, start, end, contact_end, pose_end, velocity_end, .. } = *hypothesis;
         let sliding_sign = match contact_end {
-            Contact::Sliding { slip, .. } => Some(slip.sign()),
-            Contact::Frictionless | Contact::Rolling => None,
+            ContactMode::Sliding { slip, .. } => Some(slip.sign()),
+            ContactMode::Frictionless | ContactMode::Rolling => None,
         };
         Self {
             edge,

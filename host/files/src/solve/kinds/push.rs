@@ -2,8 +2,8 @@
 
 use nalgebra::Point2;
 use palpate::pushing::dynamics::{
-    Contact, ContactForce, ContactLaw, EdgeEnd, EndReason, Finger as Disk, Mass, Part, Push as Simulation, PushError,
-    PushModel, Run, Sample, SecondContact, Slip, Start, State,
+    ContactForce, ContactLaw, ContactMode, EdgeEnd, EndReason, Finger as Disk, Mass, Part, Push as Simulation,
+    PushError, PushModel, Run, Sample, SecondContact, Slip, Start, State,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -403,12 +403,12 @@ impl Initial {
     }
 }
 
-impl From<Contact> for Mode {
-    fn from(contact: Contact) -> Self {
+impl From<ContactMode> for Mode {
+    fn from(contact: ContactMode) -> Self {
         match contact {
-            Contact::Frictionless => Self::Frictionless,
-            Contact::Rolling => Self::Rolling,
-            Contact::Sliding { .. } => Self::Sliding,
+            ContactMode::Frictionless => Self::Frictionless,
+            ContactMode::Rolling => Self::Rolling,
+            ContactMode::Sliding { .. } => Self::Sliding,
         }
     }
 }

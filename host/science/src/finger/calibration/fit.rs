@@ -12,7 +12,7 @@ use thiserror::Error;
 use super::force::{Calibration, CalibrationError, CalibrationParts, Force, Reading, Tare};
 use super::held_back;
 use super::least_squares::{Problem, STEPS_MAX, Solution, solve};
-use super::measurements::{Contact, Fixture, Load, Measurements};
+use super::measurements::{CalibrationContact, Fixture, Load, Measurements};
 use super::offset;
 use super::span::{self, SPAN_MAX};
 use crate::math::angle::{contact_angle, direction_variance, push_direction, wrap_angle};
@@ -214,14 +214,14 @@ fn how_uncertain(times: f64) -> String {
 ///
 /// ```
 /// use nalgebra::{Matrix2, Vector2};
-/// use palpate::finger::calibration::{Contact, FitSettings, Fixture, Load, Measurements, Reading, Tare, fit};
+/// use palpate::finger::calibration::{CalibrationContact, FitSettings, Fixture, Load, Measurements, Reading, Tare, fit};
 ///
 /// // A finger of 26 700 counts/N on both axes, loaded with 2 N at six angles.
 /// let reading = |x: f64, y: f64| Reading { counts: Vector2::new(x, y), covariance: Matrix2::identity() * 36.0 };
 /// let contact = |degrees: f64| {
 ///     let (sin, cos) = degrees.to_radians().sin_cos();
 ///     let reading = reading(-53_400.0 * cos, -53_400.0 * sin);
-///     Contact { angle: degrees.to_radians(), load: Load::Newtons(2.0), reading, tare: None }
+///     CalibrationContact { angle: degrees.to_radians(), load: Load::Newtons(2.0), reading, tare: None }
 /// };
 /// let contacts = [0.0, 60.0, 120.0, 180.0, 240.0, 300.0].map(contact).to_vec();
 /// let measurements = Measurements { contacts, tares: vec![Tare(reading(0.0, 0.0))] };
@@ -261,7 +261,12 @@ fn check_contacts(measurements: &Measurements, fixture: &Fixture) -> Result<(), 
     Ok(())
 }
 
-fn check_contact(number: usize, contact: &Contact, fixture: &Fixture, common_tare: bool) -> Result<(), FitError> {
+fn check_contact(
+    number: usize,
+    contact: &CalibrationContact,
+    fixture: &Fixture,
+    common_tare: bool,
+) -> Result<(), FitError> {
     let angle_deg = contact.angle.to_degrees();
     let bad = |what: &str| Err(FitError::BadContact { contact: number, angle_deg, what: what.to_owned() });
     if !contact.angle.is_finite()
@@ -298,7 +303,7 @@ fn is_plausible(reading: &Reading) -> bool {
 /// outlier, but a session of weak contacts needs more load.
 fn check_strength(
     number: usize,
-    contact: &Contact,
+    contact: &CalibrationContact,
     all: &Measurements,
     fixture: &Fixture,
     typical: f64,
@@ -394,7 +399,7 @@ struct Comparison<'a> {
 }
 
 impl Comparison<'_> {
-    fn result(&self, index: usize, contact: &Contact) -> ContactResult {
+    fn result(&self, index: usize, contact: &CalibrationContact) -> ContactResult {
         let tare = contact.tare.unwrap_or_else(|| self.calibration.offset_as_tare());
         let force = self.calibration.force(&contact.reading, &tare);
         let role = self
@@ -427,7 +432,7 @@ impl Comparison<'_> {
         (reading + self.fixture.angle_sigma.powi(2)).sqrt()
     }
 
-    fn residual_counts(&self, contact: &Contact, force: &Force, tare: &Tare) -> Vector2<f64> {
+    fn residual_counts(&self, contact: &CalibrationContact, force: &Force, tare: &Tare) -> Vector2<f64> {
         let direction = push_direction(contact.angle);
         let felt = || direction.dot(&force.force_finger).max(0.0);
         let size = match contact.load {

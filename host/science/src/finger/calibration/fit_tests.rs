@@ -32,7 +32,7 @@ fn all_round(finger: &Finger, count: u32, load_of: impl Fn(u32) -> (f64, Load)) 
         let degrees = 360.0 * f64::from(k) / f64::from(count);
         let (newtons, load) = load_of(k);
         let reading = exact(finger.offset() + finger.counts_of_contact(degrees, newtons));
-        Contact { angle: degrees.to_radians(), load, reading, tare: None }
+        CalibrationContact { angle: degrees.to_radians(), load, reading, tare: None }
     };
     Measurements { contacts: (0..count).map(contact).collect(), tares: vec![Tare(exact(finger.offset()))] }
 }
@@ -214,7 +214,7 @@ fn noisy(finger: &Finger, count: u32, noise: &mut Noise, disturbance: &Disturban
         let true_deg = set_deg + disturbance.angle_sigma_deg * noise.normal();
         let newtons = LOAD_N * (1.0 + disturbance.load_sigma * noise.normal());
         let reading = read(finger.offset() + finger.counts_of_contact(true_deg, newtons), noise);
-        Contact { angle: set_deg.to_radians(), load: Load::Newtons(LOAD_N), reading, tare: None }
+        CalibrationContact { angle: set_deg.to_radians(), load: Load::Newtons(LOAD_N), reading, tare: None }
     });
     Measurements { contacts: contacts.collect(), tares }
 }

@@ -8,7 +8,7 @@
 //! A contact is held back only if the others still span and, where loads are known, still hold a known one.
 
 use super::fit::{ContactResult, FITTED_MIN, Fit, Role};
-use super::measurements::{Contact, Load};
+use super::measurements::{CalibrationContact, Load};
 use super::span;
 use crate::math::statistics::mean;
 
@@ -16,7 +16,7 @@ use crate::math::statistics::mean;
 const SAME_ANGLE: f64 = 0.5 * std::f64::consts::PI / 180.0;
 
 /// Which contacts to hold back.
-pub(super) fn choose(contacts: &[Contact], every: usize) -> Vec<bool> {
+pub(super) fn choose(contacts: &[CalibrationContact], every: usize) -> Vec<bool> {
     let mut held = vec![false; contacts.len()];
     if every < 2 {
         return held;
@@ -32,7 +32,7 @@ pub(super) fn choose(contacts: &[Contact], every: usize) -> Vec<bool> {
 }
 
 /// Indices of the contacts at each different angle, in the order of the angles from 0 to 2π.
-fn distinct_angles(contacts: &[Contact]) -> Vec<Vec<usize>> {
+fn distinct_angles(contacts: &[CalibrationContact]) -> Vec<Vec<usize>> {
     let turned = |index: usize| (contacts[index].angle + SAME_ANGLE).rem_euclid(std::f64::consts::TAU);
     let mut order: Vec<usize> = (0..contacts.len()).collect();
     order.sort_by(|&a, &b| turned(a).total_cmp(&turned(b)));
@@ -46,7 +46,7 @@ fn distinct_angles(contacts: &[Contact]) -> Vec<Vec<usize>> {
     groups
 }
 
-fn is_enough_without(contacts: &[Contact], held: &[bool]) -> bool {
+fn is_enough_without(contacts: &[CalibrationContact], held: &[bool]) -> bool {
     let rest: Vec<(f64, Load)> =
         contacts.iter().zip(held).filter(|(_, held)| !**held).map(|(c, _)| (c.angle, c.load)).collect();
     let known = |load: Load| matches!(load, Load::Newtons(_));

@@ -19,7 +19,7 @@ use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x4, Matrix6, Vector2};
 
 use super::fit::{FitError, Quality};
 use super::force::{ForceUnit, Tare};
-use super::measurements::{Contact, Fixture, Load, Measurements};
+use super::measurements::{CalibrationContact, Fixture, Load, Measurements};
 use super::start;
 use crate::math::angle::{contact_angle, push_direction};
 use crate::math::statistics::median;
@@ -122,7 +122,7 @@ pub(super) struct Solution {
 impl Problem {
     pub(super) fn new(measurements: &Measurements, held_back: &[bool], fixture: &Fixture) -> Self {
         let fitted: Vec<usize> = (0..measurements.contacts.len()).filter(|&index| !held_back[index]).collect();
-        let contacts: Vec<&Contact> = fitted.iter().map(|&index| &measurements.contacts[index]).collect();
+        let contacts: Vec<&CalibrationContact> = fitted.iter().map(|&index| &measurements.contacts[index]).collect();
         let sizes = contacts.iter().map(|contact| measurements.loaded_counts(contact).norm());
         let newtons = contacts
             .iter()
@@ -179,7 +179,7 @@ impl Problem {
     fn contact_observation(
         &self,
         index: usize,
-        contact: &Contact,
+        contact: &CalibrationContact,
         magnitude: Magnitude,
         fixture: &Fixture,
     ) -> Observation {

@@ -20,7 +20,7 @@ pub enum Load {
 
 /// One contact held still.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Contact {
+pub struct CalibrationContact {
     /// Contact angle `u` in the finger's frame, rad.
     pub angle: f64,
     /// What is known of its size.
@@ -37,14 +37,14 @@ pub struct Contact {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Measurements {
     /// Loaded contacts in the order taken.
-    pub contacts: Vec<Contact>,
+    pub contacts: Vec<CalibrationContact>,
     /// Unloaded readings that serve every contact without its own.
     pub tares: Vec<Tare>,
 }
 
 impl Measurements {
     /// Counts due to the load of a contact: its reading without its tare.
-    pub(super) fn loaded_counts(&self, contact: &Contact) -> Vector2<f64> {
+    pub(super) fn loaded_counts(&self, contact: &CalibrationContact) -> Vector2<f64> {
         contact.reading.counts - contact.tare.map_or_else(|| self.mean_tare_counts(), |tare| tare.0.counts)
     }
 

@@ -27,7 +27,7 @@ pub use fit::{ContactResult, Fit, FitError, FitSettings, Quality, Role, fit};
 pub use force::{Calibration, CalibrationError, CalibrationParts, Force, ForceUnit, Reading, Tare};
 pub use front_end::{FrontEnd, FrontEndError, FrontEndSettings, counts_vector};
 pub use held_back::HeldBack;
-pub use measurements::{Contact, Fixture, Load, Measurements};
+pub use measurements::{CalibrationContact, Fixture, Load, Measurements};
 
 #[cfg(test)]
 mod dwell_tests;

@@ -8,7 +8,7 @@
 
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
 
-use super::measurements::{Contact, Fixture};
+use super::measurements::{CalibrationContact, Fixture};
 use crate::math::angle::push_direction;
 
 /// Share of the loads' directions that must not cancel out for the weight to be told from the offset.
@@ -29,7 +29,7 @@ pub(super) struct OwnTares {
 }
 
 /// Fits the offset to the tares that contacts carry.
-pub(super) fn from_own_tares(contacts: &[Contact], matrix: &Matrix2<f64>, fixture: &Fixture) -> OwnTares {
+pub(super) fn from_own_tares(contacts: &[CalibrationContact], matrix: &Matrix2<f64>, fixture: &Fixture) -> OwnTares {
     let tares: Vec<(Vector2<f64>, Vector2<f64>)> =
         contacts.iter().filter_map(|contact| Some((push_direction(contact.angle), contact.tare?.0.counts))).collect();
     let count = tares.len().max(1) as f64;

@@ -11,7 +11,7 @@ use thiserror::Error;
 
 use super::dwell::{Dwell, DwellSettings, Expected, RawSample, Refusal, Verdict, Watcher};
 use super::force::{Reading, Tare};
-use super::measurements::{Contact, Measurements};
+use super::measurements::{CalibrationContact, Measurements};
 use super::plan::Step;
 use crate::finger::Samples;
 
@@ -251,7 +251,7 @@ pub fn measurements(taken: &[Taken]) -> Measurements {
             Step::Contact(planned) => {
                 let tare = own_tare(planned.angle_deg, &taken[..index]);
                 let reading = if tare.is_some() { dwell.reading } else { drift.taken_off(dwell) };
-                measurements.contacts.push(Contact {
+                measurements.contacts.push(CalibrationContact {
                     angle: planned.angle_deg.to_radians(),
                     load: planned.load,
                     reading,

@@ -31,7 +31,7 @@
 //! Frames: edge. Units: SI, forces per unit mass of the part. Numbers may carry derivatives; their values decide.
 //! Errors: none.
 
-use super::model::{Contact, Slip};
+use super::model::{ContactMode, Slip};
 use super::rest::RestStart;
 use super::scalar::Scalar;
 
@@ -79,46 +79,46 @@ impl<T: Scalar> ContactFriction<T> {
     }
 
     /// What a contact does that does not slip yet, from the force that rolling needs.
-    pub(crate) fn without_slip(&self, rolling: &ContactForce<T>) -> Contact<T> {
+    pub(crate) fn without_slip(&self, rolling: &ContactForce<T>) -> ContactMode<T> {
         let sticks = rolling.tangential.re().abs() <= self.sticking.re() * rolling.normal.re();
-        if sticks { Contact::Rolling } else { self.slides_against(rolling) }
+        if sticks { ContactMode::Rolling } else { self.slides_against(rolling) }
     }
 
     /// What a contact does that slips at `slip` (m/s), or does not slip yet.
-    pub(crate) fn at_slip(&self, slip: f64, rolling: impl FnOnce() -> ContactForce<T>) -> Contact<T> {
+    pub(crate) fn at_slip(&self, slip: f64, rolling: impl FnOnce() -> ContactForce<T>) -> ContactMode<T> {
         if slip.abs() < SLIP_NONE { self.without_slip(&rolling()) } else { self.slides(Slip::of(slip)) }
     }
 
     /// What follows a mode that has come to its end, [`Self::left`] being used up: from the force that rolling needs there.
-    pub(crate) fn after(&self, mode: &Contact<T>, rolling: &ContactForce<T>) -> Contact<T> {
+    pub(crate) fn after(&self, mode: &ContactMode<T>, rolling: &ContactForce<T>) -> ContactMode<T> {
         match (*mode, self.without_slip(rolling)) {
-            (Contact::Sliding { .. }, Contact::Rolling) => Contact::Rolling,
-            (Contact::Sliding { slip, .. }, _) => self.slides(slip.reversed()),
+            (ContactMode::Sliding { .. }, ContactMode::Rolling) => ContactMode::Rolling,
+            (ContactMode::Sliding { slip, .. }, _) => self.slides(slip.reversed()),
             // At the instant that was found, rounding may say that the friction still suffices.
-            (Contact::Rolling | Contact::Frictionless, _) => self.slides_against(rolling),
+            (ContactMode::Rolling | ContactMode::Frictionless, _) => self.slides_against(rolling),
         }
     }
 
     /// A sliding contact.
-    pub(crate) fn slides(&self, slip: Slip) -> Contact<T> {
-        Contact::Sliding { friction: self.sliding, slip }
+    pub(crate) fn slides(&self, slip: Slip) -> ContactMode<T> {
+        ContactMode::Sliding { friction: self.sliding, slip }
     }
 
-    fn slides_against(&self, force: &ContactForce<T>) -> Contact<T> {
+    fn slides_against(&self, force: &ContactForce<T>) -> ContactMode<T> {
         self.slides(Slip::of(-force.tangential.re()))
     }
 
     /// What must not fall below 0 for a mode to last: friction that rolling leaves unused (m/s²), slip in its direction (m/s).
     pub(crate) fn left(
         &self,
-        mode: &Contact<T>,
+        mode: &ContactMode<T>,
         slip: impl FnOnce() -> T,
         force: impl FnOnce() -> ContactForce<T>,
     ) -> T {
         match *mode {
-            Contact::Frictionless => T::from(f64::INFINITY),
-            Contact::Rolling => self.unused(&force()),
-            Contact::Sliding { slip: direction, .. } => slip_left(slip(), direction),
+            ContactMode::Frictionless => T::from(f64::INFINITY),
+            ContactMode::Rolling => self.unused(&force()),
+            ContactMode::Sliding { slip: direction, .. } => slip_left(slip(), direction),
         }
     }
 
@@ -141,15 +141,15 @@ impl ContactFriction {
     pub(crate) fn from_rest<E>(
         &self,
         slip: f64,
-        start: impl Fn(&Contact) -> Result<RestStart, E>,
-    ) -> Result<(Contact, RestStart), E> {
-        let slides = |contact: Contact| Ok((contact, start(&contact)?));
+        start: impl Fn(&ContactMode) -> Result<RestStart, E>,
+    ) -> Result<(ContactMode, RestStart), E> {
+        let slides = |contact: ContactMode| Ok((contact, start(&contact)?));
         if slip.abs() >= SLIP_NONE {
             return slides(self.slides(Slip::of(slip)));
         }
-        let rolling = start(&Contact::Rolling)?;
+        let rolling = start(&ContactMode::Rolling)?;
         match self.without_slip(&rolling.force()) {
-            Contact::Rolling => Ok((Contact::Rolling, rolling)),
+            ContactMode::Rolling => Ok((ContactMode::Rolling, rolling)),
             sliding => slides(sliding),
         }
     }

@@ -7,7 +7,7 @@ use nalgebra::{Point2, Vector2};
 use super::body::Body;
 use super::curve::{FingerShape, PartSide};
 use super::disk_on_edge::Motion;
-use super::model::{Arm, Contact, FingerPath, PushModel, State};
+use super::model::{Arm, ContactMode, FingerPath, PushModel, State};
 use super::rest::{AtRest, RestError, RestStart};
 use super::scalar::Scalar;
 use super::shaped::ShapedModel;
@@ -15,7 +15,7 @@ use super::shaped::ShapedModel;
 /// A model of a finger that pushes a part: [`PushModel`] or [`ShapedModel`].
 pub trait ContactModel: Copy {
     /// Rates and contact force.
-    fn motion(&self, contact: &Contact, time: f64, state: &State) -> Motion;
+    fn motion(&self, contact: &ContactMode, time: f64, state: &State) -> Motion;
     /// Slip of the part relative to the finger along the part's counter-clockwise direction, m/s.
     fn slip(&self, time: f64, state: &State) -> f64;
     /// v_T of a part that rolls, m/s.
@@ -23,7 +23,7 @@ pub trait ContactModel: Copy {
     /// At 0 and below, no contact force fits a sliding part.
     fn sliding_denominator(&self, signed_friction: f64, state: &State) -> f64;
     /// Velocity of the centre of mass, m/s.
-    fn velocity(&self, contact: &Contact, time: f64, state: &State) -> [f64; 2];
+    fn velocity(&self, contact: &ContactMode, time: f64, state: &State) -> [f64; 2];
     /// The centre of mass, m.
     fn centre_of_mass(&self, time: f64, state: &State) -> Point2<f64>;
     /// Turn from world to part axes, rad, continuous in the state.
@@ -46,7 +46,7 @@ pub trait ContactModel: Copy {
 }
 
 impl ContactModel for PushModel<'_> {
-    fn motion(&self, contact: &Contact, time: f64, state: &State) -> Motion {
+    fn motion(&self, contact: &ContactMode, time: f64, state: &State) -> Motion {
         self.motion(contact, time, state)
     }
 
@@ -62,7 +62,7 @@ impl ContactModel for PushModel<'_> {
         self.sliding_denominator(signed_friction, state.s)
     }
 
-    fn velocity(&self, contact: &Contact, time: f64, state: &State) -> [f64; 2] {
+    fn velocity(&self, contact: &ContactMode, time: f64, state: &State) -> [f64; 2] {
         self.velocity(contact, time, state)
     }
 
@@ -106,7 +106,7 @@ impl ContactModel for PushModel<'_> {
 }
 
 impl ContactModel for ShapedModel<'_> {
-    fn motion(&self, contact: &Contact, time: f64, state: &State) -> Motion {
+    fn motion(&self, contact: &ContactMode, time: f64, state: &State) -> Motion {
         self.motion(contact, time, state)
     }
 
@@ -122,7 +122,7 @@ impl ContactModel for ShapedModel<'_> {
         self.sliding_denominator(signed_friction, state)
     }
 
-    fn velocity(&self, contact: &Contact, time: f64, state: &State) -> [f64; 2] {
+    fn velocity(&self, contact: &ContactMode, time: f64, state: &State) -> [f64; 2] {
         self.velocity(contact, time, state)
     }
 
@@ -177,7 +177,12 @@ pub(super) fn arm(model: &impl ContactModel, state: &State) -> Arm {
 }
 
 /// How the part begins to move, at rest with the finger's velocity along N zero.
-pub(super) fn rest_start(model: &impl ContactModel, contact: &Contact, u: f64, s: f64) -> Result<RestStart, RestError> {
+pub(super) fn rest_start(
+    model: &impl ContactModel,
+    contact: &ContactMode,
+    u: f64,
+    s: f64,
+) -> Result<RestStart, RestError> {
     let state = State { u, s, omega: 0.0, v_t: 0.0 };
     let (normal, acceleration) = (normal(model, &state), Vector2::from(model.path().acceleration));
     let at_rest = AtRest {
@@ -196,7 +201,7 @@ impl PushModel<'_> {
     ///
     /// # Errors
     /// [`RestError`].
-    pub fn rest_start(&self, contact: &Contact, u: f64, s: f64) -> Result<RestStart, RestError> {
+    pub fn rest_start(&self, contact: &ContactMode, u: f64, s: f64) -> Result<RestStart, RestError> {
         rest_start(self, contact, u, s)
     }
 }
@@ -222,7 +227,7 @@ impl ShapedModel<'_> {
     ///
     /// # Errors
     /// [`RestError`].
-    pub fn rest_start(&self, contact: &Contact, u: f64, s: f64) -> Result<RestStart, RestError> {
+    pub fn rest_start(&self, contact: &ContactMode, u: f64, s: f64) -> Result<RestStart, RestError> {
         rest_start(self, contact, u, s)
     }
 }

@@ -23,7 +23,7 @@
 use nalgebra::{Point2, Vector2};
 
 use super::contact_mode::ContactForce;
-use super::model::{Contact, EdgeTwist, PushModel, State};
+use super::model::{ContactMode, EdgeTwist, PushModel, State};
 use super::scalar::Scalar;
 
 /// What a state leads to.
@@ -79,7 +79,7 @@ impl<T: Scalar> PushModel<'_, T> {
     /// Rates and contact force at time `time` (s).
     #[must_use]
     #[inline]
-    pub fn motion(&self, contact: &Contact<T>, time: f64, state: &State<T>) -> Motion<T> {
+    pub fn motion(&self, contact: &ContactMode<T>, time: f64, state: &State<T>) -> Motion<T> {
         let instant = self.instant(contact, time, state);
         match contact.signed_friction() {
             Some(m) => self.sliding(m, state, &instant),
@@ -114,7 +114,7 @@ impl<T: Scalar> PushModel<'_, T> {
 
     /// Velocity of the centre of mass, world axes, m/s.
     #[must_use]
-    pub fn velocity(&self, contact: &Contact<T>, time: f64, state: &State<T>) -> [T; 2] {
+    pub fn velocity(&self, contact: &ContactMode<T>, time: f64, state: &State<T>) -> [T; 2] {
         let (sin, cos) = state.u.sin_cos();
         let finger = Components::of(self.finger.velocity(time), (sin, cos));
         let Components { n, t } = self.part_velocity(contact, finger, state);
@@ -122,16 +122,16 @@ impl<T: Scalar> PushModel<'_, T> {
     }
 
     #[inline]
-    fn part_velocity(&self, contact: &Contact<T>, finger: Components<T>, state: &State<T>) -> Components<T> {
+    fn part_velocity(&self, contact: &ContactMode<T>, finger: Components<T>, state: &State<T>) -> Components<T> {
         let t = match contact {
-            Contact::Rolling => finger.t + state.omega * self.edge.height,
-            Contact::Frictionless | Contact::Sliding { .. } => state.v_t,
+            ContactMode::Rolling => finger.t + state.omega * self.edge.height,
+            ContactMode::Frictionless | ContactMode::Sliding { .. } => state.v_t,
         };
         Components { n: finger.n + state.s * state.omega, t }
     }
 
     #[inline]
-    fn instant(&self, contact: &Contact<T>, time: f64, state: &State<T>) -> Instant<T> {
+    fn instant(&self, contact: &ContactMode<T>, time: f64, state: &State<T>) -> Instant<T> {
         let turn = state.u.sin_cos();
         let finger_velocity = Components::of(self.finger.velocity(time), turn);
         let velocity = self.part_velocity(contact, finger_velocity, state);

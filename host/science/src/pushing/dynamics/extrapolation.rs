@@ -11,7 +11,7 @@
 //! Units: SI. Errors: none; a motion that takes too small steps has no end.
 
 use super::contact_model::ContactModel;
-use super::model::{Contact, State};
+use super::model::{ContactMode, State};
 
 /// Divisions of a step tried before it is halved: order 16.
 const DIVISIONS: usize = 8;
@@ -37,7 +37,7 @@ pub struct Extrapolation<'a, M> {
     /// What moves.
     pub model: &'a M,
     /// What the contact does throughout.
-    pub contact: Contact,
+    pub contact: ContactMode,
 }
 
 /// Components of a state, in the order of its fields.
@@ -162,7 +162,7 @@ mod tests {
             let push = ShapedPush::new(model, ContactLaw::Frictionless, Start::Rest { u, s }, EdgeEnd::Extend).unwrap();
             let run = push.run(&[until]).unwrap();
             let mut passed = Vec::new();
-            let extrapolation = Extrapolation { model: &model, contact: Contact::Frictionless };
+            let extrapolation = Extrapolation { model: &model, contact: ContactMode::Frictionless };
             let end = extrapolation.end(0.0, State { u, s, omega: 0.0, v_t: 0.0 }, until, &mut passed).unwrap();
             let pressed = passed.iter().all(|place| place.normal_force > 0.0);
             if let Some(sample) = run.samples.first() {

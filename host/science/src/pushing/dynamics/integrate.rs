@@ -8,7 +8,7 @@
 use std::ops::{Add, Mul};
 
 use super::contact_model::ContactModel;
-use super::model::{Contact, PushModel, State};
+use super::model::{ContactMode, PushModel, State};
 use super::scalar::Scalar;
 use crate::math::ode::{self, Moves};
 
@@ -68,7 +68,7 @@ impl<T: Scalar> PushModel<'_, T> {
     ///
     /// Friction forgets speed within v/(µg), 17 ms there; steps much longer than that diverge.
     #[must_use]
-    pub fn step(&self, contact: &Contact<T>, time: f64, state: &State<T>, dt: f64) -> State<T> {
+    pub fn step(&self, contact: &ContactMode<T>, time: f64, state: &State<T>, dt: f64) -> State<T> {
         ode::step(state, dt, |moment, state| self.motion(contact, moment.time(time, dt), state).rates)
     }
 }
@@ -129,7 +129,7 @@ pub(super) struct Step {
 
 impl Step {
     /// Takes a step of `length` s from `state`.
-    pub(super) fn take(model: &impl ContactModel, contact: &Contact, time: f64, state: State, length: f64) -> Self {
+    pub(super) fn take(model: &impl ContactModel, contact: &ContactMode, time: f64, state: State, length: f64) -> Self {
         let start = Components::from(state);
         let mut slopes = [[0.0; 4]; 7];
         let mut end = start;
@@ -196,7 +196,7 @@ fn moved<const N: usize>(start: Components, slopes: &[Components; 7], weights: &
 pub(super) struct Scale(Components);
 
 impl Scale {
-    pub(super) fn of(model: &impl ContactModel, contact: &Contact, time: f64, state: &State) -> Self {
+    pub(super) fn of(model: &impl ContactModel, contact: &ContactMode, time: f64, state: &State) -> Self {
         let radius = model.body().inertia_per_mass().sqrt();
         let [x, y] = model.velocity(contact, time, state);
         let speed = x.hypot(y) + radius * state.omega.abs() + SPEED_FLOOR;

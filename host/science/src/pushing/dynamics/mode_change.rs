@@ -10,7 +10,7 @@
 //! Units: SI. Errors: none.
 
 use super::contact_mode::ContactFriction;
-use super::model::{Contact, Finger, PushModel, State};
+use super::model::{ContactMode, Finger, PushModel, State};
 use super::scalar::Scalar;
 use crate::math::Jet;
 
@@ -46,14 +46,14 @@ pub(crate) enum Margin<T> {
 
 impl<T: Scalar> Margin<T> {
     /// What is used up where a mode gives way to another.
-    pub(crate) fn of_mode(mode: &Contact<T>, friction: ContactFriction<T>) -> Self {
+    pub(crate) fn of_mode(mode: &ContactMode<T>, friction: ContactFriction<T>) -> Self {
         match mode {
-            Contact::Sliding { .. } => Self::Slip,
-            Contact::Rolling | Contact::Frictionless => Self::Friction(friction),
+            ContactMode::Sliding { .. } => Self::Slip,
+            ContactMode::Rolling | ContactMode::Frictionless => Self::Friction(friction),
         }
     }
 
-    fn at(&self, model: &PushModel<T>, contact: &Contact<T>, time: f64, state: &State<T>) -> T {
+    fn at(&self, model: &PushModel<T>, contact: &ContactMode<T>, time: f64, state: &State<T>) -> T {
         match self {
             Self::Force => model.motion(contact, time, state).normal_force,
             Self::Slip => model.slip(time, state),
@@ -63,13 +63,13 @@ impl<T: Scalar> Margin<T> {
     }
 
     /// How much later than now the margin is used up, s, to first order: 0, with the derivatives of the instant.
-    pub(crate) fn late(&self, model: &PushModel<T>, contact: &Contact<T>, time: f64, state: &State<T>) -> T {
+    pub(crate) fn late(&self, model: &PushModel<T>, contact: &ContactMode<T>, time: f64, state: &State<T>) -> T {
         let now = self.at(model, contact, time, state);
         (now - now.re()) * (-1.0 / self.rate(model, contact, time, state))
     }
 
     /// How fast the margin changes along the motion.
-    fn rate(&self, model: &PushModel<T>, contact: &Contact<T>, time: f64, state: &State<T>) -> f64 {
+    fn rate(&self, model: &PushModel<T>, contact: &ContactMode<T>, time: f64, state: &State<T>) -> f64 {
         let flat = |number: T| Jet::<1>::constant(number.re());
         let late = Jet::<1>::variable(0.0, 0);
         let PushModel { part, edge, mu_g, finger } = *model;
@@ -81,7 +81,7 @@ impl<T: Scalar> Margin<T> {
         let now = state.map(flat);
         let rates = model.motion(&contact, time, &now).rates;
         let mut ahead = moved(&now, &rates, late);
-        if matches!(contact, Contact::Rolling) {
+        if matches!(contact, ContactMode::Rolling) {
             ahead.v_t = model.rolling_v_t(time, &ahead);
         }
         self.map(flat).at(&model, &contact, time, &ahead).slopes[0]
@@ -101,7 +101,7 @@ impl<T: Scalar> Margin<T> {
 /// derivatives, so much `late`.
 pub(crate) fn across<T: Scalar>(
     model: &PushModel<T>,
-    to: &Contact<T>,
+    to: &ContactMode<T>,
     time: f64,
     (state, before): (&State<T>, &State<T>),
     late: T,

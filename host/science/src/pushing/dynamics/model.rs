@@ -190,7 +190,7 @@ impl<T: Scalar> Finger<T> {
 
 /// How finger and part touch.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Contact<T = f64> {
+pub enum ContactMode<T = f64> {
     /// No contact friction.
     Frictionless,
     /// The two do not slip on each other.
@@ -204,7 +204,7 @@ pub enum Contact<T = f64> {
     },
 }
 
-impl<T: Scalar> Contact<T> {
+impl<T: Scalar> ContactMode<T> {
     /// m = µ_c times the sign of the slip: tangential over normal force on the part, but for the sign; none where nothing slips.
     #[inline]
     pub(crate) fn signed_friction(&self) -> Option<T> {
@@ -216,11 +216,11 @@ impl<T: Scalar> Contact<T> {
     }
 
     /// The same in other numbers.
-    pub(crate) fn map<U>(&self, convert: impl Fn(T) -> U) -> Contact<U> {
+    pub(crate) fn map<U>(&self, convert: impl Fn(T) -> U) -> ContactMode<U> {
         match *self {
-            Self::Frictionless => Contact::Frictionless,
-            Self::Rolling => Contact::Rolling,
-            Self::Sliding { friction, slip } => Contact::Sliding { friction: convert(friction), slip },
+            Self::Frictionless => ContactMode::Frictionless,
+            Self::Rolling => ContactMode::Rolling,
+            Self::Sliding { friction, slip } => ContactMode::Sliding { friction: convert(friction), slip },
         }
     }
 }

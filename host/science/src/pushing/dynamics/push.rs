@@ -8,7 +8,7 @@ use nalgebra::{Point2, Vector2};
 use super::contact_mode::{ContactFriction, SLIP_NONE, slip_left};
 use super::contact_model::{ContactModel, normal as normal_of};
 use super::curve::{FingerShape, PartSide};
-use super::model::{Contact, FingerPath, Part, PushModel, Slip, State};
+use super::model::{ContactMode, FingerPath, Part, PushModel, Slip, State};
 use super::shaped::ShapedModel;
 
 /// How far beyond an edge's end, or into the part, is put down to rounding of the input, m: printed micrometres pass exactly.
@@ -352,10 +352,10 @@ impl ContactLaw {
     }
 
     /// The contact of part and finger at rest.
-    pub(super) fn at_rest(self) -> Contact {
+    pub(super) fn at_rest(self) -> ContactMode {
         match self {
-            Self::Rolling { .. } | Self::Coulomb { .. } => Contact::Rolling,
-            Self::Frictionless => Contact::Frictionless,
+            Self::Rolling { .. } | Self::Coulomb { .. } => ContactMode::Rolling,
+            Self::Frictionless => ContactMode::Frictionless,
             Self::Sliding { slip, .. } => self.sliding(slip),
         }
     }
@@ -371,10 +371,10 @@ impl ContactLaw {
     }
 
     /// The contact while it slides.
-    pub(super) fn sliding(self, slip: Slip) -> Contact {
+    pub(super) fn sliding(self, slip: Slip) -> ContactMode {
         match self {
-            Self::Frictionless => Contact::Frictionless,
-            law => Contact::Sliding { friction: law.friction(), slip },
+            Self::Frictionless => ContactMode::Frictionless,
+            law => ContactMode::Sliding { friction: law.friction(), slip },
         }
     }
 

@@ -14,7 +14,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
 
 use super::body::Body;
 use super::contact_mode::ContactForce;
-use super::model::{Arm, Contact};
+use super::model::{Arm, ContactMode};
 use crate::math::Jet;
 
 /// Iterations after which a solution is given up: a few suffice.
@@ -83,7 +83,7 @@ pub(super) struct AtRest<'a> {
 
 impl AtRest<'_> {
     /// How the part begins to move.
-    pub(super) fn start(&self, contact: &Contact) -> Result<RestStart, RestError> {
+    pub(super) fn start(&self, contact: &ContactMode) -> Result<RestStart, RestError> {
         let finger = Vector3::new(self.finger[0], self.finger[1], 0.0);
         let acceleration = match contact.signed_friction() {
             Some(m) => self.slide(m, finger),

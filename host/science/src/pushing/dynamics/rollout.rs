@@ -5,7 +5,7 @@
 //! *Solving Ordinary Differential Equations I*, 2nd ed., III.1).
 //! Assumes: the contact stays as it is. Units: SI. Errors: none; see each method for its measured error.
 
-use super::model::{Contact, PushModel, State};
+use super::model::{ContactMode, PushModel, State};
 use super::scalar::Scalar;
 
 /// Weights of the present and earlier rates, latest first, in 24ths of a step: the prediction.
@@ -16,7 +16,7 @@ const CORRECTOR: [f64; 4] = [9.0 / 24.0, 19.0 / 24.0, -5.0 / 24.0, 1.0 / 24.0];
 
 impl<T: Scalar> PushModel<'_, T> {
     /// The states after each step of `dt` (s), without end: see [`PushModel::step`].
-    pub fn rollout(&self, contact: &Contact<T>, start: &State<T>, dt: f64) -> impl Iterator<Item = State<T>> {
+    pub fn rollout(&self, contact: &ContactMode<T>, start: &State<T>, dt: f64) -> impl Iterator<Item = State<T>> {
         let mut state = *start;
         (0_u32..).map(move |i| {
             state = self.step(contact, f64::from(i) * dt, &state, dt);
@@ -36,7 +36,7 @@ impl<T: Scalar> PushModel<'_, T> {
     /// | 1 ms | 9e-10 \\| 6e-10 | 7e-9 \\| 2e-8 |
     ///
     /// Steps much longer than half of v/(µg), in which friction forgets speed, diverge.
-    pub fn fast_rollout(&self, contact: &Contact<T>, start: &State<T>, dt: f64) -> impl Iterator<Item = State<T>> {
+    pub fn fast_rollout(&self, contact: &ContactMode<T>, start: &State<T>, dt: f64) -> impl Iterator<Item = State<T>> {
         let rates = move |step: u32, state: &State<T>| self.motion(contact, f64::from(step) * dt, state).rates;
         let mut state = *start;
         let mut past = [rates(0, start); 4];

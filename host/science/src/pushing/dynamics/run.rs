@@ -19,7 +19,7 @@ use super::contact_mode::{ContactForce, ContactFriction, JAM_DENOMINATOR, SLIP_N
 use super::contact_model::{ContactModel, arm, normal, rest_start};
 use super::integrate::{Scale, Step};
 use super::mode_change::first_ended;
-use super::model::{Contact, State};
+use super::model::{ContactMode, State};
 use super::push::{ContactLaw, EdgeEnd, PushOf, Start, gap};
 use super::rest::{RestError, RestStart};
 
@@ -92,7 +92,7 @@ pub struct Sample {
     /// State of the contact.
     pub state: State,
     /// What the contact does.
-    pub contact: Contact,
+    pub contact: ContactMode,
     /// Position of the part frame's origin, m.
     pub position: Point2<f64>,
     /// Turn from world to part axes, rad; in (−π, π] at the start, then continuous.
@@ -139,7 +139,7 @@ pub struct Change {
     /// When, s.
     pub t: f64,
     /// To what.
-    pub to: Contact,
+    pub to: ContactMode,
 }
 
 /// Acceleration of a part.
@@ -208,7 +208,7 @@ type Margins = [f64; EVENTS.len()];
 /// A stretch of the push with one kind of contact.
 #[derive(Clone, Copy)]
 struct Leg {
-    contact: Contact,
+    contact: ContactMode,
     time: f64,
     state: State,
     /// Margins are lowered by these: a leg may start a rounding error beyond one.
@@ -248,16 +248,16 @@ impl<M: ContactModel> PushOf<M> {
     }
 
     /// Margins of a state in a leg, without slack.
-    fn margins(&self, model: &M, contact: &Contact, time: f64, state: &State) -> Margins {
+    fn margins(&self, model: &M, contact: &ContactMode, time: f64, state: &State) -> Margins {
         const NEVER: f64 = f64::INFINITY;
         let motion = model.motion(contact, time, state);
         let (mut jam, mut stick, mut cone) = (NEVER, NEVER, [NEVER, NEVER]);
         match (*contact, self.law.deciding_friction()) {
-            (Contact::Sliding { friction, slip }, _) => {
+            (ContactMode::Sliding { friction, slip }, _) => {
                 jam = model.sliding_denominator(friction * slip.sign(), state) - JAM_DENOMINATOR;
                 stick = slip_left(model.slip(time, state), slip);
             }
-            (Contact::Rolling, Some(friction)) => cone = friction.unused_each_way(&motion.force()),
+            (ContactMode::Rolling, Some(friction)) => cone = friction.unused_each_way(&motion.force()),
             _ => {}
         }
         let edge = match self.edge_end {
@@ -315,7 +315,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
             changes: Vec::new(),
             rest_start: None,
             second_contact: None,
-            last: sample(&push.model, 0.0, &Contact::Frictionless, &state, theta_offset),
+            last: sample(&push.model, 0.0, &ContactMode::Frictionless, &state, theta_offset),
         }
     }
 
@@ -339,7 +339,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
     }
 
     fn speed_is_none(&self, state: &State) -> bool {
-        let contact = if self.push.law.rolls() { Contact::Rolling } else { Contact::Frictionless };
+        let contact = if self.push.law.rolls() { ContactMode::Rolling } else { ContactMode::Frictionless };
         state.omega == 0.0 && Vector2::from(self.model().velocity(&contact, 0.0, state)) == Vector2::zeros()
     }
 
@@ -348,8 +348,8 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
         let slip = self.model().slip(0.0, &state);
         let no_slip = slip.abs() < SLIP_NONE;
         let (contact, state) = match self.push.law {
-            ContactLaw::Frictionless => (Contact::Frictionless, state),
-            ContactLaw::Rolling { .. } => (Contact::Rolling, rolling),
+            ContactLaw::Frictionless => (ContactMode::Frictionless, state),
+            ContactLaw::Rolling { .. } => (ContactMode::Rolling, rolling),
             law @ ContactLaw::Sliding { slip, .. } => (law.sliding(slip), if no_slip { rolling } else { state }),
             ContactLaw::Coulomb { friction } => {
                 let state = if no_slip { rolling } else { state };
@@ -364,11 +364,11 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
 
     /// The force that rolling needs.
     fn rolling_force(&self, time: f64, state: &State) -> ContactForce {
-        self.model().motion(&Contact::Rolling, time, state).force()
+        self.model().motion(&ContactMode::Rolling, time, state).force()
     }
 
     /// Samples time 0, where no step leads to.
-    fn sample_start(&mut self, next: &Next, contact: Contact, state: State) {
+    fn sample_start(&mut self, next: &Next, contact: ContactMode, state: State) {
         let mut sample = self.sample(0.0, &contact, &state);
         if matches!(next, Next::End(EndReason::Jam)) {
             sample.force = None;
@@ -377,7 +377,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
     }
 
     /// Starts a leg, unless it ends at once. `slips` for a contact known to begin to slip, or to roll, just now.
-    fn start_leg(&mut self, contact: Contact, time: f64, state: State, slips: bool) -> Next {
+    fn start_leg(&mut self, contact: ContactMode, time: f64, state: State, slips: bool) -> Next {
         let margins = self.push.margins(self.model(), &contact, time, &state);
         let probe = Step::take(self.model(), &contact, time, state, PROBE_TIME).end();
         let after = self.push.margins(self.model(), &contact, time + PROBE_TIME, &probe);
@@ -448,7 +448,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
             return self.begin_at_rest(time, State { omega: 0.0, ..state });
         }
         let contact = match (self.push.law, leg.contact) {
-            (ContactLaw::Coulomb { friction }, Contact::Rolling) => {
+            (ContactLaw::Coulomb { friction }, ContactMode::Rolling) => {
                 ContactFriction::same(friction).without_slip(&self.rolling_force(time, &state))
             }
             (_, contact) => contact,
@@ -466,7 +466,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
     }
 
     /// Whether the part is as good as at rest.
-    fn rests(&self, contact: &Contact, time: f64, state: &State) -> bool {
+    fn rests(&self, contact: &ContactMode, time: f64, state: &State) -> bool {
         let spin = self.model().body().inertia_per_mass().sqrt() * state.omega.abs();
         Vector2::from(self.model().velocity(contact, time, state)).norm() + spin < SLIP_NONE
     }
@@ -633,12 +633,12 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
     }
 
     /// Contact and accelerations of the start from rest.
-    fn start_from_rest(&self, time: f64, state: &State) -> Result<(Contact, RestStart), RestError> {
-        let start = |contact: &Contact| rest_start(self.model(), contact, state.u, state.s);
+    fn start_from_rest(&self, time: f64, state: &State) -> Result<(ContactMode, RestStart), RestError> {
+        let start = |contact: &ContactMode| rest_start(self.model(), contact, state.u, state.s);
         let law = self.push.law;
         let contact = match law {
-            ContactLaw::Frictionless => Contact::Frictionless,
-            ContactLaw::Rolling { .. } => Contact::Rolling,
+            ContactLaw::Frictionless => ContactMode::Frictionless,
+            ContactLaw::Rolling { .. } => ContactMode::Rolling,
             ContactLaw::Sliding { slip, .. } => law.sliding(slip),
             ContactLaw::Coulomb { friction } => {
                 return ContactFriction::same(friction).from_rest(self.model().slip(time, state), start);
@@ -648,12 +648,12 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
     }
 
     /// The leg that a start from rest leads to.
-    fn after_rest(&mut self, time: f64, contact: &Contact, start: &RestStart, state: &State) -> Next {
+    fn after_rest(&mut self, time: f64, contact: &ContactMode, start: &RestStart, state: &State) -> Next {
         let model = self.model();
         // How the slip grows from the finger's own speed.
         let (slip, slip_rate) = (model.slip(time, state), self.slip_rate(start, state));
         match (*contact, self.push.law) {
-            (Contact::Sliding { friction, slip: direction }, law) => {
+            (ContactMode::Sliding { friction, slip: direction }, law) => {
                 let m = friction * direction.sign();
                 let slips = slip_left(slip, direction) >= SLIP_NONE || slip_left(slip_rate, direction) > 0.0;
                 if jams(model.sliding_denominator(m, state)) {
@@ -662,7 +662,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
                     return Next::End(EndReason::Stick);
                 }
             }
-            (Contact::Rolling, law)
+            (ContactMode::Rolling, law)
                 if law.deciding_friction().is_some_and(|friction| friction.unused(&start.force()) < 0.0) =>
             {
                 return Next::End(EndReason::Slip);
@@ -715,7 +715,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
         self.last = sample;
     }
 
-    fn sample(&self, t: f64, contact: &Contact, state: &State) -> Sample {
+    fn sample(&self, t: f64, contact: &ContactMode, state: &State) -> Sample {
         sample(self.model(), t, contact, state, self.theta_offset)
     }
 
@@ -741,10 +741,10 @@ impl ContactForce {
     }
 }
 
-fn sample<M: ContactModel>(model: &M, t: f64, contact: &Contact, state: &State, theta_offset: f64) -> Sample {
+fn sample<M: ContactModel>(model: &M, t: f64, contact: &ContactMode, state: &State, theta_offset: f64) -> Sample {
     let state = match contact {
-        Contact::Rolling => State { v_t: model.rolling_v_t(t, state), ..*state },
-        Contact::Frictionless | Contact::Sliding { .. } => *state,
+        ContactMode::Rolling => State { v_t: model.rolling_v_t(t, state), ..*state },
+        ContactMode::Frictionless | ContactMode::Sliding { .. } => *state,
     };
     let motion = model.motion(contact, t, &state);
     let theta = model.theta(&state) + theta_offset;

@@ -8,7 +8,7 @@
 
 use nalgebra::SMatrix;
 
-use super::model::{Contact, Finger, PushModel, State};
+use super::model::{ContactMode, Finger, PushModel, State};
 use crate::math::Jet;
 
 /// What a push can be derived by.
@@ -37,14 +37,14 @@ pub enum Parameter {
 /// ```
 /// use nalgebra::Point2;
 /// use palpate::geometry::SimplePolygon;
-/// use palpate::pushing::dynamics::{Contact, Finger, Parameter, Part, PushModel, Seeded, State, derivatives};
+/// use palpate::pushing::dynamics::{ContactMode, Finger, Parameter, Part, PushModel, Seeded, State, derivatives};
 ///
 /// let block = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?;
 /// let part = Part::uniform(block);
 /// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
 /// let model = PushModel { part: &part, edge: part.edge(0)?, mu_g: 0.3 * 9.81, finger };
 /// let start = State { u: 1.6, s: 0.005, omega: 0.0, v_t: 0.0 };
-/// let seeded = Seeded::new(&model, &Contact::Rolling, &start, [Parameter::S]);
+/// let seeded = Seeded::new(&model, &ContactMode::Rolling, &start, [Parameter::S]);
 /// let end = seeded.model.rollout(&seeded.contact, &seeded.start, 0.005).nth(99).unwrap(); // after 0.5 s
 /// // Off the middle by a millimetre more, the block turns further.
 /// assert!(derivatives(&end)[(0, 0)] * 1e-3 > 0.01); // rad
@@ -55,7 +55,7 @@ pub struct Seeded<'p, const N: usize> {
     /// The model.
     pub model: PushModel<'p, Jet<N>>,
     /// The contact.
-    pub contact: Contact<Jet<N>>,
+    pub contact: ContactMode<Jet<N>>,
     /// The start.
     pub start: State<Jet<N>>,
 }
@@ -63,7 +63,7 @@ pub struct Seeded<'p, const N: usize> {
 impl<'p, const N: usize> Seeded<'p, N> {
     /// Makes each of `parameters` a variable. Naming one that the contact does not depend on gives zeros.
     #[must_use]
-    pub fn new(model: &PushModel<'p>, contact: &Contact, start: &State, parameters: [Parameter; N]) -> Self {
+    pub fn new(model: &PushModel<'p>, contact: &ContactMode, start: &State, parameters: [Parameter; N]) -> Self {
         let seed = |value: f64, parameter: Parameter| {
             let row = parameters.iter().position(|&wanted| wanted == parameter);
             row.map_or_else(|| Jet::constant(value), |row| Jet::variable(value, row))

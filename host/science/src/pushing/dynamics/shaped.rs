@@ -32,7 +32,7 @@ use nalgebra::{Point2, Rotation2, Vector2};
 use super::body::Body;
 use super::curve::{CurvePoint, FingerShape, PartSide, dot, left};
 use super::disk_on_edge::Motion;
-use super::model::{Arm, Contact, FingerPath, State};
+use super::model::{Arm, ContactMode, FingerPath, State};
 use super::scalar::Scalar;
 
 /// A part pushed by a finger of any shape. Parameters of type `T` can carry derivatives.
@@ -177,7 +177,7 @@ impl<T: Scalar> ShapedModel<'_, T> {
 
     /// Rates and contact force at time `time` (s).
     #[must_use]
-    pub fn motion(&self, contact: &Contact<T>, time: f64, state: &State<T>) -> Motion<T> {
+    pub fn motion(&self, contact: &ContactMode<T>, time: f64, state: &State<T>) -> Motion<T> {
         let instant = self.instant(contact, time, state);
         match contact.signed_friction() {
             Some(m) => self.sliding(m, state, &instant),
@@ -210,7 +210,7 @@ impl<T: Scalar> ShapedModel<'_, T> {
 
     /// Velocity of the centre of mass, world axes, m/s.
     #[must_use]
-    pub fn velocity(&self, contact: &Contact<T>, time: f64, state: &State<T>) -> [T; 2] {
+    pub fn velocity(&self, contact: &ContactMode<T>, time: f64, state: &State<T>) -> [T; 2] {
         let touch = self.touch(state);
         let (velocity, _) = self.velocity_and_slip(&touch, contact, time, state);
         let along = left(touch.normal);
@@ -220,7 +220,7 @@ impl<T: Scalar> ShapedModel<'_, T> {
     fn velocity_and_slip(
         &self,
         touch: &Touch<T>,
-        contact: &Contact<T>,
+        contact: &ContactMode<T>,
         time: f64,
         state: &State<T>,
     ) -> (Components<T>, T) {
@@ -229,14 +229,14 @@ impl<T: Scalar> ShapedModel<'_, T> {
         let rolling =
             Components { n: finger.n + touch.arm.along * state.omega, t: finger.t - touch.arm.height * state.omega };
         match contact {
-            Contact::Rolling => (rolling, T::from(0.0)),
-            Contact::Frictionless | Contact::Sliding { .. } => {
+            ContactMode::Rolling => (rolling, T::from(0.0)),
+            ContactMode::Frictionless | ContactMode::Sliding { .. } => {
                 (Components { t: -state.v_t, ..rolling }, -state.v_t - rolling.t)
             }
         }
     }
 
-    fn instant(&self, contact: &Contact<T>, time: f64, state: &State<T>) -> Instant<T> {
+    fn instant(&self, contact: &ContactMode<T>, time: f64, state: &State<T>) -> Instant<T> {
         let touch = self.touch(state);
         let (velocity, slip) = self.velocity_and_slip(&touch, contact, time, state);
         Instant {

@@ -9,7 +9,7 @@
 
 use super::contact_mode::ContactFriction;
 use super::mode_change::{Margin, across};
-use super::model::{Contact, PushModel, State};
+use super::model::{ContactMode, PushModel, State};
 use super::push::{Push, Start};
 use super::run::{EndReason, Run, RunError};
 use super::sensitivity::{Parameter, Seeded};
@@ -39,7 +39,7 @@ pub struct DerivedRun<const N: usize> {
 struct DerivedSimulation<'p, const N: usize> {
     model: PushModel<'p, Jet<N>>,
     friction: ContactFriction<Jet<N>>,
-    contact: Contact<Jet<N>>,
+    contact: ContactMode<Jet<N>>,
     time: f64,
     state: State<Jet<N>>,
 }
@@ -77,7 +77,7 @@ impl Push<'_> {
 
     fn simulation<const N: usize>(
         &self,
-        contact: &Contact,
+        contact: &ContactMode,
         start: &State,
         parameters: [Parameter; N],
     ) -> DerivedSimulation<'_, N> {
@@ -95,7 +95,7 @@ impl Push<'_> {
 impl<'p, const N: usize> DerivedSimulation<'p, N> {
     /// In rolling v_T follows from the rest.
     fn keep_rolling(&mut self, time: f64) {
-        if matches!(self.contact, Contact::Rolling) {
+        if matches!(self.contact, ContactMode::Rolling) {
             self.state.v_t = self.model.rolling_v_t(time, &self.state);
         }
     }
@@ -118,7 +118,7 @@ impl<'p, const N: usize> DerivedSimulation<'p, N> {
     }
 
     /// Changes the contact at the instant that has the value `time` and returns it with its derivatives.
-    fn change(&mut self, time: f64, to: &Contact) -> Jet<N> {
+    fn change(&mut self, time: f64, to: &ContactMode) -> Jet<N> {
         self.go(time);
         let late = self.late(&Margin::of_mode(&self.contact, self.friction));
         let before = self.model.motion(&self.contact, time, &self.state).rates;

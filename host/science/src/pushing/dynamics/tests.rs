@@ -90,10 +90,10 @@ fn possible_scenes() -> impl Strategy<Value = Scene> {
     })
 }
 
-fn contacts() -> impl Strategy<Value = Contact> {
+fn contacts() -> impl Strategy<Value = ContactMode> {
     let slip = prop_oneof![Just(Slip::Forward), Just(Slip::Backward)];
-    let sliding = (0.0..0.5, slip).prop_map(|(friction, slip)| Contact::Sliding { friction, slip });
-    prop_oneof![Just(Contact::Frictionless), Just(Contact::Rolling), sliding]
+    let sliding = (0.0..0.5, slip).prop_map(|(friction, slip)| ContactMode::Sliding { friction, slip });
+    prop_oneof![Just(ContactMode::Frictionless), Just(ContactMode::Rolling), sliding]
 }
 
 /// Laws under which a push ends by itself in one way or another.
@@ -189,9 +189,9 @@ proptest! {
     #[test]
     fn energy_is_accounted_for(scene in possible_scenes(), contact in contacts()) {
         let law = match contact {
-            Contact::Rolling => ContactLaw::Rolling { friction: None },
-            Contact::Frictionless => ContactLaw::Frictionless,
-            Contact::Sliding { friction, .. } => ContactLaw::Coulomb { friction },
+            ContactMode::Rolling => ContactLaw::Rolling { friction: None },
+            ContactMode::Frictionless => ContactLaw::Frictionless,
+            ContactMode::Sliding { friction, .. } => ContactLaw::Coulomb { friction },
         };
         let run = scene.run(law, &grid(1e-4, 4000));
         // One kind of contact: the force jumps between kinds, and with it the power.
@@ -328,7 +328,7 @@ proptest! {
         let slip = if backward { Slip::Backward } else { Slip::Forward };
         let part = scene.part();
         let motion = |contact| scene.model(&part).motion(&contact, 0.0, &scene.start);
-        let (sliding, frictionless) = (motion(Contact::Sliding { friction: 0.0, slip }), motion(Contact::Frictionless));
+        let (sliding, frictionless) = (motion(ContactMode::Sliding { friction: 0.0, slip }), motion(ContactMode::Frictionless));
         prop_assert!((sliding.rates.omega - frictionless.rates.omega).abs() < ACCELERATION_ROUNDING);
         prop_assert!((sliding.normal_force - frictionless.normal_force).abs() < ACCELERATION_ROUNDING);
     }
@@ -339,10 +339,10 @@ proptest! {
         let part = scene.part();
         let model = scene.model(&part);
         let state = State { v_t: model.rolling_v_t(0.0, &scene.start), ..scene.start };
-        let rolling = model.motion(&Contact::Rolling, 0.0, &state);
+        let rolling = model.motion(&ContactMode::Rolling, 0.0, &state);
         prop_assume!(rolling.normal_force.abs() > 1e-3);
         let needed = rolling.tangential_force / rolling.normal_force;
-        let contact = Contact::Sliding { friction: needed.abs(), slip: Slip::of(-needed) };
+        let contact = ContactMode::Sliding { friction: needed.abs(), slip: Slip::of(-needed) };
         prop_assume!(model.sliding_denominator(-needed, state.s).abs() > 1e-3);
         let sliding = model.motion(&contact, 0.0, &state);
         let scale = 1.0 + rolling.rates.omega.abs() + rolling.normal_force.abs();
@@ -361,9 +361,9 @@ proptest! {
         let state = State { v_t: model.rolling_v_t(t, &scene.start), ..scene.start };
         let jams = [1.0, -1.0].iter().any(|sign| model.sliding_denominator(friction * sign, state.s) < 0.05);
         prop_assume!(!jams);
-        let motion = |contact: &Contact| model.motion(contact, t, &state);
+        let motion = |contact: &ContactMode| model.motion(contact, t, &state);
         // How fast the slip grows: at rest on each other now, so much later not.
-        let grows = |contact: &Contact| {
+        let grows = |contact: &ContactMode| {
             let Motion { rates, .. } = motion(contact);
             let soon = State {
                 u: state.u + rates.u * SOON,
@@ -374,7 +374,7 @@ proptest! {
             (model.slip(t + SOON, &soon) - model.slip(t, &state)) / SOON
         };
         let law = ContactFriction::same(friction);
-        let rolling = motion(&Contact::Rolling).force();
+        let rolling = motion(&ContactMode::Rolling).force();
         let follows = law.without_slip(&rolling);
         prop_assume!(law.unused(&rolling).abs() > 1e-3);
         for slip in [Slip::Forward, Slip::Backward] {
@@ -383,7 +383,7 @@ proptest! {
             let breaks = contact == follows && motion(&contact).normal_force <= 0.0;
             prop_assert_eq!(possible || breaks, contact == follows, "{:?}, grows at {}", contact, grows(&contact));
         }
-        if follows == Contact::Rolling {
+        if follows == ContactMode::Rolling {
             prop_assert!(rolling.pushes() && rolling.tangential.abs() <= friction * rolling.normal);
         }
     }
@@ -396,14 +396,14 @@ proptest! {
             let Some(ContactForce { normal, tangential }) = sample.force else { continue };
             let slip = scene.model(&part).slip(sample.t, &sample.state);
             match sample.contact {
-                Contact::Rolling => {
+                ContactMode::Rolling => {
                     prop_assert!(slip.abs() < ACCELERATION_ROUNDING && tangential.abs() <= friction * normal + 1e-9);
                 }
-                Contact::Sliding { slip: direction, .. } => {
+                ContactMode::Sliding { slip: direction, .. } => {
                     prop_assert!(slip * direction.sign() > -1e-9, "slips at {slip:e} m/s against {direction:?}");
                     prop_assert!((tangential + direction.sign() * friction * normal).abs() < ACCELERATION_ROUNDING);
                 }
-                Contact::Frictionless => prop_assert!(false, "no contact friction under Coulomb's law"),
+                ContactMode::Frictionless => prop_assert!(false, "no contact friction under Coulomb's law"),
             }
         }
     }
@@ -421,7 +421,7 @@ proptest! {
         let State { u, s, .. } = scene.start;
         let finger = [u.cos() * toward, u.sin() * toward];
         let model = PushModel { finger: Finger { acceleration: finger, ..scene.finger }, ..scene.model(&part) };
-        let contact = if rolls { Contact::Rolling } else { Contact::Frictionless };
+        let contact = if rolls { ContactMode::Rolling } else { ContactMode::Frictionless };
         let start = model.rest_start(&contact, u, s).unwrap();
         let support = SupportFriction::uniform(part.polygon()).with_origin(part.centre_of_mass());
         let gauss = |a_n: f64, a_t: f64, alpha: f64| {
@@ -509,7 +509,7 @@ proptest! {
         let law = ContactLaw::Coulomb { friction };
         let part = scene.part();
         let run_with = |parameter, change: f64| {
-            let (model, _, start) = changed(scene.model(&part), Contact::Rolling, scene.start, parameter, change);
+            let (model, _, start) = changed(scene.model(&part), ContactMode::Rolling, scene.start, parameter, change);
             Push::new(model, law, Start::Moving(start), EdgeEnd::Extend).unwrap().run(&[0.15]).unwrap()
         };
         let push = Push::new(scene.model(&part), law, Start::Moving(scene.start), EdgeEnd::Extend).unwrap();
@@ -562,7 +562,7 @@ proptest! {
         const QUOTIENT: f64 = 5e-3;
         let part = scene.part();
         let run_with = |parameter, change: f64| {
-            let (model, _, start) = changed(scene.model(&part), Contact::Rolling, scene.start, parameter, change);
+            let (model, _, start) = changed(scene.model(&part), ContactMode::Rolling, scene.start, parameter, change);
             let push = Push::new(model, law, Start::Moving(start), EdgeEnd::Stop);
             push.ok().and_then(|push| push.run(&[1.5]).ok())
         };
@@ -606,11 +606,11 @@ impl Quotient {
 /// A push with one parameter changed.
 fn changed<'p>(
     mut model: PushModel<'p>,
-    mut contact: Contact,
+    mut contact: ContactMode,
     mut start: State,
     parameter: Parameter,
     change: f64,
-) -> (PushModel<'p>, Contact, State) {
+) -> (PushModel<'p>, ContactMode, State) {
     match parameter {
         Parameter::U => start.u += change,
         Parameter::S => start.s += change,
@@ -618,7 +618,7 @@ fn changed<'p>(
         Parameter::VT => start.v_t += change,
         Parameter::MuG => model.mu_g += change,
         Parameter::ContactFriction => {
-            if let Contact::Sliding { friction, .. } = &mut contact {
+            if let ContactMode::Sliding { friction, .. } = &mut contact {
                 *friction += change;
             }
         }
@@ -633,7 +633,7 @@ fn fixed_steps_are_of_fourth_order() {
     let part = block();
     let model = PushModel { part: &part, edge: part.edge(0).unwrap(), mu_g: 2.943, finger: finger() };
     let start = State { u: 1.7, s: 0.004, omega: 0.3, v_t: 0.002 };
-    for contact in [Contact::Rolling, Contact::Frictionless] {
+    for contact in [ContactMode::Rolling, ContactMode::Frictionless] {
         let truth = model.rollout(&contact, &start, 5e-5).nth(7999).unwrap().u;
         let exact =
             |steps: usize| model.rollout(&contact, &start, 0.4 / steps as f64).nth(steps - 1).unwrap().u - truth;
@@ -654,9 +654,9 @@ fn fixed_steps_err_as_documented() {
     for i in 0..20 {
         let start = State { u: 1.4 + 0.02 * f64::from(i), s: 0.0008 * f64::from(i - 10), omega: 0.2, v_t: 0.002 };
         let model = PushModel { part: &part, edge: part.edge(0).unwrap(), mu_g: 2.943, finger: finger() };
-        let truth = model.rollout(&Contact::Rolling, &start, 1e-4).nth(7999).unwrap();
-        let exact = model.rollout(&Contact::Rolling, &start, 5e-3).nth(159).unwrap();
-        let fast = model.fast_rollout(&Contact::Rolling, &start, 5e-3).nth(159).unwrap();
+        let truth = model.rollout(&ContactMode::Rolling, &start, 1e-4).nth(7999).unwrap();
+        let exact = model.rollout(&ContactMode::Rolling, &start, 5e-3).nth(159).unwrap();
+        let fast = model.fast_rollout(&ContactMode::Rolling, &start, 5e-3).nth(159).unwrap();
         let law = ContactLaw::Rolling { friction: None };
         let push = Push::new(model, law, Start::Moving(start), EdgeEnd::Extend).unwrap();
         let controlled = push.run(&[0.8]).unwrap().last.state;

@@ -10,7 +10,7 @@ use nalgebra::{Matrix2x3, Matrix3, Matrix4, Point2, Rotation2, Vector2, Vector3,
 
 use crate::geometry::Pose;
 use crate::math::angle::wrap_angle;
-use crate::pushing::dynamics::{Contact, ContactLaw, Part, PushModel, State};
+use crate::pushing::dynamics::{ContactLaw, ContactMode, Part, PushModel, State};
 use crate::search::{Searched, Stop, never};
 
 /// Costs up to this above the best belong to the set: four standard deviations. Fixed by the interface.
@@ -98,11 +98,11 @@ pub struct Hypothesis {
     /// At the first value.
     pub start: State,
     /// What the contact does then.
-    pub contact_start: Contact,
+    pub contact_start: ContactMode,
     /// At the last value.
     pub end: State,
     /// What the contact does then.
-    pub contact_end: Contact,
+    pub contact_end: ContactMode,
     /// By which law the contact goes on, as far as it is known now.
     pub law: ContactLaw,
     /// The part at the first value.

@@ -5,7 +5,7 @@
 use nalgebra::Vector2;
 
 use crate::pushing::dynamics::contact_mode::ContactFriction;
-use crate::pushing::dynamics::{Contact, ContactLaw, Edge, Finger, Part, PushModel};
+use crate::pushing::dynamics::{ContactLaw, ContactMode, Edge, Finger, Part, PushModel};
 
 /// What is known of a push beforehand.
 #[derive(Clone, Copy, Debug)]
@@ -26,11 +26,11 @@ const REST_SPEED: f64 = 1e-6;
 
 impl Touch {
     /// By which law the contact goes on from what it does now.
-    pub(super) fn law(self, contact: Contact) -> ContactLaw {
+    pub(super) fn law(self, contact: ContactMode) -> ContactLaw {
         match (self, contact) {
             (Self::Frictionless, _) => ContactLaw::Frictionless,
             (Self::Rolling { friction }, _) => ContactLaw::Rolling { friction },
-            (Self::Sliding { friction }, Contact::Sliding { slip, .. }) => ContactLaw::Sliding { friction, slip },
+            (Self::Sliding { friction }, ContactMode::Sliding { slip, .. }) => ContactLaw::Sliding { friction, slip },
             (Self::Sliding { friction } | Self::Coulomb { friction }, _) => ContactLaw::Coulomb { friction },
         }
     }

@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, RowDVector, Vector2};
 
 use crate::math::{Jet, Spectrum};
 use crate::pushing::dynamics::contact_mode::JAM_DENOMINATOR;
-use crate::pushing::dynamics::{Contact, Parameter, PushModel, Seeded, State};
+use crate::pushing::dynamics::{ContactMode, Parameter, PushModel, Seeded, State};
 
 /// Length of the window in √(L/g): about 0.2 s for a part of 3 cm, ten times as long as friction takes to forget speed.
 const WINDOW: f64 = 4.0;
@@ -76,7 +76,7 @@ pub enum PushObservabilityError {
 /// use nalgebra::Point2;
 /// use palpate::geometry::SimplePolygon;
 /// use palpate::pushing::observability::{Scales, spectrum};
-/// use palpate::pushing::dynamics::{Contact, Finger, Part, PushModel, State};
+/// use palpate::pushing::dynamics::{ContactMode, Finger, Part, PushModel, State};
 ///
 /// let block = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?;
 /// let part = Part::uniform(block);
@@ -84,23 +84,23 @@ pub enum PushObservabilityError {
 /// let model = PushModel { part: &part, edge: part.edge(0)?, mu_g: 0.3 * 9.81, finger };
 /// let state = State { u: 1.6, s: 0.005, omega: 0.2, v_t: 0.0 };
 /// let scales = Scales { length: 0.02, time: 0.045 };
-/// assert!(spectrum(&model, &Contact::Rolling, &state, &scales)?.observable());
+/// assert!(spectrum(&model, &ContactMode::Rolling, &state, &scales)?.observable());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn spectrum(
     model: &PushModel,
-    contact: &Contact,
+    contact: &ContactMode,
     state: &State,
     scales: &Scales,
 ) -> Result<Spectrum, PushObservabilityError> {
     let state = match contact {
-        Contact::Rolling => State { v_t: model.rolling_v_t(0.0, state), ..*state },
-        Contact::Frictionless | Contact::Sliding { .. } => *state,
+        ContactMode::Rolling => State { v_t: model.rolling_v_t(0.0, state), ..*state },
+        ContactMode::Frictionless | ContactMode::Sliding { .. } => *state,
     };
     let pace = Pace::new(model, contact, &state, scales)?;
     let parameters = [Parameter::U, Parameter::S, Parameter::Omega, Parameter::VT];
     let looks = Window { seeded: Seeded::new(model, contact, &state, parameters), pace }.looks();
-    let states = if *contact == Contact::Rolling { 3 } else { 4 };
+    let states = if *contact == ContactMode::Rolling { 3 } else { 4 };
     let scaled = scales.of_states();
     let outputs = DMatrix::from_fn(looks.len().max(states), states, |row, column| {
         looks.get(row).map_or(0.0, |look| look[column] * scaled[column])
@@ -112,7 +112,7 @@ pub fn spectrum(
 #[derive(Clone, Copy)]
 struct Pace<'a> {
     model: &'a PushModel<'a>,
-    contact: &'a Contact,
+    contact: &'a ContactMode,
     window: f64,
     time: f64,
     speed: f64,
@@ -122,7 +122,7 @@ struct Pace<'a> {
 impl<'a> Pace<'a> {
     fn new(
         model: &'a PushModel,
-        contact: &'a Contact,
+        contact: &'a ContactMode,
         state: &State,
         scales: &Scales,
     ) -> Result<Self, PushObservabilityError> {
@@ -145,8 +145,8 @@ impl<'a> Pace<'a> {
 
     fn denominator(&self, s: f64) -> f64 {
         match *self.contact {
-            Contact::Sliding { friction, slip } => self.model.sliding_denominator(friction * slip.sign(), s),
-            Contact::Frictionless | Contact::Rolling => 1.0,
+            ContactMode::Sliding { friction, slip } => self.model.sliding_denominator(friction * slip.sign(), s),
+            ContactMode::Frictionless | ContactMode::Rolling => 1.0,
         }
     }
 

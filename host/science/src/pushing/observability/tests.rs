@@ -26,16 +26,16 @@ fn model(part: &Part, edge: usize, mu_g: f64, velocity0: [f64; 2], acceleration:
     PushModel { part, edge: part.edge(edge).unwrap(), mu_g, finger }
 }
 
-fn law(contact: &Contact) -> ContactLaw {
+fn law(contact: &ContactMode) -> ContactLaw {
     match *contact {
-        Contact::Frictionless => ContactLaw::Frictionless,
-        Contact::Rolling => ContactLaw::Rolling { friction: None },
-        Contact::Sliding { friction, slip } => ContactLaw::Sliding { friction, slip },
+        ContactMode::Frictionless => ContactLaw::Frictionless,
+        ContactMode::Rolling => ContactLaw::Rolling { friction: None },
+        ContactMode::Sliding { friction, slip } => ContactLaw::Sliding { friction, slip },
     }
 }
 
 /// Contact angles after `1/8, …, 8/8` of the window, by the error-controlled simulation.
-fn simulated(model: &PushModel, contact: &Contact, start: State, window: f64) -> Option<Vec<f64>> {
+fn simulated(model: &PushModel, contact: &ContactMode, start: State, window: f64) -> Option<Vec<f64>> {
     let push = Push::new(*model, law(contact), Start::Moving(start), EdgeEnd::Extend).ok()?;
     let times: Vec<_> = (1..=8).map(|i| window * f64::from(i) / 8.0).collect();
     let run = push.run(&times).ok()?;
@@ -48,7 +48,7 @@ fn moved(state: &State, direction: &[f64], scales: &Scales, step: f64) -> State 
 }
 
 /// Largest change of u after the start, per unit of the direction, by central differences.
-fn change(model: &PushModel, contact: &Contact, state: &State, direction: &[f64], scales: &Scales) -> Option<f64> {
+fn change(model: &PushModel, contact: &ContactMode, state: &State, direction: &[f64], scales: &Scales) -> Option<f64> {
     const STEP: f64 = 1e-3;
     // Well within the window, so that the contact lasts.
     let window = scales.time;
@@ -71,7 +71,7 @@ proptest! {
         let part = part();
         let model = model(&part, edge, 0.3 * GRAVITY_ASSUMED, [0.0, 0.05], [0.01, 0.02]);
         let s = model.edge.s_min + at * (model.edge.s_max - model.edge.s_min);
-        let contact = if rolling { Contact::Rolling } else { Contact::Frictionless };
+        let contact = if rolling { ContactMode::Rolling } else { ContactMode::Frictionless };
         let spectrum = spectrum(&model, &contact, &State { u, s, omega, v_t }, &scales(&part)).unwrap();
         prop_assert!(spectrum.observable(), "{spectrum:?}");
         prop_assert_eq!(spectrum.singular_values.len(), if rolling { 3 } else { 4 });
@@ -91,12 +91,12 @@ proptest! {
         let s = still.edge.s_min + at * (still.edge.s_max - still.edge.s_min);
         let state = State { u, s, omega: 0.0, v_t };
         // The finger slows down as the part does by itself along the normal.
-        let velocity = Vector2::from(still.velocity(&Contact::Frictionless, 0.0, &state));
+        let velocity = Vector2::from(still.velocity(&ContactMode::Frictionless, 0.0, &state));
         let normal = -Vector2::new(u.cos(), u.sin());
         let slowing = -normal * (normal.dot(&velocity.normalize()) * mu_g);
         let model = model(&part, edge, mu_g, [0.0, speed], slowing.into());
         let scales = scales(&part);
-        let spectrum = spectrum(&model, &Contact::Frictionless, &state, &scales).unwrap();
+        let spectrum = spectrum(&model, &ContactMode::Frictionless, &state, &scales).unwrap();
         prop_assert_eq!(&spectrum.unseen, &vec![vec![0.0, 1.0, 0.0, 0.0]], "{:?}", spectrum);
     }
 }
@@ -110,7 +110,7 @@ fn unseen_directions_do_not_change_the_simulated_angle_and_others_do() {
     let model = model(&part, 0, 0.0, [0.0, 0.05], [0.1, 0.0]);
     let u = std::f64::consts::FRAC_PI_2;
     let state = State { u, s: 0.004, omega: 0.0, v_t: 0.003 };
-    let contact = Contact::Frictionless;
+    let contact = ContactMode::Frictionless;
     let spectrum = spectrum(&model, &contact, &state, &scales).unwrap();
     assert_eq!(spectrum.rank(), 2, "{spectrum:?}");
     for unseen in &spectrum.unseen {
@@ -131,10 +131,10 @@ fn singular_values_are_those_of_finite_differences() {
     let scales = scales(&part);
     let model = model(&part, 1, 0.3 * GRAVITY_ASSUMED, [0.0, 0.05], [0.0, 0.02]);
     let state = State { u: 1.55, s: 0.003, omega: 0.4, v_t: 0.002 };
-    for contact in [Contact::Frictionless, Contact::Sliding { friction: 0.2, slip: Slip::Forward }] {
+    for contact in [ContactMode::Frictionless, ContactMode::Sliding { friction: 0.2, slip: Slip::Forward }] {
         let state = match contact {
             // Slips forward at 10 cm/s, so that it lasts over the window.
-            Contact::Sliding { .. } => State { v_t: model.rolling_v_t(0.0, &state) - 0.1, ..state },
+            ContactMode::Sliding { .. } => State { v_t: model.rolling_v_t(0.0, &state) - 0.1, ..state },
             _ => state,
         };
         let pace = Pace::new(&model, &contact, &state, &scales).unwrap();
@@ -163,10 +163,10 @@ fn a_part_at_rest_and_one_that_jams_have_no_answer() {
     let scales = scales(&part);
     let model = model(&part, 0, 1.0, [0.0; 2], [0.0, 0.1]);
     let rest = State { u: 1.5, s: 0.0, omega: 0.0, v_t: 0.0 };
-    assert_eq!(spectrum(&model, &Contact::Frictionless, &rest, &scales), Err(PushObservabilityError::AtRest));
+    assert_eq!(spectrum(&model, &ContactMode::Frictionless, &rest, &scales), Err(PushObservabilityError::AtRest));
     // D = 1 + s (s − m h)/ρ² is 0 to rounding for s = 0.01 m and this friction.
     let friction = (part.inertia_per_mass() + 1e-4) / (0.01 * model.edge.height);
     let moving = State { omega: 0.1, s: 0.01, ..rest };
-    let contact = Contact::Sliding { friction, slip: Slip::Forward };
+    let contact = ContactMode::Sliding { friction, slip: Slip::Forward };
     assert_eq!(spectrum(&model, &contact, &moving, &scales), Err(PushObservabilityError::Jammed));
 }

@@ -6,8 +6,8 @@ use super::*;
 use crate::math::Jet;
 
 /// The three modes that Coulomb's law knows.
-fn modes(friction: &ContactFriction) -> [Contact; 3] {
-    [Contact::Rolling, friction.slides(Slip::Forward), friction.slides(Slip::Backward)]
+fn modes(friction: &ContactFriction) -> [ContactMode; 3] {
+    [ContactMode::Rolling, friction.slides(Slip::Forward), friction.slides(Slip::Backward)]
 }
 
 /// A contact in the symbols of the module.
@@ -32,8 +32,8 @@ impl Point {
     }
 
     /// The force that keeps the contact in a mode.
-    fn force(&self, mode: &Contact) -> ContactForce {
-        let Contact::Sliding { friction, slip } = *mode else { return self.needed };
+    fn force(&self, mode: &ContactMode) -> ContactForce {
+        let ContactMode::Sliding { friction, slip } = *mode else { return self.needed };
         let push = self.w_nn * self.needed.normal + self.w_nt * self.needed.tangential;
         let normal = push / self.denominator(slip);
         ContactForce { normal, tangential: -friction * slip.sign() * normal }
@@ -46,12 +46,12 @@ impl Point {
     }
 
     /// How far a mode is from breaking any of Coulomb's conditions, where nothing slips yet; below 0 it does.
-    fn consistency(&self, mode: &Contact) -> f64 {
+    fn consistency(&self, mode: &ContactMode) -> f64 {
         let force = self.force(mode);
         let [apart, along] = self.accelerations(force);
         assert!(apart.abs() < 1e-9, "the contact is kept, {apart:e}");
         let condition = match *mode {
-            Contact::Sliding { friction, slip } => {
+            ContactMode::Sliding { friction, slip } => {
                 assert!((force.tangential.abs() - friction * force.normal.abs()).abs() < 1e-9);
                 assert!(force.normal < 0.0 || force.tangential * slip.sign() <= 0.0, "friction opposes slip");
                 along * slip.sign()
@@ -72,9 +72,9 @@ impl Point {
     }
 }
 
-fn mirrored(mode: &Contact) -> Contact {
+fn mirrored(mode: &ContactMode) -> ContactMode {
     match *mode {
-        Contact::Sliding { friction, slip } => Contact::Sliding { friction, slip: slip.reversed() },
+        ContactMode::Sliding { friction, slip } => ContactMode::Sliding { friction, slip: slip.reversed() },
         other => other,
     }
 }
@@ -151,8 +151,8 @@ proptest! {
     #[test]
     fn a_mode_lasts_as_long_as_it_would_follow(point in points(), slip in -0.1..0.1) {
         let friction = point.friction;
-        let rolls = friction.left(&Contact::Rolling, || slip, || point.needed) >= 0.0;
-        prop_assert_eq!(rolls, friction.without_slip(&point.needed) == Contact::Rolling);
+        let rolls = friction.left(&ContactMode::Rolling, || slip, || point.needed) >= 0.0;
+        prop_assert_eq!(rolls, friction.without_slip(&point.needed) == ContactMode::Rolling);
         let [counter_clockwise, clockwise] = friction.unused_each_way(&point.needed);
         prop_assert_eq!(friction.unused(&point.needed), counter_clockwise.min(clockwise));
         for direction in [Slip::Forward, Slip::Backward] {
@@ -165,8 +165,8 @@ proptest! {
     /// What rolled slides, and against what it would have needed, however near to the edge of the cone rounding puts it.
     #[test]
     fn rolling_that_has_used_up_its_friction_slides_against_the_force(point in points()) {
-        let after = point.friction.after(&Contact::Rolling, &point.needed);
-        let Contact::Sliding { friction, slip } = after else { return Err(TestCaseError::fail("rolls on")) };
+        let after = point.friction.after(&ContactMode::Rolling, &point.needed);
+        let ContactMode::Sliding { friction, slip } = after else { return Err(TestCaseError::fail("rolls on")) };
         prop_assert_eq!(friction, point.friction.sliding);
         prop_assert!(slip.sign() * point.needed.tangential <= 0.0);
     }
@@ -178,9 +178,9 @@ proptest! {
     ) {
         let friction = ContactFriction { sliding, sticking: sliding + extra };
         let needed = ContactForce { normal, tangential: (sliding + share * extra) * normal };
-        prop_assert_eq!(friction.without_slip(&needed), Contact::Rolling);
+        prop_assert_eq!(friction.without_slip(&needed), ContactMode::Rolling);
         prop_assert_eq!(friction.at_slip(0.01, || needed), friction.slides(Slip::Forward));
-        prop_assert_eq!(friction.after(&friction.slides(Slip::Backward), &needed), Contact::Rolling);
+        prop_assert_eq!(friction.after(&friction.slides(Slip::Backward), &needed), ContactMode::Rolling);
     }
 
     #[test]
@@ -189,10 +189,10 @@ proptest! {
         let ContactFriction { sliding, sticking } = point.friction;
         let friction = ContactFriction { sliding: jet(sliding), sticking: jet(sticking) };
         let needed = ContactForce { normal: jet(point.needed.normal), tangential: jet(point.needed.tangential) };
-        let plain = |mode: Contact<Jet<2>>| match mode {
-            Contact::Sliding { friction, slip } => Contact::Sliding { friction: friction.value, slip },
-            Contact::Rolling => Contact::Rolling,
-            Contact::Frictionless => Contact::Frictionless,
+        let plain = |mode: ContactMode<Jet<2>>| match mode {
+            ContactMode::Sliding { friction, slip } => ContactMode::Sliding { friction: friction.value, slip },
+            ContactMode::Rolling => ContactMode::Rolling,
+            ContactMode::Frictionless => ContactMode::Frictionless,
         };
         prop_assert_eq!(plain(friction.without_slip(&needed)), point.friction.without_slip(&point.needed));
         prop_assert_eq!(plain(friction.at_slip(slip, || needed)), point.friction.at_slip(slip, || point.needed));
@@ -206,7 +206,7 @@ proptest! {
     #[test]
     fn endless_friction_never_slips_while_it_is_pushed(point in points()) {
         let friction = ContactFriction::same(f64::INFINITY);
-        let sticks = friction.without_slip(&point.needed) == Contact::Rolling;
+        let sticks = friction.without_slip(&point.needed) == ContactMode::Rolling;
         prop_assert_eq!(sticks, point.needed.pushes());
     }
 }

@@ -18,7 +18,7 @@ use super::path::{CONSTRAINTS, ContactInterval, Seen, follow, plain_contact, pla
 use crate::math::Jet;
 use crate::math::angle::wrap_angle;
 use crate::math::least_squares::{self, Damping, Enough, Floor, NormalEquations, Problem, Settings};
-use crate::pushing::dynamics::{Contact, Scalar, State};
+use crate::pushing::dynamics::{ContactMode, Scalar, State};
 use crate::pushing::estimation::observation::{Channel, Known, MU_G_LOG_MAX, Prior, Touch};
 
 /// |ω| at t = 0 at most, where there is no prior, rad/s. Fixed by the interface.
@@ -137,11 +137,11 @@ pub(super) struct Evaluation {
     /// At the last value.
     pub(super) end: State,
     /// At the last value.
-    pub(super) contact_end: Contact,
+    pub(super) contact_end: ContactMode,
     /// At t = 0.
     pub(super) start: State,
     /// At t = 0.
-    pub(super) contact_start: Contact,
+    pub(super) contact_start: ContactMode,
     /// Derivatives of the state at the end by the unknowns.
     pub(super) end_by_start: Matrix4x5<f64>,
     /// The most that a constraint gave way: in [`CONSTRAINT_COMPLIANCE`].

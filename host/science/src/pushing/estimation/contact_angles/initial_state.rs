@@ -14,7 +14,7 @@ use nalgebra::Vector2;
 use super::path::{ContactInterval, InitialState, lifted};
 use crate::math::Jet;
 use crate::pushing::dynamics::contact_mode::ContactFriction;
-use crate::pushing::dynamics::{Contact, PushModel, RestStart, Scalar, Slip, State};
+use crate::pushing::dynamics::{ContactMode, PushModel, RestStart, Scalar, Slip, State};
 use crate::pushing::estimation::observation::{Known, Touch};
 
 /// Numbers of unknowns that a hypothesis can have at most.
@@ -104,7 +104,7 @@ pub(in crate::pushing::estimation) fn initial_state<T: Variable>(
     let model = PushModel { mu_g: mu_g.unwrap_or(plain.mu_g), ..plain };
     let rolling = |state: State<T>| State { v_t: model.rolling_v_t(0.0, &state), ..state };
     let (state, contact) = match start_mode {
-        StartMode::Free => (state, Contact::Frictionless),
+        StartMode::Free => (state, ContactMode::Frictionless),
         StartMode::Slips(slip) => {
             let without = rolling(state);
             (State { v_t: without.v_t - along * slip.sign(), ..without }, sliding(known.touch, slip))
@@ -118,19 +118,19 @@ pub(in crate::pushing::estimation) fn initial_state<T: Variable>(
     Some(InitialState { time: 0.0, state, contact, rest: None, mu_g: model.mu_g })
 }
 
-fn sliding<T: Scalar>(touch: Touch, slip: Slip) -> Contact<T> {
+fn sliding<T: Scalar>(touch: Touch, slip: Slip) -> ContactMode<T> {
     match touch {
         Touch::Sliding { friction } | Touch::Coulomb { friction } => {
-            Contact::Sliding { friction: T::from(friction), slip }
+            ContactMode::Sliding { friction: T::from(friction), slip }
         }
-        Touch::Frictionless | Touch::Rolling { .. } => Contact::Frictionless,
+        Touch::Frictionless | Touch::Rolling { .. } => ContactMode::Frictionless,
     }
 }
 
-fn no_slip<T: Scalar>(touch: Touch, model: &PushModel<T>, state: &State<T>) -> Contact<T> {
+fn no_slip<T: Scalar>(touch: Touch, model: &PushModel<T>, state: &State<T>) -> ContactMode<T> {
     match touch.deciding_friction() {
-        Some(friction) => friction.map(T::from).without_slip(&model.motion(&Contact::Rolling, 0.0, state).force()),
-        None => Contact::Rolling,
+        Some(friction) => friction.map(T::from).without_slip(&model.motion(&ContactMode::Rolling, 0.0, state).force()),
+        None => ContactMode::Rolling,
     }
 }
 
@@ -172,18 +172,24 @@ fn from_rest<T: Variable>(
 }
 
 /// Contact and accelerations of the start from rest.
-fn rest_start(known: &Known, model: &PushModel, slip: Option<Slip>, u: f64, s: f64) -> Option<(Contact, RestStart)> {
+fn rest_start(
+    known: &Known,
+    model: &PushModel,
+    slip: Option<Slip>,
+    u: f64,
+    s: f64,
+) -> Option<(ContactMode, RestStart)> {
     let [x, y] = known.finger.acceleration;
     if x.hypot(y) <= 0.0 {
-        return Some((Contact::Frictionless, NO_START)); // Nothing ever moves.
+        return Some((ContactMode::Frictionless, NO_START)); // Nothing ever moves.
     }
     if x * u.cos() + y * u.sin() <= 0.0 {
         return None; // The finger leaves.
     }
-    let start = |contact: &Contact| model.rest_start(contact, u, s);
+    let start = |contact: &ContactMode| model.rest_start(contact, u, s);
     let contact = match (known.touch, slip) {
-        (Touch::Frictionless, _) => Contact::Frictionless,
-        (Touch::Rolling { .. }, _) => Contact::Rolling,
+        (Touch::Frictionless, _) => ContactMode::Frictionless,
+        (Touch::Rolling { .. }, _) => ContactMode::Rolling,
         (touch, Some(slip)) => sliding(touch, slip),
         (Touch::Sliding { .. }, None) => return None,
         (Touch::Coulomb { friction }, None) => {

@@ -10,7 +10,7 @@ use nalgebra::{SMatrix, SVector};
 use super::path::lifted;
 use crate::math::Jet;
 use crate::pushing::dynamics::contact_mode::ContactFriction;
-use crate::pushing::dynamics::{Contact, ContactForce, PushModel, Slip, State};
+use crate::pushing::dynamics::{ContactForce, ContactMode, PushModel, Slip, State};
 use crate::pushing::estimation::observation::Touch;
 
 /// Iterations: the friction law is convex, and from a neighbouring place two or three suffice; from afar it takes more.
@@ -58,16 +58,16 @@ fn struck(model: &PushModel, time: f64, at: &State) -> State {
 
 fn settled_from(model: &PushModel, touch: Touch, slip: Option<Slip>, time: f64, near: &State) -> Option<Settled> {
     match (touch, slip) {
-        (Touch::Frictionless, _) => settle::<2>(model, &Contact::Frictionless, time, near),
-        (Touch::Rolling { .. }, _) => settle::<1>(model, &Contact::Rolling, time, near),
+        (Touch::Frictionless, _) => settle::<2>(model, &ContactMode::Frictionless, time, near),
+        (Touch::Rolling { .. }, _) => settle::<1>(model, &ContactMode::Rolling, time, near),
         (Touch::Sliding { friction } | Touch::Coulomb { friction }, Some(slip)) => {
-            settle::<2>(model, &Contact::Sliding { friction, slip }, time, near)
+            settle::<2>(model, &ContactMode::Sliding { friction, slip }, time, near)
         }
         (Touch::Sliding { .. }, None) => None,
         (Touch::Coulomb { friction }, None) => {
-            let rolling = settle::<1>(model, &Contact::Rolling, time, near)?;
+            let rolling = settle::<1>(model, &ContactMode::Rolling, time, near)?;
             match ContactFriction::same(friction).without_slip(&rolling.force()) {
-                Contact::Rolling => Some(rolling),
+                ContactMode::Rolling => Some(rolling),
                 sliding => settle::<2>(model, &sliding, time, &rolling.state),
             }
         }
@@ -75,7 +75,7 @@ fn settled_from(model: &PushModel, touch: Touch, slip: Option<Slip>, time: f64, 
 }
 
 /// Newton's method on the first `K` of ω and v_T.
-fn settle<const K: usize>(model: &PushModel, contact: &Contact, time: f64, near: &State) -> Option<Settled> {
+fn settle<const K: usize>(model: &PushModel, contact: &ContactMode, time: f64, near: &State) -> Option<Settled> {
     let dual = lifted::<Jet<K>>(model);
     let contact = contact.map(Jet::constant);
     // Velocities as the speeds they give the radius of gyration, so that all are alike.
@@ -121,7 +121,7 @@ fn settle<const K: usize>(model: &PushModel, contact: &Contact, time: f64, near:
         return None;
     }
     let state = place(&x);
-    let state = if matches!(contact, Contact::Rolling) {
+    let state = if matches!(contact, ContactMode::Rolling) {
         State { v_t: model.rolling_v_t(time, &state), ..state }
     } else {
         state

@@ -15,7 +15,7 @@ use super::clock::Clock;
 use crate::math::ode;
 use crate::pushing::dynamics::contact_mode::{ContactFriction, jams, slip_left};
 use crate::pushing::dynamics::mode_change::{Margin, across, first_ended};
-use crate::pushing::dynamics::{Contact, Edge, Motion, PushModel, Scalar, State};
+use crate::pushing::dynamics::{ContactMode, Edge, Motion, PushModel, Scalar, State};
 use crate::pushing::estimation::observation::{Known, Touch};
 
 /// Changes between rolling and sliding in one path: more are chatter of a motion that no real contact makes.
@@ -55,7 +55,7 @@ pub(in crate::pushing::estimation) struct InitialState<T> {
     /// The state then.
     pub(in crate::pushing::estimation) state: State<T>,
     /// The contact then.
-    pub(in crate::pushing::estimation) contact: Contact<T>,
+    pub(in crate::pushing::estimation) contact: ContactMode<T>,
     /// From rest: contact angle at t = 0 and half the angular acceleration since then.
     pub(in crate::pushing::estimation) rest: Option<(T, T)>,
     /// µ g, m/s².
@@ -68,7 +68,7 @@ pub(in crate::pushing::estimation) struct Path<T> {
     /// At the last value.
     pub(in crate::pushing::estimation) end: State<T>,
     /// At the last value.
-    pub(in crate::pushing::estimation) contact: Contact<T>,
+    pub(in crate::pushing::estimation) contact: ContactMode<T>,
     /// Margins at their least.
     pub(in crate::pushing::estimation) constraint_margins: ConstraintMargins<T>,
 }
@@ -103,7 +103,7 @@ struct PathSimulation<'a, 'p, T: Scalar, F> {
 struct Now<T> {
     time: f64,
     state: State<T>,
-    contact: Contact<T>,
+    contact: ContactMode<T>,
     motion: Motion<T>,
 }
 
@@ -145,7 +145,7 @@ pub(in crate::pushing::estimation) fn lifted<'p, T: Scalar>(plain: &PushModel<'p
 }
 
 /// The contact without derivatives.
-pub(in crate::pushing::estimation) fn plain_contact<T: Scalar>(contact: &Contact<T>) -> Contact {
+pub(in crate::pushing::estimation) fn plain_contact<T: Scalar>(contact: &ContactMode<T>) -> ContactMode {
     contact.map(|friction| friction.re())
 }
 
@@ -157,7 +157,7 @@ pub(in crate::pushing::estimation) fn plain_state<T: Scalar>(state: &State<T>) -
 /// One step of the Runge–Kutta method from known rates.
 fn step<T: Scalar>(
     model: &PushModel<T>,
-    contact: &Contact<T>,
+    contact: &ContactMode<T>,
     time: f64,
     from: (&State<T>, &State<T>),
     dt: f64,
@@ -175,7 +175,7 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> PathSimulation<'_, '_, T, F> {
             now = self.reach(now, self.clock.knots[i])?;
         }
         let mut end = now.state;
-        if matches!(now.contact, Contact::Rolling) {
+        if matches!(now.contact, ContactMode::Rolling) {
             end.v_t = self.model.rolling_v_t(now.time, &end);
         }
         Some(Path { end, contact: now.contact, constraint_margins: self.constraint_margins })
@@ -193,8 +193,8 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> PathSimulation<'_, '_, T, F> {
     }
 
     /// A state with what it leads to; none where no force fits (a jam, or numbers out of range).
-    fn at(&mut self, time: f64, state: State<T>, contact: Contact<T>) -> Option<Now<T>> {
-        if let Contact::Sliding { friction, slip } = contact
+    fn at(&mut self, time: f64, state: State<T>, contact: ContactMode<T>) -> Option<Now<T>> {
+        if let ContactMode::Sliding { friction, slip } = contact
             && jams(self.model.sliding_denominator(friction * slip.sign(), state.s).re())
         {
             return None;
@@ -213,10 +213,10 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> PathSimulation<'_, '_, T, F> {
         let never = T::from(f64::INFINITY);
         let (mut cone, mut slipping) = (never, never);
         match (contact, self.touch) {
-            (Contact::Rolling, Touch::Rolling { friction: Some(friction) }) => {
+            (ContactMode::Rolling, Touch::Rolling { friction: Some(friction) }) => {
                 cone = ContactFriction::same(T::from(friction)).unused(&motion.force());
             }
-            (Contact::Sliding { slip, .. }, Touch::Sliding { .. }) => {
+            (ContactMode::Sliding { slip, .. }, Touch::Sliding { .. }) => {
                 slipping = slip_left(self.model.slip(*time, state), *slip);
             }
             _ => {}
@@ -270,7 +270,7 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> PathSimulation<'_, '_, T, F> {
     }
 
     /// What must stay positive for the contact to stay as it is, where Coulomb's law decides that.
-    fn margin(&self, contact: &Contact, time: f64, state: &State) -> f64 {
+    fn margin(&self, contact: &ContactMode, time: f64, state: &State) -> f64 {
         let Some(friction) = self.touch.deciding_friction() else { return f64::INFINITY };
         friction.left(contact, || self.plain.slip(time, state), || self.plain.motion(contact, time, state).force())
     }
@@ -305,9 +305,9 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> PathSimulation<'_, '_, T, F> {
         let mut state = step(&self.model, &now.contact, now.time, (&now.state, &now.motion.rates), share * length);
         let before = self.at(time, state, now.contact)?;
         self.see_between(now, &before);
-        let rolling = self.model.motion(&Contact::Rolling, time, &state).force();
+        let rolling = self.model.motion(&ContactMode::Rolling, time, &state).force();
         let contact = friction.after(&now.contact, &rolling);
-        if matches!(now.contact, Contact::Rolling) {
+        if matches!(now.contact, ContactMode::Rolling) {
             // Where rolling ends the force is that of sliding: nothing jumps.
             state.v_t = self.model.rolling_v_t(time, &state);
             return self.at(time, state, contact);

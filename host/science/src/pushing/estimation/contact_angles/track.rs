@@ -23,7 +23,7 @@ use super::initial_state::{MU_G, StartMode, UNKNOWNS};
 use super::path::ContactInterval;
 use super::seed::{Width, seeds};
 use super::select::{REST_ERROR, descend_together, fineness, judge_all, least_cost, merge_met, total_max};
-use crate::pushing::dynamics::{Contact, Finger};
+use crate::pushing::dynamics::{ContactMode, Finger};
 use crate::pushing::estimation::hypotheses::{Estimate, Fit};
 use crate::pushing::estimation::observation::{Channel, Known, Measured, Observation, Prior};
 
@@ -65,7 +65,7 @@ pub struct TrackerSettings {
 /// use nalgebra::Point2;
 /// use palpate::geometry::SimplePolygon;
 /// use palpate::pushing::estimation::{Known, Prior, Touch, Tracker, TrackerSettings};
-/// use palpate::pushing::dynamics::{Contact, Finger, Part, PushModel, State};
+/// use palpate::pushing::dynamics::{ContactMode, Finger, Part, PushModel, State};
 ///
 /// let wedge = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.02, 0.025], [-0.03, 0.01]].map(Point2::from))?;
 /// let part = Part::uniform(wedge);
@@ -76,7 +76,7 @@ pub struct TrackerSettings {
 ///
 /// let model = PushModel { part: &part, edge: part.edge(0)?, mu_g: 0.3 * 9.81, finger };
 /// let start = State { u: 1.6, s: 0.012, omega: 0.1, v_t: 0.0 };
-/// let measured = std::iter::once(start).chain(model.rollout(&Contact::Rolling, &start, 0.01)).take(50);
+/// let measured = std::iter::once(start).chain(model.rollout(&ContactMode::Rolling, &start, 0.01)).take(50);
 /// let mut end = start;
 /// for state in measured {
 ///     tracker.push_sample(Some(state.u));
@@ -305,9 +305,9 @@ fn remembered(fitting: &Fitting, candidate: &Candidate, time: f64) -> Option<Can
     let mut by_start = Matrix5::identity();
     by_start.fixed_rows_mut::<MU_G>(0).copy_from(&evaluation.end_by_start);
     let (start_mode, along) = match evaluation.contact_end {
-        Contact::Frictionless => (StartMode::Free, end.v_t),
-        Contact::Rolling => (StartMode::NoSlip, 0.0),
-        Contact::Sliding { slip, .. } => {
+        ContactMode::Frictionless => (StartMode::Free, end.v_t),
+        ContactMode::Rolling => (StartMode::NoSlip, 0.0),
+        ContactMode::Sliding { slip, .. } => {
             // v_FT + hω − v_T in the direction of the slip; T turns with the contact.
             let model = fitting.known.model(edge);
             let finger_v_n = -Vector2::from(model.finger.velocity(time)).dot(&Vector2::new(end.u.cos(), end.u.sin()));
@@ -359,7 +359,7 @@ mod tests {
     const DEVIATIONS: f64 = 4.0;
 
     /// Follows a push of `values` values with an alternating error of one standard deviation.
-    fn follow(touch: Touch, contact: Contact, values: usize) {
+    fn follow(touch: Touch, contact: ContactMode, values: usize) {
         let outline = [[-0.031, -0.022], [0.03, -0.018], [0.022, 0.027], [-0.028, 0.012]].map(Point2::from);
         let part = Part::uniform(SimplePolygon::new(outline).unwrap());
         let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
@@ -388,11 +388,11 @@ mod tests {
 
     #[test]
     fn a_rolling_part_stays_in_the_set_beyond_the_window() {
-        follow(Touch::Rolling { friction: None }, Contact::Rolling, 110);
+        follow(Touch::Rolling { friction: None }, ContactMode::Rolling, 110);
     }
 
     #[test]
     fn a_part_without_contact_friction_stays_in_the_set_beyond_the_window() {
-        follow(Touch::Frictionless, Contact::Frictionless, 110);
+        follow(Touch::Frictionless, ContactMode::Frictionless, 110);
     }
 }

@@ -18,7 +18,7 @@ use nalgebra::{Isometry2, Rotation2, Vector2};
 use super::hann_windows;
 use crate::pushing::dynamics::contact_mode::{ContactFriction, jams};
 use crate::pushing::dynamics::mode_change::first_ended;
-use crate::pushing::dynamics::{Contact, ContactForce, Edge, Motion, Part, PushModel, State};
+use crate::pushing::dynamics::{ContactForce, ContactMode, Edge, Motion, Part, PushModel, State};
 use crate::pushing::finger_motion::Leg;
 
 /// The start is followed in closed form for this long, s: a part turns by less than 1e-4 rad meanwhile, even at 10 rad/s².
@@ -65,9 +65,9 @@ pub(super) struct Path {
     /// The state at the end.
     pub(super) end: State,
     /// The contact at the start.
-    pub(super) contact_start: Contact,
+    pub(super) contact_start: ContactMode,
     /// The contact at the end.
-    pub(super) contact: Contact,
+    pub(super) contact: ContactMode,
     /// Least and greatest place on the edge's line, m.
     pub(super) s_span: [f64; 2],
     /// Largest |tangential| over normal force while rolling: the friction that it takes.
@@ -196,7 +196,7 @@ struct PathSimulation<'p> {
     friction: ContactFriction,
     time: f64,
     state: State,
-    contact: Contact,
+    contact: ContactMode,
     path: Path,
 }
 
@@ -204,7 +204,7 @@ impl<'p> PathSimulation<'p> {
     fn begin(model: PushModel<'p>, guess: &Guess) -> Result<Self, Lost> {
         let &Guess { u, s, mu_c, .. } = guess;
         let friction = ContactFriction::same(mu_c);
-        let start = |contact: &Contact| model.rest_start(contact, u, s);
+        let start = |contact: &ContactMode| model.rest_start(contact, u, s);
         let (contact, start) = friction.from_rest(0.0, start).map_err(|_| Lost::Start)?;
         if !start.force().pushes() || is_jammed(&model, &contact, s) {
             return Err(Lost::Contact);
@@ -218,8 +218,8 @@ impl<'p> PathSimulation<'p> {
             contact_start: contact,
             contact,
             s_span: [s, s],
-            friction_needed: if contact == Contact::Rolling { needed(&start.force()) } else { 0.0 },
-            slipped: contact != Contact::Rolling,
+            friction_needed: if contact == ContactMode::Rolling { needed(&start.force()) } else { 0.0 },
+            slipped: contact != ContactMode::Rolling,
         };
         Ok(Self { model, leg_from: 0.0, friction, time: REST_S, state, contact, path })
     }
@@ -253,8 +253,8 @@ impl<'p> PathSimulation<'p> {
 
     fn v_t(&self) -> f64 {
         match self.contact {
-            Contact::Rolling => self.model.rolling_v_t(self.time - self.leg_from, &self.state),
-            Contact::Frictionless | Contact::Sliding { .. } => self.state.v_t,
+            ContactMode::Rolling => self.model.rolling_v_t(self.time - self.leg_from, &self.state),
+            ContactMode::Frictionless | ContactMode::Sliding { .. } => self.state.v_t,
         }
     }
 
@@ -292,7 +292,7 @@ impl<'p> PathSimulation<'p> {
             return Err(Lost::Contact);
         }
         let left = self.friction.left(&self.contact, || self.model.slip(local, state), || motion.force());
-        let needed = if self.contact == Contact::Rolling { needed(&motion.force()) } else { 0.0 };
+        let needed = if self.contact == ContactMode::Rolling { needed(&motion.force()) } else { 0.0 };
         Ok(Margin { left, needed })
     }
 
@@ -301,7 +301,7 @@ impl<'p> PathSimulation<'p> {
         let force_before = self.force();
         let local = self.time - self.leg_from;
         self.state.v_t = self.model.rolling_v_t(local, &self.state);
-        let rolling = self.model.motion(&Contact::Rolling, local, &self.state);
+        let rolling = self.model.motion(&ContactMode::Rolling, local, &self.state);
         self.contact = self.friction.after(&self.contact, &rolling.force());
         self.jump(force_before)
     }
@@ -310,7 +310,7 @@ impl<'p> PathSimulation<'p> {
     fn enter(&mut self, model: PushModel<'p>, leg_from: f64) -> Result<(), Lost> {
         let force_before = self.force();
         (self.model, self.leg_from) = (model, leg_from);
-        if self.contact == Contact::Rolling {
+        if self.contact == ContactMode::Rolling {
             self.state.v_t = self.v_t();
             self.contact = self.friction.without_slip(&self.motion().force());
         }
@@ -318,7 +318,7 @@ impl<'p> PathSimulation<'p> {
     }
 
     fn jump(&mut self, force_before: Vector2<f64>) -> Result<(), Lost> {
-        self.path.slipped |= self.contact != Contact::Rolling;
+        self.path.slipped |= self.contact != ContactMode::Rolling;
         self.path.jumps.push((self.time, self.force() - force_before));
         if self.path.jumps.len() > CHANGES_MAX { Err(Lost::Contact) } else { Ok(()) }
     }
@@ -333,7 +333,7 @@ fn needed(rolling: &ContactForce) -> f64 {
     rolling.tangential.abs() / rolling.normal
 }
 
-fn is_jammed(model: &PushModel, contact: &Contact, s: f64) -> bool {
+fn is_jammed(model: &PushModel, contact: &ContactMode, s: f64) -> bool {
     contact.signed_friction().is_some_and(|m| jams(model.sliding_denominator(m, s)))
 }
 

@@ -11,7 +11,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use super::fit::{MU_C_MAX, Problem, Tried};
 use super::path::Guess;
 use crate::math::angle::wrap_angle;
-use crate::pushing::dynamics::{Contact, Edge};
+use crate::pushing::dynamics::{ContactMode, Edge};
 
 /// Spacing of places on an edge, of the radius of gyration: some 2 mm for a part of 8 cm.
 const SPACING: f64 = 0.1;
@@ -109,7 +109,7 @@ impl Angles {
         let [x, y] = model.finger.acceleration;
         let ahead = y.atan2(x);
         let needed = |u: f64| {
-            let start = model.rest_start(&Contact::Rolling, u, s).ok().filter(|start| start.normal_force > 0.0)?;
+            let start = model.rest_start(&ContactMode::Rolling, u, s).ok().filter(|start| start.normal_force > 0.0)?;
             Some((-start.tangential_force).atan2(start.normal_force))
         };
         let step = FRAC_PI_2 / f64::from(ANGLES);

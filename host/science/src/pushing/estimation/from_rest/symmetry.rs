@@ -2,7 +2,7 @@
 //!
 //! Units: SI. Errors: none.
 
-use crate::pushing::dynamics::{Contact, Edge, Finger, Part, PushModel};
+use crate::pushing::dynamics::{ContactMode, Edge, Finger, Part, PushModel};
 
 /// Differences below this share of the part's size are none: drawings are rounded to that.
 const SAME: f64 = 1e-6;
@@ -30,7 +30,7 @@ fn same_start(part: &Part, a: &Edge, b: &Edge, (share, u): (f64, f64)) -> bool {
     let start = |edge: &Edge| {
         let finger = Finger { radius: 0.0, centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [1.0, 0.0] };
         let model = PushModel { part, edge: *edge, mu_g: 1.0, finger };
-        model.rest_start(&Contact::Rolling, u, edge.s_min + share * (edge.s_max - edge.s_min)).ok()
+        model.rest_start(&ContactMode::Rolling, u, edge.s_min + share * (edge.s_max - edge.s_min)).ok()
     };
     match (start(a), start(b)) {
         (Some(a), Some(b)) => {

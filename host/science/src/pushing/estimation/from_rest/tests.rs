@@ -9,7 +9,7 @@ use super::*;
 use crate::geometry::SimplePolygon;
 use crate::math::Jet;
 use crate::math::random::Draw;
-use crate::pushing::dynamics::{Contact, EndReason, Finger, PushModel};
+use crate::pushing::dynamics::{ContactMode, EndReason, Finger, PushModel};
 use crate::pushing::estimation::contact_angles::clock::{Clock, Fineness};
 use crate::pushing::estimation::contact_angles::initial_state::{StartMode, Variable, initial_state, rest_span};
 use crate::pushing::estimation::contact_angles::path::{
@@ -312,7 +312,7 @@ struct FromRest {
 }
 
 /// How a push from rest began and ended by one who followed it; none where the finger does not push, or jams.
-type Followed = Option<(Contact, Contact, State)>;
+type Followed = Option<(ContactMode, ContactMode, State)>;
 
 impl FromRest {
     /// A finger that accelerates into the part within 80° of its normal: often rolling would have to pull.
@@ -418,9 +418,10 @@ fn all_who_follow_a_push_see_the_same_modes() {
         let apart = course_changes.iter().zip(&changes).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(apart < CHANGE_ERROR, "case {case}: {course_changes:?} {changes:?}");
         compared += 1;
-        slid += usize::from(start != Contact::Rolling);
+        slid += usize::from(start != ContactMode::Rolling);
         changed += usize::from(!changes.is_empty());
-        pulled += usize::from(!push.model().rest_start(&Contact::Rolling, push.u, push.s).unwrap().force().pushes());
+        pulled +=
+            usize::from(!push.model().rest_start(&ContactMode::Rolling, push.u, push.s).unwrap().force().pushes());
     }
     let counts = format!("{compared} compared, {slid} slid at once, {pulled} where rolling pulls, {changed} changed");
     assert!(compared > 200 && slid > 50 && pulled > 3 && changed > 10, "{counts}");

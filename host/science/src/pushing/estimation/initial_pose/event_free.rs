@@ -9,7 +9,7 @@
 
 use super::{ContactInterval, RestingPush};
 use crate::math::ode::{self, Moment};
-use crate::pushing::dynamics::{Contact, Extrapolation, Passed, State};
+use crate::pushing::dynamics::{ContactMode, Extrapolation, Passed, State};
 
 /// Steps to scan a push of usual length with.
 const SCAN_STEPS: u32 = 16;
@@ -34,7 +34,7 @@ impl RestingPush {
         let step = |state: State, index| {
             let start = f64::from(index) * dt;
             let rates = |moment: Moment, state: &State| {
-                model.motion(&Contact::Frictionless, moment.time(start, dt), state).rates
+                model.motion(&ContactMode::Frictionless, moment.time(start, dt), state).rates
             };
             ode::step(&state, dt, rates)
         };
@@ -45,7 +45,7 @@ impl RestingPush {
     /// u at each time (increasing) as if the contact lasted.
     pub(super) fn event_free(&self, interval: &ContactInterval, s0: f64, times: &[f64]) -> Option<EventFree> {
         let (model, mut passed) = (self.model(interval).ok()?, Vec::new());
-        let extrapolation = Extrapolation { model: &model, contact: Contact::Frictionless };
+        let extrapolation = Extrapolation { model: &model, contact: ContactMode::Frictionless };
         let (mut time, mut state) = (0.0, self.start(s0));
         let mut angles = Vec::with_capacity(times.len());
         for &until in times {

@@ -28,8 +28,8 @@ use crate::geometry::{Pose, SimplePolygon};
 use crate::math::angle::wrap_angle;
 use crate::math::roots::{NearZero, near_zeros};
 use crate::pushing::dynamics::{
-    Body, Contact, ContactLaw, EdgeEnd, FingerPath, FingerShape, Mass, Part, PartSide, Run, ShapeError, ShapedModel,
-    ShapedPush, Start, State,
+    Body, ContactLaw, ContactMode, EdgeEnd, FingerPath, FingerShape, Mass, Part, PartSide, Run, ShapeError,
+    ShapedModel, ShapedPush, Start, State,
 };
 use crate::pushing::estimation::hypotheses::{Estimate, Fit, Hypothesis, Observer};
 use crate::search::{Halt, Searched, Stop, never};
@@ -455,9 +455,9 @@ impl RestingPush {
             Some(Hypothesis {
                 edge: found.edge.unwrap_or(0),
                 start: self.start(found.s0),
-                contact_start: Contact::Frictionless,
+                contact_start: ContactMode::Frictionless,
                 end: end.state,
-                contact_end: Contact::Frictionless,
+                contact_end: ContactMode::Frictionless,
                 law: ContactLaw::Frictionless,
                 pose_start: found.pose,
                 pose_end: Pose { x: end.position.x, y: end.position.y, theta: end.theta },

@@ -8,7 +8,7 @@ use nalgebra::Vector2;
 
 use super::{Gho, GhoSettings, without_turns};
 use crate::math::statistics::chi_square_quantile;
-use crate::pushing::dynamics::{Contact, State};
+use crate::pushing::dynamics::{ContactMode, State};
 use crate::pushing::estimation::hypotheses::{Estimate, Fit, Hypothesis, Observer, pose};
 use crate::pushing::estimation::observation::{Known, Measured, Observation};
 use crate::search::{Halt, Searched, Stop, never};
@@ -22,7 +22,7 @@ pub struct GhoBank<'k> {
     /// What is known of the push.
     pub known: &'k Known<'k>,
     /// Edges of the part and how they may be touched.
-    pub contacts: &'k [(usize, Contact)],
+    pub contacts: &'k [(usize, ContactMode)],
     /// The estimate that every observer begins with.
     pub start: State,
     /// How the observers correct themselves.
@@ -35,7 +35,7 @@ pub struct GhoRun {
     /// The edge it took to be in contact.
     pub edge: usize,
     /// And how.
-    pub contact: Contact,
+    pub contact: ContactMode,
     /// Its estimates at 0, `dt`, …; fewer than there are angles where it diverged.
     pub trace: Vec<State>,
     /// Squared deviations from the felt angles in the second half of the data, in standard deviations; none where it diverged.
@@ -54,7 +54,7 @@ impl GhoBank<'_> {
 
     fn halting_runs(&self, observation: &Observation, halt: &Halt) -> Vec<GhoRun> {
         let Measured::ContactAngle(measured) = &observation.measured else { return Vec::new() };
-        let run = |&(edge, contact): &(usize, Contact)| {
+        let run = |&(edge, contact): &(usize, ContactMode)| {
             let line = self.known.part.edge(edge).expect("contacts are on edges of the part");
             let gho = Gho { model: self.known.model(line), contact, settings: self.settings };
             let trace = gho.trace(self.start, &measured.values, observation.dt);

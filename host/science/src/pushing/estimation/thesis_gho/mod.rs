@@ -27,7 +27,7 @@ use nalgebra::{Const, Matrix3, Matrix4, RowVector4, SMatrix, Vector3, Vector4};
 
 use crate::math::angle::wrap_angle;
 use crate::math::ode;
-use crate::pushing::dynamics::{Contact, Finger, Parameter, PushModel, Seeded, State};
+use crate::pushing::dynamics::{ContactMode, Finger, Parameter, PushModel, Seeded, State};
 
 /// How far along the drift to look for the change of a gradient, as a share of the state's own scales.
 ///
@@ -73,7 +73,7 @@ impl GhoSettings {
 /// use nalgebra::Point2;
 /// use palpate::geometry::SimplePolygon;
 /// use palpate::pushing::estimation::{Gho, GhoSettings};
-/// use palpate::pushing::dynamics::{Contact, Finger, Part, PushModel, State};
+/// use palpate::pushing::dynamics::{ContactMode, Finger, Part, PushModel, State};
 ///
 /// let block = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?;
 /// let part = Part::uniform(block);
@@ -81,11 +81,11 @@ impl GhoSettings {
 /// let model = PushModel { part: &part, edge: part.edge(0)?, mu_g: 0.3 * 9.81, finger };
 /// // What the finger feels of a block pushed 5 mm off its middle ...
 /// let truth = State { u: 1.6, s: 0.005, omega: 0.0, v_t: 0.0 };
-/// let measured: Vec<_> = model.rollout(&Contact::Rolling, &truth, 0.01).take(120).map(|state| state.u).collect();
+/// let measured: Vec<_> = model.rollout(&ContactMode::Rolling, &truth, 0.01).take(120).map(|state| state.u).collect();
 /// // ... lets an observer that thinks of 15 mm find the place within a millimetre.
-/// let observer = Gho { model, contact: Contact::Rolling, settings: GhoSettings::new(10.0) };
+/// let observer = Gho { model, contact: ContactMode::Rolling, settings: GhoSettings::new(10.0) };
 /// let trace = observer.trace(State { s: 0.015, ..truth }, &measured, 0.01);
-/// let true_end = model.rollout(&Contact::Rolling, &truth, 0.01).nth(119).unwrap();
+/// let true_end = model.rollout(&ContactMode::Rolling, &truth, 0.01).nth(119).unwrap();
 /// assert!((trace.last().unwrap().s - true_end.s).abs() < 0.001); // m
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -94,7 +94,7 @@ pub struct Gho<'p> {
     /// Part, edge and finger.
     pub model: PushModel<'p>,
     /// How they touch.
-    pub contact: Contact,
+    pub contact: ContactMode,
     /// How to correct.
     pub settings: GhoSettings,
 }
@@ -144,8 +144,8 @@ impl Gho<'_> {
     /// In rolling, v_T follows from the other states.
     fn complete(&self, time: f64, estimate: &State) -> State {
         match self.contact {
-            Contact::Rolling => State { v_t: self.model.rolling_v_t(time, estimate), ..*estimate },
-            Contact::Frictionless | Contact::Sliding { .. } => *estimate,
+            ContactMode::Rolling => State { v_t: self.model.rolling_v_t(time, estimate), ..*estimate },
+            ContactMode::Frictionless | ContactMode::Sliding { .. } => *estimate,
         }
     }
 
@@ -160,7 +160,7 @@ impl Gho<'_> {
         let zeta = self.settings.zeta;
         let drift = self.drift(time, x);
         let turning = drift.jacobian.row(OMEGA).into_owned();
-        if self.contact == Contact::Rolling {
+        if self.contact == ContactMode::Rolling {
             let chi = Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, turning[0], turning[1], turning[2]);
             let gains = Vector3::new(3.0 * zeta, 3.0 * zeta.powi(2), zeta.powi(3));
             return solved(chi, gains).insert_row(3, 0.0);

@@ -15,7 +15,7 @@ fn part() -> Part {
     Part::uniform(SimplePolygon::new(PENTAGON.map(Point2::from)).unwrap())
 }
 
-fn observer(part: &Part, contact: Contact, acceleration: [f64; 2]) -> Gho<'_> {
+fn observer(part: &Part, contact: ContactMode, acceleration: [f64; 2]) -> Gho<'_> {
     let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration };
     let model = PushModel { part, edge: part.edge(1).unwrap(), mu_g: 0.3 * 9.81, finger };
     Gho { model, contact, settings: GhoSettings::new(10.0) }
@@ -46,11 +46,11 @@ fn slope(observer: &Gho, time: f64, x: &Vector4<f64>, column: usize) -> Vector4<
     (chi(observer, time, &(x + step)) - chi(observer, time, &(x - step))) / (2.0 * step[column])
 }
 
-fn contacts() -> impl Strategy<Value = Contact> {
+fn contacts() -> impl Strategy<Value = ContactMode> {
     prop_oneof![
-        Just(Contact::Rolling),
-        Just(Contact::Frictionless),
-        Just(Contact::Sliding { friction: 0.2, slip: Slip::Backward }),
+        Just(ContactMode::Rolling),
+        Just(ContactMode::Frictionless),
+        Just(ContactMode::Sliding { friction: 0.2, slip: Slip::Backward }),
     ]
 }
 
@@ -64,7 +64,7 @@ proptest! {
         let observer = observer(&part, contact, [0.01, 0.02]);
         let x = vector(&observer.complete(time, &State { u, s, omega, v_t }));
         let pull = observer.pull(time, &x);
-        let states = if contact == Contact::Rolling { 3 } else { 4 };
+        let states = if contact == ContactMode::Rolling { 3 } else { 4 };
         let moved: Vector4<f64> = (0..states).map(|column| slope(&observer, time, &x, column) * pull[column]).sum();
         let zeta = observer.settings.zeta;
         let gains = if states == 3 {
@@ -108,7 +108,7 @@ proptest! {
 #[test]
 fn a_distant_estimate_comes_to_the_truth() {
     let part = part();
-    let observer = observer(&part, Contact::Rolling, [0.0; 2]);
+    let observer = observer(&part, ContactMode::Rolling, [0.0; 2]);
     let start = State { u: 1.65, s: 0.004, omega: 0.0, v_t: 0.0 };
     let angles = measured(&observer, start, 121);
     let estimate = State { u: 1.5, s: 0.02, omega: 0.7, v_t: 0.0 };
@@ -121,7 +121,7 @@ fn a_distant_estimate_comes_to_the_truth() {
 #[test]
 fn whole_turns_of_the_contact_angle_do_not_count() {
     let part = part();
-    let observer = observer(&part, Contact::Frictionless, [0.0; 2]);
+    let observer = observer(&part, ContactMode::Frictionless, [0.0; 2]);
     let start = State { u: 1.6, s: 0.004, omega: 0.2, v_t: 0.0 };
     let angles = measured(&observer, start, 40);
     let turned: Vec<_> =
@@ -145,7 +145,7 @@ fn an_observer_that_diverges_ends_its_trace() {
     let part = part();
     let observer = Gho {
         settings: GhoSettings { zeta: 1e6, correction: [1.0, 0.0] },
-        ..observer(&part, Contact::Frictionless, [0.0; 2])
+        ..observer(&part, ContactMode::Frictionless, [0.0; 2])
     };
     let start = State { u: 1.2, s: 0.004, omega: 0.2, v_t: 0.0 };
     let trace = observer.trace(start, &[1.6; 200], DT);

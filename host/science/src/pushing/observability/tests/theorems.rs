@@ -185,7 +185,7 @@ proptest! {
         let model = PushModel { part: &part, edge: part.edge(0).unwrap(), mu_g: 0.0, finger };
         let slip = if friction < 0.0 { Slip::Backward } else { Slip::Forward };
         let state = State { u: x[0], s, omega: x[2], v_t: x[3] };
-        let rates = model.motion(&Contact::Sliding { friction: friction.abs(), slip }, 0.0, &state).rates;
+        let rates = model.motion(&ContactMode::Sliding { friction: friction.abs(), slip }, 0.0, &state).rates;
         let fields = [Drift(push).at(&x), Tangential(push).at(&x), Normal(push).at(&x)];
         for (i, rate) in [rates.u, rates.s, rates.omega, rates.v_t].into_iter().enumerate() {
             let ours = fields[0][i] + input[0] * fields[1][i] + input[1] * fields[2][i];
