@@ -7,7 +7,7 @@
 use palpate_shared::units::Seq;
 use palpate_shared::wire::{BLOCK_SAMPLES, Block, Status};
 
-use crate::queues::Reading;
+use crate::queues::RawReading;
 
 /// Status bits that are gathered over a block.
 const GATHERED: Status = Status(Status::SATURATED_0.0 | Status::SATURATED_1.0);
@@ -15,10 +15,10 @@ const GATHERED: Status = Status(Status::SATURATED_0.0 | Status::SATURATED_1.0);
 /// Builds blocks.
 ///
 /// ```
-/// use palpate_firmware_core::{block::BlockBuilder, queues::Reading};
+/// use palpate_firmware_core::{block::BlockBuilder, queues::RawReading};
 /// use palpate_shared::{units::{Counts, DeviceTime, Seq}, wire::Status};
 /// let mut builder = BlockBuilder::new();
-/// let sample = |n: u32| Reading {
+/// let sample = |n: u32| RawReading {
 ///     seq: Seq(n), time: DeviceTime(250 * n), counts: [Counts(7); 2], status: Status::default(),
 /// };
 /// assert_eq!(builder.push(sample(0)), None);
@@ -43,7 +43,7 @@ impl BlockBuilder {
     }
 
     /// Adds a sample; returns the block that it ended, if any.
-    pub fn push(&mut self, reading: Reading) -> Option<Block> {
+    pub fn push(&mut self, reading: RawReading) -> Option<Block> {
         let ended = if self.continues(&reading) { None } else { self.finish() };
         self.append(reading);
         let is_full = self.open.as_ref().is_some_and(|block| block.samples.len() >= BLOCK_SAMPLES);
@@ -67,15 +67,15 @@ impl BlockBuilder {
     }
 
     /// Whether a sample belongs to the block under way.
-    fn continues(&self, reading: &Reading) -> bool {
+    fn continues(&self, reading: &RawReading) -> bool {
         self.open.as_ref().is_none_or(|block| {
             next_after(block) == reading.seq && ungathered(block.status) == ungathered(reading.status)
         })
     }
 
     /// Adds a sample to the block under way, or begins one with it.
-    fn append(&mut self, reading: Reading) {
-        let Reading { seq, time, counts, status } = reading;
+    fn append(&mut self, reading: RawReading) {
+        let RawReading { seq, time, counts, status } = reading;
         let new = || Block { first: seq, time, status, samples: heapless::Vec::new() };
         let block = self.open.get_or_insert_with(new);
         block.status = block.status.with(status);
@@ -106,9 +106,9 @@ mod tests {
 
     use super::*;
 
-    fn reading(seq: u32, status: Status) -> Reading {
+    fn reading(seq: u32, status: Status) -> RawReading {
         let counts = [Counts(seq.cast_signed() >> 8), Counts(0)];
-        Reading { seq: Seq(seq), time: DeviceTime(seq.wrapping_mul(250)), counts, status }
+        RawReading { seq: Seq(seq), time: DeviceTime(seq.wrapping_mul(250)), counts, status }
     }
 
     #[test]

@@ -29,7 +29,7 @@ const REQUESTS: usize = 3;
 
 /// One sample, as the sampler gives it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Reading {
+pub struct RawReading {
     /// Its number.
     pub seq: Seq,
     /// When it became ready.
@@ -163,7 +163,7 @@ impl SharedTally {
 /// What the two sides share.
 #[derive(Debug)]
 pub struct Queues {
-    readings: Queue<Reading, READINGS>,
+    readings: Queue<RawReading, READINGS>,
     notices: Queue<Notice, NOTICES>,
     requests: Queue<FrontEndRequest, REQUESTS>,
     tally: SharedTally,
@@ -196,7 +196,7 @@ impl Queues {
 
 /// The sampler's end of the queues.
 pub struct SamplerEnd<'q> {
-    readings: Producer<'q, Reading>,
+    readings: Producer<'q, RawReading>,
     notices: Producer<'q, Notice>,
     requests: Consumer<'q, FrontEndRequest>,
     shared: &'q SharedTally,
@@ -222,7 +222,7 @@ impl SamplerEnd<'_> {
     }
 
     /// Queues a sample, or counts it as dropped.
-    pub(crate) fn reading(&mut self, reading: Reading) {
+    pub(crate) fn reading(&mut self, reading: RawReading) {
         let dropped = u32::from(self.readings.enqueue(reading).is_err());
         self.count(|tally| {
             tally.samples = tally.samples.wrapping_add(1);
@@ -250,7 +250,7 @@ impl SamplerEnd<'_> {
 
 /// The device's end of the queues.
 pub struct DeviceEnd<'q> {
-    readings: Consumer<'q, Reading>,
+    readings: Consumer<'q, RawReading>,
     notices: Consumer<'q, Notice>,
     requests: Producer<'q, FrontEndRequest>,
     shared: &'q SharedTally,
@@ -258,7 +258,7 @@ pub struct DeviceEnd<'q> {
 
 impl DeviceEnd<'_> {
     /// The oldest sample.
-    pub(crate) fn reading(&mut self) -> Option<Reading> {
+    pub(crate) fn reading(&mut self) -> Option<RawReading> {
         self.readings.dequeue()
     }
 

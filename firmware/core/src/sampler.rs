@@ -23,7 +23,7 @@ use crate::ads131m02::{Ads131m02, Command, Error, Frame, is_id, is_mode, setting
 use crate::clock::{ConversionClock, WINDOW};
 use crate::job::{Goal, Job, Progress};
 use crate::log::{info, warning};
-use crate::queues::{Finding, FrontEndRequest, Notice, Reading, RequestKind, SamplerEnd, SamplerState};
+use crate::queues::{Finding, FrontEndRequest, Notice, RawReading, RequestKind, SamplerEnd, SamplerState};
 use crate::settings::Settings;
 
 /// Periods without a data-ready edge after which the front-end counts as silent: 25 ms at 4 kHz.
@@ -263,7 +263,7 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
         }
         let status = self.status_of(counts);
         if self.streaming {
-            let reading = Reading { seq: self.next, time: now, counts, status };
+            let reading = RawReading { seq: self.next, time: now, counts, status };
             self.next = self.next.plus(1);
             self.end.reading(reading);
         }

@@ -2,7 +2,7 @@
 //!
 //! It is the answer of `palpate solve` to the problem `point_sampling`, with names.
 
-use palpate::point_sampling::{Decoded, Plan, Reading, decode};
+use palpate::point_sampling::{Decoded, Plan, PointReading, decode};
 use serde::{Deserialize, Serialize};
 
 use crate::solve::kinds::point_sampling::PointSamplingAnswer;
@@ -59,9 +59,9 @@ impl PlanFile {
     pub fn decode(&self, readings: &str) -> Result<Decoded, DecodeError> {
         let characters = readings.chars().filter(|character| !character.is_whitespace());
         let read = |(place, character): (usize, char)| {
-            Reading::from_char(character).ok_or(DecodeError::Character { character, place: place + 1 })
+            PointReading::from_char(character).ok_or(DecodeError::Character { character, place: place + 1 })
         };
-        let readings: Vec<Reading> = characters.enumerate().map(read).collect::<Result<_, _>>()?;
+        let readings: Vec<PointReading> = characters.enumerate().map(read).collect::<Result<_, _>>()?;
         let count = DecodeError::Count { readings: readings.len(), points: self.answer.points.len() };
         let signatures: Vec<Vec<bool>> =
             self.answer.signatures.iter().map(|signature| signature.iter().map(|&bit| bit != 0).collect()).collect();

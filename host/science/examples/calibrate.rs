@@ -5,7 +5,9 @@
 use std::error::Error;
 
 use nalgebra::{Matrix2, Vector2};
-use palpate::finger::calibration::{CalibrationContact, FitSettings, Fixture, Load, Measurements, Reading, Tare, fit};
+use palpate::finger::calibration::{
+    CalibrationContact, DwellReading, FitSettings, Fixture, Load, Measurements, Tare, fit,
+};
 
 /// Noise of a reading, counts: a dwell of a second at 4 kHz.
 const NOISE_COUNTS: f64 = 6.0;
@@ -15,7 +17,7 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     let (sin, cos) = 4.0_f64.to_radians().sin_cos();
     let truth = Matrix2::new(26_700.0 * cos, -26_700.0 * sin, 27_500.0 * sin, 27_500.0 * cos);
     let offset = Vector2::new(1_200.0, -800.0);
-    let reading = |counts: Vector2<f64>| Reading {
+    let reading = |counts: Vector2<f64>| DwellReading {
         counts: counts + offset,
         covariance: Matrix2::identity() * NOISE_COUNTS.powi(2),
     };

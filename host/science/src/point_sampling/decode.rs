@@ -2,7 +2,7 @@
 
 /// What a point reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reading {
+pub enum PointReading {
     /// Covered.
     Covered,
     /// Free.
@@ -11,7 +11,7 @@ pub enum Reading {
     Unreadable,
 }
 
-impl Reading {
+impl PointReading {
     /// From the characters `1`, `0` and `?`.
     #[must_use]
     pub fn from_char(character: char) -> Option<Self> {
@@ -47,15 +47,15 @@ pub struct Decoded {
 /// Finds the polygons that fit readings best; none if the number of readings is not that of the points.
 ///
 /// ```
-/// use palpate::point_sampling::{Reading, decode};
+/// use palpate::point_sampling::{PointReading, decode};
 ///
 /// let signatures = [vec![false, false, true], vec![false, true, true], vec![true, true, false]];
-/// let readings: Vec<_> = "01?".chars().filter_map(Reading::from_char).collect();
+/// let readings: Vec<_> = "01?".chars().filter_map(PointReading::from_char).collect();
 /// let decoded = decode(&signatures, &readings).unwrap();
 /// assert_eq!(decoded.nearest, [1]);
 /// ```
 #[must_use]
-pub fn decode(signatures: &[Vec<bool>], readings: &[Reading]) -> Option<Decoded> {
+pub fn decode(signatures: &[Vec<bool>], readings: &[PointReading]) -> Option<Decoded> {
     if signatures.iter().any(|signature| signature.len() != readings.len()) {
         return None;
     }

@@ -17,7 +17,7 @@ pub mod scenes;
 mod subdivision;
 
 pub use circle::{Circle, largest_circle};
-pub use decode::{Decoded, Reading, decode};
+pub use decode::{Decoded, PointReading, decode};
 pub use discriminate::{Choice, Effort, Proof, Question, Search, SetSystem, fewest, questions};
 pub use plan::{Objective, Plan, Request, Scene, contains, plan};
 pub use subdivision::{Piece, Region, Subdivision};

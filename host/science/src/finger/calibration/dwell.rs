@@ -17,7 +17,7 @@ use palpate_shared::units::Counts;
 use thiserror::Error;
 
 use super::fit::CONTACT_ANGLE_SIGMA_MAX;
-use super::force::Reading;
+use super::force::DwellReading;
 use super::front_end::{FrontEnd, counts_vector};
 use super::measurements::Fixture;
 use super::steadiness::Rest;
@@ -200,7 +200,7 @@ pub enum Expected {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dwell {
     /// Mean with its covariance.
-    pub reading: Reading,
+    pub reading: DwellReading,
     /// The samples it is the mean of, without a gap.
     pub samples: Vec<RawSample>,
     /// Noise of a single sample on each bridge (hum and drift included), microstrain rms.
@@ -581,7 +581,7 @@ fn check_sound(samples: &[RawSample], settings: &DwellSettings) -> Result<(), Re
 }
 
 /// Standard deviation of a single sample on each bridge, counts.
-fn sample_noise(samples: &[RawSample], reading: &Reading) -> [f64; 2] {
+fn sample_noise(samples: &[RawSample], reading: &DwellReading) -> [f64; 2] {
     let squares: Vector2<f64> = samples
         .iter()
         .map(|sample| (counts_vector(sample.counts) - reading.counts).map(|deviation| deviation * deviation))
@@ -590,7 +590,7 @@ fn sample_noise(samples: &[RawSample], reading: &Reading) -> [f64; 2] {
     [(squares.x / free).sqrt(), (squares.y / free).sqrt()]
 }
 
-fn check_load(reading: &Reading, tare: Vector2<f64>, settings: &DwellSettings) -> Result<(), Refusal> {
+fn check_load(reading: &DwellReading, tare: Vector2<f64>, settings: &DwellSettings) -> Result<(), Refusal> {
     let load = reading.counts - tare;
     let microstrain = load.norm() * settings.front_end.microstrain_per_count();
     if microstrain < NO_LOAD_MICROSTRAIN {

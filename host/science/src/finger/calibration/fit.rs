@@ -9,7 +9,7 @@
 use nalgebra::{Matrix2, Matrix6, Vector2};
 use thiserror::Error;
 
-use super::force::{Calibration, CalibrationError, CalibrationParts, Force, Reading, Tare};
+use super::force::{Calibration, CalibrationError, CalibrationParts, DwellReading, Force, Tare};
 use super::held_back;
 use super::least_squares::{Problem, STEPS_MAX, Solution, solve};
 use super::measurements::{CalibrationContact, Fixture, Load, Measurements};
@@ -214,10 +214,10 @@ fn how_uncertain(times: f64) -> String {
 ///
 /// ```
 /// use nalgebra::{Matrix2, Vector2};
-/// use palpate::finger::calibration::{CalibrationContact, FitSettings, Fixture, Load, Measurements, Reading, Tare, fit};
+/// use palpate::finger::calibration::{CalibrationContact, FitSettings, Fixture, Load, Measurements, DwellReading, Tare, fit};
 ///
 /// // A finger of 26 700 counts/N on both axes, loaded with 2 N at six angles.
-/// let reading = |x: f64, y: f64| Reading { counts: Vector2::new(x, y), covariance: Matrix2::identity() * 36.0 };
+/// let reading = |x: f64, y: f64| DwellReading { counts: Vector2::new(x, y), covariance: Matrix2::identity() * 36.0 };
 /// let contact = |degrees: f64| {
 ///     let (sin, cos) = degrees.to_radians().sin_cos();
 ///     let reading = reading(-53_400.0 * cos, -53_400.0 * sin);
@@ -292,7 +292,7 @@ fn check_contact(
     Ok(())
 }
 
-fn is_plausible(reading: &Reading) -> bool {
+fn is_plausible(reading: &DwellReading) -> bool {
     let finite = reading.counts.iter().chain(reading.covariance.iter()).all(|number| number.is_finite());
     finite && reading.covariance.diagonal().min() >= 0.0
 }

@@ -22,8 +22,8 @@ fn settings(fixture: Fixture) -> FitSettings {
     FitSettings { fixture, held_back_every: 0 }
 }
 
-fn exact(counts: Vector2<f64>) -> Reading {
-    Reading { counts, covariance: Matrix2::zeros() }
+fn exact(counts: Vector2<f64>) -> DwellReading {
+    DwellReading { counts, covariance: Matrix2::zeros() }
 }
 
 /// Contacts every 360°/`count` without noise; `load_of(k)` is the true load and what is said of it.
@@ -206,7 +206,7 @@ fn noisy(finger: &Finger, count: u32, noise: &mut Noise, disturbance: &Disturban
     let covariance = Matrix2::identity() * disturbance.reading_sigma_counts.powi(2);
     let read = |counts: Vector2<f64>, noise: &mut Noise| {
         let counts = counts + noise.pair(disturbance.reading_sigma_counts) + noise.pair(disturbance.drift_sigma_counts);
-        Reading { counts, covariance }
+        DwellReading { counts, covariance }
     };
     let tares = vec![Tare(read(finger.offset(), noise))];
     let contacts = (0..count).map(|k| {

@@ -48,7 +48,7 @@ impl ForceUnit {
 
 /// Mean counts of both bridges over a stretch of samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Reading {
+pub struct DwellReading {
     /// Mean (x, y), counts.
     pub counts: Vector2<f64>,
     /// Covariance of that mean (not of one sample), counts².
@@ -57,7 +57,7 @@ pub struct Reading {
 
 /// The reading with nothing touching the disk. A type of its own: a loaded reading in its place would look plausible.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tare(pub Reading);
+pub struct Tare(pub DwellReading);
 
 /// Force on the finger's disk with its uncertainty, split by cause because only one part shrinks by averaging.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -162,7 +162,7 @@ impl Calibration {
 
     /// Force on the disk with the uncertainty from noise, tare and calibration.
     #[must_use]
-    pub fn force(&self, reading: &Reading, tare: &Tare) -> Force {
+    pub fn force(&self, reading: &DwellReading, tare: &Tare) -> Force {
         let force_finger = self.force_finger(reading.counts, tare);
         let noise = self.inverse * (reading.covariance + tare.0.covariance) * self.inverse.transpose();
         Force { force_finger, unit: self.parts.unit, noise, systematic: self.systematic(force_finger) }
@@ -187,7 +187,7 @@ impl Calibration {
     #[must_use]
     pub fn offset_as_tare(&self) -> Tare {
         let covariance = self.parts.covariance.fixed_view::<2, 2>(4, 4).into_owned();
-        Tare(Reading { counts: self.parts.offset, covariance })
+        Tare(DwellReading { counts: self.parts.offset, covariance })
     }
 }
 
@@ -246,7 +246,7 @@ mod tests {
     }
 
     const NO_TARE: Tare =
-        Tare(Reading { counts: Vector2::new(0.0, 0.0), covariance: Matrix2::new(0.0, 0.0, 0.0, 0.0) });
+        Tare(DwellReading { counts: Vector2::new(0.0, 0.0), covariance: Matrix2::new(0.0, 0.0, 0.0, 0.0) });
 
     #[test]
     fn a_contact_on_the_right_pushes_left() {

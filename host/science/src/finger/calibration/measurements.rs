@@ -5,7 +5,7 @@
 
 use nalgebra::Vector2;
 
-use super::force::{Reading, Tare};
+use super::force::{DwellReading, Tare};
 
 /// How much is known of the force of one contact besides its direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,7 +26,7 @@ pub struct CalibrationContact {
     /// What is known of its size.
     pub load: Load,
     /// Mean counts under load.
-    pub reading: Reading,
+    pub reading: DwellReading,
     /// Reading at the same position just before, unloaded; without it the tares of the whole session serve.
     ///
     /// A finger lying in a dividing head needs it: the weight of its own disk turns with respect to the gauges.

@@ -10,7 +10,7 @@ use nalgebra::Vector2;
 use thiserror::Error;
 
 use super::dwell::{Dwell, DwellSettings, Expected, RawSample, Refusal, Verdict, Watcher};
-use super::force::{Reading, Tare};
+use super::force::{DwellReading, Tare};
 use super::measurements::{CalibrationContact, Measurements};
 use super::plan::Step;
 use crate::finger::Samples;
@@ -290,7 +290,7 @@ impl Drift {
     }
 
     /// The reading as it would have been halfway between the tares.
-    fn taken_off(&self, dwell: &Dwell) -> Reading {
+    fn taken_off(&self, dwell: &Dwell) -> DwellReading {
         let mut reading = dwell.reading;
         if self.end_us > self.start_us {
             let share = (middle_us(dwell) - self.start_us) / (self.end_us - self.start_us) - 0.5;

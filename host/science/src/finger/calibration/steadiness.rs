@@ -8,7 +8,7 @@
 use nalgebra::{Matrix2, Vector2};
 
 use super::dwell::{Change, DwellSettings, Expected, NO_LOAD_MICROSTRAIN, Refusal};
-use super::force::Reading;
+use super::force::DwellReading;
 use crate::math::statistics::{mean, median};
 
 /// A change below this many of its standard deviations is chance: one dwell in 16 000 for each axis.
@@ -73,14 +73,14 @@ impl<'a> Rest<'a> {
     }
 
     /// Mean of all blocks, with the noise of the blocks and what a trend within the limits may hide.
-    pub(super) fn reading(&self) -> Reading {
+    pub(super) fn reading(&self) -> DwellReading {
         let trend = self.halves_apart();
         let counts = average(self.blocks);
         // An even trend of twice that size over the dwell has this variance about its middle; chance has it too.
         let excess = trend * trend.transpose() / 12.0;
         let significant = self.is_significant(trend, 4.0 / self.count());
         let covariance = self.noise / self.count() + if significant { excess } else { Matrix2::zeros() };
-        Reading { counts, covariance }
+        DwellReading { counts, covariance }
     }
 
     fn count(&self) -> f64 {
