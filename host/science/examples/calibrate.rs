@@ -6,7 +6,7 @@ use std::error::Error;
 
 use nalgebra::{Matrix2, Vector2};
 use palpate::finger::calibration::{
-    CalibrationContact, DwellReading, FitSettings, Fixture, Load, Measurements, Tare, fit,
+    CalibrationContact, DwellReading, DwellTare, FitSettings, Fixture, Load, Measurements, fit,
 };
 
 /// Noise of a reading, counts: a dwell of a second at 4 kHz.
@@ -28,7 +28,7 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
         let force_finger = -2.0 * Vector2::new(angle.cos(), angle.sin());
         CalibrationContact { angle, load: Load::Newtons(2.0), reading: reading(truth * force_finger), tare: None }
     };
-    let tare = Tare(reading(Vector2::zeros()));
+    let tare = DwellTare(reading(Vector2::zeros()));
     let measurements = Measurements { contacts: (0..12).map(contact).collect(), tares: vec![tare] };
     let settings = FitSettings { fixture: Fixture::of_a_dividing_head(0.001_79), held_back_every: 4 };
     let found = fit(&measurements, &settings)?;

@@ -9,7 +9,7 @@
 use nalgebra::{Matrix2, Matrix6, Vector2};
 use thiserror::Error;
 
-use super::force::{Calibration, CalibrationError, CalibrationParts, DwellReading, Force, Tare};
+use super::force::{Calibration, CalibrationError, CalibrationParts, DwellReading, DwellTare, Force};
 use super::held_back;
 use super::least_squares::{Problem, STEPS_MAX, Solution, solve};
 use super::measurements::{CalibrationContact, Fixture, Load, Measurements};
@@ -214,7 +214,7 @@ fn how_uncertain(times: f64) -> String {
 ///
 /// ```
 /// use nalgebra::{Matrix2, Vector2};
-/// use palpate::finger::calibration::{CalibrationContact, FitSettings, Fixture, Load, Measurements, DwellReading, Tare, fit};
+/// use palpate::finger::calibration::{CalibrationContact, FitSettings, Fixture, Load, Measurements, DwellReading, DwellTare, fit};
 ///
 /// // A finger of 26 700 counts/N on both axes, loaded with 2 N at six angles.
 /// let reading = |x: f64, y: f64| DwellReading { counts: Vector2::new(x, y), covariance: Matrix2::identity() * 36.0 };
@@ -224,10 +224,10 @@ fn how_uncertain(times: f64) -> String {
 ///     CalibrationContact { angle: degrees.to_radians(), load: Load::Newtons(2.0), reading, tare: None }
 /// };
 /// let contacts = [0.0, 60.0, 120.0, 180.0, 240.0, 300.0].map(contact).to_vec();
-/// let measurements = Measurements { contacts, tares: vec![Tare(reading(0.0, 0.0))] };
+/// let measurements = Measurements { contacts, tares: vec![DwellTare(reading(0.0, 0.0))] };
 /// let settings = FitSettings { fixture: Fixture::of_a_dividing_head(0.00179), held_back_every: 0 };
 /// let calibration = fit(&measurements, &settings)?.calibration;
-/// let force = calibration.force(&reading(0.0, 26_700.0), &Tare(reading(0.0, 0.0)));
+/// let force = calibration.force(&reading(0.0, 26_700.0), &DwellTare(reading(0.0, 0.0)));
 /// let (u, variance) = force.contact_angle();
 /// assert!((force.force_finger - Vector2::new(0.0, 1.0)).norm() < 1e-6);
 /// assert!((u.to_degrees() + 90.0).abs() < 1e-6, "pushed up from below");
@@ -432,7 +432,7 @@ impl Comparison<'_> {
         (reading + self.fixture.angle_sigma.powi(2)).sqrt()
     }
 
-    fn residual_counts(&self, contact: &CalibrationContact, force: &Force, tare: &Tare) -> Vector2<f64> {
+    fn residual_counts(&self, contact: &CalibrationContact, force: &Force, tare: &DwellTare) -> Vector2<f64> {
         let direction = push_direction(contact.angle);
         let felt = || direction.dot(&force.force_finger).max(0.0);
         let size = match contact.load {

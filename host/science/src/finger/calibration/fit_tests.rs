@@ -34,7 +34,7 @@ fn all_round(finger: &Finger, count: u32, load_of: impl Fn(u32) -> (f64, Load)) 
         let reading = exact(finger.offset() + finger.counts_of_contact(degrees, newtons));
         CalibrationContact { angle: degrees.to_radians(), load, reading, tare: None }
     };
-    Measurements { contacts: (0..count).map(contact).collect(), tares: vec![Tare(exact(finger.offset()))] }
+    Measurements { contacts: (0..count).map(contact).collect(), tares: vec![DwellTare(exact(finger.offset()))] }
 }
 
 fn relative_error(got: &Matrix2<f64>, wanted: &Matrix2<f64>) -> f64 {
@@ -112,7 +112,7 @@ proptest! {
         for (k, contact) in (0_u32..).zip(&mut data.contacts) {
             let sag = finger.counts_of_contact(30.0 * f64::from(k), weight);
             contact.reading.counts += sag;
-            contact.tare = Some(Tare(exact(finger.offset() + sag)));
+            contact.tare = Some(DwellTare(exact(finger.offset() + sag)));
         }
         data.tares.clear();
         let fitted = fit(&data, &settings(PERFECT)).unwrap();
@@ -208,7 +208,7 @@ fn noisy(finger: &Finger, count: u32, noise: &mut Noise, disturbance: &Disturban
         let counts = counts + noise.pair(disturbance.reading_sigma_counts) + noise.pair(disturbance.drift_sigma_counts);
         DwellReading { counts, covariance }
     };
-    let tares = vec![Tare(read(finger.offset(), noise))];
+    let tares = vec![DwellTare(read(finger.offset(), noise))];
     let contacts = (0..count).map(|k| {
         let set_deg = 360.0 * f64::from(k) / f64::from(count);
         let true_deg = set_deg + disturbance.angle_sigma_deg * noise.normal();

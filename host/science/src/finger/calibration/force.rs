@@ -57,7 +57,7 @@ pub struct DwellReading {
 
 /// The reading with nothing touching the disk. A type of its own: a loaded reading in its place would look plausible.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tare(pub DwellReading);
+pub struct DwellTare(pub DwellReading);
 
 /// Force on the finger's disk with its uncertainty, split by cause because only one part shrinks by averaging.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -156,13 +156,13 @@ impl Calibration {
 
     /// Force on the disk in finger axes from one sample or mean, both in counts: no uncertainty, for every sample.
     #[must_use]
-    pub fn force_finger(&self, counts: Vector2<f64>, tare: &Tare) -> Vector2<f64> {
+    pub fn force_finger(&self, counts: Vector2<f64>, tare: &DwellTare) -> Vector2<f64> {
         self.inverse * (counts - tare.0.counts)
     }
 
     /// Force on the disk with the uncertainty from noise, tare and calibration.
     #[must_use]
-    pub fn force(&self, reading: &DwellReading, tare: &Tare) -> Force {
+    pub fn force(&self, reading: &DwellReading, tare: &DwellTare) -> Force {
         let force_finger = self.force_finger(reading.counts, tare);
         let noise = self.inverse * (reading.covariance + tare.0.covariance) * self.inverse.transpose();
         Force { force_finger, unit: self.parts.unit, noise, systematic: self.systematic(force_finger) }
@@ -185,9 +185,9 @@ impl Calibration {
 
     /// The offset it was calibrated with, as a tare: only for where nobody can take a fresh one.
     #[must_use]
-    pub fn offset_as_tare(&self) -> Tare {
+    pub fn offset_as_tare(&self) -> DwellTare {
         let covariance = self.parts.covariance.fixed_view::<2, 2>(4, 4).into_owned();
-        Tare(DwellReading { counts: self.parts.offset, covariance })
+        DwellTare(DwellReading { counts: self.parts.offset, covariance })
     }
 }
 
@@ -245,8 +245,8 @@ mod tests {
         Matrix2::new(26_700.0, -900.0, 1_400.0, 25_000.0)
     }
 
-    const NO_TARE: Tare =
-        Tare(DwellReading { counts: Vector2::new(0.0, 0.0), covariance: Matrix2::new(0.0, 0.0, 0.0, 0.0) });
+    const NO_TARE: DwellTare =
+        DwellTare(DwellReading { counts: Vector2::new(0.0, 0.0), covariance: Matrix2::new(0.0, 0.0, 0.0, 0.0) });
 
     #[test]
     fn a_contact_on_the_right_pushes_left() {

@@ -18,7 +18,7 @@
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x4, Matrix6, Vector2};
 
 use super::fit::{FitError, Quality};
-use super::force::{ForceUnit, Tare};
+use super::force::{DwellTare, ForceUnit};
 use super::measurements::{CalibrationContact, Fixture, Load, Measurements};
 use super::start;
 use crate::math::angle::{contact_angle, push_direction};
@@ -199,7 +199,7 @@ impl Problem {
         }
     }
 
-    fn tare_observation(&self, tare: &Tare, fixture: &Fixture) -> Observation {
+    fn tare_observation(&self, tare: &DwellTare, fixture: &Fixture) -> Observation {
         Observation {
             contact: None,
             counts: (tare.0.counts - self.reference_offset) / self.counts_scale,

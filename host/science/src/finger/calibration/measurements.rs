@@ -5,7 +5,7 @@
 
 use nalgebra::Vector2;
 
-use super::force::{DwellReading, Tare};
+use super::force::{DwellReading, DwellTare};
 
 /// How much is known of the force of one contact besides its direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,7 +30,7 @@ pub struct CalibrationContact {
     /// Reading at the same position just before, unloaded; without it the tares of the whole session serve.
     ///
     /// A finger lying in a dividing head needs it: the weight of its own disk turns with respect to the gauges.
-    pub tare: Option<Tare>,
+    pub tare: Option<DwellTare>,
 }
 
 /// A whole calibration run.
@@ -39,7 +39,7 @@ pub struct Measurements {
     /// Loaded contacts in the order taken.
     pub contacts: Vec<CalibrationContact>,
     /// Unloaded readings that serve every contact without its own.
-    pub tares: Vec<Tare>,
+    pub tares: Vec<DwellTare>,
 }
 
 impl Measurements {

@@ -24,7 +24,7 @@ mod start;
 mod steadiness;
 
 pub use fit::{ContactResult, Fit, FitError, FitSettings, Quality, Role, fit};
-pub use force::{Calibration, CalibrationError, CalibrationParts, DwellReading, Force, ForceUnit, Tare};
+pub use force::{Calibration, CalibrationError, CalibrationParts, DwellReading, DwellTare, Force, ForceUnit};
 pub use front_end::{FrontEnd, FrontEndError, FrontEndSettings, counts_vector};
 pub use held_back::HeldBack;
 pub use measurements::{CalibrationContact, Fixture, Load, Measurements};

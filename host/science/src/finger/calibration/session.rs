@@ -10,7 +10,7 @@ use nalgebra::Vector2;
 use thiserror::Error;
 
 use super::dwell::{Dwell, DwellSettings, Expected, RawSample, Refusal, Verdict, Watcher};
-use super::force::{DwellReading, Tare};
+use super::force::{DwellReading, DwellTare};
 use super::measurements::{CalibrationContact, Measurements};
 use super::plan::Step;
 use crate::finger::Samples;
@@ -232,8 +232,8 @@ fn expected(step: &Step, before: &[Taken]) -> Expected {
     }
 }
 
-fn tare_before(taken: &[Taken]) -> Option<Tare> {
-    taken.iter().rev().find(|taken| matches!(taken.step, Step::Tare { .. })).map(|taken| Tare(taken.dwell.reading))
+fn tare_before(taken: &[Taken]) -> Option<DwellTare> {
+    taken.iter().rev().find(|taken| matches!(taken.step, Step::Tare { .. })).map(|taken| DwellTare(taken.dwell.reading))
 }
 
 /// Puts accepted steps together for the fit.
@@ -246,7 +246,7 @@ pub fn measurements(taken: &[Taken]) -> Measurements {
     let mut measurements = Measurements::default();
     for (index, Taken { step, dwell }) in taken.iter().enumerate() {
         match step {
-            Step::Tare { angle_deg: None } => measurements.tares.push(Tare(drift.taken_off(dwell))),
+            Step::Tare { angle_deg: None } => measurements.tares.push(DwellTare(drift.taken_off(dwell))),
             Step::Tare { angle_deg: Some(_) } => {}
             Step::Contact(planned) => {
                 let tare = own_tare(planned.angle_deg, &taken[..index]);
@@ -308,10 +308,10 @@ fn middle_us(dwell: &Dwell) -> f64 {
 }
 
 /// The tare taken last at the same position.
-fn own_tare(angle_deg: f64, before: &[Taken]) -> Option<Tare> {
+fn own_tare(angle_deg: f64, before: &[Taken]) -> Option<DwellTare> {
     let here =
         |step: &Step| matches!(step, Step::Tare { angle_deg: Some(angle) } if angle.to_bits() == angle_deg.to_bits());
-    before.iter().rev().find(|taken| here(&taken.step)).map(|taken| Tare(taken.dwell.reading))
+    before.iter().rev().find(|taken| here(&taken.step)).map(|taken| DwellTare(taken.dwell.reading))
 }
 
 /// Measures kept samples again, as when they were taken.
