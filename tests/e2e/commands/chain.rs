@@ -18,7 +18,8 @@ fn calibrate(session: &mut Session, hand: &SimulatedDevice) -> Calibration {
     let plan = Plan::all_round(12, Load::Newtons(FORCE_N), TareMode::Each);
     let front_end = live::front_end(session.hello()).unwrap();
     let rate_hz = f64::from(session.hello().rate_hz);
-    let mut run = calibration::session::Session::new(plan.steps(), plan.dwell_settings(front_end, rate_hz).unwrap());
+    let mut run =
+        calibration::session::CalibrationRun::new(plan.steps(), plan.dwell_settings(front_end, rate_hz).unwrap());
     let mut bench = SimulatedBench::new(hand, FORCE_N, |_, _| ());
     calibration::session::run(&mut run, &mut LinkSource::new(session), &mut bench).unwrap();
     let measurements = calibration::session::measurements(run.taken());

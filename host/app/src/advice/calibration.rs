@@ -8,7 +8,7 @@ use palpate::finger::calibration::force::CalibrationError;
 use palpate::finger::calibration::front_end::FrontEndError;
 use palpate::finger::calibration::load_text::LoadTextError;
 use palpate::finger::calibration::plan::{PLAN_FORMAT, PlanError};
-use palpate::finger::calibration::session::{RunError, SourceError};
+use palpate::finger::calibration::session::{CalibrationRunError, SourceError};
 use palpate_files::calibration::conclusion::{ConclusionError, HeldBackError};
 use palpate_files::calibration::file::FileError;
 use palpate_files::calibration::plan::PlanFileError;
@@ -60,8 +60,8 @@ fn settings(error: &(dyn Error + 'static)) -> Option<String> {
 fn measuring(error: &(dyn Error + 'static)) -> Option<String> {
     if let Some(error) = error.downcast_ref() {
         return match error {
-            RunError::Source(error) => help(error),
-            RunError::Bench(error) => help(error),
+            CalibrationRunError::Source(error) => help(error),
+            CalibrationRunError::Bench(error) => help(error),
         };
     }
     if error.is::<SourceError>() {
@@ -300,8 +300,8 @@ mod tests {
         ]);
         let wanted = "check the cable, then repeat the step; palpate diagnose looks at the device alone";
         check(vec![(SourceError("gone".to_owned()), wanted)]);
-        check(vec![(RunError::from(SourceError("gone".to_owned())), wanted)]);
-        assert_eq!(help(&RunError::from(BenchError("its input ended".to_owned()))), None);
+        check(vec![(CalibrationRunError::from(SourceError("gone".to_owned())), wanted)]);
+        assert_eq!(help(&CalibrationRunError::from(BenchError("its input ended".to_owned()))), None);
     }
 
     #[test]

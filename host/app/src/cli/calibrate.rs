@@ -9,7 +9,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use miette::{IntoDiagnostic, WrapErr};
 use palpate::finger::calibration::dwell::Refusal;
 use palpate::finger::calibration::plan::{Plan, Step, TareMode};
-use palpate::finger::calibration::session::{Bench, Ending, SampleSource, Session, Summary, Taken};
+use palpate::finger::calibration::session::{Bench, CalibrationRun, Ending, SampleSource, Summary, Taken};
 use palpate::finger::calibration::{FrontEndSettings, Load, session};
 use palpate_files::calibration::conclusion::{Conclusion, HELD_BACK_ERROR_MAX_DEG, conclude};
 use palpate_files::calibration::file::{FileError, save_raw, save_result, save_unfinished};
@@ -173,7 +173,7 @@ pub(crate) fn calibrate(
     // Whatever is wrong with names, settings and folders is said before a quarter of an hour of work, not after.
     check_writable(&arguments.out.join(&provenance.finger))?;
     let settings = plan.dwell_settings(provenance.check().advised()?, provenance.rate_hz).advised()?;
-    let mut run = Session::new(plan.steps(), settings);
+    let mut run = CalibrationRun::new(plan.steps(), settings);
     let mut unfinished = Unfinished::new(&arguments.out, &provenance, plan);
     let ending = session::run_keeping(&mut run, device.source, bench, &mut |taken| unfinished.keep(taken));
     provenance.date = arguments.date.clone().unwrap_or_else(now);

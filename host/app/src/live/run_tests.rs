@@ -12,7 +12,7 @@ use palpate::finger::Samples;
 use palpate::finger::calibration::dwell::{Refusal, Verdict};
 use palpate::finger::calibration::plan::{Plan, Step, TareMode};
 use palpate::finger::calibration::session::{
-    Bench, BenchError, Delivered, Ending, SampleSource, Session, SourceError, Summary, Wish, run,
+    Bench, BenchError, CalibrationRun, Delivered, Ending, SampleSource, SourceError, Summary, Wish, run,
 };
 use palpate::finger::calibration::*;
 use palpate::math::angle::{contact_angle, wrap_angle};
@@ -161,7 +161,7 @@ fn take(seed: u64, plan: &Plan, change: impl FnOnce(&mut Robot)) -> (RawRun, End
     let mut robot = Robot::new(&world, plan.tare == TareMode::Each);
     change(&mut robot);
     let settings = plan.dwell_settings(provenance().check().unwrap(), RATE_HZ).unwrap();
-    let mut session = Session::new(plan.steps(), settings);
+    let mut session = CalibrationRun::new(plan.steps(), settings);
     let ending = run(&mut session, &mut Device(world), &mut robot).unwrap();
     (RawRun::new(provenance(), plan.clone(), session.taken()), ending, robot)
 }
@@ -184,7 +184,8 @@ fn worst_error_deg(conclusion: &Conclusion) -> f64 {
 #[test]
 fn what_the_device_complains_of_ends_the_attempt() {
     let plan = quick_plan(Load::Same, TareMode::Once);
-    let mut session = Session::new(plan.steps(), plan.dwell_settings(provenance().check().unwrap(), RATE_HZ).unwrap());
+    let mut session =
+        CalibrationRun::new(plan.steps(), plan.dwell_settings(provenance().check().unwrap(), RATE_HZ).unwrap());
     session.begin();
     let verdict = session.feed(&Delivered::Trouble("no front-end answers".to_owned()));
     assert!(
@@ -267,7 +268,7 @@ fn a_person_is_prompted_and_may_redo_and_quit() {
     let world = Shared::new(std::cell::RefCell::new(World::new(9)));
     let plan = quick_plan(Load::Newtons(2.0), TareMode::Each);
     let settings = plan.dwell_settings(provenance().check().unwrap(), RATE_HZ).unwrap();
-    let mut session = Session::new(plan.steps(), settings);
+    let mut session = CalibrationRun::new(plan.steps(), settings);
     let mut screen = Vec::new();
     // Tare, the tare again, nonsense, a contact without a load (refused), stop.
     let mut person = Person::new(&b"\nr\n\nwhat\n\nq\n"[..], &mut screen);
@@ -289,7 +290,8 @@ fn a_person_is_prompted_and_may_redo_and_quit() {
 fn the_end_of_input_stops_instead_of_looping() {
     let world = Shared::new(std::cell::RefCell::new(World::new(10)));
     let plan = quick_plan(Load::Same, TareMode::Once);
-    let mut session = Session::new(plan.steps(), plan.dwell_settings(provenance().check().unwrap(), RATE_HZ).unwrap());
+    let mut session =
+        CalibrationRun::new(plan.steps(), plan.dwell_settings(provenance().check().unwrap(), RATE_HZ).unwrap());
     let ending = run(&mut session, &mut Device(world), &mut Person::new(&b""[..], Vec::new())).unwrap();
     assert_eq!(ending, Ending::Quit);
 }

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use nalgebra::Vector2;
 use palpate::finger::calibration::plan::PlanError;
 use palpate::finger::calibration::plan::{Plan, TareMode};
-use palpate::finger::calibration::session::RunError;
+use palpate::finger::calibration::session::CalibrationRunError;
 use palpate::finger::calibration::{self, Fit, FitError};
 use palpate::finger::contact::{Reading, TareError};
 use palpate::finger::sense;
@@ -73,7 +73,7 @@ pub enum RigError {
     Live(#[from] LiveError),
     /// The calibration could not be taken.
     #[error("the simulated finger cannot be calibrated")]
-    Calibration(#[from] RunError),
+    Calibration(#[from] CalibrationRunError),
     /// Its settings cannot be.
     #[error("the simulated finger cannot be calibrated")]
     Settings(#[from] PlanError),
@@ -194,7 +194,7 @@ pub fn calibrate(session: &mut Session, hand: &SimulatedDevice, force: f64) -> R
     let plan = Plan::all_round(CALIBRATION_CONTACTS, load, TareMode::Each);
     let front_end = live::front_end(session.hello()).map_err(LiveError::from)?;
     let settings = plan.dwell_settings(front_end, f64::from(session.hello().rate_hz))?;
-    let mut run = calibration::session::Session::new(plan.steps(), settings);
+    let mut run = calibration::session::CalibrationRun::new(plan.steps(), settings);
     let mut bench = SimulatedBench::new(hand, force, |_, _| ());
     calibration::session::run(&mut run, &mut LinkSource::new(session), &mut bench)?;
     Ok(calibration::fit(&calibration::session::measurements(run.taken()), &plan.fit_settings(&front_end))?)

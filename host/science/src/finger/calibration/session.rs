@@ -4,7 +4,7 @@
 //! [`Bench`] (a person, or a script that moves a simulated load). Only accepted dwells are kept; stopping leaves what
 //! was accepted so far.
 //!
-//! Frames: finger. Units: counts, degrees in prompts. Errors: [`RunError`].
+//! Frames: finger. Units: counts, degrees in prompts. Errors: [`CalibrationRunError`].
 
 use nalgebra::Vector2;
 use thiserror::Error;
@@ -80,7 +80,7 @@ pub struct BenchError(pub String);
 
 /// Why a run ended without an ending.
 #[derive(Clone, Debug, PartialEq, Error)]
-pub enum RunError {
+pub enum CalibrationRunError {
     /// No samples.
     #[error(transparent)]
     Source(#[from] SourceError),
@@ -137,14 +137,14 @@ pub struct Taken {
 
 /// A calibration run.
 #[derive(Clone, Debug)]
-pub struct Session {
+pub struct CalibrationRun {
     steps: Vec<Step>,
     taken: Vec<Taken>,
     settings: DwellSettings,
     watcher: Option<Watcher>,
 }
 
-impl Session {
+impl CalibrationRun {
     /// Starts with nothing taken. The settings must have passed [`DwellSettings::check`].
     #[must_use]
     pub fn new(steps: Vec<Step>, settings: DwellSettings) -> Self {
@@ -335,7 +335,11 @@ pub fn measure_again(
 ///
 /// # Errors
 /// The device or the bench failed; what was accepted stays in the session.
-pub fn run(session: &mut Session, source: &mut dyn SampleSource, bench: &mut dyn Bench) -> Result<Ending, RunError> {
+pub fn run(
+    session: &mut CalibrationRun,
+    source: &mut dyn SampleSource,
+    bench: &mut dyn Bench,
+) -> Result<Ending, CalibrationRunError> {
     run_keeping(session, source, bench, &mut |_| {})
 }
 
@@ -344,11 +348,11 @@ pub fn run(session: &mut Session, source: &mut dyn SampleSource, bench: &mut dyn
 /// # Errors
 /// The device or the bench failed; what was accepted stays in the session.
 pub fn run_keeping(
-    session: &mut Session,
+    session: &mut CalibrationRun,
     source: &mut dyn SampleSource,
     bench: &mut dyn Bench,
     keep: &mut dyn FnMut(&[Taken]),
-) -> Result<Ending, RunError> {
+) -> Result<Ending, CalibrationRunError> {
     let mut retry = None;
     while let Some(&step) = session.step() {
         let wish = match retry.take() {
@@ -372,7 +376,7 @@ pub fn run_keeping(
 }
 
 /// Samples the present step until it is decided.
-fn sample(session: &mut Session, source: &mut dyn SampleSource) -> Result<Result<(), Refusal>, SourceError> {
+fn sample(session: &mut CalibrationRun, source: &mut dyn SampleSource) -> Result<Result<(), Refusal>, SourceError> {
     source.discard_waiting()?;
     session.begin();
     loop {
