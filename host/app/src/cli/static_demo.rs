@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
-use palpate::finger::calibration::Fit;
+use palpate::finger::calibration::CalibrationFit;
 use palpate::finger::contact::Averaging;
 use palpate::math::statistics::mean;
 use palpate_device::Session;
@@ -55,7 +55,7 @@ pub(super) fn run(seed: u64) -> miette::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn print_calibration(fit: &Fit) {
+fn print_calibration(fit: &CalibrationFit) {
     let inverse = fit.calibration.inverse() * 1e6;
     say!("");
     say!("Calibrated on {CALIBRATION_CONTACTS} contacts of {CALIBRATION_FORCE_N} N:");
@@ -72,7 +72,7 @@ fn print_calibration(fit: &Fit) {
     }
 }
 
-fn feel_and_print(session: &mut Session, hand: &SimulatedDevice, fit: &Fit) -> miette::Result<()> {
+fn feel_and_print(session: &mut Session, hand: &SimulatedDevice, fit: &CalibrationFit) -> miette::Result<()> {
     let averagings = AVERAGINGS.map(|(_, averaging)| averaging);
     let mut rows = Vec::new();
     for force in FORCES_N {

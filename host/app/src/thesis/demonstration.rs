@@ -12,7 +12,7 @@ use nalgebra::Vector2;
 use palpate::finger::calibration::plan::PlanError;
 use palpate::finger::calibration::plan::{Plan, TareMode};
 use palpate::finger::calibration::session::CalibrationRunError;
-use palpate::finger::calibration::{self, Fit, FitError};
+use palpate::finger::calibration::{self, CalibrationFit, FitError};
 use palpate::finger::contact::{Reading, TareError};
 use palpate::finger::sense;
 use palpate::pushing::estimation::from_rest::onset::{PushSense, RestNoise};
@@ -47,7 +47,7 @@ const AFTER_S: f64 = 0.1;
 pub struct Rig {
     hand: Arc<SimulatedDevice>,
     session: Session,
-    fit: Fit,
+    fit: CalibrationFit,
 }
 
 /// A push as the host felt it.
@@ -100,7 +100,7 @@ impl Rig {
 
     /// What the calibration found.
     #[must_use]
-    pub fn fit(&self) -> &Fit {
+    pub fn fit(&self) -> &CalibrationFit {
         &self.fit
     }
 
@@ -189,7 +189,7 @@ fn finger(noise: f64) -> FingerConfig {
 ///
 /// # Errors
 /// [`RigError`].
-pub fn calibrate(session: &mut Session, hand: &SimulatedDevice, force: f64) -> Result<Fit, RigError> {
+pub fn calibrate(session: &mut Session, hand: &SimulatedDevice, force: f64) -> Result<CalibrationFit, RigError> {
     let load = calibration::Load::Newtons(force);
     let plan = Plan::all_round(CALIBRATION_CONTACTS, load, TareMode::Each);
     let front_end = live::front_end(session.hello()).map_err(LiveError::from)?;

@@ -2,7 +2,7 @@
 //!
 //! Live runs and kept raw files go the same way, so that recalculating gives the same numbers to the last digit.
 
-use palpate::finger::calibration::fit::{ContactResult, Fit, FitError, Role, fit};
+use palpate::finger::calibration::fit::{CalibrationFit, ContactResult, FitError, Role, fit};
 use palpate::finger::calibration::force::ForceUnit;
 use palpate::finger::calibration::front_end::FrontEnd;
 use palpate::finger::calibration::session::{Taken, drift_between_tares, measurements};
@@ -18,7 +18,7 @@ pub const HELD_BACK_ERROR_MAX_DEG: f64 = 0.2;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Conclusion {
     /// The matrix and how every contact agrees with it.
-    pub fit: Fit,
+    pub fit: CalibrationFit,
     /// The dwells it was made from.
     pub taken: Vec<Taken>,
     /// What counts mean.

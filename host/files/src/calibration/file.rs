@@ -14,7 +14,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix2, Vector2};
-use palpate::finger::calibration::fit::{ContactResult, Fit, Quality, Role};
+use palpate::finger::calibration::fit::{CalibrationFit, ContactResult, Quality, Role};
 use palpate::finger::calibration::force::{
     Calibration, CalibrationError, CalibrationParts, ForceUnit, ParameterCovariance,
 };
@@ -224,7 +224,13 @@ pub enum RawState {
 impl CalibrationFile {
     /// Puts a result together.
     #[must_use]
-    pub fn new(fit: &Fit, taken: &[Taken], provenance: &Provenance, front_end: &FrontEnd, raw: RawRecord) -> Self {
+    pub fn new(
+        fit: &CalibrationFit,
+        taken: &[Taken],
+        provenance: &Provenance,
+        front_end: &FrontEnd,
+        raw: RawRecord,
+    ) -> Self {
         let CalibrationParts { unit, matrix, offset, covariance } = *fit.calibration.parts();
         let tare = |taken: &Taken| match taken.step {
             Step::Tare { angle_deg } => Some(TareRecord { angle_deg, counts: taken.dwell.reading.counts.into() }),
@@ -440,7 +446,7 @@ pub fn save_unfinished(root: &Path, run: &RawRun) -> Result<PathBuf, FileError> 
 /// [`FileError`]; no file is ever replaced, and none is left half written.
 pub fn save_result(
     root: &Path,
-    fit: &Fit,
+    fit: &CalibrationFit,
     taken: &[Taken],
     provenance: &Provenance,
     raw_path: &Path,

@@ -136,7 +136,7 @@ pub struct ObservePushAnswer {
     pub hypotheses: Vec<Hypothesis>,
     /// `best` only: how well the data fit.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub fit: Option<Fit>,
+    pub fit: Option<FitAnswer>,
     /// `best` only: values left out because no smooth motion passes through them, counted from 0; absent where there are none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub outliers: Vec<usize>,
@@ -160,7 +160,8 @@ pub enum Status {
 
 /// Goodness of fit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
-pub struct Fit {
+#[schemars(rename = "Fit")]
+pub struct FitAnswer {
     /// The least cost of anything that is physically possible; null where nothing is.
     pub cost: Option<f64>,
     /// Data and prior terms less fitted parameters, of the hypothesis with that cost.
@@ -520,7 +521,7 @@ impl From<&Estimate> for ObservePushAnswer {
         Self {
             status,
             hypotheses: estimate.hypotheses.iter().map(Hypothesis::from).collect(),
-            fit: Some(Fit { cost, degrees_of_freedom, cost_max }),
+            fit: Some(FitAnswer { cost, degrees_of_freedom, cost_max }),
             outliers: estimate.outliers.clone(),
             trace: None,
         }

@@ -35,7 +35,7 @@ pub struct FitSettings {
 
 /// What the fit found.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Fit {
+pub struct CalibrationFit {
     /// The matrix, ready for use.
     pub calibration: Calibration,
     /// How well the fitted contacts agree.
@@ -234,7 +234,7 @@ fn how_uncertain(times: f64) -> String {
 /// assert!(variance.sqrt().to_degrees() < 0.1);
 /// # Ok::<(), palpate::finger::calibration::FitError>(())
 /// ```
-pub fn fit(measurements: &Measurements, settings: &FitSettings) -> Result<Fit, FitError> {
+pub fn fit(measurements: &Measurements, settings: &FitSettings) -> Result<CalibrationFit, FitError> {
     check_contacts(measurements, &settings.fixture)?;
     let held_back = held_back::choose(&measurements.contacts, settings.held_back_every);
     check_span(&fitted_directions(measurements, &held_back))?;
@@ -246,7 +246,7 @@ pub fn fit(measurements: &Measurements, settings: &FitSettings) -> Result<Fit, F
         Comparison { calibration: &calibration, problem: &problem, solution: &solution, fixture: &settings.fixture };
     let contacts =
         measurements.contacts.iter().enumerate().map(|(index, contact)| comparison.result(index, contact)).collect();
-    Ok(Fit { calibration, quality: solution.quality, contacts, own_weight })
+    Ok(CalibrationFit { calibration, quality: solution.quality, contacts, own_weight })
 }
 
 fn check_contacts(measurements: &Measurements, fixture: &Fixture) -> Result<(), FitError> {

@@ -7,7 +7,7 @@
 //!
 //! A contact is held back only if the others still span and, where loads are known, still hold a known one.
 
-use super::fit::{ContactResult, FITTED_MIN, Fit, Role};
+use super::fit::{CalibrationFit, ContactResult, FITTED_MIN, Role};
 use super::measurements::{CalibrationContact, Load};
 use super::span;
 use crate::math::statistics::mean;
@@ -71,7 +71,7 @@ pub struct HeldBack {
     pub worst_sigma: f64,
 }
 
-impl Fit {
+impl CalibrationFit {
     /// Judgement by the held-back contacts; `None` if there are none.
     #[must_use]
     pub fn held_back(&self) -> Option<HeldBack> {

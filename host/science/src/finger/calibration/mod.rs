@@ -23,7 +23,7 @@ pub mod span;
 mod start;
 mod steadiness;
 
-pub use fit::{ContactResult, Fit, FitError, FitSettings, Quality, Role, fit};
+pub use fit::{CalibrationFit, ContactResult, FitError, FitSettings, Quality, Role, fit};
 pub use force::{Calibration, CalibrationError, CalibrationParts, DwellReading, DwellTare, Force, ForceUnit};
 pub use front_end::{FrontEnd, FrontEndError, FrontEndSettings, counts_vector};
 pub use held_back::HeldBack;

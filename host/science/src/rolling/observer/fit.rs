@@ -70,7 +70,7 @@ pub(super) enum Norm {
 
 /// Where a fit ended.
 #[derive(Clone, Debug)]
-pub(super) struct Fit {
+pub(super) struct RollFit {
     pub(super) point: Point,
     pub(super) cost: f64,
     /// Half the second derivatives of the cost by the state's columns, the further columns and `u`.
@@ -84,7 +84,7 @@ impl Unknowns {
     }
 
     /// The best fit near `start`.
-    pub(super) fn fit(&self, track: &Track, start: Point, effort: &Effort) -> Fit {
+    pub(super) fn fit(&self, track: &Track, start: Point, effort: &Effort) -> RollFit {
         match self.columns.count() {
             6 => self.fit_columns::<6, 8>(track, start, effort),
             9 => self.fit_columns::<9, 11>(track, start, effort),
@@ -92,7 +92,7 @@ impl Unknowns {
         }
     }
 
-    fn fit_columns<const N: usize, const P: usize>(&self, track: &Track, start: Point, effort: &Effort) -> Fit {
+    fn fit_columns<const N: usize, const P: usize>(&self, track: &Track, start: Point, effort: &Effort) -> RollFit {
         let settings = Settings {
             damping: DAMPING,
             // Far below anything that readings tell.
@@ -109,7 +109,7 @@ impl Unknowns {
         let Weighed { point, equations } =
             least_squares::minimise(&fitting, fitting.weighed(start), &settings, is_flat).place;
         let information = DMatrix::from_column_slice(P, P, equations.curvature.as_slice());
-        Fit { point, cost: equations.cost, information }
+        RollFit { point, cost: equations.cost, information }
     }
 
     fn moved<const P: usize>(&self, point: &Point, step: &SVector<f64, P>) -> Point {

@@ -21,7 +21,7 @@ use nalgebra::{DMatrix, Vector2, Vector3};
 pub use track::{Noise, Readings};
 pub use verdict::{Estimate, Hypothesis, Verdict};
 
-use self::fit::{Effort, Fit, Norm, Unknowns};
+use self::fit::{Effort, Norm, RollFit, Unknowns};
 use self::search::{Ground, Width};
 use self::track::Track;
 use self::verdict::{Gate, Quality, Solution};
@@ -287,7 +287,7 @@ const WORTH_POLISHING: f64 = 100.0;
 const ROUNDING_MAX: f64 = 0.75;
 
 /// The last fit of all readings, by least squares; where they were rounded, then by the bounds of rounding.
-fn polish(unknowns: &Unknowns, track: &Track, fine: &Track, fit: Fit, noise: Noise) -> Solution {
+fn polish(unknowns: &Unknowns, track: &Track, fine: &Track, fit: RollFit, noise: Noise) -> Solution {
     let mut point = fit.point;
     let shift = fine.centre_time - track.centre_time;
     let specific_force =

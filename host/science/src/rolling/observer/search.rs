@@ -14,7 +14,7 @@ use nalgebra::{Matrix2, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
 
 use super::super::body::Body;
 use super::super::mechanics::{Instant, Model, RotationMatrix, Spin, State};
-use super::fit::{Effort, Fit, Norm, Point, Unknowns};
+use super::fit::{Effort, Norm, Point, RollFit, Unknowns};
 use super::rotations::spread;
 use super::track::Track;
 use crate::math::least_squares::Enough;
@@ -92,7 +92,7 @@ pub(super) struct Ground<'a> {
 
 impl Ground<'_> {
     /// The best fits of the search's readings, best first, all different; none where it was to halt before it had them.
-    pub(super) fn search(&self, width: &Width) -> Vec<Fit> {
+    pub(super) fn search(&self, width: &Width) -> Vec<RollFit> {
         let time = self.time_unit();
         let derivatives = self.derivatives(self.track.ranks(CUBIC_HORIZON * time * self.pace));
         let mut horizon = width.horizon * time;
@@ -251,7 +251,7 @@ impl Ground<'_> {
     }
 
     /// Fits each over a horizon; leaves behind what is hopeless and what has met another.
-    fn fit_all(&self, points: Vec<Point>, horizon: f64, iterations: usize, width: &Width) -> Vec<Fit> {
+    fn fit_all(&self, points: Vec<Point>, horizon: f64, iterations: usize, width: &Width) -> Vec<RollFit> {
         let palm_sigma = if self.unknowns.columns.palm { PALM_SIGMA } else { f64::INFINITY };
         let effort = Effort {
             ranks: self.track.ranks(horizon),
@@ -261,14 +261,14 @@ impl Ground<'_> {
             norm: Norm::Squares,
         };
         let points = points.into_iter();
-        let mut fits: Vec<Fit> = points
+        let mut fits: Vec<RollFit> = points
             .take_while(|_| !self.halt.is_wished())
             .map(|point| self.unknowns.fit(self.track, point, &effort))
             .collect();
         fits.retain(|fit| fit.cost.is_finite());
         fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
         let best = fits.first().map_or(0.0, |fit| fit.cost);
-        let mut kept: Vec<Fit> = Vec::new();
+        let mut kept: Vec<RollFit> = Vec::new();
         for fit in fits {
             let hopeless = fit.cost > best * (1.0 + LEFT_BEHIND.0) + LEFT_BEHIND.1;
             if !hopeless && kept.len() < width.kept && !kept.iter().any(|other| self.met(other, &fit)) {
@@ -278,7 +278,7 @@ impl Ground<'_> {
         kept
     }
 
-    fn met(&self, a: &Fit, b: &Fit) -> bool {
+    fn met(&self, a: &RollFit, b: &RollFit) -> bool {
         let axes = (a.point.body.inertia() - b.point.body.inertia()).norm() / a.point.body.inertia().norm();
         self.differ(&a.point.body, &a.point.state, &b.point.state) < SAME_FIT && axes < SAME_FIT
     }

@@ -13,7 +13,7 @@ use super::super::mechanics::{Spin, State};
 use super::super::shape::Shape;
 use super::super::symmetry::Symmetry;
 use super::covariance;
-use super::fit::{Ends, Fit, Residuals, Unknowns};
+use super::fit::{Ends, Residuals, RollFit, Unknowns};
 use super::track::Noise;
 use crate::math::statistics::chi_square_quantile;
 
@@ -60,7 +60,7 @@ const UNSEEN_RAD: f64 = 1.0;
 pub(super) struct Solution {
     pub(super) body: usize,
     pub(super) unknowns: Unknowns,
-    pub(super) fit: Fit,
+    pub(super) fit: RollFit,
     pub(super) ends: Ends,
     /// After least squares.
     pub(super) residuals: Residuals,
