@@ -13,7 +13,7 @@ use palpate::finger::contact::offline::{Found, Start};
 use palpate::finger::contact::{Averaging, Settings};
 use palpate_files::recordings::part::Part;
 use palpate_files::recordings::session::{self, CONE_DEG, COVERAGE, Options, Report, START_FORCE_N, Summary};
-use palpate_files::recordings::{Format, Problem, csv, mlab, text};
+use palpate_files::recordings::{Format, RecordingProblem, csv, mlab, text};
 use serde::Serialize;
 
 use super::read::report_problems;
@@ -196,7 +196,7 @@ fn feel_log(file: &Path, text: &str, arguments: &Arguments) -> miette::Result<Fi
 fn feel_table(text: &str, arguments: &Arguments) -> miette::Result<FileReports> {
     let table = csv::parse(text).map_err(|error| miette!("{error}"))?;
     let report = session::of_table(&table, &options(arguments, false)).map_err(|error| miette!("{error}"))?;
-    let problems = table.problems.iter().map(Problem::to_string).collect();
+    let problems = table.problems.iter().map(RecordingProblem::to_string).collect();
     Ok(FileReports { reports: vec![report], problems, force_unit: if table.force_in_newtons { "N" } else { "units" } })
 }
 

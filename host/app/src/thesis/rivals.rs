@@ -12,7 +12,7 @@
 
 use nalgebra::{Point2, Vector2, Vector4};
 use palpate::math::Jet;
-use palpate::math::least_squares::{self, Damping, Enough, Floor, NormalEquations, Problem, Settings};
+use palpate::math::least_squares::{self, Damping, Enough, Floor, LeastSquaresProblem, NormalEquations, Settings};
 use palpate::pushing::dynamics::{
     ContactLaw, ContactMode, EdgeEnd, Finger, Parameter, Part, Push, PushModel, Scalar, Seeded, Slip, Start, State,
 };
@@ -366,7 +366,7 @@ struct Improving<'s, 'a> {
     sigma: f64,
 }
 
-impl Problem<4> for Improving<'_, '_> {
+impl LeastSquaresProblem<4> for Improving<'_, '_> {
     type Place = Tried;
 
     fn cost(&self, tried: &Tried) -> f64 {

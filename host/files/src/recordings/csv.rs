@@ -15,7 +15,7 @@
 use nalgebra::Vector2;
 use palpate::finger::contact::Reading;
 
-use super::{Problem, ReadError, number, shorten};
+use super::{ReadError, RecordingProblem, number, shorten};
 
 /// What a table gave.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,7 +23,7 @@ pub struct Table {
     /// The readings, time increasing; s, and N where the header names a unit of force.
     pub readings: Vec<Reading>,
     /// What was skipped, in the order of the file.
-    pub problems: Vec<Problem>,
+    pub problems: Vec<RecordingProblem>,
     /// Whether the header says that the force is in a unit of force; otherwise it may be anything.
     pub force_in_newtons: bool,
 }
@@ -44,7 +44,7 @@ pub fn parse(text: &str) -> Result<Table, ReadError> {
     for (line, content) in lines {
         match columns.reading(&separator.split(content)) {
             Ok(reading) => rows.push((line, reading)),
-            Err((column, message)) => problems.push(Problem { line, column, message }),
+            Err((column, message)) => problems.push(RecordingProblem { line, column, message }),
         }
     }
     let tried = rows.len() + problems.len();
@@ -162,7 +162,7 @@ fn scale(line: usize, is_time: bool, unit: &str) -> Result<f64, ReadError> {
 }
 
 /// Keeps the longest run of readings whose times increase; reports the others.
-fn keep_increasing(rows: Vec<(usize, Reading)>, problems: &mut Vec<Problem>) -> Vec<Reading> {
+fn keep_increasing(rows: Vec<(usize, Reading)>, problems: &mut Vec<RecordingProblem>) -> Vec<Reading> {
     let kept = longest_increasing(&rows.iter().map(|(_, reading)| reading.t).collect::<Vec<_>>());
     let mut readings = Vec::with_capacity(rows.len());
     for ((line, reading), keep) in rows.into_iter().zip(kept) {
@@ -170,7 +170,7 @@ fn keep_increasing(rows: Vec<(usize, Reading)>, problems: &mut Vec<Problem>) -> 
             readings.push(reading);
         } else {
             let message = format!("time {} s is out of order among its neighbours", reading.t);
-            problems.push(Problem { line, column: None, message });
+            problems.push(RecordingProblem { line, column: None, message });
         }
     }
     readings

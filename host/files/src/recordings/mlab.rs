@@ -14,7 +14,7 @@ use std::ops::Range;
 use nalgebra::Vector2;
 use palpate::finger::contact::Reading;
 
-use super::{Problem, ReadError, number, shorten};
+use super::{ReadError, RecordingProblem, number, shorten};
 
 /// Numbers in a line that holds a pose.
 pub(super) const POSE_NUMBERS: usize = 7;
@@ -72,7 +72,7 @@ pub struct BadPush {
     /// Line at which it starts, from 1.
     pub line: usize,
     /// What is wrong with it.
-    pub problem: Problem,
+    pub problem: RecordingProblem,
 }
 
 /// A whole log.
@@ -139,12 +139,12 @@ fn lines(text: &str) -> Vec<Line<'_>> {
 }
 
 impl Line<'_> {
-    fn problem(&self, column: Option<usize>, message: String) -> Problem {
-        Problem { line: self.number, column, message }
+    fn problem(&self, column: Option<usize>, message: String) -> RecordingProblem {
+        RecordingProblem { line: self.number, column, message }
     }
 
     /// The line's numbers, of which there must be `N`.
-    fn numbers<const N: usize>(&self, what: &str) -> Result<[f64; N], Problem> {
+    fn numbers<const N: usize>(&self, what: &str) -> Result<[f64; N], RecordingProblem> {
         if self.fields.len() != N {
             let message = format!("expected {what} ({N} numbers), found {} fields", self.fields.len());
             return Err(self.problem(None, message));
@@ -156,7 +156,7 @@ impl Line<'_> {
         Ok(values)
     }
 
-    fn pose(&self, what: &str) -> Result<Pose, Problem> {
+    fn pose(&self, what: &str) -> Result<Pose, RecordingProblem> {
         pose(&self.numbers::<POSE_NUMBERS>(what)?).map_err(|message| self.problem(None, message))
     }
 
@@ -186,7 +186,7 @@ struct Cursor<'a> {
 }
 
 impl<'a> Cursor<'a> {
-    fn push(&mut self, index: usize) -> Result<Push, Problem> {
+    fn push(&mut self, index: usize) -> Result<Push, RecordingProblem> {
         let first = self.line("the block's pose before the push")?;
         let before = first.pose("the block's pose before the push")?;
         let after = self.line("the block's pose after the push")?.pose("the block's pose after the push")?;
@@ -201,14 +201,14 @@ impl<'a> Cursor<'a> {
         Ok(Push { index, line: first.number, before, after, forces, tips })
     }
 
-    fn line(&mut self, what: &str) -> Result<&'a Line<'a>, Problem> {
+    fn line(&mut self, what: &str) -> Result<&'a Line<'a>, RecordingProblem> {
         let line = self.lines.get(self.next).ok_or_else(|| self.end(what))?;
         self.next += 1;
         Ok(line)
     }
 
     /// Reads a count and steps over that many rows.
-    fn rows(&mut self, what: &str) -> Result<Range<usize>, Problem> {
+    fn rows(&mut self, what: &str) -> Result<Range<usize>, RecordingProblem> {
         let line = self.line(what)?;
         let [field] = line.fields[..] else {
             let message = format!("expected the number of {what}, found {} fields", line.fields.len());
@@ -226,19 +226,19 @@ impl<'a> Cursor<'a> {
         Ok(start..self.next)
     }
 
-    fn force(&self, row: usize) -> Result<Reading, Problem> {
+    fn force(&self, row: usize) -> Result<Reading, RecordingProblem> {
         let [t, fx, fy] = self.lines[row].numbers::<FORCE_NUMBERS>("a force row `t Fx Fy`")?;
         Ok(Reading::new(t, Vector2::new(fx, fy)))
     }
 
-    fn tip(&self, row: usize) -> Result<Tip, Problem> {
+    fn tip(&self, row: usize) -> Result<Tip, RecordingProblem> {
         let line = &self.lines[row];
         let [t, values @ ..] = line.numbers::<TIP_NUMBERS>("a tip row `t x y z qw qx qy qz`")?;
         Ok(Tip { t, pose: pose(&values).map_err(|message| line.problem(None, message))? })
     }
 
     /// Interpolation, filters and the tare all need times that increase.
-    fn check_times(&self, rows: &Range<usize>, times: &[f64], what: &str) -> Result<(), Problem> {
+    fn check_times(&self, rows: &Range<usize>, times: &[f64], what: &str) -> Result<(), RecordingProblem> {
         let row = |i: usize| &self.lines[rows.start + i];
         if times.len() < 2 {
             let message = format!("{} {what}, where at least 2 are needed", times.len());
@@ -250,9 +250,9 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    fn end(&self, what: &str) -> Problem {
+    fn end(&self, what: &str) -> RecordingProblem {
         let line = self.lines.last().map_or(0, |line| line.number);
-        Problem { line, column: None, message: format!("the file ends where {what} should follow") }
+        RecordingProblem { line, column: None, message: format!("the file ends where {what} should follow") }
     }
 
     /// Goes on to the next pair of pose lines at or after line `from`.

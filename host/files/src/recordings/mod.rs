@@ -7,7 +7,7 @@
 //! [`session`] runs [`palpate::finger::contact`] over what was read.
 //!
 //! Frames: as in the file (`sensor` axes, robot frame = `world`). Units: SI; files' millimetres are converted on reading.
-//! Errors: [`ReadError`] for a file that gives nothing at all; [`Problem`]s for places in one that gives something.
+//! Errors: [`ReadError`] for a file that gives nothing at all; [`RecordingProblem`]s for places in one that gives something.
 
 pub mod csv;
 pub mod mlab;
@@ -24,7 +24,7 @@ use serde::Serialize;
 /// A place in a file that could not be read, and was skipped.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, thiserror::Error)]
 #[error("line {line}{}: {message}", column.map(|c| format!(", column {c}")).unwrap_or_default())]
-pub struct Problem {
+pub struct RecordingProblem {
     /// Line, from 1.
     pub line: usize,
     /// Field in that line, from 1, where one is to blame.
@@ -70,7 +70,7 @@ pub enum ReadError {
         /// Lines tried.
         lines: usize,
         /// What was wrong with the first.
-        first: Problem,
+        first: RecordingProblem,
     },
     /// The first line of a pushing log is not the number of pushes.
     #[error("line {line}: expected the number of pushes, found `{found}`")]
@@ -82,7 +82,7 @@ pub enum ReadError {
     },
     /// A part's outline cannot be one.
     #[error("the outline of the part cannot be read: {0}")]
-    Part(Problem),
+    Part(RecordingProblem),
 }
 
 /// The formats that can be read.

@@ -10,7 +10,7 @@ use std::f64::consts::FRAC_PI_2;
 use nalgebra::{Rotation2, Vector2};
 
 use super::mlab::Pose;
-use super::{Problem, ReadError, number, shorten};
+use super::{ReadError, RecordingProblem, number, shorten};
 
 /// A simple polygon, counter-clockwise; edge `i` runs from vertex `i` to the next.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,7 +60,7 @@ impl Part {
             .map(|(i, line)| (i + 1, line.split('#').next().unwrap_or_default().trim()))
             .filter(|(_, line)| !line.is_empty());
         let (line, field) = lines.next().ok_or(ReadError::Empty)?;
-        let problem = |line, message| ReadError::Part(Problem { line, column: None, message });
+        let problem = |line, message| ReadError::Part(RecordingProblem { line, column: None, message });
         let bad_count = || problem(line, format!("expected the number of vertices, found `{}`", shorten(field)));
         let count: usize = field.parse().map_err(|_| bad_count())?;
         let mut vertices = Vec::new();

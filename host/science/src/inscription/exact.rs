@@ -211,7 +211,7 @@ struct Improving<'p, 'a> {
     triple: &'p Triple,
 }
 
-impl least_squares::Problem<3> for Improving<'_, '_> {
+impl least_squares::LeastSquaresProblem<3> for Improving<'_, '_> {
     type Place = Missed;
 
     fn cost(&self, missed: &Missed) -> f64 {

@@ -12,8 +12,8 @@
 //! one that does not is taken back and λ grows, so that steps turn downhill and shorten. The **floor** stands for measurements
 //! too poor to show: it keeps an unknown without any influence where it is.
 //!
-//! What a place is stays with the [`Problem`]: how a step moves it (rotations, wrapped angles, bounds), how far the parabola can be
-//! trusted ([`Problem::limited`]), which unknowns rest against a bound ([`Problem::held`]), what walls and priors add to
+//! What a place is stays with the [`LeastSquaresProblem`]: how a step moves it (rotations, wrapped angles, bounds), how far the parabola can be
+//! trusted ([`LeastSquaresProblem::limited`]), which unknowns rest against a bound ([`LeastSquaresProblem::held`]), what walls and priors add to
 //! the cost. The constants are data ([`Settings`]).
 //!
 //! Source: D. W. Marquardt, "An Algorithm for Least-Squares Estimation of Nonlinear Parameters", J. SIAM 11 (1963) 431–441.
@@ -92,7 +92,7 @@ impl<const N: usize> NormalEquations<N> {
 ///
 /// ```
 /// use nalgebra::Vector1;
-/// use palpate::math::least_squares::{NormalEquations, Outcome, Problem, Settings, minimise};
+/// use palpate::math::least_squares::{NormalEquations, Outcome, LeastSquaresProblem, Settings, minimise};
 ///
 /// /// The heading (rad) from which beacons lie at the bearings measured.
 /// struct Compass([[f64; 2]; 3]);
@@ -104,7 +104,7 @@ impl<const N: usize> NormalEquations<N> {
 ///     }
 /// }
 ///
-/// impl Problem<1> for Compass {
+/// impl LeastSquaresProblem<1> for Compass {
 ///     type Place = f64;
 ///
 ///     fn cost(&self, heading: &f64) -> f64 {
@@ -129,7 +129,7 @@ impl<const N: usize> NormalEquations<N> {
 /// assert_eq!(found.outcome, Outcome::Converged);
 /// assert!((found.place - 0.1878).abs() < 1e-4);
 /// ```
-pub trait Problem<const N: usize> {
+pub trait LeastSquaresProblem<const N: usize> {
     /// Values of the unknowns, with whatever came of evaluating them.
     type Place;
 
@@ -289,7 +289,7 @@ pub struct Trial<'a, Place> {
 
 /// Goes down from a place until nothing is to be gained, the bounds are reached, or `stop` says so of a trial.
 #[must_use]
-pub fn minimise<const N: usize, P: Problem<N>>(
+pub fn minimise<const N: usize, P: LeastSquaresProblem<N>>(
     problem: &P,
     start: P::Place,
     settings: &Settings<N>,
@@ -312,7 +312,7 @@ pub fn minimise<const N: usize, P: Problem<N>>(
 ///
 /// # Errors
 /// The outcome, where no step lowers the cost or none is needed.
-pub fn lowered<const N: usize, P: Problem<N>>(
+pub fn lowered<const N: usize, P: LeastSquaresProblem<N>>(
     problem: &P,
     place: &P::Place,
     settings: &Settings<N>,
@@ -326,7 +326,7 @@ pub fn lowered<const N: usize, P: Problem<N>>(
 
 /// By how much the next step would lower the cost without damping, if the cost is a parabola: 0 at a minimum, and where the curvature
 /// is singular.
-pub fn predicted_reduction<const N: usize, P: Problem<N>>(
+pub fn predicted_reduction<const N: usize, P: LeastSquaresProblem<N>>(
     problem: &P,
     place: &P::Place,
     settings: &Settings<N>,
@@ -348,7 +348,7 @@ struct Lower<Place> {
     end: Option<Outcome>,
 }
 
-impl<const N: usize, P: Problem<N>> Descent<'_, P, N> {
+impl<const N: usize, P: LeastSquaresProblem<N>> Descent<'_, P, N> {
     /// Tries steps from a place until one lowers the cost.
     fn step(
         &mut self,
@@ -424,7 +424,7 @@ struct Step<const N: usize> {
     predicted_reduction: f64,
 }
 
-impl<'a, const N: usize, P: Problem<N>> Parabola<'a, P, N> {
+impl<'a, const N: usize, P: LeastSquaresProblem<N>> Parabola<'a, P, N> {
     fn at(problem: &'a P, place: &P::Place, settings: &Settings<N>) -> Self {
         let equations = problem.normal_equations(place);
         let held = problem.held(place, &equations);

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::Settled;
 use super::objective::{Objective, Placed};
-use crate::math::least_squares::{self, Damping, Enough, Floor, NormalEquations, Problem, Settings};
+use crate::math::least_squares::{self, Damping, Enough, Floor, LeastSquaresProblem, NormalEquations, Settings};
 
 /// How far steps go. Ten trials are usual.
 const DESCENT: Settings<3> = Settings {
@@ -47,7 +47,7 @@ impl Objective<'_> {
     }
 }
 
-impl Problem<3> for Objective<'_> {
+impl LeastSquaresProblem<3> for Objective<'_> {
     type Place = (Placed, NormalEquations<3>);
 
     fn cost(&self, (_, quadratic): &Self::Place) -> f64 {

@@ -12,7 +12,7 @@ struct Plain<F, J> {
     slopes: J,
 }
 
-impl<const N: usize, const M: usize, F, J> Problem<N> for Plain<F, J>
+impl<const N: usize, const M: usize, F, J> LeastSquaresProblem<N> for Plain<F, J>
 where
     F: Fn(&SVector<f64, N>) -> SVector<f64, M>,
     J: Fn(&SVector<f64, N>) -> SMatrix<f64, M, N>,
@@ -38,7 +38,7 @@ where
 }
 
 /// Rosenbrock's valley: residuals 1 − x and 10 (y − x²), with its second unknown in other units.
-fn rosenbrock(unit: f64) -> impl Problem<2, Place = Vector2<f64>> {
+fn rosenbrock(unit: f64) -> impl LeastSquaresProblem<2, Place = Vector2<f64>> {
     Plain {
         residuals: move |v: &Vector2<f64>| Vector2::new(1.0 - v.x, 10.0 * (v.y / unit - v.x * v.x)),
         slopes: move |v: &Vector2<f64>| nalgebra::Matrix2::new(-1.0, 0.0, -20.0 * v.x, 10.0 / unit),
@@ -101,7 +101,7 @@ fn a_singular_curvature_without_floor_stalls_where_it_began() {
 /// Mean of angles: a place on a circle, not on a line.
 struct MeanAngle([f64; 3]);
 
-impl Problem<1> for MeanAngle {
+impl LeastSquaresProblem<1> for MeanAngle {
     type Place = f64;
 
     fn cost(&self, angle: &f64) -> f64 {
@@ -161,7 +161,7 @@ fn the_caller_sees_every_trial_and_stops_when_it_likes() {
 /// ln x − target: defined for x > 0 only.
 struct Logarithm(f64);
 
-impl Problem<1> for Logarithm {
+impl LeastSquaresProblem<1> for Logarithm {
     type Place = f64;
 
     fn cost(&self, x: &f64) -> f64 {
@@ -197,7 +197,7 @@ struct Bounded {
     step_max: f64,
 }
 
-impl Problem<2> for Bounded {
+impl LeastSquaresProblem<2> for Bounded {
     type Place = Vector2<f64>;
 
     fn cost(&self, v: &Vector2<f64>) -> f64 {
@@ -257,7 +257,7 @@ fn numbers_that_are_none_move_nothing() {
 #[test]
 fn a_minimum_that_the_problem_knows_ends_the_descent_before_a_trial() {
     struct Known;
-    impl Problem<1> for Known {
+    impl LeastSquaresProblem<1> for Known {
         type Place = f64;
         fn cost(&self, x: &f64) -> f64 {
             x * x

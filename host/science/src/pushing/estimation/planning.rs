@@ -21,7 +21,7 @@
 use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
 
 use super::hypotheses::Belief;
-use crate::math::least_squares::{self, Damping, Enough, Floor, NormalEquations, Problem, Settings};
+use crate::math::least_squares::{self, Damping, Enough, Floor, LeastSquaresProblem, NormalEquations, Settings};
 use crate::math::statistics::normal_tail;
 use crate::pushing::dynamics::{EdgeEnd, Finger, Part, Push, PushModel, Run, Sample, Start, State};
 use crate::pushing::finger_motion::Segment;
@@ -420,7 +420,7 @@ impl Updating<'_> {
     }
 }
 
-impl Problem<4> for Updating<'_> {
+impl LeastSquaresProblem<4> for Updating<'_> {
     type Place = Linear;
 
     fn cost(&self, linear: &Linear) -> f64 {

@@ -11,7 +11,7 @@ use super::super::flow::{Columns, STATE_COLUMNS, Tangent};
 use super::super::mechanics::{Model, Spin, State};
 use super::super::shape::{Ellipsoid, Shape};
 use super::track::{IntegrationStep, Track};
-use crate::math::least_squares::{self, Damping, Enough, Floor, NormalEquations, Problem, Settings, Trial};
+use crate::math::least_squares::{self, Damping, Enough, Floor, LeastSquaresProblem, NormalEquations, Settings, Trial};
 
 /// Column of the spin among those of a state: fixed where there is none.
 const SPIN_COLUMN: usize = 5;
@@ -288,7 +288,7 @@ impl<const N: usize> Fitting<'_, N> {
     }
 }
 
-impl<const N: usize, const P: usize> Problem<P> for Fitting<'_, N> {
+impl<const N: usize, const P: usize> LeastSquaresProblem<P> for Fitting<'_, N> {
     type Place = Weighed<P>;
 
     fn cost(&self, weighed: &Weighed<P>) -> f64 {

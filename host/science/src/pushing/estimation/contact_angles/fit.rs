@@ -17,7 +17,7 @@ use super::initial_state::{MU_G, StartMode, UNKNOWNS, Unknowns, Variable, initia
 use super::path::{CONSTRAINTS, ContactInterval, Seen, follow, plain_contact, plain_state};
 use crate::math::Jet;
 use crate::math::angle::wrap_angle;
-use crate::math::least_squares::{self, Damping, Enough, Floor, NormalEquations, Problem, Settings};
+use crate::math::least_squares::{self, Damping, Enough, Floor, LeastSquaresProblem, NormalEquations, Settings};
 use crate::pushing::dynamics::{ContactMode, Scalar, State};
 use crate::pushing::estimation::observation::{Channel, Known, MU_G_LOG_MAX, Prior, Touch};
 
@@ -501,7 +501,7 @@ impl Fitting<'_, '_> {
     }
 }
 
-impl Problem<UNKNOWNS> for Fitting<'_, '_> {
+impl LeastSquaresProblem<UNKNOWNS> for Fitting<'_, '_> {
     type Place = Evaluation;
 
     fn cost(&self, evaluation: &Evaluation) -> f64 {

@@ -205,7 +205,7 @@ impl Problem<'_, '_> {
     }
 }
 
-impl least_squares::Problem<COLUMNS> for Problem<'_, '_> {
+impl least_squares::LeastSquaresProblem<COLUMNS> for Problem<'_, '_> {
     type Place = Tried;
 
     fn cost(&self, tried: &Tried) -> f64 {
