@@ -11,8 +11,8 @@
 use nalgebra::{Point2, Rotation2, Vector2};
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::pushing::dynamics::{
-    ContactLaw, EdgeEnd, FingerPath, FingerShape, FingerTrack, ModelError, PartSide, PushError, Run, RunError, Sample,
-    ShapeError, ShapedModel, ShapedPush, Start, State,
+    ContactLaw, EdgeEnd, FingerPath, FingerShape, FingerTrack, ModelError, PartSide, PushError, PushRun, PushRunError,
+    Sample, ShapeError, ShapedModel, ShapedPush, Start, State,
 };
 use palpate_files::part::{DescribedPart, PartFile};
 
@@ -74,7 +74,7 @@ pub struct Turn {
 #[derive(Clone, Debug)]
 pub struct Pushed {
     /// The motion.
-    pub run: Run,
+    pub run: PushRun,
     /// The finger's outline.
     pub shape: FingerShape,
     /// The finger's motion, world axes.
@@ -157,7 +157,7 @@ pub enum PlanError {
     Push(PushError),
     /// Could not be followed.
     #[error(transparent)]
-    Run(#[from] RunError),
+    Run(#[from] PushRunError),
 }
 
 /// Millimetres in a metre.

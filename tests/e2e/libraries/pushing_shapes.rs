@@ -9,7 +9,7 @@ use nalgebra::{Point2, Rotation2, Vector2};
 use palpate::geometry::SimplePolygon;
 use palpate::math::random::Draw;
 use palpate::pushing::dynamics::{
-    Body, ContactLaw, EdgeEnd, EndReason, FingerPath, FingerShape, Mass, Part, PartSide, Run, Sample, ShapedModel,
+    Body, ContactLaw, EdgeEnd, EndReason, FingerPath, FingerShape, Mass, Part, PartSide, PushRun, Sample, ShapedModel,
     ShapedPush, Start, State,
 };
 
@@ -104,7 +104,7 @@ impl Case {
         self.part.body()
     }
 
-    fn run(&self, law: ContactLaw) -> Run {
+    fn run(&self, law: ContactLaw) -> PushRun {
         let model = ShapedModel::new(self.body(), self.side, MU_G, self.shape, self.path).unwrap();
         let times: Vec<_> = (0..=STEPS).map(|i| f64::from(i) * STEP_S).collect();
         ShapedPush::new(model, law, Start::Moving(self.state), EdgeEnd::Stop).unwrap().run(&times).unwrap()

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use palpate::pushing::dynamics::{
-    ContactForce, ContactLaw, ContactMode, EndReason, FingerShape, PartSide, Run, Sample,
+    ContactForce, ContactLaw, ContactMode, EndReason, FingerShape, PartSide, PushRun, Sample,
 };
 use palpate_files::part::{DescribedPart, PartFile};
 use palpate_files::solve::kinds::push::{InitialAcceleration, Meeting, PushAnswer, PushEnd, PushSample, Transition};
@@ -173,7 +173,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let smooth = || -> miette::Result<Pushed> {
         // Not beyond the end: all that is drawn is what happened.
         let smooth = run(&equal_steps(pushed.run.end.t, f64::from(u32::try_from(SAMPLES).unwrap_or(u32::MAX))))?;
-        Ok(Pushed { run: Run { end: pushed.run.end, ..smooth.run }, ..smooth })
+        Ok(Pushed { run: PushRun { end: pushed.run.end, ..smooth.run }, ..smooth })
     };
     arguments.plot.draw(|| Ok(arguments.figure(&file, &plan, &smooth()?)))?;
     if let Some(path) = &arguments.limit_surface {

@@ -8,7 +8,7 @@ use clap::ValueEnum;
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use nalgebra::{UnitQuaternion, Vector3};
 use palpate::gravity::GRAVITY_ASSUMED;
-use palpate::rolling::{EndReason, PalmAcceleration, Roll, Run, Sample, Spin};
+use palpate::rolling::{EndReason, PalmAcceleration, Roll, RollRun, Sample, Spin};
 use palpate_files::body::BodyFile;
 use palpate_files::solve::kinds::roll::{RollAnswer, wxyz};
 
@@ -111,7 +111,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     }
     let end = arguments.contacts_hz.map_or(arguments.time_s, |rate| steps / rate);
     let run = go(end, steps)?;
-    arguments.plot.draw(|| Ok(arguments.figure(&file, &Run { end: run.end, ..go(run.end.t, f64::from(SAMPLES))? })))?;
+    arguments
+        .plot
+        .draw(|| Ok(arguments.figure(&file, &RollRun { end: run.end, ..go(run.end.t, f64::from(SAMPLES))? })))?;
     if arguments.contacts_hz.is_some() {
         arguments.print_contacts(&run);
     } else if arguments.json {
@@ -138,7 +140,7 @@ impl Arguments {
         Roll::new(on, wxyz(&attitude), omega.into(), [0.0; 2]).into_diagnostic().wrap_err_with(cannot)
     }
 
-    fn figure(&self, file: &BodyFile, run: &Run) -> Figure {
+    fn figure(&self, file: &BodyFile, run: &RollRun) -> Figure {
         let name = self.body.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let spin = if self.spin == SpinChoice::Free { "free to spin" } else { "no spin" };
         let [x, y, z] = self.palm_m_s2;
@@ -152,7 +154,7 @@ impl Arguments {
         RollPicture { body: &file.body, run, g: GRAVITY_ASSUMED, title: &title, subtitles: &subtitles }.figure()
     }
 
-    fn print_contacts(&self, run: &Run) {
+    fn print_contacts(&self, run: &RollRun) {
         let pitch = self.grid_mm * 1e-3;
         let sensed = |x: f64| if pitch > 0.0 { (x / pitch).round() * pitch } else { x };
         for Sample { t, state, .. } in &run.samples {
@@ -162,7 +164,7 @@ impl Arguments {
     }
 }
 
-fn print_table(run: &Run) {
+fn print_table(run: &RollRun) {
     say!("   time   contact         height  turning about        force / weight");
     say!("    [s]   x [mm]   y [mm]   [mm]  x, y, up [°/s]            up    along");
     let before_end = run.samples.iter().filter(|sample| sample.t < run.end.t);
@@ -199,7 +201,7 @@ pub(crate) fn fixed(value: f64, decimals: usize) -> String {
     }
 }
 
-fn end_in_words(run: &Run) -> String {
+fn end_in_words(run: &RollRun) -> String {
     let why = match run.end.reason {
         EndReason::Time => "the time was up",
         EndReason::LiftOff => "the body lifts off: the contact would have to pull",

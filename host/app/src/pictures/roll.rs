@@ -3,7 +3,7 @@
 //! Pure. Frames: palm, seen from above. Units: SI in, millimetres and shares of the weight on the axes.
 
 use nalgebra::{Point2, Vector2, Vector3};
-use palpate::rolling::{Body, Run, Sample};
+use palpate::rolling::{Body, RollRun, Sample};
 
 use crate::pictures::plot::{Chart, Colour, Dash, Figure, Key, Scene, Stroke, Style};
 
@@ -32,7 +32,7 @@ pub struct RollPicture<'a> {
     /// The body.
     pub body: &'a Body,
     /// Its motion, sampled densely.
-    pub run: &'a Run,
+    pub run: &'a RollRun,
     /// m/s².
     pub g: f64,
     /// Above everything.

@@ -10,7 +10,8 @@
 use nalgebra::{Isometry2, Vector2};
 
 use crate::pushing::dynamics::{
-    ContactLaw, Edge, EdgeEnd, EndReason, ModelError, Part, Push, PushError, PushModel, Run, RunError, Sample, Start,
+    ContactLaw, Edge, EdgeEnd, EndReason, ModelError, Part, Push, PushError, PushModel, PushRun, PushRunError, Sample,
+    Start,
 };
 use crate::pushing::finger_motion::{FingerMotion, Leg};
 
@@ -63,7 +64,7 @@ pub enum WorldError {
     Push(#[from] PushError),
     /// Could not be followed.
     #[error(transparent)]
-    Run(#[from] RunError),
+    Run(#[from] PushRunError),
 }
 
 impl PushedWorld<'_> {
@@ -87,7 +88,7 @@ impl PushedWorld<'_> {
         Ok(played)
     }
 
-    fn run(&self, edge: Edge, leg: &Leg, start: Start) -> Result<Run, WorldError> {
+    fn run(&self, edge: Edge, leg: &Leg, start: Start) -> Result<PushRun, WorldError> {
         let model = PushModel { part: self.part, edge, mu_g: self.mu_g, finger: leg.finger };
         let law = ContactLaw::Coulomb { friction: self.mu_c };
         Ok(Push::new(model, law, start, EdgeEnd::Stop)?.run(&times(leg))?)
@@ -106,7 +107,7 @@ fn times(leg: &Leg) -> Vec<f64> {
 const SAME_TIME_S: f64 = 1e-9;
 
 impl Played {
-    fn take(&mut self, run: &Run, leg: &Leg, mass: f64) {
+    fn take(&mut self, run: &PushRun, leg: &Leg, mass: f64) {
         for sample in &run.samples {
             let sample = Sample { t: leg.from + sample.t, ..*sample };
             self.samples.push(sample);

@@ -27,7 +27,7 @@ pub use mechanics::{Model, Rates, Spin, State, specific_force};
 pub use observability::{CannotFollow, Inputs, Observability, SufficientCondition, observability};
 pub use observer::{BodyKnowledge, Estimate, Hypothesis, Noise, ObserveError, PalmKnowledge, Question, Verdict};
 pub use palm::{Harmonic, PalmAcceleration, Pieces, PiecesError};
-pub use run::{End, EndReason, Roll, RollError, Run, Sample};
+pub use run::{End, EndReason, Roll, RollError, RollRun, Sample};
 pub use shape::{Custom, Egg, Ellipsoid, Local, Rounded, Shape, SupportFunction};
 pub use symmetry::{Symmetry, SymmetryName};
 pub use tracker::{Report, Tracked, Tracker};

@@ -49,7 +49,7 @@ pub struct Roll<'a> {
 
 /// How a roll went.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Run {
+pub struct RollRun {
     /// At each time asked for, up to the end.
     pub samples: Vec<Sample>,
     /// What ended it.
@@ -177,7 +177,7 @@ impl<'a> Roll<'a> {
     ///
     /// # Errors
     /// [`RollError::Stuck`] where no step is short enough.
-    pub fn run(&self, times: &[f64]) -> Result<Run, RollError> {
+    pub fn run(&self, times: &[f64]) -> Result<RollRun, RollError> {
         let mut walk = Walk { roll: self, t: 0.0, state: self.start, step: STEP_MAX_S, steps: 0 };
         let mut samples = Vec::with_capacity(times.len());
         let mut end = self.lifts(0.0, &self.start).then_some(End { reason: EndReason::LiftOff, t: 0.0 });
@@ -194,7 +194,7 @@ impl<'a> Roll<'a> {
         }
         let end = end.unwrap_or(End { reason: EndReason::Time, t: walk.t });
         let friction = samples.iter().chain([&last]).map(Sample::friction_needed).fold(0.0, f64::max);
-        Ok(Run { samples, end, last, friction_needed: friction })
+        Ok(RollRun { samples, end, last, friction_needed: friction })
     }
 
     /// The state at t = 0.
@@ -347,7 +347,7 @@ mod tests {
         Body::ellipsoid([0.02, 0.03, 0.04]).unwrap()
     }
 
-    fn go(body: &Body, palm: &PalmAcceleration, omega: [f64; 3], times: &[f64]) -> Run {
+    fn go(body: &Body, palm: &PalmAcceleration, omega: [f64; 3], times: &[f64]) -> RollRun {
         let on = (body, Spin::Free, palm, 9.81);
         Roll::new(on, [0.6, 0.0, 0.8, 0.0], omega, [0.0; 2]).unwrap().run(times).unwrap()
     }

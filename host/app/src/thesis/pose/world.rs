@@ -8,7 +8,7 @@ use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::angle::wrap_angle;
 use palpate::math::random::Draw;
 use palpate::pushing::dynamics::{
-    ContactLaw, ContactMode, EdgeEnd, EndReason, Finger, Part, Push, PushModel, Run, Sample, Slip, Start, State,
+    ContactLaw, ContactMode, EdgeEnd, EndReason, Finger, Part, Push, PushModel, PushRun, Sample, Slip, Start, State,
 };
 use palpate::pushing::estimation::{Channel, Hypothesis, Known, Measured, Observation, Prior, Touch};
 
@@ -162,7 +162,7 @@ impl Case {
         let law = law(kind, Slip::of(model.slip(0.0, &state)));
         let push = Push::new(model, law, Start::Moving(state), EdgeEnd::Stop).ok()?;
         let times: Vec<_> = (0..values(kind)).map(|i| f64::from(i) * DT_S).collect();
-        let Run { samples, end, .. } = push.run(&times).ok()?;
+        let PushRun { samples, end, .. } = push.run(&times).ok()?;
         if end.reason != EndReason::Time || samples.len() != times.len() {
             return None;
         }

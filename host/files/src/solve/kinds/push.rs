@@ -3,7 +3,7 @@
 use nalgebra::Point2;
 use palpate::pushing::dynamics::{
     ContactForce, ContactLaw, ContactMode, EdgeEnd, EndReason, Finger as Disk, Mass, Part, Push as Simulation,
-    PushError, PushModel, Run, Sample, SecondContact, Slip, Start, State,
+    PushError, PushModel, PushRun, Sample, SecondContact, Slip, Start, State,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -376,7 +376,7 @@ impl Push {
         }
     }
 
-    fn answer(&self, run: &Run) -> PushAnswer {
+    fn answer(&self, run: &PushRun) -> PushAnswer {
         let changes = || run.changes.iter().map(|change| Transition { t: change.t, to: change.to.into() }).collect();
         PushAnswer {
             samples: run.samples.iter().map(PushSample::from).collect(),

@@ -309,8 +309,8 @@ pub fn wxyz(q: &nalgebra::Quaternion<f64>) -> [f64; 4] {
     [q.w, q.i, q.j, q.k]
 }
 
-impl From<&rolling::Run> for RollAnswer {
-    fn from(run: &rolling::Run) -> Self {
+impl From<&rolling::RollRun> for RollAnswer {
+    fn from(run: &rolling::RollRun) -> Self {
         let reason = match run.end.reason {
             EndReason::Time => Reason::Time,
             EndReason::LiftOff => Reason::LiftOff,

@@ -39,7 +39,7 @@ pub use extrapolation::{Extrapolation, Passed};
 pub use model::{ContactMode, Edge, Finger, FingerPath, ModelError, Part, PushModel, Slip, State};
 pub use push::{ContactLaw, EdgeEnd, FingerTrack, Push, PushError, PushOf, ShapedPush, Start};
 pub use rest::{RestError, RestStart};
-pub use run::{Acceleration, Change, End, EndReason, Run, RunError, Sample, SecondContact};
+pub use run::{Acceleration, Change, End, EndReason, PushRun, PushRunError, Sample, SecondContact};
 pub use scalar::Scalar;
 pub use sensitivity::{Parameter, Seeded, derivatives};
 pub use shaped::{ShapeError, ShapedModel};

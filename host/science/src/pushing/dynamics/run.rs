@@ -11,7 +11,7 @@
 //! Implements: the contact modes of thesis §5.2.1 and §5.4 with Coulomb's law deciding between them.
 //! Assumes: what else the finger meets does not push: see [`SecondContact`].
 //! Frames: world, unless named. Units: SI, forces per unit mass of the part.
-//! Errors: [`RunError`], for motions too stiff to follow. Measured error: see [`PushOf::run`].
+//! Errors: [`PushRunError`], for motions too stiff to follow. Measured error: see [`PushOf::run`].
 
 use nalgebra::{Point2, Rotation2, Vector2};
 
@@ -60,7 +60,7 @@ const CHANGES_MAX: usize = 10_000;
 
 /// The result of a push.
 #[derive(Clone, Debug)]
-pub struct Run {
+pub struct PushRun {
     /// The part at each time asked for, up to the end.
     pub samples: Vec<Sample>,
     /// What ended the push.
@@ -153,7 +153,7 @@ pub struct Acceleration {
 
 /// A push could not be followed to its end.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum RunError {
+pub enum PushRunError {
     /// Nothing was asked for.
     #[error("no time is given: give at least one to sample the push at")]
     NoTimes,
@@ -234,9 +234,9 @@ impl<M: ContactModel> PushOf<M> {
     /// 3e-11 rad, s within 3e-13 m. A slow part is stiff: a step takes about 3v/(µg), 0.1 ms at 0.1 mm/s.
     ///
     /// # Errors
-    /// [`RunError`].
-    pub fn run(&self, times: &[f64]) -> Result<Run, RunError> {
-        let &time_end = times.last().ok_or(RunError::NoTimes)?;
+    /// [`PushRunError`].
+    pub fn run(&self, times: &[f64]) -> Result<PushRun, PushRunError> {
+        let &time_end = times.last().ok_or(PushRunError::NoTimes)?;
         let mut simulation = Simulation::new(self, times, time_end);
         let mut next = simulation.begin()?;
         loop {
@@ -329,7 +329,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
     }
 
     /// The first leg.
-    fn begin(&mut self) -> Result<Next, RunError> {
+    fn begin(&mut self) -> Result<Next, PushRunError> {
         let state = match self.push.start {
             Start::Rest { u, s } => State { u, s, omega: 0.0, v_t: 0.0 },
             Start::Moving(state) => state,
@@ -410,7 +410,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
     }
 
     /// Follows a leg for one step.
-    fn follow(&mut self, leg: Leg) -> Result<Next, RunError> {
+    fn follow(&mut self, leg: Leg) -> Result<Next, PushRunError> {
         let step = self.step(&leg)?;
         let (found, time) = (self.first_event(&leg, &step), step.time + step.length);
         let Some(Found { event, share }) = found else {
@@ -442,7 +442,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
     }
 
     /// Goes on where the finger changes its acceleration.
-    fn change_path(&mut self, leg: &Leg, time: f64, state: State) -> Result<Next, RunError> {
+    fn change_path(&mut self, leg: &Leg, time: f64, state: State) -> Result<Next, PushRunError> {
         self.model = self.model.with_path(self.push.track.path(time));
         if self.rests(&leg.contact, time, &state) {
             return self.begin_at_rest(time, State { omega: 0.0, ..state });
@@ -472,7 +472,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
     }
 
     /// Lets part and finger rest until the finger moves again, if ever.
-    fn wait(&mut self, time: f64, state: State) -> Result<Next, RunError> {
+    fn wait(&mut self, time: f64, state: State) -> Result<Next, PushRunError> {
         let until = self.horizon(time);
         let contact = self.push.law.at_rest();
         loop {
@@ -490,7 +490,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
         self.begin_at_rest(until, state)
     }
 
-    fn after_step(&mut self, leg: Leg, time: f64, state: State) -> Result<Next, RunError> {
+    fn after_step(&mut self, leg: Leg, time: f64, state: State) -> Result<Next, PushRunError> {
         if time >= self.time_end {
             self.last = self.sample(self.time_end, &leg.contact, &state);
             return Ok(Next::End(EndReason::Time));
@@ -517,7 +517,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
         Ok(Next::Leg(Leg { time, state, slack, ..leg }))
     }
 
-    fn after_event(&mut self, leg: &Leg, event: usize, time: f64, state: State) -> Result<Next, RunError> {
+    fn after_event(&mut self, leg: &Leg, event: usize, time: f64, state: State) -> Result<Next, PushRunError> {
         let ContactLaw::Coulomb { friction } = self.push.law else { return Ok(Next::End(EVENTS[event])) };
         let state = State { v_t: self.model().rolling_v_t(time, &state), ..state };
         let to = match EVENTS[event] {
@@ -527,7 +527,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
             reason => return Ok(Next::End(reason)),
         };
         if self.changes.len() >= CHANGES_MAX {
-            return Err(RunError::TooManyChanges { t: time });
+            return Err(PushRunError::TooManyChanges { t: time });
         }
         self.changes.push(Change { t: time, to });
         let next = self.start_leg(to, time, state, true);
@@ -538,17 +538,17 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
     }
 
     /// One step that is accurate enough.
-    fn step(&mut self, leg: &Leg) -> Result<Step, RunError> {
+    fn step(&mut self, leg: &Leg) -> Result<Step, PushRunError> {
         let scale = Scale::of(self.model(), &leg.contact, leg.time, &leg.state);
         loop {
             self.steps += 1;
             if self.steps > STEPS_MAX {
-                return Err(RunError::TooLong { t: leg.time });
+                return Err(PushRunError::TooLong { t: leg.time });
             }
             let left = self.horizon(leg.time) - leg.time;
             let length = self.step.min(left);
             if leg.time + length <= leg.time && left > 0.0 {
-                return Err(RunError::TooFast { t: leg.time });
+                return Err(PushRunError::TooFast { t: leg.time });
             }
             let step = Step::take(self.model(), &leg.contact, leg.time, leg.state, length);
             let error = step.error(&scale);
@@ -609,7 +609,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
     }
 
     /// The first leg from rest, or from coming to rest.
-    fn begin_at_rest(&mut self, time: f64, state: State) -> Result<Next, RunError> {
+    fn begin_at_rest(&mut self, time: f64, state: State) -> Result<Next, PushRunError> {
         let state = State { omega: 0.0, v_t: 0.0, ..state };
         let path = self.model().path();
         if Vector2::from(path.acceleration) == Vector2::zeros() && Vector2::from(path.velocity(time)).norm() < SLIP_NONE
@@ -719,7 +719,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
         sample(self.model(), t, contact, state, self.theta_offset)
     }
 
-    fn finish(mut self, reason: EndReason) -> Run {
+    fn finish(mut self, reason: EndReason) -> PushRun {
         let end = End { reason, t: self.last.t };
         let at_end = self.samples.iter_mut().filter(|sample| sample.t >= end.t).chain([&mut self.last]);
         for sample in at_end {
@@ -730,7 +730,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
             }
         }
         let Self { samples, last, changes, rest_start, second_contact, .. } = self;
-        Run { samples, end, last, changes, rest_start, second_contact }
+        PushRun { samples, end, last, changes, rest_start, second_contact }
     }
 }
 

@@ -5,13 +5,13 @@
 //! [`super::mode_change`].
 //!
 //! Assumes: as [`super::mode_change`].
-//! Units: SI. Errors: [`RunError`].
+//! Units: SI. Errors: [`PushRunError`].
 
 use super::contact_mode::ContactFriction;
 use super::mode_change::{Margin, across};
 use super::model::{ContactMode, PushModel, State};
 use super::push::{Push, Start};
-use super::run::{EndReason, Run, RunError};
+use super::run::{EndReason, PushRun, PushRunError};
 use super::sensitivity::{Parameter, Seeded};
 use crate::math::Jet;
 
@@ -26,7 +26,7 @@ const STEP_GROWTH: f64 = 1.5;
 #[derive(Clone, Debug)]
 pub struct DerivedRun<const N: usize> {
     /// The push.
-    pub run: Run,
+    pub run: PushRun,
     /// States at the times of the run's samples.
     pub states: Vec<State<Jet<N>>>,
     /// When rolling and sliding took turns, s, in the order of the run's changes.
@@ -48,15 +48,15 @@ impl Push<'_> {
     /// [`PushOf::run`](super::PushOf::run) with derivatives by `parameters`, through every change of contact.
     ///
     /// # Errors
-    /// [`RunError`]; not derivable are starts from rest and fingers that change their acceleration.
+    /// [`PushRunError`]; not derivable are starts from rest and fingers that change their acceleration.
     pub fn run_derived<const N: usize>(
         &self,
         times: &[f64],
         parameters: [Parameter; N],
-    ) -> Result<DerivedRun<N>, RunError> {
-        let Start::Moving(start) = self.start else { return Err(RunError::NotDerivable { what: "from rest" }) };
+    ) -> Result<DerivedRun<N>, PushRunError> {
+        let Start::Moving(start) = self.start else { return Err(PushRunError::NotDerivable { what: "from rest" }) };
         if self.track.change_after(0.0).is_finite() {
-            return Err(RunError::NotDerivable { what: "by a finger that changes its acceleration" });
+            return Err(PushRunError::NotDerivable { what: "by a finger that changes its acceleration" });
         }
         let run = self.run(times)?;
         let first = self.run(&[0.0])?.last;

@@ -35,7 +35,7 @@ impl Scene {
         PushModel { part, edge: part.edge(self.edge).unwrap(), mu_g: self.mu_g, finger: self.finger }
     }
 
-    fn run(&self, law: ContactLaw, times: &[f64]) -> Run {
+    fn run(&self, law: ContactLaw, times: &[f64]) -> PushRun {
         let part = self.part();
         let start = Start::Moving(self.start);
         Push::new(self.model(&part), law, start, EdgeEnd::Stop).unwrap().run(times).unwrap()
@@ -242,7 +242,7 @@ proptest! {
         let (run, other) = (scene.run(law, &[0.3]), other.run(law, &[0.3]));
         let radius = scene.part().inertia_per_mass().sqrt();
         prop_assert!(distance(&run.last.state, &other.last.state, radius, 0.05) < RUN_TOLERANCE);
-        let vertex = |run: &Run, vertex| Isometry2::new(run.last.position.coords, run.last.theta) * vertex;
+        let vertex = |run: &PushRun, vertex| Isometry2::new(run.last.position.coords, run.last.theta) * vertex;
         let (here, there) = (vertex(&run, scene.outline[0]), vertex(&other, frame * scene.outline[0]));
         prop_assert!((here - there).norm() < RUN_TOLERANCE * radius, "{here} {there}");
     }
@@ -523,7 +523,7 @@ proptest! {
             let runs = [small, -small, 2.0 * small, -2.0 * small].map(|change| run_with(parameter, change));
             // Neighbours that change otherwise are on the other side of a kink.
             prop_assume!(runs.iter().all(|run| run.changes.len() == derived.changes.len()));
-            let quotient = |of: &dyn Fn(&Run) -> f64| Quotient::of(runs.each_ref().map(of), small);
+            let quotient = |of: &dyn Fn(&PushRun) -> f64| Quotient::of(runs.each_ref().map(of), small);
             let by_difference = [
                 quotient(&|run| run.last.state.u),
                 quotient(&|run| run.last.state.s / 0.02),

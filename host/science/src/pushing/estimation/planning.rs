@@ -23,7 +23,7 @@ use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
 use super::hypotheses::Belief;
 use crate::math::least_squares::{self, Damping, Enough, Floor, LeastSquaresProblem, NormalEquations, Settings};
 use crate::math::statistics::normal_tail;
-use crate::pushing::dynamics::{EdgeEnd, Finger, Part, Push, PushModel, Run, Sample, Start, State};
+use crate::pushing::dynamics::{EdgeEnd, Finger, Part, Push, PushModel, PushRun, Sample, Start, State};
 use crate::pushing::finger_motion::Segment;
 
 /// Distance D² of two hypotheses below which they count as ambiguous: a wrong choice in one case of 740.
@@ -269,7 +269,7 @@ impl Ahead<'_, '_> {
         all
     }
 
-    fn run(&self, finger: Finger, state: State, times: &[f64]) -> Option<Run> {
+    fn run(&self, finger: Finger, state: State, times: &[f64]) -> Option<PushRun> {
         let Present { part, mu_g, .. } = *self.present;
         let model = PushModel { part, edge: part.edge(self.belief.edge).ok()?, mu_g, finger };
         let push = Push::new(model, self.belief.law, Start::Moving(state), EdgeEnd::Stop).ok()?;

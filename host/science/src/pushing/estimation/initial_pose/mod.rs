@@ -28,7 +28,7 @@ use crate::geometry::{Pose, SimplePolygon};
 use crate::math::angle::wrap_angle;
 use crate::math::roots::{NearZero, near_zeros};
 use crate::pushing::dynamics::{
-    Body, ContactLaw, ContactMode, EdgeEnd, FingerPath, FingerShape, Mass, Part, PartSide, Run, ShapeError,
+    Body, ContactLaw, ContactMode, EdgeEnd, FingerPath, FingerShape, Mass, Part, PartSide, PushRun, ShapeError,
     ShapedModel, ShapedPush, Start, State,
 };
 use crate::pushing::estimation::hypotheses::{Estimate, Fit, Hypothesis, Observer};
@@ -317,7 +317,7 @@ impl RestingPush {
     }
 
     /// The push from a place; none where it cannot begin.
-    fn run(&self, interval: &ContactInterval, s0: f64, times: &[f64]) -> Option<Run> {
+    fn run(&self, interval: &ContactInterval, s0: f64, times: &[f64]) -> Option<PushRun> {
         let start = Start::Rest { u: self.u0, s: s0 };
         let push = ShapedPush::new(self.model(interval).ok()?, ContactLaw::Frictionless, start, EdgeEnd::Stop);
         push.ok()?.run(times).ok()
