@@ -11,13 +11,13 @@
 //! Errors: [`Error`]; nothing panics, nothing waits.
 //!
 //! ```
-//! use palpate_firmware_core::{Settings, ads131m02::{Ads131m02, Command}};
+//! use palpate_firmware_core::{DeviceSettings, ads131m02::{Ads131m02, Command}};
 //! # use core::cell::RefCell;
 //! # use palpate_shared::sim::{FingerConfig, SimulatedFrontEnd, SpiPort};
 //! # let front_end = RefCell::new(SimulatedFrontEnd::new(FingerConfig::default(), 1));
 //! # let spi = SpiPort::new(&front_end);
 //! let mut chip = Ads131m02::new(spi);
-//! assert_eq!(chip.init(Settings::at_start(921_600))? >> 8, 0x22); // two channels
+//! assert_eq!(chip.init(DeviceSettings::at_start(921_600))? >> 8, 0x22); // two channels
 //! # front_end.borrow_mut().step();
 //! // At each falling edge of DRDY:
 //! let frame = chip.read_frame(Command::Null)?;
@@ -29,7 +29,7 @@ use crc::{CRC_16_CMS, CRC_16_IBM_3740, Crc, NoTable};
 use embedded_hal::spi::{Operation, SpiDevice};
 use palpate_shared::units::Counts;
 
-use crate::settings::Settings;
+use crate::settings::DeviceSettings;
 
 /// Registers, by address.
 pub mod register {
@@ -313,7 +313,7 @@ impl<Spi: SpiDevice> Ads131m02<Spi> {
     ///
     /// # Errors
     /// Any [`Error`]: the last try's.
-    pub fn init(&mut self, settings: Settings) -> Result<u16, Error<Spi::Error>> {
+    pub fn init(&mut self, settings: DeviceSettings) -> Result<u16, Error<Spi::Error>> {
         let mut result = self.init_once(settings);
         for _ in 1..INIT_TRIES {
             if result.is_ok() {
@@ -329,7 +329,7 @@ impl<Spi: SpiDevice> Ads131m02<Spi> {
     ///
     /// # Errors
     /// Any [`Error`] but [`Error::OtherChip`] and [`Error::NotReset`].
-    pub fn configure(&mut self, settings: Settings) -> Result<(), Error<Spi::Error>> {
+    pub fn configure(&mut self, settings: DeviceSettings) -> Result<(), Error<Spi::Error>> {
         for (address, value) in setting_words(settings) {
             self.write_register(address, value)?;
         }
@@ -392,7 +392,7 @@ impl<Spi: SpiDevice> Ads131m02<Spi> {
     }
 
     /// One pass of [`Self::init`].
-    fn init_once(&mut self, settings: Settings) -> Result<u16, Error<Spi::Error>> {
+    fn init_once(&mut self, settings: DeviceSettings) -> Result<u16, Error<Spi::Error>> {
         self.reset()?;
         let id_word = self.id()?;
         self.write_register(register::MODE, MODE_VALUE)?;
@@ -420,7 +420,7 @@ pub(crate) fn is_id(id_word: u16) -> bool {
 }
 
 /// The registers that hold rate and gain, with their words.
-pub(crate) fn setting_words(settings: Settings) -> [(u8, u16); 2] {
+pub(crate) fn setting_words(settings: DeviceSettings) -> [(u8, u16); 2] {
     let gain = settings.gain.code();
     [(register::CLOCK, CLOCK_BASE | settings.rate.oversampling_code() << 2), (register::GAIN1, gain << 4 | gain)]
 }

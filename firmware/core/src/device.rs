@@ -29,7 +29,7 @@ use crate::link::{Link, Links};
 use crate::log::{info, warning};
 use crate::outbox::Outbox;
 use crate::queues::{DeviceEnd, Finding, FrontEndRequest, Notice, READINGS, RequestKind, SamplerState, Tally};
-use crate::settings::{Gain, Rate, Settings};
+use crate::settings::{DeviceSettings, Gain, Rate};
 
 /// Version of this firmware.
 pub const FIRMWARE: FirmwareVersion = FirmwareVersion {
@@ -208,7 +208,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     /// A device that has just started.
     #[must_use]
     pub fn new(identity: Identity, end: DeviceEnd<'q>) -> Self {
-        let settings = Settings::at_start(identity.link_baud);
+        let settings = DeviceSettings::at_start(identity.link_baud);
         let state = SamplerState { settings, source: identity.source, streaming: false };
         let mut outbox = Outbox::new();
         outbox.push_delimiter();
@@ -454,18 +454,18 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     }
 
     /// The present settings with another rate.
-    fn with_rate(&self, rate_hz: u32) -> Result<Settings, Refusal> {
+    fn with_rate(&self, rate_hz: u32) -> Result<DeviceSettings, Refusal> {
         let (slowest_hz, fastest_hz) = (Rate::SLOWEST.hz(), Rate::FASTEST.hz());
         let rate = Rate::from_hz(rate_hz).ok_or(Refusal::RateNotPossible { slowest_hz, fastest_hz })?;
         self.check_line(rate)?;
-        Ok(Settings { rate, ..self.front_end.state.settings })
+        Ok(DeviceSettings { rate, ..self.front_end.state.settings })
     }
 
     /// The present settings with another gain.
-    fn with_gain(&self, factor: u8) -> Result<Settings, Refusal> {
+    fn with_gain(&self, factor: u8) -> Result<DeviceSettings, Refusal> {
         let largest = Gain::LARGEST.factor();
         let gain = Gain::from_factor(factor).ok_or(Refusal::GainNotPossible { largest })?;
-        Ok(Settings { gain, ..self.front_end.state.settings })
+        Ok(DeviceSettings { gain, ..self.front_end.state.settings })
     }
 
     /// Whether the serial line carries a rate; the refusal says 0 Hz if it carries none.

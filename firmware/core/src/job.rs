@@ -6,7 +6,7 @@
 
 use crate::ads131m02::{Command, may_be_refusal, register, setting_words};
 use crate::queues::{FrontEndRequest, RequestKind};
-use crate::settings::Settings;
+use crate::settings::DeviceSettings;
 
 /// Damaged steps after which a job gives up: at one damaged frame in three, one job in a thousand does.
 const FAILURES_MAX: u8 = 16;
@@ -23,7 +23,7 @@ pub(crate) enum Goal {
     /// Write rate (if it changes, as that disturbs the filter's timing) and gain, and read both back.
     Apply {
         /// What to write.
-        settings: Settings,
+        settings: DeviceSettings,
         /// Whether the rate changes.
         changes_rate: bool,
     },
@@ -71,7 +71,7 @@ pub(crate) struct Job {
 
 impl Job {
     /// The job for a request, if it takes one.
-    pub(crate) fn of(request: FrontEndRequest, present: Settings) -> Option<Self> {
+    pub(crate) fn of(request: FrontEndRequest, present: DeviceSettings) -> Option<Self> {
         let goal = match request.kind {
             RequestKind::Apply(settings) => Goal::Apply { settings, changes_rate: settings.rate != present.rate },
             RequestKind::ReadRegister(address) => Goal::Read(address),
@@ -194,7 +194,7 @@ impl Job {
 }
 
 /// First both writes, then both reads.
-fn apply_step(settings: Settings, step: usize) -> Option<Command> {
+fn apply_step(settings: DeviceSettings, step: usize) -> Option<Command> {
     let [clock, gain] = setting_words(settings);
     let steps = [
         Command::Write(clock.0, clock.1),

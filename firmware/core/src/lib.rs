@@ -41,4 +41,4 @@ pub use device::{Device, Identity};
 pub use link::Link;
 pub use queues::Queues;
 pub use sampler::{Sampler, SelectSource, SourceNotPossible};
-pub use settings::{Gain, Rate, Settings};
+pub use settings::{DeviceSettings, Gain, Rate};

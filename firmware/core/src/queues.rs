@@ -16,7 +16,7 @@ use heapless::spsc::{Consumer, Producer, Queue};
 use palpate_shared::units::{Counts, DeviceTime, Seq};
 use palpate_shared::wire::{EventKind, Refusal, SelfTest, Source, Status};
 
-use crate::settings::Settings;
+use crate::settings::DeviceSettings;
 
 /// Places for samples, one of them never used: 32 ms at 4 kHz for the main side to come by.
 pub const READINGS: usize = 128;
@@ -44,7 +44,7 @@ pub struct RawReading {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum RequestKind {
     Stream(bool),
-    Apply(Settings),
+    Apply(DeviceSettings),
     Select(Source),
     ReadRegister(u8),
     SelfTest,
@@ -69,7 +69,7 @@ pub(crate) enum Finding {
 /// How the sampler is set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct SamplerState {
-    pub(crate) settings: Settings,
+    pub(crate) settings: DeviceSettings,
     pub(crate) source: Source,
     pub(crate) streaming: bool,
 }

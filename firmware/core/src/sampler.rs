@@ -24,7 +24,7 @@ use crate::clock::{ConversionClock, WINDOW};
 use crate::job::{Goal, Job, Progress};
 use crate::log::{info, warning};
 use crate::queues::{Finding, FrontEndRequest, Notice, RawReading, RequestKind, SamplerEnd, SamplerState};
-use crate::settings::Settings;
+use crate::settings::DeviceSettings;
 
 /// Periods without a data-ready edge after which the front-end counts as silent: 25 ms at 4 kHz.
 ///
@@ -116,7 +116,7 @@ struct Stretch {
 pub struct Sampler<'q, Spi> {
     chip: Ads131m02<Spi>,
     end: SamplerEnd<'q>,
-    settings: Settings,
+    settings: DeviceSettings,
     presence: Presence,
     /// A fault was reported, and its end was not yet.
     unwell: bool,
@@ -139,7 +139,7 @@ pub struct Sampler<'q, Spi> {
 
 impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
     /// Touches nothing yet; the first call of [`Self::idle`] or [`Self::data_ready`] looks for the chip.
-    pub fn new(spi: Spi, end: SamplerEnd<'q>, settings: Settings) -> Self {
+    pub fn new(spi: Spi, end: SamplerEnd<'q>, settings: DeviceSettings) -> Self {
         Self {
             chip: Ads131m02::new(spi),
             end,
@@ -164,7 +164,7 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
     }
 
     /// How the front-end is set; a simulation of it follows this rate by itself.
-    pub fn settings(&self) -> Settings {
+    pub fn settings(&self) -> DeviceSettings {
         self.settings
     }
 

@@ -129,14 +129,14 @@ impl Gain {
 
 /// Rate and gain, the same for both channels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Settings {
+pub struct DeviceSettings {
     /// Samples a second.
     pub rate: Rate,
     /// Amplification.
     pub gain: Gain,
 }
 
-impl Settings {
+impl DeviceSettings {
     /// What a device starts with: gain 32, and 4 kHz or the fastest rate below it that the line carries.
     #[must_use]
     pub fn at_start(link_baud: u32) -> Self {
@@ -189,6 +189,9 @@ mod tests {
         let fastest = |baud| Rate::fastest_on_line(baud).map(Rate::hz);
         assert_eq!([0, 892_500, 921_600, 892_499].map(fastest), [Some(8000), Some(8000), Some(8000), Some(4000)]);
         assert_eq!([115_200, 57_600, 9600, 1].map(fastest), [Some(1000), Some(500), None, None]);
-        assert_eq!([0, 921_600, 115_200, 9600].map(|baud| Settings::at_start(baud).rate.hz()), [4000, 4000, 1000, 500]);
+        assert_eq!(
+            [0, 921_600, 115_200, 9600].map(|baud| DeviceSettings::at_start(baud).rate.hz()),
+            [4000, 4000, 1000, 500]
+        );
     }
 }

@@ -3,7 +3,7 @@
 use divan::Bencher;
 use divan::counter::ItemsCount;
 use nalgebra::Vector2;
-use palpate::finger::contact::{Averaging, ContactSense, Reading, Settings, Tare};
+use palpate::finger::contact::{Averaging, ContactSense, ContactSettings, Reading, Tare};
 
 /// Readings in one run: a second at 4 kHz.
 const READINGS: u32 = 4000;
@@ -21,7 +21,7 @@ fn readings(from: u32, force: f64) -> Vec<Reading> {
 
 #[divan::bench(args = [0.0, 2.0])]
 fn mains_average_to_angle(bencher: Bencher, force: f64) {
-    let settings = Settings { averaging: Averaging::Seconds(0.02), ..Settings::default() };
+    let settings = ContactSettings { averaging: Averaging::Seconds(0.02), ..ContactSettings::default() };
     let tare = Tare::estimate(&readings(0, 0.0), &settings.tare_settings());
     let Ok(Ok(sense)) = tare.map(|tare| ContactSense::new(&settings, tare)) else { return };
     let pressed = readings(READINGS, force);
@@ -36,6 +36,6 @@ fn mains_average_to_angle(bencher: Bencher, force: f64) {
 
 #[divan::bench]
 fn tare_of_a_second(bencher: Bencher) {
-    let (rest, settings) = (readings(0, 0.0), Settings::default().tare_settings());
+    let (rest, settings) = (readings(0, 0.0), ContactSettings::default().tare_settings());
     bencher.counter(ItemsCount::new(READINGS)).bench_local(|| Tare::estimate(&rest, &settings));
 }

@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 
-use palpate::finger::contact::Settings;
+use palpate::finger::contact::ContactSettings;
 use palpate::finger::contact::offline::{Found, Start};
 use palpate_files::recordings::mlab::{self, Log};
 use palpate_files::recordings::part::Part;
@@ -59,7 +59,7 @@ fn session(folder: String, path: &std::path::Path) -> Session {
     let outline = path.parent().unwrap().join("../obj_geo_aluminium_triangle.txt");
     let part = Part::parse(&fs::read_to_string(outline).unwrap()).unwrap();
     let options = Options {
-        settings: Settings { contact_friction: 0.35, ..Settings::default() },
+        settings: ContactSettings { contact_friction: 0.35, ..ContactSettings::default() },
         finger_from_sensor: session::MLAB_TOOL_FROM_SENSOR,
         part: Some(part),
         ..Options::default()

@@ -30,7 +30,7 @@ use cortex_m_rt::entry;
 use defmt_rtt as _;
 use heapless::spsc::Queue;
 use palpate_firmware_core::device::Order;
-use palpate_firmware_core::{Device, Identity, Link, Queues, Sampler, Settings};
+use palpate_firmware_core::{Device, DeviceSettings, Identity, Link, Queues, Sampler};
 use palpate_firmware_usb::unit::{self as usb, Usb};
 use palpate_shared::sim::SimulatedFrontEnd;
 use palpate_shared::wire::{Axis, Bridge, Channel, ClockSource, Health, Source};
@@ -90,7 +90,7 @@ fn main() -> ! {
     let (sampler_end, device_end) = QUEUES.split();
     let simulation = settle(SIMULATION, front_end::simulation);
     let bus = Bus::new(board.SPI1, board.GPIOA, simulation);
-    let sampler = Sampler::new(bus, sampler_end, Settings::at_start(clock.link_baud));
+    let sampler = Sampler::new(bus, sampler_end, DeviceSettings::at_start(clock.link_baud));
     sampling::start(SAMPLING.write(Sampling::new(sampler, board.EXTI)), &mut core.NVIC);
     let line = line::start(board.USART1, clock.line_divider(), (RECEIVED, TO_SEND), &mut core.NVIC);
     let device = settle(DEVICE, || Device::new(identity, device_end));

@@ -58,8 +58,8 @@ fn init_transactions() -> Vec<Transaction<u8>> {
     all
 }
 
-fn settings(hz: u32, gain: u8) -> Settings {
-    Settings { rate: Rate::from_hz(hz).unwrap(), gain: Gain::from_factor(gain).unwrap() }
+fn settings(hz: u32, gain: u8) -> DeviceSettings {
+    DeviceSettings { rate: Rate::from_hz(hz).unwrap(), gain: Gain::from_factor(gain).unwrap() }
 }
 
 #[test]
@@ -212,7 +212,7 @@ fn the_chip_model_takes_every_rate_and_gain() {
     let mut chip = Ads131m02::new(SpiPort::new(&front_end));
     for rate in Rate::all() {
         for log2 in 0..8 {
-            let wanted = Settings { rate, gain: Gain::from_factor(1 << log2).unwrap() };
+            let wanted = DeviceSettings { rate, gain: Gain::from_factor(1 << log2).unwrap() };
             chip.init(wanted).unwrap();
             let front_end = front_end.borrow();
             assert_eq!(front_end.period_ns(), rate.period_ns());
@@ -296,7 +296,7 @@ proptest! {
             }
         }
         let mut chip = Ads131m02::new(Anything(input.into_iter()));
-        prop_assert!(chip.init(Settings::at_start(0)).is_err());
+        prop_assert!(chip.init(DeviceSettings::at_start(0)).is_err());
     }
 }
 

@@ -62,7 +62,7 @@ impl<'a> Setup<'a> {
         let (end, main) = queues.split();
         let bus =
             Bus { port: SpiPort::new(front_end), on_the_way_out: Box::new(|_| ()), on_the_way_in: Box::new(|_| ()) };
-        let mut sampler = Sampler::new(bus, end, Settings::at_start(0));
+        let mut sampler = Sampler::new(bus, end, DeviceSettings::at_start(0));
         sampler.idle(DeviceTime(0));
         sampler.streaming = true;
         Self { front_end, sampler, main, time: 0 }

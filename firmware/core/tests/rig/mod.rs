@@ -16,7 +16,7 @@ use std::collections::HashMap;
 
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use palpate_firmware_core::device::Identity;
-use palpate_firmware_core::{Device, Queues, Sampler, SelectSource, Settings, SourceNotPossible};
+use palpate_firmware_core::{Device, DeviceSettings, Queues, Sampler, SelectSource, SourceNotPossible};
 use palpate_shared::frame::{FRAME_MAX, FrameReader, encode};
 use palpate_shared::sim::{Faults, FingerConfig, PortBusy, SimulatedFrontEnd, SpiPort, SyncResetPin};
 use palpate_shared::units::{Counts, DeviceTime, Seq};
@@ -219,7 +219,7 @@ impl<'w> Rig<'w> {
         Self {
             hardware,
             simulation,
-            sampler: Sampler::new(bus, sampler_end, Settings::at_start(bench.link_baud)),
+            sampler: Sampler::new(bus, sampler_end, DeviceSettings::at_start(bench.link_baud)),
             device: Device::new(identity(bench.link_baud), device_end),
             heard: Heard::default(),
             link_open: true,

@@ -10,7 +10,7 @@ use clap::ValueEnum;
 use miette::{Context, IntoDiagnostic, miette};
 use nalgebra::Matrix2;
 use palpate::finger::contact::offline::{Found, Start};
-use palpate::finger::contact::{Averaging, Settings};
+use palpate::finger::contact::{Averaging, ContactSettings};
 use palpate_files::recordings::part::Part;
 use palpate_files::recordings::session::{self, CONE_DEG, COVERAGE, Options, Report, START_FORCE_N, Summary};
 use palpate_files::recordings::{Format, RecordingProblem, csv, mlab, text};
@@ -201,11 +201,11 @@ fn feel_table(text: &str, arguments: &Arguments) -> miette::Result<FileReports> 
 }
 
 fn options(arguments: &Arguments, is_log: bool) -> Options {
-    let settings = Settings {
+    let settings = ContactSettings {
         mounting_angle: arguments.mounting_deg.to_radians(),
         contact_friction: arguments.mu_c,
         averaging: arguments.average_ms.map_or(Averaging::Off, |ms| Averaging::Seconds(ms * 1e-3)),
-        ..Settings::default()
+        ..ContactSettings::default()
     };
     let usual = if is_log { session::MLAB_TOOL_FROM_SENSOR } else { Matrix2::identity() };
     Options {

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use std::time::{Instant, SystemTime};
 
 use miette::IntoDiagnostic as _;
-use palpate::finger::contact::{Averaging, Contact, ContactReading, Settings, Tare, detector};
+use palpate::finger::contact::{Averaging, Contact, ContactReading, ContactSettings, Tare, detector};
 use palpate::finger::sense::{self, Fault, FingerSense, Sensed};
 use palpate_device::{Incoming, Session};
 use serde_json::{Value, json};
@@ -77,7 +77,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let mut session = arguments.device.open(true)?;
     let calibration = arguments.calibration.require(&session)?;
     let front_end = live::front_end(session.hello()).advised()?;
-    let settings = Settings { bias_walk: sense::bias_walk(&calibration, &front_end), ..settings(arguments) };
+    let settings = ContactSettings { bias_walk: sense::bias_walk(&calibration, &front_end), ..settings(arguments) };
     settings.check().into_diagnostic()?;
     session.start().advised()?;
     session.ping().advised()?;
@@ -114,8 +114,8 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn settings(arguments: &Arguments) -> Settings {
-    Settings {
+fn settings(arguments: &Arguments) -> ContactSettings {
+    ContactSettings {
         mounting_angle: arguments.mounting_deg.to_radians(),
         contact_friction: arguments.mu_c,
         averaging: if arguments.average_ms > 0.0 {
@@ -123,7 +123,7 @@ fn settings(arguments: &Arguments) -> Settings {
         } else {
             Averaging::Off
         },
-        ..Settings::default()
+        ..ContactSettings::default()
     }
 }
 

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use miette::{IntoDiagnostic as _, miette};
 use serde_json::json;
 
-use crate::thesis::{self, EXPERIMENTS, Experiment, Settings};
+use crate::thesis::{self, EXPERIMENTS, Experiment, TableSettings};
 
 /// Most cases of a row: beyond it only mistakes are asked for.
 const CASES_MAX: u64 = 10_000_000;
@@ -52,10 +52,10 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
 }
 
 impl Arguments {
-    fn settings(&self, experiment: &Experiment) -> miette::Result<Settings> {
+    fn settings(&self, experiment: &Experiment) -> miette::Result<TableSettings> {
         let cases = self.cases.map(usize::try_from).transpose();
         let cases = cases.map_err(|_| miette!("--cases is too large for this machine"))?.unwrap_or(experiment.cases);
-        Ok(Settings { cases, seed: self.seed })
+        Ok(TableSettings { cases, seed: self.seed })
     }
 }
 

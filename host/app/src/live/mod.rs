@@ -12,7 +12,7 @@ use palpate::finger::calibration::dwell::Refusal;
 use palpate::finger::calibration::plan::{PlannedContact, Step};
 use palpate::finger::calibration::session::{Bench, BenchError, Delivered, SampleSource, SourceError, Summary, Wish};
 use palpate::finger::calibration::{self, Calibration, FrontEnd, FrontEndError, FrontEndSettings};
-use palpate::finger::contact::{Settings, Tare, TareError};
+use palpate::finger::contact::{ContactSettings, Tare, TareError};
 use palpate::finger::sense;
 use palpate_device::simulated::SimulatedDevice;
 use palpate_device::{Incoming, LinkError, Session};
@@ -167,7 +167,7 @@ pub fn tare(
     session: &mut Session,
     seconds: f64,
     calibration: &Calibration,
-    settings: &Settings,
+    settings: &ContactSettings,
     tell: impl FnMut(&Incoming),
 ) -> Result<Tare, LiveError> {
     let blocks = collect(session, seconds, tell)?;

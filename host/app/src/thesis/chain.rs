@@ -11,7 +11,7 @@ use palpate::pushing::estimation::from_rest::{self, Known};
 use palpate_device::simulated::Line;
 
 use super::cases::of_each;
-use super::{Cell, Experiment, Settings, Table};
+use super::{Cell, Experiment, Table, TableSettings};
 use crate::thesis::demonstration::{Rig, course};
 use palpate::gravity::GRAVITY_ASSUMED;
 
@@ -49,7 +49,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 };
 
 /// Runs it.
-fn run(settings: &Settings) -> Table {
+fn run(settings: &TableSettings) -> Table {
     let mut table = Table::new([
         "finger's path",
         "cases",

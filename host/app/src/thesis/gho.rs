@@ -11,7 +11,7 @@ use palpate::math::statistics;
 use palpate::pushing::dynamics::{ContactLaw, ContactMode, EdgeEnd, Finger, Part, Push, PushModel, Start, State};
 use palpate::pushing::estimation::{Gho, GhoSettings};
 
-use super::{Cell, Experiment, Settings, Table};
+use super::{Cell, Experiment, Table, TableSettings};
 
 /// Thesis Table 6.1.
 pub(super) const KNOWN_EDGE: Experiment =
@@ -252,7 +252,7 @@ fn rows<T>([a, b, c, d]: [T; 4]) -> [Row<T>; 4] {
 const DRAWN: &str = "Drawn: hulls of random points and star-shaped polygons, 3 to 11 edges, up to 10 cm across (the thesis walked on random lines); µ 0.3, disk of 1 cm at 5 cm/s; state and estimate uniform in u 80° to 100°, s on the edge, |ω| ≤ 1 rad/s, |vT| ≤ 0.4 cm/s.";
 const RUN: &str = "Observer: ζ 10, correction on 0.06 s and off 0.04 s, RK4 at 0.01 s; beyond its range (s: the edge, |ω| 10 rad/s, |vT| 20 cm/s) the estimate is set back to it.";
 
-fn known_edge(settings: &Settings) -> Table {
+fn known_edge(settings: &TableSettings) -> Table {
     let mut table = Table::new([
         "contact",
         "thesis ok",
@@ -299,7 +299,7 @@ fn known_edge(settings: &Settings) -> Table {
     table
 }
 
-fn unknown_edge(settings: &Settings) -> Table {
+fn unknown_edge(settings: &TableSettings) -> Table {
     let mut table = Table::new([
         "contact",
         "thesis ok",
@@ -333,7 +333,7 @@ fn unknown_edge(settings: &Settings) -> Table {
 
 /// How many choices were right, wrong in place, wrong in edge, and none, with observers on every edge.
 fn choices<T>(
-    settings: &Settings,
+    settings: &TableSettings,
     row: &Row<T>,
     failures: &mut Vec<String>,
     mut attempts: impl FnMut(&mut Case, usize) -> Vec<Attempt>,
@@ -359,7 +359,7 @@ fn choices<T>(
 const STARTS: [&[f64]; 3] = [&[0.5], &[0.2, 0.5, 0.8], &[0.1, 0.3, 0.5, 0.7, 0.9]];
 const GAINS: [&[f64]; 2] = [&[10.0], &[3.0, 5.0, 10.0]];
 
-fn side_by_side(settings: &Settings) -> Table {
+fn side_by_side(settings: &TableSettings) -> Table {
     let mut table =
         Table::new(["observers an edge", "contact", "cases", "ok", "wrong place", "wrong edge", "diverged"]);
     table.definitions = [
@@ -400,7 +400,7 @@ mod tests {
     use super::*;
 
     /// Few cases, so that the tests stay quick; the full tables are `palpate tables 6.1 6.2`.
-    const SETTINGS: Settings = Settings { cases: 12, seed: 1 };
+    const SETTINGS: TableSettings = TableSettings { cases: 12, seed: 1 };
 
     fn share(cell: &Cell) -> f64 {
         match cell {

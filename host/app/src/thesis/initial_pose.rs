@@ -9,7 +9,7 @@ use palpate::math::random::Draw;
 use palpate::pushing::dynamics::{FingerPath, FingerShape, Part};
 use palpate::pushing::estimation::{Object, RestingPose, RestingPoses, RestingPush, Table as Motions, TimedContact};
 
-use super::{Cell, Experiment, Settings, Table};
+use super::{Cell, Experiment, Table, TableSettings};
 
 /// Thesis Table 6.3.
 pub(super) const FRICTIONLESS: Experiment = Experiment {
@@ -126,7 +126,7 @@ struct Counts {
     by_table: usize,
 }
 
-fn row(settings: &Settings, pair: Pair, failures: &mut Vec<String>) -> Counts {
+fn row(settings: &TableSettings, pair: Pair, failures: &mut Vec<String>) -> Counts {
     let mut counts = Counts::default();
     for index in 0..settings.cases {
         let case = Case::new(settings.seed, index, pair);
@@ -152,7 +152,7 @@ fn row(settings: &Settings, pair: Pair, failures: &mut Vec<String>) -> Counts {
     counts
 }
 
-fn experiment(settings: &Settings, rows: &[(Pair, &'static str, f64)], drawn: &str) -> Table {
+fn experiment(settings: &TableSettings, rows: &[(Pair, &'static str, f64)], drawn: &str) -> Table {
     let mut table = Table::new([
         "finger, object",
         "thesis ok",
@@ -182,7 +182,7 @@ fn experiment(settings: &Settings, rows: &[(Pair, &'static str, f64)], drawn: &s
     table
 }
 
-fn frictionless(settings: &Settings) -> Table {
+fn frictionless(settings: &TableSettings) -> Table {
     let rows = [
         (Pair::EllipseOnEllipse, "ellipse, ellipse", 0.978),
         (Pair::LineOnEllipse, "line, ellipse", 0.975),
@@ -192,7 +192,7 @@ fn frictionless(settings: &Settings) -> Table {
     experiment(settings, &rows, drawn)
 }
 
-fn friction(settings: &Settings) -> Table {
+fn friction(settings: &TableSettings) -> Table {
     let rows = [(Pair::DiskOnPolygon, "disk, polygon", 94.0 / 105.0)];
     let drawn = "Drawn: disk of 1 cm, hulls of 4 to 9 points in a disk of 5 cm, µ 0.3; u0 1.3 to 2.0 rad; acceleration 1.2 to 1.8 m/s² within 14° of y; contacts after 0.12 to 0.15 s and 0.2 to 0.25 s.";
     experiment(settings, &rows, drawn)
@@ -205,8 +205,8 @@ mod tests {
     /// Few cases, so that the tests stay quick; the full table is `palpate tables 6.3`.
     #[test]
     fn every_resting_pose_is_found() {
-        let settings = Settings { cases: 4, seed: 7 };
-        for table in [frictionless(&settings), friction(&Settings { cases: 1, ..settings })] {
+        let settings = TableSettings { cases: 4, seed: 7 };
+        for table in [frictionless(&settings), friction(&TableSettings { cases: 1, ..settings })] {
             for row in table.rows() {
                 assert_eq!(
                     (&row[3], &row[4], &row[6]),

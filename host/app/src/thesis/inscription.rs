@@ -13,7 +13,7 @@ use palpate::math::angle::wrap_angle;
 use palpate::math::random::Draw;
 use palpate::math::statistics;
 
-use super::{Cell, Experiment, Settings, Table};
+use super::{Cell, Experiment, Table, TableSettings};
 
 /// Table 2.1.
 pub(super) const HALF_PLANES: Experiment =
@@ -186,26 +186,26 @@ const TABLE_2_3: [Row; 6] = [
 const SOURCES: &str = "Polygons: hulls of points uniform in a square (sq.) or disk (cir.) of half-size 1; cir. mar.: 3 to 15 \
      corners, each uniform where the closed chain stays convex (the thesis does not define its march).";
 
-fn half_planes(settings: &Settings) -> Table {
+fn half_planes(settings: &TableSettings) -> Table {
     let lines = "Three supporting lines with uniform normals, drawn again while all touch one corner. In general position the \
                  number of poses is even: g(θ) is periodic, so its roots come in pairs; the thesis's 1 is a lost pose.";
     counts(settings, &TABLE_2_1, &[SOURCES, lines])
 }
 
-fn two_cones(settings: &Settings) -> Table {
+fn two_cones(settings: &TableSettings) -> Table {
     let sites = "Apexes uniform between that square or disk and one twice as large.";
     let rows = TABLE_2_2.map(|row| Row { cones: Some((2, 2, 2.0)), ..row });
     counts(settings, &rows, &[SOURCES, sites])
 }
 
-fn more_cones(settings: &Settings) -> Table {
+fn more_cones(settings: &TableSettings) -> Table {
     let sites = "First four rows: 3 to 10 cones, apexes up to twice as far out. Last two: two cones, apexes up to 5 and 10 \
                  times as far out.";
     counts(settings, &TABLE_2_3, &[SOURCES, sites])
 }
 
 /// Counts poses, row by row.
-fn counts(settings: &Settings, rows: &[Row], definitions: &[&str]) -> Table {
+fn counts(settings: &TableSettings, rows: &[Row], definitions: &[&str]) -> Table {
     let columns =
         ["source", "tests", "vertices", "mean vertices", "poses", "mean poses", "thesis poses", "thesis mean", "odd"];
     let mut table = Table::new(columns);
@@ -314,7 +314,7 @@ const FANS: [u32; 9] = [3, 4, 6, 10, 20, 50, 100, 300, 1000];
 /// The fan's angle, rad; below π/6.
 const FAN_ANGLE: f64 = 0.35;
 
-fn worst_case(_settings: &Settings) -> Table {
+fn worst_case(_settings: &TableSettings) -> Table {
     let mut table = Table::new(["vertices", "poses", "6n", "beyond the condition"]);
     table.definitions.push(format!(
         "A fan: vertex 0 at the centre of an arc of {FAN_ANGLE} rad on which the others are evenly spaced, in an equilateral triangle \
@@ -355,7 +355,7 @@ fn fan_poses(vertices: u32, share: f64) -> usize {
 /// Errors and cones of the rows with noise: deg, and how many.
 const NOISES: [(f64, usize); 8] = [(0.1, 2), (0.1, 3), (0.1, 5), (0.1, 10), (0.5, 2), (0.5, 3), (0.5, 5), (0.5, 10)];
 
-fn noise(settings: &Settings) -> Table {
+fn noise(settings: &TableSettings) -> Table {
     let columns = [
         "sigma deg",
         "cones",
@@ -450,7 +450,7 @@ fn nees(mode: &Mode, truth: &Pose) -> f64 {
 mod tests {
     use super::*;
 
-    const SETTINGS: Settings = Settings { cases: 300, seed: 1 };
+    const SETTINGS: TableSettings = TableSettings { cases: 300, seed: 1 };
 
     fn numbers(table: &Table, column: usize) -> Vec<f64> {
         let number = |cell: &Cell| if let Cell::Number((value, _)) = cell { *value } else { f64::NAN };
@@ -460,7 +460,7 @@ mod tests {
     #[test]
     fn the_thesis_numbers_come_out_within_what_few_cases_allow() {
         for (run, wanted) in [
-            (half_planes as fn(&Settings) -> Table, TABLE_2_1.map(|row| row.thesis_mean).to_vec()),
+            (half_planes as fn(&TableSettings) -> Table, TABLE_2_1.map(|row| row.thesis_mean).to_vec()),
             (two_cones, TABLE_2_2.map(|row| row.thesis_mean).to_vec()),
         ] {
             let table = run(&SETTINGS);

@@ -1,7 +1,7 @@
 //! The thesis's experiments, run again: its numbers beside ours.
 //!
 //! An experiment draws random problems from a seed, solves them with the library and returns a [`Table`]. To add one:
-//! write `fn run(&Settings) -> Table` in a module of its own here, describe it by an
+//! write `fn run(&TableSettings) -> Table` in a module of its own here, describe it by an
 //! [`Experiment`] beside it, and list that in [`EXPERIMENTS`]. It says in
 //! `definitions` what was drawn and what counts as a success, and lists every case that failed, so that each can be
 //! looked at by itself: case `k` of a seed is always the same problem, whatever the number of cases.
@@ -65,12 +65,12 @@ pub struct Experiment {
     /// Cases of each row unless the person asks for another number.
     pub cases: usize,
     /// Runs it.
-    pub run: fn(&Settings) -> Table,
+    pub run: fn(&TableSettings) -> Table,
 }
 
 /// How to run an experiment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Settings {
+pub struct TableSettings {
     /// Cases of each row.
     pub cases: usize,
     /// Seed of everything drawn.

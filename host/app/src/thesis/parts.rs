@@ -9,7 +9,7 @@ use palpate::pushing::dynamics::{ContactLaw, EdgeEnd, Finger, Push, Start};
 use palpate::pushing::estimation::{Channel, Known, Measured, Observation, Observer as _, Prior, Touch, which_part};
 
 use super::plan::{Case, DT_S, MU_G, OMEGA_SIGMA, SIGMA_RAD, finger_first, outcomes};
-use super::{Cell, Experiment, Settings, Table};
+use super::{Cell, Experiment, Table, TableSettings};
 
 /// Values of a push.
 const VALUES: u32 = 81;
@@ -49,7 +49,7 @@ impl Outcome {
 }
 
 /// Runs the experiment.
-fn run(settings: &Settings) -> Table {
+fn run(settings: &TableSettings) -> Table {
     let mut table = Table::new(["parts, push", "cases", "named", "not excluded", "certain", "wrong and certain"]);
     table.definitions = definitions();
     for (name, parts, acceleration) in ROWS {
@@ -125,7 +125,7 @@ mod tests {
     /// A short run; the full one is `palpate tables parts`.
     #[test]
     fn the_part_that_was_pushed_is_never_excluded() {
-        let table = run(&Settings { cases: 4, seed: 1 });
+        let table = run(&TableSettings { cases: 4, seed: 1 });
         assert!(table.failures.is_empty(), "{table}");
     }
 }

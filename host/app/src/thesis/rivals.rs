@@ -12,7 +12,9 @@
 
 use nalgebra::{Point2, Vector2, Vector4};
 use palpate::math::Jet;
-use palpate::math::least_squares::{self, Damping, Enough, Floor, LeastSquaresProblem, NormalEquations, Settings};
+use palpate::math::least_squares::{
+    self, Damping, Enough, Floor, LeastSquaresProblem, LeastSquaresSettings, NormalEquations,
+};
 use palpate::pushing::dynamics::{
     ContactLaw, ContactMode, EdgeEnd, Finger, Parameter, Part, Push, PushModel, Scalar, Seeded, Slip, Start, State,
 };
@@ -32,7 +34,7 @@ const SIGMA_COARSE: f64 = 2e-3;
 const SIGMA_RATIO: f64 = 0.1;
 
 /// How a place is improved: until a step lowers the cost by less than a thousandth of a squared standard deviation.
-const IMPROVEMENT: Settings<4> = Settings {
+const IMPROVEMENT: LeastSquaresSettings<4> = LeastSquaresSettings {
     damping: Damping {
         first: 1e-3,
         min: 0.0,

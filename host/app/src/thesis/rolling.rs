@@ -14,7 +14,7 @@ use palpate::rolling::{
     State, specific_force,
 };
 
-use super::{Cell, Experiment, Settings, Table};
+use super::{Cell, Experiment, Table, TableSettings};
 
 /// Attitudes from 0.4 s of contacts, and from other windows and sensors.
 pub(super) const ATTITUDE: Experiment = Experiment {
@@ -169,7 +169,7 @@ fn pebble(axes_cm: [f64; 3]) -> Option<Body> {
     Body::ellipsoid(axes_cm.map(|axis| axis * 0.01)).ok()
 }
 
-fn attitude(settings: &Settings) -> Table {
+fn attitude(settings: &TableSettings) -> Table {
     let mut table = Table::new([
         "body [cm]",
         "spin",
@@ -211,7 +211,7 @@ fn attitude(settings: &Settings) -> Table {
     table
 }
 
-fn attitude_row(settings: &Settings, table: &mut Table, body: &Body, spin: Spin, sensing: &Sensing) {
+fn attitude_row(settings: &TableSettings, table: &mut Table, body: &Body, spin: Spin, sensing: &Sensing) {
     let question = question(vec![body.clone()], vec![spin], sensing.noise);
     let (mut errors, mut times) = (Vec::new(), Vec::new());
     let [mut right, mut listed, mut unique, mut certified, mut wrong_unique, mut wrong_certified] = [0; 6];
@@ -273,7 +273,7 @@ fn noise_name(noise: Noise) -> String {
     }
 }
 
-fn semi_axes(settings: &Settings) -> Table {
+fn semi_axes(settings: &TableSettings) -> Table {
     let mut table = Table::new([
         "spin",
         "window [s]",
@@ -341,7 +341,7 @@ fn worst_axis(mut got: [f64; 3], mut wanted: [f64; 3]) -> f64 {
     got.iter().zip(wanted).map(|(got, wanted)| (got / wanted - 1.0).abs()).fold(0.0, f64::max)
 }
 
-fn which(settings: &Settings) -> Table {
+fn which(settings: &TableSettings) -> Table {
     let mut table =
         Table::new(["question", "window [s]", "noise", "body right", "spin right", "both right", "median [ms]"]);
     table.definitions = vec![
@@ -390,7 +390,7 @@ struct GhoRow {
     seconds: f64,
 }
 
-fn gho(settings: &Settings) -> Table {
+fn gho(settings: &TableSettings) -> Table {
     let mut table = Table::new([
         "start off by [°]",
         "zeta [1/s]",
@@ -450,7 +450,7 @@ fn changes(body: &Body, states: &[State]) -> usize {
 }
 
 /// Median and most changes of sign, and the share of rolls with any.
-fn sign_changes(settings: &Settings, body: &Body, sensing: &Sensing) -> (usize, usize, f64) {
+fn sign_changes(settings: &TableSettings, body: &Body, sensing: &Sensing) -> (usize, usize, f64) {
     let count = |case: usize| {
         let trial = trial(&mut Draw::case(settings.seed, case), body, Spin::Free, sensing);
         changes(body, &states(body, &trial))
@@ -462,7 +462,7 @@ fn sign_changes(settings: &Settings, body: &Body, sensing: &Sensing) -> (usize, 
     (counts[counts.len() / 2], counts[counts.len() - 1], share)
 }
 
-fn gho_row(settings: &Settings, table: &mut Table, body: &Body, row: &GhoRow) {
+fn gho_row(settings: &TableSettings, table: &mut Table, body: &Body, row: &GhoRow) {
     let gho = observer_of(body, row.zeta);
     let sensing = Sensing { seconds: row.seconds, noise: Noise::Exact };
     let (mut errors, mut smooth, mut smooth_right, mut right) = (Vec::new(), 0, 0, 0);

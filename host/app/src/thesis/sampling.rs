@@ -7,7 +7,7 @@ use palpate::math::random::Draw;
 use palpate::point_sampling::scenes::SceneKind;
 use palpate::point_sampling::{Effort, Search, SetSystem, Subdivision, fewest};
 
-use super::{Cell, Experiment, Settings, Table};
+use super::{Cell, Experiment, Table, TableSettings};
 
 /// How long to look for fewer points or a proof in each scene.
 const TIME_LIMIT: Duration = Duration::from_secs(60);
@@ -33,18 +33,18 @@ const DENSE_SHAPES: [Test; 6] =
 const DENSE_POSES: [Test; 6] =
     [[10, 264, 4], [20, 1121, 7], [25, 1781, 6], [30, 2796, 7], [35, 3655, 9], [40, 4995, 9]];
 
-fn sparse(settings: &Settings) -> Table {
+fn sparse(settings: &TableSettings) -> Table {
     run(
         settings,
         [("shapes", SceneKind::SPARSE_SHAPES, SPARSE_SHAPES), ("poses", SceneKind::SPARSE_POSES, SPARSE_POSES)],
     )
 }
 
-fn dense(settings: &Settings) -> Table {
+fn dense(settings: &TableSettings) -> Table {
     run(settings, [("shapes", SceneKind::DENSE_SHAPES, DENSE_SHAPES), ("poses", SceneKind::DENSE_POSES, DENSE_POSES)])
 }
 
-fn run(settings: &Settings, groups: [(&str, SceneKind, [Test; 6]); 2]) -> Table {
+fn run(settings: &TableSettings, groups: [(&str, SceneKind, [Test; 6]); 2]) -> Table {
     let mut table = Table::new([
         "group",
         "polygons",

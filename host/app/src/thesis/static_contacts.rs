@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 
 use palpate::finger::Samples;
 use palpate::finger::calibration::Calibration;
-use palpate::finger::contact::{Averaging, Settings, SettingsError, Touch};
+use palpate::finger::contact::{Averaging, ContactSettings, SettingsError, Touch};
 use palpate::finger::sense::{self, FingerSense, Sensed};
 use palpate::math::angle::wrap_angle;
 use palpate::math::statistics::mean;
@@ -147,7 +147,8 @@ fn tared(
     averagings
         .iter()
         .map(|&averaging| {
-            let settings = Settings { averaging, contact_friction: contacts.mu_c, bias_walk, ..Settings::default() };
+            let settings =
+                ContactSettings { averaging, contact_friction: contacts.mu_c, bias_walk, ..ContactSettings::default() };
             let tare = palpate::finger::contact::Tare::estimate(&readings, &settings.tare_settings())
                 .map_err(|source| LiveError::Tare { source })?;
             Ok(FingerSense::new(calibration.clone(), tare, &settings)?)

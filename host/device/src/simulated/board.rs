@@ -5,7 +5,7 @@ use std::sync::mpsc::{Receiver, Sender, TryRecvError};
 use std::time::{Duration, Instant};
 
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
-use palpate_firmware_core::{Device, Identity, Queues, Sampler, SelectSource, Settings, SourceNotPossible};
+use palpate_firmware_core::{Device, DeviceSettings, Identity, Queues, Sampler, SelectSource, SourceNotPossible};
 use palpate_shared::sim::{Faults, FloatingBus, Load, PortBusy, Script, SimulatedFrontEnd, SpiPort};
 use palpate_shared::units::DeviceTime;
 use palpate_shared::wire::{Axis, Bridge, Channel, ClockSource, DeviceId, RestartReason, Source};
@@ -77,7 +77,7 @@ pub(super) fn run(config: &Config, mut outlet: Outlet, orders: &Receiver<Control
     loop {
         let mut queues = Queues::new();
         let (sampler_end, device_end) = queues.split();
-        let settings = Settings::at_start(config.baud.unwrap_or(0));
+        let settings = DeviceSettings::at_start(config.baud.unwrap_or(0));
         let mut board = Board {
             started_ns: front_end.borrow().truth().time_ns,
             front_end: &front_end,

@@ -10,7 +10,7 @@
 
 use nalgebra::{Matrix2, Vector2};
 use palpate::finger::contact::offline::{self, Bias, BiasUnknown, Found, Judged, Start};
-use palpate::finger::contact::{Contact, ContactReading, Event, Reading, Settings, SettingsError, Tare, noise};
+use palpate::finger::contact::{Contact, ContactReading, ContactSettings, Event, Reading, SettingsError, Tare, noise};
 use palpate::math::angle::wrap_angle;
 use palpate::math::statistics::{mean, median};
 use serde::Serialize;
@@ -36,7 +36,7 @@ pub const MLAB_TOOL_FROM_SENSOR: Matrix2<f64> = Matrix2::new(K, K, K, -K);
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// Thresholds, averaging, friction and mounting angle.
-    pub settings: Settings,
+    pub settings: ContactSettings,
     /// Turns (and mirrors, if need be) the file's force components into the finger's axes.
     pub finger_from_sensor: Matrix2<f64>,
     /// A stretch without contact, s after the first reading; `None` to find one by comparing recordings.
@@ -52,7 +52,7 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            settings: Settings::default(),
+            settings: ContactSettings::default(),
             finger_from_sensor: Matrix2::identity(),
             tare: None,
             start_force: START_FORCE_N,
@@ -292,7 +292,7 @@ fn onset(measured: &ContactReading) -> Option<f64> {
 }
 
 /// Splits the free interval in two and judges the second half by the first.
-fn free_check(readings: &[Reading], bias: &Bias, settings: &Settings) -> Option<FreeCheck> {
+fn free_check(readings: &[Reading], bias: &Bias, settings: &ContactSettings) -> Option<FreeCheck> {
     if bias.found != Found::OwnFreeInterval {
         return None;
     }
@@ -507,7 +507,7 @@ mod tests {
     const BIAS_ERROR_N: f64 = 0.002;
 
     fn options() -> Options {
-        let settings = Settings { contact_friction: 0.25_f64.tan(), ..Settings::default() };
+        let settings = ContactSettings { contact_friction: 0.25_f64.tan(), ..ContactSettings::default() };
         let part = Some(Part::parse(TRIANGLE).unwrap());
         Options { settings, finger_from_sensor: MLAB_TOOL_FROM_SENSOR, part, ..Options::default() }
     }
@@ -605,7 +605,10 @@ mod tests {
 
     #[test]
     fn long_averages_are_tared_on_the_free_time_found_without_them() {
-        let settings = Settings { averaging: palpate::finger::contact::Averaging::Seconds(0.1), ..Settings::default() };
+        let settings = ContactSettings {
+            averaging: palpate::finger::contact::Averaging::Seconds(0.1),
+            ..ContactSettings::default()
+        };
         let options = Options { settings, ..options() };
         for report in of_log(&mlab::parse(&log(&session(6))).unwrap(), &options).unwrap() {
             let bias = report.bias.unwrap();

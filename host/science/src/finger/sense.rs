@@ -10,7 +10,7 @@ use nalgebra::Vector2;
 use palpate_shared::units::Counts;
 
 use crate::finger::calibration::{Calibration, FrontEnd, counts_vector};
-use crate::finger::contact::{ContactReading, ContactSense, Reading, Settings, SettingsError, Tare};
+use crate::finger::contact::{ContactReading, ContactSense, ContactSettings, Reading, SettingsError, Tare};
 use crate::finger::{STUCK_SAMPLES, Samples};
 
 /// How far a bridge's offset wanders after the tare, in microstrain per √s.
@@ -19,7 +19,7 @@ use crate::finger::{STUCK_SAMPLES, Samples};
 /// about 0.15 K in a minute: 0.08 microstrain then, which is 0.05° of a 2 N contact.
 pub const BIAS_WALK_MICROSTRAIN: f64 = 0.01;
 
-/// [`BIAS_WALK_MICROSTRAIN`] as force per √s in a calibration's unit, for [`Settings::bias_walk`].
+/// [`BIAS_WALK_MICROSTRAIN`] as force per √s in a calibration's unit, for [`ContactSettings::bias_walk`].
 #[must_use]
 pub fn bias_walk(calibration: &Calibration, front_end: &FrontEnd) -> f64 {
     // Both axes alike: the mean of the matrix over directions.
@@ -90,7 +90,7 @@ impl FingerSense {
     ///
     /// # Errors
     /// [`SettingsError`] if a setting is out of range.
-    pub fn new(calibration: Calibration, tare: Tare, settings: &Settings) -> Result<Self, SettingsError> {
+    pub fn new(calibration: Calibration, tare: Tare, settings: &ContactSettings) -> Result<Self, SettingsError> {
         Ok(Self { calibration, sense: ContactSense::new(settings, tare)?, last: None, repeats: 0 })
     }
 
@@ -167,8 +167,8 @@ mod tests {
     fn tared() -> FingerSense {
         let calibration = calibration();
         let rest: Vec<_> = readings(&samples(0, 4000, 0.0), &calibration).collect();
-        let tare = Tare::estimate(&rest, &Settings::default().tare_settings()).unwrap();
-        FingerSense::new(calibration, tare, &Settings::default()).unwrap()
+        let tare = Tare::estimate(&rest, &ContactSettings::default().tare_settings()).unwrap();
+        FingerSense::new(calibration, tare, &ContactSettings::default()).unwrap()
     }
 
     fn touches(sensed: &[Sensed]) -> usize {

@@ -15,7 +15,7 @@ use nalgebra::{Point2, Vector2, Vector3};
 use super::readings::HalfPlane;
 use super::triple::{PARALLEL, Triple, Turns};
 use crate::geometry::{ConvexPolygon, Pose};
-use crate::math::least_squares::{self, Damping, Enough, Floor, NormalEquations, Settings};
+use crate::math::least_squares::{self, Damping, Enough, Floor, LeastSquaresSettings, NormalEquations};
 
 /// A pose may miss a line by so much, as a share of the part's size (fixed by the interface).
 pub const MISS_MAX_RELATIVE: f64 = 1e-9;
@@ -32,7 +32,7 @@ const GOOD_RELATIVE: f64 = 1e-13;
 
 /// How candidates are improved: from so near Gauss's and Newton's steps converge in two. Damping comes in where the lines nearly leave
 /// a continuum.
-const IMPROVEMENT: Settings<3> = Settings {
+const IMPROVEMENT: LeastSquaresSettings<3> = LeastSquaresSettings {
     damping: Damping {
         first: 0.0,
         min: 0.0,

@@ -14,7 +14,7 @@
 //!
 //! What a place is stays with the [`LeastSquaresProblem`]: how a step moves it (rotations, wrapped angles, bounds), how far the parabola can be
 //! trusted ([`LeastSquaresProblem::limited`]), which unknowns rest against a bound ([`LeastSquaresProblem::held`]), what walls and priors add to
-//! the cost. The constants are data ([`Settings`]).
+//! the cost. The constants are data ([`LeastSquaresSettings`]).
 //!
 //! Source: D. W. Marquardt, "An Algorithm for Least-Squares Estimation of Nonlinear Parameters", J. SIAM 11 (1963) 431–441.
 //! Assumes: `H` has no negative eigenvalue. Units: any; a cost is mostly in squared standard deviations. Errors: none; a
@@ -92,7 +92,7 @@ impl<const N: usize> NormalEquations<N> {
 ///
 /// ```
 /// use nalgebra::Vector1;
-/// use palpate::math::least_squares::{NormalEquations, Outcome, LeastSquaresProblem, Settings, minimise};
+/// use palpate::math::least_squares::{NormalEquations, Outcome, LeastSquaresProblem, LeastSquaresSettings, minimise};
 ///
 /// /// The heading (rad) from which beacons lie at the bearings measured.
 /// struct Compass([[f64; 2]; 3]);
@@ -125,7 +125,7 @@ impl<const N: usize> NormalEquations<N> {
 /// }
 ///
 /// let compass = Compass([[0.1, 6.2], [1.0, 0.82], [2.0, 1.8]]);
-/// let found = minimise(&compass, 6.0, &Settings::default(), |_| false);
+/// let found = minimise(&compass, 6.0, &LeastSquaresSettings::default(), |_| false);
 /// assert_eq!(found.outcome, Outcome::Converged);
 /// assert!((found.place - 0.1878).abs() < 1e-4);
 /// ```
@@ -214,7 +214,7 @@ pub struct Enough {
 
 /// The constants of a descent.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings<const N: usize> {
+pub struct LeastSquaresSettings<const N: usize> {
     /// How far steps may go.
     pub damping: Damping,
     /// What holds unknowns without influence.
@@ -228,7 +228,7 @@ pub struct Settings<const N: usize> {
 }
 
 /// Damping from a thousandth up until steps are no longer than 1e-8 of those without it; enough is what gains 1e-12 of the cost.
-impl<const N: usize> Default for Settings<N> {
+impl<const N: usize> Default for LeastSquaresSettings<N> {
     fn default() -> Self {
         Self {
             damping: Damping {
@@ -292,7 +292,7 @@ pub struct Trial<'a, Place> {
 pub fn minimise<const N: usize, P: LeastSquaresProblem<N>>(
     problem: &P,
     start: P::Place,
-    settings: &Settings<N>,
+    settings: &LeastSquaresSettings<N>,
     mut stop: impl FnMut(&Trial<'_, P::Place>) -> bool,
 ) -> Found<P::Place> {
     let mut place = start;
@@ -315,7 +315,7 @@ pub fn minimise<const N: usize, P: LeastSquaresProblem<N>>(
 pub fn lowered<const N: usize, P: LeastSquaresProblem<N>>(
     problem: &P,
     place: &P::Place,
-    settings: &Settings<N>,
+    settings: &LeastSquaresSettings<N>,
     damping: &mut f64,
 ) -> Result<P::Place, Outcome> {
     let mut descent = Descent { problem, settings, damping: *damping, trials: 0 };
@@ -329,7 +329,7 @@ pub fn lowered<const N: usize, P: LeastSquaresProblem<N>>(
 pub fn predicted_reduction<const N: usize, P: LeastSquaresProblem<N>>(
     problem: &P,
     place: &P::Place,
-    settings: &Settings<N>,
+    settings: &LeastSquaresSettings<N>,
 ) -> f64 {
     Parabola::at(problem, place, settings).step(0.0).map_or(0.0, |step| step.predicted_reduction)
 }
@@ -337,7 +337,7 @@ pub fn predicted_reduction<const N: usize, P: LeastSquaresProblem<N>>(
 /// A descent between two trials.
 struct Descent<'a, P, const N: usize> {
     problem: &'a P,
-    settings: &'a Settings<N>,
+    settings: &'a LeastSquaresSettings<N>,
     damping: f64,
     trials: usize,
 }
@@ -425,7 +425,7 @@ struct Step<const N: usize> {
 }
 
 impl<'a, const N: usize, P: LeastSquaresProblem<N>> Parabola<'a, P, N> {
-    fn at(problem: &'a P, place: &P::Place, settings: &Settings<N>) -> Self {
+    fn at(problem: &'a P, place: &P::Place, settings: &LeastSquaresSettings<N>) -> Self {
         let equations = problem.normal_equations(place);
         let held = problem.held(place, &equations);
         Self { problem, floor: settings.floor.of(&equations.curvature), equations, held }

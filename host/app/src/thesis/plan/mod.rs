@@ -23,7 +23,7 @@ use palpate::pushing::estimation::{Channel, Known, Measured, Observation, Prior,
 use palpate::pushing::finger_motion::Segment;
 
 use super::rivals::{Leg, Truth};
-use super::{Cell, Experiment, Settings, Table};
+use super::{Cell, Experiment, Table, TableSettings};
 
 /// Time between values, s.
 pub(super) const DT_S: f64 = 0.01;
@@ -283,7 +283,7 @@ impl Case {
 }
 
 /// Runs the experiment.
-fn run(settings: &Settings) -> Table {
+fn run(settings: &TableSettings) -> Table {
     let outcomes = outcomes(settings, outcome);
     let mut table =
         Table::new(["after a straight beginning", "cases", "ambiguous", "straight on / this", "mu_c needed, median"]);
@@ -330,7 +330,7 @@ fn definitions() -> Vec<String> {
 
 /// All cases, on as many threads as the machine has; in order.
 pub(super) fn outcomes<O: Clone + Default + Send>(
-    settings: &Settings,
+    settings: &TableSettings,
     outcome: impl Fn(u64, usize) -> O + Sync,
 ) -> Vec<O> {
     let next = AtomicUsize::new(0);

@@ -11,7 +11,7 @@ use palpate::pushing::estimation::{Hypothesis, estimate};
 
 use super::world::{Case, Kind, Sense, Setting};
 use super::{FORCE_DEVIATIONS, FORCE_PLACE_M, PUSHES, mean_count};
-use crate::thesis::{Cell, Experiment, Settings, Table, cases};
+use crate::thesis::{Cell, Experiment, Table, TableSettings, cases};
 
 /// The table `magnitude`.
 pub(in crate::thesis) const EXPERIMENT: Experiment = Experiment {
@@ -40,7 +40,7 @@ struct Outcome {
     errors: Option<(f64, f64)>,
 }
 
-fn run(settings: &Settings) -> Table {
+fn run(settings: &TableSettings) -> Table {
     let mut table = Table::new([
         "contact",
         "cases",

@@ -14,7 +14,7 @@ use palpate::math::statistics::mean;
 use palpate::pushing::estimation::{Hypothesis, estimate};
 
 use self::world::{Case, Kind, Sense, Setting};
-use super::{Cell, Experiment, Settings, Table, cases};
+use super::{Cell, Experiment, Table, TableSettings, cases};
 
 /// The table `pose`.
 pub(super) const CONTACTS: Experiment = Experiment {
@@ -106,16 +106,16 @@ struct Outcome {
 }
 
 /// Contacts without friction or without slip: the thesis's.
-fn pose(settings: &Settings) -> Table {
+fn pose(settings: &TableSettings) -> Table {
     of_angles(settings, POSE)
 }
 
 /// Contacts that slide, and that roll or slide.
-fn pose_friction(settings: &Settings) -> Table {
+fn pose_friction(settings: &TableSettings) -> Table {
     of_angles(settings, POSE_FRICTION)
 }
 
-fn of_angles(settings: &Settings, rows: Rows) -> Table {
+fn of_angles(settings: &TableSettings, rows: Rows) -> Table {
     let mut table = Table::new([
         "contact",
         "cases",
@@ -144,7 +144,7 @@ fn of_angles(settings: &Settings, rows: Rows) -> Table {
 }
 
 /// Force instead of angle.
-fn force(settings: &Settings) -> Table {
+fn force(settings: &TableSettings) -> Table {
     let mut table = Table::new(["felt", "cases", "first right", "truth in set", "sign right", "mean set"]);
     table.definitions = vec![
         PUSHES.to_owned(),
@@ -177,7 +177,7 @@ fn force(settings: &Settings) -> Table {
 }
 
 /// The outcome of each case, on all processors.
-fn outcomes(settings: &Settings, setting: Setting, judge: fn(&Case) -> Outcome) -> Vec<Outcome> {
+fn outcomes(settings: &TableSettings, setting: Setting, judge: fn(&Case) -> Outcome) -> Vec<Outcome> {
     cases::of_each(settings.cases, |number| judge(&Case::draw(settings.seed, number, setting)))
 }
 
@@ -258,7 +258,7 @@ mod tests {
     use super::*;
 
     /// A short run of each table; the full ones are `palpate tables pose pose-friction force --cases 1000`.
-    const SHORT: Settings = Settings { cases: 6, seed: 1 };
+    const SHORT: TableSettings = TableSettings { cases: 6, seed: 1 };
 
     #[test]
     fn random_poses_are_named() {

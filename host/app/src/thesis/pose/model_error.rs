@@ -12,7 +12,7 @@ use palpate::pushing::estimation::{Channel, Estimate, Known, Measured, Observati
 
 use super::world::{Case, Kind, Sense, Setting};
 use super::{NOISY, PUSHES, SIGMA_RAD};
-use crate::thesis::{Cell, Experiment, Settings, Table, cases};
+use crate::thesis::{Cell, Experiment, Table, TableSettings, cases};
 
 /// The table `model-error`.
 pub(in crate::thesis) const EXPERIMENT: Experiment = Experiment {
@@ -61,7 +61,7 @@ struct Outcome {
     none: bool,
 }
 
-fn run(settings: &Settings) -> Table {
+fn run(settings: &TableSettings) -> Table {
     let mut table = Table::new([
         "contact",
         "wrong",

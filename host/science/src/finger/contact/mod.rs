@@ -19,14 +19,14 @@
 //!
 //! ```
 //! use nalgebra::Vector2;
-//! use palpate::finger::contact::{Contact, ContactSense, Reading, Settings, Tare};
+//! use palpate::finger::contact::{Contact, ContactSense, Reading, ContactSettings, Tare};
 //!
 //! // A second at rest at 1 kHz, with an offset and 5 mN of (here very regular) noise, then 2 N from the left.
 //! let noise = |i: u32| 0.005 * f64::from((i * 7919) % 101) / 50.0 - 0.005;
 //! let rest: Vec<Reading> = (0..1000)
 //!     .map(|i| Reading::new(f64::from(i) * 1e-3, Vector2::new(0.1 + noise(i), -0.2 + noise(i + 13))))
 //!     .collect();
-//! let settings = Settings::default();
+//! let settings = ContactSettings::default();
 //! let tare = Tare::estimate(&rest, &settings.tare_settings())?;
 //! let mut sense = ContactSense::new(&settings, tare)?;
 //! let mut last = None;
@@ -120,7 +120,7 @@ pub struct ContactReading {
 /// How force becomes contact. Lives in a TOML file; every field has a default.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Settings {
+pub struct ContactSettings {
     /// Polar angle in finger axes, rad, of the direction that shall read `u = 0`.
     pub mounting_angle: f64,
     /// Friction coefficient between finger and part, `mu_c ≥ 0`; 0 for a frictionless contact.
@@ -138,7 +138,7 @@ pub struct Settings {
     pub noise_max: Option<f64>,
 }
 
-impl Default for Settings {
+impl Default for ContactSettings {
     fn default() -> Self {
         Self {
             mounting_angle: 0.0,
@@ -151,7 +151,7 @@ impl Default for Settings {
     }
 }
 
-impl Settings {
+impl ContactSettings {
     /// The part of the settings that a tare needs.
     #[must_use]
     pub fn tare_settings(&self) -> TareSettings {
@@ -199,7 +199,7 @@ fn require(ok: bool, field: &'static str, value: f64, limit: &'static str) -> Re
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("`{field}` is {value}, which must be {limit}")]
 pub struct SettingsError {
-    /// Name of the field in [`Settings`].
+    /// Name of the field in [`ContactSettings`].
     pub field: &'static str,
     /// Its value.
     pub value: f64,
@@ -210,7 +210,7 @@ pub struct SettingsError {
 /// The whole sense for one finger: readings in, contact out. Cheap enough for every reading at 4 kHz.
 #[derive(Clone, Debug)]
 pub struct ContactSense {
-    settings: Settings,
+    settings: ContactSettings,
     tare: Tare,
     average: MovingAverage,
     detector: Detector,
@@ -221,7 +221,7 @@ impl ContactSense {
     ///
     /// # Errors
     /// [`SettingsError`] if a setting is out of range.
-    pub fn new(settings: &Settings, tare: Tare) -> Result<Self, SettingsError> {
+    pub fn new(settings: &ContactSettings, tare: Tare) -> Result<Self, SettingsError> {
         settings.check()?;
         Ok(Self {
             settings: *settings,
@@ -295,7 +295,7 @@ mod tests {
     const SIGMA: f64 = 0.005;
 
     /// A sense tared on one second of the noise at 1 kHz.
-    fn tared(noise: &mut Noise, settings: &Settings) -> ContactSense {
+    fn tared(noise: &mut Noise, settings: &ContactSettings) -> ContactSense {
         let tare = Tare::estimate(&noise.readings(1000), &settings.tare_settings()).unwrap();
         ContactSense::new(settings, tare).unwrap()
     }
@@ -303,7 +303,7 @@ mod tests {
     #[test]
     fn a_press_is_felt_when_it_comes_and_gone_when_it_goes() {
         let mut noise = Noise::white(1, SIGMA);
-        let mut sense = tared(&mut noise, &Settings::default());
+        let mut sense = tared(&mut noise, &ContactSettings::default());
         let mut events = Vec::new();
         for i in 0..3000 {
             let mut reading = noise.reading();
@@ -323,7 +323,7 @@ mod tests {
     #[test]
     fn nothing_is_felt_in_a_quarter_of_a_million_readings_at_rest() {
         let mut noise = Noise { hum: 0.003, ..Noise::white(2, SIGMA) };
-        let settings = Settings { averaging: Averaging::Seconds(0.02), ..Settings::default() };
+        let settings = ContactSettings { averaging: Averaging::Seconds(0.02), ..ContactSettings::default() };
         let mut sense = tared(&mut noise, &settings);
         let felt =
             (0..250_000).filter_map(|_| sense.push(&noise.reading())).filter(|felt| felt.event.is_some()).count();
@@ -332,9 +332,9 @@ mod tests {
 
     #[test]
     fn a_bias_that_walks_as_the_settings_say_is_not_a_touch() {
-        let settings = Settings { bias_walk: 0.02, ..Settings::default() };
+        let settings = ContactSettings { bias_walk: 0.02, ..ContactSettings::default() };
         let mut noise = Noise { drift: 0.0, ..Noise::white(3, SIGMA) };
-        let (mut patient, mut hasty) = (tared(&mut noise, &settings), tared(&mut noise, &Settings::default()));
+        let (mut patient, mut hasty) = (tared(&mut noise, &settings), tared(&mut noise, &ContactSettings::default()));
         noise.drift = 0.002;
         let (mut false_touches, mut wrong) = (0, 0);
         for _ in 0..100_000 {
@@ -348,7 +348,7 @@ mod tests {
 
     #[test]
     fn the_force_s_covariance_is_noise_plus_tare_plus_the_bias_s_walk_since() {
-        let settings = Settings { bias_walk: 0.01, ..Settings::default() };
+        let settings = ContactSettings { bias_walk: 0.01, ..ContactSettings::default() };
         let mut tare = Tare::estimate(&Noise::white(6, SIGMA).readings(1000), &settings.tare_settings()).unwrap();
         tare.bias_covariance = Matrix2::new(4e-6, 1e-6, 1e-6, 9e-6);
         let known = tare.sample_covariance + tare.bias_covariance;
@@ -368,7 +368,7 @@ mod tests {
 
     #[test]
     fn calibration_uncertainty_widens_the_angle_and_is_not_averaged_away() {
-        let settings = Settings { averaging: Averaging::Samples(50), ..Settings::default() };
+        let settings = ContactSettings { averaging: Averaging::Samples(50), ..ContactSettings::default() };
         let mut noise = Noise::white(4, SIGMA);
         let mut sense = tared(&mut noise, &settings);
         let mut felt = None;
@@ -384,7 +384,7 @@ mod tests {
 
     #[test]
     fn the_window_fills_again_after_a_gap() {
-        let settings = Settings { averaging: Averaging::Samples(10), ..Settings::default() };
+        let settings = ContactSettings { averaging: Averaging::Samples(10), ..ContactSettings::default() };
         let mut noise = Noise::white(5, SIGMA);
         let mut sense = tared(&mut noise, &settings);
         let given = |sense: &mut ContactSense, noise: &mut Noise| {
@@ -398,26 +398,29 @@ mod tests {
     #[test]
     fn settings_read_from_toml_and_keep_defaults_for_what_is_left_out() {
         let text = "mounting_angle = 0.5\naveraging = { seconds = 0.02 }\n[thresholds]\non_sigmas = 8.0\n";
-        let settings: Settings = toml::from_str(text).unwrap();
+        let settings: ContactSettings = toml::from_str(text).unwrap();
         let thresholds = Thresholds { on_sigmas: 8.0, ..Thresholds::default() };
         let averaging = Averaging::Seconds(0.02);
-        assert_eq!(settings, Settings { mounting_angle: 0.5, averaging, thresholds, ..Settings::default() });
-        assert_eq!(toml::from_str::<Settings>(&toml::to_string(&settings).unwrap()).unwrap(), settings);
-        assert!(toml::from_str::<Settings>("friction = 0.3").is_err(), "an unknown name is refused");
+        assert_eq!(
+            settings,
+            ContactSettings { mounting_angle: 0.5, averaging, thresholds, ..ContactSettings::default() }
+        );
+        assert_eq!(toml::from_str::<ContactSettings>(&toml::to_string(&settings).unwrap()).unwrap(), settings);
+        assert!(toml::from_str::<ContactSettings>("friction = 0.3").is_err(), "an unknown name is refused");
     }
 
     #[test]
     fn impossible_settings_are_refused_by_name() {
-        let default = Settings::default();
+        let default = ContactSettings::default();
         let thresholds = |on_sigmas, off_sigmas| Thresholds { on_sigmas, off_sigmas, ..Thresholds::default() };
         let cases = [
-            (Settings { contact_friction: -0.1, ..default }, "contact_friction"),
-            (Settings { mounting_angle: f64::NAN, ..default }, "mounting_angle"),
-            (Settings { bias_walk: f64::INFINITY, ..default }, "bias_walk"),
-            (Settings { averaging: Averaging::Samples(0), ..default }, "averaging"),
-            (Settings { averaging: Averaging::Seconds(-1.0), ..default }, "averaging"),
-            (Settings { thresholds: thresholds(3.0, 4.0), ..default }, "thresholds.on_sigmas"),
-            (Settings { thresholds: thresholds(3.0, 0.0), ..default }, "thresholds.off_sigmas"),
+            (ContactSettings { contact_friction: -0.1, ..default }, "contact_friction"),
+            (ContactSettings { mounting_angle: f64::NAN, ..default }, "mounting_angle"),
+            (ContactSettings { bias_walk: f64::INFINITY, ..default }, "bias_walk"),
+            (ContactSettings { averaging: Averaging::Samples(0), ..default }, "averaging"),
+            (ContactSettings { averaging: Averaging::Seconds(-1.0), ..default }, "averaging"),
+            (ContactSettings { thresholds: thresholds(3.0, 4.0), ..default }, "thresholds.on_sigmas"),
+            (ContactSettings { thresholds: thresholds(3.0, 0.0), ..default }, "thresholds.off_sigmas"),
         ];
         for (settings, field) in cases {
             assert_eq!(settings.check().unwrap_err().field, field);

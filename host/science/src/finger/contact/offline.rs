@@ -15,7 +15,7 @@ use nalgebra::{Matrix2, Vector2};
 use serde::Serialize;
 
 use super::detector::Event;
-use super::{Averaging, ContactReading, ContactSense, Reading, Settings, Tare, TareError, noise};
+use super::{Averaging, ContactReading, ContactSense, ContactSettings, Reading, Tare, TareError, noise};
 use crate::math::statistics::{mean, median};
 
 /// The first moments of a recording, s, whose mean tells whether it began in contact.
@@ -130,7 +130,7 @@ pub struct Judged {
 ///
 /// # Errors
 /// [`BiasUnknown::Refused`] if it was not free.
-pub fn given(readings: &[Reading], [t_from, t_to]: [f64; 2], settings: &Settings) -> Result<Bias, BiasUnknown> {
+pub fn given(readings: &[Reading], [t_from, t_to]: [f64; 2], settings: &ContactSettings) -> Result<Bias, BiasUnknown> {
     let start = readings.first().map_or(0.0, |reading| reading.t);
     let named: Vec<Reading> =
         readings.iter().filter(|reading| (t_from..=t_to).contains(&(reading.t - start))).copied().collect();
@@ -144,7 +144,7 @@ pub fn given(readings: &[Reading], [t_from, t_to]: [f64; 2], settings: &Settings
 /// [`super::SettingsError`] if a setting is out of range.
 pub fn feel(
     readings: &[Reading],
-    settings: &Settings,
+    settings: &ContactSettings,
     tare: Tare,
 ) -> Result<Vec<ContactReading>, super::SettingsError> {
     let mut sense = ContactSense::new(settings, tare)?;
@@ -156,7 +156,7 @@ pub fn feel(
 /// `start_force` is the deviation, force units, from which a recording began in contact: above the bias's wander
 /// between neighbours, below the lightest touch that matters.
 #[must_use]
-pub fn judge(recordings: &[&[Reading]], settings: &Settings, start_force: f64) -> Vec<Judged> {
+pub fn judge(recordings: &[&[Reading]], settings: &ContactSettings, start_force: f64) -> Vec<Judged> {
     let leads = Leads::of(recordings);
     let rough: Vec<Option<f64>> = (0..recordings.len()).map(|i| leads.deviation_from_median(i)).collect();
     let usual = usual_deviation(&rough);
@@ -199,10 +199,10 @@ fn candidate(readings: &[Reading], tare: &Tare) -> Option<[f64; 2]> {
 }
 
 /// The tare from the start of a recording to its first onset.
-fn own_free(readings: &[Reading], settings: &Settings) -> Result<Tare, TareError> {
+fn own_free(readings: &[Reading], settings: &ContactSettings) -> Result<Tare, TareError> {
     let start = readings.first().map_or(0.0, |reading| reading.t);
     // Averages need longer stretches, and would smear the onset: they come last.
-    let single = Settings { averaging: Averaging::Off, ..*settings };
+    let single = ContactSettings { averaging: Averaging::Off, ..*settings };
     let lead = first_accepted(LEADS_S.map(|lead| until(readings, start + lead)), &single)?;
     // The second pass knows the noise better, and may find an earlier onset than the first.
     let tare = longest_free(before_onset(readings, &single, lead), &single)?;
@@ -210,7 +210,7 @@ fn own_free(readings: &[Reading], settings: &Settings) -> Result<Tare, TareError
 }
 
 /// The tare of the first stretch that is accepted, or the first refusal.
-fn first_accepted(stretches: [&[Reading]; LEADS_S.len()], settings: &Settings) -> Result<Tare, TareError> {
+fn first_accepted(stretches: [&[Reading]; LEADS_S.len()], settings: &ContactSettings) -> Result<Tare, TareError> {
     let [first, others @ ..] = stretches.map(|stretch| Tare::estimate(stretch, &settings.tare_settings()));
     first.or_else(|refusal| others.into_iter().find_map(Result::ok).ok_or(refusal))
 }
@@ -221,12 +221,12 @@ fn until(readings: &[Reading], t: f64) -> &[Reading] {
 }
 
 /// The readings that are safely before the first onset.
-fn before_onset<'a>(readings: &'a [Reading], settings: &Settings, tare: Tare) -> &'a [Reading] {
+fn before_onset<'a>(readings: &'a [Reading], settings: &ContactSettings, tare: Tare) -> &'a [Reading] {
     let onset = first_onset(readings, settings, tare);
     until(readings, onset.map_or(f64::INFINITY, |onset| onset - GUARD_S))
 }
 
-fn first_onset(readings: &[Reading], settings: &Settings, tare: Tare) -> Option<f64> {
+fn first_onset(readings: &[Reading], settings: &ContactSettings, tare: Tare) -> Option<f64> {
     let mut sense = ContactSense::new(settings, tare).ok()?;
     readings.iter().find_map(|reading| match sense.push(reading)?.event {
         Some(Event::Onset { t, .. }) => Some(t),
@@ -235,7 +235,7 @@ fn first_onset(readings: &[Reading], settings: &Settings, tare: Tare) -> Option<
 }
 
 /// The tare of all readings or, where that is refused, of ever fewer from the start; the first refusal if none will do.
-fn longest_free(readings: &[Reading], settings: &Settings) -> Result<Tare, TareError> {
+fn longest_free(readings: &[Reading], settings: &ContactSettings) -> Result<Tare, TareError> {
     let whole = Tare::estimate(readings, &settings.tare_settings());
     if whole.is_ok() {
         return whole;

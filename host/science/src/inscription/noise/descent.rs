@@ -4,10 +4,12 @@ use nalgebra::Vector3;
 
 use super::Settled;
 use super::objective::{Objective, Placed};
-use crate::math::least_squares::{self, Damping, Enough, Floor, LeastSquaresProblem, NormalEquations, Settings};
+use crate::math::least_squares::{
+    self, Damping, Enough, Floor, LeastSquaresProblem, LeastSquaresSettings, NormalEquations,
+};
 
 /// How far steps go. Ten trials are usual.
-const DESCENT: Settings<3> = Settings {
+const DESCENT: LeastSquaresSettings<3> = LeastSquaresSettings {
     damping: Damping {
         first: 1e-3,
         min: 0.0,

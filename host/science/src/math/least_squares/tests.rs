@@ -49,15 +49,15 @@ fn rosenbrock(unit: f64) -> impl LeastSquaresProblem<2, Place = Vector2<f64>> {
 const VALLEY_START: Vector2<f64> = Vector2::new(-1.2, 1.0);
 
 /// Gauss's and Newton's steps, as long as they help.
-fn undamped<const N: usize>() -> Settings<N> {
-    let standard = Settings::<N>::default();
+fn undamped<const N: usize>() -> LeastSquaresSettings<N> {
+    let standard = LeastSquaresSettings::<N>::default();
     let damping = Damping { first: 0.0, min_after_failure: 1e-3, ..standard.damping };
-    Settings { damping, floor: Floor::NONE, ..standard }
+    LeastSquaresSettings { damping, floor: Floor::NONE, ..standard }
 }
 
 #[test]
 fn a_bent_valley_is_followed_to_its_end() {
-    let found = minimise(&rosenbrock(1.0), VALLEY_START, &Settings::default(), |_| false);
+    let found = minimise(&rosenbrock(1.0), VALLEY_START, &LeastSquaresSettings::default(), |_| false);
     assert!((found.place - Vector2::new(1.0, 1.0)).norm() < 1e-9, "{found:?}");
     assert!(found.trials < 50 && found.outcome != Outcome::LimitReached, "{found:?}");
 }
@@ -67,7 +67,8 @@ fn a_linear_problem_takes_one_undamped_step() {
     let matrix = Matrix2x3::new(1.0, 2.0, 0.5, -1.0, 0.3, 4.0).transpose();
     let right = Vector3::new(1.0, -2.0, 0.7);
     let line = Plain { residuals: move |x: &Vector2<f64>| matrix * x - right, slopes: move |_: &Vector2<f64>| matrix };
-    let found = minimise(&line, Vector2::new(30.0, -50.0), &Settings { trials_max: 1, ..undamped() }, |_| false);
+    let found =
+        minimise(&line, Vector2::new(30.0, -50.0), &LeastSquaresSettings { trials_max: 1, ..undamped() }, |_| false);
     let normal = (matrix.transpose() * matrix).try_inverse().unwrap() * matrix.transpose() * right;
     assert!((found.place - normal).norm() < 1e-12, "{found:?} {normal}");
 }
@@ -81,7 +82,12 @@ fn what_has_no_influence_stays_where_it_is() {
         slopes: move |_: &Vector3<f64>| row,
     };
     for floor in [Floor::Relative(1e-12), Floor::Absolute([1e-6; 3])] {
-        let found = minimise(&sum, Vector3::new(0.0, 1.0, 7.0), &Settings { floor, ..Settings::default() }, |_| false);
+        let found = minimise(
+            &sum,
+            Vector3::new(0.0, 1.0, 7.0),
+            &LeastSquaresSettings { floor, ..LeastSquaresSettings::default() },
+            |_| false,
+        );
         // The step nearest to the start: both measured unknowns share it alike.
         assert!((found.place - Vector3::new(1.0, 2.0, 7.0)).norm() < 1e-6, "{floor:?} {found:?}");
     }
@@ -121,31 +127,31 @@ impl LeastSquaresProblem<1> for MeanAngle {
 
 #[test]
 fn the_mean_of_angles_on_both_sides_of_the_cut_is_between_them() {
-    let found = minimise(&MeanAngle([3.1, -3.1, 3.12]), 3.0, &Settings::default(), |_| false);
+    let found = minimise(&MeanAngle([3.1, -3.1, 3.12]), 3.0, &LeastSquaresSettings::default(), |_| false);
     assert!((wrap_angle(found.place - (3.1 + 3.12 + TAU - 3.1) / 3.0)).abs() < 1e-9, "{found:?}");
     assert!(found.place.abs() <= PI);
 }
 
 #[test]
 fn trials_and_steps_are_bounded() {
-    let few = Settings { trials_max: 3, ..Settings::default() };
+    let few = LeastSquaresSettings { trials_max: 3, ..LeastSquaresSettings::default() };
     let found = minimise(&rosenbrock(1.0), VALLEY_START, &few, |_| false);
     assert_eq!((found.outcome, found.trials), (Outcome::LimitReached, 3));
     let mut steps = 0;
-    let short = Settings { steps_max: 5, ..Settings::default() };
+    let short = LeastSquaresSettings { steps_max: 5, ..LeastSquaresSettings::default() };
     let found = minimise(&rosenbrock(1.0), VALLEY_START, &short, |trial| {
         steps += usize::from(trial.is_lower);
         false
     });
     assert_eq!((found.outcome, steps), (Outcome::LimitReached, 5));
-    let none = Settings { steps_max: 0, ..Settings::default() };
+    let none = LeastSquaresSettings { steps_max: 0, ..LeastSquaresSettings::default() };
     assert_eq!(minimise(&rosenbrock(1.0), VALLEY_START, &none, |_| false).place, VALLEY_START);
 }
 
 #[test]
 fn the_caller_sees_every_trial_and_stops_when_it_likes() {
     let mut seen = Vec::new();
-    let found = minimise(&rosenbrock(1.0), VALLEY_START, &Settings::default(), |trial| {
+    let found = minimise(&rosenbrock(1.0), VALLEY_START, &LeastSquaresSettings::default(), |trial| {
         seen.push((trial.count, trial.is_lower, trial.cost_before, trial.cost_after));
         trial.is_lower && trial.cost_after < 1.0
     });
@@ -183,7 +189,7 @@ impl LeastSquaresProblem<1> for Logarithm {
 fn a_place_without_evaluation_is_a_trial_that_failed() {
     // The first step would lead below 0.
     let mut failed = 0;
-    let found = minimise(&Logarithm(0.0), 5.0, &Settings::default(), |trial| {
+    let found = minimise(&Logarithm(0.0), 5.0, &LeastSquaresSettings::default(), |trial| {
         failed += usize::from(trial.cost_after.is_infinite());
         false
     });
@@ -225,7 +231,7 @@ impl LeastSquaresProblem<2> for Bounded {
 #[test]
 fn a_minimum_against_a_bound_is_found_on_it() {
     let problem = Bounded { bound: 0.5, step_max: 0.3 };
-    let found = minimise(&problem, VALLEY_START, &Settings::default(), |_| false);
+    let found = minimise(&problem, VALLEY_START, &LeastSquaresSettings::default(), |_| false);
     // With x held at 0.5 the lowest y is its square.
     assert!((found.place - Vector2::new(0.5, 0.25)).norm() < 1e-9, "{found:?}");
 }
@@ -235,7 +241,7 @@ fn a_cost_that_no_step_lowers_stalls_within_the_damping() {
     // The slope has the wrong sign.
     let contrary =
         Plain { residuals: |x: &Vector1<f64>| Vector1::new(1.0 + x[0]), slopes: |_: &Vector1<f64>| Vector1::new(-1.0) };
-    let found = minimise(&contrary, Vector1::new(0.0), &Settings::default(), |_| false);
+    let found = minimise(&contrary, Vector1::new(0.0), &LeastSquaresSettings::default(), |_| false);
     assert_eq!((found.place, found.outcome), (Vector1::new(0.0), Outcome::Stalled));
     // From 1e-3 up to 1e8 by tens.
     assert!(found.trials <= 12, "{}", found.trials);
@@ -248,7 +254,7 @@ fn numbers_that_are_none_move_nothing() {
             residuals: move |x: &Vector1<f64>| Vector1::new(if x[0] == 0.0 { 1.0 } else { bad }),
             slopes: move |_: &Vector1<f64>| Vector1::new(bad),
         };
-        let found = minimise(&broken, Vector1::new(0.0), &Settings::default(), |_| false);
+        let found = minimise(&broken, Vector1::new(0.0), &LeastSquaresSettings::default(), |_| false);
         assert_eq!(found.place, Vector1::new(0.0));
         assert_eq!(found.outcome, Outcome::Stalled);
     }
@@ -272,15 +278,15 @@ fn a_minimum_that_the_problem_knows_ends_the_descent_before_a_trial() {
             x.abs() < 0.1
         }
     }
-    let found = minimise(&Known, 0.05, &Settings::default(), |_| false);
+    let found = minimise(&Known, 0.05, &LeastSquaresSettings::default(), |_| false);
     assert_eq!((found.trials, found.outcome), (0, Outcome::Converged));
-    assert!((predicted_reduction(&Known, &0.05, &Settings::default()) - 0.05 * 0.05).abs() < 1e-15);
-    assert_eq!(lowered(&Known, &0.05, &Settings::default(), &mut 1e-3), Err(Outcome::Converged));
+    assert!((predicted_reduction(&Known, &0.05, &LeastSquaresSettings::default()) - 0.05 * 0.05).abs() < 1e-15);
+    assert_eq!(lowered(&Known, &0.05, &LeastSquaresSettings::default(), &mut 1e-3), Err(Outcome::Converged));
 }
 
 #[test]
 fn damping_falls_where_the_parabola_is_trusted_and_grows_where_a_trial_fails() {
-    let settings = Settings::<1>::default();
+    let settings = LeastSquaresSettings::<1>::default();
     let mut damping = settings.damping.first;
     lowered(&MeanAngle([0.1, 0.2, 0.3]), &0.0, &settings, &mut damping).unwrap();
     assert!((damping - 1e-4).abs() < 1e-18, "{damping}");
@@ -288,7 +294,7 @@ fn damping_falls_where_the_parabola_is_trusted_and_grows_where_a_trial_fails() {
     lowered(&Logarithm(0.0), &5.0, &settings, &mut damping).unwrap();
     assert!(damping > settings.damping.first, "{damping}");
     // From far to the left of it the parabola promises more than the logarithm keeps.
-    let wary = Settings { damping: Damping { trusted_share: 2.0, ..settings.damping }, ..settings };
+    let wary = LeastSquaresSettings { damping: Damping { trusted_share: 2.0, ..settings.damping }, ..settings };
     let mut damping = settings.damping.first;
     lowered(&Logarithm(0.0), &0.1, &wary, &mut damping).unwrap();
     assert!((damping - settings.damping.first).abs() < 1e-18, "{damping}");
@@ -316,7 +322,7 @@ proptest! {
             residuals: move |x: &Vector3<f64>| fixed * x - sides,
             slopes: move |_: &Vector3<f64>| fixed,
         };
-        for settings in [undamped(), Settings::default()] {
+        for settings in [undamped(), LeastSquaresSettings::default()] {
             let found = minimise(&problem, Vector3::zeros(), &settings, |_| false);
             let off = (found.place - Vector3::from_column_slice(other.as_slice())).norm();
             // Squaring the matrix squares its condition, at most 50; 1e-12 of the cost is left where damped steps end.
@@ -356,7 +362,7 @@ proptest! {
     #[test]
     fn the_path_does_not_depend_on_units(power in -6..7) {
         let unit = 10.0_f64.powi(power);
-        let no_floor = Settings { floor: Floor::NONE, trials_max: 12, ..Settings::default() };
+        let no_floor = LeastSquaresSettings { floor: Floor::NONE, trials_max: 12, ..LeastSquaresSettings::default() };
         let plain = minimise(&rosenbrock(1.0), VALLEY_START, &no_floor, |_| false);
         let start = Vector2::new(VALLEY_START.x, VALLEY_START.y * unit);
         let scaled = minimise(&rosenbrock(unit), start, &no_floor, |_| false);
@@ -369,7 +375,7 @@ proptest! {
     fn an_angle_turns_with_its_readings(turn in -10.0..10.0, a in -0.5..0.5, b in -0.5..0.5) {
         let mean = |by: f64| {
             let readings = [a, b, 0.1].map(|reading| wrap_angle(reading + by));
-            minimise(&MeanAngle(readings), wrap_angle(0.3 + by), &Settings::default(), |_| false).place
+            minimise(&MeanAngle(readings), wrap_angle(0.3 + by), &LeastSquaresSettings::default(), |_| false).place
         };
         prop_assert!(wrap_angle(mean(turn) - mean(0.0) - turn).abs() < 1e-6);
     }
@@ -378,7 +384,7 @@ proptest! {
     #[test]
     fn steps_side_by_side_are_those_of_one_descent(x in -2.0..2.0, y in -2.0..2.0, steps in 1_usize..8) {
         let never = Enough { relative: -1.0, absolute: 0.0, damping_max: 0.0 };
-        let settings = Settings { steps_max: steps, enough: never, ..Settings::default() };
+        let settings = LeastSquaresSettings { steps_max: steps, enough: never, ..LeastSquaresSettings::default() };
         let whole = minimise(&rosenbrock(1.0), Vector2::new(x, y), &settings, |_| false);
         let (mut place, mut damping) = (Vector2::new(x, y), settings.damping.first);
         for _ in 0..steps {

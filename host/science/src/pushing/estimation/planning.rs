@@ -21,7 +21,9 @@
 use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
 
 use super::hypotheses::Belief;
-use crate::math::least_squares::{self, Damping, Enough, Floor, LeastSquaresProblem, NormalEquations, Settings};
+use crate::math::least_squares::{
+    self, Damping, Enough, Floor, LeastSquaresProblem, LeastSquaresSettings, NormalEquations,
+};
 use crate::math::statistics::normal_tail;
 use crate::pushing::dynamics::{EdgeEnd, Finger, Part, Push, PushModel, PushRun, Sample, Start, State};
 use crate::pushing::finger_motion::Segment;
@@ -34,7 +36,7 @@ pub const ONE_PLACE_M: f64 = 2e-3;
 
 /// How a hypothesis is fitted to what was felt: predictions are nearly linear in what is uncertain, so by Gauss's and Newton's steps
 /// as long as they help. The prior bounds the curvature from below.
-const FIT: Settings<4> = Settings {
+const FIT: LeastSquaresSettings<4> = LeastSquaresSettings {
     damping: Damping {
         first: 0.0,
         min: 0.0,

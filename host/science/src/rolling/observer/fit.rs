@@ -11,7 +11,9 @@ use super::super::flow::{Columns, STATE_COLUMNS, Tangent};
 use super::super::mechanics::{Model, Spin, State};
 use super::super::shape::{Ellipsoid, Shape};
 use super::track::{IntegrationStep, Track};
-use crate::math::least_squares::{self, Damping, Enough, Floor, LeastSquaresProblem, NormalEquations, Settings, Trial};
+use crate::math::least_squares::{
+    self, Damping, Enough, Floor, LeastSquaresProblem, LeastSquaresSettings, NormalEquations, Trial,
+};
 
 /// Column of the spin among those of a state: fixed where there is none.
 const SPIN_COLUMN: usize = 5;
@@ -93,7 +95,7 @@ impl Unknowns {
     }
 
     fn fit_columns<const N: usize, const P: usize>(&self, track: &Track, start: Point, effort: &Effort) -> RollFit {
-        let settings = Settings {
+        let settings = LeastSquaresSettings {
             damping: DAMPING,
             // Far below anything that readings tell.
             floor: Floor::Relative(1e-15),

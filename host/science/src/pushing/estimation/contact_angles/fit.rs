@@ -17,7 +17,9 @@ use super::initial_state::{MU_G, StartMode, UNKNOWNS, Unknowns, Variable, initia
 use super::path::{CONSTRAINTS, ContactInterval, Seen, follow, plain_contact, plain_state};
 use crate::math::Jet;
 use crate::math::angle::wrap_angle;
-use crate::math::least_squares::{self, Damping, Enough, Floor, LeastSquaresProblem, NormalEquations, Settings};
+use crate::math::least_squares::{
+    self, Damping, Enough, Floor, LeastSquaresProblem, LeastSquaresSettings, NormalEquations,
+};
 use crate::pushing::dynamics::{ContactMode, Scalar, State};
 use crate::pushing::estimation::observation::{Channel, Known, MU_G_LOG_MAX, Prior, Touch};
 
@@ -43,7 +45,7 @@ const CURVATURE_MIN: [f64; UNKNOWNS] = {
 };
 
 /// How descents go down. Who follows them decides when they have gone far enough.
-const DESCENT: Settings<UNKNOWNS> = Settings {
+const DESCENT: LeastSquaresSettings<UNKNOWNS> = LeastSquaresSettings {
     damping: Damping {
         first: 1e-3,
         min: 0.0,

@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector, Isometry2, Matrix3, Matrix4, SMatrix, SVector, 
 
 use super::path::{Course, Guess, Path};
 use super::windowed_force::WindowedForce;
-use crate::math::least_squares::{self, Damping, Enough, Floor, NormalEquations, Settings, minimise};
+use crate::math::least_squares::{self, Damping, Enough, Floor, LeastSquaresSettings, NormalEquations, minimise};
 use crate::pushing::dynamics::State;
 use crate::pushing::estimation::observation::MU_G_LOG_MAX;
 
@@ -36,7 +36,7 @@ const STEPS_MAX: usize = 30;
 const COST_STEP: f64 = 0.02;
 
 /// How a guess goes down. The floor lets what the data say nothing about stay where it is.
-const DESCENT: Settings<COLUMNS> = Settings {
+const DESCENT: LeastSquaresSettings<COLUMNS> = LeastSquaresSettings {
     damping: Damping {
         first: 1e-3,
         min: 0.0,
@@ -114,7 +114,7 @@ impl Problem<'_, '_> {
 
     /// Goes down to the nearest minimum.
     pub(super) fn descend(&self, start: Tried, steps_max: usize) -> Tried {
-        minimise(self, start, &Settings { steps_max: steps_max.min(STEPS_MAX), ..DESCENT }, |_| false).place
+        minimise(self, start, &LeastSquaresSettings { steps_max: steps_max.min(STEPS_MAX), ..DESCENT }, |_| false).place
     }
 
     fn differences(&self) -> [f64; PARAMETERS] {
