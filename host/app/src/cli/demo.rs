@@ -13,7 +13,7 @@ use palpate::pushing::estimation::from_rest::onset::PushSense;
 use palpate::pushing::estimation::from_rest::trial::{
     Drawn, RADIUS_M, Ranges, pose_error, random_part, straight_motion,
 };
-use palpate::pushing::estimation::from_rest::{self, Known};
+use palpate::pushing::estimation::from_rest::{self, KnownFromRest};
 use palpate::pushing::finger_motion::{FingerMotion, Segment};
 use palpate_device::simulated::Line;
 use palpate_files::motion;
@@ -96,7 +96,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     if let Some(folder) = &arguments.keep {
         arguments.keep_files(folder, &part, &ranges, &measured)?;
     }
-    let known = Known {
+    let known = KnownFromRest {
         part: &part,
         mu_g: ranges.mu * GRAVITY_ASSUMED,
         mu_g_log_sd: None,
@@ -203,7 +203,7 @@ fn introduce(rig: &Rig, part: &Part, ranges: &Ranges, force: f64) {
 }
 
 /// The host's answers as the push goes on; the last one.
-fn say_what_is_felt(known: &Known, sense: &PushSense) -> Option<Estimate> {
+fn say_what_is_felt(known: &KnownFromRest, sense: &PushSense) -> Option<Estimate> {
     let end = known.motion.duration();
     let mut last = None;
     for until in TIMES_S.into_iter().filter(|&until| until < end).chain([end]) {

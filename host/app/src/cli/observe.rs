@@ -11,7 +11,7 @@ use palpate::finger::contact::Reading;
 use palpate::finger::sense;
 use palpate::pushing::estimation::Estimate;
 use palpate::pushing::estimation::from_rest::onset::{PushSense, RestNoise};
-use palpate::pushing::estimation::from_rest::{self, Known, hann_windows};
+use palpate::pushing::estimation::from_rest::{self, KnownFromRest, hann_windows};
 use palpate::pushing::finger_motion::{FingerMotion, Segment};
 use palpate_device::Session;
 use palpate_files::motion::{self, MotionFileError};
@@ -204,7 +204,7 @@ impl Observer<'_> {
         };
         let radius = self.arguments.radius_mm * 1e-3;
         let (mu_g, mu_g_log_sd) = (self.file.mu * GRAVITY_ASSUMED, self.arguments.friction.log_sd());
-        let known = Known { part: &self.file.part, mu_g, mu_g_log_sd, radius, motion };
+        let known = KnownFromRest { part: &self.file.part, mu_g, mu_g_log_sd, radius, motion };
         let now = hann_windows::end(measured.count() - 1);
         let estimate = match &self.last {
             Some(last) if !at_end && !search_is_due(last.time_end, now) => from_rest::follow(&known, &measured, last),

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use miette::WrapErr as _;
 use palpate::finger::contact::{Reading, TareError};
 use palpate::pushing::estimation::from_rest::onset::{PushSense, RestNoise};
-use palpate::pushing::estimation::from_rest::{Known, WINDOWS_MIN, WindowedForce};
+use palpate::pushing::estimation::from_rest::{KnownFromRest, WINDOWS_MIN, WindowedForce};
 use palpate::pushing::finger_motion::FingerMotion;
 use palpate_files::motion;
 use palpate_files::part::PolygonFile;
@@ -122,9 +122,9 @@ impl RecordedPushArguments {
 
 impl RecordedPush {
     /// What is known of the push if this part was pushed.
-    pub(super) fn known<'p>(&'p self, file: &'p PolygonFile) -> Known<'p> {
+    pub(super) fn known<'p>(&'p self, file: &'p PolygonFile) -> KnownFromRest<'p> {
         let (mu_g, mu_g_log_sd) = (file.mu * GRAVITY_ASSUMED, self.mu_g_log_sd);
-        Known { part: &file.part, mu_g, mu_g_log_sd, radius: self.radius, motion: &self.motion }
+        KnownFromRest { part: &file.part, mu_g, mu_g_log_sd, radius: self.radius, motion: &self.motion }
     }
 }
 

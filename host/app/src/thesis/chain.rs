@@ -7,7 +7,7 @@ use palpate::math::random::Draw;
 use palpate::math::statistics::percentile;
 use palpate::pushing::estimation::Status;
 use palpate::pushing::estimation::from_rest::trial::{Outcome, RADIUS_M, Ranges, random_part, straight_motion};
-use palpate::pushing::estimation::from_rest::{self, Known};
+use palpate::pushing::estimation::from_rest::{self, KnownFromRest};
 use palpate_device::simulated::Line;
 
 use super::cases::of_each;
@@ -30,7 +30,7 @@ fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<Outcome, String> {
     let measured = measured.map_err(|error| format!("case {number}: {error}"))?;
     let measured =
         measured.sense.windowed_force(duration).ok_or_else(|| format!("case {number}: the push was not felt"))?;
-    let known = Known {
+    let known = KnownFromRest {
         part: &part,
         mu_g: ranges.mu * GRAVITY_ASSUMED,
         mu_g_log_sd: None,

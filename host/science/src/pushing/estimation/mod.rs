@@ -9,7 +9,7 @@
 //! | observer | felt | begins | |
 //! |---|---|---|---|
 //! | [`Known`] (`contact_angles`) | contact angles, or direction and magnitude of the force | in motion or at rest | every local minimum of the cost |
-//! | [`from_rest::Known`] | the force in newtons, from its onset | at rest | where, and mass and friction too |
+//! | [`from_rest::KnownFromRest`] | the force in newtons, from its onset | at rest | where, and mass and friction too |
 //! | [`RestingPush`], [`Table`] (`initial_pose`) | a few contacts | at rest, without friction at the finger | thesis §5.3.2, §6.2, §8.2.2 |
 //! | [`GhoBank`] (`thesis_gho`) | contact angles | in motion, about known | the thesis's observers of §5.2, §5.4.2, §6.1 |
 //!

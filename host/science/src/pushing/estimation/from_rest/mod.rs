@@ -56,7 +56,7 @@ pub const WINDOWS_MIN: usize = 4;
 
 /// What is known of a push beforehand.
 #[derive(Clone, Copy, Debug)]
-pub struct Known<'p> {
+pub struct KnownFromRest<'p> {
     /// The part.
     pub part: &'p Part,
     /// µ g of the plane, m/s².
@@ -69,7 +69,7 @@ pub struct Known<'p> {
     pub motion: &'p FingerMotion,
 }
 
-impl<'p> Known<'p> {
+impl<'p> KnownFromRest<'p> {
     /// Finger and part at the time up to which the force was used: what a motion planner starts from.
     #[must_use]
     pub fn present(&self, estimate: &Estimate) -> Present<'p> {
@@ -87,7 +87,7 @@ impl<'p> Known<'p> {
     }
 }
 
-impl Observer for Known<'_> {
+impl Observer for KnownFromRest<'_> {
     type Observation = WindowedForce;
 
     fn estimate_until(&self, measured: &WindowedForce, stop: Stop<'_>) -> Searched<Estimate> {
@@ -97,19 +97,19 @@ impl Observer for Known<'_> {
 
 /// Every pose that explains what was felt, sought all over the part.
 #[must_use]
-pub fn estimate(known: &Known, measured: &WindowedForce) -> Estimate {
+pub fn estimate(known: &KnownFromRest, measured: &WindowedForce) -> Estimate {
     estimate_until(known, measured, &never).found
 }
 
 /// The same, ended when `stop` says so: then with the poses found by then.
 #[must_use]
-pub fn estimate_until(known: &Known, measured: &WindowedForce, stop: Stop<'_>) -> Searched<Estimate> {
+pub fn estimate_until(known: &KnownFromRest, measured: &WindowedForce, stop: Stop<'_>) -> Searched<Estimate> {
     let halt = Halt::new(stop);
     let estimate = halting_estimate(known, measured, &halt);
     halt.searched(estimate)
 }
 
-fn halting_estimate(known: &Known, measured: &WindowedForce, halt: &Halt<'_>) -> Estimate {
+fn halting_estimate(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt<'_>) -> Estimate {
     let symmetry = symmetry::order(known.part);
     let edges = known.part.polygon().vertices().len() / symmetry;
     let course = course(known, measured);
@@ -122,7 +122,7 @@ fn halting_estimate(known: &Known, measured: &WindowedForce, halt: &Halt<'_>) ->
 /// The same, sought only where an earlier answer from the beginning of the same push had found something: what was excluded then
 /// stays excluded.
 #[must_use]
-pub fn follow(known: &Known, measured: &WindowedForce, earlier: &Estimate) -> Estimate {
+pub fn follow(known: &KnownFromRest, measured: &WindowedForce, earlier: &Estimate) -> Estimate {
     let course = course(known, measured);
     let problem = Problem { course: &course, measured };
     let starts = earlier.hypotheses.iter().filter_map(|hypothesis| problem.try_guess(guess(hypothesis, &course)));
@@ -130,7 +130,7 @@ pub fn follow(known: &Known, measured: &WindowedForce, earlier: &Estimate) -> Es
     conclude(&problem, descend_all(&problem, starts, &Halt::new(&never)), earlier.symmetry)
 }
 
-fn course<'p>(known: &Known<'p>, measured: &WindowedForce) -> Course<'p> {
+fn course<'p>(known: &KnownFromRest<'p>, measured: &WindowedForce) -> Course<'p> {
     Course {
         part: known.part,
         mu_g: known.mu_g,

@@ -69,9 +69,9 @@ fn measured(drawn: &Drawn, draw: &mut Draw, duration: f64) -> WindowedForce {
     WindowedForce::new(means, &Uncertainty { noise, bias: Matrix2::zeros(), calibration: None, onset_sd: 0.0 }).unwrap()
 }
 
-fn known<'a>(part: &'a Part, ranges: &'a Ranges) -> Known<'a> {
+fn known<'a>(part: &'a Part, ranges: &'a Ranges) -> KnownFromRest<'a> {
     let mu_g = ranges.mu * crate::gravity::GRAVITY_ASSUMED;
-    Known { part, mu_g, mu_g_log_sd: None, radius: RADIUS_M, motion: &ranges.motion }
+    KnownFromRest { part, mu_g, mu_g_log_sd: None, radius: RADIUS_M, motion: &ranges.motion }
 }
 
 #[test]
@@ -248,7 +248,7 @@ fn on_an_unknown_plane(case: usize, acceleration: f64) -> (Part, Ranges, Drawn, 
 /// What is said of such a push, with the standard deviation of ln µ or taking µ as known.
 fn estimate_on_it((part, ranges, drawn, draw): &(Part, Ranges, Drawn, Draw), mu_g_log_sd: Option<f64>) -> Estimate {
     let mu_g = Ranges::default().mu * crate::gravity::GRAVITY_ASSUMED;
-    let known = Known { part, mu_g, mu_g_log_sd, radius: RADIUS_M, motion: &ranges.motion };
+    let known = KnownFromRest { part, mu_g, mu_g_log_sd, radius: RADIUS_M, motion: &ranges.motion };
     estimate(&known, &measured(drawn, &mut draw.clone(), ranges.motion.duration()))
 }
 
