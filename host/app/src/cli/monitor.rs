@@ -7,7 +7,7 @@ use std::time::{Instant, SystemTime};
 
 use miette::IntoDiagnostic as _;
 use palpate::finger::contact::{Averaging, Contact, ContactReading, ContactSettings, Tare, detector};
-use palpate::finger::sense::{self, Fault, FingerSense, Sensed};
+use palpate::finger::sense::{self, FingerSense, SenseFault, Sensed};
 use palpate_device::{Incoming, Session};
 use serde_json::{Value, json};
 
@@ -148,7 +148,7 @@ struct Monitor<'a> {
     next_s: f64,
     /// Device time at which to stop, s.
     until_s: Option<f64>,
-    fault: Option<Fault>,
+    fault: Option<SenseFault>,
 }
 
 impl<'a> Monitor<'a> {

@@ -41,7 +41,7 @@ pub fn readings<'a>(samples: &'a Samples, calibration: &'a Calibration) -> impl 
 
 /// Why a sample says nothing about the force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Fault {
+pub enum SenseFault {
     /// This channel is at the end of the converter's range: a broken gauge or too large a load.
     Saturated {
         /// 0 for x, 1 for y.
@@ -51,7 +51,7 @@ pub enum Fault {
     Stuck,
 }
 
-impl std::fmt::Display for Fault {
+impl std::fmt::Display for SenseFault {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Saturated { channel: 0 } => f.write_str("bridge x is at the end of its range"),
@@ -71,7 +71,7 @@ pub enum Sensed {
         /// Device time, s.
         t: f64,
         /// Why.
-        fault: Fault,
+        fault: SenseFault,
     },
 }
 
@@ -128,12 +128,12 @@ impl FingerSense {
         self.sense.push_calibrated(&reading, |force| calibration.systematic(*force)).map(Sensed::Contact)
     }
 
-    fn fault(&mut self, counts: [Counts; 2]) -> Option<Fault> {
+    fn fault(&mut self, counts: [Counts; 2]) -> Option<SenseFault> {
         self.repeats = if self.last == Some(counts) { self.repeats + 1 } else { 0 };
         self.last = Some(counts);
         match counts.iter().position(|count| count.is_saturated()) {
-            Some(channel) => Some(Fault::Saturated { channel }),
-            None => (self.repeats + 1 >= STUCK_SAMPLES).then_some(Fault::Stuck),
+            Some(channel) => Some(SenseFault::Saturated { channel }),
+            None => (self.repeats + 1 >= STUCK_SAMPLES).then_some(SenseFault::Stuck),
         }
     }
 }
@@ -188,7 +188,7 @@ mod tests {
         broken.counts.iter_mut().for_each(|counts| counts[1] = Counts::MAX);
         let sensed = finger.feel(&broken);
         assert_eq!(sensed.len(), 100);
-        let fault = Fault::Saturated { channel: 1 };
+        let fault = SenseFault::Saturated { channel: 1 };
         assert!(sensed.iter().all(|sensed| matches!(sensed, Sensed::NotMeasured { fault: f, .. } if *f == fault)));
         assert_eq!(touches(&finger.feel(&samples(4200, 100, 0.0))), 0, "the old contact is forgotten");
     }
@@ -199,8 +199,10 @@ mod tests {
         let mut stuck = samples(4000, 100, 2.0);
         stuck.counts.fill([Counts(-54_000), Counts(12)]);
         let sensed = finger.feel(&stuck);
-        let faults =
-            sensed.iter().filter(|sensed| matches!(sensed, Sensed::NotMeasured { fault: Fault::Stuck, .. })).count();
+        let faults = sensed
+            .iter()
+            .filter(|sensed| matches!(sensed, Sensed::NotMeasured { fault: SenseFault::Stuck, .. }))
+            .count();
         assert_eq!(faults, 100 - (STUCK_SAMPLES - 1));
     }
 }
