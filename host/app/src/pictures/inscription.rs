@@ -7,7 +7,7 @@ use palpate::inscription::{PlannedView, Pose};
 use palpate::point_sampling::Circle;
 use palpate_files::views::{NamedPart, Views};
 
-use crate::pictures::plot::{Colour, Dash, Figure, Key, Scene, Stroke, Style};
+use crate::pictures::plot::{Colour, Dash, Figure, Key, PlotScene, Stroke, Style};
 
 /// Size of the page.
 const PAGE: [f64; 2] = [900.0, 720.0];
@@ -56,8 +56,8 @@ impl InscribePicture<'_> {
         figure.column(1.0, vec![self.scene().into()])
     }
 
-    fn scene(&self) -> Scene {
-        let mut scene = Scene::new("");
+    fn scene(&self) -> PlotScene {
+        let mut scene = PlotScene::new("");
         self.draw_rays(&mut scene);
         for (k, shown) in self.poses.iter().enumerate().rev() {
             draw_part(&mut scene, shown, k);
@@ -122,7 +122,7 @@ impl InscribePicture<'_> {
         }
     }
 
-    fn draw_rays(&self, scene: &mut Scene) {
+    fn draw_rays(&self, scene: &mut PlotScene) {
         let middle = self.middle();
         let size = self.poses.first().map_or(0.0, |shown| shown.part.convex.size());
         // Where the part had not moved: rays of a moved part are drawn as if the sensor had moved back.
@@ -166,7 +166,7 @@ fn centre(shown: &Shown<'_>) -> Point2<f64> {
     world(shown) * shown.part.convex.centre()
 }
 
-fn draw_part(scene: &mut Scene, shown: &Shown<'_>, index: usize) {
+fn draw_part(scene: &mut PlotScene, shown: &Shown<'_>, index: usize) {
     let vertices: Vec<_> = shown.part.outline.vertices().iter().map(|p| world(shown) * p).collect();
     scene.polygon(&vertices, style(index));
     // A mark at the first vertex tells turned copies apart.

@@ -7,7 +7,7 @@ use nalgebra::{Point2, Vector2};
 use palpate::geometry::SimplePolygon;
 use palpate::point_sampling::Circle;
 
-use crate::pictures::plot::{Colour, Dash, Figure, Key, Scene, Stroke, Style};
+use crate::pictures::plot::{Colour, Dash, Figure, Key, PlotScene, Stroke, Style};
 
 /// Size of the page.
 const PAGE: [f64; 2] = [1120.0, 620.0];
@@ -46,8 +46,8 @@ impl SamplingPicture<'_> {
     }
 
     /// Outlines and numbered points.
-    fn shapes(&self) -> Scene {
-        let mut scene = Scene::new("what is told apart");
+    fn shapes(&self) -> PlotScene {
+        let mut scene = PlotScene::new("what is told apart");
         for (number, polygon) in self.polygons.iter().enumerate() {
             scene.polygon(polygon.vertices(), self.style(number));
         }
@@ -66,8 +66,8 @@ impl SamplingPicture<'_> {
     }
 
     /// The subdivision, with the room around each point.
-    fn regions(&self) -> Scene {
-        let mut scene = Scene::new("their regions, and the room around each point");
+    fn regions(&self) -> PlotScene {
+        let mut scene = PlotScene::new("their regions, and the room around each point");
         for polygon in self.polygons {
             scene.polygon(polygon.vertices(), Stroke::solid(Colour::DARK_GREY, 0.6));
         }
@@ -86,7 +86,7 @@ impl SamplingPicture<'_> {
         Style::area(colour, 0.10).outlined(Stroke::solid(colour, 1.2))
     }
 
-    fn add_fences(&self, scene: &mut Scene) {
+    fn add_fences(&self, scene: &mut PlotScene) {
         self.fences.iter().for_each(|line| scene.polyline(line, fence()));
     }
 }

@@ -8,7 +8,7 @@ use nalgebra::{Point2, Vector2};
 use palpate::pushing::dynamics::{ContactMode, FingerShape, PartSide, Sample};
 use palpate_files::part::PartFile;
 
-use crate::pictures::plot::{Chart, Colour, Dash, Figure, Key, Scene, Stroke, Style};
+use crate::pictures::plot::{Chart, Colour, Dash, Figure, Key, PlotScene, Stroke, Style};
 use crate::push_scenario::{Pushed, to_world};
 use palpate::gravity::GRAVITY_ASSUMED;
 
@@ -72,8 +72,8 @@ impl PushPicture<'_> {
         run.samples.iter().filter(before_end).chain([&run.last]).copied().collect()
     }
 
-    fn scene(&self) -> Scene {
-        let mut scene = Scene::new("");
+    fn scene(&self) -> PlotScene {
+        let mut scene = PlotScene::new("");
         let samples = self.samples();
         let shown: Vec<&Sample> = (0..OUTLINES).map(|k| &samples[k * (samples.len() - 1) / (OUTLINES - 1)]).collect();
         for (k, sample) in shown.iter().enumerate() {
@@ -93,7 +93,7 @@ impl PushPicture<'_> {
     }
 
     /// Part and finger at one moment.
-    fn outlines(&self, scene: &mut Scene, sample: &Sample, moment: Moment) {
+    fn outlines(&self, scene: &mut PlotScene, sample: &Sample, moment: Moment) {
         let outline: Vec<_> = self.file.part.outline().iter().map(|p| to_world(sample, *p)).collect();
         scene.polygon(&outline, part_style(moment));
         let centre = self.pushed.track.centre(sample.t);
@@ -109,13 +109,13 @@ impl PushPicture<'_> {
     }
 
     /// A straight finger: as much of it as the part is large, with a thickness to be seen.
-    fn bar(&self, scene: &mut Scene, centre: Point2<f64>, moment: Moment) {
+    fn bar(&self, scene: &mut PlotScene, centre: Point2<f64>, moment: Moment) {
         let (half, thick) = (self.size(), BAR_SHARE * self.size());
         let corners = [[-half, 0.0], [-half, -thick], [half, -thick], [half, 0.0]];
         scene.polygon(&corners.map(|corner| centre + Vector2::from(corner)), finger_style(moment));
     }
 
-    fn tracks(&self, scene: &mut Scene, samples: &[Sample]) {
+    fn tracks(&self, scene: &mut PlotScene, samples: &[Sample]) {
         let centres: Vec<_> = samples.iter().map(|sample| to_world(sample, self.file.part.centre_of_mass())).collect();
         scene.polyline(&centres, Stroke::solid(TRACK, 1.5));
         let finger: Vec<_> = samples.iter().map(|sample| self.pushed.track.centre(sample.t)).collect();
@@ -123,7 +123,7 @@ impl PushPicture<'_> {
     }
 
     /// The force at each moment, all to one scale.
-    fn forces(&self, scene: &mut Scene, shown: &[&Sample]) {
+    fn forces(&self, scene: &mut PlotScene, shown: &[&Sample]) {
         let force = |sample: &Sample| self.pushed.force_over_weight(sample).unwrap_or_default();
         let largest = shown.iter().map(|sample| force(sample).norm()).fold(0.0, f64::max);
         let length = FORCE_SHARE * self.size() / largest.max(f64::MIN_POSITIVE);

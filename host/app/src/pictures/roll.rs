@@ -5,7 +5,7 @@
 use nalgebra::{Point2, Vector2, Vector3};
 use palpate::rolling::{Body, RollRun, Sample};
 
-use crate::pictures::plot::{Chart, Colour, Dash, Figure, Key, Scene, Stroke, Style};
+use crate::pictures::plot::{Chart, Colour, Dash, Figure, Key, PlotScene, Stroke, Style};
 
 /// Times of a roll to ask for, for smooth curves.
 pub const SAMPLES: u32 = 400;
@@ -57,8 +57,8 @@ impl RollPicture<'_> {
         self.run.samples.iter().filter(before_end).chain([&self.run.last]).copied().collect()
     }
 
-    fn scene(&self) -> Scene {
-        let mut scene = Scene::new("On the palm, seen from above");
+    fn scene(&self) -> PlotScene {
+        let mut scene = PlotScene::new("On the palm, seen from above");
         let samples = self.samples();
         let shown: Vec<&Sample> = (0..OUTLINES).map(|k| &samples[k * (samples.len() - 1) / (OUTLINES - 1)]).collect();
         for (k, sample) in shown.iter().enumerate() {

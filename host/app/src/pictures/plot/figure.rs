@@ -3,7 +3,7 @@
 use super::axis::TITLE_SIZE;
 use super::chart::Chart;
 use super::page::{Area, Margins, Page, PagePoint, Text};
-use super::scene::Scene;
+use super::scene::PlotScene;
 use super::style::Colour;
 
 /// Height of the font of a figure's title and of its subtitle.
@@ -101,8 +101,8 @@ impl Column {
     }
 }
 
-impl From<Scene> for Box<dyn Panel> {
-    fn from(scene: Scene) -> Self {
+impl From<PlotScene> for Box<dyn Panel> {
+    fn from(scene: PlotScene) -> Self {
         Box::new(scene)
     }
 }

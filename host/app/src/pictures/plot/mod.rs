@@ -1,6 +1,6 @@
 //! Pictures for people: things on the table and charts, as SVG or PNG. Pure: no files, clocks or fonts of the system.
 //!
-//! What is to be seen is collected in a [`Scene`] (the plane, to scale, in metres) or a [`Chart`] (curves of y over x), put side
+//! What is to be seen is collected in a [`PlotScene`] (the plane, to scale, in metres) or a [`Chart`] (curves of y over x), put side
 //! by side in a [`Figure`], and drawn on a [`Page`]. Both writers draw the same page, text as the outlines of a built-in font, so
 //! a picture looks the same on every machine and the SVG has the same bytes.
 //!
@@ -29,7 +29,7 @@ pub use axis::Key;
 pub use chart::Chart;
 pub use figure::{Figure, Panel};
 pub use page::{Anchor, Area, Margins, Page, PagePoint, Text, text_length};
-pub use scene::Scene;
+pub use scene::PlotScene;
 pub use style::{Colour, Dash, Fill, Stroke, Style};
 
 /// A file format of pictures.

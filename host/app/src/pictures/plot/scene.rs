@@ -38,7 +38,7 @@ const LABEL_GAP: f64 = 8.0;
 /// assert!(svg.starts_with("<svg"));
 /// ```
 #[derive(Clone, Debug)]
-pub struct Scene {
+pub struct PlotScene {
     heading: Heading,
     marks: Vec<Mark>,
 }
@@ -78,7 +78,7 @@ impl Mark {
     }
 }
 
-impl Scene {
+impl PlotScene {
     /// An empty scene; the title may be empty.
     #[must_use]
     pub fn new(title: impl Into<String>) -> Self {
@@ -167,7 +167,7 @@ fn time_text(time: f64) -> String {
     format!("{short} s")
 }
 
-impl Panel for Scene {
+impl Panel for PlotScene {
     fn draw(&self, page: &mut Page, panel: Area) {
         let frame = self.frame(self.heading.draw(page, panel));
         let millimetres = frame.x.span().min(frame.y.span()) < MILLIMETRES_BELOW_M;
@@ -241,8 +241,8 @@ mod tests {
 
     const AREA: Area = Area { left: 10.0, top: 20.0, width: 400.0, height: 200.0 };
 
-    fn block() -> Scene {
-        let mut scene = Scene::new("");
+    fn block() -> PlotScene {
+        let mut scene = PlotScene::new("");
         scene.polygon(&[[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1]].map(Point2::from), Style::default());
         scene
     }
@@ -302,7 +302,7 @@ mod tests {
 
     #[test]
     fn an_empty_scene_and_a_single_point_can_be_drawn() {
-        let mut scene = Scene::new("nothing");
+        let mut scene = PlotScene::new("nothing");
         for _ in 0..2 {
             let mut page = Page::new(300.0, 200.0, "");
             let area = page.area();

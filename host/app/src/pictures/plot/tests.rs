@@ -9,7 +9,7 @@ use super::*;
 
 /// A scene and two charts with one of everything.
 fn sampler() -> Figure {
-    let mut scene = Scene::new("Table");
+    let mut scene = PlotScene::new("Table");
     let block = [[0.0, 0.0], [0.06, 0.0], [0.06, 0.04], [0.02, 0.055], [0.0, 0.04]].map(Point2::from);
     let outline = Stroke::solid(Colour::BLUE, 1.5);
     scene.polygon(&block, Style::area(Colour::SKY_BLUE, 0.35).outlined(outline));
