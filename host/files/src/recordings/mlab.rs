@@ -30,7 +30,7 @@ const UNIT_ERROR: f64 = 5e-3;
 
 /// Planar pose: position (m) and yaw (rad) in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pose {
+pub struct BlockPose {
     /// Origin of the frame, m.
     pub position_world: Vector2<f64>,
     /// Angle of its x axis, rad.
@@ -43,7 +43,7 @@ pub struct Tip {
     /// Unix time, s.
     pub t: f64,
     /// Centre of the tip and yaw of the tool.
-    pub pose: Pose,
+    pub pose: BlockPose,
 }
 
 /// One push.
@@ -54,9 +54,9 @@ pub struct Push {
     /// Line at which it starts, from 1.
     pub line: usize,
     /// Pose of the block before the push, robot away.
-    pub before: Pose,
+    pub before: BlockPose,
     /// Pose of the block after it, robot away.
-    pub after: Pose,
+    pub after: BlockPose,
     /// Force readings in the sensor's axes, untared.
     pub forces: Vec<Reading>,
     /// Poses of the tip; at least two, time increasing.
@@ -156,7 +156,7 @@ impl Line<'_> {
         Ok(values)
     }
 
-    fn pose(&self, what: &str) -> Result<Pose, RecordingProblem> {
+    fn pose(&self, what: &str) -> Result<BlockPose, RecordingProblem> {
         pose(&self.numbers::<POSE_NUMBERS>(what)?).map_err(|message| self.problem(None, message))
     }
 
@@ -167,7 +167,7 @@ impl Line<'_> {
 
 /// Position and yaw `2 atan2(qz, qw)` of `x y z qw qx qy qz`. The height, and the block's tilt of a fraction of a
 /// degree, play no part in the plane.
-fn pose(values: &[f64; POSE_NUMBERS]) -> Result<Pose, String> {
+fn pose(values: &[f64; POSE_NUMBERS]) -> Result<BlockPose, String> {
     let [x, y, _, qw, qx, qy, qz] = *values;
     let length_squared = qw * qw + qx * qx + qy * qy + qz * qz;
     if (length_squared - 1.0).abs() > UNIT_ERROR {
@@ -175,7 +175,7 @@ fn pose(values: &[f64; POSE_NUMBERS]) -> Result<Pose, String> {
             "the quaternion's squared length is {length_squared}, which must be 1 within {UNIT_ERROR}"
         ));
     }
-    Ok(Pose { position_world: Vector2::new(x, y) * MM, yaw: 2.0 * qz.atan2(qw) })
+    Ok(BlockPose { position_world: Vector2::new(x, y) * MM, yaw: 2.0 * qz.atan2(qw) })
 }
 
 struct Cursor<'a> {

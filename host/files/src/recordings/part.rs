@@ -9,7 +9,7 @@ use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::{Rotation2, Vector2};
 
-use super::mlab::Pose;
+use super::mlab::BlockPose;
 use super::{ReadError, RecordingProblem, number, shorten};
 
 /// A simple polygon, counter-clockwise; edge `i` runs from vertex `i` to the next.
@@ -112,7 +112,7 @@ fn doubled_area(vertices: &[Vector2<f64>]) -> f64 {
     (0..vertices.len()).map(|i| vertices[i].perp(&vertices[(i + 1) % vertices.len()])).sum()
 }
 
-impl Pose {
+impl BlockPose {
     /// A point of the world in this pose's frame.
     #[must_use]
     pub fn from_world(&self, point_world: &Vector2<f64>) -> Vector2<f64> {
@@ -152,8 +152,8 @@ mod tests {
 
     #[test]
     fn poses_interpolate_the_shorter_way_round() {
-        let start = Pose { position_world: Vector2::new(0.0, 0.0), yaw: 3.0 };
-        let end = Pose { position_world: Vector2::new(1.0, 2.0), yaw: -3.0 };
+        let start = BlockPose { position_world: Vector2::new(0.0, 0.0), yaw: 3.0 };
+        let end = BlockPose { position_world: Vector2::new(1.0, 2.0), yaw: -3.0 };
         let middle = start.interpolate(&end, 0.5);
         assert!(wrap_angle(middle.yaw - PI).abs() < 1e-12, "{middle:?}");
         assert!((middle.from_world(&middle.position_world)).norm() < 1e-12);

@@ -16,7 +16,7 @@ use palpate::math::statistics::{mean, median};
 use serde::Serialize;
 
 use super::csv::Table;
-use super::mlab::{Log, Pose, Push, Tip};
+use super::mlab::{BlockPose, Log, Push, Tip};
 use super::part::Part;
 
 /// Probability that the intervals are stated for.
@@ -368,7 +368,7 @@ impl View<'_> {
 }
 
 /// Pose of the tip at a time: linear between rows, held at the ends.
-fn tip_at(tips: &[Tip], t: f64) -> Pose {
+fn tip_at(tips: &[Tip], t: f64) -> BlockPose {
     let after = tips.partition_point(|tip| tip.t <= t).clamp(1, tips.len() - 1);
     let (start, end) = (&tips[after - 1], &tips[after]);
     start.pose.interpolate(&end.pose, ((t - start.t) / (end.t - start.t)).clamp(0.0, 1.0))
@@ -396,20 +396,20 @@ impl<'a> Scene<'a> {
         Self { push, part, t_start: onset.filter(|_| seen).unwrap_or(t_first).min(t_end), seen, t_end }
     }
 
-    fn part_pose(&self, t: f64) -> Pose {
+    fn part_pose(&self, t: f64) -> BlockPose {
         let duration = self.t_end - self.t_start;
         let share = if duration > 0.0 { ((t - self.t_start) / duration).clamp(0.0, 1.0) } else { 1.0 };
         self.push.before.interpolate(&self.push.after, share)
     }
 
     /// Edge nearest to the tip, and the polar angle of its inward normal, rad, world.
-    fn normal(&self, t: f64, tip: &Pose) -> (usize, f64) {
+    fn normal(&self, t: f64, tip: &BlockPose) -> (usize, f64) {
         let pose = self.part_pose(t);
         let edge = self.part.nearest(&pose.from_world(&tip.position_world)).edge;
         (edge, pose.yaw + self.part.inward_normal(edge))
     }
 
-    fn gap(&self, t: f64, pose: &Pose) -> f64 {
+    fn gap(&self, t: f64, pose: &BlockPose) -> f64 {
         self.part.nearest(&pose.from_world(&tip_at(&self.push.tips, t).position_world)).distance
     }
 

@@ -64,9 +64,12 @@ pub(super) fn plane_friction<'de, D: Deserializer<'de>>(deserializer: D) -> Resu
 /// A type with one JSON form: its name, and the schema of that form.
 macro_rules! schema {
     ($type:ident, $($schema:tt)+) => {
+        schema!($type as stringify!($type), $($schema)+);
+    };
+    ($type:ident as $name:expr, $($schema:tt)+) => {
         impl JsonSchema for $type {
             fn schema_name() -> std::borrow::Cow<'static, str> {
-                stringify!($type).into()
+                $name.into()
             }
 
             fn json_schema(_generator: &mut SchemaGenerator) -> Schema {
@@ -269,7 +272,7 @@ impl From<PolygonError> for InvalidInput {
 /// A pose `[x,y,theta]`, m and rad: `p_world = R(theta) p_part + (x, y)`, with `p_part` in the polygon's own frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(from = "[f64; 3]", into = "[f64; 3]")]
-pub struct Pose {
+pub struct PoseFields {
     /// The world's position of the part frame's origin, m.
     pub x: f64,
     /// See `x`.
@@ -278,7 +281,7 @@ pub struct Pose {
     pub theta: f64,
 }
 
-schema!(Pose, {
+schema!(PoseFields as "Pose", {
     "description": "[x, y, theta] in metres and radians: p_world = R(theta) p_part + (x, y).",
     "type": "array",
     "items": {"type": "number"},
@@ -286,7 +289,7 @@ schema!(Pose, {
     "maxItems": 3,
 });
 
-impl Pose {
+impl PoseFields {
     /// The same as a transformation of points. It knows the turn only up to whole turns.
     #[must_use]
     pub fn world_from_part(self) -> Isometry2<f64> {
@@ -294,14 +297,14 @@ impl Pose {
     }
 }
 
-impl From<[f64; 3]> for Pose {
+impl From<[f64; 3]> for PoseFields {
     fn from([x, y, theta]: [f64; 3]) -> Self {
         Self { x, y, theta }
     }
 }
 
-impl From<Pose> for [f64; 3] {
-    fn from(Pose { x, y, theta }: Pose) -> Self {
+impl From<PoseFields> for [f64; 3] {
+    fn from(PoseFields { x, y, theta }: PoseFields) -> Self {
         [x, y, theta]
     }
 }
@@ -388,7 +391,7 @@ mod tests {
             assert_eq!(serde_json::to_value(read::<T>(value.clone()).unwrap()).unwrap(), value);
         }
         round::<Polygon>(json!([[0.0, 0.0], [1.0, 0.0], [0.5, 0.25]]));
-        round::<Pose>(json!([0.1, -0.2, 7.5]));
+        round::<PoseFields>(json!([0.1, -0.2, 7.5]));
         round::<Times>(json!([0.0, 0.1]));
         round::<Sigma>(json!(0.0));
         round::<Finger>(json!({

@@ -5,7 +5,7 @@ use palpate::corner::{Corner, CornerError, CornerPose, Flush};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::solve::fields::{Polygon, Pose};
+use crate::solve::fields::{Polygon, PoseFields};
 use crate::solve::{InvalidInput, Problem, SolveError};
 
 /// A part in a corner: fence A from the origin along +x, fence B from the origin at `corner_angle`.
@@ -41,7 +41,7 @@ pub struct CornerPosesAnswer {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct RestPose {
     /// `[x, y, theta]`, m and rad.
-    pub pose: Pose,
+    pub pose: PoseFields,
     /// The fence that an edge lies on: `A`, `B` or `AB`.
     pub flush: FlushName,
     /// Whether the part comes back to it: a strict local minimum of −push·centroid.
@@ -75,7 +75,7 @@ impl From<Flush> for FlushName {
 
 impl From<&CornerPose> for RestPose {
     fn from(pose: &CornerPose) -> Self {
-        let place = Pose { x: pose.origin.x, y: pose.origin.y, theta: pose.theta };
+        let place = PoseFields { x: pose.origin.x, y: pose.origin.y, theta: pose.theta };
         Self { pose: place, flush: pose.flush.into(), stable: pose.is_stable(), margin: pose.margin }
     }
 }

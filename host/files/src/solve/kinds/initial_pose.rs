@@ -5,7 +5,9 @@ use palpate::pushing::estimation::{InitialPoseError, Object, RestingPose, Restin
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
-use crate::solve::fields::{NonNegative, Polygon, Pose, Positive, check_travel, default_gravity, plane_friction, size};
+use crate::solve::fields::{
+    NonNegative, Polygon, PoseFields, Positive, check_travel, default_gravity, plane_friction, size,
+};
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError, read, tagged};
 
 /// A finger that pushes a resting part and feels where it is touched at some times: how did the part lie?
@@ -202,7 +204,7 @@ pub struct PoseFit {
     /// eccentric angle in [0, π).
     pub s0: f64,
     /// At t = 0.
-    pub pose0: Pose,
+    pub pose0: PoseFields,
     /// u as predicted less u as given, for each contact that it is to fit.
     pub residuals: Vec<f64>,
     /// Whether any other place on this side fits too: this is one of a continuum.
@@ -299,7 +301,7 @@ impl From<&RestingPose> for PoseFit {
         Self {
             edge: *edge,
             s0: *s0,
-            pose0: Pose::from(<[f64; 3]>::from(*pose)),
+            pose0: PoseFields::from(<[f64; 3]>::from(*pose)),
             residuals: residuals.clone(),
             unobservable: *anywhere,
         }

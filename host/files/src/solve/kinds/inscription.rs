@@ -6,7 +6,7 @@ use palpate::inscription::{self, Bearing, ConeError, Continuum, HalfPlane, Noisy
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::solve::fields::{NonNegative, Polygon, Pose, Positive, Sigma};
+use crate::solve::fields::{NonNegative, Polygon, PoseFields, Positive, Sigma};
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError};
 
 /// Lines that a convex part touches, and on whose inner side it lies.
@@ -51,10 +51,10 @@ pub struct Cone {
     pub left: f64,
     /// How far the part had moved when this was read, world: the poses are those before.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub displacement: Option<Pose>,
+    pub displacement: Option<PoseFields>,
     /// The same for the left side, where a turning beam reaches it later; by default that of the right side.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub displacement_left: Option<Pose>,
+    pub displacement_left: Option<PoseFields>,
 }
 
 /// The points q with q·(cos, sin)(`normal_angle`) ≤ `offset`.
@@ -67,7 +67,7 @@ pub struct HalfPlaneFields {
     pub offset: f64,
     /// How far the part had moved when this was read, world: the poses are those before.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub displacement: Option<Pose>,
+    pub displacement: Option<PoseFields>,
 }
 
 /// A point of the part's outline.
@@ -78,7 +78,7 @@ pub struct PointFields {
     pub at: [f64; 2],
     /// How far the part had moved when this was read, world: the poses are those before.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub displacement: Option<Pose>,
+    pub displacement: Option<PoseFields>,
 }
 
 /// An ellipse about the part frame's origin.
@@ -100,7 +100,7 @@ pub struct InscriptionAnswer {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
     /// All poses that touch every line, by increasing theta in [0, 2π).
-    pub poses: Vec<Pose>,
+    pub poses: Vec<PoseFields>,
     /// How well the lines hold each pose: an error e of the lines moves it by about e / conditioning (x, y, size·theta).
     pub conditioning: Vec<f64>,
     /// Indices of poses, those together in which a symmetric part looks the same.
@@ -117,7 +117,7 @@ pub struct InscriptionAnswer {
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct ModeFields {
     /// The most likely pose hereabouts.
-    pub pose: Pose,
+    pub pose: PoseFields,
     /// Squared residuals over sigma², summed.
     pub chi2: f64,
     /// Of x, y, theta: m², m·rad, rad².
@@ -139,7 +139,7 @@ pub enum Status {
     Underdetermined,
 }
 
-impl From<inscription::Pose> for Pose {
+impl From<inscription::Pose> for PoseFields {
     fn from(pose: inscription::Pose) -> Self {
         Self { x: pose.x, y: pose.y, theta: pose.theta }
     }
@@ -175,7 +175,7 @@ impl Problem for Inscription {
             reason: (found == 0).then(why),
             conditioning: exact.iter().map(|pose| outline.conditioning(&lines, &points, pose)).collect(),
             groups: outline.congruent_groups(&exact),
-            poses: exact.into_iter().map(Pose::from).collect(),
+            poses: exact.into_iter().map(PoseFields::from).collect(),
             dof: estimate.as_ref().map(|estimate| estimate.dof),
             modes: estimate.map(|estimate| estimate.modes.iter().map(ModeFields::from).collect()),
         })
@@ -334,7 +334,7 @@ impl Cone {
     /// Its sides, moved to where the part was at first.
     fn bearings(&self) -> Result<[Bearing; 2], ConeError> {
         let [right, left] = inscription::Cone::new(Point2::from(self.apex), self.right, self.left)?.bearings();
-        let undone = |displacement: Option<Pose>, bearing: Bearing| match displacement {
+        let undone = |displacement: Option<PoseFields>, bearing: Bearing| match displacement {
             None => bearing,
             Some(pose) => bearing.moved(&pose.world_from_part().inverse()),
         };

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use super::push::{Mode, Plate, Support, needed_friction};
 use crate::solve::fields::{
-    Finger, NonNegative, Polygon, Pose, Positive, SIGMA_LEAST, Sigma, check_travel, default_gravity, plane_friction,
-    size,
+    Finger, NonNegative, Polygon, PoseFields, Positive, SIGMA_LEAST, Sigma, check_travel, default_gravity,
+    plane_friction, size,
 };
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError};
 
@@ -191,7 +191,7 @@ pub struct Hypothesis {
     /// The sign of the contact velocity (part − finger) along the edge where the contact slides, otherwise null.
     pub sliding_sign: Option<f64>,
     /// Of the polygon's own frame.
-    pub pose_end: Pose,
+    pub pose_end: PoseFields,
     /// Velocity of the centre of mass, world axes, m/s, and angular velocity, rad/s.
     pub twist_end: [f64; 3],
     /// Of `pose_end`: x, y, theta; null where the data leave the pose free, and for `gho`.
@@ -544,7 +544,7 @@ impl From<&estimation::Hypothesis> for Hypothesis {
             v_t_end: end.v_t,
             mode_end: contact_end.into(),
             sliding_sign,
-            pose_end: Pose::from(<[f64; 3]>::from(pose_end)),
+            pose_end: PoseFields::from(<[f64; 3]>::from(pose_end)),
             twist_end: [velocity_end[0], velocity_end[1], end.omega],
             covariance: hypothesis.covariance.map(|covariance| covariance.transpose().into()),
             cost: hypothesis.cost,

@@ -8,7 +8,9 @@ use palpate::pushing::dynamics::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::solve::fields::{Finger, NonNegative, Polygon, Pose, Positive, Times, default_gravity, plane_friction};
+use crate::solve::fields::{
+    Finger, NonNegative, Polygon, PoseFields, Positive, Times, default_gravity, plane_friction,
+};
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError};
 
 /// A part pushed at one of its edges by a disk that only translates.
@@ -195,7 +197,7 @@ pub struct PushSample {
     #[serde(rename = "vT")]
     pub v_t: f64,
     /// Of the polygon's own frame.
-    pub pose: Pose,
+    pub pose: PoseFields,
     /// Of the centre of mass, world axes, m/s.
     pub velocity: [f64; 2],
     /// What the contact does.
@@ -438,7 +440,7 @@ impl From<&Sample> for PushSample {
             s,
             omega,
             v_t,
-            pose: Pose { x: sample.position.x, y: sample.position.y, theta: sample.theta },
+            pose: PoseFields { x: sample.position.x, y: sample.position.y, theta: sample.theta },
             velocity: sample.velocity.into(),
             mode: sample.contact.into(),
             normal_force: force(|force| force.normal),
