@@ -3,7 +3,7 @@
 
 use palpate::math::random::Draw;
 use palpate_files::solve::Problem;
-use palpate_files::solve::kinds::observe_push::{ObservePush, ObservePushAnswer, Status};
+use palpate_files::solve::kinds::observe_push::{ObservePush, ObservePushAnswer, ObservePushStatus};
 use palpate_tests::push_oracle::{Motion, Seen, Tangential, World};
 use serde_json::{Value, json};
 
@@ -154,7 +154,7 @@ fn contacts_of_another_part_are_explained_by_nothing() {
     case.problem["centre_of_mass"] = Value::Null;
     case.problem["inertia_per_mass"] = Value::Null;
     let answer = answer(&case.problem);
-    assert!(answer.status == Status::Unexplained && answer.hypotheses.is_empty(), "{answer:?}");
+    assert!(answer.status == ObservePushStatus::Unexplained && answer.hypotheses.is_empty(), "{answer:?}");
     let fit = answer.fit.unwrap();
     assert!(fit.cost.is_none_or(|cost| cost > fit.cost_max), "{fit:?}");
 }

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use palpate::math::random::Draw;
 use palpate_files::solve::Problem;
-use palpate_files::solve::kinds::push::{Push, PushAnswer, PushSample, Reason};
+use palpate_files::solve::kinds::push::{Push, PushAnswer, PushEndReasonAnswer, PushSample};
 use palpate_tests::project::reference_cases;
 use palpate_tests::push_oracle::{Motion, Seen, Tangential, World};
 use serde_json::{Value, json};
@@ -133,12 +133,14 @@ fn follow(case: &Case, answer: &PushAnswer) -> usize {
     }
     // Without its events, the oracle goes on: what ended the push changes sign there.
     let margin = |seen: &Seen| match answer.end.reason {
-        Reason::Break => seen.normal_force,
-        Reason::Stick => seen.slip * case.problem["initial"]["sliding_sign"].as_f64().unwrap(),
-        Reason::EdgeLo | Reason::EdgeHi => (seen.s - answer.last.s) * (case.inside() - answer.last.s).signum(),
+        PushEndReasonAnswer::Break => seen.normal_force,
+        PushEndReasonAnswer::Stick => seen.slip * case.problem["initial"]["sliding_sign"].as_f64().unwrap(),
+        PushEndReasonAnswer::EdgeLo | PushEndReasonAnswer::EdgeHi => {
+            (seen.s - answer.last.s) * (case.inside() - answer.last.s).signum()
+        }
         other => panic!("{other:?} cannot be judged"),
     };
-    if answer.end.reason != Reason::Time && answer.end.t > 2.0 * EVENT_S {
+    if answer.end.reason != PushEndReasonAnswer::Time && answer.end.t > 2.0 * EVENT_S {
         let last = answer.samples.last().map_or(0.0, |sample| sample.t);
         if answer.end.t - EVENT_S > last {
             let Some((_, seen)) = to(answer.end.t - EVENT_S) else { return answer.samples.len() };

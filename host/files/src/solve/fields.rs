@@ -312,7 +312,8 @@ impl From<PoseFields> for [f64; 3] {
 /// A finger: a disk that translates on a parabola, `C(t) = centre0 + velocity0·t + acceleration·t²/2`, world axes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Finger {
+#[schemars(rename = "Finger")]
+pub struct FingerFields {
     /// Radius of the disk, m.
     pub radius: NonNegative,
     /// Centre at t = 0, m.
@@ -323,7 +324,7 @@ pub struct Finger {
     pub acceleration: [f64; 2],
 }
 
-impl Finger {
+impl FingerFields {
     /// The centre at time `t` (s), m.
     #[must_use]
     pub fn centre(&self, t: f64) -> Point2<f64> {
@@ -394,14 +395,14 @@ mod tests {
         round::<PoseFields>(json!([0.1, -0.2, 7.5]));
         round::<Times>(json!([0.0, 0.1]));
         round::<Sigma>(json!(0.0));
-        round::<Finger>(json!({
+        round::<FingerFields>(json!({
             "radius": 0.01, "centre0": [0.0, 1.0], "velocity0": [2.0, 3.0], "acceleration": [4.0, 5.0]
         }));
     }
 
     #[test]
     fn a_finger_moves_on_its_parabola() {
-        let finger = Finger {
+        let finger = FingerFields {
             radius: NonNegative(0.01),
             centre0: [0.1, 0.2],
             velocity0: [0.5, -0.25],

@@ -24,7 +24,7 @@ pub struct Inscription {
     pub ellipse: Option<EllipseFields>,
     /// Views of the part.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub cones: Vec<Cone>,
+    pub cones: Vec<ConeFields>,
     /// Fences and jaws that the part touches.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub half_planes: Vec<HalfPlaneFields>,
@@ -42,7 +42,8 @@ pub struct Inscription {
 /// What a sensor sees of the part: swept counter-clockwise from `right` to `left`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Cone {
+#[schemars(rename = "Cone")]
+pub struct ConeFields {
     /// The sensor, world, m.
     pub apex: [f64; 2],
     /// Angle of the right side, rad.
@@ -95,7 +96,7 @@ pub struct EllipseFields {
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct InscriptionAnswer {
     /// Whether there are poses.
-    pub status: Status,
+    pub status: InscriptionStatus,
     /// Why not, where the status is not `ok`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
@@ -130,7 +131,8 @@ pub struct ModeFields {
 /// What lines say about the pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Status {
+#[schemars(rename = "Status")]
+pub enum InscriptionStatus {
     /// There are poses.
     Ok,
     /// There is none.
@@ -164,7 +166,7 @@ impl Problem for Inscription {
             _ => None,
         };
         let found = estimate.as_ref().map_or(exact.len(), |estimate| estimate.modes.len());
-        let status = if found == 0 { Status::NoPose } else { Status::Ok };
+        let status = if found == 0 { InscriptionStatus::NoPose } else { InscriptionStatus::Ok };
         let why = || match (self.sigma, &outline) {
             (Some(_), _) => "no pose explains the bearings at this sigma".to_owned(),
             (None, Outline::Polygon(part)) if points.is_empty() => self.nearest(part, &lines),
@@ -301,7 +303,7 @@ impl Inscription {
         let with_sigma = self.sigma.is_some();
         let readings = 2 * self.cones.len() + self.half_planes.len();
         InscriptionAnswer {
-            status: Status::Underdetermined,
+            status: InscriptionStatus::Underdetermined,
             reason: Some(continuum.to_string()),
             poses: Vec::new(),
             conditioning: Vec::new(),
@@ -330,7 +332,7 @@ impl Inscription {
     }
 }
 
-impl Cone {
+impl ConeFields {
     /// Its sides, moved to where the part was at first.
     fn bearings(&self) -> Result<[Bearing; 2], ConeError> {
         let [right, left] = inscription::Cone::new(Point2::from(self.apex), self.right, self.left)?.bearings();
@@ -380,7 +382,7 @@ mod tests {
     #[test]
     fn a_square_has_its_four_poses_in_one_group() {
         let answer = answer(json!({"polygon": SQUARE, "cones": views()})).unwrap();
-        assert_eq!((answer.status, answer.poses.len()), (Status::Ok, 4));
+        assert_eq!((answer.status, answer.poses.len()), (InscriptionStatus::Ok, 4));
         assert_eq!(answer.groups, [[0, 1, 2, 3]]);
         assert!(answer.conditioning.iter().all(|sigma| (0.1..2.0).contains(sigma)), "{:?}", answer.conditioning);
     }
@@ -434,7 +436,10 @@ mod tests {
     #[test]
     fn a_cone_may_be_given_past_a_full_turn() {
         let cone = json!([{"apex": [2.0, 0.0], "right": 3.0, "left": -3.0}]);
-        assert_eq!(answer(json!({"polygon": SQUARE, "cones": cone})).unwrap().status, Status::Underdetermined);
+        assert_eq!(
+            answer(json!({"polygon": SQUARE, "cones": cone})).unwrap().status,
+            InscriptionStatus::Underdetermined
+        );
     }
 
     #[test]
@@ -461,7 +466,7 @@ mod tests {
         let problem = json!({"polygon": block, "half_planes": lines, "points": [{"at": [0.06, 0.015]}]});
         let still = answer(problem.clone()).unwrap();
         assert!(still.poses.iter().any(|pose| pose.x.hypot(pose.y) < 1e-9 && pose.theta < 1e-9), "{:?}", still.poses);
-        assert_eq!((still.status, still.conditioning.len()), (Status::Ok, still.poses.len()));
+        assert_eq!((still.status, still.conditioning.len()), (InscriptionStatus::Ok, still.poses.len()));
         // Felt after the part was moved away.
         let mut moved = problem.clone();
         moved["points"] = json!([{"at": [0.16, 0.215], "displacement": [0.1, 0.2, 0.0]}]);
@@ -470,11 +475,11 @@ mod tests {
         // Far away no pose passes through it, and without the wall too little is known.
         let mut far = problem.clone();
         far["points"][0]["at"] = json!([0.5, 0.5]);
-        assert_eq!(answer(far).unwrap().status, Status::NoPose);
+        assert_eq!(answer(far).unwrap().status, InscriptionStatus::NoPose);
         let mut little = problem;
         little["half_planes"] = json!([lines[0]]);
         let little = answer(little).unwrap();
-        assert_eq!(little.status, Status::Underdetermined);
+        assert_eq!(little.status, InscriptionStatus::Underdetermined);
         assert!(little.reason.unwrap().contains("1 distinct lines and 1 points"));
     }
 
@@ -493,7 +498,7 @@ mod tests {
         .unwrap();
         assert!(square.poses.iter().any(|pose| pose.x.hypot(pose.y) < 1e-9), "{:?}", square.poses);
         let disk = answer(json!({"ellipse": {"a": 0.035, "b": 0.035}, "half_planes": jaws})).unwrap();
-        assert_eq!(disk.status, Status::Underdetermined);
+        assert_eq!(disk.status, InscriptionStatus::Underdetermined);
     }
 
     #[test]
@@ -532,7 +537,7 @@ mod tests {
                 problem["sigma"] = sigma;
             }
             let answer = answer(problem).unwrap();
-            assert_eq!(answer.status, Status::Underdetermined);
+            assert_eq!(answer.status, InscriptionStatus::Underdetermined);
             assert!(answer.reason.unwrap().contains("another view"));
         }
     }
@@ -542,7 +547,7 @@ mod tests {
         let box_ = json!([{"normal_angle": 0.0, "offset": 1.01}, {"normal_angle": std::f64::consts::PI, "offset": 0.0},
                           {"normal_angle": -std::f64::consts::FRAC_PI_2, "offset": 0.0}, {"normal_angle": std::f64::consts::FRAC_PI_2, "offset": 1.5}]);
         let answer = answer(json!({"polygon": SQUARE, "half_planes": box_})).unwrap();
-        assert_eq!(answer.status, Status::NoPose);
+        assert_eq!(answer.status, InscriptionStatus::NoPose);
         assert!(answer.reason.unwrap().contains("half-plane"));
     }
 

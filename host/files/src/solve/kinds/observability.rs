@@ -15,9 +15,9 @@ use palpate::rolling::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
-use super::push::{Initial, Mode, Push, Support, needed_friction};
-use super::roll::{Body, Spin};
-use crate::solve::fields::{Finger, NonNegative, Polygon, Positive, Times, default_gravity, plane_friction};
+use super::push::{Mode, Push, PushStartFields, Support, needed_friction};
+use super::roll::{BodyFields, Spin};
+use crate::solve::fields::{FingerFields, NonNegative, Polygon, Positive, Times, default_gravity, plane_friction};
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError, read, tagged};
 
 /// A state of a system: what of it can be told from its contact?
@@ -92,7 +92,7 @@ impl Problem for Observability {
 #[serde(deny_unknown_fields)]
 pub struct RollSystem {
     /// The body.
-    pub body: Body,
+    pub body: BodyFields,
     /// Whether the contact lets the body spin about the normal.
     pub spin: Spin,
     /// Gravity, m/s².
@@ -206,9 +206,9 @@ pub struct PushSystem {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mu_c: Option<NonNegative>,
     /// The finger and its motion.
-    pub finger: Finger,
+    pub finger: FingerFields,
     /// The state in question; not at rest.
-    pub initial: Initial,
+    pub initial: PushStartFields,
     /// Where the weight rests; uniform over the polygon where not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub support: Option<Support>,

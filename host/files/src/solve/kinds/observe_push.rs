@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::push::{Mode, Plate, Support, needed_friction};
 use crate::solve::fields::{
-    Finger, NonNegative, Polygon, PoseFields, Positive, SIGMA_LEAST, Sigma, check_travel, default_gravity,
+    FingerFields, NonNegative, Polygon, PoseFields, Positive, SIGMA_LEAST, Sigma, check_travel, default_gravity,
     plane_friction, size,
 };
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError};
@@ -32,7 +32,7 @@ pub struct ObservePush {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mu_c: Option<NonNegative>,
     /// The finger and its motion.
-    pub finger: Finger,
+    pub finger: FingerFields,
     /// Time from one value to the next, s; the first is at t = 0.
     pub dt: Positive,
     /// Polar angles of the contact seen from the disk's centre, rad. Whole turns between one and the next do not count.
@@ -58,7 +58,7 @@ pub struct ObservePush {
     pub u0_range: Option<[f64; 2]>,
     /// What is known of the motion at t = 0. Where not given, |omega| ≤ 10 rad/s and |vT| ≤ 0.2 m/s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub prior: Option<Prior>,
+    pub prior: Option<PriorFields>,
     /// Standard deviation of ln(mu): 0.2 where mu is known to a fifth. Each hypothesis then has the mu that explains the data best. Without
     /// it, mu is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -100,7 +100,8 @@ pub enum Method {
 /// Standard deviations about zero of the motion at t = 0; what is not given is bounded instead.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Prior {
+#[schemars(rename = "Prior")]
+pub struct PriorFields {
     /// rad/s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub omega0_sigma: Option<Positive>,
@@ -131,9 +132,9 @@ pub struct InitialEstimate {
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct ObservePushAnswer {
     /// How many explanations there are.
-    pub status: Status,
+    pub status: ObservePushStatus,
     /// The explanations, most probable first.
-    pub hypotheses: Vec<Hypothesis>,
+    pub hypotheses: Vec<PushHypothesisAnswer>,
     /// `best` only: how well the data fit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fit: Option<FitAnswer>,
@@ -148,7 +149,8 @@ pub struct ObservePushAnswer {
 /// How many explanations there are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Status {
+#[schemars(rename = "Status")]
+pub enum ObservePushStatus {
     /// One.
     Unique,
     /// Several.
@@ -172,7 +174,8 @@ pub struct FitAnswer {
 
 /// A pose and motion that explain the data, at the last value's time unless named otherwise.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
-pub struct Hypothesis {
+#[schemars(rename = "Hypothesis")]
+pub struct PushHypothesisAnswer {
     /// The edge in contact.
     pub edge: usize,
     /// Contact along the edge at t = 0, m.
@@ -261,7 +264,7 @@ impl ObservePush {
         if let Some((field, _)) = gho_only.into_iter().find(|(_, given)| *given) {
             return Err(InvalidInput::at(field, FOR_GHO_ONLY).into());
         }
-        let Prior { omega0_sigma, v_t0_sigma } = self.prior.unwrap_or_default();
+        let PriorFields { omega0_sigma, v_t0_sigma } = self.prior.unwrap_or_default();
         let prior = Belief {
             omega0_sigma: omega0_sigma.map(Positive::get),
             v_t0_sigma: v_t0_sigma.map(Positive::get),
@@ -372,7 +375,7 @@ impl ObservePush {
     }
 
     fn known<'p>(&self, part: &'p Part) -> Result<Known<'p>, InvalidInput> {
-        let Finger { radius, centre0, velocity0, acceleration } = self.finger;
+        let FingerFields { radius, centre0, velocity0, acceleration } = self.finger;
         let finger = Disk { radius: radius.get(), centre0, velocity0, acceleration };
         Ok(Known { part, mu_g: self.mu.get() * self.g.get(), finger, touch: self.touch()? })
     }
@@ -482,14 +485,14 @@ impl ObservePushAnswer {
         };
         let complete = runs.iter().filter(|run| run.cost.is_some());
         let hypothesis = |run: &GhoRun| {
-            let mut hypothesis = Hypothesis::from(&bank.hypothesis(run, dt)?);
+            let mut hypothesis = PushHypothesisAnswer::from(&bank.hypothesis(run, dt)?);
             (hypothesis.probability, hypothesis.unobservable) = (None, false);
             hypothesis.trace = Some(trace(run));
             Some(hypothesis)
         };
         let hypotheses: Vec<_> = complete.filter_map(hypothesis).collect();
         Self {
-            status: Status::of(hypotheses.len()),
+            status: ObservePushStatus::of(hypotheses.len()),
             hypotheses,
             fit: None,
             outliers: Vec::new(),
@@ -498,7 +501,7 @@ impl ObservePushAnswer {
     }
 }
 
-impl Status {
+impl ObservePushStatus {
     fn of(explanations: usize) -> Self {
         match explanations {
             0 => Self::Unexplained,
@@ -516,11 +519,11 @@ impl TracePoint {
 
 impl From<&Estimate> for ObservePushAnswer {
     fn from(estimate: &Estimate) -> Self {
-        let status = Status::of(estimate.hypotheses.len());
+        let status = ObservePushStatus::of(estimate.hypotheses.len());
         let estimation::Fit { cost, degrees_of_freedom, cost_max } = estimate.fit;
         Self {
             status,
-            hypotheses: estimate.hypotheses.iter().map(Hypothesis::from).collect(),
+            hypotheses: estimate.hypotheses.iter().map(PushHypothesisAnswer::from).collect(),
             fit: Some(FitAnswer { cost, degrees_of_freedom, cost_max }),
             outliers: estimate.outliers.clone(),
             trace: None,
@@ -528,7 +531,7 @@ impl From<&Estimate> for ObservePushAnswer {
     }
 }
 
-impl From<&estimation::Hypothesis> for Hypothesis {
+impl From<&estimation::Hypothesis> for PushHypothesisAnswer {
     fn from(hypothesis: &estimation::Hypothesis) -> Self {
         let estimation::Hypothesis { edge, start, end, contact_end, pose_end, velocity_end, .. } = *hypothesis;
         let sliding_sign = match contact_end {
@@ -647,7 +650,7 @@ mod tests {
     #[test]
     fn the_edges_of_a_symmetric_part_are_as_probable() {
         let answer = solve(&json!({}));
-        assert_eq!(answer.status, Status::Ambiguous);
+        assert_eq!(answer.status, ObservePushStatus::Ambiguous);
         let best = &answer.hypotheses[0];
         let twin = answer.hypotheses.iter().find(|other| other.edge == (best.edge + 2) % 4).unwrap();
         assert!((twin.s_end - best.s_end).abs() < 1e-6 && (twin.cost - best.cost).abs() < 1e-3, "{answer:?}");
@@ -663,7 +666,7 @@ mod tests {
         let (plain, turned) = (solve(&json!({})), solve(&turned));
         assert_eq!(plain.hypotheses.len(), turned.hypotheses.len());
         // Twins of a symmetric part may change places by rounding.
-        let same = |a: &Hypothesis, b: &Hypothesis| {
+        let same = |a: &PushHypothesisAnswer, b: &PushHypothesisAnswer| {
             a.edge == b.edge && (a.s_end - b.s_end).abs() < 1e-6 && (a.u_end - b.u_end).abs() < 1e-6
         };
         for a in &plain.hypotheses {
@@ -683,7 +686,7 @@ mod tests {
     fn a_finger_that_moves_away_pushes_nothing() {
         let away = json!({"radius": 0.01, "centre0": [0, 0], "velocity0": [0, -0.05], "acceleration": [0, 0]});
         let answer = solve(&json!({"finger": away}));
-        assert!(answer.status == Status::Unexplained && answer.hypotheses.is_empty(), "{answer:?}");
+        assert!(answer.status == ObservePushStatus::Unexplained && answer.hypotheses.is_empty(), "{answer:?}");
     }
 
     #[test]
@@ -717,7 +720,7 @@ mod tests {
         ] {
             let answer = solve(&changes);
             crate::solve::testing::all_finite(&answer);
-            assert_eq!(answer.status, Status::of(answer.hypotheses.len()), "{changes}");
+            assert_eq!(answer.status, ObservePushStatus::of(answer.hypotheses.len()), "{changes}");
         }
     }
 

@@ -9,7 +9,9 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::roll::{Acceleration, Body, EggFields, Harmonic, Piecewise, RoundedFields, Spin, palm_acceleration, wxyz};
+use super::roll::{
+    BodyFields, EggFields, HarmonicFields, PalmFields, Piecewise, RoundedFields, Spin, palm_acceleration, wxyz,
+};
 use crate::solve::fields::{NonNegative, Positive, default_gravity};
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError, read};
 
@@ -25,7 +27,7 @@ pub struct ObserveRoll {
     pub body: Option<ObservedBody>,
     /// Instead of `body`: what it may be.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub bodies: Option<Vec<Body>>,
+    pub bodies: Option<Vec<BodyFields>>,
     /// Lowest and highest semi-axis of an unknown ellipsoid, m; `[0.005, 0.2]` where not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub semi_axes_range: Option<[Positive; 2]>,
@@ -43,7 +45,7 @@ pub struct ObserveRoll {
     pub u: Vec<[f64; 2]>,
     /// How the contacts err; null for not at all.
     #[serde(deserialize_with = "Option::deserialize")]
-    pub noise: Option<Noise>,
+    pub noise: Option<NoiseFields>,
 }
 
 /// A body, of which an ellipsoid's semi-axes may be unknown.
@@ -128,7 +130,7 @@ pub enum ObservedAcceleration {
     /// Always the same.
     Constant([f64; 3]),
     /// Σ amplitude·sin(2π·frequency_hz·t + phase).
-    Harmonic(Vec<Harmonic>),
+    Harmonic(Vec<HarmonicFields>),
     /// Constant from each instant to the next.
     Piecewise(Piecewise),
 }
@@ -136,7 +138,8 @@ pub enum ObservedAcceleration {
 /// How contacts err.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Noise {
+#[schemars(rename = "Noise")]
+pub enum NoiseFields {
     /// Normal errors of this standard deviation, m.
     Gauss(Positive),
     /// Each coordinate is rounded to the nearest multiple of this pitch, m.
@@ -147,9 +150,9 @@ pub enum Noise {
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct ObserveRollAnswer {
     /// How many hypotheses explain them.
-    pub status: Status,
+    pub status: ObserveRollStatus,
     /// Best first, one per class of the body's symmetry.
-    pub hypotheses: Vec<RollHypothesis>,
+    pub hypotheses: Vec<RollHypothesisAnswer>,
     /// Of the best hypothesis's body; of the body itself where nothing fits and there is only one.
     pub symmetry: Option<SymmetryFields>,
     /// What the status rests on.
@@ -159,7 +162,8 @@ pub struct ObserveRollAnswer {
 /// How many hypotheses explain the contacts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Status {
+#[schemars(rename = "Status")]
+pub enum ObserveRollStatus {
     /// One.
     Unique,
     /// Several.
@@ -171,7 +175,8 @@ pub enum Status {
 
 /// A motion that explains the contacts.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
-pub struct RollHypothesis {
+#[schemars(rename = "RollHypothesis")]
+pub struct RollHypothesisAnswer {
     /// `[w, x, y, z]` at the first contact, body → palm.
     pub orientation0: [f64; 4],
     /// Body axes, rad/s.
@@ -303,14 +308,14 @@ impl ObserveRoll {
             g: self.g.get(),
             noise: match self.noise {
                 None => ReadingNoise::Exact,
-                Some(Noise::Gauss(sigma)) => ReadingNoise::Gauss(sigma.get()),
-                Some(Noise::Grid(pitch)) => ReadingNoise::Grid(pitch.get()),
+                Some(NoiseFields::Gauss(sigma)) => ReadingNoise::Gauss(sigma.get()),
+                Some(NoiseFields::Grid(pitch)) => ReadingNoise::Grid(pitch.get()),
             },
         })
     }
 
     fn body(&self) -> Result<BodyKnowledge, InvalidInput> {
-        let one = |body: Body| {
+        let one = |body: BodyFields| {
             let built = body.build().map_err(|error| error.inside("body"));
             built.map(|body| BodyKnowledge::OneOf(vec![body]))
         };
@@ -318,9 +323,9 @@ impl ObserveRoll {
             (None, None) => return Err(InvalidInput::missing("body", "give the body, or `bodies` that it may be")),
             (Some(_), Some(_)) => return Err(InvalidInput::exclusive("body", "bodies")),
             (Some(ObservedBody::Ellipsoid(SemiAxes::Unknown)), None) => return self.ellipsoid(),
-            (Some(ObservedBody::Ellipsoid(SemiAxes::Known(axes))), None) => one(Body::Ellipsoid(*axes))?,
-            (Some(ObservedBody::Egg(egg)), None) => one(Body::Egg(egg.clone()))?,
-            (Some(ObservedBody::Rounded(rounded)), None) => one(Body::Rounded(rounded.clone()))?,
+            (Some(ObservedBody::Ellipsoid(SemiAxes::Known(axes))), None) => one(BodyFields::Ellipsoid(*axes))?,
+            (Some(ObservedBody::Egg(egg)), None) => one(BodyFields::Egg(egg.clone()))?,
+            (Some(ObservedBody::Rounded(rounded)), None) => one(BodyFields::Rounded(rounded.clone()))?,
             (None, Some(bodies)) => several(bodies)?,
         };
         match self.semi_axes_range {
@@ -342,13 +347,13 @@ impl ObserveRoll {
     }
 
     fn palm(&self) -> PalmKnowledge {
-        let known = |field: Acceleration| PalmKnowledge::Known(palm_acceleration(Some(&field)));
+        let known = |field: PalmFields| PalmKnowledge::Known(palm_acceleration(Some(&field)));
         match &self.palm_acceleration {
             None => PalmKnowledge::Known(palm_acceleration(None)),
             Some(ObservedAcceleration::UnknownConstant) => PalmKnowledge::Constant,
-            Some(ObservedAcceleration::Constant(a)) => known(Acceleration::Constant(*a)),
-            Some(ObservedAcceleration::Harmonic(harmonics)) => known(Acceleration::Harmonic(harmonics.clone())),
-            Some(ObservedAcceleration::Piecewise(pieces)) => known(Acceleration::Piecewise(pieces.clone())),
+            Some(ObservedAcceleration::Constant(a)) => known(PalmFields::Constant(*a)),
+            Some(ObservedAcceleration::Harmonic(harmonics)) => known(PalmFields::Harmonic(harmonics.clone())),
+            Some(ObservedAcceleration::Piecewise(pieces)) => known(PalmFields::Piecewise(pieces.clone())),
         }
     }
 
@@ -360,9 +365,9 @@ impl ObserveRoll {
         let symmetry = estimate.hypotheses.first().map(|best| best.symmetry).or(only);
         ObserveRollAnswer {
             status: match estimate.verdict {
-                Verdict::Unique => Status::Unique,
-                Verdict::Ambiguous => Status::Ambiguous,
-                Verdict::Unexplained => Status::Unexplained,
+                Verdict::Unique => ObserveRollStatus::Unique,
+                Verdict::Ambiguous => ObserveRollStatus::Ambiguous,
+                Verdict::Unexplained => ObserveRollStatus::Unexplained,
             },
             hypotheses: estimate.hypotheses.iter().map(|hypothesis| self.hypothesis(hypothesis)).collect(),
             symmetry: symmetry.map(|group| SymmetryFields { name: group.kind().into(), order: group.order() }),
@@ -375,11 +380,11 @@ impl ObserveRoll {
         }
     }
 
-    fn hypothesis(&self, hypothesis: &Hypothesis) -> RollHypothesis {
+    fn hypothesis(&self, hypothesis: &Hypothesis) -> RollHypothesisAnswer {
         let rows = |matrix: &nalgebra::DMatrix<f64>| {
             matrix.row_iter().map(|row| row.iter().copied().collect()).collect::<Vec<Vec<f64>>>()
         };
-        RollHypothesis {
+        RollHypothesisAnswer {
             orientation0: upright(&hypothesis.start.orientation),
             omega0: hypothesis.start.omega.into(),
             orientation_end: upright(&hypothesis.end.orientation),
@@ -401,11 +406,12 @@ fn upright(q: &nalgebra::Quaternion<f64>) -> [f64; 4] {
     wxyz(q).map(|component| component * sign)
 }
 
-fn several(bodies: &[Body]) -> Result<BodyKnowledge, InvalidInput> {
+fn several(bodies: &[BodyFields]) -> Result<BodyKnowledge, InvalidInput> {
     if bodies.is_empty() {
         return Err(InvalidInput::at("bodies", "is empty: give at least one body"));
     }
-    let build =
-        |(index, body): (usize, &Body)| body.build().map_err(|error| error.below(Pointer::from("bodies").index(index)));
+    let build = |(index, body): (usize, &BodyFields)| {
+        body.build().map_err(|error| error.below(Pointer::from("bodies").index(index)))
+    };
     Ok(BodyKnowledge::OneOf(bodies.iter().enumerate().map(build).collect::<Result<_, _>>()?))
 }

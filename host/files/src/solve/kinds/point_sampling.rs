@@ -80,7 +80,7 @@ pub enum ObjectiveName {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PointSamplingAnswer {
     /// Whether the points tell all polygons apart.
-    pub status: Status,
+    pub status: PointSamplingStatus,
     /// Polygons that no points (in regions and with clearances as asked) tell apart, the lesser index first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub pairs: Vec<[usize; 2]>,
@@ -105,7 +105,8 @@ pub struct PointSamplingAnswer {
 /// Whether polygons can be told apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Status {
+#[schemars(rename = "Status")]
+pub enum PointSamplingStatus {
     /// All.
     Ok,
     /// All but `pairs`.
@@ -129,7 +130,11 @@ impl From<&Plan> for PointSamplingAnswer {
     fn from(plan: &Plan) -> Self {
         let point_sampling::Proof { digits, program, branches, partitions } = plan.proof;
         Self {
-            status: if plan.indistinguishable.is_empty() { Status::Ok } else { Status::Indistinguishable },
+            status: if plan.indistinguishable.is_empty() {
+                PointSamplingStatus::Ok
+            } else {
+                PointSamplingStatus::Indistinguishable
+            },
             pairs: plan.indistinguishable.clone(),
             points: plan.points.iter().map(|point| point.centre.into()).collect(),
             clearances: plan.points.iter().map(|point| point.radius).collect(),

@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::solve::fields::{
-    Finger, NonNegative, Polygon, PoseFields, Positive, Times, default_gravity, plane_friction,
+    FingerFields, NonNegative, Polygon, PoseFields, Positive, Times, default_gravity, plane_friction,
 };
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError};
 
@@ -33,9 +33,9 @@ pub struct Push {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mu_c: Option<NonNegative>,
     /// The finger and its motion.
-    pub finger: Finger,
+    pub finger: FingerFields,
     /// State at t = 0.
-    pub initial: Initial,
+    pub initial: PushStartFields,
     /// When to sample, s. The run ends at the last, if nothing ends it before.
     pub times: Times,
     /// Where the weight rests; uniform over the polygon where not given.
@@ -73,7 +73,8 @@ pub enum Mode {
 /// State at t = 0: in motion (`omega`, `vT`), or at rest (`at_rest`).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Initial {
+#[schemars(rename = "Initial")]
+pub struct PushStartFields {
     /// Polar angle of the contact seen from the disk's centre, rad.
     pub u: f64,
     /// Contact along the edge, from the foot of the perpendicular through the centre of mass, m.
@@ -212,7 +213,7 @@ pub struct PushSample {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct PushEnd {
     /// Why.
-    pub reason: Reason,
+    pub reason: PushEndReasonAnswer,
     /// When, s.
     pub t: f64,
 }
@@ -220,7 +221,8 @@ pub struct PushEnd {
 /// Why a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Reason {
+#[schemars(rename = "Reason")]
+pub enum PushEndReasonAnswer {
     /// The last time asked for.
     Time,
     /// The finger leaves the part.
@@ -325,7 +327,7 @@ impl Push {
 
     fn model<'p>(&self, part: &'p Part) -> Result<PushModel<'p>, InvalidInput> {
         let edge = part.edge(self.edge).map_err(|error| InvalidInput::at("edge", error.to_string()))?;
-        let Finger { radius, centre0, velocity0, acceleration } = self.finger;
+        let FingerFields { radius, centre0, velocity0, acceleration } = self.finger;
         let finger = Disk { radius: radius.get(), centre0, velocity0, acceleration };
         Ok(PushModel { part, edge, mu_g: self.mu.get() * self.g.get(), finger })
     }
@@ -356,7 +358,7 @@ impl Push {
     }
 
     fn start(&self) -> Result<Start, InvalidInput> {
-        let Initial { u, s, omega, v_t, sliding_sign, at_rest } = self.initial;
+        let PushStartFields { u, s, omega, v_t, sliding_sign, at_rest } = self.initial;
         let refuse = |key: &str, why: &str| Err(InvalidInput::at(Pointer::from("initial").key(key), why));
         if sliding_sign.is_some() && self.mode != Mode::Sliding {
             return refuse("sliding_sign", "is for the mode `sliding` only: leave it out");
@@ -393,7 +395,7 @@ impl Push {
     }
 }
 
-impl Initial {
+impl PushStartFields {
     fn slip(&self) -> Result<Slip, InvalidInput> {
         let place = || Pointer::from("initial").key("sliding_sign");
         match self.sliding_sign {
@@ -415,7 +417,7 @@ impl From<ContactMode> for Mode {
     }
 }
 
-impl From<EndReason> for Reason {
+impl From<EndReason> for PushEndReasonAnswer {
     fn from(reason: EndReason) -> Self {
         match reason {
             EndReason::Time => Self::Time,

@@ -13,17 +13,17 @@ use crate::solve::{InvalidInput, Pointer, Problem, SolveError};
 #[serde(deny_unknown_fields)]
 pub struct Roll {
     /// The body.
-    pub body: Body,
+    pub body: BodyFields,
     /// Whether the contact lets the body spin about the normal.
     pub spin: Spin,
     /// Gravity, m/s², against the palm's normal.
     #[serde(default = "default_gravity")]
     pub g: NonNegative,
     /// State at t = 0.
-    pub initial: Initial,
+    pub initial: RollStartFields,
     /// Of the palm; null for a palm at rest or at constant velocity.
     #[serde(deserialize_with = "Option::deserialize")]
-    pub palm_acceleration: Option<Acceleration>,
+    pub palm_acceleration: Option<PalmFields>,
     /// When to sample, s. The run ends at the last, or with the lift-off.
     pub times: Times,
 }
@@ -59,7 +59,8 @@ impl From<rolling::Spin> for Spin {
 /// A body: one of three families of smooth convex bodies.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Body {
+#[schemars(rename = "Body")]
+pub enum BodyFields {
     /// Semi-axes of an ellipsoid of uniform density, m.
     Ellipsoid([Positive; 3]),
     /// An ellipsoid whose ends along z differ.
@@ -99,7 +100,8 @@ pub struct RoundedFields {
 /// A rolling body at t = 0.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Initial {
+#[schemars(rename = "Initial")]
+pub struct RollStartFields {
     /// Quaternion `[w, x, y, z]` of length 1, body → palm.
     pub orientation: [f64; 4],
     /// Body axes, rad/s.
@@ -111,11 +113,12 @@ pub struct Initial {
 /// The acceleration of a palm over time, palm axes, e₃ up along its normal, m/s².
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Acceleration {
+#[schemars(rename = "Acceleration")]
+pub enum PalmFields {
     /// Always the same.
     Constant([f64; 3]),
     /// Σ amplitude·sin(2π·frequency_hz·t + phase).
-    Harmonic(Vec<Harmonic>),
+    Harmonic(Vec<HarmonicFields>),
     /// Constant from each instant to the next.
     Piecewise(Piecewise),
 }
@@ -123,7 +126,8 @@ pub enum Acceleration {
 /// One harmonic.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Harmonic {
+#[schemars(rename = "Harmonic")]
+pub struct HarmonicFields {
     /// m/s².
     pub amplitude: [f64; 3],
     /// Hz.
@@ -179,9 +183,9 @@ impl From<Piecewise> for PiecewiseFields {
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct RollAnswer {
     /// The body at each time asked for, up to the end.
-    pub samples: Vec<RollSample>,
+    pub samples: Vec<RollSampleAnswer>,
     /// What ended the run.
-    pub end: RollEnd,
+    pub end: RollEndAnswer,
     /// The largest ratio of tangential to normal contact force at the samples: rolling needs at least this coefficient of
     /// friction. Null where the contact carries nothing.
     pub friction_needed: Option<f64>,
@@ -189,7 +193,8 @@ pub struct RollAnswer {
 
 /// A rolling body at one instant.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
-pub struct RollSample {
+#[schemars(rename = "RollSample")]
+pub struct RollSampleAnswer {
     /// s.
     pub t: f64,
     /// The contact on the palm, m.
@@ -208,9 +213,10 @@ pub struct RollSample {
 
 /// The end of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
-pub struct RollEnd {
+#[schemars(rename = "RollEnd")]
+pub struct RollEndAnswer {
     /// Why.
-    pub reason: Reason,
+    pub reason: RollEndReasonAnswer,
     /// When, s.
     pub t: f64,
 }
@@ -218,7 +224,8 @@ pub struct RollEnd {
 /// Why a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Reason {
+#[schemars(rename = "Reason")]
+pub enum RollEndReasonAnswer {
     /// The last time asked for.
     Time,
     /// The contact would have to pull.
@@ -232,7 +239,7 @@ impl Problem for Roll {
     fn solve(&self) -> Result<RollAnswer, SolveError> {
         let body = self.body.build().map_err(|error| error.inside("body"))?;
         let palm = palm_acceleration(self.palm_acceleration.as_ref());
-        let Initial { orientation, omega, u } = self.initial;
+        let RollStartFields { orientation, omega, u } = self.initial;
         let on = (&body, self.spin.into(), &palm, self.g.get());
         let roll = rolling::Roll::new(on, orientation, omega, u).map_err(refuse)?;
         let run = roll.run(&self.times).map_err(|error| SolveError::Internal(error.to_string()))?;
@@ -247,13 +254,13 @@ fn refuse(error: RollError) -> InvalidInput {
 
 /// The acceleration of the palm that a problem's field describes.
 #[must_use]
-pub fn palm_acceleration(field: Option<&Acceleration>) -> PalmAcceleration {
+pub fn palm_acceleration(field: Option<&PalmFields>) -> PalmAcceleration {
     match field {
         None => PalmAcceleration::Rest,
-        Some(Acceleration::Constant(a)) => PalmAcceleration::Constant(Vector3::from(*a)),
-        Some(Acceleration::Piecewise(Piecewise(pieces, _))) => PalmAcceleration::Piecewise(pieces.clone()),
-        Some(Acceleration::Harmonic(harmonics)) => {
-            let harmonic = |harmonic: &Harmonic| rolling::Harmonic {
+        Some(PalmFields::Constant(a)) => PalmAcceleration::Constant(Vector3::from(*a)),
+        Some(PalmFields::Piecewise(Piecewise(pieces, _))) => PalmAcceleration::Piecewise(pieces.clone()),
+        Some(PalmFields::Harmonic(harmonics)) => {
+            let harmonic = |harmonic: &HarmonicFields| rolling::Harmonic {
                 amplitude: Vector3::from(harmonic.amplitude),
                 frequency_hz: harmonic.frequency_hz,
                 phase: harmonic.phase,
@@ -263,7 +270,7 @@ pub fn palm_acceleration(field: Option<&Acceleration>) -> PalmAcceleration {
     }
 }
 
-impl Body {
+impl BodyFields {
     /// The body itself.
     ///
     /// # Errors
@@ -312,18 +319,18 @@ pub fn wxyz(q: &nalgebra::Quaternion<f64>) -> [f64; 4] {
 impl From<&rolling::RollRun> for RollAnswer {
     fn from(run: &rolling::RollRun) -> Self {
         let reason = match run.end.reason {
-            EndReason::Time => Reason::Time,
-            EndReason::LiftOff => Reason::LiftOff,
+            EndReason::Time => RollEndReasonAnswer::Time,
+            EndReason::LiftOff => RollEndReasonAnswer::LiftOff,
         };
         Self {
-            samples: run.samples.iter().map(RollSample::from).collect(),
-            end: RollEnd { reason, t: run.end.t },
+            samples: run.samples.iter().map(RollSampleAnswer::from).collect(),
+            end: RollEndAnswer { reason, t: run.end.t },
             friction_needed: Some(run.friction_needed).filter(|friction| friction.is_finite()),
         }
     }
 }
 
-impl From<&rolling::Sample> for RollSample {
+impl From<&rolling::Sample> for RollSampleAnswer {
     fn from(sample: &rolling::Sample) -> Self {
         Self {
             t: sample.t,
