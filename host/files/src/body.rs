@@ -13,7 +13,7 @@
 //! Frames: the body's own. Units: SI once read.
 //! Errors: [`BodyFileError`] names the key, the value, the limit and what to do.
 
-use palpate::rolling::{Body, BodyError, Egg, Rounded};
+use palpate::rolling::{BodyError, Egg, RollingBody, RoundedShape};
 use serde::Deserialize;
 
 use crate::part::{Numbers, Unit};
@@ -22,7 +22,7 @@ use crate::part::{Numbers, Unit};
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodyFile {
     /// Shape and inertia.
-    pub body: Body,
+    pub body: RollingBody,
     /// The unit in which the person thinks.
     pub unit: Unit,
 }
@@ -92,21 +92,21 @@ impl BodyFile {
 }
 
 impl Keys {
-    fn body(&self) -> Result<Body, BodyFileError> {
+    fn body(&self) -> Result<RollingBody, BodyFileError> {
         self.refuse_foreign()?;
         let metres = self.unit.metres();
         let semi_axes = self.semi_axes.0.map(|axis| axis * metres);
         let inertia = self.radii_of_gyration.map(|radii| radii.0.map(|radius| (radius * metres).powi(2)));
         let needed = |key: &'static str, value: Option<f64>| value.ok_or(BodyFileError::Missing { key });
         match self.shape {
-            ShapeName::Ellipsoid => Ok(Body::ellipsoid(semi_axes)?),
+            ShapeName::Ellipsoid => Ok(RollingBody::ellipsoid(semi_axes)?),
             ShapeName::Egg => {
                 let skew = needed("e", self.e)? * metres;
                 let origin = needed("zc", self.zc)? * metres;
-                Ok(Body::egg(Egg { semi_axes, skew, origin }, inertia)?)
+                Ok(RollingBody::egg(Egg { semi_axes, skew, origin }, inertia)?)
             }
             ShapeName::Rounded => {
-                Ok(Body::rounded(Rounded { semi_axes, radius: needed("r", self.r)? * metres }, inertia)?)
+                Ok(RollingBody::rounded(RoundedShape { semi_axes, radius: needed("r", self.r)? * metres }, inertia)?)
             }
         }
     }

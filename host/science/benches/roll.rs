@@ -10,8 +10,8 @@ use std::hint::black_box;
 
 use nalgebra::{Quaternion, Vector2, Vector3};
 use palpate::rolling::{
-    Body, BodyKnowledge, Columns, Model, Noise, PalmAcceleration, PalmKnowledge, Question, Spin, State, Tangent,
-    specific_force,
+    BodyKnowledge, Columns, Model, Noise, PalmAcceleration, PalmKnowledge, Question, RollState, RollingBody, Spin,
+    Tangent, specific_force,
 };
 use yardstick::best_of_runs;
 
@@ -46,13 +46,13 @@ fn main() {
     }
 }
 
-fn ellipsoid() -> Body {
-    Body::ellipsoid([0.02, 0.03, 0.04]).unwrap_or_else(|error| panic!("{error}"))
+fn ellipsoid() -> RollingBody {
+    RollingBody::ellipsoid([0.02, 0.03, 0.04]).unwrap_or_else(|error| panic!("{error}"))
 }
 
-fn start(model: &Model) -> State {
+fn start(model: &Model) -> RollState {
     let orientation = Quaternion::new(0.3, -0.5, 0.7, 0.2).normalize();
-    let mut state = State { orientation, omega: Vector3::new(2.0, -3.0, 1.5), u: Vector2::zeros() };
+    let mut state = RollState { orientation, omega: Vector3::new(2.0, -3.0, 1.5), u: Vector2::zeros() };
     if model.spin == Spin::NoSpin {
         let normal = state.normal();
         state.omega -= normal * normal.dot(&state.omega);

@@ -4,7 +4,7 @@
 
 use std::error::Error;
 
-use palpate::rolling::{Body, BodyKnowledge, Noise, PalmAcceleration, PalmKnowledge, Question, Roll, Spin};
+use palpate::rolling::{BodyKnowledge, Noise, PalmAcceleration, PalmKnowledge, Question, Roll, RollingBody, Spin};
 
 /// Gravity, m/s².
 const G: f64 = 9.81;
@@ -13,7 +13,7 @@ const G: f64 = 9.81;
 const DT: f64 = 2e-3;
 
 pub(crate) fn main() -> Result<(), Box<dyn Error>> {
-    let pebble = Body::ellipsoid([0.02, 0.03, 0.04])?;
+    let pebble = RollingBody::ellipsoid([0.02, 0.03, 0.04])?;
     let orientation = [0.5, 0.5, -0.1, 0.7]; // w, x, y, z: a unit quaternion, body → palm
 
     // What happens: the palm lies still.

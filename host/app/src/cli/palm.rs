@@ -9,8 +9,8 @@ use miette::{IntoDiagnostic as _, WrapErr as _, miette};
 use nalgebra::{Vector2, Vector3};
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::rolling::{
-    BodyKnowledge, Estimate, Noise, PalmAcceleration, PalmKnowledge, Question, Report, Spin, State, Tracked, Tracker,
-    Verdict,
+    BodyKnowledge, Noise, PalmAcceleration, PalmKnowledge, Question, Report, RollEstimate, RollState, RollTracker,
+    RollVerdict, Spin, Tracked,
 };
 use palpate_files::body::BodyFile;
 use palpate_files::solve::kinds::roll::{self, wxyz};
@@ -87,7 +87,7 @@ struct Contact {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
-    let mut tracker = Tracker::new(arguments.question()?, arguments.window_s);
+    let mut tracker = RollTracker::new(arguments.question()?, arguments.window_s);
     let (mut before, mut last) = (String::new(), None);
     for (index, line) in (1_u64..).zip(io::stdin().lock().lines()) {
         let line = line.into_diagnostic().wrap_err("cannot read standard input")?;
@@ -155,18 +155,18 @@ fn in_json(report: &Report) -> (&'static str, Value) {
     }
 }
 
-fn motion(state: &State) -> Value {
+fn motion(state: &RollState) -> Value {
     let (omega, u): ([f64; 3], [f64; 2]) = (state.omega.into(), state.u.into());
     json!({"orientation": wxyz(&state.orientation), "omega": omega, "u": u})
 }
 
-fn undecided(estimate: &Estimate) -> Value {
-    let why = if estimate.verdict == Verdict::Unexplained { "nothing explains the contacts" } else { "several do" };
+fn undecided(estimate: &RollEstimate) -> Value {
+    let why = if estimate.verdict == RollVerdict::Unexplained { "nothing explains the contacts" } else { "several do" };
     let list: Vec<Value> = estimate.hypotheses.iter().map(|hypothesis| motion(&hypothesis.end)).collect();
     json!({"why": why, "cost": finite_or_null(estimate.cost), "cost_max": estimate.cost_max, "hypotheses": list})
 }
 
-fn found(estimate: &Estimate) -> Value {
+fn found(estimate: &RollEstimate) -> Value {
     let Some(best) = estimate.hypotheses.first() else { return json!({}) };
     let mut object = motion(&best.end);
     if let Some(object) = object.as_object_mut() {

@@ -8,7 +8,7 @@ use clap::ValueEnum;
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use nalgebra::{UnitQuaternion, Vector3};
 use palpate::gravity::GRAVITY_ASSUMED;
-use palpate::rolling::{EndReason, PalmAcceleration, Roll, RollRun, Sample, Spin};
+use palpate::rolling::{PalmAcceleration, Roll, RollEndReason, RollRun, RollSample, Spin};
 use palpate_files::body::BodyFile;
 use palpate_files::solve::kinds::roll::{RollAnswer, wxyz};
 
@@ -157,7 +157,7 @@ impl Arguments {
     fn print_contacts(&self, run: &RollRun) {
         let pitch = self.grid_mm * 1e-3;
         let sensed = |x: f64| if pitch > 0.0 { (x / pitch).round() * pitch } else { x };
-        for Sample { t, state, .. } in &run.samples {
+        for RollSample { t, state, .. } in &run.samples {
             let [x, y] = [sensed(state.u.x), sensed(state.u.y)];
             say!("{}", serde_json::json!({"t": t, "u": [x, y]}));
         }
@@ -174,7 +174,7 @@ fn print_table(run: &RollRun) {
     say!("{}", end_in_words(run));
 }
 
-fn print_row(sample: &Sample) {
+fn print_row(sample: &RollSample) {
     let attitude = sample.state.attitude();
     let turning = (attitude * sample.state.omega).map(f64::to_degrees);
     let force = sample.contact_force / GRAVITY_ASSUMED;
@@ -203,8 +203,8 @@ pub(crate) fn fixed(value: f64, decimals: usize) -> String {
 
 fn end_in_words(run: &RollRun) -> String {
     let why = match run.end.reason {
-        EndReason::Time => "the time was up",
-        EndReason::LiftOff => "the body lifts off: the contact would have to pull",
+        RollEndReason::Time => "the time was up",
+        RollEndReason::LiftOff => "the body lifts off: the contact would have to pull",
     };
     let friction = run.friction_needed;
     let needs =

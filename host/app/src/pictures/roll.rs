@@ -3,7 +3,7 @@
 //! Pure. Frames: palm, seen from above. Units: SI in, millimetres and shares of the weight on the axes.
 
 use nalgebra::{Point2, Vector2, Vector3};
-use palpate::rolling::{Body, RollRun, Sample};
+use palpate::rolling::{RollRun, RollSample, RollingBody};
 
 use crate::pictures::plot::{Chart, Colour, Dash, Figure, Key, PlotScene, Stroke, Style};
 
@@ -30,7 +30,7 @@ const CENTRE: Colour = Colour::GREEN;
 #[derive(Clone, Copy, Debug)]
 pub struct RollPicture<'a> {
     /// The body.
-    pub body: &'a Body,
+    pub body: &'a RollingBody,
     /// Its motion, sampled densely.
     pub run: &'a RollRun,
     /// m/s².
@@ -52,19 +52,20 @@ impl RollPicture<'_> {
     }
 
     /// The samples with the end.
-    fn samples(&self) -> Vec<Sample> {
-        let before_end = |sample: &&Sample| sample.t < self.run.end.t;
+    fn samples(&self) -> Vec<RollSample> {
+        let before_end = |sample: &&RollSample| sample.t < self.run.end.t;
         self.run.samples.iter().filter(before_end).chain([&self.run.last]).copied().collect()
     }
 
     fn scene(&self) -> PlotScene {
         let mut scene = PlotScene::new("On the palm, seen from above");
         let samples = self.samples();
-        let shown: Vec<&Sample> = (0..OUTLINES).map(|k| &samples[k * (samples.len() - 1) / (OUTLINES - 1)]).collect();
+        let shown: Vec<&RollSample> =
+            (0..OUTLINES).map(|k| &samples[k * (samples.len() - 1) / (OUTLINES - 1)]).collect();
         for (k, sample) in shown.iter().enumerate() {
             scene.polygon(&self.outline(sample), outline_style(k));
         }
-        let path = |place: fn(&Sample) -> Point2<f64>| samples.iter().map(place).collect::<Vec<_>>();
+        let path = |place: fn(&RollSample) -> Point2<f64>| samples.iter().map(place).collect::<Vec<_>>();
         scene.polyline(&path(centre), Stroke::solid(CENTRE, 1.2).with(Dash::Dashed));
         scene.polyline(&path(contact), Stroke::solid(CONTACT, 2.0));
         let marks: Vec<_> = shown.iter().map(|sample| (sample.t, contact(sample))).collect();
@@ -77,7 +78,7 @@ impl RollPicture<'_> {
     }
 
     /// The body's shadow: its points with level normals.
-    fn outline(&self, sample: &Sample) -> Vec<Point2<f64>> {
+    fn outline(&self, sample: &RollSample) -> Vec<Point2<f64>> {
         let attitude = sample.state.attitude();
         let edge = |k: u32| {
             let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(OUTLINE_POINTS)).sin_cos();
@@ -90,7 +91,7 @@ impl RollPicture<'_> {
     fn height_chart(&self) -> Chart {
         let mut chart = Chart::new("Height of the centre of mass", ["time [s]", "height [mm]"]);
         chart.y_span_at_least(CHART_SPANS_MIN[0]);
-        let height = |sample: &Sample| -(sample.state.attitude() * sample.contact_body).z * 1e3;
+        let height = |sample: &RollSample| -(sample.state.attitude() * sample.contact_body).z * 1e3;
         chart.curve("", &self.over_time(height), Stroke::solid(CENTRE, 1.8));
         chart
     }
@@ -111,23 +112,23 @@ impl RollPicture<'_> {
         chart.y_span_at_least(2.0);
         let axes = [("x", BODY, Dash::Solid), ("y", CENTRE, Dash::Dashed), ("up", CONTACT, Dash::Dotted)];
         for (axis, (name, colour, dash)) in axes.into_iter().enumerate() {
-            let turning = |sample: &Sample| (sample.state.attitude() * sample.state.omega)[axis].to_degrees();
+            let turning = |sample: &RollSample| (sample.state.attitude() * sample.state.omega)[axis].to_degrees();
             chart.curve(name, &self.over_time(turning), Stroke::solid(colour, 1.5).with(dash));
         }
         chart
     }
 
-    fn over_time(&self, quantity: impl Fn(&Sample) -> f64) -> Vec<[f64; 2]> {
+    fn over_time(&self, quantity: impl Fn(&RollSample) -> f64) -> Vec<[f64; 2]> {
         self.samples().iter().map(|sample| [sample.t, quantity(sample)]).collect()
     }
 }
 
-fn contact(sample: &Sample) -> Point2<f64> {
+fn contact(sample: &RollSample) -> Point2<f64> {
     Point2::from(sample.state.u)
 }
 
 /// The centre of mass above the palm.
-fn centre(sample: &Sample) -> Point2<f64> {
+fn centre(sample: &RollSample) -> Point2<f64> {
     contact(sample) - (sample.state.attitude() * sample.contact_body).xy()
 }
 
@@ -147,7 +148,7 @@ mod tests {
 
     #[test]
     fn a_picture_names_what_it_shows_even_of_one_instant() {
-        let body = Body::ellipsoid([0.02, 0.03, 0.04]).unwrap();
+        let body = RollingBody::ellipsoid([0.02, 0.03, 0.04]).unwrap();
         let on = (&body, Spin::Free, &PalmAcceleration::Rest, 9.81);
         for times in [vec![0.0], (0..=50).map(|k| f64::from(k) * 0.01).collect()] {
             let run = Roll::new(on, [0.6, 0.8, 0.0, 0.0], [1.0, 2.0, 0.0], [0.0; 2]).unwrap().run(&times).unwrap();
@@ -162,7 +163,7 @@ mod tests {
     /// A sphere's shadow is a disk about its centre, which stands above the contact.
     #[test]
     fn the_outline_of_a_sphere_is_a_circle_about_the_contact() {
-        let body = Body::ellipsoid([0.03; 3]).unwrap();
+        let body = RollingBody::ellipsoid([0.03; 3]).unwrap();
         let on = (&body, Spin::Free, &PalmAcceleration::Rest, 9.81);
         let run = Roll::new(on, [0.6, 0.8, 0.0, 0.0], [1.0, 2.0, 0.0], [0.01, 0.02]).unwrap().run(&[0.1]).unwrap();
         let picture = RollPicture { body: &body, run: &run, g: 9.81, title: "", subtitles: &[] };

@@ -10,8 +10,8 @@ use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::random::Draw;
 use palpate::math::statistics::percentile;
 use palpate::rolling::{
-    Body, BodyKnowledge, Estimate, Gho, Hypothesis, Model, Noise, PalmAcceleration, PalmKnowledge, Question, Spin,
-    State, specific_force,
+    BodyKnowledge, Model, Noise, PalmAcceleration, PalmKnowledge, Question, RollEstimate, RollGho, RollHypothesis,
+    RollState, RollingBody, Spin, specific_force,
 };
 
 use super::{Cell, Experiment, Table, TableSettings};
@@ -66,8 +66,8 @@ const SIX: [[f64; 3]; 6] =
 
 /// A roll that kept its contact.
 struct Trial {
-    start: State,
-    end: State,
+    start: RollState,
+    end: RollState,
     u: Vec<Vector2<f64>>,
 }
 
@@ -83,7 +83,7 @@ fn millimetre_grid(seconds: f64) -> Sensing {
 }
 
 /// Rolls with random starts until one keeps its contact: uniform attitude, normal angular velocity.
-fn trial(draw: &mut Draw, body: &Body, spin: Spin, sensing: &Sensing) -> Trial {
+fn trial(draw: &mut Draw, body: &RollingBody, spin: Spin, sensing: &Sensing) -> Trial {
     let steps = readings(sensing.seconds);
     let model = Model { body, spin };
     let weight = specific_force(Vector3::zeros(), GRAVITY_ASSUMED);
@@ -93,7 +93,7 @@ fn trial(draw: &mut Draw, body: &Body, spin: Spin, sensing: &Sensing) -> Trial {
         for _ in 1..steps {
             states.push(model.step(&states[states.len() - 1], &[weight; 3], DT));
         }
-        let pressed = |state: &State| model.contact_force(state, &weight).z > FORCE_MIN * GRAVITY_ASSUMED;
+        let pressed = |state: &RollState| model.contact_force(state, &weight).z > FORCE_MIN * GRAVITY_ASSUMED;
         if states.iter().all(pressed) {
             let u = states.iter().map(|state| sense(draw, sensing.noise, state.u)).collect();
             return Trial { start, end: states[states.len() - 1], u };
@@ -106,12 +106,12 @@ fn readings(seconds: f64) -> usize {
     (seconds / DT).round() as usize + 1
 }
 
-fn start(draw: &mut Draw, spin: Spin) -> State {
+fn start(draw: &mut Draw, spin: Spin) -> RollState {
     let mut normal = || draw.normal();
     let orientation = Quaternion::new(normal(), normal(), normal(), normal()).normalize();
     let omega = Vector3::new(normal(), normal(), normal()) * OMEGA_SIGMA;
     let u = Vector2::new(draw.uniform(-0.01, 0.01), draw.uniform(-0.01, 0.01));
-    let mut state = State { orientation, omega, u };
+    let mut state = RollState { orientation, omega, u };
     if spin == Spin::NoSpin {
         let normal = state.normal();
         state.omega -= normal * normal.dot(&state.omega);
@@ -127,7 +127,7 @@ fn sense(draw: &mut Draw, noise: Noise, u: Vector2<f64>) -> Vector2<f64> {
     }
 }
 
-fn question(bodies: Vec<Body>, spins: Vec<Spin>, noise: Noise) -> Question {
+fn question(bodies: Vec<RollingBody>, spins: Vec<Spin>, noise: Noise) -> Question {
     Question {
         body: BodyKnowledge::OneOf(bodies),
         spins,
@@ -138,7 +138,7 @@ fn question(bodies: Vec<Body>, spins: Vec<Spin>, noise: Noise) -> Question {
 }
 
 /// An estimate with the processor time it took, ms.
-fn timed(question: &Question, trial: &Trial) -> (Option<Estimate>, f64) {
+fn timed(question: &Question, trial: &Trial) -> (Option<RollEstimate>, f64) {
     let begun = processor_ms();
     let estimate = question.answer(DT, &trial.u).ok();
     (estimate, processor_ms() - begun)
@@ -158,15 +158,15 @@ fn median(values: Vec<f64>) -> f64 {
 }
 
 /// Attitude error at the end, modulo symmetry, degrees.
-fn error_deg(body: &Body, hypothesis: &Hypothesis, trial: &Trial) -> f64 {
+fn error_deg(body: &RollingBody, hypothesis: &RollHypothesis, trial: &Trial) -> f64 {
     body.symmetry()
         .angle(&hypothesis.end.attitude(), &trial.end.attitude())
         .to_degrees()
         .max(body.symmetry().angle(&hypothesis.start.attitude(), &trial.start.attitude()).to_degrees())
 }
 
-fn pebble(axes_cm: [f64; 3]) -> Option<Body> {
-    Body::ellipsoid(axes_cm.map(|axis| axis * 0.01)).ok()
+fn pebble(axes_cm: [f64; 3]) -> Option<RollingBody> {
+    RollingBody::ellipsoid(axes_cm.map(|axis| axis * 0.01)).ok()
 }
 
 fn attitude(settings: &TableSettings) -> Table {
@@ -211,7 +211,7 @@ fn attitude(settings: &TableSettings) -> Table {
     table
 }
 
-fn attitude_row(settings: &TableSettings, table: &mut Table, body: &Body, spin: Spin, sensing: &Sensing) {
+fn attitude_row(settings: &TableSettings, table: &mut Table, body: &RollingBody, spin: Spin, sensing: &Sensing) {
     let question = question(vec![body.clone()], vec![spin], sensing.noise);
     let (mut errors, mut times) = (Vec::new(), Vec::new());
     let [mut right, mut listed, mut unique, mut certified, mut wrong_unique, mut wrong_certified] = [0; 6];
@@ -255,7 +255,7 @@ fn attitude_row(settings: &TableSettings, table: &mut Table, body: &Body, spin: 
     ]);
 }
 
-fn shape_name(body: &Body) -> String {
+fn shape_name(body: &RollingBody) -> String {
     match body.shape() {
         palpate::rolling::Shape::Ellipsoid(ellipsoid) => {
             let [a, b, c] = ellipsoid.semi_axes.map(|axis| axis * 100.0);
@@ -296,7 +296,7 @@ fn semi_axes(settings: &TableSettings) -> Table {
         for case in 0..settings.cases {
             let mut draw = Draw::case(settings.seed, case);
             let axes = distinct_axes(&mut draw);
-            let Ok(body) = Body::ellipsoid(axes) else { continue };
+            let Ok(body) = RollingBody::ellipsoid(axes) else { continue };
             let trial = trial(&mut draw, &body, spin, &sensing);
             let (estimate, time) = timed(&unknown, &trial);
             times.push(time);
@@ -349,7 +349,7 @@ fn which(settings: &TableSettings) -> Table {
          table 7."
             .to_owned(),
     ];
-    let bodies: Vec<Body> = SIX.into_iter().filter_map(pebble).collect();
+    let bodies: Vec<RollingBody> = SIX.into_iter().filter_map(pebble).collect();
     for seconds in [0.3, 0.6] {
         let sensing = millimetre_grid(seconds);
         let question = question(bodies.clone(), vec![Spin::Free, Spin::NoSpin], sensing.noise);
@@ -426,8 +426,8 @@ fn gho(settings: &TableSettings) -> Table {
     table
 }
 
-fn observer_of(body: &Body, zeta: f64) -> Gho<'_> {
-    Gho {
+fn observer_of(body: &RollingBody, zeta: f64) -> RollGho<'_> {
+    RollGho {
         model: Model { body, spin: Spin::Free },
         specific_force: specific_force(Vector3::zeros(), GRAVITY_ASSUMED),
         zeta,
@@ -435,7 +435,7 @@ fn observer_of(body: &Body, zeta: f64) -> Gho<'_> {
 }
 
 /// The states of a roll at every reading.
-fn states(body: &Body, trial: &Trial) -> Vec<State> {
+fn states(body: &RollingBody, trial: &Trial) -> Vec<RollState> {
     let gho = observer_of(body, 1.0);
     let steps =
         std::iter::successors(Some(trial.start), |state| Some(gho.model.step(state, &[gho.specific_force; 3], DT)));
@@ -443,14 +443,14 @@ fn states(body: &Body, trial: &Trial) -> Vec<State> {
 }
 
 /// Changes of the determinant's sign along a path.
-fn changes(body: &Body, states: &[State]) -> usize {
+fn changes(body: &RollingBody, states: &[RollState]) -> usize {
     let gho = observer_of(body, 1.0);
     let signs: Vec<bool> = states.iter().filter_map(|state| gho.determinant(state)).map(|value| value > 0.0).collect();
     signs.windows(2).filter(|pair| pair[0] != pair[1]).count()
 }
 
 /// Median and most changes of sign, and the share of rolls with any.
-fn sign_changes(settings: &TableSettings, body: &Body, sensing: &Sensing) -> (usize, usize, f64) {
+fn sign_changes(settings: &TableSettings, body: &RollingBody, sensing: &Sensing) -> (usize, usize, f64) {
     let count = |case: usize| {
         let trial = trial(&mut Draw::case(settings.seed, case), body, Spin::Free, sensing);
         changes(body, &states(body, &trial))
@@ -462,7 +462,7 @@ fn sign_changes(settings: &TableSettings, body: &Body, sensing: &Sensing) -> (us
     (counts[counts.len() / 2], counts[counts.len() - 1], share)
 }
 
-fn gho_row(settings: &TableSettings, table: &mut Table, body: &Body, row: &GhoRow) {
+fn gho_row(settings: &TableSettings, table: &mut Table, body: &RollingBody, row: &GhoRow) {
     let gho = observer_of(body, row.zeta);
     let sensing = Sensing { seconds: row.seconds, noise: Noise::Exact };
     let (mut errors, mut smooth, mut smooth_right, mut right) = (Vec::new(), 0, 0, 0);
@@ -471,7 +471,7 @@ fn gho_row(settings: &TableSettings, table: &mut Table, body: &Body, row: &GhoRo
         let trial = trial(&mut draw, body, Spin::Free, &sensing);
         let axis = Vector3::new(draw.normal(), draw.normal(), draw.normal()).normalize();
         let off = UnitQuaternion::from_scaled_axis(axis * row.error_deg.to_radians());
-        let begun = State { orientation: (trial.start.attitude() * off).into_inner(), ..trial.start };
+        let begun = RollState { orientation: (trial.start.attitude() * off).into_inner(), ..trial.start };
         let end = trial.u.windows(2).try_fold(begun, |state, pair| gho.step(&state, [pair[0], pair[1]], DT));
         let attitude = end.filter(|state| state.orientation.norm().is_finite()).map(|state| state.attitude());
         let angle = |attitude| body.symmetry().angle(&attitude, &trial.end.attitude()).to_degrees();

@@ -11,7 +11,7 @@ use std::f64::consts::PI;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::shape::{Egg, Ellipsoid, Rounded, Shape};
+use super::shape::{Egg, Ellipsoid, RoundedShape, Shape};
 use super::symmetry::Symmetry;
 
 /// Least radius of curvature that counts as one, relative to the body's size: a sharper edge is an edge.
@@ -36,7 +36,7 @@ const RINGS: (usize, usize) = (24, 384);
 
 /// A smooth, strictly convex rigid body.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Body {
+pub struct RollingBody {
     shape: Shape,
     inertia: Vector3<f64>,
     symmetry: Symmetry,
@@ -135,13 +135,13 @@ pub enum BodyError {
     },
 }
 
-impl Body {
+impl RollingBody {
     /// An ellipsoid of uniform density.
     ///
     /// ```
-    /// use palpate::rolling::Body;
+    /// use palpate::rolling::RollingBody;
     ///
-    /// let pebble = Body::ellipsoid([0.02, 0.03, 0.04])?;
+    /// let pebble = RollingBody::ellipsoid([0.02, 0.03, 0.04])?;
     /// assert!((pebble.inertia().x - (0.03_f64.powi(2) + 0.04_f64.powi(2)) / 5.0).abs() < 1e-15); // m²
     /// assert_eq!(pebble.symmetry().name(), "D2");
     /// # Ok::<(), palpate::rolling::BodyError>(())
@@ -182,7 +182,7 @@ impl Body {
     ///
     /// # Errors
     /// [`BodyError`] for lengths that are not above 0 and impossible moments of inertia.
-    pub fn rounded(rounded: Rounded, inertia: Option<[f64; 3]>) -> Result<Self, BodyError> {
+    pub fn rounded(rounded: RoundedShape, inertia: Option<[f64; 3]>) -> Result<Self, BodyError> {
         lengths(&rounded.semi_axes)?;
         length("r", rounded.radius)?;
         Self::build(Shape::Rounded(rounded), inertia, |inertia| Symmetry::of_rounded(&rounded, inertia))
@@ -446,7 +446,7 @@ mod tests {
         // Computed once with 30 digits by other means (the reference cases of the kind `roll`).
         let wanted =
             Vector3::new(0.000_498_210_173_234_432_5, 0.000_443_193_777_953_453_54, 0.000_305_255_400_637_189_4);
-        let body = Body::egg(egg(0.004, 0.001_868_354_824_588_91), None).unwrap();
+        let body = RollingBody::egg(egg(0.004, 0.001_868_354_824_588_91), None).unwrap();
         assert!((body.inertia() - wanted).norm() < 1e-10 * wanted.norm(), "{}", body.inertia());
     }
 
@@ -454,34 +454,34 @@ mod tests {
     fn a_rounded_body_has_the_reference_inertia() {
         let wanted =
             Vector3::new(0.000_517_523_992_561_089_8, 0.000_388_682_507_261_944_2, 0.000_459_153_872_679_460_7);
-        let body = Body::rounded(Rounded { semi_axes: [0.02, 0.03, 0.025], radius: 0.012 }, None).unwrap();
+        let body = RollingBody::rounded(RoundedShape { semi_axes: [0.02, 0.03, 0.025], radius: 0.012 }, None).unwrap();
         assert!((body.inertia() - wanted).norm() < 1e-8 * wanted.norm(), "{}", body.inertia());
     }
 
     #[test]
     fn a_uniform_egg_away_from_its_centroid_is_told_where_it_should_be() {
-        let error = Body::egg(egg(0.004, 0.0), None).unwrap_err();
+        let error = RollingBody::egg(egg(0.004, 0.0), None).unwrap_err();
         let BodyError::Centroid { remedy, .. } = error else { panic!("{error}") };
         assert!((remedy - 0.001_868_354_824_588_91).abs() < 1e-9, "{remedy}");
-        assert!(Body::egg(egg(0.004, 0.0), Some([5e-4, 4e-4, 3e-4])).is_ok());
+        assert!(RollingBody::egg(egg(0.004, 0.0), Some([5e-4, 4e-4, 3e-4])).is_ok());
     }
 
     #[test]
     fn impossible_bodies_are_refused() {
-        let flat = Body::egg(egg(0.03, 0.01), Some([5e-4, 4e-4, 3e-4])).unwrap_err();
+        let flat = RollingBody::egg(egg(0.03, 0.01), Some([5e-4, 4e-4, 3e-4])).unwrap_err();
         assert!(matches!(flat, BodyError::NotConvex { .. }), "{flat}");
-        let outside = Body::egg(egg(0.0, 0.05), Some([5e-4, 4e-4, 3e-4])).unwrap_err();
+        let outside = RollingBody::egg(egg(0.0, 0.05), Some([5e-4, 4e-4, 3e-4])).unwrap_err();
         assert!(matches!(outside, BodyError::OriginOutside { .. }), "{outside}");
-        let edge = Body::rounded(Rounded { semi_axes: [0.02; 3], radius: 1e-12 }, None).unwrap_err();
+        let edge = RollingBody::rounded(RoundedShape { semi_axes: [0.02; 3], radius: 1e-12 }, None).unwrap_err();
         assert!(matches!(edge, BodyError::NotConvex { .. }), "{edge}");
         for inertia in [[0.0, 4e-4, 3e-4], [5e-4, -4e-4, 3e-4], [9e-4, 4e-4, 3e-4], [f64::NAN, 1.0, 1.0]] {
-            assert!(Body::egg(egg(0.004, 0.001_868), Some(inertia)).is_err(), "{inertia:?}");
+            assert!(RollingBody::egg(egg(0.004, 0.001_868), Some(inertia)).is_err(), "{inertia:?}");
         }
         for semi_axes in [[0.0, 0.02, 0.03], [-0.01, 0.02, 0.03], [f64::NAN, 0.02, 0.03]] {
-            assert!(Body::ellipsoid(semi_axes).is_err(), "{semi_axes:?}");
+            assert!(RollingBody::ellipsoid(semi_axes).is_err(), "{semi_axes:?}");
         }
         for semi_axes in [[0.02, 0.03, 1e9], [0.02, 1e-200, 0.03], [0.02, 0.03, 1e300]] {
-            let needle = Body::ellipsoid(semi_axes).unwrap_err();
+            let needle = RollingBody::ellipsoid(semi_axes).unwrap_err();
             assert!(matches!(needle, BodyError::NotConvex { .. }), "{needle}");
         }
     }

@@ -13,7 +13,7 @@
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use super::mechanics::{ContactPointInertia, Instant, Model, Rates, RotationMatrix, Spin, State};
+use super::mechanics::{ContactPointInertia, Instant, Model, Rates, RollState, RotationMatrix, Spin};
 use super::shape::{Local, Scaled, Shape};
 use crate::math::ode::{self, Moves};
 
@@ -54,7 +54,7 @@ impl Columns {
 impl<const N: usize> Tangent<N> {
     /// The columns at the instant at which their changes are made.
     #[must_use]
-    pub fn seed(state: &State) -> Self {
+    pub fn seed(state: &RollState) -> Self {
         let mut seed = Self { theta: [[0.0; N]; 3], omega: [[0.0; N]; 3], u: [[0.0; N]; 2] };
         let rotation = RotationMatrix::of(&state.orientation);
         // ω = AᵀW: keeping W while A turns by θ changes ω by ω × θ.
@@ -101,7 +101,7 @@ struct InverseContactInertia {
 
 /// What an instant needs to change its equations by more than the state.
 struct Parts {
-    state: State,
+    state: RollState,
     instant: Instant,
     local: Local,
     moving: Vector3<f64>,
@@ -140,13 +140,13 @@ impl Model<'_> {
     pub fn step_with<const N: usize>(
         &self,
         columns: Columns,
-        (state, tangent): (&State, &Tangent<N>),
+        (state, tangent): (&RollState, &Tangent<N>),
         specific_force: &[Vector3<f64>; 3],
         dt: f64,
-    ) -> (State, Tangent<N>) {
+    ) -> (RollState, Tangent<N>) {
         let half = 0.5 * dt;
         let mut forced = [Forced { omega: [[0.0; N]; 3], u: [[0.0; N]; 2] }; 4];
-        let mut stage = |index: usize, state: &State, specific_force: &Vector3<f64>| {
+        let mut stage = |index: usize, state: &RollState, specific_force: &Vector3<f64>| {
             let parts = self.parts(state, specific_force);
             if N > STATE_COLUMNS {
                 self.force(columns, &parts, &mut forced[index]);
@@ -162,7 +162,7 @@ impl Model<'_> {
 
     /// The motion itself by way of the short chain of [`Scaled`]; everything else may wait.
     #[inline(always)]
-    fn parts(&self, state: &State, specific_force: &Vector3<f64>) -> Parts {
+    fn parts(&self, state: &RollState, specific_force: &Vector3<f64>) -> Parts {
         let instant = Instant::of(state, specific_force);
         let shape = self.body.shape();
         let scaled = shape.roll_scaled(&instant.normal, &instant.turning);

@@ -12,7 +12,7 @@
 
 use nalgebra::{Quaternion, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
 
-use super::mechanics::{Model, State, StateOf};
+use super::mechanics::{Model, RollState, StateOf};
 use crate::math::ode::{self, Moment, Moves};
 use crate::math::{Jet, Number};
 
@@ -21,7 +21,7 @@ type BySix = Jet<6>;
 
 /// The observer.
 #[derive(Clone, Copy, Debug)]
-pub struct Gho<'a> {
+pub struct RollGho<'a> {
     /// The body, free to spin.
     pub model: Model<'a>,
     /// What it feels, palm axes, m/s²; constant.
@@ -30,10 +30,10 @@ pub struct Gho<'a> {
     pub zeta: f64,
 }
 
-impl Gho<'_> {
+impl RollGho<'_> {
     /// `∂(u, u', u'', u''')/∂(u, θ, ω)`.
     #[must_use]
-    pub fn jacobian(&self, state: &State) -> Option<SMatrix<f64, 8, 8>> {
+    pub fn jacobian(&self, state: &RollState) -> Option<SMatrix<f64, 8, 8>> {
         let seeded = seed(state);
         let feel = &self.specific_force;
         let orders = [
@@ -55,7 +55,7 @@ impl Gho<'_> {
 
     /// The determinant of the Jacobian, in units of the body's size and √(g/size). The map is singular where it is 0.
     #[must_use]
-    pub fn determinant(&self, state: &State) -> Option<f64> {
+    pub fn determinant(&self, state: &RollState) -> Option<f64> {
         let size = self.model.body.size();
         let rate = (self.specific_force.norm() / size).sqrt();
         // Rows: velocities, accelerations and jerks over the size; columns: angular velocities.
@@ -65,14 +65,14 @@ impl Gho<'_> {
 
     /// One Runge–Kutta step of `dt` (s), for contacts `u` (m) that change linearly from its start to its end.
     #[must_use]
-    pub fn step(&self, state: &State, u: [Vector2<f64>; 2], dt: f64) -> Option<State> {
+    pub fn step(&self, state: &RollState, u: [Vector2<f64>; 2], dt: f64) -> Option<RollState> {
         let at = |share: f64| u[0] * (1.0 - share) + u[1] * share;
-        let slope = |moment: Moment, state: &State| self.slope(state, at(moment.share())).ok_or(());
+        let slope = |moment: Moment, state: &RollState| self.slope(state, at(moment.share())).ok_or(());
         ode::try_step(state, dt, slope).ok()
     }
 
     /// Rates of (u, θ, ω): the motion's own, and the correction.
-    fn slope(&self, state: &State, u: Vector2<f64>) -> Option<SVector<f64, 8>> {
+    fn slope(&self, state: &RollState, u: Vector2<f64>) -> Option<SVector<f64, 8>> {
         let rates = self.model.rates(state, &self.specific_force);
         let miss = u - state.u;
         let z = self.zeta;
@@ -88,7 +88,7 @@ impl Gho<'_> {
 }
 
 /// Rates of (u, θ, ω): the attitude turns by as much at once.
-impl Moves<SVector<f64, 8>> for State {
+impl Moves<SVector<f64, 8>> for RollState {
     fn moved(&self, slope: &SVector<f64, 8>, dt: f64) -> Self {
         let turn = UnitQuaternion::from_scaled_axis(slope.fixed_rows::<3>(2) * dt);
         Self {
@@ -100,7 +100,7 @@ impl Moves<SVector<f64, 8>> for State {
 }
 
 /// A state with its derivatives by (θ, ω).
-fn seed(state: &State) -> StateOf<BySix> {
+fn seed(state: &RollState) -> StateOf<BySix> {
     let unit = |column: usize| SVector::<f64, 6>::ith(column, 1.0);
     let number = |value: f64, slopes: SVector<f64, 6>| BySix { value, slopes: slopes.into() };
     let q = state.orientation.normalize();
@@ -152,11 +152,11 @@ mod tests {
         let specific_force = specific_force(Vector3::new(0.3, -0.2, 0.1), 9.81);
         for body in bodies() {
             let model = Model { body, spin: Spin::Free };
-            let gho = Gho { model, specific_force, zeta: 10.0 };
+            let gho = RollGho { model, specific_force, zeta: 10.0 };
             let state = state_of(Spin::Free, [0.4, -0.3, 0.8, 0.1], [2.0, -3.0, 1.0]);
             let jacobian = gho.jacobian(&state).unwrap();
             // Derivatives by time from a stencil of whole motions, by the state from differences.
-            let derivatives = |state: &State| {
+            let derivatives = |state: &RollState| {
                 let h = 2e-3;
                 let at = |steps: f64| {
                     model

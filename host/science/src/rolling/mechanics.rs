@@ -25,7 +25,7 @@ use std::ops::{Add, Mul};
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector2, Vector3};
 
-use super::body::Body;
+use super::body::RollingBody;
 use super::shape::{Scaled, cross, dot};
 use crate::math::Number;
 use crate::math::ode::{self, Moment, Moves};
@@ -44,7 +44,7 @@ pub enum Spin {
 
 /// A rolling body at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct State {
+pub struct RollState {
     /// Body → palm; of length 1 up to rounding.
     pub orientation: Quaternion<f64>,
     /// Angular velocity, body axes, rad/s.
@@ -53,7 +53,7 @@ pub struct State {
     pub u: Vector2<f64>,
 }
 
-/// How fast a [`State`] changes.
+/// How fast a [`RollState`] changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rates {
     /// 1/s.
@@ -68,7 +68,7 @@ pub struct Rates {
 #[derive(Clone, Copy, Debug)]
 pub struct Model<'a> {
     /// The body.
-    pub body: &'a Body,
+    pub body: &'a RollingBody,
     /// What the contact transmits.
     pub spin: Spin,
 }
@@ -96,7 +96,7 @@ pub(super) struct Instant {
     pub(super) specific_force: Vector3<f64>,
 }
 
-impl State {
+impl RollState {
     /// The orientation as what it is.
     #[must_use]
     pub fn attitude(&self) -> UnitQuaternion<f64> {
@@ -131,7 +131,7 @@ impl State {
     }
 }
 
-impl Moves<Rates> for State {
+impl Moves<Rates> for RollState {
     #[inline(always)]
     fn moved(&self, rates: &Rates, dt: f64) -> Self {
         Self {
@@ -184,7 +184,7 @@ impl RotationMatrix {
 
 impl Instant {
     #[inline(always)]
-    pub(super) fn of(state: &State, specific_force_palm: &Vector3<f64>) -> Self {
+    pub(super) fn of(state: &RollState, specific_force_palm: &Vector3<f64>) -> Self {
         let rotation = RotationMatrix::of(&state.orientation);
         let normal = -rotation.0[2];
         Self {
@@ -263,7 +263,7 @@ impl Model<'_> {
     /// The rates at a state whose body feels `specific_force` (palm axes, m/s²).
     #[inline(always)]
     #[must_use]
-    pub fn rates(&self, state: &State, specific_force: &Vector3<f64>) -> Rates {
+    pub fn rates(&self, state: &RollState, specific_force: &Vector3<f64>) -> Rates {
         let instant = Instant::of(state, specific_force);
         let scaled = self.body.shape().roll_scaled(&instant.normal, &instant.turning);
         let omega = self.turn_scaled(state, &instant, &scaled);
@@ -276,12 +276,12 @@ impl Model<'_> {
 
     /// `ω'`, given the contact's `(β, β')`.
     #[inline(always)]
-    pub(super) fn turn(&self, state: &State, instant: &Instant, at: (Vector3<f64>, Vector3<f64>)) -> Vector3<f64> {
+    pub(super) fn turn(&self, state: &RollState, instant: &Instant, at: (Vector3<f64>, Vector3<f64>)) -> Vector3<f64> {
         self.turn_scaled(state, instant, &Scaled::plain(at))
     }
 
     #[inline(always)]
-    pub(super) fn turn_scaled(&self, state: &State, instant: &Instant, scaled: &Scaled) -> Vector3<f64> {
+    pub(super) fn turn_scaled(&self, state: &RollState, instant: &Instant, scaled: &Scaled) -> Vector3<f64> {
         let contact_inertia = ContactPointInertia::scaled(&self.body.inertia(), &scaled.point, scaled.square);
         let torque = self.torque(state, instant, scaled);
         match self.spin {
@@ -292,7 +292,7 @@ impl Model<'_> {
 
     /// `η r`.
     #[inline(always)]
-    fn torque(&self, state: &State, instant: &Instant, scaled: &Scaled) -> Vector3<f64> {
+    fn torque(&self, state: &RollState, instant: &Instant, scaled: &Scaled) -> Vector3<f64> {
         let Scaled { point, motion, square } = scaled;
         let ([p, q, r], [a, b, c]) = (state.omega.into(), self.body.inertia().into());
         let gyroscopic = Vector3::new((c - b) * (q * r), (a - c) * (r * p), (b - a) * (p * q));
@@ -309,8 +309,8 @@ impl Model<'_> {
     /// of a 2-3-4 cm ellipsoid at about 10 rad/s: 5e-5 at 4 ms, 1e-6 at 2 ms, 6e-8 at 1 ms, 3e-9 at 0.5 ms.
     #[inline]
     #[must_use]
-    pub fn step(&self, state: &State, specific_force: &[Vector3<f64>; 3], dt: f64) -> State {
-        let rates = |moment, state: &State| match moment {
+    pub fn step(&self, state: &RollState, specific_force: &[Vector3<f64>; 3], dt: f64) -> RollState {
+        let rates = |moment, state: &RollState| match moment {
             Moment::Start => self.rates(state, &specific_force[0]),
             Moment::Middle => self.rates(state, &specific_force[1]),
             Moment::End => self.rates(state, &specific_force[2]),
@@ -320,14 +320,14 @@ impl Model<'_> {
 
     /// The point of contact, body axes, m.
     #[must_use]
-    pub fn contact(&self, state: &State) -> Vector3<f64> {
+    pub fn contact(&self, state: &RollState) -> Vector3<f64> {
         self.body.shape().contact(&state.normal())
     }
 
     /// The contact's force on the body over its mass, palm axes, m/s². Its third component must stay above 0: a contact
     /// cannot pull.
     #[must_use]
-    pub fn contact_force(&self, state: &State, specific_force: &Vector3<f64>) -> Vector3<f64> {
+    pub fn contact_force(&self, state: &RollState, specific_force: &Vector3<f64>) -> Vector3<f64> {
         let state = state.normalized();
         let instant = Instant::of(&state, specific_force);
         let (contact, moving) = self.body.shape().roll(&instant.normal, &instant.turning);
@@ -338,7 +338,7 @@ impl Model<'_> {
 
     /// The torque about the normal that the contact transmits, over the mass, m²/s²; positive along the palm's e₃.
     #[must_use]
-    pub fn contact_torque(&self, state: &State, specific_force: &Vector3<f64>) -> f64 {
+    pub fn contact_torque(&self, state: &RollState, specific_force: &Vector3<f64>) -> f64 {
         let state = state.normalized();
         let instant = Instant::of(&state, specific_force);
         let (contact, moving) = self.body.shape().roll(&instant.normal, &instant.turning);
@@ -350,7 +350,7 @@ impl Model<'_> {
 
     /// Energy over mass, m²/s²: kinetic relative to the palm, and `g` times the height of the centre of mass.
     #[must_use]
-    pub fn energy(&self, state: &State, g: f64) -> f64 {
+    pub fn energy(&self, state: &RollState, g: f64) -> f64 {
         let normal = state.normal();
         let contact = self.body.shape().contact(&normal);
         let kinetic = state.omega.cross(&contact).norm_squared()
@@ -360,7 +360,7 @@ impl Model<'_> {
 
     /// Spin about the palm's normal, rad/s, positive counter-clockwise seen from above.
     #[must_use]
-    pub fn spin_rate(&self, state: &State) -> f64 {
+    pub fn spin_rate(&self, state: &RollState) -> f64 {
         -state.omega.dot(&state.normal())
     }
 

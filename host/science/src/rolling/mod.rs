@@ -20,17 +20,19 @@ pub mod shape;
 pub mod symmetry;
 pub mod tracker;
 
-pub use body::{Body, BodyError};
+pub use body::{BodyError, RollingBody};
 pub use flow::{Columns, STATE_COLUMNS, Tangent};
-pub use gho::Gho;
-pub use mechanics::{Model, Rates, Spin, State, specific_force};
-pub use observability::{CannotFollow, Inputs, Observability, SufficientCondition, observability};
-pub use observer::{BodyKnowledge, Estimate, Hypothesis, Noise, ObserveError, PalmKnowledge, Question, Verdict};
+pub use gho::RollGho;
+pub use mechanics::{Model, Rates, RollState, Spin, specific_force};
+pub use observability::{CannotFollow, Inputs, RollObservability, SufficientCondition, observability};
+pub use observer::{
+    BodyKnowledge, Noise, ObserveError, PalmKnowledge, Question, RollEstimate, RollHypothesis, RollVerdict,
+};
 pub use palm::{Harmonic, PalmAcceleration, Pieces, PiecesError};
-pub use run::{End, EndReason, Roll, RollError, RollRun, Sample};
-pub use shape::{Custom, Egg, Ellipsoid, Local, Rounded, Shape, SupportFunction};
+pub use run::{Roll, RollEnd, RollEndReason, RollError, RollRun, RollSample};
+pub use shape::{Custom, Egg, Ellipsoid, Local, RoundedShape, Shape, SupportFunction};
 pub use symmetry::{Symmetry, SymmetryName};
-pub use tracker::{Report, Tracked, Tracker};
+pub use tracker::{Report, RollTracker, Tracked};
 
 #[cfg(test)]
 mod tests;

@@ -14,7 +14,7 @@
 use nalgebra::{DMatrix, Matrix2, Matrix3, SymmetricEigen, Vector3};
 
 use super::flow::{Columns, STATE_COLUMNS, Tangent};
-use super::mechanics::{ContactPointInertia, Model, Spin, State};
+use super::mechanics::{ContactPointInertia, Model, RollState, Spin};
 use crate::math::Spectrum;
 
 /// Length of the window, in units of √(L/g): about 0.2 s for 3 cm.
@@ -56,7 +56,7 @@ pub const STATE_NAMES: [&str; 8] =
 
 /// What the contact path tells.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Observability {
+pub struct RollObservability {
     /// Rank and unseen directions, in the order of [`STATE_NAMES`]; without spin the last is missing.
     pub spectrum: Spectrum,
     /// Theorem 32.
@@ -108,7 +108,12 @@ pub enum CannotFollow {
 ///
 /// # Errors
 /// [`CannotFollow`].
-pub fn observability(model: &Model, state: &State, g: f64, inputs: Inputs) -> Result<Observability, CannotFollow> {
+pub fn observability(
+    model: &Model,
+    state: &RollState,
+    g: f64,
+    inputs: Inputs,
+) -> Result<RollObservability, CannotFollow> {
     let turn = state.omega.norm() * (model.body.size() / g).sqrt();
     if turn.is_nan() || turn > TURN_MAX {
         return Err(CannotFollow::TurnsTooFast { turn });
@@ -117,14 +122,14 @@ pub fn observability(model: &Model, state: &State, g: f64, inputs: Inputs) -> Re
     if sensitivities.iter().any(|entry| !entry.is_finite()) {
         return Err(CannotFollow::TooSharp { radius: model.body.sharpest() / model.body.size() });
     }
-    Ok(Observability {
+    Ok(RollObservability {
         spectrum: Spectrum::of(sensitivities),
         sufficient_condition: sufficient_condition(model, state),
     })
 }
 
 /// Changes of the contact over the window, over L, by the scaled state: two rows a contact. The body turns by `turn` (rad) in √(L/g).
-fn sensitivities(model: &Model, state: &State, g: f64, inputs: Inputs, turn: f64) -> DMatrix<f64> {
+fn sensitivities(model: &Model, state: &RollState, g: f64, inputs: Inputs, turn: f64) -> DMatrix<f64> {
     let size = model.body.size();
     let rate = (g / size).sqrt();
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 1 to TURN_MAX/TURN_OF_STEPS")]
@@ -164,7 +169,7 @@ fn feel(inputs: Inputs, g: f64, time: f64) -> Vector3<f64> {
 }
 
 /// Theorem 32 at the contact of a state.
-fn sufficient_condition(model: &Model, state: &State) -> SufficientCondition {
+fn sufficient_condition(model: &Model, state: &RollState) -> SufficientCondition {
     let normal = state.normal();
     let local = model.body.shape().local(&normal, &Vector3::zeros());
     let (contact, size) = (local.contact, model.body.size());
@@ -223,12 +228,12 @@ fn geodesic_curvatures(model: &Model, normal: &Vector3<f64>, [x, y]: [&Vector3<f
 mod tests {
     use nalgebra::{Quaternion, UnitQuaternion, Vector2};
 
-    use super::super::body::Body;
+    use super::super::body::RollingBody;
     use super::super::tests::{bodies, state_of};
     use super::*;
     use crate::gravity::GRAVITY_ASSUMED;
 
-    fn rank(body: &Body, spin: Spin, state: &State, inputs: Inputs) -> usize {
+    fn rank(body: &RollingBody, spin: Spin, state: &RollState, inputs: Inputs) -> usize {
         observability(&Model { body, spin }, state, GRAVITY_ASSUMED, inputs).unwrap().spectrum.rank()
     }
 
@@ -258,8 +263,8 @@ mod tests {
     #[test]
     fn symmetry_hides_what_it_turns() {
         let (q, w) = ([1.0, 0.4, -0.7, 0.2], [4.0, -6.0, 3.0]);
-        let spheroid = Body::ellipsoid([0.02, 0.02, 0.035]).unwrap();
-        let sphere = Body::ellipsoid([0.03; 3]).unwrap();
+        let spheroid = RollingBody::ellipsoid([0.02, 0.02, 0.035]).unwrap();
+        let sphere = RollingBody::ellipsoid([0.03; 3]).unwrap();
         for (spin, ranks) in [(Spin::Free, [7, 4]), (Spin::NoSpin, [6, 4])] {
             let state = state_of(spin, q, w);
             assert_eq!([&spheroid, &sphere].map(|body| rank(body, spin, &state, Inputs::Generic)), ranks, "{spin:?}");
@@ -269,14 +274,14 @@ mod tests {
     /// A body on its tip: heading and spin show only if the palm moves sideways.
     #[test]
     fn a_vertex_hides_the_heading_until_the_palm_moves() {
-        let body = Body::ellipsoid([0.02, 0.03, 0.04]).unwrap();
+        let body = RollingBody::ellipsoid([0.02, 0.03, 0.04]).unwrap();
         let heading = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.7);
-        let at = |spin_rate: f64| State {
+        let at = |spin_rate: f64| RollState {
             orientation: heading.into_inner() * Quaternion::identity(),
             omega: Vector3::new(0.0, 0.0, spin_rate),
             u: Vector2::zeros(),
         };
-        let ranks = |state: &State, spin: Spin| {
+        let ranks = |state: &RollState, spin: Spin| {
             [Inputs::Zero, Inputs::Vertical, Inputs::Generic].map(|inputs| rank(&body, spin, state, inputs))
         };
         assert_eq!(ranks(&at(0.0), Spin::Free), [6, 6, 8]);
@@ -315,7 +320,7 @@ mod tests {
                 };
                 let wanted = Matrix3::from_columns(&[b(0), b(1), local.contact / body.size()]).determinant();
                 let orientation = UnitQuaternion::rotation_between(&normal, &-Vector3::z()).unwrap().into_inner();
-                let state = State { orientation, omega: Vector3::zeros(), u: Vector2::zeros() };
+                let state = RollState { orientation, omega: Vector3::zeros(), u: Vector2::zeros() };
                 let got = sufficient_condition(&model, &state).determinant.unwrap();
                 // Differences of 1e-5 rad beside curvatures that change within some hundredths.
                 assert!((got - wanted).abs() < 3e-4 * (1.0 + wanted.abs()), "{got} {wanted} at {normal:?} {body:?}");
@@ -325,11 +330,12 @@ mod tests {
 
     #[test]
     fn the_condition_fails_where_the_state_is_observable_all_the_same() {
-        let body = Body::ellipsoid([0.02, 0.03, 0.04]).unwrap();
+        let body = RollingBody::ellipsoid([0.02, 0.03, 0.04]).unwrap();
         let model = Model { body: &body, spin: Spin::Free };
         let signed = |angle: f64| {
             let q = UnitQuaternion::from_euler_angles(angle, 0.4, 0.3);
-            let state = State { orientation: q.into_inner(), omega: Vector3::new(3.0, 2.0, 1.0), u: Vector2::zeros() };
+            let state =
+                RollState { orientation: q.into_inner(), omega: Vector3::new(3.0, 2.0, 1.0), u: Vector2::zeros() };
             (sufficient_condition(&model, &state).determinant.unwrap(), state)
         };
         // Somewhere on this arc the determinant changes sign.

@@ -8,8 +8,8 @@
 
 use nalgebra::{Quaternion, Vector2, Vector3};
 
-use super::body::Body;
-use super::mechanics::{Model, Spin, State, specific_force};
+use super::body::RollingBody;
+use super::mechanics::{Model, RollState, Spin, specific_force};
 use super::palm::PalmAcceleration;
 
 /// Error of one step that is accepted: rad, and the same share of angular velocity and size.
@@ -44,18 +44,18 @@ pub struct Roll<'a> {
     model: Model<'a>,
     palm: &'a PalmAcceleration,
     g: f64,
-    start: State,
+    start: RollState,
 }
 
 /// How a roll went.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RollRun {
     /// At each time asked for, up to the end.
-    pub samples: Vec<Sample>,
+    pub samples: Vec<RollSample>,
     /// What ended it.
-    pub end: End,
+    pub end: RollEnd,
     /// At the end.
-    pub last: Sample,
+    pub last: RollSample,
     /// The largest ratio of tangential to normal contact force seen at the samples and the end: rolling needs at least this
     /// coefficient of friction. Infinite at a lift-off with a tangential force.
     pub friction_needed: f64,
@@ -63,11 +63,11 @@ pub struct RollRun {
 
 /// A rolling body at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sample {
+pub struct RollSample {
     /// s.
     pub t: f64,
     /// Attitude, motion and place.
-    pub state: State,
+    pub state: RollState,
     /// The contact, body axes, m.
     pub contact_body: Vector3<f64>,
     /// Contact force on the body over its mass, palm axes, m/s².
@@ -80,16 +80,16 @@ pub struct Sample {
 
 /// The end of a roll.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct End {
+pub struct RollEnd {
     /// Why.
-    pub reason: EndReason,
+    pub reason: RollEndReason,
     /// When, s.
     pub t: f64,
 }
 
 /// Why a roll ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum EndReason {
+pub enum RollEndReason {
     /// The last time asked for.
     Time,
     /// The contact would have to pull.
@@ -143,9 +143,9 @@ impl<'a> Roll<'a> {
     /// on the palm (m).
     ///
     /// ```
-    /// use palpate::rolling::{Body, PalmAcceleration, Roll, Spin};
+    /// use palpate::rolling::{RollingBody, PalmAcceleration, Roll, Spin};
     ///
-    /// let pebble = Body::ellipsoid([0.02, 0.03, 0.04])?;
+    /// let pebble = RollingBody::ellipsoid([0.02, 0.03, 0.04])?;
     /// let on = (&pebble, Spin::Free, &PalmAcceleration::Rest, 9.81);
     /// let run = Roll::new(on, [1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0])?.run(&[0.0, 0.05])?;
     /// assert!((run.samples[0].contact_body.z + 0.04).abs() < 1e-12); // it stands on its tip
@@ -156,13 +156,13 @@ impl<'a> Roll<'a> {
     /// # Errors
     /// [`RollError`] for a quaternion that is none and a spin where there can be none.
     pub fn new(
-        (body, spin, palm, g): (&'a Body, Spin, &'a PalmAcceleration, f64),
+        (body, spin, palm, g): (&'a RollingBody, Spin, &'a PalmAcceleration, f64),
         orientation: [f64; 4],
         omega: [f64; 3],
         u: [f64; 2],
     ) -> Result<Self, RollError> {
         let orientation = unit_quaternion(orientation)?;
-        let start = State { orientation, omega: Vector3::from(omega), u: Vector2::from(u) };
+        let start = RollState { orientation, omega: Vector3::from(omega), u: Vector2::from(u) };
         let model = Model { body, spin };
         if spin == Spin::NoSpin {
             let rate = start.omega.dot(&start.normal());
@@ -180,7 +180,7 @@ impl<'a> Roll<'a> {
     pub fn run(&self, times: &[f64]) -> Result<RollRun, RollError> {
         let mut walk = Walk { roll: self, t: 0.0, state: self.start, step: STEP_MAX_S, steps: 0 };
         let mut samples = Vec::with_capacity(times.len());
-        let mut end = self.lifts(0.0, &self.start).then_some(End { reason: EndReason::LiftOff, t: 0.0 });
+        let mut end = self.lifts(0.0, &self.start).then_some(RollEnd { reason: RollEndReason::LiftOff, t: 0.0 });
         let mut last = self.sample(0.0, &self.start);
         for &time in times {
             if end.is_none() {
@@ -188,18 +188,18 @@ impl<'a> Roll<'a> {
             }
             last = self.sample(walk.t, &walk.state);
             match end {
-                Some(End { t, .. }) if t < time => break,
-                _ => samples.push(Sample { t: time, ..last }),
+                Some(RollEnd { t, .. }) if t < time => break,
+                _ => samples.push(RollSample { t: time, ..last }),
             }
         }
-        let end = end.unwrap_or(End { reason: EndReason::Time, t: walk.t });
-        let friction = samples.iter().chain([&last]).map(Sample::friction_needed).fold(0.0, f64::max);
+        let end = end.unwrap_or(RollEnd { reason: RollEndReason::Time, t: walk.t });
+        let friction = samples.iter().chain([&last]).map(RollSample::friction_needed).fold(0.0, f64::max);
         Ok(RollRun { samples, end, last, friction_needed: friction })
     }
 
     /// The state at t = 0.
     #[must_use]
-    pub fn start(&self) -> &State {
+    pub fn start(&self) -> &RollState {
         &self.start
     }
 
@@ -207,13 +207,13 @@ impl<'a> Roll<'a> {
         specific_force(self.palm.at_within(t, inside), self.g)
     }
 
-    fn lifts(&self, t: f64, state: &State) -> bool {
+    fn lifts(&self, t: f64, state: &RollState) -> bool {
         self.model.contact_force(state, &self.specific_force(t, t)).z <= 0.0
     }
 
-    fn sample(&self, t: f64, state: &State) -> Sample {
+    fn sample(&self, t: f64, state: &RollState) -> RollSample {
         let specific_force = self.specific_force(t, t);
-        Sample {
+        RollSample {
             t,
             state: *state,
             contact_body: self.model.contact(state),
@@ -224,21 +224,21 @@ impl<'a> Roll<'a> {
     }
 
     /// One Runge–Kutta step, then the spin put back to 0 where there is none.
-    fn integrated(&self, t: f64, state: &State, dt: f64) -> State {
+    fn integrated(&self, t: f64, state: &RollState, dt: f64) -> RollState {
         let inside = t + 0.5 * dt;
         let specific_force = [t, inside, t + dt].map(|time| self.specific_force(time, inside));
         self.model.step(state, &specific_force, dt)
     }
 
     /// A step in two halves, extrapolated; with the state at its middle and the error estimated.
-    fn doubled(&self, t: f64, state: &State, dt: f64) -> (State, State, f64) {
+    fn doubled(&self, t: f64, state: &RollState, dt: f64) -> (RollState, RollState, f64) {
         let whole = self.integrated(t, state, dt);
         let middle = self.integrated(t, state, 0.5 * dt);
         let end = self.integrated(t + 0.5 * dt, &middle, 0.5 * dt);
         let size = self.model.body.size();
         let omega = (end.omega - whole.omega).norm() / (end.omega.norm() + OMEGA_FLOOR);
         let error = (end.orientation - whole.orientation).norm() + omega + (end.u - whole.u).norm() / size;
-        let better = State {
+        let better = RollState {
             orientation: end.orientation + (end.orientation - whole.orientation) / 15.0,
             omega: end.omega + (end.omega - whole.omega) / 15.0,
             u: end.u + (end.u - whole.u) / 15.0,
@@ -246,7 +246,7 @@ impl<'a> Roll<'a> {
         (middle, self.without_spin(better.normalized()), error / 15.0)
     }
 
-    fn without_spin(&self, mut state: State) -> State {
+    fn without_spin(&self, mut state: RollState) -> RollState {
         if self.model.spin == Spin::NoSpin {
             let normal = state.normal();
             state.omega -= normal * normal.dot(&state.omega);
@@ -255,7 +255,7 @@ impl<'a> Roll<'a> {
     }
 }
 
-impl Sample {
+impl RollSample {
     /// Tangential over normal contact force.
     #[must_use]
     pub fn friction_needed(&self) -> f64 {
@@ -268,14 +268,14 @@ impl Sample {
 struct Walk<'a, 'b> {
     roll: &'a Roll<'b>,
     t: f64,
-    state: State,
+    state: RollState,
     step: f64,
     steps: usize,
 }
 
 impl Walk<'_, '_> {
     /// On to `time`, without stepping over a jump of the palm's acceleration.
-    fn to(&mut self, time: f64) -> Result<Option<End>, RollError> {
+    fn to(&mut self, time: f64) -> Result<Option<RollEnd>, RollError> {
         let jumps: Vec<_> = self.roll.palm.jumps(self.t, time).collect();
         for stop in jumps.into_iter().chain([time]) {
             while self.t < stop {
@@ -285,14 +285,14 @@ impl Walk<'_, '_> {
             }
             // A jump may lift the palm away at once.
             if self.roll.lifts(self.t, &self.state) {
-                return Ok(Some(End { reason: EndReason::LiftOff, t: self.t }));
+                return Ok(Some(RollEnd { reason: RollEndReason::LiftOff, t: self.t }));
             }
         }
         Ok(None)
     }
 
     /// One accepted step, at most to `stop`.
-    fn advance(&mut self, stop: f64) -> Result<Option<End>, RollError> {
+    fn advance(&mut self, stop: f64) -> Result<Option<RollEnd>, RollError> {
         loop {
             self.steps += 1;
             let last = self.t + self.step >= stop;
@@ -314,8 +314,8 @@ impl Walk<'_, '_> {
     }
 
     /// Takes a step, or finds the lift-off in it.
-    fn arrive(&mut self, dt: f64, middle: &State, end: State, t_end: f64) -> Option<End> {
-        let lifts = |t: f64, state: &State| {
+    fn arrive(&mut self, dt: f64, middle: &RollState, end: RollState, t_end: f64) -> Option<RollEnd> {
+        let lifts = |t: f64, state: &RollState| {
             self.roll.model.contact_force(state, &self.roll.specific_force(t, self.t + 0.5 * dt)).z <= 0.0
         };
         let share = match (lifts(self.t + 0.5 * dt, middle), lifts(t_end, &end)) {
@@ -334,7 +334,7 @@ impl Walk<'_, '_> {
         }
         let (_, state, _) = self.roll.doubled(self.t, &self.state, high);
         (self.t, self.state) = (self.t + high, state);
-        Some(End { reason: EndReason::LiftOff, t: self.t })
+        Some(RollEnd { reason: RollEndReason::LiftOff, t: self.t })
     }
 }
 
@@ -343,11 +343,11 @@ mod tests {
     use super::super::palm::Pieces;
     use super::*;
 
-    fn pebble() -> Body {
-        Body::ellipsoid([0.02, 0.03, 0.04]).unwrap()
+    fn pebble() -> RollingBody {
+        RollingBody::ellipsoid([0.02, 0.03, 0.04]).unwrap()
     }
 
-    fn go(body: &Body, palm: &PalmAcceleration, omega: [f64; 3], times: &[f64]) -> RollRun {
+    fn go(body: &RollingBody, palm: &PalmAcceleration, omega: [f64; 3], times: &[f64]) -> RollRun {
         let on = (body, Spin::Free, palm, 9.81);
         Roll::new(on, [0.6, 0.0, 0.8, 0.0], omega, [0.0; 2]).unwrap().run(times).unwrap()
     }
@@ -359,14 +359,14 @@ mod tests {
             // Energy of some 1 m²/s² after some 2000 steps.
             assert!((sample.energy / run.samples[0].energy - 1.0).abs() < 1e-10, "{sample:?}");
         }
-        assert_eq!(run.end, End { reason: EndReason::Time, t: 2.0 });
+        assert_eq!(run.end, RollEnd { reason: RollEndReason::Time, t: 2.0 });
     }
 
     #[test]
     fn a_lift_off_is_where_the_contact_stops_pushing() {
         // Towards its long tip at 30 rad/s it throws itself off.
         let run = go(&pebble(), &PalmAcceleration::Rest, [1.0, 30.0, 1.0], &[0.0, 0.01, 0.02, 5.0]);
-        assert_eq!(run.end.reason, EndReason::LiftOff, "{run:?}");
+        assert_eq!(run.end.reason, RollEndReason::LiftOff, "{run:?}");
         assert!(run.last.contact_force.z.abs() < 1e-8, "{:?}", run.last);
         assert!(run.samples.iter().all(|sample| sample.t <= run.end.t && sample.contact_force.z > 0.0));
     }
@@ -376,10 +376,10 @@ mod tests {
         let values = vec![Vector3::zeros(), Vector3::new(0.0, 0.0, -20.0)];
         let palm = PalmAcceleration::Piecewise(Pieces::new(vec![0.0, 0.25], values).unwrap());
         let run = go(&pebble(), &palm, [0.1, 0.0, 0.0], &[0.0, 0.25, 0.5]);
-        assert_eq!(run.end, End { reason: EndReason::LiftOff, t: 0.25 });
+        assert_eq!(run.end, RollEnd { reason: RollEndReason::LiftOff, t: 0.25 });
         assert_eq!(run.samples.len(), 2);
         let falling = PalmAcceleration::Constant(Vector3::new(0.0, 0.0, -10.0));
-        let end = End { reason: EndReason::LiftOff, t: 0.0 };
+        let end = RollEnd { reason: RollEndReason::LiftOff, t: 0.0 };
         assert_eq!(go(&pebble(), &falling, [0.0; 3], &[0.0, 1.0]).end, end);
     }
 

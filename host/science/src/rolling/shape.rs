@@ -25,7 +25,7 @@ pub enum Shape {
     /// `h = |diag(a) p| + e p₃³/|p|² − z_c p₃`.
     Egg(Egg),
     /// `h = r|p| + (Σ (aᵢ pᵢ)⁴)^¼`.
-    Rounded(Rounded),
+    Rounded(RoundedShape),
     /// Any other.
     Custom(Custom),
 }
@@ -50,7 +50,7 @@ pub struct Egg {
 
 /// A body with nearly flat faces: the dual of a superellipsoid of exponent 4/3, rolled out by a ball.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rounded {
+pub struct RoundedShape {
     /// Without the ball, m.
     pub semi_axes: [f64; 3],
     /// Radius of the ball, the least radius of curvature, m.
@@ -292,7 +292,7 @@ impl Egg {
     }
 }
 
-impl Rounded {
+impl RoundedShape {
     /// `aᵢ⁴`.
     fn fourths(&self) -> Vector3<f64> {
         Vector3::from(self.semi_axes.map(|a| a.powi(4)))
@@ -441,7 +441,7 @@ mod tests {
         [
             (Shape::Ellipsoid(Ellipsoid { semi_axes: a }), custom(Formula::Ellipsoid(a))),
             (Shape::Egg(Egg { semi_axes: b, skew: 0.004, origin: 0.0018 }), custom(Formula::Egg(b, 0.004, 0.0018))),
-            (Shape::Rounded(Rounded { semi_axes: a, radius: 0.012 }), custom(Formula::Rounded(a, 0.012))),
+            (Shape::Rounded(RoundedShape { semi_axes: a, radius: 0.012 }), custom(Formula::Rounded(a, 0.012))),
         ]
     }
 

@@ -9,7 +9,7 @@ use std::f64::consts::FRAC_1_SQRT_2;
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-use super::shape::{Egg, Rounded};
+use super::shape::{Egg, RoundedShape};
 
 /// Semi-axes and moments of inertia count as equal within this, relative: rounding of the input.
 const EQUAL: f64 = 1e-9;
@@ -83,7 +83,7 @@ impl Symmetry {
 
     /// Of a rounded body with these moments of inertia.
     #[must_use]
-    pub(super) fn of_rounded(rounded: &Rounded, inertia: &Vector3<f64>) -> Self {
+    pub(super) fn of_rounded(rounded: &RoundedShape, inertia: &Vector3<f64>) -> Self {
         match odd_one(&rounded.semi_axes).with(odd_one(&(*inertia).into())) {
             OddOne::None => Self::O,
             OddOne::Axis(axis) => Self::D4(axis),
@@ -256,27 +256,27 @@ fn odd_one(values: &[f64; 3]) -> OddOne {
 
 #[cfg(test)]
 mod tests {
-    use super::super::body::{Body, normals};
+    use super::super::body::{RollingBody, normals};
     use super::*;
 
     const EXACT: f64 = 1e-12;
 
-    fn bodies() -> Vec<(Body, &'static str, Option<usize>)> {
+    fn bodies() -> Vec<(RollingBody, &'static str, Option<usize>)> {
         let egg = |semi_axes, skew| Egg { semi_axes, skew, origin: 0.0 };
-        let rounded = |semi_axes| Rounded { semi_axes, radius: 0.012 };
+        let rounded = |semi_axes| RoundedShape { semi_axes, radius: 0.012 };
         let (thin, fat, none) = (Some([4e-4, 4e-4, 3e-4]), Some([4e-4, 4e-4, 4e-4]), Some([5e-4, 4e-4, 3e-4]));
         vec![
-            (Body::ellipsoid([0.02, 0.03, 0.04]).unwrap(), "D2", Some(4)),
-            (Body::ellipsoid([0.04, 0.02, 0.04]).unwrap(), "revolution", None),
-            (Body::ellipsoid([0.03; 3]).unwrap(), "sphere", None),
-            (Body::egg(egg([0.02, 0.03, 0.04], 0.003), none).unwrap(), "C2", Some(2)),
-            (Body::egg(egg([0.03, 0.03, 0.04], 0.003), thin).unwrap(), "revolution", None),
-            (Body::egg(egg([0.03, 0.03, 0.04], 0.003), none).unwrap(), "C2", Some(2)),
-            (Body::egg(egg([0.03; 3], 0.0), none).unwrap(), "D2", Some(4)),
-            (Body::rounded(rounded([0.02, 0.03, 0.025]), None).unwrap(), "D2", Some(4)),
-            (Body::rounded(rounded([0.02, 0.02, 0.025]), None).unwrap(), "D4", Some(8)),
-            (Body::rounded(rounded([0.02; 3]), fat).unwrap(), "O", Some(24)),
-            (Body::rounded(rounded([0.02; 3]), none).unwrap(), "D2", Some(4)),
+            (RollingBody::ellipsoid([0.02, 0.03, 0.04]).unwrap(), "D2", Some(4)),
+            (RollingBody::ellipsoid([0.04, 0.02, 0.04]).unwrap(), "revolution", None),
+            (RollingBody::ellipsoid([0.03; 3]).unwrap(), "sphere", None),
+            (RollingBody::egg(egg([0.02, 0.03, 0.04], 0.003), none).unwrap(), "C2", Some(2)),
+            (RollingBody::egg(egg([0.03, 0.03, 0.04], 0.003), thin).unwrap(), "revolution", None),
+            (RollingBody::egg(egg([0.03, 0.03, 0.04], 0.003), none).unwrap(), "C2", Some(2)),
+            (RollingBody::egg(egg([0.03; 3], 0.0), none).unwrap(), "D2", Some(4)),
+            (RollingBody::rounded(rounded([0.02, 0.03, 0.025]), None).unwrap(), "D2", Some(4)),
+            (RollingBody::rounded(rounded([0.02, 0.02, 0.025]), None).unwrap(), "D4", Some(8)),
+            (RollingBody::rounded(rounded([0.02; 3]), fat).unwrap(), "O", Some(24)),
+            (RollingBody::rounded(rounded([0.02; 3]), none).unwrap(), "D2", Some(4)),
         ]
     }
 

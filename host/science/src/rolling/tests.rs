@@ -9,24 +9,24 @@ use super::*;
 use crate::gravity::GRAVITY_ASSUMED;
 
 /// One of each kind.
-pub(super) fn bodies() -> &'static [Body] {
-    static BODIES: LazyLock<Vec<Body>> = LazyLock::new(make_bodies);
+pub(super) fn bodies() -> &'static [RollingBody] {
+    static BODIES: LazyLock<Vec<RollingBody>> = LazyLock::new(make_bodies);
     &BODIES
 }
 
-fn make_bodies() -> Vec<Body> {
+fn make_bodies() -> Vec<RollingBody> {
     let egg = Egg { semi_axes: [0.025, 0.03, 0.04], skew: 0.004, origin: 0.001_868_354_824_588_91 };
     vec![
-        Body::ellipsoid([0.02, 0.03, 0.04]).unwrap(),
-        Body::egg(egg, None).unwrap(),
-        Body::rounded(Rounded { semi_axes: [0.02, 0.03, 0.025], radius: 0.012 }, None).unwrap(),
+        RollingBody::ellipsoid([0.02, 0.03, 0.04]).unwrap(),
+        RollingBody::egg(egg, None).unwrap(),
+        RollingBody::rounded(RoundedShape { semi_axes: [0.02, 0.03, 0.025], radius: 0.012 }, None).unwrap(),
     ]
 }
 
 /// A state with an angular velocity that suits the contact.
-pub(super) fn state_of(spin: Spin, q: [f64; 4], w: [f64; 3]) -> State {
+pub(super) fn state_of(spin: Spin, q: [f64; 4], w: [f64; 3]) -> RollState {
     let orientation = Quaternion::from(q).normalize();
-    let mut state = State { orientation, omega: Vector3::from(w), u: Vector2::new(0.001, -0.002) };
+    let mut state = RollState { orientation, omega: Vector3::from(w), u: Vector2::new(0.001, -0.002) };
     if spin == Spin::NoSpin {
         let normal = state.normal();
         state.omega -= normal * normal.dot(&state.omega);
@@ -34,7 +34,7 @@ pub(super) fn state_of(spin: Spin, q: [f64; 4], w: [f64; 3]) -> State {
     state
 }
 
-pub(super) fn motions() -> impl Strategy<Value = (Spin, State, Vector3<f64>)> {
+pub(super) fn motions() -> impl Strategy<Value = (Spin, RollState, Vector3<f64>)> {
     let q = [-1.0..1.0, -1.0..1.0, -1.0..1.0, -1.0..1.0_f64]
         .prop_filter("not 0", |q| q.iter().map(|x| x * x).sum::<f64>() > 0.05);
     let w = [-12.0..12.0, -12.0..12.0, -12.0..12.0_f64];
@@ -47,7 +47,12 @@ pub(super) fn motions() -> impl Strategy<Value = (Spin, State, Vector3<f64>)> {
 /// force as a multiplier of the constraint that the touching point of the body rests, differentiated by time numerically.
 ///
 /// Shares with the code under test only the support function's contact point.
-fn newton_euler(body: &Body, spin: Spin, state: &State, specific_force: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+fn newton_euler(
+    body: &RollingBody,
+    spin: Spin,
+    state: &RollState,
+    specific_force: &Vector3<f64>,
+) -> (Vector3<f64>, Vector3<f64>) {
     let turned = |t: f64, w: &Vector3<f64>| UnitQuaternion::from_scaled_axis(w * t) * state.attitude();
     let w = state.attitude() * state.omega;
     // From the centre of mass to the contact, palm axes, once the body has turned for a time `t`.
@@ -123,12 +128,12 @@ proptest! {
         for body in bodies() {
             let model = Model { body, spin };
             for turn in body.symmetry().turns() {
-                let twin = State {
+                let twin = RollState {
                     orientation: (state.attitude() * turn).into_inner(),
                     omega: turn.inverse() * state.omega,
                     u: state.u,
                 };
-                let end = |state: State| (0..50).fold(state, |state, _| model.step(&state, &[specific_force; 3], 1e-3)).u;
+                let end = |state: RollState| (0..50).fold(state, |state, _| model.step(&state, &[specific_force; 3], 1e-3)).u;
                 prop_assert!((end(state) - end(twin)).norm() < 1e-12);
             }
         }
@@ -138,7 +143,7 @@ proptest! {
     #[test]
     fn sensitivities_are_those_of_the_motion((spin, state, specific_force) in motions()) {
         let columns = Columns { semi_axes: true, palm: true };
-        let go = |body: &Body, state: State, specific_force: Vector3<f64>| {
+        let go = |body: &RollingBody, state: RollState, specific_force: Vector3<f64>| {
             (0..20).fold(state, |state, _| Model { body, spin }.step(&state, &[specific_force; 3], 1e-3))
         };
         for body in bodies() {
@@ -166,7 +171,7 @@ proptest! {
                         6..9 => {
                             let Shape::Ellipsoid(mut ellipsoid) = *body.shape() else { unreachable!() };
                             ellipsoid.semi_axes[column - 6] *= (sign * step).exp();
-                            changed = Body::ellipsoid(ellipsoid.semi_axes).unwrap();
+                            changed = RollingBody::ellipsoid(ellipsoid.semi_axes).unwrap();
                         }
                         _ => specific_force += unit(column - 9),
                     }
@@ -207,7 +212,7 @@ proptest! {
 /// `u = u₀ + r(W_y, −W_x)t − (5/14) a t²`: both spin models, whatever the spin.
 #[test]
 fn a_sphere_rolls_as_in_the_textbook() {
-    let body = Body::ellipsoid([0.025; 3]).unwrap();
+    let body = RollingBody::ellipsoid([0.025; 3]).unwrap();
     for spin in [Spin::Free, Spin::NoSpin] {
         let start = state_of(spin, [0.3, -0.4, 0.7, 0.2], [3.0, -5.0, 2.0]);
         let palm = Vector3::new(0.7, -1.3, 0.4);
@@ -225,7 +230,7 @@ fn a_sphere_rolls_as_in_the_textbook() {
 /// Nothing on the palm shows a turn about the axis of a body of revolution: its column stays 0 to rounding, step by step.
 #[test]
 fn a_turn_about_the_axis_of_revolution_never_shows() {
-    let body = Body::ellipsoid([0.02, 0.02, 0.035]).unwrap();
+    let body = RollingBody::ellipsoid([0.02, 0.02, 0.035]).unwrap();
     for spin in [Spin::Free, Spin::NoSpin] {
         let model = Model { body: &body, spin };
         let state = state_of(spin, [0.3, -0.5, 0.7, 0.2], [2.0, -3.0, 1.5]);

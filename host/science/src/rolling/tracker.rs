@@ -10,10 +10,10 @@
 
 use nalgebra::{Matrix2, Matrix3, SMatrix, UnitQuaternion, Vector2, Vector3};
 
-use super::body::Body;
+use super::body::RollingBody;
 use super::flow::{Columns, STATE_COLUMNS, Tangent};
-use super::mechanics::{Model, Spin, State, specific_force};
-use super::observer::{BodyKnowledge, Estimate, Hypothesis, PalmKnowledge, Question, Verdict};
+use super::mechanics::{Model, RollState, Spin, specific_force};
+use super::observer::{BodyKnowledge, PalmKnowledge, Question, RollEstimate, RollHypothesis, RollVerdict};
 use super::palm::PalmAcceleration;
 
 /// Longest step of the filter, s.
@@ -37,7 +37,7 @@ const RETRY: f64 = 0.25;
 
 /// Follows a body on the palm.
 #[derive(Clone, Debug)]
-pub struct Tracker {
+pub struct RollTracker {
     question: Question,
     /// s.
     window: f64,
@@ -62,14 +62,14 @@ struct Collection {
 /// A body followed.
 #[derive(Clone, Debug)]
 struct Track {
-    body: Body,
+    body: RollingBody,
     spin: Spin,
     palm: PalmAcceleration,
     g: f64,
     sigma: f64,
     t: f64,
     dt: f64,
-    state: State,
+    state: RollState,
     /// θ (body), W (palm), u.
     covariance: SMatrix<f64, 8, 8>,
     /// Mean normalised square of the innovations.
@@ -85,9 +85,9 @@ pub enum Report {
         seconds: f64,
     },
     /// The observer was asked and has no single answer.
-    Undecided(Box<Estimate>),
+    Undecided(Box<RollEstimate>),
     /// The observer found the body; the filter begins.
-    Found(Box<Estimate>),
+    Found(Box<RollEstimate>),
     /// The filter's estimate.
     Tracking(Tracked),
     /// Contacts and filter disagree; collecting begins anew.
@@ -98,14 +98,14 @@ pub enum Report {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tracked {
     /// Attitude, motion and contact.
-    pub state: State,
+    pub state: RollState,
     /// Largest standard deviation of the attitude, rad.
     pub attitude_sigma: f64,
     /// Largest standard deviation of the angular velocity, rad/s.
     pub omega_sigma: f64,
 }
 
-impl Tracker {
+impl RollTracker {
     /// A tracker that asks `question` of every stretch of `window` s; times count from the palm's own zero.
     #[must_use]
     pub fn new(question: Question, window: f64) -> Self {
@@ -128,7 +128,7 @@ impl Tracker {
                 let seconds = collection.seconds();
                 let Some((estimate, dt)) = estimate else { return Report::Collecting { seconds } };
                 match estimate.hypotheses.first() {
-                    Some(best) if estimate.verdict == Verdict::Unique => {
+                    Some(best) if estimate.verdict == RollVerdict::Unique => {
                         self.phase = Phase::Tracking(Box::new(Track::new(&self.question, best, t, dt)));
                         Report::Found(Box::new(estimate))
                     }
@@ -158,7 +158,7 @@ impl Collection {
     }
 
     /// Asks the observer if enough is new.
-    fn ask(&mut self, question: &Question, window: f64) -> Option<(Estimate, f64)> {
+    fn ask(&mut self, question: &Question, window: f64) -> Option<(RollEstimate, f64)> {
         let count = self.times.len();
         let steps = (count.max(2) - 1) as f64;
         let dt = self.seconds() / steps;
@@ -168,7 +168,7 @@ impl Collection {
         }
         self.asked = count;
         let estimate = self.shifted(question).answer(dt, &self.u).ok()?;
-        if estimate.verdict != Verdict::Unique && self.seconds() > WINDOWS_MAX * window {
+        if estimate.verdict != RollVerdict::Unique && self.seconds() > WINDOWS_MAX * window {
             self.times.drain(..count / 2);
             self.u.drain(..count / 2);
             self.asked = self.times.len();
@@ -187,12 +187,13 @@ impl Collection {
 }
 
 impl Track {
-    fn new(question: &Question, best: &Hypothesis, t: f64, dt: f64) -> Self {
+    fn new(question: &Question, best: &RollHypothesis, t: f64, dt: f64) -> Self {
         let body = match &question.body {
             BodyKnowledge::OneOf(bodies) => bodies[best.body].clone(),
             BodyKnowledge::Ellipsoid { range } => {
                 let axes = best.semi_axes.unwrap_or([range[0]; 3]);
-                Body::ellipsoid(axes).unwrap_or_else(|_| unreachable!("the observer keeps semi-axes in their range"))
+                RollingBody::ellipsoid(axes)
+                    .unwrap_or_else(|_| unreachable!("the observer keeps semi-axes in their range"))
             }
         };
         let palm = match (&question.palm, best.palm_acceleration) {
@@ -266,7 +267,7 @@ impl Track {
         if self.spin == Spin::NoSpin {
             spinning.z = 0.0;
         }
-        self.state = State {
+        self.state = RollState {
             orientation: turned.into_inner(),
             omega: turned.inverse() * spinning,
             u: self.state.u + change.fixed_rows::<2>(6),
@@ -278,7 +279,7 @@ impl Track {
 const SIGMA_MIN: f64 = 1e-5;
 
 /// Of θ, W and u, from the observer's of θ and ω; wide where symmetry leaves the observer without one.
-fn start_covariance(best: &Hypothesis, sigma: f64) -> SMatrix<f64, 8, 8> {
+fn start_covariance(best: &RollHypothesis, sigma: f64) -> SMatrix<f64, 8, 8> {
     const WIDE: [f64; 2] = [0.05, 0.3];
     let mut start = SMatrix::<f64, 8, 8>::zeros();
     let rows = best.end.attitude().to_rotation_matrix().into_inner();
@@ -299,7 +300,7 @@ fn start_covariance(best: &Hypothesis, sigma: f64) -> SMatrix<f64, 8, 8> {
 }
 
 /// From errors of (θ, W, u) before to those after.
-fn transition(state: &State, tangent: &Tangent<STATE_COLUMNS>) -> SMatrix<f64, 8, 8> {
+fn transition(state: &RollState, tangent: &Tangent<STATE_COLUMNS>) -> SMatrix<f64, 8, 8> {
     let block = |rows: &[[f64; STATE_COLUMNS]; 3]| SMatrix::<f64, 3, STATE_COLUMNS>::from_fn(|i, j| rows[i][j]);
     let (theta, omega) = (block(&tangent.theta), block(&tangent.omega));
     let rows: Matrix3<f64> = state.attitude().to_rotation_matrix().into_inner();
@@ -321,7 +322,7 @@ mod tests {
     use super::*;
     use crate::gravity::GRAVITY_ASSUMED;
 
-    fn question(body: &Body, spin: Spin) -> Question {
+    fn question(body: &RollingBody, spin: Spin) -> Question {
         Question {
             body: BodyKnowledge::OneOf(vec![body.clone()]),
             spins: vec![spin],
@@ -332,12 +333,12 @@ mod tests {
     }
 
     /// Contacts of a roll on a 1 mm grid with the states behind them.
-    fn path(body: &Body, spin: Spin, count: usize) -> Vec<(f64, Vector2<f64>, State)> {
+    fn path(body: &RollingBody, spin: Spin, count: usize) -> Vec<(f64, Vector2<f64>, RollState)> {
         let model = Model { body, spin };
         let start = state_of(spin, [0.4, -0.2, 0.7, 0.3], [2.0, -3.0, 1.5]);
         let specific_force = [specific_force(Vector3::zeros(), GRAVITY_ASSUMED); 3];
         let states = std::iter::successors(Some(start), |state| Some(model.step(state, &specific_force, 0.002)));
-        let rounded = |state: &State| state.u.map(|x| (x * 1e3).round() * 1e-3);
+        let rounded = |state: &RollState| state.u.map(|x| (x * 1e3).round() * 1e-3);
         let times = std::iter::successors(Some(0.0), |t| Some(t + 0.002));
         states.zip(times).take(count).map(|(state, t)| (t, rounded(&state), state)).collect()
     }
@@ -346,7 +347,7 @@ mod tests {
     fn a_body_is_found_and_followed() {
         let body = &bodies()[0];
         for spin in [Spin::Free, Spin::NoSpin] {
-            let mut tracker = Tracker::new(question(body, spin), 0.4);
+            let mut tracker = RollTracker::new(question(body, spin), 0.4);
             let (mut found, mut followed) = (0, 0);
             for (t, u, truth) in path(body, spin, 600) {
                 match tracker.feel(t, u) {
@@ -368,7 +369,7 @@ mod tests {
     #[test]
     fn a_body_that_was_pushed_is_lost_and_found_again() {
         let body = &bodies()[0];
-        let mut tracker = Tracker::new(question(body, Spin::NoSpin), 0.4);
+        let mut tracker = RollTracker::new(question(body, Spin::NoSpin), 0.4);
         let first = path(body, Spin::NoSpin, 260);
         let push = first[259].0;
         let second = path(body, Spin::NoSpin, 400).into_iter().skip(60).map(|(t, u, _)| (push + t - 0.118, -u));

@@ -3,7 +3,8 @@
 
 use nalgebra::Vector2;
 use palpate::rolling::{
-    self, BodyKnowledge, Estimate, Hypothesis, Noise as ReadingNoise, ObserveError, PalmKnowledge, Question, Verdict,
+    self, BodyKnowledge, Noise as ReadingNoise, ObserveError, PalmKnowledge, Question, RollEstimate, RollHypothesis,
+    RollVerdict,
 };
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::Error as _;
@@ -357,7 +358,7 @@ impl ObserveRoll {
         }
     }
 
-    fn answer(&self, question: &Question, estimate: &Estimate) -> ObserveRollAnswer {
+    fn answer(&self, question: &Question, estimate: &RollEstimate) -> ObserveRollAnswer {
         let only = match &question.body {
             BodyKnowledge::OneOf(bodies) if bodies.len() == 1 => Some(bodies[0].symmetry()),
             _ => None,
@@ -365,9 +366,9 @@ impl ObserveRoll {
         let symmetry = estimate.hypotheses.first().map(|best| best.symmetry).or(only);
         ObserveRollAnswer {
             status: match estimate.verdict {
-                Verdict::Unique => ObserveRollStatus::Unique,
-                Verdict::Ambiguous => ObserveRollStatus::Ambiguous,
-                Verdict::Unexplained => ObserveRollStatus::Unexplained,
+                RollVerdict::Unique => ObserveRollStatus::Unique,
+                RollVerdict::Ambiguous => ObserveRollStatus::Ambiguous,
+                RollVerdict::Unexplained => ObserveRollStatus::Unexplained,
             },
             hypotheses: estimate.hypotheses.iter().map(|hypothesis| self.hypothesis(hypothesis)).collect(),
             symmetry: symmetry.map(|group| SymmetryFields { name: group.kind().into(), order: group.order() }),
@@ -380,7 +381,7 @@ impl ObserveRoll {
         }
     }
 
-    fn hypothesis(&self, hypothesis: &Hypothesis) -> RollHypothesisAnswer {
+    fn hypothesis(&self, hypothesis: &RollHypothesis) -> RollHypothesisAnswer {
         let rows = |matrix: &nalgebra::DMatrix<f64>| {
             matrix.row_iter().map(|row| row.iter().copied().collect()).collect::<Vec<Vec<f64>>>()
         };

@@ -1,7 +1,7 @@
 //! The kind `roll`: a smooth convex body rolling on a palm that translates. See [`palpate::rolling`].
 
 use nalgebra::Vector3;
-use palpate::rolling::{self, Body as RollingBody, BodyError, Egg, EndReason, PalmAcceleration, RollError};
+use palpate::rolling::{self, BodyError, Egg, PalmAcceleration, RollEndReason, RollError, RollingBody};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -286,7 +286,7 @@ impl BodyFields {
                 RollingBody::egg(egg, inertia).map_err(|error| at("egg", &error))
             }
             Self::Rounded(fields) => {
-                let rounded = rolling::Rounded { semi_axes: numbers(&fields.semi_axes), radius: fields.r.get() };
+                let rounded = rolling::RoundedShape { semi_axes: numbers(&fields.semi_axes), radius: fields.r.get() };
                 let inertia = fields.inertia_per_mass.as_ref().map(numbers);
                 RollingBody::rounded(rounded, inertia).map_err(|error| at("rounded", &error))
             }
@@ -319,8 +319,8 @@ pub fn wxyz(q: &nalgebra::Quaternion<f64>) -> [f64; 4] {
 impl From<&rolling::RollRun> for RollAnswer {
     fn from(run: &rolling::RollRun) -> Self {
         let reason = match run.end.reason {
-            EndReason::Time => RollEndReasonAnswer::Time,
-            EndReason::LiftOff => RollEndReasonAnswer::LiftOff,
+            RollEndReason::Time => RollEndReasonAnswer::Time,
+            RollEndReason::LiftOff => RollEndReasonAnswer::LiftOff,
         };
         Self {
             samples: run.samples.iter().map(RollSampleAnswer::from).collect(),
@@ -330,8 +330,8 @@ impl From<&rolling::RollRun> for RollAnswer {
     }
 }
 
-impl From<&rolling::Sample> for RollSampleAnswer {
-    fn from(sample: &rolling::Sample) -> Self {
+impl From<&rolling::RollSample> for RollSampleAnswer {
+    fn from(sample: &rolling::RollSample) -> Self {
         Self {
             t: sample.t,
             u: sample.state.u.into(),

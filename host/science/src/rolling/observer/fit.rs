@@ -6,9 +6,9 @@
 
 use nalgebra::{DMatrix, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
 
-use super::super::body::Body;
+use super::super::body::RollingBody;
 use super::super::flow::{Columns, STATE_COLUMNS, Tangent};
-use super::super::mechanics::{Model, Spin, State};
+use super::super::mechanics::{Model, RollState, Spin};
 use super::super::shape::{Ellipsoid, Shape};
 use super::track::{IntegrationStep, Track};
 use crate::math::least_squares::{
@@ -32,8 +32,8 @@ const OMEGA_MAX: f64 = 1e3;
 #[derive(Clone, Debug)]
 pub(super) struct Point {
     /// In the middle.
-    pub(super) state: State,
-    pub(super) body: Body,
+    pub(super) state: RollState,
+    pub(super) body: RollingBody,
     /// Constant acceleration of the palm beside the known one, m/s².
     pub(super) palm: Vector3<f64>,
 }
@@ -119,7 +119,7 @@ impl Unknowns {
         let attitude = state.attitude();
         let turned = attitude * UnitQuaternion::from_scaled_axis(step.fixed_rows::<3>(0).into_owned());
         let spinning = attitude * state.omega + step.fixed_rows::<3>(3);
-        let state = State {
+        let state = RollState {
             orientation: turned.into_inner(),
             omega: turned.inverse() * spinning,
             u: state.u + Vector2::new(step[P - 2], step[P - 1]),
@@ -134,10 +134,10 @@ impl Unknowns {
         Point { state, body, palm }
     }
 
-    fn reshaped(&self, body: &Body, ellipsoid: &Ellipsoid, longer: &[f64; 3]) -> Body {
+    fn reshaped(&self, body: &RollingBody, ellipsoid: &Ellipsoid, longer: &[f64; 3]) -> RollingBody {
         let [low, high] = self.range;
         let axis = |i: usize| (ellipsoid.semi_axes[i] * longer[i].clamp(-0.5, 0.5).exp()).clamp(low, high);
-        Body::ellipsoid([axis(0), axis(1), axis(2)]).unwrap_or_else(|_| body.clone())
+        RollingBody::ellipsoid([axis(0), axis(1), axis(2)]).unwrap_or_else(|_| body.clone())
     }
 
     /// Cost, gradient and normal matrix.
@@ -265,8 +265,8 @@ pub(super) struct Residuals {
 /// The two ends of a fitted motion.
 #[derive(Clone, Debug)]
 pub(super) struct Ends {
-    pub(super) start: State,
-    pub(super) end: State,
+    pub(super) start: RollState,
+    pub(super) end: RollState,
     /// Changes of attitude and angular velocity (body axes) at the start and at the end, by column.
     pub(super) columns: [DMatrix<f64>; 2],
 }

@@ -19,13 +19,13 @@ mod verdict;
 use nalgebra::{DMatrix, Vector2, Vector3};
 
 pub use track::{Noise, Readings};
-pub use verdict::{Estimate, Hypothesis, Verdict};
+pub use verdict::{RollEstimate, RollHypothesis, RollVerdict};
 
 use self::fit::{Effort, Norm, RollFit, Unknowns};
 use self::search::{Ground, Width};
 use self::track::Track;
 use self::verdict::{Gate, Quality, Solution};
-use super::body::Body;
+use super::body::RollingBody;
 use super::flow::Columns;
 use super::mechanics::{Model, Spin, specific_force};
 use super::palm::PalmAcceleration;
@@ -73,7 +73,7 @@ pub struct Question {
 #[derive(Clone, Debug)]
 pub enum BodyKnowledge {
     /// One of these; usually one alone.
-    OneOf(Vec<Body>),
+    OneOf(Vec<RollingBody>),
     /// An ellipsoid of uniform density with semi-axes in this range, m.
     Ellipsoid {
         /// Lowest and highest.
@@ -136,7 +136,7 @@ impl Question {
     ///
     /// # Errors
     /// [`ObserveError`] for readings too few or too short, without gravity, and for semi-axes of too wide a range.
-    pub fn answer(&self, dt: f64, u: &[Vector2<f64>]) -> Result<Estimate, ObserveError> {
+    pub fn answer(&self, dt: f64, u: &[Vector2<f64>]) -> Result<RollEstimate, ObserveError> {
         self.answer_until(dt, u, &never).map(|searched| searched.found)
     }
 
@@ -149,7 +149,7 @@ impl Question {
         dt: f64,
         u: &[Vector2<f64>],
         stop: Stop<'_>,
-    ) -> Result<Searched<Estimate>, ObserveError> {
+    ) -> Result<Searched<RollEstimate>, ObserveError> {
         let halt = Halt::new(stop);
         let readings = Readings { start: 0.0, dt, u: u.to_vec(), sigma: self.noise.sigma() };
         self.check(&readings)?;
@@ -190,7 +190,7 @@ impl Question {
             return Err(ObserveError::TooFew { count, unknowns, least: least.max(7) });
         }
         let size = match &self.body {
-            BodyKnowledge::OneOf(bodies) => bodies.iter().map(Body::size).fold(f64::INFINITY, f64::min),
+            BodyKnowledge::OneOf(bodies) => bodies.iter().map(RollingBody::size).fold(f64::INFINITY, f64::min),
             BodyKnowledge::Ellipsoid { range } => range[0],
         };
         let (duration, time) = (readings.duration(), (size / self.g).sqrt());
@@ -237,11 +237,11 @@ impl Question {
 
     /// How much shorter steps and averages must be than for a round body: a contact rushes over the sharp ends of long and
     /// flat ones. 1 for a 2-3-4 ellipsoid; for one that is unknown too, because its steps cannot change with the fit.
-    fn pace(&self, bodies: &[Body]) -> f64 {
+    fn pace(&self, bodies: &[RollingBody]) -> f64 {
         match self.body {
             BodyKnowledge::Ellipsoid { .. } => 1.0,
             BodyKnowledge::OneOf(_) => {
-                let pace = |body: &Body| (ROUND * body.sharpest() / body.size()).sqrt().clamp(PACE_MIN, 1.0);
+                let pace = |body: &RollingBody| (ROUND * body.sharpest() / body.size()).sqrt().clamp(PACE_MIN, 1.0);
                 bodies.iter().map(pace).fold(1.0, f64::min)
             }
         }
@@ -250,7 +250,7 @@ impl Question {
     fn solve_model(
         &self,
         readings: &Readings,
-        (spin, bodies): (Spin, &[Body]),
+        (spin, bodies): (Spin, &[RollingBody]),
         width: &Width,
         halt: &Halt<'_>,
     ) -> Vec<Solution> {
@@ -324,7 +324,7 @@ fn polish(unknowns: &Unknowns, track: &Track, fine: &Track, fit: RollFit, noise:
 }
 
 /// Ellipsoids all over a range of semi-axes, the shortest first: which axis is which is the attitude's business.
-fn shapes(range: [f64; 2]) -> Vec<Body> {
+fn shapes(range: [f64; 2]) -> Vec<RollingBody> {
     const STEPS: u32 = 6;
     let [low, high] = range;
     let axis = |k: u32| low * (high / low).powf((f64::from(k) + 0.5) / f64::from(STEPS));
@@ -334,7 +334,7 @@ fn shapes(range: [f64; 2]) -> Vec<Body> {
             for k in j..STEPS {
                 // Slightly apart where they would be equal: a body of revolution has no third axis to fit.
                 let semi_axes = [axis(i) * 0.97, axis(j), axis(k) * 1.03];
-                shapes.extend(Body::ellipsoid(semi_axes).ok());
+                shapes.extend(RollingBody::ellipsoid(semi_axes).ok());
             }
         }
     }

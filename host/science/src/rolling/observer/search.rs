@@ -12,8 +12,8 @@ use std::cmp::Ordering;
 
 use nalgebra::{Matrix2, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
 
-use super::super::body::Body;
-use super::super::mechanics::{Instant, Model, RotationMatrix, Spin, State};
+use super::super::body::RollingBody;
+use super::super::mechanics::{Instant, Model, RollState, RotationMatrix, Spin};
 use super::fit::{Effort, Norm, Point, RollFit, Unknowns};
 use super::rotations::spread;
 use super::track::Track;
@@ -61,7 +61,7 @@ pub(super) struct Width {
 /// A body's state in the middle of the window that may be.
 #[derive(Clone, Debug)]
 struct Candidate {
-    state: State,
+    state: RollState,
     body: usize,
     /// Mismatch of `u''`, then cost of the roll.
     score: f64,
@@ -80,7 +80,7 @@ pub(super) struct Derivatives {
 pub(super) struct Ground<'a> {
     pub(super) unknowns: Unknowns,
     /// Bodies to start from: the one, or a spread of those that may be.
-    pub(super) bodies: &'a [Body],
+    pub(super) bodies: &'a [RollingBody],
     pub(super) track: &'a Track,
     /// What the body feels in the middle of the window, palm axes, m/s².
     pub(super) specific_force: Vector3<f64>,
@@ -109,7 +109,7 @@ impl Ground<'_> {
 
     /// √(size/g): how long the body takes to roll, s.
     fn time_unit(&self) -> f64 {
-        let size = self.bodies.iter().map(Body::size).fold(f64::INFINITY, f64::min);
+        let size = self.bodies.iter().map(RollingBody::size).fold(f64::INFINITY, f64::min);
         (size / self.specific_force.norm().max(1e-3)).sqrt()
     }
 
@@ -162,7 +162,7 @@ impl Ground<'_> {
         model: Model,
         attitude: &UnitQuaternion<f64>,
         derivatives: &Derivatives,
-        mut found: impl FnMut(State, f64),
+        mut found: impl FnMut(RollState, f64),
     ) {
         let orientation = attitude.into_inner();
         let rotation = RotationMatrix::of(&orientation);
@@ -175,7 +175,7 @@ impl Ground<'_> {
         let sway = inverse * derivatives.velocity;
         let state = |spin: f64| {
             let omega = rotation.to_body(&Vector3::new(-sway.y, sway.x, spin));
-            State { orientation, omega, u: derivatives.u }
+            RollState { orientation, omega, u: derivatives.u }
         };
         let miss = |spin: f64| self.acceleration(model, &state(spin)) - derivatives.acceleration;
         if self.unknowns.spin == Spin::NoSpin {
@@ -202,7 +202,7 @@ impl Ground<'_> {
     }
 
     /// `u''`.
-    fn acceleration(&self, model: Model, state: &State) -> Vector2<f64> {
+    fn acceleration(&self, model: Model, state: &RollState) -> Vector2<f64> {
         let instant = Instant::of(state, &self.specific_force);
         let local = model.body.shape().local(&instant.normal, &instant.turning);
         let moving = local.hessian * instant.turning;
@@ -244,7 +244,7 @@ impl Ground<'_> {
     }
 
     /// How different two states are: the angle modulo symmetry, and the angular velocity in palm axes in units of √(g/size).
-    fn differ(&self, body: &Body, a: &State, b: &State) -> f64 {
+    fn differ(&self, body: &RollingBody, a: &RollState, b: &RollState) -> f64 {
         let (x, y) = (a.attitude(), b.attitude());
         let rate = (self.specific_force.norm() / body.size()).sqrt();
         body.symmetry().angle(&x, &y).hypot((x * a.omega - y * b.omega).norm() / rate)

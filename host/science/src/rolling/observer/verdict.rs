@@ -9,7 +9,7 @@
 use nalgebra::{DMatrix, UnitQuaternion, Vector3};
 
 use super::super::flow::STATE_COLUMNS;
-use super::super::mechanics::{Spin, State};
+use super::super::mechanics::{RollState, Spin};
 use super::super::shape::Shape;
 use super::super::symmetry::Symmetry;
 use super::covariance;
@@ -70,7 +70,7 @@ pub(super) struct Solution {
 
 /// What the readings say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
+pub enum RollVerdict {
     /// One hypothesis explains them.
     Unique,
     /// Several do.
@@ -81,11 +81,11 @@ pub enum Verdict {
 
 /// Everything that explains the readings.
 #[derive(Clone, Debug)]
-pub struct Estimate {
+pub struct RollEstimate {
     /// One, several, none.
-    pub verdict: Verdict,
+    pub verdict: RollVerdict,
     /// Best first. Empty where none explains the readings.
-    pub hypotheses: Vec<Hypothesis>,
+    pub hypotheses: Vec<RollHypothesis>,
     /// Cost of the best minimum, listed or not; infinite where the search found none.
     pub cost: f64,
     /// Numbers read less numbers fitted.
@@ -98,7 +98,7 @@ pub struct Estimate {
 
 /// A motion that explains the readings.
 #[derive(Clone, Debug)]
-pub struct Hypothesis {
+pub struct RollHypothesis {
     /// Which of the bodies asked about.
     pub body: usize,
     /// The body's symmetry.
@@ -110,9 +110,9 @@ pub struct Hypothesis {
     /// Constant acceleration of the palm, m/s², where it was unknown.
     pub palm_acceleration: Option<Vector3<f64>>,
     /// At the first reading.
-    pub start: State,
+    pub start: RollState,
     /// At the last reading.
-    pub end: State,
+    pub end: RollState,
     /// Sum of squared residuals over their variances.
     pub cost: f64,
     /// Of attitude (turn about body axes, rad) and angular velocity (body axes, rad/s) at the end, then of the semi-axes (m)
@@ -175,7 +175,7 @@ impl Gate {
         if weak { Quality::Weak } else { Quality::Good }
     }
 
-    pub(super) fn judge(self, solutions: Vec<Solution>) -> Estimate {
+    pub(super) fn judge(self, solutions: Vec<Solution>) -> RollEstimate {
         let cost = solutions.first().map_or(f64::INFINITY, |solution| solution.fit.cost);
         let degrees = solutions.first().map_or(1, |solution| self.degrees_of_freedom(solution.unknowns.count()));
         let explained = solutions.first().is_some_and(|best| self.explains(best));
@@ -187,17 +187,17 @@ impl Gate {
             }
         }
         let verdict = match listed.len() {
-            0 => Verdict::Unexplained,
-            1 => Verdict::Unique,
-            _ => Verdict::Ambiguous,
+            0 => RollVerdict::Unexplained,
+            1 => RollVerdict::Unique,
+            _ => RollVerdict::Ambiguous,
         };
         let sure = |solution: &Solution| match solution.attitude_sigma_at_ends() {
             Some(sigma) => sigma * solution.residuals.dilution() * GUARANTEED_SIGMAS <= GUARANTEED_RAD,
             None => false,
         };
-        let certified = verdict == Verdict::Unique && listed.iter().all(sure);
+        let certified = verdict == RollVerdict::Unique && listed.iter().all(sure);
         let hypotheses = listed.iter().map(Solution::hypothesis).collect();
-        Estimate {
+        RollEstimate {
             verdict,
             hypotheses,
             cost,
@@ -315,7 +315,7 @@ impl Solution {
         names.iter().map(apart).fold(f64::INFINITY, f64::min)
     }
 
-    fn hypothesis(&self) -> Hypothesis {
+    fn hypothesis(&self) -> RollHypothesis {
         let point = &self.fit.point;
         let semi_axes = match (self.unknowns.columns.semi_axes, point.body.shape()) {
             (true, Shape::Ellipsoid(ellipsoid)) => Some(ellipsoid.semi_axes),
@@ -323,7 +323,7 @@ impl Solution {
         };
         let unobservable = self.unobservable();
         let hidden = unobservable || self.symmetry().order().is_none();
-        Hypothesis {
+        RollHypothesis {
             body: self.body,
             symmetry: self.symmetry(),
             spin: self.unknowns.spin,
