@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use nalgebra::{Matrix3, Point2, Vector3};
 use palpate::geometry::{ConvexPolygon, SimplePolygon};
 use palpate::inscription::{
-    Bearing, Cone, Continuum, HalfPlane, Inscription, Mode, NoisyReadings, Pose, estimate, poses, view,
+    Bearing, Cone, Continuum, HalfPlane, Inscription, NoisyReadings, Pose, PoseMode, estimate, poses, view,
 };
 use palpate::math::random::Draw;
 use palpate_tests::inscription_oracle as oracle;
@@ -226,13 +226,13 @@ fn the_modes_are_the_minima_that_a_blind_search_finds() {
             let (mut at, mut value) = oracle::descend(chi2, from, size, 0.05, || sphere(&mut draw));
             // The search may come to rest in a valley: it gets a few shoves.
             for _ in 0..SHOVES {
-                let listed = |mode: &Mode| mode.chi2 <= value + CHI2 * (1.0 + value) && near(mode, at, size);
+                let listed = |mode: &PoseMode| mode.chi2 <= value + CHI2 * (1.0 + value) && near(mode, at, size);
                 if value > 0.98 * estimate.gate || estimate.modes.iter().any(listed) {
                     break;
                 }
                 (at, value) = oracle::descend(chi2, at, size, 0.01, || sphere(&mut draw));
             }
-            let listed = |mode: &Mode| mode.chi2 <= value + CHI2 * (1.0 + value) && near(mode, at, size);
+            let listed = |mode: &PoseMode| mode.chi2 <= value + CHI2 * (1.0 + value) && near(mode, at, size);
             assert!(
                 value > 0.98 * estimate.gate || estimate.modes.iter().any(listed),
                 "case {case}: {at:?} with {value} is not in {:?}",
@@ -243,7 +243,7 @@ fn the_modes_are_the_minima_that_a_blind_search_finds() {
 }
 
 /// Within what a search that crawls along a valley may leave.
-fn near(mode: &Mode, at: [f64; 3], size: f64) -> bool {
+fn near(mode: &PoseMode, at: [f64; 3], size: f64) -> bool {
     let turn = (mode.pose.theta - at[2]).rem_euclid(TAU);
     turn.min(TAU - turn) < 0.02 && (mode.pose.x - at[0]).hypot(mode.pose.y - at[1]) < 0.02 * size
 }
@@ -265,7 +265,7 @@ fn errors_are_as_large_as_stated() {
         let sigma = 0.1_f64.to_radians();
         let cones = noisy(&mut draw, &cones, sigma);
         let estimate = estimate(&outline(&polygon), &readings(&cones, sigma)).unwrap();
-        let error = |mode: &Mode| {
+        let error = |mode: &PoseMode| {
             let turn = (mode.pose.theta - truth.theta + TAU / 2.0).rem_euclid(TAU) - TAU / 2.0;
             let error = Vector3::new(mode.pose.x - truth.x, mode.pose.y - truth.y, turn);
             let inverse: Matrix3<f64> = mode.covariance.try_inverse().unwrap();

@@ -5,7 +5,9 @@ use std::process::ExitCode;
 
 use miette::IntoDiagnostic as _;
 use palpate::geometry::{ConvexPolygon, SimplePolygon};
-use palpate::inscription::{Continuum, Estimate, Inscription, Mode, PlannedView, Pose, estimate, plan_view};
+use palpate::inscription::{
+    Continuum, Inscription, InscriptionEstimate, PlannedView, Pose, PoseMode, estimate, plan_view,
+};
 use palpate::point_sampling::Circle;
 use palpate_files::sampling_plan::PlanFile;
 use palpate_files::scene::snapped;
@@ -81,7 +83,7 @@ struct Found {
 /// The poses of one part.
 enum Fits {
     Exact(Vec<Pose>),
-    Noisy(Estimate),
+    Noisy(InscriptionEstimate),
 }
 
 impl Fits {
@@ -211,7 +213,7 @@ fn in_words(views: &Views) -> String {
 }
 
 /// How far the first sensor is from the part.
-fn first_distance(part: &ConvexPolygon, modes: &[Mode], views: &Views) -> Option<f64> {
+fn first_distance(part: &ConvexPolygon, modes: &[PoseMode], views: &Views) -> Option<f64> {
     let pose = modes.first()?.pose;
     let centre = nalgebra::Isometry2::new([pose.x, pose.y].into(), pose.theta) * part.centre();
     views.readings.bearings.first().map(|bearing| (centre - bearing.apex).norm())
@@ -277,7 +279,7 @@ fn tell_exact(part: &NamedPart, poses: &[Pose], views: &Views, first: usize) {
     say!("  held: an error of the readings moves the pose by one over this");
 }
 
-fn tell_noisy(estimate: &Estimate, first: usize) {
+fn tell_noisy(estimate: &InscriptionEstimate, first: usize) {
     say!("  pose      x [mm]      y [mm]    turned [°]       ± x       ± y     ± turn     χ²");
     for (k, mode) in estimate.modes.iter().enumerate() {
         let sd = |axis: usize| mode.covariance[(axis, axis)].sqrt();
@@ -337,7 +339,7 @@ fn part_json(found: &Found, views: &Views) -> Value {
                    "conditioning": held, "groups": found.part.shape.congruent_groups(poses)})
         }
         Ok(Fits::Noisy(estimate)) => {
-            let mode = |mode: &Mode| {
+            let mode = |mode: &PoseMode| {
                 let row = |k: usize| [mode.covariance[(k, 0)], mode.covariance[(k, 1)], mode.covariance[(k, 2)]];
                 json!({"pose": array(&mode.pose), "chi2": mode.chi2, "covariance": [row(0), row(1), row(2)]})
             };

@@ -7,7 +7,7 @@ use std::f64::consts::{FRAC_PI_6, TAU};
 use nalgebra::{Matrix3, Point2, Vector2, Vector3};
 use palpate::geometry::ConvexPolygon;
 use palpate::inscription::{
-    Bearing, Continuum, HalfPlane, Inscription, Mode, NoisyReadings, Pose, estimate, poses, view,
+    Bearing, Continuum, HalfPlane, Inscription, NoisyReadings, Pose, PoseMode, estimate, poses, view,
 };
 use palpate::math::angle::wrap_angle;
 use palpate::math::random::Draw;
@@ -384,10 +384,10 @@ fn noise(settings: &TableSettings) -> Table {
         let trials: Vec<_> = (0..settings.cases).map(|case| trial(settings.seed, case, sigma_deg, cones)).collect();
         let judged: Vec<_> = trials.iter().filter_map(|trial| trial.as_ref().ok()).collect();
         let true_modes: Vec<_> = judged.iter().filter_map(|judged| judged.truth.as_ref()).collect();
-        let average = |value: fn(&(f64, Mode)) -> f64| {
+        let average = |value: fn(&(f64, PoseMode)) -> f64| {
             statistics::mean(true_modes.iter().map(|mode| value(mode))).unwrap_or(f64::NAN)
         };
-        let median = |value: fn(&Mode) -> f64| {
+        let median = |value: fn(&PoseMode) -> f64| {
             statistics::percentile(true_modes.iter().map(|(_, mode)| value(mode)), 50).unwrap_or(f64::NAN)
         };
         table.push([
@@ -416,7 +416,7 @@ fn noise(settings: &TableSettings) -> Table {
 struct Judged {
     modes: usize,
     /// The mode of the truth with its normalised squared error.
-    truth: Option<(f64, Mode)>,
+    truth: Option<(f64, PoseMode)>,
     best_is_true: bool,
 }
 
@@ -440,7 +440,7 @@ fn trial(seed: u64, case: usize, sigma_deg: f64, cones: usize) -> Result<Judged,
 }
 
 /// The squared error of a mode, normalised by its covariance; infinite where that is singular.
-fn nees(mode: &Mode, truth: &Pose) -> f64 {
+fn nees(mode: &PoseMode, truth: &Pose) -> f64 {
     let error = Vector3::new(mode.pose.x - truth.x, mode.pose.y - truth.y, wrap_angle(mode.pose.theta - truth.theta));
     let inverse: Option<Matrix3<f64>> = mode.covariance.try_inverse();
     inverse.map_or(f64::INFINITY, |inverse| (error.transpose() * inverse * error)[0])

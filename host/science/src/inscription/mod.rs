@@ -30,7 +30,9 @@ pub use crate::geometry::Pose;
 pub use boundary::{Boundary, Ellipse, Rounded, boundary_poses};
 pub use exact::{Continuum, Inscription, MISS_MAX_RELATIVE, determined, misses, nearest_misses, poses};
 pub use mixed::poses_through;
-pub use noise::{Estimate, FENCE_SD_RELATIVE, GATE, Mode, NoisyReadings, estimate, estimate_until, view};
+pub use noise::{
+    FENCE_SD_RELATIVE, GATE, InscriptionEstimate, NoisyReadings, PoseMode, estimate, estimate_until, view,
+};
 pub use outline::Outline;
 pub use planner::{PlannedView, expected_view, plan_view};
 pub use quality::{conditioning, congruent_groups, symmetry_order};

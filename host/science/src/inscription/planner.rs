@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Point2, Vector2, Vector3};
 
-use super::noise::{Mode, NoisyReadings, Objective, view};
+use super::noise::{NoisyReadings, Objective, PoseMode, view};
 use super::readings::Bearing;
 use crate::geometry::ConvexPolygon;
 
@@ -53,7 +53,12 @@ impl PlannedView {
 /// The best place for another view on a circle of this radius (m) round where the part most likely is; none without a mode, or
 /// where every place is inside the part.
 #[must_use]
-pub fn plan_view(part: &ConvexPolygon, readings: &NoisyReadings, modes: &[Mode], radius: f64) -> Option<PlannedView> {
+pub fn plan_view(
+    part: &ConvexPolygon,
+    readings: &NoisyReadings,
+    modes: &[PoseMode],
+    radius: f64,
+) -> Option<PlannedView> {
     let best = modes.first()?;
     let centre = nalgebra::Isometry2::new(Vector2::new(best.pose.x, best.pose.y), best.pose.theta) * part.centre();
     let site = |k: u32| {
@@ -72,20 +77,20 @@ pub fn plan_view(part: &ConvexPolygon, readings: &NoisyReadings, modes: &[Mode],
 pub fn expected_view(
     part: &ConvexPolygon,
     readings: &NoisyReadings,
-    modes: &[Mode],
+    modes: &[PoseMode],
     site: Point2<f64>,
 ) -> Option<PlannedView> {
     let best = modes.first()?;
     let seen = view(part, &best.pose, site)?;
     let after = covariance_after(part, readings, best, &seen)?;
-    let separation = |other: &Mode| {
+    let separation = |other: &PoseMode| {
         let shown = view(part, &other.pose, site)?;
         let apart = |k: usize| crate::math::angle::wrap_angle(shown[k].angle - seen[k].angle) / readings.sigma;
         // Both modes move toward each other to share the misfit, and each carries its own uncertainty.
         let certainty = 1.0 / (1.0 + certainty_loss(part, readings, other, &shown)?);
         Some((apart(0).powi(2) + apart(1).powi(2)) * certainty + other.chi2 - best.chi2)
     };
-    let is_other = |other: &&Mode| !looks_the_same(part, best, other);
+    let is_other = |other: &&PoseMode| !looks_the_same(part, best, other);
     let separation = modes[1..].iter().filter(is_other).filter_map(separation).reduce(f64::min);
     let (position, theta) = deviations(part, best, &best.covariance);
     let (position_after, theta_after) = deviations(part, best, &after);
@@ -100,12 +105,12 @@ pub fn expected_view(
 }
 
 /// A symmetric part in another of its turns: no view will ever tell.
-fn looks_the_same(part: &ConvexPolygon, a: &Mode, b: &Mode) -> bool {
+fn looks_the_same(part: &ConvexPolygon, a: &PoseMode, b: &PoseMode) -> bool {
     super::quality::congruent_groups(part, &[a.pose, b.pose]).len() == 1
 }
 
 /// Standard deviations of the centre's place and of the turn.
-fn deviations(part: &ConvexPolygon, mode: &Mode, covariance: &Matrix3<f64>) -> (f64, f64) {
+fn deviations(part: &ConvexPolygon, mode: &PoseMode, covariance: &Matrix3<f64>) -> (f64, f64) {
     let (sin, cos) = mode.pose.theta.sin_cos();
     let centre = part.centre();
     let carried = Vector2::new(cos * centre.x - sin * centre.y, sin * centre.x + cos * centre.y);
@@ -119,7 +124,7 @@ fn deviations(part: &ConvexPolygon, mode: &Mode, covariance: &Matrix3<f64>) -> (
 fn covariance_after(
     part: &ConvexPolygon,
     readings: &NoisyReadings,
-    mode: &Mode,
+    mode: &PoseMode,
     seen: &[Bearing; 2],
 ) -> Option<Matrix3<f64>> {
     let information = mode.covariance.try_inverse()? + view_information(part, readings, mode, seen)?;
@@ -127,7 +132,7 @@ fn covariance_after(
 }
 
 /// How uncertain a mode leaves the bearings of a view, in variances of a bearing: the larger eigenvalue is at most the trace.
-fn certainty_loss(part: &ConvexPolygon, readings: &NoisyReadings, mode: &Mode, seen: &[Bearing; 2]) -> Option<f64> {
+fn certainty_loss(part: &ConvexPolygon, readings: &NoisyReadings, mode: &PoseMode, seen: &[Bearing; 2]) -> Option<f64> {
     Some((mode.covariance * view_information(part, readings, mode, seen)?).trace())
 }
 
@@ -135,7 +140,7 @@ fn certainty_loss(part: &ConvexPolygon, readings: &NoisyReadings, mode: &Mode, s
 fn view_information(
     part: &ConvexPolygon,
     readings: &NoisyReadings,
-    mode: &Mode,
+    mode: &PoseMode,
     seen: &[Bearing; 2],
 ) -> Option<Matrix3<f64>> {
     let alone = NoisyReadings { bearings: seen.to_vec(), fences: Vec::new(), sigma: readings.sigma };
@@ -167,15 +172,15 @@ mod tests {
     }
 
     /// The readings with those of another view, if the best mode is the truth.
-    fn with_view(part: &ConvexPolygon, readings: &NoisyReadings, best: &Mode, site: Point2<f64>) -> NoisyReadings {
+    fn with_view(part: &ConvexPolygon, readings: &NoisyReadings, best: &PoseMode, site: Point2<f64>) -> NoisyReadings {
         let mut more = readings.clone();
         more.bearings.extend(view(part, &best.pose, site).unwrap());
         more
     }
 
     /// Best modes agree in place, so that only the covariances differ.
-    fn again<'a>(modes: &'a [Mode], best: &Mode) -> &'a Mode {
-        let near = |mode: &&Mode| (mode.pose.x - best.pose.x).hypot(mode.pose.y - best.pose.y) < 1e-7;
+    fn again<'a>(modes: &'a [PoseMode], best: &PoseMode) -> &'a PoseMode {
+        let near = |mode: &&PoseMode| (mode.pose.x - best.pose.x).hypot(mode.pose.y - best.pose.y) < 1e-7;
         modes.iter().find(near).unwrap()
     }
 

@@ -184,11 +184,11 @@ impl Problem for Inscription {
     }
 }
 
-impl From<&inscription::Mode> for ModeFields {
-    fn from(mode: &inscription::Mode) -> Self {
+impl From<&inscription::PoseMode> for ModeFields {
+    fn from(mode: &inscription::PoseMode) -> Self {
         let row = |k: usize| [mode.covariance[(k, 0)], mode.covariance[(k, 1)], mode.covariance[(k, 2)]];
         let covariance = [row(0), row(1), row(2)];
-        let inscription::Mode { pose, chi2, at_corner_change, .. } = *mode;
+        let inscription::PoseMode { pose, chi2, at_corner_change, .. } = *mode;
         Self { pose: pose.into(), chi2, covariance, at_corner_change }
     }
 }

@@ -55,7 +55,7 @@ pub struct NoisyReadings {
 
 /// A pose that explains the bearings.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Mode {
+pub struct PoseMode {
     /// The most likely pose hereabouts.
     pub pose: Pose,
     /// Squared residuals of the bearings over σ², summed.
@@ -68,9 +68,9 @@ pub struct Mode {
 
 /// What bearings say about a part's pose.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Estimate {
+pub struct InscriptionEstimate {
     /// All modes inside the gate, best first.
-    pub modes: Vec<Mode>,
+    pub modes: Vec<PoseMode>,
     /// Readings less the three unknowns.
     pub dof: usize,
     /// The largest χ² that is accepted: the 99 % quantile.
@@ -112,7 +112,7 @@ impl NoisyReadings {
 /// assert!(estimate.modes.iter().any(|mode| mode.pose.x.hypot(mode.pose.y) < 1e-3)); // m
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub fn estimate(part: &ConvexPolygon, readings: &NoisyReadings) -> Result<Estimate, Continuum> {
+pub fn estimate(part: &ConvexPolygon, readings: &NoisyReadings) -> Result<InscriptionEstimate, Continuum> {
     estimate_until(part, readings, &never).map(|searched| searched.found)
 }
 
@@ -124,7 +124,7 @@ pub fn estimate_until(
     part: &ConvexPolygon,
     readings: &NoisyReadings,
     stop: Stop<'_>,
-) -> Result<Searched<Estimate>, Continuum> {
+) -> Result<Searched<InscriptionEstimate>, Continuum> {
     let halt = Halt::new(stop);
     let lines = readings.lines();
     determined(part, &lines)?;
@@ -147,7 +147,7 @@ pub fn estimate_until(
     modes.retain(|mode| mode.chi2 <= gate);
     modes.sort_by(|a, b| a.chi2.total_cmp(&b.chi2));
     let modes = modes.iter().filter_map(|settled| objective.mode(settled)).collect();
-    Ok(halt.searched(Estimate { modes, dof, gate }))
+    Ok(halt.searched(InscriptionEstimate { modes, dof, gate }))
 }
 
 /// A local minimum of χ².
@@ -167,10 +167,10 @@ impl Objective<'_> {
     }
 
     /// None where the readings do not fix the pose, to the last digit.
-    fn mode(&self, settled: &Settled) -> Option<Mode> {
+    fn mode(&self, settled: &Settled) -> Option<PoseMode> {
         let covariance = self.covariance(&settled.placed, &settled.information)?;
         let Settled { chi2, at_corner_change, .. } = *settled;
-        Some(Mode { pose: self.pose(&settled.placed), chi2, covariance, at_corner_change })
+        Some(PoseMode { pose: self.pose(&settled.placed), chi2, covariance, at_corner_change })
     }
 }
 
