@@ -300,7 +300,7 @@ pub struct Command {
     pub protocol_major: u8,
     /// Repeated with the same id, a command is answered again but not acted on again.
     pub id: CommandId,
-    /// What to do.
+    /// What the device shall do, with its arguments.
     pub request: Request,
 }
 
@@ -393,7 +393,7 @@ pub enum Outcome {
     Register {
         /// The register's address.
         address: u8,
-        /// What it holds.
+        /// Its raw 16 bits.
         value: u16,
     },
     /// Answer to [`Request::Ping`].

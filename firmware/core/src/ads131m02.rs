@@ -245,7 +245,7 @@ pub enum Error<E> {
     NotSet {
         /// The register's address.
         address: u8,
-        /// What it holds.
+        /// The raw 16 bits that it holds instead.
         value: u16,
     },
 }

@@ -62,7 +62,7 @@ pub struct PushPlan {
 /// A change of the finger's acceleration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Turn {
-    /// When, s.
+    /// Time since the push began, s, from which on the finger has another acceleration.
     pub t: f64,
     /// From then on, m/s².
     pub acceleration: f64,
@@ -73,7 +73,7 @@ pub struct Turn {
 /// What became of a plan.
 #[derive(Clone, Debug)]
 pub struct Pushed {
-    /// The motion.
+    /// Samples of the simulated motion, its changes of contact and its end.
     pub run: PushRun,
     /// The finger's outline.
     pub shape: FingerShape,
@@ -92,7 +92,7 @@ pub enum PlanError {
     /// A place that is not on this kind of part.
     #[error("the part is {part}: say where to touch it by {remedy}")]
     WrongPlace {
-        /// What it is.
+        /// What kind of part it is, in words.
         part: &'static str,
         /// The way to say.
         remedy: &'static str,
@@ -149,7 +149,7 @@ pub enum PlanError {
     Overlap {
         /// The edge that it reaches into.
         edge: usize,
-        /// How deep, m.
+        /// How far the disk reaches into the part, m.
         depth: f64,
     },
     /// Otherwise impossible from the start.

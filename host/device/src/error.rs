@@ -27,7 +27,7 @@ pub enum LinkError {
     /// The device's name cannot be meant.
     #[error("`{text}` is not a device: {reason}")]
     Address {
-        /// What was given.
+        /// The address as it was written.
         text: String,
         /// Why it cannot be meant.
         reason: &'static str,

@@ -58,13 +58,13 @@ pub enum BodyFileError {
     /// A key that another shape has.
     #[error("{key} is not for this shape: leave it out")]
     Foreign {
-        /// Which.
+        /// The key that this shape does not have.
         key: &'static str,
     },
     /// A key that this shape needs.
     #[error("{key} is missing: this shape needs it")]
     Missing {
-        /// Which.
+        /// The key that this shape needs.
         key: &'static str,
     },
     /// There is no such body.

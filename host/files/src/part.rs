@@ -117,7 +117,7 @@ pub enum Unit {
 }
 
 impl Unit {
-    /// m.
+    /// Length of one unit, m.
     #[must_use]
     pub fn metres(self) -> f64 {
         match self {
@@ -185,7 +185,7 @@ pub enum PartFileError {
     /// No outline, or two.
     #[error("the part has {what}: give either `vertices` or `ellipse`")]
     OneOutline {
-        /// What is there.
+        /// The outlines that it has, in words.
         what: &'static str,
     },
     /// An ellipse where edges are needed.
@@ -196,7 +196,7 @@ pub enum PartFileError {
     SemiAxis {
         /// `a` or `b`.
         key: &'static str,
-        /// What was given.
+        /// The length as given, in the unit of the file.
         value: f64,
     },
     /// A coefficient of friction that cannot be.
@@ -204,7 +204,7 @@ pub enum PartFileError {
     Friction {
         /// `mu` or `mu_c`.
         key: &'static str,
-        /// What was given.
+        /// The coefficient as given.
         value: f64,
     },
     /// A table without friction, where a part's resistance is to be felt.
@@ -216,21 +216,21 @@ pub enum PartFileError {
     /// A foot that cannot be.
     #[error("foot {index} is {foot:?}: its place must be finite and the weight on it above 0")]
     Foot {
-        /// Which, from 0.
+        /// Place of the foot in the list, from 0.
         index: usize,
-        /// As given.
+        /// Place in the unit of the file, and weight on it, as given.
         foot: [f64; 3],
     },
     /// Several supports where one is needed.
     #[error("the file lists {count} supports, where one is needed")]
     Supports {
-        /// How many.
+        /// How many ways to support the part the file lists.
         count: usize,
     },
     /// A list without supports, or beside `feet`.
     #[error("{what}: give each thing that the part may stand on as a [[support]], and no `feet` beside them")]
     SupportList {
-        /// What is there.
+        /// What is wrong with the list, in words.
         what: &'static str,
     },
     /// A support that cannot be.
@@ -252,13 +252,13 @@ pub enum PartFileError {
     /// A centre of mass that is no number.
     #[error("centre_of_mass = {value:?} must be finite")]
     CentreOfMass {
-        /// What was given.
+        /// The point as given, in the unit of the file.
         value: [f64; 2],
     },
     /// A radius of gyration that cannot be.
     #[error("radius_of_gyration = {value:?} must be finite and above 0")]
     RadiusOfGyration {
-        /// What was given.
+        /// The length as given, in the unit of the file.
         value: f64,
     },
 }

@@ -66,7 +66,7 @@ pub enum SceneFileError {
         shape: String,
         /// The vertex, from 0.
         vertex: usize,
-        /// What is there.
+        /// The numbers that stand in place of x and y.
         value: Vec<f64>,
     },
     /// An outline that is no polygon.
@@ -74,7 +74,7 @@ pub enum SceneFileError {
     Polygon {
         /// The shape.
         shape: String,
-        /// What is wrong.
+        /// Why the outline is no polygon.
         error: PolygonError,
     },
     /// An error that no number of chords keeps.

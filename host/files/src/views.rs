@@ -71,9 +71,9 @@ pub enum FileError {
     /// A cone that no part can fill.
     #[error("cone {index}: {error}")]
     Cone {
-        /// Which, from 0.
+        /// Place of the cone in the file, from 0.
         index: usize,
-        /// What is wrong.
+        /// Why its numbers are no cone.
         error: ConeError,
     },
     /// Not exactly one outline.
@@ -99,7 +99,7 @@ pub enum FileError {
         what: &'static str,
         /// The other.
         with: &'static str,
-        /// What to do.
+        /// What to do about it, in words.
         remedy: &'static str,
     },
     /// A fence, a point or a motion that is no number.
@@ -107,7 +107,7 @@ pub enum FileError {
     NotFinite {
         /// `cone`, `fence` or `point`.
         what: &'static str,
-        /// Which, from 0.
+        /// Place of the entry in the file, from 0.
         index: usize,
     },
     /// A standard deviation that cannot be.

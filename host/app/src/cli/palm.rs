@@ -80,9 +80,9 @@ enum SpinChoice {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Contact {
-    /// s.
+    /// Time of the contact, s.
     t: f64,
-    /// m.
+    /// Where the body touches, palm axes, m.
     u: [f64; 2],
 }
 

@@ -33,7 +33,7 @@ pub struct RollPicture<'a> {
     pub body: &'a RollingBody,
     /// Its motion, sampled densely.
     pub run: &'a RollRun,
-    /// m/s².
+    /// Gravity, m/s².
     pub g: f64,
     /// Above everything.
     pub title: &'a str,

@@ -106,7 +106,7 @@ pub enum Cell {
     Empty,
     /// Words.
     Text(String),
-    /// How many.
+    /// A count, printed without decimals.
     Count(u64),
     /// A number, printed with so many decimals.
     Number(#[serde(serialize_with = "number_only")] (f64, usize)),
@@ -148,7 +148,7 @@ impl Cell {
         Self::Number((value, decimals))
     }
 
-    /// How many.
+    /// A cell that counts.
     #[must_use]
     pub fn count(count: usize) -> Self {
         Self::Count(count as u64)

@@ -95,7 +95,7 @@ pub enum ExperimentError {
     /// A contact was not felt.
     #[error("{readings} readings of the contact at {angle_deg:.1}° with {normal_force} N were felt, of {wanted}")]
     NotFelt {
-        /// Where it was.
+        /// True contact angle, degrees.
         angle_deg: f64,
         /// How hard.
         normal_force: f64,

@@ -42,7 +42,7 @@ pub enum ConclusionError {
     "the held-back contact at {angle_deg:.1}° is felt {error_deg:+.2}° off (limit {limit_deg}°, expected ± {sigma_deg:.2}°)"
 )]
 pub struct HeldBackError {
-    /// Where.
+    /// Contact angle that was set, degrees.
     pub angle_deg: f64,
     /// Felt minus set.
     pub error_deg: f64,

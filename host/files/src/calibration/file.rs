@@ -132,7 +132,7 @@ pub struct ContactRecord {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HeldBackRecord {
-    /// How many.
+    /// How many contacts were kept out of the fit.
     pub contacts: usize,
     /// Mean of felt minus set angle, degrees.
     pub mean_error_deg: f64,

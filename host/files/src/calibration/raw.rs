@@ -59,9 +59,9 @@ pub enum ProvenanceError {
     /// A number that cannot be.
     #[error("the {name} is {value}")]
     Value {
-        /// Which.
+        /// Name of the header's entry.
         name: &'static str,
-        /// Its value.
+        /// The number as given.
         value: f64,
     },
     /// A front-end that cannot be.
@@ -136,7 +136,7 @@ pub enum RawError {
     Line {
         /// Number of the line, from 1.
         line: usize,
-        /// What is wrong.
+        /// What is wrong with the line, in words.
         what: String,
     },
     /// A dwell without samples.
@@ -153,7 +153,7 @@ pub enum RawError {
     Dwell {
         /// Its number, from 1.
         number: usize,
-        /// Why.
+        /// Why its samples are no dwell.
         #[source]
         refusal: Refusal,
     },

@@ -77,7 +77,7 @@ pub enum ReadError {
     NoCount {
         /// The line, from 1.
         line: usize,
-        /// What is there.
+        /// The words that stand in place of a count.
         found: String,
     },
     /// A part's outline cannot be one.

@@ -79,7 +79,7 @@ pub struct Report {
     pub duration: f64,
     /// Force readings.
     pub readings: usize,
-    /// How it began.
+    /// Whether it began without contact, in contact, or cannot be told.
     pub start: Start,
     /// Size of the first moments' mean less the bias expected from the neighbours, force units.
     pub start_deviation: Option<f64>,

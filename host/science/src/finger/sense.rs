@@ -70,7 +70,7 @@ pub enum Sensed {
     NotMeasured {
         /// Device time, s.
         t: f64,
-        /// Why.
+        /// What kept the sample from being a measurement.
         fault: SenseFault,
     },
 }

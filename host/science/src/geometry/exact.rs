@@ -47,7 +47,7 @@ pub(crate) enum Cut {
     At {
         /// Which coordinate tells where.
         axis: usize,
-        /// Its value.
+        /// The coordinate as given.
         value: f64,
     },
     /// A segment that crosses it in the interior of both.

@@ -23,7 +23,7 @@ pub struct Request {
     pub min_clearance: f64,
     /// By how many points any two polygons must differ: see [`Search::separation`].
     pub separation: usize,
-    /// What is wanted.
+    /// Whether the points shall be fewest, or be chosen at once.
     pub objective: Objective,
 }
 

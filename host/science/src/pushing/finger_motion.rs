@@ -51,23 +51,23 @@ pub enum MotionError {
     /// Too many.
     #[error("the motion has {count} segments: at most {SEGMENTS_MAX} are possible")]
     TooMany {
-        /// How many.
+        /// Segments given.
         count: usize,
     },
     /// A length of time that cannot be.
     #[error("segment {index}: seconds = {seconds:?}, but a time is finite and above 0")]
     Seconds {
-        /// Which, from 0.
+        /// Place of the segment in the motion, from 0.
         index: usize,
-        /// As given.
+        /// Duration as given, s.
         seconds: f64,
     },
     /// An acceleration that is no number.
     #[error("segment {index}: acceleration = {acceleration:?} must be finite")]
     Acceleration {
-        /// Which, from 0.
+        /// Place of the segment in the motion, from 0.
         index: usize,
-        /// As given.
+        /// Components as given, world axes, m/s².
         acceleration: [f64; 2],
     },
     /// The finger would stay at rest.

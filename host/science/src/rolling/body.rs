@@ -50,7 +50,7 @@ pub enum BodyError {
     /// A length that is none.
     #[error("{name} is {value:?} m: it must be finite and above 0")]
     Length {
-        /// Which.
+        /// Which length, by its name.
         name: &'static str,
         /// As given, m.
         value: f64,
@@ -58,7 +58,7 @@ pub enum BodyError {
     /// The skew or the place of the origin is no number.
     #[error("{name} is {value:?} m: it must be finite")]
     NotFinite {
-        /// Which.
+        /// The number that is not finite, by its name.
         name: &'static str,
         /// As given, m.
         value: f64,
@@ -97,7 +97,7 @@ pub enum BodyError {
     Centroid {
         /// Body frame, m.
         centroid: [f64; 3],
-        /// m.
+        /// The most that it may be off, m.
         limit: f64,
         /// The `zc` with which the centroid would be the origin, m.
         remedy: f64,
@@ -115,7 +115,7 @@ pub enum BodyError {
         "inertia_per_mass[{axis}] is {value:?} m²: it must be finite and above 0 (a singular inertia belongs to no body)"
     )]
     Inertia {
-        /// Which, from 0.
+        /// The principal axis, from 0.
         axis: usize,
         /// As given, m².
         value: f64,
@@ -126,7 +126,7 @@ pub enum BodyError {
          of inertia, check them"
     )]
     Triangle {
-        /// Which, from 0.
+        /// The principal axis whose moment exceeds the sum of the others, from 0.
         axis: usize,
         /// As given, m².
         value: f64,

@@ -44,7 +44,7 @@ impl Columns {
     /// The state alone.
     pub const STATE: Self = Self { semi_axes: false, palm: false };
 
-    /// How many there are.
+    /// How many columns the sensitivity has.
     #[must_use]
     pub fn count(self) -> usize {
         STATE_COLUMNS + 3 * (usize::from(self.semi_axes) + usize::from(self.palm))

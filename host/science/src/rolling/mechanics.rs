@@ -60,7 +60,7 @@ pub struct Rates {
     pub orientation: Quaternion<f64>,
     /// rad/s².
     pub omega: Vector3<f64>,
-    /// m/s.
+    /// Velocity of the contact on the palm, m/s.
     pub u: Vector2<f64>,
 }
 

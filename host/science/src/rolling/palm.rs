@@ -16,7 +16,7 @@ pub enum PalmAcceleration {
     /// At rest, or at constant velocity.
     #[default]
     Rest,
-    /// m/s².
+    /// The same at all times, m/s².
     Constant(Vector3<f64>),
     /// A sum of harmonics.
     Harmonic(Vec<Harmonic>),
@@ -27,11 +27,11 @@ pub enum PalmAcceleration {
 /// `amplitude · sin(2π·frequency_hz·t + phase)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Harmonic {
-    /// m/s².
+    /// Amplitude along each palm axis, m/s².
     pub amplitude: Vector3<f64>,
     /// Hz.
     pub frequency_hz: f64,
-    /// rad.
+    /// Phase at t = 0, rad.
     pub phase: f64,
 }
 
@@ -60,9 +60,9 @@ pub enum PiecesError {
     /// The instants do not increase.
     #[error("{start:?} s is not after the instant before it: instants must increase")]
     Order {
-        /// Which, from 0.
+        /// Place of the piece in the list, from 0.
         index: usize,
-        /// s.
+        /// When it would begin, s.
         start: f64,
     },
 }

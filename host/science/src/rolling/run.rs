@@ -64,7 +64,7 @@ pub struct RollRun {
 /// A rolling body at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RollSample {
-    /// s.
+    /// Time since the roll began, s.
     pub t: f64,
     /// Attitude, motion and place.
     pub state: RollState,
@@ -81,9 +81,9 @@ pub struct RollSample {
 /// The end of a roll.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RollEnd {
-    /// Why.
+    /// What ended the roll.
     pub reason: RollEndReason,
-    /// When, s.
+    /// Time since the roll began, s.
     pub t: f64,
 }
 
@@ -105,7 +105,7 @@ pub enum RollError {
         "the quaternion's length is {length:?}, it must be 1 within {QUATERNION_TOLERANCE}: divide it by its length"
     )]
     Quaternion {
-        /// As given.
+        /// Length of the quaternion as given; 1 is wanted.
         length: f64,
     },
     /// Spin where the contact allows none.
@@ -120,7 +120,7 @@ pub enum RollError {
     /// The integration could not keep its accuracy.
     #[error("the integration ends at {t:?} s: {steps} steps were not enough; the body turns too fast")]
     Stuck {
-        /// s.
+        /// Time since the roll began, s.
         t: f64,
         /// Steps taken.
         steps: usize,

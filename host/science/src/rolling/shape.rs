@@ -33,7 +33,7 @@ pub enum Shape {
 /// An ellipsoid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ellipsoid {
-    /// m.
+    /// Semi-axes along the body axes, m.
     pub semi_axes: [f64; 3],
 }
 

@@ -39,7 +39,7 @@ const RETRY: f64 = 0.25;
 #[derive(Clone, Debug)]
 pub struct RollTracker {
     question: Question,
-    /// s.
+    /// Shortest stretch of contacts that the observer is asked about, s.
     window: f64,
     phase: Phase,
 }

@@ -111,7 +111,7 @@ pub enum Anchor {
 pub struct Text {
     /// What it says. Characters that the font lacks show as a box.
     pub text: String,
-    /// Where.
+    /// The page point that its anchor is put on.
     pub at: PagePoint,
     /// Which point of it is there.
     pub anchor: Anchor,
@@ -138,7 +138,7 @@ impl Text {
         Self { anchor, ..self }
     }
 
-    /// Its length.
+    /// How long it is along the line of writing, in page units.
     #[must_use]
     pub fn length(&self) -> f64 {
         text_length(&self.text, self.size)

@@ -160,7 +160,7 @@ pub enum DwellSettingsError {
     Impossible {
         /// Which one.
         name: &'static str,
-        /// Its value.
+        /// The setting as given.
         value: f64,
     },
     /// Too short to tell movement from noise.
@@ -260,7 +260,7 @@ pub enum Refusal {
     /// A steady trend.
     #[error("the reading drifts: {change} between the two halves of {seconds:.1} s")]
     Drifts {
-        /// How far.
+        /// How far the mean moved between the halves of the dwell.
         change: Change,
         /// Over what time.
         seconds: f64,
@@ -268,9 +268,9 @@ pub enum Refusal {
     /// A jump.
     #[error("the reading stepped by {change} after {at_s:.2} s of {seconds:.1} s")]
     Stepped {
-        /// How far.
+        /// How far the mean moved.
         change: Change,
-        /// When.
+        /// Time of the step since the dwell began, s.
         at_s: f64,
         /// Within what time.
         seconds: f64,
@@ -327,7 +327,7 @@ pub enum Refusal {
     /// Never a window without a gap.
     #[error("{lost} samples were lost in {waited_s:.1} s, never {needed_s:.1} s without a gap")]
     LostSamples {
-        /// How many.
+        /// Samples that are missing from the dwell.
         lost: u64,
         /// In what time.
         waited_s: f64,

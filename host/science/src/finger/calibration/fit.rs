@@ -113,13 +113,13 @@ pub enum FitError {
     NoTare {
         /// Number of the contact.
         contact: usize,
-        /// Where it was.
+        /// Contact angle that was set, degrees.
         angle_deg: f64,
     },
     /// Not enough contacts.
     #[error("{fitted} contacts to fit the matrix to, at least {FITTED_MIN} are needed")]
     TooFew {
-        /// How many there are.
+        /// Contacts to fit the matrix to.
         fitted: usize,
     },
     /// The directions leave part of the matrix open.
@@ -142,7 +142,7 @@ pub enum FitError {
     BadContact {
         /// Number of the contact.
         contact: usize,
-        /// Where it was.
+        /// Contact angle that was set, degrees.
         angle_deg: f64,
         /// What is wrong with it.
         what: String,
@@ -152,7 +152,7 @@ pub enum FitError {
     Saturated {
         /// Number of the contact.
         contact: usize,
-        /// Where it was.
+        /// Contact angle that was set, degrees.
         angle_deg: f64,
     },
     /// Too little load for its direction to show.
@@ -163,7 +163,7 @@ pub enum FitError {
     LoadTooSmall {
         /// Number of the contact.
         contact: usize,
-        /// Where it was.
+        /// Contact angle that was set, degrees.
         angle_deg: f64,
         /// Standard deviation of its direction.
         sigma_deg: f64,

@@ -48,7 +48,7 @@ pub enum FrontEndError {
     NotPositive {
         /// Which quantity, with its unit.
         name: &'static str,
-        /// What was given.
+        /// The number as given.
         value: f64,
     },
 }

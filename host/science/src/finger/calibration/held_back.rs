@@ -57,7 +57,7 @@ fn is_enough_without(contacts: &[CalibrationContact], held: &[bool]) -> bool {
 /// What the held-back contacts say.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeldBack {
-    /// How many there are.
+    /// How many contacts were kept out of the fit.
     pub contacts: usize,
     /// Mean of felt minus set angle, rad.
     pub mean_error: f64,

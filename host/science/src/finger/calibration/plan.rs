@@ -122,7 +122,7 @@ pub enum PlanError {
     Value {
         /// Which one.
         name: String,
-        /// Its value.
+        /// The number as given.
         value: f64,
         /// What it may be.
         wanted: &'static str,

@@ -111,7 +111,7 @@ impl Contact {
 pub struct ContactReading {
     /// Mean time of the readings averaged, s.
     pub t: f64,
-    /// The answer.
+    /// Whether the finger is touched, and how.
     pub contact: Contact,
     /// Set on the reading at which contact is found to have begun or ended.
     pub event: Option<Event>,
@@ -201,7 +201,7 @@ fn require(ok: bool, field: &'static str, value: f64, limit: &'static str) -> Re
 pub struct SettingsError {
     /// Name of the field in [`ContactSettings`].
     pub field: &'static str,
-    /// Its value.
+    /// The setting as given, in its own unit.
     pub value: f64,
     /// What it must be.
     pub limit: &'static str,

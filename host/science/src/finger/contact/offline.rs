@@ -115,7 +115,7 @@ pub enum BiasUnknown {
 /// What is known of a recording's bias.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Judged {
-    /// How it began.
+    /// Whether it began without contact, in contact, or cannot be told.
     pub start: Start,
     /// Size of the mean of its first [`LEAD_S`] less the bias expected from its neighbours; force units.
     pub deviation: Option<f64>,

@@ -21,7 +21,7 @@ use super::scalar::Scalar;
 pub enum FingerShape {
     /// A disk; of radius 0 it is a point.
     Disk {
-        /// m.
+        /// Radius, m.
         radius: f64,
     },
     /// An ellipse with its axes along the world's.

@@ -301,7 +301,7 @@ pub enum ModelError {
     NoSuchEdge {
         /// The edge asked for.
         index: usize,
-        /// How many there are.
+        /// How many edges the part has.
         edges: usize,
     },
 }

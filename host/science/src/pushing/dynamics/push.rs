@@ -118,7 +118,7 @@ pub enum PushError {
     Overlap {
         /// The edge that it reaches into.
         edge: usize,
-        /// How deep, m.
+        /// How far the disk reaches into the part, m.
         depth: f64,
     },
     /// At rest, but the finger moves.

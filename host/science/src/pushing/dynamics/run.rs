@@ -78,9 +78,9 @@ pub struct PushRun {
 /// The finger reaches a second edge of the part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SecondContact {
-    /// When, s.
+    /// Time since the push began at which the disk meets another edge, s.
     pub t: f64,
-    /// Which.
+    /// The number of the edge it meets.
     pub edge: usize,
 }
 
@@ -106,9 +106,9 @@ pub struct Sample {
 /// The end of a push.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct End {
-    /// Why.
+    /// What ended the motion.
     pub reason: EndReason,
-    /// When, s.
+    /// Time since the motion began, s.
     pub t: f64,
 }
 
@@ -136,7 +136,7 @@ pub enum EndReason {
 /// A change between rolling and sliding.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Change {
-    /// When, s.
+    /// Time since the push began, s.
     pub t: f64,
     /// To what.
     pub to: ContactMode,
@@ -163,7 +163,7 @@ pub enum PushRunError {
     /// The steps became too small for the clock.
     #[error("the motion at t = {t:?} s changes too fast to be followed")]
     TooFast {
-        /// When, s.
+        /// Time since the push began, s.
         t: f64,
     },
     /// Too many steps.

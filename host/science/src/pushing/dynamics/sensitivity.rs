@@ -56,7 +56,7 @@ pub struct Seeded<'p, const N: usize> {
     pub model: PushModel<'p, Jet<N>>,
     /// The contact.
     pub contact: ContactMode<Jet<N>>,
-    /// The start.
+    /// State at t = 0, carrying its derivatives.
     pub start: State<Jet<N>>,
 }
 

@@ -25,7 +25,7 @@ const STEP_GROWTH: f64 = 1.5;
 /// A push with its derivatives by `N` parameters.
 #[derive(Clone, Debug)]
 pub struct DerivedRun<const N: usize> {
-    /// The push.
+    /// The same push without derivatives.
     pub run: PushRun,
     /// States at the times of the run's samples.
     pub states: Vec<State<Jet<N>>>,

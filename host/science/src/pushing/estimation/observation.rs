@@ -89,7 +89,7 @@ pub struct Channel {
     pub sigma: f64,
 }
 
-/// What was felt.
+/// Which quantity the finger measured, and its values.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Measured {
     /// Polar angles of the contact seen from the disk's centre, rad.
@@ -129,7 +129,7 @@ pub struct Observation {
     pub dt: f64,
     /// The values.
     pub measured: Measured,
-    /// The start.
+    /// What is known of the start beforehand.
     pub prior: Prior,
 }
 

@@ -112,7 +112,7 @@ pub struct Motion {
 /// What to expect of one motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prospect {
-    /// The motion.
+    /// How the finger would go on.
     pub motion: Motion,
     /// Bound of the probability of naming the wrong hypothesis, or a place more than half [`ONE_PLACE_M`] off, afterwards.
     pub risk: f64,

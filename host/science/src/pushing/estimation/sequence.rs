@@ -30,7 +30,7 @@ const OMEGA_SIGMA: f64 = 5.8;
 /// A pose that a push leaves possible, before or after it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseBelief {
-    /// Of the part.
+    /// Pose of the part in the world, m and rad.
     pub pose: Pose,
     /// Of `pose`.
     pub covariance: Matrix3<f64>,

@@ -109,11 +109,11 @@ pub enum ObserveError {
         "the contacts span {duration:.4} s, too short to see anything: at least {least:.4} s are needed, {good:.2} s are good"
     )]
     TooShort {
-        /// s.
+        /// From the first reading to the last, s.
         duration: f64,
-        /// s.
+        /// The shortest span that is accepted, s.
         least: f64,
-        /// s.
+        /// A span that is long enough, s.
         good: f64,
     },
     /// Nothing holds the body on the palm.
@@ -124,9 +124,9 @@ pub enum ObserveError {
         "semi-axes from {low} to {high} m differ by more than a factor of {AXIS_RATIO_MAX}: give the range of the body itself"
     )]
     AxisRange {
-        /// m.
+        /// Least semi-axis, m.
         low: f64,
-        /// m.
+        /// Greatest semi-axis, m.
         high: f64,
     },
 }

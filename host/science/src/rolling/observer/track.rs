@@ -80,10 +80,10 @@ pub(super) struct IntegrationStep {
 #[derive(Clone, Debug)]
 pub(super) struct Track {
     pub(super) centre: Vector2<f64>,
-    /// s.
+    /// Time of the middle reading, from which integration goes both ways, s.
     pub(super) centre_time: f64,
     pub(super) sigma: f64,
-    /// s.
+    /// Time between readings, s.
     pub(super) dt: f64,
     pub(super) forward: Vec<IntegrationStep>,
     pub(super) backward: Vec<IntegrationStep>,

@@ -67,7 +67,7 @@ struct Block {
     /// Their directions.
     along_x: [f64; LANES],
     along_y: [f64; LANES],
-    /// m.
+    /// Lengths of the edges, m.
     length: [f64; LANES],
 }
 

@@ -37,7 +37,7 @@ const NEAR_MAX: f64 = 8.0;
 #[derive(Clone, Debug)]
 pub(super) struct Uniform {
     outline: Outline,
-    /// m².
+    /// Area of the support, m².
     area: f64,
     /// 1/m².
     per_area: f64,
@@ -54,7 +54,7 @@ enum Outline {
 
 /// A centre of rotation.
 struct Pole {
-    /// m.
+    /// The centre of rotation, m.
     at: Vector2<f64>,
     /// One over the rate of turning about it, s/rad.
     per_omega: f64,
@@ -91,7 +91,7 @@ impl Uniform {
         Self { outline, area, per_area: area.recip(), radius, far_field: OnceLock::new() }
     }
 
-    /// m².
+    /// Area of the support, m².
     pub(super) fn area(&self) -> f64 {
         self.area
     }

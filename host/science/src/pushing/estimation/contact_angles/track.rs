@@ -53,7 +53,7 @@ pub struct TrackerSettings {
     pub dt: f64,
     /// Standard deviation of one, rad, above 0.
     pub sigma: f64,
-    /// The start.
+    /// What is known of the start beforehand.
     pub prior: Prior,
     /// Most values in the window; at least twice [`Tracker::VALUES_FIRST`].
     pub window: usize,

@@ -82,7 +82,7 @@ pub struct Drawn {
     pub u: f64,
     /// Contact on the edge at the start, m.
     pub s: f64,
-    /// The push.
+    /// The push as it was simulated.
     pub played: Played,
     /// Starts that were drawn before this one and could not be: the finger does not fit, or the contact leaves the edge.
     pub redrawn: usize,

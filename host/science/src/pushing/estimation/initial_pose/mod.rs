@@ -101,7 +101,7 @@ struct FittingPlace {
 /// The finger's place on its own outline at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimedContact {
-    /// s.
+    /// Time since the push began, s.
     pub t: f64,
     /// Polar angle on a disk, eccentric angle on an ellipse, rad; on a line m.
     pub u: f64,
@@ -123,7 +123,7 @@ pub struct RestingPose {
     pub edge: Option<usize>,
     /// Where it is touched: m along an edge, eccentric angle in [0, π) on an ellipse.
     pub s0: f64,
-    /// Of the part.
+    /// Pose of the part in the world, m and rad.
     pub pose: Pose,
     /// u as predicted less u as felt, for each contact that it has to explain.
     pub residuals: Vec<f64>,

@@ -34,7 +34,7 @@ pub struct GhoBank<'k> {
 pub struct GhoRun {
     /// The edge it took to be in contact.
     pub edge: usize,
-    /// And how.
+    /// The contact mode that it took.
     pub contact: ContactMode,
     /// Its estimates at 0, `dt`, …; fewer than there are angles where it diverged.
     pub trace: Vec<State>,
