@@ -126,7 +126,8 @@ fn tcp_machine_of(machine: &str, image: &Path, more: &[&str]) -> Machine {
 #[cfg(unix)]
 const RAM: (u32, usize) = (0x2000_0000, 128 * 1024);
 
-/// What a debug probe would see of the log: the bytes in the first channel of the RTT block, which it finds by its name.
+/// What a debug probe would see of the log: the bytes in the first channel of the RTT block, which it finds by its
+/// name.
 ///
 /// Source: SEGGER's RTT description: 16 bytes of name, two counts, then for each channel six words: name, buffer, size,
 /// write, read, flags.
@@ -161,8 +162,8 @@ fn memory(control: &std::path::Path, folder: &std::path::Path) -> std::io::Resul
     std::fs::read(file)
 }
 
-/// Undoes defmt's packing of a frame (rzCOBS: read from its end, each control byte tells which of the seven bytes before
-/// it were zero, or how many were not).
+/// Undoes defmt's packing of a frame (rzCOBS: read from its end, each control byte tells which of the seven bytes
+/// before it were zero, or how many were not).
 #[cfg(unix)]
 fn unpack(packed: &[u8]) -> Option<Vec<u8>> {
     let mut bytes = packed.iter().rev().copied();
@@ -290,7 +291,8 @@ fn refusal<T: std::fmt::Debug>(result: Result<T, LinkError>) -> Refusal {
     }
 }
 
-/// What these tests, without an image that is named, say on standard error from a program at `me`, with this search path.
+/// What these tests, without an image that is named, say on standard error from a program at `me`, with this search
+/// path.
 fn said_where_they_do_not_run(me: &Path, search: &Path) -> String {
     let others = ["--skip", "where_no_", "--test-threads", "1"];
     let mut command = Command::new(me);

@@ -54,7 +54,8 @@ pub fn residual(polygon: &[[f64; 2]], lines: &[Line], pose: [f64; 3]) -> f64 {
     lines.iter().map(miss).fold(0.0, f64::max)
 }
 
-/// All poses that touch all lines, by trying every vertex on each of three lines that are not concurrent; none if all are.
+/// All poses that touch all lines, by trying every vertex on each of three lines that are not concurrent; none if all
+/// are.
 #[must_use]
 pub fn all_poses(polygon: &[[f64; 2]], lines: &[Line]) -> Option<Vec<[f64; 3]>> {
     let three = widest_triple(lines)?;

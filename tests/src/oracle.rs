@@ -62,8 +62,8 @@ const GAUSS_6: [(f64, f64); 3] = [
 /// Most times that a triangle is quartered: the last ones beside the centre of rotation have 4⁻²⁵ of the area.
 const QUARTERINGS: u32 = 25;
 
-/// `∫ v̂ dA`, x and y, and `∫ p × v̂ dA` about the origin over a polygon, by adaptive quadrature of their definitions: triangles from the
-/// first vertex, quartered until that changes nothing more than `tolerance` of their share.
+/// `∫ v̂ dA`, x and y, and `∫ p × v̂ dA` about the origin over a polygon, by adaptive quadrature of their definitions:
+/// triangles from the first vertex, quartered until that changes nothing more than `tolerance` of their share.
 #[must_use]
 pub fn friction_integrals(polygon: &[[f64; 2]], velocity: [f64; 2], omega: f64, tolerance: f64) -> [f64; 3] {
     let integrand = |p: [f64; 2]| {

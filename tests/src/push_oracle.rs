@@ -1,6 +1,6 @@
-//! A pushed part in world coordinates: positions and velocities of its centre of mass and angle, the contact as a constraint
-//! solved with its force by elimination, support on feet one by one. Slow, obvious, and without any formula of
-//! `palpate::pushing::dynamics`, which works in contact coordinates with the constraint solved by hand.
+//! A pushed part in world coordinates: positions and velocities of its centre of mass and angle, the contact as a
+//! constraint solved with its force by elimination, support on feet one by one. Slow, obvious, and without any formula
+//! of `palpate::pushing::dynamics`, which works in contact coordinates with the constraint solved by hand.
 //!
 //! Units: SI, world axes, per unit mass.
 
@@ -92,8 +92,8 @@ struct Instant {
 }
 
 impl World {
-    /// The motion that has the disk touch the edge at `s` from the foot of the perpendicular, at polar angle `u`, with the
-    /// centre of mass moving at `v_t` along the disk's tangent and the part turning at `omega`.
+    /// The motion that has the disk touch the edge at `s` from the foot of the perpendicular, at polar angle `u`, with
+    /// the centre of mass moving at `v_t` along the disk's tangent and the part turning at `omega`.
     #[must_use]
     pub fn start(&self, u: f64, s: f64, omega: f64, v_t: f64) -> Motion {
         let out = [u.cos(), u.sin()];

@@ -10,8 +10,8 @@ use std::process::{Command, Stdio};
 
 use crate::image::TARGET;
 
-/// Where cargo finds flags for the compiler, whatever characters are in them. It takes the place of flags that are meant
-/// for this computer's own programs.
+/// Where cargo finds flags for the compiler, whatever characters are in them. It takes the place of flags that are
+/// meant for this computer's own programs.
 const FLAGS: &str = "CARGO_ENCODED_RUSTFLAGS";
 
 /// Clippy for the operating system's compiler.

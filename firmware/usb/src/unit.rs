@@ -7,8 +7,8 @@
 //! It is polled at the main loop's pace, every 125 µs: one packet of 63 bytes each time is 500 kB/s, and 8 kHz need 85.
 //! The driver masks interrupts while it moves a packet: some µs, less than the line's next byte takes.
 //!
-//! Registers: RM0090, chapter 34.16. No supply sensing, since the serial line has that pin (PA9): the driver switches it
-//! off.
+//! Registers: RM0090, chapter 34.16. No supply sensing, since the serial line has that pin (PA9): the driver switches
+//! it off.
 
 use core::mem::MaybeUninit;
 

@@ -1,7 +1,7 @@
 //! What the tool tells a person beside its answers: warnings, and more or less than those if asked.
 //!
-//! Everything here goes to standard error; standard output belongs to the answers. `-v` and `-q` decide how much is told,
-//! then the variable `RUST_LOG`, else warnings and errors are. Errors: none. What cannot be written is not told.
+//! Everything here goes to standard error; standard output belongs to the answers. `-v` and `-q` decide how much is
+//! told, then the variable `RUST_LOG`, else warnings and errors are. Errors: none. What cannot be written is not told.
 
 use std::env;
 use std::fmt;

@@ -1,11 +1,11 @@
 //! A push as a person plans it: a part as drawn in its file, a finger at its outline, and how the finger moves.
 //!
-//! The finger touches the part from outside at t = 0, while the part lies as drawn, and then moves with an acceleration that may
-//! change at given times. Without a speed, part and finger start at rest. With one, the part already goes along with the finger: no
-//! slip, and no turning unless one is given.
+//! The finger touches the part from outside at t = 0, while the part lies as drawn, and then moves with an acceleration
+//! that may change at given times. Without a speed, part and finger start at rest. With one, the part already goes
+//! along with the finger: no slip, and no turning unless one is given.
 //!
-//! Assumes, in turn: see [`palpate::pushing::dynamics`]. Frames: world, which is the part's at t = 0. Units: SI; messages in mm, as the
-//! plan's words on a command line are.
+//! Assumes, in turn: see [`palpate::pushing::dynamics`]. Frames: world, which is the part's at t = 0. Units: SI;
+//! messages in mm, as the plan's words on a command line are.
 //! Errors: [`PlanError`] for what cannot be.
 
 use nalgebra::{Point2, Rotation2, Vector2};
@@ -26,7 +26,8 @@ pub enum Place {
     Edge {
         /// From this vertex to the next, from 0.
         index: usize,
-        /// m counter-clockwise from the foot of the perpendicular through the centre of mass; the edge's middle if not given.
+        /// m counter-clockwise from the foot of the perpendicular through the centre of mass; the edge's middle if not
+        /// given.
         s: Option<f64>,
     },
     /// On an ellipse.

@@ -1,8 +1,8 @@
 //! The link to a device: from a name on the command line to samples in order.
 //!
-//! [`transport::address`] says what a device may be called, [`transport`] moves bytes to and from it, [`wire_reader`] turns
-//! bytes into messages and never loses its place, [`sample_sequence`] counts every missing sample, [`clock_map`] maps the
-//! device's time to the host's, and [`session`] puts them together: handshake, commands that are repeated
+//! [`transport::address`] says what a device may be called, [`transport`] moves bytes to and from it, [`wire_reader`]
+//! turns bytes into messages and never loses its place, [`sample_sequence`] counts every missing sample, [`clock_map`]
+//! maps the device's time to the host's, and [`session`] puts them together: handshake, commands that are repeated
 //! until answered, and reconnection when the cable comes back.
 //!
 //! This is the rim: threads, clocks and I/O live here and nowhere further in. What depends on the operating

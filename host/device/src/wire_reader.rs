@@ -197,7 +197,8 @@ mod tests {
             mishaps.iter().for_each(|mishap| apply(&mut bytes, mishap));
             let (messages, counts) = read_all(&bytes, step);
             prop_assert!(messages.iter().all(|message| sent.contains(message)));
-            // A mishap touches at most the frames it overlaps: a cut of 200 bytes spans four of 60, or five with its ends.
+            // A mishap touches at most the frames it overlaps: a cut of 200 bytes spans four of 60, or five with its
+            // ends.
             prop_assert!(messages.len() + 6 * mishaps.len() >= sent.len(), "{} of {}", messages.len(), sent.len());
             prop_assert_eq!(counts.malformed + counts.unknown, 0);
         }

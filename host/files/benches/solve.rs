@@ -1,4 +1,5 @@
-//! What the frame of `palpate solve` costs: lines a second on a kind that computes next to nothing, and the check of a polygon.
+//! What the frame of `palpate solve` costs: lines a second on a kind that computes next to nothing, and the check of a
+//! polygon.
 
 #![allow(clippy::unwrap_used, reason = "a benchmark stops at the first surprise")]
 

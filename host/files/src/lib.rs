@@ -1,5 +1,5 @@
-//! What people and programs keep and exchange, for programs without a terminal: descriptions of parts, bodies, scenes, views and motions;
-//! calibrations; force logs; and the JSON Lines of `palpate solve`.
+//! What people and programs keep and exchange, for programs without a terminal: descriptions of parts, bodies, scenes,
+//! views and motions; calibrations; force logs; and the JSON Lines of `palpate solve`.
 //!
 //! Units: SI once read. Errors name the key or line, the value and the limit.
 

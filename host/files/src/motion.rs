@@ -11,7 +11,8 @@
 //! acceleration = [0, 150]
 //! ```
 //!
-//! Frames: finger axes. Units: SI once read. Errors: [`MotionFileError`] names the segment, the value, the limit and what to do.
+//! Frames: finger axes. Units: SI once read. Errors: [`MotionFileError`] names the segment, the value, the limit and
+//! what to do.
 
 use palpate::pushing::finger_motion::{FingerMotion, MotionError, Segment};
 use serde::Deserialize;

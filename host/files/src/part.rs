@@ -10,7 +10,8 @@
 //! radius_of_gyration = 28                         # √(moment of inertia about the centre of mass / mass)
 //! ```
 //!
-//! Where it is not known what a part stands on, the file lists what it may be instead of `feet`; `palpate which-part` finds out:
+//! Where it is not known what a part stands on, the file lists what it may be instead of `feet`; `palpate which-part`
+//! finds out:
 //!
 //! ```toml
 //! [[support]]
@@ -20,7 +21,8 @@
 //! feet = [[5, 5, 1], [85, 5, 1], [45, 45, 2]]
 //! ```
 //!
-//! An elliptic part has, instead of `vertices`, `ellipse = {a = 40, b = 25}`: its semi-axes along x and y, its middle at the origin.
+//! An elliptic part has, instead of `vertices`, `ellipse = {a = 40, b = 25}`: its semi-axes along x and y, its middle
+//! at the origin.
 //!
 //! Frames: the part's own, as its vertices are given. Units: SI once read.
 //! Errors: [`PartFileError`] names the key, the value, the limit and what to do.
@@ -319,8 +321,8 @@ impl PolygonFile {
         Self::of(PartFile::parse(text)?)
     }
 
-    /// Reads the text of a file that may list several supports: the part on each, with the support's name. A file without such a
-    /// list is one part, without a name.
+    /// Reads the text of a file that may list several supports: the part on each, with the support's name. A file
+    /// without such a list is one part, without a name.
     ///
     /// ```
     /// use palpate_files::part::PolygonFile;

@@ -10,8 +10,8 @@
 //! poses = [[0, 0, 0], [20, 5, 90]]                        # x, y, degrees (optional: once, as drawn)
 //! ```
 //!
-//! A bulge is the tangent of a quarter of the arc's angle, as in DXF: positive to the outside, 1 for a half circle. Arcs become
-//! chords, and points are kept farther from them than the chords are off (thesis §3.7).
+//! A bulge is the tangent of a quarter of the arc's angle, as in DXF: positive to the outside, 1 for a half circle.
+//! Arcs become chords, and points are kept farther from them than the chords are off (thesis §3.7).
 //!
 //! Frames: world. Units: SI once read. Errors: [`SceneFileError`] names the shape, the value and what to do.
 
@@ -24,8 +24,8 @@ use crate::part::{Numbers, Unit};
 /// How far chords may be from their arc where the file does not say, m.
 const CURVE_ERROR_DEFAULT_M: f64 = 1e-5;
 
-/// Places on the table are rounded to multiples of this, m (2⁻⁴⁰: about a picometre), so that edges that are meant to lie on one
-/// another do, whatever conversion of units and turns by right angles did to their last digits.
+/// Places on the table are rounded to multiples of this, m (2⁻⁴⁰: about a picometre), so that edges that are meant to
+/// lie on one another do, whatever conversion of units and turns by right angles did to their last digits.
 const PLACE_STEP_M: f64 = 9.094_947_017_729_282e-13;
 
 /// A place on the table as everything compares it: rounded to about a picometre.
@@ -204,7 +204,8 @@ impl Arc {
                 if k == 0 {
                     return self.start;
                 }
-                // The point seen from the start at half the angle still to go, to the right of the chord for a positive bulge.
+                // The point seen from the start at half the angle still to go, to the right of the chord for a positive
+                // bulge.
                 let (turned, left) = (self.angle() * f64::from(k) / f64::from(chords) / 2.0, self.angle() / 2.0);
                 let reach = turned.sin() / left.sin();
                 let direction = nalgebra::Rotation2::new(-(left - turned)) * chord;

@@ -1,7 +1,7 @@
 //! The files in which a person describes a part and what sensors saw of it.
 //!
-//! A part file is that of `palpate push`; only its outline matters here. Corners are rounded by `rounding = 3`: an arc of this radius
-//! about each vertex, and so much is added to the edges. A view file:
+//! A part file is that of `palpate push`; only its outline matters here. Corners are rounded by `rounding = 3`: an arc
+//! of this radius about each vertex, and so much is added to the edges. A view file:
 //!
 //! ```toml
 //! unit = "mm"             # of every length below: m, cm, mm or in; angles are in degrees, counter-clockwise from x
@@ -208,7 +208,8 @@ impl NamedPart {
     /// Whether the readings are of a kind that is solved for this part.
     ///
     /// # Errors
-    /// [`FileError::Together`] for points, or bearings with errors, of a smooth part, and for points of a part with notches.
+    /// [`FileError::Together`] for points, or bearings with errors, of a smooth part, and for points of a part with
+    /// notches.
     pub fn check(&self, views: &Views) -> Result<(), FileError> {
         let together = |what, with, remedy| Err(FileError::Together { what, with, remedy });
         let smooth = !matches!(self.shape, Outline::Polygon(_));

@@ -1,8 +1,8 @@
 //! Support friction of polygons, compared with one square root, one logarithm and two divisions an edge. Run with
 //! `cargo bench --bench friction`.
 //!
-//! Bars, as ratios to that yardstick measured in the same run: integrals ≤ 2.0, with their gradient ≤ 2.7, vectorised ≤ 1.2; and
-//! time proportional to the number of edges up to 10,000.
+//! Bars, as ratios to that yardstick measured in the same run: integrals ≤ 2.0, with their gradient ≤ 2.7, vectorised ≤
+//! 1.2; and time proportional to the number of edges up to 10,000.
 
 mod yardstick;
 
@@ -17,10 +17,12 @@ use yardstick::best_of_turns;
 /// Edges in the polygons; the first is the thesis's.
 const EDGES: [u32; 5] = [3, 7, 64, 1000, 10_000];
 
-/// Evaluations of an edge in one timed run: a tenth of a millisecond, so that some runs are not interrupted on a busy computer.
+/// Evaluations of an edge in one timed run: a tenth of a millisecond, so that some runs are not interrupted on a busy
+/// computer.
 const EDGES_A_RUN: u32 = 20_000;
 
-/// What the thesis took for the integral of a 7-gon and for its partial derivatives, s (Lisp on a Sparcstation 20, ch. 6).
+/// What the thesis took for the integral of a 7-gon and for its partial derivatives, s (Lisp on a Sparcstation 20, ch.
+/// 6).
 const THESIS_7_GON_S: [f64; 2] = [0.183, 1.118];
 
 fn main() {

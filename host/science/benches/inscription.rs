@@ -1,8 +1,8 @@
-//! Inscription of polygons in cones, compared with one pass over the vertices that computes a sine and a cosine each. Run with
-//! `cargo bench --bench inscription`.
+//! Inscription of polygons in cones, compared with one pass over the vertices that computes a sine and a cosine each.
+//! Run with `cargo bench --bench inscription`.
 //!
-//! Bars, two cones: ≤ 1 µs with 10 vertices, ≤ 30 µs with 1000; ten cones cost ≤ 0.5 µs more than two with 10 vertices. From the
-//! cones' angles to the poses; the polygon is prepared once, as it is for a part that is seen again and again.
+//! Bars, two cones: ≤ 1 µs with 10 vertices, ≤ 30 µs with 1000; ten cones cost ≤ 0.5 µs more than two with 10 vertices.
+//! From the cones' angles to the poses; the polygon is prepared once, as it is for a part that is seen again and again.
 
 mod yardstick;
 
@@ -18,7 +18,8 @@ use yardstick::best_of_runs;
 /// Vertices of the polygons.
 const VERTICES: [u32; 5] = [5, 10, 30, 100, 1000];
 
-/// Vertices visited in one timed run: a tenth of a millisecond, so that some runs are not interrupted on a busy computer.
+/// Vertices visited in one timed run: a tenth of a millisecond, so that some runs are not interrupted on a busy
+/// computer.
 const VERTICES_A_RUN: u32 = 4000;
 
 /// Problems of each size, so that no branch is learnt by heart.

@@ -1,5 +1,5 @@
-//! Naming the pose of a pushed octagon, edge unknown, from 0.8 s of contact angles at 100 Hz; and the update of a tracker. Run with
-//! `cargo bench --bench observe`.
+//! Naming the pose of a pushed octagon, edge unknown, from 0.8 s of contact angles at 100 Hz; and the update of a
+//! tracker. Run with `cargo bench --bench observe`.
 //!
 //! The bars: 5 ms and fewer than 60 simulations for the median push; 1 ms an update.
 

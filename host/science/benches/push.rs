@@ -23,7 +23,8 @@ const STEP: f64 = 0.005;
 /// Steps in a push.
 const STEPS: usize = 160;
 
-/// Pushes in one run: enough for the clock's grain not to show, few enough for some runs not to be interrupted on a busy computer.
+/// Pushes in one run: enough for the clock's grain not to show, few enough for some runs not to be interrupted on a
+/// busy computer.
 const PUSHES: u32 = 2;
 
 /// Times that the best of some runs is taken.

@@ -1,8 +1,8 @@
 //! Rolling in time: the fixed step of observers, alone and with sensitivities, and a whole estimate. Run with
 //! `cargo bench --bench roll`.
 //!
-//! The bars: 200 ns a step, 1 µs with six sensitivities, 30 ms for an estimate from 0.4 s of contacts. A step's floor is the chain of
-//! its four stages, each some 80 cycles of operations that wait for each other: about 110 ns at 3 GHz.
+//! The bars: 200 ns a step, 1 µs with six sensitivities, 30 ms for an estimate from 0.4 s of contacts. A step's floor
+//! is the chain of its four stages, each some 80 cycles of operations that wait for each other: about 110 ns at 3 GHz.
 
 mod yardstick;
 

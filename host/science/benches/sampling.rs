@@ -1,8 +1,8 @@
-//! Planar subdivision with the polygons that contain each region, compared with sorting three numbers for each region. Run with
-//! `cargo bench --bench sampling`.
+//! Planar subdivision with the polygons that contain each region, compared with sorting three numbers for each region.
+//! Run with `cargo bench --bench sampling`.
 //!
-//! Bars on a machine with nothing else to do: dense, 200 polygons and 48,000 regions, 25 ms; sparse, 1000 polygons, 8 ms; and a
-//! time proportional to the number of regions from one dense scene to the next.
+//! Bars on a machine with nothing else to do: dense, 200 polygons and 48,000 regions, 25 ms; sparse, 1000 polygons, 8
+//! ms; and a time proportional to the number of regions from one dense scene to the next.
 
 mod yardstick;
 

@@ -1,8 +1,10 @@
-//! Memory of a planar subdivision: at most at any time while it is made, and kept. Run with `cargo bench --bench sampling_memory`.
+//! Memory of a planar subdivision: at most at any time while it is made, and kept. Run with
+//! `cargo bench --bench sampling_memory`.
 //!
-//! Which polygons contain each loop takes a bit for each polygon, in words of 64: that is the part that grows with regions ×
-//! polygons. All else grows with the pieces of edges, which number about twice the regions. So the peak is told in bytes a region beyond the
-//! bits, which stays the same where memory is linear, and as a multiple of regions × polygons / 64 words. Bar: linear.
+//! Which polygons contain each loop takes a bit for each polygon, in words of 64: that is the part that grows with
+//! regions × polygons. All else grows with the pieces of edges, which number about twice the regions. So the peak is
+//! told in bytes a region beyond the bits, which stays the same where memory is linear, and as a multiple of regions ×
+//! polygons / 64 words. Bar: linear.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::hint::black_box;

@@ -15,7 +15,8 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [0.0, 0.15] };
     let model = PushModel { part: &part, edge: part.edge(0)?, mu_g: 0.3 * GRAVITY_ASSUMED, finger };
 
-    // Part and finger at rest; the finger touches the lower edge 5 mm beside the middle, from below, and accelerates up.
+    // Part and finger at rest; the finger touches the lower edge 5 mm beside the middle, from below, and accelerates
+    // up.
     let start = Start::Rest { u: 1.5, s: 0.005 };
     let push = Push::new(model, ContactLaw::Coulomb { friction: 0.3 }, start, EdgeEnd::Stop)?;
     let times: Vec<_> = (0..=8).map(|k| 0.1 * f64::from(k)).collect();

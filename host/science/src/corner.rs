@@ -1,11 +1,12 @@
 //! Rest poses of a part that is pushed into a corner between two fences (thesis §3, figure 3.1).
 //!
-//! Fence A runs from the origin along +x, fence B from the origin at the corner's angle; the part lies between them. A pose is a
-//! candidate for rest if both fences are touched and an edge of the convex hull lies flush on one of them.
+//! Fence A runs from the origin along +x, fence B from the origin at the corner's angle; the part lies between them. A
+//! pose is a candidate for rest if both fences are touched and an edge of the convex hull lies flush on one of them.
 //!
 //! That is necessary, not sufficient. A frictionless push through the area centroid does the work −U(θ) with
-//! `U = −push · centroid`; between flush poses U is a sum of sinusoids without a minimum where it holds the part, so the part
-//! rests where U has a minimum, and that is at a flush pose: stable exactly if `U′ < 0` before it and `U′ > 0` after it.
+//! `U = −push · centroid`; between flush poses U is a sum of sinusoids without a minimum where it holds the part, so
+//! the part rests where U has a minimum, and that is at a flush pose: stable exactly if `U′ < 0` before it and `U′ > 0`
+//! after it.
 //!
 //! Frames: world, as above; the part's own for its vertices. Units: m, rad. Errors: [`CornerError`].
 
@@ -15,8 +16,8 @@ use nalgebra::{Isometry2, Matrix2, Point2, Rotation2, Vector2};
 
 use crate::geometry::{SimplePolygon, convex_hull, extent_of};
 
-/// Flush poses on A and on B that are nearer than this are one, flush on both, rad: rounding of angles is 1e-15, and parts
-/// whose right angles are this good do not exist.
+/// Flush poses on A and on B that are nearer than this are one, flush on both, rad: rounding of angles is 1e-15, and
+/// parts whose right angles are this good do not exist.
 const SAME_POSE_RAD: f64 = 1e-9;
 
 /// A slope of U below this share of the part's size is 0, and the pose not stable: rounding leaves about 1e-16.
@@ -66,8 +67,8 @@ pub struct CornerPose {
     pub theta: f64,
     /// What lies flush.
     pub flush: Flush,
-    /// The smaller slope of U on the two sides, uphill, m/rad: positive exactly where the pose is stable. Slopes are means over
-    /// the first microradian; the slopes at the pose itself are larger by half a millionth of U.
+    /// The smaller slope of U on the two sides, uphill, m/rad: positive exactly where the pose is stable. Slopes are
+    /// means over the first microradian; the slopes at the pose itself are larger by half a millionth of U.
     pub margin: f64,
 }
 
@@ -136,8 +137,8 @@ impl Corner {
 
     /// The outline of a part in a pose, with what touches the fences exactly on them.
     ///
-    /// Parts at the same fence then share the line of their edges, and no slivers arise between them. On fence B points go to
-    /// exact multiples of a direction of few bits, which moves them by some nanometres at most.
+    /// Parts at the same fence then share the line of their edges, and no slivers arise between them. On fence B points
+    /// go to exact multiples of a direction of few bits, which moves them by some nanometres at most.
     ///
     /// # Errors
     /// As [`SimplePolygon::new`], for a part that is hardly larger than that.

@@ -1,7 +1,7 @@
 //! How a long search is ended before it is complete.
 //!
-//! A search of this library knows no clock: whoever calls it says when to stop. It asks now and then, every few milliseconds, and
-//! then ends with what it has found so far, which [`Searched::complete`] tells from all there is.
+//! A search of this library knows no clock: whoever calls it says when to stop. It asks now and then, every few
+//! milliseconds, and then ends with what it has found so far, which [`Searched::complete`] tells from all there is.
 
 use std::cell::Cell;
 
@@ -21,7 +21,8 @@ pub fn never() -> bool {
 /// What a search found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Searched<T> {
-    /// All that there is to find if the search is complete; otherwise what had been found, of which nothing follows about the rest.
+    /// All that there is to find if the search is complete; otherwise what had been found, of which nothing follows
+    /// about the rest.
     pub found: T,
     /// Whether the search came to its own end. Where it did not, nothing is excluded by not being found.
     pub complete: bool,

@@ -226,8 +226,8 @@ impl SimulatedFrontEnd {
         self.loading.set_script(script, self.time_us());
     }
 
-    /// Presses with this force (finger frame, N) from now on, without a ramp: what another simulation computes, conversion by
-    /// conversion.
+    /// Presses with this force (finger frame, N) from now on, without a ramp: what another simulation computes,
+    /// conversion by conversion.
     pub fn set_force(&mut self, force_finger: [f32; 2]) {
         self.loading.set_force(force_finger, self.time_us());
     }

@@ -225,7 +225,8 @@ fn the_demo_says_what_cannot_be_told_apart() {
     assert!(said.contains("looks the same in 4 orientations"), "{said}{}", text(&output.stderr));
 }
 
-/// A rectangle of two kinds of edge, pushed straight through its centre of mass: whichever edge it is, it does not turn.
+/// A rectangle of two kinds of edge, pushed straight through its centre of mass: whichever edge it is, it does not
+/// turn.
 const RECTANGLE: &str = "unit = 'mm'\nvertices = [[0, 0], [60, 0], [60, 30], [0, 30]]\nmu = 0.25";
 
 /// See [`RECTANGLE`].

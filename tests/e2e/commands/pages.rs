@@ -53,8 +53,8 @@ fn anchor(heading: &str) -> String {
 /// The page that holds the index of the thesis.
 const INDEX_PAGE: &str = "docs/NOTATION.md";
 
-/// What a chapter or appendix of the thesis numbers: how many equations, figures and tables, each from 1 on. Algorithms and
-/// statements are counted through the whole thesis: the first and last of each here, both 0 for none.
+/// What a chapter or appendix of the thesis numbers: how many equations, figures and tables, each from 1 on. Algorithms
+/// and statements are counted through the whole thesis: the first and last of each here, both 0 for none.
 struct Chapter {
     label: &'static str,
     equations: usize,

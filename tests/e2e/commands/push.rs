@@ -37,7 +37,8 @@ fn a_push_through_the_middle_is_a_straight_line_in_the_table() {
     let (_folder, output) = push(&["--edge", "0", "--acceleration-mm-s2", "100", "--time-s", "0.5", "--rows", "2"]);
     assert_eq!(output.status.code(), Some(0), "{}", complaint(&output));
     let table = printed(&output);
-    // After half a second at 0.1 m/s² the centre (30, 20) mm is 12.5 mm further; the finger bears friction 0.3 and 0.1/g.
+    // After half a second at 0.1 m/s² the centre (30, 20) mm is 12.5 mm further; the finger bears friction 0.3 and
+    // 0.1/g.
     let last: Vec<&str> = table.lines().nth(4).unwrap().split_whitespace().collect();
     assert_eq!(last[..4], ["0.5000", "30.00", "32.50", "0.00"], "{table}");
     assert_eq!((last[7], last[9]), ("0.3102", "rolls"), "{table}");

@@ -1,5 +1,5 @@
-//! The kind `observe_push` on contacts from pushes in world coordinates (`palpate_tests::push_oracle`), which share no formula with
-//! the estimator: parts on feet, their mass where it likes, any edge.
+//! The kind `observe_push` on contacts from pushes in world coordinates (`palpate_tests::push_oracle`), which share no
+//! formula with the estimator: parts on feet, their mass where it likes, any edge.
 
 use palpate::math::random::Draw;
 use palpate_files::solve::Problem;

@@ -1,4 +1,5 @@
-//! Telling polygons apart, from problem to points: what is answered is checked with exact integers and fractions of its own.
+//! Telling polygons apart, from problem to points: what is answered is checked with exact integers and fractions of its
+//! own.
 
 use std::collections::BTreeSet;
 

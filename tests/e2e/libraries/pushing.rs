@@ -271,7 +271,8 @@ const UNEXPLAINED: f64 = 1e-7;
 /// A foot that begins to move slower than this may be held, m/s².
 const FOOT_HELD: f64 = 1e-3;
 
-/// A start from rest is the one set of accelerations that Newton, Coulomb under the feet and Coulomb at the contact allow.
+/// A start from rest is the one set of accelerations that Newton, Coulomb under the feet and Coulomb at the contact
+/// allow.
 #[test]
 fn starts_from_rest_obey_newton_and_coulomb() {
     let (mut judged, mut slid) = (0, 0);

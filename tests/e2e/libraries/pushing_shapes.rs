@@ -1,7 +1,8 @@
 //! Pushes between disks, ellipses, lines and edges, judged by what they look like from outside: positions over time.
 //!
-//! Shares nothing with the equations of `palpate::pushing::dynamics`: accelerations are differences of sampled velocities, velocities
-//! differences of sampled places, the contact is where the outlines, searched point by point, come nearest.
+//! Shares nothing with the equations of `palpate::pushing::dynamics`: accelerations are differences of sampled
+//! velocities, velocities differences of sampled places, the contact is where the outlines, searched point by point,
+//! come nearest.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 

@@ -127,8 +127,8 @@ fn what_is_unknown_is_found_on_the_reference() {
     }
 }
 
-/// Numbers agree to this, relative to 1 or to themselves: another processor rounds otherwise, and a minimum of least squares
-/// is found to about the root of rounding.
+/// Numbers agree to this, relative to 1 or to themselves: another processor rounds otherwise, and a minimum of least
+/// squares is found to about the root of rounding.
 const PRINTED: f64 = 1e-6;
 
 fn alike(a: &Value, b: &Value) -> bool {

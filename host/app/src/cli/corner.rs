@@ -20,8 +20,9 @@ use crate::pictures::point_sampling::SamplingPicture;
 
 /// Finds the poses in which a part comes to rest when it is pushed into a corner, and points that tell them apart.
 ///
-/// Fence A runs along +x, fence B at the corner's angle; the part lies between them. A pose is listed where both fences are
-/// touched and an edge of the hull lies flush on one. The part rests in those that are stable under a push without friction.
+/// Fence A runs along +x, fence B at the corner's angle; the part lies between them. A pose is listed where both fences
+/// are touched and an edge of the hull lies flush on one. The part rests in those that are stable under a push without
+/// friction.
 #[derive(Debug, clap::Args)]
 #[command(
     after_long_help = "The part file is that of `palpate push`; only its unit and vertices are used.",
@@ -45,7 +46,8 @@ pub(crate) struct Arguments {
     sample: bool,
     #[command(flatten)]
     plan: PlanArguments,
-    /// Print one JSON object: the poses as `palpate solve` does, or with --sample the plan for `palpate sample --decode`
+    /// Print one JSON object: the poses as `palpate solve` does, or with --sample the plan for
+    /// `palpate sample --decode`
     #[arg(long)]
     json: bool,
     #[command(flatten)]

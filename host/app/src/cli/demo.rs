@@ -28,15 +28,16 @@ use palpate::gravity::GRAVITY_ASSUMED;
 /// Times since the onset at which the host says what it knows, s; the end of the push comes last.
 const TIMES_S: [f64; 3] = [0.1, 0.2, 0.4];
 
-/// Largest factor of the noise: a light part's force is lost in it, and a heavier calibration weight would bend the beam for good.
+/// Largest factor of the noise: a light part's force is lost in it, and a heavier calibration weight would bend the
+/// beam for good.
 const NOISE_MAX: f64 = 20.0;
 
 /// Shows the whole chain without hardware: a part is pushed, and the host names its pose from the force on the finger.
 ///
-/// A simulated world puts a part before a simulated finger, which begins to push it. Between the force and the bytes is the
-/// firmware's own code on a model of its chip; the host calibrates the finger, knows the part's shape, the friction under it and
-/// how the finger moves, and finds where the part is. Then the truth is revealed. With --static, the thesis's experiment
-/// with contacts that do not move.
+/// A simulated world puts a part before a simulated finger, which begins to push it. Between the force and the bytes is
+/// the firmware's own code on a model of its chip; the host calibrates the finger, knows the part's shape, the friction
+/// under it and how the finger moves, and finds where the part is. Then the truth is revealed. With --static, the
+/// thesis's experiment with contacts that do not move.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     /// Push this part (a part file as for `palpate push`) instead of a random one

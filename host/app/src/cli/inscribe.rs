@@ -151,7 +151,8 @@ fn find(part: NamedPart, views: &Views) -> Found {
     Found { part, outcome }
 }
 
-/// Points that tell the poses that fit apart, with the poses' names; none for fewer than two (thesis §2.3, last paragraph).
+/// Points that tell the poses that fit apart, with the poses' names; none for fewer than two (thesis §2.3, last
+/// paragraph).
 fn resolve(found: &[Found], request: &PlanArguments) -> Option<(Vec<String>, Planned)> {
     let (mut names, mut outlines) = (Vec::new(), Vec::new());
     for Found { part, outcome } in found {

@@ -42,8 +42,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE")]
     keep_tare: Option<std::path::PathBuf>,
 
-    /// Average over so many milliseconds: 20 is a mains period at 50 Hz, 0 is every sample by itself. A kept tare brings
-    /// its own
+    /// Average over so many milliseconds: 20 is a mains period at 50 Hz, 0 is every sample by itself. A kept tare
+    /// brings its own
     #[arg(long, default_value_t = 20.0, conflicts_with = "tare_file", value_name = "MS", allow_negative_numbers = true, value_parser = super::not_negative)]
     average_ms: f64,
 

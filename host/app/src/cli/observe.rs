@@ -27,8 +27,8 @@ use crate::live;
 use crate::live::interrupt;
 use palpate::gravity::GRAVITY_ASSUMED;
 
-/// Times since the onset at which the whole part is searched, s; in between only what was found then is followed. At the end all
-/// is searched once more.
+/// Times since the onset at which the whole part is searched, s; in between only what was found then is followed. At
+/// the end all is searched once more.
 const SEARCHES_S: [f64; 3] = [0.1, 0.2, 0.4];
 
 const LONG_HELP: &str = "\
@@ -56,8 +56,8 @@ Exit status: 0, 1 if nothing was felt or something cannot be used, 64 wrong comm
 
 /// Names the pose of a known part from the force on the finger that begins to push it.
 ///
-/// Live from a device, or from a file of forces. Prints where the part may be, how certain that is, and what cannot be told apart,
-/// as it changes; ends when the finger's motion does, or the contact.
+/// Live from a device, or from a file of forces. Prints where the part may be, how certain that is, and what cannot be
+/// told apart, as it changes; ends when the finger's motion does, or the contact.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = LONG_HELP)]
 pub(crate) struct Arguments {

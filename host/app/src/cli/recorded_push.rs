@@ -42,8 +42,8 @@ pub(super) struct RecordedPushArguments {
 /// How well the friction of the plane is known.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(super) struct FrictionArguments {
-    /// How well the part file's mu is known: 20% as one standard deviation, or x2 for within a factor of two (two of them); mu is
-    /// then found too
+    /// How well the part file's mu is known: 20% as one standard deviation, or x2 for within a factor of two (two of
+    /// them); mu is then found too
     #[arg(long, value_name = "SHARE", value_parser = log_sd, allow_hyphen_values = true)]
     mu_uncertainty: Option<f64>,
 }
@@ -74,8 +74,8 @@ fn log_sd(text: &str) -> Result<f64, String> {
     }
 }
 
-/// What the friction of a plane can be uncertain by: less than the first is nothing beside other errors, more than the second is a
-/// factor.
+/// What the friction of a plane can be uncertain by: less than the first is nothing beside other errors, more than the
+/// second is a factor.
 const PER_CENT: [f64; 2] = [0.1, 100.0];
 
 /// The same as a factor: at more than the second mu would be no guess at all.

@@ -37,8 +37,8 @@ Exit status: 0, 1 if the roll is impossible or a file cannot be read or written,
 
 /// Simulates how a smooth body rolls on a palm that may accelerate.
 ///
-/// Prints where the contact goes, how high the body is and how hard it presses, up to when it would lift off or the time is
-/// up.
+/// Prints where the contact goes, how high the body is and how hard it presses, up to when it would lift off or the
+/// time is up.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = LONG_HELP)]
 pub(crate) struct Arguments {

@@ -41,8 +41,8 @@ Exit status: 0, 1 if a file cannot be used or shapes cannot be told apart, 64 wr
 
 /// Plans the fewest points that tell shapes or poses apart by which of them are covered, and decodes what they read.
 ///
-/// The number of points is proven to be the least, or printed with the bound that is; among plans of so many points the one with
-/// the largest distance from all edges is taken.
+/// The number of points is proven to be the least, or printed with the bound that is; among plans of so many points the
+/// one with the largest distance from all edges is taken.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = LONG_HELP)]
 pub(crate) struct Arguments {

@@ -1,7 +1,8 @@
-//! The picture of a part's limit surface: all friction that the table can meet its motion with, and what a push made of it.
+//! The picture of a part's limit surface: all friction that the table can meet its motion with, and what a push made of
+//! it.
 //!
-//! The surface is convex in (force x, force y, moment); seen along one of the forces it shows its outline, which is the friction of
-//! motions without velocity in that direction. Beside it the ellipsoid that is often put in its place.
+//! The surface is convex in (force x, force y, moment); seen along one of the forces it shows its outline, which is the
+//! friction of motions without velocity in that direction. Beside it the ellipsoid that is often put in its place.
 //!
 //! Pure. Frames: the part's axes, moments about the centre of mass. Units: shares of µ·m·g, and mm for moments.
 

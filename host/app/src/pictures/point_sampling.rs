@@ -1,5 +1,5 @@
-//! The picture of a sampling plan, like the thesis's figures 3.1, 3.5 and 3.6: outlines and points, with the fences if there
-//! are any, and beside them the regions that the points are in the middle of.
+//! The picture of a sampling plan, like the thesis's figures 3.1, 3.5 and 3.6: outlines and points, with the fences if
+//! there are any, and beside them the regions that the points are in the middle of.
 //!
 //! Pure. Frames: world. Units: SI in, millimetres on the axes.
 

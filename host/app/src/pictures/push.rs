@@ -141,7 +141,8 @@ impl PushPicture<'_> {
         2.0 * distances.sum::<f64>() / outline.len() as f64
     }
 
-    /// The direction across the track of the centre of mass that leads away from the contact, for labels clear of arrows.
+    /// The direction across the track of the centre of mass that leads away from the contact, for labels clear of
+    /// arrows.
     fn beside_track(&self, samples: &[Sample]) -> Vector2<f64> {
         let centre = |sample: &Sample| to_world(sample, self.file.part.centre_of_mass());
         let along = centre(&samples[samples.len() - 1]) - centre(&samples[0]);

@@ -1,4 +1,5 @@
-//! The picture of a roll: the contact's path on the palm with the body's outline above it, and height and force over time.
+//! The picture of a roll: the contact's path on the palm with the body's outline above it, and height and force over
+//! time.
 //!
 //! Pure. Frames: palm, seen from above. Units: SI in, millimetres and shares of the weight on the axes.
 

@@ -1,7 +1,8 @@
 //! The whole chain, many times: how often a pushed part's pose is named, and how well.
 //!
-//! Each case is a finger of its own, calibrated, and a random part pushed from rest; see [`crate::thesis::demonstration`]. Nothing of the
-//! thesis is beside it: its sensor was never used on a moving part (§6.4).
+//! Each case is a finger of its own, calibrated, and a random part pushed from rest; see
+//! [`crate::thesis::demonstration`]. Nothing of the thesis is beside it: its sensor was never used on a moving part
+//! (§6.4).
 
 use palpate::math::random::Draw;
 use palpate::math::statistics::percentile;

@@ -1,7 +1,7 @@
 //! The whole chain in one place: a simulated world pushes a part, a simulated finger feels it, the host names the pose.
 //!
-//! [`Rig`] is a finger of its own, calibrated through its own firmware and wire; [`Rig::push`] lets a world's force act on it and
-//! gives what was felt. Nothing of the truth reaches the host but through samples.
+//! [`Rig`] is a finger of its own, calibrated through its own firmware and wire; [`Rig::push`] lets a world's force act
+//! on it and gives what was felt. Nothing of the truth reaches the host but through samples.
 //!
 //! Frames: finger axes. Units: SI. Errors: [`RigError`].
 
@@ -24,7 +24,8 @@ use palpate_shared::sim::{BridgesConfig, FingerConfig, Load};
 
 use crate::live::{self, LinkSource, LiveError, SimulatedBench};
 
-/// Force of the calibration weight, N. A noisier finger takes one as many times heavier, or its directions would be refused.
+/// Force of the calibration weight, N. A noisier finger takes one as many times heavier, or its directions would be
+/// refused.
 pub const CALIBRATION_FORCE_N: f64 = 2.0;
 
 /// Contacts that the finger is calibrated on, evenly round the disk.

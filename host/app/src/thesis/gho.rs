@@ -1,4 +1,5 @@
-//! Tables 6.1 and 6.2: the thesis's observer on random pushes, the edge in contact known or not; and §8.2.2: observers side by side.
+//! Tables 6.1 and 6.2: the thesis's observer on random pushes, the edge in contact known or not; and §8.2.2: observers
+//! side by side.
 //!
 //! Units: SI inside; the table's headings say theirs. Errors: none.
 

@@ -1,4 +1,5 @@
-//! The thesis's experiments on inscription (tables 2.1 to 2.3, appendix A), and the same with noise, which the thesis left open.
+//! The thesis's experiments on inscription (tables 2.1 to 2.3, appendix A), and the same with noise, which the thesis
+//! left open.
 //!
 //! Where the thesis does not say how something was drawn, the definitions printed with each table do.
 
@@ -35,7 +36,8 @@ pub(super) const WORST_CASE: Experiment =
 pub(super) const NOISE: Experiment =
     Experiment { name: "2-noise", title: "inscription in cones with noise", cases: 1000, run: noise };
 
-/// A pose this near to the one that was seen is that one, in part sizes and rad: bad triples of lines multiply rounding errors.
+/// A pose this near to the one that was seen is that one, in part sizes and rad: bad triples of lines multiply rounding
+/// errors.
 const SAME_POSE: f64 = 1e-6;
 
 /// Beyond this squared normalised error no mode is that of the truth: a normal error is so large once in 10¹².
@@ -114,7 +116,8 @@ fn march(draw: &mut Draw) -> Vec<Point2<f64>> {
 fn next_corner(draw: &mut Draw, chain: &[Point2<f64>]) -> Point2<f64> {
     let (first, last) = (chain[0], chain[chain.len() - 1]);
     let (onward, back) = (last - chain[chain.len() - 2], first - chain[1]);
-    // Where the first and last edge meet when they are drawn on: ahead of both, or the room is bounded by the disk alone.
+    // Where the first and last edge meet when they are drawn on: ahead of both, or the room is bounded by the disk
+    // alone.
     let across = onward.perp(&back);
     let (ahead, behind) = ((first - last).perp(&back) / across, (first - last).perp(&onward) / across);
     let corner = (ahead > 0.0 && behind > 0.0).then(|| last + onward * ahead);

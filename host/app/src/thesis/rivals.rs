@@ -1,12 +1,12 @@
-//! Whether another pose could have been felt the same: a search that shares nothing with estimator and planner but the dynamics
-//! and the arithmetic of [`least_squares`].
+//! Whether another pose could have been felt the same: a search that shares nothing with estimator and planner but the
+//! dynamics and the arithmetic of [`least_squares`].
 //!
-//! From places all along each edge the part is pushed as the truth was, at fixed steps; the best places of each edge are improved
-//! with the derivatives of [`Seeded`]. Where rolling and sliding take turns, the error-controlled simulation
-//! and its derivatives across changes ([`Push::run_derived`]) do the same.
+//! From places all along each edge the part is pushed as the truth was, at fixed steps; the best places of each edge
+//! are improved with the derivatives of [`Seeded`]. Where rolling and sliding take turns, the error-controlled
+//! simulation and its derivatives across changes ([`Push::run_derived`]) do the same.
 //!
-//! What misses exact angles by far at a coarse noise misses them by more at a fine one. So exact data are searched at a coarse noise
-//! first, and only what fits there is followed on.
+//! What misses exact angles by far at a coarse noise misses them by more at a fine one. So exact data are searched at a
+//! coarse noise first, and only what fits there is followed on.
 //!
 //! Units: SI; costs of no dimension. Errors: none; what cannot move is no rival.
 

@@ -1,6 +1,7 @@
 //! Thesis chapter 7: what the path of a contact tells about a rolling body.
 //!
-//! The thesis proves local observability and leaves the observer open, so there are no numbers of its own to compare with.
+//! The thesis proves local observability and leaves the observer open, so there are no numbers of its own to compare
+//! with.
 
 use std::fs;
 use std::time::Instant;

@@ -419,8 +419,8 @@ pub fn save_raw(root: &Path, run: &RawRun) -> Result<PathBuf, FileError> {
     Ok(path)
 }
 
-/// Writes the raw samples of a run that is not over to `<root>/<finger>/<date>.unfinished.csv`, in place of those it has
-/// written before, and returns the path.
+/// Writes the raw samples of a run that is not over to `<root>/<finger>/<date>.unfinished.csv`, in place of those it
+/// has written before, and returns the path.
 ///
 /// # Errors
 /// [`FileError`]; what was there before stays until the new file is whole.

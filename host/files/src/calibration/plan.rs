@@ -1,4 +1,5 @@
-//! The plan of a calibration as a file. Errors: [`PlanFileError`] with the place in the text or the value that cannot be.
+//! The plan of a calibration as a file. Errors: [`PlanFileError`] with the place in the text or the value that cannot
+//! be.
 
 use palpate::finger::calibration::plan::{Plan, PlanError};
 

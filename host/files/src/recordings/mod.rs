@@ -6,8 +6,10 @@
 //!
 //! [`session`] runs [`palpate::finger::contact`] over what was read.
 //!
-//! Frames: as in the file (`sensor` axes, robot frame = `world`). Units: SI; files' millimetres are converted on reading.
-//! Errors: [`ReadError`] for a file that gives nothing at all; [`RecordingProblem`]s for places in one that gives something.
+//! Frames: as in the file (`sensor` axes, robot frame = `world`). Units: SI; files' millimetres are converted on
+//! reading.
+//! Errors: [`ReadError`] for a file that gives nothing at all; [`RecordingProblem`]s for places in one that gives
+//! something.
 
 pub mod csv;
 pub mod mlab;

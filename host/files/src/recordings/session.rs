@@ -1,7 +1,8 @@
 //! Contact, felt in what was recorded: one [`Report`] for each push or table.
 //!
-//! The same code as on a live finger ([`palpate::finger::contact`]) runs over the recorded forces. Where the log knows the
-//! part's pose before and after the push, the direction felt is compared with the inward normal of the edge touched.
+//! The same code as on a live finger ([`palpate::finger::contact`]) runs over the recorded forces. Where the log knows
+//! the part's pose before and after the push, the direction felt is compared with the inward normal of the edge
+//! touched.
 //!
 //! Frames: `finger` = the sensor's axes after [`Options::finger_from_sensor`]; `world` where the log has the finger's
 //! yaw, otherwise the same as `finger`. The force is the force on the finger; `u` is the direction of the force on the

@@ -39,8 +39,9 @@ fn solved(registry: &Registry, request: Request, id: &RawValue, line: Option<u64
 }
 
 impl Registry {
-    /// Solves one problem: the same answer, or the same error, as [`run`](super::run) gives for a line that holds it, without threads or
-    /// streams. The answer has the fields `id` (null where the problem has none) and `problem`, and those of its kind.
+    /// Solves one problem: the same answer, or the same error, as [`run`](super::run) gives for a line that holds it,
+    /// without threads or streams. The answer has the fields `id` (null where the problem has none) and `problem`, and
+    /// those of its kind.
     ///
     /// # Errors
     /// [`Failure`]: what is wrong with the problem and where, or that its solver failed.

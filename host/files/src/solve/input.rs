@@ -2,7 +2,8 @@
 
 use std::io::{self, BufRead, Read};
 
-/// Longest line read, in bytes. A minute of contacts at 4 kHz takes 5 MB; parsed, a line takes up to sixteen times its length.
+/// Longest line read, in bytes. A minute of contacts at 4 kHz takes 5 MB; parsed, a line takes up to sixteen times its
+/// length.
 pub(super) const LINE_BYTES_MAX: usize = 64 << 20;
 
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";

@@ -66,7 +66,8 @@ fn read_id(text: &str) -> Box<RawValue> {
     id.unwrap_or_else(null)
 }
 
-/// The same JSON to the letter but for the white space between its tokens, where a bare CR may hide and look like a line end.
+/// The same JSON to the letter but for the white space between its tokens, where a bare CR may hide and look like a
+/// line end.
 fn without_spaces(json: &str) -> Option<Box<RawValue>> {
     let (mut in_string, mut escaped) = (false, false);
     let keep = |c: &char| {

@@ -5,10 +5,13 @@
 //!
 //! In reading order:
 //! - [`problem`](Problem): what a kind is, and the list of kinds;
-//! - [`fields`]: types of fields that kinds share, [`read()`] and [`tagged`] to read them with the place of every error;
+//! - [`fields`]: types of fields that kinds share, [`read()`] and [`tagged`] to read them with the place of every
+//!   error;
 //! - [`kinds`]: the kinds of problem;
-//! - `line`: one line to `id`, kind and fields, strictly JSON; `answer`: one problem in, one answer out: [`Registry::solve`];
-//! - `input`, `pipeline` (threads and streams, which nothing else has): bytes to lines, solved side by side and answered in order by [`run`];
+//! - `line`: one line to `id`, kind and fields, strictly JSON; `answer`: one problem in, one answer out:
+//!   [`Registry::solve`];
+//! - `input`, `pipeline` (threads and streams, which nothing else has): bytes to lines, solved side by side and
+//!   answered in order by [`run`];
 //! - `error`: the codes, messages and places; `finite`: no NaN leaves; `panics`: a crash ends one line; [`schema`].
 //!
 //! Units: SI and radians. Errors: [`RunError`] where input or output fails; everything else is an answer.

@@ -5,8 +5,9 @@
 //!    ▲             solver                │
 //!    └────────── window: room ◀──────────┘
 //! ```
-//! The reader waits for room in a window of lines not yet written, so memory stays flat on endless input even while one slow
-//! line holds up those behind it. An answer is written as soon as those before it are: nobody waits for the next line.
+//! The reader waits for room in a window of lines not yet written, so memory stays flat on endless input even while one
+//! slow line holds up those behind it. An answer is written as soon as those before it are: nobody waits for the next
+//! line.
 //!
 //! The threads are not joined: a reader may hang in a read that never ends after the output is gone.
 

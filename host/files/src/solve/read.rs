@@ -1,8 +1,8 @@
 //! JSON values to typed fields, with errors that name the place and speak the user's language.
 //!
-//! A deserializer of its own rather than serde_json's, for three reasons: every error knows its place, down to the index,
-//! also inside [`tagged`] objects; it says what was expected in terms of JSON, not of Rust; and an object cannot be given as
-//! an array of its fields, which serde_json accepts.
+//! A deserializer of its own rather than serde_json's, for three reasons: every error knows its place, down to the
+//! index, also inside [`tagged`] objects; it says what was expected in terms of JSON, not of Rust; and an object cannot
+//! be given as an array of its fields, which serde_json accepts.
 
 use std::fmt::Display;
 

@@ -7,8 +7,8 @@ const LENGTH_MAX: usize = 40;
 
 /// The candidate nearest to a misspelt word, if one is near enough to be meant: a third of the letters at most differ.
 ///
-/// Letters are inserted, deleted, replaced or swapped with their neighbour, none changed twice (`strsim`'s optimal string
-/// alignment, which is in the program already for the command line's suggestions).
+/// Letters are inserted, deleted, replaced or swapped with their neighbour, none changed twice (`strsim`'s optimal
+/// string alignment, which is in the program already for the command line's suggestions).
 pub(crate) fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let letters = word.chars().take(LENGTH_MAX + 1).count();
     if letters > LENGTH_MAX {

@@ -21,7 +21,8 @@ pub(crate) fn best_of_runs(mut work: impl FnMut()) -> f64 {
     best
 }
 
-/// Seconds that the fastest of [`RUNS`] runs of each work takes. They take turns, so that a clock that changes changes for all.
+/// Seconds that the fastest of [`RUNS`] runs of each work takes. They take turns, so that a clock that changes changes
+/// for all.
 pub(crate) fn best_of_turns<const N: usize>(mut works: [&mut dyn FnMut(); N]) -> [f64; N] {
     let mut best = [f64::INFINITY; N];
     for _ in 0..RUNS {

@@ -264,7 +264,8 @@ fn noise(seen: &Observation, figures: &Figures) -> Finding {
 
 fn drift(figures: &Figures) -> Finding {
     let drift = figures.drift_microstrain_per_min;
-    // Three standard deviations: what a drift-free finger shows by chance once in hundreds of runs is not held against it.
+    // Three standard deviations: what a drift-free finger shows by chance once in hundreds of runs is not held against
+    // it.
     let certain = drift.abs() - figures.drift_sd * 3.0;
     let drifts = certain.max() > DRIFT_MAX;
     Finding {

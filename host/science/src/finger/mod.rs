@@ -1,7 +1,7 @@
 //! The finger: counts → strain → force → contact.
 //!
-//! [`calibration`] finds and applies the finger's matrix, [`contact`] turns force into contact angles, [`sense`] joins the two,
-//! [`diagnosis`] judges a stretch of samples at rest.
+//! [`calibration`] finds and applies the finger's matrix, [`contact`] turns force into contact angles, [`sense`] joins
+//! the two, [`diagnosis`] judges a stretch of samples at rest.
 //!
 //! Frames: finger axes; force is the force on the finger's disk. Units: counts, SI.
 

@@ -1,7 +1,7 @@
 //! A convex polygon, prepared for questions about its support: which corner is the outermost in a direction.
 //!
-//! Made from an outline that has been checked ([`SimplePolygon`]), or as the hull of one. Flat vertices are no corners; they
-//! support nothing that their neighbours do not.
+//! Made from an outline that has been checked ([`SimplePolygon`]), or as the hull of one. Flat vertices are no corners;
+//! they support nothing that their neighbours do not.
 //!
 //! Frames: corners are given from the centroid, in the part's axes. Units: m, rad.
 //! Errors: [`NotConvex`], where a vertex lies too deep inside the hull to be a rounding error.
@@ -14,8 +14,8 @@ use super::polygon::{SimplePolygon, around, centroid_of, extent_of, sweep_order,
 
 /// How deep inside the hull a vertex may lie and still count as flat, as a share of the extent.
 ///
-/// Coordinates rounded to doubles leave a flat vertex about 1e-16 of the extent off its line, on either side; what is computed
-/// from a part changes by no more than this depth.
+/// Coordinates rounded to doubles leave a flat vertex about 1e-16 of the extent off its line, on either side; what is
+/// computed from a part changes by no more than this depth.
 const FLAT_DEPTH_RELATIVE: f64 = 1e-12;
 
 /// A convex polygon without flat vertices.
@@ -187,7 +187,8 @@ impl ConvexPolygon {
     }
 }
 
-/// Which points are the corners of the convex hull: counter-clockwise from the leftmost (then lowest), none of them flat.
+/// Which points are the corners of the convex hull: counter-clockwise from the leftmost (then lowest), none of them
+/// flat.
 ///
 /// Andrew's monotone chain (1979) with exact turns. Fewer than three where all points lie on one line.
 ///

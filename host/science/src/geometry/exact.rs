@@ -12,11 +12,12 @@ use std::cmp::Ordering;
 
 use nalgebra::Point2;
 
-/// Smaller coordinates count as 0, m: thirty orders of magnitude below the least polygon, and large enough that products
-/// of four differences of coordinates keep all their bits.
+/// Smaller coordinates count as 0, m: thirty orders of magnitude below the least polygon, and large enough that
+/// products of four differences of coordinates keep all their bits.
 pub(crate) const COORDINATE_MIN_M: f64 = 1e-39;
 
-/// Bound on the relative rounding error of a 2×2 determinant of differences (Shewchuk 1997, `ccwerrboundA`), rounded up.
+/// Bound on the relative rounding error of a 2×2 determinant of differences (Shewchuk 1997, `ccwerrboundA`), rounded
+/// up.
 const TURN_ERROR: f64 = 3.4e-16;
 
 /// Bound on the rounding of a quotient and of what leads to it, beside the error of its numerator and denominator.
@@ -29,7 +30,8 @@ pub(crate) struct Segment {
     pub end: Point2<f64>,
 }
 
-/// Twice the area of the triangle `a b c`: exact in its sign, positive for a left turn; and a bound on the value's error.
+/// Twice the area of the triangle `a b c`: exact in its sign, positive for a left turn; and a bound on the value's
+/// error.
 pub(crate) fn turn(a: Point2<f64>, b: Point2<f64>, c: Point2<f64>) -> (f64, f64) {
     let (left, right) = ((a.x - c.x) * (b.y - c.y), (a.y - c.y) * (b.x - c.x));
     let (value, error) = (left - right, TURN_ERROR * (left.abs() + right.abs()));
@@ -106,7 +108,8 @@ pub(crate) fn quotient((from, from_error): (f64, f64), (to, to_error): (f64, f64
     (from / over, QUOTIENT_ERROR + (from_error + to_error) / over.abs())
 }
 
-/// The sign of the cross product of two segments' directions, exactly: positive if the second turns left from the first.
+/// The sign of the cross product of two segments' directions, exactly: positive if the second turns left from the
+/// first.
 pub(crate) fn cross_sign(first: Segment, second: Segment) -> i32 {
     let directions =
         |segment: Segment| [0, 1].map(|axis| Expansion::difference(segment.end[axis], segment.start[axis]));

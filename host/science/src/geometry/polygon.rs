@@ -255,7 +255,8 @@ fn is_spike([before, here, after]: [Point2<f64>; 3]) -> bool {
         && (beyond_both(before.x, here.x, after.x) || beyond_both(before.y, here.y, after.y))
 }
 
-/// Whether a simple polygon runs counter-clockwise: the sense of the turn at its leftmost (then lowest) vertex, exactly.
+/// Whether a simple polygon runs counter-clockwise: the sense of the turn at its leftmost (then lowest) vertex,
+/// exactly.
 fn is_counter_clockwise(vertices: &[Point2<f64>]) -> bool {
     let leftmost = (0..vertices.len()).min_by(|&i, &j| sweep_order(vertices[i], vertices[j])).unwrap_or(0);
     let [before, here, after] = around(vertices, leftmost);
@@ -368,8 +369,8 @@ impl Eq for SweptEdge {}
 /// Looks for edges that meet without being neighbours, by the sweep of Shamos and Hoey (1976).
 ///
 /// Edges that meet are next to each other under the sweep line before it reaches the first point where any do, so it is
-/// enough to compare edges as they become so. The order under the line is right up to there because it is decided exactly.
-/// n log n, whatever the outline. Every vertex is known to be listed once.
+/// enough to compare edges as they become so. The order under the line is right up to there because it is decided
+/// exactly. n log n, whatever the outline. Every vertex is known to be listed once.
 fn check_crossings(vertices: &[Point2<f64>]) -> Result<(), PolygonError> {
     let n = vertices.len();
     let mut order: Vec<usize> = (0..n).collect();

@@ -17,7 +17,8 @@ pub struct Pose {
     pub x: f64,
     /// See `x`.
     pub y: f64,
-    /// Counter-clockwise, rad. A pose that follows a motion counts whole turns; others say their range where they are made.
+    /// Counter-clockwise, rad. A pose that follows a motion counts whole turns; others say their range where they are
+    /// made.
     pub theta: f64,
 }
 

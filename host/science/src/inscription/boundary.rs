@@ -1,9 +1,9 @@
 //! Parts with a piecewise smooth convex outline, by their support function (thesis §2.3 leaves this open).
 //!
-//! Nothing in g(θ) = Σ λ_k h(β_k − θ) − C is special to polygons (see [`triple`](super::triple)): any convex outline has a support
-//! function h, and h' is how far the touching point lies along the line. Between the directions at which an edge is flat g is
-//! smooth, and |g''| ≤ max |h''| bounds how far a value and a slope reach: an interval without a root, with one, or too close to a
-//! tangency to tell is recognised for certain, or halved.
+//! Nothing in g(θ) = Σ λ_k h(β_k − θ) − C is special to polygons (see [`triple`](super::triple)): any convex outline
+//! has a support function h, and h' is how far the touching point lies along the line. Between the directions at which
+//! an edge is flat g is smooth, and |g''| ≤ max |h''| bounds how far a value and a slope reach: an interval without a
+//! root, with one, or too close to a tangency to tell is recognised for certain, or halved.
 //!
 //! Frames: world; touching points from the outline's own origin. Units: m, rad.
 
@@ -87,7 +87,8 @@ impl Boundary for Ellipse {
     }
 }
 
-/// All poses in which a part with this outline touches every line; none if they do not determine one, as those of a disk never do.
+/// All poses in which a part with this outline touches every line; none if they do not determine one, as those of a
+/// disk never do.
 ///
 /// Roots nearer to each other than 1e-6 rad are one.
 ///
@@ -138,7 +139,8 @@ const SAME_TURN: f64 = 1e-6;
 /// Intervals are halved down to this, rad; what is then within reach of zero is judged by its miss.
 const WIDTH_MIN: f64 = 1e-9;
 
-/// Intervals looked at between two flat edges: a root takes about 50 of them, so only a part that can turn freely exhausts them.
+/// Intervals looked at between two flat edges: a root takes about 50 of them, so only a part that can turn freely
+/// exhausts them.
 const INTERVALS_MAX: usize = 100_000;
 
 /// How roots are searched for.
@@ -215,7 +217,8 @@ fn monotone_root(g: &impl Fn(f64) -> (f64, f64), [mut low, mut high]: [f64; 2], 
     if (at_low > 0.0) == (at_high > 0.0) {
         let (end, value, outward) =
             if at_low.abs() < at_high.abs() { (low, at_low, -inward) } else { (high, at_high, inward) };
-        // Where |g| goes on to fall beyond the end, the neighbour has what is nearest to a root, unless it is at the end itself.
+        // Where |g| goes on to fall beyond the end, the neighbour has what is nearest to a root, unless it is at the
+        // end itself.
         let (beyond, slope) = g(end + outward);
         let rises = value * slope * outward >= 0.0 || value * beyond <= 0.0;
         let outermost = search.span.iter().any(|limit| limit.to_bits() == end.to_bits());

@@ -1,8 +1,9 @@
 //! All poses of a part inscribed in exact supporting lines.
 //!
-//! Three of the lines, chosen well apart, leave at most 6n poses ([`triple`](super::triple)); the others, and those three once
-//! more, are verified for each by a binary search for the corner that touches. So O(n + m log n) for m lines, as in the thesis's
-//! algorithms 1 and 2. A pose that misses by little is improved over all lines before it is judged.
+//! Three of the lines, chosen well apart, leave at most 6n poses ([`triple`](super::triple)); the others, and those
+//! three once more, are verified for each by a binary search for the corner that touches. So O(n + m log n) for m
+//! lines, as in the thesis's algorithms 1 and 2. A pose that misses by little is improved over all lines before it is
+//! judged.
 //!
 //! Lines that are parallel, or meet in one point, leave a continuum of poses; then nothing is sampled from it.
 //!
@@ -20,18 +21,19 @@ use crate::math::least_squares::{self, Damping, Enough, Floor, LeastSquaresSetti
 /// A pose may miss a line by so much, as a share of the part's size (fixed by the interface).
 pub const MISS_MAX_RELATIVE: f64 = 1e-9;
 
-/// And by so much for each metre between the lines or to the frame's origin: what doubles lose there, with room for ten roundings.
+/// And by so much for each metre between the lines or to the frame's origin: what doubles lose there, with room for ten
+/// roundings.
 const MISS_MAX_FAR: f64 = 2e-15;
 
-/// Candidates that miss by no more than this share of the size are improved before they are judged: three lines that are nearly
-/// concurrent, or nearly tangent to what the part can do, place it only so well.
+/// Candidates that miss by no more than this share of the size are improved before they are judged: three lines that
+/// are nearly concurrent, or nearly tangent to what the part can do, place it only so well.
 const WORTH_IMPROVING_RELATIVE: f64 = 1e-5;
 
 /// Candidates that miss by less than this share of the size need no improvement.
 const GOOD_RELATIVE: f64 = 1e-13;
 
-/// How candidates are improved: from so near Gauss's and Newton's steps converge in two. Damping comes in where the lines nearly leave
-/// a continuum.
+/// How candidates are improved: from so near Gauss's and Newton's steps converge in two. Damping comes in where the
+/// lines nearly leave a continuum.
 const IMPROVEMENT: LeastSquaresSettings<3> = LeastSquaresSettings {
     damping: Damping {
         first: 0.0,
@@ -48,14 +50,15 @@ const IMPROVEMENT: LeastSquaresSettings<3> = LeastSquaresSettings {
     steps_max: usize::MAX,
 };
 
-/// Poses nearer to each other than this, in part sizes and in rad, are one: the same root found from both sides of a kink, or the
-/// two that rounding makes of a tangency. Those are the root of 1e-14 apart at most, and what is between them touches too.
+/// Poses nearer to each other than this, in part sizes and in rad, are one: the same root found from both sides of a
+/// kink, or the two that rounding makes of a tangency. Those are the root of 1e-14 apart at most, and what is between
+/// them touches too.
 const SAME_POSE: f64 = 1e-6;
 
 /// Lines that miss a common point by no more than this share of the part's size meet in it.
 ///
-/// Apexes computed as equal differ by about 1e-16 of their distance from the origin; at 1e-12 a pose would be uncertain by
-/// 1e-4 of the part's size.
+/// Apexes computed as equal differ by about 1e-16 of their distance from the origin; at 1e-12 a pose would be uncertain
+/// by 1e-4 of the part's size.
 const CONCURRENT_RELATIVE: f64 = 1e-12;
 
 /// What supporting lines say about a part's pose.
@@ -256,8 +259,8 @@ impl<'a> Problem<'a> {
 
     /// Three lines far from concurrent.
     ///
-    /// The second is the least parallel to the first, the third the farthest from concurrent with both: if there is any triple
-    /// that is not concurrent, one like this exists.
+    /// The second is the least parallel to the first, the third the farthest from concurrent with both: if there is any
+    /// triple that is not concurrent, one like this exists.
     fn triple(&self) -> Result<Triple, Continuum> {
         let count = self.lines.len();
         let across = |line: usize| self.lines[0].normal.perp(&self.lines[line].normal).abs();

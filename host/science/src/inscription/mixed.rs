@@ -1,13 +1,13 @@
 //! Lines mixed with points that the part's outline passes through, such as probed contacts (thesis figure 1.1).
 //!
-//! A part turned by θ whose centre is at t holds a line or a point where a row·t = right side: u·t = c − u·Rv for a line with the
-//! normal u that a corner v touches, and (R n)·t = (R n)·q − h for a point q on the edge with the normal n at the distance h.
-//! Three of these leave no t but where their determinant is zero: a trigonometric polynomial in θ, of degree 2 at most, for each
-//! choice of corners and edges. Its roots are isolated for certain, as those of smooth outlines are; the pose of each is improved
-//! over all lines and points before it is judged.
+//! A part turned by θ whose centre is at t holds a line or a point where a row·t = right side: u·t = c − u·Rv for a
+//! line with the normal u that a corner v touches, and (R n)·t = (R n)·q − h for a point q on the edge with the normal
+//! n at the distance h. Three of these leave no t but where their determinant is zero: a trigonometric polynomial in θ,
+//! of degree 2 at most, for each choice of corners and edges. Its roots are isolated for certain, as those of smooth
+//! outlines are; the pose of each is improved over all lines and points before it is judged.
 //!
-//! Three edges can only hold three points that are as far apart as places on these edges can be, which leaves few choices: for n
-//! edges O(n) of two points, found in O(n²).
+//! Three edges can only hold three points that are as far apart as places on these edges can be, which leaves few
+//! choices: for n edges O(n) of two points, found in O(n²).
 //!
 //! Frames: world; corners and edges from the part's centre. Units: m, rad.
 
@@ -75,7 +75,8 @@ pub fn poses_through(part: &ConvexPolygon, lines: &[HalfPlane], points: &[Point2
     problem.poses()
 }
 
-/// The information about (x, y, size·θ) of a pose's centre in what a part touches: the sum of squared gradients of its misses.
+/// The information about (x, y, size·θ) of a pose's centre in what a part touches: the sum of squared gradients of its
+/// misses.
 pub(super) fn information(
     part: &ConvexPolygon,
     lines: &[HalfPlane],

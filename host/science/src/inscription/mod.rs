@@ -1,7 +1,7 @@
 //! A part's pose from its supporting lines: thesis chapter 2 and appendix A.
 //!
-//! A sensor that looks at a part from outside sees it between two tangents, a cone. Two cones nearly always leave one pose of a
-//! known convex part.
+//! A sensor that looks at a part from outside sees it between two tangents, a cone. Two cones nearly always leave one
+//! pose of a known convex part.
 //!
 //! In reading order:
 //! - [`readings`](Cone): cones, half-planes and what else a sensor says;
@@ -13,8 +13,8 @@
 //! - `planner`: where to take another view;
 //! - `boundary`: piecewise smooth outlines by their support function; `outline`: any of the outlines ([`Outline`]).
 //!
-//! Pure. Frames: world, and the part's own. Units: m, rad. Errors: impossible readings only; "no pose" and "not determined" are
-//! answers.
+//! Pure. Frames: world, and the part's own. Units: m, rad. Errors: impossible readings only; "no pose" and "not
+//! determined" are answers.
 
 mod boundary;
 mod exact;

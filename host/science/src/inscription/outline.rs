@@ -30,8 +30,8 @@ pub enum Outline {
 }
 
 impl Outline {
-    /// All poses in which the part touches every line from its inner side and, if it is a polygon, passes through every point;
-    /// points on a smooth outline are not looked at.
+    /// All poses in which the part touches every line from its inner side and, if it is a polygon, passes through every
+    /// point; points on a smooth outline are not looked at.
     ///
     /// ```
     /// use palpate::inscription::{Ellipse, HalfPlane, Inscription, Outline};

@@ -1,8 +1,9 @@
 //! Where to take another view: what it would add to what is known.
 //!
-//! Two cones have one reading more than a pose has unknowns, so that with noise several modes often fit. A third view both
-//! narrows the pose and tells the modes apart. For every place where a sensor may stand, the covariance after a view from there
-//! follows from the Jacobian alone, and the expected misfit of every other mode from the difference of what it would show.
+//! Two cones have one reading more than a pose has unknowns, so that with noise several modes often fit. A third view
+//! both narrows the pose and tells the modes apart. For every place where a sensor may stand, the covariance after a
+//! view from there follows from the Jacobian alone, and the expected misfit of every other mode from the difference of
+//! what it would show.
 //!
 //! Frames: world. Units: m, rad.
 
@@ -44,14 +45,15 @@ impl PlannedView {
         self.separation.is_none_or(|chi2| chi2 >= TELLS_APART)
     }
 
-    /// Large is good: what matters first is telling modes apart, then the larger of the two errors, size·θ and position.
+    /// Large is good: what matters first is telling modes apart, then the larger of the two errors, size·θ and
+    /// position.
     fn rank(&self, size: f64) -> (bool, f64) {
         (self.tells_apart(), -self.position_sd.hypot(self.theta_sd * size))
     }
 }
 
-/// The best place for another view on a circle of this radius (m) round where the part most likely is; none without a mode, or
-/// where every place is inside the part.
+/// The best place for another view on a circle of this radius (m) round where the part most likely is; none without a
+/// mode, or where every place is inside the part.
 #[must_use]
 pub fn plan_view(
     part: &ConvexPolygon,
@@ -131,7 +133,8 @@ fn covariance_after(
     information.try_inverse()
 }
 
-/// How uncertain a mode leaves the bearings of a view, in variances of a bearing: the larger eigenvalue is at most the trace.
+/// How uncertain a mode leaves the bearings of a view, in variances of a bearing: the larger eigenvalue is at most the
+/// trace.
 fn certainty_loss(part: &ConvexPolygon, readings: &NoisyReadings, mode: &PoseMode, seen: &[Bearing; 2]) -> Option<f64> {
     Some((mode.covariance * view_information(part, readings, mode, seen)?).trace())
 }
@@ -197,7 +200,8 @@ mod tests {
             let (position, theta) = deviations(&part, &modes[0], &again(&after.modes, &modes[0]).covariance);
             assert!((position / promised.position_sd - 1.0).abs() < SAME_DEVIATION, "{site}: {position}, {promised:?}");
             assert!((theta / promised.theta_sd - 1.0).abs() < SAME_DEVIATION, "{site}: {theta}, {promised:?}");
-            // Another mode that is still accepted is misfit by no less than was promised, to the digits of a linear bound.
+            // Another mode that is still accepted is misfit by no less than was promised, to the digits of a linear
+            // bound.
             let others = after.modes.iter().filter(|mode| mode.pose != again(&after.modes, &modes[0]).pose);
             let least = others.map(|mode| mode.chi2 - modes[0].chi2).fold(f64::INFINITY, f64::min);
             assert!(least >= 0.9 * promised.separation.unwrap(), "{site}: {least}, {promised:?}");

@@ -16,11 +16,11 @@ const SYMMETRIC_RELATIVE: f64 = 1e-9;
 /// Poses of one group agree to this, in part sizes and rad; found separately, each has its own rounding errors.
 const CONGRUENT: f64 = 1e-6;
 
-/// How well lines hold a part: the least σ such that some small motion (x, y, size·θ) of length 1 moves no line by more than σ in
-/// all (root of the sum of squares).
+/// How well lines hold a part: the least σ such that some small motion (x, y, size·θ) of length 1 moves no line by more
+/// than σ in all (root of the sum of squares).
 ///
-/// An error e of the lines moves the pose by about e/σ. 1 is well held; 0 is a pose that can move, at a tangency, without
-/// leaving the lines to first order.
+/// An error e of the lines moves the pose by about e/σ. 1 is well held; 0 is a pose that can move, at a tangency,
+/// without leaving the lines to first order.
 #[must_use]
 pub fn conditioning(part: &ConvexPolygon, lines: &[HalfPlane], pose: &Pose) -> f64 {
     super::mixed::information(part, lines, &[], pose).symmetric_eigenvalues().min().max(0.0).sqrt()

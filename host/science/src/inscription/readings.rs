@@ -1,7 +1,7 @@
 //! What a sensor says about a part that it sees from outside: supporting lines.
 //!
-//! A view from an apex gives a cone, two lines on which the part lies; a fence or a jaw gives a half-plane. All of them end up
-//! as [`HalfPlane`]s that hold the part and touch it.
+//! A view from an apex gives a cone, two lines on which the part lies; a fence or a jaw gives a half-plane. All of them
+//! end up as [`HalfPlane`]s that hold the part and touch it.
 //!
 //! Frame: world. Units: m, rad, angles counter-clockwise from +x. Errors: [`ConeError`].
 

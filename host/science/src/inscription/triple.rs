@@ -1,22 +1,24 @@
 //! Three supporting lines: the turns of the part at which it touches all of them.
 //!
-//! A part turned by θ whose reference point is at t touches line k, {q : u_k·q = c_k}, where h(β_k − θ) + u_k·t = c_k; h is the
-//! part's support function and β_k the polar angle of u_k. With λ such that Σ λ_k u_k = 0 the position drops out:
+//! A part turned by θ whose reference point is at t touches line k, {q : u_k·q = c_k}, where h(β_k − θ) + u_k·t = c_k;
+//! h is the part's support function and β_k the polar angle of u_k. With λ such that Σ λ_k u_k = 0 the position drops
+//! out:
 //!
 //! ```text
 //! g(θ) = Σ λ_k h(β_k − θ) − Σ λ_k c_k = 0,   λ = (sin(β₃ − β₂), sin(β₁ − β₃), sin(β₂ − β₁))
 //! ```
 //!
-//! Between two turns at which an edge is flush with a line the same three corners touch, and g is Re(z W) − C with z = e^{iθ},
-//! W = Σ λ_k ū_k v_k and C = Σ λ_k c_k: a sinusoid with at most two roots. There are at most 3n such stretches, so at most 6n
-//! poses (thesis, theorem 2; this form has none of its special cases). One sweep over the stretches visits all of them in O(n),
-//! without an angle function: z at a flush edge is ū_k times the edge's normal.
+//! Between two turns at which an edge is flush with a line the same three corners touch, and g is Re(z W) − C with z =
+//! e^{iθ}, W = Σ λ_k ū_k v_k and C = Σ λ_k c_k: a sinusoid with at most two roots. There are at most 3n such stretches,
+//! so at most 6n poses (thesis, theorem 2; this form has none of its special cases). One sweep over the stretches
+//! visits all of them in O(n), without an angle function: z at a flush edge is ū_k times the edge's normal.
 //!
-//! With many corners most stretches are far from a root. No corner is farther than r from the reference point, so g cannot change
-//! by more than r|Δθ|, and a stretch of |g|/r ahead has no root: where that is worth a binary search, the sweep leaps.
+//! With many corners most stretches are far from a root. No corner is farther than r from the reference point, so g
+//! cannot change by more than r|Δθ|, and a stretch of |g|/r ahead has no root: where that is worth a binary search, the
+//! sweep leaps.
 //!
-//! Whether g changes its sign is decided by its values at the ends, computed once for the two stretches they belong to. So
-//! crossings come in pairs, as they must for a periodic function, whatever the rounding errors are.
+//! Whether g changes its sign is decided by its values at the ends, computed once for the two stretches they belong to.
+//! So crossings come in pairs, as they must for a periodic function, whatever the rounding errors are.
 //!
 //! Complex numbers are vectors (re, im). Units: m, rad.
 
@@ -32,7 +34,8 @@ use crate::geometry::ConvexPolygon;
 /// Sums of some products, each rounded at 1e-16 of the size; a hundred roundings leave room for lines from far away.
 const ROUNDING_RELATIVE: f64 = 1e-14;
 
-/// Where the sweep ends, rad: late enough that an edge flush at θ = 0 is met at a full turn, whatever rounding makes of it.
+/// Where the sweep ends, rad: late enough that an edge flush at θ = 0 is met at a full turn, whatever rounding makes of
+/// it.
 const SWEEP_END: f64 = TAU + 1e-9;
 
 /// Room for the roots of most parts.
@@ -82,8 +85,8 @@ impl Triple {
     }
 }
 
-/// Lines whose directions differ by less than this count as parallel, rad: ten times what is left of an angle when a turn is
-/// added to it and taken off again.
+/// Lines whose directions differ by less than this count as parallel, rad: ten times what is left of an angle when a
+/// turn is added to it and taken off again.
 pub(super) const PARALLEL: f64 = 1e-14;
 
 /// Turns of the part at which it may touch three lines.
@@ -132,7 +135,8 @@ struct End {
 }
 
 impl Turns {
-    /// All turns at which the part touches three lines, and those at which it misses them by no more than `miss_max` (m).
+    /// All turns at which the part touches three lines, and those at which it misses them by no more than `miss_max`
+    /// (m).
     pub(super) fn of(part: &ConvexPolygon, half_planes: &[HalfPlane], triple: &Triple, miss_max: f64) -> Self {
         let sweep = Sweep::new(part, half_planes, triple);
         let rounding = ROUNDING_RELATIVE * (part.size() + triple.offset.abs());
@@ -325,7 +329,8 @@ fn slope(wave: Vector2<f64>, turn: Vector2<f64>) -> f64 {
     -(turn.x * wave.y + turn.y * wave.x)
 }
 
-/// The turn at which Re(zW) = C, downward (g falls with θ) for `side` 1 and upward for −1: zW = C + i·side·√(|W|² − C²).
+/// The turn at which Re(zW) = C, downward (g falls with θ) for `side` 1 and upward for −1: zW = C + i·side·√(|W|² −
+/// C²).
 fn crossing(wave: Vector2<f64>, offset: f64, side: f64) -> Vector2<f64> {
     let squared = wave.norm_squared();
     // (|W| − C)(|W| + C) keeps its digits near a tangency.

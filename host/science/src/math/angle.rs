@@ -1,7 +1,7 @@
 //! The contact angle: what a force on the finger says about where it is touched.
 //!
-//! Frame: finger. **Force is the force on the finger's disk**, so a contact at the polar angle `u`, seen from the disk's
-//! centre, pushes along `−(cos u, sin u)` when it has no friction. Angles are in radians and in `(−π, π]`.
+//! Frame: finger. **Force is the force on the finger's disk**, so a contact at the polar angle `u`, seen from the
+//! disk's centre, pushes along `−(cos u, sin u)` when it has no friction. Angles are in radians and in `(−π, π]`.
 
 use nalgebra::{Matrix2, Vector2};
 

@@ -1,11 +1,11 @@
 //! Numbers that formulas are written for: `f64`, and numbers that carry their derivatives along.
 //!
-//! A [`Jet`] has its derivatives by `N` variables in a plain array, which the compiler turns into vector instructions. Its numbers
-//! may be jets themselves: `Jet<1, Jet<1>>` has second derivatives, and so on, which is how Lie derivatives and the slope of a
-//! support function's Hessian are had. One family serves everything; a dual vector of the crate `num-dual`, whose option of
-//! having no derivatives costs a branch an operation, took 1.6 times as long to carry three derivatives of a push as a jet to
-//! carry four (11.8 and 7.3 times the yardstick of `cargo bench --bench push`). It stays in the tests, as what jets are compared
-//! with.
+//! A [`Jet`] has its derivatives by `N` variables in a plain array, which the compiler turns into vector instructions.
+//! Its numbers may be jets themselves: `Jet<1, Jet<1>>` has second derivatives, and so on, which is how Lie derivatives
+//! and the slope of a support function's Hessian are had. One family serves everything; a dual vector of the crate
+//! `num-dual`, whose option of having no derivatives costs a branch an operation, took 1.6 times as long to carry three
+//! derivatives of a push as a jet to carry four (11.8 and 7.3 times the yardstick of `cargo bench --bench push`). It
+//! stays in the tests, as what jets are compared with.
 //!
 //! Implements: forward differentiation with dual numbers; the name is that of Ceres Solver.
 //! Units: slopes in units of the number over those of the variable. Errors: none.

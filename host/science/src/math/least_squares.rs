@@ -7,23 +7,25 @@
 //! (H + F + λ diag H) s = −g         a trial step: damping λ, floor F
 //! ```
 //!
-//! **Damping** is Marquardt's: a multiple of each unknown's own curvature. Levenberg's multiple of the identity would make the path
-//! depend on the units, and here metres, radians and logarithms stand side by side. A trial that lowers the cost is kept and λ falls;
-//! one that does not is taken back and λ grows, so that steps turn downhill and shorten. The **floor** stands for measurements
-//! too poor to show: it keeps an unknown without any influence where it is.
+//! **Damping** is Marquardt's: a multiple of each unknown's own curvature. Levenberg's multiple of the identity would
+//! make the path depend on the units, and here metres, radians and logarithms stand side by side. A trial that lowers
+//! the cost is kept and λ falls; one that does not is taken back and λ grows, so that steps turn downhill and shorten.
+//! The **floor** stands for measurements too poor to show: it keeps an unknown without any influence where it is.
 //!
-//! What a place is stays with the [`LeastSquaresProblem`]: how a step moves it (rotations, wrapped angles, bounds), how far the parabola can be
-//! trusted ([`LeastSquaresProblem::limited`]), which unknowns rest against a bound ([`LeastSquaresProblem::held`]), what walls and priors add to
-//! the cost. The constants are data ([`LeastSquaresSettings`]).
+//! What a place is stays with the [`LeastSquaresProblem`]: how a step moves it (rotations, wrapped angles, bounds), how
+//! far the parabola can be trusted ([`LeastSquaresProblem::limited`]), which unknowns rest against a bound
+//! ([`LeastSquaresProblem::held`]), what walls and priors add to the cost. The constants are data
+//! ([`LeastSquaresSettings`]).
 //!
-//! Source: D. W. Marquardt, "An Algorithm for Least-Squares Estimation of Nonlinear Parameters", J. SIAM 11 (1963) 431–441.
-//! Assumes: `H` has no negative eigenvalue. Units: any; a cost is mostly in squared standard deviations. Errors: none; a
-//! place that has no evaluation is a trial that failed, and the [`Outcome`] says how a descent ended.
+//! Source: D. W. Marquardt, "An Algorithm for Least-Squares Estimation of Nonlinear Parameters", J. SIAM 11 (1963)
+//! 431–441.
+//! Assumes: `H` has no negative eigenvalue. Units: any; a cost is mostly in squared standard deviations. Errors: none;
+//! a place that has no evaluation is a trial that failed, and the [`Outcome`] says how a descent ended.
 
 use nalgebra::{SMatrix, SVector};
 
-/// A trial that fails although less than this share of the cost was to be gained fails by rounding: sums of squares keep some
-/// 14 digits, and no damping finds what lies below.
+/// A trial that fails although less than this share of the cost was to be gained fails by rounding: sums of squares
+/// keep some 14 digits, and no damping finds what lies below.
 const ROUNDING_SHARE: f64 = 1e-12;
 
 /// A cost near a place, to second order: what a linearisation of residuals gives.
@@ -71,7 +73,8 @@ impl<const N: usize> NormalEquations<N> {
         -(2.0 * self.gradient.dot(step) + (step.transpose() * self.curvature * step)[0])
     }
 
-    /// The step to the parabola's lowest place: Gauss's and Newton's, without damping. None where the curvature is singular.
+    /// The step to the parabola's lowest place: Gauss's and Newton's, without damping. None where the curvature is
+    /// singular.
     #[must_use]
     pub fn gauss_newton_step(&self) -> Option<SVector<f64, N>> {
         Some(-self.curvature.cholesky()?.solve(&self.gradient))
@@ -227,7 +230,8 @@ pub struct LeastSquaresSettings<const N: usize> {
     pub steps_max: usize,
 }
 
-/// Damping from a thousandth up until steps are no longer than 1e-8 of those without it; enough is what gains 1e-12 of the cost.
+/// Damping from a thousandth up until steps are no longer than 1e-8 of those without it; enough is what gains 1e-12 of
+/// the cost.
 impl<const N: usize> Default for LeastSquaresSettings<N> {
     fn default() -> Self {
         Self {
@@ -307,8 +311,9 @@ pub fn minimise<const N: usize, P: LeastSquaresProblem<N>>(
     Found { place, outcome: Outcome::LimitReached, trials: descent.trials }
 }
 
-/// One step down, for callers that take several descents side by side: `damping` goes on from step to step, and begins with that of
-/// the settings. The bound on trials is that of this one step; how many steps, and what is enough, the caller decides.
+/// One step down, for callers that take several descents side by side: `damping` goes on from step to step, and begins
+/// with that of the settings. The bound on trials is that of this one step; how many steps, and what is enough, the
+/// caller decides.
 ///
 /// # Errors
 /// The outcome, where no step lowers the cost or none is needed.
@@ -324,8 +329,8 @@ pub fn lowered<const N: usize, P: LeastSquaresProblem<N>>(
     lower.map(|lower| lower.next)
 }
 
-/// By how much the next step would lower the cost without damping, if the cost is a parabola: 0 at a minimum, and where the curvature
-/// is singular.
+/// By how much the next step would lower the cost without damping, if the cost is a parabola: 0 at a minimum, and where
+/// the curvature is singular.
 pub fn predicted_reduction<const N: usize, P: LeastSquaresProblem<N>>(
     problem: &P,
     place: &P::Place,

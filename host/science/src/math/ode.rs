@@ -1,10 +1,10 @@
 //! One step in time of an ordinary differential equation, by the classical Runge–Kutta method of order 4.
 //!
-//! With the rates k₁ at the start, k₂ and k₃ at the middle and k₄ at the end of a step of `dt`, each at the state that the
-//! rates before it lead to, the state moves by `(k₁ + 2 (k₂ + k₃) + k₄) dt/6`.
+//! With the rates k₁ at the start, k₂ and k₃ at the middle and k₄ at the end of a step of `dt`, each at the state that
+//! the rates before it lead to, the state moves by `(k₁ + 2 (k₂ + k₃) + k₄) dt/6`.
 //!
-//! A state and its rates may be of different kinds: an attitude moves along a turning rate. How a state [`Moves`] is its own
-//! affair, and so is what brings it back where it belongs after a step (an orientation's length, say).
+//! A state and its rates may be of different kinds: an attitude moves along a turning rate. How a state [`Moves`] is
+//! its own affair, and so is what brings it back where it belongs after a step (an orientation's length, say).
 //!
 //! Implements: Hairer, Nørsett, Wanner, *Solving Ordinary Differential Equations I*, 2nd ed., II.1, table 1.2.
 //! Assumes: rates smooth within the step; events are the caller's.

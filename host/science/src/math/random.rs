@@ -1,8 +1,9 @@
 //! Random problems for experiments, reproducible on every machine.
 //!
-//! The one generator of the host's tables, demonstrations, benches, tests and fuzzing. It stands here because that is the one place
-//! below all of them, this crate's own trials included; nothing else in the library draws, its randomness is an argument.
-//! The simulated device has its noise from streams of its own, in `f32` for boards without `f64` (`palpate_shared::sim`).
+//! The one generator of the host's tables, demonstrations, benches, tests and fuzzing. It stands here because that is
+//! the one place below all of them, this crate's own trials included; nothing else in the library draws, its randomness
+//! is an argument. The simulated device has its noise from streams of its own, in `f32` for boards without `f64`
+//! (`palpate_shared::sim`).
 //!
 //! [`Draw::case`] gives each case a generator of its own, so that a case stays the same whatever is drawn for others.
 //!

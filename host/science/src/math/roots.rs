@@ -1,8 +1,8 @@
 //! Zeros of a function that may be undefined in places, those that only touch zero too.
 //!
-//! A function of one place is looked at on a grid; where it starts or stops being defined, the border is found by halving.
-//! Sign changes are bracketed and closed in on; where the function turns back near zero, its nearest place is found, for two
-//! zeros may hide there, or one double zero.
+//! A function of one place is looked at on a grid; where it starts or stops being defined, the border is found by
+//! halving. Sign changes are bracketed and closed in on; where the function turns back near zero, its nearest place is
+//! found, for two zeros may hide there, or one double zero.
 //!
 //! Assumes: nothing finer than the grid happens twice between two of its places.
 //! Units: the caller's. Errors: none.
@@ -19,7 +19,8 @@ const GOLDEN_STEPS: usize = 60;
 /// A value that needs no closing in on, as a share of 1: below what a simulation is off by.
 const ZERO: f64 = 1e-13;
 
-/// A parabola's nearest value, as a share of the nearest found, from which on the function is taken to stay away from zero.
+/// A parabola's nearest value, as a share of the nearest found, from which on the function is taken to stay away from
+/// zero.
 const AWAY_SHARE: f64 = 0.5;
 
 /// Values whose spread is below this, as a share of 1, are one value: the function does not depend on the place.
@@ -41,7 +42,8 @@ pub(crate) struct Look {
     pub(crate) value: f64,
 }
 
-/// All zeros between the ends of a grid (increasing), and all places where the function comes within `tolerance` of zero and turns.
+/// All zeros between the ends of a grid (increasing), and all places where the function comes within `tolerance` of
+/// zero and turns.
 pub(crate) fn near_zeros(function: &dyn Fn(f64) -> Option<f64>, grid: &[f64], tolerance: f64) -> Vec<NearZero> {
     stretches(function, grid).iter().flat_map(|stretch| within(function, stretch, tolerance)).collect()
 }
@@ -161,7 +163,8 @@ fn closed_in(function: &dyn Fn(f64) -> Option<f64>, a: Look, b: Look) -> Look {
     if a.value.abs() < b.value.abs() { a } else { b }
 }
 
-/// The two zeros that a function turns out to have where it turns, or where it is nearest to zero if that is near enough.
+/// The two zeros that a function turns out to have where it turns, or where it is nearest to zero if that is near
+/// enough.
 fn turning(function: &dyn Fn(f64) -> Option<f64>, [left, middle, right]: [Look; 3], tolerance: f64) -> Vec<Look> {
     const GOLDEN: f64 = 0.381_966_011_250_105_1;
     let (mut left, mut middle, mut right) = (left, middle, right);

@@ -1,15 +1,15 @@
 //! Rank of the derivatives of outputs by a state, and the changes of state that no output shows.
 //!
-//! Implements: the observability rank condition of thesis §4.2.1 (Theorem 13), as a number: singular values instead of a yes or
-//! no, so that what is nearly lost shows too.
+//! Implements: the observability rank condition of thesis §4.2.1 (Theorem 13), as a number: singular values instead of
+//! a yes or no, so that what is nearly lost shows too.
 //! Units: none; the caller scales the state. Errors: none.
 
 use nalgebra::{DMatrix, DVector};
 
 /// Singular value, as a share of the largest, below which a change of state counts as unseen.
 ///
-/// Of 200 random pushes, what was seen stayed above 1e-4 at 5 cm/s and above 8e-7 at half a millimetre a second; what was not was at
-/// rounding, 1e-16.
+/// Of 200 random pushes, what was seen stayed above 1e-4 at 5 cm/s and above 8e-7 at half a millimetre a second; what
+/// was not was at rounding, 1e-16.
 pub const RANK_THRESHOLD: f64 = 1e-7;
 
 /// Components of an unseen direction below this are rounding, and written as 0.

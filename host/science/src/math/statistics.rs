@@ -1,4 +1,5 @@
-//! Means and quantiles of data, and those of the distributions that gates and intervals are made of (from the crate `statrs`).
+//! Means and quantiles of data, and those of the distributions that gates and intervals are made of (from the crate
+//! `statrs`).
 //!
 //! Accuracy: of data, rounding; of distributions, 1e-9 of the value.
 //! Errors: none; of no data there is `None`, and the ends of the range are the ends of the distribution.
@@ -43,8 +44,9 @@ pub fn median(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     Some(lower.map_or(upper, |lower| 0.5 * (lower + upper)))
 }
 
-/// The value that this share of all, in per cent, lie below: of n sorted ones that at place ⌊n · share⌋ from 0, at 100 % the
-/// last; `None` of nothing. At 50 % it is one of the values, the upper of the two middle ones where [`median`] takes their mean.
+/// The value that this share of all, in per cent, lie below: of n sorted ones that at place ⌊n · share⌋ from 0, at 100
+/// % the last; `None` of nothing. At 50 % it is one of the values, the upper of the two middle ones where [`median`]
+/// takes their mean.
 ///
 /// ```
 /// use crate::math::statistics::percentile;
@@ -81,8 +83,8 @@ pub fn chi_square_quantile(p: f64, degrees_of_freedom: usize) -> f64 {
     match ChiSquared::new(freedom) {
         Ok(_) if p >= 1.0 => f64::INFINITY,
         Ok(distribution) => {
-            // Chebyshev's inequality: the quantile is within √(2k/(1 − p)) of the mean. The crate's own search gives up early
-            // for many degrees of freedom (0.18: 5e-4 off at 100,000).
+            // Chebyshev's inequality: the quantile is within √(2k/(1 − p)) of the mean. The crate's own search gives up
+            // early for many degrees of freedom (0.18: 5e-4 off at 100,000).
             let (mut low, mut high) = (0.0, freedom + (2.0 * freedom / (1.0 - p)).sqrt());
             for _ in 0..HALVINGS {
                 let middle = 0.5 * (low + high);

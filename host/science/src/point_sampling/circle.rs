@@ -1,10 +1,10 @@
 //! The largest circle inside a region: the best place for a sampling point, as far as possible from every edge.
 //!
-//! Its centre is at the same distance from three things on the boundary, each a line or an inner corner (a vertex of the
-//! region's medial axis, thesis §3.6). Regions have few of them, so all triples are tried: each has a closed form. Larger
-//! regions are divided into squares until few things are near enough to matter in each, or until a square cannot hold
-//! anything better ("poly­label" of Agafonkin 2016, with an exact end), so that long and thin regions take no longer than
-//! others.
+//! Its centre is at the same distance from three things on the boundary, each a line or an inner corner (a vertex of
+//! the region's medial axis, thesis §3.6). Regions have few of them, so all triples are tried: each has a closed form.
+//! Larger regions are divided into squares until few things are near enough to matter in each, or until a square cannot
+//! hold anything better ("poly­label" of Agafonkin 2016, with an exact end), so that long and thin regions take no
+//! longer than others.
 //!
 //! Frames: the region's. Units: m. Errors: none; a region without room for any circle has none.
 
@@ -252,8 +252,9 @@ type Plane = (Vector3<f64>, f64);
 
 /// The circles that touch three sites, seen from the region's side of the lines.
 ///
-/// In the space of circles those that touch a line are a plane, those through a point a cone, and those through two points
-/// lie on a plane. So there are two planes in every case, and their line of intersection meets the third surface.
+/// In the space of circles those that touch a line are a plane, those through a point a cone, and those through two
+/// points lie on a plane. So there are two planes in every case, and their line of intersection meets the third
+/// surface.
 fn touching(sites: [&Site; 3]) -> [Option<Circle>; 2] {
     let mut lines = sites.iter().filter_map(|site| if let Site::Line(line) = site { Some(line.plane()) } else { None });
     let mut corners = sites.iter().filter_map(|site| if let Site::Corner(point) = site { Some(*point) } else { None });

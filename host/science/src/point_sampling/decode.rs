@@ -39,8 +39,8 @@ pub struct Decoded {
     pub nearest: Vec<usize>,
     /// The points whose readings each of them contradicts.
     pub contradicted: Vec<Vec<usize>>,
-    /// By how many readable points the next best or an equal one contradicts more than the best: while fewer are misread than
-    /// that, less what is contradicted already, the answer stands.
+    /// By how many readable points the next best or an equal one contradicts more than the best: while fewer are
+    /// misread than that, less what is contradicted already, the answer stands.
     pub margin: usize,
 }
 

@@ -7,7 +7,8 @@
 //! - `discriminate`: the fewest elements that tell sets apart, proven;
 //! - `plan`: all of it put together; `decode`: which polygon it is, from what the points read.
 //!
-//! Pure: no files, clocks or threads; whether to go on is asked of the caller. Frames: one for all polygons. Units: m, m².
+//! Pure: no files, clocks or threads; whether to go on is asked of the caller. Frames: one for all polygons. Units: m,
+//! m².
 
 mod circle;
 mod decode;

@@ -10,8 +10,8 @@ use crate::geometry::exact::turn;
 use crate::math::bits::BitSet;
 use crate::search::Stop;
 
-/// Points with more room than this share of the scene's extent are inside their region whatever rounding did; with less, that
-/// is decided exactly.
+/// Points with more room than this share of the scene's extent are inside their region whatever rounding did; with
+/// less, that is decided exactly.
 const SURELY_INSIDE: f64 = 1e-9;
 
 /// What is asked of a plan.
@@ -142,15 +142,16 @@ impl Scene {
         self.plan_of(choice, request)
     }
 
-    /// For every number of points from the fewest on the plan with the largest smallest clearance, until more points give no
-    /// more.
+    /// For every number of points from the fewest on the plan with the largest smallest clearance, until more points
+    /// give no more.
     #[must_use]
     pub fn trade_off(&self, request: &Request, stop: Stop<'_>) -> Vec<Plan> {
         let chooser = Chooser::new(self, request, stop);
         let mut chosen = chooser.choose();
         let mut plans = vec![self.plan_of(chosen.clone(), request)];
         let roomiest = chooser.clearance_max();
-        // A pair needs no more points than all polygons need without thought: one less than there are, for each point of separation.
+        // A pair needs no more points than all polygons need without thought: one less than there are, for each point
+        // of separation.
         let most = request.separation.max(1) * self.polygons.len();
         for size in chosen.choice.elements.len() + 1..most {
             if chosen.clearance(self) >= roomiest || stop() {
@@ -250,14 +251,15 @@ impl<'a> Chooser<'a> {
         Search { separation: self.request.separation, target, effort, stop: self.stop }
     }
 
-    /// The choice of so many candidates with the largest smallest clearance: by halving the range of clearances that may be
-    /// the least allowed, since what is possible with a larger one is with a smaller.
+    /// The choice of so many candidates with the largest smallest clearance: by halving the range of clearances that
+    /// may be the least allowed, since what is possible with a larger one is with a smaller.
     fn roomiest(&self, mut best: Chosen, size: usize) -> Chosen {
         let radius = |place: usize| self.scene.candidates[self.order[place]].circle.radius;
         let allowed =
             |least: f64| self.order.partition_point(|&index| self.scene.candidates[index].circle.radius >= least);
         let limit = self.clearance_max();
-        // Between these numbers of the roomiest candidates is the least that is enough: `enough` is, and below `refuted` none is.
+        // Between these numbers of the roomiest candidates is the least that is enough: `enough` is, and below
+        // `refuted` none is.
         let (mut enough, mut open, mut refuted) =
             (allowed(best.clearance(self.scene)), allowed(limit) - 1, allowed(limit) - 1);
         while open + 1 < enough && !(self.stop)() {

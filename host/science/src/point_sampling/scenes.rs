@@ -1,7 +1,7 @@
 //! Random polygons in a square, drawn as for the thesis's tables 3.1 and 3.2 (§3.6).
 //!
-//! A polygon is a cycle of a random walk on the arrangement of random lines: the first that has at least some small random
-//! number of corners. It is then scaled to a perimeter, turned and put anywhere in a square where it fits.
+//! A polygon is a cycle of a random walk on the arrangement of random lines: the first that has at least some small
+//! random number of corners. It is then scaled to a perimeter, turned and put anywhere in a square where it fits.
 //!
 //! Lengths are shares of the side of the thesis's larger square.
 
@@ -16,8 +16,8 @@ use crate::math::random::Draw;
 /// Lines in an arrangement, as in the thesis.
 const LINES: usize = 100;
 
-/// A cycle must have this many corners or one to three more. Corners then number 5.5 with a standard deviation of about 3
-/// on average, as in the thesis, which does not say how it drew this.
+/// A cycle must have this many corners or one to three more. Corners then number 5.5 with a standard deviation of about
+/// 3 on average, as in the thesis, which does not say how it drew this.
 const CORNERS_MIN: usize = 3;
 const CORNERS_MIN_SPREAD: usize = 3;
 

@@ -1,10 +1,11 @@
 //! A simulated world in which a finger that begins at rest pushes a part: the truth behind demonstrations and tests.
 //!
-//! The finger touches the part, both at rest; then it moves as a [`FingerMotion`] says, and Coulomb's law decides at every
-//! moment whether the contact rolls or slides. What comes out is the part's motion and the force on the finger's disk.
+//! The finger touches the part, both at rest; then it moves as a [`FingerMotion`] says, and Coulomb's law decides at
+//! every moment whether the contact rolls or slides. What comes out is the part's motion and the force on the finger's
+//! disk.
 //!
-//! Assumes: as [`crate::pushing::dynamics`]; the contact stays on its edge. Frames: finger axes, with the origin of the motion's file;
-//! **force is the force on the finger's disk**. Units: SI.
+//! Assumes: as [`crate::pushing::dynamics`]; the contact stays on its edge. Frames: finger axes, with the origin of the
+//! motion's file; **force is the force on the finger's disk**. Units: SI.
 //! Errors: [`WorldError`] for a start that cannot be. A push that ends early is an answer.
 
 use nalgebra::{Isometry2, Vector2};
@@ -15,8 +16,8 @@ use crate::pushing::dynamics::{
 };
 use crate::pushing::finger_motion::{FingerMotion, Leg};
 
-/// Time between two states that are kept, s: the time of one conversion. A force that jumps, where sliding stops or the finger's
-/// acceleration changes, comes late or early by no more than the converter would have it.
+/// Time between two states that are kept, s: the time of one conversion. A force that jumps, where sliding stops or the
+/// finger's acceleration changes, comes late or early by no more than the converter would have it.
 pub const STEP_S: f64 = 250e-6;
 
 /// A part, a finger, and how they touch.

@@ -1,7 +1,7 @@
 //! A smooth convex body: its shape and how its mass resists turning.
 //!
-//! Implements: the body of thesis §7.1. Mass properties of a uniform body come from integrals over the sphere of normals,
-//! with `k` the product of the two radii of curvature: `V = ⅓∫h k`, centroid `1/(4V) ∫β h k`, second moments
+//! Implements: the body of thesis §7.1. Mass properties of a uniform body come from integrals over the sphere of
+//! normals, with `k` the product of the two radii of curvature: `V = ⅓∫h k`, centroid `1/(4V) ∫β h k`, second moments
 //! `1/(5V) ∫ββᵀ h k`.
 //! Assumes: the body frame's origin is the centre of mass and its axes are principal axes of inertia.
 //! Frames: the body's. Units: SI; inertia over mass in m².
@@ -148,8 +148,8 @@ impl RollingBody {
     /// ```
     ///
     /// # Errors
-    /// [`BodyError::Length`] for a semi-axis (m) that is not above 0, [`BodyError::NotConvex`] for a needle or a blade whose axes
-    /// differ some thousandfold.
+    /// [`BodyError::Length`] for a semi-axis (m) that is not above 0, [`BodyError::NotConvex`] for a needle or a blade
+    /// whose axes differ some thousandfold.
     pub fn ellipsoid(semi_axes: [f64; 3]) -> Result<Self, BodyError> {
         lengths(&semi_axes)?;
         let shape = Shape::Ellipsoid(Ellipsoid { semi_axes });

@@ -1,13 +1,14 @@
 //! Sensitivities: how the motion changes with the state it starts from, and with the body and the palm.
 //!
-//! Each column is a small change: `θ` turns the attitude to `A exp[θ]×`, `ω` and `u` change by themselves. A column starts
-//! as a change of the attitude (palm-axis angular velocity `W = A ω` kept), of `W`, of the logarithm of a semi-axis or of the
-//! palm's acceleration, and is carried along by the linearised equations of motion, in closed form, by the same Runge–Kutta
-//! steps as the motion itself. The method of [`ode`] is written out here once more, because the columns want it differently: the
-//! motion's stages leave their linearised equations behind, and each column is then taken through all four from beginning to end,
-//! so that the compiler can put several columns side by side.
+//! Each column is a small change: `θ` turns the attitude to `A exp[θ]×`, `ω` and `u` change by themselves. A column
+//! starts as a change of the attitude (palm-axis angular velocity `W = A ω` kept), of `W`, of the logarithm of a
+//! semi-axis or of the palm's acceleration, and is carried along by the linearised equations of motion, in closed form,
+//! by the same Runge–Kutta steps as the motion itself. The method of [`ode`] is written out here once more, because the
+//! columns want it differently: the motion's stages leave their linearised equations behind, and each column is then
+//! taken through all four from beginning to end, so that the compiler can put several columns side by side.
 //!
-//! Implements: the derivatives of [`mechanics`](super::mechanics); with `W` kept, "no spin" only drops the change of `W₃`.
+//! Implements: the derivatives of [`mechanics`](super::mechanics); with `W` kept, "no spin" only drops the change of
+//! `W₃`.
 //! Frames: `θ`, `ω` body axes; `u` palm axes. Units: SI per rad, per rad/s, per 1, per m/s².
 //! Errors: none.
 
@@ -190,8 +191,8 @@ impl Model<'_> {
     /// The derivatives of the torque and of `u'` by attitude and angular velocity.
     ///
     /// With the contact force `F = f − ω' × β − ω × y`, `y = ω × β + β'`, the torque that is missing is
-    /// `β × F − J ω' − ω × J ω`. Its derivative is written out with `δβ = H δn`, `δβ' = S δn + H δ(n × ω)`, `δn = n × θ`,
-    /// `δf = f × θ` and `a × (b × v) = b (a·v) − v (a·b)`, which leaves no product of two matrices.
+    /// `β × F − J ω' − ω × J ω`. Its derivative is written out with `δβ = H δn`, `δβ' = S δn + H δ(n × ω)`,
+    /// `δn = n × θ`, `δf = f × θ` and `a × (b × v) = b (a·v) − v (a·b)`, which leaves no product of two matrices.
     #[inline(always)]
     fn linearise(&self, parts: &Parts) -> Linear {
         let Parts { state, instant, local: Local { contact, hessian, slope }, moving, turn, inverse_inertia } = parts;

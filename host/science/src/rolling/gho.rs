@@ -1,11 +1,12 @@
 //! The observer of Gauthier, Hammouri and Othman for a body that rolls, and why not to use it here.
 //!
-//! It copies the motion and adds the error of the contact through the inverse of the Jacobian of `Z = (u, u', u'', u''')`
-//! by the state: eight numbers for eight. For rolling that map is no diffeomorphism: its determinant changes sign several
-//! times a second, and there the correction is infinite. The observer is kept so that anybody can see this (`palpate tables
-//! 7-gho`); [`observer`](super::observer) needs no such map.
+//! It copies the motion and adds the error of the contact through the inverse of the Jacobian of
+//! `Z = (u, u', u'', u''')` by the state: eight numbers for eight. For rolling that map is no diffeomorphism: its
+//! determinant changes sign several times a second, and there the correction is infinite. The observer is kept so that
+//! anybody can see this (`palpate tables 7-gho`); [`observer`](super::observer) needs no such map.
 //!
-//! Implements: thesis §4.2.2 with all poles at −ζ (its printed s₁₁ has the wrong sign), for the point contact of chapter 7.
+//! Implements: thesis §4.2.2 with all poles at −ζ (its printed s₁₁ has the wrong sign), for the point contact of
+//! chapter 7.
 //! Frames: changes of attitude and angular velocity in body axes. Units: SI; ζ in 1/s.
 //! Errors: none; where the map is singular the state stops being a number. `None` for custom shapes, which carry no
 //! derivatives of higher order.

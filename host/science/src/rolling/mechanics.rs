@@ -1,7 +1,7 @@
 //! How a body rolls on a palm: rates, contact force, energy.
 //!
-//! With `n = −Aᵀe₃` the body's outward normal at the contact, `β` the contact and `H` the Hessian of the support function,
-//! `f = Aᵀ(a_P + g e₃)` what the body feels, `J` the inertia over the mass and `D = J + |β|²1 − ββᵀ`:
+//! With `n = −Aᵀe₃` the body's outward normal at the contact, `β` the contact and `H` the Hessian of the support
+//! function, `f = Aᵀ(a_P + g e₃)` what the body feels, `J` the inertia over the mass and `D = J + |β|²1 − ββᵀ`:
 //!
 //! ```text
 //! β' = H (n × ω)       u' = first two components of A β'       A' = A [ω]×
@@ -11,12 +11,13 @@
 //! contact force on the body, over mass:  f − ω × (ω × β) − ω' × β − ω × β'
 //! ```
 //!
-//! Speed: a step takes as long as its chain of operations that wait for each other. An ellipsoid's `β = w/√η`, `η = w·n`, is
-//! therefore kept without root and quotient, `ηD` is inverted by its adjugate, and its determinant, `1/η` and `√η` are computed
-//! side by side: one division deep a stage instead of three.
+//! Speed: a step takes as long as its chain of operations that wait for each other. An ellipsoid's `β = w/√η`,
+//! `η = w·n`, is therefore kept without root and quotient, `ηD` is inverted by its adjugate, and its determinant, `1/η`
+//! and `√η` are computed side by side: one division deep a stage instead of three.
 //!
-//! Implements: thesis §7.1, in a form without charts, and with its errors put right: (7.15) counts the rotation of the frame
-//! twice, which breaks Galilean invariance; (7.17) has no torque that would keep the spin at zero as (7.4) demands.
+//! Implements: thesis §7.1, in a form without charts, and with its errors put right: (7.15) counts the rotation of the
+//! frame twice, which breaks Galilean invariance; (7.17) has no torque that would keep the spin at zero as (7.4)
+//! demands.
 //! Assumes: rigid, one point of contact, never slips.
 //! Frames: `omega`, `β`, `n`, `f` in body axes; `u` and `a_P` in palm axes, e₃ up. Units: SI; all forces over the mass.
 //! Errors: none; that a contact cannot pull is for [`run`](super::run) to see.
@@ -241,8 +242,8 @@ impl ContactPointInertia {
         adjugate * per_determinant
     }
 
-    /// The inverse times `v` if a torque about `n` keeps the answer across it: the inverse on the plane across `n`, which in two
-    /// dimensions is the matrix itself, turned by a right angle, over its determinant.
+    /// The inverse times `v` if a torque about `n` keeps the answer across it: the inverse on the plane across `n`,
+    /// which in two dimensions is the matrix itself, turned by a right angle, over its determinant.
     #[inline(always)]
     fn solve_across(&self, n: &Vector3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
         let ([d, e, f], [x, y, z]) = (<[f64; 3]>::from(self.diagonal), <[f64; 3]>::from(*n));
@@ -305,8 +306,9 @@ impl Model<'_> {
 
     /// One step of `dt` (s) by the classical Runge–Kutta method of order 4, then the orientation's length put right.
     ///
-    /// `specific_force` is what the body feels at the step's start, middle and end. Largest relative error of the energy over 60 s
-    /// of a 2-3-4 cm ellipsoid at about 10 rad/s: 5e-5 at 4 ms, 1e-6 at 2 ms, 6e-8 at 1 ms, 3e-9 at 0.5 ms.
+    /// `specific_force` is what the body feels at the step's start, middle and end. Largest relative error of the
+    /// energy over 60 s of a 2-3-4 cm ellipsoid at about 10 rad/s: 5e-5 at 4 ms, 1e-6 at 2 ms, 6e-8 at 1 ms, 3e-9 at
+    /// 0.5 ms.
     #[inline]
     #[must_use]
     pub fn step(&self, state: &RollState, specific_force: &[Vector3<f64>; 3], dt: f64) -> RollState {

@@ -1,12 +1,12 @@
 //! Smooth convex bodies that roll on a palm: their motion, what the contact path tells, and how to read it.
 //!
-//! The palm feels where the body touches it: a path `u(t)`. From it alone this module finds the body's attitude and angular
-//! velocity, modulo what symmetry hides; the thesis left that observer open.
+//! The palm feels where the body touches it: a path `u(t)`. From it alone this module finds the body's attitude and
+//! angular velocity, modulo what symmetry hides; the thesis left that observer open.
 //!
 //! Implements: thesis chapter 7 without charts, with its errors put right (see [`mechanics`]).
-//! Frames: body axes: origin at the centre of mass, principal axes of inertia; palm axes: e₃ up along the palm's normal, the
-//! palm translates and does not turn. Orientations turn body axes into palm axes. Units: SI; forces, energies and inertia
-//! over the body's mass, which drops out.
+//! Frames: body axes: origin at the centre of mass, principal axes of inertia; palm axes: e₃ up along the palm's
+//! normal, the palm translates and does not turn. Orientations turn body axes into palm axes. Units: SI; forces,
+//! energies and inertia over the body's mass, which drops out.
 
 pub mod body;
 pub mod flow;

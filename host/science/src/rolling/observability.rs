@@ -1,14 +1,14 @@
 //! Whether the path of the contact tells the state of a rolling body, to first order over a short window.
 //!
-//! The rank is that of the sensitivities of `u(t)` over a window: the same as that of the differentials of `u` and all its
-//! Lie derivatives, without differentiating noise-free data many times. Beside it stands the thesis's sufficient condition,
-//! with its terms: where it fails although the state is observable, it is only sufficient.
+//! The rank is that of the sensitivities of `u(t)` over a window: the same as that of the differentials of `u` and all
+//! its Lie derivatives, without differentiating noise-free data many times. Beside it stands the thesis's sufficient
+//! condition, with its terms: where it fails although the state is observable, it is only sufficient.
 //!
-//! Implements: thesis §7.2 as a numeric test; Theorem 32 with (7.28), (7.29), (7.32)–(7.34). For a contact without spin the
-//! condition (7.33) reads h(n) > 0 and always holds.
+//! Implements: thesis §7.2 as a numeric test; Theorem 32 with (7.28), (7.29), (7.32)–(7.34). For a contact without spin
+//! the condition (7.33) reads h(n) > 0 and always holds.
 //! Assumes: the contact lasts, whatever the force.
-//! Frames: changes of attitude about body axes, of angular velocity in palm axes. Units: changes relative to rad, the body's
-//! size L and √(g/L).
+//! Frames: changes of attitude about body axes, of angular velocity in palm axes. Units: changes relative to rad, the
+//! body's size L and √(g/L).
 //! Errors: none.
 
 use nalgebra::{DMatrix, Matrix2, Matrix3, SymmetricEigen, Vector3};
@@ -20,14 +20,16 @@ use crate::math::Spectrum;
 /// Length of the window, in units of √(L/g): about 0.2 s for 3 cm.
 const WINDOW: f64 = 4.0;
 
-/// Contacts in the window, and Runge–Kutta steps from one to the next, for a body that turns by at most [`TURN_OF_STEPS`].
+/// Contacts in the window, and Runge–Kutta steps from one to the next, for a body that turns by at most
+/// [`TURN_OF_STEPS`].
 const CONTACTS: u32 = 80;
 const STEPS: u32 = 10;
 
 /// What a body may turn by in √(L/g) for each [`STEPS`] steps, rad: a tenth of a radian a step.
 const TURN_OF_STEPS: f64 = 20.0;
 
-/// The most that a body may turn by in √(L/g), rad: some 30,000 rad/s for 3 cm. More could not be followed in a fraction of a second.
+/// The most that a body may turn by in √(L/g), rad: some 30,000 rad/s for 3 cm. More could not be followed in a
+/// fraction of a second.
 pub const TURN_MAX: f64 = 2000.0;
 
 /// Sine of the angle between contact vector and normal below which they count as parallel.
@@ -68,8 +70,8 @@ pub struct RollObservability {
 pub struct SufficientCondition {
     /// Whether all that it demands holds.
     pub holds: bool,
-    /// `det(b₁, b₂, β)` over L³ (7.32), made of lengths divided by L; `None` at an umbilic, where b₁ and b₂ depend on the
-    /// choice of principal directions.
+    /// `det(b₁, b₂, β)` over L³ (7.32), made of lengths divided by L; `None` at an umbilic, where b₁ and b₂ depend on
+    /// the choice of principal directions.
     pub determinant: Option<f64>,
     /// `β·(I z)` over m L³ (7.33), or `h(n)` over L without spin.
     pub contact_and_inertia: f64,
@@ -128,7 +130,8 @@ pub fn observability(
     })
 }
 
-/// Changes of the contact over the window, over L, by the scaled state: two rows a contact. The body turns by `turn` (rad) in √(L/g).
+/// Changes of the contact over the window, over L, by the scaled state: two rows a contact. The body turns by `turn`
+/// (rad) in √(L/g).
 fn sensitivities(model: &Model, state: &RollState, g: f64, inputs: Inputs, turn: f64) -> DMatrix<f64> {
     let size = model.body.size();
     let rate = (g / size).sqrt();
@@ -217,7 +220,8 @@ fn principal(normal: &Vector3<f64>, hessian: &Matrix3<f64>) -> ([Vector3<f64>; 2
     ([x, normal.cross(&x)], [eigen.eigenvalues[first], eigen.eigenvalues[second]])
 }
 
-/// `y·∇ₓx` and `y·∇ᵧx` along the principal directions: how those turn from place to place, from the slope of the Hessian.
+/// `y·∇ₓx` and `y·∇ᵧx` along the principal directions: how those turn from place to place, from the slope of the
+/// Hessian.
 fn geodesic_curvatures(model: &Model, normal: &Vector3<f64>, [x, y]: [&Vector3<f64>; 2], radii: [f64; 2]) -> [f64; 2] {
     let slope = model.body.shape().local(normal, x).slope;
     // A step of arc length along a principal direction turns the normal by that direction over its radius.
@@ -296,7 +300,8 @@ mod tests {
         }
     }
 
-    /// b₁ and b₂ by their meaning: minus the derivative of the contact along the principal curves, in the principal frame.
+    /// b₁ and b₂ by their meaning: minus the derivative of the contact along the principal curves, in the principal
+    /// frame.
     #[test]
     fn the_terms_of_the_condition_are_those_of_its_definition() {
         for body in bodies() {

@@ -56,8 +56,8 @@ pub struct RollRun {
     pub end: RollEnd,
     /// At the end.
     pub last: RollSample,
-    /// The largest ratio of tangential to normal contact force seen at the samples and the end: rolling needs at least this
-    /// coefficient of friction. Infinite at a lift-off with a tangential force.
+    /// The largest ratio of tangential to normal contact force seen at the samples and the end: rolling needs at least
+    /// this coefficient of friction. Infinite at a lift-off with a tangential force.
     pub friction_needed: f64,
 }
 
@@ -139,8 +139,8 @@ pub fn unit_quaternion([w, x, y, z]: [f64; 4]) -> Result<Quaternion<f64>, RollEr
 }
 
 impl<'a> Roll<'a> {
-    /// Puts a body on a palm at t = 0: orientation `[w, x, y, z]` body → palm, angular velocity in body axes (rad/s), contact
-    /// on the palm (m).
+    /// Puts a body on a palm at t = 0: orientation `[w, x, y, z]` body → palm, angular velocity in body axes (rad/s),
+    /// contact on the palm (m).
     ///
     /// ```
     /// use palpate::rolling::{RollingBody, PalmAcceleration, Roll, Spin};

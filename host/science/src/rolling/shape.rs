@@ -1,12 +1,12 @@
 //! Smooth convex shapes, described by their support function.
 //!
-//! The support function `h(n)` is the distance from the origin to the plane that touches the body with outward normal `n`.
-//! Extended to all vectors as a function homogeneous of degree 1, its gradient is the point of contact `β(n)` and its
-//! Hessian `H(n)`, restricted to the tangent plane, has the two radii of curvature as eigenvalues. Rolling needs no more
-//! of a shape than `β`, `H` and, for sensitivities, the slope of `H`.
+//! The support function `h(n)` is the distance from the origin to the plane that touches the body with outward normal
+//! `n`. Extended to all vectors as a function homogeneous of degree 1, its gradient is the point of contact `β(n)` and
+//! its Hessian `H(n)`, restricted to the tangent plane, has the two radii of curvature as eigenvalues. Rolling needs no
+//! more of a shape than `β`, `H` and, for sensitivities, the slope of `H`.
 //!
-//! Implements: Schneider, *Convex Bodies*, 2.5; in place of the patches, metric and shape operator of thesis §4.1 and §7.1,
-//! which have umbilics and poles.
+//! Implements: Schneider, *Convex Bodies*, 2.5; in place of the patches, metric and shape operator of thesis §4.1 and
+//! §7.1, which have umbilics and poles.
 //! Assumes: `n` of length 1 (the formulas for ellipsoids hold for any length), radii of curvature finite and above 0.
 //! Frames: the body's. Units: m. Errors: none here; see [`body`](super::body) for what is refused.
 
@@ -99,8 +99,8 @@ pub struct Local {
 
 /// A contact without the root and the quotients that an ellipsoid's takes: `β = point/√square`, `β' = motion/√square³`.
 ///
-/// Formulas that are multiplied out need neither before the end, which shortens the chain of operations that wait for each
-/// other in a Runge–Kutta stage. Other shapes have the square 1.
+/// Formulas that are multiplied out need neither before the end, which shortens the chain of operations that wait for
+/// each other in a Runge–Kutta stage. Other shapes have the square 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Scaled {
     pub(super) point: Vector3<f64>,

@@ -43,8 +43,9 @@ pub(super) fn motions() -> impl Strategy<Value = (Spin, RollState, Vector3<f64>)
         .prop_map(|(spin, q, w, a)| (spin, state_of(spin, q, w), specific_force(Vector3::from(a), GRAVITY_ASSUMED)))
 }
 
-/// Newton's and Euler's equations in palm axes for the velocity of the centre of mass and the angular velocity, the contact
-/// force as a multiplier of the constraint that the touching point of the body rests, differentiated by time numerically.
+/// Newton's and Euler's equations in palm axes for the velocity of the centre of mass and the angular velocity, the
+/// contact force as a multiplier of the constraint that the touching point of the body rests, differentiated by time
+/// numerically.
 ///
 /// Shares with the code under test only the support function's contact point.
 fn newton_euler(
@@ -227,7 +228,8 @@ fn a_sphere_rolls_as_in_the_textbook() {
     }
 }
 
-/// Nothing on the palm shows a turn about the axis of a body of revolution: its column stays 0 to rounding, step by step.
+/// Nothing on the palm shows a turn about the axis of a body of revolution: its column stays 0 to rounding, step by
+/// step.
 #[test]
 fn a_turn_about_the_axis_of_revolution_never_shows() {
     let body = RollingBody::ellipsoid([0.02, 0.02, 0.035]).unwrap();
@@ -250,7 +252,8 @@ fn a_turn_about_the_axis_of_revolution_never_shows() {
     }
 }
 
-/// The short series that puts an orientation's length right, against the root that it replaces; both sides of its limit.
+/// The short series that puts an orientation's length right, against the root that it replaces; both sides of its
+/// limit.
 #[test]
 fn orientations_are_put_right_to_the_last_digit() {
     for excess in [1e-12, -3e-8, 9.9e-5, -9.9e-5, 1.1e-4, -0.3, 2.0_f64] {

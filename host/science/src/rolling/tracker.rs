@@ -1,12 +1,12 @@
 //! Live: contacts in, estimates out.
 //!
-//! Contacts are collected until the global observer gives one answer; from then on an extended Kalman filter on the rotation
-//! group follows the body, contact by contact. When its innovations grow beyond their noise the track is lost, and collecting
-//! begins anew.
+//! Contacts are collected until the global observer gives one answer; from then on an extended Kalman filter on the
+//! rotation group follows the body, contact by contact. When its innovations grow beyond their noise the track is lost,
+//! and collecting begins anew.
 //!
 //! Assumes: contacts at nearly equal steps of time; a gap starts anew.
-//! Frames: errors of attitude about body axes, of angular velocity in palm axes. Units: SI. Errors: none; what is not known
-//! yet is a [`Report`] of its own.
+//! Frames: errors of attitude about body axes, of angular velocity in palm axes. Units: SI. Errors: none; what is not
+//! known yet is a [`Report`] of its own.
 
 use nalgebra::{Matrix2, Matrix3, SMatrix, UnitQuaternion, Vector2, Vector3};
 
@@ -22,7 +22,8 @@ const STEP_MAX_S: f64 = 4e-3;
 /// Random walk of the angular velocity that the filter allows for, rad/s per √s: what a real contact adds to the model.
 const WALK: f64 = 0.05;
 
-/// Contacts that innovations are averaged over, and the mean normalised square (1 if all is well) at which a track is lost.
+/// Contacts that innovations are averaged over, and the mean normalised square (1 if all is well) at which a track is
+/// lost.
 const LOST_AFTER: f64 = 40.0;
 const LOST_ABOVE: f64 = 4.0;
 

@@ -53,7 +53,8 @@ impl Range {
         Self { low: self.low - by, high: self.high + by }
     }
 
-    /// The range about the same middle, at least so wide. A range too narrow for its own numbers' rounding is widened too.
+    /// The range about the same middle, at least so wide. A range too narrow for its own numbers' rounding is widened
+    /// too.
     pub(super) fn at_least(self, span: f64) -> Self {
         let rounding = 1e-9 * self.low.abs().max(self.high.abs());
         let span = span.max(rounding).max(f64::MIN_POSITIVE);

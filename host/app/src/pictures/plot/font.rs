@@ -1,7 +1,7 @@
 //! The font: outlines and widths of its characters.
 //!
-//! A subset of DejaVu Sans without hints (Latin, Greek, some signs of mathematics; `font/LICENSE.txt` is its licence), so that
-//! pictures look the same on every machine and need nothing installed. Both writers draw its outlines.
+//! A subset of DejaVu Sans without hints (Latin, Greek, some signs of mathematics; `font/LICENSE.txt` is its licence),
+//! so that pictures look the same on every machine and need nothing installed. Both writers draw its outlines.
 //!
 //! Made by `pyftsubset DejaVuSans.ttf --no-hinting` from version 2.37. Units: font heights (em).
 

@@ -1,8 +1,8 @@
 //! Pictures for people: things on the table and charts, as SVG or PNG. Pure: no files, clocks or fonts of the system.
 //!
-//! What is to be seen is collected in a [`PlotScene`] (the plane, to scale, in metres) or a [`Chart`] (curves of y over x), put side
-//! by side in a [`Figure`], and drawn on a [`Page`]. Both writers draw the same page, text as the outlines of a built-in font, so
-//! a picture looks the same on every machine and the SVG has the same bytes.
+//! What is to be seen is collected in a [`PlotScene`] (the plane, to scale, in metres) or a [`Chart`] (curves of y over
+//! x), put side by side in a [`Figure`], and drawn on a [`Page`]. Both writers draw the same page, text as the outlines
+//! of a built-in font, so a picture looks the same on every machine and the SVG has the same bytes.
 //!
 //! In reading order:
 //! - `style`: colours that colour-blind people tell apart, strokes, fills;

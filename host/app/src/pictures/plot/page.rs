@@ -1,7 +1,8 @@
 //! What is on a page, in page units: shapes and texts in the order in which they are drawn.
 //!
-//! Frames: x to the right and y **down** from the upper left corner, as in SVG; world coordinates become page coordinates in
-//! [`super::PlotScene`] and [`super::Chart`]. Errors: none; what has a coordinate that is not finite is left out.
+//! Frames: x to the right and y **down** from the upper left corner, as in SVG; world coordinates become page
+//! coordinates in [`super::PlotScene`] and [`super::Chart`]. Errors: none; what has a coordinate that is not finite is
+//! left out.
 
 use super::font;
 use super::style::{Colour, Style};

@@ -1,6 +1,7 @@
 //! Things on the table, seen from above, to scale.
 //!
-//! Frames: world (or any one plane), x to the right and y up. Units: m; the axes show millimetres where that reads better.
+//! Frames: world (or any one plane), x to the right and y up. Units: m; the axes show millimetres where that reads
+//! better.
 //! Errors: none; what has a coordinate that is not finite is left out.
 
 use nalgebra::{Point2, Vector2};
@@ -110,14 +111,14 @@ impl PlotScene {
         self.marks.push(Mark::Dot { at, colour });
     }
 
-    /// A text beside a point, on the side that `toward` points to, or on another where an earlier one is in the way; over the
-    /// point where `toward` is zero.
+    /// A text beside a point, on the side that `toward` points to, or on another where an earlier one is in the way;
+    /// over the point where `toward` is zero.
     pub fn label(&mut self, at: Point2<f64>, toward: Vector2<f64>, text: impl Into<String>, colour: Colour) {
         self.marks.push(Mark::Label(Label { at, toward, text: text.into(), colour, optional: false }));
     }
 
-    /// Points along a path, each with the time (s) at which it was reached, written on the side that `toward` points to or
-    /// opposite. Of points too close for that only the first and last have their times.
+    /// Points along a path, each with the time (s) at which it was reached, written on the side that `toward` points to
+    /// or opposite. Of points too close for that only the first and last have their times.
     pub fn time_marks(&mut self, marks: &[(f64, Point2<f64>)], toward: Vector2<f64>, colour: Colour) {
         marks.iter().for_each(|&(_, at)| self.dot(at, colour));
         let label = |&(time, at): &(f64, Point2<f64>), optional| {
@@ -209,8 +210,8 @@ fn dot_area(frame: &Frame, mark: &Mark) -> Option<Area> {
 }
 
 impl Label {
-    /// Its text on the first side where nothing is in the way; where there is none, on the side it is meant for, or nowhere
-    /// if it is optional.
+    /// Its text on the first side where nothing is in the way; where there is none, on the side it is meant for, or
+    /// nowhere if it is optional.
     fn fitted(&self, frame: &Frame, taken: &[Area]) -> Option<Text> {
         let across = Vector2::new(self.toward.y, -self.toward.x);
         let sides = [self.toward, -self.toward, across, -across];

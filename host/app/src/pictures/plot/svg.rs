@@ -1,7 +1,7 @@
 //! A page as SVG text.
 //!
-//! Texts are outlines, with the words beside them for programs that read to people: no viewer's fonts come into it. Numbers are
-//! rounded to a hundredth of a page unit, so the same page gives the same bytes on every machine.
+//! Texts are outlines, with the words beside them for programs that read to people: no viewer's fonts come into it.
+//! Numbers are rounded to a hundredth of a page unit, so the same page gives the same bytes on every machine.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;

@@ -1,8 +1,8 @@
 //! Pose of a part that a point pushes which feels how hard, and neither where it touches nor which way.
 //!
-//! The thesis expects that this suffices, without having tried it (ch. 8): a point finger leaves two freedoms of the resting pose
-//! open, so that "at least four intermediate contacts" should single out the motion. Here the part moves from the start, edge and
-//! contact angle are not known, and 81 magnitudes are felt with noise.
+//! The thesis expects that this suffices, without having tried it (ch. 8): a point finger leaves two freedoms of the
+//! resting pose open, so that "at least four intermediate contacts" should single out the motion. Here the part moves
+//! from the start, edge and contact angle are not known, and 81 magnitudes are felt with noise.
 //!
 //! Units: SI inside, as the headings say in the table. Errors: none.
 

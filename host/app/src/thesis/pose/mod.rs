@@ -1,8 +1,8 @@
 //! Pose of a pushed part from contact angles or forces, edge unknown: how often it is named, and how often it could be.
 //!
-//! Truth comes from the error-controlled simulation, not from the estimator's own steps. Whether a case is inherently ambiguous
-//! is decided by [`super::rivals`], a search of its own on the noise-free angles. Every member of the returned set is simulated
-//! again from its start and must reproduce the data.
+//! Truth comes from the error-controlled simulation, not from the estimator's own steps. Whether a case is inherently
+//! ambiguous is decided by [`super::rivals`], a search of its own on the noise-free angles. Every member of the
+//! returned set is simulated again from its start and must reproduce the data.
 //!
 //! Units: SI inside, as the headings say in the table. Errors: none.
 
@@ -278,8 +278,8 @@ mod tests {
         assert!(table.failures.is_empty(), "{table}");
     }
 
-    /// Starts that are far from what the prior expects, and edges on which two places nearly explain the same: each of these was once
-    /// lost, because a minimum of coarse data is two of fine ones.
+    /// Starts that are far from what the prior expects, and edges on which two places nearly explain the same: each of
+    /// these was once lost, because a minimum of coarse data is two of fine ones.
     #[test]
     fn starts_beside_the_valley_are_found() {
         let angle = |kind, sigma| measured(kind, Sense::Angle, sigma);

@@ -1,4 +1,5 @@
-//! The kind `initial_pose`: the resting pose of a part from a few contacts of a push from rest. See [`palpate::pushing::estimation`].
+//! The kind `initial_pose`: the resting pose of a part from a few contacts of a push from rest. See
+//! [`palpate::pushing::estimation`].
 
 use palpate::pushing::dynamics::{FingerPath, FingerShape, ShapeError};
 use palpate::pushing::estimation::{InitialPoseError, Object, RestingPose, RestingPush, TimedContact};

@@ -1,6 +1,7 @@
 //! The kind `observability`: which changes of a state show in the contact. See [`palpate::pushing::observability`].
 //!
-//! To add a system: a type with its fields, a variant of [`Observability`], and what its answer adds to [`ObservabilityAnswer`].
+//! To add a system: a type with its fields, a variant of [`Observability`], and what its answer adds to
+//! [`ObservabilityAnswer`].
 
 use std::collections::BTreeMap;
 

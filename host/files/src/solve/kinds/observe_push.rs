@@ -1,4 +1,5 @@
-//! The kind `observe_push`: pose and motion of a pushed part from what the finger feels. See [`palpate::pushing::estimation`].
+//! The kind `observe_push`: pose and motion of a pushed part from what the finger feels. See
+//! [`palpate::pushing::estimation`].
 
 use palpate::pushing::dynamics::{ContactMode, Finger as Disk, Part, Slip, State};
 use palpate::pushing::estimation::{

@@ -1,8 +1,8 @@
 //! Counts to force: the finger's matrix, with the uncertainty that its calibration leaves.
 //!
-//! Strain model: `counts − tare = B · F` with `F` the force **on the finger's disk** in finger axes and `B` a 2×2 matrix
-//! in counts per newton (or per relative unit). `B` holds everything linear: unequal gains, gauges not square to the
-//! axes, cross-talk. `F = A · (counts − tare)` with `A = B⁻¹`.
+//! Strain model: `counts − tare = B · F` with `F` the force **on the finger's disk** in finger axes and `B` a 2×2
+//! matrix in counts per newton (or per relative unit). `B` holds everything linear: unequal gains, gauges not square to
+//! the axes, cross-talk. `F = A · (counts − tare)` with `A = B⁻¹`.
 //!
 //! Source: thesis §6.4 (four gauges on the beam's upper end measure the two components of the contact force).
 //! Assumes: strain linear in force and all forces in the disk's plane. Bending of the default finger is below 100

@@ -1,15 +1,15 @@
 //! Robust least squares over the finger's matrix, the offset and the loads that nobody knows.
 //!
-//! Model of contact `i`: `counts − tare = B · mᵢ · (−cos uᵢ, −sin uᵢ)`. Unknown are `B`, the offset (where contacts have
-//! no tare of their own), and `mᵢ` where the load is unknown: one for each such contact, one for all loads called the
-//! same. Gauss–Newton over all of them at once; the weights fall for contacts that lie further off than noise and
+//! Model of contact `i`: `counts − tare = B · mᵢ · (−cos uᵢ, −sin uᵢ)`. Unknown are `B`, the offset (where contacts
+//! have no tare of their own), and `mᵢ` where the load is unknown: one for each such contact, one for all loads called
+//! the same. Gauss–Newton over all of them at once; the weights fall for contacts that lie further off than noise and
 //! fixture explain, so one contact set wrong by 10° does not turn the finger.
 //!
-//! Why not [`math::least_squares`](crate::math::least_squares): its cost stays the same from step to step, while here weights and
-//! scale are renewed at every one; and with no known load the size of `B` is free, and a solver that damps a
-//! free direction neither fixes it nor gives a covariance. Here a Lagrange multiplier holds the mean load of the fitted
-//! contacts at 1, and the same bordered matrix inverts to the covariance under that condition. The problem is linear
-//! but for the products `B · m`, and the start is already robust, so a handful of plain steps suffices.
+//! Why not [`math::least_squares`](crate::math::least_squares): its cost stays the same from step to step, while here
+//! weights and scale are renewed at every one; and with no known load the size of `B` is free, and a solver that damps
+//! a free direction neither fixes it nor gives a covariance. Here a Lagrange multiplier holds the mean load of the
+//! fitted contacts at 1, and the same bordered matrix inverts to the covariance under that condition. The problem is
+//! linear but for the products `B · m`, and the start is already robust, so a handful of plain steps suffices.
 //!
 //! Source: weights that redescend to zero: Hampel et al., "Robust Statistics" (1986), §2.6.
 //! Assumes: noise of different dwells independent; contacts checked by `fit.rs`. Frames: finger. Units: scaled, so that

@@ -1,6 +1,7 @@
 //! What a calibration is made from: contacts at known angles, their loads as far as known, and unloaded readings.
 //!
-//! Frames: angles are contact angles `u` in finger axes, as in [`push_direction`](crate::math::angle::push_direction); the mounting angle is zero.
+//! Frames: angles are contact angles `u` in finger axes, as in [`push_direction`](crate::math::angle::push_direction);
+//! the mounting angle is zero.
 //! Units: radians, newtons, counts.
 
 use nalgebra::Vector2;

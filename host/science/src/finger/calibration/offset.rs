@@ -1,8 +1,8 @@
 //! The finger's unloaded reading from tares taken at each position of a dividing head.
 //!
 //! Lying in the head, the finger is bent by its own weight, which turns with respect to the gauges just as the load
-//! does: `tareᵢ = offset + w · B · (−cos uᵢ, −sin uᵢ)`, with `w` the force that bends like disk and beam. Three unknowns,
-//! linear, unweighted: what scatters here is drift over the session, the same for every tare.
+//! does: `tareᵢ = offset + w · B · (−cos uᵢ, −sin uᵢ)`, with `w` the force that bends like disk and beam. Three
+//! unknowns, linear, unweighted: what scatters here is drift over the session, the same for every tare.
 //!
 //! Frames: finger. Units: counts, unit of force. Errors: none; too few positions give the mean and no weight.
 

@@ -8,8 +8,8 @@ pub(super) const COUNTS_PER_NEWTON: f64 = 26_700.0;
 /// Counts of one microstrain.
 pub(super) const COUNTS_PER_MICROSTRAIN: f64 = 559.24;
 
-/// Random numbers that are the same on every machine (SplitMix64, Box–Muller). Of its own, because this file is compiled into the
-/// tests of two crates.
+/// Random numbers that are the same on every machine (SplitMix64, Box–Muller). Of its own, because this file is
+/// compiled into the tests of two crates.
 #[derive(Clone, Debug)]
 pub(super) struct Noise(pub(super) u64);
 
@@ -66,8 +66,8 @@ impl Finger {
         Vector2::new(pure_x + self.cross_talk[0] * pure_y, pure_y + self.cross_talk[1] * pure_x)
     }
 
-    /// Counts without offset from something at polar angle `degrees` that pushes with `newtons`: the force on the finger
-    /// points away from it.
+    /// Counts without offset from something at polar angle `degrees` that pushes with `newtons`: the force on the
+    /// finger points away from it.
     pub(super) fn counts_of_contact(&self, degrees: f64, newtons: f64) -> Vector2<f64> {
         let (sin, cos) = degrees.to_radians().sin_cos();
         self.counts_of_force(-newtons * cos, -newtons * sin)

@@ -6,8 +6,8 @@ use nalgebra::Vector2;
 
 use super::Reading;
 
-/// A small generator of its own (SplitMix64), so that the numbers of the finger's tests never change with a dependency; what else
-/// draws, draws with [`crate::math::random::Draw`].
+/// A small generator of its own (SplitMix64), so that the numbers of the finger's tests never change with a dependency;
+/// what else draws, draws with [`crate::math::random::Draw`].
 #[derive(Clone, Debug)]
 pub(crate) struct Random(pub(crate) u64);
 

@@ -34,7 +34,8 @@ pub(super) const PREDICTED_REDUCTION_MIN: f64 = 1e-12;
 const PREDICTED_REDUCTION_ROUNDING: f64 = 1e-7;
 
 impl Objective<'_> {
-    /// The minima that descent from a place leads to: one, or those of the valley in which it stalls; none if it stalls elsewhere.
+    /// The minima that descent from a place leads to: one, or those of the valley in which it stalls; none if it stalls
+    /// elsewhere.
     pub(super) fn settle(&self, start: &Placed) -> Vec<Settled> {
         let Some(quadratic) = self.quadratic(start) else { return Vec::new() };
         let (placed, quadratic) = least_squares::minimise(self, (*start, quadratic), &DESCENT, |_| false).place;

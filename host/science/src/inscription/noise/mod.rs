@@ -1,16 +1,19 @@
-//! Poses from bearings with noise: maximum likelihood, every mode that the bearings cannot exclude, with its covariance.
+//! Poses from bearings with noise: maximum likelihood, every mode that the bearings cannot exclude, with its
+//! covariance.
 //!
-//! What is measured is a bearing: the angle b_k under which a sensor sees one side of the part, with a normal error of standard
-//! deviation σ. So the misfit of a pose is χ² = Σ (b_k − β_k)²/σ², with β_k the bearing of the corner that is the outermost from
-//! there. Distances from the lines are no measure of it: they grow with the distance of the sensor (the thesis's tolerance on
-//! orientations, §2.3, is not consistent for this reason). Fences and jaws are exact: their misses are weighed as if they were
-//! known to [`FENCE_SD_RELATIVE`] of the part's size.
+//! What is measured is a bearing: the angle b_k under which a sensor sees one side of the part, with a normal error of
+//! standard deviation σ. So the misfit of a pose is χ² = Σ (b_k − β_k)²/σ², with β_k the bearing of the corner that is
+//! the outermost from there. Distances from the lines are no measure of it: they grow with the distance of the sensor
+//! (the thesis's tolerance on orientations, §2.3, is not consistent for this reason). Fences and jaws are exact: their
+//! misses are weighed as if they were known to [`FENCE_SD_RELATIVE`] of the part's size.
 //!
-//! χ² has a kink wherever another corner becomes the outermost. On the side where the sensor sees more of the part than it
-//! should, the kink is a valley: there may be a minimum on it, and descent may also come to rest on it where there is none. So
-//! where descent stalls, the minimum along the valley is sought and its multipliers decide whether it is one (`valley`).
+//! χ² has a kink wherever another corner becomes the outermost. On the side where the sensor sees more of the part than
+//! it should, the kink is a valley: there may be a minimum on it, and descent may also come to rest on it where there
+//! is none. So where descent stalls, the minimum along the valley is sought and its multipliers decide whether it is
+//! one (`valley`).
 //!
-//! In reading order: `objective`, χ² and its derivatives; `starts`, where to begin so that no mode is missed; `descent`; `valley`.
+//! In reading order: `objective`, χ² and its derivatives; `starts`, where to begin so that no mode is missed;
+//! `descent`; `valley`.
 //!
 //! Source: thesis §2.3 asks for this; the form is that of any bearing-only localisation (Gauss-Newton, Cramér-Rao).
 

@@ -1,7 +1,8 @@
 //! χ² of a pose, with its derivatives.
 //!
-//! Coordinates of a pose here: the part's centre from the first sensor, m, and size times the turn, m, so that all three are
-//! alike. Rows of the Jacobian: the bearing of a corner w from an apex a changes by n·dw/|w − a|, n the unit normal of the ray.
+//! Coordinates of a pose here: the part's centre from the first sensor, m, and size times the turn, m, so that all
+//! three are alike. Rows of the Jacobian: the bearing of a corner w from an apex a changes by n·dw/|w − a|, n the unit
+//! normal of the ray.
 
 use nalgebra::{Matrix3, Point2, Vector2, Vector3};
 
@@ -13,8 +14,8 @@ use crate::inscription::readings::{HalfPlane, Side};
 use crate::math::angle::wrap_angle;
 use crate::math::least_squares::NormalEquations;
 
-/// How exactly fences and jaws are taken to be known, as a share of the part's size: exact for every purpose, and still far
-/// enough from the rounding errors that descent keeps its digits.
+/// How exactly fences and jaws are taken to be known, as a share of the part's size: exact for every purpose, and still
+/// far enough from the rounding errors that descent keeps its digits.
 pub const FENCE_SD_RELATIVE: f64 = 1e-7;
 
 /// A part and its readings.
@@ -116,7 +117,8 @@ impl<'a> Objective<'a> {
         tangent(self.part, placed, bearing.apex - self.origin, bearing.side, bearing.half_plane().angle)
     }
 
-    /// The corner's bearing from a sensor relative to another's, positive where the first is further counter-clockwise, rad.
+    /// The corner's bearing from a sensor relative to another's, positive where the first is further counter-clockwise,
+    /// rad.
     pub(super) fn bearing_between(&self, bearing: &Bearing, corners: [usize; 2], placed: &Placed) -> f64 {
         let away = corners.map(|corner| self.away(bearing, corner, placed));
         away[1].perp(&away[0]).atan2(away[1].dot(&away[0]))
@@ -172,8 +174,8 @@ impl<'a> Objective<'a> {
     }
 }
 
-/// The outermost corner seen from `apex` (from the same origin as `placed`), found by walking from the one that supports a line
-/// with the normal `normal_angle`; none from inside the part.
+/// The outermost corner seen from `apex` (from the same origin as `placed`), found by walking from the one that
+/// supports a line with the normal `normal_angle`; none from inside the part.
 fn tangent(part: &ConvexPolygon, placed: &Placed, apex: Vector2<f64>, side: Side, normal_angle: f64) -> Option<usize> {
     let n = part.corners().len();
     let away = |corner: usize| placed.turned(part.corners()[corner]) + placed.centre - apex;

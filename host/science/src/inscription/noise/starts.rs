@@ -1,10 +1,10 @@
 //! Where to begin the search for modes, so that none is missed.
 //!
-//! For each turn the best place is a small linear problem, so the turn alone needs a search: at the turns where an edge lies on a
-//! line, and between them in steps. Every local minimum along this profile is a start. With few lines the profile has tight
-//! pairs of minima between two steps; there the exact poses of all triples of lines are starts as well. The profile takes lines for
-//! what bearings are, and so smooths over shallow minima: where it is low every step is a start, and so are some turns on both
-//! sides of each mode that is found.
+//! For each turn the best place is a small linear problem, so the turn alone needs a search: at the turns where an edge
+//! lies on a line, and between them in steps. Every local minimum along this profile is a start. With few lines the
+//! profile has tight pairs of minima between two steps; there the exact poses of all triples of lines are starts as
+//! well. The profile takes lines for what bearings are, and so smooths over shallow minima: where it is low every step
+//! is a start, and so are some turns on both sides of each mode that is found.
 
 use std::f64::consts::{PI, TAU};
 
@@ -22,8 +22,8 @@ const STEP_MAX: f64 = 0.035;
 /// Rounds of reweighting by distance; the weights change by a few per cent in the second already.
 const ROUNDS: usize = 3;
 
-/// The profile at the step nearest to a mode may exceed the gate by this many times what the step changes every bearing by, in σ²:
-/// a sensor half the part's size away from it sees the corners move twice as fast as they turn.
+/// The profile at the step nearest to a mode may exceed the gate by this many times what the step changes every bearing
+/// by, in σ²: a sensor half the part's size away from it sees the corners move twice as fast as they turn.
 const PROFILE_ROOM: f64 = 4.0;
 
 /// Up to so many times the gate, and this much more, the profile is low.
@@ -115,7 +115,8 @@ fn best_place(objective: &Objective<'_>, lines: &[HalfPlane], theta: f64) -> (Pl
     (placed, misfit)
 }
 
-/// One over the variance of each line's distance from its corner: that of a bearing grows with the distance from the sensor.
+/// One over the variance of each line's distance from its corner: that of a bearing grows with the distance from the
+/// sensor.
 fn weights(objective: &Objective<'_>, arms: &[Vector2<f64>], placed: &Placed, round: usize) -> Vec<f64> {
     let (readings, size) = (objective.readings, objective.part.size());
     let of_bearing = |(bearing, arm): (&super::Bearing, &Vector2<f64>)| {

@@ -1,8 +1,9 @@
 //! Minima of χ² at corner changes.
 //!
-//! Where the sensor sees more of the part than it should, the residual is that of the larger of two corners' bearings, and χ² has
-//! a valley where they are equal: where the edge between them points at the sensor. A place in it is a minimum if it is one along
-//! the valley, and the slopes on both sides rise: some mean of the two corners' gradients cancels those of all other readings.
+//! Where the sensor sees more of the part than it should, the residual is that of the larger of two corners' bearings,
+//! and χ² has a valley where they are equal: where the edge between them points at the sensor. A place in it is a
+//! minimum if it is one along the valley, and the slopes on both sides rise: some mean of the two corners' gradients
+//! cancels those of all other readings.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 

@@ -53,8 +53,9 @@ impl<'a> Branch<'a> {
 
     /// The least number of columns that is proven to be needed; `best` is then as good as was found.
     ///
-    /// Smaller numbers are refuted first: that takes little beside the largest, and leaves a bound if the search is broken off.
-    /// A choice no larger than `target`, or a bound above it, is good enough; what is below `known` is refuted already.
+    /// Smaller numbers are refuted first: that takes little beside the largest, and leaves a bound if the search is
+    /// broken off. A choice no larger than `target`, or a bound above it, is good enough; what is below `known` is
+    /// refuted already.
     pub(super) fn run(&mut self, known: usize, target: usize) -> usize {
         let mut root = Simplex::new(self.columns.len());
         self.limit = if target > 0 { self.best.len().min(target + 1) } else { self.best.len() };
@@ -166,8 +167,8 @@ impl<'a> Branch<'a> {
         (0..self.columns.sets).all(|a| (0..a).all(|b| apart(a, b)))
     }
 
-    /// The column to branch on: of some that look good, the one whose both branches raise the bound most, tried for some
-    /// pivots. A branch that closes fixes the column the other way.
+    /// The column to branch on: of some that look good, the one whose both branches raise the bound most, tried for
+    /// some pivots. A branch that closes fixes the column the other way.
     fn choose(&mut self, mut program: Simplex) -> Choice {
         program.drop_fixed();
         let (bound, _) = program.bound();

@@ -1,12 +1,12 @@
 //! Rows that every choice of columns fulfils, as far as given shares violate them.
 //!
 //! - A **pair** of sets differs by one chosen column at least (by `least`, if misreads are to be survived).
-//! - Of three sets a column that separates any separates exactly two of the three pairs, so **three sets** need two columns.
-//!   This is half the sum of the pairs' rows with its right side rounded up.
-//! - **Counting**: chosen columns that touch a group T of sets give each a code, the columns that it is in. At most one code is
-//!   empty and at most one is {p} for each p; all others have two members. So
-//!   `Σ_p (|T ∩ p| + [T touches p]) x_p ≥ 2 (|T| − 1)`. This decides sparse scenes, where plain pairs bound only half of what is
-//!   needed. The group that violates it most is a closure of largest weight, that is, a minimum cut.
+//! - Of three sets a column that separates any separates exactly two of the three pairs, so **three sets** need two
+//!   columns. This is half the sum of the pairs' rows with its right side rounded up.
+//! - **Counting**: chosen columns that touch a group T of sets give each a code, the columns that it is in. At most one
+//!   code is empty and at most one is {p} for each p; all others have two members. So
+//!   `Σ_p (|T ∩ p| + [T touches p]) x_p ≥ 2 (|T| − 1)`. This decides sparse scenes, where plain pairs bound only half
+//!   of what is needed. The group that violates it most is a closure of largest weight, that is, a minimum cut.
 
 use super::local::pair_number;
 use super::simplex::Row;

@@ -1,5 +1,5 @@
-//! A good choice by local search: rows are pairs of sets, and those that stay open gain weight ("row weighting local search",
-//! Gao, Weise and Li 2015, for unicost set covering).
+//! A good choice by local search: rows are pairs of sets, and those that stay open gain weight ("row weighting local
+//! search", Gao, Weise and Li 2015, for unicost set covering).
 //!
 //! Deterministic: the same columns give the same choice.
 
@@ -73,8 +73,8 @@ impl<'a> Local<'a> {
         Some(search)
     }
 
-    /// Searches until so many more scores have changed, or a choice of the size `target` is found; gives a choice smaller than
-    /// the last found, if there is one.
+    /// Searches until so many more scores have changed, or a choice of the size `target` is found; gives a choice
+    /// smaller than the last found, if there is one.
     pub(super) fn run(&mut self, work: u64, target: usize, stop: Stop<'_>) -> Option<Vec<usize>> {
         let mut best = None;
         let end = self.work + work;

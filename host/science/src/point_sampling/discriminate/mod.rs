@@ -5,8 +5,8 @@
 //!
 //! In reading order:
 //! - `system`: sets and elements; the columns that matter of them;
-//! - `greedy`, `local`: good choices; `partition` with `splits` and `packing`, `branch` with `simplex` and `cuts`: bounds, and better
-//!   choices;
+//! - `greedy`, `local`: good choices; `partition` with `splits` and `packing`, `branch` with `simplex` and `cuts`:
+//!   bounds, and better choices;
 //! - `solve`: all of these in turn, components apart; `tree`: asking one element after the other.
 //!
 //! Errors: none. Sets that no element tells apart stay together.

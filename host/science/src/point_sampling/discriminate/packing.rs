@@ -1,7 +1,7 @@
 //! A bound on the columns that a state takes: pairs that no column separates two of take a column each.
 //!
-//! Three sets take two columns, so such a pair counts for two if a third set of its class can join it: if still no column
-//! separates any two of the three sets together with one of the other pairs.
+//! Three sets take two columns, so such a pair counts for two if a third set of its class can join it: if still no
+//! column separates any two of the three sets together with one of the other pairs.
 
 use super::splits::{Splits, pairs_in};
 
@@ -57,13 +57,15 @@ impl<'a> Packing<'a> {
         self.pairs.iter().any(joins)
     }
 
-    /// The same once a split with this side is chosen, with fewer splits allowed: without counting anew, so it may find less.
+    /// The same once a split with this side is chosen, with fewer splits allowed: without counting anew, so it may find
+    /// less.
     pub(super) fn exceeds_after(&self, side: u64, allowed: &[u64], left: usize) -> bool {
         let together = self.pairs.iter().copied().filter(|pair| (pair & side).count_ones() != 1);
         self.pack(together, allowed, left).0.len() > left
     }
 
-    /// Pairs that no split allowed separates two of, taken as they come, up to one more than `left`; and the splits that separate one.
+    /// Pairs that no split allowed separates two of, taken as they come, up to one more than `left`; and the splits
+    /// that separate one.
     fn pack(&self, pairs: impl Iterator<Item = u64>, allowed: &[u64], left: usize) -> (Vec<u64>, Vec<u64>) {
         let (mut packed, mut used) = (Vec::with_capacity(left + 1), vec![0; allowed.len()]);
         for pair in pairs {

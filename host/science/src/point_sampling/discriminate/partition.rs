@@ -1,10 +1,12 @@
-//! Whether so many columns are enough, by search over partitions: for dense scenes, where few points tell many polygons apart.
+//! Whether so many columns are enough, by search over partitions: for dense scenes, where few points tell many polygons
+//! apart.
 //!
-//! A state is the classes of sets not yet told apart, and the columns that may still be chosen. With `r` columns to go it is
-//! hopeless if a class has more than 2^r members, if the `r` columns that separate most separate too little, or if pairs that no
-//! column separates two of are more than `r` (`packing`). Otherwise some pair has fewest columns that separate it, one of which must
-//! be chosen: each is tried, and left out of what is tried after it. Columns that split all classes alike count once; which
-//! leave no class too large is found for 64 at a time, and so are the last two (`splits`).
+//! A state is the classes of sets not yet told apart, and the columns that may still be chosen. With `r` columns to go
+//! it is hopeless if a class has more than 2^r members, if the `r` columns that separate most separate too little, or
+//! if pairs that no column separates two of are more than `r` (`packing`). Otherwise some pair has fewest columns that
+//! separate it, one of which must be chosen: each is tried, and left out of what is tried after it. Columns that split
+//! all classes alike count once; which leave no class too large is found for 64 at a time, and so are the last two
+//! (`splits`).
 //!
 //! Masks of 64 bits hold the sets, so at most 64 can be told apart here.
 
@@ -16,7 +18,8 @@ use crate::search::Stop;
 /// Sets that fit a mask.
 pub(super) const SETS_MAX: usize = 64;
 
-/// With fewer columns to go what columns separate is not summed up: packing finds nearly all that this would, in less time.
+/// With fewer columns to go what columns separate is not summed up: packing finds nearly all that this would, in less
+/// time.
 const SUM_FROM: usize = 5;
 
 /// What a search came to.
@@ -35,7 +38,8 @@ pub(super) enum Outcome {
 pub(super) enum Order {
     /// The splits that separate most pairs: to find a choice soon.
     Most,
-    /// Those that separate fewest, which are refuted soonest, so that the others are tried without them: to refute all soon.
+    /// Those that separate fewest, which are refuted soonest, so that the others are tried without them: to refute all
+    /// soon.
     Fewest,
 }
 
@@ -163,9 +167,9 @@ fn gain(classes: &[u64], side: u64) -> u32 {
 
 /// The least sum of distances between all pairs of so many different codes of `bits` bits.
 ///
-/// More than the number of pairs, because codes at distance 1 from each other are few, and much more where few codes are left
-/// out. If that are `t` of 2H, and `j` of these have a bit set, then the bit adds (H − j)(H − t + j) = H (H − t) + j (t − j): the
-/// first for every bit, and the second sums up to the distances of those left out.
+/// More than the number of pairs, because codes at distance 1 from each other are few, and much more where few codes
+/// are left out. If that are `t` of 2H, and `j` of these have a bit set, then the bit adds (H − j)(H − t + j) = H (H −
+/// t) + j (t − j): the first for every bit, and the second sums up to the distances of those left out.
 pub(super) fn distances(count: u32, bits: usize) -> u32 {
     let half = 1_u64.checked_shl(number(bits.saturating_sub(1))).unwrap_or(u64::MAX);
     let any_bits = distances_of_any(count);
@@ -178,9 +182,9 @@ pub(super) fn distances(count: u32, bits: usize) -> u32 {
     }
 }
 
-/// The same for codes of any number of bits. Up to 8 exact, by exhaustion over partitions (see the test). Beyond, a bound: with
-/// every bit turned so that fewer codes have it set, the codes' weights sum up to `count − 1` at least, and a bit set in `k` codes
-/// adds `k (count − k)`, which for given sum is least where bits are set in none or in half.
+/// The same for codes of any number of bits. Up to 8 exact, by exhaustion over partitions (see the test). Beyond, a
+/// bound: with every bit turned so that fewer codes have it set, the codes' weights sum up to `count − 1` at least, and
+/// a bit set in `k` codes adds `k (count − k)`, which for given sum is least where bits are set in none or in half.
 fn distances_of_any(count: u32) -> u32 {
     const EXACT: [u32; 9] = [0, 0, 1, 4, 8, 16, 25, 36, 48];
     if let Some(&exact) = EXACT.get(count as usize) {

@@ -1,11 +1,11 @@
 //! Linear programs over shares of columns, solved by the dual simplex method on a dense tableau.
 //!
-//! Minimises the sum of shares, each between bounds, subject to rows `Σ coefficient · share ≥ right`. Rows come and go, and
-//! bounds change, while the tableau stays: the next optimum is a few pivots away. Sizes are some hundred rows by some hundred
-//! columns, for which a dense tableau is fastest.
+//! Minimises the sum of shares, each between bounds, subject to rows `Σ coefficient · share ≥ right`. Rows come and go,
+//! and bounds change, while the tableau stays: the next optimum is a few pivots away. Sizes are some hundred rows by
+//! some hundred columns, for which a dense tableau is fastest.
 //!
-//! Rounding grows with pivots, so nothing is concluded from the tableau itself: [`Simplex::bound`] computes from the rows'
-//! prices a lower bound that holds whatever the prices are, and that alone proves anything.
+//! Rounding grows with pivots, so nothing is concluded from the tableau itself: [`Simplex::bound`] computes from the
+//! rows' prices a lower bound that holds whatever the prices are, and that alone proves anything.
 
 /// Basic values this far out of bounds are mended by a pivot: far above rounding, far below what decides a bound.
 const INFEASIBLE: f64 = 1e-7;
@@ -284,8 +284,8 @@ impl Simplex {
         self.at_upper[place] = bound >= high && high > low || (high - low < 0.5 && low > 0.5);
     }
 
-    /// A lower bound on the sum of shares that holds whatever rounding did, and the reduced cost of every column, by which the
-    /// bound grows at least if the column changes from the share it has in the bound.
+    /// A lower bound on the sum of shares that holds whatever rounding did, and the reduced cost of every column, by
+    /// which the bound grows at least if the column changes from the share it has in the bound.
     pub(super) fn bound(&self) -> (f64, Vec<f64>) {
         let (mut total, mut reduced) = (0.0, vec![1.0; self.columns]);
         for (place, &variable) in self.nonbasic.iter().enumerate() {

@@ -10,8 +10,8 @@ use crate::search::Stop;
 /// What is asked for.
 #[derive(Clone, Copy)]
 pub struct Search<'a> {
-    /// By how many chosen elements any two sets must differ: 1 to tell them apart, `t + 1` to notice `t` wrong answers or to do
-    /// without `t` answers, `2 t + 1` to correct `t` wrong answers.
+    /// By how many chosen elements any two sets must differ: 1 to tell them apart, `t + 1` to notice `t` wrong answers
+    /// or to do without `t` answers, `2 t + 1` to correct `t` wrong answers.
     pub separation: usize,
     /// A choice of this size is good enough: 0 to look for the smallest.
     pub target: usize,
@@ -64,8 +64,8 @@ impl Choice {
     }
 }
 
-/// What a method may do in one round. Each round allows more than the one before, and a method begins anew: so much more that what was
-/// done before matters little.
+/// What a method may do in one round. Each round allows more than the one before, and a method begins anew: so much
+/// more that what was done before matters little.
 #[derive(Clone, Copy, Debug)]
 struct Budget {
     /// Scores that local search may change at first; each round twice as many.
@@ -82,8 +82,8 @@ struct Budget {
 /// The first round takes some ten to a hundred milliseconds of each method.
 const SPARSE: Budget = Budget { scores: 20_000_000, refuted: 0, partitions: 5_000, partitions_growth: 1, programs: 20 };
 
-/// In dense scenes search over partitions ends long before branching on programs does: it gets a second or so at once, and some more in
-/// the second round.
+/// In dense scenes search over partitions ends long before branching on programs does: it gets a second or so at once,
+/// and some more in the second round.
 const DENSE: Budget =
     Budget { scores: 80_000_000, refuted: 400_000, partitions: 50_000, partitions_growth: 4, programs: 20 };
 
@@ -101,8 +101,8 @@ const ROUNDS_BRIEF: u32 = 2;
 
 /// Elements that tell any two sets apart, as few as can be found.
 ///
-/// Among elements that separate the same sets those that come first in `order` are taken; elements that are not in `order` are
-/// not used. Sets that no elements tell apart stay so: see [`SetSystem::closer_than`].
+/// Among elements that separate the same sets those that come first in `order` are taken; elements that are not in
+/// `order` are not used. Sets that no elements tell apart stay so: see [`SetSystem::closer_than`].
 ///
 /// ```
 /// use palpate::point_sampling::{Effort, Search, SetSystem, fewest};
@@ -228,7 +228,8 @@ impl<'a> Rounds<'a> {
         local.run(work, self.search.target.max(self.found.lower_bound), self.search.stop)
     }
 
-    /// Raises the bound while no so few columns are enough, until the states are used up or it is so far below what is known.
+    /// Raises the bound while no so few columns are enough, until the states are used up or it is so far below what is
+    /// known.
     fn refute(&mut self, states: u64, below: usize) {
         if self.separation > 1 || self.columns.sets > SETS_MAX {
             return;
@@ -300,9 +301,9 @@ fn components(columns: &Columns) -> Vec<(Vec<usize>, Vec<usize>)> {
     parts
 }
 
-/// Solves components one by one. Two sets of different components are told apart unless both have no chosen element, so in all
-/// components but one no set may be without. That is what an empty set beside the others asks for; leaving it out saves one
-/// element at most.
+/// Solves components one by one. Two sets of different components are told apart unless both have no chosen element, so
+/// in all components but one no set may be without. That is what an empty set beside the others asks for; leaving it
+/// out saves one element at most.
 fn by_components(columns: &Columns, parts: &[(Vec<usize>, Vec<usize>)], search: &Search<'_>) -> Found {
     let mut total = Found {
         proof: Proof { digits: log2_ceil(u32::try_from(columns.sets).unwrap_or(u32::MAX)), ..Proof::default() },

@@ -99,8 +99,8 @@ impl Splits {
         }
     }
 
-    /// The same, counting with numbers of `LEFT` bits. That all of 2^LEFT members are on a side is then taken for none, which does
-    /// not fit either.
+    /// The same, counting with numbers of `LEFT` bits. That all of 2^LEFT members are on a side is then taken for none,
+    /// which does not fit either.
     fn fitting_counted<const LEFT: usize>(&self, classes: &[u64], allowed: &[u64]) -> Vec<u64> {
         let half = 1 << (LEFT - 1);
         let large: Vec<u64> = classes.iter().copied().filter(|class| class.count_ones() > half).collect();

@@ -62,7 +62,8 @@ proptest! {
         prop_assert_eq!((choice.elements.len(), choice.lower_bound), (least, least), "{:?}", choice);
     }
 
-    /// The search over partitions by itself: sets that few columns tell apart, so that every one of its bounds decides somewhere.
+    /// The search over partitions by itself: sets that few columns tell apart, so that every one of its bounds decides
+    /// somewhere.
     #[test]
     fn so_many_columns_are_enough_exactly_if_some_of_all_choices_are(
         holders in (2..16_usize).prop_flat_map(|sets| proptest::collection::vec(1..1_u32 << sets, 1..11).prop_map(move |holders| (sets, holders))),
@@ -205,8 +206,8 @@ fn sets_that_are_equal_are_named() {
     assert!(!system.tells_apart(&solve(&system, 1).elements));
 }
 
-/// Codes may be turned round in every bit, so a state is how many codes are in each class still equal; a bit takes some of
-/// each. Shares nothing with the bound but what is asked.
+/// Codes may be turned round in every bit, so a state is how many codes are in each class still equal; a bit takes some
+/// of each. Shares nothing with the bound but what is asked.
 fn least_distances(classes: Vec<u32>, known: &mut std::collections::HashMap<Vec<u32>, u32>) -> u32 {
     let mut open: Vec<u32> = classes.into_iter().filter(|&size| size > 1).collect();
     open.sort_unstable();
@@ -257,7 +258,8 @@ fn codes_cannot_be_closer_than_the_bound_of_the_partition_search() {
         }
     }
     let mut known = std::collections::HashMap::new();
-    // With single codes left out of the sum it is smaller; the bound must not need more than that plus what is left out.
+    // With single codes left out of the sum it is smaller; the bound must not need more than that plus what is left
+    // out.
     for count in 2..=7 {
         assert!(least_distances(vec![count], &mut known) <= distances(count, 64), "{count}");
     }
@@ -335,8 +337,8 @@ fn with_midvertices(graph: &Graph) -> Graph {
     Graph { vertices: graph.vertices + graph.edges.len(), edges }
 }
 
-/// Lemma 33: from independent sets to k-independent sets, k > 3. A path replaces each vertex, and its ends are joined to those
-/// of its neighbours, for odd k through a vertex in the middle.
+/// Lemma 33: from independent sets to k-independent sets, k > 3. A path replaces each vertex, and its ends are joined
+/// to those of its neighbours, for odd k through a vertex in the middle.
 fn with_paths(graph: &Graph, k: usize) -> Graph {
     let length = if k.is_multiple_of(2) { k - 1 } else { k - 2 };
     let ends = |v: usize| [v * length, v * length + length - 1];
@@ -381,8 +383,8 @@ proptest! {
         prop_assert_eq!(reduced.independent(k), graph.independent(2), "k = {}", k);
     }
 
-    /// §3.4: discriminating sets are what hits all symmetric differences; and Lemma 8, the other way, with one copy: hitting
-    /// sets of T₁ … Tₙ are what tells apart Tᵢ ∪ Aᵢ and Aᵢ, beside the digits that tell the Aᵢ apart.
+    /// §3.4: discriminating sets are what hits all symmetric differences; and Lemma 8, the other way, with one copy:
+    /// hitting sets of T₁ … Tₙ are what tells apart Tᵢ ∪ Aᵢ and Aᵢ, beside the digits that tell the Aᵢ apart.
     #[test]
     fn hitting_sets_and_discriminating_sets_reduce_to_each_other(
         sets in proptest::collection::vec(proptest::collection::btree_set(0..6_usize, 1..5), 1..6),

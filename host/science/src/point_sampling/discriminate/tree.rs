@@ -1,7 +1,8 @@
 //! Asking one element at a time, the next depending on the answers so far (Arkin et al. 1993): a tree of questions.
 //!
-//! The depth is what is asked in the worst case: fewer questions than a fixed choice has elements, or as many. A tree of least
-//! depth may need more elements in all than the smallest fixed choice, and the other way round (thesis §3.4, footnote 7).
+//! The depth is what is asked in the worst case: fewer questions than a fixed choice has elements, or as many. A tree
+//! of least depth may need more elements in all than the smallest fixed choice, and the other way round (thesis §3.4,
+//! footnote 7).
 
 use std::collections::{HashMap, HashSet};
 

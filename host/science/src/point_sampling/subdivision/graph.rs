@@ -8,7 +8,8 @@ use nalgebra::Vector2;
 use super::crossings::{Cuts, index};
 use crate::geometry::exact::cross_sign;
 
-/// Directions whose pseudo-angles are nearer than this are compared exactly: a hundred times what rounding does to them.
+/// Directions whose pseudo-angles are nearer than this are compared exactly: a hundred times what rounding does to
+/// them.
 const PSEUDO_ANGLE_ERROR: f64 = 1e-13;
 
 /// A planar graph. Half-edges `2 i` and `2 i + 1` are the two directions of piece `i`.

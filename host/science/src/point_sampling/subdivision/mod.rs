@@ -1,10 +1,11 @@
 //! The planar subdivision that polygons form, with the polygons that contain each of its faces (thesis §3.1).
 //!
-//! Topology is exact: it comes from signs that are decided exactly, so shared edges, touching vertices, identical polygons and
-//! several edges through one point are no special cases and need no tolerance. Coordinates of crossings are rounded.
+//! Topology is exact: it comes from signs that are decided exactly, so shared edges, touching vertices, identical
+//! polygons and several edges through one point are no special cases and need no tolerance. Coordinates of crossings
+//! are rounded.
 //!
-//! In reading order: `crossings` cuts the edges where they meet, with a `grid` that finds which may; `graph` makes the pieces a
-//! planar graph; this module finds which loops are faces, which lie inside which, and what contains them.
+//! In reading order: `crossings` cuts the edges where they meet, with a `grid` that finds which may; `graph` makes the
+//! pieces a planar graph; this module finds which loops are faces, which lie inside which, and what contains them.
 //!
 //! Memory: a few words for each piece of an edge, and one bit for each polygon and loop.
 //! Frames: that of the polygons. Units: m, m². Errors: none.
@@ -81,7 +82,8 @@ impl Subdivision {
         loops.filter(|&number| !self.is_outer[number] && !self.inside.row(number).any()).count()
     }
 
-    /// Finds for every loop what contains the face on its left: from the outside of each component inwards, one edge at a time.
+    /// Finds for every loop what contains the face on its left: from the outside of each component inwards, one edge at
+    /// a time.
     fn fill(&mut self, polygons: &[SimplePolygon]) {
         let components = self.components(polygons);
         let boxes: Vec<_> = polygons.iter().map(Extent::of).collect();
@@ -122,8 +124,8 @@ impl Subdivision {
         self.sweep_key(a) < self.sweep_key(b)
     }
 
-    /// The loop around a component from outside, given its leftmost, then lowest, vertex: nothing leads from there to the
-    /// left, so the outside is to the left of the half-edge that comes last from straight down to straight up.
+    /// The loop around a component from outside, given its leftmost, then lowest, vertex: nothing leads from there to
+    /// the left, so the outside is to the left of the half-edge that comes last from straight down to straight up.
     fn loop_outside(&self, node: u32) -> u32 {
         let around = self.graph.around(node);
         let is_upward = |&&half_edge: &&u32| self.direction(half_edge).y >= 0.0;
@@ -144,8 +146,8 @@ impl Subdivision {
         self.cuts.places[self.graph.origin[half_edge as usize] as usize]
     }
 
-    /// The loop whose face holds a component, given the component's leftmost vertex: it lies on the edge that is met first
-    /// straight down from just right of the vertex. None where no edge is met.
+    /// The loop whose face holds a component, given the component's leftmost vertex: it lies on the edge that is met
+    /// first straight down from just right of the vertex. None where no edge is met.
     fn face_below(&self, component: u32, node: u32, boxes: &[Extent]) -> Option<u32> {
         let from = self.cuts.places[node as usize];
         let mut highest: Option<usize> = None;

@@ -63,8 +63,9 @@ fn grid(low: f64, high: f64, count: u32) -> impl Iterator<Item = Point2<f64>> {
 
 /// Faces of a board by flooding: quarters of its cells' triangles that no edge of a polygon separates.
 fn faces_by_flooding(polygons: &[SimplePolygon]) -> usize {
-    // Edges run along lines x = i, y = i, x + y = i and x − y = i; the places between those of a board of half cells are
-    // triangles, each with a point of its own, and neighbours across a line are separated if an edge covers their border.
+    // Edges run along lines x = i, y = i, x + y = i and x − y = i; the places between those of a board of half cells
+    // are triangles, each with a point of its own, and neighbours across a line are separated if an edge covers their
+    // border.
     const SIDE: usize = 24;
     let place = |i: usize, j: usize, quarter: usize| {
         let shift = [[0.25, 0.0], [0.0, 0.25], [-0.25, 0.0], [0.0, -0.25]][quarter];

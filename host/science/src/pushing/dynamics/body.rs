@@ -1,7 +1,8 @@
 //! What slides: a mass and what it rests on, whatever its outline.
 //!
 //! Assumes: the pressure on the plane does not change (thesis §8.2.2 leaves centre of mass and pressure free).
-//! Frames: `body`: the part's axes, origin at the centre of mass; `part` where named. Units: SI, per unit mass where named so.
+//! Frames: `body`: the part's axes, origin at the centre of mass; `part` where named. Units: SI, per unit mass where
+//! named so.
 //! Errors: none.
 
 use nalgebra::{Point2, Vector2};
@@ -34,8 +35,8 @@ struct Foot {
 /// Speed of a foot below which it counts as creeping, m/s.
 ///
 /// Friction holds a foot at rest with any force up to its limit; here it does so by a creep below this speed, under a
-/// micrometre a second. Less creep makes the motion stiffer in proportion: a held foot with a third of the weight already
-/// needs a step each microsecond.
+/// micrometre a second. Less creep makes the motion stiffer in proportion: a held foot with a third of the weight
+/// already needs a step each microsecond.
 pub const FOOT_AT_REST: f64 = 1e-6;
 
 /// Mean direction of sliding and its moment, over the feet.
@@ -92,7 +93,8 @@ impl Body {
         Self { support: Support::Uniform(support.with_origin(mass.centre_of_mass)), mass }
     }
 
-    /// An elliptic plate with semi-axes along the part's x and y, m, of uniform density and pressure, its frame at its middle.
+    /// An elliptic plate with semi-axes along the part's x and y, m, of uniform density and pressure, its frame at its
+    /// middle.
     #[must_use]
     pub fn ellipse(semi_axes: [f64; 2]) -> Self {
         Self::uniform(SupportFriction::ellipse(semi_axes), Mass::of_ellipse(semi_axes))
@@ -100,8 +102,8 @@ impl Body {
 
     /// On feet: points in the part's frame, m, each with its share of the weight.
     ///
-    /// A foot slower than [`FOOT_AT_REST`] has friction in proportion to its speed, so that one that comes to rest under a
-    /// moving part, as many do, stays there.
+    /// A foot slower than [`FOOT_AT_REST`] has friction in proportion to its speed, so that one that comes to rest
+    /// under a moving part, as many do, stays there.
     #[must_use]
     pub fn on_feet(feet: &[(Point2<f64>, f64)], mass: Mass) -> Self {
         let feet = feet.iter().map(|&(at, share)| Foot { at: at - mass.centre_of_mass, share });
@@ -132,8 +134,8 @@ impl Body {
         self.mass.inertia_per_mass
     }
 
-    /// How the support slides under a twist (velocity x, y of the centre of mass, ω): the means of the direction of sliding and
-    /// of its moment. Friction per unit mass is −µg times that.
+    /// How the support slides under a twist (velocity x, y of the centre of mass, ω): the means of the direction of
+    /// sliding and of its moment. Friction per unit mass is −µg times that.
     #[inline]
     pub(super) fn sliding<T: Scalar>(&self, twist_body: [T; 3]) -> [T; 3] {
         match &self.support {

@@ -1,6 +1,8 @@
-//! Which contact mode follows: whether the part sticks to the finger or slides along it, which way, when it breaks and jams.
+//! Which contact mode follows: whether the part sticks to the finger or slides along it, which way, when it breaks and
+//! jams.
 //!
-//! The one place where that is decided. Simulations and estimators compute forces and slips each in its own way, and ask here.
+//! The one place where that is decided. Simulations and estimators compute forces and slips each in its own way, and
+//! ask here.
 //!
 //! Implements: Coulomb's law at the contact (thesis §5.4). With F_n and F_t the force on the part that *rolling* needs:
 //!
@@ -10,11 +12,12 @@
 //! | a slip has come to zero | sticks on the same condition, otherwise slides the other way |
 //! | rolling has used up its friction | slides with sgn σ = −sgn F_t |
 //!
-//! The contact breaks where F_n < 0 *in the mode that follows*: where rolling would have to pull, sliding may still push. It jams
-//! where the mode that follows slides and has no force (Painlevé), D ≤ 0.
+//! The contact breaks where F_n < 0 *in the mode that follows*: where rolling would have to pull, sliding may still
+//! push. It jams where the mode that follows slides and has no force (Painlevé), D ≤ 0.
 //!
-//! Why that is consistent: let W be what a force per mass accelerates the part's point at the contact by (2×2, positive definite).
-//! Under a force F that keeps the contact (no acceleration along the normal), with F_r the one that rolling needs,
+//! Why that is consistent: let W be what a force per mass accelerates the part's point at the contact by (2×2, positive
+//! definite). Under a force F that keeps the contact (no acceleration along the normal), with F_r the one that rolling
+//! needs,
 //!
 //! ```text
 //! normal       0  = w_nn (F_n − F_rn) + w_nt (F_t − F_rt)
@@ -22,12 +25,12 @@
 //! sliding      F_t = −µ_c sgn(σ) F_n        F_n = (w_nn F_rn + w_nt F_rt)/D        D = w_nn − µ_c sgn(σ) w_nt
 //! ```
 //!
-//! If |F_rt| > µ_c F_rn and D > 0 both ways, the only slip that grows under its own friction is that against F_rt, also where
-//! F_rn < 0. And a slip that friction has brought to zero had σ̇ against it: then σ̇'s sign says that F_rt is along the slip, and the
-//! second row of the table is the first one, free of rounding.
+//! If |F_rt| > µ_c F_rn and D > 0 both ways, the only slip that grows under its own friction is that against F_rt, also
+//! where F_rn < 0. And a slip that friction has brought to zero had σ̇ against it: then σ̇'s sign says that F_rt is
+//! along the slip, and the second row of the table is the first one, free of rounding.
 //!
-//! Signs, in every simulation: along the edge, counter-clockwise is positive, both for the slip σ (part relative to finger) and for
-//! F_t (force on the part); F_n > 0 pushes into the part. Friction opposes slip, F_t σ ≤ 0.
+//! Signs, in every simulation: along the edge, counter-clockwise is positive, both for the slip σ (part relative to
+//! finger) and for F_t (force on the part); F_n > 0 pushes into the part. Friction opposes slip, F_t σ ≤ 0.
 //! Frames: edge. Units: SI, forces per unit mass of the part. Numbers may carry derivatives; their values decide.
 //! Errors: none.
 
@@ -35,11 +38,12 @@ use super::model::{ContactMode, Slip};
 use super::rest::RestStart;
 use super::scalar::Scalar;
 
-/// Slip and speed that count as none, m/s: an atom's width a second. Rounding in the velocities is a million times less.
+/// Slip and speed that count as none, m/s: an atom's width a second. Rounding in the velocities is a million times
+/// less.
 pub(super) const SLIP_NONE: f64 = 1e-9;
 
-/// A sliding denominator D (1 for s = 0) below this is a jam: the contact force is a thousand million times its usual size, and
-/// at the pace of any push the true zero is less than a nanosecond away.
+/// A sliding denominator D (1 for s = 0) below this is a jam: the contact force is a thousand million times its usual
+/// size, and at the pace of any push the true zero is less than a nanosecond away.
 pub(crate) const JAM_DENOMINATOR: f64 = 1e-9;
 
 /// Force of the finger on the part, per unit mass.
@@ -89,7 +93,8 @@ impl<T: Scalar> ContactFriction<T> {
         if slip.abs() < SLIP_NONE { self.without_slip(&rolling()) } else { self.slides(Slip::of(slip)) }
     }
 
-    /// What follows a mode that has come to its end, [`Self::left`] being used up: from the force that rolling needs there.
+    /// What follows a mode that has come to its end, [`Self::left`] being used up: from the force that rolling needs
+    /// there.
     pub(crate) fn after(&self, mode: &ContactMode<T>, rolling: &ContactForce<T>) -> ContactMode<T> {
         match (*mode, self.without_slip(rolling)) {
             (ContactMode::Sliding { .. }, ContactMode::Rolling) => ContactMode::Rolling,
@@ -108,7 +113,8 @@ impl<T: Scalar> ContactFriction<T> {
         self.slides(Slip::of(-force.tangential.re()))
     }
 
-    /// What must not fall below 0 for a mode to last: friction that rolling leaves unused (m/s²), slip in its direction (m/s).
+    /// What must not fall below 0 for a mode to last: friction that rolling leaves unused (m/s²), slip in its direction
+    /// (m/s).
     pub(crate) fn left(
         &self,
         mode: &ContactMode<T>,
@@ -136,8 +142,8 @@ impl<T: Scalar> ContactFriction<T> {
 }
 
 impl ContactFriction {
-    /// How a part at rest begins to move, and in which mode, at a finger that slips along it at `slip` (m/s) already, if it does.
-    /// `start` solves how for a given mode.
+    /// How a part at rest begins to move, and in which mode, at a finger that slips along it at `slip` (m/s) already,
+    /// if it does. `start` solves how for a given mode.
     pub(crate) fn from_rest<E>(
         &self,
         slip: f64,

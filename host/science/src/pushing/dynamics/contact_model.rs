@@ -207,8 +207,8 @@ impl PushModel<'_> {
 }
 
 impl<T: Scalar> PushModel<'_, T> {
-    /// The state so shortly (`span`, s) after a start from rest at `[u, s]` that the accelerations `[alpha, a_t]` of the start
-    /// still hold, with the finger at rest at first too. For starts whose numbers carry derivatives.
+    /// The state so shortly (`span`, s) after a start from rest at `[u, s]` that the accelerations `[alpha, a_t]` of
+    /// the start still hold, with the finger at rest at first too. For starts whose numbers carry derivatives.
     pub(crate) fn after_rest(&self, [u, s]: [T; 2], [alpha, a_t]: [T; 2], span: f64) -> State<T> {
         let ((sin, cos), [x, y]) = (u.sin_cos(), self.finger.acceleration);
         let finger_a_t = cos * y - sin * x;

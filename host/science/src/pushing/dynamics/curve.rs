@@ -1,6 +1,7 @@
 //! Outlines that touch: what a contact must know of finger and part.
 //!
-//! Every outline runs counter-clockwise around its inside and has a parameter `p`: the finger's is called u, the part's s.
+//! Every outline runs counter-clockwise around its inside and has a parameter `p`: the finger's is called u, the part's
+//! s.
 //!
 //! | outline | parameter | point |
 //! |---|---|---|

@@ -1,9 +1,9 @@
 //! How a pushed part accelerates, and the force at its contact.
 //!
-//! Implements: thesis §5.2.1 (frictionless), §5.4.1 (rolling), §5.4.2 (sliding), in a form that is regular everywhere: no
-//! division by s, signed h. With N = −(cos u, sin u) the part's outward normal at the contact, T = (−sin u, cos u), c = hN − sT
-//! the contact seen from the centre of mass, v_N = v_FN + sω, m = µ_c times the sign of the slip along the edge, and
-//! (f, τ) = µg · (mean direction of motion under the part, its moment):
+//! Implements: thesis §5.2.1 (frictionless), §5.4.1 (rolling), §5.4.2 (sliding), in a form that is regular everywhere:
+//! no division by s, signed h. With N = −(cos u, sin u) the part's outward normal at the contact, T = (−sin u, cos u),
+//! c = hN − sT the contact seen from the centre of mass, v_N = v_FN + sω, m = µ_c times the sign of the slip along the
+//! edge, and (f, τ) = µg · (mean direction of motion under the part, its moment):
 //!
 //! ```text
 //! u̇ = ω                 ṡ = v_T − v_FT − ω(r + h)

@@ -1,13 +1,14 @@
 //! Smooth motions to near rounding: a few large steps of high order, for a contact that stays as it is.
 //!
-//! A step is divided into 2, 4, 6, … parts by the explicit midpoint rule, whose error is a series in the square of a part's length:
-//! each further division, extrapolated to parts of no length, gains two orders. Where no friction acts a second of pushing
-//! takes one or two steps; [`super::run`] would take fifty, for it also looks for what ends the contact.
+//! A step is divided into 2, 4, 6, … parts by the explicit midpoint rule, whose error is a series in the square of a
+//! part's length: each further division, extrapolated to parts of no length, gains two orders. Where no friction acts a
+//! second of pushing takes one or two steps; [`super::run`] would take fifty, for it also looks for what ends the
+//! contact.
 //!
-//! Implements: Gragg's method as Bulirsch and Stoer extrapolate it (Hairer, Nørsett, Wanner, *Solving Ordinary Differential
-//! Equations I*, 2nd ed., II.9).
-//! Assumes: no events: an edge goes on as a line, and the finger pulls where it would have to. Whether it has is for the caller to
-//! see from the places passed. Friction under the part makes a start from rest too stiff for this.
+//! Implements: Gragg's method as Bulirsch and Stoer extrapolate it (Hairer, Nørsett, Wanner, *Solving Ordinary
+//! Differential Equations I*, 2nd ed., II.9).
+//! Assumes: no events: an edge goes on as a line, and the finger pulls where it would have to. Whether it has is for
+//! the caller to see from the places passed. Friction under the part makes a start from rest too stiff for this.
 //! Units: SI. Errors: none; a motion that takes too small steps has no end.
 
 use super::contact_model::ContactModel;
@@ -16,7 +17,8 @@ use super::model::{ContactMode, State};
 /// Divisions of a step tried before it is halved: order 16.
 const DIVISIONS: usize = 8;
 
-/// What the last extrapolation may change, as a share of 1 rad and of the radius of gyration: what is left is smaller by far.
+/// What the last extrapolation may change, as a share of 1 rad and of the radius of gyration: what is left is smaller
+/// by far.
 const CHANGE_MAX: f64 = 1e-11;
 
 /// Halvings of the whole after which a motion is given up.

@@ -1,7 +1,8 @@
 //! Steps in time: a fixed one for observers, an error-controlled one for truth.
 //!
-//! Implements: the classical Runge–Kutta method of order 4 ([`ode`]); Dormand and Prince's pair of orders 5 and 4 with its interpolant
-//! of order 4 (Hairer, Nørsett, Wanner, *Solving Ordinary Differential Equations I*, 2nd ed., II.5 and II.6).
+//! Implements: the classical Runge–Kutta method of order 4 ([`ode`]); Dormand and Prince's pair of orders 5 and 4 with
+//! its interpolant of order 4 (Hairer, Nørsett, Wanner, *Solving Ordinary Differential Equations I*, 2nd ed., II.5 and
+//! II.6).
 //! Assumes: the contact stays as it is during a step.
 //! Units: SI. Errors: none; a step too large shows in its error estimate.
 
@@ -56,8 +57,8 @@ impl<T: Scalar> Mul<f64> for State<T> {
 impl<T: Scalar> PushModel<'_, T> {
     /// The state one step of `dt` (s) later, by the classical Runge–Kutta method of order 4.
     ///
-    /// For observers: no error control, no events. Measured error of u after 0.8 s at 5 cm/s with µ = 0.3, on 100 random pushes
-    /// each, rolling | frictionless, in rad:
+    /// For observers: no error control, no events. Measured error of u after 0.8 s at 5 cm/s with µ = 0.3, on 100
+    /// random pushes each, rolling | frictionless, in rad:
     ///
     /// | step | median | worst |
     /// |---|---|---|

@@ -2,11 +2,16 @@
 //!
 //! In reading order:
 //! - [`support`]: what the plane does to a sliding part;
-//! - `body`: a mass and what it rests on; `model`: part, edge, finger and contact, as plain data; `scalar` and `jet`: the numbers they are written for;
-//! - `disk_on_edge`: accelerations and contact force of a disk on an edge; `curve` and `shaped`: of any two outlines; `rest`: how a part at rest begins to move;
-//! - `contact_mode`: whether a contact sticks, slides, breaks or jams, for all who follow a push; `mode_change`: when, and what that does to derivatives;
-//! - `integrate`: steps in time, fixed and error-controlled; `extrapolation`: smooth motions in a few large ones; `rollout`: fixed steps, state after state;
-//! - `sensitivity`: derivatives of a push by its start and its parameters; `switching`: these across changes of contact;
+//! - `body`: a mass and what it rests on; `model`: part, edge, finger and contact, as plain data; `scalar` and `jet`:
+//!   the numbers they are written for;
+//! - `disk_on_edge`: accelerations and contact force of a disk on an edge; `curve` and `shaped`: of any two outlines;
+//!   `rest`: how a part at rest begins to move;
+//! - `contact_mode`: whether a contact sticks, slides, breaks or jams, for all who follow a push; `mode_change`: when,
+//!   and what that does to derivatives;
+//! - `integrate`: steps in time, fixed and error-controlled; `extrapolation`: smooth motions in a few large ones;
+//!   `rollout`: fixed steps, state after state;
+//! - `sensitivity`: derivatives of a push by its start and its parameters; `switching`: these across changes of
+//!   contact;
 //! - `push`: a push from its start; `run`: a push in time, with what ends it.
 
 mod body;

@@ -2,9 +2,10 @@
 //!
 //! Shared by all who follow a push through changes of mode. What follows is for [`super::contact_mode`] to say.
 //!
-//! A change at the instant t(p) moves with what a push is derived by, p. To first order the state there is that just before, moved
-//! by ẋ₋ dt; the mode changes, at no slip; and back at a fixed time it is moved by −ẋ₊ dt. With dt/dp = −(∂g/∂p)/ġ for the margin
-//! g that is used up, this is the saltation matrix I + (ẋ₊ − ẋ₋) ∇g/ġ, times the change's own.
+//! A change at the instant t(p) moves with what a push is derived by, p. To first order the state there is that just
+//! before, moved by ẋ₋ dt; the mode changes, at no slip; and back at a fixed time it is moved by −ẋ₊ dt. With dt/dp =
+//! −(∂g/∂p)/ġ for the margin g that is used up, this is the saltation matrix I + (ẋ₊ − ẋ₋) ∇g/ġ, times the change's
+//! own.
 //!
 //! Assumes: each margin is used up transversally; a push that only touches one has no derivative there.
 //! Units: SI. Errors: none.
@@ -17,8 +18,8 @@ use crate::math::Jet;
 /// Halvings of a bracket: enough to reach rounding from any.
 const HALVINGS_MAX: usize = 80;
 
-/// The first instant at which a mode has ended, in `(0, beyond]`, to `resolution`; at 0 it lasts, at `beyond` it has ended. Times are
-/// from wherever, in s or as shares of a step.
+/// The first instant at which a mode has ended, in `(0, beyond]`, to `resolution`; at 0 it lasts, at `beyond` it has
+/// ended. Times are from wherever, in s or as shares of a step.
 pub(crate) fn first_ended(ended: impl Fn(f64) -> bool, beyond: f64, resolution: f64) -> f64 {
     let (mut lasts, mut over) = (0.0, beyond);
     for _ in 0..HALVINGS_MAX {
@@ -97,8 +98,8 @@ impl<T: Scalar> Margin<T> {
     }
 }
 
-/// The state on the other side of a change of mode, given that on this side and its rates: the change is now or, for what carries
-/// derivatives, so much `late`.
+/// The state on the other side of a change of mode, given that on this side and its rates: the change is now or, for
+/// what carries derivatives, so much `late`.
 pub(crate) fn across<T: Scalar>(
     model: &PushModel<T>,
     to: &ContactMode<T>,

@@ -1,9 +1,10 @@
 //! What the motion of a pushed part depends on: part, contact edge, finger, and how they touch.
 //!
 //! Implements: the disk and the polygon of thesis §5.2.1, with the centre of mass and the inertia left free (§8.2.2).
-//! Assumes: one disk touches one edge; the disk translates and does not turn; the pressure on the plane does not change.
-//! Frames: `part` (as the polygon was given), `edge` (part's axes turned so that x is the edge's outward normal and y its
-//! counter-clockwise direction; origin at the centre of mass), `world`. Units: SI, per unit mass where named so.
+//! Assumes: one disk touches one edge; the disk translates and does not turn; the pressure on the plane does not
+//! change.
+//! Frames: `part` (as the polygon was given), `edge` (part's axes turned so that x is the edge's outward normal and y
+//! its counter-clockwise direction; origin at the centre of mass), `world`. Units: SI, per unit mass where named so.
 //! Errors: [`ModelError`] for an edge that the polygon does not have.
 
 use nalgebra::{Point2, Vector2};
@@ -79,7 +80,8 @@ impl Part {
         Ok(Edge { normal, height: normal.dot(&from), s_min: direction.dot(&from), s_max: direction.dot(&to) })
     }
 
-    /// How the support slides, in edge axes about the centre of mass: friction on the part per unit mass is −µg times that.
+    /// How the support slides, in edge axes about the centre of mass: friction on the part per unit mass is −µg times
+    /// that.
     #[inline]
     pub(super) fn sliding<T: Scalar>(&self, edge: &Edge, twist: EdgeTwist<T>) -> EdgeTwist<T> {
         let (x, y) = (edge.normal.x, edge.normal.y);
@@ -205,7 +207,8 @@ pub enum ContactMode<T = f64> {
 }
 
 impl<T: Scalar> ContactMode<T> {
-    /// m = µ_c times the sign of the slip: tangential over normal force on the part, but for the sign; none where nothing slips.
+    /// m = µ_c times the sign of the slip: tangential over normal force on the part, but for the sign; none where
+    /// nothing slips.
     #[inline]
     pub(crate) fn signed_friction(&self) -> Option<T> {
         match *self {

@@ -1,7 +1,7 @@
 //! A push from its start: what is asked, checked once.
 //!
-//! Assumes, frames, units: see [`super::model`]. Errors: [`PushError`] names what is impossible from the start. What ends a
-//! push later, or at once, is an [`End`](super::End), not an error.
+//! Assumes, frames, units: see [`super::model`]. Errors: [`PushError`] names what is impossible from the start. What
+//! ends a push later, or at once, is an [`End`](super::End), not an error.
 
 use nalgebra::{Point2, Vector2};
 
@@ -11,7 +11,8 @@ use super::curve::{FingerShape, PartSide};
 use super::model::{ContactMode, FingerPath, Part, PushModel, Slip, State};
 use super::shaped::ShapedModel;
 
-/// How far beyond an edge's end, or into the part, is put down to rounding of the input, m: printed micrometres pass exactly.
+/// How far beyond an edge's end, or into the part, is put down to rounding of the input, m: printed micrometres pass
+/// exactly.
 const PLACE_TOLERANCE: f64 = 1e-9;
 
 /// What happens at the contact, and what ends it. Friction is µ_c between finger and part.
@@ -189,7 +190,8 @@ impl<M: ContactModel> PushOf<M> {
         Ok(push)
     }
 
-    /// The same with the part's other edges in the finger's way: a push at one edge of `part` notices when it reaches another.
+    /// The same with the part's other edges in the finger's way: a push at one edge of `part` notices when it reaches
+    /// another.
     ///
     /// # Errors
     /// [`PushError::Overlap`] if the finger reaches into one from the start.
@@ -202,13 +204,15 @@ impl<M: ContactModel> PushOf<M> {
         inside.map_or(Ok(self), |(edge, gap)| Err(PushError::Overlap { edge, depth: -gap }))
     }
 
-    /// The same, ended where the finger reaches a second edge. Otherwise a run only notes that, and goes on as if it did not.
+    /// The same, ended where the finger reaches a second edge. Otherwise a run only notes that, and goes on as if it
+    /// did not.
     #[must_use]
     pub fn ending_at_second_contact(self) -> Self {
         Self { ends_at_second_contact: true, ..self }
     }
 
-    /// The same with a finger that changes its acceleration (m/s², world axes) at times after 0 (s), its velocity running on.
+    /// The same with a finger that changes its acceleration (m/s², world axes) at times after 0 (s), its velocity
+    /// running on.
     ///
     /// # Errors
     /// [`PushError::ChangesOutOfOrder`].

@@ -1,7 +1,7 @@
 //! The start from rest: how a part begins to move when a finger begins to.
 //!
-//! At rest the direction of support friction follows from the acceleration that it opposes. Without contact friction, and in
-//! rolling, the acceleration A = (a_N, a_T, α) is the only minimum of the strictly convex Gauss function
+//! At rest the direction of support friction follows from the acceleration that it opposes. Without contact friction,
+//! and in rolling, the acceleration A = (a_N, a_T, α) is the only minimum of the strictly convex Gauss function
 //! |a|²/2 + ρ²α²/2 + µg Φ(A) under the contact's constraint, with Φ the mean speed under the part of a twist A (thesis
 //! §5.1.3 finds it by a Newton iteration on the centre of rotation). In sliding the contact force is at an angle to the
 //! constraint; the same equations are solved in a plane across the force, and are reached from the frictionless ones.
@@ -62,8 +62,8 @@ pub struct RestError {
     pub residual: f64,
 }
 
-/// The equations `across^T (M A + µg ∂Φ/∂A) = 0` with `A = offset + along x`: what the contact permits, and what its force
-/// cannot balance.
+/// The equations `across^T (M A + µg ∂Φ/∂A) = 0` with `A = offset + along x`: what the contact permits, and what its
+/// force cannot balance.
 struct Equations<const K: usize> {
     offset: Vector3<f64>,
     along: SMatrix<f64, 3, K>,

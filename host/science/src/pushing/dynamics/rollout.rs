@@ -1,8 +1,8 @@
 //! Pushes at fixed steps, state after state: what estimators try by the thousand.
 //!
-//! Implements: the classical Runge–Kutta method of order 4 step by step; Adams–Bashforth–Moulton of order 4, predicted and
-//! corrected once with two evaluations a step instead of four, begun by three Runge–Kutta steps (Hairer, Nørsett, Wanner,
-//! *Solving Ordinary Differential Equations I*, 2nd ed., III.1).
+//! Implements: the classical Runge–Kutta method of order 4 step by step; Adams–Bashforth–Moulton of order 4, predicted
+//! and corrected once with two evaluations a step instead of four, begun by three Runge–Kutta steps (Hairer, Nørsett,
+//! Wanner, *Solving Ordinary Differential Equations I*, 2nd ed., III.1).
 //! Assumes: the contact stays as it is. Units: SI. Errors: none; see each method for its measured error.
 
 use super::model::{ContactMode, PushModel, State};
@@ -26,7 +26,8 @@ impl<T: Scalar> PushModel<'_, T> {
 
     /// [`PushModel::rollout`] in about half its time, with a larger error and a lower limit on the step.
     ///
-    /// Measured error of u after 0.8 s at 5 cm/s with µ = 0.3, on 100 random pushes each, rolling | frictionless, in rad:
+    /// Measured error of u after 0.8 s at 5 cm/s with µ = 0.3, on 100 random pushes each, rolling | frictionless, in
+    /// rad:
     ///
     /// | step | median | worst |
     /// |---|---|---|

@@ -1,12 +1,14 @@
 //! A push in time, from its start to the last time asked for or to what ends it.
 //!
-//! Steps are error-controlled ([`super::integrate`]). Within each step the margins that keep the contact as it is are looked
-//! at in several places; where one is used up, the instant is found on exact steps from the step's start, so that events are
-//! as accurate as states. A margin that dips below zero and recovers within a step is found by its minimum.
+//! Steps are error-controlled ([`super::integrate`]). Within each step the margins that keep the contact as it is are
+//! looked at in several places; where one is used up, the instant is found on exact steps from the step's start, so
+//! that events are as accurate as states. A margin that dips below zero and recovers within a step is found by its
+//! minimum.
 //!
-//! The truth among those who follow a push through changes of mode: outlines of any shape, every event, errors of rounding. It
-//! carries no derivatives ([`super::switching`] adds them afterwards), and its steps depend on what it finds, so that a cost of its
-//! results is not smooth: estimators have paths of their own. Which mode follows is decided in [`super::contact_mode`].
+//! The truth among those who follow a push through changes of mode: outlines of any shape, every event, errors of
+//! rounding. It carries no derivatives ([`super::switching`] adds them afterwards), and its steps depend on what it
+//! finds, so that a cost of its results is not smooth: estimators have paths of their own. Which mode follows is
+//! decided in [`super::contact_mode`].
 //!
 //! Implements: the contact modes of thesis §5.2.1 and §5.4 with Coulomb's law deciding between them.
 //! Assumes: what else the finger meets does not push: see [`SecondContact`].
@@ -23,8 +25,8 @@ use super::model::{ContactMode, State};
 use super::push::{ContactLaw, EdgeEnd, PushOf, Start, gap};
 use super::rest::{RestError, RestStart};
 
-/// Normal force per mass, m/s², below which a contact at a leg's start may be about to end: a thousandth of rounding in g
-/// would not show here.
+/// Normal force per mass, m/s², below which a contact at a leg's start may be about to end: a thousandth of rounding in
+/// g would not show here.
 const FORCE_NONE: f64 = 1e-9;
 
 /// How far beyond its edge a contact may start, m: see [`Push::new`](super::Push::new).
@@ -33,7 +35,8 @@ const PLACE_NONE: f64 = 1e-9;
 /// Time over which to see where a margin goes that is used up at a leg's start, s.
 const PROBE_TIME: f64 = 1e-7;
 
-/// The start from rest is followed in closed form for this share of √(ρ/|a|): what is left out is smaller by its square.
+/// The start from rest is followed in closed form for this share of √(ρ/|a|): what is left out is smaller by its
+/// square.
 const REST_SHARE: f64 = 1e-6;
 
 /// Where in a step to look at the margins. The first and last inner places tell which way they go at the ends.
@@ -45,14 +48,15 @@ const DIP_SHARE: f64 = 0.5;
 /// Golden sections: enough to reach rounding from any bracket.
 const SEARCHES_MAX: usize = 80;
 
-/// A part that comes to rest this shortly before the finger's acceleration changes does so at the change, s: a finger that brakes
-/// to a pause.
+/// A part that comes to rest this shortly before the finger's acceleration changes does so at the change, s: a finger
+/// that brakes to a pause.
 const PAUSE_NEAR: f64 = 1e-6;
 
 /// First step, s: the next ones grow or shrink to what is needed.
 const STEP_FIRST: f64 = 1e-5;
 
-/// Steps of a push after which it is given up: about two seconds of computing. A foot held at rest takes a million a second.
+/// Steps of a push after which it is given up: about two seconds of computing. A foot held at rest takes a million a
+/// second.
 const STEPS_MAX: usize = 2_000_000;
 
 /// Changes between rolling and sliding after which a push is given up.
@@ -230,8 +234,8 @@ struct Found {
 impl<M: ContactModel> PushOf<M> {
     /// Simulates the push, and samples it at `times`: s, increasing, from 0 on, at least one.
     ///
-    /// Measured on 200 random pushes over 0.8 s at 5 cm/s, rolling and frictionless, against fixed steps of 20 µs: u within
-    /// 3e-11 rad, s within 3e-13 m. A slow part is stiff: a step takes about 3v/(µg), 0.1 ms at 0.1 mm/s.
+    /// Measured on 200 random pushes over 0.8 s at 5 cm/s, rolling and frictionless, against fixed steps of 20 µs: u
+    /// within 3e-11 rad, s within 3e-13 m. A slow part is stiff: a step takes about 3v/(µg), 0.1 ms at 0.1 mm/s.
     ///
     /// # Errors
     /// [`PushRunError`].

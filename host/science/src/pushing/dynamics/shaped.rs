@@ -1,11 +1,13 @@
 //! Pushes between outlines of any curvature: a disk, an ellipse or a line pushes an edge or an ellipse.
 //!
-//! The general model beside the fast one of a disk on an edge ([`super::disk_on_edge`]), with the same states and contacts.
+//! The general model beside the fast one of a disk on an edge ([`super::disk_on_edge`]), with the same states and
+//! contacts.
 //!
-//! Implements: thesis §5.1, eqs. (5.7) to (5.17), and §5.4, in a form that never divides by a curvature. Let finger and part
-//! have outlines with parameters u and s, lengths g_F du and g_P ds, and normals that turn by k_F du and k_P ds. At the contact,
-//! N is the part's outward normal, t = ẑ × N its counter-clockwise direction, T = −t the finger's, c = c_N N + c_t t the contact
-//! seen from the centre of mass, and σ = (v + ω ẑ × c − v_F)·t the slip. Both outlines share contact and normal:
+//! Implements: thesis §5.1, eqs. (5.7) to (5.17), and §5.4, in a form that never divides by a curvature. Let finger and
+//! part have outlines with parameters u and s, lengths g_F du and g_P ds, and normals that turn by k_F du and k_P ds.
+//! At the contact, N is the part's outward normal, t = ẑ × N its counter-clockwise direction, T = −t the finger's, c =
+//! c_N N + c_t t the contact seen from the centre of mass, and σ = (v + ω ẑ × c − v_F)·t the slip. Both outlines share
+//! contact and normal:
 //!
 //! ```text
 //! g_F u̇ + g_P ṡ = −σ     k_F u̇ − k_P ṡ = ω     D = g_F k_P + g_P k_F
@@ -23,7 +25,8 @@
 //!   force on the part a + f with a = a_F + ω̇ (c_t N − c_N t) + ω² c + ω g_P ṡ N
 //! ```
 //!
-//! Assumes: the finger translates and does not turn; one contact, which lasts; at least one of the outlines bends there.
+//! Assumes: the finger translates and does not turn; one contact, which lasts; at least one of the outlines bends
+//! there.
 //! Frames: world; forces and accelerations per unit mass on the part. Units: SI.
 //! Errors: [`ShapeError`] for outlines that cannot touch at one point.
 

@@ -1,8 +1,8 @@
 //! Derivatives of a push across its changes between rolling and sliding, and of the instants of these.
 //!
-//! Follows a run that is done and decides nothing: the modes and when they change are that run's record ([`super::run`], whose steps
-//! control their error, which does not go with derivatives). What it shares with others who carry derivatives across a change is
-//! [`super::mode_change`].
+//! Follows a run that is done and decides nothing: the modes and when they change are that run's record
+//! ([`super::run`], whose steps control their error, which does not go with derivatives). What it shares with others
+//! who carry derivatives across a change is [`super::mode_change`].
 //!
 //! Assumes: as [`super::mode_change`].
 //! Units: SI. Errors: [`PushRunError`].
@@ -18,7 +18,8 @@ use crate::math::Jet;
 /// Step of the Runge–Kutta method that carries the derivatives, s: see [`PushModel::step`] for its error.
 const STEP: f64 = 5e-4;
 
-/// Steps in the first such step of a stretch, and how each next is longer: friction changes fastest after a change of contact.
+/// Steps in the first such step of a stretch, and how each next is longer: friction changes fastest after a change of
+/// contact.
 const STEP_FIRST: f64 = 5e-6;
 const STEP_GROWTH: f64 = 1.5;
 

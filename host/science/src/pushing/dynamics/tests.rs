@@ -208,7 +208,8 @@ proptest! {
         prop_assert!((gained - simpson).abs() <= 1e-6 * scale, "gained {gained:e}, put in {simpson:e} m²/s²");
     }
 
-    /// Seen from a finger in steady motion, a part without any friction keeps its kinetic energy: the contact does no work.
+    /// Seen from a finger in steady motion, a part without any friction keeps its kinetic energy: the contact does no
+    /// work.
     #[test]
     fn without_any_friction_energy_relative_to_a_steady_finger_is_kept(scene in possible_scenes()) {
         let scene = Scene { mu_g: 0.0, finger: Finger { acceleration: [0.0; 2], ..scene.finger }, ..scene };
@@ -350,8 +351,8 @@ proptest! {
         prop_assert!((sliding.normal_force - rolling.normal_force).abs() < 1e-7 * scale, "{rolling:?} {sliding:?}");
     }
 
-    /// Complementarity on the equations themselves: whatever the rule says of a contact without slip, the force pushes within the
-    /// cone, and slip grows only the way that it says.
+    /// Complementarity on the equations themselves: whatever the rule says of a contact without slip, the force pushes
+    /// within the cone, and slip grows only the way that it says.
     #[test]
     fn the_mode_that_follows_is_the_one_that_the_equations_allow(scene in scenes(), friction in 0.0..0.8, t in 0.0..0.5) {
         /// Over this time the slip is looked at, s.
@@ -504,7 +505,8 @@ proptest! {
         const BY: [Parameter; 5] =
             [Parameter::U, Parameter::S, Parameter::Omega, Parameter::VT, Parameter::MuG];
         const SMALL: [f64; 5] = [1e-5, 1e-6, 1e-5, 1e-6, 1e-5];
-        /// Of a difference of runs that are good to 1e-10, over 2e-6 and more; and of the steps that carry the derivatives.
+        /// Of a difference of runs that are good to 1e-10, over 2e-6 and more; and of the steps that carry the
+        /// derivatives.
         const QUOTIENT: f64 = 2e-3;
         let law = ContactLaw::Coulomb { friction };
         let part = scene.part();
@@ -591,12 +593,14 @@ proptest! {
 #[derive(Clone, Copy, Debug)]
 struct Quotient {
     value: f64,
-    /// What third derivatives make of it: large where a change of contact is all but tangential, and its instant all but without a slope.
+    /// What third derivatives make of it: large where a change of contact is all but tangential, and its instant all
+    /// but without a slope.
     error: f64,
 }
 
 impl Quotient {
-    /// Of the values `small` before and behind, and twice as far: the error of the first is a third of how the two differ.
+    /// Of the values `small` before and behind, and twice as far: the error of the first is a third of how the two
+    /// differ.
     fn of([plus, minus, far_plus, far_minus]: [f64; 4], small: f64) -> Self {
         let [value, far] = [(plus - minus) / (2.0 * small), (far_plus - far_minus) / (4.0 * small)];
         Self { value, error: (value - far).abs() }

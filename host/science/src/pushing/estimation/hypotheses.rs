@@ -1,6 +1,7 @@
 //! What an observer of a pushed part answers: the set of all that the data cannot exclude. Plain data.
 //!
-//! Every observer here answers in this form, so that whatever judges, shows, plans on or compares answers is written once.
+//! Every observer here answers in this form, so that whatever judges, shows, plans on or compares answers is written
+//! once.
 //!
 //! Frames: that of the finger's motion, called world. Units: SI. Errors: none; an empty set is an answer.
 
@@ -35,7 +36,8 @@ impl Nearness {
 
 /// An observer of a pushed part: one observation in, one set of hypotheses out.
 ///
-/// What is known beforehand (the part, the friction, the finger's motion) is in the observer; what was felt is the observation.
+/// What is known beforehand (the part, the friction, the finger's motion) is in the observer; what was felt is the
+/// observation.
 pub trait Observer {
     /// What was felt, in the form in which this observer takes it.
     type Observation: ?Sized;
@@ -56,7 +58,8 @@ pub struct Estimate {
     pub hypotheses: Vec<Hypothesis>,
     /// How well the best one fits.
     pub fit: Fit,
-    /// How many turns take the part to itself, where each hypothesis stands for as many poses; 1 where every pose is listed.
+    /// How many turns take the part to itself, where each hypothesis stands for as many poses; 1 where every pose is
+    /// listed.
     pub symmetry: usize,
     /// Up to when data were used, s.
     pub time_end: f64,
@@ -160,7 +163,8 @@ pub struct Belief {
 /// The plane's friction counts as found if its standard deviation is less than this share of what it was beforehand.
 const FOUND_SHARE: f64 = 0.9;
 
-/// Mass and friction of the plane are known together where their product's standard deviation is less than this share of each one's.
+/// Mass and friction of the plane are known together where their product's standard deviation is less than this share
+/// of each one's.
 const TOGETHER_SHARE: f64 = 0.5;
 
 impl Estimate {
@@ -200,8 +204,8 @@ impl Hypothesis {
         Some(Belief { edge, law, state, covariance: self.state_covariance?, probability })
     }
 
-    /// Standard deviations at the end: of the centre of mass (m, both directions together) and of the angle (rad). None where the
-    /// pose has none.
+    /// Standard deviations at the end: of the centre of mass (m, both directions together) and of the angle (rad). None
+    /// where the pose has none.
     #[must_use]
     pub fn spread(&self, part: &Part) -> Option<(f64, f64)> {
         let covariance = self.covariance?;
@@ -238,7 +242,8 @@ impl Hypothesis {
     }
 }
 
-/// Hypotheses that are one answer, being on one edge with ends near each other, are joined: each covers all that it stands for.
+/// Hypotheses that are one answer, being on one edge with ends near each other, are joined: each covers all that it
+/// stands for.
 pub(super) fn joined(hypotheses: impl IntoIterator<Item = Hypothesis>, near: Nearness) -> Vec<Hypothesis> {
     let mut kept: Vec<Hypothesis> = Vec::new();
     for next in hypotheses {

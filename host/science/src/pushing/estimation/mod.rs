@@ -1,8 +1,9 @@
 //! Pose and motion of a pushed part from what the finger feels (thesis ch. 5 and 6). Pure: no files, clocks or threads.
 //!
-//! A finger pushes a known part across a table and feels only where it is touched, or only the force. Where is the part, and how
-//! does it move? Any edge may be in contact, anywhere. An [`Observer`] answers with a **set**, an [`Estimate`]: every pose and motion
-//! that its observation cannot exclude, each a [`Hypothesis`] with its covariance and probability, and nothing that is excluded.
+//! A finger pushes a known part across a table and feels only where it is touched, or only the force. Where is the
+//! part, and how does it move? Any edge may be in contact, anywhere. An [`Observer`] answers with a **set**, an
+//! [`Estimate`]: every pose and motion that its observation cannot exclude, each a [`Hypothesis`] with its covariance
+//! and probability, and nothing that is excluded.
 //!
 //! The observers are siblings: one observation in, one set of hypotheses out.
 //!
@@ -13,8 +14,9 @@
 //! | [`RestingPush`], [`Table`] (`initial_pose`) | a few contacts | at rest, without friction at the finger | thesis §5.3.2, §6.2, §8.2.2 |
 //! | [`GhoBank`] (`thesis_gho`) | contact angles | in motion, about known | the thesis's observers of §5.2, §5.4.2, §6.1 |
 //!
-//! What is done with their answers is the same for all: [`planning`] (which motion tells hypotheses apart), [`which_part()`] (several
-//! parts), [`in_sequence`] (two pushes), `hypotheses` (the answer itself, the gate, when two are one).
+//! What is done with their answers is the same for all: [`planning`] (which motion tells hypotheses apart),
+//! [`which_part()`] (several parts), [`in_sequence`] (two pushes), `hypotheses` (the answer itself, the gate, when two
+//! are one).
 //!
 //! To add one: see `docs/ARCHITECTURE.md`.
 //!

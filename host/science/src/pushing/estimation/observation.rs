@@ -1,6 +1,7 @@
 //! What is known of a push and what was felt of it: plain data.
 //!
-//! Frames: world, unless named. Units: SI, forces per unit mass of the part. Errors: none; the caller has checked the values.
+//! Frames: world, unless named. Units: SI, forces per unit mass of the part. Errors: none; the caller has checked the
+//! values.
 
 use nalgebra::Vector2;
 
@@ -20,8 +21,8 @@ pub struct Known<'p> {
     pub touch: Touch,
 }
 
-/// A finger slower than this starts at rest, m/s: it would go a micrometre in a second, and friction would stop it within a third of a
-/// microsecond.
+/// A finger slower than this starts at rest, m/s: it would go a micrometre in a second, and friction would stop it
+/// within a third of a microsecond.
 const REST_SPEED: f64 = 1e-6;
 
 impl Touch {
@@ -110,15 +111,16 @@ pub enum Measured {
 /// The plane's friction is within e³, a factor of twenty, of what it is taken for, however little is known of it.
 pub(super) const MU_G_LOG_MAX: f64 = 3.0;
 
-/// What is known of the motion at t = 0: standard deviations about zero, what is not given is bounded instead; and of the plane.
+/// What is known of the motion at t = 0: standard deviations about zero, what is not given is bounded instead; and of
+/// the plane.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Prior {
     /// Of ω, rad/s.
     pub omega0_sigma: Option<f64>,
     /// Of v_T, m/s.
     pub v_t0_sigma: Option<f64>,
-    /// Of ln(µg) about that of [`Known::mu_g`]: 0.2 where it is known to a fifth. Every hypothesis then has a friction of its own.
-    /// None where the friction is known.
+    /// Of ln(µg) about that of [`Known::mu_g`]: 0.2 where it is known to a fifth. Every hypothesis then has a friction
+    /// of its own. None where the friction is known.
     pub mu_g_log_sigma: Option<f64>,
 }
 

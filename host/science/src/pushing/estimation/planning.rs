@@ -8,15 +8,16 @@
 //! D² = rᵀ (σ² 1 + J_a P_a J_aᵀ + J_b P_b J_bᵀ)⁻¹ r     r: difference of the predicted angles
 //! ```
 //!
-//! with P the covariance of a hypothesis's present state and J the derivatives of its prediction. A wrong choice between
-//! the two then has the probability Q(D/2). A hypothesis by itself may leave open where on its edge the part is touched: what its
-//! covariance becomes with the data to come says how far off that place still may be. The best motion is the one with the least
-//! probability of naming the wrong hypothesis or a wrong place, bounded by the sum over all pairs and all hypotheses. Pairs
-//! that no motion separates (a symmetric part) add the same to every motion, so they do not hide what can be told.
+//! with P the covariance of a hypothesis's present state and J the derivatives of its prediction. A wrong choice
+//! between the two then has the probability Q(D/2). A hypothesis by itself may leave open where on its edge the part is
+//! touched: what its covariance becomes with the data to come says how far off that place still may be. The best motion
+//! is the one with the least probability of naming the wrong hypothesis or a wrong place, bounded by the sum over all
+//! pairs and all hypotheses. Pairs that no motion separates (a symmetric part) add the same to every motion, so they do
+//! not hide what can be told.
 //!
-//! Assumes: predictions are linear in what is uncertain; one angle is felt, that of the contact or of the force; it is compared as long as both
-//! hypotheses keep the contact, so losing it is never taken as evidence. Frames: world. Units: SI, rad. Errors: none; a
-//! motion that a hypothesis does not survive counts as telling nothing.
+//! Assumes: predictions are linear in what is uncertain; one angle is felt, that of the contact or of the force; it is
+//! compared as long as both hypotheses keep the contact, so losing it is never taken as evidence. Frames: world. Units:
+//! SI, rad. Errors: none; a motion that a hypothesis does not survive counts as telling nothing.
 
 use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
 
@@ -34,8 +35,8 @@ pub const AMBIGUOUS_BELOW: f64 = 36.0;
 /// Places on one edge that differ by less are one, m.
 pub const ONE_PLACE_M: f64 = 2e-3;
 
-/// How a hypothesis is fitted to what was felt: predictions are nearly linear in what is uncertain, so by Gauss's and Newton's steps
-/// as long as they help. The prior bounds the curvature from below.
+/// How a hypothesis is fitted to what was felt: predictions are nearly linear in what is uncertain, so by Gauss's and
+/// Newton's steps as long as they help. The prior bounds the curvature from below.
 const FIT: LeastSquaresSettings<4> = LeastSquaresSettings {
     damping: Damping {
         first: 0.0,
@@ -59,7 +60,8 @@ const FIT_STEP: f64 = 1e-2;
 /// A hypothesis less probable than this after a motion is given up: D² is then some 28 above the best one's.
 const PROBABILITY_MIN: f64 = 1e-6;
 
-/// Share of a motion to one side and over to the other that the first side takes: the finger then ends as far over on the other.
+/// Share of a motion to one side and over to the other that the first side takes: the finger then ends as far over on
+/// the other.
 const OVER_AFTER: f64 = 1.0 / 3.0;
 
 /// Steps of the central differences, in units of the state: far above rounding, far below what bends the prediction.
@@ -114,7 +116,8 @@ pub struct Motion {
 pub struct Prospect {
     /// How the finger would go on.
     pub motion: Motion,
-    /// Bound of the probability of naming the wrong hypothesis, or a place more than half [`ONE_PLACE_M`] off, afterwards.
+    /// Bound of the probability of naming the wrong hypothesis, or a place more than half [`ONE_PLACE_M`] off,
+    /// afterwards.
     pub risk: f64,
     /// D² of each pair of hypotheses, first index below second.
     pub pairs: Vec<Pair>,
@@ -173,8 +176,8 @@ impl Motion {
     }
 }
 
-/// The motions that a finger under way can be asked for within `seconds`: straight on, to either side, ahead and between, and to one
-/// side and back over to the other.
+/// The motions that a finger under way can be asked for within `seconds`: straight on, to either side, ahead and
+/// between, and to one side and back over to the other.
 ///
 /// `ahead` is where the finger goes, of any length above 0; `acceleration` is in m/s².
 #[must_use]
@@ -246,7 +249,8 @@ struct Seen {
 }
 
 impl Ahead<'_, '_> {
-    /// What is felt if the motion starts from a state, as long as the contact lasts; nothing where such a push is impossible.
+    /// What is felt if the motion starts from a state, as long as the contact lasts; nothing where such a push is
+    /// impossible.
     fn seen(&self, state: State) -> Vec<Seen> {
         let mut all = Vec::new();
         let Present { radius, centre, velocity, .. } = *self.present;
@@ -329,8 +333,8 @@ impl Foreseen {
 }
 
 impl Foreseen {
-    /// Predictions that stand for all: with what is most uncertain at its mean and √3 standard deviations off, by Gauss's and
-    /// Hermite's rule; with their weights.
+    /// Predictions that stand for all: with what is most uncertain at its mean and √3 standard deviations off, by
+    /// Gauss's and Hermite's rule; with their weights.
     fn likely(&self) -> Vec<(f64, Vec<f64>)> {
         let main = (self.spread.nrows() > 0 && self.spread.ncols() > 0).then(|| {
             let eigen = self.spread.tr_mul(&self.spread).symmetric_eigen();
@@ -350,8 +354,8 @@ impl Foreseen {
     }
 }
 
-/// Where the hypotheses stand after a motion that was made, by what was felt of it (`sensed` at dt, 2 dt, …, not longer than the
-/// motion): each moved to where it fits best, those that cannot explain it left out.
+/// Where the hypotheses stand after a motion that was made, by what was felt of it (`sensed` at dt, 2 dt, …, not longer
+/// than the motion): each moved to where it fits best, those that cannot explain it left out.
 ///
 /// Every hypothesis is fitted by [`least_squares`], with its covariance before the motion as prior.
 #[must_use]

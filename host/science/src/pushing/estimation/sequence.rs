@@ -1,7 +1,8 @@
 //! Two pushes of one part, one after the other: what both together leave possible.
 //!
-//! Each push by itself may leave several poses. If the part stays where the first push left it until the second begins, then the pose
-//! after the first is the pose before the second, and only pairs of explanations remain that agree about it. A pair's cost is
+//! Each push by itself may leave several poses. If the part stays where the first push left it until the second begins,
+//! then the pose after the first is the pose before the second, and only pairs of explanations remain that agree about
+//! it. A pair's cost is
 //!
 //! ```text
 //! cost₁ + cost₂ + dᵀ (C₁ + C₂ + S)⁻¹ d     d: difference of the two poses, C: their covariances, S: how well the part stayed
@@ -89,8 +90,8 @@ impl PoseBelief {
         Some(Self { pose: pose_end, covariance: hypothesis.covariance?, cost, probability })
     }
 
-    /// The pose before a push of which the contact angle was felt, as one of its explanations has it; none where another quantity
-    /// was felt or the data leave the pose free.
+    /// The pose before a push of which the contact angle was felt, as one of its explanations has it; none where
+    /// another quantity was felt or the data leave the pose free.
     #[must_use]
     pub fn before(known: &Known, observation: &Observation, hypothesis: &Hypothesis) -> Option<Self> {
         let model = known.model(known.part.edge(hypothesis.edge).ok()?);
@@ -106,7 +107,8 @@ impl PoseBelief {
         Some(Self { pose: pose(&model, start.u, 0.0, &start), covariance, cost, probability })
     }
 
-    /// Squared distance of two poses in standard deviations, and the logarithm of its density, up to what all pairs share.
+    /// Squared distance of two poses in standard deviations, and the logarithm of its density, up to what all pairs
+    /// share.
     fn apart(&self, other: &Self, slack: Slack) -> Option<(f64, f64)> {
         let turn = wrap_angle(other.pose.theta - self.pose.theta);
         let difference = Vector3::new(other.pose.x - self.pose.x, other.pose.y - self.pose.y, turn);

@@ -1,11 +1,12 @@
 //! Which of several known parts was pushed: the same push is explained with each, and the explanations are compared.
 //!
-//! Laplace's approximation gives each hypothesis the weight exp(−cost/2) √det C, with C the covariance of contact angle and place
-//! at the end; a part's evidence is the sum over its hypotheses. Before the push every part is as likely, and of one part every
-//! place of its perimeter, so that a large part is not preferred for having more places. A part that the data exclude by
-//! themselves has no hypotheses and the probability 0.
+//! Laplace's approximation gives each hypothesis the weight exp(−cost/2) √det C, with C the covariance of contact angle
+//! and place at the end; a part's evidence is the sum over its hypotheses. Before the push every part is as likely, and
+//! of one part every place of its perimeter, so that a large part is not preferred for having more places. A part that
+//! the data exclude by themselves has no hypotheses and the probability 0.
 //!
-//! Parts may also differ in no more than what they stand on, which is seldom known: [`mixed`] then makes one answer of all of them.
+//! Parts may also differ in no more than what they stand on, which is seldom known: [`mixed`] then makes one answer of
+//! all of them.
 //!
 //! Units: SI. Errors: none; if no part explains the data, each has the probability 0.
 //!
@@ -51,11 +52,11 @@ fn shares(evidence: &[Option<f64>]) -> Vec<f64> {
     evidence.iter().map(|evidence| if sum > 0.0 { share(evidence) / sum } else { 0.0 }).collect()
 }
 
-/// What several parts of one outline leave possible together, whichever it is: explanations of different parts that end at one place
-/// are one, and its covariance holds how far they are apart.
+/// What several parts of one outline leave possible together, whichever it is: explanations of different parts that end
+/// at one place are one, and its covariance holds how far they are apart.
 ///
-/// None where no part explains the data, or where those that do differ in their symmetry, so that their poses do not stand for the
-/// same. The order is that of [`which_part`]; goodness of fit and outliers are those of the likeliest.
+/// None where no part explains the data, or where those that do differ in their symmetry, so that their poses do not
+/// stand for the same. The order is that of [`which_part`]; goodness of fit and outliers are those of the likeliest.
 #[must_use]
 pub fn mixed(parts: &[PartEstimate], near: Nearness) -> Option<Estimate> {
     let possible = || parts.iter().filter(|part| !part.estimate.hypotheses.is_empty());

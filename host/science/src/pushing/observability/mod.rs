@@ -1,11 +1,13 @@
 //! What the contact angle tells about a pushed part.
 //!
-//! The state is u, s, ω and, unless the contact rolls, v_T; the finger's motion is known. A change of state shows if it changes u(t)
-//! over a short window, to first order. For these analytic equations that is the rank of du, du̇, dü, … (thesis §4.2.1): a
-//! window weighs all orders at once, where each by itself would need its own scale.
+//! The state is u, s, ω and, unless the contact rolls, v_T; the finger's motion is known. A change of state shows if it
+//! changes u(t) over a short window, to first order. For these analytic equations that is the rank of du, du̇, dü, …
+//! (thesis §4.2.1): a window weighs all orders at once, where each by itself would need its own scale.
 //!
-//! Implements: the question of thesis Theorems 19, 21 and 23 for the actual motion of the finger instead of for arbitrary ones.
-//! Assumes: the contact lasts in its mode, whatever its force; the window ends before the part comes to rest or, sliding, jams.
+//! Implements: the question of thesis Theorems 19, 21 and 23 for the actual motion of the finger instead of for
+//! arbitrary ones.
+//! Assumes: the contact lasts in its mode, whatever its force; the window ends before the part comes to rest or,
+//! sliding, jams.
 //! Frames: as [`crate::pushing::dynamics`]. Units: SI; state changes scaled by [`Scales`].
 //! Errors: [`PushObservabilityError`], where there is no window at all.
 
@@ -24,13 +26,15 @@ const LOOK_FIRST: f64 = 0.01;
 /// Factor from one look to the next: fast changes show early, slow ones late, and each gets its share of looks.
 const LOOK_GROWTH: f64 = 1.25;
 
-/// Length of a step as a share of the time in which anything changes: a Runge–Kutta step then errs by 1e-8 of what it adds.
+/// Length of a step as a share of the time in which anything changes: a Runge–Kutta step then errs by 1e-8 of what it
+/// adds.
 const STEP_SHARE: f64 = 0.05;
 
 /// Steps after which the window ends: a part at a tenth of a millimetre a second is that stiff.
 const STEPS_MAX: usize = 20_000;
 
-/// The window ends where the part is slower than this share of its speed at the start: friction has no direction at rest.
+/// The window ends where the part is slower than this share of its speed at the start: friction has no direction at
+/// rest.
 const SPEED_SHARE_MIN: f64 = 0.02;
 
 /// Sliding denominator, of its value at the start, at which the window ends: the force grows without bound (Painlevé).

@@ -65,8 +65,8 @@ pub(super) struct Effort {
 pub(super) enum Norm {
     /// Squares over the variance: best for normal errors.
     Squares,
-    /// Eighth powers over that of a bound, m: errors of rounding are uniform up to it, and the variance of this estimate is a
-    /// fifth of that of least squares (1/(2p − 1) against 1/3 of the bound's square, for power p).
+    /// Eighth powers over that of a bound, m: errors of rounding are uniform up to it, and the variance of this
+    /// estimate is a fifth of that of least squares (1/(2p − 1) against 1/3 of the bound's square, for power p).
     Bounded(f64),
 }
 

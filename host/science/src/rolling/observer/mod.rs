@@ -1,14 +1,15 @@
 //! Pose and motion of a rolling body from the path of its contact, without a prior.
 //!
-//! A global search over attitude, modulo the body's symmetry, and spin; fits over ever longer horizons; a last fit of all
-//! readings at full accuracy; then a verdict: what explains the readings within their noise, and nothing else. Parts of the
-//! model may be unknown too: which of several bodies, the semi-axes of an ellipsoid, a constant acceleration of the palm,
-//! whether the contact transmits spin.
+//! A global search over attitude, modulo the body's symmetry, and spin; fits over ever longer horizons; a last fit of
+//! all readings at full accuracy; then a verdict: what explains the readings within their noise, and nothing else.
+//! Parts of the model may be unknown too: which of several bodies, the semi-axes of an ellipsoid, a constant
+//! acceleration of the palm, whether the contact transmits spin.
 //!
 //! Implements: the observer that thesis §7.3 leaves to future work.
 //! Assumes: contact kept, no slip; readings at equal steps of time from t = 0.
 //! Frames: as in [`mechanics`](super::mechanics). Units: SI.
-//! Errors: [`ObserveError`] for readings too few or too short. That nothing fits, or several hypotheses do, is an answer.
+//! Errors: [`ObserveError`] for readings too few or too short. That nothing fits, or several hypotheses do, is an
+//! answer.
 
 mod fit;
 mod rotations;
@@ -235,8 +236,9 @@ impl Question {
         solutions
     }
 
-    /// How much shorter steps and averages must be than for a round body: a contact rushes over the sharp ends of long and
-    /// flat ones. 1 for a 2-3-4 ellipsoid; for one that is unknown too, because its steps cannot change with the fit.
+    /// How much shorter steps and averages must be than for a round body: a contact rushes over the sharp ends of long
+    /// and flat ones. 1 for a 2-3-4 ellipsoid; for one that is unknown too, because its steps cannot change with the
+    /// fit.
     fn pace(&self, bodies: &[RollingBody]) -> f64 {
         match self.body {
             BodyKnowledge::Ellipsoid { .. } => 1.0,
@@ -282,8 +284,8 @@ const PACE_MIN: f64 = 0.2;
 /// Cost above the best of the search up to which a fit may still turn out to be listed.
 const WORTH_POLISHING: f64 = 100.0;
 
-/// Residual, in pitches, up to which a fit of rounded readings may be refined by their bounds: half a pitch if the fit were
-/// exact, more because it is not.
+/// Residual, in pitches, up to which a fit of rounded readings may be refined by their bounds: half a pitch if the fit
+/// were exact, more because it is not.
 const ROUNDING_MAX: f64 = 0.75;
 
 /// The last fit of all readings, by least squares; where they were rounded, then by the bounds of rounding.

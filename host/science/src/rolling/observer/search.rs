@@ -1,8 +1,9 @@
-//! The global search: every attitude and spin is a candidate; those that fit the first derivatives of the contact path go on.
+//! The global search: every attitude and spin is a candidate; those that fit the first derivatives of the contact path
+//! go on.
 //!
 //! 1. Cubics through the middle of the window give the contact's velocity `u'` and acceleration `u''`.
-//! 2. Each attitude of a spread over SO(3), modulo the body's symmetry, gets the angular velocity that makes `u'` right; the
-//!    spin about the normal, which `u'` does not see, is where `u''` comes nearest (a quartic to minimise).
+//! 2. Each attitude of a spread over SO(3), modulo the body's symmetry, gets the angular velocity that makes `u'`
+//!    right; the spin about the normal, which `u'` does not see, is where `u''` comes nearest (a quartic to minimise).
 //! 3. The attitudes nearest in `u''` are rolled over a short horizon; the best and most different become starts.
 //! 4. Starts are fitted over the short horizon, the survivors over twice that, and so on to the whole window.
 //!
@@ -53,8 +54,8 @@ pub(super) struct Width {
     pub(super) starts: usize,
     /// Fits to take along from stage to stage.
     pub(super) kept: usize,
-    /// Half the horizon of the first fits, in units of √(size/g): long enough for gravity to show, short enough to be nearly
-    /// linear. What is long enough depends on how unlike a sphere the body is, so the wider searches try others.
+    /// Half the horizon of the first fits, in units of √(size/g): long enough for gravity to show, short enough to be
+    /// nearly linear. What is long enough depends on how unlike a sphere the body is, so the wider searches try others.
     pub(super) horizon: f64,
 }
 
@@ -243,7 +244,8 @@ impl Ground<'_> {
         starts.iter().map(|start| self.point(start)).collect()
     }
 
-    /// How different two states are: the angle modulo symmetry, and the angular velocity in palm axes in units of √(g/size).
+    /// How different two states are: the angle modulo symmetry, and the angular velocity in palm axes in units of
+    /// √(g/size).
     fn differ(&self, body: &RollingBody, a: &RollState, b: &RollState) -> f64 {
         let (x, y) = (a.attitude(), b.attitude());
         let rate = (self.specific_force.norm() / body.size()).sqrt();

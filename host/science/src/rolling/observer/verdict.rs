@@ -1,8 +1,8 @@
 //! What a set of minima means: one answer, several, or none.
 //!
-//! Listed are all physically possible minima whose cost is within [`LISTED`] of the best; `unique` is one of them alone. The
-//! certificate says whether one may rely on it: residuals as small as the noise, no rival, and a Cramér–Rao bound small
-//! enough for the guarantee of [`GUARANTEED_RAD`].
+//! Listed are all physically possible minima whose cost is within [`LISTED`] of the best; `unique` is one of them
+//! alone. The certificate says whether one may rely on it: residuals as small as the noise, no rival, and a Cramér–Rao
+//! bound small enough for the guarantee of [`GUARANTEED_RAD`].
 //!
 //! Units: costs are sums of squared residuals over their variances. Errors: none.
 
@@ -23,7 +23,8 @@ pub(super) const LISTED: f64 = 16.0;
 /// Attitude error that a certified estimate stays below from the first reading to the last, rad.
 pub(super) const GUARANTEED_RAD: f64 = 0.034_906_585;
 
-/// Standard deviations that the promise must leave room for, at the end where they are larger and in the worst direction.
+/// Standard deviations that the promise must leave room for, at the end where they are larger and in the worst
+/// direction.
 ///
 /// The largest error of 4500 rolls of a 2-3-4 ellipsoid was 3.56 of them; with 2.5 no certified one was off by 2° yet.
 const GUARANTEED_SIGMAS: f64 = 3.5;
@@ -115,8 +116,8 @@ pub struct RollHypothesis {
     pub end: RollState,
     /// Sum of squared residuals over their variances.
     pub cost: f64,
-    /// Of attitude (turn about body axes, rad) and angular velocity (body axes, rad/s) at the end, then of the semi-axes (m)
-    /// and the palm's acceleration (m/s²). None where a continuum fits.
+    /// Of attitude (turn about body axes, rad) and angular velocity (body axes, rad/s) at the end, then of the
+    /// semi-axes (m) and the palm's acceleration (m/s²). None where a continuum fits.
     pub covariance: Option<DMatrix<f64>>,
     /// Whether a continuum of states explains the readings as well, beside what the symmetry hides.
     pub unobservable: bool,
@@ -154,8 +155,8 @@ impl Gate {
         solution.fit.cost <= Self::cost_max(degrees) || self.rounds(solution)
     }
 
-    /// Whether rounding alone explains what is left over. Rounding errors of a slow contact are not independent, so that
-    /// chi-square says little, but they never exceed half the pitch.
+    /// Whether rounding alone explains what is left over. Rounding errors of a slow contact are not independent, so
+    /// that chi-square says little, but they never exceed half the pitch.
     fn rounds(self, solution: &Solution) -> bool {
         match self.noise {
             Noise::Grid(pitch) => solution.residual_max <= HALF_PITCH * pitch,
@@ -209,7 +210,8 @@ impl Gate {
 }
 
 impl Residuals {
-    /// By what neighbours that err alike widen the bound: readings of a slow contact repeat each other's rounding error.
+    /// By what neighbours that err alike widen the bound: readings of a slow contact repeat each other's rounding
+    /// error.
     fn dilution(self) -> f64 {
         let correlation = self.correlation.clamp(0.0, 0.99);
         ((1.0 + correlation) / (1.0 - correlation)).sqrt()
@@ -241,8 +243,8 @@ impl Solution {
         Some(whole)
     }
 
-    /// The largest standard deviation of the attitude in the middle, rad: the Cramér–Rao bound; `None` if symmetry leaves a
-    /// continuum or the readings do.
+    /// The largest standard deviation of the attitude in the middle, rad: the Cramér–Rao bound; `None` if symmetry
+    /// leaves a continuum or the readings do.
     fn attitude_sigma(&self) -> Option<f64> {
         self.symmetry().order()?;
         let covariance = self.middle_covariance()?;

@@ -1,4 +1,5 @@
-//! The rule against what Coulomb's law says of a mode by itself: forces and accelerations of one contact, of any inertia.
+//! The rule against what Coulomb's law says of a mode by itself: forces and accelerations of one contact, of any
+//! inertia.
 
 use proptest::prelude::*;
 
@@ -113,7 +114,8 @@ proptest! {
         }
     }
 
-    /// With one coefficient; with a higher one for sticking, whatever sticks could slide, and the rule says that it sticks.
+    /// With one coefficient; with a higher one for sticking, whatever sticks could slide, and the rule says that it
+    /// sticks.
     #[test]
     fn nothing_else_could_follow(point in sound()) {
         let friction = ContactFriction::same(point.friction.sliding);
@@ -162,7 +164,8 @@ proptest! {
         }
     }
 
-    /// What rolled slides, and against what it would have needed, however near to the edge of the cone rounding puts it.
+    /// What rolled slides, and against what it would have needed, however near to the edge of the cone rounding puts
+    /// it.
     #[test]
     fn rolling_that_has_used_up_its_friction_slides_against_the_force(point in points()) {
         let after = point.friction.after(&ContactMode::Rolling, &point.needed);

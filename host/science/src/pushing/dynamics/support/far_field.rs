@@ -1,12 +1,12 @@
 //! Support friction for centres of rotation far away, up to and through pure translation.
 //!
 //! Write points and velocities as complex numbers, `V` for the velocity of the centroid. The point `p` moves with
-//! `V + iωp = V (1 + εp)`, `ε = iω/V`, so the mean speed is `Φ = |V| f(ε)` with `f = ∫ |1 + εp| dA / A`. Far from the centre of
-//! rotation `|εp| < 1`, and `f` is a power series in the two real parts of `ε`, whose coefficients are moments of the part: it is as
-//! good at `ω = 0` as beside it, and costs the same for any number of vertices.
+//! `V + iωp = V (1 + εp)`, `ε = iω/V`, so the mean speed is `Φ = |V| f(ε)` with `f = ∫ |1 + εp| dA / A`. Far from the
+//! centre of rotation `|εp| < 1`, and `f` is a power series in the two real parts of `ε`, whose coefficients are
+//! moments of the part: it is as good at `ω = 0` as beside it, and costs the same for any number of vertices.
 //!
-//! With `κ = ω/|V|` and the unit vector `k = (V_y, V_x)/|V|`, `ε = κ k`; let `m = (k_b, −k_a)`, and subscripts of `f` be derivatives
-//! in those directions. Along and across `V`:
+//! With `κ = ω/|V|` and the unit vector `k = (V_y, V_x)/|V|`, `ε = κ k`; let `m = (k_b, −k_a)`, and subscripts of `f`
+//! be derivatives in those directions. Along and across `V`:
 //!
 //! ```text
 //! I₁/A = (f − κ f_k, κ f_m)         I₂/A = f_k
@@ -75,10 +75,12 @@ impl FarField {
         series
     }
 
-    /// Adds the triangles between the centroid and a bit of the outline at `p` (in radii); `weight` is twice their share of the area.
+    /// Adds the triangles between the centroid and a bit of the outline at `p` (in radii); `weight` is twice their
+    /// share of the area.
     ///
-    /// `|1 + εp| = Σ Pₙ`, homogeneous of degree `n` in `ε` and `p` each: `n Pₙ = −(2n − 3) ℓ Pₙ₋₁ − (n − 3) |ε|²|p|² Pₙ₋₂`, with
-    /// `ℓ = Re εp` (the recurrence of Gegenbauer polynomials). From the centroid outwards it integrates to `Pₙ/(n + 2)`.
+    /// `|1 + εp| = Σ Pₙ`, homogeneous of degree `n` in `ε` and `p` each:
+    /// `n Pₙ = −(2n − 3) ℓ Pₙ₋₁ − (n − 3) |ε|²|p|² Pₙ₋₂`, with `ℓ = Re εp` (the recurrence of Gegenbauer polynomials).
+    /// From the centroid outwards it integrates to `Pₙ/(n + 2)`.
     fn add_ray(&mut self, p: Vector2<f64>, weight: f64) {
         let p2 = p.norm_squared();
         let (mut before, mut here) = ([0.0; DEGREE + 1], [0.0; DEGREE + 1]);
@@ -172,8 +174,8 @@ struct Expanding<'a, const BENDS: bool> {
 impl<const BENDS: bool> WithSimd for Expanding<'_, BENDS> {
     type Output = Derivatives;
 
-    /// Horner's scheme in `a` for as many powers of `b` at once as fit, then the sum over these. Nothing is fused, so that every
-    /// machine gives the same digits but for the order of that sum.
+    /// Horner's scheme in `a` for as many powers of `b` at once as fit, then the sum over these. Nothing is fused, so
+    /// that every machine gives the same digits but for the order of that sum.
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Derivatives {
         let Self { columns, a, b } = self;

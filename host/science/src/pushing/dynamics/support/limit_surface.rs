@@ -1,7 +1,8 @@
-//! The limit surface: all friction that a support can meet a motion with, and the ellipsoid that is often put in its place.
+//! The limit surface: all friction that a support can meet a motion with, and the ellipsoid that is often put in its
+//! place.
 //!
-//! Goyal, Ruina and Papadopoulos (1991) showed that friction wrenches lie on a convex surface whose normal is the twist; Howe and
-//! Cutkosky (1996) put an ellipsoid through its circle of translations and its poles.
+//! Goyal, Ruina and Papadopoulos (1991) showed that friction wrenches lie on a convex surface whose normal is the
+//! twist; Howe and Cutkosky (1996) put an ellipsoid through its circle of translations and its poles.
 //!
 //! Frames: any fixed to the part. Units: SI; forces per `μ·m·g`. Errors: none.
 
@@ -11,8 +12,8 @@ use nalgebra::{Point2, Vector2};
 
 use super::{MeanSliding, SupportFriction, Twist};
 
-/// An ellipsoid in place of the true limit surface: an approximation, exact only for pure translation and for turning about the centre of
-/// pressure.
+/// An ellipsoid in place of the true limit surface: an approximation, exact only for pure translation and for turning
+/// about the centre of pressure.
 ///
 /// ```
 /// use nalgebra::{Point2, Vector2};
@@ -68,8 +69,8 @@ impl EllipsoidalLimitSurface {
     }
 }
 
-/// Twists in all directions: `steps` circles of latitude from turning right to turning left, of `2·steps` each; the turning is
-/// weighed by `length` (m; about half the part's size spaces the points evenly).
+/// Twists in all directions: `steps` circles of latitude from turning right to turning left, of `2·steps` each; the
+/// turning is weighed by `length` (m; about half the part's size spaces the points evenly).
 pub(super) fn twists(length: f64, steps: usize) -> impl Iterator<Item = Twist> {
     let last = steps.saturating_sub(1).max(1) as f64;
     (0..steps).flat_map(move |i| {

@@ -3,12 +3,14 @@
 //! Every bit of the support resists against the direction in which it slides. For a part with uniform pressure the
 //! force is `−μ·g·(m/A)·I₁` and the moment `−μ·g·(m/A)·I₂` with
 //! `I₁ = ∫ v̂ dA` and `I₂ = ∫ p × v̂ dA`, where `v̂` is the direction of the velocity at `p`. This module gives the two
-//! divided by the area, so that a support of any kind gives the means of `v̂` and of `p × v̂`, weighed by pressure: [`MeanSliding`].
-//! Both are gradients of the mean speed `Φ = ∫ |v| dA / A`, hence their own gradient is symmetric and positive semidefinite.
+//! divided by the area, so that a support of any kind gives the means of `v̂` and of `p × v̂`, weighed by pressure:
+//! [`MeanSliding`]. Both are gradients of the mean speed `Φ = ∫ |v| dA / A`, hence their own gradient is symmetric and
+//! positive semidefinite.
 //!
-//! Implements: thesis §5.1.2, eqs. (5.18) to (5.20), and appendix C, in closed forms of our own that need no angles and no
-//! inside test. Symbols in `docs/NOTATION.md`.
-//! Assumes: Coulomb friction, pressure known and constant. What rests exactly at the centre of rotation has no friction.
+//! Implements: thesis §5.1.2, eqs. (5.18) to (5.20), and appendix C, in closed forms of our own that need no angles and
+//! no inside test. Symbols in `docs/NOTATION.md`.
+//! Assumes: Coulomb friction, pressure known and constant. What rests exactly at the centre of rotation has no
+//! friction.
 //! Frames: any frame fixed to the part, of which the twist is that of the origin, in the part's axes. Units: SI.
 //! Errors: none. A centre of rotation inside, on an edge, at a vertex or infinitely far away is valid.
 //!
@@ -99,7 +101,8 @@ impl MeanSliding {
     /// A support that does not move.
     const NONE: Self = Self { direction: Vector2::new(0.0, 0.0), moment: 0.0 };
 
-    /// Mean speed `Φ` of the support under the twist that this belongs to, m/s; `μ·g` times it is the power lost per mass.
+    /// Mean speed `Φ` of the support under the twist that this belongs to, m/s; `μ·g` times it is the power lost per
+    /// mass.
     #[must_use]
     pub fn mean_speed(&self, twist: &Twist) -> f64 {
         self.direction.dot(&twist.velocity) + self.moment * twist.omega
@@ -202,7 +205,8 @@ impl SupportFriction {
 
     /// Pressure uniform over an ellipse with these semi-axes along x and y, m, in the frame at its middle.
     ///
-    /// By quadrature: up to an aspect ratio of 50, errors stay below 1e-12 (gradients 1e-10) of the largest possible values.
+    /// By quadrature: up to an aspect ratio of 50, errors stay below 1e-12 (gradients 1e-10) of the largest possible
+    /// values.
     ///
     /// # Panics
     /// If a semi-axis is not a positive number.
@@ -214,9 +218,9 @@ impl SupportFriction {
 
     /// Pressure uniform within a smooth closed curve, counter-clockwise, that sees its centroid at the frame's origin.
     ///
-    /// `outline` gives the point (m) and its derivative at a parameter from 0 to 1, with period 1. By quadrature on 16 panels of
-    /// 16 points, which are halved towards the centre of rotation: as exact as [`Self::ellipse`] where the panels resolve
-    /// the curve.
+    /// `outline` gives the point (m) and its derivative at a parameter from 0 to 1, with period 1. By quadrature on 16
+    /// panels of 16 points, which are halved towards the centre of rotation: as exact as [`Self::ellipse`] where the
+    /// panels resolve the curve.
     #[must_use]
     pub fn smooth(outline: impl Fn(f64) -> (Point2<f64>, Vector2<f64>) + Send + Sync + 'static) -> Self {
         Self { pressure: Pressure::Uniform(Uniform::smooth(Smooth::new(outline))), centre: Vector2::zeros() }
@@ -259,10 +263,10 @@ impl SupportFriction {
 
     /// Points of the limit surface: twists in all directions with the friction each meets.
     ///
-    /// Every point is a friction wrench per `μ·m·g`, reversed; the surface's outward normal there has the direction of its
-    /// twist. About the centre of pressure, pure translations give the unit circle at no moment. There are `steps` circles of
-    /// latitude of `2·steps` points each, from turning right to turning left; `length` (m) weighs turning against
-    /// translation, and half the part's size spaces the points evenly.
+    /// Every point is a friction wrench per `μ·m·g`, reversed; the surface's outward normal there has the direction of
+    /// its twist. About the centre of pressure, pure translations give the unit circle at no moment. There are `steps`
+    /// circles of latitude of `2·steps` points each, from turning right to turning left; `length` (m) weighs turning
+    /// against translation, and half the part's size spaces the points evenly.
     #[must_use]
     pub fn limit_surface(&self, length: f64, steps: usize) -> Vec<(Twist, MeanSliding)> {
         let twists: Vec<_> = limit_surface::twists(length, steps).collect();
@@ -300,8 +304,8 @@ impl SupportFriction {
 
     /// [`Self::mean_sliding`] and its gradient: rows direction x, direction y, moment; columns velocity x, y, omega.
     ///
-    /// The gradient is symmetric and positive semidefinite, and takes the twist itself to zero. It does not exist without
-    /// motion, nor for feet at a foot at rest: there it counts that foot, or everything, as having none.
+    /// The gradient is symmetric and positive semidefinite, and takes the twist itself to zero. It does not exist
+    /// without motion, nor for feet at a foot at rest: there it counts that foot, or everything, as having none.
     #[must_use]
     pub fn mean_sliding_and_gradient(&self, twist: &Twist) -> (MeanSliding, Matrix3<f64>) {
         if twist.is_of_plain_size() {

@@ -1,11 +1,12 @@
 //! The sums of `uniform` over a polygon, four edges side by side, or four centres of rotation.
 //!
-//! Written without branches over arrays of four, which the compiler turns into vector instructions: those of AVX2 where the machine
-//! has them (decided at run time by `pulp`), else the plain ones. Nothing is reordered or fused, so both give the same bits.
+//! Written without branches over arrays of four, which the compiler turns into vector instructions: those of AVX2 where
+//! the machine has them (decided at run time by `pulp`), else the plain ones. Nothing is reordered or fused, so both
+//! give the same bits.
 //!
 //! The logarithm is written out for the same reason, and takes a quotient in one division: with `k` the whole number
-//! nearest to its logarithm to base 2, `ln(P/Q) = k ln 2 + 2 atanh((P − 2ᵏQ)/(P + 2ᵏQ))`. Where `k = 0`, that last quotient is
-//! the edge's length over the sum of its ends' distances, which subtracts nothing.
+//! nearest to its logarithm to base 2, `ln(P/Q) = k ln 2 + 2 atanh((P − 2ᵏQ)/(P + 2ᵏQ))`. Where `k = 0`, that last
+//! quotient is the edge's length over the sum of its ends' distances, which subtracts nothing.
 //!
 //! Frames: the polygon's axes, origin at its centroid. Units: SI. Errors: none.
 
@@ -19,10 +20,11 @@ use super::uniform::Sums;
 /// Edges or centres side by side: what an AVX2 register holds.
 pub(super) const LANES: usize = 4;
 
-/// Least denominator of a quotient, m or m²: below the square of any distance that a double of the part's size can tell from 0.
+/// Least denominator of a quotient, m or m²: below the square of any distance that a double of the part's size can tell
+/// from 0.
 ///
-/// Small enough to change nothing else, and large enough that no quotient of lengths up to 1e9 m overflows. Where it acts the
-/// logarithm is multiplied by such a distance.
+/// Small enough to change nothing else, and large enough that no quotient of lengths up to 1e9 m overflows. Where it
+/// acts the logarithm is multiplied by such a distance.
 const LEAST: f64 = 1e-280;
 
 /// Factors of `1, z, …` in `(atanh(√z)/√z − 1)/z`, by the Remez algorithm for `|√z| ≤ 0.2005`: error below 1.6e-17.
@@ -230,7 +232,8 @@ struct Edge {
     length: f64,
 }
 
-/// Adds an edge to lane `i`, given its start seen from the centre of rotation, and the distances of its ends from there.
+/// Adds an edge to lane `i`, given its start seen from the centre of rotation, and the distances of its ends from
+/// there.
 #[inline(always)]
 fn add_edge<const GRADIENT: bool>(sums: &mut LaneSums, i: usize, edge: &Edge, [dx, dy]: [f64; 2], [r0, r1]: [f64; 2]) {
     let Edge { tx, ty, length } = *edge;
@@ -256,7 +259,8 @@ fn distance(x: f64, y: f64) -> f64 {
     (x * x + y * y).sqrt()
 }
 
-/// `Λ = ∫ ds/r` along an edge from `a` to `b` on a line whose distance squared is `h2`, the ends at the distances `r0` and `r1`.
+/// `Λ = ∫ ds/r` along an edge from `a` to `b` on a line whose distance squared is `h2`, the ends at the distances `r0`
+/// and `r1`.
 #[inline(always)]
 fn integral_of_reciprocal(length: f64, [a, b]: [f64; 2], h2: f64, [r0, r1]: [f64; 2]) -> f64 {
     // `LEAST` is added where nothing waits for it.

@@ -1,8 +1,8 @@
 //! Uniform pressure within a smooth closed curve, by quadrature along it.
 //!
-//! The curve is cut into panels with a Gauss rule each. The integrands of `uniform` have their only kink at the centre of
-//! rotation, so panels are halved until they are far from it for their length, or too short to matter: their number grows with the
-//! logarithm of the nearness, and the rules keep their full order.
+//! The curve is cut into panels with a Gauss rule each. The integrands of `uniform` have their only kink at the centre
+//! of rotation, so panels are halved until they are far from it for their length, or too short to matter: their number
+//! grows with the logarithm of the nearness, and the rules keep their full order.
 //!
 //! Frames: the part's axes, origin at the centroid. Units: SI. Errors: none; see [`DEPTH`] for what is left out.
 

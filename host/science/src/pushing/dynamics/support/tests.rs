@@ -5,8 +5,8 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// Largest error of means relative to their scale (1, or the part's radius), where results are compared at one centre of
-/// rotation. The closed form is allowed to lose two digits at 8 radii.
+/// Largest error of means relative to their scale (1, or the part's radius), where results are compared at one centre
+/// of rotation. The closed form is allowed to lose two digits at 8 radii.
 const ROUNDING: f64 = 2e-13;
 
 /// The same for gradients: that of the moment by the turning has the distance in it twice more.
@@ -318,7 +318,8 @@ fn block() -> SimplePolygon {
     SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from)).unwrap()
 }
 
-/// From turning about a point 8 radii away to pure translation, friction changes as its gradient says, with no step anywhere.
+/// From turning about a point 8 radii away to pure translation, friction changes as its gradient says, with no step
+/// anywhere.
 #[test]
 fn translation_is_the_limit_of_turning_ever_less() {
     let support = SupportFriction::uniform(&block());

@@ -1,9 +1,9 @@
 //! Uniform pressure over a polygon or within a smooth curve.
 //!
 //! The field of speeds of a part that turns is a cone over the plane with its tip at the centre of rotation `q`, so
-//! `∫ |p − q| dA` and its derivatives by `q` are integrals along the outline, and for a polygon sums over its edges. With `r` the
-//! distance from `q`, `n` an edge's outward normal, `h` the distance of `q` from the edge's line and `a`, `b` the places of its
-//! ends along the line from the foot of `q`:
+//! `∫ |p − q| dA` and its derivatives by `q` are integrals along the outline, and for a polygon sums over its edges.
+//! With `r` the distance from `q`, `n` an edge's outward normal, `h` the distance of `q` from the edge's line and `a`,
+//! `b` the places of its ends along the line from the foot of `q`:
 //!
 //! ```text
 //! Λ = ∫ ds/r = ln((b + r₁)/(a + r₀))        K = ∫ r ds = (b r₁ − a r₀ + h² Λ)/2
@@ -30,7 +30,8 @@ use crate::geometry::SimplePolygon;
 
 /// Largest distance of the centre of rotation from the centroid for the closed form, in radii of the part.
 ///
-/// The closed form loses about the square of this times 1e-16 of the result; the series beyond it converges like its powers.
+/// The closed form loses about the square of this times 1e-16 of the result; the series beyond it converges like its
+/// powers.
 const NEAR_MAX: f64 = 8.0;
 
 /// A shape with the same pressure everywhere, relative to its centroid.

@@ -1,7 +1,7 @@
 //! When to step: instants that do not depend on what is to be found, so that costs are smooth in it.
 //!
-//! Friction makes a part forget its speed within v/(µg). Steps in proportion to that follow it with an error that is the same
-//! for fast and slow pushes; between knots, values are interpolated (see [`super::path`]).
+//! Friction makes a part forget its speed within v/(µg). Steps in proportion to that follow it with an error that is
+//! the same for fast and slow pushes; between knots, values are interpolated (see [`super::path`]).
 //!
 //! Units: SI. Errors: none.
 
@@ -38,7 +38,8 @@ pub(in crate::pushing::estimation) struct Clock {
 }
 
 impl Clock {
-    /// From `start` (s), for values each `dt` (s), for a part that forgets its speed within `relaxation_time` (s) at each time.
+    /// From `start` (s), for values each `dt` (s), for a part that forgets its speed within `relaxation_time` (s) at
+    /// each time.
     pub(in crate::pushing::estimation) fn new(
         (dt, values): (f64, usize),
         start: f64,

@@ -1,7 +1,7 @@
 //! Where on a part's outline the finger's disk can be: stretches of edges that it reaches without overlapping the part.
 //!
-//! The disk touches an edge with its centre on a parallel at its radius. The other edges keep the centre out of everything
-//! nearer than the radius to them; of the parallel that is one interval an edge.
+//! The disk touches an edge with its centre on a parallel at its radius. The other edges keep the centre out of
+//! everything nearer than the radius to them; of the parallel that is one interval an edge.
 //!
 //! Frames: part. Units: SI. Errors: none; an edge in too narrow a notch has no interval.
 

@@ -141,8 +141,9 @@ const OUTLIER_SIGMAS: f64 = 6.0;
 /// Standard deviation over the median distance from zero, of normal errors.
 const SIGMA_PER_MEDIAN: f64 = 1.4826;
 
-/// Whether a value is far from the straight line through its neighbours: by the median of the slopes between them and the median of
-/// what they are off it, so that a few wrong ones among them do not count. Neighbours on a bend widen the limit.
+/// Whether a value is far from the straight line through its neighbours: by the median of the slopes between them and
+/// the median of what they are off it, so that a few wrong ones among them do not count. Neighbours on a bend widen the
+/// limit.
 fn lies_off(Channel { values, sigma }: &Channel, value: usize) -> bool {
     let around = value.saturating_sub(NEIGHBOURS)..(value + NEIGHBOURS + 1).min(values.len());
     let near: Vec<_> = around.filter(|&i| i != value && values[i].is_finite()).collect();

@@ -1,9 +1,10 @@
 //! The cost of a hypothesis, and how to lower it.
 //!
-//! The cost is the sum of squared residuals in standard deviations, terms of the prior included. Its derivatives come with the
-//! simulation itself, so the step of Gauss and Newton is exact; [`least_squares`] keeps it from going too far.
-//! What a contact cannot do (leave its stretch of the edge, pull, slip the other way) is held off by stiff springs: a minimum
-//! that leans against such a constraint is found on it. The springs' energy is a penalty beside the cost, not part of it.
+//! The cost is the sum of squared residuals in standard deviations, terms of the prior included. Its derivatives come
+//! with the simulation itself, so the step of Gauss and Newton is exact; [`least_squares`] keeps it from going too far.
+//! What a contact cannot do (leave its stretch of the edge, pull, slip the other way) is held off by stiff springs: a
+//! minimum that leans against such a constraint is found on it. The springs' energy is a penalty beside the cost, not
+//! part of it.
 //!
 //! Frames: world. Units: SI; costs of no dimension. Errors: none; unknowns that lead to no motion have no evaluation.
 
@@ -61,7 +62,8 @@ const DESCENT: LeastSquaresSettings<UNKNOWNS> = LeastSquaresSettings {
     steps_max: usize::MAX,
 };
 
-/// A part that slides along the finger moves no slower than this share of the finger's speed, as far as steps are concerned.
+/// A part that slides along the finger moves no slower than this share of the finger's speed, as far as steps are
+/// concerned.
 const SPEED_SHARE_MIN: f64 = 0.1;
 
 /// The same where it is not known how the finger moves to the contact.
@@ -69,7 +71,8 @@ const SPEED_SHARE: f64 = 0.7;
 
 /// Relaxation time v/(µg), in which friction makes the part forget its speed, s: infinite without friction or motion.
 ///
-/// A part that rolls on the finger moves about as fast as it does; one that slides along it, as fast as it moves into the part.
+/// A part that rolls on the finger moves about as fast as it does; one that slides along it, as fast as it moves into
+/// the part.
 pub(super) fn relaxation_time(known: &Known, data: &Data, time: f64) -> f64 {
     let velocity = Vector2::from(known.finger.velocity(time));
     let angle = || {
@@ -236,7 +239,8 @@ impl<'a, 'p> Fitting<'a, 'p> {
 
     /// The range of each unknown.
     pub(super) fn bounds(&self, Candidate { interval, start_mode, .. }: &Candidate) -> [[f64; 2]; UNKNOWNS] {
-        // Slip has a direction of its own; how fast it is follows from the bounds of the velocity, which are constraints then.
+        // Slip has a direction of its own; how fast it is follows from the bounds of the velocity, which are
+        // constraints then.
         let slip_or = |start_mode: &StartMode, bounds| {
             if matches!(start_mode, StartMode::Slips(_)) { [0.0, f64::INFINITY] } else { bounds }
         };
@@ -548,7 +552,8 @@ fn ln<T: Scalar>(x: T) -> T {
     (x - value) / value + value.ln()
 }
 
-/// Which of the unknowns the `N` are that derivatives are carried by: the first ones, and the plane's friction last if it is one.
+/// Which of the unknowns the `N` are that derivatives are carried by: the first ones, and the plane's friction last if
+/// it is one.
 #[derive(Clone, Copy)]
 struct Slots<const N: usize> {
     mu_g: bool,

@@ -1,11 +1,12 @@
 //! How a push can begin: the unknowns of a hypothesis, and the path's start that they make.
 //!
-//! The unknowns are, in this order, contact angle, place on the edge, angular velocity and the motion along the contact: its
-//! velocity where there is no friction, and its slip, from 0 on, where the contact slides. A contact without slip lacks the last; a
-//! push from rest has only the first two. Where the plane's friction is not known well, it is one more, the last.
+//! The unknowns are, in this order, contact angle, place on the edge, angular velocity and the motion along the
+//! contact: its velocity where there is no friction, and its slip, from 0 on, where the contact slides. A contact
+//! without slip lacks the last; a push from rest has only the first two. Where the plane's friction is not known well,
+//! it is one more, the last.
 //!
-//! A push from rest is followed in closed form until the part has gone a small share of its size: up to then it moves straight, with
-//! the acceleration of the start (see [`crate::pushing::dynamics`]), and direction of friction and all.
+//! A push from rest is followed in closed form until the part has gone a small share of its size: up to then it moves
+//! straight, with the acceleration of the start (see [`crate::pushing::dynamics`]), and direction of friction and all.
 //!
 //! Frames: world. Units: SI. Errors: none; a start without a pushing force is none.
 
@@ -23,12 +24,12 @@ pub(in crate::pushing::estimation) const UNKNOWNS: usize = 5;
 /// Place among the unknowns of the plane's friction.
 pub(in crate::pushing::estimation) const MU_G: usize = 4;
 
-/// Contact angle (rad), place on the edge (m), angular velocity (rad/s), velocity or slip along the contact (m/s), all at t = 0;
-/// logarithm of µ g over what it is taken for.
+/// Contact angle (rad), place on the edge (m), angular velocity (rad/s), velocity or slip along the contact (m/s), all
+/// at t = 0; logarithm of µ g over what it is taken for.
 pub(in crate::pushing::estimation) type Unknowns = [f64; UNKNOWNS];
 
-/// Differences of angle (rad), place (in radii of gyration) and µ g (of itself) by which a start from rest is derived: the solution is exact to
-/// 1e-14, so the derivatives are to 1e-9.
+/// Differences of angle (rad), place (in radii of gyration) and µ g (of itself) by which a start from rest is derived:
+/// the solution is exact to 1e-14, so the derivatives are to 1e-9.
 const REST_DIFFERENCE: f64 = 1e-5;
 
 /// Of a finger that stays where it is.
@@ -89,8 +90,8 @@ impl<const N: usize> Variable for Jet<N> {
     }
 }
 
-/// The start of a path; none where the finger would not push, or slip is against its direction. `mu_g` is µ g where that is one of
-/// the unknowns, of the value in `known`.
+/// The start of a path; none where the finger would not push, or slip is against its direction. `mu_g` is µ g where
+/// that is one of the unknowns, of the value in `known`.
 pub(in crate::pushing::estimation) fn initial_state<T: Variable>(
     known: &Known,
     interval: &ContactInterval,

@@ -1,7 +1,8 @@
 //! The slow manifold: the motion that a pushed part settles to within the time in which friction forgets speed.
 //!
-//! After it, angular velocity and velocity along the contact follow from where the contact is: they are where support friction
-//! balances the push, so that neither changes quickly. Newton's method on the rates of the full dynamics finds them.
+//! After it, angular velocity and velocity along the contact follow from where the contact is: they are where support
+//! friction balances the push, so that neither changes quickly. Newton's method on the rates of the full dynamics finds
+//! them.
 //!
 //! Frames: world. Units: SI. Errors: none; a start from which the iteration does not settle has no motion.
 
@@ -42,14 +43,15 @@ impl Settled {
     }
 }
 
-/// The settled motion at a contact, sought from a neighbouring one, or else from what a blow would make of a part at rest.
+/// The settled motion at a contact, sought from a neighbouring one, or else from what a blow would make of a part at
+/// rest.
 pub(super) fn settled(model: &PushModel, touch: Touch, slip: Option<Slip>, time: f64, near: &State) -> Option<Settled> {
     let from = |near: &State| settled_from(model, touch, slip, time, near);
     from(near).or_else(|| from(&struck(model, time, near)))
 }
 
-/// The motion of a part at rest that a moving finger without friction strikes: near the settled one also where that turns about
-/// a point inside the part, which Newton's steps from far away miss.
+/// The motion of a part at rest that a moving finger without friction strikes: near the settled one also where that
+/// turns about a point inside the part, which Newton's steps from far away miss.
 fn struck(model: &PushModel, time: f64, at: &State) -> State {
     let ((sin, cos), [x, y]) = (at.u.sin_cos(), model.finger.velocity(time));
     let into = cos * x + sin * y;

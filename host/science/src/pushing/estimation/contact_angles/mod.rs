@@ -1,20 +1,23 @@
 //! Every motion that explains contact angles, or directions and magnitudes of the force.
 //!
-//! A hypothesis is an edge and up to five numbers at t = 0: contact angle, place on the edge, angular velocity, velocity
-//! along the contact, and the plane's friction where it is not known. Simulated forward it predicts every value; its cost is the sum
-//! of squared residuals. Finding all local minima of the cost over all edges, fast, takes some ideas:
-//! - friction makes a part forget how it started within v/(µg), some 20 ms. From then on it moves on a slow manifold, where contact
-//!   angle and place fix its velocities. So the measured angles tell at each place of each edge how fast the angle
-//!   should change, without any simulation, and one number an edge is left to search: see `seed` and `manifold`;
-//! - a simulation on dual numbers gives the exact derivatives of all it predicts, and with them Gauss–Newton steps: a handful
-//!   from seed to minimum: see `fit` and `path`;
-//! - where the friction of the plane is not known well ([`Prior`](super::Prior)), its logarithm is one more unknown of every
-//!   hypothesis;
+//! A hypothesis is an edge and up to five numbers at t = 0: contact angle, place on the edge, angular velocity,
+//! velocity along the contact, and the plane's friction where it is not known. Simulated forward it predicts every
+//! value; its cost is the sum of squared residuals. Finding all local minima of the cost over all edges, fast, takes
+//! some ideas:
+//! - friction makes a part forget how it started within v/(µg), some 20 ms. From then on it moves on a slow manifold,
+//!   where contact angle and place fix its velocities. So the measured angles tell at each place of each edge how fast
+//!   the angle should change, without any simulation, and one number an edge is left to search: see `seed` and
+//!   `manifold`;
+//! - a simulation on dual numbers gives the exact derivatives of all it predicts, and with them Gauss–Newton steps: a
+//!   handful from seed to minimum: see `fit` and `path`;
+//! - where the friction of the plane is not known well ([`Prior`](super::Prior)), its logarithm is one more unknown of
+//!   every hypothesis;
 //! - all candidates go down side by side, and those that cannot come near the best are given up early: see `select`.
 //!
-//! From observation to answer: `data` (what was felt, as it is compared); `contact_intervals` (where the disk can touch); `initial_state` (how a push
-//! can begin); `clock`, `path` (simulation); `fit` (the cost and a step down); `manifold`, `seed` (where to begin); `select`
-//! (the search and the judgement). `track` does the same while the push goes on.
+//! From observation to answer: `data` (what was felt, as it is compared); `contact_intervals` (where the disk can
+//! touch); `initial_state` (how a push can begin); `clock`, `path` (simulation); `fit` (the cost and a step down);
+//! `manifold`, `seed` (where to begin); `select` (the search and the judgement). `track` does the same while the push
+//! goes on.
 //!
 //! Implements: MAP estimation beside the observers of thesis chapters 5 and 6. Frames: world. Units: SI. Errors: none.
 

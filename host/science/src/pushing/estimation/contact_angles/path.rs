@@ -1,13 +1,15 @@
 //! The way a part takes from a hypothetical start, as the data see it, with derivatives by the start where wanted.
 //!
-//! The hot path of the search, hence a simulation of its own: numbers with or without derivatives, at knots that do not depend on
-//! the start, so that costs are smooth in it; values interpolated between few knots; what a contact cannot do is a constraint and no
-//! end. Shared with the others who follow a push are the equations, the rule which mode follows, the search for its instant and
-//! the derivatives' way across ([`crate::pushing::dynamics::contact_mode`], [`crate::pushing::dynamics::mode_change`]).
+//! The hot path of the search, hence a simulation of its own: numbers with or without derivatives, at knots that do not
+//! depend on the start, so that costs are smooth in it; values interpolated between few knots; what a contact cannot do
+//! is a constraint and no end. Shared with the others who follow a push are the equations, the rule which mode follows,
+//! the search for its instant and the derivatives' way across ([`crate::pushing::dynamics::contact_mode`],
+//! [`crate::pushing::dynamics::mode_change`]).
 //!
 //! Implements: the classical Runge–Kutta method of order 4 between the knots of a [`Clock`]; the contact angle between
-//! knots by the quintic through angle, rate and acceleration at both ends; Coulomb's changes between rolling and sliding,
-//! located within a step, where the derivatives jump by (f₋ − f₊) ∂t/∂p (f₋ and f₊ the rates on both sides, t the instant).
+//! knots by the quintic through angle, rate and acceleration at both ends; Coulomb's changes between rolling and
+//! sliding, located within a step, where the derivatives jump by (f₋ − f₊) ∂t/∂p (f₋ and f₊ the rates on both sides, t
+//! the instant).
 //! Assumes: the contact lasts. Where it would not, shows in the path's [`ConstraintMargins`].
 //! Frames: world. Units: SI, forces per unit mass. Errors: none; a motion without a physical force is no path.
 
@@ -30,8 +32,8 @@ const SHARE_AFTER_CHANGE: f64 = 0.125;
 /// What a contact must stay within, in the order of [`ConstraintMargins`].
 pub(in crate::pushing::estimation) const CONSTRAINTS: usize = 5;
 
-/// How far inside each limit the path stayed, at the least: from the allowed stretch of the edge (m, two ends), force into the
-/// part (m/s²), friction left unused (m/s²), slip in the assumed direction (m/s).
+/// How far inside each limit the path stayed, at the least: from the allowed stretch of the edge (m, two ends), force
+/// into the part (m/s²), friction left unused (m/s²), slip in the assumed direction (m/s).
 pub(in crate::pushing::estimation) type ConstraintMargins<T> = [T; CONSTRAINTS];
 
 /// Where on an edge the disk can be.
@@ -243,7 +245,8 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> PathSimulation<'_, '_, T, F> {
         self.next_value += 1;
     }
 
-    /// From one instant to another, through changes of the contact. After a change, steps begin small: the force has jumped.
+    /// From one instant to another, through changes of the contact. After a change, steps begin small: the force has
+    /// jumped.
     fn reach(&mut self, mut now: Now<T>, until: f64) -> Option<Now<T>> {
         let (whole, mut share) = (until - now.time, 1.0);
         loop {

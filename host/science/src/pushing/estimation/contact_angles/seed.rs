@@ -1,12 +1,13 @@
 //! Where to begin: hypotheses near every local minimum of the cost.
 //!
-//! Contact angles tell the motion. After the first moments a part moves on its slow manifold ([`super::manifold`]), so that
-//! from a place on an edge and the measured angle follow the rate at which the angle should change and the place should move: a
-//! place is as bad as the angle that its rates add up to is off. One unknown an edge is left, and no simulation is needed; the
-//! measured angle, used in place of the predicted one, keeps errors from growing, so that the minima are broad.
+//! Contact angles tell the motion. After the first moments a part moves on its slow manifold ([`super::manifold`]), so
+//! that from a place on an edge and the measured angle follow the rate at which the angle should change and the place
+//! should move: a place is as bad as the angle that its rates add up to is off. One unknown an edge is left, and no
+//! simulation is needed; the measured angle, used in place of the predicted one, keeps errors from growing, so that the
+//! minima are broad.
 //!
-//! Where the data do not tell the angle, or the push is over before the part has settled, a grid of coarse simulations is
-//! looked through instead.
+//! Where the data do not tell the angle, or the push is over before the part has settled, a grid of coarse simulations
+//! is looked through instead.
 //!
 //! Frames: world. Units: SI. Errors: none.
 
@@ -31,8 +32,8 @@ const PLACES: (f64, f64) = (5.0, 60.0);
 /// How far beyond its stretch of the edge the contact may seem to go, in radii of gyration.
 const BEYOND: f64 = 0.25;
 
-/// Places beside a minimum are tried too if their mismatch is larger by less than so many squares of a value's standard deviation: a
-/// bottom so flat may have two minima, which the rates alone do not tell apart.
+/// Places beside a minimum are tried too if their mismatch is larger by less than so many squares of a value's standard
+/// deviation: a bottom so flat may have two minima, which the rates alone do not tell apart.
 const FLAT: f64 = 60.0;
 
 /// How many on either side.
@@ -53,7 +54,8 @@ const FIRST_MOMENTS: f64 = 2.0;
 /// Distance of the contact angles tried, rad, where the data do not tell it.
 const ANGLE_STEP: f64 = 0.035;
 
-/// Rates at t = 0 that are tried in a wide search, from the settled one (0) to the mean of the first moments (1) and beyond.
+/// Rates at t = 0 that are tried in a wide search, from the settled one (0) to the mean of the first moments (1) and
+/// beyond.
 const OMEGA_SHARES: [f64; 4] = [0.0, 1.0, 2.0, 3.5];
 
 /// Rates at t = 0 that are tried in a wide search where the angles are not known, in standard deviations of the prior.
@@ -68,8 +70,8 @@ const ALONG: [f64; 4] = [-0.6, -0.2, 0.2, 0.6];
 /// A slip that is tried in any case, and the least distance of others, in finger speeds.
 const SLIP_SMALL: f64 = 0.1;
 
-/// By how much more than its mean over the first moments the rate at t = 0 differs from the settled one, which it decays to:
-/// x/(1 − e⁻ˣ) for x of [`FIRST_MOMENTS`].
+/// By how much more than its mean over the first moments the rate at t = 0 differs from the settled one, which it
+/// decays to: x/(1 − e⁻ˣ) for x of [`FIRST_MOMENTS`].
 const FIRST_EXCESS: f64 = 2.3;
 
 /// Candidates from a grid of simulations that are worth a descent, for each interval and beginning.
@@ -304,7 +306,8 @@ fn slip_of(known: &Known, start_mode: StartMode) -> Option<Slip> {
     }
 }
 
-/// What to begin with along the contact: the settled velocity; where a push begins with slip, the settled slip or some others.
+/// What to begin with along the contact: the settled velocity; where a push begins with slip, the settled slip or some
+/// others.
 fn along_contact(known: &Known, model: &PushModel, start_mode: StartMode, near: &State) -> Vec<f64> {
     let StartMode::Slips(slip) = start_mode else { return vec![near.v_t] };
     let speed = Vector2::from(known.finger.velocity0).norm();

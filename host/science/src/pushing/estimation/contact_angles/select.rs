@@ -1,8 +1,8 @@
 //! From seeds to the set of hypotheses that the data cannot exclude.
 //!
-//! All candidates go down side by side, a step each in turn; those whose cost will stay far above the best are given up, those
-//! that meet are one. What remains is fitted to the data as they are and judged: by the laws of contact, by the gate above the best
-//! cost, and the best by chi-square.
+//! All candidates go down side by side, a step each in turn; those whose cost will stay far above the best are given
+//! up, those that meet are one. What remains is fitted to the data as they are and judged: by the laws of contact, by
+//! the gate above the best cost, and the best by chi-square.
 //!
 //! Units: costs of no dimension. Errors: none.
 
@@ -27,15 +27,15 @@ use crate::search::{Halt, Searched, Stop, never};
 /// Probability with which data of the model pass the test of fit. Fixed by the interface.
 const FIT_PROBABILITY: f64 = 0.999;
 
-/// Standard deviation to begin with at least, rad: with less, far starts have costs beyond all comparison, and steps would have to be
-/// fine before it is known where they matter.
+/// Standard deviation to begin with at least, rad: with less, far starts have costs beyond all comparison, and steps
+/// would have to be fine before it is known where they matter.
 const SIGMA_FIRST: f64 = 1e-3;
 
 /// Standard deviation of forces to begin with, in their own: their valleys in angle and place are long and narrow.
 const SETTLED_SIGMAS: f64 = 10.0;
 
-/// From there to the data's own standard deviation by steps of this: where little is known, minima lie in valleys that grow
-/// narrow as it falls, and are followed rather than looked for.
+/// From there to the data's own standard deviation by steps of this: where little is known, minima lie in valleys that
+/// grow narrow as it falls, and are followed rather than looked for.
 const SIGMA_RATIO: f64 = 10.0;
 
 /// Where in such a valley to look, in standard deviations from its lowest place.
@@ -47,8 +47,8 @@ const FAR_PLACES: [f64; 6] = [-16.0, -8.0, -4.0, 4.0, 8.0, 16.0];
 /// Data of the model have a cost below that of a poor fit with this probability.
 const POOR_PROBABILITY: f64 = 0.95;
 
-/// Step over the time in which friction forgets speed, for a standard deviation of [`SIGMA_OF_SHARE`]; finer as its fourth root,
-/// like the error of the steps.
+/// Step over the time in which friction forgets speed, for a standard deviation of [`SIGMA_OF_SHARE`]; finer as its
+/// fourth root, like the error of the steps.
 const SHARE: f64 = 0.9;
 /// rad; see [`SHARE`].
 const SIGMA_OF_SHARE: f64 = 2e-3;
@@ -76,7 +76,8 @@ const PREDICTED_REDUCTION_NONE: f64 = 1e-3;
 const PREDICTED_REDUCTIONS: f64 = 3.0;
 /// See [`PREDICTED_REDUCTIONS`].
 const SLACK: f64 = 24.0;
-/// Rounds in which places along a valley have to come to its lowest, or to another: more than any that is not in a valley takes.
+/// Rounds in which places along a valley have to come to its lowest, or to another: more than any that is not in a
+/// valley takes.
 const PATIENCE: usize = 12;
 
 /// Rounds before any descent is given up.
@@ -85,8 +86,8 @@ const ROUNDS_MIN: usize = 2;
 /// Descents on one interval that are as near as this (angle in rad, place in m) and go on alike are one.
 const MET: [f64; UNKNOWNS] = [2e-3, 2e-4, 0.1, 2e-3, 0.02];
 
-/// Where nothing explains them, one of so many contact angles may be left out: with fewer, anything is explained without some of them;
-/// with more, wrong ones stand out among their neighbours.
+/// Where nothing explains them, one of so many contact angles may be left out: with fewer, anything is explained
+/// without some of them; with more, wrong ones stand out among their neighbours.
 const SPARSE: (usize, usize) = (9, 30);
 
 /// It must cost so much more to explain it with the others: ten standard deviations, squared.
@@ -98,8 +99,8 @@ const OVERRUN_MAX: f64 = 5.0;
 /// Times that constraints are made ten times as stiff for a minimum that leans on one.
 const STIFFER_MAX: i32 = 4;
 
-/// A place is unknown if its standard deviation is more than this many lengths of its stretch of the edge: along it, the cost
-/// then changes by less than a hundredth.
+/// A place is unknown if its standard deviation is more than this many lengths of its stretch of the edge: along it,
+/// the cost then changes by less than a hundredth.
 const UNKNOWN_PLACE: f64 = 10.0;
 
 /// Curvature that makes a matrix invertible, relative to the inverse squares of natural sizes.
@@ -107,8 +108,8 @@ const CURVATURE_NONE: f64 = 1e-9;
 
 /// Every pose and motion that explains an observation.
 ///
-/// Where nothing does, values that no smooth motion passes through are left out, as long as they are few; among few values, where none
-/// stands out, that one without which the others are explained. The estimate names them.
+/// Where nothing does, values that no smooth motion passes through are left out, as long as they are few; among few
+/// values, where none stands out, that one without which the others are explained. The estimate names them.
 #[must_use]
 pub fn estimate(known: &Known, observation: &Observation) -> Estimate {
     estimate_until(known, observation, &never).found
@@ -198,8 +199,8 @@ impl<'a, 'p> Task<'a, 'p> {
         fits.then(|| self.conclude(minima)).filter(|found| !found.hypotheses.is_empty())
     }
 
-    /// What explains all values but one, if they are few contact angles: each is left out in turn. The estimate holds what is left
-    /// possible by whichever it was, and names the likeliest.
+    /// What explains all values but one, if they are few contact angles: each is left out in turn. The estimate holds
+    /// what is left possible by whichever it was, and names the likeliest.
     fn without_one(&self) -> Option<Estimate> {
         if self.data.angle.is_none() || !(SPARSE.0..=SPARSE.1).contains(&self.data.terms()) {
             return None;
@@ -216,8 +217,8 @@ impl<'a, 'p> Task<'a, 'p> {
         mixed(&which_part(explained), Nearness::BY_PLACE)
     }
 
-    /// Adds what lies farther along the valleys of minima that explain the data, but poorly: the better one beside it may have been
-    /// missed.
+    /// Adds what lies farther along the valleys of minima that explain the data, but poorly: the better one beside it
+    /// may have been missed.
     fn look_farther(&self, minima: &mut Vec<Descent>) {
         let best = least_cost(minima);
         let [poor, wrong] =
@@ -244,8 +245,8 @@ impl<'a, 'p> Task<'a, 'p> {
         self.descend(&fitting, &along_valleys(&settled, &minima, &VALLEY_PLACES))
     }
 
-    /// Without the values before the part has settled, where the angle is not felt: those tell the first rates, but lead astray
-    /// as long as the place is not known.
+    /// Without the values before the part has settled, where the angle is not felt: those tell the first rates, but
+    /// lead astray as long as the place is not known.
     fn settled(&self, fitting: &Fitting<'a, 'p>) -> Option<Fitting<'_, 'p>> {
         let is_measured = |start_mode: &StartMode| angles(self.known, &self.data, *start_mode).is_some();
         let time = settling(self.known, &self.data).filter(|_| !self.start_modes.iter().all(is_measured))?;
@@ -265,8 +266,8 @@ impl<'a, 'p> Task<'a, 'p> {
         Fitting::new((self.known, data, prior), fineness(sigma, factor), REST_ERROR * factor * sigma, self.simulations)
     }
 
-    /// Drops minima that cannot be listed, because then the best would not explain the data either: they are as costly to refine as
-    /// others, and more so where they lie on constraints.
+    /// Drops minima that cannot be listed, because then the best would not explain the data either: they are as costly
+    /// to refine as others, and more so where they lie on constraints.
     fn forget_hopeless(&self, minima: &mut Vec<Descent>) {
         let most = chi_square_quantile(FIT_PROBABILITY, self.data.terms() + UNKNOWNS) + GATE + SLACK;
         let is_possible = |descent: &Descent| descent.evaluation.total() <= most;
@@ -317,8 +318,8 @@ pub(super) fn total_max<'a>(minima: impl IntoIterator<Item = &'a Descent>) -> f6
     minima.into_iter().map(|descent| descent.evaluation.total()).fold(f64::INFINITY, f64::min) + GATE + SLACK
 }
 
-/// Minima, and places beside each along what the data say least about: with a smaller standard deviation the minimum may be there, or
-/// turn out to be two.
+/// Minima, and places beside each along what the data say least about: with a smaller standard deviation the minimum
+/// may be there, or turn out to be two.
 fn along_valleys(fitting: &Fitting, minima: &[Descent], places: &[f64]) -> Vec<Candidate> {
     // Finer data cost more, not less.
     let most = total_max(minima);
@@ -353,7 +354,8 @@ pub(super) fn descend_together(fitting: &Fitting, candidates: &[Candidate]) -> V
     descend_patiently(fitting, candidates, ROUNDS_MAX, &Halt::new(&never))
 }
 
-/// The same, until one should halt: what has not come to its minimum by then is dropped. After some rounds those are given up too that lie above a minimum on their own edge: they creep along its valley.
+/// The same, until one should halt: what has not come to its minimum by then is dropped. After some rounds those are
+/// given up too that lie above a minimum on their own edge: they creep along its valley.
 fn descend_patiently(fitting: &Fitting, candidates: &[Candidate], patience: usize, halt: &Halt<'_>) -> Vec<Descent> {
     let mut alive: Vec<_> = candidates.iter().filter_map(|candidate| fitting.descend(*candidate)).collect();
     let mut over: Vec<Descent> = Vec::new();
@@ -549,10 +551,12 @@ fn state_covariance(fitting: &Fitting, descent: &Descent) -> Option<(Matrix4<f64
     (!unknown && covariance.iter().all(|c| c.is_finite())).then_some((covariance, mu_g_log_sd))
 }
 
-/// Mean squares of the errors of the pose at the end, from the covariance of the contact's angle and place, to second order.
+/// Mean squares of the errors of the pose at the end, from the covariance of the contact's angle and place, to second
+/// order.
 ///
-/// The part touches the disk, so to first order the pose has two freedoms, and this would be a singular matrix. What the curved
-/// motions add, however little, makes it invertible: of a bend `a` the error xᵀ a x / 2, whose mean is not zero either.
+/// The part touches the disk, so to first order the pose has two freedoms, and this would be a singular matrix. What
+/// the curved motions add, however little, makes it invertible: of a bend `a` the error xᵀ a x / 2, whose mean is not
+/// zero either.
 fn pose_covariance(fitting: &Fitting, descent: &Descent, contact: &Matrix2<f64>) -> Matrix3<f64> {
     let (evaluation, candidate) = (&descent.evaluation, &descent.evaluation.candidate);
     let time = fitting.data.duration();

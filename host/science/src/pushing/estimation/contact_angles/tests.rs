@@ -1,5 +1,6 @@
-//! The estimator against the world, where something is missing that it is usually told: the friction of the plane, or what was
-//! felt at some instants. The world is an error-controlled simulation of its own; what was drawn for it is the truth.
+//! The estimator against the world, where something is missing that it is usually told: the friction of the plane, or
+//! what was felt at some instants. The world is an error-controlled simulation of its own; what was drawn for it is the
+//! truth.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -38,7 +39,8 @@ struct Pushed {
 }
 
 impl Pushed {
-    /// A random convex part pushed somewhere for [`VALUES`] values by a finger of this radius, on a plane with this µ g.
+    /// A random convex part pushed somewhere for [`VALUES`] values by a finger of this radius, on a plane with this µ
+    /// g.
     fn draw(draw: &mut Draw, (touch, law): (Touch, ContactLaw), mu_g: f64) -> Self {
         loop {
             let part = Part::uniform(draw.convex_polygon(7, 0.05));
@@ -100,8 +102,8 @@ mod unknown_friction {
 
     const JOINT: Prior = Prior { mu_g_log_sigma: Some(LOG_SIGMA), ..PRIOR };
 
-    /// Means over so many pushes of squared errors in standard deviations, of the pose (two freedoms, so 2, and up to 3 with the
-    /// curved motions beside them) and of ln(µg) (1): within four standard deviations of chi-square's mean.
+    /// Means over so many pushes of squared errors in standard deviations, of the pose (two freedoms, so 2, and up to 3
+    /// with the curved motions beside them) and of ln(µg) (1): within four standard deviations of chi-square's mean.
     const PUSHES: usize = 24;
     const POSE_MAX: f64 = 5.0;
     const MU_G_RANGE: [f64; 2] = [0.2, 2.2];
@@ -126,7 +128,8 @@ mod unknown_friction {
         assert!((MU_G_RANGE[0]..MU_G_RANGE[1]).contains(&of_mu_g), "friction: {of_mu_g}");
     }
 
-    /// Pushes with the friction off by a fifth: who takes it as known is told that nothing explains them, or has it wrong.
+    /// Pushes with the friction off by a fifth: who takes it as known is told that nothing explains them, or has it
+    /// wrong.
     #[test]
     fn a_wrong_friction_is_found_where_a_fixed_one_explains_nothing() {
         const CASES: usize = 8;

@@ -1,13 +1,14 @@
 //! The estimate while the push goes on: one value in, everything that is still possible out.
 //!
-//! Each hypothesis starts where the value before left it and takes one Gauss–Newton step, so a value costs a few simulations, not a
-//! search. While the window grows, one interval of the outline after the other is searched anew, so that nothing is lost that
-//! more values bring out. When the window is full, its older part is dropped and what it said about each hypothesis is kept as a
-//! Gaussian about the state at the window's new start (a moving horizon with an arrival cost).
+//! Each hypothesis starts where the value before left it and takes one Gauss–Newton step, so a value costs a few
+//! simulations, not a search. While the window grows, one interval of the outline after the other is searched anew, so
+//! that nothing is lost that more values bring out. When the window is full, its older part is dropped and what it said
+//! about each hypothesis is kept as a Gaussian about the state at the window's new start (a moving horizon with an
+//! arrival cost).
 //!
-//! A value that no hypothesis can follow, though they explained all before it, is held back: a spark, not a motion. If the next ones cannot
-//! be followed either, the motion itself is another than was thought, and all of them count. Values held back are named
-//! ([`Estimate::outliers`]).
+//! A value that no hypothesis can follow, though they explained all before it, is held back: a spark, not a motion. If
+//! the next ones cannot be followed either, the motion itself is another than was thought, and all of them count.
+//! Values held back are named ([`Estimate::outliers`]).
 //!
 //! Assumes: values come each `dt` from contact onset on; one that got lost is given as none. Frames: world. Units: SI.
 //! Errors: none. Until there are values enough, or where nothing explains them, there are no hypotheses.
@@ -36,14 +37,15 @@ const SEARCH_EACH: usize = 4;
 /// Part of the window that is dropped when it is full: one in so many.
 const DROPPED_SHARE: usize = 4;
 
-/// A value is held back if it adds more than this to the cost of every hypothesis, though they take a step towards it: six standard
-/// deviations, squared. Noise does that once in 10⁸ values.
+/// A value is held back if it adds more than this to the cost of every hypothesis, though they take a step towards it:
+/// six standard deviations, squared. Noise does that once in 10⁸ values.
 const WILD: f64 = 36.0;
 
 /// So many values in a row that cannot be followed are no sparks: the motion is another.
 const WILD_IN_A_ROW: usize = 4;
 
-/// What the model may be off by while a part of the window passes: rad, m, rad/s, m/s, of µg. It keeps the memory of the past finite.
+/// What the model may be off by while a part of the window passes: rad, m, rad/s, m/s, of µg. It keeps the memory of
+/// the past finite.
 const DRIFT: [f64; UNKNOWNS] = [1e-4, 1e-5, 1e-3, 1e-4, 1e-2];
 
 /// How to follow a push.
@@ -225,7 +227,8 @@ impl<'p> Tracker<'p> {
         self.held_back.push((self.first_number() + place, value));
     }
 
-    /// Searches everywhere without the values that no smooth motion passes through, and keeps to that if it explains the others.
+    /// Searches everywhere without the values that no smooth motion passes through, and keeps to that if it explains
+    /// the others.
     fn search_without_wild(&mut self) {
         let (simulations, known, mut tried) = (Cell::new(self.estimate.simulations), self.known, self.clone());
         let fitting = self.fitting(&known, self.window.clone(), &simulations);

@@ -1,9 +1,9 @@
 //! Fitting a guess to what was felt by damped [`least_squares`], the mass found in closed form at every step.
 //!
-//! The force is the part's mass times what a guess predicts, so that for every guess the best mass follows at once. A contact
-//! beyond its edge's end, or one that takes more friction than can be, adds to the cost instead of ending the search: the
-//! minimum may lie at the limit. Where the friction of the plane is not known well, it is one more parameter, and how far it is from
-//! what it is taken for adds to the cost too.
+//! The force is the part's mass times what a guess predicts, so that for every guess the best mass follows at once. A
+//! contact beyond its edge's end, or one that takes more friction than can be, adds to the cost instead of ending the
+//! search: the minimum may lie at the limit. Where the friction of the plane is not known well, it is one more
+//! parameter, and how far it is from what it is taken for adds to the cost too.
 //!
 //! Units: SI. Errors: none; a guess that cannot be played through has no fit.
 
@@ -52,11 +52,12 @@ const DESCENT: LeastSquaresSettings<COLUMNS> = LeastSquaresSettings {
     steps_max: STEPS_MAX,
 };
 
-/// Differences that stand for derivatives: rad, of the radius of gyration, of µ_c, of ln(µ g). Forces change by some 1e-4 over them,
-/// a thousand times what rounding and the bisection of events leave.
+/// Differences that stand for derivatives: rad, of the radius of gyration, of µ_c, of ln(µ g). Forces change by some
+/// 1e-4 over them, a thousand times what rounding and the bisection of events leave.
 const DIFFERENCES: [f64; PARAMETERS] = [1e-4, 1e-4, 1e-4, 1e-4];
 
-/// Parameters of a guess: contact angle, place, friction of the contact, friction of the plane. The mass's logarithm follows them.
+/// Parameters of a guess: contact angle, place, friction of the contact, friction of the plane. The mass's logarithm
+/// follows them.
 const PARAMETERS: usize = 4;
 
 /// Columns of the derivatives: the parameters and the mass's logarithm.
@@ -159,11 +160,13 @@ impl Problem<'_, '_> {
         [PI, length, MU_C_MAX - MU_C_MIN, f64::INFINITY].map(|range| range / 12.0_f64.sqrt())
     }
 
-    /// Covariance of the guess's parameters. Those that no slope tells of, since they make no difference or are held, count as known.
+    /// Covariance of the guess's parameters. Those that no slope tells of, since they make no difference or are held,
+    /// count as known.
     fn covariance(&self, at: &Tried) -> Option<DMatrix<f64>> {
         let slopes = self.slopes(at);
         let mut normal = slopes.tr_mul(&slopes);
-        // What slopes say nothing about is still within its range: a contact that slips for a moment tells little of its friction.
+        // What slopes say nothing about is still within its range: a contact that slips for a moment tells little of
+        // its friction.
         for (i, deviation) in self.ranges(at).into_iter().enumerate() {
             normal[(i, i)] += if normal[(i, i)] > 0.0 { 1.0 / (deviation * deviation) } else { 0.0 };
         }
@@ -256,7 +259,8 @@ pub(super) fn difference(from: &Isometry2<f64>, to: &Isometry2<f64>) -> Vector3<
     Vector3::new(shift.x, shift.y, from.rotation.angle_to(&to.rotation))
 }
 
-/// A guess with one parameter changed by a difference, or the other way: at a limit, or where nothing can be played, that will do.
+/// A guess with one parameter changed by a difference, or the other way: at a limit, or where nothing can be played,
+/// that will do.
 fn beside(guess: &Guess, parameter: usize, difference: f64) -> impl Iterator<Item = (f64, Guess)> {
     let guess = *guess;
     let changed = [difference, -difference].into_iter().map(move |step| (step, moved(&guess, parameter, step)));

@@ -1,8 +1,8 @@
 //! The windows under which force is averaged: raised cosines, each 40 ms long and 20 ms after the one before.
 //!
-//! Such a window takes out the hum of the mains at 50 Hz altogether (and at 60 Hz nearly), and the ringing of the finger's disk at
-//! some 190 Hz to a thousandth, so that neither has to be known. Neighbours overlap by half: independent noise has a
-//! correlation of 1/6 between them.
+//! Such a window takes out the hum of the mains at 50 Hz altogether (and at 60 Hz nearly), and the ringing of the
+//! finger's disk at some 190 Hz to a thousandth, so that neither has to be known. Neighbours overlap by half:
+//! independent noise has a correlation of 1/6 between them.
 //!
 //! Times are since the onset, s. Errors: none.
 
@@ -16,8 +16,8 @@ pub const LENGTH_S: f64 = 0.04;
 /// From one window to the next, s.
 pub const HOP_S: f64 = 0.02;
 
-/// Spacing of the grid on which predicted forces are summed, s. Where the finger's acceleration changes, force bends within
-/// some 10 ms: sums are then off by up to a thousandth of it.
+/// Spacing of the grid on which predicted forces are summed, s. Where the finger's acceleration changes, force bends
+/// within some 10 ms: sums are then off by up to a thousandth of it.
 pub(super) const GRID_S: f64 = 0.005;
 
 /// Grid points in a window.

@@ -1,17 +1,18 @@
 //! Pose of a part that a finger begins to push, from the force that the finger feels.
 //!
-//! Finger and part touch, both at rest, and the finger begins to move. Nothing is known of where on the part it touches, at
-//! what angle, with what friction, nor of the part's mass: only the part's shape, µ of the plane, and how the finger moves. From
-//! rest these unknowns fix all that follows ([`crate::pushing::dynamics`]), and so the force over the push says which they are: its
-//! direction and its course say where the part is, its size says the mass. Where µ of the plane is not known well, it is found with the
-//! rest. But a slow part feels its mass only through µ m g: then the answer says that the two cannot be told apart.
+//! Finger and part touch, both at rest, and the finger begins to move. Nothing is known of where on the part it
+//! touches, at what angle, with what friction, nor of the part's mass: only the part's shape, µ of the plane, and how
+//! the finger moves. From rest these unknowns fix all that follows ([`crate::pushing::dynamics`]), and so the force
+//! over the push says which they are: its direction and its course say where the part is, its size says the mass. Where
+//! µ of the plane is not known well, it is found with the rest. But a slow part feels its mass only through µ m g: then
+//! the answer says that the two cannot be told apart.
 //!
 //! - [`hann_windows`]: how force is averaged; [`windowed_force`]: what was felt and how uncertain it is;
 //! - `path`: what a guess would feel; `seeds`: guesses to begin with; `fit`: going down from each to a minimum;
 //! - `symmetry`: turns of the part that nobody can tell apart.
 //!
-//! The answer is a set: every minimum whose cost is within 16 of the best one's, four standard deviations, each with its
-//! covariance. If the best does not fit, there is no answer.
+//! The answer is a set: every minimum whose cost is within 16 of the best one's, four standard deviations, each with
+//! its covariance. If the best does not fit, there is no answer.
 //!
 //! Assumes: Coulomb friction everywhere, one constant µ_c; contact with one edge throughout.
 //! Frames: finger axes, with the origin of the motion's file; force is the force on the finger's disk. Units: SI.
@@ -39,13 +40,15 @@ use crate::search::{Halt, Searched, Stop, never};
 /// Steps of every fit at first; those that then are hopeless are given up.
 const STEPS_FIRST: usize = 4;
 
-/// A fit that after its first steps is this many times dearer than the best, and more than [`HOPELESS_COST`] above it, is given up.
+/// A fit that after its first steps is this many times dearer than the best, and more than [`HOPELESS_COST`] above it,
+/// is given up.
 const HOPELESS: f64 = 3.0;
 
 /// See [`HOPELESS`].
 const HOPELESS_COST: f64 = 3000.0;
 
-/// Minima on one edge nearer than this at the end are one: half a millimetre, a degree. The contact angle is not felt by itself.
+/// Minima on one edge nearer than this at the end are one: half a millimetre, a degree. The contact angle is not felt
+/// by itself.
 pub const SAME_PLACE: Nearness = Nearness { place: SAME_END_M, angle: 0.0175 };
 
 /// Ends of fits nearer than this are the same minimum: m, rad.
@@ -119,8 +122,8 @@ fn halting_estimate(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt
     conclude(&problem, descend_all(&problem, starts, halt), symmetry)
 }
 
-/// The same, sought only where an earlier answer from the beginning of the same push had found something: what was excluded then
-/// stays excluded.
+/// The same, sought only where an earlier answer from the beginning of the same push had found something: what was
+/// excluded then stays excluded.
 #[must_use]
 pub fn follow(known: &KnownFromRest, measured: &WindowedForce, earlier: &Estimate) -> Estimate {
     let course = course(known, measured);
@@ -140,7 +143,8 @@ fn course<'p>(known: &KnownFromRest<'p>, measured: &WindowedForce) -> Course<'p>
     }
 }
 
-/// Goes down from every start, giving up what stays far above the best. Only what came to its minimum before the wish to halt is kept.
+/// Goes down from every start, giving up what stays far above the best. Only what came to its minimum before the wish
+/// to halt is kept.
 fn descend_all(problem: &Problem, starts: Vec<Tried>, halt: &Halt<'_>) -> Vec<Tried> {
     let starts = starts.into_iter().take_while(|_| !halt.is_wished());
     let mut tried: Vec<_> = starts.map(|start| problem.descend(start, STEPS_FIRST)).collect();

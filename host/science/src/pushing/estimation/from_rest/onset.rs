@@ -1,11 +1,12 @@
 //! From force readings to what was felt of a push: noise at rest, the onset, and the windows' means.
 //!
-//! The finger begins at rest, touching the part or nothing. [`RestNoise`] is what it then reads. [`PushSense`] takes reading after
-//! reading; where the force leaves the noise, the push has begun, and from then on it is averaged under the windows of
-//! [`from_rest`](crate::pushing::estimation::from_rest). The push is over when the finger loses the part, or readings are missing.
+//! The finger begins at rest, touching the part or nothing. [`RestNoise`] is what it then reads. [`PushSense`] takes
+//! reading after reading; where the force leaves the noise, the push has begun, and from then on it is averaged under
+//! the windows of [`from_rest`](crate::pushing::estimation::from_rest). The push is over when the finger loses the
+//! part, or readings are missing.
 //!
-//! Assumes: the force is there at once when the finger begins to move, as support friction makes it. The disk then rings about
-//! it; the onset is found on the first rise.
+//! Assumes: the force is there at once when the finger begins to move, as support friction makes it. The disk then
+//! rings about it; the onset is found on the first rise.
 //! Frames: finger axes; force is the force on the finger's disk. Units: s, and the calibration's unit of force.
 //! Errors: [`TareError`] where the finger was not at rest.
 
@@ -38,8 +39,8 @@ const RISE: f64 = 0.5;
 /// From the onset to that crossing, s: a sixth of a period of the default finger's disk, 186.5 Hz.
 const RISE_TIME_S: f64 = 0.9e-3;
 
-/// Standard deviation of the onset's moment, s: another finger's disk may ring at half or twice the frequency, a robot takes a
-/// millisecond to accelerate.
+/// Standard deviation of the onset's moment, s: another finger's disk may ring at half or twice the frequency, a robot
+/// takes a millisecond to accelerate.
 const ONSET_SD_S: f64 = 0.3e-3;
 
 /// A window whose mean is below this share of the first one's is no contact any more.
@@ -227,7 +228,8 @@ impl PushSense {
         }
     }
 
-    /// The force up to now, or up to `until` seconds after the onset if that is earlier; none before the first window is over.
+    /// The force up to now, or up to `until` seconds after the onset if that is earlier; none before the first window
+    /// is over.
     #[must_use]
     pub fn windowed_force(&self, until: f64) -> Option<WindowedForce> {
         let Stage::Pushing(windows) = &self.stage else { return None };

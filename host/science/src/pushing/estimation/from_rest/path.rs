@@ -1,17 +1,18 @@
 //! What the finger would feel: the force over a push from rest, for one guess of how it began.
 //!
-//! A simulation of its own because it is asked for means of a force under windows, thousands of times: forces on the windows' grid,
-//! with a finger of many accelerations, but no derivatives (by differences of whole paths) and no positions in between. Shared with
-//! the others who follow a push are the equations, the start, the rule which mode follows and the search for its instant
-//! ([`crate::pushing::dynamics::contact_mode`], [`crate::pushing::dynamics::mode_change`]).
+//! A simulation of its own because it is asked for means of a force under windows, thousands of times: forces on the
+//! windows' grid, with a finger of many accelerations, but no derivatives (by differences of whole paths) and no
+//! positions in between. Shared with the others who follow a push are the equations, the start, the rule which mode
+//! follows and the search for its instant ([`crate::pushing::dynamics::contact_mode`],
+//! [`crate::pushing::dynamics::mode_change`]).
 //!
-//! Coulomb's law decides between rolling and sliding; where that changes, the instant is found by bisection. Steps follow
-//! the time in which friction forgets a slow part's speed, v/(µg), so that the first milliseconds cost no more than the rest.
-//! A force that jumps (where the finger's acceleration does, or where sliding stops) is kept apart from its smooth course:
-//! sums over a coarse grid are then as good as integrals.
+//! Coulomb's law decides between rolling and sliding; where that changes, the instant is found by bisection. Steps
+//! follow the time in which friction forgets a slow part's speed, v/(µg), so that the first milliseconds cost no more
+//! than the rest. A force that jumps (where the finger's acceleration does, or where sliding stops) is kept apart from
+//! its smooth course: sums over a coarse grid are then as good as integrals.
 //!
-//! Assumes: the contact stays on its edge's line. Frames: finger axes; forces are those on the finger's disk, per unit mass of
-//! the part. Units: SI. Errors: [`Lost`].
+//! Assumes: the contact stays on its edge's line. Frames: finger axes; forces are those on the finger's disk, per unit
+//! mass of the part. Units: SI. Errors: [`Lost`].
 
 use nalgebra::{Isometry2, Rotation2, Vector2};
 
@@ -21,17 +22,19 @@ use crate::pushing::dynamics::mode_change::first_ended;
 use crate::pushing::dynamics::{ContactForce, ContactMode, Edge, Motion, Part, PushModel, State};
 use crate::pushing::finger_motion::Leg;
 
-/// The start is followed in closed form for this long, s: a part turns by less than 1e-4 rad meanwhile, even at 10 rad/s².
+/// The start is followed in closed form for this long, s: a part turns by less than 1e-4 rad meanwhile, even at 10
+/// rad/s².
 const REST_S: f64 = 4e-3;
 
-/// Longest step in units of v/(µg), in which friction forgets speed: the method of Runge and Kutta is stable up to 2.8. Poses
-/// come out within a micrometre of an error-controlled integration; see the tests.
+/// Longest step in units of v/(µg), in which friction forgets speed: the method of Runge and Kutta is stable up to 2.8.
+/// Poses come out within a micrometre of an error-controlled integration; see the tests.
 const STEP_OF_MEMORY: f64 = 1.5;
 
 /// Shortest step, s, for a part that nearly stops.
 const STEP_MIN_S: f64 = 2e-5;
 
-/// How exactly a change of the contact is found, as a share of a step: 25 ns of a step of 5 ms, so that forces are smooth in the guess.
+/// How exactly a change of the contact is found, as a share of a step: 25 ns of a step of 5 ms, so that forces are
+/// smooth in the guess.
 const CHANGE_SHARE: f64 = 5e-6;
 
 /// Changes between rolling and sliding after which a guess is given up.

@@ -1,8 +1,10 @@
-//! Where to begin: guesses spread over all edges, places and frictions, each agreeing with the first direction of the force.
+//! Where to begin: guesses spread over all edges, places and frictions, each agreeing with the first direction of the
+//! force.
 //!
-//! At the start the force is at the angle to the contact's normal that rolling needs, or at the edge of the friction cone if that
-//! is less. So the first direction felt fixes the contact angle for every place on every edge and every friction, but for a
-//! few solutions. What then is left is a grid in place and friction, of which the minima are worth a fit.
+//! At the start the force is at the angle to the contact's normal that rolling needs, or at the edge of the friction
+//! cone if that is less. So the first direction felt fixes the contact angle for every place on every edge and every
+//! friction, but for a few solutions. What then is left is a grid in place and friction, of which the minima are worth
+//! a fit.
 //!
 //! Units: SI. Errors: none.
 
@@ -19,7 +21,8 @@ const SPACING: f64 = 0.1;
 /// Fewest and most places on an edge.
 const PLACES: (usize, usize) = (6, 40);
 
-/// Contact angles are tried in so many steps to a right angle on either side of where the finger goes, which is left out: 5° each.
+/// Contact angles are tried in so many steps to a right angle on either side of where the finger goes, which is left
+/// out: 5° each.
 const ANGLES: i32 = 18;
 
 /// Frictions tried: each is followed until the part slips or never does.
@@ -28,7 +31,8 @@ const FRICTIONS: [f64; 9] = [0.05, 0.1, 0.15, 0.2, 0.27, 0.35, 0.45, 0.6, 0.8];
 /// Contact angles nearer than this, rad, are of one family.
 const FAMILY: f64 = 0.35;
 
-/// How near the direction felt the force turns back where it is tried all the same, rad: from one place to the next it turns by less.
+/// How near the direction felt the force turns back where it is tried all the same, rad: from one place to the next it
+/// turns by less.
 const TURNS_NEAR: f64 = 0.1;
 
 /// A member of the grid.
@@ -118,8 +122,8 @@ impl Angles {
         Self { table: angles.map(|u| (u, needed(u))).collect(), direction: (-force.y).atan2(-force.x) }
     }
 
-    /// Contact angles at which the force has the first direction felt, by straight lines in the table; and those at which it turns back
-    /// just before it, for at the place next to this one it may reach it.
+    /// Contact angles at which the force has the first direction felt, by straight lines in the table; and those at
+    /// which it turns back just before it, for at the place next to this one it may reach it.
     fn solutions(&self, mu_c: f64) -> Vec<f64> {
         let cone = mu_c.atan();
         let off = |&(u, needed): &(f64, Option<f64>)| {

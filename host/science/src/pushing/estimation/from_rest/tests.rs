@@ -109,7 +109,8 @@ fn the_truth_is_among_the_answers_and_mostly_the_only_one() {
     assert!(unique + 2 >= CASES, "{unique} of {CASES}");
 }
 
-/// Poses that a straight push just cannot tell apart have slopes that say nothing; what is stated must be what the cost says.
+/// Poses that a straight push just cannot tell apart have slopes that say nothing; what is stated must be what the cost
+/// says.
 #[test]
 fn a_straight_push_is_no_less_certain_than_its_cost() {
     /// A pose off by so much is felt, whatever the slopes say, m and rad: some ten times what is stated of most.

@@ -1,7 +1,7 @@
 //! Random pushes and a judge: what the estimate from rest is tried on.
 //!
-//! [`Ranges`] says what problems are drawn from, [`Drawn`] is one of them with what became of it, [`Outcome`] compares an estimate with
-//! that truth. The same seed gives the same problem on every machine.
+//! [`Ranges`] says what problems are drawn from, [`Drawn`] is one of them with what became of it, [`Outcome`] compares
+//! an estimate with that truth. The same seed gives the same problem on every machine.
 //!
 //! Frames: finger axes. Units: SI. Errors: none; a part that cannot be pushed for so long is no problem.
 
@@ -20,8 +20,8 @@ use crate::pushing::pushed_world::{Played, PushedWorld};
 /// Radius of the default finger's disk, m.
 pub const RADIUS_M: f64 = 0.015;
 
-/// A pose counts as right within this many of its stated standard deviations, of distance and of angle. A Gaussian's distance in
-/// the plane is beyond five once in 270,000 times.
+/// A pose counts as right within this many of its stated standard deviations, of distance and of angle. A Gaussian's
+/// distance in the plane is beyond five once in 270,000 times.
 const RIGHT_SDS: f64 = 5.0;
 
 /// Nearer than this to the truth a pose is right, whatever it states: m, rad.
@@ -42,7 +42,8 @@ pub struct Ranges {
     pub motion: FingerMotion,
 }
 
-/// The finger first goes along x, then turns towards y: its path bends, so that poses that feel alike in a straight push part.
+/// The finger first goes along x, then turns towards y: its path bends, so that poses that feel alike in a straight
+/// push part.
 ///
 /// # Panics
 /// Never: the segments are constants.
@@ -84,7 +85,8 @@ pub struct Drawn {
     pub s: f64,
     /// The push as it was simulated.
     pub played: Played,
-    /// Starts that were drawn before this one and could not be: the finger does not fit, or the contact leaves the edge.
+    /// Starts that were drawn before this one and could not be: the finger does not fit, or the contact leaves the
+    /// edge.
     pub redrawn: usize,
 }
 
@@ -105,8 +107,8 @@ pub fn random_part(draw: &mut Draw) -> Part {
 }
 
 impl Ranges {
-    /// A push of this part: the contact uniform along the outline, friction, mass and angle uniform in their ranges. Redrawn until
-    /// the finger fits and the contact stays on its edge throughout.
+    /// A push of this part: the contact uniform along the outline, friction, mass and angle uniform in their ranges.
+    /// Redrawn until the finger fits and the contact stays on its edge throughout.
     ///
     /// None if that never happens.
     #[must_use]

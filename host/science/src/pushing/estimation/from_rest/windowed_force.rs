@@ -1,18 +1,20 @@
 //! The force that was felt over a push, window by window, with everything that is uncertain about it.
 //!
-//! Noise is independent between samples, hence nearly so between windows. The rest is common to all windows: the tare's bias, what
-//! the calibration left open (four numbers of the finger's matrix) and the moment of the onset. Together they are one covariance
-//! of all windows, and what is compared is whitened by it.
+//! Noise is independent between samples, hence nearly so between windows. The rest is common to all windows: the tare's
+//! bias, what the calibration left open (four numbers of the finger's matrix) and the moment of the onset. Together
+//! they are one covariance of all windows, and what is compared is whitened by it.
 //!
-//! Frames: finger axes; force is the force on the finger's disk. Units: SI, or the calibration's relative unit of force.
+//! Frames: finger axes; force is the force on the finger's disk. Units: SI, or the calibration's relative unit of
+//! force.
 //! Errors: [`WindowedForce::new`] gives none where there is nothing to compare.
 
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x4, Matrix4, Vector2};
 
 use super::hann_windows::{HOP_S, NEIGHBOUR_CORRELATION};
 
-/// What a prediction may be off by, as a share of the force: sums over windows up to 9e-4 where the force bends (see the tests of
-/// `path`) and typically a fifth of that, the disk's ringing, which a window lets through by 8e-4 at first.
+/// What a prediction may be off by, as a share of the force: sums over windows up to 9e-4 where the force bends (see
+/// the tests of `path`) and typically a fifth of that, the disk's ringing, which a window lets through by 8e-4 at
+/// first.
 const MODEL_SHARE: f64 = 4e-4;
 
 /// How uncertain the windows' means are.

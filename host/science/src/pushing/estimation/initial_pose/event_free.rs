@@ -1,9 +1,10 @@
 //! The frictionless push from rest without looking for events: a twentieth of the cost of the simulation that does.
 //!
-//! Without friction under the part its motion is smooth in t from the start, and goes on smoothly where in truth the contact ends: an
-//! edge is followed as a line, and the finger pulls if it has to. So u at a time is a smooth function of s₀ over the whole
-//! interval, with no borders to find. Roughly by the classical Runge–Kutta method of order 4, exactly by [`Extrapolation`]; whether the contact
-//! lasts is seen from the places passed, and where that is close, by the full simulation.
+//! Without friction under the part its motion is smooth in t from the start, and goes on smoothly where in truth the
+//! contact ends: an edge is followed as a line, and the finger pulls if it has to. So u at a time is a smooth function
+//! of s₀ over the whole interval, with no borders to find. Roughly by the classical Runge–Kutta method of order 4,
+//! exactly by [`Extrapolation`]; whether the contact lasts is seen from the places passed, and where that is close, by
+//! the full simulation.
 //!
 //! Units: SI. Errors: none; a contact that ends has no value.
 

@@ -1,14 +1,15 @@
 //! The resting pose of a part from a few contacts during a push that starts from rest.
 //!
-//! Before the push the finger touches the part at a known place u₀ of its own outline; where on the part, s₀, is the only unknown.
-//! Each s₀ leads to one motion and so to one contact at each time: those that agree with the contacts felt are the answer. The
-//! first contact leaves a few candidates, later ones tell them apart.
+//! Before the push the finger touches the part at a known place u₀ of its own outline; where on the part, s₀, is the
+//! only unknown. Each s₀ leads to one motion and so to one contact at each time: those that agree with the contacts
+//! felt are the answer. The first contact leaves a few candidates, later ones tell them apart.
 //!
-//! Implements: the initial pose observer of thesis §5.3.2 and §6.2, by a scan of all s₀ instead of Newton's method from a few
-//! guesses, so that no candidate is lost (of pushes up to some dozen sizes of the part: beyond, motions part too fast); `table`: the
-//! variant that looks motions up instead of simulating them (§8.2.2).
+//! Implements: the initial pose observer of thesis §5.3.2 and §6.2, by a scan of all s₀ instead of Newton's method from
+//! a few guesses, so that no candidate is lost (of pushes up to some dozen sizes of the part: beyond, motions part too
+//! fast); `table`: the variant that looks motions up instead of simulating them (§8.2.2).
 //! Assumes: contact without friction; part and finger at rest at t = 0.
-//! Frames: world; s₀ on the part as [`PartSide`] has it. Units: SI, u and its tolerance in the unit of the finger's outline.
+//! Frames: world; s₀ on the part as [`PartSide`] has it. Units: SI, u and its tolerance in the unit of the finger's
+//! outline.
 //! Errors: [`InitialPoseError`]; "no pose fits" is an answer.
 
 mod event_free;
@@ -34,7 +35,8 @@ use crate::pushing::dynamics::{
 use crate::pushing::estimation::hypotheses::{Estimate, Fit, Hypothesis, Observer};
 use crate::search::{Halt, Searched, Stop, never};
 
-/// Places looked at on each edge. Motions change with s₀ on the scale of the part, so that folds are wide against a 32nd of an edge.
+/// Places looked at on each edge. Motions change with s₀ on the scale of the part, so that folds are wide against a
+/// 32nd of an edge.
 const LOOKS_ON_EDGE: u32 = 32;
 
 /// Places looked at on half an ellipse.
@@ -43,7 +45,8 @@ const LOOKS_ON_ELLIPSE: u32 = 160;
 /// How far a finger goes in a push of usual length, in radii of gyration of the part.
 const USUAL_TRAVEL: f64 = 4.0;
 
-/// See [`RestingPush::refinement`]: from a few dozen radii on a part near an unstable balance goes any way, and a place may be missed.
+/// See [`RestingPush::refinement`]: from a few dozen radii on a part near an unstable balance goes any way, and a place
+/// may be missed.
 const REFINEMENT_MAX: u32 = 16;
 
 /// Steps by which a candidate is moved to where all contacts fit best.
@@ -157,7 +160,8 @@ pub enum InitialPoseError {
 }
 
 impl RestingPush {
-    /// A push of `object` on a plane with µ g = `mu_g` (m/s²), by a finger that moves on `path` from rest and touches at `u0`.
+    /// A push of `object` on a plane with µ g = `mu_g` (m/s²), by a finger that moves on `path` from rest and touches
+    /// at `u0`.
     ///
     /// # Errors
     /// [`InitialPoseError`].
@@ -261,7 +265,8 @@ impl RestingPush {
         found.into_iter().map(|near| (interval, near)).collect()
     }
 
-    /// How much more closely to look than at a push of usual length: motions part as it goes on. No closer than [`REFINEMENT_MAX`].
+    /// How much more closely to look than at a push of usual length: motions part as it goes on. No closer than
+    /// [`REFINEMENT_MAX`].
     fn refinement(&self, time: f64) -> u32 {
         let radius = self.body.inertia_per_mass().sqrt();
         let gone = 0.5 * Vector2::from(self.path.acceleration).norm() * time * time;
@@ -271,8 +276,8 @@ impl RestingPush {
         whole
     }
 
-    /// Where the finger feels the contact at some times (s, increasing) if it starts at `s0` of an edge (of the ellipse: none);
-    /// fewer if the contact ends before.
+    /// Where the finger feels the contact at some times (s, increasing) if it starts at `s0` of an edge (of the
+    /// ellipse: none); fewer if the contact ends before.
     #[must_use]
     pub fn predicted(&self, edge: Option<usize>, s0: f64, times: &[f64]) -> Vec<f64> {
         let interval = self.contact_intervals.iter().find(|interval| interval.edge == edge);
@@ -323,8 +328,8 @@ impl RestingPush {
         push.ok()?.run(times).ok()
     }
 
-    /// Candidates and solutions among places that may fit the first contact; `hopeless` are those that no move within the tolerance
-    /// brings to fit the last.
+    /// Candidates and solutions among places that may fit the first contact; `hopeless` are those that no move within
+    /// the tolerance brings to fit the last.
     fn judged(
         &self,
         places: &[(ContactInterval, NearZero)],
@@ -443,8 +448,8 @@ impl Observer for Table<'_> {
 impl RestingPush {
     /// Resting poses in the form of every observer's answer, with the motion to the last contact.
     ///
-    /// A tolerance is no standard deviation: what fits within it fits, all alike, so there are no covariances, and the cost is the
-    /// largest residual over the tolerance, squared.
+    /// A tolerance is no standard deviation: what fits within it fits, all alike, so there are no covariances, and the
+    /// cost is the largest residual over the tolerance, squared.
     fn judged_as(&self, solutions: &[RestingPose], contacts: &Contacts) -> Estimate {
         let time_end = contacts.measured.last().map_or(0.0, |last| last.t);
         let probability = 1.0 / solutions.len().max(1) as f64;
@@ -502,7 +507,8 @@ impl ContactInterval {
         self.range[1] - self.range[0]
     }
 
-    /// Places to look at, so many times as many as usual; an ellipse's overlap at the seam, so that nothing hides there.
+    /// Places to look at, so many times as many as usual; an ellipse's overlap at the seam, so that nothing hides
+    /// there.
     fn grid(&self, refinement: u32) -> Vec<f64> {
         let (looks, beyond) = if self.edge.is_some() { (LOOKS_ON_EDGE, 0) } else { (LOOKS_ON_ELLIPSE, 1) };
         let looks = refinement * looks;

@@ -17,8 +17,8 @@ const FOLD_STEPS: f64 = 2.5;
 /// Distance over which the slope is taken, as a share of the interval's length.
 const SLOPE_SHARE: f64 = 1e-4;
 
-/// Places to either side of a rough one at which to simulate, and how far apart they are, in steps of the grid: together a step and
-/// a half, beyond where the rough misfit can have moved the place.
+/// Places to either side of a rough one at which to simulate, and how far apart they are, in steps of the grid:
+/// together a step and a half, beyond where the rough misfit can have moved the place.
 const AROUND: i32 = 4;
 const AROUND_STEP: f64 = 0.375;
 

@@ -1,7 +1,7 @@
 //! Motions looked up instead of simulated: for a push that is made again and again.
 //!
-//! Finger, part, path and u₀ fixed, the motions from a grid of s₀ are kept. Contacts are then compared with the table, and a few
-//! simulations make the candidates exact: one that shows how far off the table is, and one or two to be sure.
+//! Finger, part, path and u₀ fixed, the motions from a grid of s₀ are kept. Contacts are then compared with the table,
+//! and a few simulations make the candidates exact: one that shows how far off the table is, and one or two to be sure.
 //!
 //! Implements: the table lookup that thesis §8.2.2 proposes.
 //! Assumes: as [`super`]. Units: SI. Errors: none; contacts later than the table are simulated as without it.
@@ -189,7 +189,8 @@ impl<'p> Table<'p> {
 }
 
 impl Table<'_> {
-    /// u between the last of the times that a motion lasts to and its end: the cubic through the end and the last three.
+    /// u between the last of the times that a motion lasts to and its end: the cubic through the end and the last
+    /// three.
     fn near_end(&self, motion: &Motion, t: f64) -> Option<f64> {
         let (end, u_end) = motion.end.filter(|(end, _)| t <= *end)?;
         let (step, last) = (self.times[0], motion.angles.len());

@@ -4,8 +4,8 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// The motion by quite another way: the part's three coordinates under the one constraint that the gap between the outlines
-/// stays 0, the gap from support functions, its derivatives by differences. Frictionless.
+/// The motion by quite another way: the part's three coordinates under the one constraint that the gap between the
+/// outlines stays 0, the gap from support functions, its derivatives by differences. Frictionless.
 struct ByGap {
     shape: FingerShape,
     object: Object,

@@ -1,7 +1,7 @@
 //! The thesis's observers side by side: one for each edge that may be in contact (thesis §6.1).
 //!
-//! Implements: the parallel hypotheses of thesis §6.1. Which observer is right shows in how well its contact follows the felt one
-//! once the start is forgotten: the second half of the data.
+//! Implements: the parallel hypotheses of thesis §6.1. Which observer is right shows in how well its contact follows
+//! the felt one once the start is forgotten: the second half of the data.
 //! Frames: world. Units: SI. Errors: none; an observer that diverges has no cost.
 
 use nalgebra::Vector2;
@@ -38,7 +38,8 @@ pub struct GhoRun {
     pub contact: ContactMode,
     /// Its estimates at 0, `dt`, …; fewer than there are angles where it diverged.
     pub trace: Vec<State>,
-    /// Squared deviations from the felt angles in the second half of the data, in standard deviations; none where it diverged.
+    /// Squared deviations from the felt angles in the second half of the data, in standard deviations; none where it
+    /// diverged.
     pub cost: Option<f64>,
 }
 
@@ -97,8 +98,8 @@ impl GhoBank<'_> {
 impl Observer for GhoBank<'_> {
     type Observation = Observation;
 
-    /// Every observer that did not diverge, the best first. The thesis gives no uncertainty, hence no covariance; probabilities are
-    /// equal shares, because the cost of a run that was pulled along by the data is no likelihood.
+    /// Every observer that did not diverge, the best first. The thesis gives no uncertainty, hence no covariance;
+    /// probabilities are equal shares, because the cost of a run that was pulled along by the data is no likelihood.
     fn estimate_until(&self, observation: &Observation, stop: Stop<'_>) -> Searched<Estimate> {
         let halt = Halt::new(stop);
         let runs = self.halting_runs(observation, &halt);

@@ -1,4 +1,5 @@
-//! The thesis's observer of a push, after Gauthier, Hammouri and Othman: a simulation that the felt contact pulls along.
+//! The thesis's observer of a push, after Gauthier, Hammouri and Othman: a simulation that the felt contact pulls
+//! along.
 //!
 //! With χ(x) = (u, ω, L_f ω[, L_f² ω]) the contact angle and its derivatives along the drift f, and all poles at −ζ:
 //!
@@ -7,12 +8,12 @@
 //! frictionless, or sliding   x̂' = f(x̂) + inputs − (∂χ/∂x)⁻¹ (4ζ, 6ζ², 4ζ³, ζ⁴) (û − u)       x = (u, s, ω, v_T)
 //! ```
 //!
-//! Implements: thesis §4.2.2, (5.29), (5.40) and §5.4.2, with the misprints put right: s₁₁ = +1/ζ in (4.9), a plus before the
-//! finger's acceleration, everything at the estimate, a minus before the correction. The thesis multiplies u and what follows from
-//! it by r; here u is an angle and r drops out. Correction is on for a while and off for a while (§6.1), so that the error
-//! can grow to where it says something.
-//! f is the motion with the finger at its present velocity, not accelerating. L_f ω is derived exactly, by dual numbers; L_f² ω
-//! is that gradient's change along f, by a difference of the fourth order.
+//! Implements: thesis §4.2.2, (5.29), (5.40) and §5.4.2, with the misprints put right: s₁₁ = +1/ζ in (4.9), a plus
+//! before the finger's acceleration, everything at the estimate, a minus before the correction. The thesis multiplies u
+//! and what follows from it by r; here u is an angle and r drops out. Correction is on for a while and off for a while
+//! (§6.1), so that the error can grow to where it says something. f is the motion with the finger at its present
+//! velocity, not accelerating. L_f ω is derived exactly, by dual numbers; L_f² ω is that gradient's change along f, by
+//! a difference of the fourth order.
 //! Assumes: the contact lasts; nothing keeps the estimate on its edge.
 //! Frames: world. Units: SI. Errors: none; an estimate that is no longer finite ends a trace.
 
@@ -111,7 +112,8 @@ const U: usize = 0;
 const OMEGA: usize = 2;
 
 impl Gho<'_> {
-    /// The estimates at 0, `dt`, 2 `dt`, … for as many contact angles (rad), by steps of the classical Runge–Kutta method.
+    /// The estimates at 0, `dt`, 2 `dt`, … for as many contact angles (rad), by steps of the classical Runge–Kutta
+    /// method.
     ///
     /// Contacts between two are interpolated. Whole turns of the contact angles do not count. Ends before an
     /// estimate that is not finite.

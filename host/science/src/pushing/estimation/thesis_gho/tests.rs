@@ -83,7 +83,8 @@ proptest! {
     #[test]
     fn an_observer_that_starts_at_the_truth_stays_there(contact in contacts(), s in -0.01..0.01, omega in 0.1..0.6) {
         const SHORT: f64 = 1e-3;
-        /// m per rad and second by which the angle pulls the place: most states have below 1, and singular ones have no limit.
+        /// m per rad and second by which the angle pulls the place: most states have below 1, and singular ones have no
+        /// limit.
         const PULL_MAX: f64 = 5.0;
         let part = part();
         let observer = observer(&part, contact, [0.0, 0.025]);
@@ -97,8 +98,8 @@ proptest! {
         // Where the angle hardly shows the place, the observer's map is nearly singular, and any error throws it off.
         prop_assume!(pull < PULL_MAX);
         for (estimate, truth) in trace[1..].iter().zip(&truth) {
-            // What contacts interpolated between steps of 1 ms leave, and where it pulls the place in 20 ms: far, where a
-            // sliding contact hardly shows it.
+            // What contacts interpolated between steps of 1 ms leave, and where it pulls the place in 20 ms: far, where
+            // a sliding contact hardly shows it.
             let (u, s) = ((estimate.u - truth.u).abs(), (estimate.s - truth.s).abs());
             prop_assert!(u < 1e-5 && s < 1e-4 + pull * 1e-5 * 0.02, "{estimate:?} {truth:?} {pull}");
         }

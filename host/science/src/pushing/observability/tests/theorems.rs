@@ -1,10 +1,11 @@
 //! Thesis Theorems 19, 21 and 23 and Appendix E, as numbers: ranks of the differentials that their proofs name.
 //!
-//! With the misprints put right: v_FT and v_FN turn with the contact, the input of (5.29) has a plus, and ± in the input of
-//! sliding contact is opposite to that of (5.41). u is a polar angle, so r drops out of the output's derivatives. Friction under the
-//! part is left out, as in the proofs: none of the differentials they name contains it.
+//! With the misprints put right: v_FT and v_FN turn with the contact, the input of (5.29) has a plus, and ± in the
+//! input of sliding contact is opposite to that of (5.41). u is a polar angle, so r drops out of the output's
+//! derivatives. Friction under the part is left out, as in the proofs: none of the differentials they name contains it.
 //!
-//! Lie derivatives are taken with nested dual numbers and share nothing with the library; one test compares the fields with it.
+//! Lie derivatives are taken with nested dual numbers and share nothing with the library; one test compares the fields
+//! with it.
 
 use nalgebra::{DMatrix, SMatrix, SVector};
 use num_dual::{Derivative, Dual, DualNum, DualSVec64};
@@ -54,8 +55,8 @@ fn differential<const N: usize>(function: &impl Function<N>, x: &[f64; N]) -> SV
     function.at(&seeded).eps.unwrap_generic(nalgebra::Const::<N>, nalgebra::Const::<1>)
 }
 
-/// Rank of differentials, each state counted in metres and seconds of the scales; rows at length 1, for Lie derivatives of
-/// different orders have different units.
+/// Rank of differentials, each state counted in metres and seconds of the scales; rows at length 1, for Lie derivatives
+/// of different orders have different units.
 fn rank<const N: usize>(differentials: &[SVector<f64, N>]) -> usize {
     // Centimetres: lengths of the parts below; seconds are theirs too.
     const LENGTH: f64 = 0.02;
@@ -70,7 +71,8 @@ fn rank<const N: usize>(differentials: &[SVector<f64, N>]) -> usize {
     matrix.rank(1e-8)
 }
 
-/// The disk and the polygon without support friction: state (u, s, ω, v_T, v_FT, v_FN); m is 0 without contact friction.
+/// The disk and the polygon without support friction: state (u, s, ω, v_T, v_FT, v_FN); m is 0 without contact
+/// friction.
 #[derive(Clone, Copy, Debug)]
 struct Sliding {
     radius: f64,
@@ -308,8 +310,8 @@ proptest! {
         prop_assert_eq!(rank(&[u, first, normal]), 3);
     }
 
-    /// An edge through the centre of mass (h = 0), touched at s = ±ρ: neither input shows s by itself, but the drift then carries
-    /// the contact away from there.
+    /// An edge through the centre of mass (h = 0), touched at s = ±ρ: neither input shows s by itself, but the drift
+    /// then carries the contact away from there.
     #[test]
     fn theorem_21_needs_one_derivative_more_on_an_edge_through_the_centre(push in rolling(), omega in prop_oneof![-1.0..-0.1, 0.1..1.0]) {
         let push = Rolling { height: 0.0, ..push };
@@ -336,8 +338,8 @@ proptest! {
         let unseen = Unseen(push);
         let ours = SVector::<f64, 3>::from(unseen.at(&x));
         prop_assert!((solved - ours).norm() < 1e-9 * ours.norm(), "{solved} {ours}");
-        // Condition 2 asks their brackets to vanish, but [g, ad_f g] has the printed component; g is r times the printed one,
-        // because u is an angle here.
+        // Condition 2 asks their brackets to vanish, but [g, ad_f g] has the printed component; g is r times the
+        // printed one, because u is an angle here.
         let [_, along, _] = Bracket(unseen, Bracket(f, unseen)).at(&x);
         let (r, c, s2) = (push.radius, size, s * s);
         let printed = 2.0 * (c + s2).powi(2) * (-5.0 * c.powi(3) + 9.0 * c * c * s2 - 15.0 * c * s2 * s2 + 3.0 * s2.powi(3))
