@@ -46,37 +46,37 @@ fn case(seed: u64, mode: &str) -> Case {
 }
 
 fn try_case(draw: &mut Draw, mode: &str) -> Option<Case> {
-    let corner = |draw: &mut Draw, x: f64, y: f64| [x + draw.uniform(-0.009, 0.009), y + draw.uniform(-0.009, 0.009)];
+    let corner = |draw: &mut Draw, x: f64, y: f64| [x + draw.between(-0.009, 0.009), y + draw.between(-0.009, 0.009)];
     let polygon = [(-0.03, -0.02), (0.03, -0.02), (0.03, 0.02), (-0.03, 0.02)].map(|(x, y)| corner(draw, x, y));
-    let edge = draw.index(4);
+    let edge = usize::try_from(draw.whole() % 4).unwrap();
     let (from, to) = (polygon[edge], polygon[(edge + 1) % 4]);
     let length = (to[0] - from[0]).hypot(to[1] - from[1]);
     let along = [(to[0] - from[0]) / length, (to[1] - from[1]) / length];
-    let mass = [draw.uniform(-0.006, 0.006), draw.uniform(-0.006, 0.006)];
+    let mass = [draw.between(-0.006, 0.006), draw.between(-0.006, 0.006)];
     let feet: Vec<_> =
-        (0..FEET).map(|_| ([draw.uniform(-0.03, 0.03), draw.uniform(-0.02, 0.02)], 1.0 / f64::from(FEET))).collect();
+        (0..FEET).map(|_| ([draw.between(-0.03, 0.03), draw.between(-0.02, 0.02)], 1.0 / f64::from(FEET))).collect();
     let vertex = [from[0] - mass[0], from[1] - mass[1]];
     let s_min = along[0] * vertex[0] + along[1] * vertex[1];
-    let u = draw.uniform(-3.0, 3.0);
-    let heading = u + draw.uniform(-0.2, 0.2);
+    let u = draw.between(-3.0, 3.0);
+    let heading = u + draw.between(-0.2, 0.2);
     let toward = |size: f64| [size * heading.cos(), size * heading.sin()];
     let world = World {
         normal: [along[1], -along[0]],
         vertex,
-        inertia: draw.uniform(2e-4, 5e-4),
+        inertia: draw.between(2e-4, 5e-4),
         feet: feet.iter().map(|&([x, y], share)| ([x - mass[0], y - mass[1]], share)).collect(),
-        mu_g: draw.uniform(0.2, 0.4) * 9.81,
-        radius: draw.uniform(0.005, 0.015),
-        centre: [draw.uniform(-0.1, 0.1), draw.uniform(-0.1, 0.1)],
-        velocity: toward(draw.uniform(0.04, 0.08)),
-        acceleration: toward(draw.uniform(0.0, 0.05)),
+        mu_g: draw.between(0.2, 0.4) * 9.81,
+        radius: draw.between(0.005, 0.015),
+        centre: [draw.between(-0.1, 0.1), draw.between(-0.1, 0.1)],
+        velocity: toward(draw.between(0.04, 0.08)),
+        acceleration: toward(draw.between(0.0, 0.05)),
     };
-    let s = s_min + length * draw.uniform(0.2, 0.8);
-    let omega = draw.uniform(-0.5, 0.5);
+    let s = s_min + length * draw.between(0.2, 0.8);
+    let omega = draw.between(-0.5, 0.5);
     let rolling = world.seen(0.0, &world.start(u, s, omega, 0.0), Tangential::Multiple(0.0)).slip;
     let (v_t, tangential) = match mode {
         "rolling" => (rolling, Tangential::NoSlip),
-        _ => (draw.uniform(-0.005, 0.005), Tangential::Multiple(0.0)),
+        _ => (draw.between(-0.005, 0.005), Tangential::Multiple(0.0)),
     };
     let (mut motion, mut angles) = (world.start(u, s, omega, v_t), Vec::new());
     let mut seen = world.seen(0.0, &motion, tangential);

@@ -39,25 +39,25 @@ struct Case {
 /// A quadrilateral on feet, its mass where it likes, pushed at an edge by a moving finger.
 fn case(seed: u64, mode: &str) -> Case {
     let mut draw = Draw::new(seed);
-    let corner = |draw: &mut Draw, x: f64, y: f64| [x + draw.uniform(-0.008, 0.008), y + draw.uniform(-0.008, 0.008)];
+    let corner = |draw: &mut Draw, x: f64, y: f64| [x + draw.between(-0.008, 0.008), y + draw.between(-0.008, 0.008)];
     let polygon = [(-0.03, -0.02), (0.03, -0.02), (0.03, 0.02), (-0.03, 0.02)].map(|(x, y)| corner(&mut draw, x, y));
     let edge = usize::try_from(seed % 4).unwrap();
     let (from, to) = (polygon[edge], polygon[(edge + 1) % 4]);
     let length = (to[0] - from[0]).hypot(to[1] - from[1]);
     let along = [(to[0] - from[0]) / length, (to[1] - from[1]) / length];
-    let mass = [draw.uniform(-0.006, 0.006), draw.uniform(-0.006, 0.006)];
-    let inertia = draw.uniform(2e-4, 5e-4);
-    let u = draw.uniform(-PI, PI);
-    let heading = u + draw.uniform(-0.2, 0.2);
-    let (speed, acceleration) = (draw.uniform(0.03, 0.09), draw.uniform(0.0, 0.15));
+    let mass = [draw.between(-0.006, 0.006), draw.between(-0.006, 0.006)];
+    let inertia = draw.between(2e-4, 5e-4);
+    let u = draw.between(-PI, PI);
+    let heading = u + draw.between(-0.2, 0.2);
+    let (speed, acceleration) = (draw.between(0.03, 0.09), draw.between(0.0, 0.15));
     let toward = |size: f64| [size * heading.cos(), size * heading.sin()];
-    let (mu, mu_c, radius) = (draw.uniform(0.1, 0.4), draw.uniform(0.05, 0.4), draw.uniform(0.0, 0.015));
+    let (mu, mu_c, radius) = (draw.between(0.1, 0.4), draw.between(0.05, 0.4), draw.between(0.0, 0.015));
     let vertex = [from[0] - mass[0], from[1] - mass[1]];
-    let s = along[0] * vertex[0] + along[1] * vertex[1] + length * draw.uniform(0.3, 0.7);
+    let s = along[0] * vertex[0] + along[1] * vertex[1] + length * draw.between(0.3, 0.7);
     let feet: Vec<_> =
-        (0..FEET).map(|_| ([draw.uniform(-0.03, 0.03), draw.uniform(-0.02, 0.02)], 1.0 / f64::from(FEET))).collect();
-    let omega = draw.uniform(-0.5, 0.5);
-    let centre = [draw.uniform(-0.1, 0.1), draw.uniform(-0.1, 0.1)];
+        (0..FEET).map(|_| ([draw.between(-0.03, 0.03), draw.between(-0.02, 0.02)], 1.0 / f64::from(FEET))).collect();
+    let omega = draw.between(-0.5, 0.5);
+    let centre = [draw.between(-0.1, 0.1), draw.between(-0.1, 0.1)];
     let world = World {
         normal: [along[1], -along[0]],
         vertex,
@@ -74,7 +74,7 @@ fn case(seed: u64, mode: &str) -> Case {
     let slip = if mode == "rolling" {
         0.0
     } else {
-        draw.uniform(0.01, 0.06) * if seed.is_multiple_of(3) { -1.0 } else { 1.0 }
+        draw.between(0.01, 0.06) * if seed.is_multiple_of(3) { -1.0 } else { 1.0 }
     };
     let v_t = rolling - slip;
     let mut initial = json!({"u": u, "s": s, "omega": omega});

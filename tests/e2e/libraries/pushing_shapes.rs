@@ -58,17 +58,17 @@ fn case(seed: u64, outlines: Outlines) -> Case {
     let mut draw = Draw::new(seed);
     let corners = [(-0.03, -0.02), (0.03, -0.02), (0.03, 0.02), (-0.03, 0.02)];
     let corner = |(x, y): (f64, f64), draw: &mut Draw| {
-        Point2::new(x + draw.uniform(-0.008, 0.008), y + draw.uniform(-0.008, 0.008))
+        Point2::new(x + draw.between(-0.008, 0.008), y + draw.between(-0.008, 0.008))
     };
     let polygon = SimplePolygon::new(corners.map(|at| corner(at, &mut draw))).unwrap();
     let mass = Mass {
-        centre_of_mass: Point2::new(draw.uniform(-0.004, 0.004), draw.uniform(-0.004, 0.004)),
-        inertia_per_mass: draw.uniform(2e-4, 5e-4),
+        centre_of_mass: Point2::new(draw.between(-0.004, 0.004), draw.between(-0.004, 0.004)),
+        inertia_per_mass: draw.between(2e-4, 5e-4),
     };
     let feet: Vec<_> =
-        (0..5).map(|_| (Point2::new(draw.uniform(-0.03, 0.03), draw.uniform(-0.02, 0.02)), 0.2)).collect();
+        (0..5).map(|_| (Point2::new(draw.between(-0.03, 0.03), draw.between(-0.02, 0.02)), 0.2)).collect();
     let part = Part::on_feet(polygon, &feet, mass);
-    let axes = |draw: &mut Draw| [draw.uniform(0.008, 0.03), draw.uniform(0.008, 0.03)];
+    let axes = |draw: &mut Draw| [draw.between(0.008, 0.03), draw.between(0.008, 0.03)];
     let (semi_axes, middle) = (axes(&mut draw), (-mass.centre_of_mass.coords).into());
     let ellipse = PartSide::Ellipse { semi_axes, middle };
     let (side, shape) = match outlines {
@@ -77,26 +77,26 @@ fn case(seed: u64, outlines: Outlines) -> Case {
         }
         Outlines::EllipseOnEllipse => (ellipse, FingerShape::Ellipse { semi_axes: axes(&mut draw) }),
         Outlines::LineOnEllipse => (ellipse, FingerShape::Line),
-        Outlines::DiskOnEllipse => (ellipse, FingerShape::Disk { radius: draw.uniform(0.0, 0.02) }),
+        Outlines::DiskOnEllipse => (ellipse, FingerShape::Disk { radius: draw.between(0.0, 0.02) }),
     };
     let (u, s) = match side {
         PartSide::Edge(edge) => {
-            (draw.uniform(-PI, PI), edge.s_min + draw.uniform(0.4, 0.6) * (edge.s_max - edge.s_min))
+            (draw.between(-PI, PI), edge.s_min + draw.between(0.4, 0.6) * (edge.s_max - edge.s_min))
         }
-        PartSide::Ellipse { .. } => (draw.uniform(-PI, PI), draw.uniform(-PI, PI)),
+        PartSide::Ellipse { .. } => (draw.between(-PI, PI), draw.between(-PI, PI)),
     };
     let normal = match shape {
         FingerShape::Disk { .. } => u,
         FingerShape::Ellipse { semi_axes: [a, b] } => (a * u.sin()).atan2(b * u.cos()),
         FingerShape::Line => FRAC_PI_2,
     };
-    let heading = Rotation2::new(normal + draw.uniform(-0.2, 0.2)) * Vector2::x();
+    let heading = Rotation2::new(normal + draw.between(-0.2, 0.2)) * Vector2::x();
     let path = FingerPath {
-        centre0: [draw.uniform(-0.1, 0.1), draw.uniform(-0.1, 0.1)],
-        velocity0: (heading * draw.uniform(0.03, 0.09)).into(),
-        acceleration: (heading * draw.uniform(0.0, 0.15)).into(),
+        centre0: [draw.between(-0.1, 0.1), draw.between(-0.1, 0.1)],
+        velocity0: (heading * draw.between(0.03, 0.09)).into(),
+        acceleration: (heading * draw.between(0.0, 0.15)).into(),
     };
-    let state = State { u, s, omega: draw.uniform(-0.4, 0.4), v_t: draw.uniform(-0.03, 0.03) };
+    let state = State { u, s, omega: draw.between(-0.4, 0.4), v_t: draw.between(-0.03, 0.03) };
     Case { feet, mass, part, side, shape, path, state }
 }
 

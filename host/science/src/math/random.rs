@@ -54,6 +54,19 @@ impl Draw {
         low + (high - low) * self.unit()
     }
 
+    /// 32 random bits.
+    pub fn whole(&mut self) -> u32 {
+        self.0.next_u32()
+    }
+
+    /// A number uniform in [`low`, `high`], of 32 bits.
+    ///
+    /// The end-to-end pushes are drawn with it: their seeds are chosen for contacts that press, and stay good only with the same
+    /// numbers.
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * f64::from(self.whole()) / f64::from(u32::MAX)
+    }
+
     /// A number from the normal distribution with mean 0 and standard deviation 1 (Box and Muller 1958).
     pub fn normal(&mut self) -> f64 {
         // 1 − unit is never 0, so its logarithm is finite.
