@@ -1,6 +1,7 @@
 //! Whole runs: a simulated finger on a bench, from the first sample to the file and back.
 
 #[path = "../../../science/src/finger/calibration/test_world.rs"]
+#[allow(dead_code, reason = "the tests of the library use all of it")]
 mod test_world;
 
 use std::fs;

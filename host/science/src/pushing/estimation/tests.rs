@@ -9,6 +9,7 @@ use super::*;
 use crate::math::angle::wrap_angle;
 use crate::math::random::Draw;
 use crate::pushing::dynamics::{ContactLaw, EdgeEnd, EndReason, Finger, Part, Push, PushModel, Sample, Start, State};
+use crate::search::check_stopping;
 
 /// What µ g is taken for, m/s².
 const GRIP: f64 = 0.3 * 9.81;
@@ -308,4 +309,13 @@ mod magnitudes {
             assert!(answer.hypotheses.iter().any(is_truth), "case {case}: truth not in {answer:?}");
         }
     }
+}
+
+#[test]
+fn a_search_can_be_stopped_and_says_so() {
+    let mut draw = Draw::case(41, 0);
+    let pushed = Pushed::draw(&mut draw, FRICTIONLESS, GRIP);
+    let felt = observed(pushed.angles(&mut draw, SIGMA), SIGMA, PRIOR);
+    check_stopping(|stop| estimate_until(&pushed.known(), &felt, stop));
+    check_stopping(|stop| which_part_until(&[pushed.known(), pushed.known()], &felt, stop));
 }

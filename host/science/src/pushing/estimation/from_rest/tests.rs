@@ -10,6 +10,7 @@ use crate::geometry::SimplePolygon;
 use crate::math::random::Draw;
 use crate::pushing::finger_motion::Segment;
 use crate::pushing::pushed_world::Played;
+use crate::search::check_stopping;
 
 /// Noise of a window's mean, N: that of the default finger.
 const NOISE_N: f64 = 1e-3;
@@ -288,4 +289,12 @@ fn a_brisk_push_tells_mass_and_friction_of_the_plane() {
         fixed_is_off += usize::from(errors(&pushed, &fixed).is_none_or(|errors| errors[1].abs() > FAR));
     }
     assert!(fixed_is_off >= 4, "a fixed friction did for {} of 5", 5 - fixed_is_off);
+}
+
+#[test]
+fn a_search_can_be_stopped_and_says_so() {
+    let (part, ranges, drawn, mut draw) = drawn(0);
+    let felt = felt(&drawn, &mut draw, 0.5);
+    check_stopping(|stop| estimate_until(&known(&part, &ranges), &felt, stop));
+    check_stopping(|stop| which_part_until(&[known(&part, &ranges); 2], &felt, stop));
 }
