@@ -58,3 +58,83 @@ impl std::fmt::Debug for Halt<'_> {
         f.debug_struct("Halt").field("halted", &self.halted).finish_non_exhaustive()
     }
 }
+
+/// What any search that can be stopped has to keep: it asks, what it returns when told to stop says that it is incomplete, and a wish
+/// that is never uttered changes nothing.
+#[cfg(test)]
+pub(crate) fn check_stopping<T: std::fmt::Debug>(search: impl Fn(Stop<'_>) -> Searched<T>) {
+    let asked = Cell::new(0_usize);
+    let whole = search(&|| {
+        asked.set(asked.get() + 1);
+        false
+    });
+    let asked = asked.get();
+    assert!(whole.complete && asked > 1, "asked {asked} times");
+    for after in [0, 1, asked / 4, asked / 2, asked - 1] {
+        let left = Cell::new(after);
+        let stopped = search(&|| left.replace(left.get().saturating_sub(1)) == 0);
+        assert!(!stopped.complete, "stopped after {after} of {asked} questions: {:?}", stopped.found);
+    }
+    let again = search(&never);
+    assert!(again.complete);
+    assert_eq!(format!("{:?}", again.found), format!("{:?}", whole.found));
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Point2, Quaternion, Vector2, Vector3};
+
+    use super::*;
+    use crate::geometry::{ConvexPolygon, SimplePolygon};
+    use crate::inscription::{Cone, NoisyReadings, estimate_until};
+    use crate::pushing::dynamics::{FingerPath, FingerShape};
+    use crate::pushing::estimation::{Object, RestingPush, TimedContact};
+    use crate::rolling::{
+        BodyKnowledge, Model, Noise, PalmAcceleration, PalmKnowledge, Question, RollState, RollingBody, Spin,
+        specific_force,
+    };
+
+    #[test]
+    fn a_search_for_inscriptions_can_be_stopped() {
+        let block = [[0.0, 0.0], [0.06, 0.0], [0.06, 0.04], [0.0, 0.04]].map(Point2::from);
+        let block = ConvexPolygon::new(&SimplePolygon::new(block).unwrap()).unwrap();
+        let views = [(-0.2, 0.0, 0.001, 0.199), (0.0, -0.2, 1.279, 1.569), (0.3, 0.1, 3.341, 3.535)];
+        let bearings = views.iter().flat_map(|&(x, y, right, left)| {
+            Cone::new(Point2::new(x, y), right, left).unwrap().bearings().into_iter().collect::<Vec<_>>()
+        });
+        let readings = NoisyReadings { bearings: bearings.collect(), fences: Vec::new(), sigma: 1e-3 };
+        check_stopping(|stop| estimate_until(&block, &readings, stop).unwrap());
+    }
+
+    #[test]
+    fn a_search_for_resting_poses_can_be_stopped() {
+        let block = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.02, 0.03]].map(Point2::from)).unwrap();
+        let path = FingerPath { centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [0.01, 0.1] };
+        let shape = FingerShape::Disk { radius: 0.01 };
+        let push = RestingPush::new(Object::Polygon(block), 0.0, shape, path, 1.5).unwrap();
+        let felt = push.predicted(Some(0), 0.005, &[0.6, 0.9]);
+        let contacts = [TimedContact { t: 0.6, u: felt[0] }, TimedContact { t: 0.9, u: felt[1] }];
+        check_stopping(|stop| push.observe_until(&contacts, 1e-6, stop));
+    }
+
+    #[test]
+    fn a_search_for_a_rolling_body_can_be_stopped_and_is_then_not_certified() {
+        let body = RollingBody::ellipsoid([0.02, 0.03, 0.04]).unwrap();
+        let model = Model { body: &body, spin: Spin::NoSpin };
+        let orientation = Quaternion::new(0.5, -0.5, -0.7, -0.1).normalize();
+        let start = RollState { orientation, omega: Vector3::new(0.5, 0.2, 0.0), u: Vector2::new(0.001, 0.002) };
+        let weight = specific_force(Vector3::zeros(), 9.81);
+        let path = std::iter::successors(Some(start), |state| Some(model.step(state, &[weight; 3], 0.02)));
+        let u: Vec<_> = path.take(31).map(|state| state.u).collect();
+        let question = Question {
+            body: BodyKnowledge::OneOf(vec![body.clone()]),
+            spins: vec![Spin::NoSpin],
+            palm: PalmKnowledge::Known(PalmAcceleration::Rest),
+            g: 9.81,
+            noise: Noise::Exact,
+        };
+        let stopped = question.answer_until(0.02, &u, &|| true).unwrap();
+        assert!(!stopped.complete && !stopped.found.certified && stopped.found.hypotheses.is_empty());
+        check_stopping(|stop| question.answer_until(0.02, &u, stop).unwrap());
+    }
+}

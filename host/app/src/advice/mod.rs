@@ -1,7 +1,7 @@
 //! What to do about an error: the one place that says so.
 //!
 //! The libraries' errors hold facts and know of no command line. [`help`] looks down an error's chain of sources and
-//! gives the advice for the first one that it knows; [`Advise::advised`] puts it under the error that a person is
+//! gives the advice for the first one that it knows; `Advise::advised` puts it under the error that a person is
 //! shown.
 //!
 //! Errors whose message is another's (`#[error(transparent)]`) stand in that one's place in the chain, so each such

@@ -2,8 +2,8 @@
 //!
 //! In reading order: [`front_end`] turns counts into strain, [`force`] counts into force; [`measurements`] says what a
 //! calibration is made from, [`mod@fit`] finds the matrix; [`dwell`] decides when a reading is at rest, [`plan`] and
-//! [`session`] take one after the other, [`raw`] keeps their samples, [`conclusion`] draws the result from them and
-//! [`mod@file`] keeps it. All pure but [`mod@file`], which reads and writes, and [`person`], who talks.
+//! [`session`] take one after the other. In `palpate-files`, `raw` keeps their samples, `conclusion` draws the result from them and
+//! `file` keeps it.
 //!
 //! Frames: finger axes throughout; force is the force on the finger's disk. Units: counts, newtons (or the
 //! calibration's relative unit), radians.

@@ -11,6 +11,7 @@ use crate::math::angle::wrap_angle;
 use crate::math::random::Draw;
 use crate::pushing::dynamics::{ContactLaw, EdgeEnd, EndReason, Finger, Part, Push, PushModel, Sample, Start, State};
 use crate::pushing::estimation::*;
+use crate::search::check_stopping;
 
 /// What µ g is taken for, m/s².
 const MU_G: f64 = 0.3 * 9.81;
@@ -312,4 +313,12 @@ mod magnitudes {
             assert!(answer.hypotheses.iter().any(is_truth), "case {case}: truth not in {answer:?}");
         }
     }
+}
+
+#[test]
+fn a_search_can_be_stopped_and_says_so() {
+    let mut draw = Draw::case(41, 0);
+    let pushed = Pushed::draw(&mut draw, FRICTIONLESS, MU_G);
+    let felt = observed(pushed.angles(&mut draw, SIGMA), SIGMA, PRIOR);
+    check_stopping(|stop| estimate_until(&pushed.known(), &felt, stop));
 }

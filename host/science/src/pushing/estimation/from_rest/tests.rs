@@ -19,6 +19,7 @@ use crate::pushing::estimation::hypotheses::Status;
 use crate::pushing::estimation::{Known as PushKnown, Touch};
 use crate::pushing::finger_motion::{Leg, Segment};
 use crate::pushing::pushed_world::Played;
+use crate::search::check_stopping;
 
 /// Noise of a window's mean, N: that of the default finger.
 const NOISE_N: f64 = 1e-3;
@@ -426,4 +427,11 @@ fn all_who_follow_a_push_see_the_same_modes() {
     }
     let counts = format!("{compared} compared, {slid} slid at once, {pulled} where rolling pulls, {changed} changed");
     assert!(compared > 200 && slid > 50 && pulled > 3 && changed > 10, "{counts}");
+}
+
+#[test]
+fn a_search_can_be_stopped_and_says_so() {
+    let (part, ranges, drawn, mut draw) = drawn(0);
+    let measured = measured(&drawn, &mut draw, 0.5);
+    check_stopping(|stop| estimate_until(&known(&part, &ranges), &measured, stop));
 }
