@@ -5,6 +5,9 @@ use std::path::Path;
 use serde_json::Value;
 
 /// The project's folder.
+///
+/// # Panics
+/// Never: this package lies in it.
 #[must_use]
 pub fn folder() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("this package lies in the project's folder")
