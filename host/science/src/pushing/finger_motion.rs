@@ -14,6 +14,16 @@ use crate::pushing::dynamics::Finger;
 pub const SEGMENTS_MAX: usize = 360_000;
 
 /// A motion from rest.
+///
+/// ```
+/// use palpate::FingerMotion;
+/// use palpate::pushing::finger_motion::Segment;
+///
+/// let segments = [[0.15, 0.0], [0.0, 0.15]].map(|acceleration| Segment { seconds: 0.3, acceleration });
+/// let motion = FingerMotion::new([0.0; 2], &segments)?; // ahead, then aside
+/// assert!((motion.duration() - 0.6).abs() < 1e-15); // s
+/// # Ok::<(), palpate::pushing::finger_motion::MotionError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct FingerMotion {
     start: Point2<f64>,

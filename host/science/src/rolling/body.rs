@@ -35,6 +35,14 @@ const QUADRATURE_TOLERANCE: f64 = 1e-13;
 const RINGS: (usize, usize) = (24, 384);
 
 /// A smooth, strictly convex rigid body.
+///
+/// ```
+/// use palpate::RollingBody;
+///
+/// let pebble = RollingBody::ellipsoid([0.02, 0.03, 0.04])?; // semi-axes, m
+/// assert_eq!(pebble.symmetry().name(), "D2");
+/// # Ok::<(), palpate::rolling::BodyError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct RollingBody {
     shape: Shape,

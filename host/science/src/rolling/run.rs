@@ -39,6 +39,18 @@ pub const QUATERNION_TOLERANCE: f64 = 1e-3;
 const OMEGA_FLOOR: f64 = 1.0;
 
 /// A body on a palm from its start on.
+///
+/// ```
+/// use palpate::rolling::{PalmAcceleration, Spin};
+/// use palpate::{Roll, RollingBody};
+///
+/// let pebble = RollingBody::ellipsoid([0.02, 0.03, 0.04])?;
+/// let on = (&pebble, Spin::Free, &PalmAcceleration::Rest, 9.81);
+/// // It stands upright on its longest axis and stays there: a balance, if an unstable one.
+/// let run = Roll::new(on, [1.0, 0.0, 0.0, 0.0], [0.0; 3], [0.0; 2])?.run(&[0.0, 0.05])?;
+/// assert!((run.samples[1].contact_body.z + 0.04).abs() < 1e-9); // m
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Roll<'a> {
     model: Model<'a>,

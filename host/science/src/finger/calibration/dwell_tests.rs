@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 use palpate_shared::units::Counts;
-use palpate_shared::wire::Status;
+use palpate_shared::status::Status;
 
 use super::dwell::*;
 use super::front_end::{FrontEnd, FrontEndSettings};

@@ -82,6 +82,25 @@ impl Force {
 }
 
 /// A finger's matrix as it is used: checked, with its inverse at hand.
+///
+/// ```
+/// use nalgebra::{Matrix2, Vector2};
+/// use palpate::finger::calibration::{CalibrationContact, DwellReading, DwellTare, FitSettings, Fixture, Load, Measurements, fit};
+///
+/// let reading = |x: f64, y: f64| DwellReading { counts: Vector2::new(x, y), covariance: Matrix2::identity() * 36.0 };
+/// let contact = |degrees: f64| {
+///     let (sin, cos) = degrees.to_radians().sin_cos();
+///     let reading = reading(-53_400.0 * cos, -53_400.0 * sin); // 2 N at 26 700 counts/N
+///     CalibrationContact { angle: degrees.to_radians(), load: Load::Newtons(2.0), reading, tare: None }
+/// };
+/// let contacts = [0.0, 60.0, 120.0, 180.0, 240.0, 300.0].map(contact).to_vec();
+/// let tare = DwellTare(reading(0.0, 0.0));
+/// let settings = FitSettings { fixture: Fixture::of_a_dividing_head(0.001_79), held_back_every: 0 };
+/// let calibration = fit(&Measurements { contacts, tares: vec![tare] }, &settings)?.calibration;
+/// let force = calibration.force(&reading(26_700.0, 0.0), &tare);
+/// assert!((force.force_finger - Vector2::new(1.0, 0.0)).norm() < 1e-6); // N
+/// # Ok::<(), palpate::finger::calibration::FitError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Calibration {
     parts: CalibrationParts,

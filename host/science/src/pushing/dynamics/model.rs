@@ -15,6 +15,16 @@ use super::support::SupportFriction;
 use crate::geometry::SimplePolygon;
 
 /// A polygon on its plane: outline, mass and what it rests on.
+///
+/// ```
+/// use nalgebra::Point2;
+/// use palpate::{Part, SimplePolygon};
+///
+/// let part = Part::uniform(SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?);
+/// assert!((part.inertia_per_mass() - (0.06_f64.powi(2) + 0.04_f64.powi(2)) / 12.0).abs() < 1e-15); // m²
+/// assert!((part.edge(1)?.height - 0.03).abs() < 1e-15); // m from the centre of mass to the edge
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Part {
     polygon: SimplePolygon,
@@ -154,6 +164,13 @@ impl<T: Scalar> FingerPath<T> {
 }
 
 /// A disk that translates on a parabola and never turns.
+///
+/// ```
+/// use palpate::Finger;
+///
+/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0, 0.02] };
+/// assert!((finger.centre(2.0).y - (0.05 * 2.0 + 0.02 * 2.0)).abs() < 1e-15); // m
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Finger<T = f64> {
     /// Radius r of the disk, m.
@@ -264,6 +281,13 @@ impl Slip {
 }
 
 /// State of a pushed part at one instant.
+///
+/// ```
+/// use palpate::State;
+///
+/// let state = State { u: 1.5, s: 0.005, omega: 0.0, v_t: 0.0 }; // rad, m, rad/s, m/s
+/// assert_eq!(state.map(|value| 2.0 * value).s, 0.01);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State<T = f64> {
     /// Polar angle of the contact seen from the disk's centre, rad; not wrapped.
@@ -284,6 +308,19 @@ impl<T: Copy> State<T> {
 }
 
 /// A part pushed at one of its edges. Parameters of type `T` can carry derivatives.
+///
+/// ```
+/// use nalgebra::Point2;
+/// use palpate::{Finger, Part, PushModel, SimplePolygon, State};
+///
+/// let part = Part::uniform(SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?);
+/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+/// let model = PushModel { part: &part, edge: part.edge(0)?, mu_g: 0.3 * 9.81, finger };
+/// let state = State { u: std::f64::consts::FRAC_PI_2, s: 0.0, omega: 0.0, v_t: 0.0 };
+/// // The centre of mass is a radius and the edge's height, 2 cm, ahead of the disk's centre.
+/// assert!((model.centre_of_mass(0.0, &state).y - 0.03).abs() < 1e-15); // m
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct PushModel<'p, T = f64> {
     /// The part.

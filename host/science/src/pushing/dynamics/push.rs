@@ -16,6 +16,13 @@ use super::shaped::ShapedModel;
 const PLACE_TOLERANCE: f64 = 1e-9;
 
 /// What happens at the contact, and what ends it. Friction is µ_c between finger and part.
+///
+/// ```
+/// use palpate::ContactLaw;
+///
+/// let law = ContactLaw::Coulomb { friction: 0.3 }; // sticks within the cone of 17°, slides outside of it
+/// assert_ne!(law, ContactLaw::Rolling { friction: Some(0.3) }); // which ends where it would slide
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ContactLaw {
     /// No contact friction.
@@ -40,6 +47,14 @@ pub enum ContactLaw {
 }
 
 /// How a push starts, at t = 0.
+///
+/// ```
+/// use palpate::{Start, State};
+///
+/// let at_rest = Start::Rest { u: 1.5, s: 0.005 }; // rad, m
+/// let moving = Start::Moving(State { u: 1.5, s: 0.005, omega: 0.2, v_t: 0.0 });
+/// assert_ne!(at_rest, moving);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Start {
     /// In motion. `v_t` is ignored for [`ContactLaw::Rolling`].
@@ -83,12 +98,40 @@ pub(super) struct Obstacle {
 }
 
 /// A disk that pushes an edge of a polygon.
+///
+/// ```
+/// use nalgebra::Point2;
+/// use palpate::{ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, SimplePolygon, Start};
+///
+/// let part = Part::uniform(SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?);
+/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [0.0, 0.2] };
+/// let model = PushModel { part: &part, edge: part.edge(0)?, mu_g: 0.3 * 9.81, finger };
+/// // Straight at the middle, from rest: the block goes along without turning.
+/// let start = Start::Rest { u: std::f64::consts::FRAC_PI_2, s: 0.0 };
+/// let run = Push::new(model, ContactLaw::Coulomb { friction: 0.3 }, start, EdgeEnd::Stop)?.run(&[0.0, 0.5])?;
+/// assert!((run.last.position.y - run.samples[0].position.y - 0.2 * 0.5 * 0.5 / 2.0).abs() < 1e-9); // m
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub type Push<'p> = PushOf<PushModel<'p>>;
 
 /// A finger of any shape that pushes an edge or an ellipse.
 pub type ShapedPush<'p> = PushOf<ShapedModel<'p>>;
 
 /// What is at an edge's vertices.
+///
+/// ```
+/// use nalgebra::Point2;
+/// use palpate::{ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, SimplePolygon, Start, State};
+///
+/// let part = Part::uniform(SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?);
+/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.1], acceleration: [0.0; 2] };
+/// let model = PushModel { part: &part, edge: part.edge(0)?, mu_g: 1.0, finger };
+/// // Touched 1 mm beyond the vertex: only the edge's line reaches so far.
+/// let start = Start::Moving(State { u: 1.6, s: 0.031, omega: 0.0, v_t: 0.1 });
+/// let push = |end| Push::new(model, ContactLaw::Frictionless, start, end);
+/// assert!(push(EdgeEnd::Stop).is_err() && push(EdgeEnd::Extend).is_ok());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EdgeEnd {
     /// The push ends there.

@@ -52,6 +52,21 @@ pub trait Observer {
 }
 
 /// What an observation says.
+///
+/// ```
+/// use nalgebra::Point2;
+/// use palpate::{Channel, Finger, Known, Measured, Observation, Observer, Part, Prior, SimplePolygon, Touch};
+///
+/// let part = Part::uniform(SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?);
+/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+/// let known = Known { part: &part, mu_g: 0.3 * 9.81, finger, touch: Touch::Rolling { friction: None } };
+/// let values = vec![1.6, 1.605, 1.62, 1.64, 1.67]; // rad
+/// let measured = Measured::ContactAngle(Channel { values, sigma: 2e-3 });
+/// let estimate = known.estimate(&Observation { dt: 0.05, measured, prior: Prior::default() });
+/// let sum: f64 = estimate.hypotheses.iter().map(|hypothesis| hypothesis.probability).sum();
+/// assert!((sum - 1.0).abs() < 1e-9 && (estimate.time_end - 0.2).abs() < 1e-12); // s
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
     /// Everything that the data cannot exclude, most probable first; empty if they exclude all.

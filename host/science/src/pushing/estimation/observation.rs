@@ -9,6 +9,17 @@ use crate::pushing::dynamics::contact_mode::ContactFriction;
 use crate::pushing::dynamics::{ContactLaw, ContactMode, Edge, Finger, Part, PushModel};
 
 /// What is known of a push beforehand.
+///
+/// ```
+/// use nalgebra::Point2;
+/// use palpate::{Finger, Known, Part, SimplePolygon, Touch};
+///
+/// let part = Part::uniform(SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?);
+/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+/// let known = Known { part: &part, mu_g: 0.3 * 9.81, finger, touch: Touch::Rolling { friction: None } };
+/// assert_eq!(known.part.polygon().vertices().len(), 4);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Known<'p> {
     /// The part.
@@ -125,6 +136,14 @@ pub struct Prior {
 }
 
 /// Data of a push and what is known of its start.
+///
+/// ```
+/// use palpate::{Channel, Measured, Observation, Prior};
+///
+/// let measured = Measured::ContactAngle(Channel { values: vec![1.6, 1.605, 1.62], sigma: 2e-3 }); // rad
+/// let observation = Observation { dt: 0.05, measured, prior: Prior::default() };
+/// assert_eq!(observation.len(), 3);
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Observation {
     /// Time between values, s.
