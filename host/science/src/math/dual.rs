@@ -8,7 +8,8 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 /// A number with its derivatives.
 ///
 /// ```
-/// use palpate::pushing::dynamics::{Jet, Scalar};
+/// use palpate::math::Jet;
+/// use palpate::pushing::dynamics::Scalar;
 ///
 /// let [x, y] = [Jet::variable(3.0, 0), Jet::<2>::variable(4.0, 1)];
 /// let distance = (x * x + y * y).sqrt();
