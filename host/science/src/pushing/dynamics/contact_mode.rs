@@ -144,7 +144,7 @@ impl<T: Scalar> ContactFriction<T> {
 impl ContactFriction {
     /// How a part at rest begins to move, and in which mode, at a finger that slips along it at `slip` (m/s) already,
     /// if it does. `start` solves how for a given mode.
-    pub(crate) fn from_rest<E>(
+    pub(crate) fn begun<E>(
         &self,
         slip: f64,
         start: impl Fn(&ContactMode) -> Result<RestStart, E>,

@@ -645,7 +645,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
             ContactLaw::Rolling { .. } => ContactMode::Rolling,
             ContactLaw::Sliding { slip, .. } => law.sliding(slip),
             ContactLaw::Coulomb { friction } => {
-                return ContactFriction::same(friction).from_rest(self.model().slip(time, state), start);
+                return ContactFriction::same(friction).begun(self.model().slip(time, state), start);
             }
         };
         Ok((contact, start(&contact)?))

@@ -194,7 +194,7 @@ fn rest_start(
         (touch, Some(slip)) => sliding(touch, slip),
         (Touch::Sliding { .. }, None) => return None,
         (Touch::Coulomb { friction }, None) => {
-            let begun = ContactFriction::same(friction).from_rest(0.0, start).ok()?;
+            let begun = ContactFriction::same(friction).begun(0.0, start).ok()?;
             return Some(begun).filter(|(_, start)| start.force().pushes());
         }
     };

@@ -208,7 +208,7 @@ impl<'p> PathSimulation<'p> {
         let &Guess { u, s, mu_c, .. } = guess;
         let friction = ContactFriction::same(mu_c);
         let start = |contact: &ContactMode| model.rest_start(contact, u, s);
-        let (contact, start) = friction.from_rest(0.0, start).map_err(|_| Lost::Start)?;
+        let (contact, start) = friction.begun(0.0, start).map_err(|_| Lost::Start)?;
         if !start.force().pushes() || is_jammed(&model, &contact, s) {
             return Err(Lost::Contact);
         }
