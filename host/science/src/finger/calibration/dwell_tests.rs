@@ -1,8 +1,8 @@
 //! Dwells of a simulated finger that rests, drifts, slips, swings, rings down or loses its load.
 
 use nalgebra::Vector2;
-use palpate_shared::units::Counts;
 use palpate_shared::status::Status;
+use palpate_shared::units::Counts;
 
 use super::dwell::*;
 use super::front_end::{FrontEnd, FrontEndSettings};
