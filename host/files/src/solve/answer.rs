@@ -56,7 +56,7 @@ impl Registry {
     ///
     /// problem["polygon"][3] = json!([0.05, -0.01]);
     /// let failure = KINDS.solve(problem).unwrap_err();
-    /// assert_eq!((failure.code, failure.field.unwrap().as_str()), (ErrorCode::InvalidInput, "/polygon"));
+    /// assert_eq!((failure.code, failure.field.unwrap().as_str()), (ErrorCode::InvalidInput, "/polygon/2"));
     /// # Ok::<(), palpate_files::solve::Failure>(())
     /// ```
     pub fn solve(&self, problem: Value) -> Result<Value, Failure> {

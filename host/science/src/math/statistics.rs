@@ -13,7 +13,7 @@ use statrs::function::erf::erfc;
 /// The arithmetic mean; `None` of nothing.
 ///
 /// ```
-/// use crate::math::statistics::mean;
+/// use palpate::math::statistics::mean;
 ///
 /// assert_eq!(mean(&[1.5, 2.5, 5.0]), Some(3.0)); // N
 /// assert_eq!(mean::<f64, [f64; 0]>([]), None);
@@ -28,7 +28,7 @@ pub fn mean<T: Sum<I::Item> + Div<f64, Output = T>, I: IntoIterator>(values: I) 
 /// The middle value, of an even number the mean of the two middle ones; `None` of nothing. Values must be numbers.
 ///
 /// ```
-/// use crate::math::statistics::median;
+/// use palpate::math::statistics::median;
 ///
 /// assert_eq!(median([4.0, 1.0, 2.0, 3.0]), Some(2.5));
 /// ```
@@ -49,7 +49,7 @@ pub fn median(values: impl IntoIterator<Item = f64>) -> Option<f64> {
 /// takes their mean.
 ///
 /// ```
-/// use crate::math::statistics::percentile;
+/// use palpate::math::statistics::percentile;
 ///
 /// assert_eq!(percentile([4.0, 1.0, 2.0, 3.0], 50), Some(3.0));
 /// ```

@@ -22,14 +22,14 @@ const BAND_OPACITY: f64 = 0.25;
 /// A chart of y over x.
 ///
 /// ```
-/// use crate::pictures::plot::{Chart, Colour, Figure, Stroke};
+/// use palpate_cli::pictures::plot::{Chart, Colour, Figure, Stroke};
 ///
 /// let mut chart = Chart::new("contact angle", ["time [s]", "u [°]"]);
 /// chart.curve("felt", &[[0.0, 30.0], [0.5, 31.5], [1.0, 34.0]], Stroke::solid(Colour::BLUE, 1.5));
 /// chart.level(32.0, "expected");
 /// let page = Figure::new("contact angle", 480.0, 240.0).column(1.0, vec![chart.into()]).to_page();
 /// assert!(page.to_png()?.starts_with(b"\x89PNG"));
-/// # Ok::<(), crate::pictures::plot::PlotError>(())
+/// # Ok::<(), palpate_cli::pictures::plot::PlotError>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct Chart {

@@ -27,9 +27,9 @@ const LABEL_GAP: f64 = 8.0;
 ///
 /// ```
 /// use nalgebra::{Point2, Vector2};
-/// use crate::pictures::plot::{Colour, Figure, Key, Scene, Stroke, Style};
+/// use palpate_cli::pictures::plot::{Colour, Figure, Key, PlotScene, Stroke, Style};
 ///
-/// let mut scene = Scene::new("A finger against a block");
+/// let mut scene = PlotScene::new("A finger against a block");
 /// let block = [[0.0, 0.0], [0.06, 0.0], [0.06, 0.04], [0.0, 0.04]].map(Point2::from); // m
 /// scene.polygon(&block, Style::area(Colour::SKY_BLUE, 0.3).outlined(Stroke::solid(Colour::BLUE, 1.5)));
 /// scene.disk(Point2::new(0.03, -0.015), 0.015, Stroke::solid(Colour::BLACK, 1.5));

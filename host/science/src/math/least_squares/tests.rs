@@ -354,8 +354,10 @@ proptest! {
         let equations = problem.normal_equations(&place);
         let step = -equations.gradient * (1e-4 / equations.gradient.norm().max(1e-3));
         let gained = problem.cost(&place) - problem.cost(&(place + step));
-        // What bends beside the parabola is below 1e3 of the step squared.
-        prop_assert!((gained - equations.predicted_reduction(&step)).abs() < 1e-5, "{gained} {equations:?}");
+        // The parabola leaves out the residual 10 (y − x²), up to 60, times its second derivative, 20: 1200 of the step
+        // squared, and 1e-3 of that for cubes.
+        const LEFT_OUT: f64 = 1201.0 * 1e-4 * 1e-4;
+        prop_assert!((gained - equations.predicted_reduction(&step)).abs() < LEFT_OUT, "{gained} {equations:?}");
     }
 
     /// Marquardt's damping knows no units: a descent in others visits the same places.

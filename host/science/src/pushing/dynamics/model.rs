@@ -286,7 +286,7 @@ impl Slip {
 /// use palpate::State;
 ///
 /// let state = State { u: 1.5, s: 0.005, omega: 0.0, v_t: 0.0 }; // rad, m, rad/s, m/s
-/// assert_eq!(state.map(|value| 2.0 * value).s, 0.01);
+/// assert_ne!(State { s: -0.005, ..state }, state); // as far on the other side of the foot of the perpendicular
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State<T = f64> {
