@@ -16,7 +16,7 @@ use super::recorded_push::RecordedPushArguments;
 
 /// Names which of several known parts a finger has begun to push, and where it is.
 ///
-/// Takes the files of `palpate observe` and several part files. A part file may list several supports ([[support]],
+/// Takes the files of `palpate observe` and several part files. A part file may list several supports (`[[support]]`,
 /// with a name and feet each) instead of `feet`: then what the part stands on is named too. Every part is as likely
 /// beforehand. Exit status: 0, also where no part explains the force; 1 if something cannot be used, 64 wrong command
 /// line.
