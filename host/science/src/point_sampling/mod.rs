@@ -1,11 +1,12 @@
 //! Telling shapes and poses apart by points: which of them are covered, and which are free (thesis ch. 3).
 //!
 //! In reading order:
-//! - `exact`: decisions about segments that depend on no tolerance; `bits`: sets of small numbers;
 //! - `subdivision`: the regions that polygons form, and which polygons contain each;
 //! - `circle`: the middle of a region, as far from its boundary as can be;
 //! - `discriminate`: the fewest elements that tell sets apart, proven;
 //! - `plan`: all of it put together; `decode`: which polygon it is, from what the points read.
+//!
+//! Decisions about segments depend on no tolerance (`geometry::exact`); sets of small numbers are `math::BitSet`.
 //!
 //! Pure: no files, clocks or threads; whether to go on is asked of the caller. Frames: one for all polygons. Units: m,
 //! m².

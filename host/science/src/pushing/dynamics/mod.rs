@@ -2,8 +2,8 @@
 //!
 //! In reading order:
 //! - [`support`]: what the plane does to a sliding part;
-//! - `body`: a mass and what it rests on; `model`: part, edge, finger and contact, as plain data; `scalar` and `jet`:
-//!   the numbers they are written for;
+//! - `body`: a mass and what it rests on; `model`: part, edge, finger and contact, as plain data; `scalar`: the
+//!   numbers they are written for, plain or with derivatives;
 //! - `disk_on_edge`: accelerations and contact force of a disk on an edge; `curve` and `shaped`: of any two outlines;
 //!   `rest`: how a part at rest begins to move;
 //! - `contact_mode`: whether a contact sticks, slides, breaks or jams, for all who follow a push; `mode_change`: when,
