@@ -19,6 +19,22 @@ pub fn never() -> bool {
 }
 
 /// What a search found.
+///
+/// ```
+/// use nalgebra::Point2;
+/// use palpate::*;
+///
+/// let part = Part::uniform(SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?);
+/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+/// let known = Known { part: &part, mu_g: 0.3 * GRAVITY_ASSUMED, finger, touch: Touch::Rolling { friction: None } };
+/// let measured = Measured::ContactAngle(Channel { values: vec![1.6, 1.605, 1.62, 1.64, 1.67], sigma: 2e-3 }); // rad
+/// let observation = Observation { dt: 0.05, measured, prior: Prior::default() };
+///
+/// let stopped = known.estimate_until(&observation, &|| true); // by a clock, a key, a counter
+/// assert!(!stopped.complete);
+/// assert!(known.estimate_until(&observation, &never).complete);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Searched<T> {
     /// All that there is to find if the search is complete; otherwise what had been found, of which nothing follows

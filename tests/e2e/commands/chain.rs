@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use palpate::finger::calibration::plan::{Plan, TareMode};
+use palpate::finger::calibration::plan::{CalibrationPlan, TareMode};
 use palpate::finger::calibration::{self, Calibration, Load};
 use palpate::finger::contact::Averaging;
 use palpate_cli::live::{self, LinkSource, SimulatedBench};
@@ -15,7 +15,7 @@ use palpate_tests::rig;
 const FORCE_N: f64 = 2.0;
 
 fn calibrate(session: &mut Session, hand: &SimulatedDevice) -> Calibration {
-    let plan = Plan::all_round(12, Load::Newtons(FORCE_N), TareMode::Each);
+    let plan = CalibrationPlan::all_round(12, Load::Newtons(FORCE_N), TareMode::Each);
     let front_end = live::front_end(session.hello()).unwrap();
     let rate_hz = f64::from(session.hello().rate_hz);
     let mut run =

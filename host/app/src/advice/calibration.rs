@@ -211,7 +211,7 @@ mod tests {
     use std::io;
 
     use palpate::finger::calibration::Load;
-    use palpate::finger::calibration::dwell::Change;
+    use palpate::finger::calibration::dwell::DwellChange;
     use palpate::finger::calibration::session::BenchError;
 
     use super::super::help;
@@ -258,7 +258,7 @@ mod tests {
 
     #[test]
     fn each_dwell_that_is_refused_has_its_advice() {
-        let change = || Change::Tare { microstrain: 1.0 };
+        let change = || DwellChange::Tare { microstrain: 1.0 };
         check(vec![
             (
                 Refusal::Drifts { change: change(), seconds: 1.0 },

@@ -8,8 +8,8 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use miette::{IntoDiagnostic, WrapErr};
 use palpate::finger::calibration::dwell::Refusal;
-use palpate::finger::calibration::plan::{Plan, Step, TareMode};
-use palpate::finger::calibration::session::{Bench, CalibrationRun, Ending, SampleSource, Summary, Taken};
+use palpate::finger::calibration::plan::{CalibrationPlan, Step, TareMode};
+use palpate::finger::calibration::session::{Bench, CalibrationRun, Ending, SampleSource, StepSummary, Taken};
 use palpate::finger::calibration::{FrontEndSettings, Load, session};
 use palpate_files::calibration::conclusion::{Conclusion, HELD_BACK_ERROR_MAX_DEG, conclude};
 use palpate_files::calibration::file::{FileError, save_raw, save_result, save_unfinished};
@@ -143,7 +143,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
 const SIMULATED_FORCE_N: f64 = 2.0;
 
 /// Says what a simulated hand did.
-fn tell_step(step: &Step, outcome: Result<&Summary, &Refusal>) {
+fn tell_step(step: &Step, outcome: Result<&StepSummary, &Refusal>) {
     match outcome {
         Ok(summary) => note!("[simulated hand] {}: accepted after {:.1} s", step.prompt(), summary.waited_s),
         Err(refusal) => note!("[simulated hand] {}: {refusal}", step.prompt()),
@@ -153,7 +153,7 @@ fn tell_step(step: &Step, outcome: Result<&Summary, &Refusal>) {
 /// Takes the plan's contacts on any bench, fits, judges and writes.
 pub(crate) fn calibrate(
     arguments: &Arguments,
-    plan: &Plan,
+    plan: &CalibrationPlan,
     device: Device<'_>,
     bench: &mut dyn Bench,
 ) -> miette::Result<ExitCode> {
@@ -204,12 +204,12 @@ pub(crate) fn calibrate(
 struct Unfinished<'a> {
     root: &'a Path,
     provenance: Provenance,
-    plan: &'a Plan,
+    plan: &'a CalibrationPlan,
     written: Option<Result<PathBuf, FileError>>,
 }
 
 impl<'a> Unfinished<'a> {
-    fn new(root: &'a Path, provenance: &Provenance, plan: &'a Plan) -> Self {
+    fn new(root: &'a Path, provenance: &Provenance, plan: &'a CalibrationPlan) -> Self {
         Self { root, provenance: provenance.clone(), plan, written: None }
     }
 
@@ -306,10 +306,10 @@ fn keep_if_wished(arguments: &Arguments, raw: &RawRun) -> miette::Result<()> {
 }
 
 impl Arguments {
-    fn plan(&self) -> miette::Result<Plan> {
+    fn plan(&self) -> miette::Result<CalibrationPlan> {
         let Some(path) = &self.plan else {
             let tare = if self.tare_once { TareMode::Once } else { TareMode::Each };
-            return Ok(Plan::all_round(self.contacts, self.load, tare));
+            return Ok(CalibrationPlan::all_round(self.contacts, self.load, tare));
         };
         let text =
             fs::read_to_string(path).into_diagnostic().wrap_err_with(|| format!("cannot read {}", path.display()))?;
@@ -434,7 +434,7 @@ mod tests {
             }
         }
 
-        fn accepted(&mut self, _step: &Step, _summary: &Summary) {}
+        fn accepted(&mut self, _step: &Step, _summary: &StepSummary) {}
 
         fn refused(&mut self, _step: &Step, refusal: &Refusal) -> Result<Wish, BenchError> {
             Err(BenchError(refusal.to_string()))

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use palpate::pushing::estimation::planning::{self, Motion, Present, Prospect, Sampling, SensedAngle};
+use palpate::pushing::estimation::planning::{self, PlannedMotion, Present, Prospect, Sampling, SensedAngle};
 use palpate::pushing::estimation::{Estimate, Hypothesis, from_rest};
 use palpate::pushing::finger_motion::Segment;
 use palpate_files::part::PolygonFile;
@@ -92,7 +92,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
 
 impl Arguments {
     /// The motions that the finger can do.
-    fn motions(&self, present: &Present) -> miette::Result<Vec<Motion>> {
+    fn motions(&self, present: &Present) -> miette::Result<Vec<PlannedMotion>> {
         let velocity = present.velocity;
         if velocity[0].hypot(velocity[1]) <= 0.0 {
             return Err(miette::miette!(
@@ -119,7 +119,7 @@ impl Arguments {
 struct Plan<'e> {
     estimate: &'e Estimate,
     present: Present<'e>,
-    motions: Vec<Motion>,
+    motions: Vec<PlannedMotion>,
 }
 
 impl Plan<'_> {
@@ -206,7 +206,7 @@ fn line(prospect: &Prospect) -> String {
 }
 
 /// A motion's accelerations, in words.
-fn told(motion: &Motion) -> String {
+fn told(motion: &PlannedMotion) -> String {
     let segment = |segment: &Segment| {
         let [x, y] = segment.acceleration.map(|component| component * 1e3 + 0.0);
         format!("accelerate by ({x:.1}, {y:.1}) mm/s² for {:.2} s", segment.seconds)

@@ -10,7 +10,9 @@ use std::time::{Duration, Instant};
 use palpate::finger::Samples;
 use palpate::finger::calibration::dwell::Refusal;
 use palpate::finger::calibration::plan::{PlannedContact, Step};
-use palpate::finger::calibration::session::{Bench, BenchError, Delivered, SampleSource, SourceError, Summary, Wish};
+use palpate::finger::calibration::session::{
+    Bench, BenchError, Delivered, SampleSource, SourceError, StepSummary, Wish,
+};
 use palpate::finger::calibration::{self, Calibration, FrontEnd, FrontEndError, FrontEndSettings};
 use palpate::finger::contact::{ContactSettings, Tare, TareError};
 use palpate::finger::sense;
@@ -231,7 +233,7 @@ pub struct SimulatedBench<'a> {
     normal_force: f64,
     /// How often a step may be refused before the bench gives up.
     patience: u32,
-    tell: fn(&Step, Result<&Summary, &Refusal>),
+    tell: fn(&Step, Result<&StepSummary, &Refusal>),
 }
 
 /// Refusals of one step before a simulated bench gives up: its hand does not shake, so one is chance and more are not.
@@ -239,7 +241,7 @@ const SIMULATED_PATIENCE: u32 = 3;
 
 impl<'a> SimulatedBench<'a> {
     /// A bench that presses with `normal_force` newtons where the plan does not say, and reports to `tell`.
-    pub fn new(hand: &'a SimulatedDevice, normal_force: f64, tell: fn(&Step, Result<&Summary, &Refusal>)) -> Self {
+    pub fn new(hand: &'a SimulatedDevice, normal_force: f64, tell: fn(&Step, Result<&StepSummary, &Refusal>)) -> Self {
         Self { hand, normal_force, patience: SIMULATED_PATIENCE, tell }
     }
 
@@ -263,7 +265,7 @@ impl Bench for SimulatedBench<'_> {
         Ok(Wish::Sample)
     }
 
-    fn accepted(&mut self, step: &Step, summary: &Summary) {
+    fn accepted(&mut self, step: &Step, summary: &StepSummary) {
         self.patience = SIMULATED_PATIENCE;
         (self.tell)(step, Ok(summary));
     }

@@ -6,7 +6,7 @@ use std::io::{BufRead, Write};
 
 use palpate::finger::calibration::dwell::Refusal;
 use palpate::finger::calibration::plan::Step;
-use palpate::finger::calibration::session::{Bench, BenchError, Summary, Wish};
+use palpate::finger::calibration::session::{Bench, BenchError, StepSummary, Wish};
 
 use crate::advice;
 
@@ -54,7 +54,7 @@ impl<R: BufRead, W: Write> Bench for Person<R, W> {
         self.ask("ready?")
     }
 
-    fn accepted(&mut self, _step: &Step, summary: &Summary) {
+    fn accepted(&mut self, _step: &Step, summary: &StepSummary) {
         // What was measured is kept whether or not it can be shown.
         let _ = self.say(&format!("  {summary}\n"));
     }

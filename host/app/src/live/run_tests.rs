@@ -9,10 +9,10 @@ use std::path::Path;
 
 use nalgebra::Vector2;
 use palpate::finger::Samples;
-use palpate::finger::calibration::dwell::{Refusal, Verdict};
-use palpate::finger::calibration::plan::{Plan, Step, TareMode};
+use palpate::finger::calibration::dwell::{DwellVerdict, Refusal};
+use palpate::finger::calibration::plan::{CalibrationPlan, Step, TareMode};
 use palpate::finger::calibration::session::{
-    Bench, BenchError, CalibrationRun, Delivered, Ending, SampleSource, SourceError, Summary, Wish, run,
+    Bench, BenchError, CalibrationRun, Delivered, Ending, SampleSource, SourceError, StepSummary, Wish, run,
 };
 use palpate::finger::calibration::*;
 use palpate::math::angle::{contact_angle, wrap_angle};
@@ -130,7 +130,7 @@ impl Bench for Robot {
         Ok(Wish::Sample)
     }
 
-    fn accepted(&mut self, _step: &Step, _summary: &Summary) {
+    fn accepted(&mut self, _step: &Step, _summary: &StepSummary) {
         self.accepted += 1;
     }
 
@@ -156,7 +156,7 @@ fn provenance() -> Provenance {
 }
 
 /// Runs a plan on a fresh world; `change` alters the robot before.
-fn take(seed: u64, plan: &Plan, change: impl FnOnce(&mut Robot)) -> (RawRun, Ending, Robot) {
+fn take(seed: u64, plan: &CalibrationPlan, change: impl FnOnce(&mut Robot)) -> (RawRun, Ending, Robot) {
     let world = Shared::new(std::cell::RefCell::new(World::new(seed)));
     let mut robot = Robot::new(&world, plan.tare == TareMode::Each);
     change(&mut robot);
@@ -167,8 +167,8 @@ fn take(seed: u64, plan: &Plan, change: impl FnOnce(&mut Robot)) -> (RawRun, End
 }
 
 /// Short dwells keep the tests quick and the files small.
-fn quick_plan(load: Load, tare: TareMode) -> Plan {
-    Plan { dwell_s: 0.2, patience_s: 2.0, ..Plan::all_round(12, load, tare) }
+fn quick_plan(load: Load, tare: TareMode) -> CalibrationPlan {
+    CalibrationPlan { dwell_s: 0.2, patience_s: 2.0, ..CalibrationPlan::all_round(12, load, tare) }
 }
 
 /// Error of the calibration at 36 angles that were not used (5°, 15°, ...), degrees; truth from the simulated finger.
@@ -189,10 +189,10 @@ fn what_the_device_complains_of_ends_the_attempt() {
     session.begin();
     let verdict = session.feed(&Delivered::Trouble("no front-end answers".to_owned()));
     assert!(
-        matches!(&verdict, Verdict::Refused(Refusal::Trouble(words)) if words.contains("front-end")),
+        matches!(&verdict, DwellVerdict::Refused(Refusal::Trouble(words)) if words.contains("front-end")),
         "{verdict:?}"
     );
-    assert_eq!(session.feed(&Delivered::Samples(World::new(1).block())), Verdict::NeedsMoreTime(None));
+    assert_eq!(session.feed(&Delivered::Samples(World::new(1).block())), DwellVerdict::NeedsMoreTime(None));
 }
 
 #[test]
@@ -201,7 +201,7 @@ fn the_default_plan_feels_36_other_angles_within_the_bar() {
         [(Load::Newtons(2.0), TareMode::Each), (Load::Unknown, TareMode::Each), (Load::Same, TareMode::Once)]
     {
         for seed in 1..4 {
-            let plan = Plan { dwell_s: 0.5, ..Plan::all_round(12, load, tare) };
+            let plan = CalibrationPlan { dwell_s: 0.5, ..CalibrationPlan::all_round(12, load, tare) };
             let conclusion = conclude(&take(seed, &plan, |_| {}).0).unwrap();
             let worst = worst_error_deg(&conclusion);
             let held = conclusion.fit.held_back().unwrap();
@@ -434,7 +434,7 @@ fn impossible_numbers_are_refused_even_under_a_right_checksum() {
 }
 
 fn small_raw_text() -> String {
-    let plan = Plan { dwell_s: 0.16, ..quick_plan(Load::Same, TareMode::Each) };
+    let plan = CalibrationPlan { dwell_s: 0.16, ..quick_plan(Load::Same, TareMode::Each) };
     let (mut run, ..) = take(14, &plan, |robot| robot.wish_at = Some((4, Wish::Quit)));
     run.dwells.iter_mut().for_each(|(_, samples)| samples.truncate(5));
     run.to_text().unwrap()

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use nalgebra::Vector2;
 use palpate::finger::calibration::plan::PlanError;
-use palpate::finger::calibration::plan::{Plan, TareMode};
+use palpate::finger::calibration::plan::{CalibrationPlan, TareMode};
 use palpate::finger::calibration::session::CalibrationRunError;
 use palpate::finger::calibration::{self, CalibrationFit, FitError};
 use palpate::finger::contact::{Reading, TareError};
@@ -192,7 +192,7 @@ fn finger(noise: f64) -> FingerConfig {
 /// [`RigError`].
 pub fn calibrate(session: &mut Session, hand: &SimulatedDevice, force: f64) -> Result<CalibrationFit, RigError> {
     let load = calibration::Load::Newtons(force);
-    let plan = Plan::all_round(CALIBRATION_CONTACTS, load, TareMode::Each);
+    let plan = CalibrationPlan::all_round(CALIBRATION_CONTACTS, load, TareMode::Each);
     let front_end = live::front_end(session.hello()).map_err(LiveError::from)?;
     let settings = plan.dwell_settings(front_end, f64::from(session.hello().rate_hz))?;
     let mut run = calibration::session::CalibrationRun::new(plan.steps(), settings);

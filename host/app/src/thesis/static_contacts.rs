@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 
 use palpate::finger::Samples;
 use palpate::finger::calibration::Calibration;
-use palpate::finger::contact::{Averaging, ContactSettings, SettingsError, Touch};
+use palpate::finger::contact::{Averaging, ContactEstimate, ContactSettings, SettingsError};
 use palpate::finger::sense::{self, FingerSense, Sensed};
 use palpate::math::angle::wrap_angle;
 use palpate::math::statistics::mean;
@@ -230,7 +230,8 @@ fn judge(
     }
     let count = touches.len() as f64;
     let errors: Vec<f64> = touches.iter().map(|touch| wrap_angle(touch.u - angle)).collect();
-    let mean_of = |value: fn(&Touch) -> f64| mean(touches.iter().map(|touch| value(touch))).unwrap_or(f64::NAN);
+    let mean_of =
+        |value: fn(&ContactEstimate) -> f64| mean(touches.iter().map(|touch| value(touch))).unwrap_or(f64::NAN);
     let error = mean(&errors).unwrap_or(f64::NAN);
     let variance = errors.iter().map(|value| (value - error).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
     Ok(ContactAccuracy {

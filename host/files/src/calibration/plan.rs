@@ -1,7 +1,7 @@
 //! The plan of a calibration as a file. Errors: [`PlanFileError`] with the place in the text or the value that cannot
 //! be.
 
-use palpate::finger::calibration::plan::{Plan, PlanError};
+use palpate::finger::calibration::plan::{CalibrationPlan, PlanError};
 
 /// Why a text is no plan.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -18,8 +18,8 @@ pub enum PlanFileError {
 ///
 /// # Errors
 /// [`PlanFileError`].
-pub fn from_toml(text: &str) -> Result<Plan, PlanFileError> {
-    let plan: Plan = toml::from_str(text).map_err(|error| PlanFileError::Text(error.to_string()))?;
+pub fn from_toml(text: &str) -> Result<CalibrationPlan, PlanFileError> {
+    let plan: CalibrationPlan = toml::from_str(text).map_err(|error| PlanFileError::Text(error.to_string()))?;
     plan.check()?;
     Ok(plan)
 }

@@ -8,7 +8,7 @@
 
 use palpate::finger::calibration::dwell::{DwellSettings, RawSample, Refusal};
 use palpate::finger::calibration::front_end::{FrontEnd, FrontEndError, FrontEndSettings};
-use palpate::finger::calibration::plan::{Plan, PlanError, Step};
+use palpate::finger::calibration::plan::{CalibrationPlan, PlanError, Step};
 use palpate::finger::calibration::session::{Taken, measure_again};
 use palpate_shared::units::Counts;
 use serde::{Deserialize, Serialize};
@@ -107,7 +107,7 @@ pub struct RawRun {
     /// What it was measured with.
     pub provenance: Provenance,
     /// What was planned.
-    pub plan: Plan,
+    pub plan: CalibrationPlan,
     /// What was done, each with its samples; less than planned if the run was stopped.
     pub dwells: Vec<(Step, Vec<RawSample>)>,
 }
@@ -118,7 +118,7 @@ pub struct RawRun {
 struct Header {
     format: u32,
     measured_with: Provenance,
-    plan: Plan,
+    plan: CalibrationPlan,
     dwell: Vec<Step>,
 }
 
@@ -162,7 +162,7 @@ pub enum RawError {
 impl RawRun {
     /// Puts together what a session has taken.
     #[must_use]
-    pub fn new(provenance: Provenance, plan: Plan, taken: &[Taken]) -> Self {
+    pub fn new(provenance: Provenance, plan: CalibrationPlan, taken: &[Taken]) -> Self {
         let dwells = taken.iter().map(|taken| (taken.step, taken.dwell.samples.clone())).collect();
         Self { provenance, plan, dwells }
     }

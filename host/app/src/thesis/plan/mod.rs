@@ -17,7 +17,7 @@ use palpate::math::random::Draw;
 use palpate::math::statistics::percentile;
 use palpate::pushing::dynamics::{ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, Sample, Start, State};
 use palpate::pushing::estimation::planning::{
-    AMBIGUOUS_BELOW, Motion, Present, Sampling, SensedAngle, motions, prospects, updated,
+    AMBIGUOUS_BELOW, PlannedMotion, Present, Sampling, SensedAngle, motions, prospects, updated,
 };
 use palpate::pushing::estimation::{Belief, Hypothesis};
 use palpate::pushing::estimation::{Channel, Known, Measured, Observation, Prior, Touch, estimate};
@@ -105,7 +105,7 @@ pub(super) fn finger_first() -> Finger {
 }
 
 /// The straight beginning and what follows.
-fn legs(then: &Motion) -> Vec<Leg> {
+fn legs(then: &PlannedMotion) -> Vec<Leg> {
     let first = Leg { finger: finger_first(), values: VALUES_FIRST - 1 };
     let mut legs = vec![first];
     for &Segment { seconds, acceleration } in &then.segments {
@@ -116,14 +116,14 @@ fn legs(then: &Motion) -> Vec<Leg> {
 }
 
 /// The first so many seconds of a motion.
-fn beginning(motion: &Motion, seconds: f64) -> Motion {
+fn beginning(motion: &PlannedMotion, seconds: f64) -> PlannedMotion {
     let mut left = seconds;
     let segments = motion.segments.iter().map_while(|segment| {
         let seconds = segment.seconds.min(left);
         left -= seconds;
         (count(seconds) > 0).then_some(Segment { seconds, ..*segment })
     });
-    Motion { name: motion.name, segments: segments.collect() }
+    PlannedMotion { name: motion.name, segments: segments.collect() }
 }
 
 /// The finger after a leg.
@@ -134,16 +134,16 @@ fn after(leg: &Leg) -> Finger {
 
 /// The finger at the end of its straight beginning.
 fn present_finger() -> Finger {
-    after(&legs(&Motion { name: "", segments: Vec::new() })[0])
+    after(&legs(&PlannedMotion { name: "", segments: Vec::new() })[0])
 }
 
 /// What the finger can do after its beginning.
-fn offered_first() -> Vec<Motion> {
+fn offered_first() -> Vec<PlannedMotion> {
     offered(VALUES - VALUES_FIRST)
 }
 
 /// What the finger can do for so many values.
-fn offered(values: usize) -> Vec<Motion> {
+fn offered(values: usize) -> Vec<PlannedMotion> {
     motions([0.0, SPEED], ACCELERATION, seconds(values))
 }
 
@@ -195,7 +195,7 @@ impl Case {
     }
 
     /// What is felt if the finger goes on so; none if it loses the part too soon.
-    fn push(&self, then: &Motion) -> Option<PushAngles> {
+    fn push(&self, then: &PlannedMotion) -> Option<PushAngles> {
         let law = ContactLaw::Rolling { friction: None };
         let mut samples: Vec<Sample> = Vec::new();
         let mut state = self.start;
@@ -225,8 +225,8 @@ impl Case {
     }
 
     /// The motion that comes of choosing, and of choosing again by what was felt since.
-    fn choices(&self, mut beliefs: Vec<Belief>) -> Motion {
-        let mut made = Motion { name: "chosen twice", segments: Vec::new() };
+    fn choices(&self, mut beliefs: Vec<Belief>) -> PlannedMotion {
+        let mut made = PlannedMotion { name: "chosen twice", segments: Vec::new() };
         for (from, to) in [(VALUES_FIRST - 1, VALUES_SECOND - 1), (VALUES_SECOND - 1, VALUES - 1)] {
             let finger = legs(&made).last().map_or_else(present_finger, after);
             let present = self.present(&finger);
@@ -247,7 +247,7 @@ impl Case {
     }
 
     /// Whether a pose other than the truth has a cost below [`AMBIGUOUS_BELOW`] on the exact angles of a push.
-    fn is_ambiguous(&self, then: &Motion, measured: &PushAngles) -> bool {
+    fn is_ambiguous(&self, then: &PlannedMotion, measured: &PushAngles) -> bool {
         let truth = Truth {
             part: &self.part,
             mu_g: MU_G,
@@ -355,7 +355,8 @@ pub(super) fn outcomes<O: Clone + Default + Send>(
 
 fn outcome(seed: u64, number: usize) -> Outcome {
     let (case, measured) = Case::draw(seed, number);
-    let judged = |motion: &Motion, measured: &PushAngles| (case.is_ambiguous(motion, measured), measured.friction);
+    let judged =
+        |motion: &PlannedMotion, measured: &PushAngles| (case.is_ambiguous(motion, measured), measured.friction);
     let motions = offered_first().iter().zip(&measured).map(|(motion, measured)| judged(motion, measured)).collect();
     let beliefs = case.beliefs(&measured[0].angles);
     let choice = case.choice(&beliefs);
@@ -399,7 +400,8 @@ mod tests {
         let s = 0.5 * (line.s_min + line.s_max) + 0.004;
         let start = State { u: FRAC_PI_2, s, omega: 0.0, v_t: 0.0 };
         let case = Case { part, edge, start, noise: vec![0.0; VALUES] };
-        let clear = |motion: &Motion| case.push(motion).is_some_and(|measured| !case.is_ambiguous(motion, &measured));
+        let clear =
+            |motion: &PlannedMotion| case.push(motion).is_some_and(|measured| !case.is_ambiguous(motion, &measured));
         assert!(offered_first().iter().any(clear));
     }
 }

@@ -213,7 +213,7 @@ pub struct Dwell {
 
 /// How far something moved between the halves of a dwell.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Change {
+pub enum DwellChange {
     /// An unloaded reading.
     Tare {
         /// By how much, microstrain.
@@ -228,7 +228,7 @@ pub enum Change {
     },
 }
 
-impl Change {
+impl DwellChange {
     /// Share of the limit that is used up; above 1 it is too much.
     pub(super) fn of_limit(&self) -> f64 {
         match *self {
@@ -240,7 +240,7 @@ impl Change {
     }
 }
 
-impl std::fmt::Display for Change {
+impl std::fmt::Display for DwellChange {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Tare { microstrain } => {
@@ -261,7 +261,7 @@ pub enum Refusal {
     #[error("the reading drifts: {change} between the two halves of {seconds:.1} s")]
     Drifts {
         /// How far the mean moved between the halves of the dwell.
-        change: Change,
+        change: DwellChange,
         /// Over what time.
         seconds: f64,
     },
@@ -269,7 +269,7 @@ pub enum Refusal {
     #[error("the reading stepped by {change} after {at_s:.2} s of {seconds:.1} s")]
     Stepped {
         /// How far the mean moved.
-        change: Change,
+        change: DwellChange,
         /// Time of the step since the dwell began, s.
         at_s: f64,
         /// Within what time.
@@ -279,7 +279,7 @@ pub enum Refusal {
     #[error("the reading swings by {change} within {seconds:.1} s")]
     Swings {
         /// How far, peak to peak.
-        change: Change,
+        change: DwellChange,
         /// Within what time.
         seconds: f64,
     },
@@ -365,7 +365,7 @@ pub enum Refusal {
 
 /// What a watcher says after more samples.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Verdict {
+pub enum DwellVerdict {
     /// Keep on sampling; so far this keeps it from resting, if the window is full.
     NeedsMoreTime(Option<Refusal>),
     /// At rest: here is the mean.
@@ -409,26 +409,26 @@ impl Watcher {
     }
 
     /// Takes the next samples; stops at the first that decides.
-    pub fn push(&mut self, block: &Samples) -> Verdict {
+    pub fn push(&mut self, block: &Samples) -> DwellVerdict {
         let rate_hz = self.settings.rate_hz;
         if (block.period_us * rate_hz * 1e-6 - 1.0).abs() > RATE_TOLERANCE || !block.period_us.is_finite() {
-            return Verdict::Refused(Refusal::WrongRate { period_us: block.period_us, rate_hz });
+            return DwellVerdict::Refused(Refusal::WrongRate { period_us: block.period_us, rate_hz });
         }
         for (index, &counts) in (0_u64..).zip(&block.counts) {
             let after_us = whole_us(block.period_us * index as f64);
             let sample = RawSample { seq: block.first + index, t_us: block.time_us + after_us, counts };
             match self.push_sample(sample) {
-                Verdict::NeedsMoreTime(_) => {}
+                DwellVerdict::NeedsMoreTime(_) => {}
                 decided => return decided,
             }
         }
-        Verdict::NeedsMoreTime(self.reason.clone())
+        DwellVerdict::NeedsMoreTime(self.reason.clone())
     }
 
-    fn push_sample(&mut self, sample: RawSample) -> Verdict {
+    fn push_sample(&mut self, sample: RawSample) -> DwellVerdict {
         self.seen += 1;
         if let Err(refusal) = self.check_order(&sample).and_then(|()| self.check_codes(&sample)) {
-            return Verdict::Refused(refusal);
+            return DwellVerdict::Refused(refusal);
         }
         self.last_seq = Some(sample.seq);
         self.window.push_back(sample);
@@ -440,9 +440,9 @@ impl Watcher {
             self.window.drain(..self.settings.block_samples());
         }
         if self.waited_s() >= self.settings.patience_s {
-            return Verdict::Refused(self.why_never_at_rest());
+            return DwellVerdict::Refused(self.why_never_at_rest());
         }
-        Verdict::NeedsMoreTime(self.reason.clone())
+        DwellVerdict::NeedsMoreTime(self.reason.clone())
     }
 
     /// Counts a gap and starts a new window after it: a block across a gap would not cancel hum.
@@ -484,17 +484,17 @@ impl Watcher {
     }
 
     /// A verdict if the present window decides.
-    fn judge(&mut self) -> Option<Verdict> {
+    fn judge(&mut self) -> Option<DwellVerdict> {
         let samples: Vec<RawSample> = self.window.iter().copied().collect();
         let judged = measure(&samples, &self.settings, self.expected);
         if let Some(removed) = self.notice_removal(&samples) {
-            return Some(Verdict::Refused(removed));
+            return Some(DwellVerdict::Refused(removed));
         }
         match judged {
             Ok(mut dwell) => {
                 dwell.waited_s = self.waited_s();
                 dwell.lost = self.lost;
-                Some(Verdict::Accepted(dwell))
+                Some(DwellVerdict::Accepted(dwell))
             }
             Err(refusal) => {
                 self.reason = Some(refusal);

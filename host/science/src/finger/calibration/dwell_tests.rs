@@ -51,12 +51,12 @@ fn samples_of(block: &Samples) -> Vec<RawSample> {
     (block.first..).zip(&block.counts).map(|(seq, &counts)| RawSample { seq, t_us: 250 * seq, counts }).collect()
 }
 
-fn watch(blocks: &[Samples], settings: DwellSettings, expected: Expected) -> Verdict {
+fn watch(blocks: &[Samples], settings: DwellSettings, expected: Expected) -> DwellVerdict {
     let mut watcher = Watcher::new(settings, expected);
-    let mut verdict = Verdict::NeedsMoreTime(None);
+    let mut verdict = DwellVerdict::NeedsMoreTime(None);
     for block in blocks {
         verdict = watcher.push(block);
-        if !matches!(verdict, Verdict::NeedsMoreTime(_)) {
+        if !matches!(verdict, DwellVerdict::NeedsMoreTime(_)) {
             break;
         }
     }
@@ -66,17 +66,19 @@ fn watch(blocks: &[Samples], settings: DwellSettings, expected: Expected) -> Ver
 /// The dwell, without printing thousands of samples if it was another verdict.
 fn accepted(blocks: &[Samples], settings: DwellSettings, expected: Expected) -> Dwell {
     match watch(blocks, settings, expected) {
-        Verdict::Accepted(dwell) => dwell,
-        Verdict::Refused(refusal) | Verdict::NeedsMoreTime(Some(refusal)) => panic!("not accepted: {refusal}"),
-        Verdict::NeedsMoreTime(None) => panic!("not decided"),
+        DwellVerdict::Accepted(dwell) => dwell,
+        DwellVerdict::Refused(refusal) | DwellVerdict::NeedsMoreTime(Some(refusal)) => {
+            panic!("not accepted: {refusal}")
+        }
+        DwellVerdict::NeedsMoreTime(None) => panic!("not decided"),
     }
 }
 
 fn refused(blocks: &[Samples], settings: DwellSettings, expected: Expected) -> Refusal {
     match watch(blocks, settings, expected) {
-        Verdict::Accepted(dwell) => panic!("accepted after {} s: {:?}", dwell.waited_s, dwell.reading),
-        Verdict::Refused(refusal) => refusal,
-        Verdict::NeedsMoreTime(reason) => panic!("not decided: {reason:?}"),
+        DwellVerdict::Accepted(dwell) => panic!("accepted after {} s: {:?}", dwell.waited_s, dwell.reading),
+        DwellVerdict::Refused(refusal) => refusal,
+        DwellVerdict::NeedsMoreTime(reason) => panic!("not decided: {reason:?}"),
     }
 }
 
@@ -126,7 +128,7 @@ fn ring_down_is_waited_for() {
 #[test]
 fn a_drifting_tare_is_refused_with_its_size() {
     let refusal = refused(&stream(5, 50.0, 4.0, |t| [0.8 * t, 0.0]), short_of_patience(), Expected::Nothing);
-    let Refusal::Drifts { change: Change::Tare { microstrain }, .. } = refusal else { panic!("{refusal}") };
+    let Refusal::Drifts { change: DwellChange::Tare { microstrain }, .. } = refusal else { panic!("{refusal}") };
     assert!((microstrain - 0.4).abs() < 0.1, "halves are 0.4 microstrain apart, got {microstrain}");
 }
 
@@ -134,7 +136,7 @@ fn a_drifting_tare_is_refused_with_its_size() {
 fn a_slowly_turning_contact_is_refused_in_degrees() {
     let turning = |t: f64| [95.0 * (0.02 * t).cos(), 95.0 * (0.02 * t).sin()];
     let refusal = refused(&stream(6, 50.0, 4.0, turning), short_of_patience(), LOADED);
-    let Refusal::Drifts { change: Change::Contact { turn_deg, .. }, .. } = refusal else { panic!("{refusal}") };
+    let Refusal::Drifts { change: DwellChange::Contact { turn_deg, .. }, .. } = refusal else { panic!("{refusal}") };
     assert!((turn_deg - 0.573).abs() < 0.05, "0.01 rad in half a second, got {turn_deg}°");
 }
 

@@ -44,7 +44,7 @@ pub struct PlannedContact {
 /// A plan as it stands in a file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Plan {
+pub struct CalibrationPlan {
     /// Format of the file.
     pub format: u32,
     /// When to tare.
@@ -167,7 +167,7 @@ impl Step {
     }
 }
 
-impl Plan {
+impl CalibrationPlan {
     /// `count` contacts evenly all round from 0°, all with this load.
     #[must_use]
     pub fn all_round(count: u32, load: Load, tare: TareMode) -> Self {
@@ -281,7 +281,7 @@ mod tests {
 
     #[test]
     fn a_tare_for_all_is_taken_before_and_after() {
-        let steps = Plan::all_round(12, Load::Same, TareMode::Once).steps();
+        let steps = CalibrationPlan::all_round(12, Load::Same, TareMode::Once).steps();
         assert_eq!(
             (steps.len(), steps[0], steps[13]),
             (14, Step::Tare { angle_deg: None }, Step::Tare { angle_deg: None })

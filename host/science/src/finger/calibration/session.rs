@@ -9,7 +9,7 @@
 use nalgebra::Vector2;
 use thiserror::Error;
 
-use super::dwell::{Dwell, DwellSettings, Expected, RawSample, Refusal, Verdict, Watcher};
+use super::dwell::{Dwell, DwellSettings, DwellVerdict, Expected, RawSample, Refusal, Watcher};
 use super::force::{DwellReading, DwellTare};
 use super::measurements::{CalibrationContact, Measurements};
 use super::plan::Step;
@@ -64,7 +64,7 @@ pub trait Bench {
     fn place(&mut self, step: &Step, number: usize, of: usize) -> Result<Wish, BenchError>;
 
     /// Tells of an accepted dwell.
-    fn accepted(&mut self, step: &Step, summary: &Summary);
+    fn accepted(&mut self, step: &Step, summary: &StepSummary);
 
     /// Tells why a dwell was refused and asks what to do.
     ///
@@ -100,7 +100,7 @@ pub enum Ending {
 
 /// What to tell about an accepted dwell.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Summary {
+pub struct StepSummary {
     /// Load as it shows in the bridges, microstrain; `None` for a tare.
     pub load_microstrain: Option<[f64; 2]>,
     /// Noise of a single sample on each bridge, microstrain rms.
@@ -111,7 +111,7 @@ pub struct Summary {
     pub lost: u64,
 }
 
-impl std::fmt::Display for Summary {
+impl std::fmt::Display for StepSummary {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let [x, y] = self.noise_microstrain;
         match self.load_microstrain {
@@ -182,16 +182,16 @@ impl CalibrationRun {
     }
 
     /// Takes samples of the present step. After a verdict other than "needs more time" the attempt is over.
-    pub fn feed(&mut self, delivered: &Delivered) -> Verdict {
-        let Some(watcher) = &mut self.watcher else { return Verdict::NeedsMoreTime(None) };
+    pub fn feed(&mut self, delivered: &Delivered) -> DwellVerdict {
+        let Some(watcher) = &mut self.watcher else { return DwellVerdict::NeedsMoreTime(None) };
         let verdict = match delivered {
             Delivered::Samples(samples) => watcher.push(samples),
-            Delivered::Trouble(words) => Verdict::Refused(Refusal::Trouble(words.clone())),
+            Delivered::Trouble(words) => DwellVerdict::Refused(Refusal::Trouble(words.clone())),
         };
         match &verdict {
-            Verdict::NeedsMoreTime(_) => {}
-            Verdict::Refused(_) => self.watcher = None,
-            Verdict::Accepted(dwell) => {
+            DwellVerdict::NeedsMoreTime(_) => {}
+            DwellVerdict::Refused(_) => self.watcher = None,
+            DwellVerdict::Accepted(dwell) => {
                 self.watcher = None;
                 if let Some(&step) = self.step() {
                     self.taken.push(Taken { step, dwell: dwell.clone() });
@@ -209,7 +209,7 @@ impl CalibrationRun {
 
     /// What to tell about the step accepted last.
     #[must_use]
-    pub fn summary(&self) -> Option<Summary> {
+    pub fn summary(&self) -> Option<StepSummary> {
         let (last, before) = self.taken.split_last()?;
         let per_count = self.settings.front_end.microstrain_per_count();
         let load_microstrain = match expected(&last.step, before) {
@@ -217,7 +217,7 @@ impl CalibrationRun {
             Expected::Load { tare } => Some(((last.dwell.reading.counts - tare) * per_count).into()),
         };
         let Dwell { noise_microstrain, waited_s, lost, .. } = last.dwell;
-        Some(Summary { load_microstrain, noise_microstrain, waited_s, lost })
+        Some(StepSummary { load_microstrain, noise_microstrain, waited_s, lost })
     }
 }
 
@@ -381,9 +381,9 @@ fn sample(session: &mut CalibrationRun, source: &mut dyn SampleSource) -> Result
     session.begin();
     loop {
         match session.feed(&source.next_block()?) {
-            Verdict::NeedsMoreTime(_) => {}
-            Verdict::Accepted(_) => return Ok(Ok(())),
-            Verdict::Refused(refusal) => return Ok(Err(refusal)),
+            DwellVerdict::NeedsMoreTime(_) => {}
+            DwellVerdict::Accepted(_) => return Ok(Ok(())),
+            DwellVerdict::Refused(refusal) => return Ok(Err(refusal)),
         }
     }
 }

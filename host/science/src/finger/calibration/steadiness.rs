@@ -7,7 +7,7 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::dwell::{Change, DwellSettings, Expected, NO_LOAD_MICROSTRAIN, Refusal};
+use super::dwell::{DwellChange, DwellSettings, Expected, NO_LOAD_MICROSTRAIN, Refusal};
 use super::force::DwellReading;
 use crate::math::statistics::{mean, median};
 
@@ -99,17 +99,17 @@ impl<'a> Rest<'a> {
     }
 
     /// A difference of counts in the words of what is measured.
-    fn change(&self, difference: Vector2<f64>) -> Change {
+    fn change(&self, difference: Vector2<f64>) -> DwellChange {
         let microstrain_per_count = self.settings.front_end.microstrain_per_count();
         match self.expected {
-            Expected::Nothing => Change::Tare { microstrain: difference.norm() * microstrain_per_count },
+            Expected::Nothing => DwellChange::Tare { microstrain: difference.norm() * microstrain_per_count },
             Expected::Load { tare } => {
                 let load = average(self.blocks) - tare;
                 // Below that load there is no direction to speak of, and the load check refuses it.
                 let size = load.norm().max(NO_LOAD_MICROSTRAIN / microstrain_per_count);
                 let along = load.normalize();
                 let turn_deg = (along.perp(&difference) / size).atan().to_degrees();
-                Change::Contact { turn_deg, size_percent: 100.0 * along.dot(&difference) / size }
+                DwellChange::Contact { turn_deg, size_percent: 100.0 * along.dot(&difference) / size }
             }
         }
     }

@@ -2,11 +2,11 @@
 //!
 //! `u = atan2(−F_y, −F_x) − mounting`, in (−π, π]; force on the finger, finger axes. Its standard deviation is the
 //! covariance propagated to first order, `σ_u² = J C Jᵀ` with `J = (−F_y, F_x)/|F|²`. For a force hardly larger than
-//! its noise that is too small a figure, so [`Touch::interval`] does not use it: it solves for the angle exactly, as
+//! its noise that is too small a figure, so [`ContactEstimate::interval`] does not use it: it solves for the angle exactly, as
 //! Fieller did for ratios (E. C. Fieller, J. R. Stat. Soc. B 16, 1954), and says "any angle" where that is the answer.
 //!
 //! Friction turns the force away from the normal by an unknown angle of up to `atan(mu_c)`. That is not noise: it does
-//! not average away, and is kept apart from the standard deviation as [`Touch::friction_half_angle`].
+//! not average away, and is kept apart from the standard deviation as [`ContactEstimate::friction_half_angle`].
 
 use std::f64::consts::PI;
 
@@ -22,7 +22,7 @@ const UNIFORM_SD: f64 = 1.813_799_364_234_217_8;
 
 /// A contact that presses on the disk.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Touch {
+pub struct ContactEstimate {
     /// Polar angle of the contact seen from the disk's centre, rad in (−π, π], less the mounting angle. Exact only
     /// without friction; the direction opposite to the force in any case.
     pub u: f64,
@@ -68,7 +68,7 @@ pub(super) struct Sensed {
     pub(super) onset: f64,
 }
 
-impl Touch {
+impl ContactEstimate {
     pub(super) fn new(sensed: &Sensed, mounting_angle: f64, friction_half_angle: f64) -> Self {
         let Sensed { force_finger, force_covariance, onset } = *sensed;
         let magnitude = force_finger.norm();
@@ -88,7 +88,7 @@ impl Touch {
     /// Where the contact is, with at least the given probability: noise and friction together.
     ///
     /// `coverage` in (0, 1). The friction part covers whatever the friction does; the noise part is
-    /// [`Touch::noise_half_width`]. A contact without friction is covered with `mu_c = 0`.
+    /// [`ContactEstimate::noise_half_width`]. A contact without friction is covered with `mu_c = 0`.
     #[must_use]
     pub fn interval(&self, coverage: f64) -> Interval {
         let half_width = (self.friction_half_angle + self.noise_half_width(coverage)).min(PI);
@@ -164,8 +164,8 @@ mod tests {
     /// Rounding of angles, rad.
     const ROUNDING: f64 = 1e-9;
 
-    fn touch(force_finger: Vector2<f64>, force_covariance: Matrix2<f64>) -> Touch {
-        Touch::new(&Sensed { force_finger, force_covariance, onset: 0.0 }, 0.0, 0.0)
+    fn touch(force_finger: Vector2<f64>, force_covariance: Matrix2<f64>) -> ContactEstimate {
+        ContactEstimate::new(&Sensed { force_finger, force_covariance, onset: 0.0 }, 0.0, 0.0)
     }
 
     fn rotation(angle: f64) -> Matrix2<f64> {
@@ -243,7 +243,7 @@ mod tests {
                 let normal = Vector2::new(-truth.cos(), -truth.sin());
                 let force = normal + Vector2::new(-normal.y, normal.x) * slope + random.normal2() * 0.02;
                 let sensed = Sensed { force_finger: force, force_covariance: noise, onset: 0.0 };
-                Touch::new(&sensed, 0.0, mu_c.atan()).interval(0.9).contains(truth)
+                ContactEstimate::new(&sensed, 0.0, mu_c.atan()).interval(0.9).contains(truth)
             })
             .count();
         assert!(held as f64 / f64::from(TRIALS) > 0.9, "{held} of {TRIALS}");

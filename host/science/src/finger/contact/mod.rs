@@ -55,7 +55,7 @@ use serde::{Deserialize, Serialize};
 
 pub use average::{Averaging, MovingAverage};
 pub use detector::{Detector, Event, Thresholds};
-pub use direction::{Interval, Touch};
+pub use direction::{ContactEstimate, Interval};
 pub use tare::{Tare, TareError, TareSettings};
 
 use direction::Sensed;
@@ -92,13 +92,13 @@ pub enum Contact {
         sigmas: f64,
     },
     /// Something presses on the disk.
-    Touching(Touch),
+    Touching(ContactEstimate),
 }
 
 impl Contact {
     /// The touch, if there is one.
     #[must_use]
-    pub fn touch(&self) -> Option<&Touch> {
+    pub fn touch(&self) -> Option<&ContactEstimate> {
         match self {
             Self::Free { .. } => None,
             Self::Touching(touch) => Some(touch),
@@ -208,6 +208,20 @@ pub struct SettingsError {
 }
 
 /// The whole sense for one finger: readings in, contact out. Cheap enough for every reading at 4 kHz.
+///
+/// ```
+/// use nalgebra::Vector2;
+/// use palpate::ContactSense;
+/// use palpate::finger::contact::{ContactSettings, Reading, Tare};
+///
+/// let noise = |i: u32| 0.005 * f64::from((i * 7919) % 101) / 50.0 - 0.005; // N
+/// let reading = |i: u32, x: f64| Reading::new(f64::from(i) * 1e-3, Vector2::new(x + noise(i), noise(i + 13)));
+/// let settings = ContactSettings::default();
+/// let tare = Tare::estimate(&(0..1000).map(|i| reading(i, 0.0)).collect::<Vec<_>>(), &settings.tare_settings())?;
+/// let mut sense = ContactSense::new(&settings, tare)?;
+/// assert!(sense.push(&reading(1000, 0.0)).is_some());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct ContactSense {
     settings: ContactSettings,
@@ -269,7 +283,7 @@ impl ContactSense {
             Some(onset) => {
                 let force_covariance = noise + calibration_covariance(&force_finger);
                 let sensed = Sensed { force_finger, force_covariance, onset };
-                Contact::Touching(Touch::new(
+                Contact::Touching(ContactEstimate::new(
                     &sensed,
                     self.settings.mounting_angle,
                     self.settings.friction_half_angle(),

@@ -38,6 +38,24 @@ impl Nearness {
 ///
 /// What is known beforehand (the part, the friction, the finger's motion) is in the observer; what was felt is the
 /// observation.
+///
+/// ```
+/// use nalgebra::Point2;
+/// use palpate::*;
+///
+/// let part = Part::uniform(SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?);
+/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+/// let known = Known { part: &part, mu_g: 0.3 * GRAVITY_ASSUMED, finger, touch: Touch::Rolling { friction: None } };
+/// let measured = Measured::ContactAngle(Channel { values: vec![1.6, 1.605, 1.62, 1.64, 1.67], sigma: 2e-3 }); // rad
+/// let observation = Observation { dt: 0.05, measured, prior: Prior::default() };
+///
+/// /// Whatever the observer, whatever it takes in.
+/// fn edges<O: Observer>(observer: &O, observation: &O::Observation) -> Vec<usize> {
+///     observer.estimate(observation).hypotheses.iter().map(|hypothesis| hypothesis.edge).collect()
+/// }
+/// assert!(!edges(&known, &observation).is_empty());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait Observer {
     /// What was felt, in the form in which this observer takes it.
     type Observation: ?Sized;
@@ -98,6 +116,17 @@ pub struct Fit {
 }
 
 /// What kind of answer a set of hypotheses is.
+///
+/// ```
+/// use palpate::Status;
+///
+/// let told = |status| match status {
+///     Status::Unique => "move the robot",
+///     Status::Ambiguous => "push again, aside",
+///     Status::Unexplained => "is it this part?",
+/// };
+/// assert_eq!(told(Status::Ambiguous), "push again, aside");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
     /// One explanation.
@@ -109,6 +138,23 @@ pub enum Status {
 }
 
 /// One explanation of the data: a local minimum of the cost.
+///
+/// ```
+/// use nalgebra::Point2;
+/// use palpate::*;
+///
+/// let part = Part::uniform(SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?);
+/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+/// let known = Known { part: &part, mu_g: 0.3 * GRAVITY_ASSUMED, finger, touch: Touch::Rolling { friction: None } };
+/// let measured = Measured::ContactAngle(Channel { values: vec![1.6, 1.605, 1.62, 1.64, 1.67], sigma: 2e-3 }); // rad
+/// let observation = Observation { dt: 0.05, measured, prior: Prior::default() };
+///
+/// let estimate = known.estimate(&observation);
+/// let best = &estimate.hypotheses[0];
+/// let (distance_sd, angle_sd) = best.spread(&part).ok_or("the place is open")?; // m, rad
+/// assert!(distance_sd > 0.0 && angle_sd > 0.0 && best.cost <= estimate.fit.cost_max);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hypothesis {
     /// The edge in contact; 0 on an ellipse, which has no others.

@@ -61,6 +61,12 @@ impl<'p> Known<'p> {
 }
 
 /// What is known of the contact.
+///
+/// ```
+/// use palpate::Touch;
+///
+/// assert_ne!(Touch::Coulomb { friction: 0.3 }, Touch::Sliding { friction: 0.3 }); // may stick; never sticks
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Touch {
     /// No contact friction.
@@ -93,6 +99,13 @@ impl Touch {
 }
 
 /// Values of one kind, one each `dt`.
+///
+/// ```
+/// use palpate::Channel;
+///
+/// let angles = Channel { values: vec![1.6, f64::NAN, 1.62], sigma: 2e-3 }; // rad; the second was lost
+/// assert_eq!(angles.values.iter().filter(|value| value.is_nan()).count(), 1);
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
     /// At 0, dt, 2 dt, …; at least one. NaN for one that is missing.
@@ -102,6 +115,15 @@ pub struct Channel {
 }
 
 /// Which quantity the finger measured, and its values.
+///
+/// ```
+/// use palpate::{Channel, Measured};
+///
+/// // A sensor that tells the force's direction, but not where it is touched.
+/// let direction = Some(Channel { values: vec![1.5, 1.52], sigma: 5e-3 }); // rad
+/// let felt = Measured::Force { direction, magnitude: None, u0_range: Some([1.0, 2.0]), mass_is_unknown: false };
+/// assert!(matches!(felt, Measured::Force { magnitude: None, .. }));
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum Measured {
     /// Polar angles of the contact seen from the disk's centre, rad.
@@ -124,6 +146,14 @@ pub(super) const MU_G_LOG_MAX: f64 = 3.0;
 
 /// What is known of the motion at t = 0: standard deviations about zero, what is not given is bounded instead; and of
 /// the plane.
+///
+/// ```
+/// use palpate::Prior;
+///
+/// // The part hardly turns at first, and the table's friction is known to a fifth.
+/// let prior = Prior { omega0_sigma: Some(0.1), mu_g_log_sigma: Some(0.2), ..Prior::default() }; // rad/s, 1
+/// assert_eq!(prior.v_t0_sigma, None); // bounded instead
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Prior {
     /// Of ω, rad/s.

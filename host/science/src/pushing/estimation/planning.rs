@@ -104,7 +104,7 @@ pub struct Present<'p> {
 
 /// A way for the finger to go on.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Motion {
+pub struct PlannedMotion {
     /// What to call it.
     pub name: &'static str,
     /// Accelerations in world axes, one after the other.
@@ -115,7 +115,7 @@ pub struct Motion {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prospect {
     /// How the finger would go on.
-    pub motion: Motion,
+    pub motion: PlannedMotion,
     /// Bound of the probability of naming the wrong hypothesis, or a place more than half [`ONE_PLACE_M`] off,
     /// afterwards.
     pub risk: f64,
@@ -151,7 +151,7 @@ impl Prospect {
     }
 }
 
-impl Motion {
+impl PlannedMotion {
     /// One acceleration (m/s²) for some time (s).
     #[must_use]
     pub fn steady(name: &'static str, acceleration: [f64; 2], seconds: f64) -> Self {
@@ -181,7 +181,7 @@ impl Motion {
 ///
 /// `ahead` is where the finger goes, of any length above 0; `acceleration` is in m/s².
 #[must_use]
-pub fn motions(ahead: [f64; 2], acceleration: f64, seconds: f64) -> Vec<Motion> {
+pub fn motions(ahead: [f64; 2], acceleration: f64, seconds: f64) -> Vec<PlannedMotion> {
     let length = ahead[0].hypot(ahead[1]);
     let [x, y] = ahead.map(|component| component / length * acceleration);
     let half = std::f64::consts::FRAC_1_SQRT_2;
@@ -190,9 +190,12 @@ pub fn motions(ahead: [f64; 2], acceleration: f64, seconds: f64) -> Vec<Motion> 
     let over = |name, first: [f64; 2], then: [f64; 2]| {
         let turn = OVER_AFTER * seconds;
         let segments = [(turn, first), (seconds - turn, then)];
-        Motion { name, segments: segments.map(|(seconds, acceleration)| Segment { seconds, acceleration }).to_vec() }
+        PlannedMotion {
+            name,
+            segments: segments.map(|(seconds, acceleration)| Segment { seconds, acceleration }).to_vec(),
+        }
     };
-    let steady = |name, acceleration| Motion::steady(name, acceleration, seconds);
+    let steady = |name, acceleration| PlannedMotion::steady(name, acceleration, seconds);
     vec![
         steady("straight on", [0.0; 2]),
         steady("to the left", left),
@@ -215,8 +218,13 @@ pub fn inseparable(prospects: &[Prospect]) -> Vec<[usize; 2]> {
 
 /// What each motion would tell, the best first.
 #[must_use]
-pub fn prospects(present: &Present<'_>, beliefs: &[Belief], motions: &[Motion], sampling: Sampling) -> Vec<Prospect> {
-    let prospect = |motion: &Motion| {
+pub fn prospects(
+    present: &Present<'_>,
+    beliefs: &[Belief],
+    motions: &[PlannedMotion],
+    sampling: Sampling,
+) -> Vec<Prospect> {
+    let prospect = |motion: &PlannedMotion| {
         let foreseen: Vec<_> =
             beliefs.iter().map(|belief| Foreseen::of(&Ahead { present, belief, motion, sampling })).collect();
         judge(motion, beliefs, &foreseen, sampling)
@@ -237,7 +245,7 @@ fn times(dt: f64, until: f64) -> Vec<f64> {
 struct Ahead<'a, 'p> {
     present: &'a Present<'p>,
     belief: &'a Belief,
-    motion: &'a Motion,
+    motion: &'a PlannedMotion,
     sampling: Sampling,
 }
 
@@ -362,7 +370,7 @@ impl Foreseen {
 pub fn updated(
     present: &Present<'_>,
     beliefs: &[Belief],
-    motion: &Motion,
+    motion: &PlannedMotion,
     sensed: &[f64],
     sampling: Sampling,
 ) -> Vec<Belief> {
@@ -504,7 +512,7 @@ fn angle(sample: &Sample, sensed: SensedAngle) -> Option<f64> {
     }
 }
 
-fn judge(motion: &Motion, beliefs: &[Belief], foreseen: &[Foreseen], sampling: Sampling) -> Prospect {
+fn judge(motion: &PlannedMotion, beliefs: &[Belief], foreseen: &[Foreseen], sampling: Sampling) -> Prospect {
     let pair = |first: usize, second: usize| {
         let (distance_squared, shared) = distance_squared(&foreseen[first], &foreseen[second], sampling.sigma);
         Pair { hypotheses: [first, second], distance_squared, shared_s: span(shared, sampling) }
@@ -592,8 +600,8 @@ mod tests {
         Belief { edge, law, state, covariance, probability: 0.5 }
     }
 
-    fn straight() -> Motion {
-        Motion::steady("straight on", [0.0; 2], 0.5)
+    fn straight() -> PlannedMotion {
+        PlannedMotion::steady("straight on", [0.0; 2], 0.5)
     }
 
     #[test]
@@ -631,7 +639,7 @@ mod tests {
         let (present, belief) = (present(&part), belief(0, 0.0, 0.0));
         let angles = |acceleration, sensed| {
             let sampling = Sampling { sensed, dt: 0.1, ..SAMPLING };
-            let motion = &Motion::steady("", acceleration, 0.2);
+            let motion = &PlannedMotion::steady("", acceleration, 0.2);
             let seen = Ahead { present: &present, belief: &belief, motion, sampling }.seen(belief.state);
             assert_eq!(seen.len(), 2);
             seen.iter().map(|seen| seen.angle).collect::<Vec<_>>()
@@ -647,10 +655,10 @@ mod tests {
 
     #[test]
     fn the_top_speed_is_at_the_beginning_or_an_end() {
-        let aside = Motion::steady("", [0.0, 0.24], 0.5);
+        let aside = PlannedMotion::steady("", [0.0, 0.24], 0.5);
         assert!((aside.top_speed([0.05, 0.0]) - 0.13).abs() < 1e-12);
-        assert!((Motion::steady("", [-0.1, 0.0], 0.5).top_speed([0.05, 0.0]) - 0.05).abs() < 1e-12);
-        let back = Motion {
+        assert!((PlannedMotion::steady("", [-0.1, 0.0], 0.5).top_speed([0.05, 0.0]) - 0.05).abs() < 1e-12);
+        let back = PlannedMotion {
             segments: [0.24, -0.24].map(|y| Segment { seconds: 0.5, acceleration: [0.0, y] }).to_vec(),
             ..aside
         };

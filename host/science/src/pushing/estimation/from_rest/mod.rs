@@ -29,7 +29,7 @@ pub mod windowed_force;
 
 use fit::{EndCovariance, Problem, Tried};
 use path::{Course, Guess};
-pub use windowed_force::{CalibrationError, Uncertainty, WindowedForce};
+pub use windowed_force::{CalibrationUncertainty, Uncertainty, WindowedForce};
 
 use super::hypotheses::{Estimate, Fit, FromForce, GATE, Hypothesis, Nearness, Observer, SAME_END_M, joined};
 use super::planning::Present;

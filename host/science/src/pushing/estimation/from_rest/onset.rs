@@ -15,7 +15,7 @@ use nalgebra::{Matrix2, Matrix4, Vector2};
 use crate::finger::calibration::Calibration;
 use crate::finger::contact::{Averaging, Reading, Tare, TareError, TareSettings};
 use crate::pushing::estimation::from_rest::hann_windows::{self, HOP_S, LENGTH_S};
-use crate::pushing::estimation::from_rest::{CalibrationError, Uncertainty, WindowedForce};
+use crate::pushing::estimation::from_rest::{CalibrationUncertainty, Uncertainty, WindowedForce};
 
 /// The force has left the noise when it is this many standard deviations of a reading, for [`CONFIRMED`] readings of
 /// [`ATTEMPTS`] in a row: by chance once in a year.
@@ -142,7 +142,7 @@ enum Stage {
 #[derive(Clone, Debug)]
 pub struct PushSense {
     rest: RestNoise,
-    calibration: Option<CalibrationError>,
+    calibration: Option<CalibrationUncertainty>,
     stage: Stage,
     /// Readings from just before the onset on, until it is known.
     recent: Vec<Reading>,
@@ -153,7 +153,7 @@ impl PushSense {
     /// A finger that reads `rest` without force. Without a calibration its matrix counts as exact.
     #[must_use]
     pub fn new(rest: RestNoise, calibration: Option<&Calibration>) -> Self {
-        let calibration = calibration.map(|calibration| CalibrationError {
+        let calibration = calibration.map(|calibration| CalibrationUncertainty {
             inverse: *calibration.inverse(),
             covariance: Matrix4::from(calibration.parts().covariance.fixed_view::<4, 4>(0, 0)),
         });

@@ -25,14 +25,14 @@ pub struct Uncertainty {
     /// Covariance of the bias that was taken off, N².
     pub bias: Matrix2<f64>,
     /// What the calibration left open, if it is known.
-    pub calibration: Option<CalibrationError>,
+    pub calibration: Option<CalibrationUncertainty>,
     /// Standard deviation of the moment of the onset, s.
     pub onset_sd: f64,
 }
 
 /// The finger's matrix and its uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CalibrationError {
+pub struct CalibrationUncertainty {
     /// A = B⁻¹, N per count.
     pub inverse: Matrix2<f64>,
     /// Covariance of B's entries, row by row, counts² per N².
@@ -131,7 +131,7 @@ fn rate(forces: &[Vector2<f64>], window: usize) -> Vector2<f64> {
     if hops > 0.0 { (forces[after] - forces[before]) / (hops * HOP_S) } else { Vector2::zeros() }
 }
 
-impl CalibrationError {
+impl CalibrationUncertainty {
     /// Covariance of the errors of two forces: δF = −A δB F.
     fn between(&self, first: &Vector2<f64>, second: &Vector2<f64>) -> Matrix2<f64> {
         let by_matrix = |force: &Vector2<f64>| {

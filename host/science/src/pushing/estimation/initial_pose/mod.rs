@@ -74,6 +74,22 @@ pub enum Object {
 }
 
 /// A push from rest of which only the place on the part is unknown.
+///
+/// ```
+/// use nalgebra::Point2;
+/// use palpate::pushing::dynamics::{FingerPath, FingerShape};
+/// use palpate::pushing::estimation::{Contacts, Object, TimedContact};
+/// use palpate::{Observer, RestingPush, SimplePolygon};
+///
+/// let block = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.02, 0.03]].map(Point2::from))?;
+/// let path = FingerPath { centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [0.01, 0.1] };
+/// let push = RestingPush::new(Object::Polygon(block), 0.0, FingerShape::Disk { radius: 0.01 }, path, 1.5)?;
+/// let angles = push.predicted(Some(0), 0.005, &[0.6, 0.9]); // rad
+/// let felt = vec![TimedContact { t: 0.6, u: angles[0] }, TimedContact { t: 0.9, u: angles[1] }];
+/// let estimate = push.estimate(&Contacts { felt, tolerance: 1e-6 });
+/// assert!((estimate.hypotheses[0].start.s - 0.005).abs() < 1e-9); // m
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct RestingPush {
     object: Object,
