@@ -86,7 +86,7 @@ pub enum Object {
 /// let push = RestingPush::new(Object::Polygon(block), 0.0, FingerShape::Disk { radius: 0.01 }, path, 1.5)?;
 /// let angles = push.predicted(Some(0), 0.005, &[0.6, 0.9]); // rad
 /// let felt = vec![TimedContact { t: 0.6, u: angles[0] }, TimedContact { t: 0.9, u: angles[1] }];
-/// let estimate = push.estimate(&Contacts { felt, tolerance: 1e-6 });
+/// let estimate = push.estimate(&Contacts { measured: felt, tolerance: 1e-6 });
 /// assert!((estimate.hypotheses[0].start.s - 0.005).abs() < 1e-9); // m
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
