@@ -29,7 +29,7 @@ pub use observer::{
     BodyKnowledge, Noise, ObserveError, PalmKnowledge, Question, RollEstimate, RollHypothesis, RollVerdict,
 };
 pub use palm::{Harmonic, PalmAcceleration, Pieces, PiecesError};
-pub use run::{Roll, RollEnd, RollEndReason, RollError, RollRun, RollSample};
+pub use run::{OnPalm, Roll, RollEnd, RollEndReason, RollError, RollRun, RollSample};
 pub use shape::{Custom, Egg, Ellipsoid, Local, RoundedShape, Shape, SupportFunction};
 pub use symmetry::{Symmetry, SymmetryName};
 pub use tracker::{Report, RollTracker, Tracked};
