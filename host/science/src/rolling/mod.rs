@@ -21,7 +21,7 @@ pub mod symmetry;
 pub mod tracker;
 
 pub use body::{BodyError, RollingBody};
-pub use flow::{Columns, STATE_COLUMNS, Tangent};
+pub use flow::{Columns, STATE_COLUMNS, StateWithTangent, Tangent};
 pub use gho::RollGho;
 pub use mechanics::{Model, Rates, RollState, Spin, specific_force};
 pub use observability::{CannotFollow, Inputs, RollObservability, SufficientCondition, observability};
