@@ -11,7 +11,7 @@ use std::hint::black_box;
 use nalgebra::{Quaternion, Vector2, Vector3};
 use palpate::rolling::{
     BodyKnowledge, Columns, Model, Noise, PalmAcceleration, PalmKnowledge, Question, RollState, RollingBody, Spin,
-    Tangent, specific_force,
+    StateWithTangent, specific_force,
 };
 use yardstick::best_of_runs;
 
@@ -76,11 +76,11 @@ fn step(model: &Model) -> f64 {
 fn step_with<const N: usize>(model: &Model, columns: Columns) -> f64 {
     let (begun, specific_force) = (start(model), weight());
     best_of_runs(|| {
-        let seed = black_box((begun, Tangent::<N>::seed(&begun)));
+        let seed = black_box(StateWithTangent::<N>::seed(&begun));
         // A new seed now and then keeps the sensitivities from overflowing.
         let end = (0..STEPS).fold(seed, |here, k| {
-            let here = if k % 100 == 0 { (here.0, seed.1) } else { here };
-            model.step_with(columns, (&here.0, &here.1), &specific_force, STEP)
+            let here = if k % 100 == 0 { StateWithTangent { state: here.state, ..seed } } else { here };
+            model.step_with(columns, &here, &specific_force, STEP)
         });
         black_box(end);
     }) / f64::from(STEPS)

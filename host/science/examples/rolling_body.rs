@@ -4,7 +4,9 @@
 
 use std::error::Error;
 
-use palpate::rolling::{BodyKnowledge, Noise, PalmAcceleration, PalmKnowledge, Question, Roll, RollingBody, Spin};
+use palpate::rolling::{
+    BodyKnowledge, Noise, OnPalm, PalmAcceleration, PalmKnowledge, Question, Roll, RollingBody, Spin,
+};
 
 /// Gravity, m/s².
 const G: f64 = 9.81;
@@ -18,7 +20,7 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
 
     // What happens: the palm lies still.
     let times: Vec<_> = (0..=200).map(|k| DT * f64::from(k)).collect();
-    let on = (&pebble, Spin::Free, &PalmAcceleration::Rest, G);
+    let on = OnPalm { body: &pebble, spin: Spin::Free, palm: &PalmAcceleration::Rest, g: G };
     let run = Roll::new(on, orientation, [2.0, -1.0, 0.5], [0.0, 0.0])?.run(&times)?;
     let contacts: Vec<_> = run.samples.iter().map(|sample| sample.state.u).collect();
     println!("after {:.1} s the pebble touches the palm at {:.2?} mm", 0.4, (contacts[200] * 1e3).as_slice());

@@ -8,7 +8,7 @@ use clap::ValueEnum;
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use nalgebra::{UnitQuaternion, Vector3};
 use palpate::gravity::GRAVITY_ASSUMED;
-use palpate::rolling::{PalmAcceleration, Roll, RollEndReason, RollRun, RollSample, Spin};
+use palpate::rolling::{OnPalm, PalmAcceleration, Roll, RollEndReason, RollRun, RollSample, Spin};
 use palpate_files::body::BodyFile;
 use palpate_files::solve::kinds::roll::{RollAnswer, wxyz};
 
@@ -135,7 +135,7 @@ impl Arguments {
             SpinChoice::Free => Spin::Free,
             SpinChoice::NoSpin => Spin::NoSpin,
         };
-        let on = (&file.body, spin, palm, GRAVITY_ASSUMED);
+        let on = OnPalm { body: &file.body, spin, palm, g: GRAVITY_ASSUMED };
         let cannot = || format!("cannot put {} on the palm", self.body.display());
         Roll::new(on, wxyz(&attitude), omega.into(), [0.0; 2]).into_diagnostic().wrap_err_with(cannot)
     }

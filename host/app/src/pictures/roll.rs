@@ -143,14 +143,14 @@ fn outline_style(outline: usize) -> Style {
 
 #[cfg(test)]
 mod tests {
-    use palpate::rolling::{PalmAcceleration, Roll, Spin};
+    use palpate::rolling::{OnPalm, PalmAcceleration, Roll, Spin};
 
     use super::*;
 
     #[test]
     fn a_picture_names_what_it_shows_even_of_one_instant() {
         let body = RollingBody::ellipsoid([0.02, 0.03, 0.04]).unwrap();
-        let on = (&body, Spin::Free, &PalmAcceleration::Rest, 9.81);
+        let on = OnPalm { body: &body, spin: Spin::Free, palm: &PalmAcceleration::Rest, g: 9.81 };
         for times in [vec![0.0], (0..=50).map(|k| f64::from(k) * 0.01).collect()] {
             let run = Roll::new(on, [0.6, 0.8, 0.0, 0.0], [1.0, 2.0, 0.0], [0.0; 2]).unwrap().run(&times).unwrap();
             let picture = RollPicture { body: &body, run: &run, g: 9.81, title: "pebble", subtitles: &[] };
@@ -165,7 +165,7 @@ mod tests {
     #[test]
     fn the_outline_of_a_sphere_is_a_circle_about_the_contact() {
         let body = RollingBody::ellipsoid([0.03; 3]).unwrap();
-        let on = (&body, Spin::Free, &PalmAcceleration::Rest, 9.81);
+        let on = OnPalm { body: &body, spin: Spin::Free, palm: &PalmAcceleration::Rest, g: 9.81 };
         let run = Roll::new(on, [0.6, 0.8, 0.0, 0.0], [1.0, 2.0, 0.0], [0.01, 0.02]).unwrap().run(&[0.1]).unwrap();
         let picture = RollPicture { body: &body, run: &run, g: 9.81, title: "", subtitles: &[] };
         for point in picture.outline(&run.last) {

@@ -32,6 +32,23 @@ pub struct Tangent<const N: usize> {
     pub u: [[f64; N]; 2],
 }
 
+/// A state and how it changes with what it started from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StateWithTangent<const N: usize> {
+    /// The state.
+    pub state: RollState,
+    /// Its changes.
+    pub tangent: Tangent<N>,
+}
+
+impl<const N: usize> StateWithTangent<N> {
+    /// A state that is itself what the motion starts from.
+    #[must_use]
+    pub fn seed(state: &RollState) -> Self {
+        Self { state: *state, tangent: Tangent::seed(state) }
+    }
+}
+
 /// What the columns beyond those of the state stand for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Columns {
@@ -141,10 +158,11 @@ impl Model<'_> {
     pub fn step_with<const N: usize>(
         &self,
         columns: Columns,
-        (state, tangent): (&RollState, &Tangent<N>),
+        from: &StateWithTangent<N>,
         specific_force: &[Vector3<f64>; 3],
         dt: f64,
-    ) -> (RollState, Tangent<N>) {
+    ) -> StateWithTangent<N> {
+        let StateWithTangent { state, tangent } = from;
         let half = 0.5 * dt;
         let mut forced = [Forced { omega: [[0.0; N]; 3], u: [[0.0; N]; 2] }; 4];
         let mut stage = |index: usize, state: &RollState, specific_force: &Vector3<f64>| {
@@ -158,7 +176,10 @@ impl Model<'_> {
         let (k2, l2) = stage(1, &state.moved(&k1, half), &specific_force[1]);
         let (k3, l3) = stage(2, &state.moved(&k2, half), &specific_force[1]);
         let (k4, l4) = stage(3, &state.moved(&k3, dt), &specific_force[2]);
-        (ode::end(state, &[k1, k2, k3, k4], dt).normalized(), carry(&[l1, l2, l3, l4], &forced, tangent, dt))
+        StateWithTangent {
+            state: ode::end(state, &[k1, k2, k3, k4], dt).normalized(),
+            tangent: carry(&[l1, l2, l3, l4], &forced, tangent, dt),
+        }
     }
 
     /// The motion itself by way of the short chain of [`Scaled`]; everything else may wait.

@@ -275,12 +275,7 @@ impl Model<'_> {
         Rates { orientation: state.turning(), omega, u }
     }
 
-    /// `ω'`, given the contact's `(β, β')`.
-    #[inline(always)]
-    pub(super) fn turn(&self, state: &RollState, instant: &Instant, at: (Vector3<f64>, Vector3<f64>)) -> Vector3<f64> {
-        self.turn_scaled(state, instant, &Scaled::plain(at))
-    }
-
+    /// `ω'`, given the contact.
     #[inline(always)]
     pub(super) fn turn_scaled(&self, state: &RollState, instant: &Instant, scaled: &Scaled) -> Vector3<f64> {
         let contact_inertia = ContactPointInertia::scaled(&self.body.inertia(), &scaled.point, scaled.square);
@@ -333,7 +328,8 @@ impl Model<'_> {
         let state = state.normalized();
         let instant = Instant::of(&state, specific_force);
         let (contact, moving) = self.body.shape().roll(&instant.normal, &instant.turning);
-        let turning = self.turn(&state, &instant, (contact, moving));
+        let at = Scaled { point: contact, motion: moving, square: 1.0 };
+        let turning = self.turn_scaled(&state, &instant, &at);
         let spinning = state.omega.cross(&(state.omega.cross(&contact) + moving));
         state.attitude() * (instant.specific_force - spinning - turning.cross(&contact))
     }
@@ -344,9 +340,10 @@ impl Model<'_> {
         let state = state.normalized();
         let instant = Instant::of(&state, specific_force);
         let (contact, moving) = self.body.shape().roll(&instant.normal, &instant.turning);
-        let turn = self.turn(&state, &instant, (contact, moving));
+        let at = Scaled { point: contact, motion: moving, square: 1.0 };
+        let turn = self.turn_scaled(&state, &instant, &at);
         let needed = ContactPointInertia::new(&self.body.inertia(), &contact).times(&turn);
-        let given = self.torque(&state, &instant, &Scaled::plain((contact, moving)));
+        let given = self.torque(&state, &instant, &at);
         instant.normal.dot(&(given - needed))
     }
 

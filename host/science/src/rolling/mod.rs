@@ -21,7 +21,7 @@ pub mod symmetry;
 pub mod tracker;
 
 pub use body::{BodyError, RollingBody};
-pub use flow::{Columns, STATE_COLUMNS, Tangent};
+pub use flow::{Columns, STATE_COLUMNS, StateWithTangent, Tangent};
 pub use gho::RollGho;
 pub use mechanics::{Model, Rates, RollState, Spin, specific_force};
 pub use observability::{CannotFollow, Inputs, RollObservability, SufficientCondition, observability};
@@ -29,7 +29,7 @@ pub use observer::{
     BodyKnowledge, Noise, ObserveError, PalmKnowledge, Question, RollEstimate, RollHypothesis, RollVerdict,
 };
 pub use palm::{Harmonic, PalmAcceleration, Pieces, PiecesError};
-pub use run::{Roll, RollEnd, RollEndReason, RollError, RollRun, RollSample};
+pub use run::{OnPalm, Roll, RollEnd, RollEndReason, RollError, RollRun, RollSample};
 pub use shape::{Custom, Egg, Ellipsoid, Local, RoundedShape, Shape, SupportFunction};
 pub use symmetry::{Symmetry, SymmetryName};
 pub use tracker::{Report, RollTracker, Tracked};

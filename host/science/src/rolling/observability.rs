@@ -13,7 +13,7 @@
 
 use nalgebra::{DMatrix, Matrix2, Matrix3, SymmetricEigen, Vector3};
 
-use super::flow::{Columns, STATE_COLUMNS, Tangent};
+use super::flow::{Columns, STATE_COLUMNS, StateWithTangent};
 use super::mechanics::{ContactPointInertia, Model, RollState, Spin};
 use crate::math::Spectrum;
 
@@ -141,19 +141,19 @@ fn sensitivities(model: &Model, state: &RollState, g: f64, inputs: Inputs, turn:
     let specific_force = |step: u32, within: f64| feel(inputs, g, rate * dt * (f64::from(step) + within));
     let dimension = model.dimension();
     let mut rows = DMatrix::zeros(2 * CONTACTS as usize + 2, dimension);
-    let mut here = (state.normalized(), Tangent::<STATE_COLUMNS>::seed(&state.normalized()));
+    let mut here = StateWithTangent::<STATE_COLUMNS>::seed(&state.normalized());
     for contact in 0..=CONTACTS {
         let place = 2 * contact as usize;
         for axis in 0..2 {
             rows[(place + axis, axis)] = 1.0;
             for column in 0..dimension - 2 {
                 let scale = if column < 3 { 1.0 } else { rate };
-                rows[(place + axis, 2 + column)] = here.1.u[axis][column] * scale / size;
+                rows[(place + axis, 2 + column)] = here.tangent.u[axis][column] * scale / size;
             }
         }
         for step in contact * steps..(contact + 1) * steps {
             let specific_force = [0.0, 0.5, 1.0].map(|within| specific_force(step, within));
-            here = model.step_with(Columns::STATE, (&here.0, &here.1), &specific_force, dt);
+            here = model.step_with(Columns::STATE, &here, &specific_force, dt);
         }
     }
     rows

@@ -38,14 +38,27 @@ pub const QUATERNION_TOLERANCE: f64 = 1e-3;
 /// Least |ω|, rad/s, that a step's error is measured by.
 const OMEGA_FLOOR: f64 = 1.0;
 
+/// What rolls, on what: all that the motion depends on besides its start.
+#[derive(Clone, Copy, Debug)]
+pub struct OnPalm<'a> {
+    /// The body that rolls.
+    pub body: &'a RollingBody,
+    /// Whether it may spin about the contact normal.
+    pub spin: Spin,
+    /// How the palm accelerates.
+    pub palm: &'a PalmAcceleration,
+    /// Gravity, m/s².
+    pub g: f64,
+}
+
 /// A body on a palm from its start on.
 ///
 /// ```
-/// use palpate::rolling::{PalmAcceleration, Spin};
+/// use palpate::rolling::{OnPalm, PalmAcceleration, Spin};
 /// use palpate::{Roll, RollingBody};
 ///
 /// let pebble = RollingBody::ellipsoid([0.02, 0.03, 0.04])?;
-/// let on = (&pebble, Spin::Free, &PalmAcceleration::Rest, 9.81);
+/// let on = OnPalm { body: &pebble, spin: Spin::Free, palm: &PalmAcceleration::Rest, g: 9.81 };
 /// // It stands upright on its longest axis and stays there: a balance, if an unstable one.
 /// let run = Roll::new(on, [1.0, 0.0, 0.0, 0.0], [0.0; 3], [0.0; 2])?.run(&[0.0, 0.05])?;
 /// assert!((run.samples[1].contact_body.z + 0.04).abs() < 1e-9); // m
@@ -155,10 +168,10 @@ impl<'a> Roll<'a> {
     /// contact on the palm (m).
     ///
     /// ```
-    /// use palpate::rolling::{RollingBody, PalmAcceleration, Roll, Spin};
+    /// use palpate::rolling::{OnPalm, PalmAcceleration, Roll, RollingBody, Spin};
     ///
     /// let pebble = RollingBody::ellipsoid([0.02, 0.03, 0.04])?;
-    /// let on = (&pebble, Spin::Free, &PalmAcceleration::Rest, 9.81);
+    /// let on = OnPalm { body: &pebble, spin: Spin::Free, palm: &PalmAcceleration::Rest, g: 9.81 };
     /// let run = Roll::new(on, [1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0])?.run(&[0.0, 0.05])?;
     /// assert!((run.samples[0].contact_body.z + 0.04).abs() < 1e-12); // it stands on its tip
     /// assert!(run.samples[1].state.u.y < -0.001); // and falls over
@@ -168,7 +181,7 @@ impl<'a> Roll<'a> {
     /// # Errors
     /// [`RollError`] for a quaternion that is none and a spin where there can be none.
     pub fn new(
-        (body, spin, palm, g): (&'a RollingBody, Spin, &'a PalmAcceleration, f64),
+        OnPalm { body, spin, palm, g }: OnPalm<'a>,
         orientation: [f64; 4],
         omega: [f64; 3],
         u: [f64; 2],
@@ -360,7 +373,7 @@ mod tests {
     }
 
     fn go(body: &RollingBody, palm: &PalmAcceleration, omega: [f64; 3], times: &[f64]) -> RollRun {
-        let on = (body, Spin::Free, palm, 9.81);
+        let on = OnPalm { body, spin: Spin::Free, palm, g: 9.81 };
         Roll::new(on, [0.6, 0.0, 0.8, 0.0], omega, [0.0; 2]).unwrap().run(times).unwrap()
     }
 
@@ -406,7 +419,7 @@ mod tests {
     #[test]
     fn a_start_that_contradicts_the_model_is_refused() {
         let body = pebble();
-        let on = |spin| (&body, spin, &PalmAcceleration::Rest, 9.81);
+        let on = |spin| OnPalm { body: &body, spin, palm: &PalmAcceleration::Rest, g: 9.81 };
         let error = Roll::new(on(Spin::Free), [1.0, 0.1, 0.0, 0.0], [0.0; 3], [0.0; 2]).unwrap_err();
         assert!(matches!(error, RollError::Quaternion { .. }), "{error}");
         let error = Roll::new(on(Spin::NoSpin), [1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.1], [0.0; 2]).unwrap_err();

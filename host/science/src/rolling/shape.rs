@@ -108,21 +108,16 @@ pub(super) struct Scaled {
     pub(super) square: f64,
 }
 
-impl Scaled {
-    /// As they are.
-    #[inline(always)]
-    pub(super) fn plain((point, motion): (Vector3<f64>, Vector3<f64>)) -> Self {
-        Self { point, motion, square: 1.0 }
-    }
-}
-
 impl Shape {
     /// The contact and how it moves as the normal turns.
     #[inline(always)]
     pub(super) fn roll_scaled(&self, normal: &Vector3<f64>, turning: &Vector3<f64>) -> Scaled {
         match self {
             Self::Ellipsoid(ellipsoid) => ellipsoid.roll_scaled(normal, turning),
-            _ => Scaled::plain(self.roll(normal, turning)),
+            _ => {
+                let (point, motion) = self.roll(normal, turning);
+                Scaled { point, motion, square: 1.0 }
+            }
         }
     }
 

@@ -149,9 +149,9 @@ proptest! {
         };
         for body in bodies() {
             let model = Model { body, spin };
-            let start = (state, Tangent::<12>::seed(&state));
-            let (end, tangent) = (0..20).fold(start, |(state, tangent), _| {
-                model.step_with(columns, (&state, &tangent), &[specific_force; 3], 1e-3)
+            let start = StateWithTangent::<12>::seed(&state);
+            let StateWithTangent { state: end, tangent } = (0..20).fold(start, |here, _| {
+                model.step_with(columns, &here, &[specific_force; 3], 1e-3)
             });
             prop_assert!((end.u - go(body, state, specific_force).u).norm() < 1e-12);
             let step = 1e-5;
@@ -236,15 +236,10 @@ fn a_turn_about_the_axis_of_revolution_never_shows() {
     for spin in [Spin::Free, Spin::NoSpin] {
         let model = Model { body: &body, spin };
         let state = state_of(spin, [0.3, -0.5, 0.7, 0.2], [2.0, -3.0, 1.5]);
-        let start = (state, Tangent::<STATE_COLUMNS>::seed(&state));
+        let start = StateWithTangent::<STATE_COLUMNS>::seed(&state);
         // Steps long enough that the orientations of a step's stages are not of length 1.
-        let (_, tangent) = (0..60).fold(start, |(state, tangent), _| {
-            model.step_with(
-                Columns::STATE,
-                (&state, &tangent),
-                &[specific_force(Vector3::zeros(), GRAVITY_ASSUMED); 3],
-                4e-3,
-            )
+        let StateWithTangent { tangent, .. } = (0..60).fold(start, |here, _| {
+            model.step_with(Columns::STATE, &here, &[specific_force(Vector3::zeros(), GRAVITY_ASSUMED); 3], 4e-3)
         });
         for [seen, hidden] in tangent.u.map(|row| [row[0], row[2]]) {
             assert!(hidden.abs() < 1e-15 && seen.abs() > 1e-3, "{spin:?}: {hidden} beside {seen} m/rad");

@@ -11,7 +11,7 @@
 use nalgebra::{Matrix2, Matrix3, SMatrix, UnitQuaternion, Vector2, Vector3};
 
 use super::body::RollingBody;
-use super::flow::{Columns, STATE_COLUMNS, Tangent};
+use super::flow::{Columns, STATE_COLUMNS, StateWithTangent, Tangent};
 use super::mechanics::{Model, RollState, Spin, specific_force};
 use super::observer::{BodyKnowledge, PalmKnowledge, Question, RollEstimate, RollHypothesis, RollVerdict};
 use super::palm::PalmAcceleration;
@@ -234,22 +234,22 @@ impl Track {
     fn predict(&mut self, dt: f64) {
         let parts = (dt / STEP_MAX_S).ceil().max(1.0);
         let (step, mut done) = (dt / parts, 0.0);
-        let mut here = (self.state, Tangent::<STATE_COLUMNS>::seed(&self.state));
+        let mut here = StateWithTangent::<STATE_COLUMNS>::seed(&self.state);
         while done < parts {
             let start = self.t + done * step;
             let middle = start + 0.5 * step;
             let feel = |time: f64| specific_force(self.palm.at_within(time, middle), self.g);
             let specific_force = [feel(start), feel(middle), feel(start + step)];
             let model = Model { body: &self.body, spin: self.spin };
-            here = model.step_with(Columns::STATE, (&here.0, &here.1), &specific_force, step);
+            here = model.step_with(Columns::STATE, &here, &specific_force, step);
             done += 1.0;
         }
-        let transition = transition(&here.0, &here.1);
+        let transition = transition(&here.state, &here.tangent);
         self.covariance = transition * self.covariance * transition.transpose();
         for axis in 3..6 {
             self.covariance[(axis, axis)] += WALK * WALK * dt;
         }
-        (self.state, self.t) = (here.0, self.t + dt);
+        (self.state, self.t) = (here.state, self.t + dt);
     }
 
     fn correct(&mut self, u: Vector2<f64>) {

@@ -13,7 +13,7 @@ mod world;
 use palpate::math::statistics::mean;
 use palpate::pushing::estimation::{Hypothesis, estimate};
 
-use self::world::{Case, Kind, Sense, Setting};
+use self::world::{Case, Kind, Sense, Setting, Tolerance};
 use super::{Cell, Experiment, Table, TableSettings, cases};
 
 /// The table `pose`.
@@ -50,10 +50,10 @@ const SIGMA_RAD: f64 = 0.112 / 180.0 * std::f64::consts::PI;
 const CLEAR: f64 = 36.0;
 
 /// How near to the truth an estimate from exact data is: 0.2 mm, 1 mrad.
-const EXACT: (f64, f64) = (2e-4, 1e-3);
+const EXACT: Tolerance = Tolerance { place: 2e-4, turn: 1e-3 };
 
 /// The same from noisy data, on the same edge: 2 mm; a turn follows from the measured angle.
-const NOISY: (f64, f64) = (2e-3, 2e-2);
+const NOISY: Tolerance = Tolerance { place: 2e-3, turn: 2e-2 };
 
 /// How near to the truth an estimate from forces is: so many metres, or of its own standard deviations.
 const FORCE_PLACE_M: f64 = 1e-3;

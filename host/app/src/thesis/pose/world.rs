@@ -76,6 +76,15 @@ const POINT_M: f64 = 1e-3;
 /// Half the range of contact angles of a point finger, rad: 45°.
 const MAGNITUDE_RANGE: f64 = 45.0 / 180.0 * std::f64::consts::PI;
 
+/// How near to the truth an estimate must end.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Tolerance {
+    /// On the edge and of the centre of mass, m.
+    pub(super) place: f64,
+    /// rad.
+    pub(super) turn: f64,
+}
+
 /// A row of an experiment.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Setting {
@@ -247,8 +256,8 @@ impl Case {
         &self.samples[self.samples.len() - 1]
     }
 
-    /// Whether a hypothesis has the true edge, and its end is within tolerances (m, rad).
-    pub(super) fn is_truth(&self, hypothesis: &Hypothesis, (place, turn): (f64, f64)) -> bool {
+    /// Whether a hypothesis has the true edge, and its end is within tolerances.
+    pub(super) fn is_truth(&self, hypothesis: &Hypothesis, Tolerance { place, turn }: Tolerance) -> bool {
         let end = self.end();
         let centroid =
             |position: Point2<f64>, theta: f64| position + Rotation2::new(theta) * self.part.centre_of_mass().coords;

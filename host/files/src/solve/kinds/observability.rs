@@ -11,7 +11,7 @@ use palpate::pushing::dynamics::{ContactMode, Slip, Start};
 use palpate::pushing::observability::{PushObservabilityError, STATE_NAMES, Scales, spectrum};
 use palpate::rolling::observability::STATE_NAMES as ROLL_STATE_NAMES;
 use palpate::rolling::{
-    self, CannotFollow, Model, PalmAcceleration, Roll, RollError, SufficientCondition, observability,
+    self, CannotFollow, Model, OnPalm, PalmAcceleration, Roll, RollError, SufficientCondition, observability,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -167,7 +167,7 @@ impl RollSystem {
                 InvalidInput::at("g", "is 0: nothing presses the body onto the palm, give a gravity above 0").into()
             );
         }
-        let on = (&body, self.spin.into(), &PalmAcceleration::Rest, self.g.get());
+        let on = OnPalm { body: &body, spin: self.spin.into(), palm: &PalmAcceleration::Rest, g: self.g.get() };
         let roll = Roll::new(on, self.orientation, self.omega, [0.0; 2]).map_err(refuse_start)?;
         let model = Model { body: &body, spin: self.spin.into() };
         let found = observability(&model, roll.start(), self.g.get(), self.inputs.into()).map_err(|error| {

@@ -240,7 +240,7 @@ impl Problem for Roll {
         let body = self.body.build().map_err(|error| error.inside("body"))?;
         let palm = palm_acceleration(self.palm_acceleration.as_ref());
         let RollStartFields { orientation, omega, u } = self.initial;
-        let on = (&body, self.spin.into(), &palm, self.g.get());
+        let on = rolling::OnPalm { body: &body, spin: self.spin.into(), palm: &palm, g: self.g.get() };
         let roll = rolling::Roll::new(on, orientation, omega, u).map_err(refuse)?;
         let run = roll.run(&self.times).map_err(|error| SolveError::Internal(error.to_string()))?;
         Ok(RollAnswer::from(&run))

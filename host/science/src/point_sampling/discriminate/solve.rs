@@ -282,35 +282,42 @@ fn grown(budget: u64, doublings: u32) -> u64 {
 }
 
 /// Sets that are connected through columns, and the columns that connect them.
-fn components(columns: &Columns) -> Vec<(Vec<usize>, Vec<usize>)> {
+#[derive(Clone, Default)]
+struct Component {
+    sets: Vec<usize>,
+    columns: Vec<usize>,
+}
+
+/// What the sets fall apart into, the smallest first.
+fn components(columns: &Columns) -> Vec<Component> {
     let mut part: Vec<usize> = (0..columns.sets).collect();
     for holders in &columns.holders {
         let least = holders.row().iter().map(|set| part[set]).min().unwrap_or(0);
         let joined: Vec<usize> = holders.row().iter().map(|set| part[set]).collect();
         part.iter_mut().filter(|part| joined.contains(part)).for_each(|part| *part = least);
     }
-    let mut parts: Vec<(Vec<usize>, Vec<usize>)> = vec![Default::default(); columns.sets];
-    part.iter().enumerate().for_each(|(set, &part)| parts[part].0.push(set));
+    let mut parts = vec![Component::default(); columns.sets];
+    part.iter().enumerate().for_each(|(set, &part)| parts[part].sets.push(set));
     for (column, holders) in columns.holders.iter().enumerate() {
         if let Some(set) = holders.row().iter().next() {
-            parts[part[set]].1.push(column);
+            parts[part[set]].columns.push(column);
         }
     }
-    parts.retain(|(sets, _)| !sets.is_empty());
-    parts.sort_by_key(|(sets, columns)| (sets.len(), columns.len()));
+    parts.retain(|part| !part.sets.is_empty());
+    parts.sort_by_key(|part| (part.sets.len(), part.columns.len()));
     parts
 }
 
 /// Solves components one by one. Two sets of different components are told apart unless both have no chosen element, so
 /// in all components but one no set may be without. That is what an empty set beside the others asks for; leaving it
 /// out saves one element at most.
-fn by_components(columns: &Columns, parts: &[(Vec<usize>, Vec<usize>)], search: &Search<'_>) -> Found {
+fn by_components(columns: &Columns, parts: &[Component], search: &Search<'_>) -> Found {
     let mut total = Found {
         proof: Proof { digits: log2_ceil(u32::try_from(columns.sets).unwrap_or(u32::MAX)), ..Proof::default() },
         ..Found::default()
     };
     // A set without any column is the one without a chosen element.
-    let mut settled = parts.iter().any(|(_, own)| own.is_empty());
+    let mut settled = parts.iter().any(|part| part.columns.is_empty());
     let mut saved = 0;
     for part in parts {
         let with = solve_part(columns, part, true, search);
@@ -319,7 +326,7 @@ fn by_components(columns: &Columns, parts: &[(Vec<usize>, Vec<usize>)], search: 
         add_proof(&mut total.proof, &with.proof);
         if !settled {
             let target = with.columns.len().saturating_sub(1);
-            let without = if part.0.len() == 1 {
+            let without = if part.sets.len() == 1 {
                 Found::default()
             } else {
                 solve_part(columns, part, false, &Search { target, ..*search })
@@ -349,7 +356,7 @@ fn add_proof(total: &mut Proof, part: &Proof) {
 /// The choice for one component, with an empty set beside its own or without.
 fn solve_part(
     columns: &Columns,
-    (sets, own): &(Vec<usize>, Vec<usize>),
+    Component { sets, columns: own }: &Component,
     with_empty: bool,
     search: &Search<'_>,
 ) -> Found {

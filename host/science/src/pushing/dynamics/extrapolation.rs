@@ -42,6 +42,15 @@ pub struct Extrapolation<'a, M> {
     pub contact: ContactMode,
 }
 
+/// How a step is made of smaller ones.
+#[derive(Clone, Copy)]
+struct Division {
+    /// Of the whole step, s.
+    length: f64,
+    /// How many equal parts it has.
+    parts: usize,
+}
+
 /// Components of a state, in the order of its fields.
 type Components = [f64; 4];
 
@@ -78,7 +87,8 @@ impl<M: ContactModel> Extrapolation<'_, M> {
         for division in 0..DIVISIONS {
             places.clear();
             places.push(begin.1);
-            let mut best = self.divided(time, state, &begin.0, (length, 2 * (division + 1)), &mut places);
+            let mut best =
+                self.divided(time, state, &begin.0, Division { length, parts: 2 * (division + 1) }, &mut places);
             let mut change = [f64::INFINITY; 4];
             for (order, before) in row.iter_mut().enumerate() {
                 let ratio = (division + 1) as f64 / (division - order) as f64;
@@ -96,13 +106,13 @@ impl<M: ContactModel> Extrapolation<'_, M> {
         None
     }
 
-    /// The state after a step of some length (s), divided into some parts.
+    /// The state after a step divided into some parts.
     fn divided(
         &self,
         time: f64,
         state: &Components,
         begin: &Components,
-        (length, parts): (f64, usize),
+        Division { length, parts }: Division,
         places: &mut Vec<Passed>,
     ) -> Components {
         let part = length / parts as f64;

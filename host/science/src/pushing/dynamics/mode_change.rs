@@ -98,16 +98,25 @@ impl<T: Scalar> Margin<T> {
     }
 }
 
+/// A state and how fast it changes.
+#[derive(Clone, Copy)]
+pub(crate) struct StateWithRates<'a, T> {
+    /// The state.
+    pub(crate) state: &'a State<T>,
+    /// Its rates.
+    pub(crate) rates: &'a State<T>,
+}
+
 /// The state on the other side of a change of mode, given that on this side and its rates: the change is now or, for
 /// what carries derivatives, so much `late`.
 pub(crate) fn across<T: Scalar>(
     model: &PushModel<T>,
     to: &ContactMode<T>,
     time: f64,
-    (state, before): (&State<T>, &State<T>),
+    StateWithRates { state, rates }: StateWithRates<'_, T>,
     late: T,
 ) -> State<T> {
-    let mut there = moved(state, before, late);
+    let mut there = moved(state, rates, late);
     // There is no slip at the change; the finger is as fast as it is then.
     let model = later(model, late);
     there.v_t = model.rolling_v_t(time, &there);

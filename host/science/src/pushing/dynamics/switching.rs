@@ -8,7 +8,7 @@
 //! Units: SI. Errors: [`PushRunError`].
 
 use super::contact_mode::ContactFriction;
-use super::mode_change::{Margin, across};
+use super::mode_change::{Margin, StateWithRates, across};
 use super::model::{ContactMode, PushModel, State};
 use super::push::{Push, Start};
 use super::run::{EndReason, PushRun, PushRunError};
@@ -124,7 +124,8 @@ impl<'p, const N: usize> DerivedSimulation<'p, N> {
         let late = self.late(&Margin::of_mode(&self.contact, self.friction));
         let before = self.model.motion(&self.contact, time, &self.state).rates;
         self.contact = to.map(|_| self.friction.sliding);
-        self.state = across(&self.model, &self.contact, time, (&self.state, &before), late);
+        self.state =
+            across(&self.model, &self.contact, time, StateWithRates { state: &self.state, rates: &before }, late);
         self.keep_rolling(time);
         late + time
     }

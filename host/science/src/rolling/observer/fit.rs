@@ -7,7 +7,7 @@
 use nalgebra::{DMatrix, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
 
 use super::super::body::RollingBody;
-use super::super::flow::{Columns, STATE_COLUMNS, Tangent};
+use super::super::flow::{Columns, STATE_COLUMNS, StateWithTangent, Tangent};
 use super::super::mechanics::{Model, RollState, Spin};
 use super::super::shape::{Ellipsoid, Shape};
 use super::track::{IntegrationStep, Track};
@@ -151,18 +151,18 @@ impl Unknowns {
         let mut normal = Normal::<P> { norm: effort.norm, sums: NormalEquations::zero() };
         normal.add(&[[0.0; N]; 2], point.state.u - track.centre);
         for integration_steps in [&track.forward, &track.backward] {
-            let mut here = (point.state, Tangent::<N>::seed(&point.state));
+            let mut here = StateWithTangent::<N>::seed(&point.state);
             for IntegrationStep { dt, specific_force, reading, rank } in integration_steps {
                 if *rank > effort.ranks {
                     break;
                 }
                 let specific_force = specific_force.map(|specific_force| specific_force + point.palm);
-                here = model.step_with(self.columns, (&here.0, &here.1), &specific_force, *dt);
+                here = model.step_with(self.columns, &here, &specific_force, *dt);
                 if let Some(reading) = reading {
-                    normal.add(&here.1.u, here.0.u - reading);
+                    normal.add(&here.tangent.u, here.state.u - reading);
                 }
             }
-            if here.0.omega.norm_squared().partial_cmp(&(OMEGA_MAX * OMEGA_MAX)) != Some(std::cmp::Ordering::Less) {
+            if here.state.omega.norm_squared().partial_cmp(&(OMEGA_MAX * OMEGA_MAX)) != Some(std::cmp::Ordering::Less) {
                 normal.sums.cost = f64::INFINITY;
             }
         }
@@ -211,10 +211,10 @@ impl Unknowns {
     fn ends_of<const N: usize>(&self, track: &Track, point: &Point) -> Ends {
         let model = Model { body: &point.body, spin: self.spin };
         let go = |integration_steps: &[IntegrationStep]| {
-            let start = (point.state, Tangent::<N>::seed(&point.state));
+            let start = StateWithTangent::<N>::seed(&point.state);
             integration_steps.iter().fold(start, |here, integration_step| {
                 let specific_force = integration_step.specific_force.map(|specific_force| specific_force + point.palm);
-                model.step_with(self.columns, (&here.0, &here.1), &specific_force, integration_step.dt)
+                model.step_with(self.columns, &here, &specific_force, integration_step.dt)
             })
         };
         let columns = |tangent: &Tangent<N>| {
@@ -222,9 +222,8 @@ impl Unknowns {
             let columns = SMatrix::<f64, STATE_COLUMNS, N>::from_row_iterator(rows.flatten().copied());
             DMatrix::from_column_slice(STATE_COLUMNS, N, columns.as_slice())
         };
-        let [(start, before), (end, after)] =
-            [&track.backward, &track.forward].map(|integration_steps| go(integration_steps));
-        Ends { start, end, columns: [columns(&before), columns(&after)] }
+        let [start, end] = [&track.backward, &track.forward].map(|integration_steps| go(integration_steps));
+        Ends { start: start.state, end: end.state, columns: [columns(&start.tangent), columns(&end.tangent)] }
     }
 
     /// What is left over after a fit.

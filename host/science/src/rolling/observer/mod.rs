@@ -222,14 +222,15 @@ impl Question {
             match &self.body {
                 BodyKnowledge::OneOf(bodies) => {
                     for (index, body) in bodies.iter().enumerate() {
-                        let found =
-                            self.solve_model(readings, (spin, std::slice::from_ref(body)), &WIDTHS[width], halt);
+                        let models = RivalModels { spin, bodies: std::slice::from_ref(body) };
+                        let found = self.solve_model(readings, models, &WIDTHS[width], halt);
                         solutions.extend(found.into_iter().map(|solution| Solution { body: index, ..solution }));
                     }
                 }
                 BodyKnowledge::Ellipsoid { range } => {
                     let shapes = shapes(*range);
-                    solutions.extend(self.solve_model(readings, (spin, &shapes), &WIDTHS_SHAPE[width], halt));
+                    let models = RivalModels { spin, bodies: &shapes };
+                    solutions.extend(self.solve_model(readings, models, &WIDTHS_SHAPE[width], halt));
                 }
             }
         }
@@ -252,7 +253,7 @@ impl Question {
     fn solve_model(
         &self,
         readings: &Readings,
-        (spin, bodies): (Spin, &[RollingBody]),
+        RivalModels { spin, bodies }: RivalModels<'_>,
         width: &Width,
         halt: &Halt<'_>,
     ) -> Vec<Solution> {
@@ -273,6 +274,13 @@ impl Question {
             worth.take_while(|_| !halt.is_wished()).map(|fit| polish(&unknowns, &track, &fine, fit, self.noise));
         polished.filter(|solution| solution.fit.cost.is_finite()).collect()
     }
+}
+
+/// What one search tells apart: bodies that all spin or all do not.
+#[derive(Clone, Copy)]
+struct RivalModels<'a> {
+    spin: Spin,
+    bodies: &'a [RollingBody],
 }
 
 /// Size over least radius of curvature of a body that counts as round: that of a 2-3-4 ellipsoid.

@@ -15,6 +15,7 @@ use nalgebra::{Matrix2, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
 
 use super::super::body::RollingBody;
 use super::super::mechanics::{Instant, Model, RollState, RotationMatrix, Spin};
+use super::super::shape::Scaled;
 use super::fit::{Effort, Norm, Point, RollFit, Unknowns};
 use super::rotations::spread;
 use super::track::Track;
@@ -207,7 +208,8 @@ impl Ground<'_> {
         let instant = Instant::of(state, &self.specific_force);
         let local = model.body.shape().local(&instant.normal, &instant.turning);
         let moving = local.hessian * instant.turning;
-        let turn = model.turn(state, &instant, (local.contact, moving));
+        let contact = Scaled { point: local.contact, motion: moving, square: 1.0 };
+        let turn = model.turn_scaled(state, &instant, &contact);
         let turning = instant.turning.cross(&state.omega) + instant.normal.cross(&turn);
         let bending = state.omega.cross(&moving) + local.slope * instant.turning + local.hessian * turning;
         Vector2::new(instant.rotation.0[0].dot(&bending), instant.rotation.0[1].dot(&bending))

@@ -26,6 +26,15 @@ const FIRST_FACTOR: f64 = 0.2;
 /// How much of the full step is added to the first one for each time in which friction forgets.
 const FIRST_GROWTH: f64 = 0.2;
 
+/// When the values of a path are: the first at 0.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::pushing::estimation) struct ValueTimes {
+    /// Between values, s.
+    pub(in crate::pushing::estimation) dt: f64,
+    /// How many values.
+    pub(in crate::pushing::estimation) values: usize,
+}
+
 /// The instants at which a path is computed.
 #[derive(Clone, Debug)]
 pub(in crate::pushing::estimation) struct Clock {
@@ -38,10 +47,10 @@ pub(in crate::pushing::estimation) struct Clock {
 }
 
 impl Clock {
-    /// From `start` (s), for values each `dt` (s), for a part that forgets its speed within `relaxation_time` (s) at
+    /// From `start` (s), for a part that forgets its speed within `relaxation_time` (s) at
     /// each time.
     pub(in crate::pushing::estimation) fn new(
-        (dt, values): (f64, usize),
+        ValueTimes { dt, values }: ValueTimes,
         start: f64,
         fineness: Fineness,
         relaxation_time: impl Fn(f64) -> f64,

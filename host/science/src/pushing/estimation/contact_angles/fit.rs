@@ -12,9 +12,9 @@ use std::cell::Cell;
 
 use nalgebra::{Matrix4x5, Matrix5, RowVector5, SMatrix, SVector, Vector2, Vector5};
 
-use super::clock::{Clock, Fineness};
+use super::clock::{Clock, Fineness, ValueTimes};
 use super::data::Data;
-use super::initial_state::{MU_G, StartMode, UNKNOWNS, Unknowns, Variable, initial_state, rest_span};
+use super::initial_state::{MU_G, StartGuess, StartMode, UNKNOWNS, Unknowns, Variable, initial_state, rest_span};
 use super::path::{CONSTRAINTS, ContactInterval, Seen, follow, plain_contact, plain_state};
 use crate::math::Jet;
 use crate::math::angle::wrap_angle;
@@ -100,6 +100,13 @@ pub(super) struct Fitting<'a, 'p> {
     pub(super) constraint_stiffness: f64,
     /// Counts simulations.
     pub(super) simulations: &'a Cell<usize>,
+}
+
+/// What hypotheses are judged by.
+pub(super) struct Given<'a, 'p> {
+    pub(super) known: &'a Known<'p>,
+    pub(super) data: Data,
+    pub(super) prior: Prior,
 }
 
 /// A hypothesis.
@@ -223,7 +230,7 @@ impl Past {
 impl<'a, 'p> Fitting<'a, 'p> {
     /// With steps of a fineness and starts from rest that leave out no more than `rest_error` rad.
     pub(super) fn new(
-        (known, data, prior): (&'a Known<'p>, Data, Prior),
+        Given { known, data, prior }: Given<'a, 'p>,
         fineness: Fineness,
         rest_error: f64,
         simulations: &'a Cell<usize>,
@@ -233,7 +240,9 @@ impl<'a, 'p> Fitting<'a, 'p> {
         let rest_span =
             if known.starts_at_rest() { rest_span(known, rest_error.sqrt()).min(0.5 * duration) } else { 0.0 };
         let fineness = Fineness { on_values: data.angle.is_none(), ..fineness };
-        let clock = Clock::new((data.dt, data.values), rest_span, fineness, |time| relaxation_time(known, &data, time));
+        let clock = Clock::new(ValueTimes { dt: data.dt, values: data.values }, rest_span, fineness, |time| {
+            relaxation_time(known, &data, time)
+        });
         Self { known, data, prior, clock, rest_span, constraint_stiffness: 1.0, simulations }
     }
 
@@ -302,8 +311,8 @@ impl<'a, 'p> Fitting<'a, 'p> {
         self.simulations.update(|count| count + 1);
         let mu_g = self.mu_g::<f64>(candidate);
         let known = self.known_by(candidate);
-        let initial_state =
-            initial_state(&known, interval, (*start_mode, unknowns), self.rest_span, mu_g.map(|(mu_g, _)| mu_g))?;
+        let start = StartGuess { start_mode: *start_mode, unknowns, mu_g: mu_g.map(|(mu_g, _)| mu_g) };
+        let initial_state = initial_state(&known, interval, &start, self.rest_span)?;
         let (mut cost, mut common) = (0.0, Common::none());
         let path = follow(&known, interval, &initial_state, &self.clock, |value, seen| {
             self.residuals(value, &seen, &mut common, |residual: f64| cost += residual * residual);
@@ -312,8 +321,10 @@ impl<'a, 'p> Fitting<'a, 'p> {
         match past {
             Some(past) => cost += past.at(unknowns).0,
             None => {
-                let start = (*start_mode, &initial_state.state, mu_g.map(|(_, log)| log));
-                self.prior_residuals(start, |residual: f64| cost += residual * residual);
+                let log = mu_g.map(|(_, log)| log);
+                self.prior_residuals(*start_mode, &initial_state.state, log, |residual: f64| {
+                    cost += residual * residual;
+                });
             }
         }
         for residual in self
@@ -332,8 +343,8 @@ impl<'a, 'p> Fitting<'a, 'p> {
         let mu_g = self.mu_g::<Jet<N>>(candidate);
         let slots = Slots::<N> { mu_g: mu_g.is_some() };
         let known = self.known_by(candidate);
-        let initial_state =
-            initial_state(&known, interval, (*start_mode, unknowns), self.rest_span, mu_g.map(|(mu_g, _)| mu_g))?;
+        let start = StartGuess { start_mode: *start_mode, unknowns, mu_g: mu_g.map(|(mu_g, _)| mu_g) };
+        let initial_state = initial_state(&known, interval, &start, self.rest_span)?;
         let (mut sums, mut common) = (NormalEquations::<N>::zero(), Common::none());
         let path = follow(&known, interval, &initial_state, &self.clock, |value, seen| {
             self.residuals(value, &seen, &mut common, |residual| add(&mut sums, residual));
@@ -342,8 +353,8 @@ impl<'a, 'p> Fitting<'a, 'p> {
         match past {
             Some(past) => add_past(&mut sums, past, unknowns, slots),
             None => {
-                let start = (*start_mode, &initial_state.state, mu_g.map(|(_, log)| log));
-                self.prior_residuals(start, |residual| add(&mut sums, residual));
+                let log = mu_g.map(|(_, log)| log);
+                self.prior_residuals(*start_mode, &initial_state.state, log, |residual| add(&mut sums, residual));
             }
         }
         let (cost, information) = (sums.cost, slots.widened(&sums.curvature));
@@ -409,7 +420,9 @@ impl<'a, 'p> Fitting<'a, 'p> {
 
     fn prior_residuals<T: Variable>(
         &self,
-        (start_mode, start, mu_g_log): (StartMode, &State<T>, Option<T>),
+        start_mode: StartMode,
+        start: &State<T>,
+        mu_g_log: Option<T>,
         mut add: impl FnMut(T),
     ) {
         let terms = [(self.prior.omega0_sigma, start.omega), (self.prior.v_t0_sigma, start.v_t)];

@@ -90,14 +90,22 @@ impl<const N: usize> Variable for Jet<N> {
     }
 }
 
-/// The start of a path; none where the finger would not push, or slip is against its direction. `mu_g` is µ g where
-/// that is one of the unknowns, of the value in `known`.
+/// How a push is taken to begin.
+#[derive(Clone, Copy)]
+pub(in crate::pushing::estimation) struct StartGuess<'a, T> {
+    pub(in crate::pushing::estimation) start_mode: StartMode,
+    /// Those that the mode of the start has.
+    pub(in crate::pushing::estimation) unknowns: &'a Unknowns,
+    /// µ g where it is one of the unknowns, m/s²: of the value in [`Known`].
+    pub(in crate::pushing::estimation) mu_g: Option<T>,
+}
+
+/// The start of a path; none where the finger would not push, or slip is against its direction.
 pub(in crate::pushing::estimation) fn initial_state<T: Variable>(
     known: &Known,
     interval: &ContactInterval,
-    (start_mode, unknowns): (StartMode, &Unknowns),
+    &StartGuess { start_mode, unknowns, mu_g }: &StartGuess<'_, T>,
     rest_span: f64,
-    mu_g: Option<T>,
 ) -> Option<InitialState<T>> {
     let [u, s, omega, along] = [0, 1, 2, 3].map(|index| T::variable(unknowns[index], index));
     let state = State { u, s, omega, v_t: along };
@@ -114,7 +122,7 @@ pub(in crate::pushing::estimation) fn initial_state<T: Variable>(
             let state = rolling(state);
             (state, no_slip(known.touch, &model, &state))
         }
-        StartMode::Rest(slip) => return from_rest(known, interval, slip, (u, s, mu_g), rest_span),
+        StartMode::Rest(slip) => return from_rest(known, interval, RestGuess { slip, u, s, mu_g }, rest_span),
     };
     Some(InitialState { time: 0.0, state, contact, rest: None, mu_g: model.mu_g })
 }
@@ -141,11 +149,22 @@ pub(in crate::pushing::estimation) fn rest_span(known: &Known, share: f64) -> f6
     (2.0 * share * known.part.inertia_per_mass().sqrt() / acceleration).sqrt()
 }
 
+/// How a push from rest is taken to begin.
+struct RestGuess<T> {
+    /// Where the contact slides at once: in which direction.
+    slip: Option<Slip>,
+    /// Contact angle, rad.
+    u: T,
+    /// Place on the edge, m.
+    s: T,
+    /// µ g where it is one of the unknowns, m/s².
+    mu_g: Option<T>,
+}
+
 fn from_rest<T: Variable>(
     known: &Known,
     interval: &ContactInterval,
-    slip: Option<Slip>,
-    (u, s, mu_g): (T, T, Option<T>),
+    RestGuess { slip, u, s, mu_g }: RestGuess<T>,
     span: f64,
 ) -> Option<InitialState<T>> {
     let plain = known.model(interval.edge);

@@ -16,7 +16,7 @@
 use super::clock::Clock;
 use crate::math::ode;
 use crate::pushing::dynamics::contact_mode::{ContactFriction, jams, slip_left};
-use crate::pushing::dynamics::mode_change::{Margin, across, first_ended};
+use crate::pushing::dynamics::mode_change::{Margin, StateWithRates, across, first_ended};
 use crate::pushing::dynamics::{ContactMode, Edge, Motion, PushModel, Scalar, State};
 use crate::pushing::estimation::observation::{Known, Touch};
 
@@ -109,6 +109,12 @@ struct Now<T> {
     motion: Motion<T>,
 }
 
+impl<T> Now<T> {
+    fn state_with_rates(&self) -> StateWithRates<'_, T> {
+        StateWithRates { state: &self.state, rates: &self.motion.rates }
+    }
+}
+
 /// Follows a path to the last value and shows `see` what each value would be. None if no force fits on the way.
 pub(in crate::pushing::estimation) fn follow<T: Scalar>(
     known: &Known,
@@ -161,11 +167,10 @@ fn step<T: Scalar>(
     model: &PushModel<T>,
     contact: &ContactMode<T>,
     time: f64,
-    from: (&State<T>, &State<T>),
+    StateWithRates { state, rates }: StateWithRates<'_, T>,
     dt: f64,
 ) -> State<T> {
-    let (state, k1) = from;
-    ode::step_from(state, k1, dt, |moment, state| model.motion(contact, moment.time(time, dt), state).rates)
+    ode::step_from(state, rates, dt, |moment, state| model.motion(contact, moment.time(time, dt), state).rates)
 }
 
 impl<T: Scalar, F: FnMut(usize, Seen<T>)> PathSimulation<'_, '_, T, F> {
@@ -252,7 +257,7 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> PathSimulation<'_, '_, T, F> {
         loop {
             let left = until - now.time;
             let length = if left <= 1.5 * share * whole { left } else { share * whole };
-            let state = step(&self.model, &now.contact, now.time, (&now.state, &now.motion.rates), length);
+            let state = step(&self.model, &now.contact, now.time, now.state_with_rates(), length);
             let there = self.changing(&now, length, &plain_state(&state));
             let Some(there) = there else {
                 let time = if length < left { now.time + length } else { until };
@@ -293,7 +298,7 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> PathSimulation<'_, '_, T, F> {
         let (contact, state) = (plain_contact(&now.contact), plain_state(&now.state));
         let rates = plain_state(&now.motion.rates);
         let dt = share * length;
-        let within = step(&self.plain, &contact, now.time, (&state, &rates), dt);
+        let within = step(&self.plain, &contact, now.time, StateWithRates { state: &state, rates: &rates }, dt);
         self.margin(&contact, now.time + dt, &within)
     }
 
@@ -305,7 +310,7 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> PathSimulation<'_, '_, T, F> {
             return None;
         }
         let time = now.time + share * length;
-        let mut state = step(&self.model, &now.contact, now.time, (&now.state, &now.motion.rates), share * length);
+        let mut state = step(&self.model, &now.contact, now.time, now.state_with_rates(), share * length);
         let before = self.at(time, state, now.contact)?;
         self.see_between(now, &before);
         let rolling = self.model.motion(&ContactMode::Rolling, time, &state).force();
@@ -316,7 +321,8 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> PathSimulation<'_, '_, T, F> {
             return self.at(time, state, contact);
         }
         let late = Margin::of_mode(&now.contact, friction).late(&self.model, &now.contact, time, &state);
-        let state = across(&self.model, &contact, time, (&state, &before.motion.rates), late);
+        let state =
+            across(&self.model, &contact, time, StateWithRates { state: &state, rates: &before.motion.rates }, late);
         self.at(time, state, contact)
     }
 

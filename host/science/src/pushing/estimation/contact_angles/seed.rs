@@ -101,10 +101,8 @@ pub(super) fn seeds(
                 contact_intervals.iter().for_each(|interval| found.extend(smoothed.seeds(interval, start_mode)));
             }
             angles => {
-                let starts = start_angles(fitting, angles.as_deref());
-                contact_intervals
-                    .iter()
-                    .for_each(|interval| found.extend(grid_seeds(fitting, interval, start_mode, (&starts, width))));
+                let grid = StartGrid { fitting, starts: start_angles(fitting, angles.as_deref()), width };
+                contact_intervals.iter().for_each(|interval| found.extend(grid.seeds(interval, start_mode)));
             }
         }
     }
@@ -160,6 +158,15 @@ fn first_moments(angles: &[f64], dt: f64, relaxation_time: f64) -> Local {
     local(angles, dt, 0.0, (FIRST_MOMENTS * relaxation_time).max(dt))
 }
 
+/// A step to one of the instants of [`SmoothedAngles`].
+#[derive(Clone, Copy)]
+struct NodeStep {
+    /// Which instant.
+    node: usize,
+    /// s.
+    length: f64,
+}
+
 /// The contact angles at some instants, smoothed by straight lines.
 struct SmoothedAngles<'a, 'p> {
     fitting: &'a Fitting<'a, 'p>,
@@ -192,9 +199,10 @@ impl<'a, 'p> SmoothedAngles<'a, 'p> {
         let off: Vec<_> = places.iter().map(|&s| self.mismatch(interval, &model, start_mode, s)).collect();
         let squares: Vec<_> = off.iter().map(|off| off.square).collect();
         let margin = FLAT * self.fitting.data.sigma_min().powi(2);
+        let start = |s: f64, i: usize| StartPlace { s, first_turn: off[i].first_turn };
         let near = |i: usize| {
-            let beside = beside(&squares, i, margin).map(|j| (places[j], off[j].first_turn));
-            std::iter::once((vertex(&places, &squares, i), off[i].first_turn)).chain(beside)
+            let beside = beside(&squares, i, margin).map(|j| start(places[j], j));
+            std::iter::once(start(vertex(&places, &squares, i), i)).chain(beside)
         };
         let near = minima(&squares).into_iter().flat_map(near);
         near.flat_map(|near| self.candidates(interval, &model, start_mode, near)).collect()
@@ -209,7 +217,7 @@ impl<'a, 'p> SmoothedAngles<'a, 'p> {
         let mut offsets = [0.0; NODES];
         for (i, offset) in offsets.iter_mut().enumerate() {
             let step = self.times[i] - time; // The first one from t = 0.
-            near.s = self.moved(model, &near, last.as_ref(), s0, (i, step));
+            near.s = self.moved(model, &near, last.as_ref(), s0, NodeStep { node: i, length: step });
             (near.u, time) = (self.angles[i], self.times[i]);
             if near.s < interval.low - beyond || near.s > interval.high + beyond {
                 return Mismatch::HOPELESS;
@@ -232,11 +240,11 @@ impl<'a, 'p> SmoothedAngles<'a, 'p> {
     }
 
     /// The place at a node: exactly by the angle where the contact rolls, otherwise by its rate.
-    fn moved(&self, model: &PushModel, near: &State, last: Option<&Settled>, s0: f64, (i, step): (usize, f64)) -> f64 {
+    fn moved(&self, model: &PushModel, near: &State, last: Option<&Settled>, s0: f64, to: NodeStep) -> f64 {
         match (self.fitting.known.touch, last) {
-            (Touch::Rolling { .. }, _) => s0 - model.finger.radius * (self.angles[i] - self.first.value),
+            (Touch::Rolling { .. }, _) => s0 - model.finger.radius * (self.angles[to.node] - self.first.value),
             (_, None) => s0,
-            (_, Some(last)) => near.s + step * last.s_rate,
+            (_, Some(last)) => near.s + to.length * last.s_rate,
         }
     }
 
@@ -245,7 +253,7 @@ impl<'a, 'p> SmoothedAngles<'a, 'p> {
         interval: &ContactInterval,
         model: &PushModel,
         start_mode: StartMode,
-        (place, first_turn): (f64, f64),
+        StartPlace { s, first_turn }: StartPlace,
     ) -> Vec<Candidate> {
         let known = self.fitting.known;
         // What the part turned by before it settled has moved the contact, by rolling or by sliding.
@@ -255,7 +263,7 @@ impl<'a, 'p> SmoothedAngles<'a, 'p> {
             Touch::Frictionless | Touch::Sliding { .. } => vec![r + h],
             Touch::Coulomb { .. } => vec![r, r + h],
         };
-        let places = levers.into_iter().map(|lever| (place + lever * first_turn).clamp(interval.low, interval.high));
+        let places = levers.into_iter().map(|lever| (s + lever * first_turn).clamp(interval.low, interval.high));
         places.flat_map(|s| self.candidates_at(interval, model, start_mode, s)).collect()
     }
 
@@ -281,6 +289,15 @@ impl<'a, 'p> SmoothedAngles<'a, 'p> {
             })
             .collect()
     }
+}
+
+/// Where the settled rates say that a push may have begun.
+#[derive(Clone, Copy)]
+struct StartPlace {
+    /// On the edge, m.
+    s: f64,
+    /// What the part turned by before it settled, beyond what the settled rates say, rad.
+    first_turn: f64,
 }
 
 /// How far the settled rates are from explaining the angles.
@@ -370,70 +387,71 @@ fn start_angles(fitting: &Fitting, angles: Option<&[f64]>) -> Vec<Local> {
     (0..=whole).map(|i| Local { value: low + (high - low) * count(i) / steps, rate: 0.0 }).collect()
 }
 
-/// Near the local minima among simulations from a grid of starts.
-fn grid_seeds(
-    fitting: &Fitting,
-    interval: &ContactInterval,
-    start_mode: StartMode,
-    (starts, width): (&[Local], Width),
-) -> Vec<Candidate> {
-    let model = fitting.known.model(interval.edge);
-    let places = places(fitting.known, interval);
-    let mut rows: Vec<Vec<(f64, Option<Candidate>)>> = Vec::new();
-    for start in starts {
-        let tried = places.iter().map(|&s| {
-            let unknowns = tries(fitting, &model, start_mode, (start, s), width);
-            let costs = unknowns.into_iter().filter_map(|unknowns| {
-                let candidate = Candidate { interval: *interval, start_mode, unknowns, past: None };
-                Some((fitting.cost(&candidate)?, Some(candidate)))
-            });
-            costs.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, None))
-        });
-        rows.push(tried.collect());
-    }
-    let mut found: Vec<_> = grid_minima(&rows);
-    found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    found.truncate(FROM_GRID_MAX);
-    found.into_iter().filter_map(|(_, candidate)| candidate).collect()
+/// What simulations begin with, to be tried at every place.
+struct StartGrid<'a, 'p> {
+    fitting: &'a Fitting<'a, 'p>,
+    /// Contact angles and their rates.
+    starts: Vec<Local>,
+    width: Width,
 }
 
-/// Starts to try at one angle and place.
-fn tries(
-    fitting: &Fitting,
-    model: &PushModel,
-    start_mode: StartMode,
-    (start, s): (&Local, f64),
-    width: Width,
-) -> Vec<Unknowns> {
-    let known = fitting.known;
-    let smoothed = State { u: start.value, s, omega: start.rate, v_t: 0.0 };
-    let settled = settled(model, known.touch, slip_of(known, start_mode), 0.0, &smoothed).map(|now| now.state);
-    let settles = settles(known, &fitting.data);
-    let from = settled.filter(|_| settles).unwrap_or(smoothed);
-    let angle_known = angles(known, &fitting.data, start_mode).is_some();
-    let toward_smoothed = |share: &f64| from.omega + share * (smoothed.omega - from.omega);
-    let sigma = fitting.prior.omega0_sigma.unwrap_or(OMEGA_USUAL);
-    let omegas: Vec<f64> = match (width, angle_known) {
-        (Width::Narrow, true) => vec![from.omega],
-        (Width::Wide, true) => OMEGA_SHARES.iter().map(toward_smoothed).collect(),
-        (Width::Narrow, false) if settles => vec![from.omega],
-        (Width::Narrow, false) => vec![from.omega, 0.0, -from.omega],
-        (Width::Wide, false) => OMEGA_SIGMAS.iter().map(|share| share * sigma).chain([from.omega]).collect(),
-    };
-    let mut tried = Vec::new();
-    for omega in omegas {
-        let mut along = along_contact(known, model, start_mode, &State { omega, ..from });
-        if width == Width::Wide || !settles {
-            let speed = Vector2::from(known.finger.velocity0).norm();
-            match start_mode {
-                StartMode::Free => along.extend(ALONG.map(|share| share * speed)),
-                StartMode::Slips(_) => along.extend(ALONG.map(|share| share.abs() * speed)),
-                StartMode::NoSlip | StartMode::Rest(_) => {}
-            }
+impl StartGrid<'_, '_> {
+    /// Near the local minima among simulations from a grid of starts.
+    fn seeds(&self, interval: &ContactInterval, start_mode: StartMode) -> Vec<Candidate> {
+        let fitting = self.fitting;
+        let model = fitting.known.model(interval.edge);
+        let places = places(fitting.known, interval);
+        let mut rows: Vec<Vec<(f64, Option<Candidate>)>> = Vec::new();
+        for start in &self.starts {
+            let tried = places.iter().map(|&s| {
+                let unknowns = self.tries(&model, start_mode, start, s);
+                let costs = unknowns.into_iter().filter_map(|unknowns| {
+                    let candidate = Candidate { interval: *interval, start_mode, unknowns, past: None };
+                    Some((fitting.cost(&candidate)?, Some(candidate)))
+                });
+                costs.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, None))
+            });
+            rows.push(tried.collect());
         }
-        tried.extend(along.into_iter().map(|along| [from.u, s, omega, along, 0.0]));
+        let mut found: Vec<_> = grid_minima(&rows);
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        found.truncate(FROM_GRID_MAX);
+        found.into_iter().filter_map(|(_, candidate)| candidate).collect()
     }
-    tried
+
+    /// Starts to try at one angle and place.
+    fn tries(&self, model: &PushModel, start_mode: StartMode, start: &Local, s: f64) -> Vec<Unknowns> {
+        let (fitting, width) = (self.fitting, self.width);
+        let known = fitting.known;
+        let smoothed = State { u: start.value, s, omega: start.rate, v_t: 0.0 };
+        let settled = settled(model, known.touch, slip_of(known, start_mode), 0.0, &smoothed).map(|now| now.state);
+        let settles = settles(known, &fitting.data);
+        let from = settled.filter(|_| settles).unwrap_or(smoothed);
+        let angle_known = angles(known, &fitting.data, start_mode).is_some();
+        let toward_smoothed = |share: &f64| from.omega + share * (smoothed.omega - from.omega);
+        let sigma = fitting.prior.omega0_sigma.unwrap_or(OMEGA_USUAL);
+        let omegas: Vec<f64> = match (width, angle_known) {
+            (Width::Narrow, true) => vec![from.omega],
+            (Width::Wide, true) => OMEGA_SHARES.iter().map(toward_smoothed).collect(),
+            (Width::Narrow, false) if settles => vec![from.omega],
+            (Width::Narrow, false) => vec![from.omega, 0.0, -from.omega],
+            (Width::Wide, false) => OMEGA_SIGMAS.iter().map(|share| share * sigma).chain([from.omega]).collect(),
+        };
+        let mut tried = Vec::new();
+        for omega in omegas {
+            let mut along = along_contact(known, model, start_mode, &State { omega, ..from });
+            if width == Width::Wide || !settles {
+                let speed = Vector2::from(known.finger.velocity0).norm();
+                match start_mode {
+                    StartMode::Free => along.extend(ALONG.map(|share| share * speed)),
+                    StartMode::Slips(_) => along.extend(ALONG.map(|share| share.abs() * speed)),
+                    StartMode::NoSlip | StartMode::Rest(_) => {}
+                }
+            }
+            tried.extend(along.into_iter().map(|along| [from.u, s, omega, along, 0.0]));
+        }
+        tried
+    }
 }
 
 /// Entries that are no larger than their neighbours in their row and in those beside it.

@@ -14,7 +14,7 @@ use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix4, Matrix5, Vector2, Vector5};
 use super::clock::{Fineness, count};
 use super::contact_intervals::contact_intervals;
 use super::data::Data;
-use super::fit::{Candidate, Descent, Fitting, STEP_MAX};
+use super::fit::{Candidate, Descent, Fitting, Given, STEP_MAX};
 use super::initial_state::{MU_G, StartMode, UNKNOWNS};
 use super::path::ContactInterval;
 use super::seed::{Width, angles, seeds, settling};
@@ -126,7 +126,7 @@ pub fn estimate_until(known: &Known, observation: &Observation, stop: Stop<'_>) 
 /// [`estimate_until`], for several searches that halt together.
 pub(super) fn halting_estimate(known: &Known, observation: &Observation, halt: &Halt<'_>) -> Estimate {
     let simulations = Cell::new(0);
-    let task = Task::new(known, observation, (&simulations, halt));
+    let task = Task::new(known, observation, &simulations, halt);
     let outliers = || task.data.outliers();
     // A part that has not yet forgotten its start turns less smoothly than an outlier's neighbours should.
     let is_early = |value: usize| count(value) * observation.dt < settling(known, &task.data).unwrap_or(0.0);
@@ -170,7 +170,8 @@ impl<'a, 'p> Task<'a, 'p> {
     fn new(
         known: &'a Known<'p>,
         observation: &'a Observation,
-        (simulations, halt): (&'a Cell<usize>, &'a Halt<'a>),
+        simulations: &'a Cell<usize>,
+        halt: &'a Halt<'a>,
     ) -> Self {
         let contact_intervals = contact_intervals(known.part, known.finger.radius);
         Self {
@@ -263,7 +264,8 @@ impl<'a, 'p> Task<'a, 'p> {
     fn fitting(&self, sigma: f64, factor: f64) -> Fitting<'_, 'p> {
         let data = self.data.with_sigma_floor(sigma);
         let prior = self.observation.prior;
-        Fitting::new((self.known, data, prior), fineness(sigma, factor), REST_ERROR * factor * sigma, self.simulations)
+        let given = Given { known: self.known, data, prior };
+        Fitting::new(given, fineness(sigma, factor), REST_ERROR * factor * sigma, self.simulations)
     }
 
     /// Drops minima that cannot be listed, because then the best would not explain the data either: they are as costly

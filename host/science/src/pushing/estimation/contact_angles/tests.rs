@@ -30,6 +30,13 @@ const PRIOR: Prior = Prior { omega0_sigma: Some(1.0), v_t0_sigma: Some(0.004), m
 /// A hypothesis on the true edge that ends nearer than this to the truth is the truth, m.
 const NEAR: f64 = 2e-3;
 
+/// The contact, as an observer knows it and as a simulation follows it.
+#[derive(Clone, Copy)]
+struct Contact {
+    touch: Touch,
+    law: ContactLaw,
+}
+
 /// A push and what became of it.
 struct Pushed {
     part: Part,
@@ -42,7 +49,7 @@ struct Pushed {
 impl Pushed {
     /// A random convex part pushed somewhere for [`VALUES`] values by a finger of this radius, on a plane with this µ
     /// g.
-    fn draw(draw: &mut Draw, (touch, law): (Touch, ContactLaw), mu_g: f64) -> Self {
+    fn draw(draw: &mut Draw, Contact { touch, law }: Contact, mu_g: f64) -> Self {
         loop {
             let part = Part::uniform(draw.convex_polygon(7, 0.05));
             let edge_index = draw.index(part.polygon().vertices().len());
@@ -92,8 +99,9 @@ fn observed(values: Vec<f64>, sigma: f64, prior: Prior) -> Observation {
     Observation { dt: DT, measured: Measured::ContactAngle(Channel { values, sigma }), prior }
 }
 
-const FRICTIONLESS: (Touch, ContactLaw) = (Touch::Frictionless, ContactLaw::Frictionless);
-const ROLLING: (Touch, ContactLaw) = (Touch::Rolling { friction: None }, ContactLaw::Rolling { friction: None });
+const FRICTIONLESS: Contact = Contact { touch: Touch::Frictionless, law: ContactLaw::Frictionless };
+const ROLLING: Contact =
+    Contact { touch: Touch::Rolling { friction: None }, law: ContactLaw::Rolling { friction: None } };
 
 mod unknown_friction {
     use super::*;

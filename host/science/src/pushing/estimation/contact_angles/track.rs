@@ -19,7 +19,7 @@ use nalgebra::{DMatrix, Matrix5, Vector2, Vector5};
 
 use super::contact_intervals::contact_intervals;
 use super::data::Data;
-use super::fit::{Candidate, Descent, Fitting, Past};
+use super::fit::{Candidate, Descent, Fitting, Given, Past};
 use super::initial_state::{MU_G, StartMode, UNKNOWNS};
 use super::path::ContactInterval;
 use super::seed::{Width, seeds};
@@ -247,7 +247,7 @@ impl<'p> Tracker<'p> {
         let TrackerSettings { dt, sigma, prior, .. } = self.settings;
         let measured = Measured::ContactAngle(Channel { values, sigma });
         let data = Data::new(&Observation { dt, measured, prior });
-        Fitting::new((known, data, prior), fineness(sigma, 1.0), REST_ERROR * sigma, simulations)
+        Fitting::new(Given { known, data, prior }, fineness(sigma, 1.0), REST_ERROR * sigma, simulations)
     }
 
     fn is_first(&self) -> bool {

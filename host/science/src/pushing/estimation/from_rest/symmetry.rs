@@ -7,8 +7,18 @@ use crate::pushing::dynamics::{ContactMode, Edge, Finger, Part, PushModel};
 /// Differences below this share of the part's size are none: drawings are rounded to that.
 const SAME: f64 = 1e-6;
 
-/// Places and angles at which friction is compared, as shares of an edge and rad off its normal: none of them special.
-const PROBES: [(f64, f64); 3] = [(0.21, 0.3), (0.58, -0.5), (0.83, 0.1)];
+/// A place and an angle at which friction is compared.
+#[derive(Clone, Copy)]
+struct Probe {
+    /// How far along the edge, as a share of its length.
+    share: f64,
+    /// Off the edge's normal, rad.
+    u: f64,
+}
+
+/// None of them special.
+const PROBES: [Probe; 3] =
+    [Probe { share: 0.21, u: 0.3 }, Probe { share: 0.58, u: -0.5 }, Probe { share: 0.83, u: 0.1 }];
 
 /// How many turns take the part to itself, the whole turn included.
 pub(super) fn order(part: &Part) -> usize {
@@ -26,7 +36,7 @@ fn same(part: &Part, a: &Edge, b: &Edge, size: f64) -> bool {
 }
 
 /// Whether pushes at two edges begin alike: what rests on feet may look symmetric and not be.
-fn same_start(part: &Part, a: &Edge, b: &Edge, (share, u): (f64, f64)) -> bool {
+fn same_start(part: &Part, a: &Edge, b: &Edge, Probe { share, u }: Probe) -> bool {
     let start = |edge: &Edge| {
         let finger = Finger { radius: 0.0, centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [1.0, 0.0] };
         let model = PushModel { part, edge: *edge, mu_g: 1.0, finger };

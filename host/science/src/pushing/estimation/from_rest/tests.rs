@@ -10,8 +10,10 @@ use crate::geometry::SimplePolygon;
 use crate::math::Jet;
 use crate::math::random::Draw;
 use crate::pushing::dynamics::{ContactMode, EndReason, Finger, PushModel};
-use crate::pushing::estimation::contact_angles::clock::{Clock, Fineness};
-use crate::pushing::estimation::contact_angles::initial_state::{StartMode, Variable, initial_state, rest_span};
+use crate::pushing::estimation::contact_angles::clock::{Clock, Fineness, ValueTimes};
+use crate::pushing::estimation::contact_angles::initial_state::{
+    StartGuess, StartMode, Variable, initial_state, rest_span,
+};
 use crate::pushing::estimation::contact_angles::path::{
     self as contact_path, ContactInterval, plain_contact, plain_state,
 };
@@ -233,8 +235,16 @@ fn a_fit_ends_in_a_minimum() {
 /// The plane's friction is known to a fifth.
 const FRICTION_LOG_SD: f64 = 0.2;
 
+/// A push of a drawn part, and the rest of what is drawn.
+struct DrawnPush {
+    part: Part,
+    ranges: Ranges,
+    drawn: Drawn,
+    draw: Draw,
+}
+
 /// A push on a plane whose friction is drawn about what it is taken for, along x for 0.8 s from rest.
-fn on_an_unknown_plane(case: usize, acceleration: f64) -> (Part, Ranges, Drawn, Draw) {
+fn on_an_unknown_plane(case: usize, acceleration: f64) -> DrawnPush {
     let mut draw = Draw::case(3, case);
     let mu = Ranges::default().mu * (FRICTION_LOG_SD * draw.normal()).exp();
     let segments = [Segment { seconds: 0.8, acceleration: [acceleration, 0.0] }];
@@ -242,20 +252,20 @@ fn on_an_unknown_plane(case: usize, acceleration: f64) -> (Part, Ranges, Drawn, 
     loop {
         let part = random_part(&mut draw);
         if let Some(drawn) = ranges.draw(&mut draw, &part) {
-            return (part, ranges, drawn, draw);
+            return DrawnPush { part, ranges, drawn, draw };
         }
     }
 }
 
 /// What is said of such a push, with the standard deviation of ln µ or taking µ as known.
-fn estimate_on_it((part, ranges, drawn, draw): &(Part, Ranges, Drawn, Draw), mu_g_log_sd: Option<f64>) -> Estimate {
+fn estimate_on_it(DrawnPush { part, ranges, drawn, draw }: &DrawnPush, mu_g_log_sd: Option<f64>) -> Estimate {
     let mu_g = Ranges::default().mu * crate::gravity::GRAVITY_ASSUMED;
     let known = KnownFromRest { part, mu_g, mu_g_log_sd, radius: RADIUS_M, motion: &ranges.motion };
     estimate(&known, &measured(drawn, &mut draw.clone(), ranges.motion.duration()))
 }
 
 /// The hypothesis that is the truth, and its errors of ln µ, ln m and ln µm in standard deviations.
-fn errors((part, ranges, drawn, _): &(Part, Ranges, Drawn, Draw), estimate: &Estimate) -> Option<[f64; 3]> {
+fn errors(DrawnPush { part, ranges, drawn, .. }: &DrawnPush, estimate: &Estimate) -> Option<[f64; 3]> {
     let truth = drawn.played.pose(estimate.time_end)?;
     let near = |found: &&Hypothesis| {
         let error = pose_error(part, estimate.symmetry, &found.pose_end, &truth);
@@ -356,14 +366,13 @@ impl FromRest {
         let start = initial_state::<T>(
             &known,
             &interval,
-            (StartMode::Rest(None), &[self.u, self.s, 0.0, 0.0, 0.0]),
+            &StartGuess { start_mode: StartMode::Rest(None), unknowns: &[self.u, self.s, 0.0, 0.0, 0.0], mu_g: None },
             span,
-            None,
         )?;
         let dt = until / (VALUES - 1) as f64;
         let fineness = Fineness { share: 0.2, on_values: true };
         let relaxation_time = |time: f64| 0.1 * 0.4 * time / self.model_mu_g;
-        let clock = Clock::new((dt, VALUES), span, fineness, relaxation_time);
+        let clock = Clock::new(ValueTimes { dt, values: VALUES }, span, fineness, relaxation_time);
         let path = contact_path::follow(&known, &interval, &start, &clock, |_, _| ())?;
         if path.constraint_margins[2].re() <= 0.0 {
             return None; // The finger would have had to pull.

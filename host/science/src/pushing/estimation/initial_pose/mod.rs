@@ -261,7 +261,7 @@ impl RestingPush {
             let u = if self.mu_g > 0.0 { None } else { self.angle(interval, s0, last.t) };
             u.is_some_and(|u| (u - last.u).abs() > HOPELESS * tolerance)
         };
-        self.judged(&places, (&contacts, tolerance), &hopeless, halt)
+        self.judged(&places, &Contacts { measured: contacts, tolerance }, &hopeless, halt)
     }
 
     /// Places of a interval that fit a contact. Without friction a rough simulation looks around.
@@ -349,7 +349,7 @@ impl RestingPush {
     fn judged(
         &self,
         places: &[(ContactInterval, NearZero)],
-        (contacts, tolerance): (&[TimedContact], f64),
+        contacts: &Contacts,
         hopeless: &dyn Fn(&ContactInterval, f64) -> bool,
         halt: &Halt<'_>,
     ) -> RestingPoses {
@@ -362,11 +362,12 @@ impl RestingPush {
         }
         let possible = apart.iter().filter(|(interval, near)| !hopeless(interval, near.at));
         let fits = possible.take_while(|_| !halt.is_wished()).filter_map(|&(interval, near)| {
-            let (at, misfits) = polished(near.at, interval, &|s0| self.misfits(&interval, s0, contacts), tolerance)?;
+            let misfits = |s0| self.misfits(&interval, s0, &contacts.measured);
+            let (at, misfits) = polished(near.at, interval, &misfits, contacts.tolerance)?;
             Some(FittingPlace { interval, near: NearZero { at, ..near }, misfits })
         });
         let fits = fits.filter(|fit| !self.overlaps(&fit.interval, fit.near.at)).collect();
-        let solutions = self.one_each(fits, contacts, tolerance);
+        let solutions = self.one_each(fits, contacts);
         let candidate =
             |&(interval, near): &(ContactInterval, NearZero)| self.pose_at(&interval, &near, vec![near.value]);
         let mut candidates: Vec<_> = apart.iter().map(candidate).collect();
@@ -378,9 +379,9 @@ impl RestingPush {
     }
 
     /// One pose for each stretch of places that all fit, best first.
-    fn one_each(&self, mut fits: Vec<FittingPlace>, contacts: &[TimedContact], tolerance: f64) -> Vec<RestingPose> {
+    fn one_each(&self, mut fits: Vec<FittingPlace>, Contacts { measured, tolerance }: &Contacts) -> Vec<RestingPose> {
         let is_fit = |interval: &ContactInterval, s0: f64| {
-            self.misfits(interval, s0, contacts).is_some_and(|misfits| all_within(&misfits, tolerance))
+            self.misfits(interval, s0, measured).is_some_and(|misfits| all_within(&misfits, *tolerance))
         };
         fits.sort_by(|a, b| squares(&a.misfits).total_cmp(&squares(&b.misfits)));
         let mut kept: Vec<FittingPlace> = Vec::new();

@@ -7,7 +7,7 @@
 //! Assumes: as [`super`]. Units: SI. Errors: none; contacts later than the table are simulated as without it.
 
 use super::root_polishing::Rough;
-use super::{ContactInterval, HOPELESS, RestingPoses, RestingPush, TimedContact};
+use super::{ContactInterval, Contacts, HOPELESS, RestingPoses, RestingPush, TimedContact};
 use crate::math::roots::{NearZero, near_zeros};
 use crate::search::{Halt, Searched, Stop, never};
 
@@ -117,7 +117,7 @@ impl<'p> Table<'p> {
             let misfit = self.looked_up(interval, s0, last.t).map(|u| (u - last.u).abs());
             misfit.is_some_and(|misfit| misfit > TABLE_ERROR_MAX + HOPELESS * tolerance)
         };
-        self.push.judged(&places, (&contacts, tolerance), &hopeless, halt)
+        self.push.judged(&places, &Contacts { measured: contacts, tolerance }, &hopeless, halt)
     }
 
     /// u at a time as the table has it; none where the contact may have ended.
