@@ -1,6 +1,6 @@
 //! What must hold for any bytes at all: the bodies of the fuzz targets.
 //!
-//! Each takes bytes and panics if a law is broken. `tests/e2e/fuzz.rs` runs them on mutations of a kept corpus with
+//! Each takes bytes and panics if a law is broken. `tests/e2e/libraries/fuzz.rs` runs them on mutations of a kept corpus with
 //! stable Rust; `fuzz/` hands them to libFuzzer where there is a nightly compiler.
 
 use std::cell::RefCell;

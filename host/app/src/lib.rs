@@ -1,4 +1,8 @@
 //! The tool `palpate`: commands, pictures and the thesis's tables over the libraries.
+//!
+//! In reading order: `cli` (one file a command), [`live`] (samples from a session, the person at the bench), [`pictures`],
+//! [`push_scenario`] (a push as the command line says it), [`thesis`] (its experiments, run again), [`advice`] (what to do
+//! about an error), `messages` (what standard error is told).
 
 pub mod advice;
 mod cli;

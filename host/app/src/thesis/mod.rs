@@ -5,6 +5,7 @@
 //! [`Experiment`] beside it, and list that in [`EXPERIMENTS`]. It says in
 //! `definitions` what was drawn and what counts as a success, and lists every case that failed, so that each can be
 //! looked at by itself: case `k` of a seed is always the same problem, whatever the number of cases.
+//! Only in `chain` a simulated device runs beside the host, and when it is pushed differs by milliseconds from run to run.
 //!
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
 

@@ -51,7 +51,7 @@ const IMPROVEMENT: LeastSquaresSettings<4> = LeastSquaresSettings {
     steps_max: usize::MAX,
 };
 
-/// After so many trials a place must have come so near.
+/// After so many trials its cost must be below so much.
 const HOPELESS: (usize, f64) = (6, 1e4);
 
 /// Rivals are at least so far from the truth on its own edge at the end, m.

@@ -14,7 +14,7 @@
 //!
 //! What a place is stays with the [`LeastSquaresProblem`]: how a step moves it (rotations, wrapped angles, bounds), how
 //! far the parabola can be trusted ([`LeastSquaresProblem::limited`]), which unknowns rest against a bound
-//! ([`LeastSquaresProblem::held`]), what walls and priors add to the cost. The constants are data
+//! ([`LeastSquaresProblem::held`]), what constraints and priors add to the cost. The constants are data
 //! ([`LeastSquaresSettings`]).
 //!
 //! Source: D. W. Marquardt, "An Algorithm for Least-Squares Estimation of Nonlinear Parameters", J. SIAM 11 (1963)

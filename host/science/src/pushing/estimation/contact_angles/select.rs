@@ -69,7 +69,7 @@ const ROUGH: f64 = 0.3;
 /// Rounds of descent: a step each.
 const ROUNDS_MAX: usize = 60;
 
-/// A descent whose next step predicts a smaller reduction is over.
+/// A descent is over when its next step is predicted to lower the cost by less than this.
 const PREDICTED_REDUCTION_NONE: f64 = 1e-3;
 
 /// A descent is given up when its cost less this many times its predicted reduction is beyond the gate by [`SLACK`].

@@ -31,7 +31,7 @@ use crate::pushing::estimation::observation::{Channel, Known, Measured, Observat
 /// Values before the first estimate.
 const VALUES_FIRST: usize = 15;
 
-/// Values between one search of a interval and the next.
+/// Values between one search of an interval and the next.
 const SEARCH_EACH: usize = 4;
 
 /// Part of the window that is dropped when it is full: one in so many.

@@ -264,7 +264,7 @@ impl RestingPush {
         self.judged(&places, &Contacts { measured: contacts, tolerance }, &hopeless, halt)
     }
 
-    /// Places of a interval that fit a contact. Without friction a rough simulation looks around.
+    /// Places of an interval that fit a contact. Without friction a rough simulation looks around.
     fn scanned(
         &self,
         interval: ContactInterval,
