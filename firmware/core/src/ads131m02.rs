@@ -197,8 +197,11 @@ impl Frame {
             _ if self.response == RESET_DONE => true,
             Command::Null => self.response & SHAPE != STATUS_24_BIT,
             Command::Write(address, _) => is_write_done(self.response) && self.response != Command::write_done(address),
-            // Two damaged bits make a write of a read.
-            Command::Read(address) => self.response == Command::write_done(address),
+            // Two damaged bits make a write of a read, and one a read of several registers, whose words then
+            // stand in the place of the codes. A chip with its settings carries out no damaged read.
+            Command::Read(address) => {
+                self.response == Command::write_done(address) || is_several_registers(self.response)
+            }
             Command::Reset | Command::Unlock => false,
         }
     }
@@ -207,6 +210,12 @@ impl Frame {
 /// Whether a response acknowledges some write.
 fn is_write_done(response: u16) -> bool {
     response >> 13 == 0b010
+}
+
+/// Whether a response announces several registers; none that this driver reads or leaves as it was holds
+/// such a value.
+fn is_several_registers(response: u16) -> bool {
+    response >> 13 == 0b111
 }
 
 /// Whether a register's value may as well be the STATUS register after a damaged command.

@@ -143,8 +143,17 @@ impl ConversionClock {
 
     /// Conversions from the last one to now, rounded.
     fn conversions_until(&self, now: DeviceTime) -> u32 {
+        self.periods_until(now, self.period_ns)
+    }
+
+    /// Conversions from the last one to now if they came at this rate, rounded.
+    pub(crate) fn conversions_at(&self, rate: Rate, now: DeviceTime) -> u32 {
+        self.periods_until(now, rate.period_ns())
+    }
+
+    fn periods_until(&self, now: DeviceTime, period_ns: u32) -> u32 {
         let elapsed_ns = u64::from(self.quiet_us(now)) * NS_PER_US;
-        let period_ns = u64::from(self.period_ns.max(1));
+        let period_ns = u64::from(period_ns.max(1));
         u32::try_from((elapsed_ns + period_ns / 2) / period_ns).unwrap_or(u32::MAX)
     }
 

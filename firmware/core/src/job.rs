@@ -6,7 +6,7 @@
 
 use crate::ads131m02::{Command, may_be_refusal, register, setting_words};
 use crate::queues::{FrontEndRequest, RequestKind};
-use crate::settings::DeviceSettings;
+use crate::settings::{DeviceSettings, Rate};
 
 /// Damaged steps after which a job gives up: at one damaged frame in three, one job in a thousand does.
 const FAILURES_MAX: u8 = 16;
@@ -110,6 +110,14 @@ impl Job {
     /// Whether conversions may come at another rate than before from now on.
     pub(crate) fn changes_rate(&self) -> bool {
         matches!(self.goal, Goal::Apply { changes_rate: true, .. })
+    }
+
+    /// The rate that it sets, if it changes it.
+    pub(crate) fn rate_to_be(&self) -> Option<Rate> {
+        match self.goal {
+            Goal::Apply { settings, changes_rate: true } => Some(settings.rate),
+            _ => None,
+        }
     }
 
     /// The command that goes out with the next frame.

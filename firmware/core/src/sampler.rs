@@ -4,7 +4,10 @@
 //!   that was not read in time, or whose frame was damaged, or for which the queue had no room, leaves a gap
 //!   and is counted. While not streaming, frames are read but not numbered, so a pause leaves no gap.
 //! - **Staleness.** The chip remembers two conversions. After a missed edge it would stay one behind, so two
-//!   frames are read then and the newer one is taken.
+//!   frames are read then and the newer one is taken. The same holds after a damaged frame, which may have
+//!   taken none out; if damage then hides which is the newer one, neither is taken, and one is counted.
+//! - **Gaps in unknown timing.** While the rate changes, time does not tell how many conversions were
+//!   missed, but two in the chip's memory tell that some were: the numbers then leave a gap all the same.
 //! - **Settling.** Three conversions after a reset or a change carry [`Status::SETTLING`].
 //! - **Requests** of the main side share the frames that read samples (`job`); no sample is lost to them.
 //! - **Faults.** A chip that forgot its settings gets them again. One that is absent is looked for, and one
@@ -12,8 +15,8 @@
 //!   checksum from a chip with the right identity become samples.
 //!
 //! Assumes: [`Sampler::data_ready`] and [`Sampler::idle`] are called from one interrupt priority (or one
-//! thread); `now` of an edge is taken when it happens. Bounded work: one frame, two after a missed edge;
-//! a reset takes up to 3 × 16 frames. Errors: none; they become notices and counts.
+//! thread); `now` of an edge is taken when it happens. Bounded work: one frame, two after a missed edge or a
+//! damaged frame; a reset takes up to 3 × 16 frames. Errors: none; they become notices and counts.
 
 use embedded_hal::spi::SpiDevice;
 use palpate_shared::units::{Counts, DeviceTime, Seq};
@@ -133,6 +136,8 @@ pub struct Sampler<'q, Spi> {
     job: Option<Job>,
     /// A frame was damaged, and with it perhaps the settings.
     in_doubt: bool,
+    /// A frame was damaged since the chip's memory was last known to be empty.
+    may_be_behind: bool,
     /// The stretch under way and the one before.
     lately: [Stretch; 2],
 }
@@ -154,6 +159,7 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
             tried: DeviceTime(0),
             job: None,
             in_doubt: false,
+            may_be_behind: false,
             lately: [Stretch::default(); 2],
         }
     }
@@ -176,7 +182,7 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
             Presence::Missing => return,
             Presence::Present | Presence::Silent => {}
         }
-        if self.clock.is_late(now) || self.clock.is_restarted() {
+        if self.clock.is_late(now) || self.clock.is_restarted() || self.may_be_behind {
             self.read_late(now)
         } else {
             self.read_in_time(now)
@@ -209,35 +215,53 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
             // A glitch on the line: no conversion, no number.
             Ok(Sample { is_new: Some(false), .. }) => {}
             Ok(Sample { is_new: None, .. }) | Err(Fault::Damaged { .. }) if self.clock.is_early(now) => {}
-            outcome => self.conclude(outcome, now),
+            outcome => self.conclude(outcome, 1, now),
         }
     }
 
-    /// An edge after one that was missed, or the first: an older conversion may come first, and is let go.
+    /// An edge after one that was missed or a damaged frame, or the first: an older conversion may come
+    /// first, and is let go.
     fn read_late(&mut self, now: DeviceTime) {
         // NULL, so that the second frame says whether there was a second conversion.
         let older = self.exchange(Share::NoCommand);
         let newer = self.exchange(Share::WithJob);
-        let (is_only_one, outcome) = match (older, newer) {
-            (Err(Fault::LostSettings), _) => (false, older),
+        // How many conversions there were at least, and what the newest one is.
+        let (least, is_only_one, outcome) = match (older, newer) {
+            (Err(Fault::LostSettings), _) => (1, false, older),
             // There was just one: the edge was late, or the first after a pause.
-            (_, Ok(Sample { is_new: Some(false), .. })) => (true, older),
-            _ => (false, newer),
+            (_, Ok(Sample { is_new: Some(false), .. })) => (1, true, older),
+            // A damaged frame may have left the older one in place, and this would be it.
+            (Err(Fault::Damaged { .. }), Ok(_)) => (1, false, older),
+            (Ok(Sample { is_new: Some(true) | None, .. }), Ok(_)) => (2, false, newer),
+            _ => (1, false, newer),
         };
-        if matches!(outcome, Ok(Sample { is_new: Some(false), .. })) {
-            return;
+        self.may_be_behind = matches!(outcome, Err(Fault::Damaged { .. })) && !is_only_one;
+        match outcome {
+            // A glitch on the line, as in `read_in_time`.
+            Ok(Sample { is_new: Some(false), .. }) => return,
+            Ok(Sample { is_new: None, .. }) | Err(Fault::Damaged { .. }) if self.clock.is_early(now) => return,
+            _ => {}
         }
         if is_only_one && self.presence == Presence::Present && !self.clock.is_very_late(now) {
             self.clock.edge_of(now, 1);
             return self.keep(outcome, now);
         }
-        self.conclude(outcome, now);
+        self.conclude(outcome, least, now);
     }
 
-    /// Counts an edge with all that was missed before it, and keeps what it brought.
-    fn conclude(&mut self, outcome: Result<Sample, Fault>, now: DeviceTime) {
-        let missed = self.clock.edge(now).saturating_sub(1);
-        self.skip_numbers(missed);
+    /// Counts an edge with all that was missed before it, and keeps what it brought; there were at least so
+    /// many conversions since the edge before.
+    fn conclude(&mut self, outcome: Result<Sample, Fault>, least: u32, now: DeviceTime) {
+        let is_gap_in_unknown_timing = self.clock.is_restarted() && (least > 1 || self.presence == Presence::Silent);
+        let conversions = if is_gap_in_unknown_timing {
+            // Between two rates the slower one tells how many there were for certain.
+            let to_be = self.job.as_ref().and_then(Job::rate_to_be).unwrap_or(self.settings.rate);
+            let sure = self.clock.conversions_at(to_be.min(self.settings.rate), now);
+            self.clock.edge_of(now, sure.max(least))
+        } else {
+            self.clock.edge(now)
+        };
+        self.skip_numbers(conversions.saturating_sub(1));
         self.keep(outcome, now);
     }
 
@@ -325,7 +349,10 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
         self.advance_job(command, share, response);
         match result {
             Err(Error::WordLength { .. }) => Err(Fault::LostSettings),
-            Err(error) => Err(Fault::Damaged { word: error.word() }),
+            Err(error) => {
+                self.may_be_behind = true;
+                Err(Fault::Damaged { word: error.word() })
+            }
             Ok(_) if lost => Err(Fault::LostSettings),
             Ok(frame) => Ok(Sample { counts: frame.counts, is_new: frame.is_new() }),
         }
@@ -378,7 +405,7 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
     /// Begins what a request asks for; answers at once what needs no frames.
     fn take_up(&mut self, request: FrontEndRequest, now: DeviceTime) {
         let finding = match request.kind {
-            RequestKind::Stream(on) => self.stream(on),
+            RequestKind::Stream(on) => self.stream(on, now),
             RequestKind::Select(source) => self.select(source, now),
             _ if self.presence == Presence::Missing => Finding::Refused(Refusal::NoFrontEnd),
             RequestKind::Apply(settings) if settings == self.settings => Finding::Done,
@@ -391,9 +418,13 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
     }
 
     /// Starts or stops streaming.
-    fn stream(&mut self, on: bool) -> Finding {
+    fn stream(&mut self, on: bool, now: DeviceTime) -> Finding {
         if on && self.presence == Presence::Missing {
             return Finding::Refused(Refusal::NoFrontEnd);
+        }
+        if on && !self.streaming && self.presence == Presence::Silent {
+            // What was silent before the start is not missing.
+            self.clock.skip(now);
         }
         self.streaming = on;
         Finding::Done
@@ -435,6 +466,11 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
             Goal::Apply { settings, changes_rate } => {
                 self.settings = settings;
                 if changes_rate {
+                    if self.presence == Presence::Silent {
+                        // The new clock counts from now on.
+                        let missed = self.clock.skip(now);
+                        self.skip_numbers(missed);
+                    }
                     self.clock = ConversionClock::new(settings.rate, now);
                 }
                 self.lately = [Stretch::default(); 2];

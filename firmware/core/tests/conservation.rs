@@ -160,3 +160,122 @@ proptest! {
         prop_assert!(matches!(last, None | Some(EventKind::FrontEndRecovered)), "{:?}", rig.heard.faults());
     }
 }
+
+/// A chip that was away and comes back, with its settings lost, on a bus that damages bits.
+fn returns_on_a_bad_bus(rig: &mut Rig<'_>, bit_error_rate: f32) {
+    rig.set_faults(Faults { chip_absent: Some(FloatingBus::High), ..Faults::default() });
+    rig.run(1);
+    rig.set_faults(Faults { bit_error_rate, ..Faults::default() });
+}
+
+/// Lets all that is broken be mended and heard of: each sample is right, and each number is accounted for.
+fn settle_accounts(rig: &mut Rig<'_>) {
+    rig.set_faults(Faults::default());
+    rig.overlook_edges = 0;
+    rig.run_us(600_000);
+    assert_eq!(rig.ask(Request::Stop), Outcome::Done);
+    rig.run_us(300_000);
+    assert_eq!(rig.wrong_samples(), 0);
+    let counters = rig.device.counters();
+    assert_eq!(unaccounted(&counters, rig.heard.samples().count()), 0, "{counters:?}");
+    let [missed, damaged, dropped] = rig.heard.losses();
+    let after_last = counters.samples - rig.heard.samples().last().map_or(0, |sample| sample.seq.0 + 1);
+    assert_eq!(rig.heard.gaps() + after_last, missed + damaged + dropped);
+}
+
+#[test]
+fn a_sample_missed_while_the_rate_changes_leaves_a_gap() {
+    let mut world = World::new(FingerConfig::default(), 0);
+    let mut rig = Rig::new(&mut world, Bench::default());
+    rig.start_streaming();
+    rig.send(Request::SetRate { rate_hz: 2000 });
+    rig.run(2);
+    rig.overlook_edges = 1;
+    rig.run(1);
+    settle_accounts(&mut rig);
+    assert_eq!(rig.heard.losses(), [1, 0, 0]);
+}
+
+#[test]
+fn both_samples_missed_while_the_rate_of_the_simulated_source_changes_are_counted() {
+    let mut world = World::new(FingerConfig::default(), 0);
+    let mut rig = Rig::new(&mut world, Bench::default());
+    rig.run_us(5000);
+    rig.send(Request::Start);
+    rig.run(1);
+    rig.send(Request::SetSource { source: Source::Simulated });
+    rig.run(1);
+    rig.send(Request::SetRate { rate_hz: 500 });
+    rig.run(2);
+    rig.reset_chip();
+    rig.run(1);
+    settle_accounts(&mut rig);
+    assert_eq!(rig.heard.losses(), [2, 0, 0]);
+}
+
+#[test]
+fn a_rate_changed_in_a_silence_hides_no_gap() {
+    let mut world = World::new(FingerConfig::default(), 0);
+    let mut rig = Rig::new(&mut world, Bench::default());
+    rig.start_streaming();
+    rig.set_faults(Faults { data_ready_stuck: true, ..Faults::default() });
+    rig.run(150);
+    assert_eq!(rig.ask(Request::SetRate { rate_hz: 2000 }), Outcome::Done);
+    settle_accounts(&mut rig);
+    assert!(rig.heard.losses()[0] > 100, "{:?}", rig.heard.losses());
+}
+
+/// A damaged command, which a chip without its settings carries out, leaves a conversion in its memory.
+#[test]
+fn samples_after_damage_are_neither_old_nor_of_a_chip_without_settings() {
+    let mut world = World::new(FingerConfig::default(), 11_440_137_715_991_677_048);
+    let mut rig = Rig::new(&mut world, Bench::default());
+    rig.start_streaming();
+    returns_on_a_bad_bus(&mut rig, 0.003_671_891_5);
+    rig.run(4);
+    settle_accounts(&mut rig);
+}
+
+#[test]
+fn samples_are_right_after_a_reset_amid_damage() {
+    let mut world = World::new(FingerConfig::default(), 3_642_260_451_982_966_442);
+    let mut rig = Rig::new(&mut world, Bench::default());
+    let hang = |rig: &mut Rig<'_>, steps| happen(rig, Happening::MainLoopHangs(steps));
+    rig.run_us(5000);
+    rig.send(Request::Start);
+    rig.run(1);
+    returns_on_a_bad_bus(&mut rig, 0.001_523_349_2);
+    rig.run(233);
+    hang(&mut rig, 201);
+    rig.run(271);
+    hang(&mut rig, 50);
+    rig.run(268);
+    rig.reset_chip();
+    rig.run(88);
+    rig.send(Request::Start);
+    rig.run(305);
+    happen(&mut rig, Happening::LinkStalls(1217));
+    rig.run(310);
+    rig.set_faults(Faults { data_ready_stuck: true, ..Faults::default() });
+    rig.run(258);
+    rig.set_faults(Faults { bit_error_rate: 0.003_872_510_5, ..Faults::default() });
+    rig.run(25);
+    rig.reset_chip();
+    rig.run(2);
+    settle_accounts(&mut rig);
+}
+
+/// Whichever bits of the frames after its return are damaged.
+#[test]
+fn a_chip_that_comes_back_without_its_settings_gives_no_wrong_sample() {
+    for seed in 0..300 {
+        let mut world = World::new(FingerConfig::default(), seed);
+        let mut rig = Rig::new(&mut world, Bench::default());
+        rig.start_streaming();
+        returns_on_a_bad_bus(&mut rig, 0.004);
+        rig.run(20);
+        rig.set_faults(Faults::default());
+        rig.run(200);
+        assert_eq!(rig.wrong_samples(), 0, "seed {seed}");
+    }
+}
