@@ -27,3 +27,20 @@ pub fn reference_cases(name: &str) -> Option<Vec<Value>> {
     };
     Some(text.lines().map(|line| serde_json::from_str(line).expect("a case is a line of JSON")).collect())
 }
+
+/// Whether two answers are the same but for the last digits of numbers, which differ from processor to processor: by at
+/// most `printed`, relative to 1 or to themselves.
+#[must_use]
+pub fn alike(a: &Value, b: &Value, printed: f64) -> bool {
+    match (a, b) {
+        (Value::Number(a), Value::Number(b)) => {
+            let pair = a.as_f64().zip(b.as_f64());
+            pair.is_some_and(|(a, b)| (a - b).abs() <= printed * a.abs().max(1.0))
+        }
+        (Value::Array(a), Value::Array(b)) => a.len() == b.len() && a.iter().zip(b).all(|(a, b)| alike(a, b, printed)),
+        (Value::Object(a), Value::Object(b)) => {
+            a.len() == b.len() && a.iter().all(|(key, a)| b.get(key).is_some_and(|b| alike(a, b, printed)))
+        }
+        _ => a == b,
+    }
+}

@@ -26,20 +26,6 @@ pub(crate) fn solve(lines: &[String]) -> Vec<Value> {
 /// Numbers that differ in their last digits on another processor, relative to 1 or to themselves.
 const PRINTED: f64 = 1e-9;
 
-fn alike(a: &Value, b: &Value) -> bool {
-    match (a, b) {
-        (Value::Number(a), Value::Number(b)) => {
-            let pair = a.as_f64().zip(b.as_f64());
-            pair.is_some_and(|(a, b)| (a - b).abs() <= PRINTED * a.abs().max(1.0))
-        }
-        (Value::Array(a), Value::Array(b)) => a.len() == b.len() && a.iter().zip(b).all(|(a, b)| alike(a, b)),
-        (Value::Object(a), Value::Object(b)) => {
-            a.len() == b.len() && a.iter().all(|(key, a)| b.get(key).is_some_and(|b| alike(a, b)))
-        }
-        _ => a == b,
-    }
-}
-
 /// Solves the worked line of a kind in `docs/SOLVE.md` and compares it with the answer printed after it.
 pub(crate) fn assert_documented(kind: &str, chosen: impl Fn(&Value) -> bool) {
     let page = project::folder().join("docs/SOLVE.md");
@@ -48,5 +34,5 @@ pub(crate) fn assert_documented(kind: &str, chosen: impl Fn(&Value) -> bool) {
     let problem = lines.find(|line| line["problem"] == kind && chosen(line)).unwrap();
     let documented = lines.find(|line| line["problem"] == kind).unwrap();
     let [answer] = &solve(&[problem.to_string()])[..] else { panic!("one answer") };
-    assert!(alike(answer, &documented), "{answer}");
+    assert!(project::alike(answer, &documented, PRINTED), "{answer}");
 }

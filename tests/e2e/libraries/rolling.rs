@@ -131,20 +131,6 @@ fn what_is_unknown_is_found_on_the_reference() {
 /// squares is found to about the root of rounding.
 const PRINTED: f64 = 1e-6;
 
-fn alike(a: &Value, b: &Value) -> bool {
-    match (a, b) {
-        (Value::Number(a), Value::Number(b)) => {
-            let pair = a.as_f64().zip(b.as_f64());
-            pair.is_some_and(|(a, b)| (a - b).abs() <= PRINTED * a.abs().max(1.0))
-        }
-        (Value::Array(a), Value::Array(b)) => a.len() == b.len() && a.iter().zip(b).all(|(a, b)| alike(a, b)),
-        (Value::Object(a), Value::Object(b)) => {
-            a.len() == b.len() && a.iter().all(|(key, a)| b.get(key).is_some_and(|b| alike(a, b)))
-        }
-        _ => a == b,
-    }
-}
-
 #[test]
 fn worked_lines_are_answered_as_documented() {
     let page = std::fs::read_to_string(project::folder().join("docs/SOLVE.md")).unwrap();
@@ -154,7 +140,7 @@ fn worked_lines_are_answered_as_documented() {
             panic!("{id}: a problem and its answer")
         };
         let answers = solve(std::iter::once(problem));
-        assert!(alike(&answers[0], documented), "{}", answers[0]);
+        assert!(project::alike(&answers[0], documented, PRINTED), "{}", answers[0]);
     }
 }
 
