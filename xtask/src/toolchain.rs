@@ -33,13 +33,26 @@ enum Toolchain {
     WithSources { rustc: PathBuf, cargo: PathBuf, linker: PathBuf },
 }
 
+impl Toolchain {
+    /// Has cargo bring the sources of dependencies: only then is it known where it keeps them. A failure is told by the
+    /// build that follows.
+    fn fetch(&self) {
+        let mut command = match self {
+            Self::WithTarget => Command::new(own_cargo()),
+            Self::WithSources { cargo, .. } => Command::new(cargo),
+        };
+        command.args(["fetch", "--quiet", "--locked", "--target", TARGET]).stdout(Stdio::null()).stderr(Stdio::null());
+        let _ = command.status();
+    }
+}
+
 /// The command that runs cargo on the image's package; `None` if no compiler can build it, or it has no clippy where
 /// that is asked for.
 #[must_use]
 pub(crate) fn cargo(subcommand: &str, target_folder: &Path) -> Option<Command> {
     let toolchain = find()?;
     let mut command = match &toolchain {
-        Toolchain::WithTarget => Command::new(env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned())),
+        Toolchain::WithTarget => Command::new(own_cargo()),
         // By its own name, or the operating system's cargo would take rustup's.
         Toolchain::WithSources { rustc, .. } if subcommand == "clippy" && *rustc == system() => {
             Command::new(Path::new(SYSTEM_CLIPPY).is_file().then_some(SYSTEM_CLIPPY)?)
@@ -48,7 +61,8 @@ pub(crate) fn cargo(subcommand: &str, target_folder: &Path) -> Option<Command> {
     };
     command.args([subcommand, "--package", PACKAGE, "--profile", "firmware", "--target", TARGET]);
     command.arg("--target-dir").arg(target_folder);
-    command.env(FLAGS, remap(&registry()));
+    toolchain.fetch();
+    command.env(FLAGS, remap(&source_folders()));
     if env::var_os("DEFMT_LOG").is_none() {
         // defmt's own default is `error`: every other line would be missing from the image.
         command.env("DEFMT_LOG", "info");
@@ -64,18 +78,21 @@ pub(crate) fn cargo(subcommand: &str, target_folder: &Path) -> Option<Command> {
     Some(command)
 }
 
-/// Where a panic's place is told, dependencies are named without the folder that cargo keeps them in: it is another one
-/// on every computer, and takes a kilobyte of flash.
-fn remap(registry: &Path) -> String {
-    format!("--remap-path-prefix={}=", registry.join("").display())
+/// Where a panic's place is told, dependencies are named without the folders that hold their sources: they are others on
+/// every computer, and take a kilobyte of flash.
+fn remap(folders: &[PathBuf]) -> String {
+    let flags = folders.iter().map(|folder| format!("--remap-path-prefix={}=", folder.join("").display()));
+    // Cargo parts the flags of this variable by a unit separator.
+    flags.collect::<Vec<_>>().join("\x1f")
 }
 
-/// The folder in which cargo keeps the sources of dependencies; the one that there is, where a computer has one.
-fn registry() -> PathBuf {
+/// The folders in which cargo keeps the sources of dependencies: one for each registry and each of its addresses.
+fn source_folders() -> Vec<PathBuf> {
     let home = env::var_os("CARGO_HOME").map(PathBuf::from).or_else(|| Some(env::home_dir()?.join(".cargo")));
     let sources = home.unwrap_or_default().join("registry").join("src");
-    let first = sources.read_dir().ok().and_then(|mut entries| entries.find_map(Result::ok));
-    first.map_or(sources, |entry| entry.path())
+    let mut folders: Vec<_> = sources.read_dir().into_iter().flatten().flatten().map(|entry| entry.path()).collect();
+    folders.sort();
+    folders
 }
 
 fn find() -> Option<Toolchain> {
@@ -88,8 +105,12 @@ fn find() -> Option<Toolchain> {
         let sources = answer(&rustc, &["--print", "sysroot"])?.join("lib/rustlib/src/rust/library/core");
         sources.is_dir().then(|| Toolchain::WithSources { rustc, cargo, linker: linker.clone() })
     };
-    let own_cargo = PathBuf::from(env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned()));
-    with_sources(own, own_cargo).or_else(|| with_sources(system(), system_cargo()))
+    with_sources(own, own_cargo()).or_else(|| with_sources(system(), system_cargo()))
+}
+
+/// The cargo that runs this program.
+fn own_cargo() -> PathBuf {
+    PathBuf::from(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
 }
 
 /// The compiler of the operating system, beside which rustup's comes first in the path.
