@@ -65,7 +65,7 @@ pub struct CornerPose {
     pub origin: Point2<f64>,
     /// Turn of the part, in [0, 2π).
     pub theta: f64,
-    /// What lies flush.
+    /// Which fences an edge of the part lies on.
     pub flush: Flush,
     /// The smaller slope of U on the two sides, uphill, m/rad: positive exactly where the pose is stable. Slopes are
     /// means over the first microradian; the slopes at the pose itself are larger by half a millionth of U.

@@ -23,7 +23,7 @@ const TURN_ERROR: f64 = 3.4e-16;
 /// Bound on the rounding of a quotient and of what leads to it, beside the error of its numerator and denominator.
 const QUOTIENT_ERROR: f64 = 1e-15;
 
-/// A directed segment.
+/// A segment from `start` to `end`, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Segment {
     pub start: Point2<f64>,
@@ -163,7 +163,7 @@ impl From<f64> for Expansion {
 }
 
 impl Expansion {
-    /// `a − b`.
+    /// `a − b`, exactly.
     fn difference(a: f64, b: f64) -> Self {
         Self::from(a).grown(-b)
     }

@@ -68,7 +68,7 @@ pub enum PolygonError {
     /// A coordinate that is NaN, infinite or out of range.
     #[error("vertex {vertex} has the coordinate {value:?}, beyond the limit of ±{COORDINATE_MAX_M:e}: check its units")]
     CoordinateOutOfRange {
-        /// The vertex.
+        /// Number of the vertex, from 0.
         vertex: usize,
         /// The coordinate, m.
         value: f64,
@@ -84,7 +84,7 @@ pub enum PolygonError {
     /// The outline was closed by hand.
     #[error("the last vertex ({last}) repeats the first: leave it out, the outline closes by itself")]
     Closed {
-        /// The last vertex.
+        /// Number of the last vertex, from 0.
         last: usize,
     },
     /// One point is listed twice.
@@ -98,7 +98,7 @@ pub enum PolygonError {
     /// The outline turns back on itself.
     #[error("the outline turns straight back at vertex {vertex} (a spike): remove the spike")]
     Spike {
-        /// The tip.
+        /// Number of the vertex at the spike's tip, from 0.
         vertex: usize,
     },
     /// No three vertices span an area.
@@ -173,7 +173,7 @@ impl SimplePolygon {
         if area < limit { Err(PolygonError::TooThin { area, limit }) } else { Ok(polygon) }
     }
 
-    /// The vertices, counter-clockwise.
+    /// The vertices, counter-clockwise, part frame, m.
     #[must_use]
     pub fn vertices(&self) -> &[Point2<f64>] {
         &self.vertices

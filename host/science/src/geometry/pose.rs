@@ -15,7 +15,7 @@ use nalgebra::{Isometry2, Point2, Vector2};
 pub struct Pose {
     /// Of the part frame's origin, m.
     pub x: f64,
-    /// See `x`.
+    /// Of the part frame's origin, m.
     pub y: f64,
     /// Counter-clockwise, rad. A pose that follows a motion counts whole turns; others say their range where they are
     /// made.

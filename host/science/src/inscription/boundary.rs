@@ -17,7 +17,7 @@ use crate::geometry::ConvexPolygon;
 use crate::geometry::Pose;
 use crate::math::angle::wrap_angle;
 
-/// A convex outline.
+/// A convex outline, as supporting lines touch it.
 pub trait Boundary {
     /// The outermost point in a direction (polar angle, part axes), from the part's origin, m.
     fn touch(&self, angle: f64) -> Vector2<f64>;

@@ -74,16 +74,16 @@ pub enum Inscription {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Continuum {
-    /// Fewer than three.
+    /// Fewer than three different lines.
     #[error("{distinct} distinct lines leave the part free to move along them: take another view from elsewhere")]
     TooFewLines {
-        /// Lines that differ.
+        /// Number of different lines.
         distinct: usize,
     },
     /// All lines have one direction.
     #[error("all lines are parallel: the part is free to move along them; take a view from another direction")]
     Parallel,
-    /// All lines meet.
+    /// All lines meet in one point.
     #[error(
         "all lines meet at ({:?}, {:?}): the part is free to turn in there, and lines through one point cannot tell its distance; \
          take a view from elsewhere",
@@ -96,9 +96,9 @@ pub enum Continuum {
     /// Fewer than three lines and points.
     #[error("{lines} distinct lines and {points} points leave the part free to move: a pose takes three")]
     TooFewReadings {
-        /// Lines that differ.
+        /// Number of different lines.
         lines: usize,
-        /// Points that differ.
+        /// Number of different points.
         points: usize,
     },
     /// All readings hold through a motion.
@@ -194,7 +194,7 @@ struct Problem<'a> {
 struct Placed {
     centre: Vector2<f64>,
     theta: f64,
-    /// e^{iθ}.
+    /// e^{iθ} as (cos θ, sin θ).
     turn: Vector2<f64>,
 }
 

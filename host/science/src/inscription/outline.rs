@@ -18,7 +18,7 @@ const SAMPLES: u32 = 720;
 /// Samples beside an edge are this near to its normal, rad.
 const BESIDE_EDGE: f64 = 1e-7;
 
-/// A convex part.
+/// A convex part, as polygon or smooth shape.
 #[derive(Clone, Debug)]
 pub enum Outline {
     /// With straight edges and sharp corners.

@@ -60,7 +60,7 @@ pub enum Side {
 /// One tangent from a sensor to the part: the side of a cone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bearing {
-    /// The sensor.
+    /// Place of the sensor, world, m.
     pub apex: Point2<f64>,
     /// Polar angle of the ray from the sensor.
     pub angle: f64,
@@ -111,7 +111,7 @@ pub enum ConeError {
     /// A number that is not finite.
     #[error("the apex and the angles must be finite")]
     NotFinite,
-    /// The rays coincide.
+    /// The two rays coincide.
     #[error(
         "the cone has no opening: `right` and `left` are both {right:?} rad; a part has a width, so `left` is further counter-clockwise"
     )]
@@ -154,7 +154,7 @@ impl Cone {
         Ok(Self { apex, right, left })
     }
 
-    /// The sensor.
+    /// Place of the sensor, world, m.
     #[must_use]
     pub fn apex(&self) -> Point2<f64> {
         self.apex

@@ -247,7 +247,7 @@ impl<'a> Sweep<'a> {
         self.lines = [0, 1, 2].map(|k| Line::new(self.part, &self.half_planes[k], self.weights[k], theta));
     }
 
-    /// W.
+    /// W of g(θ) = Re(zW) − C, until the next change of a corner, m.
     #[inline]
     fn wave(&self) -> Vector2<f64> {
         self.lines[0].term + self.lines[1].term + self.lines[2].term
@@ -266,7 +266,7 @@ impl<'a> Sweep<'a> {
         if c < a.min(b) { 2 } else { ab }
     }
 
-    /// e^{iθ} there.
+    /// e^{iθ} where the next edge of this line's corner lies flush on the line.
     #[inline]
     fn flush_turn(&self, line: usize) -> Vector2<f64> {
         let Line { conjugate, corner, .. } = self.lines[line];
@@ -323,7 +323,7 @@ fn product(a: Vector2<f64>, b: Vector2<f64>) -> Vector2<f64> {
     Vector2::new(a.x * b.x - a.y * b.y, a.x * b.y + a.y * b.x)
 }
 
-/// dg/dθ = −Im(zW).
+/// dg/dθ = −Im(zW), m/rad.
 #[inline]
 fn slope(wave: Vector2<f64>, turn: Vector2<f64>) -> f64 {
     -(turn.x * wave.y + turn.y * wave.x)

@@ -43,7 +43,7 @@ impl<'a> BitRow<'a> {
         self.0.iter().map(|word| word.count_ones() as usize).sum()
     }
 
-    /// The numbers, ascending.
+    /// The numbers in the set, ascending.
     pub fn iter(self) -> impl Iterator<Item = usize> + 'a {
         let words = self.0.iter().enumerate();
         words.flat_map(|(index, &word)| Bits(word).map(move |bit| index * WORD + bit as usize))
@@ -61,7 +61,7 @@ impl<'a> BitRow<'a> {
         BitSet { words: self.0.to_vec() }
     }
 
-    /// The words.
+    /// The bits, 64 to a word, the least numbers first.
     pub(crate) fn words(self) -> &'a [u64] {
         self.0
     }
@@ -98,7 +98,7 @@ impl BitSet {
         BitRow(&self.words)
     }
 
-    /// Adds a number.
+    /// Adds a number to the set.
     pub fn insert(&mut self, number: usize) {
         self.words[number / WORD] |= 1 << (number % WORD);
     }

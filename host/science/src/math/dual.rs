@@ -32,12 +32,12 @@ pub trait Number:
 {
     /// The number without derivatives.
     fn re(&self) -> f64;
-    /// Its square root.
+    /// Its square root, derivatives included.
     #[must_use]
     fn sqrt(&self) -> Self;
     /// Its sine and cosine, as an angle in rad.
     fn sin_cos(&self) -> (Self, Self);
-    /// 1 over it.
+    /// 1 over it, derivatives included.
     #[must_use]
     fn recip(&self) -> Self;
     /// Its power by a whole number.
@@ -84,9 +84,9 @@ impl Number for f64 {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Jet<const N: usize, T = f64> {
-    /// The number.
+    /// The number itself.
     pub value: T,
-    /// Its derivatives.
+    /// Its derivatives by the N parameters.
     pub slopes: [T; N],
 }
 

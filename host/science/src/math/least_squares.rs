@@ -44,7 +44,7 @@ const ROUNDING_SHARE: f64 = 1e-12;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NormalEquations<const N: usize> {
-    /// Σ r².
+    /// Σ r², mostly in squared standard deviations.
     pub cost: f64,
     /// Jᵀ r: half the gradient of the cost.
     pub gradient: SVector<f64, N>,
@@ -207,7 +207,7 @@ impl<const N: usize> Floor<N> {
 /// When a success was the last one needed: it lowered the cost by no more than `relative · cost + absolute`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Enough {
-    /// Of the cost.
+    /// Share of the cost.
     pub relative: f64,
     /// In units of the cost.
     pub absolute: f64,
@@ -222,7 +222,7 @@ pub struct LeastSquaresSettings<const N: usize> {
     pub damping: Damping,
     /// What holds unknowns without influence.
     pub floor: Floor<N>,
-    /// When to stop.
+    /// When a success was the last one needed.
     pub enough: Enough,
     /// Trials at most, failures included.
     pub trials_max: usize,
@@ -268,11 +268,11 @@ pub enum Outcome {
 /// Where a descent ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Found<Place> {
-    /// The lowest place.
+    /// The place of the lowest cost that was found.
     pub place: Place,
-    /// Why here.
+    /// Why the descent ended there.
     pub outcome: Outcome,
-    /// Steps tried.
+    /// Steps tried, failures included.
     pub trials: usize,
 }
 
@@ -283,7 +283,7 @@ pub struct Trial<'a, Place> {
     pub count: usize,
     /// Where the descent stands after it.
     pub place: &'a Place,
-    /// The cost before.
+    /// The cost before the step.
     pub cost_before: f64,
     /// The cost that the step led to; infinite where nothing could be evaluated.
     pub cost_after: f64,

@@ -18,11 +18,11 @@ use nalgebra::SVector;
 /// Where in a step rates are asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Moment {
-    /// At its beginning.
+    /// At the step's beginning.
     Start,
-    /// Half-way.
+    /// Half-way through the step.
     Middle,
-    /// At its end.
+    /// At the step's end.
     End,
 }
 

@@ -38,7 +38,7 @@ impl Draw {
         Self(Pcg32::seed_from_u64(seed ^ (case as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15)))
     }
 
-    /// 64 random bits.
+    /// 64 random bits, all equally likely.
     pub fn bits(&mut self) -> u64 {
         self.0.next_u64()
     }
@@ -54,7 +54,7 @@ impl Draw {
         low + (high - low) * self.unit()
     }
 
-    /// 32 random bits.
+    /// 32 random bits, all equally likely.
     pub fn whole(&mut self) -> u32 {
         self.0.next_u32()
     }

@@ -27,7 +27,7 @@ const SQUARES_MAX: usize = 200_000;
 /// Determinants of unit vectors below this are 0 up to rounding.
 const PARALLEL: f64 = 1e-14;
 
-/// A circle.
+/// A circle of the plane; of a plan's point, its radius is the point's clearance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Circle {
     /// Its centre, m.
@@ -184,7 +184,7 @@ impl Room {
 struct Square {
     centre: Point2<f64>,
     half: f64,
-    /// Of its centre.
+    /// Distance of its centre from the nearest edge, m.
     clearance: f64,
     /// No point in it has a larger clearance.
     bound: f64,

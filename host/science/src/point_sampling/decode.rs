@@ -3,9 +3,9 @@
 /// What a point reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PointReading {
-    /// Covered.
+    /// The point is covered by the part.
     Covered,
-    /// Free.
+    /// The point is free of the part.
     Free,
     /// Nothing can be told.
     Unreadable,
@@ -32,7 +32,7 @@ impl PointReading {
     }
 }
 
-/// What readings mean.
+/// What readings say about which polygon is there.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Decoded {
     /// The polygons that contradict the fewest readings.

@@ -53,7 +53,7 @@ pub struct Plan {
     pub regions: usize,
     /// No plan has fewer points.
     pub lower_bound: usize,
-    /// What proves it.
+    /// What proves `lower_bound`.
     pub proof: Proof,
     /// No plan of so many points has a larger smallest clearance, m; none where nothing is proven about it.
     pub clearance_bound: Option<f64>,
@@ -135,7 +135,7 @@ impl Scene {
         Self { polygons: polygons.to_vec(), candidates, areas }
     }
 
-    /// Plans points.
+    /// Plans points as the request asks, or as good as was found when it is stopped.
     #[must_use]
     pub fn plan(&self, request: &Request, stop: Stop<'_>) -> Plan {
         let choice = Chooser::new(self, request, stop).choose();
@@ -206,7 +206,7 @@ impl Chosen {
     }
 }
 
-/// Chooses candidates.
+/// Chooses among the candidates of a scene.
 struct Chooser<'a> {
     scene: &'a Scene,
     request: &'a Request,

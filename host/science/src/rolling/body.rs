@@ -60,7 +60,7 @@ pub enum BodyError {
     Length {
         /// Which length, by its name.
         name: &'static str,
-        /// As given, m.
+        /// The length as given, m.
         value: f64,
     },
     /// The skew or the place of the origin is no number.
@@ -68,7 +68,7 @@ pub enum BodyError {
     NotFinite {
         /// The number that is not finite, by its name.
         name: &'static str,
-        /// As given, m.
+        /// The length as given, m.
         value: f64,
     },
     /// Flat or hollow somewhere, or with an edge.
@@ -79,7 +79,7 @@ pub enum BodyError {
         normal[0], normal[1], normal[2]
     )]
     NotConvex {
-        /// Where, body frame.
+        /// Outward normal at the place, body axes, a unit vector.
         normal: [f64; 3],
         /// Radius of curvature there, m.
         radius: f64,
@@ -91,7 +91,7 @@ pub enum BodyError {
         "the origin, the centre of mass, is outside the body: the plane with outward normal {normal:?} is at {height:.3e} m"
     )]
     OriginOutside {
-        /// Where, body frame.
+        /// Outward normal of the plane, body axes, a unit vector.
         normal: [f64; 3],
         /// Of the origin above the touching plane, m.
         height: f64,
@@ -103,7 +103,7 @@ pub enum BodyError {
         centroid[0], centroid[1], centroid[2]
     )]
     Centroid {
-        /// Body frame, m.
+        /// The centroid, body frame, m.
         centroid: [f64; 3],
         /// The most that it may be off, m.
         limit: f64,
@@ -125,7 +125,7 @@ pub enum BodyError {
     Inertia {
         /// The principal axis, from 0.
         axis: usize,
-        /// As given, m².
+        /// The moment as given, m².
         value: f64,
     },
     /// Moments of inertia that no body has.
@@ -136,7 +136,7 @@ pub enum BodyError {
     Triangle {
         /// The principal axis whose moment exceeds the sum of the others, from 0.
         axis: usize,
-        /// As given, m².
+        /// The moment as given, m².
         value: f64,
         /// Sum of the other two, m².
         others: f64,
@@ -223,7 +223,7 @@ impl RollingBody {
         Ok(Self { shape, inertia, symmetry, sharpest })
     }
 
-    /// The shape.
+    /// The shape by its support function, body frame.
     #[must_use]
     pub fn shape(&self) -> &Shape {
         &self.shape

@@ -35,9 +35,9 @@ pub struct Tangent<const N: usize> {
 /// A state and how it changes with what it started from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StateWithTangent<const N: usize> {
-    /// The state.
+    /// The state at that time.
     pub state: RollState,
-    /// Its changes.
+    /// Derivatives of the state, a column for each unknown.
     pub tangent: Tangent<N>,
 }
 
@@ -59,7 +59,7 @@ pub struct Columns {
 }
 
 impl Columns {
-    /// The state alone.
+    /// No columns but those of the state.
     pub const STATE: Self = Self { semi_axes: false, palm: false };
 
     /// How many columns the sensitivity has.
@@ -134,7 +134,7 @@ fn cross_columns(v: &Vector3<f64>, m: &Matrix3<f64>) -> Matrix3<f64> {
     Matrix3::from_columns(&[column(0), column(1), column(2)])
 }
 
-/// `m [v]×`.
+/// `m [v]×`, where `[v]× x = v × x`.
 #[inline]
 fn times_cross(m: &Matrix3<f64>, v: &Vector3<f64>) -> Matrix3<f64> {
     // (m [v]×)ᵀ = −[v]× mᵀ: each row becomes row × v.

@@ -20,7 +20,7 @@ use crate::math::{Jet, Number};
 /// A number with the derivatives by a small turn and a change of the angular velocity.
 type BySix = Jet<6>;
 
-/// The observer.
+/// The observer of Gauthier, Hammouri and Othman for a rolling body (thesis §4.2.2).
 #[derive(Clone, Copy, Debug)]
 pub struct RollGho<'a> {
     /// The body, free to spin.

@@ -57,9 +57,9 @@ pub struct RollState {
 /// How fast a [`RollState`] changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rates {
-    /// 1/s.
+    /// Rate of the quaternion, 1/s.
     pub orientation: Quaternion<f64>,
-    /// rad/s².
+    /// Angular acceleration, body axes, rad/s².
     pub omega: Vector3<f64>,
     /// Velocity of the contact on the palm, m/s.
     pub u: Vector2<f64>,
@@ -68,7 +68,7 @@ pub struct Rates {
 /// A body and the way it touches the palm.
 #[derive(Clone, Copy, Debug)]
 pub struct Model<'a> {
-    /// The body.
+    /// Shape and inertia of the body.
     pub body: &'a RollingBody,
     /// What the contact transmits.
     pub spin: Spin,
@@ -89,11 +89,11 @@ pub(super) struct RotationMatrix(pub(super) [Vector3<f64>; 3]);
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Instant {
     pub(super) rotation: RotationMatrix,
-    /// `n`.
+    /// Outward normal at the contact `n`, body axes.
     pub(super) normal: Vector3<f64>,
-    /// `n × ω`.
+    /// `n' = n × ω`, body axes, 1/s.
     pub(super) turning: Vector3<f64>,
-    /// `f`.
+    /// `f = Aᵀ(a_P + g e₃)`, body axes, m/s².
     pub(super) specific_force: Vector3<f64>,
 }
 
@@ -110,7 +110,7 @@ impl RollState {
         -(self.attitude().inverse() * Vector3::z())
     }
 
-    /// `q'`.
+    /// `q' = q ω/2`, 1/s.
     #[inline(always)]
     pub(super) fn turning(&self) -> Quaternion<f64> {
         let [x, y, z, w] = self.orientation.coords.into();
@@ -221,7 +221,7 @@ impl ContactPointInertia {
         adjugate * v * per_determinant
     }
 
-    /// Adjugate and 1/determinant.
+    /// Adjugate and 1/determinant of the matrix.
     #[inline(always)]
     fn adjugate(&self) -> (Matrix3<f64>, f64) {
         let ([d, e, f], [x, y, z]) = (<[f64; 3]>::from(self.diagonal), <[f64; 3]>::from(self.point));
@@ -235,7 +235,7 @@ impl ContactPointInertia {
         (adjugate, 1.0 / determinant)
     }
 
-    /// The whole inverse.
+    /// The inverse with all its entries.
     #[inline(always)]
     pub(super) fn inverse(&self) -> Matrix3<f64> {
         let (adjugate, per_determinant) = self.adjugate();
@@ -286,7 +286,7 @@ impl Model<'_> {
         }
     }
 
-    /// `η r`.
+    /// `η r`, body axes: η times what turns the body about the contact, over the mass.
     #[inline(always)]
     fn torque(&self, state: &RollState, instant: &Instant, scaled: &Scaled) -> Vector3<f64> {
         let Scaled { point, motion, square } = scaled;

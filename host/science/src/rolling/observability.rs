@@ -44,9 +44,9 @@ const TERM_THRESHOLD: f64 = 1e-9;
 /// How the palm moves while it feels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Inputs {
-    /// Not at all.
+    /// No acceleration.
     Zero,
-    /// Up and down.
+    /// Up and down alone.
     Vertical,
     /// In all directions, with unrelated frequencies.
     Generic,
@@ -61,7 +61,7 @@ pub const STATE_NAMES: [&str; 8] =
 pub struct RollObservability {
     /// Rank and unseen directions, in the order of [`STATE_NAMES`]; without spin the last is missing.
     pub spectrum: Spectrum,
-    /// Theorem 32.
+    /// Theorem 32 with its terms.
     pub sufficient_condition: SufficientCondition,
 }
 
@@ -92,7 +92,7 @@ pub enum CannotFollow {
         "the body turns by {turn:e} rad in the time √(size/g), the limit is {TURN_MAX}: check the unit of omega, rad/s"
     )]
     TurnsTooFast {
-        /// In √(L/g), rad.
+        /// Turn in the time √(L/g), rad.
         turn: f64,
     },
     /// The contact rushes over edges that are too sharp for the steps.

@@ -29,7 +29,7 @@ pub enum PalmAcceleration {
 pub struct Harmonic {
     /// Amplitude along each palm axis, m/s².
     pub amplitude: Vector3<f64>,
-    /// Hz.
+    /// Frequency, Hz.
     pub frequency_hz: f64,
     /// Phase at t = 0, rad.
     pub phase: f64,
@@ -46,15 +46,15 @@ pub struct Pieces {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PiecesError {
-    /// Nothing to hold.
+    /// A list without any instant.
     #[error("is empty: give at least one instant with its acceleration")]
     Empty,
     /// As many instants as accelerations are needed.
     #[error("has {values} accelerations for {starts} instants: give one for each")]
     Lengths {
-        /// Instants.
+        /// How many instants.
         starts: usize,
-        /// Accelerations.
+        /// How many accelerations.
         values: usize,
     },
     /// The instants do not increase.

@@ -77,9 +77,9 @@ pub struct Roll<'a> {
 pub struct RollRun {
     /// At each time asked for, up to the end.
     pub samples: Vec<RollSample>,
-    /// What ended it.
+    /// Why and when the roll ended.
     pub end: RollEnd,
-    /// At the end.
+    /// The motion at the end.
     pub last: RollSample,
     /// The largest ratio of tangential to normal contact force seen at the samples and the end: rolling needs at least
     /// this coefficient of friction. Infinite at a lift-off with a tangential force.
@@ -139,7 +139,7 @@ pub enum RollError {
          take omega·n out, or choose the spin `free`"
     )]
     Spins {
-        /// ω·n, rad/s.
+        /// Spin about the normal ω·n, rad/s.
         spin: f64,
     },
     /// The integration could not keep its accuracy.
@@ -147,7 +147,7 @@ pub enum RollError {
     Stuck {
         /// Time since the roll began, s.
         t: f64,
-        /// Steps taken.
+        /// Steps taken until then.
         steps: usize,
     },
 }

@@ -26,11 +26,11 @@ pub enum Shape {
     Egg(Egg),
     /// `h = r|p| + (Σ (aᵢ pᵢ)⁴)^¼`.
     Rounded(RoundedShape),
-    /// Any other.
+    /// Any other smooth strictly convex shape, by a function of its own.
     Custom(Custom),
 }
 
-/// An ellipsoid.
+/// An ellipsoid with its axes along the body's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ellipsoid {
     /// Semi-axes along the body axes, m.
@@ -82,7 +82,7 @@ pub struct Custom(Arc<dyn Differentiated>);
 /// assert!((ball.contact(&normal) - normal * 0.02).norm() < 1e-15);
 /// ```
 pub trait SupportFunction: fmt::Debug + Send + Sync {
-    /// `h(p)`, m.
+    /// Support function `h(p)`, body axes, m.
     fn support<T: Number>(&self, p: [T; 3]) -> T;
 }
 
@@ -288,7 +288,7 @@ impl Egg {
 }
 
 impl RoundedShape {
-    /// `aᵢ⁴`.
+    /// `aᵢ⁴`, m⁴.
     fn fourths(&self) -> Vector3<f64> {
         Vector3::from(self.semi_axes.map(|a| a.powi(4)))
     }
@@ -336,12 +336,12 @@ impl RoundedShape {
     }
 }
 
-/// `a·b`.
+/// `a·b` of numbers with derivatives.
 pub(super) fn dot<T: Number>(a: [T; 3], b: [T; 3]) -> T {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// `a × b`.
+/// `a × b` of numbers with derivatives.
 pub(super) fn cross<T: Number>(a: [T; 3], b: [T; 3]) -> [T; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }

@@ -34,14 +34,14 @@ pub enum Symmetry {
         /// Whether half turns across the axis belong to it too: a spheroid, not an egg.
         both_ways: bool,
     },
-    /// All turns.
+    /// All turns about the centre of mass.
     Sphere,
 }
 
 /// The groups by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SymmetryName {
-    /// No symmetry.
+    /// No turn but that by 0.
     C1,
     /// One axis of half turns.
     C2,
@@ -53,7 +53,7 @@ pub enum SymmetryName {
     O,
     /// A body of revolution.
     Revolution,
-    /// A sphere.
+    /// All turns: a sphere.
     Sphere,
 }
 
@@ -226,9 +226,9 @@ fn turn(cos: f64, axis: Vector3<f64>) -> UnitQuaternion<f64> {
 enum OddOne {
     /// All three are equal.
     None,
-    /// This one.
+    /// The number of this axis differs.
     Axis(usize),
-    /// All are different.
+    /// All three are different.
     All,
 }
 

@@ -60,7 +60,7 @@ struct Collection {
     asked: usize,
 }
 
-/// A body followed.
+/// A body that the filter follows.
 #[derive(Clone, Debug)]
 struct Track {
     body: RollingBody,
@@ -89,13 +89,13 @@ pub enum Report {
     Undecided(Box<RollEstimate>),
     /// The observer found the body; the filter begins.
     Found(Box<RollEstimate>),
-    /// The filter's estimate.
+    /// The filter's estimate after this contact.
     Tracking(Tracked),
     /// Contacts and filter disagree; collecting begins anew.
     Lost,
 }
 
-/// A filter's estimate.
+/// What the filter knows of a body that it follows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tracked {
     /// Attitude, motion and contact.

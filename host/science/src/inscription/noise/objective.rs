@@ -41,7 +41,7 @@ impl Placed {
         Self { centre, theta, turn: Vector2::new(cos, sin) }
     }
 
-    /// World axes.
+    /// A vector of the part in world axes.
     #[inline]
     pub(super) fn turned(&self, v: Vector2<f64>) -> Vector2<f64> {
         let (cos, sin) = (self.turn.x, self.turn.y);
@@ -52,7 +52,7 @@ impl Placed {
 /// One reading's residual over its standard deviation.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Residual {
-    /// Measured less expected.
+    /// Measured less expected, in standard deviations.
     pub value: f64,
     /// How it changes with the pose.
     pub row: Vector3<f64>,

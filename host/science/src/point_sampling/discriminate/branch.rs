@@ -28,14 +28,14 @@ const GAIN_MIN: f64 = 1e-4;
 /// Shares nearer than this to 0 or 1 are whole.
 const WHOLE: f64 = 1e-6;
 
-/// The search.
+/// The search with what it has found so far.
 pub(super) struct Branch<'a> {
     columns: &'a Columns,
     cuts: Cuts<'a>,
     least: usize,
     budget: u64,
     stop: Stop<'a>,
-    /// Programs solved.
+    /// Linear programs solved so far.
     pub nodes: u64,
     /// The best choice known.
     pub best: Vec<usize>,

@@ -26,7 +26,7 @@ const ROWS_MAX_BELOW: usize = 25;
 /// Largest number of sets among which all triples are looked at.
 const TRIPLE_SETS_MAX: usize = 160;
 
-/// Finds violated rows.
+/// Finds rows that given shares violate.
 #[derive(Debug)]
 pub(super) struct Cuts<'a> {
     columns: &'a Columns,

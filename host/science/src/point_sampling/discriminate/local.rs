@@ -30,7 +30,7 @@ pub(super) struct Local<'a> {
     place: Vec<u32>,
     random: u64,
     step: u64,
-    /// Scores changed.
+    /// Scores changed so far: the measure of work done.
     work: u64,
 }
 

@@ -43,13 +43,13 @@ pub(super) enum Order {
     Fewest,
 }
 
-/// The search.
+/// The search with what it has chosen so far.
 pub(super) struct Partition<'a> {
     /// States that may still be looked at.
     budget: u64,
     order: Order,
     stop: Stop<'a>,
-    /// States looked at.
+    /// States looked at so far.
     pub states: u64,
     chosen: Vec<u32>,
 }

@@ -24,7 +24,7 @@ const SLACK: f64 = 1e-6;
 pub(super) struct Row {
     /// Columns and their coefficients.
     pub terms: Vec<(u32, f64)>,
-    /// The least sum.
+    /// What the sum must at least be.
     pub right: f64,
 }
 
@@ -47,7 +47,7 @@ pub(super) struct Simplex {
     value: Vec<f64>,
     /// Reduced costs of what is not.
     cost: Vec<f64>,
-    /// Pivots made.
+    /// Pivots made so far.
     pub pivots: u64,
 }
 

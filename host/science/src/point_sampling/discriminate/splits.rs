@@ -71,7 +71,7 @@ impl Splits {
         all
     }
 
-    /// Those allowed.
+    /// The splits whose bits are set.
     pub(super) fn among(&self, allowed: &[u64]) -> Vec<Split> {
         places(allowed.iter().copied()).map(|place| self.splits[place]).collect()
     }

@@ -20,7 +20,7 @@ pub enum Question {
     Answer(Vec<usize>),
     /// Ask for an element next.
     Ask {
-        /// The element.
+        /// Number of the element to ask for.
         element: usize,
         /// If the set has it.
         yes: Box<Question>,

@@ -215,7 +215,7 @@ impl crossings::Edge {
     }
 }
 
-/// A bounding box.
+/// An upright rectangle around something, m.
 #[derive(Clone, Copy, Debug)]
 struct Extent {
     low: Point2<f64>,
@@ -263,9 +263,9 @@ impl<'a> Region<'a> {
 /// A piece of a region's boundary, with the region to its left.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Piece {
-    /// Where it starts.
+    /// Where it starts, m.
     pub start: Point2<f64>,
-    /// Where it ends.
+    /// Where it ends, m.
     pub end: Point2<f64>,
     /// The direction of the edge that it lies on, from which its line is known best; not a unit vector.
     pub along: Vector2<f64>,

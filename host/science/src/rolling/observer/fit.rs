@@ -31,7 +31,7 @@ const OMEGA_MAX: f64 = 1e3;
 /// What a fit looks for.
 #[derive(Clone, Debug)]
 pub(super) struct Point {
-    /// In the middle.
+    /// State in the middle of the window.
     pub(super) state: RollState,
     pub(super) body: RollingBody,
     /// Constant acceleration of the palm beside the known one, m/s².
@@ -43,7 +43,7 @@ pub(super) struct Point {
 pub(super) struct Unknowns {
     pub(super) spin: Spin,
     pub(super) columns: Columns,
-    /// Of semi-axes, m.
+    /// Least and greatest semi-axis, m.
     pub(super) range: [f64; 2],
 }
 

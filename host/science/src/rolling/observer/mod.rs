@@ -55,7 +55,7 @@ const WIDTHS_SHAPE: [Width; 4] = [
     Width { attitudes: 6000, rolled: 12_000, starts: 400, kept: 100, horizon: 3.0 },
 ];
 
-/// What is asked.
+/// What a set of contacts is asked for.
 #[derive(Clone, Debug)]
 pub struct Question {
     /// The body, or what it may be.
@@ -77,7 +77,7 @@ pub enum BodyKnowledge {
     OneOf(Vec<RollingBody>),
     /// An ellipsoid of uniform density with semi-axes in this range, m.
     Ellipsoid {
-        /// Lowest and highest.
+        /// Least and greatest semi-axis, m.
         range: [f64; 2],
     },
 }
@@ -85,7 +85,7 @@ pub enum BodyKnowledge {
 /// What is known of the palm's acceleration.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PalmKnowledge {
-    /// All.
+    /// The acceleration over time, palm axes, m/s².
     Known(PalmAcceleration),
     /// That it is constant.
     Constant,
@@ -98,11 +98,11 @@ pub enum ObserveError {
     /// Fewer numbers than unknowns.
     #[error("{count} contacts are too few for {unknowns} unknowns: give at least {least}")]
     TooFew {
-        /// Readings given.
+        /// Contacts that were given.
         count: usize,
-        /// Numbers to find.
+        /// Numbers that are to be found.
         unknowns: usize,
-        /// Readings needed.
+        /// Fewest contacts that would do.
         least: usize,
     },
     /// A window in which gravity moves nothing.

@@ -49,9 +49,9 @@ const PALM_SIGMA: f64 = 1.0;
 pub(super) struct Width {
     /// Attitudes over all of SO(3).
     pub(super) attitudes: usize,
-    /// Candidates to roll.
+    /// Candidates to roll, best of the attitudes.
     pub(super) rolled: usize,
-    /// Starts to fit.
+    /// Starts to fit, best of the rolled.
     pub(super) starts: usize,
     /// Fits to take along from stage to stage.
     pub(super) kept: usize,
@@ -88,7 +88,7 @@ pub(super) struct Ground<'a> {
     pub(super) specific_force: Vector3<f64>,
     /// Share of a round body's times in which this one does as much.
     pub(super) pace: f64,
-    /// Whether to end.
+    /// Whether the search is to end early.
     pub(super) halt: &'a Halt<'a>,
 }
 
@@ -203,7 +203,7 @@ impl Ground<'_> {
         }
     }
 
-    /// `u''`.
+    /// `u''` of the contact on the palm, palm axes, m/s².
     fn acceleration(&self, model: Model, state: &RollState) -> Vector2<f64> {
         let instant = Instant::of(state, &self.specific_force);
         let local = model.body.shape().local(&instant.normal, &instant.turning);

@@ -33,7 +33,7 @@ pub enum Noise {
     Gauss(f64),
     /// Each coordinate is the nearest multiple of this pitch, m.
     Grid(f64),
-    /// None.
+    /// No errors but rounding.
     Exact,
 }
 
@@ -55,7 +55,7 @@ impl Noise {
 pub struct Readings {
     /// Of the first, s.
     pub start: f64,
-    /// Step, s.
+    /// Time between readings, s.
     pub dt: f64,
     /// Contacts on the palm, m.
     pub u: Vec<Vector2<f64>>,
@@ -66,7 +66,7 @@ pub struct Readings {
 /// One step of the integration.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct IntegrationStep {
-    /// s, negative backward.
+    /// Length, s; negative backward in time.
     pub(super) dt: f64,
     /// What the body feels at its start, middle and end, palm axes, m/s².
     pub(super) specific_force: [Vector3<f64>; 3],

@@ -63,7 +63,7 @@ pub(super) struct Solution {
     pub(super) unknowns: Unknowns,
     pub(super) fit: RollFit,
     pub(super) ends: Ends,
-    /// After least squares.
+    /// Residuals after the last fit.
     pub(super) residuals: Residuals,
     /// Of a coordinate after the last fit, m.
     pub(super) residual_max: f64,
@@ -74,16 +74,16 @@ pub(super) struct Solution {
 pub enum RollVerdict {
     /// One hypothesis explains them.
     Unique,
-    /// Several do.
+    /// Several hypotheses explain them.
     Ambiguous,
-    /// None does.
+    /// No hypothesis explains them.
     Unexplained,
 }
 
 /// Everything that explains the readings.
 #[derive(Clone, Debug)]
 pub struct RollEstimate {
-    /// One, several, none.
+    /// Whether one hypothesis explains the readings, several or none.
     pub verdict: RollVerdict,
     /// Best first. Empty where none explains the readings.
     pub hypotheses: Vec<RollHypothesis>,
@@ -102,7 +102,7 @@ pub struct RollEstimate {
 pub struct RollHypothesis {
     /// Which of the bodies asked about.
     pub body: usize,
-    /// The body's symmetry.
+    /// Turns that leave the body as it is: so many states stand for one.
     pub symmetry: Symmetry,
     /// What the contact transmits.
     pub spin: Spin,
