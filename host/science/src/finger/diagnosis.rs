@@ -58,7 +58,7 @@ pub enum Verdict {
     Good,
     /// Usable, but look at it.
     Look,
-    /// Not usable.
+    /// Not usable as it is: to be mended first.
     Fault,
 }
 
@@ -67,7 +67,7 @@ pub enum Verdict {
 pub struct Finding {
     /// What was looked at.
     pub subject: &'static str,
-    /// How it is.
+    /// How bad that is.
     pub verdict: Verdict,
     /// The figures, in words.
     pub figures: String,
@@ -86,7 +86,7 @@ pub enum Cause {
     PickedUp,
     /// Hum of the mains.
     Hum,
-    /// The reading drifts.
+    /// The reading drifts, as it does with temperature or a load that creeps.
     Drift,
     /// A bridge is at the end of the converter's range.
     Saturated,

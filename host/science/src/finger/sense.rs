@@ -66,7 +66,7 @@ impl std::fmt::Display for SenseFault {
 pub enum Sensed {
     /// A contact, or none.
     Contact(ContactReading),
-    /// Nothing was measured.
+    /// The sample is no measurement: neither a contact nor its absence follows from it.
     NotMeasured {
         /// Device time, s.
         t: f64,

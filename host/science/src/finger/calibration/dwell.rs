@@ -71,7 +71,7 @@ pub struct DwellSettings {
     pub patience_s: f64,
     /// Drift to be expected between a reading and its tare, standard deviation, counts.
     pub drift_sigma: f64,
-    /// What counts mean.
+    /// Gain, excitation and gauges: what turns counts into strain.
     pub front_end: FrontEnd,
 }
 
@@ -158,7 +158,7 @@ pub enum DwellSettingsError {
     /// Not a quantity that can be.
     #[error("the {name} is {value}, which cannot be")]
     Impossible {
-        /// Which one.
+        /// Which of the settings.
         name: &'static str,
         /// The setting as given.
         value: f64,
@@ -166,9 +166,9 @@ pub enum DwellSettingsError {
     /// Too short to tell movement from noise.
     #[error("a dwell of {duration_s} s is too short: {BLOCKS_MIN} blocks of whole mains periods take {needed_s} s")]
     TooShort {
-        /// Given.
+        /// Length of the dwell as set, s.
         duration_s: f64,
-        /// Needed.
+        /// Least length for these blocks, s.
         needed_s: f64,
     },
 }
@@ -191,7 +191,7 @@ pub enum Expected {
     Nothing,
     /// A load, to be compared with this unloaded reading in counts.
     Load {
-        /// The tare.
+        /// The unloaded reading, counts.
         tare: Vector2<f64>,
     },
 }
@@ -214,12 +214,12 @@ pub struct Dwell {
 /// How far something moved between the halves of a dwell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DwellChange {
-    /// An unloaded reading.
+    /// Of an unloaded reading.
     Tare {
         /// By how much, microstrain.
         microstrain: f64,
     },
-    /// A contact.
+    /// Of a reading in contact.
     Contact {
         /// Turn of its direction in counts, degrees.
         turn_deg: f64,
@@ -257,36 +257,36 @@ impl std::fmt::Display for DwellChange {
 /// Why a dwell is refused.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum Refusal {
-    /// A steady trend.
+    /// The mean moved steadily.
     #[error("the reading drifts: {change} between the two halves of {seconds:.1} s")]
     Drifts {
         /// How far the mean moved between the halves of the dwell.
         change: DwellChange,
-        /// Over what time.
+        /// Length of the dwell, s.
         seconds: f64,
     },
-    /// A jump.
+    /// The mean moved at once.
     #[error("the reading stepped by {change} after {at_s:.2} s of {seconds:.1} s")]
     Stepped {
         /// How far the mean moved.
         change: DwellChange,
         /// Time of the step since the dwell began, s.
         at_s: f64,
-        /// Within what time.
+        /// Length of the dwell, s.
         seconds: f64,
     },
-    /// To and fro.
+    /// The mean went to and fro.
     #[error("the reading swings by {change} within {seconds:.1} s")]
     Swings {
         /// How far, peak to peak.
         change: DwellChange,
-        /// Within what time.
+        /// Length of the dwell, s.
         seconds: f64,
     },
     /// The load was there and went.
     #[error("the load went from {before_microstrain:.1} to {after_microstrain:.1} microstrain while sampling")]
     LoadRemoved {
-        /// Largest load seen.
+        /// Largest load seen in the dwell, microstrain.
         before_microstrain: f64,
         /// Load at the end.
         after_microstrain: f64,
@@ -311,7 +311,7 @@ pub enum Refusal {
     Saturated {
         /// Which bridge, x or y.
         bridge: char,
-        /// Which sample.
+        /// Number of the sample.
         seq: u64,
     },
     /// The same code over and over.
@@ -319,7 +319,7 @@ pub enum Refusal {
     Stuck {
         /// Which bridge, x or y.
         bridge: char,
-        /// The code.
+        /// The code that repeats, counts.
         code: i32,
         /// Where it was noticed.
         seq: u64,
@@ -329,7 +329,7 @@ pub enum Refusal {
     LostSamples {
         /// Samples that are missing from the dwell.
         lost: u64,
-        /// In what time.
+        /// Time waited until then, s.
         waited_s: f64,
         /// The gapless time needed.
         needed_s: f64,
@@ -337,28 +337,28 @@ pub enum Refusal {
     /// Sample numbers went backwards.
     #[error("the device started anew: sample {after} came after sample {before}")]
     Restarted {
-        /// Last number before.
+        /// Number of the last sample before.
         before: u64,
-        /// First number after.
+        /// Number of the first sample after.
         after: u64,
     },
     /// Samples do not come at the stated rate.
     #[error("samples come every {period_us:.2} µs, but {rate_hz} Hz were stated ({:.2} µs)", 1e6 / rate_hz)]
     WrongRate {
-        /// Measured.
+        /// Measured time between samples, µs.
         period_us: f64,
-        /// Stated.
+        /// Sampling rate as stated, Hz.
         rate_hz: f64,
     },
-    /// The device complains.
+    /// The device reports a fault, in its own words.
     #[error("the device reports: {0}")]
     Trouble(String),
     /// Too few samples to judge anything.
     #[error("{samples} samples are not the {needed} of a whole dwell")]
     Incomplete {
-        /// There.
+        /// Samples that came.
         samples: usize,
-        /// Needed.
+        /// Samples of a whole dwell.
         needed: usize,
     },
 }
@@ -370,11 +370,11 @@ pub enum DwellVerdict {
     NeedsMoreTime(Option<Refusal>),
     /// At rest: here is the mean.
     Accepted(Dwell),
-    /// Given up.
+    /// The dwell is given up, for this reason.
     Refused(Refusal),
 }
 
-/// Watches one dwell.
+/// Watches one dwell sample by sample until it is at rest or given up.
 #[derive(Clone, Debug)]
 pub struct Watcher {
     settings: DwellSettings,
@@ -532,7 +532,7 @@ fn whole_us(time_us: f64) -> u64 {
     rounded
 }
 
-/// Zero of none.
+/// Mean of both bridges, counts; zero of no samples.
 fn mean_counts(samples: &[RawSample]) -> Vector2<f64> {
     mean(samples.iter().map(|sample| counts_vector(sample.counts))).unwrap_or_default()
 }

@@ -67,7 +67,7 @@ pub struct Quality {
 pub enum Role {
     /// The matrix was fitted to it, with this weight between 0 and 1. Below 1 it is an outlier and is reported.
     Fitted {
-        /// Robust weight.
+        /// Weight in the robust fit, in (0, 1]; 1 for a contact that agrees.
         weight: f64,
     },
     /// It was kept out of the fit and judges it.
@@ -116,7 +116,7 @@ pub enum FitError {
         /// Contact angle that was set, degrees.
         angle_deg: f64,
     },
-    /// Not enough contacts.
+    /// Fewer contacts than a matrix needs.
     #[error("{fitted} contacts to fit the matrix to, at least {FITTED_MIN} are needed")]
     TooFew {
         /// Contacts to fit the matrix to.
@@ -128,7 +128,7 @@ pub enum FitError {
         how_uncertain(*worst)
     )]
     DoesNotSpan {
-        /// Different lines.
+        /// Different lines through the disk's centre that the contacts push along.
         lines: usize,
         /// Where it is worst.
         worst_deg: f64,
@@ -182,7 +182,7 @@ pub enum FitError {
     Disagree {
         /// How many were turned down.
         outliers: usize,
-        /// Of how many.
+        /// Contacts fitted, those turned down included.
         fitted: usize,
         /// Their numbers, as text.
         named: String,
@@ -346,7 +346,7 @@ fn check_span(directions: &[(f64, Load)]) -> Result<(), FitError> {
     Ok(())
 }
 
-/// "45°, 135°".
+/// The angles (rad) as text in degrees: "45°, 135°".
 fn angles_text(angles: &[f64]) -> String {
     let texts: Vec<String> = angles.iter().map(|angle| format!("{:.0}°", angle.to_degrees())).collect();
     texts.join(", ")

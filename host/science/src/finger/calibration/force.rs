@@ -110,7 +110,7 @@ pub struct Calibration {
 /// The numbers of a [`Calibration`], unchecked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CalibrationParts {
-    /// Unit of force.
+    /// Unit of force in which the other fields are.
     pub unit: ForceUnit,
     /// `B`: counts per unit of force, rows x and y bridge, columns x and y force.
     pub matrix: Matrix2<f64>,

@@ -15,7 +15,7 @@ pub enum Load {
     Unknown,
     /// The same load as every other contact marked so, whatever it is: one weight, never weighed.
     Same,
-    /// This many newtons.
+    /// A known load of so many newtons.
     Newtons(f64),
 }
 

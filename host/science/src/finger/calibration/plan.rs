@@ -47,7 +47,7 @@ pub struct PlannedContact {
 pub struct CalibrationPlan {
     /// Format of the file.
     pub format: u32,
-    /// When to tare.
+    /// When an unloaded reading is taken.
     #[serde(default = "default_tare")]
     pub tare: TareMode,
     /// Length of a dwell, s.
@@ -111,7 +111,7 @@ fn default_drift_sigma_microstrain() -> f64 {
 /// What is wrong with a plan.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum PlanError {
-    /// Another format.
+    /// The file is of another format, with this number.
     #[error("the plan has format {0}, this program reads format {PLAN_FORMAT}")]
     Format(u32),
     /// No or far too many contacts.
@@ -120,7 +120,7 @@ pub enum PlanError {
     /// A number that cannot be.
     #[error("{name} is {value}")]
     Value {
-        /// Which one.
+        /// Name of the key.
         name: String,
         /// The number as given.
         value: f64,
@@ -142,7 +142,7 @@ pub enum Step {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         angle_deg: Option<f64>,
     },
-    /// Take a contact.
+    /// Take a reading with this contact.
     Contact(PlannedContact),
 }
 

@@ -18,7 +18,7 @@ use crate::finger::Samples;
 /// What a source has next.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Delivered {
-    /// Samples.
+    /// Consecutive samples, in counts.
     Samples(Samples),
     /// What the device says is wrong, in words for the person at the bench; no sample around it counts.
     Trouble(String),
@@ -51,7 +51,7 @@ pub enum Wish {
     Sample,
     /// Go back and take the step before again.
     Back,
-    /// Stop.
+    /// End the run here; what was accepted stays.
     Quit,
 }
 
@@ -81,10 +81,10 @@ pub struct BenchError(pub String);
 /// Why a run ended without an ending.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum CalibrationRunError {
-    /// No samples.
+    /// No samples come from the device.
     #[error(transparent)]
     Source(#[from] SourceError),
-    /// No bench.
+    /// The bench cannot say what to do next.
     #[error(transparent)]
     Bench(#[from] BenchError),
 }
@@ -94,7 +94,7 @@ pub enum CalibrationRunError {
 pub enum Ending {
     /// All steps are accepted.
     Complete,
-    /// Stopped by wish.
+    /// The person ended it before all steps were accepted.
     Quit,
 }
 
@@ -107,7 +107,7 @@ pub struct StepSummary {
     pub noise_microstrain: [f64; 2],
     /// Time it took, s.
     pub waited_s: f64,
-    /// Samples lost meanwhile.
+    /// Samples lost in that time.
     pub lost: u64,
 }
 
@@ -129,13 +129,13 @@ impl std::fmt::Display for StepSummary {
 /// An accepted step with its samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Taken {
-    /// What was done.
+    /// The step of the plan.
     pub step: Step,
-    /// What was measured.
+    /// The mean reading and the samples it is of.
     pub dwell: Dwell,
 }
 
-/// A calibration run.
+/// The steps of a calibration at the finger, with the dwells that have been accepted.
 #[derive(Clone, Debug)]
 pub struct CalibrationRun {
     steps: Vec<Step>,

@@ -152,7 +152,7 @@ impl<'a> Rest<'a> {
     }
 }
 
-/// Zero of none.
+/// Mean of both bridges, counts; zero of no blocks.
 fn average(blocks: &[Vector2<f64>]) -> Vector2<f64> {
     mean(blocks).unwrap_or_default()
 }

@@ -24,7 +24,7 @@ pub enum Averaging {
     /// Each reading stands for itself.
     #[default]
     Off,
-    /// This many readings.
+    /// The mean of so many readings.
     Samples(usize),
     /// As many readings as come in this time, s. One mains period is 0.02 (50 Hz) or 1/60.
     Seconds(f64),

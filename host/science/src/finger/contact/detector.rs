@@ -55,14 +55,14 @@ impl Default for Thresholds {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum Event {
-    /// Contact began.
+    /// A contact began.
     Onset {
         /// When the force left its noise, s.
         t: f64,
         /// When that was certain, s.
         t_detected: f64,
     },
-    /// Contact ended.
+    /// The contact ended.
     Release {
         /// When the force came back into its noise, s.
         t: f64,

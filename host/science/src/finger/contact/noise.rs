@@ -13,7 +13,7 @@ use crate::math::statistics::mean;
 /// Covariance, and how many independent values it is worth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scatter {
-    /// The covariance.
+    /// The covariance, finger axes, force units squared.
     pub covariance: Matrix2<f64>,
     /// Degrees of freedom that it was estimated with.
     pub freedom: f64,

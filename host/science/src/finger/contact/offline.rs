@@ -46,7 +46,7 @@ pub const DOUBT_SIGMAS: f64 = 10.0;
 pub enum Start {
     /// Without contact: its first moments agree with its neighbours'.
     Free,
-    /// In contact.
+    /// In contact: its first moments differ from its neighbours'.
     InContact,
     /// There is nothing to compare it with.
     Unknown,
@@ -122,7 +122,7 @@ pub struct Judged {
     /// Began free, but differs from its neighbours by more than [`DOUBT_SIGMAS`] times the usual: perhaps lightly
     /// touched.
     pub doubtful: bool,
-    /// The bias.
+    /// The bias, or why it cannot be known.
     pub bias: Result<Bias, BiasUnknown>,
 }
 

@@ -56,7 +56,7 @@ pub struct Tare {
     /// What the sensor reads without contact, finger axes; subtracted from every reading.
     #[serde(with = "super::arrays::vector")]
     pub bias: Vector2<f64>,
-    /// Covariance of `bias`.
+    /// Covariance of `bias`, finger axes, force units squared.
     #[serde(with = "super::arrays::matrix")]
     pub bias_covariance: Matrix2<f64>,
     /// Covariance of one reading averaged over `averaging_samples`.
@@ -72,13 +72,13 @@ pub struct Tare {
     /// Drift over the stretch, force/s: the slope of the block means.
     #[serde(with = "super::arrays::vector")]
     pub drift: Vector2<f64>,
-    /// Readings used.
+    /// Readings that the bias was estimated from.
     pub samples: usize,
     /// Readings pulled in because they were far off.
     pub outliers: usize,
     /// First and last time of the stretch, s.
     pub t_from: f64,
-    /// See `t_from`.
+    /// Last time of the stretch, s.
     pub t_to: f64,
     /// Median time between readings, s.
     pub period: f64,
@@ -92,7 +92,7 @@ pub enum TareError {
     TooFew {
         /// Readings in the stretch.
         samples: usize,
-        /// Readings needed.
+        /// Fewest readings from which the noise is known.
         needed: usize,
         /// Readings in one window of the averaging in use.
         window: usize,
@@ -106,7 +106,7 @@ pub enum TareError {
     /// A reading is NaN or infinite.
     #[error("the reading at t = {t} s is not finite")]
     NotFinite {
-        /// Its time, s.
+        /// Time of the reading, s.
         t: f64,
     },
     /// Time does not increase.
@@ -132,9 +132,9 @@ pub enum TareError {
         change: f64,
         /// Largest change that counts as rest, force units.
         limit: f64,
-        /// The stretch, s.
+        /// Start of the stretch, s.
         t_from: f64,
-        /// See `t_from`.
+        /// End of the stretch, s.
         t_to: f64,
     },
     /// The force changed at once: contact began or ended, or the load slipped.
@@ -340,7 +340,7 @@ struct Change {
 }
 
 impl Change {
-    /// Least-squares line.
+    /// The change along a least-squares line through the block means.
     fn line(blocks: &[Vector2<f64>]) -> Self {
         let n = blocks.len() as f64;
         let centre: Vector2<f64> = mean(blocks).unwrap_or_default();

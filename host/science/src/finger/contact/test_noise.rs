@@ -80,7 +80,7 @@ impl Noise {
         (0..n).map(|_| self.reading()).collect()
     }
 
-    /// Just the forces.
+    /// Forces on the finger of the next `n` readings, finger axes.
     pub(crate) fn take(mut self, n: usize) -> Vec<Vector2<f64>> {
         (0..n).map(|_| self.reading().force_finger).collect()
     }
