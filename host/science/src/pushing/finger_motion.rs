@@ -55,13 +55,13 @@ pub struct Leg {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MotionError {
-    /// Nothing to do.
+    /// A motion without any segment.
     #[error("the motion has no segments: give at least one [[segment]] with `seconds` and `acceleration`")]
     Empty,
-    /// Too many.
+    /// More segments than [`SEGMENTS_MAX`].
     #[error("the motion has {count} segments: at most {SEGMENTS_MAX} are possible")]
     TooMany {
-        /// Segments given.
+        /// How many segments were given.
         count: usize,
     },
     /// A length of time that cannot be.
@@ -147,7 +147,7 @@ impl FingerMotion {
         self.segments.first().map_or([0.0; 2], |segment| segment.acceleration)
     }
 
-    /// The segments.
+    /// The segments, one after the other from t = 0 on.
     #[must_use]
     pub fn segments(&self) -> &[Segment] {
         &self.segments

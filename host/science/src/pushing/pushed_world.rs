@@ -38,7 +38,7 @@ pub const STEP_S: f64 = 250e-6;
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct PushedWorld<'p> {
-    /// The part.
+    /// The part on its plane.
     pub part: &'p Part,
     /// µ g of the plane, m/s².
     pub mu_g: f64,
@@ -58,7 +58,7 @@ pub struct PushedWorld<'p> {
     pub s: f64,
 }
 
-/// What happened.
+/// A push as it was simulated.
 #[derive(Clone, Debug)]
 pub struct Played {
     /// The part each [`STEP_S`]; where the finger's acceleration changes twice, before and after.

@@ -56,7 +56,7 @@ fn feet_sliding<T: Scalar>(feet: &[Foot], [x, y, omega]: [T; 3]) -> [T; 3] {
 /// Where a part's mass is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mass {
-    /// Part frame, m.
+    /// Centre of mass, part frame, m.
     pub centre_of_mass: Point2<f64>,
     /// Moment of inertia about the centre of mass over the mass (the radius of gyration squared), m².
     pub inertia_per_mass: f64,

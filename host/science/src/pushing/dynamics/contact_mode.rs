@@ -104,7 +104,7 @@ impl<T: Scalar> ContactFriction<T> {
         }
     }
 
-    /// A sliding contact.
+    /// The contact that slides this way.
     pub(crate) fn slides(&self, slip: Slip) -> ContactMode<T> {
         ContactMode::Sliding { friction: self.sliding, slip }
     }

@@ -30,7 +30,7 @@ pub trait ContactModel: Copy {
     fn theta(&self, state: &State) -> f64;
     /// Rates of u and s where the part turns at `omega` and slips at `slip`.
     fn contact_rates(&self, state: &State, omega: f64, slip: f64) -> [f64; 2];
-    /// Mass and support.
+    /// Mass and support of the part.
     fn body(&self) -> &Body;
     /// Where the part is touched.
     fn side(&self) -> PartSide;
@@ -164,7 +164,7 @@ impl ContactModel for ShapedModel<'_> {
     }
 }
 
-/// N, world axes.
+/// N, the part's outward normal at the contact, world axes.
 pub(super) fn normal(model: &impl ContactModel, state: &State) -> Vector2<f64> {
     -Vector2::from(model.shape().at(state.u).normal)
 }

@@ -37,7 +37,7 @@ pub enum FingerShape {
 /// Outline of a part where it is touched.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PartSide {
-    /// A straight edge.
+    /// A straight edge of a polygon.
     Edge(Edge),
     /// All around an ellipse with its axes along the part's.
     Ellipse {
@@ -51,9 +51,9 @@ pub enum PartSide {
 /// An outline around one of its points.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CurvePoint<T> {
-    /// The point.
+    /// The point, in the outline's axes, from its middle (finger) or the centre of mass (part), m.
     pub(super) place: [T; 2],
-    /// Outward unit normal.
+    /// Outward unit normal, the outline's axes.
     pub(super) normal: [T; 2],
     /// Length of the outline by its parameter.
     pub(super) pace: T,

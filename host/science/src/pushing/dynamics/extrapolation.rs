@@ -36,7 +36,7 @@ pub struct Passed {
 /// A motion without events, by extrapolation to steps of no length.
 #[derive(Clone, Copy, Debug)]
 pub struct Extrapolation<'a, M> {
-    /// What moves.
+    /// Part, finger and support.
     pub model: &'a M,
     /// What the contact does throughout.
     pub contact: ContactMode,

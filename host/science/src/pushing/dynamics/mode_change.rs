@@ -37,7 +37,7 @@ pub(crate) fn first_ended(ended: impl Fn(f64) -> bool, beyond: f64, resolution: 
 pub(crate) enum Margin<T> {
     /// Force into the part, m/s².
     Force,
-    /// Slip, m/s.
+    /// The slip, m/s; sliding ends where it is 0.
     Slip,
     /// Friction that is left, m/s².
     Friction(ContactFriction<T>),
@@ -101,9 +101,9 @@ impl<T: Scalar> Margin<T> {
 /// A state and how fast it changes.
 #[derive(Clone, Copy)]
 pub(crate) struct StateWithRates<'a, T> {
-    /// The state.
+    /// The state on this side of the change.
     pub(crate) state: &'a State<T>,
-    /// Its rates.
+    /// Its rates, per second.
     pub(crate) rates: &'a State<T>,
 }
 

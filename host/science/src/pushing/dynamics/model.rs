@@ -58,7 +58,7 @@ impl Part {
         &self.polygon
     }
 
-    /// Mass and support.
+    /// Mass distribution and support of the part.
     #[must_use]
     pub fn body(&self) -> &Body {
         &self.body
@@ -192,7 +192,7 @@ impl Finger {
 }
 
 impl<T: Copy> Finger<T> {
-    /// Its motion.
+    /// Path of the finger's centre, world.
     #[must_use]
     pub fn path(&self) -> FingerPath<T> {
         FingerPath { centre0: self.centre0, velocity0: self.velocity0, acceleration: self.acceleration }
@@ -210,13 +210,13 @@ impl<T: Scalar> Finger<T> {
 /// How finger and part touch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ContactMode<T = f64> {
-    /// No contact friction.
+    /// Without friction between finger and part.
     Frictionless,
     /// The two do not slip on each other.
     Rolling,
     /// The part slides along the disk.
     Sliding {
-        /// µ_c.
+        /// µ_c, between finger and part.
         friction: T,
         /// Where the part slides.
         slip: Slip,
@@ -248,14 +248,14 @@ impl<T: Scalar> ContactMode<T> {
 /// Direction in which the part slides on the finger, along the edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Slip {
-    /// Counter-clockwise.
+    /// Counter-clockwise along the part's outline.
     Forward,
-    /// Clockwise.
+    /// Clockwise along the part's outline.
     Backward,
 }
 
 impl Slip {
-    /// 1 or −1.
+    /// 1 for [`Self::Forward`], −1 for [`Self::Backward`].
     #[must_use]
     pub fn sign(self) -> f64 {
         match self {
@@ -270,7 +270,7 @@ impl Slip {
         if value < 0.0 { Self::Backward } else { Self::Forward }
     }
 
-    /// The other direction.
+    /// The other of the two directions.
     #[must_use]
     pub fn reversed(self) -> Self {
         match self {
@@ -323,7 +323,7 @@ impl<T: Copy> State<T> {
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct PushModel<'p, T = f64> {
-    /// The part.
+    /// The part on its plane.
     pub part: &'p Part,
     /// The edge in contact.
     pub edge: Edge,

@@ -25,7 +25,7 @@ const PLACE_TOLERANCE: f64 = 1e-9;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ContactLaw {
-    /// No contact friction.
+    /// Without friction between finger and part.
     Frictionless,
     /// Rolling, until the force leaves the friction cone if there is one.
     Rolling {
@@ -34,14 +34,14 @@ pub enum ContactLaw {
     },
     /// Sliding in one direction, until that stops.
     Sliding {
-        /// µ_c.
+        /// µ_c, between finger and part.
         friction: f64,
         /// Where the part slides.
         slip: Slip,
     },
     /// Rolls and slides as Coulomb's law demands.
     Coulomb {
-        /// µ_c.
+        /// µ_c, between finger and part.
         friction: f64,
     },
 }
@@ -148,7 +148,7 @@ pub enum PushError {
         "the contact at s = {s:?} m is beyond the edge, which runs from {s_min:?} to {s_max:?} m: s is measured from the foot of the perpendicular through the centre of mass"
     )]
     BeyondEdge {
-        /// The contact, m.
+        /// Place of the contact on the edge, m.
         s: f64,
         /// The edge's first end, m.
         s_min: f64,
@@ -168,7 +168,7 @@ pub enum PushError {
     /// At rest, but the finger moves.
     #[error("the start is at rest, but the finger moves at {speed:?} m/s: at rest its velocity must be 0")]
     FingerMoves {
-        /// The finger's, m/s.
+        /// Speed of the finger, m/s.
         speed: f64,
     },
     /// At rest, and the finger is not driven into the part.
@@ -184,7 +184,7 @@ pub enum PushError {
         "the finger's acceleration changes at {t:?} s, which must be a time after {after:?} s: give the changes in order"
     )]
     ChangesOutOfOrder {
-        /// As given, s.
+        /// The time as given, s.
         t: f64,
         /// Of the change before, s.
         after: f64,
@@ -271,7 +271,7 @@ impl<M: ContactModel> PushOf<M> {
         Ok(self)
     }
 
-    /// The finger's motion.
+    /// The finger's motion over time, world axes.
     #[must_use]
     pub fn track(&self) -> &FingerTrack {
         &self.track

@@ -74,7 +74,7 @@ struct Equations<const K: usize> {
 pub(super) struct AtRest<'a> {
     pub(super) body: &'a Body,
     pub(super) mu_g: f64,
-    /// N, part axes.
+    /// N, the part's outward normal at the contact, part axes.
     pub(super) normal: Vector2<f64>,
     pub(super) arm: Arm,
     /// The finger's acceleration along N and T, m/s².

@@ -91,7 +91,7 @@ pub struct SecondContact {
 /// A pushed part at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// Time, s.
+    /// Time since the push began, s.
     pub t: f64,
     /// State of the contact.
     pub state: State,
@@ -123,7 +123,7 @@ pub enum EndReason {
     Time,
     /// The finger leaves the part.
     Break,
-    /// Sliding stopped.
+    /// Sliding stopped: the contact sticks.
     Stick,
     /// Rolling needs more friction than there is.
     Slip,
@@ -142,7 +142,7 @@ pub enum EndReason {
 pub struct Change {
     /// Time since the push began, s.
     pub t: f64,
-    /// To what.
+    /// What the contact does from then on.
     pub to: ContactMode,
 }
 
@@ -151,7 +151,7 @@ pub struct Change {
 pub struct Acceleration {
     /// Of the centre of mass, m/s².
     pub centre_of_mass: Vector2<f64>,
-    /// Angular, rad/s².
+    /// Angular acceleration, counter-clockwise, rad/s².
     pub alpha: f64,
 }
 
@@ -170,7 +170,7 @@ pub enum PushRunError {
         /// Time since the push began, s.
         t: f64,
     },
-    /// Too many steps.
+    /// More steps than a run may take.
     #[error(
         "the push needs more than {STEPS_MAX} steps and got to t = {t:?} s: support friction on so slow a part, or on a foot at rest, is too stiff"
     )]
@@ -332,7 +332,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
         self.push.track.change_after(time).min(self.time_end)
     }
 
-    /// The first leg.
+    /// Begins the first leg, from rest or in motion.
     fn begin(&mut self) -> Result<Next, PushRunError> {
         let state = match self.push.start {
             Start::Rest { u, s } => State { u, s, omega: 0.0, v_t: 0.0 },

@@ -22,7 +22,7 @@ pub enum Parameter {
     Omega,
     /// Velocity along the contact at the start, m/s.
     VT,
-    /// µ g, m/s².
+    /// µ g of the plane, m/s².
     MuG,
     /// µ_c of a sliding contact.
     ContactFriction,
@@ -52,9 +52,9 @@ pub enum Parameter {
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Seeded<'p, const N: usize> {
-    /// The model.
+    /// The model, whose parameters carry derivatives.
     pub model: PushModel<'p, Jet<N>>,
-    /// The contact.
+    /// The contact mode, whose friction carries derivatives.
     pub contact: ContactMode<Jet<N>>,
     /// State at t = 0, carrying its derivatives.
     pub start: State<Jet<N>>,

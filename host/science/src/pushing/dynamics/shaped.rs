@@ -56,7 +56,7 @@ pub struct ShapedModel<'p, T = f64> {
 /// Outlines that cannot touch at one point.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ShapeError {
-    /// Two straight lines.
+    /// Finger and part are both straight where they touch.
     #[error(
         "a straight finger touches a straight edge along a line, not at a point: give the finger or the part a curved outline"
     )]
@@ -64,9 +64,9 @@ pub enum ShapeError {
     /// A size that cannot be.
     #[error("{what} of {size:?} m must be a finite length {limit}")]
     Size {
-        /// Of what.
+        /// Which length it is.
         what: &'static str,
-        /// As given, m.
+        /// The length as given, m.
         size: f64,
         /// What it must be.
         limit: &'static str,
@@ -75,7 +75,7 @@ pub enum ShapeError {
 
 /// The contact seen from the centre of mass and from both outlines.
 pub(super) struct Touch<T> {
-    /// N, world.
+    /// N, world axes.
     normal: [T; 2],
     /// Part's outline, from the centre of mass, part axes.
     part: CurvePoint<T>,
@@ -104,7 +104,7 @@ struct Drag<T> {
 struct Travel<T> {
     u: T,
     s: T,
-    /// φ̇, rad/s.
+    /// φ̇, rate at which N turns, world axes, rad/s.
     normal: T,
 }
 

@@ -104,7 +104,7 @@ pub struct Estimate {
     pub simulations: usize,
 }
 
-/// Goodness of fit.
+/// How well the best hypothesis fits the data.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fit {
     /// The least cost of anything that is physically possible, even if it is too large; none where nothing is.
@@ -129,9 +129,9 @@ pub struct Fit {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
-    /// One explanation.
+    /// One hypothesis explains the data.
     Unique,
-    /// Several.
+    /// Several hypotheses explain the data.
     Ambiguous,
     /// Nothing explains the data.
     Unexplained,
@@ -211,7 +211,7 @@ pub struct FromForce {
 pub struct Belief {
     /// The edge in contact.
     pub edge: usize,
-    /// How it touches.
+    /// How finger and part touch.
     pub law: ContactLaw,
     /// Where it is and how it moves.
     pub state: State,

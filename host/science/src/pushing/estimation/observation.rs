@@ -22,9 +22,9 @@ use crate::pushing::dynamics::{ContactLaw, ContactMode, Edge, Finger, Part, Push
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Known<'p> {
-    /// The part.
+    /// The part on its plane.
     pub part: &'p Part,
-    /// µ g, m/s².
+    /// µ g of the plane, m/s².
     pub mu_g: f64,
     /// The finger and its motion from t = 0 on.
     pub finger: Finger,
@@ -69,21 +69,21 @@ impl<'p> Known<'p> {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Touch {
-    /// No contact friction.
+    /// Without friction between finger and part.
     Frictionless,
     /// No slip; with a friction, only where that suffices.
     Rolling {
-        /// µ_c.
+        /// µ_c, between finger and part.
         friction: Option<f64>,
     },
     /// Slip throughout, in one direction that is to be found.
     Sliding {
-        /// µ_c.
+        /// µ_c, between finger and part.
         friction: f64,
     },
     /// Rolls and slides as Coulomb's law demands.
     Coulomb {
-        /// µ_c.
+        /// µ_c, between finger and part.
         friction: f64,
     },
 }
@@ -156,9 +156,9 @@ pub(super) const MU_G_LOG_MAX: f64 = 3.0;
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Prior {
-    /// Of ω, rad/s.
+    /// Standard deviation of ω, rad/s.
     pub omega0_sigma: Option<f64>,
-    /// Of v_T, m/s.
+    /// Standard deviation of v_T, m/s.
     pub v_t0_sigma: Option<f64>,
     /// Of ln(µg) about that of [`Known::mu_g`]: 0.2 where it is known to a fifth. Every hypothesis then has a friction
     /// of its own. None where the friction is known.
@@ -178,7 +178,7 @@ pub struct Prior {
 pub struct Observation {
     /// Time between values, s.
     pub dt: f64,
-    /// The values.
+    /// What was felt, one value each `dt` from t = 0 on.
     pub measured: Measured,
     /// What is known of the start beforehand.
     pub prior: Prior,

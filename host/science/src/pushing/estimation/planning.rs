@@ -90,9 +90,9 @@ pub struct Sampling {
 /// The push as it is now.
 #[derive(Clone, Copy, Debug)]
 pub struct Present<'p> {
-    /// The part.
+    /// The part on its plane.
     pub part: &'p Part,
-    /// µ g, m/s².
+    /// µ g of the plane, m/s².
     pub mu_g: f64,
     /// Radius of the disk, m.
     pub radius: f64,

@@ -33,7 +33,7 @@ const OMEGA_SIGMA: f64 = 5.8;
 pub struct PoseBelief {
     /// Pose of the part in the world, m and rad.
     pub pose: Pose,
-    /// Of `pose`.
+    /// Covariance of x, y and θ of `pose`, m and rad.
     pub covariance: Matrix3<f64>,
     /// Squared residuals of the push, in standard deviations.
     pub cost: f64,
@@ -46,7 +46,7 @@ pub struct PoseBelief {
 pub struct Slack {
     /// To either side, m; above 0.
     pub shift: f64,
-    /// rad; above 0.
+    /// Of its orientation, rad; above 0.
     pub turn: f64,
 }
 
@@ -57,7 +57,7 @@ pub struct Agreement {
     pub explanations: [usize; 2],
     /// Of both pushes, and of how far they disagree about the pose in between.
     pub cost: f64,
-    /// Among the pairs.
+    /// Among the pairs of explanations.
     pub probability: f64,
 }
 

@@ -48,7 +48,7 @@ pub const STATE_NAMES: [&str; 4] = ["u", "s", "omega", "vT"];
 pub struct Scales {
     /// L, the radius of gyration, m.
     pub length: f64,
-    /// √(L/g), s.
+    /// Unit of time, √(L/g), s.
     pub time: f64,
 }
 

@@ -60,13 +60,13 @@ pub(super) struct SimdEdges {
     arch: Arch,
 }
 
-/// Four edges.
+/// Four edges of the polygon, axes as given.
 #[derive(Clone, Copy, Debug)]
 struct Block {
     /// Where they start, m.
     x: [f64; LANES],
     y: [f64; LANES],
-    /// Their directions.
+    /// Their directions, unit vectors.
     along_x: [f64; LANES],
     along_y: [f64; LANES],
     /// Lengths of the edges, m.

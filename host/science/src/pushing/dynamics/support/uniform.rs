@@ -40,7 +40,7 @@ pub(super) struct Uniform {
     outline: Outline,
     /// Area of the support, m².
     area: f64,
-    /// 1/m².
+    /// One over the area, 1/m².
     per_area: f64,
     /// Largest distance of the outline from the centroid, m.
     radius: f64,

@@ -29,9 +29,9 @@ const FIRST_GROWTH: f64 = 0.2;
 /// When the values of a path are: the first at 0.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::pushing::estimation) struct ValueTimes {
-    /// Between values, s.
+    /// Time between values, s.
     pub(in crate::pushing::estimation) dt: f64,
-    /// How many values.
+    /// How many values there are.
     pub(in crate::pushing::estimation) values: usize,
 }
 
@@ -40,9 +40,9 @@ pub(in crate::pushing::estimation) struct ValueTimes {
 pub(in crate::pushing::estimation) struct Clock {
     /// From the start to the last value, s.
     pub(in crate::pushing::estimation) knots: Vec<f64>,
-    /// Between values, s.
+    /// Time between values, s.
     pub(in crate::pushing::estimation) dt: f64,
-    /// How many values.
+    /// How many values there are.
     pub(in crate::pushing::estimation) values: usize,
 }
 

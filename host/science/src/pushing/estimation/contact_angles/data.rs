@@ -10,9 +10,9 @@ use crate::pushing::estimation::observation::{Channel, Measured, Observation};
 /// What is fitted, one value each `dt` from t = 0 on.
 #[derive(Clone, Debug)]
 pub(super) struct Data {
-    /// Between values, s.
+    /// Time between values, s.
     pub(super) dt: f64,
-    /// How many instants.
+    /// How many instants there are.
     pub(super) values: usize,
     /// Contact angles, continuous, rad.
     pub(super) angle: Option<Channel>,
@@ -29,7 +29,7 @@ pub(super) struct Data {
 /// A straight line fitted to values around one instant.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Local {
-    /// The value there.
+    /// The value at that instant, in the channel's unit.
     pub(super) value: f64,
     /// Its rate, 1/s; zero from a single value.
     pub(super) rate: f64,

@@ -98,7 +98,7 @@ pub(super) struct Fitting<'a, 'p> {
     pub(super) rest_span: f64,
     /// By how much the constraints are stiffer than [`CONSTRAINT_COMPLIANCE`].
     pub(super) constraint_stiffness: f64,
-    /// Counts simulations.
+    /// Counts the forward simulations.
     pub(super) simulations: &'a Cell<usize>,
 }
 
@@ -109,7 +109,7 @@ pub(super) struct Given<'a, 'p> {
     pub(super) prior: Prior,
 }
 
-/// A hypothesis.
+/// A hypothesis with the values of its unknowns.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Candidate {
     pub(super) interval: ContactInterval,
@@ -161,7 +161,7 @@ pub(super) struct Evaluation {
 }
 
 impl Evaluation {
-    /// What is lowered.
+    /// What is lowered: squared residuals and penalties together.
     pub(super) fn total(&self) -> f64 {
         self.cost + self.penalty
     }
@@ -559,7 +559,7 @@ fn direction_of<T: Scalar>(x: T, y: T) -> T {
     T::from(y_re.atan2(x_re)) + (y - y_re) * (x_re / squared) - (x - x_re) * (y_re / squared)
 }
 
-/// Natural logarithm.
+/// Natural logarithm of a number with derivatives.
 fn ln<T: Scalar>(x: T) -> T {
     let value = x.re();
     (x - value) / value + value.ln()

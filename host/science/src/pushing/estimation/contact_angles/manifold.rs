@@ -28,11 +28,11 @@ const BALANCED: f64 = 1e-3;
 pub(super) struct Settled {
     /// The state, with its rates of turning and along the contact.
     pub(super) state: State,
-    /// ṡ, m/s.
+    /// ṡ, rate of the contact along the edge, m/s.
     pub(super) s_rate: f64,
     /// Force into the part and along the edge, m/s².
     pub(super) normal_force: f64,
-    /// See `normal_force`.
+    /// Force along the edge, counter-clockwise, m/s².
     pub(super) tangential_force: f64,
 }
 

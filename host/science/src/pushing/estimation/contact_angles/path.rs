@@ -39,13 +39,13 @@ pub(in crate::pushing::estimation) type ConstraintMargins<T> = [T; CONSTRAINTS];
 /// Where on an edge the disk can be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::pushing::estimation) struct ContactInterval {
-    /// The edge's number.
+    /// The edge's number, from 0.
     pub(in crate::pushing::estimation) index: usize,
-    /// The edge.
+    /// The edge itself, body axes.
     pub(in crate::pushing::estimation) edge: Edge,
-    /// Least place, m.
+    /// Least s that the disk reaches, m.
     pub(in crate::pushing::estimation) low: f64,
-    /// Greatest place, m.
+    /// Greatest s that the disk reaches, m.
     pub(in crate::pushing::estimation) high: f64,
 }
 
@@ -54,13 +54,13 @@ pub(in crate::pushing::estimation) struct ContactInterval {
 pub(in crate::pushing::estimation) struct InitialState<T> {
     /// When, s: later than 0 only from rest.
     pub(in crate::pushing::estimation) time: f64,
-    /// The state then.
+    /// The state at that time.
     pub(in crate::pushing::estimation) state: State<T>,
-    /// The contact then.
+    /// The contact from that time on.
     pub(in crate::pushing::estimation) contact: ContactMode<T>,
     /// From rest: contact angle at t = 0 and half the angular acceleration since then.
     pub(in crate::pushing::estimation) rest: Option<(T, T)>,
-    /// µ g, m/s².
+    /// µ g of the plane, m/s².
     pub(in crate::pushing::estimation) mu_g: T,
 }
 
@@ -82,7 +82,7 @@ pub(in crate::pushing::estimation) struct Seen<T> {
     pub(in crate::pushing::estimation) u: T,
     /// Force into the part and along the edge, m/s²; right only where the value has a knot.
     pub(in crate::pushing::estimation) normal_force: T,
-    /// See `normal_force`.
+    /// Force along the edge, counter-clockwise, m/s²; right like `normal_force`.
     pub(in crate::pushing::estimation) tangential_force: T,
 }
 

@@ -26,7 +26,7 @@ use crate::pushing::estimation::observation::{Known, Touch};
 
 /// Places tried on an edge: one each so many parts of the radius of gyration, and how many at least and at most.
 const PLACES_PER_RADIUS: f64 = 8.0;
-/// See [`PLACES_PER_RADIUS`].
+/// Fewest and most places tried on an edge.
 const PLACES: (f64, f64) = (5.0, 60.0);
 
 /// How far beyond its stretch of the edge the contact may seem to go, in radii of gyration.
@@ -161,16 +161,16 @@ fn first_moments(angles: &[f64], dt: f64, relaxation_time: f64) -> Local {
 /// A step to one of the instants of [`SmoothedAngles`].
 #[derive(Clone, Copy)]
 struct NodeStep {
-    /// Which instant.
+    /// Number of the instant.
     node: usize,
-    /// s.
+    /// Length of the step, s.
     length: f64,
 }
 
 /// The contact angles at some instants, smoothed by straight lines.
 struct SmoothedAngles<'a, 'p> {
     fitting: &'a Fitting<'a, 'p>,
-    /// Times, s.
+    /// Times of the instants, s.
     times: Vec<f64>,
     /// Contact angles, rad.
     angles: Vec<f64>,

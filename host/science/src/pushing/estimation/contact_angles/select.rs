@@ -50,7 +50,7 @@ const POOR_PROBABILITY: f64 = 0.95;
 /// Step over the time in which friction forgets speed, for a standard deviation of [`SIGMA_OF_SHARE`]; finer as its
 /// fourth root, like the error of the steps.
 const SHARE: f64 = 0.9;
-/// rad; see [`SHARE`].
+/// Standard deviation of the angles for [`SHARE`], rad.
 const SIGMA_OF_SHARE: f64 = 2e-3;
 /// Steps that keep the slowest parts stable.
 const SHARE_MAX: f64 = 1.0;
@@ -63,7 +63,7 @@ pub(super) const REST_ERROR: f64 = 0.05;
 
 /// Steps are halved at most so often, as long as costs change by more than [`ROUGH`].
 const FINER_MAX: i32 = 6;
-/// See [`FINER_MAX`].
+/// Change of costs above which steps are halved once more; see [`FINER_MAX`].
 const ROUGH: f64 = 0.3;
 
 /// Rounds of descent: a step each.
@@ -74,7 +74,7 @@ const PREDICTED_REDUCTION_NONE: f64 = 1e-3;
 
 /// A descent is given up when its cost less this many times its predicted reduction is beyond the gate by [`SLACK`].
 const PREDICTED_REDUCTIONS: f64 = 3.0;
-/// See [`PREDICTED_REDUCTIONS`].
+/// How far beyond the gate a cost must be predicted to stay; see [`PREDICTED_REDUCTIONS`].
 const SLACK: f64 = 24.0;
 /// Rounds in which places along a valley have to come to its lowest, or to another: more than any that is not in a
 /// valley takes.
@@ -436,7 +436,7 @@ fn onto_constraints(fitting: &Fitting, descent: &Descent) -> Option<Descent> {
     (descent.evaluation.overrun <= OVERRUN_MAX).then_some(descent)
 }
 
-/// Judges the minima.
+/// Judges which minima explain the data.
 pub(super) fn judge_all(fitting: &Fitting, descents: &[Descent], start_modes: usize) -> Estimate {
     let mut possible: Vec<_> = descents.iter().filter_map(|descent| onto_constraints(fitting, descent)).collect();
     possible.sort_by(|a, b| a.evaluation.cost.total_cmp(&b.evaluation.cost));

@@ -98,7 +98,7 @@ pub struct Tracker<'p> {
     window: Vec<f64>,
     /// Whether older values were dropped.
     full: bool,
-    /// Values so far.
+    /// Values taken so far, dropped ones included.
     count: usize,
     next_interval: usize,
     live: Vec<Candidate>,

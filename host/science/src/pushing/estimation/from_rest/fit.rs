@@ -65,7 +65,7 @@ const COLUMNS: usize = PARAMETERS + 1;
 
 /// Where among them the friction of the contact is, and that of the plane.
 const MU_C: usize = 2;
-/// See [`MU_C`].
+/// Column of ln(µ g) among the parameters.
 const MU_G: usize = 3;
 
 /// What adds to the cost beside the residuals: a contact beyond its edge, friction beyond reason, the plane's prior.

@@ -44,7 +44,7 @@ const STEPS_FIRST: usize = 4;
 /// is given up.
 const HOPELESS: f64 = 3.0;
 
-/// See [`HOPELESS`].
+/// Least difference of costs at which a fit is given up; see [`HOPELESS`].
 const HOPELESS_COST: f64 = 3000.0;
 
 /// Minima on one edge nearer than this at the end are one: half a millimetre, a degree. The contact angle is not felt
@@ -60,7 +60,7 @@ pub const WINDOWS_MIN: usize = 4;
 /// What is known of a push beforehand.
 #[derive(Clone, Copy, Debug)]
 pub struct KnownFromRest<'p> {
-    /// The part.
+    /// The part on its plane.
     pub part: &'p Part,
     /// µ g of the plane, m/s².
     pub mu_g: f64,

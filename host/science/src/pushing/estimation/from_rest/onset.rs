@@ -21,7 +21,7 @@ use crate::pushing::estimation::from_rest::{CalibrationUncertainty, Uncertainty,
 /// [`ATTEMPTS`] in a row: by chance once in a year.
 const ONSET_SIGMAS: f64 = 8.0;
 
-/// See [`ONSET_SIGMAS`].
+/// Readings that must stand out; see [`ONSET_SIGMAS`].
 const CONFIRMED: usize = 6;
 
 /// See [`ONSET_SIGMAS`]. The ringing disk comes back to no force once a period, 21 readings of the default finger.
@@ -52,9 +52,9 @@ const COVERED_MIN: f64 = 0.9;
 /// What the finger reads at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RestNoise {
-    /// Mean reading.
+    /// Mean reading, finger axes, N.
     pub bias: Vector2<f64>,
-    /// Its covariance.
+    /// Covariance of that mean, N².
     pub bias_covariance: Matrix2<f64>,
     /// Covariance of a window's mean.
     pub window: Matrix2<f64>,
@@ -130,11 +130,11 @@ impl Windows {
 /// Where a push is.
 #[derive(Clone, Debug)]
 enum Stage {
-    /// Not begun.
+    /// Waiting for the force to leave its noise.
     Waiting,
     /// Begun; what is needed to say exactly when is not there yet.
     Rising,
-    /// Under way.
+    /// Under way, with the windows so far.
     Pushing(Windows),
 }
 

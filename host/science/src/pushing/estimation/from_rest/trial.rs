@@ -73,9 +73,9 @@ impl Default for Ranges {
 /// A random problem and what became of it.
 #[derive(Clone, Debug)]
 pub struct Drawn {
-    /// µ_c.
+    /// µ_c, between finger and part.
     pub mu_c: f64,
-    /// kg.
+    /// Mass of the part, kg.
     pub mass: f64,
     /// The edge that is touched.
     pub edge: usize,
@@ -171,12 +171,12 @@ pub struct Outcome {
     pub holds_truth: bool,
     /// How many were listed.
     pub listed: usize,
-    /// Starts drawn before.
+    /// Starts drawn before this one that could not be.
     pub redrawn: usize,
 }
 
 impl Outcome {
-    /// Judges an estimate.
+    /// Judges an estimate against the truth.
     #[must_use]
     pub fn new(part: &Part, drawn: &Drawn, estimate: &Estimate) -> Self {
         let truth = drawn.played.pose(estimate.time_end);

@@ -43,7 +43,7 @@ pub struct CalibrationUncertainty {
 #[derive(Clone, Debug)]
 pub struct WindowedForce {
     forces_finger: Vec<Vector2<f64>>,
-    /// The whitened means.
+    /// The means times L⁻¹, in standard deviations.
     data: DVector<f64>,
     /// Lower triangle L⁻¹ of the covariance L Lᵀ.
     whitener: DMatrix<f64>,
@@ -77,12 +77,12 @@ impl WindowedForce {
         self.forces_finger.len()
     }
 
-    /// The means, whitened.
+    /// The means times L⁻¹, in standard deviations.
     pub(super) fn data(&self) -> &DVector<f64> {
         &self.data
     }
 
-    /// Predicted means, whitened.
+    /// Predicted means (N) times L⁻¹, in standard deviations.
     pub(super) fn whiten(&self, forces: impl Iterator<Item = Vector2<f64>>) -> DVector<f64> {
         let plain = stacked(forces, self.data.len());
         let rows =

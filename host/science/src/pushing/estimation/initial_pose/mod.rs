@@ -67,7 +67,7 @@ const OVERLAP_TOLERANCE: f64 = 1e-6;
 /// Outline and mass of what is pushed.
 #[derive(Clone, Debug)]
 pub enum Object {
-    /// A polygon.
+    /// A polygon of uniform density.
     Polygon(SimplePolygon),
     /// An ellipse with its semi-axes along the part's x and y, m.
     Ellipse([f64; 2]),
@@ -106,7 +106,7 @@ pub struct RestingPush {
 struct ContactInterval {
     edge: Option<usize>,
     side: PartSide,
-    /// Of s₀.
+    /// Least and greatest s₀: m on an edge, rad around an ellipse.
     range: [f64; 2],
 }
 

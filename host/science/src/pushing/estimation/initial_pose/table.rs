@@ -54,7 +54,7 @@ pub struct Table<'p> {
 struct IntervalTable {
     interval: ContactInterval,
     places: Vec<f64>,
-    /// From each place.
+    /// The motion from each place.
     motions: Vec<Motion>,
 }
 

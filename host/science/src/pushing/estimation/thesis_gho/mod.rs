@@ -94,15 +94,15 @@ impl GhoSettings {
 pub struct Gho<'p> {
     /// Part, edge and finger.
     pub model: PushModel<'p>,
-    /// How they touch.
+    /// How finger and part touch.
     pub contact: ContactMode,
-    /// How to correct.
+    /// Poles of the observer, and when it corrects.
     pub settings: GhoSettings,
 }
 
 /// The motion at an estimate and what the correction needs of it.
 struct Drift {
-    /// f.
+    /// f, the rates of u, s, ω and v_T.
     rates: Vector4<f64>,
     /// ∂f/∂x; row i is the gradient of the rate of state i.
     jacobian: Matrix4<f64>,
