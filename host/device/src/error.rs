@@ -93,7 +93,7 @@ pub enum LinkError {
     /// The port opens, but no palpate firmware answers.
     #[error("no answer from {address}{}", if bauds.is_empty() { String::new() } else { format!(" at {bauds} baud") })]
     NoAnswer {
-        /// Who was asked.
+        /// Address that was asked.
         address: String,
         /// At which speeds; empty where there is none.
         bauds: String,
@@ -122,7 +122,7 @@ pub enum LinkError {
     /// The device answered a command in a way that only a newer minor version of the protocol knows.
     #[error("the device answered command {} ({request}) in a way that this version does not know", id.0)]
     NewerAnswer {
-        /// The command's id.
+        /// Id of the command.
         id: CommandId,
         /// The command in words.
         request: String,
@@ -171,7 +171,7 @@ pub enum LinkError {
     /// The device is gone.
     #[error("{address} is gone: {reason}")]
     Unplugged {
-        /// What was open.
+        /// Address that was open.
         address: String,
         /// How that was noticed.
         reason: String,

@@ -30,9 +30,9 @@ pub struct Place {
 pub struct Sequence {
     /// Number after the last sample so far, and time of the last block; `None` before the first.
     last: Option<(u64, u64)>,
-    /// Samples received.
+    /// Samples received, repeated ones included.
     received: u64,
-    /// Samples missing.
+    /// Samples that never came.
     missing: u64,
     /// Samples received more than once.
     repeated: u64,

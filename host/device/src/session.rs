@@ -61,11 +61,11 @@ const COUNTABLE_GAP: Duration = Duration::from_secs(30 * 60);
 /// What a session hands on, in order of arrival.
 #[derive(Clone, Debug)]
 pub enum Incoming {
-    /// Samples.
+    /// Consecutive samples, in counts.
     Samples(Samples),
     /// Something the device noticed.
     Event(Event),
-    /// The board's temperature.
+    /// Temperature of the board.
     Temperature(Temperature),
     /// The device started anew: its settings were restored, its sample numbers begin again at 0.
     Restarted(Hello),
@@ -309,7 +309,7 @@ impl Session {
     }
 }
 
-/// Commands.
+/// Commands and their replies.
 impl Session {
     /// Sends `request` until its reply comes.
     ///
@@ -504,7 +504,7 @@ impl Session {
     }
 }
 
-/// What arrives.
+/// Samples, events and changes of the link, as they arrive.
 impl Session {
     /// The next samples, event or change of the link; `None` if nothing came within `wait`.
     ///

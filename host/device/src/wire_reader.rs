@@ -9,7 +9,7 @@ use palpate_shared::wire::{DecodeError, FromDevice, NewerMessage, ProtocolVersio
 /// What a reader has seen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ReaderCounts {
-    /// Messages handed on.
+    /// Messages that were read and handed on.
     pub messages: u64,
     /// Frames that were too long, miscoded or failed their checksum.
     pub damaged: u64,

@@ -44,7 +44,7 @@ pub enum Pace {
 /// Where the device's serial line comes out.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Line {
-    /// In this process.
+    /// A pipe within this process.
     #[default]
     Pipe,
     /// At a pseudo-terminal; Unix only.
@@ -120,7 +120,7 @@ impl ForceCourse {
 pub struct Moment {
     /// Conversions since the device started.
     pub conversion: u64,
-    /// The truth there.
+    /// State of the simulated world then.
     pub truth: Truth,
 }
 

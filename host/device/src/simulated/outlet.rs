@@ -64,7 +64,7 @@ impl Outlet {
         }
     }
 
-    /// Pulls the cable.
+    /// Cuts the line, as if its cable were pulled.
     pub(super) fn unplug(&mut self) {
         match self {
             Self::Pipe(pipe) => pipe.set_plugged_in(false),

@@ -35,7 +35,7 @@ pub const BAUD_FALLBACK: u32 = 115_200;
 pub enum Transport {
     /// A serial port or pseudo-terminal.
     Serial(Box<dyn SerialPort>),
-    /// A TCP connection.
+    /// A connection to a TCP port.
     Tcp(TcpStream),
     /// A simulated device in this process.
     Pipe(pipe::End),

@@ -11,7 +11,7 @@ use crate::transport::READ_WAIT;
 /// Bytes that each direction holds before a writer finds no room: what a USB serial driver buffers.
 const CAPACITY: usize = 65_536;
 
-/// One direction.
+/// The bytes under way in one direction.
 #[derive(Debug, Default)]
 struct Lane {
     bytes: Mutex<VecDeque<u8>>,
@@ -72,7 +72,7 @@ impl Pipe {
         self.to_host.arrived.notify_all();
     }
 
-    /// The host's end.
+    /// The end of the line that a host reads and writes.
     #[must_use]
     pub fn host_end(&self) -> End {
         End { pipe: self.clone(), plugging: self.state().plugging }
