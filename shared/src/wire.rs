@@ -73,7 +73,7 @@ pub struct Hello {
     pub firmware: FirmwareVersion,
     /// Unique to the device.
     pub device: DeviceId,
-    /// The board's name.
+    /// Name of the board, as its firmware has it.
     pub board: String<24>,
     /// The analogue front-end and its ID word (0 if nothing answers).
     pub front_end: FrontEnd,
@@ -130,7 +130,7 @@ impl fmt::Display for DeviceId {
     }
 }
 
-/// The analogue front-end.
+/// The analogue front-end: the chip that converts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FrontEnd {
     /// Which chip the firmware drives.
@@ -169,7 +169,7 @@ pub enum Axis {
 pub enum Bridge {
     /// Two active gauges on opposite sides of the beam, two fixed resistors.
     Half,
-    /// Four active gauges.
+    /// Four active gauges, two on each side of the beam.
     Full,
 }
 
@@ -185,7 +185,7 @@ pub enum Source {
 /// What the processor's clock runs on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ClockSource {
-    /// The crystal.
+    /// The board's crystal oscillator.
     Crystal,
     /// The internal oscillator through the PLL: up to 1 % off.
     InternalPll,
@@ -198,11 +198,11 @@ pub enum ClockSource {
 /// Why a device started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum RestartReason {
-    /// Power came up.
+    /// The power came up.
     PowerOn,
-    /// The reset pin.
+    /// The reset pin was pulled.
     Pin,
-    /// The supply dipped.
+    /// The supply dipped below what the processor needs.
     BrownOut,
     /// The firmware hung and the watchdog ended it.
     Watchdog,
@@ -239,12 +239,12 @@ pub struct Block {
 
 bit_set!(Checks);
 
-/// Something that happened.
+/// Something that the device noticed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Event {
     /// When the device noticed.
     pub time: DeviceTime,
-    /// What it noticed.
+    /// What was noticed, with its numbers.
     pub kind: EventKind,
 }
 
@@ -276,7 +276,7 @@ pub enum EventKind {
     },
 }
 
-/// A temperature reading.
+/// A reading of the device's temperature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Temperature {
     /// When it was read.
@@ -338,7 +338,7 @@ pub enum Request {
     },
     /// Read a register of the front-end; streaming goes on.
     ReadRegister {
-        /// The register's address.
+        /// Address of the register.
         address: u8,
     },
     /// Answer with the device's time.
@@ -355,7 +355,7 @@ pub enum Request {
     Reboot,
     /// Answer, then fail, so that it can be seen whether the firmware recovers.
     Fail {
-        /// In which way.
+        /// In which way to fail.
         failure: Failure,
     },
 }
@@ -369,14 +369,14 @@ pub enum Failure {
     Hang,
     /// A read where there is no memory.
     BadAccess,
-    /// Calls without end.
+    /// Calls without end, until the stack is full.
     StackOverflow,
 }
 
 /// The one answer to a command.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Reply {
-    /// The command's id.
+    /// Id of the command that is answered.
     pub id: CommandId,
     /// What came of it.
     pub outcome: Outcome,
@@ -387,29 +387,29 @@ pub struct Reply {
 pub enum Outcome {
     /// Done; there is nothing more to say.
     Done,
-    /// Answer to [`Request::Hello`].
+    /// What [`Request::Hello`] asks for.
     Hello(Hello),
-    /// Answer to [`Request::ReadRegister`].
+    /// What [`Request::ReadRegister`] asks for.
     Register {
-        /// The register's address.
+        /// Address of the register.
         address: u8,
         /// Its raw 16 bits.
         value: u16,
     },
-    /// Answer to [`Request::Ping`].
+    /// What [`Request::Ping`] asks for.
     Pong {
         /// The device's time when it took up the command.
         time: DeviceTime,
     },
-    /// Answer to [`Request::SelfTest`].
+    /// What [`Request::SelfTest`] asks for.
     SelfTest(SelfTest),
-    /// Answer to [`Request::Counters`].
+    /// What [`Request::Counters`] asks for.
     Counters(Counters),
     /// Not done, and why.
     Refused(Refusal),
     /// Answer to [`Request::LastFault`]; `None` if there was none since power-on.
     LastFault(Option<Fault>),
-    /// Answer to [`Request::Health`].
+    /// What [`Request::Health`] asks for.
     Health(Health),
 }
 
@@ -448,7 +448,7 @@ pub enum Refusal {
     FrontEndSilent,
     /// The front-end has no such register.
     AddressNotPossible {
-        /// The last address.
+        /// The last address that there is.
         last: u8,
     },
     /// The front-end is still busy with an earlier command; repeat.
@@ -460,7 +460,7 @@ pub enum Refusal {
 /// What the self-test found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SelfTest {
-    /// What was checked.
+    /// Which checks were made.
     pub checked: Checks,
     /// What of it failed.
     pub failed: Checks,
@@ -501,7 +501,7 @@ impl Checks {
 /// What the device has counted since it started; every counter wraps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Counters {
-    /// Seconds since start-up.
+    /// Time since start-up, s.
     pub uptime_s: u32,
     /// Conversions while streaming, numbered by the sampler whether or not they could be delivered.
     pub samples: u32,
@@ -521,7 +521,7 @@ pub struct Counters {
     pub commands: u32,
     /// Commands received again, answered again, not acted on again.
     pub commands_repeated: u32,
-    /// Commands refused.
+    /// Commands that were refused.
     pub commands_refused: u32,
     /// Frames from the host that were too long, miscoded, failed their checksum, or held not even a command's id.
     pub frames_damaged: u32,

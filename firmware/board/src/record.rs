@@ -17,7 +17,7 @@ const PLACE: usize = 40;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub(crate) enum Intent {
-    /// It does not.
+    /// It does not: the restart is not of its own doing.
     None = 0,
     /// It was asked to.
     Requested = 1,
@@ -72,12 +72,12 @@ impl Record {
         (self.hash() == self.checksum).then_some(self)
     }
 
-    /// With its checksum.
+    /// The record with the checksum of its content.
     pub(crate) fn sealed(self) -> Self {
         Self { checksum: self.hash(), ..self }
     }
 
-    /// With another intent.
+    /// The record with another intent.
     pub(crate) fn with_intent(self, intent: Intent) -> Self {
         Self { intent: intent as u32, ..self }
     }

@@ -31,7 +31,7 @@ use palpate_shared::units::Counts;
 
 use crate::settings::DeviceSettings;
 
-/// Registers, by address.
+/// Addresses of the registers used.
 pub mod register {
     /// Identity: 22 in the upper byte.
     pub const ID: u8 = 0x00;
@@ -126,7 +126,7 @@ pub enum Command {
 }
 
 impl Command {
-    /// The command's word.
+    /// The 16 bits that name the command.
     const fn word(self) -> u16 {
         match self {
             Self::Null => 0x0000,
@@ -166,7 +166,7 @@ const fn field(address: u8) -> u16 {
 pub struct Frame {
     /// The command that the response answers: the previous frame's.
     pub answers: Command,
-    /// The response's word.
+    /// The 16 bits of the response.
     pub response: u16,
     /// Codes of both channels.
     pub counts: [Counts; 2],
@@ -228,7 +228,7 @@ pub(crate) fn may_be_refusal(response: u16) -> bool {
 /// Why the front-end did not do what it should.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Error<E> {
-    /// The bus failed.
+    /// The SPI bus reported an error.
     Bus(E),
     /// What came in is damaged, or nothing answers; `response` is its first word.
     Checksum {
@@ -242,17 +242,17 @@ pub enum Error<E> {
     },
     /// The ID register names another chip.
     OtherChip {
-        /// What it reads.
+        /// The 16 bits of the ID register.
         id_word: u16,
     },
     /// The chip did not acknowledge a reset.
     NotReset {
-        /// What it responded.
+        /// The 16 bits that it responded.
         response: u16,
     },
     /// A register does not hold what was written.
     NotSet {
-        /// The register's address.
+        /// Address of the register.
         address: u8,
         /// The raw 16 bits that it holds instead.
         value: u16,
@@ -281,12 +281,12 @@ pub struct Ads131m02<Spi> {
 }
 
 impl<Spi> Ads131m02<Spi> {
-    /// Touches nothing yet.
+    /// A driver that has not touched the chip yet.
     pub const fn new(spi: Spi) -> Self {
         Self { spi, previous: Command::Null }
     }
 
-    /// The bus.
+    /// The SPI bus that the chip is on.
     pub fn spi(&self) -> &Spi {
         &self.spi
     }

@@ -79,7 +79,7 @@ pub struct Identity {
     pub clock: ClockSource,
     /// Speed of the serial line in baud; 0 where the link has none, and then no limit.
     pub link_baud: u32,
-    /// Why it started.
+    /// Why the processor started.
     pub restart: RestartReason,
     /// Starts since power-on, this one not counted.
     pub restarts: u16,
@@ -94,9 +94,9 @@ pub struct Identity {
 /// What only the board can do. Its reply is on its way already.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// Restart.
+    /// Restart the processor.
     Reboot,
-    /// Fail on purpose.
+    /// Fail on purpose, in this way.
     Fail(Failure),
 }
 
@@ -494,7 +494,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
         }
     }
 
-    /// Replies.
+    /// Puts the reply to a command into the outbox.
     #[inline(never)]
     fn reply(&mut self, id: CommandId, outcome: Outcome) {
         if matches!(outcome, Outcome::Refused(_)) {
@@ -584,7 +584,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
         sent
     }
 
-    /// Follows the clock.
+    /// Counts the seconds since start-up along the device's time.
     fn follow_clock(&mut self, now: DeviceTime) {
         match &mut self.uptime {
             Some(uptime) => uptime.advance(now),
@@ -644,7 +644,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     }
 }
 
-/// One more.
+/// Counts one more; wraps.
 fn count(counter: &mut u32) {
     *counter = counter.wrapping_add(1);
 }

@@ -22,12 +22,12 @@ const STEPS_MAX: usize = 5;
 pub(crate) enum Goal {
     /// Write rate (if it changes, as that disturbs the filter's timing) and gain, and read both back.
     Apply {
-        /// What to write.
+        /// Rate and gain to write.
         settings: DeviceSettings,
         /// Whether the rate changes.
         changes_rate: bool,
     },
-    /// Read one register.
+    /// Read the register at this address.
     Read(u8),
     /// Read identity, settings and status.
     SelfTest,

@@ -15,7 +15,7 @@ pub enum Link {
     /// The serial line, which is talked to until a host speaks up on another link.
     #[default]
     Serial,
-    /// USB.
+    /// The USB port, a serial port to the host.
     Usb,
 }
 

@@ -103,7 +103,7 @@ impl<const N: usize> Outbox<N> {
         self.length
     }
 
-    /// Whether nothing waits.
+    /// Whether no byte waits to be sent.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.length == 0

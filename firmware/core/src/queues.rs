@@ -30,7 +30,7 @@ const REQUESTS: usize = 3;
 /// One sample, as the sampler gives it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RawReading {
-    /// Its number.
+    /// Number of the sample.
     pub seq: Seq,
     /// When it became ready.
     pub time: DeviceTime,
@@ -88,7 +88,7 @@ pub(crate) enum Notice {
 /// What the sampler counted; each counter wraps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Conversions numbered.
+    /// Conversions while streaming, all numbered.
     pub samples: u32,
     /// Of these: not read in time.
     pub missed: u32,
@@ -176,7 +176,7 @@ impl Default for Queues {
 }
 
 impl Queues {
-    /// Empty queues.
+    /// Queues with nothing in them.
     #[must_use]
     pub const fn new() -> Self {
         Self { readings: Queue::new(), notices: Queue::new(), requests: Queue::new(), tally: SharedTally::new() }
@@ -237,7 +237,7 @@ impl SamplerEnd<'_> {
         }
     }
 
-    /// The next request.
+    /// The oldest request that waits, if any.
     pub(crate) fn request(&mut self) -> Option<FrontEndRequest> {
         self.requests.dequeue()
     }
@@ -257,12 +257,12 @@ pub struct DeviceEnd<'q> {
 }
 
 impl DeviceEnd<'_> {
-    /// The oldest sample.
+    /// The oldest sample that waits, if any.
     pub(crate) fn reading(&mut self) -> Option<RawReading> {
         self.readings.dequeue()
     }
 
-    /// The oldest notice.
+    /// The oldest notice that waits, if any.
     pub(crate) fn notice(&mut self) -> Option<Notice> {
         self.notices.dequeue()
     }

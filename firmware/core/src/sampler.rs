@@ -73,7 +73,7 @@ pub trait SelectSource {
 /// Whether the front-end answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Presence {
-    /// Nobody looked yet.
+    /// It was not looked for yet.
     Unknown,
     /// It did not answer when last looked for.
     Missing,
@@ -115,7 +115,7 @@ struct Stretch {
     saturated: bool,
 }
 
-/// Reads the front-end.
+/// Reads the front-end and numbers its samples.
 pub struct Sampler<'q, Spi> {
     chip: Ads131m02<Spi>,
     end: SamplerEnd<'q>,
@@ -611,14 +611,14 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
         }
     }
 
-    /// Answers a request.
+    /// Answers the request of this ticket.
     fn answer(&mut self, ticket: u8, finding: Finding) {
         let source = if self.chip.spi().is_simulated() { Source::Simulated } else { Source::Hardware };
         let state = SamplerState { settings: self.settings, source, streaming: self.streaming };
         self.end.notice(Notice::Answer { ticket, finding, state });
     }
 
-    /// Reports an event.
+    /// Reports an event to the device's end.
     fn tell(&mut self, time: DeviceTime, kind: EventKind) {
         self.end.notice(Notice::Event { time, kind });
     }

@@ -43,11 +43,11 @@ pub struct Rate {
 }
 
 impl Rate {
-    /// 500 Hz.
+    /// 500 Hz, the slowest.
     pub const SLOWEST: Self = Self { log2: 0 };
     /// 4 kHz: what a device starts with, where its line carries it.
     pub const DEFAULT: Self = Self { log2: 3 };
-    /// 8 kHz.
+    /// 8 kHz, the fastest.
     pub const FASTEST: Self = Self { log2: FASTEST_LOG2 };
 
     /// Every rate, fastest first.
@@ -61,7 +61,7 @@ impl Rate {
         Self::all().find(|rate| rate.hz() == hz)
     }
 
-    /// Samples a second.
+    /// Samples a second, Hz.
     #[must_use]
     pub const fn hz(self) -> u32 {
         SLOWEST_HZ << self.log2
@@ -105,7 +105,7 @@ pub struct Gain {
 impl Gain {
     /// 32: as little input noise as 128, with four times the range (datasheet's noise table).
     pub const DEFAULT: Self = Self { log2: 5 };
-    /// 128.
+    /// 128, the largest.
     pub const LARGEST: Self = Self { log2: 7 };
 
     /// This gain, if the front-end has it.
@@ -130,9 +130,9 @@ impl Gain {
 /// Rate and gain, the same for both channels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DeviceSettings {
-    /// Samples a second.
+    /// Sampling rate of both channels.
     pub rate: Rate,
-    /// Amplification.
+    /// Gain of both channels' amplifiers.
     pub gain: Gain,
 }
 

@@ -23,7 +23,7 @@ const SENT: usize = PACKET as usize - 1;
 /// Words of memory that the bus needs for what comes in: a packet of the control pipe and one of data.
 pub const MEMORY_WORDS: usize = 2 * PACKET as usize / 4;
 
-/// The port.
+/// A serial port over USB: one stream of bytes each way.
 pub struct Port<'a, B: UsbBus> {
     device: UsbDevice<'a, B>,
     class: CdcAcmClass<'a, B>,

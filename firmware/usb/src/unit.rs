@@ -57,7 +57,7 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// Empty.
+    /// Memory that no unit uses yet.
     #[must_use]
     #[expect(clippy::new_without_default, reason = "it belongs into a `static`")]
     pub const fn new() -> Self {
@@ -65,7 +65,7 @@ impl Memory {
     }
 }
 
-/// The chip's port.
+/// The serial port of the chip's own USB unit.
 pub struct Usb(Port<'static, UsbBus<Unit>>);
 
 /// The unit's registers, given up to its driver.

@@ -17,7 +17,7 @@ use super::ads131m02::volts_per_count;
 use super::noise::{Source, Stream};
 use super::trig::{phase_of, sin_cos};
 
-/// One microstrain.
+/// One microstrain, as a strain.
 pub const MICROSTRAIN: f32 = 1e-6;
 
 /// Noise of a bridge with an open gauge, in volts rms, on top of the rail it sits at: an open wire is an antenna.
@@ -61,7 +61,7 @@ impl BridgeConfig {
 /// Both bridges and what they share.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BridgesConfig {
-    /// Excitation, in volts.
+    /// Excitation of the bridges, in volts.
     pub excitation_v: f32,
     /// Gauge factor: relative change of resistance per strain.
     pub gauge_factor: f32,

@@ -22,11 +22,11 @@ const THERMAL_EVERY: u32 = 0xFF;
 /// Everything that describes a simulated finger. The default is the project's default finger.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FingerConfig {
-    /// Beam and disk.
+    /// Beam and disk of the finger.
     pub beam: BeamConfig,
     /// Bridges, their errors, and the hum.
     pub bridges: BridgesConfig,
-    /// Temperature's course.
+    /// How the temperature goes.
     pub thermal: ThermalConfig,
     /// The converter's noise as a multiple of the datasheet's; 0 is none.
     pub converter_noise: f32,
@@ -166,7 +166,7 @@ impl BitErrors {
     }
 }
 
-/// The SYNC/RESET pin.
+/// Level of the SYNC/RESET pin, which is low-active.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum SyncPin {
     High,
@@ -242,7 +242,7 @@ impl SimulatedFrontEnd {
         self.chip.set_stuck(faults.stuck_codes);
     }
 
-    /// What is broken.
+    /// What is broken at present.
     #[must_use]
     pub fn faults(&self) -> Faults {
         self.faults
@@ -304,7 +304,7 @@ impl SimulatedFrontEnd {
         }
     }
 
-    /// Chip select falls.
+    /// Chip select falls: a frame begins.
     pub(super) fn select(&mut self) {
         self.chip.select();
     }
@@ -319,7 +319,7 @@ impl SimulatedFrontEnd {
         self.bit_errors.pass(sent)
     }
 
-    /// Chip select rises.
+    /// Chip select rises: the frame ends.
     pub(super) fn deselect(&mut self) {
         self.chip.deselect();
     }
@@ -365,7 +365,7 @@ impl SimulatedFrontEnd {
     }
 }
 
-/// Nanoseconds as seconds.
+/// Nanoseconds as seconds, s.
 fn seconds(ns: u32) -> f32 {
     ns as f32 * 1e-9
 }

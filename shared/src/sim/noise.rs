@@ -37,7 +37,7 @@ impl Stream {
         Self(Pcg32::new(seed, source as u64))
     }
 
-    /// 32 random bits.
+    /// 32 random bits, all equally likely.
     pub(crate) fn bits(&mut self) -> u32 {
         self.0.next_u32()
     }

@@ -141,7 +141,7 @@ impl<'a> SyncResetPin<'a> {
         Self(front_end)
     }
 
-    /// Drives the pin.
+    /// Drives the pin high or low.
     fn set(&self, high: bool) -> Result<(), PortBusy> {
         self.0.try_borrow_mut().map(|mut front_end| front_end.set_sync_reset(high)).map_err(|_| PortBusy)
     }

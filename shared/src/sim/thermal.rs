@@ -15,7 +15,7 @@ const PERIODS_NS: [u64; 2] = [2_400_000_000_000, 3_960_000_000_000];
 /// Parts that the two waves have in the swing.
 const PARTS: [f32; 2] = [0.7, 0.3];
 
-/// Temperature's course.
+/// How the temperature goes: a mean and a swing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThermalConfig {
     /// Mean temperature, in degrees Celsius.
@@ -33,7 +33,7 @@ impl Default for ThermalConfig {
     }
 }
 
-/// Temperature over time.
+/// The temperature over time.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Thermal {
     config: ThermalConfig,

@@ -53,7 +53,7 @@ impl From<FrameError> for DecodeError {
 pub enum NewerMessage {
     /// A message of a kind that this version does not have.
     Kind {
-        /// The kind's number.
+        /// Number of the kind on the wire.
         variant: u32,
     },
     /// A device that started anew, and describes itself in ways that this version does not know.
@@ -65,7 +65,7 @@ pub enum NewerMessage {
     Event,
     /// A command was answered, in a way that this version does not know: to repeat it would bring the same answer.
     Reply {
-        /// Which command.
+        /// Id of the command that was answered.
         id: CommandId,
         /// What the device speaks, where the answer is a hello.
         device: Option<ProtocolVersion>,

@@ -57,7 +57,7 @@ static ALIVE_AT: AtomicU32 = AtomicU32::new(0);
 /// Samples numbered so far, for the record.
 static SAMPLES: AtomicU32 = AtomicU32::new(0);
 
-/// Reads the record.
+/// Reads the record from the memory that start-up leaves alone.
 fn load() -> Record {
     // SAFETY: every pattern of bits is a record, and nothing else runs that could write it at the same time: only
     // start-up writes it, and what ends the program.
@@ -67,7 +67,7 @@ fn load() -> Record {
     }
 }
 
-/// Writes the record.
+/// Writes the record to the memory that start-up leaves alone.
 fn store(record: Record) {
     // SAFETY: as in `load`.
     #[expect(unsafe_code, reason = "memory that start-up does not clear")]
@@ -146,13 +146,13 @@ pub(super) fn watch(ticks: u32) {
     }
 }
 
-/// Restarts, as asked.
+/// Restarts, as the host has asked.
 pub(super) fn reboot() -> ! {
     store(load().with_intent(Intent::Requested));
     SCB::sys_reset()
 }
 
-/// Fails as asked.
+/// Fails on purpose, as the host has asked.
 pub(super) fn fail(failure: Failure) -> ! {
     match failure {
         Failure::Panic => panic!("asked for"),
@@ -171,7 +171,7 @@ pub(super) fn fail(failure: Failure) -> ! {
     }
 }
 
-/// Stands still.
+/// Stands still until it is found hanging.
 fn hang() -> ! {
     loop {
         cortex_m::asm::nop();
@@ -199,7 +199,7 @@ fn fault(cause: FaultCause) -> Fault {
     }
 }
 
-/// Records and restarts.
+/// Records the fault and restarts.
 fn end(fault: &Fault) -> ! {
     store(load().with_fault(fault));
     SCB::sys_reset()

@@ -35,7 +35,7 @@ const ROUND_US: u32 = 8_000_000;
 /// Nanoseconds in a microsecond.
 const NS_PER_US: u32 = 1000;
 
-/// The chip's bus.
+/// The chip's SPI bus and the pins on its port.
 struct ChipBus {
     spi: SPI1,
     port: GPIOA,
@@ -113,7 +113,7 @@ pub(super) fn simulation() -> RefCell<SimulatedFrontEnd> {
 /// What the simulated finger goes through, again and again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Doing {
-    /// Nothing touches it.
+    /// Nothing touches the disk.
     Free,
     /// A contact travels round its disk.
     Round,

@@ -8,7 +8,7 @@ use critical_section::Mutex;
 pub(super) struct Handover<T: 'static>(Mutex<RefCell<Option<T>>>);
 
 impl<T: Send> Handover<T> {
-    /// An empty place.
+    /// A place where nothing is yet.
     pub(super) const fn new() -> Self {
         Self(Mutex::new(RefCell::new(None)))
     }

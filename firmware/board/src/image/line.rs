@@ -35,10 +35,10 @@ pub(super) struct Line {
     to_send: Producer<'static, u8>,
 }
 
-/// The two queues.
+/// The queues of bytes: received, and to be sent.
 type Queues = (&'static mut Queue<u8, RECEIVED>, &'static mut Queue<u8, TO_SEND>);
 
-/// Starts the line.
+/// Starts the serial line at the speed that the divider gives.
 pub(super) fn start(uart: USART1, divider: u16, (received, to_send): Queues, interrupts: &mut NVIC) -> Line {
     // SAFETY: the divider as RM0090, section 30.3.4, has it: mantissa and fraction are one number of sixteenths.
     #[expect(unsafe_code, reason = "the register's numeric fields are not checked by the access crate")]

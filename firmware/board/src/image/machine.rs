@@ -22,9 +22,9 @@ const CALIBRATIONS_PER_S: u32 = 100;
 /// What this program runs on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Machine {
-    /// An STM32F405.
+    /// The STM32F405 of a board.
     Chip,
-    /// An emulator.
+    /// An emulator of it.
     Emulator,
 }
 

@@ -7,7 +7,7 @@ use super::time;
 /// Cycles spent on one thing since start-up; wraps.
 pub(super) struct Meter(AtomicU32);
 
-/// The sampler's interrupt.
+/// Cycles of the sampler's interrupt.
 pub(super) static SAMPLER: Meter = Meter::new();
 
 /// Runs of the sampler's interrupt, not cycles.
@@ -16,7 +16,7 @@ pub(super) static SAMPLER_RUNS: Meter = Meter::new();
 /// The simulated finger, which is part of the sampler's interrupt.
 pub(super) static SIMULATION: Meter = Meter::new();
 
-/// The main loop.
+/// Cycles of the main loop's work.
 pub(super) static MAIN: Meter = Meter::new();
 
 impl Meter {
@@ -24,12 +24,12 @@ impl Meter {
         Self(AtomicU32::new(0))
     }
 
-    /// Adds.
+    /// Adds to the sum.
     pub(super) fn add(&self, count: u32) {
         self.0.fetch_add(count, Ordering::Relaxed);
     }
 
-    /// What came together.
+    /// The sum since start-up; wraps.
     pub(super) fn read(&self) -> u32 {
         self.0.load(Ordering::Relaxed)
     }

@@ -22,7 +22,7 @@ pub(super) struct Sampling {
 
 static SAMPLING: Handover<&'static mut Sampling> = Handover::new();
 
-/// Starts sampling.
+/// Hands the sampler to its interrupt, which runs from here on.
 pub(super) fn start(sampling: &'static mut Sampling, interrupts: &mut NVIC) {
     SAMPLING.leave(sampling);
     // SAFETY: no critical section is built on priorities.
@@ -61,7 +61,7 @@ impl Sampling {
         if self.sampler.spi_mut().step() { self.sampler.data_ready(now) } else { self.sampler.idle(now) }
     }
 
-    /// The chip's turn.
+    /// What the interrupt does with the chip: a conversion is ready, or a tick has come.
     fn listen(&mut self, fell: bool, tick: Option<DeviceTime>) {
         if fell {
             self.sampler.data_ready(time::now());

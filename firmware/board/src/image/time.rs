@@ -29,7 +29,7 @@ static WOKEN_BY: AtomicU32 = AtomicU32::new(0);
 /// The latest time that was told, in µs: none is told that lies before it.
 static TOLD: AtomicU32 = AtomicU32::new(0);
 
-/// Starts counting.
+/// Starts counting cycles and ticks.
 pub(super) fn start(timer: &mut SYST, control: &mut SCB, core_hz: u32) {
     timer.set_clock_source(SystClkSource::Core);
     timer.set_reload(core_hz / TICKS_PER_S - 1);
@@ -61,7 +61,7 @@ pub(super) fn cycles() -> u32 {
     ticks.wrapping_mul(per_tick).wrapping_add(counted)
 }
 
-/// Ticks since start-up.
+/// Ticks of the timer since start-up; wraps.
 pub(super) fn ticks() -> u32 {
     TICKS.load(Ordering::Relaxed)
 }

@@ -116,7 +116,7 @@ pub(super) struct Frame {
     length: u16,
     /// Bytes in a word.
     word_bytes: u16,
-    /// Bytes exchanged.
+    /// Bytes exchanged so far.
     bytes: u16,
     word_in: u32,
     word_out: u32,
@@ -153,7 +153,7 @@ impl Frame {
         self.bytes.is_multiple_of(self.word_bytes).then_some(self.bytes / self.word_bytes)
     }
 
-    /// Complete words exchanged.
+    /// Complete words exchanged so far.
     pub(super) fn words(&self) -> u16 {
         self.bytes / self.word_bytes
     }

@@ -100,14 +100,14 @@ impl Fifo {
         self.unread = (self.unread + 1).min(2);
     }
 
-    /// Forgets the oldest.
+    /// Forgets the oldest conversion.
     fn pop(&mut self) {
         self.slots[0] = self.slots[1];
         self.unread = self.unread.saturating_sub(1);
     }
 }
 
-/// The converter chip.
+/// The converter chip, seen from its pins.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chip {
     registers: Registers,
@@ -203,7 +203,7 @@ impl Chip {
         self.oversampling() / 64 * PERIOD_OF_64_NS
     }
 
-    /// Conversions per second.
+    /// Conversions per second, Hz.
     #[must_use]
     pub fn rate_hz(&self) -> f32 {
         CLKIN_HZ as f32 / (2 * self.oversampling()) as f32
@@ -394,7 +394,7 @@ impl Chip {
         Reply::Word(if on { 0x0555 } else { 0x0655 })
     }
 
-    /// Restarts the filter.
+    /// Restarts the filter, and says so in STATUS.
     fn resynchronise(&mut self) {
         self.converter.resynchronise(&self.registers);
         self.resynchronised = true;

@@ -6,9 +6,9 @@
 
 /// Identity: 0x22 (two channels) in the high byte, reserved in the low byte. Read-only.
 pub const ID: u8 = 0x00;
-/// Status word. Read-only.
+/// Status word, with a flag for each thing to know. Read-only.
 pub const STATUS: u8 = 0x01;
-/// Interface settings.
+/// Settings of the interface: word length and checksums.
 pub const MODE: u8 = 0x02;
 /// Channel enables, oversampling ratio, power mode.
 pub const CLOCK: u8 = 0x03;
