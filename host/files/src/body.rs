@@ -21,13 +21,13 @@ use crate::part::{Numbers, Unit};
 /// A body that a person has described.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodyFile {
-    /// Shape and inertia.
+    /// Shape and inertia, body frame, m and m².
     pub body: RollingBody,
     /// The unit in which the person thinks.
     pub unit: Unit,
 }
 
-/// The file's keys.
+/// The keys of the file, in its unit.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Keys {

@@ -31,7 +31,7 @@ pub enum MotionFileError {
     Motion(#[from] MotionError),
 }
 
-/// The file's keys.
+/// The keys of the file, in its unit.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Keys {

@@ -49,13 +49,13 @@ pub struct PartFile {
 /// A part with its outline.
 #[derive(Clone, Debug)]
 pub enum DescribedPart {
-    /// Bounded by edges.
+    /// Bounded by straight edges.
     Polygon(Part),
     /// Bounded by an ellipse about the part frame's origin.
     Ellipse {
         /// Along x and y, m.
         semi_axes: [f64; 2],
-        /// Support and mass.
+        /// What it rests on, and its mass.
         body: Body,
     },
 }
@@ -64,7 +64,7 @@ pub enum DescribedPart {
 const OUTLINE_POINTS: u32 = 180;
 
 impl DescribedPart {
-    /// Support and mass.
+    /// What the part rests on, and its mass.
     #[must_use]
     pub fn body(&self) -> &Body {
         match self {
@@ -143,7 +143,7 @@ impl<'de, const N: usize> Deserialize<'de> for Numbers<N> {
     }
 }
 
-/// The file's keys.
+/// The keys of the file, in its unit.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Keys {
@@ -196,7 +196,7 @@ pub enum PartFileError {
     /// A semi-axis that cannot be.
     #[error("ellipse: {key} = {value:?} must be finite and above 0")]
     SemiAxis {
-        /// `a` or `b`.
+        /// Key of the semi-axis: `a` or `b`.
         key: &'static str,
         /// The length as given, in the unit of the file.
         value: f64,
@@ -204,7 +204,7 @@ pub enum PartFileError {
     /// A coefficient of friction that cannot be.
     #[error("{key} = {value:?}, but friction coefficients are finite and not negative: check its sign")]
     Friction {
-        /// `mu` or `mu_c`.
+        /// Key of the coefficient: `mu` or `mu_c`.
         key: &'static str,
         /// The coefficient as given.
         value: f64,
@@ -212,7 +212,7 @@ pub enum PartFileError {
     /// A table without friction, where a part's resistance is to be felt.
     #[error("mu = 0, but a part is felt by how it resists a push: give the friction between part and table")]
     NothingResists,
-    /// No feet.
+    /// A support on feet without any foot.
     #[error("feet is empty: give at least one, or leave the key out for a base that bears everywhere")]
     NoFeet,
     /// A foot that cannot be.
@@ -238,7 +238,7 @@ pub enum PartFileError {
     /// A support that cannot be.
     #[error("support {name:?}: {error}")]
     Support {
-        /// Its name.
+        /// Name of the support.
         name: String,
         /// What is wrong with it.
         error: Box<PartFileError>,
@@ -246,7 +246,7 @@ pub enum PartFileError {
     /// One of two keys that belong together.
     #[error("{given} needs {missing} beside it: give both, or neither for a plate of uniform density")]
     Alone {
-        /// In the file.
+        /// Key that the file has.
         given: &'static str,
         /// Not in the file.
         missing: &'static str,

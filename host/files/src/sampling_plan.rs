@@ -13,7 +13,7 @@ pub struct PlanFile {
     /// What each outline is called; a plan from `palpate solve` has no names.
     #[serde(default)]
     pub names: Vec<String>,
-    /// The plan.
+    /// The plan itself, as `palpate solve` answers.
     #[serde(flatten)]
     pub answer: PointSamplingAnswer,
 }
@@ -24,7 +24,7 @@ pub enum DecodeError {
     /// A character that is no reading.
     #[error("`{character}` at place {place} is no reading: write 1 for covered, 0 for free, ? for unreadable")]
     Character {
-        /// The character.
+        /// The character that stands there.
         character: char,
         /// Its place, from 1.
         place: usize,

@@ -62,7 +62,7 @@ pub enum SceneFileError {
     /// A vertex of a wrong length, or a number that cannot be.
     #[error("vertex {vertex} of shape `{shape}` is {value:?}: give x, y and, for an arc, its bulge within ±10")]
     Vertex {
-        /// The shape.
+        /// Name of the shape.
         shape: String,
         /// The vertex, from 0.
         vertex: usize,
@@ -72,7 +72,7 @@ pub enum SceneFileError {
     /// An outline that is no polygon.
     #[error("shape `{shape}`: {error}")]
     Polygon {
-        /// The shape.
+        /// Name of the shape.
         shape: String,
         /// Why the outline is no polygon.
         error: PolygonError,
@@ -170,7 +170,7 @@ struct Arc {
 }
 
 impl Arc {
-    /// Its angle, signed.
+    /// Angle of the arc, counter-clockwise positive, rad.
     fn angle(&self) -> f64 {
         4.0 * self.bulge.atan()
     }

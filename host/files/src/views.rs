@@ -62,7 +62,7 @@ pub enum FileError {
     /// Not TOML, a key missing, unknown or of another type; the message shows the place.
     #[error("{0}")]
     Toml(String),
-    /// The outline.
+    /// An outline that is no polygon.
     #[error("vertices: {0}")]
     Outline(PolygonError),
     /// The outline has a notch.
@@ -89,15 +89,15 @@ pub enum FileError {
     Ellipse {
         /// As given, in the file's unit.
         a: f64,
-        /// See `a`.
+        /// As given, in the file's unit.
         b: f64,
     },
     /// What is only solved for exact readings of polygons.
     #[error("{what} cannot be used with {with}: {remedy}")]
     Together {
-        /// The one.
+        /// The one of the two.
         what: &'static str,
-        /// The other.
+        /// The other of the two.
         with: &'static str,
         /// What to do about it, in words.
         remedy: &'static str,
@@ -113,10 +113,10 @@ pub enum FileError {
     /// A standard deviation that cannot be.
     #[error("sigma = {value:?} must be finite and above 0; leave it out for exact readings")]
     Sigma {
-        /// As given, degrees.
+        /// Standard deviation as given, degrees.
         value: f64,
     },
-    /// Nothing was seen.
+    /// No cone, no fence and no point.
     #[error("there is no [[cone]], no [[fence]] and no [[point]]: give at least one")]
     Nothing,
 }

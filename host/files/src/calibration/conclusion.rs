@@ -21,7 +21,7 @@ pub struct Conclusion {
     pub fit: CalibrationFit,
     /// The dwells it was made from.
     pub taken: Vec<Taken>,
-    /// What counts mean.
+    /// Gain, excitation and gauges: what turns counts into strain.
     pub front_end: FrontEnd,
 }
 
@@ -44,11 +44,11 @@ pub enum ConclusionError {
 pub struct HeldBackError {
     /// Contact angle that was set, degrees.
     pub angle_deg: f64,
-    /// Felt minus set.
+    /// Angle felt minus angle set, degrees.
     pub error_deg: f64,
     /// Expected standard deviation of that.
     pub sigma_deg: f64,
-    /// Limit.
+    /// Largest error that is accepted, degrees.
     pub limit_deg: f64,
 }
 

@@ -45,7 +45,7 @@ const PREAMBLE: &str = "# A finger's calibration. Do not edit: recalculate it fr
 pub struct CalibrationFile {
     /// Format of the file.
     pub format: u32,
-    /// Unit of force.
+    /// Unit of force in which the matrix is.
     pub unit: ForceUnit,
     /// Counts per unit of force: rows are the x and y bridge, columns the x and y force.
     pub matrix: [[f64; 2]; 2],
@@ -81,7 +81,7 @@ pub struct RawRecord {
     pub sha256: String,
 }
 
-/// One unloaded reading.
+/// One unloaded reading of the run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TareRecord {
@@ -100,11 +100,11 @@ pub enum RoleRecord {
     Fitted,
     /// Fitted, but turned down as an outlier.
     Outlier,
-    /// Held back.
+    /// Held back from the fit to judge it.
     Held,
 }
 
-/// One contact.
+/// One contact and how it agrees with the matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ContactRecord {
@@ -140,7 +140,7 @@ pub struct HeldBackRecord {
     pub rms_error_deg: f64,
     /// Error of the worst, degrees.
     pub worst_error_deg: f64,
-    /// Its angle, degrees.
+    /// Angle of that contact, degrees.
     pub worst_angle_deg: f64,
     /// What it may be by noise, fixture and calibration, 1 σ, degrees.
     pub worst_sigma_deg: f64,
@@ -149,14 +149,14 @@ pub struct HeldBackRecord {
 /// Why a result cannot be written or used.
 #[derive(Debug, Error)]
 pub enum FileError {
-    /// The system refused.
+    /// The operating system refused to read or write.
     #[error("cannot {doing} {path}")]
     Io {
-        /// What was tried.
+        /// What was tried, in words.
         doing: &'static str,
-        /// On what.
+        /// File or folder that was meant.
         path: PathBuf,
-        /// The system's reason.
+        /// Reason that the system gives.
         #[source]
         source: io::Error,
     },
@@ -166,7 +166,7 @@ pub enum FileError {
     /// Not TOML, or not a calibration.
     #[error("not a calibration: {0}")]
     Text(String),
-    /// Another format.
+    /// The file is of another format, with this number.
     #[error("the calibration has format {0}, this program reads format {FILE_FORMAT}")]
     Format(i64),
     /// Changed after it was written.
@@ -175,9 +175,9 @@ pub enum FileError {
     /// The raw samples are not those it was made from.
     #[error("{path} is not the raw file this calibration was made from (sha256 {found}, not {wanted})")]
     RawAltered {
-        /// The raw file.
+        /// Path of the raw file.
         path: PathBuf,
-        /// Its checksum.
+        /// SHA-256 that the raw file has, hexadecimal.
         found: String,
         /// The one in the result.
         wanted: String,
@@ -185,20 +185,20 @@ pub enum FileError {
     /// A number that is infinite or not a number.
     #[error("{0} in the calibration is not a finite number")]
     NotFinite(String),
-    /// For another device.
+    /// It was made with another device than the one connected.
     #[error("the calibration was made with device {made_with}, but device {connected} is connected")]
     WrongDevice {
-        /// In the file.
+        /// The device in the file.
         made_with: String,
-        /// Connected.
+        /// The device that is connected.
         connected: String,
     },
-    /// With other settings.
+    /// It was made with other settings than the device has.
     #[error("the calibration was made with {made_with}, but the device runs with {connected}")]
     WrongFrontEnd {
-        /// In the file.
+        /// The settings in the file.
         made_with: String,
-        /// Connected.
+        /// The settings of the device that is connected.
         connected: String,
     },
     /// Numbers that make no calibration.

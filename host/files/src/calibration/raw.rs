@@ -38,7 +38,7 @@ pub struct Provenance {
     pub temperature_c: Option<f64>,
     /// Sampling rate, Hz.
     pub rate_hz: f64,
-    /// What counts mean.
+    /// Gain, excitation and gauges: what turns counts into strain.
     pub front_end: FrontEndSettings,
 }
 
@@ -48,9 +48,9 @@ pub enum ProvenanceError {
     /// A name that would not do as a folder.
     #[error("the {what} \"{name}\" is not a name of 1 to {NAME_MAX} letters, digits, - and _")]
     Name {
-        /// Whose name.
+        /// What the name is for.
         what: &'static str,
-        /// The name.
+        /// The name as given.
         name: String,
     },
     /// Not a date and time.
@@ -106,7 +106,7 @@ impl Provenance {
 pub struct RawRun {
     /// What it was measured with.
     pub provenance: Provenance,
-    /// What was planned.
+    /// The plan that the run followed.
     pub plan: CalibrationPlan,
     /// What was done, each with its samples; less than planned if the run was stopped.
     pub dwells: Vec<(Step, Vec<RawSample>)>,
@@ -128,7 +128,7 @@ pub enum RawError {
     /// The comment lines are no TOML table of the right content.
     #[error("the heading of the raw file cannot be read: {0}")]
     Header(String),
-    /// Another format.
+    /// The file is of another format, with this number.
     #[error("the raw file has format {0}, this program reads format {RAW_FORMAT}")]
     Format(u32),
     /// A line that is no sample.

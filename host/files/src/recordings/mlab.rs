@@ -46,7 +46,7 @@ pub struct Tip {
     pub pose: BlockPose,
 }
 
-/// One push.
+/// One push with its readings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Push {
     /// Number of the push in its file, from 0.
@@ -75,7 +75,7 @@ pub struct BadPush {
     pub problem: RecordingProblem,
 }
 
-/// A whole log.
+/// A whole log with its pushes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Log {
     /// How many pushes the log says it has.

@@ -27,7 +27,7 @@ use serde::Serialize;
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, thiserror::Error)]
 #[error("line {line}{}: {message}", column.map(|c| format!(", column {c}")).unwrap_or_default())]
 pub struct RecordingProblem {
-    /// Line, from 1.
+    /// Number of the line, from 1.
     pub line: usize,
     /// Field in that line, from 1, where one is to blame.
     pub column: Option<usize>,
@@ -59,9 +59,9 @@ pub enum ReadError {
     UnknownUnit {
         /// Line of the header, from 1.
         line: usize,
-        /// The unit found.
+        /// The unit as found in the header.
         unit: String,
-        /// Time or force.
+        /// What it is a unit of: time or force.
         quantity: &'static str,
         /// What would be understood.
         known: &'static str,
@@ -69,7 +69,7 @@ pub enum ReadError {
     /// Lines were there, but not one could be read.
     #[error("none of the {lines} lines of data could be read; the first: {first}")]
     AllBad {
-        /// Lines tried.
+        /// Lines of data that were tried.
         lines: usize,
         /// What was wrong with the first.
         first: RecordingProblem,
@@ -91,9 +91,9 @@ pub enum ReadError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Format {
-    /// See [`csv`].
+    /// A table of `t, Fx, Fy`: see [`csv`].
     Csv,
-    /// See [`mlab`].
+    /// A log of pushes by CMU's Manipulation Lab: see [`mlab`].
     Mlab,
 }
 

@@ -24,7 +24,7 @@ use super::part::Part;
 pub const COVERAGE: f64 = 0.95;
 /// Size of noise, standard deviations, for which the share of readings within is reported.
 pub const WITHIN_SIGMAS: f64 = 2.0;
-/// `1/√2`.
+/// `1/√2`, what the mounting's matrix is made of.
 const K: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// How the pushing logs' sensor is mounted: force on the finger in the tool's axes = this × force in the sensor's.
@@ -78,7 +78,7 @@ pub struct Report {
     pub t0: f64,
     /// Length, s.
     pub duration: f64,
-    /// Force readings.
+    /// Readings of the force.
     pub readings: usize,
     /// Whether it began without contact, in contact, or cannot be told.
     pub start: Start,
@@ -122,11 +122,11 @@ pub struct FreeCheck {
 /// Contact over a whole recording.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TouchSummary {
-    /// Readings in contact.
+    /// Readings that are in contact.
     pub samples: usize,
     /// Mean and largest size of the force, force units.
     pub force_mean: f64,
-    /// See `force_mean`.
+    /// Largest size of the force, force units.
     pub force_max: f64,
     /// Circular mean of the direction, rad in (−π, π], world.
     pub u_mean: f64,
@@ -155,14 +155,14 @@ pub struct EdgeSummary {
     pub gap_end: f64,
 }
 
-/// One reading, felt.
+/// One reading with what was felt of it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// Time after the first reading, s.
     pub t: f64,
     /// Tared force on the finger, finger axes.
     pub force_finger: [f64; 2],
-    /// Direction, in contact.
+    /// What was felt, where it is in contact.
     pub touch: Option<RowTouch>,
 }
 
@@ -177,11 +177,11 @@ pub struct RowTouch {
     pub u_half_width: f64,
     /// Size of the force.
     pub magnitude: f64,
-    /// Its standard deviation.
+    /// Standard deviation of `magnitude`, force units.
     pub magnitude_sd: f64,
     /// Direction − inward normal, rad in (−π, π].
     pub angle_to_normal: Option<f64>,
-    /// Edge touched.
+    /// Number of the edge touched, from 0.
     pub edge: Option<usize>,
 }
 
@@ -436,7 +436,7 @@ impl<'a> Scene<'a> {
 /// All reports of a session in a few numbers.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Summary {
-    /// Recordings felt.
+    /// Recordings that were felt.
     pub recordings: usize,
     /// Those that began in contact (numbers in their file).
     pub began_in_contact: Vec<usize>,
@@ -454,7 +454,7 @@ pub struct Summary {
     pub half_difference_chi: Option<f64>,
     /// Readings of second halves judged by the first, and those within [`WITHIN_SIGMAS`].
     pub free_samples: usize,
-    /// See `free_samples`.
+    /// Those of `free_samples` within [`WITHIN_SIGMAS`].
     pub free_within: usize,
     /// Readings in contact compared with an edge.
     pub edge_samples: usize,
@@ -467,7 +467,7 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Sums up.
+    /// Sums up the reports of a session.
     #[must_use]
     pub fn of(reports: &[Report]) -> Self {
         let numbers = |keep: &dyn Fn(&Report) -> bool| reports.iter().filter(|r| keep(r)).map(|r| r.index).collect();

@@ -33,7 +33,7 @@ pub struct ErrorLine {
     pub id: Box<RawValue>,
     /// The line of the input, from 1, blank lines counted.
     pub line: u64,
-    /// What is wrong.
+    /// What is wrong with the line.
     pub error: Failure,
 }
 

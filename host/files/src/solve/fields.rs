@@ -275,7 +275,7 @@ impl From<PolygonError> for InvalidInput {
 pub struct PoseFields {
     /// The world's position of the part frame's origin, m.
     pub x: f64,
-    /// See `x`.
+    /// As `x`, along the world's y, m.
     pub y: f64,
     /// The turn from world to part axes, counter-clockwise, rad; kept as given, not wrapped.
     pub theta: f64,

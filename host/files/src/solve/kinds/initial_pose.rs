@@ -17,7 +17,7 @@ use crate::solve::{InvalidInput, Pointer, Problem, SolveError, read, tagged};
 pub struct InitialPose {
     /// Outline and motion of the finger.
     pub finger: ShapedFinger,
-    /// What is pushed.
+    /// The part that is pushed, in its own frame.
     pub object: PushedObject,
     /// Friction between part and plane.
     #[serde(deserialize_with = "plane_friction")]
@@ -62,12 +62,12 @@ pub enum ShapedFinger {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DiskFinger {
-    /// m.
+    /// Radius of the disk, m; 0 for a point.
     pub radius: NonNegative,
     /// Centre at t = 0, m.
     #[serde(default)]
     pub centre0: [f64; 2],
-    /// Constant, m/s².
+    /// Acceleration, constant, world axes, m/s².
     pub acceleration: [f64; 2],
 }
 
@@ -82,7 +82,7 @@ pub struct EllipseFinger {
     /// Centre at t = 0, m.
     #[serde(default)]
     pub centre0: [f64; 2],
-    /// Constant, m/s².
+    /// Acceleration, constant, world axes, m/s².
     pub acceleration: [f64; 2],
 }
 
@@ -93,7 +93,7 @@ pub struct LineFinger {
     /// Its point at t = 0, m.
     #[serde(default)]
     pub centre0: [f64; 2],
-    /// Constant, m/s².
+    /// Acceleration, constant, world axes, m/s².
     pub acceleration: [f64; 2],
 }
 
@@ -145,7 +145,7 @@ pub enum PushedObject {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PolygonObject {
-    /// Its outline.
+    /// Its outline, part frame, m.
     pub vertices: Polygon,
 }
 

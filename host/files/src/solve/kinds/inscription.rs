@@ -19,7 +19,7 @@ pub struct Inscription {
     /// The corners of the polygon are centres of arcs of this radius, which all around is added to it, m.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rounding: Option<NonNegative>,
-    /// Instead of `polygon`.
+    /// Instead of `polygon`: an ellipse about the part frame's origin.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ellipse: Option<EllipseFields>,
     /// Views of the part.

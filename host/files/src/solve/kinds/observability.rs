@@ -45,11 +45,11 @@ impl<'de> Deserialize<'de> for Observability {
 /// What can be told.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct ObservabilityAnswer {
-    /// Of the state.
+    /// How many numbers the state has.
     pub dimension: usize,
     /// How many independent changes of the state show in the contact.
     pub rank: usize,
-    /// Whether all do.
+    /// Whether all changes of the state show: `rank` is `dimension`.
     pub observable: bool,
     /// Of the contact's derivatives by the state in the system's scales, as shares of the largest, largest first. Below 1e-7
     /// counts as nothing.
@@ -92,7 +92,7 @@ impl Problem for Observability {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RollSystem {
-    /// The body.
+    /// The body that rolls.
     pub body: BodyFields,
     /// Whether the contact lets the body spin about the normal.
     pub spin: Spin,
@@ -101,7 +101,7 @@ pub struct RollSystem {
     pub g: NonNegative,
     /// Quaternion `[w, x, y, z]` of length 1, body → palm.
     pub orientation: [f64; 4],
-    /// Body axes, rad/s.
+    /// Angular velocity, body axes, rad/s.
     pub omega: [f64; 3],
     /// How the palm accelerates while it feels.
     pub inputs: Inputs,
@@ -142,7 +142,7 @@ pub struct SufficientConditionFields {
     pub beta_cross_z: f64,
     /// κ₁ xᵀD⁻¹x − κ₂ yᵀD⁻¹y of (7.34).
     pub curvature_term: f64,
-    /// xᵀD⁻¹y of (7.34).
+    /// xᵀD⁻¹y of (7.34), in 1/L².
     pub mobility_term: f64,
 }
 
@@ -191,7 +191,7 @@ fn refuse_start(error: RollError) -> InvalidInput {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PushSystem {
-    /// The part's outline.
+    /// The part's outline, part frame, m.
     pub polygon: Polygon,
     /// The edge in contact, from vertex `edge` to the next.
     pub edge: usize,

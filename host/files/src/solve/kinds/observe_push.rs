@@ -19,7 +19,7 @@ use crate::solve::{InvalidInput, Pointer, Problem, SolveError};
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ObservePush {
-    /// The part's outline.
+    /// The part's outline, part frame, m.
     pub polygon: Polygon,
     /// Friction between part and plane.
     #[serde(deserialize_with = "plane_friction")]
@@ -73,7 +73,7 @@ pub struct ObservePush {
     /// Moment of inertia about `centre_of_mass` over the mass, m².
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inertia_per_mass: Option<Positive>,
-    /// How to estimate.
+    /// How the pose is estimated.
     #[serde(default)]
     pub method: Method,
     /// `gho` only: minus the poles of the observer, 1/s.
@@ -103,7 +103,7 @@ pub enum Method {
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "Prior")]
 pub struct PriorFields {
-    /// rad/s.
+    /// Of the angular velocity, rad/s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub omega0_sigma: Option<Positive>,
     /// m/s; where the contact does not roll.
@@ -118,11 +118,11 @@ pub struct InitialEstimate {
     /// The edge in contact; one observer runs for each edge where not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub edge: Option<usize>,
-    /// Contact angle, rad.
+    /// Contact angle at t = 0, rad.
     pub u: f64,
     /// Contact along the edge, m.
     pub s: f64,
-    /// Angular velocity, rad/s.
+    /// Angular velocity at t = 0, rad/s.
     pub omega: f64,
     /// Velocity of the centre of mass along T, m/s; where the contact does not roll.
     #[serde(default, rename = "vT", skip_serializing_if = "Option::is_none")]
@@ -185,7 +185,7 @@ pub struct PushHypothesisAnswer {
     pub s_end: f64,
     /// Contact angle, rad; continuous from the first value.
     pub u_end: f64,
-    /// Angular velocity, rad/s.
+    /// Angular velocity at the last value, rad/s.
     pub omega_end: f64,
     /// Velocity of the centre of mass along T, m/s.
     #[serde(rename = "vT_end")]
@@ -221,15 +221,15 @@ pub struct PushHypothesisAnswer {
 /// An observer's estimate at one instant.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct TracePoint {
-    /// s.
+    /// Time since the push began, s.
     pub t: f64,
-    /// rad.
+    /// Contact angle, rad.
     pub u: f64,
-    /// m.
+    /// Contact along the edge, m.
     pub s: f64,
-    /// rad/s.
+    /// Angular velocity, rad/s.
     pub omega: f64,
-    /// m/s.
+    /// Velocity of the centre of mass along T, m/s.
     #[serde(rename = "vT")]
     pub v_t: f64,
 }

@@ -180,11 +180,11 @@ pub enum ObserveRollStatus {
 pub struct RollHypothesisAnswer {
     /// `[w, x, y, z]` at the first contact, body → palm.
     pub orientation0: [f64; 4],
-    /// Body axes, rad/s.
+    /// Angular velocity at the first contact, body axes, rad/s.
     pub omega0: [f64; 3],
     /// At the last contact.
     pub orientation_end: [f64; 4],
-    /// Body axes, rad/s.
+    /// Angular velocity at the last contact, body axes, rad/s.
     pub omega_end: [f64; 3],
     /// Sum of squared residuals over their variances.
     pub cost: f64,
@@ -197,7 +197,7 @@ pub struct RollHypothesisAnswer {
     /// Of an unknown ellipsoid, m, in the order of the body axes that the orientations refer to.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub semi_axes: Option<[f64; 3]>,
-    /// Which of `bodies`.
+    /// Place of the body in `bodies`, from 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub body_index: Option<usize>,
     /// Where it was unknown.
@@ -246,7 +246,7 @@ impl From<rolling::SymmetryName> for SymmetryName {
 /// The turns that leave a body as it is, in shape and inertia.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct SymmetryFields {
-    /// Of the group.
+    /// Name of the group of turns.
     pub name: SymmetryName,
     /// How many turns; null for a continuum.
     pub order: Option<usize>,

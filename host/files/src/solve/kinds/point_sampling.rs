@@ -41,7 +41,7 @@ pub struct PointSampling {
     /// Points nearer than this to an edge of any polygon are left out, m.
     #[serde(default = "zero")]
     pub min_clearance: NonNegative,
-    /// What is wanted.
+    /// What a choice of points is judged by.
     #[serde(default)]
     pub objective: ObjectiveName,
     /// How long to search, s. The best found by then is the answer, with what is proven.
@@ -84,7 +84,7 @@ pub struct PointSamplingAnswer {
     /// Polygons that no points (in regions and with clearances as asked) tell apart, the lesser index first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub pairs: Vec<[usize; 2]>,
-    /// m.
+    /// Places of the points, m.
     pub points: Vec<[f64; 2]>,
     /// Distance of each point from the nearest edge of any polygon, m.
     pub clearances: Vec<f64>,
@@ -98,7 +98,7 @@ pub struct PointSamplingAnswer {
     pub optimal: bool,
     /// No plan of so many points has a larger smallest clearance, m; null for the greedy choice.
     pub clearance_bound: Option<f64>,
-    /// What proves `lower_bound`.
+    /// What proves that `lower_bound` points are needed.
     pub proof: ProofOfBound,
 }
 

@@ -17,7 +17,7 @@ use crate::solve::{InvalidInput, Pointer, Problem, SolveError};
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Push {
-    /// The part's outline.
+    /// The part's outline, part frame, m.
     pub polygon: Polygon,
     /// The edge in contact, from vertex `edge` to the next.
     pub edge: usize,
@@ -171,9 +171,9 @@ pub struct PushAnswer {
 /// The finger reaches an edge that it does not push.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Meeting {
-    /// s.
+    /// Time since the push began, s.
     pub t: f64,
-    /// Which.
+    /// Number of the edge that it reaches, from 0.
     pub edge: usize,
 }
 
@@ -186,7 +186,7 @@ impl From<SecondContact> for Meeting {
 /// A part at one instant.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct PushSample {
-    /// s.
+    /// Time since the push began, s.
     pub t: f64,
     /// Polar angle of the contact, rad, not wrapped.
     pub u: f64,
@@ -212,9 +212,9 @@ pub struct PushSample {
 /// The end of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct PushEnd {
-    /// Why.
+    /// Why the run ended.
     pub reason: PushEndReasonAnswer,
-    /// When, s.
+    /// Time since the push began, s.
     pub t: f64,
 }
 
@@ -246,14 +246,14 @@ pub enum PushEndReasonAnswer {
 pub struct InitialAcceleration {
     /// Of the centre of mass, world axes, m/s².
     pub centroid: [f64; 2],
-    /// rad/s².
+    /// Angular acceleration, rad/s².
     pub alpha: f64,
 }
 
 /// A change between rolling and sliding.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Transition {
-    /// s.
+    /// Time since the push began, s.
     pub t: f64,
     /// The mode from then on.
     pub to: Mode,

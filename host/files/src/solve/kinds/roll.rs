@@ -12,7 +12,7 @@ use crate::solve::{InvalidInput, Pointer, Problem, SolveError};
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Roll {
-    /// The body.
+    /// The body that rolls.
     pub body: BodyFields,
     /// Whether the contact lets the body spin about the normal.
     pub spin: Spin,
@@ -73,11 +73,11 @@ pub enum BodyFields {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EggFields {
-    /// a, m.
+    /// Semi-axes a, m.
     pub semi_axes: [Positive; 3],
-    /// m.
+    /// Skew e along z, m.
     pub e: f64,
-    /// m.
+    /// Shift zc of the origin along z, m.
     pub zc: f64,
     /// Principal moments of inertia over the mass, m²; those of uniform density where not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -88,7 +88,7 @@ pub struct EggFields {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RoundedFields {
-    /// a, m.
+    /// Semi-axes a of the part that r is added to, m.
     pub semi_axes: [Positive; 3],
     /// Least radius of curvature, m.
     pub r: Positive,
@@ -104,7 +104,7 @@ pub struct RoundedFields {
 pub struct RollStartFields {
     /// Quaternion `[w, x, y, z]` of length 1, body → palm.
     pub orientation: [f64; 4],
-    /// Body axes, rad/s.
+    /// Angular velocity, body axes, rad/s.
     pub omega: [f64; 3],
     /// The contact on the palm, m.
     pub u: [f64; 2],
@@ -128,11 +128,11 @@ pub enum PalmFields {
 #[serde(deny_unknown_fields)]
 #[schemars(rename = "Harmonic")]
 pub struct HarmonicFields {
-    /// m/s².
+    /// Amplitude, palm axes, m/s².
     pub amplitude: [f64; 3],
-    /// Hz.
+    /// Frequency, Hz.
     pub frequency_hz: f64,
-    /// rad.
+    /// Phase at t = 0, rad.
     pub phase: f64,
 }
 
@@ -147,7 +147,7 @@ pub struct Piecewise(rolling::Pieces, PiecewiseFields);
 struct PiecewiseFields {
     /// s, increasing, the first not after 0.
     t: Vec<f64>,
-    /// m/s².
+    /// Accelerations, palm axes, m/s².
     a: Vec<[f64; 3]>,
 }
 
@@ -195,13 +195,13 @@ pub struct RollAnswer {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 #[schemars(rename = "RollSample")]
 pub struct RollSampleAnswer {
-    /// s.
+    /// Time since the roll began, s.
     pub t: f64,
     /// The contact on the palm, m.
     pub u: [f64; 2],
     /// `[w, x, y, z]`, body → palm.
     pub orientation: [f64; 4],
-    /// Body axes, rad/s.
+    /// Angular velocity, body axes, rad/s.
     pub omega: [f64; 3],
     /// The contact on the body, body axes, m.
     pub contact_body: [f64; 3],
@@ -215,9 +215,9 @@ pub struct RollSampleAnswer {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 #[schemars(rename = "RollEnd")]
 pub struct RollEndAnswer {
-    /// Why.
+    /// Why the run ended.
     pub reason: RollEndReasonAnswer,
-    /// When, s.
+    /// Time since the roll began, s.
     pub t: f64,
 }
 

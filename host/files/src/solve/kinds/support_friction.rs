@@ -33,9 +33,9 @@ pub struct SupportFrictionProblem {
 /// The friction integrals: force `−mu·g·(m/area)·i1`, moment about the frame's origin `−mu·g·(m/area)·i2`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SupportFrictionAnswer {
-    /// m².
+    /// Area of the support, m².
     pub area: f64,
-    /// Area centroid, m.
+    /// Area centroid of the polygon, m.
     pub centroid: [f64; 2],
     /// Integral of the direction of sliding over the area, part axes, m².
     pub i1: [f64; 2],
