@@ -30,7 +30,7 @@ pub enum Place {
         /// given.
         s: Option<f64>,
     },
-    /// On an ellipse.
+    /// On the outline of an ellipse.
     Around {
         /// Eccentric angle, rad: the point (a cos, b sin).
         angle: f64,
@@ -40,9 +40,9 @@ pub enum Place {
 /// How a finger is to push a part.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PushPlan {
-    /// Where it touches.
+    /// Where it touches the part.
     pub place: Place,
-    /// Its outline.
+    /// Outline of the finger, world axes.
     pub shape: FingerShape,
     /// Of the finger at t = 0, m/s.
     pub speed: f64,
@@ -52,7 +52,7 @@ pub struct PushPlan {
     pub acceleration: f64,
     /// Where the finger accelerates, like `direction`.
     pub acceleration_direction: f64,
-    /// Later accelerations.
+    /// Later accelerations, each from its time on.
     pub then: Vec<Turn>,
     /// Of the part at t = 0, rad/s; not for a start from rest.
     pub omega: f64,
@@ -76,11 +76,11 @@ pub struct Turn {
 pub struct Pushed {
     /// Samples of the simulated motion, its changes of contact and its end.
     pub run: PushRun,
-    /// The finger's outline.
+    /// The finger's outline, world axes.
     pub shape: FingerShape,
     /// The finger's motion, world axes.
     pub track: FingerTrack,
-    /// What was pushed.
+    /// Outline of the part where it is touched.
     pub side: PartSide,
 }
 
@@ -109,7 +109,7 @@ pub enum PlanError {
         /// Where the outline faces, rad.
         facing: f64,
     },
-    /// Nothing moves.
+    /// Neither speed nor acceleration is given.
     #[error("neither speed nor acceleration is given, so nothing would move: give one of them")]
     NoMotion,
     /// The finger leaves, or would only rub along the edge.
@@ -118,15 +118,15 @@ pub enum PlanError {
         direction.to_degrees()
     )]
     MovesAway {
-        /// Moves or accelerates.
+        /// Whether it moves or accelerates that way.
         what: &'static str,
-        /// As planned, rad.
+        /// The direction as planned, rad.
         direction: f64,
     },
     /// A part that turns does not start from rest.
     #[error("the part turns at {:.3} °/s at the start, but the finger's speed is 0: give it a speed, or leave out the turning", omega.to_degrees())]
     TurnsAtRest {
-        /// As planned, rad/s.
+        /// The angular velocity as planned, rad/s.
         omega: f64,
     },
     /// The contact is not on the edge.
@@ -135,7 +135,7 @@ pub enum PlanError {
         s * MM, s_min * MM, s_max * MM
     )]
     BeyondEdge {
-        /// The contact, m.
+        /// Place of the contact on the edge, m.
         s: f64,
         /// The edge's first end, m.
         s_min: f64,
@@ -181,7 +181,7 @@ struct Spot {
     s: f64,
     /// Part frame, which is the world's at t = 0, m.
     point: Point2<f64>,
-    /// Outward, part axes.
+    /// Outward unit normal, part axes.
     normal: Vector2<f64>,
 }
 

@@ -21,7 +21,7 @@ pub(super) fn about(error: &(dyn Error + 'static)) -> Option<String> {
     settings(error).or_else(|| measuring(error)).or_else(|| result(error)).or_else(|| kept(error))
 }
 
-/// What people set.
+/// Help about what people set.
 fn settings(error: &(dyn Error + 'static)) -> Option<String> {
     if let Some(error) = error.downcast_ref() {
         return Some(match error {

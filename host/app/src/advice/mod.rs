@@ -83,7 +83,7 @@ fn own(error: &(dyn Error + 'static)) -> Option<String> {
     }
 }
 
-/// Files of parts.
+/// Help about files of parts and views.
 fn files(error: &(dyn Error + 'static)) -> Option<String> {
     if let Some(views::FileError::NotConvex(_)) = error.downcast_ref() {
         return Some("--hull takes the hull".to_owned());

@@ -86,7 +86,7 @@ pub(crate) struct Arguments {
 
 /// A device that is ready to stream.
 pub(crate) struct Device<'a> {
-    /// Its samples.
+    /// The samples that it streams.
     pub(crate) source: &'a mut dyn SampleSource,
     /// Its name, as it gives it.
     pub(crate) name: String,
@@ -222,7 +222,7 @@ impl<'a> Unfinished<'a> {
         self.written = Some(written);
     }
 
-    /// Where they are.
+    /// Path of the written samples, if any could be.
     fn path(&self) -> Option<&Path> {
         self.written.as_ref()?.as_ref().ok().map(PathBuf::as_path)
     }

@@ -100,7 +100,7 @@ impl KeptTare {
         Self { format: TARE_FORMAT, device: device(session), gain, rate_hz, unit, tare }
     }
 
-    /// Keeps it.
+    /// Writes the tare to a file.
     pub(crate) fn save(&self, path: &Path) -> miette::Result<()> {
         let text = toml::to_string(self).into_diagnostic()?;
         fs::write(path, text).into_diagnostic().wrap_err_with(|| format!("cannot keep the tare in {}", path.display()))

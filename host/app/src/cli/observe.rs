@@ -225,7 +225,7 @@ impl Observer<'_> {
         pose::lines(&self.file.part, estimate).iter().for_each(|line| say!("{line}"));
     }
 
-    /// The last word.
+    /// Prints what is known in the end.
     fn finish(mut self, sense: &PushSense) -> miette::Result<ExitCode> {
         if sense.onset_time().is_none() {
             return Err(miette::miette!(

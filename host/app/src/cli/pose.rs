@@ -29,7 +29,7 @@ pub(super) fn headings(estimate: &Estimate) -> String {
 /// The columns of the plane's friction, and how uncertain the mass then is.
 const FRICTION_HEADINGS: [&str; 2] = ["    µ of the plane    mass", "                ±      ± %"];
 
-/// Where they begin.
+/// Column at which they begin, from 0.
 const FRICTION_COLUMN: usize = 111;
 
 /// An estimate for a person, a line for each pose.

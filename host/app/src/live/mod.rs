@@ -34,7 +34,7 @@ const TEMPERATURE_WAIT: Duration = Duration::from_millis(1500);
 /// Why no samples could be taken.
 #[derive(Debug, Error)]
 pub enum LiveError {
-    /// The link failed.
+    /// The link to the device failed.
     #[error(transparent)]
     Link(#[from] LinkError),
     /// The device streams nothing.

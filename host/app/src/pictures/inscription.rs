@@ -24,9 +24,9 @@ const ASKED: Colour = Colour::VERMILLION;
 /// A pose with the part that has it.
 #[derive(Clone, Copy, Debug)]
 pub struct Shown<'a> {
-    /// The part.
+    /// The part that has the pose.
     pub part: &'a NamedPart,
-    /// Where it lies.
+    /// Pose of the part in the world.
     pub pose: Pose,
 }
 
@@ -41,14 +41,14 @@ pub struct InscribePicture<'a> {
     pub next: Option<PlannedView>,
     /// Points that tell the poses apart, numbered as in the plan.
     pub points: &'a [Circle],
-    /// Above everything.
+    /// Title, above everything.
     pub title: &'a str,
-    /// Below the title.
+    /// Lines below the title.
     pub subtitles: &'a [String],
 }
 
 impl InscribePicture<'_> {
-    /// Draws it.
+    /// Draws the picture, with its own size.
     #[must_use]
     pub fn figure(&self) -> Figure {
         let figure = Figure::new(self.title, PAGE[0], PAGE[1]);

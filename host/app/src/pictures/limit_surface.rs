@@ -20,7 +20,7 @@ const POINTS: u32 = 360;
 /// Size of the page.
 const PAGE: [f64; 2] = [1120.0, 560.0];
 
-/// A force axis.
+/// An axis of force, part axes.
 #[derive(Clone, Copy)]
 enum Axis {
     X,

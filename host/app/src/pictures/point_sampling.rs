@@ -24,20 +24,20 @@ const OUTLINE: Colour = Colour::BLUE;
 /// What a picture shows.
 #[derive(Clone, Copy, Debug)]
 pub struct SamplingPicture<'a> {
-    /// Outlines.
+    /// Outlines of the polygons, m.
     pub polygons: &'a [SimplePolygon],
     /// Points with their clearances.
     pub points: &'a [Circle],
     /// Lines from the corner along the fences.
     pub fences: &'a [[Point2<f64>; 2]],
-    /// Above everything.
+    /// Title, above everything.
     pub title: &'a str,
-    /// Below the title.
+    /// Lines below the title.
     pub subtitles: &'a [String],
 }
 
 impl SamplingPicture<'_> {
-    /// Draws it.
+    /// Draws the picture, with its own size.
     #[must_use]
     pub fn figure(&self) -> Figure {
         let figure = Figure::new(self.title, PAGE[0], PAGE[1]);

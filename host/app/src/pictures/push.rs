@@ -41,7 +41,7 @@ const FINGER: Colour = Colour::DARK_GREY;
 /// What a picture shows.
 #[derive(Clone, Copy, Debug)]
 pub struct PushPicture<'a> {
-    /// The part.
+    /// The part with its outline.
     pub file: &'a PartFile,
     /// Its motion, sampled densely.
     pub pushed: &'a Pushed,
@@ -49,14 +49,14 @@ pub struct PushPicture<'a> {
     pub edge: Option<usize>,
     /// Friction between part and finger, where the contact can slip.
     pub friction: Option<f64>,
-    /// Above everything.
+    /// Title, above everything.
     pub title: &'a str,
-    /// Below the title.
+    /// Lines below the title.
     pub subtitles: &'a [String],
 }
 
 impl PushPicture<'_> {
-    /// Draws it.
+    /// Draws the picture, with its own size.
     #[must_use]
     pub fn figure(&self) -> Figure {
         let figure = Figure::new(self.title, PAGE[0], PAGE[1]);

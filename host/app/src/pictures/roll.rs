@@ -30,20 +30,20 @@ const CENTRE: Colour = Colour::GREEN;
 /// What a picture shows.
 #[derive(Clone, Copy, Debug)]
 pub struct RollPicture<'a> {
-    /// The body.
+    /// The body that rolls.
     pub body: &'a RollingBody,
     /// Its motion, sampled densely.
     pub run: &'a RollRun,
     /// Gravity, m/s².
     pub g: f64,
-    /// Above everything.
+    /// Title, above everything.
     pub title: &'a str,
-    /// Below the title.
+    /// Lines below the title.
     pub subtitles: &'a [String],
 }
 
 impl RollPicture<'_> {
-    /// Draws it.
+    /// Draws the picture, with its own size.
     #[must_use]
     pub fn figure(&self) -> Figure {
         let figure = Figure::new(self.title, PAGE[0], PAGE[1]);

@@ -41,7 +41,7 @@ fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<Outcome, String> {
     Ok(Outcome::new(&part, &drawn, &from_rest::estimate(&known, &measured)))
 }
 
-/// The table `chain`.
+/// What `palpate tables chain` runs.
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "chain",
     title: "a part pushed from rest, its pose from the force on the finger, through the whole chain",
@@ -49,7 +49,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     run,
 };
 
-/// Runs it.
+/// Draws, simulates and judges all cases.
 fn run(settings: &TableSettings) -> Table {
     let mut table = Table::new([
         "finger's path",

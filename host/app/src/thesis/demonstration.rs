@@ -66,10 +66,10 @@ pub enum RigError {
     /// The simulated finger could not be started, or has ended.
     #[error("the simulated finger is gone")]
     Device(#[from] io::Error),
-    /// The link failed.
+    /// The link to the simulated device failed.
     #[error(transparent)]
     Link(#[from] LinkError),
-    /// No samples came.
+    /// No samples came from the simulated device.
     #[error(transparent)]
     Live(#[from] LiveError),
     /// The calibration could not be taken.

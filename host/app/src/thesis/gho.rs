@@ -22,7 +22,7 @@ pub(super) const KNOWN_EDGE: Experiment =
 pub(super) const UNKNOWN_EDGE: Experiment =
     Experiment { name: "6.2", title: "the thesis's observer, contact edge unknown", cases: 500, run: unknown_edge };
 
-/// Thesis §8.2.2.
+/// The observers compared, after thesis §8.2.2.
 pub(super) const SIDE_BY_SIDE: Experiment = Experiment {
     name: "8.2.2",
     title: "the thesis's observers side by side, from several starts and with several gains",

@@ -16,23 +16,23 @@ use palpate::math::statistics;
 
 use super::{Cell, Experiment, Table, TableSettings};
 
-/// Table 2.1.
+/// Thesis Table 2.1.
 pub(super) const HALF_PLANES: Experiment =
     Experiment { name: "2.1", title: "poses of a polygon in three half-planes", cases: 10_000, run: half_planes };
-/// Table 2.2.
+/// Thesis Table 2.2.
 pub(super) const TWO_CONES: Experiment =
     Experiment { name: "2.2", title: "poses of a polygon in two cones", cases: 10_000, run: two_cones };
-/// Table 2.3.
+/// Thesis Table 2.3.
 pub(super) const MORE_CONES: Experiment = Experiment {
     name: "2.3",
     title: "poses of a polygon in more and in farther cones",
     cases: 10_000,
     run: more_cones,
 };
-/// Appendix A.
+/// The worst case of thesis appendix A.
 pub(super) const WORST_CASE: Experiment =
     Experiment { name: "A", title: "parts with six poses a vertex", cases: 1, run: worst_case };
-/// Inscription with noise.
+/// What noise does to poses, beyond the thesis.
 pub(super) const NOISE: Experiment =
     Experiment { name: "2-noise", title: "inscription in cones with noise", cases: 1000, run: noise };
 

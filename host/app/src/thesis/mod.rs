@@ -65,7 +65,7 @@ pub struct Experiment {
     pub title: &'static str,
     /// Cases of each row unless the person asks for another number.
     pub cases: usize,
-    /// Runs it.
+    /// Runs all its cases.
     pub run: fn(&TableSettings) -> Table,
 }
 
@@ -83,7 +83,7 @@ pub struct TableSettings {
 pub struct Table {
     /// What was drawn, what was counted as what: a sentence each.
     pub definitions: Vec<String>,
-    /// Headings, with units.
+    /// Headings of the columns, with units.
     pub columns: Vec<&'static str>,
     /// As many cells a row as there are columns.
     #[serde(serialize_with = "rows_by_heading")]
@@ -105,7 +105,7 @@ struct Row {
 pub enum Cell {
     /// Nothing is known or was measured here.
     Empty,
-    /// Words.
+    /// A text, printed as it is.
     Text(String),
     /// A count, printed without decimals.
     Count(u64),

@@ -25,7 +25,7 @@ const ROWS: [(&str, usize, [f64; 2]); 4] = [
     ("10, aside", 10, [0.08, 0.0]),
 ];
 
-/// The table `parts`.
+/// What `palpate tables parts` runs.
 pub(super) const EXPERIMENT: Experiment =
     Experiment { name: "parts", title: "which of several known parts was pushed", cases: 200, run };
 
@@ -48,7 +48,7 @@ impl Outcome {
     }
 }
 
-/// Runs the experiment.
+/// Draws, simulates and judges all cases.
 fn run(settings: &TableSettings) -> Table {
     let mut table = Table::new(["parts, push", "cases", "named", "not excluded", "certain", "wrong and certain"]);
     table.definitions = definitions();

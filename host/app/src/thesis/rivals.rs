@@ -22,7 +22,7 @@ use palpate::pushing::estimation::{Prior, Touch};
 
 /// Distance of places tried, m; and where rolling and sliding take turns, which costs more.
 const GRID_M: f64 = 1e-3;
-/// See [`GRID_M`].
+/// The same distance where rolling and sliding take turns, m.
 const GRID_COULOMB_M: f64 = 2.5e-3;
 
 /// Steps between values, at a coarse noise and at a fine one.
@@ -30,7 +30,7 @@ const STEPS: [usize; 2] = [2, 10];
 
 /// Noise that is searched first at least, and by how much it falls from there, rad.
 const SIGMA_COARSE: f64 = 2e-3;
-/// See [`SIGMA_COARSE`].
+/// How much less noise is searched with next, as a ratio.
 const SIGMA_RATIO: f64 = 0.1;
 
 /// How a place is improved: until a step lowers the cost by less than a thousandth of a squared standard deviation.
@@ -59,7 +59,7 @@ const APART_M: f64 = 2e-3;
 
 /// Standard deviation that keeps a rival's path on its edge, and how far beyond it may be; m.
 const EDGE_SIGMA_M: f64 = 1e-5;
-/// See [`EDGE_SIGMA_M`].
+/// How far beyond its edge a rival may be, m.
 const BEYOND_M: f64 = 5e-5;
 
 /// Overlaps of the disk with another edge up to this are none, m: rounding.
@@ -84,11 +84,11 @@ pub(super) struct Leg {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Truth<'a> {
     pub(super) part: &'a Part,
-    /// µ g, m/s².
+    /// µ g of the plane, m/s².
     pub(super) mu_g: f64,
     pub(super) legs: &'a [Leg],
     pub(super) touch: Touch,
-    /// The edge touched.
+    /// Number of the edge touched, from 0.
     pub(super) edge: usize,
     /// At the first value.
     pub(super) start: State,
@@ -96,7 +96,7 @@ pub(super) struct Truth<'a> {
     pub(super) s_end: f64,
     /// Exact contact angles, rad.
     pub(super) angles: &'a [f64],
-    /// Between values, s.
+    /// Time between values, s.
     pub(super) dt: f64,
     /// Of one angle, rad.
     pub(super) sigma: f64,
@@ -345,7 +345,7 @@ struct Tried {
     start: State,
     /// Without what keeps the path on its edge.
     cost: f64,
-    /// With it.
+    /// With what keeps the path on its edge.
     equations: NormalEquations<4>,
     s_end: f64,
     possible: bool,

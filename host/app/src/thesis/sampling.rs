@@ -12,11 +12,11 @@ use super::{Cell, Experiment, Table, TableSettings};
 /// How long to look for fewer points or a proof in each scene.
 const TIME_LIMIT: Duration = Duration::from_secs(60);
 
-/// Table 3.1.
+/// Thesis Table 3.1.
 pub(super) const SPARSE: Experiment =
     Experiment { name: "3.1", title: "points that tell sparse polygons or poses apart", cases: 1, run: sparse };
 
-/// Table 3.2.
+/// Thesis Table 3.2.
 pub(super) const DENSE: Experiment =
     Experiment { name: "3.2", title: "points that tell dense polygons or poses apart", cases: 1, run: dense };
 

@@ -30,7 +30,7 @@ const TARE_S: f64 = 1.0;
 /// Probability with which the interval stated for a contact shall hold it.
 pub const COVERAGE: f64 = 0.99;
 
-/// Contacts to feel.
+/// Contacts that are felt one after the other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contacts {
     /// Contact angles, rad.
@@ -76,7 +76,7 @@ pub struct ContactAccuracy {
     pub covered: f64,
     /// Mean of the felt force, in the calibration's unit.
     pub magnitude: f64,
-    /// Readings.
+    /// Readings that were felt.
     pub readings: usize,
 }
 
@@ -97,11 +97,11 @@ pub enum ExperimentError {
     NotFelt {
         /// True contact angle, degrees.
         angle_deg: f64,
-        /// How hard.
+        /// How hard the contact pushes, N.
         normal_force: f64,
         /// Readings that were contacts.
         readings: usize,
-        /// Readings taken.
+        /// Readings that were taken.
         wanted: usize,
     },
 }

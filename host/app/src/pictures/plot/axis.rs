@@ -188,11 +188,11 @@ fn axis_text(text: impl Into<String>, at: PagePoint) -> Text {
 pub enum Key {
     /// A piece of the line.
     Line(Stroke),
-    /// A patch.
+    /// A patch of the area.
     Area(Style),
-    /// A dot.
+    /// A dot of this colour.
     Dot(Colour),
-    /// An arrow.
+    /// An arrow of this colour.
     Arrow(Colour),
 }
 

@@ -56,7 +56,7 @@ impl Figure {
         self
     }
 
-    /// Draws it.
+    /// Draws the figure, panels and titles.
     #[must_use]
     pub fn to_page(&self) -> Page {
         let [width, height] = self.size;

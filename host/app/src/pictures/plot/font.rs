@@ -52,7 +52,7 @@ pub(super) fn outline(glyph: u16) -> Vec<Segment> {
     outline.segments
 }
 
-/// Collects an outline.
+/// Collects an outline, in heights of the font.
 struct Outline {
     per_unit: f64,
     segments: Vec<Segment>,

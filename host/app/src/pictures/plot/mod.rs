@@ -62,7 +62,7 @@ pub enum PlotError {
     /// Not a format that can be written.
     #[error("`{name}` does not end in .svg or .png: pictures are written in these formats")]
     Format {
-        /// The file's name.
+        /// Name of the file.
         name: String,
     },
     /// No pixels, or too many.

@@ -10,9 +10,9 @@ use super::style::{Colour, Style};
 /// A place on the page.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PagePoint {
-    /// To the right.
+    /// From the left edge to the right, page units.
     pub x: f64,
-    /// Down.
+    /// From the upper edge down, page units.
     pub y: f64,
 }
 
@@ -37,9 +37,9 @@ impl PagePoint {
 /// A rectangle on the page.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Area {
-    /// Its left side.
+    /// x of the left side, page units.
     pub left: f64,
-    /// Its upper side.
+    /// y of the upper side, page units.
     pub top: f64,
     /// From left to right.
     pub width: f64,
@@ -56,13 +56,13 @@ impl Area {
         Self { left: self.left + left, top: self.top + top, width, height }
     }
 
-    /// Its right side.
+    /// x of the right side, page units.
     #[must_use]
     pub fn right(self) -> f64 {
         self.left + self.width
     }
 
-    /// Its lower side.
+    /// y of the lower side, page units.
     #[must_use]
     pub fn bottom(self) -> f64 {
         self.top + self.height
@@ -86,24 +86,24 @@ impl Area {
 /// What to leave free on each side.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Margins {
-    /// On the left.
+    /// On the left, page units.
     pub left: f64,
-    /// Above.
+    /// Above, page units.
     pub top: f64,
-    /// On the right.
+    /// On the right, page units.
     pub right: f64,
-    /// Below.
+    /// Below, page units.
     pub bottom: f64,
 }
 
 /// Which point of a text is at its place: along the line of writing; the height is always that of the middle of an x.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
-    /// Where it starts.
+    /// The text starts there.
     Start,
-    /// Its middle.
+    /// Its middle is there.
     Middle,
-    /// Where it ends.
+    /// The text ends there.
     End,
 }
 
@@ -118,7 +118,7 @@ pub struct Text {
     pub anchor: Anchor,
     /// Height of the font.
     pub size: f64,
-    /// Its colour.
+    /// Colour of the letters.
     pub colour: Colour,
     /// Whether it runs upward instead of to the right.
     pub upward: bool,
@@ -196,7 +196,7 @@ impl Page {
         Self { width, height, title: title.into(), items: Vec::new() }
     }
 
-    /// The whole page.
+    /// The whole page, page units.
     #[must_use]
     pub fn area(&self) -> Area {
         Area { left: 0.0, top: 0.0, width: self.width, height: self.height }
@@ -214,7 +214,7 @@ impl Page {
         }
     }
 
-    /// Draws a circle.
+    /// Draws a circle; not one without a radius.
     pub fn circle(&mut self, centre: PagePoint, radius: f64, style: impl Into<Style>) {
         if centre.is_finite() && radius.is_finite() && radius > 0.0 {
             self.items.push(Item::Circle { centre, radius, style: style.into() });

@@ -86,7 +86,7 @@ impl PlotScene {
         Self { heading: Heading { title: title.into(), ..Heading::default() }, marks: Vec::new() }
     }
 
-    /// A closed outline.
+    /// Adds a closed outline, m.
     pub fn polygon(&mut self, vertices: &[Point2<f64>], style: impl Into<Style>) {
         self.marks.push(Mark::Path { points: vertices.to_vec(), closed: true, style: style.into() });
     }
@@ -106,7 +106,7 @@ impl PlotScene {
         self.marks.push(Mark::Arrow { tail, tip: tail + vector, colour });
     }
 
-    /// A point.
+    /// Adds a dot at a point, m.
     pub fn dot(&mut self, at: Point2<f64>, colour: Colour) {
         self.marks.push(Mark::Dot { at, colour });
     }

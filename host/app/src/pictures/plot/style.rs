@@ -15,13 +15,13 @@ pub struct Colour {
 impl Colour {
     /// Text and what matters most.
     pub const BLACK: Self = Self { rgb: [0, 0, 0] };
-    /// Captions and frames.
+    /// Captions and frames of panels.
     pub const DARK_GREY: Self = Self { rgb: [80, 80, 80] };
     /// What stays in the background.
     pub const GREY: Self = Self { rgb: [150, 150, 150] };
-    /// Grids.
+    /// Grids behind the data.
     pub const PALE_GREY: Self = Self { rgb: [230, 230, 230] };
-    /// The page.
+    /// The page, and rims of text.
     pub const WHITE: Self = Self { rgb: [255, 255, 255] };
     /// Okabe and Ito's blue.
     pub const BLUE: Self = Self { rgb: [0, 114, 178] };
@@ -44,9 +44,9 @@ impl Colour {
 /// The pattern of a stroke.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dash {
-    /// Unbroken.
+    /// Without any gap.
     Solid,
-    /// Long dashes.
+    /// Dashes longer than the gaps.
     Dashed,
     /// Short dashes, nearly dots.
     Dotted,
@@ -63,19 +63,19 @@ impl Dash {
     }
 }
 
-/// A line's look.
+/// How a line is drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stroke {
-    /// Its colour.
+    /// Colour of the line.
     pub colour: Colour,
-    /// Its width.
+    /// Width of the line, page units.
     pub width: f64,
-    /// Its pattern.
+    /// Pattern of dashes and gaps.
     pub dash: Dash,
 }
 
 impl Stroke {
-    /// An unbroken stroke.
+    /// A stroke without gaps, `width` in page units.
     #[must_use]
     pub const fn solid(colour: Colour, width: f64) -> Self {
         Self { colour, width, dash: Dash::Solid }
@@ -88,10 +88,10 @@ impl Stroke {
     }
 }
 
-/// An area's look.
+/// How an area is filled.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fill {
-    /// Its colour.
+    /// Colour of the area.
     pub colour: Colour,
     /// From 0, not to be seen, to 1, hiding what is behind.
     pub opacity: f64,
@@ -100,20 +100,20 @@ pub struct Fill {
 /// A shape's look: nothing is drawn of a shape with neither.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Style {
-    /// Its outline.
+    /// How its outline is drawn.
     pub stroke: Option<Stroke>,
-    /// Its area.
+    /// How its area is filled.
     pub fill: Option<Fill>,
 }
 
 impl Style {
-    /// An outline alone.
+    /// An outline without a filled area.
     #[must_use]
     pub const fn line(stroke: Stroke) -> Self {
         Self { stroke: Some(stroke), fill: None }
     }
 
-    /// An area alone.
+    /// A filled area without an outline.
     #[must_use]
     pub const fn area(colour: Colour, opacity: f64) -> Self {
         Self { stroke: None, fill: Some(Fill { colour, opacity }) }

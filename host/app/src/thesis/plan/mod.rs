@@ -31,7 +31,7 @@ pub(super) const DT_S: f64 = 0.01;
 
 /// Values of the straight beginning and of the whole push, the first included.
 const VALUES_FIRST: usize = 11;
-/// See [`VALUES_FIRST`].
+/// Values of the whole push, the first included.
 const VALUES: usize = 81;
 
 /// Values until the planner chooses again, the first included.
@@ -60,7 +60,7 @@ pub(super) const OMEGA_SIGMA: f64 = 1.0;
 /// What is known of the start.
 const PRIOR: Prior = Prior { omega0_sigma: Some(OMEGA_SIGMA), v_t0_sigma: None, mu_g_log_sigma: None };
 
-/// The table `plan`.
+/// What `palpate tables plan` runs.
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "plan",
     title: "poses that stay ambiguous after a straight push, and after one that the planner chose",
@@ -283,7 +283,7 @@ impl Case {
     }
 }
 
-/// Runs the experiment.
+/// Draws, simulates and judges all cases.
 fn run(settings: &TableSettings) -> Table {
     let outcomes = outcomes(settings, outcome);
     let mut table =

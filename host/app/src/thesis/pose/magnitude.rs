@@ -13,7 +13,7 @@ use super::world::{Case, Kind, Sense, Setting};
 use super::{FORCE_DEVIATIONS, FORCE_PLACE_M, PUSHES, mean_count};
 use crate::thesis::{Cell, Experiment, Table, TableSettings, cases};
 
-/// The table `magnitude`.
+/// What `palpate tables magnitude` runs.
 pub(in crate::thesis) const EXPERIMENT: Experiment = Experiment {
     name: "magnitude",
     title: "pose of a pushed part from how hard a point finger pushes, and nothing else",

@@ -16,7 +16,7 @@ use palpate::pushing::estimation::{Hypothesis, estimate};
 use self::world::{Case, Kind, Sense, Setting, Tolerance};
 use super::{Cell, Experiment, Table, TableSettings, cases};
 
-/// The table `pose`.
+/// What `palpate tables pose` runs.
 pub(super) const CONTACTS: Experiment = Experiment {
     name: "pose",
     title: "pose of a pushed part from contact angles, edge unknown: how often it is named",
@@ -24,7 +24,7 @@ pub(super) const CONTACTS: Experiment = Experiment {
     run: pose,
 };
 
-/// The table `pose-friction`.
+/// What `palpate tables pose-friction` runs.
 pub(super) const FRICTION: Experiment = Experiment {
     name: "pose-friction",
     title: "the same where the contact slides, or rolls and slides",
@@ -32,7 +32,7 @@ pub(super) const FRICTION: Experiment = Experiment {
     run: pose_friction,
 };
 
-/// The table `force`.
+/// What `palpate tables force` runs.
 pub(super) const FORCES: Experiment = Experiment {
     name: "force",
     title: "pose of a pushed part from the direction of the force alone",
@@ -57,10 +57,10 @@ const NOISY: Tolerance = Tolerance { place: 2e-3, turn: 2e-2 };
 
 /// How near to the truth an estimate from forces is: so many metres, or of its own standard deviations.
 const FORCE_PLACE_M: f64 = 1e-3;
-/// See [`FORCE_PLACE_M`].
+/// In standard deviations; see [`FORCE_PLACE_M`].
 const FORCE_DEVIATIONS: f64 = 4.0;
 
-/// What is pushed.
+/// What is pushed: text below the tables.
 const PUSHES: &str = "60 % hulls of 3 to 9 random points, 40 % star-shaped polygons, all within 5 cm; mu 0.3, mu_c 0.2, disk of 1 cm at 5 cm/s, every other one accelerating by 2.5 cm/s2; 0.8 s at 100 Hz (sliding: 0.3 s, the finger also goes 8 to 20 cm/s across); drawn until the disk fits and the contact lasts.";
 
 /// What a member's cost may differ by when it is simulated again with other steps.
@@ -214,7 +214,7 @@ fn force_case(case: &Case) -> Outcome {
     }
 }
 
-/// 0 of none.
+/// Mean of the counts; 0 of none.
 fn mean_count(counts: impl Iterator<Item = usize>) -> f64 {
     mean(counts.map(|count| count as f64)).unwrap_or(0.0)
 }

@@ -14,7 +14,7 @@ use super::world::{Case, Kind, Sense, Setting};
 use super::{NOISY, PUSHES, SIGMA_RAD};
 use crate::thesis::{Cell, Experiment, Table, TableSettings, cases};
 
-/// The table `model-error`.
+/// What `palpate tables model-error` runs.
 pub(in crate::thesis) const EXPERIMENT: Experiment = Experiment {
     name: "model-error",
     title: "pose of a pushed part where friction, outline or some of the angles are wrong",

@@ -39,7 +39,7 @@ pub(super) enum Kind {
 /// What the finger feels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sense {
-    /// The contact angle.
+    /// The contact angle alone, rad.
     Angle,
     /// The direction of the force; where the contact is, to ±10° about straight ahead.
     Direction,
@@ -81,7 +81,7 @@ const MAGNITUDE_RANGE: f64 = 45.0 / 180.0 * std::f64::consts::PI;
 pub(super) struct Tolerance {
     /// On the edge and of the centre of mass, m.
     pub(super) place: f64,
-    /// rad.
+    /// Tolerance of orientation, rad.
     pub(super) turn: f64,
 }
 
