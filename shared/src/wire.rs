@@ -11,6 +11,8 @@
 //! within a message, and append fields at a message's end. Receivers ignore trailing bytes; a message with a
 //! variant that they do not know is counted, and told as far as it can be read: [`NewerMessage`].
 //!
+//! `decode` reads them, as far as an older version can.
+//!
 //! Numbers: [`Seq`] and [`DeviceTime`] wrap; the host unwraps them.
 
 use core::fmt;

@@ -1,4 +1,8 @@
 //! Rigs and oracles for the end-to-end tests in `tests/e2e`.
+//!
+//! - [`oracle`], [`push_oracle`], [`inscription_oracle`], [`force_logs`]: slow, obvious code to check against;
+//! - [`rig`]: devices, sessions and hostile lines; [`newer`]: what a newer peer would send;
+//! - [`fuzz`]: what must hold for any bytes; [`project`]: files of the project.
 
 pub mod force_logs;
 pub mod fuzz;

@@ -1,5 +1,7 @@
 //! `cargo xtask check`: formatting, lints, documentation, tests, as CI runs them. `cargo xtask firmware`: the board's
 //! image.
+//!
+//! `toolchain`: which compilers are there; `firmware`: builds the image; `image`: what is in it; `emulator`: runs it.
 
 mod emulator;
 mod firmware;

@@ -1,5 +1,7 @@
 //! palpate's firmware for the STM32F405. See `firmware/board/README.md` and `docs/HARDWARE.md`.
 //!
+//! `image` is the program; `record` is what it leaves in memory for the next start.
+//!
 //! Built for the processor by `cargo xtask firmware build`. For any other target this is an empty program, so that
 //! the whole workspace can be checked on a laptop that knows nothing of microcontrollers.
 #![cfg_attr(target_os = "none", no_std, no_main)]

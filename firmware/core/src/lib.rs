@@ -10,11 +10,13 @@
 //!
 //! - [`ads131m02`]: driver of the analogue front-end, over `embedded-hal`;
 //! - [`settings`]: rates and gains, and which rate a serial line carries;
-//! - [`sampler`]: reads a frame at each data-ready edge, numbers it, serves requests in the same frames;
+//! - [`sampler`]: reads a frame at each data-ready edge, numbers it (`clock`: how many conversions have passed), serves
+//!   requests in the same frames (`job`);
 //! - [`queues`]: all that the two sides share, without locks;
 //! - [`block`], [`outbox`]: samples into messages, messages into bytes;
 //! - [`link`]: which of two ways to a host is in use;
-//! - [`device`]: the host's commands, events, counters.
+//! - [`device`]: the host's commands, events, counters;
+//! - `log`: log lines, where `defmt` is on.
 //!
 //! Nothing here allocates, blocks, uses floating point or panics on input. Time is an argument, so the
 //! same calls give the same bytes. What is dropped is counted and reported.

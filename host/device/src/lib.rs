@@ -5,6 +5,9 @@
 //! maps the device's time to the host's, and [`session`] puts them together: handshake, commands that are repeated
 //! until answered, and reconnection when the cable comes back.
 //!
+//! [`simulated`] is a device without hardware that all of this talks to as to a real one; [`error`] is what can go
+//! wrong on the way.
+//!
 //! This is the rim: threads, clocks and I/O live here and nowhere further in. What depends on the operating
 //! system is in `transport::platform`.
 

@@ -1,6 +1,11 @@
 //! What people and programs keep and exchange, for programs without a terminal: descriptions of parts, bodies, scenes,
 //! views and motions; calibrations; force logs; and the JSON Lines of `palpate solve`.
 //!
+//! - what people describe in TOML: [`part`], [`body`], [`motion`], [`views`], [`scene`];
+//! - what is kept: [`calibration`] (plan, raw samples, result), [`sampling_plan`];
+//! - what others recorded: [`recordings`];
+//! - what programs exchange: [`solve`].
+//!
 //! Units: SI once read. Errors name the key or line, the value and the limit.
 
 pub mod body;

@@ -4,7 +4,7 @@
 //! This is the science of palpate, after Y.-B. Jia, *Geometric and Dynamic Sensing: Observation of Pose and Motion through
 //! Contact* (1997): mechanics, observers and geometric sensors. Every function depends on its arguments alone: no files,
 //! network, threads, clocks, environment or terminal, and the same build gives the same output for the same input, bit for
-//! bit. Long searches ask a [`Stop`] whether to go on.
+//! bit. Long searches ask a [`Stop`] whether to go on (`search`).
 //!
 //! A part is pushed, and found again from nothing but the angles at which the finger was touched:
 //!

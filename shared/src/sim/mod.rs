@@ -6,6 +6,8 @@
 //! └──────────────────────────── front_end: one conversion period per step, faults ────────────────────────────┘
 //! ```
 //!
+//! `thermal` is the temperature, `noise` the random numbers, `trig` sine and cosine without a library.
+//!
 //! The firmware's own driver runs against [`SpiPort`] as it runs against the real bus; tests take what they expect
 //! from [`SimulatedFrontEnd::truth`], never from the code under test.
 //!

@@ -10,6 +10,9 @@
 //! The sides share only lock-free queues (`firmware/core`'s, and one each way for the line's bytes), so no interrupt
 //! ever waits for another one. None is held off by a lock but for a hand-over at start-up and, where a host uses USB,
 //! for a packet's way in or out of its unit.
+//!
+//! Start-up: `machine` (chip or emulator), `clock`, `pins`, `handover` (what an interrupt owns from then on); what the
+//! sampler reads: `front_end`; when something goes wrong: `fault`; how much is in use: `meter` (cycles), `stack`.
 
 mod clock;
 mod fault;

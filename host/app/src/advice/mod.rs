@@ -6,6 +6,8 @@
 //!
 //! Errors whose message is another's (`#[error(transparent)]`) stand in that one's place in the chain, so each such
 //! variant is followed here by name.
+//!
+//! `device`, `calibration` and `finger` hold the advice about each; files and what is left are here.
 
 mod calibration;
 mod device;

@@ -1,4 +1,6 @@
 //! Taking stretches of samples from a session: the rim of everything that measures for a while.
+//!
+//! `interrupt`: the wish to stop; `person`: prompts and answers at the bench.
 
 pub mod interrupt;
 pub mod person;

@@ -1,6 +1,9 @@
 //! Tables 6.1 and 6.2: the thesis's observer on random pushes, the edge in contact known or not; and §8.2.2: observers
 //! side by side.
 //!
+//! The observer amplifies rounding: where the angle hardly shows the place, the ∂χ/∂x that its correction inverts is
+//! nearly singular. So builds that round differently, such as debug and release, print different last digits.
+//!
 //! Units: SI inside; the table's headings say theirs. Errors: none.
 
 use std::f64::consts::PI;

@@ -7,6 +7,10 @@
 //! looked at by itself: case `k` of a seed is always the same problem, whatever the number of cases.
 //! Only in `chain` a simulated device runs beside the host, and when it is pushed differs by milliseconds from run to run.
 //!
+//! By chapter: `inscription` (2), `sampling` (3), `gho` and `initial_pose` (6), `static_contacts` (§6.4), `rolling`
+//! (7); beyond the thesis: `pose` and `plan` (`rivals` decides what is ambiguous), `parts`, `chain` (`demonstration`,
+//! many times). `cases` runs them on all processors.
+//!
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
 
 mod cases;

@@ -1,4 +1,7 @@
 //! Moves bytes: a serial port, a TCP connection, or a simulated device in this process.
+//!
+//! [`address`]: what a device may be called; [`pipe`]: the line to a simulated device; `platform`: what depends on the
+//! operating system.
 
 pub mod address;
 pub mod pipe;

@@ -1,4 +1,5 @@
-//! What is kept of a calibration: the plan, the raw samples, the result.
+//! What is kept of a calibration: the plan (`plan`), the raw samples ([`raw`]), the result ([`file`]), and how the
+//! result comes from the samples ([`conclusion`]).
 
 pub mod conclusion;
 pub mod file;

@@ -4,7 +4,7 @@
 //! Manipulation Lab, with the block's and the fingertip's poses. Files come from others, so nothing in one is trusted:
 //! what cannot be read is reported with its place and skipped, and the rest is read.
 //!
-//! [`session`] runs [`palpate::finger::contact`] over what was read.
+//! [`session`] runs [`palpate::finger::contact`] over what was read; [`part`] is the outline of what was pushed.
 //!
 //! Frames: as in the file (`sensor` axes, robot frame = `world`). Units: SI; files' millimetres are converted on
 //! reading.

@@ -12,7 +12,8 @@
 //!   [`Registry::solve`];
 //! - `input`, `pipeline` (threads and streams, which nothing else has): bytes to lines, solved side by side and
 //!   answered in order by [`run`];
-//! - `error`: the codes, messages and places; `finite`: no NaN leaves; `panics`: a crash ends one line; [`schema`].
+//! - `error`: the codes, messages and places; `finite`: no NaN leaves; `panics`: a crash ends one line; [`schema`];
+//!   `spelling`: "did you mean".
 //!
 //! Units: SI and radians. Errors: [`RunError`] where input or output fails; everything else is an answer.
 

@@ -1,4 +1,7 @@
 //! Shapes in the plane. Pure: no files, clocks or threads.
+//!
+//! In reading order: `polygon` (checked once: simple and counter-clockwise), `convex` (prepared for questions about its
+//! support), `pose` (where a part lies), `exact` (decisions about segments without a tolerance).
 
 mod convex;
 pub(crate) mod exact;

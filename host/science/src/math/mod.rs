@@ -1,10 +1,10 @@
 //! Mathematics that several rooms share. Nothing here knows of fingers, friction or forces.
 //!
-//! - [`angle`]: wrapping, and the angle of a contact; [`Jet`]: numbers that carry their derivatives;
-//! - [`least_squares`]: the one damped descent (Levenberg and Marquardt); [`ode`]: the one Runge–Kutta step; `roots`: zeros
-//!   of a function on an interval;
-//! - [`Spectrum`]: rank and unseen directions of a system; [`statistics`]: means, percentiles, quantiles;
-//! - [`random`]: numbers and polygons from a seed; [`BitSet`], [`BitMatrix`]: sets of small numbers.
+//! - [`angle`]: wrapping, and the angle of a contact; [`Jet`] (`dual`): numbers that carry their derivatives;
+//! - [`least_squares`]: the one damped descent (Levenberg and Marquardt); [`ode`]: the one Runge–Kutta step; `roots`:
+//!   zeros of a function on an interval;
+//! - [`Spectrum`] (`spectrum`): rank and unseen directions of a system; [`statistics`]: means, percentiles, quantiles;
+//! - [`random`]: numbers and polygons from a seed; [`BitSet`], [`BitMatrix`] (`bits`): sets of small numbers.
 
 pub mod angle;
 pub(crate) mod bits;

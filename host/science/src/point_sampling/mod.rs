@@ -4,7 +4,8 @@
 //! - `subdivision`: the regions that polygons form, and which polygons contain each;
 //! - `circle`: the middle of a region, as far from its boundary as can be;
 //! - `discriminate`: the fewest elements that tell sets apart, proven;
-//! - `plan`: all of it put together; `decode`: which polygon it is, from what the points read.
+//! - `plan`: all of it put together; `decode`: which polygon it is, from what the points read;
+//! - [`scenes`]: random polygons as the thesis drew them.
 //!
 //! Decisions about segments depend on no tolerance (`geometry::exact`); sets of small numbers are `math::BitSet`.
 //!

@@ -3,6 +3,16 @@
 //! The palm feels where the body touches it: a path `u(t)`. From it alone this module finds the body's attitude and
 //! angular velocity, modulo what symmetry hides; the thesis left that observer open.
 //!
+//! In reading order:
+//! - [`shape`]: a surface by its support function; [`symmetry`]: turns that leave a body as it is; [`body`]: both with
+//!   its inertia;
+//! - [`palm`]: how the palm accelerates; [`mechanics`]: rates, contact force and energy at one instant; [`run`]: a
+//!   whole roll;
+//! - [`flow`]: how the motion changes with its start, the body and the palm; [`mod@observability`]: what of the state the
+//!   path tells;
+//! - [`observer`]: pose and motion from a path, without a prior; [`tracker`]: the same live, contact by contact;
+//! - [`gho`]: the thesis's kind of observer, and why it is not used.
+//!
 //! Implements: thesis chapter 7 without charts, with its errors put right (see [`mechanics`]).
 //! Frames: body axes: origin at the centre of mass, principal axes of inertia; palm axes: e₃ up along the palm's
 //! normal, the palm translates and does not turn. Orientations turn body axes into palm axes. Units: SI; forces,

@@ -3,6 +3,8 @@
 //! A state machine with two inputs: [`Chip::convert`] tells it that one conversion period has passed and what the
 //! pins had on average, and [`Chip::select`], [`Chip::exchange`], [`Chip::deselect`] are the bus, byte for byte.
 //!
+//! Its parts: [`registers`], `frame` (the bus, byte by byte) and `converter` (the analogue half).
+//!
 //! Implements: SBAS853A (ADS131M02) where its text could be had, else that of the siblings ADS131M03 (SBAS889A),
 //! ADS131M08 (SBAS950B) and AMC131M02 (SBASA56), which share frames, commands and registers:
 //! - frames: `response | channel 0 | channel 1 | CRC`, the response being to the frame before; words of 16, 24 or

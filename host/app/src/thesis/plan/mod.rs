@@ -1,9 +1,9 @@
 //! The planner of pushes: how often poses stay ambiguous if the finger goes straight on, aside, or as the planner says.
 //!
 //! A finger pushes a random part straight for a moment; the estimator lists, from noisy contact angles, where the part
-//! may be; the planner chooses how to go on, and once more when it has felt what came of that. Whether the whole push
-//! then could have been felt at another pose is decided on its exact angles by [`rivals`](super::rivals), which shares
-//! nothing with estimator or planner but the dynamics.
+//! may be; the planner chooses how to go on, and once more when it has felt what came of that. Whether another pose
+//! could have been felt the same is decided on the exact angles of the whole push by [`rivals`](super::rivals), which
+//! shares nothing with estimator and planner but the dynamics and the arithmetic of least squares.
 //!
 //! Units: SI inside, as the headings say in the table. Errors: none.
 

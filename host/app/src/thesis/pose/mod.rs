@@ -1,5 +1,8 @@
 //! Pose of a pushed part from contact angles or forces, edge unknown: how often it is named, and how often it could be.
 //!
+//! Here are the tables `pose`, `pose-friction` and `force`; `world` draws the pushes, `magnitude` and `model_error` are
+//! two more tables of them.
+//!
 //! Truth comes from the error-controlled simulation, not from the estimator's own steps. Whether a case is inherently
 //! ambiguous is decided by [`super::rivals`], a search of its own on the noise-free angles. Every member of the
 //! returned set is simulated again from its start and must reproduce the data.

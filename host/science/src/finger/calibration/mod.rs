@@ -1,9 +1,15 @@
 //! Counts to strain to force, and how the finger's matrix is found.
 //!
-//! In reading order: [`front_end`] turns counts into strain, [`force`] counts into force; [`measurements`] says what a
-//! calibration is made from, [`mod@fit`] finds the matrix; [`dwell`] decides when a reading is at rest, [`plan`] and
-//! [`session`] take one after the other. In `palpate-files`, `raw` keeps their samples, `conclusion` draws the result from them and
-//! `file` keeps it.
+//! In reading order:
+//! - [`front_end`]: counts to strain; [`force`]: counts to force, by the matrix that is to be found;
+//! - [`measurements`]: what a calibration is made from; [`load_text`]: how people write a load;
+//! - [`mod@fit`]: the matrix from that, with [`span`] (whether the angles can tell it), `start` (a first matrix that
+//!   wrong contacts do not spoil) and `least_squares` (the robust fit from there);
+//! - `offset`: the unloaded reading from tares at each position; [`held_back`]: what contacts kept out of the fit say;
+//! - [`dwell`]: whether a reading is at rest, by `steadiness` of its block means; [`plan`]: which contacts to take;
+//!   [`session`]: one after the other.
+//!
+//! In `palpate-files`, `raw` keeps the samples, `conclusion` draws the result from them and `file` keeps it.
 //!
 //! Frames: finger axes throughout; force is the force on the finger's disk. Units: counts, newtons (or the
 //! calibration's relative unit), radians.

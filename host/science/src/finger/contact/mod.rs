@@ -8,6 +8,9 @@
 //!             average                       tare, noise              detector          direction
 //! ```
 //!
+//! Beside them, [`offline`] finds the bias of recordings that nobody tared, and `arrays` writes vectors and matrices to
+//! files.
+//!
 //! Implements: the contact direction from the bending force on the finger, thesis §6.4 (sensor implementation); the
 //! uncertainty is ours.
 //! Assumes: the finger is the only thing that bends; noise is Gaussian once averaged, of any spectrum.

@@ -4,8 +4,8 @@
 //! - [`support`]: what the plane does to a sliding part;
 //! - `body`: a mass and what it rests on; `model`: part, edge, finger and contact, as plain data; `scalar`: the
 //!   numbers they are written for, plain or with derivatives;
-//! - `disk_on_edge`: accelerations and contact force of a disk on an edge; `curve` and `shaped`: of any two outlines;
-//!   `rest`: how a part at rest begins to move;
+//! - `contact_model`: what a push in time asks of a model; `disk_on_edge`: accelerations and contact force of a disk on
+//!   an edge; `curve` and `shaped`: of any two outlines; `rest`: how a part at rest begins to move;
 //! - `contact_mode`: whether a contact sticks, slides, breaks or jams, for all who follow a push; `mode_change`: when,
 //!   and what that does to derivatives;
 //! - `integrate`: steps in time, fixed and error-controlled; `extrapolation`: smooth motions in a few large ones;

@@ -15,8 +15,8 @@
 //! | [`GhoBank`] (`thesis_gho`) | contact angles | in motion, about known | the thesis's observers of §5.2, §5.4.2, §6.1 |
 //!
 //! What is done with their answers is the same for all: [`planning`] (which motion tells hypotheses apart),
-//! [`which_part()`] (several parts), [`in_sequence`] (two pushes), `hypotheses` (the answer itself, the gate, when two
-//! are one).
+//! [`which_part()`] (several parts), [`in_sequence`] (two pushes, `sequence`), `hypotheses` (the answer itself, the
+//! gate, when two are one).
 //!
 //! To add one: see `docs/ARCHITECTURE.md`.
 //!

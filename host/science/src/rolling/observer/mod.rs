@@ -1,9 +1,10 @@
 //! Pose and motion of a rolling body from the path of its contact, without a prior.
 //!
-//! A global search over attitude, modulo the body's symmetry, and spin; fits over ever longer horizons; a last fit of
-//! all readings at full accuracy; then a verdict: what explains the readings within their noise, and nothing else.
-//! Parts of the model may be unknown too: which of several bodies, the semi-axes of an ellipsoid, a constant
-//! acceleration of the palm, whether the contact transmits spin.
+//! A global search over attitude, modulo the body's symmetry, and spin (`search`, over the attitudes of `rotations`);
+//! fits over ever longer horizons, and a last one of all readings at full accuracy (`fit`, along the steps of `track`);
+//! then a verdict: what explains the readings within their noise, and nothing else (`verdict`). Parts of the model may
+//! be unknown too: which of several bodies, the semi-axes of an ellipsoid, a constant acceleration of the palm, whether
+//! the contact transmits spin.
 //!
 //! Implements: the observer that thesis §7.3 leaves to future work.
 //! Assumes: contact kept, no slip; readings at equal steps of time from t = 0.

@@ -23,8 +23,8 @@ pub(super) const LISTED: f64 = 16.0;
 /// Attitude error that a certified estimate stays below from the first reading to the last, rad.
 pub(super) const GUARANTEED_RAD: f64 = 0.034_906_585;
 
-/// Standard deviations that the promise must leave room for, at the end where they are larger and in the worst
-/// direction.
+/// Standard deviations of attitude for which [`GUARANTEED_RAD`] must leave room, at the end of the window where they
+/// are larger and in the worst direction.
 ///
 /// The largest error of 4500 rolls of a 2-3-4 ellipsoid was 3.56 of them; with 2.5 no certified one was off by 2° yet.
 const GUARANTEED_SIGMAS: f64 = 3.5;

@@ -19,7 +19,7 @@
 //!   - `smooth`: those of a smooth curve, by quadrature;
 //!   - `far_field`: far centres of rotation, by a power series that goes through pure translation;
 //! - `feet`: support on a few points;
-//! - [`EllipsoidalLimitSurface`]: what others use instead, for comparison.
+//! - `limit_surface`: all friction there can be, and [`EllipsoidalLimitSurface`], what others use instead.
 
 mod far_field;
 mod feet;

@@ -7,9 +7,12 @@
 //! µ of the plane is not known well, it is found with the rest. But a slow part feels its mass only through µ m g: then
 //! the answer says that the two cannot be told apart.
 //!
-//! - [`hann_windows`]: how force is averaged; [`windowed_force`]: what was felt and how uncertain it is;
+//! In reading order:
+//! - [`hann_windows`]: how force is averaged; [`windowed_force`]: what was felt and how uncertain it is; [`onset`]:
+//!   from readings to that, once the push is felt to begin;
 //! - `path`: what a guess would feel; `seeds`: guesses to begin with; `fit`: going down from each to a minimum;
-//! - `symmetry`: turns of the part that nobody can tell apart.
+//! - `symmetry`: turns of the part that nobody can tell apart;
+//! - [`trial`]: random pushes and a judge.
 //!
 //! The answer is a set: every minimum whose cost is within 16 of the best one's, four standard deviations, each with
 //! its covariance. If the best does not fit, there is no answer.

@@ -4,6 +4,9 @@
 //! only unknown. Each s₀ leads to one motion and so to one contact at each time: those that agree with the contacts
 //! felt are the answer. The first contact leaves a few candidates, later ones tell them apart.
 //!
+//! In reading order: `event_free` (the push as if its contact lasted, at a twentieth of the cost), `root_polishing`
+//! (from places that roughly fit the first contact to those that do), `table` (motions looked up).
+//!
 //! Implements: the initial pose observer of thesis §5.3.2 and §6.2, by a scan of all s₀ instead of Newton's method from
 //! a few guesses, so that no candidate is lost (of pushes up to some dozen sizes of the part: beyond, motions part too
 //! fast); `table`: the variant that looks motions up instead of simulating them (§8.2.2).

@@ -8,6 +8,8 @@
 //! frictionless, or sliding   x̂' = f(x̂) + inputs − (∂χ/∂x)⁻¹ (4ζ, 6ζ², 4ζ³, ζ⁴) (û − u)       x = (u, s, ω, v_T)
 //! ```
 //!
+//! This module is one observer, on one edge; `bank` runs one for each edge that may be in contact.
+//!
 //! Implements: thesis §4.2.2, (5.29), (5.40) and §5.4.2, with the misprints put right: s₁₁ = +1/ζ in (4.9), a plus
 //! before the finger's acceleration, everything at the estimate, a minus before the correction. The thesis multiplies u
 //! and what follows from it by r; here u is an angle and r drops out. Correction is on for a while and off for a while
