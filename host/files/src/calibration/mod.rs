@@ -1,4 +1,4 @@
-//! What is kept of a calibration: the plan (`plan`), the raw samples ([`raw`]), the result ([`file`]), and how the
+//! What is kept of a calibration: the plan (`plan`), the raw samples ([`raw`]), the result ([`mod@file`]), and how the
 //! result comes from the samples ([`conclusion`]).
 
 pub mod conclusion;

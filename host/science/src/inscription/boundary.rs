@@ -104,6 +104,7 @@ impl Boundary for Ellipse {
 #[must_use]
 pub fn boundary_poses(part: &impl Boundary, lines: &[HalfPlane]) -> Option<Vec<Pose>> {
     let miss_max = MISS_MAX_RELATIVE * part.size();
+    // Σ λ u = 0 takes the position out: g(θ) = Σ λ h(β − θ) − C, here with its slope.
     let (three, weights, offset) = widest_triple(lines).filter(|triple| triple.2.abs() > 1e-3 * miss_max)?;
     let g = |theta: f64| {
         let terms = three.iter().zip(weights).map(|(line, weight)| {
@@ -114,6 +115,7 @@ pub fn boundary_poses(part: &impl Boundary, lines: &[HalfPlane]) -> Option<Vec<P
         let (height, slope) = terms.fold((0.0, 0.0), |sum, term| (sum.0 + term.0, sum.1 + term.1));
         (height - offset, slope)
     };
+    // All roots of g between the turns at which it has kinks, by halving intervals.
     let mut turns = Vec::new();
     for [from, to] in smooth_intervals(part, &three) {
         let mut search = Search { bend: part.bend_max(), miss_max, intervals_left: INTERVALS_MAX, span: [from, to] };
@@ -122,6 +124,7 @@ pub fn boundary_poses(part: &impl Boundary, lines: &[HalfPlane]) -> Option<Vec<P
             return None;
         }
     }
+    // A root of the widest three is a pose if the position that follows fits all lines.
     let mut poses: Vec<Pose> = Vec::new();
     for pose in turns.into_iter().filter_map(|theta| placed(part, lines, theta, miss_max)) {
         let is_same = |other: &Pose| wrap_angle(other.theta - pose.theta).abs() < SAME_TURN;

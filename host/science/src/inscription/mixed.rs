@@ -169,7 +169,9 @@ impl<'a> Mixed<'a> {
         let lines = self.distinct_lines();
         let first = lines.first();
         let sine = |line: &&HalfPlane| first.map_or(0.0, |first| first.normal.perp(&line.normal).abs());
+        // Two lines meet best where they are least parallel.
         let second = lines.iter().skip(1).max_by(|a, b| sine(a).total_cmp(&sine(b)));
+        // Two lines and the point farthest off their meeting; one line and two points; or three points far apart.
         match (first, second) {
             (Some(&a), Some(&b)) => {
                 let off = |point: &Vector2<f64>| self.off_meeting(a, b, point);

@@ -151,6 +151,7 @@ impl Turns {
         let mut start = first;
         let mut theta = 0.0;
         loop {
+            // |g| changes by at most r|Δθ|: far from zero a stretch ahead is without a root.
             let clear = (start.value.abs() - self.miss_max) * sweep.clear_a_metre;
             if clear > sweep.leap_min {
                 theta += clear;
@@ -161,6 +162,7 @@ impl Turns {
                 wave = sweep.wave();
                 start = sweep.end(wave, Vector2::new(theta.cos(), theta.sin()));
             }
+            // Otherwise up to the next turn at which an edge lies flush on one of the lines.
             let line = sweep.next_line();
             if sweep.lines[line].next > SWEEP_END {
                 break;
@@ -169,12 +171,14 @@ impl Turns {
             let turn = sweep.flush_turn(line);
             let end = sweep.end(wave, turn);
             self.stretch(&start, &end, wave, sweep.offset);
+            // There the corner changes: g is continuous, its slope jumps.
             sweep.advance(line);
             wave = sweep.wave();
             let after = End { slope: slope(wave, turn), ..end };
             self.kink(&end, &after);
             start = after;
         }
+        // The last stretch ends where the first began: g(2π) = g(0), to the same digits.
         let last = End { value: first.value, ..sweep.end(wave, Vector2::x()) };
         self.stretch(&start, &last, wave, sweep.offset);
     }

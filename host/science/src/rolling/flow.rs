@@ -165,6 +165,7 @@ impl Model<'_> {
         let StateWithTangent { state, tangent } = from;
         let half = 0.5 * dt;
         let mut forced = [Forced { omega: [[0.0; N]; 3], u: [[0.0; N]; 2] }; 4];
+        // Each stage gives the rates and their derivatives at the same point.
         let mut stage = |index: usize, state: &RollState, specific_force: &Vector3<f64>| {
             let parts = self.parts(state, specific_force);
             if N > STATE_COLUMNS {
@@ -172,6 +173,7 @@ impl Model<'_> {
             }
             (parts.rates(), self.linearise(&parts))
         };
+        // Classical Runge–Kutta of order 4, for the state; `carry` does the same with the columns.
         let (k1, l1) = stage(0, state, &specific_force[0]);
         let (k2, l2) = stage(1, &state.moved(&k1, half), &specific_force[1]);
         let (k3, l3) = stage(2, &state.moved(&k2, half), &specific_force[1]);
@@ -218,10 +220,12 @@ impl Model<'_> {
     fn linearise(&self, parts: &Parts) -> Linear {
         let Parts { state, instant, local: Local { contact, hessian, slope }, moving, turn, inverse_inertia } = parts;
         let (omega, normal, specific_force) = (&state.omega, &instant.normal, &instant.specific_force);
+        // Products that occur several times: n·ω, β·ω, H β, y, F.
         let (spin, roll) = (normal.dot(omega), contact.dot(omega));
         let bent = hessian * contact;
         let y = omega.cross(contact) + moving;
         let force = specific_force - turn.cross(contact) - omega.cross(&y);
+        // ∂torque/∂n, by β, β' and H; then by θ through δn = n × θ and δf = f × θ.
         let swept = hessian * contact.cross(omega) + slope.tr_mul(contact);
         let by_normal =
             cross_columns(&(force - omega * roll), hessian) + turn * bent.transpose() + omega * swept.transpose()
@@ -237,10 +241,12 @@ impl Model<'_> {
             let needed = self.body.inertia().component_mul(turn) + omega.cross(&momentum) - contact.cross(&force);
             by_theta += needed.cross_matrix();
         }
+        // ∂torque/∂ω at a fixed attitude, through y and δ(n × ω).
         let by_omega = y * contact.transpose() - omega * bent.cross(normal).transpose()
             + (times_cross(hessian, normal) - contact.cross_matrix()) * roll
             - Matrix3::from_diagonal_element(contact.dot(&y))
             - self.gyroscopic(omega);
+        // u' = A β', by rows of A: δu' = A(δβ' + θ × β').
         let rows = [instant.rotation.0[0], instant.rotation.0[1]];
         let bends = rows.map(|row| hessian * row);
         let drift = |i: usize| slope.tr_mul(&rows[i]).cross(normal) + bends[i] * spin + moving.cross(&rows[i]);
@@ -275,6 +281,7 @@ impl Model<'_> {
         };
         if let (true, Shape::Ellipsoid(ellipsoid)) = (columns.semi_axes, self.body.shape()) {
             for axis in 0..3 {
+                // δω' = D⁻¹ δtorque and δu' = A δβ', per unit of ln a.
                 let (torque, moving) = self.reshape(parts, axis, ellipsoid.semi_axes[axis]);
                 put(STATE_COLUMNS + axis, parts.inverse_inertia.matrix * torque, moving);
             }
@@ -282,6 +289,7 @@ impl Model<'_> {
         if columns.palm {
             let first = columns.count() - 3;
             for axis in 0..3 {
+                // Input fields of (7.18): D⁻¹ β × Aᵀe for each axis e of the palm; β' does not change.
                 let torque = parts.local.contact.cross(&parts.instant.rotation.0[axis]);
                 put(first + axis, parts.inverse_inertia.matrix * torque, Vector3::zeros());
             }
@@ -293,16 +301,20 @@ impl Model<'_> {
         let Parts { state, instant, local, moving, turn, .. } = parts;
         let (omega, contact, square) = (&state.omega, &local.contact, semi_axis * semi_axis);
         let unit = Vector3::ith(axis, 1.0);
+        // h = β·n; of an ellipsoid β = diag(a²) n/h. `longer` is δ ln h.
         let height = contact.dot(&instant.normal);
         let longer = contact[axis] * instant.normal[axis] / height;
         let contact_change = unit * (2.0 * contact[axis]) - contact * longer;
         let sway = instant.turning;
+        // β' = H(n × ω) with H = (diag(a²) − β βᵀ)/h, term by term.
         let moving_change = (unit * (2.0 * square * sway[axis])
             - contact_change * contact.dot(&sway)
             - contact * contact_change.dot(&sway))
             / height
             - moving * longer;
+        // J of uniform density is (b² + c²)/5 and so on: the other two moments grow by 2a²/5.
         let inertia_change = (Vector3::repeat(1.0) - unit) * (0.4 * square);
+        // δ of β × F − D ω' − ω × Jω at fixed ω', which is what D⁻¹ has to make up for.
         let push = instant.specific_force - omega.cross(&(omega.cross(contact) + moving));
         let push_change = -omega.cross(&(omega.cross(&contact_change) + moving_change));
         let heavy = inertia_change.component_mul(turn) + turn * (2.0 * contact.dot(&contact_change))
@@ -330,6 +342,7 @@ fn carry<const N: usize>(stages: &[Linear; 4], forced: &[Forced<N>; 4], tangent:
     let mut carried = *tangent;
     let (half, sixth) = (0.5 * dt, dt / 6.0);
     for j in 0..N {
+        // The columns obey the linearised equations of each stage, with the weights 1, 2, 2, 1.
         let start = Column {
             theta: [tangent.theta[0][j], tangent.theta[1][j], tangent.theta[2][j]],
             omega: [tangent.omega[0][j], tangent.omega[1][j], tangent.omega[2][j]],
@@ -367,8 +380,11 @@ impl Linear {
     fn at<const N: usize>(&self, forced: &Forced<N>, column: &Column, j: usize) -> Column {
         let Linear { omega, torque_by_theta, torque_by_omega, u_by_theta, u_by_omega, inverse_inertia, turned } = self;
         let (&[a, b, c], &[d, e, f]) = (&column.theta, &column.omega);
+        // θ' = δω − ω × θ.
         let theta = [d - omega.y * c + omega.z * b, e - omega.z * a + omega.x * c, f - omega.x * b + omega.y * a];
         let (m, n) = (torque_by_theta, torque_by_omega);
+        // Change of the torque by θ and ω; D⁻¹ of it is the change of ω', without spin kept across the normal as that
+        // turns.
         let row = |i: usize| {
             (m[(i, 0)] * a + m[(i, 1)] * b + m[(i, 2)] * c) + (n[(i, 0)] * d + n[(i, 1)] * e + n[(i, 2)] * f)
         };
@@ -376,6 +392,7 @@ impl Linear {
         let (p, held) = (&inverse_inertia.matrix, &inverse_inertia.held);
         let out = turned.x * a + turned.y * b + turned.z * c;
         let answer = |i: usize| (p[(i, 0)] * x + p[(i, 1)] * y) + (p[(i, 2)] * z - held[i] * out);
+        // Change of u' by θ and ω; then what the body's shape and the palm change directly.
         let drift = |i: usize| {
             let (m, n) = (&u_by_theta[i], &u_by_omega[i]);
             (m.x * a + m.y * b + m.z * c) + (n.x * d + n.y * e + n.z * f)

@@ -267,8 +267,10 @@ impl Model<'_> {
     pub fn rates(&self, state: &RollState, specific_force: &Vector3<f64>) -> Rates {
         let instant = Instant::of(state, specific_force);
         let scaled = self.body.shape().roll_scaled(&instant.normal, &instant.turning);
+        // ω' = D⁻¹ r, (7.15) put right, without a root or a quotient before the inverse.
         let omega = self.turn_scaled(state, &instant, &scaled);
         let RotationMatrix([first, second, _]) = instant.rotation;
+        // β' = motion/√η³, and u' = A β' (7.8) has two components on the palm.
         let per_square = 1.0 / scaled.square;
         let per_cube = scaled.square.sqrt() * per_square * per_square;
         let u = Vector2::new(first.dot(&scaled.motion), second.dot(&scaled.motion)) * per_cube;
@@ -291,11 +293,13 @@ impl Model<'_> {
     fn torque(&self, state: &RollState, instant: &Instant, scaled: &Scaled) -> Vector3<f64> {
         let Scaled { point, motion, square } = scaled;
         let ([p, q, r], [a, b, c]) = (state.omega.into(), self.body.inertia().into());
+        // ω × Jω of Euler's equation (7.13), J diagonal.
         let gyroscopic = Vector3::new((c - b) * (q * r), (a - c) * (r * p), (b - a) * (p * q));
         let per_square = 1.0 / square;
         // w × (ω × y) with y = ω × w + β'√η, where w is across ω × w.
         let along = state.omega * (point.dot(motion) * per_square);
         let back = (state.omega.cross(point) + motion * per_square) * point.dot(&state.omega);
+        // η r = √η w × f − w × (ω × y) − η ω × Jω: (7.15) put right.
         point.cross(&instant.specific_force) * square.sqrt() + back - along - gyroscopic * *square
     }
 
@@ -330,6 +334,8 @@ impl Model<'_> {
         let (contact, moving) = self.body.shape().roll(&instant.normal, &instant.turning);
         let at = Scaled { point: contact, motion: moving, square: 1.0 };
         let turning = self.turn_scaled(&state, &instant, &at);
+        // Acceleration of the centre of mass relative to the palm: −ω' × β − ω × (ω × β + β'), (7.14) put right. The
+        // contact gives that and f.
         let spinning = state.omega.cross(&(state.omega.cross(&contact) + moving));
         state.attitude() * (instant.specific_force - spinning - turning.cross(&contact))
     }
@@ -342,6 +348,7 @@ impl Model<'_> {
         let (contact, moving) = self.body.shape().roll(&instant.normal, &instant.turning);
         let at = Scaled { point: contact, motion: moving, square: 1.0 };
         let turn = self.turn_scaled(&state, &instant, &at);
+        // D ω' is what turns the body about the contact; what of it r of a point contact does not give is the torque.
         let needed = ContactPointInertia::new(&self.body.inertia(), &contact).times(&turn);
         let given = self.torque(&state, &instant, &at);
         instant.normal.dot(&(given - needed))
@@ -404,12 +411,15 @@ impl Model<'_> {
         let specific_force = [0, 1, 2].map(|i| {
             rows[0][i] * specific_force_palm.x + rows[1][i] * specific_force_palm.y + rows[2][i] * specific_force_palm.z
         });
+        // β and β' = H(n × ω).
         let (contact, moving) = self.body.shape().roll_with(normal, cross(normal, omega))?;
         let inertia = self.body.inertia();
+        // r = β × (f − ω × (ω × β + β')) − ω × Jω, (7.15) put right.
         let spun = cross(omega, contact);
         let spinning = cross(omega, [0, 1, 2].map(|i| spun[i] + moving[i]));
         let pushed = cross(contact, [0, 1, 2].map(|i| specific_force[i] - spinning[i]));
         let gyroscopic = cross(omega, [0, 1, 2].map(|i| omega[i] * inertia[i]));
+        // D = diag(J + |β|²) − β βᵀ (7.16), inverted by Sherman and Morrison.
         let reach = dot(contact, contact);
         let diagonal = [0, 1, 2].map(|i| (reach + inertia[i]).recip());
         let across = [0, 1, 2].map(|i| diagonal[i] * contact[i]);

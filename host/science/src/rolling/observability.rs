@@ -133,6 +133,7 @@ pub fn observability(
 /// Changes of the contact over the window, over L, by the scaled state: two rows a contact. The body turns by `turn`
 /// (rad) in √(L/g).
 fn sensitivities(model: &Model, state: &RollState, g: f64, inputs: Inputs, turn: f64) -> DMatrix<f64> {
+    // Scales: length L, time √(L/g). Fast bodies get more steps.
     let size = model.body.size();
     let rate = (g / size).sqrt();
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 1 to TURN_MAX/TURN_OF_STEPS")]
@@ -147,6 +148,7 @@ fn sensitivities(model: &Model, state: &RollState, g: f64, inputs: Inputs, turn:
         for axis in 0..2 {
             rows[(place + axis, axis)] = 1.0;
             for column in 0..dimension - 2 {
+                // u itself is of scale L; turns have none, angular velocities √(g/L).
                 let scale = if column < 3 { 1.0 } else { rate };
                 rows[(place + axis, 2 + column)] = here.tangent.u[axis][column] * scale / size;
             }
@@ -176,20 +178,24 @@ fn sufficient_condition(model: &Model, state: &RollState) -> SufficientCondition
     let normal = state.normal();
     let local = model.body.shape().local(&normal, &Vector3::zeros());
     let (contact, size) = (local.contact, model.body.size());
+    // D⁻¹ (7.16), principal directions x and y, curvatures −1/radius.
     let inverse_inertia = ContactPointInertia::new(&model.body.inertia(), &contact).inverse();
     let ([x, y], radii) = principal(&normal, &local.hessian);
     let [k1, k2] = radii.map(|radius| -1.0 / radius);
     let umbilic = (radii[0] - radii[1]).abs() <= UMBILIC * radii[0];
+    // b₁ (7.28), b₂ (7.29) and their determinant with β (7.32). At an umbilic x and y are not defined.
     let determinant = (!umbilic).then(|| {
         let bends = geodesic_curvatures(model, &normal, [&x, &y], radii);
         let b1 = -x + (normal * bends[0] - y * k1).cross(&contact);
         let b2 = -y + (normal * bends[1] + x * k2).cross(&contact);
         Matrix3::from_columns(&[b1, b2, contact / size]).determinant()
     });
+    // β·(Iz) of (7.33); without spin h = β·z takes its place.
     let contact_and_inertia = match model.spin {
         Spin::Free => contact.dot(&model.body.inertia().component_mul(&normal)) / size.powi(3),
         Spin::NoSpin => contact.dot(&normal) / size,
     };
+    // |β × z| says which is asked; then the terms of (7.30), (7.34), in units of L.
     let across = contact.cross(&normal).norm() / size;
     let curvature = (k1 * x.dot(&(inverse_inertia * x)) - k2 * y.dot(&(inverse_inertia * y))) * size.powi(3);
     let mixed = x.dot(&(inverse_inertia * y)) * size * size;

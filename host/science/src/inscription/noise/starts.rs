@@ -92,12 +92,14 @@ fn turns(objective: &Objective<'_>, lines: &[HalfPlane]) -> Vec<f64> {
 /// The place that fits best with this turn, by linear least squares, and its misfit.
 fn best_place(objective: &Objective<'_>, lines: &[HalfPlane], theta: f64) -> (Placed, f64) {
     let turned = Placed::new(Vector2::zeros(), theta);
+    // At a fixed turn the touching corners are known, and each line gives one linear equation u·(x + arm) = c.
     let arms: Vec<_> = lines
         .iter()
         .map(|line| turned.turned(objective.part.corners()[objective.part.support(line.angle - theta)]))
         .collect();
     let mut placed = turned;
     let mut misfit = f64::INFINITY;
+    // Weights depend on the distance, and so on the place: a few rounds.
     for round in 0..ROUNDS {
         let weights = weights(objective, &arms, &placed, round);
         let (mut normal, mut right) = (Matrix2::zeros(), Vector2::zeros());
@@ -106,6 +108,7 @@ fn best_place(objective: &Objective<'_>, lines: &[HalfPlane], theta: f64) -> (Pl
             right += line.normal * (line.normal.dot(&(line.point - objective.origin - arm)) * *weight);
         }
         let Some(inverse) = normal.try_inverse() else { return (turned, f64::INFINITY) };
+        // Normal equations of Σ w (u·(x + arm) − c)².
         placed.centre = inverse * right;
         let squared = |((line, arm), weight): ((&HalfPlane, &Vector2<f64>), &f64)| {
             line.normal.dot(&(placed.centre + arm - (line.point - objective.origin))).powi(2) * weight

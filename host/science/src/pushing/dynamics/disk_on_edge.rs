@@ -145,6 +145,7 @@ impl<T: Scalar> PushModel<'_, T> {
 
     #[inline]
     fn drag(&self, velocity: Components<T>, omega: T) -> Drag<T> {
+        // Edge axes are N and −T; Γ of (5.25) is left in its two parts, force and moment.
         let twist = EdgeTwist { normal: velocity.n, along: -velocity.t, turn: omega };
         let sliding = self.part.sliding(&self.edge, twist);
         Drag { n: sliding.normal * self.mu_g, t: -(sliding.along * self.mu_g), moment: sliding.turn * self.mu_g }
@@ -155,10 +156,13 @@ impl<T: Scalar> PushModel<'_, T> {
         let &State { s, omega, .. } = state;
         let Instant { finger_velocity, finger_acceleration, velocity, drag } = instant;
         let (rho_squared, reach) = (self.part.inertia_per_mass(), self.reach());
+        // v_T − v_FT; then K of the header, from (5.13).
         let along = velocity.t - finger_velocity.t;
         let closing = finger_acceleration.n + omega * along * 2.0 - omega * omega * reach;
+        // Newton and Euler (5.2), (5.3) put into K leave λ alone: λ D = −K − f_N + sτ/ρ².
         let push = s * drag.moment / rho_squared - closing - drag.n;
         let normal_force = push / self.sliding_denominator(m, s);
+        // Arm of the contact force −λN + mλT about the centre of mass; then (5.24) and, with m ≠ 0, (5.42), (5.43).
         let lever = s - m * self.edge.height;
         let rates = State {
             u: omega,
@@ -175,11 +179,14 @@ impl<T: Scalar> PushModel<'_, T> {
         let Instant { finger_acceleration, drag, .. } = instant;
         let (h, r) = (self.edge.height, self.finger.radius);
         let (rho_squared, spin) = (self.part.inertia_per_mass(), omega * omega);
+        // Euler (5.3) about the contact, with Newton (5.2) and the acceleration (5.36) put in: ω̇ of (5.39).
         let moment =
             s * spin * r - (finger_acceleration.t + drag.t) * h - s * (finger_acceleration.n + drag.n) - drag.moment;
         let alpha = moment / (s * s + (rho_squared + h * h));
+        // The derivative of v = v_F + ω(hT + sN) (5.38) by time, with ṡ = −rω.
         let a_n = finger_acceleration.n + alpha * s + spin * (h - r);
         let a_t = finger_acceleration.t + alpha * h - spin * s;
+        // The contact covers the same length on both (5.32); the force on the part is a + f.
         let rates = State { u: omega, s: -(omega * r), omega: alpha, v_t: T::from(0.0) };
         Motion { rates, normal_force: -(a_n + drag.n), tangential_force: -(a_t + drag.t) }
     }

@@ -115,10 +115,12 @@ impl AtRest<'_> {
         let Arm { height, along } = self.arm;
         let equations = |m: f64| {
             let radius = self.body.inertia_per_mass().sqrt();
+            // Unknown are the acceleration along T and the turn; along N the part keeps contact: a_N = a_FN + c_t α.
             let shift = Vector3::y();
             Equations::<2> {
                 offset: Vector3::new(finger.x, 0.0, 0.0),
                 along: SMatrix::from_columns(&[shift, Vector3::new(along, 0.0, 1.0) / radius]),
+                // Directions in which the contact force −λN + mλT with its moment λ(c_t − m c_N) does no work.
                 across: SMatrix::from_columns(&[
                     Vector3::new(m, 1.0, 0.0),
                     Vector3::new(along - m * height, 0.0, 1.0) / radius,

@@ -383,6 +383,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
     /// Starts a leg, unless it ends at once. `slips` for a contact known to begin to slip, or to roll, just now.
     fn start_leg(&mut self, contact: ContactMode, time: f64, state: State, slips: bool) -> Next {
         let margins = self.push.margins(self.model(), &contact, time, &state);
+        // What is used up at the start tells by its course whether the leg ends at once: the margins a moment later.
         let probe = Step::take(self.model(), &contact, time, state, PROBE_TIME).end();
         let after = self.push.margins(self.model(), &contact, time + PROBE_TIME, &probe);
         let mut slack = [0.0; EVENTS.len()];
@@ -391,13 +392,17 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
                 slack[i] = f64::INFINITY;
                 continue;
             }
+            // A margin within this of 0 is 0 but for rounding.
             let none = match event {
                 EndReason::Stick => SLIP_NONE,
                 EndReason::EdgeMin | EndReason::EdgeMax | EndReason::SecondContact => PLACE_NONE,
                 _ => FORCE_NONE,
             };
+            // A contact that has just begun to slip has no slip yet.
             let fresh_slip = slips && event == EndReason::Stick;
             let used_up = margins[i] < -none || (margins[i] < none && after[i] < margins[i] && !fresh_slip);
+            // A jam always ends the leg; a second contact may only be noted; a margin that starts within rounding gets
+            // that much slack.
             match event {
                 EndReason::Jam if margins[i] <= 0.0 => return Next::End(event),
                 EndReason::SecondContact if used_up && !self.push.ends_at_second_contact => {
@@ -447,10 +452,12 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
 
     /// Goes on where the finger changes its acceleration.
     fn change_path(&mut self, leg: &Leg, time: f64, state: State) -> Result<Next, PushRunError> {
+        // The state goes on as it is; only the acceleration jumps, and with it the force.
         self.model = self.model.with_path(self.push.track.path(time));
         if self.rests(&leg.contact, time, &state) {
             return self.begin_at_rest(time, State { omega: 0.0, ..state });
         }
+        // Under Coulomb's law a rolling contact may slip under the new force (5.30).
         let contact = match (self.push.law, leg.contact) {
             (ContactLaw::Coulomb { friction }, ContactMode::Rolling) => {
                 ContactFriction::same(friction).without_slip(&self.rolling_force(time, &state))
@@ -461,6 +468,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
         if changed {
             self.changes.push(Change { t: time, to: contact });
         }
+        // The error control knows nothing of the new acceleration: it begins with a small step.
         self.step = STEP_FIRST;
         let next = self.start_leg(contact, time, state, changed);
         if let Next::End(_) = next {
@@ -615,13 +623,16 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
     /// The first leg from rest, or from coming to rest.
     fn begin_at_rest(&mut self, time: f64, state: State) -> Result<Next, PushRunError> {
         let state = State { omega: 0.0, v_t: 0.0, ..state };
+        // A finger at rest that stays at rest pushes nothing: wait for its next change.
         let path = self.model().path();
         if Vector2::from(path.acceleration) == Vector2::zeros() && Vector2::from(path.velocity(time)).norm() < SLIP_NONE
         {
             return self.wait(time, state);
         }
+        // The accelerations at the start, in place of (5.21) and (5.22), and the first leg.
         let (contact, start) = self.start_from_rest(time, &state)?;
         let pushed = self.after_rest(time, &contact, &start, &state);
+        // The sample at rest has the force of these accelerations; a jammed contact has none.
         let mut sample = self.sample(time, &contact, &state);
         sample.force = Some(start.force());
         if let Next::End(EndReason::Jam) = pushed {
@@ -629,6 +640,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
         }
         self.record(sample);
         if let (Start::Rest { .. }, true) = (self.push.start, time == 0.0) {
+            // World axes: along N and T, T a quarter turn clockwise from N.
             let normal = normal(self.model(), &state);
             let centre_of_mass = normal * start.a_n + Vector2::new(normal.y, -normal.x) * start.a_t;
             self.rest_start = Some(Acceleration { centre_of_mass, alpha: start.alpha });

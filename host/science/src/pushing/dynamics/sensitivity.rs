@@ -64,6 +64,7 @@ impl<'p, const N: usize> Seeded<'p, N> {
     /// Makes each of `parameters` a variable. Naming one that the contact does not depend on gives zeros.
     #[must_use]
     pub fn new(model: &PushModel<'p>, contact: &ContactMode, start: &State, parameters: [Parameter; N]) -> Self {
+        // Derivative `row` is by parameter `row`; what is not asked for is a constant.
         let seed = |value: f64, parameter: Parameter| {
             let row = parameters.iter().position(|&wanted| wanted == parameter);
             row.map_or_else(|| Jet::constant(value), |row| Jet::variable(value, row))

@@ -116,6 +116,8 @@ impl<T: Scalar> Touch<T> {
     /// How the contact travels where the part turns at `omega` and slips at `slip`.
     fn travel(&self, omega: T, slip: T) -> Travel<T> {
         let (finger, part) = (&self.finger, &self.part);
+        // The normals stay opposite (5.6), and the lengths that the contact covers differ by the slip: two equations
+        // for u̇ and ṡ, (5.7) and (5.8), solved without a division by a curvature.
         let together = finger.pace * part.bend + part.pace * finger.bend;
         let u = (part.pace * omega - part.bend * slip) / together;
         let s = -(finger.pace * omega + finger.bend * slip) / together;
@@ -265,10 +267,13 @@ impl<T: Scalar> ShapedModel<'_, T> {
         let Instant { touch, slip, velocity, finger_acceleration, drag, travel } = instant;
         let (rho_squared, omega) = (self.body.inertia_per_mass(), state.omega);
         let Arm { height, along } = touch.arm;
+        // K: (5.1) along N by time, less its terms in ω̇ and in the part's acceleration.
         let closing =
             finger_acceleration.n + omega * omega * height + omega * touch.part.pace * travel.s - travel.normal * *slip;
+        // Newton and Euler (5.2), (5.3) put into K leave λ alone: λ D = −K − f_N + c_t τ/ρ².
         let push = along * drag.moment / rho_squared - closing - drag.n;
         let normal_force = push / self.denominator(m, &touch.arm);
+        // Euler with the arm c_t − m c_N; along T Newton, in axes that turn at φ̇: (5.42), (5.43).
         let rates = State {
             u: travel.u,
             s: travel.s,
@@ -282,11 +287,14 @@ impl<T: Scalar> ShapedModel<'_, T> {
         let Instant { touch, finger_acceleration, drag, travel, .. } = instant;
         let (rho_squared, omega) = (self.body.inertia_per_mass(), state.omega);
         let Arm { height, along } = touch.arm;
+        // The contact travels along the part's outline at pace · ṡ: what that adds to (5.36).
         let wander = omega * touch.part.pace * travel.s;
+        // Euler (5.3) about the contact, with Newton and the acceleration of (5.36) put in: (5.37), ω̇ of (5.35).
         let moment =
             height * (finger_acceleration.t + drag.t) - along * (finger_acceleration.n + drag.n + wander) - drag.moment;
         let alpha = moment / (height * height + along * along + rho_squared);
         let spin = omega * omega;
+        // The part's acceleration (5.36); the contact force is a + f.
         let a_n = finger_acceleration.n + alpha * along + spin * height + wander;
         let a_t = finger_acceleration.t - alpha * height + spin * along;
         let rates = State { u: travel.u, s: travel.s, omega: alpha, v_t: T::from(0.0) };

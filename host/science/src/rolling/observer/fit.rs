@@ -149,7 +149,9 @@ impl Unknowns {
     ) -> NormalEquations<P> {
         let model = Model { body: &point.body, spin: self.spin };
         let mut normal = Normal::<P> { norm: effort.norm, sums: NormalEquations::zero() };
+        // The reading in the middle shows u alone.
         normal.add(&[[0.0; N]; 2], point.state.u - track.centre);
+        // From there forward and backward in time, each reading with the columns carried to it.
         for integration_steps in [&track.forward, &track.backward] {
             let mut here = StateWithTangent::<N>::seed(&point.state);
             for IntegrationStep { dt, specific_force, reading, rank } in integration_steps {
@@ -162,10 +164,12 @@ impl Unknowns {
                     normal.add(&here.tangent.u, here.state.u - reading);
                 }
             }
+            // A body that turns beyond reason, or whose numbers are none, is no explanation.
             if here.state.omega.norm_squared().partial_cmp(&(OMEGA_MAX * OMEGA_MAX)) != Some(std::cmp::Ordering::Less) {
                 normal.sums.cost = f64::INFINITY;
             }
         }
+        // Squares are counted in σ²; a bounded norm counts in its bound already.
         normal.finish(match effort.norm {
             Norm::Squares => 1.0 / (track.sigma * track.sigma),
             Norm::Bounded(_) => 1.0,
@@ -196,6 +200,7 @@ impl Unknowns {
                 }
             }
         }
+        // Σ |r − r̄|² = Σ |r|² − |Σ r|²/n.
         (squares - sum.norm_squared() / count) / (track.sigma * track.sigma)
     }
 
@@ -243,6 +248,7 @@ impl Unknowns {
                     let residual = state.u - reading;
                     max = residual.amax().max(max);
                     squares += residual.norm_squared();
+                    // Neighbours in time, from the middle outward.
                     products += residual.dot(&before);
                     before = residual;
                 }

@@ -119,6 +119,7 @@ impl Ground<'_> {
     fn derivatives(&self, ranks: usize) -> Derivatives {
         let (mut normal, mut right) = (SMatrix::<f64, 4, 4>::zeros(), SMatrix::<f64, 4, 2>::zeros());
         let reach = ranks as f64;
+        // Normal equations of u(x) = c₀ + c₁x + c₂x² + c₃x³ over x in [−1, 1], so that powers stay of order 1.
         let mut add = |x: f64, u: &Vector2<f64>| {
             let powers = SVector::<f64, 4>::new(1.0, x, x * x, x * x * x);
             normal += powers * powers.transpose();
@@ -136,6 +137,7 @@ impl Ground<'_> {
             }
         }
         let fitted = normal.cholesky().map_or_else(SMatrix::zeros, |cholesky| cholesky.solve(&right));
+        // Back to seconds: u' = c₁/T, u'' = 2c₂/T² at the middle.
         let seconds = reach * self.track.dt;
         Derivatives {
             u: fitted.row(0).transpose(),

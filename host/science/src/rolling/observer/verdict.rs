@@ -180,6 +180,7 @@ impl Gate {
         let cost = solutions.first().map_or(f64::INFINITY, |solution| solution.fit.cost);
         let degrees = solutions.first().map_or(1, |solution| self.degrees_of_freedom(solution.unknowns.count()));
         let explained = solutions.first().is_some_and(|best| self.explains(best));
+        // Solutions come best first: of those that are the same the best is listed.
         let mut listed: Vec<Solution> = Vec::new();
         for solution in solutions {
             let near = solution.fit.cost <= cost + LISTED && explained;
@@ -192,6 +193,7 @@ impl Gate {
             1 => RollVerdict::Unique,
             _ => RollVerdict::Ambiguous,
         };
+        // Unique is not yet sure: its attitude must be known better than what is guaranteed, at both ends.
         let sure = |solution: &Solution| match solution.attitude_sigma_at_ends() {
             Some(sigma) => sigma * solution.residuals.dilution() * GUARANTEED_SIGMAS <= GUARANTEED_RAD,
             None => false,

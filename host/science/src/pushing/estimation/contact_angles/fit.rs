@@ -309,15 +309,19 @@ impl<'a, 'p> Fitting<'a, 'p> {
     pub(super) fn cost(&self, candidate: &Candidate) -> Option<f64> {
         let Candidate { interval, start_mode, unknowns, past } = candidate;
         self.simulations.update(|count| count + 1);
+        // The start of the path that the unknowns name.
         let mu_g = self.mu_g::<f64>(candidate);
         let known = self.known_by(candidate);
         let start = StartGuess { start_mode: *start_mode, unknowns, mu_g: mu_g.map(|(mu_g, _)| mu_g) };
         let initial_state = initial_state(&known, interval, &start, self.rest_span)?;
         let (mut cost, mut common) = (0.0, Common::none());
+        // Along the path: one residual a value. An unknown mass, an offset of all logarithms, is taken out: Σ(r − r̄)²
+        // = Σr² − (Σr)²/n.
         let path = follow(&known, interval, &initial_state, &self.clock, |value, seen| {
             self.residuals(value, &seen, &mut common, |residual: f64| cost += residual * residual);
         })?;
         cost -= common.sum * common.sum / common.count.max(1.0);
+        // The prior, or what values said that are no longer kept.
         match past {
             Some(past) => cost += past.at(unknowns).0,
             None => {
@@ -327,6 +331,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
                 });
             }
         }
+        // Penalties: how far the path left the limits of its contact.
         for residual in self
             .constraint_residuals(&path.constraint_margins)
             .into_iter()
@@ -340,16 +345,19 @@ impl<'a, 'p> Fitting<'a, 'p> {
     fn evaluate_with<const N: usize>(&self, candidate: &Candidate) -> Option<Evaluation> {
         let Candidate { interval, start_mode, unknowns, past } = candidate;
         self.simulations.update(|count| count + 1);
+        // The start of the path that the unknowns name, with derivatives by them.
         let mu_g = self.mu_g::<Jet<N>>(candidate);
         let slots = Slots::<N> { mu_g: mu_g.is_some() };
         let known = self.known_by(candidate);
         let start = StartGuess { start_mode: *start_mode, unknowns, mu_g: mu_g.map(|(mu_g, _)| mu_g) };
         let initial_state = initial_state(&known, interval, &start, self.rest_span)?;
         let (mut sums, mut common) = (NormalEquations::<N>::zero(), Common::none());
+        // Residuals along the path, summed to Jᵀr and JᵀJ; an unknown offset of all logarithms is taken out.
         let path = follow(&known, interval, &initial_state, &self.clock, |value, seen| {
             self.residuals(value, &seen, &mut common, |residual| add(&mut sums, residual));
         })?;
         without_mean(&mut sums, common);
+        // The prior, or what values said that are no longer kept.
         match past {
             Some(past) => add_past(&mut sums, past, unknowns, slots),
             None => {
@@ -357,10 +365,12 @@ impl<'a, 'p> Fitting<'a, 'p> {
                 self.prior_residuals(*start_mode, &initial_state.state, log, |residual| add(&mut sums, residual));
             }
         }
+        // Up to here the cost is statistics; what follows are penalties that hold the path within physics.
         let (cost, information) = (sums.cost, slots.widened(&sums.curvature));
         let [low, high, push, cone, slip] = self.constraint_residuals(&path.constraint_margins);
         let constraint_residuals = [low, high, push, cone, slip, self.fast(*start_mode, &initial_state.state)];
         constraint_residuals.iter().for_each(|residual| add(&mut sums, *residual));
+        // The columns of unknowns that this start has not are zeros.
         let slopes = |value: &Jet<N>| slots.widened_row(&SVector::from(value.slopes));
         let evaluation = Evaluation {
             candidate: *candidate,

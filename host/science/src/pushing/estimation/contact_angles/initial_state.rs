@@ -111,10 +111,12 @@ pub(in crate::pushing::estimation) fn initial_state<T: Variable>(
     let state = State { u, s, omega, v_t: along };
     let plain = lifted::<T>(&known.model(interval.edge));
     let model = PushModel { mu_g: mu_g.unwrap_or(plain.mu_g), ..plain };
+    // v_T without slip (5.31).
     let rolling = |state: State<T>| State { v_t: model.rolling_v_t(0.0, &state), ..state };
     let (state, contact) = match start_mode {
         StartMode::Free => (state, ContactMode::Frictionless),
         StartMode::Slips(slip) => {
+            // The fourth unknown is the speed of slip: slip is v_FT + hω − v_T.
             let without = rolling(state);
             (State { v_t: without.v_t - along * slip.sign(), ..without }, sliding(known.touch, slip))
         }

@@ -88,6 +88,7 @@ fn settle<const K: usize>(model: &PushModel, contact: &ContactMode, time: f64, n
         omega: x[0] / radius,
         v_t: if K > 1 { x[K - 1] } else { near.v_t },
     };
+    // Rates with their derivatives by ω and v_T.
     let motion = |x: &SVector<f64, K>| {
         let State { u, s, omega, v_t } = place(x);
         let state = State {
@@ -100,6 +101,7 @@ fn settle<const K: usize>(model: &PushModel, contact: &ContactMode, time: f64, n
     };
     let mut x = SVector::<f64, K>::from_fn(|i, _| if i == 0 { near.omega * radius } else { near.v_t });
     let mut now = motion(&x);
+    // On the slow manifold they do not change: ω̇ = 0 and, where the contact can slip, v̇_T = 0.
     let residual = |rates: &State<Jet<K>>| {
         let rows = [rates.omega * radius, rates.v_t];
         let values = SVector::<f64, K>::from_fn(|i, _| rows[i].value);
@@ -111,6 +113,7 @@ fn settle<const K: usize>(model: &PushModel, contact: &ContactMode, time: f64, n
         if off.norm() <= BALANCED * model.mu_g {
             break;
         }
+        // Newton's step, halved until the residual falls.
         let newton = slopes.try_inverse()? * off;
         let tries = (0..HALVINGS_MAX).map(|halvings| x - newton * 0.5_f64.powi(halvings.cast_signed()));
         let better = tries.map(|x| (x, motion(&x))).find_map(|(x, motion)| {
@@ -122,6 +125,7 @@ fn settle<const K: usize>(model: &PushModel, contact: &ContactMode, time: f64, n
     if off.norm() > BALANCED.sqrt() * model.mu_g || off.norm().is_nan() {
         return None;
     }
+    // Rolling, v_T follows from ω (5.31).
     let state = place(&x);
     let state = if matches!(contact, ContactMode::Rolling) {
         State { v_t: model.rolling_v_t(time, &state), ..state }

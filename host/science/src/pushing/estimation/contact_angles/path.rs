@@ -217,6 +217,7 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> PathSimulation<'_, '_, T, F> {
 
     fn note_constraint_margins(&mut self, now: &Now<T>) {
         let Now { time, state, contact, motion } = now;
+        // A margin that the mode has not stays infinite: the cone of (5.30) in rolling, the slip left in sliding.
         let never = T::from(f64::INFINITY);
         let (mut cone, mut slipping) = (never, never);
         match (contact, self.touch) {
@@ -228,6 +229,7 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> PathSimulation<'_, '_, T, F> {
             }
             _ => {}
         }
+        // Both ends of the interval, the normal force (5.5), cone and slip: the least of each along the path is kept.
         let margins =
             [state.s - self.interval.low, -(state.s - self.interval.high), motion.normal_force, cone, slipping];
         for (least, margin) in self.constraint_margins.iter_mut().zip(margins) {
@@ -256,9 +258,11 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> PathSimulation<'_, '_, T, F> {
         let (whole, mut share) = (until - now.time, 1.0);
         loop {
             let left = until - now.time;
+            // The last piece may be half as long again, so that none is tiny.
             let length = if left <= 1.5 * share * whole { left } else { share * whole };
             let state = step(&self.model, &now.contact, now.time, now.state_with_rates(), length);
             let there = self.changing(&now, length, &plain_state(&state));
+            // Nothing changes within the step: take it, and the next may be twice as long.
             let Some(there) = there else {
                 let time = if length < left { now.time + length } else { until };
                 let next = self.at(time, state, now.contact)?;
@@ -269,6 +273,7 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> PathSimulation<'_, '_, T, F> {
                 (now, share) = (next, 2.0 * share);
                 continue;
             };
+            // The contact changes at a share of the step: go there, and on in the new mode.
             now = self.change(&now, there, length)?;
             share = SHARE_AFTER_CHANGE;
             if until - now.time <= SHARE_NONE * whole {

@@ -183,6 +183,7 @@ impl Problem<'_, '_> {
         let end = self.course.pose_at_end(&at.guess, &at.path)?;
         let mut pose = SMatrix::<f64, 3, PARAMETERS>::zeros();
         let mut state = SMatrix::<f64, 4, PARAMETERS>::zeros();
+        // Jacobians of pose and state at the end by the parameters, by differences to the side that can be played.
         for (column, step) in self.differences().into_iter().enumerate() {
             if !self.is_free(at, column) {
                 continue;
@@ -194,6 +195,7 @@ impl Problem<'_, '_> {
         }
         let deviation = |parameter: usize| parameters[(parameter, parameter)].max(0.0).sqrt();
         let (mu_g_log_sd, mass_log_sd) = (deviation(MU_G), deviation(PARAMETERS));
+        // Variance of ln(µ g) + ln m, which a slow push feels as one number.
         let weight_variance =
             deviation(MU_G).powi(2) + deviation(PARAMETERS).powi(2) + 2.0 * parameters[(MU_G, PARAMETERS)];
         let parameters = parameters.fixed_view::<PARAMETERS, PARAMETERS>(0, 0);
@@ -201,6 +203,7 @@ impl Problem<'_, '_> {
             mu_g_log_sd,
             mass_log_sd,
             resistance_log_sd: weight_variance.max(0.0).sqrt(),
+            // J C Jᵀ.
             pose: pose * parameters * pose.transpose(),
             state: state * parameters * state.transpose(),
             spread: parameters.fixed_view::<2, 2>(0, 0).determinant().max(0.0).sqrt(),

@@ -206,12 +206,14 @@ struct PathSimulation<'p> {
 impl<'p> PathSimulation<'p> {
     fn begin(model: PushModel<'p>, guess: &Guess) -> Result<Self, Lost> {
         let &Guess { u, s, mu_c, .. } = guess;
+        // At rest Coulomb's law decides whether the contact rolls or slips; the force must push.
         let friction = ContactFriction::same(mu_c);
         let start = |contact: &ContactMode| model.rest_start(contact, u, s);
         let (contact, start) = friction.begun(0.0, start).map_err(|_| Lost::Start)?;
         if !start.force().pushes() || is_jammed(&model, &contact, s) {
             return Err(Lost::Contact);
         }
+        // From nothing the force jumps to that of the first accelerations; the state a moment later is α t, a t.
         let force = on_finger(u, start.normal_force, start.tangential_force);
         let state = model.after_rest([u, s], [start.alpha, start.a_t], REST_S);
         let path = Path {

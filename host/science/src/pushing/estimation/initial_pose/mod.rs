@@ -473,6 +473,7 @@ impl RestingPush {
     fn judged_as(&self, solutions: &[RestingPose], contacts: &Contacts) -> Estimate {
         let time_end = contacts.measured.last().map_or(0.0, |last| last.t);
         let probability = 1.0 / solutions.len().max(1) as f64;
+        // Each pose is simulated again for the motion at the last contact.
         let explained = |found: &RestingPose| {
             let interval = self.contact_intervals.iter().find(|interval| interval.edge == found.edge)?;
             let end = *self.run(interval, found.s0, &[time_end])?.samples.last()?;
@@ -498,6 +499,7 @@ impl RestingPush {
         };
         let hypotheses: Vec<_> = solutions.iter().filter_map(explained).collect();
         let cost = hypotheses.iter().map(|found| found.cost).reduce(f64::min);
+        // s₀ is the one parameter that was fitted.
         let fit = Fit { cost, degrees_of_freedom: contacts.measured.len().saturating_sub(1), cost_max: 1.0 };
         Estimate { hypotheses, ..Estimate::unexplained(fit, time_end) }
     }
