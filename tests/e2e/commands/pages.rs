@@ -1,17 +1,32 @@
-//! The pages a person reads: what they mark up, where they lead, and that the index of the thesis is whole and true.
+//! The pages a person reads: what they mark up, where they lead, that the files and names they speak of are there, and
+//! that the index of the thesis is whole and true.
 
-use std::path::PathBuf;
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
 
 use palpate_tests::project::folder;
 
 fn pages() -> Vec<(PathBuf, String)> {
-    let folders = [".", "docs", "calibration", "firmware/board"].map(|name| folder().join(name));
+    let folders = [
+        ".",
+        "docs",
+        "calibration",
+        "firmware/board",
+        "firmware/core",
+        "firmware/usb",
+        "shared",
+        "host/science",
+        "host/device",
+        "host/files",
+        "host/app",
+    ]
+    .map(|name| folder().join(name));
     let files = folders.iter().flat_map(|folder| std::fs::read_dir(folder).unwrap()).map(|entry| entry.unwrap().path());
     let pages: Vec<_> = files
         .filter(|path| path.extension().is_some_and(|extension| extension == "md"))
         .map(|path| (path.clone(), std::fs::read_to_string(path).unwrap()))
         .collect();
-    assert!(pages.len() >= 8, "{} pages", pages.len());
+    assert!(pages.len() >= 12, "{} pages", pages.len());
     pages
 }
 
@@ -247,6 +262,197 @@ fn what_the_notation_names_is_there() {
     }
     assert!(places > 200, "{INDEX_PAGE}: {places} places");
     assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+/// Everything in the project's folder, as `folder/file` and `folder/folder/`, without what is built.
+fn tree() -> Vec<String> {
+    let (mut found, mut open) = (Vec::new(), vec![folder().to_path_buf()]);
+    while let Some(inside) = open.pop() {
+        for entry in std::fs::read_dir(inside).unwrap().map(Result::unwrap) {
+            let path = entry.path();
+            let name = path.strip_prefix(folder()).unwrap().to_string_lossy().replace('\\', "/");
+            if entry.file_name() == "target" || entry.file_name() == ".git" {
+                continue;
+            }
+            if entry.file_type().unwrap().is_dir() {
+                found.push(format!("{name}/"));
+                open.push(path);
+            } else {
+                found.push(name);
+            }
+        }
+    }
+    found
+}
+
+/// What a mark of a page says of the tree.
+#[derive(Debug, PartialEq)]
+enum Named<'a> {
+    /// A path from the project's folder, or from the page's.
+    From(&'a str),
+    /// The end of a path: `math/`, `solve/fields.rs`.
+    End(&'a str),
+}
+
+/// Endings of files that a page may name without their folder.
+const ENDINGS: [&str; 6] = [".rs", ".md", ".toml", ".svg", ".lock", ".x"];
+
+/// The paths that a mark names, `roots` being the folders right in the project's. Commands name paths from there alone.
+fn named<'a>(mark: &'a str, roots: &[String]) -> Vec<Named<'a>> {
+    let is_plain = |word: &str| word.chars().all(|c| c.is_alphanumeric() || "._-/<>".contains(c));
+    let path = |word: &'a str| {
+        let word = word.split_once("::").map_or(word, |(file, _)| file);
+        // `calibration/<finger>/`, `cli/NAME.rs`: as far as it is not left open.
+        let left_open = word.find('<').or_else(|| word.find("NAME"));
+        let closed = left_open.map_or(word, |end| &word[..word[..end].rfind('/').map_or(0, |slash| slash + 1)]);
+        if closed.is_empty() || !is_plain(word) {
+            None
+        } else if roots.iter().any(|root| closed.starts_with(root.as_str())) {
+            Some(Named::From(closed))
+        } else {
+            let is_end = closed.ends_with('/') || ENDINGS.iter().any(|ending| closed.ends_with(ending));
+            // `.toml` alone is an ending, not a file.
+            (is_end && !closed.starts_with(['.', '/']) && !mark.contains(' ')).then_some(Named::End(closed))
+        }
+    };
+    mark.split(' ').filter_map(path).collect()
+}
+
+/// The present of a page: of the changelog what is not released yet, and what stands behind an arrow there.
+fn present<'a>(path: &Path, text: &'a str) -> Vec<(usize, &'a str)> {
+    let lines = text.lines().enumerate().map(|(at, line)| (at + 1, line));
+    if !path.ends_with("CHANGELOG.md") {
+        return lines.collect();
+    }
+    let headings = |line: &str| line.starts_with("## ");
+    let unreleased = lines.skip_while(|(_, line)| !headings(line)).enumerate();
+    let unreleased = unreleased.take_while(|(place, (_, line))| *place == 0 || !headings(line)).map(|(_, line)| line);
+    unreleased.map(|(at, line)| (at, line.rsplit('→').next().unwrap_or(line))).collect()
+}
+
+#[test]
+fn paths_that_pages_name_are_there() {
+    let tree = tree();
+    let roots: Vec<_> = tree.iter().filter(|name| name.find('/') == Some(name.len() - 1)).cloned().collect();
+    assert!(roots.iter().any(|root| root == "docs/"), "{roots:?}");
+    let (mut paths, mut faults) = (0, Vec::new());
+    for (path, text) in pages() {
+        for (line, text) in present(&path, &text) {
+            for named in marked(text).flat_map(|mark| named(mark, &roots)) {
+                paths += 1;
+                let beside = |name: &str| path.parent().is_some_and(|page| page.join(name).exists());
+                let (name, is_there) = match named {
+                    Named::From(name) => (name, folder().join(name).exists() || beside(name)),
+                    Named::End(name) => {
+                        let ends = |whole: &String| {
+                            whole.strip_suffix(name).is_some_and(|before| before.is_empty() || before.ends_with('/'))
+                        };
+                        (name, tree.iter().any(ends) || beside(name))
+                    }
+                };
+                if !is_there {
+                    faults.push(format!("{}:{line}: got {name}, wanted a file or folder of the tree", path.display()));
+                }
+            }
+        }
+    }
+    assert!(paths > 300, "{paths} paths");
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+#[test]
+fn a_path_is_told_from_other_code() {
+    let roots = ["docs/".to_owned(), "host/".to_owned()];
+    let one = |mark: &'static str| named(mark, &roots);
+    assert_eq!(one("docs/GONE.md"), [Named::From("docs/GONE.md")]);
+    assert_eq!(one("host/app/src/x.rs::run"), [Named::From("host/app/src/x.rs")]);
+    assert_eq!(one("palpate push host/part.toml"), [Named::From("host/part.toml")]);
+    assert_eq!(one("host/<name>/x.csv"), [Named::From("host/")]);
+    assert_eq!(one("cli/NAME.rs"), [Named::End("cli/")]);
+    assert_eq!(one("math/"), [Named::End("math/")]);
+    assert_eq!(one("job.rs"), [Named::End("job.rs")]);
+    for other in ["m/s", ".toml", "cargo test", "part.toml of mine", "t, Fx, Fy", "Spectrum::of"] {
+        assert_eq!(one(other), [], "{other}");
+    }
+    let page = "# Changelog\n## Unreleased\n- `old/` → `new/`\n## 0.1\n- `gone/`\n";
+    let lines = present(Path::new("CHANGELOG.md"), page);
+    assert_eq!(lines, [(2, "## Unreleased"), (3, " `new/`")]);
+}
+
+/// Names that source code defines: items, fields, variants, parameters and variables, and names quoted for JSON.
+/// Comments do not count.
+fn defined(source: &str, names: &mut HashSet<String>) {
+    const BEFORE: [&str; 11] =
+        ["fn", "struct", "enum", "trait", "type", "const", "static", "mod", "let", "mut", "macro_rules!"];
+    let is_word = |c: char| c.is_alphanumeric() || c == '_';
+    for line in source.lines().map(str::trim_start).filter(|line| !line.starts_with("//")) {
+        let mut before = "";
+        let mut rest = line;
+        while let Some(start) = rest.find(is_word) {
+            let quoted = rest[..start].ends_with('"');
+            let end = rest[start..].find(|c| !is_word(c)).map_or(rest.len(), |length| start + length);
+            let (word, after) = (&rest[start..end], &rest[end..]);
+            let is_field = after.starts_with(':') && !after.starts_with("::");
+            let is_variant = word.starts_with(char::is_uppercase)
+                && line.starts_with(word)
+                && (after.is_empty() || after.starts_with([',', '(', ' ']));
+            if BEFORE.contains(&before) || is_field || is_variant || (quoted && after.starts_with('"')) {
+                names.insert(word.to_owned());
+            }
+            (before, rest) = (word, after);
+        }
+    }
+}
+
+/// The cells of a table's row; an escaped bar ends none.
+fn cells(row: &str) -> Vec<String> {
+    let plain = row.trim().trim_start_matches('|').replace("\\|", "\u{0}");
+    let mut cells: Vec<_> = plain.split('|').map(|cell| cell.trim().replace('\u{0}', "|")).collect();
+    cells.pop();
+    cells
+}
+
+#[test]
+fn names_in_the_tables_of_symbols_are_defined() {
+    let mut names = HashSet::new();
+    for source in tree().iter().filter(|name| name.ends_with(".rs") && !name.ends_with("commands/pages.rs")) {
+        defined(&std::fs::read_to_string(folder().join(source)).unwrap(), &mut names);
+    }
+    let page = std::fs::read_to_string(folder().join(INDEX_PAGE)).unwrap();
+    let (mut column, mut rows, mut faults) = (None, 0, Vec::new());
+    for (line, text) in page.lines().enumerate().map(|(at, text)| (at + 1, text)) {
+        if !text.starts_with('|') {
+            column = None;
+            continue;
+        }
+        let cells = cells(text);
+        if let Some(code) = cells.iter().position(|cell| cell == "code") {
+            column = Some(code);
+            continue;
+        }
+        let Some(cell) = column.map(|column: usize| cells.get(column).map_or("", String::as_str)) else { continue };
+        rows += usize::from(!cell.starts_with("---"));
+        // A single letter is everywhere.
+        let words = marked(cell).flat_map(|mark| mark.split(|c: char| !c.is_alphanumeric() && c != '_'));
+        for word in words.filter(|word| word.chars().count() > 1 && !names.contains(*word)) {
+            faults.push(format!("{INDEX_PAGE}:{line}: got {word}, wanted a name that is defined somewhere: {cell}"));
+        }
+    }
+    assert!(rows > 150, "{INDEX_PAGE}: {rows} rows");
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+#[test]
+fn what_is_defined_is_told_from_what_is_used() {
+    let source = "// let gone = 1;\npub struct Part {\n    height: f64,\n}\nenum E {\n    Free,\n    Held(u8),\n}\n\
+                  #[serde(rename = \"vT\")]\nlet mut sum = used(other::thing);\n";
+    let mut names = HashSet::new();
+    defined(source, &mut names);
+    let found = ["Part", "height", "Free", "Held", "vT", "sum", "gone", "used", "other", "thing", "serde"];
+    assert_eq!(
+        found.map(|name| names.contains(name)),
+        [true, true, true, true, true, true, false, false, false, false, false]
+    );
 }
 
 #[test]
