@@ -8,8 +8,8 @@
 //!   its inertia;
 //! - [`palm`]: how the palm accelerates; [`mechanics`]: rates, contact force and energy at one instant; [`run`]: a
 //!   whole roll;
-//! - [`flow`]: how the motion changes with its start, the body and the palm; [`mod@observability`]: what of the state the
-//!   path tells;
+//! - [`flow`]: how the motion changes with its start, the body and the palm; [`mod@observability`]: what of the state
+//!   the path tells;
 //! - [`observer`]: pose and motion from a path, without a prior; [`tracker`]: the same live, contact by contact;
 //! - [`gho`]: the thesis's kind of observer, and why it is not used.
 //!
