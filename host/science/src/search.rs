@@ -63,9 +63,19 @@ impl<'a> Halt<'a> {
         self.halted.get()
     }
 
+    /// Asks whether to go on: none where one should not, for `?`.
+    pub(crate) fn goes_on(&self) -> Option<()> {
+        (!self.is_wished()).then_some(())
+    }
+
+    /// Whether it was uttered; does not ask.
+    pub(crate) fn was_wished(&self) -> bool {
+        self.halted.get()
+    }
+
     /// What was found, with whether anything was left out.
     pub(crate) fn searched<T>(&self, found: T) -> Searched<T> {
-        Searched { found, complete: !self.halted.get() }
+        Searched { found, complete: !self.was_wished() }
     }
 }
 
@@ -94,6 +104,15 @@ pub(crate) fn check_stopping<T: std::fmt::Debug>(search: impl Fn(Stop<'_>) -> Se
     let again = search(&never);
     assert!(again.complete);
     assert_eq!(format!("{:?}", again.found), format!("{:?}", whole.found));
+}
+
+/// The same of what is made whole or not at all.
+#[cfg(test)]
+pub(crate) fn check_stopping_of_making<T: std::fmt::Debug>(make: impl Fn(Stop<'_>) -> Option<T>) {
+    check_stopping(|stop| {
+        let found = make(stop);
+        Searched { complete: found.is_some(), found }
+    });
 }
 
 #[cfg(test)]

@@ -28,6 +28,7 @@ use crate::math::least_squares::{
 use crate::math::statistics::normal_tail;
 use crate::pushing::dynamics::{EdgeEnd, Finger, Part, Push, PushModel, PushRun, Sample, Start, State};
 use crate::pushing::finger_motion::Segment;
+use crate::search::{Halt, Searched, Stop, never};
 
 /// Distance D² of two hypotheses below which they count as ambiguous: a wrong choice in one case of 740.
 pub const AMBIGUOUS_BELOW: f64 = 36.0;
@@ -224,14 +225,27 @@ pub fn prospects(
     motions: &[PlannedMotion],
     sampling: Sampling,
 ) -> Vec<Prospect> {
+    prospects_until(present, beliefs, motions, sampling, &never).found
+}
+
+/// The same, ended when `stop` says so: then of the motions that were judged by then, in the order given.
+#[must_use]
+pub fn prospects_until(
+    present: &Present<'_>,
+    beliefs: &[Belief],
+    motions: &[PlannedMotion],
+    sampling: Sampling,
+    stop: Stop<'_>,
+) -> Searched<Vec<Prospect>> {
+    let halt = Halt::new(stop);
     let prospect = |motion: &PlannedMotion| {
-        let foreseen: Vec<_> =
-            beliefs.iter().map(|belief| Foreseen::of(&Ahead { present, belief, motion, sampling })).collect();
-        judge(motion, beliefs, &foreseen, sampling)
+        let foreseen = |belief| (!halt.is_wished()).then(|| Foreseen::of(&Ahead { present, belief, motion, sampling }));
+        let foreseen = beliefs.iter().map(foreseen).collect::<Option<Vec<_>>>()?;
+        Some(judge(motion, beliefs, &foreseen, sampling))
     };
-    let mut prospects: Vec<_> = motions.iter().map(prospect).collect();
+    let mut prospects: Vec<_> = motions.iter().map_while(prospect).collect();
     prospects.sort_by(|a, b| a.risk.total_cmp(&b.risk));
-    prospects
+    halt.searched(prospects)
 }
 
 /// dt, 2 dt, … up to an instant, at least one.
@@ -575,6 +589,7 @@ mod tests {
     use super::*;
     use crate::geometry::SimplePolygon;
     use crate::pushing::dynamics::ContactLaw;
+    use crate::search::check_stopping;
 
     /// One value at 100 Hz of a sensor with 0.5° at 2 kHz, rad.
     const SAMPLING: Sampling = Sampling { sensed: SensedAngle::ContactAngle, dt: 0.01, sigma: 0.001_95 };
@@ -729,6 +744,19 @@ mod tests {
                 / (covariance[(row, row)] * covariance[(column, column)]).sqrt()
         };
         assert!((0..16).all(|index| relative(index / 4, index % 4).abs() < 1e-12));
+    }
+
+    #[test]
+    fn looking_ahead_can_be_stopped_between_hypotheses() {
+        let part = rectangle(0.06, 0.04);
+        let beliefs = [belief(0, 0.005, 1e-4), belief(1, 0.005, 1e-4)];
+        let offered = motions([0.0, SPEED], LATERAL, 0.2);
+        check_stopping(|stop| prospects_until(&present(&part), &beliefs, &offered, SAMPLING, stop));
+        // Two motions were judged when it was asked for the fifth time.
+        let asked = std::cell::Cell::new(0);
+        let stop = || asked.replace(asked.get() + 1) == 4;
+        let stopped = prospects_until(&present(&part), &beliefs, &offered, SAMPLING, &stop);
+        assert_eq!((asked.get(), stopped.found.len(), stopped.complete), (5, 2, false));
     }
 
     #[test]

@@ -71,14 +71,23 @@ impl<'p> Table<'p> {
     /// Simulates the push from every place up to `time_end` (s).
     #[must_use]
     pub fn new(push: &'p RestingPush, time_end: f64) -> Self {
+        Self::new_until(push, time_end, &never).unwrap_or_else(|| unreachable!("nobody wishes it to stop"))
+    }
+
+    /// The same, ended when `stop` says so: then there is none, because poses would be missing from half a table.
+    #[must_use]
+    pub fn new_until(push: &'p RestingPush, time_end: f64, stop: Stop<'_>) -> Option<Self> {
+        let halt = Halt::new(stop);
         let step = time_end / TIMES as f64;
         let times: Vec<_> = (1..=TIMES).map(|index| step * index as f64).collect();
         let table = |&interval: &ContactInterval| {
             let places = interval.grid(push.refinement(time_end));
-            let motions = places.iter().map(|&s0| Motion::of(push, &interval, s0, &times)).collect();
-            IntervalTable { interval, places, motions }
+            let motion = |&s0: &f64| (!halt.is_wished()).then(|| Motion::of(push, &interval, s0, &times));
+            let motions = places.iter().map(motion).collect::<Option<_>>()?;
+            Some(IntervalTable { interval, places, motions })
         };
-        Self { push, contact_intervals: push.contact_intervals.iter().map(table).collect(), times }
+        let contact_intervals = push.contact_intervals.iter().map(table).collect::<Option<_>>()?;
+        Some(Self { push, contact_intervals, times })
     }
 
     /// The push that it is a table of.

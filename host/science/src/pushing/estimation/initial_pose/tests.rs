@@ -3,6 +3,7 @@ use std::f64::consts::FRAC_PI_2;
 use proptest::prelude::*;
 
 use super::*;
+use crate::search::check_stopping_of_making;
 
 /// The motion by quite another way: the part's three coordinates under the one constraint that the gap between the
 /// outlines stays 0, the gap from support functions, its derivatives by differences. Frictionless.
@@ -301,4 +302,15 @@ fn a_contact_that_ends_soon_after_it_was_felt_is_in_the_table() {
     for time_end in [1.0, 1.02, 1.04, 1.06, 1.087_155_538] {
         assert_eq!(edges(&Table::new(&push, time_end).observe(&contacts, 1e-8)), wanted, "{time_end} s");
     }
+}
+
+#[test]
+fn a_table_in_the_making_can_be_stopped() {
+    let block = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.02, 0.03]].map(Point2::from)).unwrap();
+    let push = push(FingerShape::Disk { radius: 0.01 }, Object::Polygon(block), [0.01, 0.1], 1.5);
+    check_stopping_of_making(|stop| Table::new_until(&push, 0.8, stop));
+    let asked = std::cell::Cell::new(0);
+    let stop = || asked.replace(asked.get() + 1) == 2;
+    assert!(Table::new_until(&push, 0.8, &stop).is_none());
+    assert_eq!(asked.get(), 3, "it is not asked again");
 }
