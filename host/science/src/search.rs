@@ -21,11 +21,12 @@ pub fn never() -> bool {
 /// What a search found.
 ///
 /// ```
-/// use nalgebra::Point2;
+/// use nalgebra::{Point2, Vector2};
 /// use palpate::*;
 ///
 /// let part = Part::uniform(SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?);
-/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+/// let (velocity0, acceleration) = (Vector2::new(0.0, 0.05), Vector2::zeros()); // m/s, m/s²
+/// let finger = Finger { radius: 0.01, centre0: Point2::origin(), velocity0, acceleration };
 /// let known = Known { part: &part, mu_g: 0.3 * GRAVITY_ASSUMED, finger, touch: Touch::Rolling { friction: None } };
 /// let measured = Measured::ContactAngle(Channel { values: vec![1.6, 1.605, 1.62, 1.64, 1.67], sigma: 2e-3 }); // rad
 /// let observation = Observation { dt: 0.05, measured, prior: Prior::default() };
@@ -144,7 +145,11 @@ mod tests {
     #[test]
     fn a_search_for_resting_poses_can_be_stopped() {
         let block = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.02, 0.03]].map(Point2::from)).unwrap();
-        let path = FingerPath { centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [0.01, 0.1] };
+        let path = FingerPath {
+            centre0: Point2::origin(),
+            velocity0: Vector2::zeros(),
+            acceleration: Vector2::new(0.01, 0.1),
+        };
         let shape = FingerShape::Disk { radius: 0.01 };
         let push = RestingPush::new(Object::Polygon(block), 0.0, shape, path, 1.5).unwrap();
         let felt = push.predicted(Some(0), 0.005, &[0.6, 0.9]);

@@ -288,11 +288,12 @@ fn semi_axes(settings: &TableSettings) -> Table {
         "Semi-axes: uniform in 1.5 to 4.5 cm, no two within 8 %; the search knows 1.5 to 5 cm. Starts as in table 7."
             .to_owned(),
     ];
-    let range = [0.015, 0.05];
     for spin in [Spin::Free, Spin::NoSpin] {
         let sensing = millimetre_grid(1.0);
-        let unknown =
-            Question { body: BodyKnowledge::Ellipsoid { range }, ..question(Vec::new(), vec![spin], sensing.noise) };
+        let unknown = Question {
+            body: BodyKnowledge::Ellipsoid { range: 0.015..=0.05 },
+            ..question(Vec::new(), vec![spin], sensing.noise)
+        };
         let (mut right, mut unique, mut errors, mut times) = (0, 0, Vec::new(), Vec::new());
         for case in 0..settings.cases {
             let mut draw = Draw::case(settings.seed, case);

@@ -235,9 +235,9 @@ fn in_finger_axes(forces: &[Reading], options: &Options) -> Vec<Reading> {
 fn judge(recordings: &[Vec<Reading>], options: &Options) -> Vec<Judged> {
     let slices: Vec<&[Reading]> = recordings.iter().map(Vec::as_slice).collect();
     let mut judged = offline::judge(&slices, &options.settings, options.start_force);
-    if let Some(stretch) = options.tare {
+    if let Some([t_from, t_to]) = options.tare {
         for (judged, readings) in judged.iter_mut().zip(recordings) {
-            judged.bias = offline::given(readings, stretch, &options.settings);
+            judged.bias = offline::given(readings, &(t_from..=t_to), &options.settings);
         }
     }
     judged

@@ -192,7 +192,7 @@ impl Track {
         let body = match &question.body {
             BodyKnowledge::OneOf(bodies) => bodies[best.body].clone(),
             BodyKnowledge::Ellipsoid { range } => {
-                let axes = best.semi_axes.unwrap_or([range[0]; 3]);
+                let axes = best.semi_axes.unwrap_or([*range.start(); 3]);
                 RollingBody::ellipsoid(axes)
                     .unwrap_or_else(|_| unreachable!("the observer keeps semi-axes in their range"))
             }

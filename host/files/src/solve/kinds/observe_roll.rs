@@ -341,7 +341,7 @@ impl ObserveRoll {
     fn ellipsoid(&self) -> Result<BodyKnowledge, InvalidInput> {
         let range = self.semi_axes_range.map_or(SEMI_AXES_RANGE, |range| range.map(Positive::get));
         if range[0] < range[1] {
-            return Ok(BodyKnowledge::Ellipsoid { range });
+            return Ok(BodyKnowledge::Ellipsoid { range: range[0]..=range[1] });
         }
         let message = format!("{:?} m is not below {:?} m: give the lowest, then the highest", range[0], range[1]);
         Err(InvalidInput::at("semi_axes_range", message))

@@ -10,6 +10,7 @@
 //! Errors: none. A bias that cannot be known is an answer, [`BiasUnknown`].
 
 use std::f64::consts::LN_2;
+use std::ops::RangeInclusive;
 
 use nalgebra::{Matrix2, Vector2};
 use serde::Serialize;
@@ -126,14 +127,18 @@ pub struct Judged {
     pub bias: Result<Bias, BiasUnknown>,
 }
 
-/// Takes the tare from `[t_from, t_to]`, in s after the first reading.
+/// Takes the tare from a stretch, in s after the first reading.
 ///
 /// # Errors
 /// [`BiasUnknown::Refused`] if it was not free.
-pub fn given(readings: &[Reading], [t_from, t_to]: [f64; 2], settings: &ContactSettings) -> Result<Bias, BiasUnknown> {
+pub fn given(
+    readings: &[Reading],
+    stretch: &RangeInclusive<f64>,
+    settings: &ContactSettings,
+) -> Result<Bias, BiasUnknown> {
     let start = readings.first().map_or(0.0, |reading| reading.t);
     let named: Vec<Reading> =
-        readings.iter().filter(|reading| (t_from..=t_to).contains(&(reading.t - start))).copied().collect();
+        readings.iter().filter(|reading| stretch.contains(&(reading.t - start))).copied().collect();
     let tare = Tare::estimate(&named, &settings.tare_settings()).map_err(BiasUnknown::Refused)?;
     Ok(Bias { tare, found: Found::Given })
 }

@@ -17,6 +17,8 @@ mod search;
 mod track;
 mod verdict;
 
+use std::ops::RangeInclusive;
+
 use nalgebra::{DMatrix, Vector2, Vector3};
 
 pub use track::{Noise, Readings};
@@ -77,9 +79,19 @@ pub enum BodyKnowledge {
     OneOf(Vec<RollingBody>),
     /// An ellipsoid of uniform density with semi-axes in this range, m.
     Ellipsoid {
-        /// Lowest and highest.
-        range: [f64; 2],
+        /// From the lowest to the highest.
+        range: RangeInclusive<f64>,
     },
+}
+
+impl BodyKnowledge {
+    /// The lowest and the highest semi-axis, m, where they are to be found.
+    fn semi_axes_range(&self) -> Option<[f64; 2]> {
+        match self {
+            Self::OneOf(_) => None,
+            Self::Ellipsoid { range } => Some([*range.start(), *range.end()]),
+        }
+    }
 }
 
 /// What is known of the palm's acceleration.
@@ -180,7 +192,7 @@ impl Question {
         if self.g <= 0.0 {
             return Err(ObserveError::NoGravity);
         }
-        if let BodyKnowledge::Ellipsoid { range: [low, high] } = self.body
+        if let Some([low, high]) = self.body.semi_axes_range()
             && high > low * AXIS_RATIO_MAX
         {
             return Err(ObserveError::AxisRange { low, high });
@@ -192,7 +204,7 @@ impl Question {
         }
         let size = match &self.body {
             BodyKnowledge::OneOf(bodies) => bodies.iter().map(RollingBody::size).fold(f64::INFINITY, f64::min),
-            BodyKnowledge::Ellipsoid { range } => range[0],
+            BodyKnowledge::Ellipsoid { range } => *range.start(),
         };
         let (duration, time) = (readings.duration(), (size / self.g).sqrt());
         if duration < WINDOW_MIN * time {
@@ -228,7 +240,7 @@ impl Question {
                     }
                 }
                 BodyKnowledge::Ellipsoid { range } => {
-                    let shapes = shapes(*range);
+                    let shapes = shapes([*range.start(), *range.end()]);
                     let models = RivalModels { spin, bodies: &shapes };
                     solutions.extend(self.solve_model(readings, models, &WIDTHS_SHAPE[width], halt));
                 }
@@ -260,7 +272,7 @@ impl Question {
         if halt.is_wished() {
             return Vec::new();
         }
-        let range = if let BodyKnowledge::Ellipsoid { range } = self.body { range } else { [0.0, f64::INFINITY] };
+        let range = self.body.semi_axes_range().unwrap_or([0.0, f64::INFINITY]);
         let unknowns = Unknowns { spin, columns: self.columns(), range };
         let pace = self.pace(bodies);
         let coarse = readings.averaged(pace);

@@ -9,7 +9,7 @@
 use std::cell::Cell;
 use std::f64::consts::TAU;
 
-use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix4, Matrix5, Vector2, Vector5};
+use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix4, Matrix5, Vector5};
 
 use super::clock::{Fineness, count};
 use super::contact_intervals::contact_intervals;
@@ -503,7 +503,7 @@ fn judge(fitting: &Fitting, descent: &Descent, start_modes: usize) -> Judged {
         law: fitting.known.touch.law(evaluation.contact_end),
         pose_start: pose(&model, evaluation.start.u, 0.0, &evaluation.start),
         pose_end: pose(&model, evaluation.start.u, time, &evaluation.end),
-        velocity_end: Vector2::from(model.velocity(&evaluation.contact_end, time, &evaluation.end)),
+        velocity_end: model.velocity(&evaluation.contact_end, time, &evaluation.end),
         covariance: state_covariance
             .map(|state| pose_covariance(fitting, descent, &state.fixed_view::<2, 2>(0, 0).into())),
         state_covariance,

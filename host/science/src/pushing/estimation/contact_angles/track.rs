@@ -65,14 +65,15 @@ pub struct TrackerSettings {
 /// Follows a push from contact onset on.
 ///
 /// ```
-/// use nalgebra::Point2;
+/// use nalgebra::{Point2, Vector2};
 /// use palpate::geometry::SimplePolygon;
 /// use palpate::pushing::estimation::{Known, Prior, Touch, Tracker, TrackerSettings};
 /// use palpate::pushing::dynamics::{ContactMode, Finger, Part, PushModel, State};
 ///
 /// let wedge = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.02, 0.025], [-0.03, 0.01]].map(Point2::from))?;
 /// let part = Part::uniform(wedge);
-/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+/// let (velocity0, acceleration) = (Vector2::new(0.0, 0.05), Vector2::zeros()); // m/s, m/s²
+/// let finger = Finger { radius: 0.01, centre0: Point2::origin(), velocity0, acceleration };
 /// let known = Known { part: &part, mu_g: 0.3 * 9.81, finger, touch: Touch::Rolling { friction: None } };
 /// let settings = TrackerSettings { dt: 0.01, sigma: 2e-3, prior: Prior::default(), window: 80 };
 /// let mut tracker = Tracker::new(known, settings);
@@ -312,7 +313,7 @@ impl<'p> Tracker<'p> {
 
 /// The same motion with another t = 0.
 fn moved(finger: &Finger, time: f64) -> Finger {
-    Finger { centre0: finger.centre(time).into(), velocity0: finger.velocity(time), ..*finger }
+    Finger { centre0: finger.centre(time), velocity0: finger.velocity(time), ..*finger }
 }
 
 /// Drops what is far above the best, and the worse of two that are one.
@@ -336,7 +337,7 @@ fn remembered(fitting: &Fitting, candidate: &Candidate, time: f64) -> Option<Can
         ContactMode::Sliding { slip, .. } => {
             // v_FT + hω − v_T in the direction of the slip; T turns with the contact.
             let model = fitting.known.model(edge);
-            let finger_v_n = -Vector2::from(model.finger.velocity(time)).dot(&Vector2::new(end.u.cos(), end.u.sin()));
+            let finger_v_n = -model.finger.velocity(time).dot(&Vector2::new(end.u.cos(), end.u.sin()));
             let row = by_start.row(0) * finger_v_n + by_start.row(2) * edge.height - by_start.row(3);
             by_start.set_row(3, &(row * slip.sign()));
             (StartMode::Slips(slip), (model.slip(time, &end) * slip.sign()).max(0.0))
@@ -389,7 +390,12 @@ mod tests {
     fn follow(touch: Touch, contact: ContactMode, values: usize) {
         let outline = [[-0.031, -0.022], [0.03, -0.018], [0.022, 0.027], [-0.028, 0.012]].map(Point2::from);
         let part = Part::uniform(SimplePolygon::new(outline).unwrap());
-        let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+        let finger = Finger {
+            radius: 0.01,
+            centre0: Point2::origin(),
+            velocity0: Vector2::new(0.0, 0.05),
+            acceleration: Vector2::zeros(),
+        };
         let known = Known { part: &part, mu_g: 0.3 * 9.81, finger, touch };
         let prior = Prior { omega0_sigma: Some(1.0), v_t0_sigma: Some(0.004), mu_g_log_sigma: None };
         let mut tracker = Tracker::new(known, TrackerSettings { dt: 0.01, sigma: SIGMA, prior, window: 60 });
@@ -417,7 +423,12 @@ mod tests {
     fn tracker_after(values: usize, then: impl FnOnce(Tracker<'_>, f64)) {
         let outline = [[-0.031, -0.022], [0.03, -0.018], [0.022, 0.027], [-0.028, 0.012]].map(Point2::from);
         let part = Part::uniform(SimplePolygon::new(outline).unwrap());
-        let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+        let finger = Finger {
+            radius: 0.01,
+            centre0: Point2::origin(),
+            velocity0: Vector2::new(0.0, 0.05),
+            acceleration: Vector2::zeros(),
+        };
         let known = Known { part: &part, mu_g: 0.3 * 9.81, finger, touch: Touch::Rolling { friction: None } };
         let settings = TrackerSettings { dt: 0.01, sigma: SIGMA, prior: Prior::default(), window: 60 };
         let model = PushModel { part: &part, edge: part.edge(0).unwrap(), mu_g: 0.3 * 9.81, finger };

@@ -29,13 +29,14 @@ const BORDER_REACH: f64 = 5.0;
 /// The motions of one push from all places on the part.
 ///
 /// ```
-/// use nalgebra::Point2;
+/// use nalgebra::{Point2, Vector2};
 /// use palpate::geometry::SimplePolygon;
 /// use palpate::pushing::estimation::{Object, RestingPush, Table, TimedContact};
 /// use palpate::pushing::dynamics::{FingerPath, FingerShape};
 ///
 /// let block = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.02, 0.03]].map(Point2::from))?;
-/// let path = FingerPath { centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [0.01, 0.1] };
+/// let (velocity0, acceleration) = (Vector2::zeros(), Vector2::new(0.01, 0.1)); // m/s, m/s²
+/// let path = FingerPath { centre0: Point2::origin(), velocity0, acceleration };
 /// let push = RestingPush::new(Object::Polygon(block), 0.0, FingerShape::Disk { radius: 0.01 }, path, 1.5)?;
 /// let table = Table::new(&push, 1.0);
 /// let measured = push.predicted(Some(0), 0.005, &[0.6, 0.9]);

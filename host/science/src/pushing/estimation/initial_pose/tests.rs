@@ -115,7 +115,11 @@ impl ByGap {
 }
 
 fn push(shape: FingerShape, object: Object, acceleration: [f64; 2], u0: f64) -> RestingPush {
-    let path = FingerPath { centre0: [0.01, -0.02], velocity0: [0.0; 2], acceleration };
+    let path = FingerPath {
+        centre0: Point2::new(0.01, -0.02),
+        velocity0: Vector2::zeros(),
+        acceleration: acceleration.into(),
+    };
     RestingPush::new(object, 0.0, shape, path, u0).unwrap()
 }
 
@@ -262,9 +266,10 @@ fn later_contacts_decide_within_their_tolerance() {
 
 #[test]
 fn impossible_pushes_are_refused() {
-    let path = |acceleration: [f64; 2]| FingerPath { centre0: [0.0; 2], velocity0: [0.0; 2], acceleration };
     let new = |object: Object, shape: FingerShape, acceleration: [f64; 2]| {
-        RestingPush::new(object, 0.0, shape, path(acceleration), FRAC_PI_2).map(|_| ())
+        let path =
+            FingerPath { centre0: Point2::origin(), velocity0: Vector2::zeros(), acceleration: acceleration.into() };
+        RestingPush::new(object, 0.0, shape, path, FRAC_PI_2).map(|_| ())
     };
     let disk = FingerShape::Disk { radius: 0.01 };
     assert!(matches!(new(triangle(), disk, [0.0, -0.1]), Err(InitialPoseError::MovesAway { .. })));
