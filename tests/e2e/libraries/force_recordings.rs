@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::fs;
 
 use palpate::finger::contact::ContactSettings;
-use palpate::finger::contact::offline::{Found, Start};
+use palpate::finger::contact::offline::{BiasOrigin, RecordingStart};
 use palpate_files::recordings::mlab::{self, Log};
 use palpate_files::recordings::part::Part;
 use palpate_files::recordings::session::{self, Options, Report, Summary};
@@ -106,9 +106,15 @@ fn pushes_that_begin_in_contact_are_recognised_and_no_others() {
                 session.folder,
                 report.index
             );
-            assert_eq!(report.start == Start::InContact, truth > START_FORCE_N, "{} {}", session.folder, report.index);
-            if report.start == Start::InContact {
-                assert!(matches!(report.bias.unwrap().found, Found::Neighbours { refusal: None, .. }));
+            assert_eq!(
+                report.start == RecordingStart::InContact,
+                truth > START_FORCE_N,
+                "{} {}",
+                session.folder,
+                report.index
+            );
+            if report.start == RecordingStart::InContact {
+                assert!(matches!(report.bias.unwrap().found, BiasOrigin::Neighbours { refusal: None, .. }));
                 measured.insert((session.folder.clone(), report.index), deviation);
             }
         }
@@ -142,7 +148,7 @@ fn check_cone(name: &str, summary: &Summary) {
 fn the_direction_at_the_end_is_that_of_separate_geometry_with_the_known_pose() {
     for session in sessions().iter().flatten() {
         for (report, raw) in session.reports.iter().zip(&session.raw) {
-            if report.start == Start::InContact {
+            if report.start == RecordingStart::InContact {
                 continue; // The oracle takes its bias from the start.
             }
             let end = report.series.last().unwrap().t;
@@ -161,7 +167,7 @@ fn the_bias_of_half_the_free_time_is_that_of_the_other_half() {
     let (mut worst, mut checked): (f64, usize) = (0.0, 0);
     for session in &sessions {
         for (report, raw) in session.reports.iter().zip(&session.raw) {
-            if report.start == Start::InContact {
+            if report.start == RecordingStart::InContact {
                 continue;
             }
             // The free time by the change point, in halves by time: nothing of palpate's is used.

@@ -9,7 +9,7 @@ use std::str::FromStr;
 use clap::ValueEnum;
 use miette::{Context, IntoDiagnostic, miette};
 use nalgebra::Matrix2;
-use palpate::finger::contact::offline::{Found, Start};
+use palpate::finger::contact::offline::{BiasOrigin, RecordingStart};
 use palpate::finger::contact::{Averaging, ContactSettings};
 use palpate_files::recordings::part::Part;
 use palpate_files::recordings::session::{self, CONE_DEG, COVERAGE, Options, Report, START_FORCE_N, Summary};
@@ -284,10 +284,10 @@ impl std::fmt::Display for Line<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let report = self.0;
         let start = match report.start {
-            Start::Free if report.start_doubtful => "free?",
-            Start::Free => "free",
-            Start::InContact => "in contact",
-            Start::Unknown => "unknown",
+            RecordingStart::Free if report.start_doubtful => "free?",
+            RecordingStart::Free => "free",
+            RecordingStart::InContact => "in contact",
+            RecordingStart::Unknown => "unknown",
         };
         let onset = report.onset.map_or("-".to_owned(), |onset| format!("{onset:.3}"));
         write!(f, "{:>4} {start:<10} {onset:>7} ", report.index)?;
@@ -308,14 +308,14 @@ impl std::fmt::Display for Line<'_> {
     }
 }
 
-fn found(found: Found, report: &Report) -> String {
+fn found(found: BiasOrigin, report: &Report) -> String {
     match found {
-        Found::Given => "given".to_owned(),
-        Found::OwnFreeInterval => {
+        BiasOrigin::Given => "given".to_owned(),
+        BiasOrigin::OwnFreeInterval => {
             let free = report.bias.as_ref().map_or(0.0, |bias| bias.tare.t_to - bias.tare.t_from);
             format!("own {free:.2} s free")
         }
-        Found::Neighbours { before, after, .. } => {
+        BiasOrigin::Neighbours { before, after, .. } => {
             let number = |push: Option<usize>| push.map_or("-".to_owned(), |push| push.to_string());
             format!("pushes {} and {}", number(before), number(after))
         }

@@ -10,7 +10,7 @@
 //! Errors: a bias that cannot be known is an answer, and such a report has no contact in it.
 
 use nalgebra::{Matrix2, Vector2};
-use palpate::finger::contact::offline::{self, Bias, BiasUnknown, Found, Judged, Start};
+use palpate::finger::contact::offline::{self, Bias, BiasOrigin, BiasUnknown, Judged, RecordingStart};
 use palpate::finger::contact::{Contact, ContactReading, ContactSettings, Event, Reading, SettingsError, Tare, noise};
 use palpate::math::angle::wrap_angle;
 use palpate::math::statistics::{mean, median};
@@ -81,7 +81,7 @@ pub struct Report {
     /// Force readings.
     pub readings: usize,
     /// Whether it began without contact, in contact, or cannot be told.
-    pub start: Start,
+    pub start: RecordingStart,
     /// Size of the first moments' mean less the bias expected from the neighbours, force units.
     pub start_deviation: Option<f64>,
     /// Began free, but that difference is unusually large: perhaps lightly touched, and its own bias wrong by as much.
@@ -206,8 +206,8 @@ pub fn of_log(log: &Log, options: &Options) -> Result<Vec<Report>, SettingsError
 fn numbered(bias: Bias, pushes: &[&Push]) -> Bias {
     let number = |recording: usize| pushes[recording].index;
     let found = match bias.found {
-        Found::Neighbours { before, after, refusal } => {
-            Found::Neighbours { before: before.map(number), after: after.map(number), refusal }
+        BiasOrigin::Neighbours { before, after, refusal } => {
+            BiasOrigin::Neighbours { before: before.map(number), after: after.map(number), refusal }
         }
         other => other,
     };
@@ -222,7 +222,7 @@ pub fn of_table(table: &Table, options: &Options) -> Result<Report, SettingsErro
     let recordings = [in_finger_axes(&table.readings, options)];
     let [readings] = &recordings;
     let unknown = BiasUnknown::NothingToCompare { neighbours: 0, candidate: None };
-    let none = Judged { start: Start::Unknown, deviation: None, doubtful: false, bias: Err(unknown) };
+    let none = Judged { start: RecordingStart::Unknown, deviation: None, doubtful: false, bias: Err(unknown) };
     let judged = judge(&recordings, options).pop().unwrap_or(none);
     report(0, readings, judged, None, options)
 }
@@ -257,7 +257,7 @@ fn report(
         None => Vec::new(),
     };
     let onsets: Vec<f64> = measured.iter().filter_map(onset).collect();
-    let began = judged.start == Start::InContact;
+    let began = judged.start == RecordingStart::InContact;
     let scene = push.and_then(|push| Some(Scene::new(push, options.part.as_ref()?, onsets.first().copied(), began)));
     let view = View { t0, tips: push.map(|push| push.tips.as_slice()), scene: scene.as_ref() };
     let series: Vec<Row> = measured.iter().map(|measured| view.row(measured)).collect();
@@ -294,7 +294,7 @@ fn onset(measured: &ContactReading) -> Option<f64> {
 
 /// Splits the free interval in two and judges the second half by the first.
 fn free_check(readings: &[Reading], bias: &Bias, settings: &ContactSettings) -> Option<FreeCheck> {
-    if bias.found != Found::OwnFreeInterval {
+    if bias.found != BiasOrigin::OwnFreeInterval {
         return None;
     }
     let (from, to) = (bias.tare.t_from, bias.tare.t_to);
@@ -478,7 +478,7 @@ impl Summary {
         let gaps: Vec<f64> = edges.iter().map(|edge| edge.gap_end).collect();
         Self {
             recordings: reports.len(),
-            began_in_contact: numbers(&|r| r.start == Start::InContact),
+            began_in_contact: numbers(&|r| r.start == RecordingStart::InContact),
             start_doubtful: numbers(&|r| r.start_doubtful),
             bias_unknown: numbers(&|r| r.bias.is_none()),
             never_touched: numbers(&|r| r.bias.is_some() && r.contacts == 0),
@@ -526,7 +526,7 @@ mod tests {
         for (i, yaw) in [0.0, 1.0, 3.0, -2.0].into_iter().enumerate() {
             let pushes: Vec<_> = session(5).into_iter().map(|push| PushSpec { yaw, ..push }).collect();
             let report = &measured(&pushes)[i];
-            assert_eq!(report.start, Start::Free);
+            assert_eq!(report.start, RecordingStart::Free);
             assert!((report.onset.unwrap() - 1.5).abs() < ONSET_ERROR_S, "{:?}", report.onset);
             let touch = report.touch.unwrap();
             let truth = yaw + std::f64::consts::FRAC_PI_2 + 0.2;
@@ -548,10 +548,10 @@ mod tests {
         pushes[3].onset = 0.0;
         pushes.rotate_left(2);
         let reports = measured(&pushes);
-        let began: Vec<_> = reports.iter().filter(|r| r.start == Start::InContact).map(|r| r.index).collect();
+        let began: Vec<_> = reports.iter().filter(|r| r.start == RecordingStart::InContact).map(|r| r.index).collect();
         assert_eq!(began, [1], "the order in the file does not matter");
         let bias = reports[1].bias.unwrap();
-        assert_eq!(bias.found, Found::Neighbours { before: Some(0), after: Some(2), refusal: None });
+        assert_eq!(bias.found, BiasOrigin::Neighbours { before: Some(0), after: Some(2), refusal: None });
         assert!((bias.tare.bias - bias_in_finger_axes(&pushes[1])).norm() < BIAS_ERROR_N);
         assert_eq!((reports[1].onset, reports[1].contacts), (None, 1), "contact began before the recording");
         assert!((reports[1].edge.unwrap().angle_median - 0.2).abs() < 0.003);
@@ -588,8 +588,9 @@ mod tests {
         let mut pushes = session(6);
         pushes[2] = PushSpec { onset: 0.19, force: 1.0, ..pushes[2] };
         let report = &measured(&pushes)[2];
-        assert_eq!(report.start, Start::Free);
-        let Found::Neighbours { before: Some(1), after: Some(3), refusal: Some(_) } = report.bias.unwrap().found else {
+        assert_eq!(report.start, RecordingStart::Free);
+        let BiasOrigin::Neighbours { before: Some(1), after: Some(3), refusal: Some(_) } = report.bias.unwrap().found
+        else {
             panic!("{:?}", report.bias);
         };
         assert!((report.onset.unwrap() - 0.19).abs() < ONSET_ERROR_S);
@@ -613,7 +614,7 @@ mod tests {
         let options = Options { settings, ..options() };
         for report in of_log(&mlab::parse(&log(&session(6))).unwrap(), &options).unwrap() {
             let bias = report.bias.unwrap();
-            assert_eq!((bias.found, bias.tare.averaging_samples), (Found::OwnFreeInterval, 10));
+            assert_eq!((bias.found, bias.tare.averaging_samples), (BiasOrigin::OwnFreeInterval, 10));
             // The window's middle crosses half of itself later, less what the force is above the threshold.
             assert!((report.onset.unwrap() - 1.5).abs() < 0.06, "{:?}", report.onset);
         }
@@ -622,18 +623,18 @@ mod tests {
     #[test]
     fn a_push_alone_has_an_unknown_bias_and_no_contact_is_claimed() {
         let free = &measured(&session(1))[0];
-        assert_eq!((free.start, free.contacts, free.bias), (Start::Unknown, 0, None));
+        assert_eq!((free.start, free.contacts, free.bias), (RecordingStart::Unknown, 0, None));
         let words = free.bias_unknown.unwrap().to_string();
         assert!(words.contains("0.00 s to 1.4") && words.contains("quiet"), "{words}");
         let pressed = &measured(&[PushSpec { onset: 0.0, ..PushSpec::default() }])[0];
-        assert_eq!((pressed.start, pressed.touch, pressed.bias), (Start::Unknown, None, None));
+        assert_eq!((pressed.start, pressed.touch, pressed.bias), (RecordingStart::Unknown, None, None));
     }
 
     #[test]
     fn pushes_without_any_free_time_have_an_unknown_bias() {
         let pushes: Vec<_> = session(6).iter().map(|p| PushSpec { onset: 0.17, force: 1.0, ..*p }).collect();
         for report in measured(&pushes) {
-            assert_eq!((report.start, report.bias, report.contacts), (Start::Free, None, 0));
+            assert_eq!((report.start, report.bias, report.contacts), (RecordingStart::Free, None, 0));
             assert!(report.bias_unknown.unwrap().to_string().contains("0 neighbours with some"));
         }
     }
@@ -641,7 +642,9 @@ mod tests {
     #[test]
     fn pushes_hours_apart_say_nothing_of_each_other() {
         let pushes: Vec<_> = session(6).iter().map(|p| PushSpec { t0: p.t0 * 60.0, ..*p }).collect();
-        assert!(measured(&pushes).iter().all(|report| report.start == Start::Unknown && report.bias.is_none()));
+        assert!(
+            measured(&pushes).iter().all(|report| report.start == RecordingStart::Unknown && report.bias.is_none())
+        );
     }
 
     #[test]
@@ -653,10 +656,10 @@ mod tests {
         let broken: Vec<&str> =
             text.lines().enumerate().map(|(i, line)| if i + 1 == second { "1 2 3 9 9 9 9" } else { line }).collect();
         let reports = of_log(&mlab::parse(&(broken.join("\n") + "\n")).unwrap(), &options()).unwrap();
-        let report = reports.iter().find(|report| report.start == Start::InContact).unwrap();
+        let report = reports.iter().find(|report| report.start == RecordingStart::InContact).unwrap();
         assert_eq!(report.index, 4);
         let found = report.bias.unwrap().found;
-        assert_eq!(found, Found::Neighbours { before: Some(3), after: Some(5), refusal: None });
+        assert_eq!(found, BiasOrigin::Neighbours { before: Some(3), after: Some(5), refusal: None });
     }
 
     /// A table at 100 Hz, pressed with 2 N along −x from 1 s on.

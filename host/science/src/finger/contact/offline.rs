@@ -44,7 +44,7 @@ pub const DOUBT_SIGMAS: f64 = 10.0;
 /// How a recording began.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Start {
+pub enum RecordingStart {
     /// Without contact: its first moments agree with its neighbours'.
     Free,
     /// In contact.
@@ -56,7 +56,7 @@ pub enum Start {
 /// How a bias was found.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "how", rename_all = "snake_case")]
-pub enum Found {
+pub enum BiasOrigin {
     /// From the stretch of time that the caller named.
     Given,
     /// From the recording's own time before the first contact.
@@ -85,7 +85,7 @@ pub struct Bias {
     /// The tare to use.
     pub tare: Tare,
     /// Where it came from.
-    pub found: Found,
+    pub found: BiasOrigin,
 }
 
 /// Why there is no bias.
@@ -117,7 +117,7 @@ pub enum BiasUnknown {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Judged {
     /// Whether it began without contact, in contact, or cannot be told.
-    pub start: Start,
+    pub start: RecordingStart,
     /// Size of the mean of its first [`LEAD_S`] less the bias expected from its neighbours; force units.
     pub deviation: Option<f64>,
     /// Began free, but differs from its neighbours by more than [`DOUBT_SIGMAS`] times the usual: perhaps lightly
@@ -140,7 +140,7 @@ pub fn given(
     let named: Vec<Reading> =
         readings.iter().filter(|reading| stretch.contains(&(reading.t - start))).copied().collect();
     let tare = Tare::estimate(&named, &settings.tare_settings()).map_err(BiasUnknown::Refused)?;
-    Ok(Bias { tare, found: Found::Given })
+    Ok(Bias { tare, found: BiasOrigin::Given })
 }
 
 /// Runs the sense over a recording from its start.
@@ -176,15 +176,15 @@ pub fn judge(recordings: &[&[Reading]], settings: &ContactSettings, start_force:
             (Some(rough), Some(lead)) => {
                 let deviation = drift.deviation(i, &lead);
                 let size = deviation.map_or(rough, |deviation| deviation.norm());
-                let start = if size > start_force { Start::InContact } else { Start::Free };
-                let doubtful = start == Start::Free && rough > DOUBT_SIGMAS * usual;
-                let own = (start == Start::Free).then_some(own[i]);
+                let start = if size > start_force { RecordingStart::InContact } else { RecordingStart::Free };
+                let doubtful = start == RecordingStart::Free && rough > DOUBT_SIGMAS * usual;
+                let own = (start == RecordingStart::Free).then_some(own[i]);
                 Judged { start, deviation: Some(size), doubtful, bias: drift.bias(i, lead.t, own) }
             }
             _ => {
                 let candidate = own[i].as_ref().ok().and_then(|tare| candidate(recordings[i], tare));
                 let unknown = BiasUnknown::NothingToCompare { neighbours: leads.neighbours(i).len(), candidate };
-                Judged { start: Start::Unknown, deviation: None, doubtful: false, bias: Err(unknown) }
+                Judged { start: RecordingStart::Unknown, deviation: None, doubtful: false, bias: Err(unknown) }
             }
         })
         .collect()
@@ -360,7 +360,7 @@ impl Drift {
     /// The bias of recording `i`, which starts at `t`: its own, if it began free and was not refused.
     fn bias(&self, i: usize, t: f64, own: Option<Result<Tare, TareError>>) -> Result<Bias, BiasUnknown> {
         let refusal = match own {
-            Some(Ok(tare)) => return Ok(Bias { tare, found: Found::OwnFreeInterval }),
+            Some(Ok(tare)) => return Ok(Bias { tare, found: BiasOrigin::OwnFreeInterval }),
             Some(Err(refusal)) => Some(refusal),
             None => None,
         };
@@ -370,7 +370,7 @@ impl Drift {
         let like = self.free.iter().find(|d| Some(d.recording) == nearest).ok_or(unknown)?;
         // The noise is the nearest neighbour's; the bias is good for the time of this recording's start.
         let tare = Tare { bias: prediction.bias, bias_covariance: error.covariance, t_from: t, t_to: t, ..like.tare };
-        let found = Found::Neighbours { before: prediction.before, after: prediction.after, refusal };
+        let found = BiasOrigin::Neighbours { before: prediction.before, after: prediction.after, refusal };
         Ok(Bias { tare, found })
     }
 }
