@@ -126,7 +126,7 @@ mod tests {
     use crate::pushing::dynamics::{FingerPath, FingerShape};
     use crate::pushing::estimation::{Object, RestingPush, TimedContact};
     use crate::rolling::{
-        BodyKnowledge, Model, Noise, PalmAcceleration, PalmKnowledge, Question, RollState, RollingBody, Spin,
+        BodyKnowledge, Model, Noise, PalmAcceleration, PalmKnowledge, RollQuestion, RollState, RollingBody, Spin,
         specific_force,
     };
 
@@ -166,7 +166,7 @@ mod tests {
         let weight = specific_force(Vector3::zeros(), 9.81);
         let path = std::iter::successors(Some(start), |state| Some(model.step(state, &[weight; 3], 0.02)));
         let u: Vec<_> = path.take(31).map(|state| state.u).collect();
-        let question = Question {
+        let question = RollQuestion {
             body: BodyKnowledge::OneOf(vec![body.clone()]),
             spins: vec![Spin::NoSpin],
             palm: PalmKnowledge::Known(PalmAcceleration::Rest),

@@ -3,8 +3,8 @@
 
 use nalgebra::Vector2;
 use palpate::rolling::{
-    self, BodyKnowledge, Noise as ReadingNoise, ObserveError, PalmKnowledge, Question, RollEstimate, RollHypothesis,
-    RollVerdict,
+    self, BodyKnowledge, Noise as ReadingNoise, ObserveError, PalmKnowledge, RollEstimate, RollHypothesis,
+    RollQuestion, RollVerdict,
 };
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::Error as _;
@@ -297,8 +297,8 @@ fn refuse(error: ObserveError) -> InvalidInput {
 }
 
 impl ObserveRoll {
-    fn question(&self) -> Result<Question, InvalidInput> {
-        Ok(Question {
+    fn question(&self) -> Result<RollQuestion, InvalidInput> {
+        Ok(RollQuestion {
             body: self.body()?,
             spins: match self.spin {
                 SpinKnowledge::Free => vec![rolling::Spin::Free],
@@ -358,7 +358,7 @@ impl ObserveRoll {
         }
     }
 
-    fn answer(&self, question: &Question, estimate: &RollEstimate) -> ObserveRollAnswer {
+    fn answer(&self, question: &RollQuestion, estimate: &RollEstimate) -> ObserveRollAnswer {
         let only = match &question.body {
             BodyKnowledge::OneOf(bodies) if bodies.len() == 1 => Some(bodies[0].symmetry()),
             _ => None,

@@ -59,7 +59,7 @@ const WIDTHS_SHAPE: [Width; 4] = [
 
 /// What is asked.
 #[derive(Clone, Debug)]
-pub struct Question {
+pub struct RollQuestion {
     /// The body, or what it may be.
     pub body: BodyKnowledge,
     /// What the contact transmits; both where that is unknown.
@@ -144,7 +144,7 @@ pub enum ObserveError {
     },
 }
 
-impl Question {
+impl RollQuestion {
     /// Everything that explains contacts `u` (m), `dt` seconds apart from t = 0 on.
     ///
     /// # Errors
@@ -156,7 +156,7 @@ impl Question {
     /// The same, ended when `stop` says so: then with the explanations found by then, and never certified.
     ///
     /// # Errors
-    /// As for [`Question::answer`].
+    /// As for [`RollQuestion::answer`].
     pub fn answer_until(
         &self,
         dt: f64,
@@ -298,7 +298,7 @@ struct RivalModels<'a> {
 /// Size over least radius of curvature of a body that counts as round: that of a 2-3-4 ellipsoid.
 const ROUND: f64 = 3.0;
 
-/// Least [`Question::pace`]: shorter steps would take too long.
+/// Least [`RollQuestion::pace`]: shorter steps would take too long.
 const PACE_MIN: f64 = 0.2;
 
 /// Cost above the best of the search up to which a fit may still turn out to be listed.
