@@ -4,7 +4,7 @@ use nalgebra::{Matrix2, Point2, Vector2};
 
 use super::fit::{Problem, Tried};
 use super::path::{Course, Guess};
-use super::trial::{Drawn, Outcome, RADIUS_M, Ranges, pose_error, random_part, straight_motion};
+use super::trial::{Drawn, RADIUS_M, Ranges, TrialOutcome, pose_error, random_part, straight_motion};
 use super::*;
 use crate::geometry::SimplePolygon;
 use crate::math::Jet;
@@ -104,7 +104,7 @@ fn the_truth_is_among_the_answers_and_mostly_the_only_one() {
     for case in 0..CASES {
         let (part, ranges, drawn, mut draw) = drawn(case);
         let estimate = estimate(&known(&part, &ranges), &measured(&drawn, &mut draw, ranges.motion.duration()));
-        let outcome = Outcome::new(&part, &drawn, &estimate);
+        let outcome = TrialOutcome::new(&part, &drawn, &estimate);
         assert!(outcome.holds_truth, "case {case}: {outcome:?}, drawn edge {} s {}", drawn.edge, drawn.s);
         unique += usize::from(outcome.status == Status::Unique);
     }
@@ -123,7 +123,7 @@ fn a_straight_push_is_no_less_certain_than_its_cost() {
             drawn_from(Ranges { motion: straight_motion(), ..Ranges::default() }, case);
         let (known, measured) = (known(&part, &ranges), measured(&drawn, &mut draw, ranges.motion.duration()));
         let estimate = estimate(&known, &measured);
-        assert!(Outcome::new(&part, &drawn, &estimate).holds_truth, "case {case}: {estimate:?}");
+        assert!(TrialOutcome::new(&part, &drawn, &estimate).holds_truth, "case {case}: {estimate:?}");
         for hypothesis in &estimate.hypotheses {
             let spread = hypothesis.spread(&part).unwrap();
             assert!(spread.0 < FELT.0 && spread.1 < FELT.1, "case {case}: {spread:?} of {hypothesis:?}");

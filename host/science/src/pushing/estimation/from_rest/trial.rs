@@ -1,7 +1,7 @@
 //! Random pushes and a judge: what the estimate from rest is tried on.
 //!
-//! [`Ranges`] says what problems are drawn from, [`Drawn`] is one of them with what became of it, [`Outcome`] compares
-//! an estimate with that truth. The same seed gives the same problem on every machine.
+//! [`Ranges`] says what problems are drawn from, [`Drawn`] is one of them with what became of it, [`TrialOutcome`]
+//! compares an estimate with that truth. The same seed gives the same problem on every machine.
 //!
 //! Frames: finger axes. Units: SI. Errors: none; a part that cannot be pushed for so long is no problem.
 
@@ -163,7 +163,7 @@ pub fn pose_error(part: &Part, symmetry: usize, pose: &Pose, truth: &Isometry2<f
 
 /// What came of one case.
 #[derive(Clone, Debug)]
-pub struct Outcome {
+pub struct TrialOutcome {
     /// What the host said.
     pub status: Status,
     /// How far its best answer was from the truth.
@@ -178,7 +178,7 @@ pub struct Outcome {
     pub redrawn: usize,
 }
 
-impl Outcome {
+impl TrialOutcome {
     /// Judges an estimate.
     #[must_use]
     pub fn new(part: &Part, drawn: &Drawn, estimate: &Estimate) -> Self {
