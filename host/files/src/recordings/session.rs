@@ -1,12 +1,12 @@
-//! Contact, felt in what was recorded: one [`Report`] for each push or table.
+//! Contact, felt in what was recorded: one [`RecordingReport`] for each push or table.
 //!
 //! The same code as on a live finger ([`palpate::finger::contact`]) runs over the recorded forces. Where the log knows
 //! the part's pose before and after the push, the direction felt is compared with the inward normal of the edge
 //! touched.
 //!
-//! Frames: `finger` = the sensor's axes after [`Options::finger_from_sensor`]; `world` where the log has the finger's
-//! yaw, otherwise the same as `finger`. The force is the force on the finger; `u` is the direction of the force on the
-//! part, so without friction it is that of the edge's inward normal. Units: SI.
+//! Frames: `finger` = the sensor's axes after [`RecordingOptions::finger_from_sensor`]; `world` where the log has the
+//! finger's yaw, otherwise the same as `finger`. The force is the force on the finger; `u` is the direction of the force
+//! on the part, so without friction it is that of the edge's inward normal. Units: SI.
 //! Errors: a bias that cannot be known is an answer, and such a report has no contact in it.
 
 use nalgebra::{Matrix2, Vector2};
@@ -35,7 +35,7 @@ pub const MLAB_TOOL_FROM_SENSOR: Matrix2<f64> = Matrix2::new(K, K, K, -K);
 
 /// How recordings are to be read.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Options {
+pub struct RecordingOptions {
     /// Thresholds, averaging, friction and mounting angle.
     pub settings: ContactSettings,
     /// Turns (and mirrors, if need be) the file's force components into the finger's axes.
@@ -50,7 +50,7 @@ pub struct Options {
     pub cone: f64,
 }
 
-impl Default for Options {
+impl Default for RecordingOptions {
     fn default() -> Self {
         Self {
             settings: ContactSettings::default(),
@@ -63,15 +63,16 @@ impl Default for Options {
     }
 }
 
-/// Default of [`Options::start_force`], N: biases wander by up to 0.09 N in half an hour, touches start at 0.5 N.
+/// Default of [`RecordingOptions::start_force`], N: biases wander by up to 0.09 N in half an hour, touches start at
+/// 0.5 N.
 pub const START_FORCE_N: f64 = 0.2;
-/// Default of [`Options::cone`], degrees: finger friction of 0.35 (19°) and the error of an edge's angle that is
-/// interpolated between the poses before and after.
+/// Default of [`RecordingOptions::cone`], degrees: finger friction of 0.35 (19°) and the error of an edge's angle that
+/// is interpolated between the poses before and after.
 pub const CONE_DEG: f64 = 34.0;
 
 /// What was felt in one recording.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub struct RecordingReport {
     /// Number in its file, from 0.
     pub index: usize,
     /// Time of the first reading, s, on the file's clock; times below are relative to it.
@@ -141,7 +142,7 @@ pub struct EdgeSummary {
     pub edge: usize,
     /// Readings in contact, of which the next ones count.
     pub samples: usize,
-    /// Readings within the cone of [`Options::cone`] about the inward normal.
+    /// Readings within the cone of [`RecordingOptions::cone`] about the inward normal.
     pub within_cone: usize,
     /// Readings whose stated interval ([`COVERAGE`]; noise and finger friction) holds the inward normal.
     pub within_stated: usize,
@@ -189,7 +190,7 @@ pub struct RowTouch {
 ///
 /// # Errors
 /// [`SettingsError`] if a setting is out of range.
-pub fn of_log(log: &Log, options: &Options) -> Result<Vec<Report>, SettingsError> {
+pub fn of_log(log: &Log, options: &RecordingOptions) -> Result<Vec<RecordingReport>, SettingsError> {
     let pushes: Vec<&Push> = log.good().collect();
     let recordings: Vec<Vec<Reading>> = pushes.iter().map(|push| in_finger_axes(&push.forces, options)).collect();
     let judged = judge(&recordings, options);
@@ -218,7 +219,7 @@ fn numbered(bias: Bias, pushes: &[&Push]) -> Bias {
 ///
 /// # Errors
 /// [`SettingsError`] if a setting is out of range.
-pub fn of_table(table: &Table, options: &Options) -> Result<Report, SettingsError> {
+pub fn of_table(table: &Table, options: &RecordingOptions) -> Result<RecordingReport, SettingsError> {
     let recordings = [in_finger_axes(&table.readings, options)];
     let [readings] = &recordings;
     let unknown = BiasUnknown::NothingToCompare { neighbours: 0, candidate: None };
@@ -227,12 +228,12 @@ pub fn of_table(table: &Table, options: &Options) -> Result<Report, SettingsErro
     report(0, readings, judged, None, options)
 }
 
-fn in_finger_axes(forces: &[Reading], options: &Options) -> Vec<Reading> {
+fn in_finger_axes(forces: &[Reading], options: &RecordingOptions) -> Vec<Reading> {
     forces.iter().map(|r| Reading::new(r.t, options.finger_from_sensor * r.force_finger)).collect()
 }
 
 /// Judges by comparison, and puts the caller's stretch in place of what was found, if one was named.
-fn judge(recordings: &[Vec<Reading>], options: &Options) -> Vec<Judged> {
+fn judge(recordings: &[Vec<Reading>], options: &RecordingOptions) -> Vec<Judged> {
     let slices: Vec<&[Reading]> = recordings.iter().map(Vec::as_slice).collect();
     let mut judged = offline::judge(&slices, &options.settings, options.start_force);
     if let Some([t_from, t_to]) = options.tare {
@@ -248,8 +249,8 @@ fn report(
     readings: &[Reading],
     judged: Judged,
     push: Option<&Push>,
-    options: &Options,
-) -> Result<Report, SettingsError> {
+    options: &RecordingOptions,
+) -> Result<RecordingReport, SettingsError> {
     let t0 = readings.first().map_or(0.0, |reading| reading.t);
     let bias = judged.bias.ok();
     let measured = match &bias {
@@ -261,7 +262,7 @@ fn report(
     let scene = push.and_then(|push| Some(Scene::new(push, options.part.as_ref()?, onsets.first().copied(), began)));
     let view = View { t0, tips: push.map(|push| push.tips.as_slice()), scene: scene.as_ref() };
     let series: Vec<Row> = measured.iter().map(|measured| view.row(measured)).collect();
-    Ok(Report {
+    Ok(RecordingReport {
         index,
         t0,
         duration: readings.last().map_or(0.0, |reading| reading.t - t0),
@@ -435,7 +436,7 @@ impl<'a> Scene<'a> {
 
 /// All reports of a session in a few numbers.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Summary {
+pub struct RecordingSummary {
     /// Recordings felt.
     pub recordings: usize,
     /// Those that began in contact (numbers in their file).
@@ -466,11 +467,12 @@ pub struct Summary {
     pub gap_end_mean: Option<f64>,
 }
 
-impl Summary {
+impl RecordingSummary {
     /// Sums up.
     #[must_use]
-    pub fn of(reports: &[Report]) -> Self {
-        let numbers = |keep: &dyn Fn(&Report) -> bool| reports.iter().filter(|r| keep(r)).map(|r| r.index).collect();
+    pub fn of(reports: &[RecordingReport]) -> Self {
+        let numbers =
+            |keep: &dyn Fn(&RecordingReport) -> bool| reports.iter().filter(|r| keep(r)).map(|r| r.index).collect();
         let checks: Vec<FreeCheck> = reports.iter().filter_map(|report| report.free_check).collect();
         let edges: Vec<EdgeSummary> = reports.iter().filter_map(|report| report.edge).collect();
         let squares: Vec<f64> =
@@ -507,13 +509,13 @@ mod tests {
     /// How far a bias from neighbours may be off, N; the made-up ones do not drift and have 4 mN of noise.
     const BIAS_ERROR_N: f64 = 0.002;
 
-    fn options() -> Options {
+    fn options() -> RecordingOptions {
         let settings = ContactSettings { contact_friction: 0.25_f64.tan(), ..ContactSettings::default() };
         let part = Some(Part::parse(TRIANGLE).unwrap());
-        Options { settings, finger_from_sensor: MLAB_TOOL_FROM_SENSOR, part, ..Options::default() }
+        RecordingOptions { settings, finger_from_sensor: MLAB_TOOL_FROM_SENSOR, part, ..RecordingOptions::default() }
     }
 
-    fn measured(pushes: &[PushSpec]) -> Vec<Report> {
+    fn measured(pushes: &[PushSpec]) -> Vec<RecordingReport> {
         of_log(&mlab::parse(&log(pushes)).unwrap(), &options()).unwrap()
     }
 
@@ -611,7 +613,7 @@ mod tests {
             averaging: palpate::finger::contact::Averaging::Seconds(0.1),
             ..ContactSettings::default()
         };
-        let options = Options { settings, ..options() };
+        let options = RecordingOptions { settings, ..options() };
         for report in of_log(&mlab::parse(&log(&session(6))).unwrap(), &options).unwrap() {
             let bias = report.bias.unwrap();
             assert_eq!((bias.found, bias.tare.averaging_samples), (BiasOrigin::OwnFreeInterval, 10));
@@ -675,13 +677,13 @@ mod tests {
 
     #[test]
     fn a_table_is_felt_with_the_tare_that_was_named_and_only_then() {
-        let plain = Options::default();
+        let plain = RecordingOptions::default();
         let unknown = of_table(&table(), &plain).unwrap();
         assert!(unknown.bias.is_none() && unknown.touch.is_none());
-        let given = of_table(&table(), &Options { tare: Some([0.0, 0.9]), ..plain.clone() }).unwrap();
+        let given = of_table(&table(), &RecordingOptions { tare: Some([0.0, 0.9]), ..plain.clone() }).unwrap();
         assert!((given.onset.unwrap() - 1.0).abs() < ONSET_ERROR_S);
         assert!(given.touch.unwrap().u_mean.abs() < 0.01, "pressed from +x: {:?}", given.touch);
-        let touched = of_table(&table(), &Options { tare: Some([0.5, 1.5]), ..plain }).unwrap();
+        let touched = of_table(&table(), &RecordingOptions { tare: Some([0.5, 1.5]), ..plain }).unwrap();
         assert!(touched.bias.is_none() && touched.touch.is_none());
         let words = touched.bias_unknown.unwrap().to_string();
         assert!(words.contains("the stretch given cannot serve") && words.contains("stepped by"), "{words}");
@@ -691,7 +693,7 @@ mod tests {
     fn the_summary_counts_what_the_reports_say() {
         let mut pushes = session(6);
         pushes[2].onset = 0.0;
-        let summary = Summary::of(&measured(&pushes));
+        let summary = RecordingSummary::of(&measured(&pushes));
         assert_eq!((summary.recordings, summary.began_in_contact.as_slice()), (6, &[2][..]));
         assert_eq!((summary.halves, summary.bias_unknown.len(), summary.never_touched.len()), (5, 0, 0));
         assert!(summary.half_difference_max < BIAS_ERROR_N && summary.half_difference_max > 0.0);
