@@ -85,7 +85,7 @@ fn own(error: &(dyn Error + 'static)) -> Option<String> {
 
 /// Files of parts.
 fn files(error: &(dyn Error + 'static)) -> Option<String> {
-    if let Some(views::FileError::NotConvex(_)) = error.downcast_ref() {
+    if let Some(views::ViewFileError::NotConvex(_)) = error.downcast_ref() {
         return Some("--hull takes the hull".to_owned());
     }
     match error.downcast_ref()? {
