@@ -10,7 +10,7 @@ use std::fs;
 use palpate::finger::contact::ContactSettings;
 use palpate::finger::contact::offline::{BiasOrigin, RecordingStart};
 use palpate_files::recordings::mlab::{self, Log};
-use palpate_files::recordings::part::Part;
+use palpate_files::recordings::part::RecordedPart;
 use palpate_files::recordings::session::{self, RecordingOptions, RecordingReport, RecordingSummary};
 use palpate_tests::force_logs::{self, RawPush, start_deviations, turn};
 
@@ -57,7 +57,7 @@ fn sessions() -> Option<Vec<Session>> {
 fn session(folder: String, path: &std::path::Path) -> Session {
     let text = fs::read_to_string(path).unwrap();
     let outline = path.parent().unwrap().join("../obj_geo_aluminium_triangle.txt");
-    let part = Part::parse(&fs::read_to_string(outline).unwrap()).unwrap();
+    let part = RecordedPart::parse(&fs::read_to_string(outline).unwrap()).unwrap();
     let options = RecordingOptions {
         settings: ContactSettings { contact_friction: 0.35, ..ContactSettings::default() },
         finger_from_sensor: session::MLAB_TOOL_FROM_SENSOR,

@@ -11,7 +11,7 @@ use miette::{Context, IntoDiagnostic, miette};
 use nalgebra::Matrix2;
 use palpate::finger::contact::offline::{BiasOrigin, RecordingStart};
 use palpate::finger::contact::{Averaging, ContactSettings};
-use palpate_files::recordings::part::Part;
+use palpate_files::recordings::part::RecordedPart;
 use palpate_files::recordings::session::{
     self, CONE_DEG, COVERAGE, RecordingOptions, RecordingReport, RecordingSummary, START_FORCE_N,
 };
@@ -220,10 +220,10 @@ fn options(arguments: &Arguments, is_log: bool) -> RecordingOptions {
     }
 }
 
-fn read_part(file: &Path) -> miette::Result<Part> {
+fn read_part(file: &Path) -> miette::Result<RecordedPart> {
     let bytes = fs::read(file).into_diagnostic().wrap_err_with(|| format!("cannot read {}", file.display()))?;
     let text = text(&bytes).map_err(|error| miette!("{}: {error}", file.display()))?;
-    Part::parse(&text).map_err(|error| miette!("{}: {error}", file.display()))
+    RecordedPart::parse(&text).map_err(|error| miette!("{}: {error}", file.display()))
 }
 
 /// The only `obj_geo_*.txt` in the log's folder or, failing that, the one above.

@@ -16,9 +16,9 @@ use palpate::math::angle::wrap_angle;
 use palpate::math::statistics::{mean, median};
 use serde::Serialize;
 
-use super::csv::Table;
-use super::mlab::{BlockPose, Log, Push, Tip};
-use super::part::Part;
+use super::csv::RecordedTable;
+use super::mlab::{BlockPose, Log, LoggedPush, Tip};
+use super::part::RecordedPart;
 
 /// Probability that the intervals are stated for.
 pub const COVERAGE: f64 = 0.95;
@@ -45,7 +45,7 @@ pub struct RecordingOptions {
     /// Force by which a recording's start must differ from its neighbours' to have begun in contact.
     pub start_force: f64,
     /// The part that was pushed.
-    pub part: Option<Part>,
+    pub part: Option<RecordedPart>,
     /// Half angle, rad, within which the force is expected about the edge's inward normal.
     pub cone: f64,
 }
@@ -191,7 +191,7 @@ pub struct RowTouch {
 /// # Errors
 /// [`SettingsError`] if a setting is out of range.
 pub fn of_log(log: &Log, options: &RecordingOptions) -> Result<Vec<RecordingReport>, SettingsError> {
-    let pushes: Vec<&Push> = log.good().collect();
+    let pushes: Vec<&LoggedPush> = log.good().collect();
     let recordings: Vec<Vec<Reading>> = pushes.iter().map(|push| in_finger_axes(&push.forces, options)).collect();
     let judged = judge(&recordings, options);
     let reports = pushes.iter().zip(&recordings).zip(judged);
@@ -204,7 +204,7 @@ pub fn of_log(log: &Log, options: &RecordingOptions) -> Result<Vec<RecordingRepo
 }
 
 /// Names neighbours by their numbers in the file, where pushes that could not be read count too.
-fn numbered(bias: Bias, pushes: &[&Push]) -> Bias {
+fn numbered(bias: Bias, pushes: &[&LoggedPush]) -> Bias {
     let number = |recording: usize| pushes[recording].index;
     let found = match bias.found {
         BiasOrigin::Neighbours { before, after, refusal } => {
@@ -219,7 +219,7 @@ fn numbered(bias: Bias, pushes: &[&Push]) -> Bias {
 ///
 /// # Errors
 /// [`SettingsError`] if a setting is out of range.
-pub fn of_table(table: &Table, options: &RecordingOptions) -> Result<RecordingReport, SettingsError> {
+pub fn of_table(table: &RecordedTable, options: &RecordingOptions) -> Result<RecordingReport, SettingsError> {
     let recordings = [in_finger_axes(&table.readings, options)];
     let [readings] = &recordings;
     let unknown = BiasUnknown::NothingToCompare { neighbours: 0, candidate: None };
@@ -248,7 +248,7 @@ fn report(
     index: usize,
     readings: &[Reading],
     judged: Judged,
-    push: Option<&Push>,
+    push: Option<&LoggedPush>,
     options: &RecordingOptions,
 ) -> Result<RecordingReport, SettingsError> {
     let t0 = readings.first().map_or(0.0, |reading| reading.t);
@@ -378,8 +378,8 @@ fn tip_at(tips: &[Tip], t: f64) -> BlockPose {
 
 /// The pushed part between its known poses.
 struct Scene<'a> {
-    push: &'a Push,
-    part: &'a Part,
+    push: &'a LoggedPush,
+    part: &'a RecordedPart,
     /// Start of the push, s: the part is at its pose before.
     t_start: f64,
     /// Whether the start was seen, and not before the recording.
@@ -391,7 +391,7 @@ struct Scene<'a> {
 impl<'a> Scene<'a> {
     /// The part rests until the first contact (or moves from the first reading on, if it was touched then) and moves
     /// evenly to the end.
-    fn new(push: &'a Push, part: &'a Part, onset: Option<f64>, began_in_contact: bool) -> Self {
+    fn new(push: &'a LoggedPush, part: &'a RecordedPart, onset: Option<f64>, began_in_contact: bool) -> Self {
         let t_first = push.tips.first().map_or(0.0, |tip| tip.t);
         let t_end = push.tips.last().map_or(0.0, |tip| tip.t);
         let seen = onset.is_some() && !began_in_contact;
@@ -511,7 +511,7 @@ mod tests {
 
     fn options() -> RecordingOptions {
         let settings = ContactSettings { contact_friction: 0.25_f64.tan(), ..ContactSettings::default() };
-        let part = Some(Part::parse(TRIANGLE).unwrap());
+        let part = Some(RecordedPart::parse(TRIANGLE).unwrap());
         RecordingOptions { settings, finger_from_sensor: MLAB_TOOL_FROM_SENSOR, part, ..RecordingOptions::default() }
     }
 
@@ -575,7 +575,7 @@ mod tests {
     fn the_part_rests_until_the_onset_and_then_moves_evenly_to_its_end() {
         let log = mlab::parse(&log(&session(1))).unwrap();
         let push = log.good().next().unwrap();
-        let part = Part::parse(TRIANGLE).unwrap();
+        let part = RecordedPart::parse(TRIANGLE).unwrap();
         let (start, end) = (push.tips[0].t, push.tips[199].t);
         let scene = Scene::new(push, &part, Some(start + 1.5), false);
         let moved = |t: f64| (scene.part_pose(t).position_world - push.before.position_world).norm();
@@ -665,7 +665,7 @@ mod tests {
     }
 
     /// A table at 100 Hz, pressed with 2 N along −x from 1 s on.
-    fn table() -> csv::Table {
+    fn table() -> csv::RecordedTable {
         let mut random = palpate::math::random::Draw::case(9, 0);
         let row = |i: u32| {
             let force = Vector2::new(random.normal(), random.normal()) * 0.004
