@@ -29,7 +29,7 @@ pub use board::SimulatedOnly;
 pub use outlet::LinkExists;
 use outlet::Outlet;
 
-use crate::transport::pipe::{End, Pipe};
+use crate::transport::pipe::{Pipe, PipeEnd};
 
 /// How fast simulated time passes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -187,7 +187,7 @@ impl SimulatedDevice {
 
     /// The host's end of the line of a device in this process; a dead end for any other.
     #[must_use]
-    pub fn connect(&self) -> End {
+    pub fn connect(&self) -> PipeEnd {
         self.pipe.clone().unwrap_or_default().host_end()
     }
 
