@@ -19,7 +19,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use emulator::Serial;
 use palpate::finger::Samples;
-use palpate_device::session::Options;
+use palpate_device::session::SessionOptions;
 use palpate_device::wire_reader::MessageReader;
 use palpate_device::{Address, Incoming, LinkError, Session};
 use palpate_shared::frame::{DELIMITER, FRAME_MAX, encode};
@@ -249,7 +249,7 @@ impl Machine {
     fn open(&self) -> Session {
         let mut last = None;
         for _ in 0..ATTEMPTS {
-            match Session::open(&self.address, Options::default()) {
+            match Session::open(&self.address, SessionOptions::default()) {
                 Ok(session) => return session,
                 Err(error) => last = Some(error),
             }

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use palpate::finger::Samples;
-use palpate_device::session::Options;
+use palpate_device::session::SessionOptions;
 use palpate_device::simulated::{Config, Line, Pace, SimulatedDevice};
 use palpate_device::{Incoming, LinkError, Session};
 use palpate_shared::frame::FrameReader;
@@ -45,7 +45,7 @@ pub fn real_line() -> Line {
 /// If it cannot be opened.
 #[must_use]
 pub fn session(device: &Arc<SimulatedDevice>) -> Session {
-    Session::open_simulated(Arc::clone(device), Options::default()).expect("the session opens")
+    Session::open_simulated(Arc::clone(device), SessionOptions::default()).expect("the session opens")
 }
 
 /// Blocks from `session` until `count` samples are there.
@@ -168,7 +168,7 @@ fn converse(mut stream: TcpStream, answer: impl Fn(&Command) -> Option<Vec<u8>>)
 /// # Errors
 /// What the link says.
 pub fn open_tcp(address: SocketAddr) -> Result<Session, LinkError> {
-    Session::open(&format!("tcp:{address}").parse()?, Options { baud: None, reconnect: false })
+    Session::open(&format!("tcp:{address}").parse()?, SessionOptions { baud: None, reconnect: false })
 }
 
 /// A line that swallows commands and replies: `drops` decides for each, by direction and number, whether it is lost.

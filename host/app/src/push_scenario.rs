@@ -220,7 +220,7 @@ impl PushPlan {
             }
             (Place::Around { angle }, &DescribedPart::Ellipse { semi_axes: [a, b], .. }) => {
                 let (sin, cos) = angle.sin_cos();
-                let side = PartSide::Ellipse { semi_axes: [a, b], middle: (-centre.coords).into() };
+                let side = PartSide::Ellipse { semi_axes: [a, b], middle: -centre.coords };
                 let normal = Vector2::new(b * cos, a * sin).normalize();
                 Ok(Spot { side, s: angle, point: Point2::new(a * cos, b * sin), normal })
             }
@@ -265,9 +265,9 @@ impl PushPlan {
             }
             FingerShape::Line => 0.0,
         };
-        let centre = spot.point - Vector2::from(self.shape.point(u));
+        let centre = spot.point - self.shape.point(u);
         let path = FingerPath {
-            centre0: centre.coords.into(),
+            centre0: centre,
             velocity0: toward(spot, self.direction, self.speed),
             acceleration: toward(spot, self.acceleration_direction, self.acceleration),
         };
@@ -282,15 +282,15 @@ impl PushPlan {
 }
 
 /// A vector of this size in a direction counted from straight into the part, world axes.
-fn toward(spot: &Spot, direction: f64, size: f64) -> [f64; 2] {
-    (Rotation2::new(direction) * -spot.normal * size).into()
+fn toward(spot: &Spot, direction: f64, size: f64) -> Vector2<f64> {
+    Rotation2::new(direction) * -spot.normal * size
 }
 
 impl Pushed {
     /// Where the finger touches the part, world, m.
     #[must_use]
     pub fn contact_point(&self, sample: &Sample) -> Point2<f64> {
-        self.track.centre(sample.t) + Vector2::from(self.shape.point(sample.state.u))
+        self.track.centre(sample.t) + self.shape.point(sample.state.u)
     }
 
     /// Force of the finger on the part over its weight, world axes; none where the contact jams or rests.

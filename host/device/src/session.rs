@@ -107,14 +107,14 @@ pub struct SessionCounts {
 
 /// How a session is opened.
 #[derive(Clone, Debug)]
-pub struct Options {
+pub struct SessionOptions {
     /// Speed of the serial line; by default both speeds that boards use are tried.
     pub baud: Option<u32>,
     /// Reopen the link by itself when it breaks.
     pub reconnect: bool,
 }
 
-impl Default for Options {
+impl Default for SessionOptions {
     fn default() -> Self {
         Self { baud: None, reconnect: true }
     }
@@ -159,7 +159,7 @@ struct Line {
 #[derive(Debug)]
 pub struct Session {
     address: Address,
-    options: Options,
+    options: SessionOptions,
     simulated: Option<Arc<SimulatedDevice>>,
     line: Option<Line>,
     baud: u32,
@@ -193,7 +193,7 @@ impl Session {
     /// # Errors
     /// [`LinkError`]: the port cannot be opened, nobody answers, or the device speaks another protocol or says in its
     /// hello what only a newer version knows.
-    pub fn open(address: &Address, options: Options) -> Result<Self, LinkError> {
+    pub fn open(address: &Address, options: SessionOptions) -> Result<Self, LinkError> {
         let simulated = match address {
             Address::Simulated { seed } => {
                 let cannot_start =
@@ -209,13 +209,13 @@ impl Session {
     ///
     /// # Errors
     /// As [`Session::open`].
-    pub fn open_simulated(device: Arc<SimulatedDevice>, options: Options) -> Result<Self, LinkError> {
+    pub fn open_simulated(device: Arc<SimulatedDevice>, options: SessionOptions) -> Result<Self, LinkError> {
         Self::open_with(&device.address().clone(), options, Some(device))
     }
 
     fn open_with(
         address: &Address,
-        options: Options,
+        options: SessionOptions,
         simulated: Option<Arc<SimulatedDevice>>,
     ) -> Result<Self, LinkError> {
         let epoch = Instant::now();
@@ -652,7 +652,7 @@ impl Session {
 
     /// Tries once to open the link again. Not being able to is no error: the cable may come back.
     fn reopen(&mut self) -> Result<(), LinkError> {
-        let options = Options { baud: Some(self.baud), ..self.options.clone() };
+        let options = SessionOptions { baud: Some(self.baud), ..self.options.clone() };
         let greeted = match greet(&self.address, &options, self.simulated.as_deref(), &mut self.next_id) {
             Ok(greeted) => greeted,
             // To ask again would bring the same answer.
@@ -830,7 +830,7 @@ struct Greeted {
 /// Opens the link and asks the device who it is, at each speed in turn.
 fn greet(
     address: &Address,
-    options: &Options,
+    options: &SessionOptions,
     simulated: Option<&SimulatedDevice>,
     next_id: &mut u32,
 ) -> Result<Greeted, LinkError> {

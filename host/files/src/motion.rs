@@ -14,6 +14,7 @@
 //! Frames: finger axes. Units: SI once read. Errors: [`MotionFileError`] names the segment, the value, the limit and
 //! what to do.
 
+use nalgebra::Point2;
 use palpate::pushing::finger_motion::{FingerMotion, MotionError, Segment};
 use serde::Deserialize;
 
@@ -55,10 +56,9 @@ struct Keys {
 pub fn parse(text: &str) -> Result<FingerMotion, MotionFileError> {
     let keys: Keys = toml::from_str(text).map_err(|error| MotionFileError::Text(error.to_string()))?;
     let metres = keys.unit.metres();
-    let in_metres = |[x, y]: [f64; 2]| [x * metres, y * metres];
     let segments = keys.segment.iter();
-    let segments = segments.map(|segment| Segment { acceleration: in_metres(segment.acceleration), ..*segment });
-    Ok(FingerMotion::new(in_metres(keys.start), &segments.collect::<Vec<_>>())?)
+    let segments = segments.map(|segment| Segment { acceleration: segment.acceleration * metres, ..*segment });
+    Ok(FingerMotion::new(Point2::from(keys.start) * metres, &segments.collect::<Vec<_>>())?)
 }
 
 #[cfg(test)]

@@ -58,7 +58,7 @@ pub struct Views {
 /// Why a file cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-pub enum FileError {
+pub enum ViewFileError {
     /// Not TOML, a key missing, unknown or of another type; the message shows the place.
     #[error("{0}")]
     Toml(String),
@@ -189,14 +189,14 @@ impl NamedPart {
     /// Reads the text of a part file; `hull` takes the hull of a part with notches.
     ///
     /// # Errors
-    /// [`FileError`] names the first thing found wrong.
-    pub fn parse(name: &str, text: &str, hull: bool) -> Result<Self, FileError> {
-        let keys: PartKeys = toml::from_str(text).map_err(|error| FileError::Toml(error.to_string()))?;
+    /// [`ViewFileError`] names the first thing found wrong.
+    pub fn parse(name: &str, text: &str, hull: bool) -> Result<Self, ViewFileError> {
+        let keys: PartKeys = toml::from_str(text).map_err(|error| ViewFileError::Toml(error.to_string()))?;
         let metres = keys.unit.metres();
         let (outline, shape) = match (&keys.vertices, keys.ellipse) {
             (Some(vertices), None) => polygon(vertices, metres, keys.rounding, hull)?,
             (None, Some(ellipse)) => ellipse.outline(metres, keys.rounding)?,
-            _ => return Err(FileError::WhichOutline),
+            _ => return Err(ViewFileError::WhichOutline),
         };
         let convex = match &shape {
             Outline::Polygon(convex) => convex.clone(),
@@ -208,10 +208,10 @@ impl NamedPart {
     /// Whether the readings are of a kind that is solved for this part.
     ///
     /// # Errors
-    /// [`FileError::Together`] for points, or bearings with errors, of a smooth part, and for points of a part with
+    /// [`ViewFileError::Together`] for points, or bearings with errors, of a smooth part, and for points of a part with
     /// notches.
-    pub fn check(&self, views: &Views) -> Result<(), FileError> {
-        let together = |what, with, remedy| Err(FileError::Together { what, with, remedy });
+    pub fn check(&self, views: &Views) -> Result<(), ViewFileError> {
+        let together = |what, with, remedy| Err(ViewFileError::Together { what, with, remedy });
         let smooth = !matches!(self.shape, Outline::Polygon(_));
         let notched = ConvexPolygon::new(&self.outline).is_err();
         match (views.noisy, views.points.is_empty()) {
@@ -231,37 +231,37 @@ fn polygon(
     metres: f64,
     rounding: Option<f64>,
     hull: bool,
-) -> Result<(SimplePolygon, Outline), FileError> {
+) -> Result<(SimplePolygon, Outline), ViewFileError> {
     let vertices: Vec<_> = vertices.iter().map(|vertex| Point2::from(vertex.0) * metres).collect();
-    let outline = SimplePolygon::new(vertices).map_err(FileError::Outline)?;
+    let outline = SimplePolygon::new(vertices).map_err(ViewFileError::Outline)?;
     let polygon = if hull {
         ConvexPolygon::hull(&outline)
     } else {
-        ConvexPolygon::new(&outline).map_err(FileError::NotConvex)?
+        ConvexPolygon::new(&outline).map_err(ViewFileError::NotConvex)?
     };
     match rounding {
-        Some(radius) if !(radius.is_finite() && radius >= 0.0) => Err(FileError::Rounding(radius)),
+        Some(radius) if !(radius.is_finite() && radius >= 0.0) => Err(ViewFileError::Rounding(radius)),
         Some(radius) if radius > 0.0 => drawn(Outline::Rounded(Rounded { polygon, radius: radius * metres })),
         _ => Ok((outline, Outline::Polygon(polygon))),
     }
 }
 
 /// A smooth part with its outline in short steps.
-fn drawn(shape: Outline) -> Result<(SimplePolygon, Outline), FileError> {
+fn drawn(shape: Outline) -> Result<(SimplePolygon, Outline), ViewFileError> {
     let sampled = shape.sampled();
     let corners: Vec<_> = sampled.corners().iter().map(|corner| sampled.centre() + corner).collect();
-    Ok((SimplePolygon::new(corners).map_err(FileError::Outline)?, shape))
+    Ok((SimplePolygon::new(corners).map_err(ViewFileError::Outline)?, shape))
 }
 
 impl EllipseKeys {
-    fn outline(self, metres: f64, rounding: Option<f64>) -> Result<(SimplePolygon, Outline), FileError> {
+    fn outline(self, metres: f64, rounding: Option<f64>) -> Result<(SimplePolygon, Outline), ViewFileError> {
         let Self { a, b } = self;
         if let Some(radius) = rounding {
-            return Err(FileError::Rounding(radius));
+            return Err(ViewFileError::Rounding(radius));
         }
         let fair = [a, b].iter().all(|axis| axis.is_finite() && *axis > 0.0) && (a / b).max(b / a) <= ELLIPSE_RATIO_MAX;
         if !fair {
-            return Err(FileError::Ellipse { a, b });
+            return Err(ViewFileError::Ellipse { a, b });
         }
         drawn(Outline::Ellipse(Ellipse { a: a * metres, b: b * metres }))
     }
@@ -273,27 +273,27 @@ impl Views {
     /// ```
     /// let views = palpate_files::views::Views::parse("unit = 'mm'\n[[cone]]\napex = [-200, 50]\nright = -10\nleft = 7")?;
     /// assert!((views.cones[0].opening() - 17_f64.to_radians()).abs() < 1e-12);
-    /// # Ok::<(), palpate_files::views::FileError>(())
+    /// # Ok::<(), palpate_files::views::ViewFileError>(())
     /// ```
     ///
     /// # Errors
-    /// [`FileError`] names the first thing found wrong.
-    pub fn parse(text: &str) -> Result<Self, FileError> {
-        let keys: ViewKeys = toml::from_str(text).map_err(|error| FileError::Toml(error.to_string()))?;
+    /// [`ViewFileError`] names the first thing found wrong.
+    pub fn parse(text: &str) -> Result<Self, ViewFileError> {
+        let keys: ViewKeys = toml::from_str(text).map_err(|error| ViewFileError::Toml(error.to_string()))?;
         let metres = keys.unit.metres();
         if let Some(value) = keys.sigma.filter(|sigma| !(sigma.is_finite() && *sigma > 0.0)) {
-            return Err(FileError::Sigma { value });
+            return Err(ViewFileError::Sigma { value });
         }
         let (mut cones, mut bearings) = (Vec::new(), Vec::new());
         for (index, cone) in keys.cone.iter().enumerate() {
-            let undo = undone(cone.moved, metres).ok_or(FileError::NotFinite { what: "cone", index })?;
-            let read = cone.read(metres).map_err(|error| FileError::Cone { index, error })?;
+            let undo = undone(cone.moved, metres).ok_or(ViewFileError::NotFinite { what: "cone", index })?;
+            let read = cone.read(metres).map_err(|error| ViewFileError::Cone { index, error })?;
             bearings.extend(read.bearings().map(|bearing: Bearing| bearing.moved(&undo)));
             cones.push(read);
         }
         let mut fences = Vec::new();
         for (index, fence) in keys.fence.iter().enumerate() {
-            let fault = FileError::NotFinite { what: "fence", index };
+            let fault = ViewFileError::NotFinite { what: "fence", index };
             if !(fence.normal.is_finite() && fence.offset.is_finite()) {
                 return Err(fault);
             }
@@ -302,16 +302,16 @@ impl Views {
         }
         let points = keys.point.iter().enumerate().map(|(index, point)| {
             let undo = undone(point.moved, metres).filter(|_| point.at.0.iter().all(|value| value.is_finite()));
-            let undo = undo.ok_or(FileError::NotFinite { what: "point", index })?;
+            let undo = undo.ok_or(ViewFileError::NotFinite { what: "point", index })?;
             Ok(undo * (Point2::from(point.at.0) * metres))
         });
-        let points = points.collect::<Result<Vec<_>, FileError>>()?;
+        let points = points.collect::<Result<Vec<_>, ViewFileError>>()?;
         let noisy = keys.sigma.is_some();
         if bearings.is_empty() && fences.is_empty() && points.is_empty() {
-            return Err(FileError::Nothing);
+            return Err(ViewFileError::Nothing);
         }
         if noisy && !points.is_empty() {
-            return Err(FileError::Together {
+            return Err(ViewFileError::Together {
                 what: "[[point]]",
                 with: "sigma",
                 remedy: "points are taken to be exact: leave one of them out",
@@ -390,7 +390,7 @@ mod tests {
             assert!(message.contains(wanted), "wanted {wanted}, got {message}");
         }
         let notched = "unit = 'mm'\nvertices = [[0, 0], [10, 0], [3, 3], [0, 10]]\nmu = 0.3";
-        assert!(matches!(NamedPart::parse("part", notched, false), Err(FileError::NotConvex(_))));
+        assert!(matches!(NamedPart::parse("part", notched, false), Err(ViewFileError::NotConvex(_))));
         assert_eq!(NamedPart::parse("part", notched, true).unwrap().convex.corners().len(), 3);
     }
 }

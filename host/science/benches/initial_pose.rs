@@ -6,7 +6,7 @@ mod yardstick;
 
 use std::hint::black_box;
 
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector2};
 use palpate::geometry::SimplePolygon;
 use palpate::pushing::dynamics::{FingerPath, FingerShape};
 use palpate::pushing::estimation::{Object, RestingPush, Table, TimedContact};
@@ -57,7 +57,11 @@ struct Plan {
 
 impl Plan {
     fn push(&self, object: Object, shape: FingerShape) -> RestingPush {
-        let path = FingerPath { centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: self.acceleration };
+        let path = FingerPath {
+            centre0: Point2::origin(),
+            velocity0: Vector2::zeros(),
+            acceleration: self.acceleration.into(),
+        };
         let u0 = if shape == FingerShape::Line { 0.0 } else { 1.7 };
         RestingPush::new(object, self.mu_g, shape, path, u0).unwrap_or_else(|error| panic!("{error}"))
     }

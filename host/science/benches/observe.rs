@@ -7,7 +7,7 @@ mod yardstick;
 
 use std::hint::black_box;
 
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector2};
 use palpate::geometry::SimplePolygon;
 use palpate::pushing::dynamics::{ContactMode, Finger, Part, PushModel, State};
 use palpate::pushing::estimation::{
@@ -63,7 +63,12 @@ struct Timed {
 }
 
 fn time_push(part: &Part, edge: usize, touch: Touch, contact: ContactMode) -> Timed {
-    let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+    let finger = Finger {
+        radius: 0.01,
+        centre0: Point2::origin(),
+        velocity0: Vector2::new(0.0, 0.05),
+        acceleration: Vector2::zeros(),
+    };
     let known = Known { part, mu_g: 0.3 * 9.81, finger, touch };
     let edge = part.edge(edge).unwrap_or_else(|error| panic!("{error}"));
     let model = PushModel { part, edge, mu_g: known.mu_g, finger };

@@ -7,7 +7,7 @@ mod yardstick;
 
 use std::hint::black_box;
 
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector2};
 use palpate::geometry::SimplePolygon;
 use palpate::pushing::dynamics::{
     ContactLaw, ContactMode, EdgeEnd, Finger, Parameter, Part, Push, PushModel, Scalar, Seeded, Slip, Start, State,
@@ -38,7 +38,12 @@ fn main() {
     let outline = SimplePolygon::new(PENTAGON.map(Point2::from)).unwrap_or_else(|error| panic!("{error}"));
     let part = Part::uniform(outline);
     let edge = part.edge(1).unwrap_or_else(|error| panic!("{error}"));
-    let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0, 0.02] };
+    let finger = Finger {
+        radius: 0.01,
+        centre0: Point2::origin(),
+        velocity0: Vector2::new(0.0, 0.05),
+        acceleration: Vector2::new(0.0, 0.02),
+    };
     let model = PushModel { part: &part, edge, mu_g: 0.3 * 9.81, finger };
     let start = State { u: 1.6, s: 0.002, omega: 0.1, v_t: 0.0 };
     let yardstick_s = per_push(|| yardstick(black_box(start.u)));

@@ -10,7 +10,7 @@ use std::hint::black_box;
 
 use nalgebra::{Quaternion, Vector2, Vector3};
 use palpate::rolling::{
-    BodyKnowledge, Columns, Model, Noise, PalmAcceleration, PalmKnowledge, Question, RollState, RollingBody, Spin,
+    BodyKnowledge, Columns, Model, Noise, PalmAcceleration, PalmKnowledge, RollQuestion, RollState, RollingBody, Spin,
     StateWithTangent, specific_force,
 };
 use yardstick::best_of_runs;
@@ -90,7 +90,7 @@ fn estimate(model: &Model) -> f64 {
     let specific_force = weight();
     let path = std::iter::successors(Some(start(model)), |state| Some(model.step(state, &specific_force, 0.002)));
     let rounded: Vec<_> = path.take(201).map(|state| state.u.map(|x| (x * 1e3).round() * 1e-3)).collect();
-    let question = Question {
+    let question = RollQuestion {
         body: BodyKnowledge::OneOf(vec![model.body.clone()]),
         spins: vec![model.spin],
         palm: PalmKnowledge::Known(PalmAcceleration::Rest),

@@ -4,7 +4,7 @@
 
 use std::error::Error;
 
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector2};
 use palpate::geometry::SimplePolygon;
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::random::Draw;
@@ -20,7 +20,12 @@ const DT: f64 = 0.01;
 pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     let outline = [[-0.027, -0.022], [-0.002, -0.024], [0.027, 0.001], [0.03, 0.022], [0.003, 0.046]];
     let part = Part::uniform(SimplePolygon::new(outline.map(Point2::from))?);
-    let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.05, 0.0] };
+    let finger = Finger {
+        radius: 0.01,
+        centre0: Point2::origin(),
+        velocity0: Vector2::new(0.0, 0.05),
+        acceleration: Vector2::new(0.05, 0.0),
+    };
     let mu_g = 0.3 * GRAVITY_ASSUMED;
 
     // What happens, and what the finger feels of it.

@@ -5,7 +5,7 @@
 use std::error::Error;
 
 use palpate::rolling::{
-    BodyKnowledge, Noise, OnPalm, PalmAcceleration, PalmKnowledge, Question, Roll, RollingBody, Spin,
+    BodyKnowledge, Noise, OnPalm, PalmAcceleration, PalmKnowledge, Roll, RollQuestion, RollingBody, Spin,
 };
 
 /// Gravity, m/s².
@@ -26,7 +26,7 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     println!("after {:.1} s the pebble touches the palm at {:.2?} mm", 0.4, (contacts[200] * 1e3).as_slice());
 
     // What a palm that feels contacts to a tenth of a millimetre makes of it.
-    let question = Question {
+    let question = RollQuestion {
         body: BodyKnowledge::OneOf(vec![pebble.clone()]),
         spins: vec![Spin::Free],
         palm: PalmKnowledge::Known(PalmAcceleration::Rest),

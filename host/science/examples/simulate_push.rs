@@ -4,7 +4,7 @@
 
 use std::error::Error;
 
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector2};
 use palpate::geometry::SimplePolygon;
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::pushing::dynamics::{ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, Start};
@@ -12,7 +12,12 @@ use palpate::pushing::dynamics::{ContactLaw, EdgeEnd, Finger, Part, Push, PushMo
 pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     let outline = [[-0.03, -0.02], [0.03, -0.02], [0.02, 0.03]].map(Point2::from); // m, counter-clockwise
     let part = Part::uniform(SimplePolygon::new(outline)?);
-    let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [0.0, 0.15] };
+    let finger = Finger {
+        radius: 0.01,
+        centre0: Point2::origin(),
+        velocity0: Vector2::zeros(),
+        acceleration: Vector2::new(0.0, 0.15),
+    };
     let model = PushModel { part: &part, edge: part.edge(0)?, mu_g: 0.3 * GRAVITY_ASSUMED, finger };
 
     // Part and finger at rest; the finger touches the lower edge 5 mm beside the middle, from below, and accelerates

@@ -9,11 +9,12 @@
 //! A part is pushed, and found again from nothing but the angles at which the finger was touched:
 //!
 //! ```
-//! use nalgebra::Point2;
+//! use nalgebra::{Point2, Vector2};
 //! use palpate::*;
 //!
 //! let part = Part::uniform(SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.02, 0.03]].map(Point2::from))?); // m
-//! let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.02, 0.0] };
+//! let (velocity0, acceleration) = (Vector2::new(0.0, 0.05), Vector2::new(0.02, 0.0)); // m/s, m/s²
+//! let finger = Finger { radius: 0.01, centre0: Point2::origin(), velocity0, acceleration };
 //! let mu_g = 0.3 * GRAVITY_ASSUMED; // friction of the table, m/s²
 //! // What happens: the finger pushes edge 0, 5 mm beside its middle, for 0.6 s ...
 //! let model = PushModel { part: &part, edge: part.edge(0)?, mu_g, finger };

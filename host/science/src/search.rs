@@ -21,11 +21,12 @@ pub fn never() -> bool {
 /// What a search found.
 ///
 /// ```
-/// use nalgebra::Point2;
+/// use nalgebra::{Point2, Vector2};
 /// use palpate::*;
 ///
 /// let part = Part::uniform(SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?);
-/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+/// let (velocity0, acceleration) = (Vector2::new(0.0, 0.05), Vector2::zeros()); // m/s, m/s²
+/// let finger = Finger { radius: 0.01, centre0: Point2::origin(), velocity0, acceleration };
 /// let known = Known { part: &part, mu_g: 0.3 * GRAVITY_ASSUMED, finger, touch: Touch::Rolling { friction: None } };
 /// let measured = Measured::ContactAngle(Channel { values: vec![1.6, 1.605, 1.62, 1.64, 1.67], sigma: 2e-3 }); // rad
 /// let observation = Observation { dt: 0.05, measured, prior: Prior::default() };
@@ -63,9 +64,19 @@ impl<'a> Halt<'a> {
         self.halted.get()
     }
 
+    /// Asks whether to go on: none where one should not, for `?`.
+    pub(crate) fn goes_on(&self) -> Option<()> {
+        (!self.is_wished()).then_some(())
+    }
+
+    /// Whether it was uttered; does not ask.
+    pub(crate) fn was_wished(&self) -> bool {
+        self.halted.get()
+    }
+
     /// What was found, with whether anything was left out.
     pub(crate) fn searched<T>(&self, found: T) -> Searched<T> {
-        Searched { found, complete: !self.halted.get() }
+        Searched { found, complete: !self.was_wished() }
     }
 }
 
@@ -96,6 +107,15 @@ pub(crate) fn check_stopping<T: std::fmt::Debug>(search: impl Fn(Stop<'_>) -> Se
     assert_eq!(format!("{:?}", again.found), format!("{:?}", whole.found));
 }
 
+/// The same of what is made whole or not at all.
+#[cfg(test)]
+pub(crate) fn check_stopping_of_making<T: std::fmt::Debug>(make: impl Fn(Stop<'_>) -> Option<T>) {
+    check_stopping(|stop| {
+        let found = make(stop);
+        Searched { complete: found.is_some(), found }
+    });
+}
+
 #[cfg(test)]
 mod tests {
     use nalgebra::{Point2, Quaternion, Vector2, Vector3};
@@ -106,7 +126,7 @@ mod tests {
     use crate::pushing::dynamics::{FingerPath, FingerShape};
     use crate::pushing::estimation::{Object, RestingPush, TimedContact};
     use crate::rolling::{
-        BodyKnowledge, Model, Noise, PalmAcceleration, PalmKnowledge, Question, RollState, RollingBody, Spin,
+        BodyKnowledge, Model, Noise, PalmAcceleration, PalmKnowledge, RollQuestion, RollState, RollingBody, Spin,
         specific_force,
     };
 
@@ -125,7 +145,11 @@ mod tests {
     #[test]
     fn a_search_for_resting_poses_can_be_stopped() {
         let block = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.02, 0.03]].map(Point2::from)).unwrap();
-        let path = FingerPath { centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [0.01, 0.1] };
+        let path = FingerPath {
+            centre0: Point2::origin(),
+            velocity0: Vector2::zeros(),
+            acceleration: Vector2::new(0.01, 0.1),
+        };
         let shape = FingerShape::Disk { radius: 0.01 };
         let push = RestingPush::new(Object::Polygon(block), 0.0, shape, path, 1.5).unwrap();
         let felt = push.predicted(Some(0), 0.005, &[0.6, 0.9]);
@@ -142,7 +166,7 @@ mod tests {
         let weight = specific_force(Vector3::zeros(), 9.81);
         let path = std::iter::successors(Some(start), |state| Some(model.step(state, &[weight; 3], 0.02)));
         let u: Vec<_> = path.take(31).map(|state| state.u).collect();
-        let question = Question {
+        let question = RollQuestion {
             body: BodyKnowledge::OneOf(vec![body.clone()]),
             spins: vec![Spin::NoSpin],
             palm: PalmKnowledge::Known(PalmAcceleration::Rest),

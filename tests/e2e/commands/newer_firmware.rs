@@ -5,7 +5,7 @@
 
 use std::time::{Duration, Instant};
 
-use palpate_device::session::Options;
+use palpate_device::session::SessionOptions;
 use palpate_device::wire_reader::{MessageReader, ReaderCounts};
 use palpate_device::{Incoming, LinkError, Session};
 use palpate_shared::units::{Counts, DeviceTime, Seq};
@@ -153,7 +153,7 @@ fn a_device_that_comes_back_with_a_newer_hello_is_told_and_not_asked_again_and_a
         }
     });
     let address = format!("tcp:{}", device.address).parse().unwrap();
-    let mut session = Session::open(&address, Options::default()).unwrap();
+    let mut session = Session::open(&address, SessionOptions::default()).unwrap();
     assert!(matches!(session.ping(), Err(LinkError::Unplugged { .. } | LinkError::Unanswered { .. })));
     let begun = Instant::now();
     let error = loop {

@@ -8,10 +8,10 @@ use std::collections::BTreeMap;
 use std::fs;
 
 use palpate::finger::contact::ContactSettings;
-use palpate::finger::contact::offline::{Found, Start};
+use palpate::finger::contact::offline::{BiasOrigin, RecordingStart};
 use palpate_files::recordings::mlab::{self, Log};
-use palpate_files::recordings::part::Part;
-use palpate_files::recordings::session::{self, Options, Report, Summary};
+use palpate_files::recordings::part::RecordedPart;
+use palpate_files::recordings::session::{self, RecordingOptions, RecordingReport, RecordingSummary};
 use palpate_tests::force_logs::{self, RawPush, start_deviations, turn};
 
 /// Pushes in each log, and logs.
@@ -40,7 +40,7 @@ const END_ANGLE_RAD: f64 = 0.02;
 struct Session {
     folder: String,
     log: Log,
-    reports: Vec<Report>,
+    reports: Vec<RecordingReport>,
     raw: Vec<RawPush>,
 }
 
@@ -57,12 +57,12 @@ fn sessions() -> Option<Vec<Session>> {
 fn session(folder: String, path: &std::path::Path) -> Session {
     let text = fs::read_to_string(path).unwrap();
     let outline = path.parent().unwrap().join("../obj_geo_aluminium_triangle.txt");
-    let part = Part::parse(&fs::read_to_string(outline).unwrap()).unwrap();
-    let options = Options {
+    let part = RecordedPart::parse(&fs::read_to_string(outline).unwrap()).unwrap();
+    let options = RecordingOptions {
         settings: ContactSettings { contact_friction: 0.35, ..ContactSettings::default() },
         finger_from_sensor: session::MLAB_TOOL_FROM_SENSOR,
         part: Some(part),
-        ..Options::default()
+        ..RecordingOptions::default()
     };
     let log = mlab::parse(&text).unwrap();
     let reports = session::of_log(&log, &options).unwrap();
@@ -106,9 +106,15 @@ fn pushes_that_begin_in_contact_are_recognised_and_no_others() {
                 session.folder,
                 report.index
             );
-            assert_eq!(report.start == Start::InContact, truth > START_FORCE_N, "{} {}", session.folder, report.index);
-            if report.start == Start::InContact {
-                assert!(matches!(report.bias.unwrap().found, Found::Neighbours { refusal: None, .. }));
+            assert_eq!(
+                report.start == RecordingStart::InContact,
+                truth > START_FORCE_N,
+                "{} {}",
+                session.folder,
+                report.index
+            );
+            if report.start == RecordingStart::InContact {
+                assert!(matches!(report.bias.unwrap().found, BiasOrigin::Neighbours { refusal: None, .. }));
                 measured.insert((session.folder.clone(), report.index), deviation);
             }
         }
@@ -126,12 +132,12 @@ fn the_force_is_within_34_degrees_of_the_edge_normal() {
     let mut all = Vec::new();
     for session in &sessions {
         all.extend(session.reports.iter().cloned());
-        check_cone(&session.folder, &Summary::of(&session.reports));
+        check_cone(&session.folder, &RecordingSummary::of(&session.reports));
     }
-    check_cone("all", &Summary::of(&all));
+    check_cone("all", &RecordingSummary::of(&all));
 }
 
-fn check_cone(name: &str, summary: &Summary) {
+fn check_cone(name: &str, summary: &RecordingSummary) {
     let share = summary.edge_within_cone as f64 / summary.edge_samples as f64;
     println!("{name}: {:.1} % of {} readings in contact within ±34°", 100.0 * share, summary.edge_samples);
     assert!(share >= WITHIN_CONE_MIN, "{name}: {share}, wanted {WITHIN_CONE_MIN}");
@@ -142,7 +148,7 @@ fn check_cone(name: &str, summary: &Summary) {
 fn the_direction_at_the_end_is_that_of_separate_geometry_with_the_known_pose() {
     for session in sessions().iter().flatten() {
         for (report, raw) in session.reports.iter().zip(&session.raw) {
-            if report.start == Start::InContact {
+            if report.start == RecordingStart::InContact {
                 continue; // The oracle takes its bias from the start.
             }
             let end = report.series.last().unwrap().t;
@@ -161,7 +167,7 @@ fn the_bias_of_half_the_free_time_is_that_of_the_other_half() {
     let (mut worst, mut checked): (f64, usize) = (0.0, 0);
     for session in &sessions {
         for (report, raw) in session.reports.iter().zip(&session.raw) {
-            if report.start == Start::InContact {
+            if report.start == RecordingStart::InContact {
                 continue;
             }
             // The free time by the change point, in halves by time: nothing of palpate's is used.
@@ -205,8 +211,8 @@ fn onsets_agree_with_a_search_over_every_change_point_and_with_the_tip_s_path() 
 #[test]
 fn the_tare_predicts_the_noise_of_readings_it_has_not_seen() {
     let Some(sessions) = sessions() else { return };
-    let all: Vec<Report> = sessions.into_iter().flat_map(|session| session.reports).collect();
-    let summary = Summary::of(&all);
+    let all: Vec<RecordingReport> = sessions.into_iter().flat_map(|session| session.reports).collect();
+    let summary = RecordingSummary::of(&all);
     let within = summary.free_within as f64 / summary.free_samples as f64;
     let chi = summary.half_difference_chi.unwrap();
     println!("free readings within 2 sigma: {:.1} % of {} (Gaussian 86.5 %)", 100.0 * within, summary.free_samples);

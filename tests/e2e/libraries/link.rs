@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use palpate::finger::Samples;
-use palpate_device::session::{Options, SessionCounts};
+use palpate_device::session::{SessionCounts, SessionOptions};
 use palpate_device::simulated::{Config, Line, Pace};
 use palpate_device::{Address, Incoming, LinkError, Session};
 use palpate_shared::frame::{FRAME_MAX, encode};
@@ -154,7 +154,7 @@ fn another_finger_on_the_same_port_is_not_taken_for_the_first() {
     let link = folder.path().join("finger");
     let line = Line::Pty { link: Some(link.clone()) };
     let first = rig::device(14, line.clone());
-    let mut session = Session::open(first.address(), Options::default()).unwrap();
+    let mut session = Session::open(first.address(), SessionOptions::default()).unwrap();
     session.start().unwrap();
     rig::samples(&mut session, 100);
     drop(first);
@@ -324,7 +324,7 @@ fn a_peer_that_says_nothing_sensible_is_told_from_one_that_is_not_there() {
 fn a_port_in_use_is_named_as_such() {
     let device = rig::device(12, Line::Pty { link: None });
     let _first = rig::session(&device);
-    let second = Session::open(device.address(), Options::default()).map(drop);
+    let second = Session::open(device.address(), SessionOptions::default()).map(drop);
     let Err(LinkError::Busy { path, .. }) = second else { panic!("the port is taken: {second:?}") };
     assert_eq!(path, device.address().to_string());
 }
@@ -332,6 +332,6 @@ fn a_port_in_use_is_named_as_such() {
 #[test]
 fn a_port_that_is_not_there_is_named_with_those_that_are() {
     let address: Address = "/dev/there-is-no-such-port".parse().unwrap();
-    let error = Session::open(&address, Options::default()).map(drop).unwrap_err();
+    let error = Session::open(&address, SessionOptions::default()).map(drop).unwrap_err();
     assert!(matches!(&error, LinkError::NoSuchPort { path, .. } if path.ends_with("no-such-port")), "{error:?}");
 }

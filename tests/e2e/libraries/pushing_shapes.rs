@@ -69,7 +69,7 @@ fn case(seed: u64, outlines: Outlines) -> Case {
         (0..5).map(|_| (Point2::new(draw.between(-0.03, 0.03), draw.between(-0.02, 0.02)), 0.2)).collect();
     let part = Part::on_feet(polygon, &feet, mass);
     let axes = |draw: &mut Draw| [draw.between(0.008, 0.03), draw.between(0.008, 0.03)];
-    let (semi_axes, middle) = (axes(&mut draw), (-mass.centre_of_mass.coords).into());
+    let (semi_axes, middle) = (axes(&mut draw), -mass.centre_of_mass.coords);
     let ellipse = PartSide::Ellipse { semi_axes, middle };
     let (side, shape) = match outlines {
         Outlines::EllipseOnEdge => {
@@ -92,9 +92,9 @@ fn case(seed: u64, outlines: Outlines) -> Case {
     };
     let heading = Rotation2::new(normal + draw.between(-0.2, 0.2)) * Vector2::x();
     let path = FingerPath {
-        centre0: [draw.between(-0.1, 0.1), draw.between(-0.1, 0.1)],
-        velocity0: (heading * draw.between(0.03, 0.09)).into(),
-        acceleration: (heading * draw.between(0.0, 0.15)).into(),
+        centre0: Point2::new(draw.between(-0.1, 0.1), draw.between(-0.1, 0.1)),
+        velocity0: heading * draw.between(0.03, 0.09),
+        acceleration: heading * draw.between(0.0, 0.15),
     };
     let state = State { u, s, omega: draw.between(-0.4, 0.4), v_t: draw.between(-0.03, 0.03) };
     Case { feet, mass, part, side, shape, path, state }

@@ -10,7 +10,7 @@ use palpate::finger::calibration::load_text::LoadTextError;
 use palpate::finger::calibration::plan::{PLAN_FORMAT, PlanError};
 use palpate::finger::calibration::session::{CalibrationRunError, SourceError};
 use palpate_files::calibration::conclusion::{ConclusionError, HeldBackError};
-use palpate_files::calibration::file::FileError;
+use palpate_files::calibration::file::CalibrationFileError;
 use palpate_files::calibration::plan::PlanFileError;
 use palpate_files::calibration::raw::{ProvenanceError, RawError};
 
@@ -188,20 +188,28 @@ fn raw(error: &RawError) -> Option<String> {
     Some(help.to_owned())
 }
 
-fn file(error: &FileError) -> Option<String> {
+fn file(error: &CalibrationFileError) -> Option<String> {
     let help = match error {
-        FileError::Io { .. } => "check the path, and that you may read and write there",
-        FileError::Exists(_) => "move it away, or give another date or finger",
-        FileError::Text(_) => "take the file as palpate calibrate wrote it, or recalculate it from its raw samples",
-        FileError::Format(_) => "update palpate, or recalculate the calibration from its raw samples",
-        FileError::Altered => "restore the file, or recalculate it: palpate calibrate --from-raw <its raw file>",
-        FileError::RawAltered { .. } => "restore the raw file; the calibration itself is still valid",
-        FileError::NotFinite(_) => "recalculate the calibration from its raw samples",
-        FileError::WrongDevice { .. } => "connect the finger it was made for, or calibrate this one: palpate calibrate",
-        FileError::WrongFrontEnd { .. } => "set the device as it was, or calibrate again with the present settings",
-        FileError::Calibration(_) => return None,
-        FileError::Provenance(error) => return help(error),
-        FileError::Raw(error) => return help(error),
+        CalibrationFileError::Io { .. } => "check the path, and that you may read and write there",
+        CalibrationFileError::Exists(_) => "move it away, or give another date or finger",
+        CalibrationFileError::Text(_) => {
+            "take the file as palpate calibrate wrote it, or recalculate it from its raw samples"
+        }
+        CalibrationFileError::Format(_) => "update palpate, or recalculate the calibration from its raw samples",
+        CalibrationFileError::Altered => {
+            "restore the file, or recalculate it: palpate calibrate --from-raw <its raw file>"
+        }
+        CalibrationFileError::RawAltered { .. } => "restore the raw file; the calibration itself is still valid",
+        CalibrationFileError::NotFinite(_) => "recalculate the calibration from its raw samples",
+        CalibrationFileError::WrongDevice { .. } => {
+            "connect the finger it was made for, or calibrate this one: palpate calibrate"
+        }
+        CalibrationFileError::WrongFrontEnd { .. } => {
+            "set the device as it was, or calibrate again with the present settings"
+        }
+        CalibrationFileError::Calibration(_) => return None,
+        CalibrationFileError::Provenance(error) => return help(error),
+        CalibrationFileError::Raw(error) => return help(error),
     };
     Some(help.to_owned())
 }
@@ -391,27 +399,30 @@ mod tests {
         let text = String::new;
         check(vec![
             (
-                FileError::Io { doing: "read", path: "a".into(), source: io::ErrorKind::NotFound.into() },
+                CalibrationFileError::Io { doing: "read", path: "a".into(), source: io::ErrorKind::NotFound.into() },
                 "check the path, and that you may read and write there",
             ),
-            (FileError::Exists("a".into()), "move it away, or give another date or finger"),
+            (CalibrationFileError::Exists("a".into()), "move it away, or give another date or finger"),
             (
-                FileError::Text(text()),
+                CalibrationFileError::Text(text()),
                 "take the file as palpate calibrate wrote it, or recalculate it from its raw samples",
             ),
-            (FileError::Format(9), "update palpate, or recalculate the calibration from its raw samples"),
-            (FileError::Altered, "restore the file, or recalculate it: palpate calibrate --from-raw <its raw file>"),
+            (CalibrationFileError::Format(9), "update palpate, or recalculate the calibration from its raw samples"),
             (
-                FileError::RawAltered { path: "a".into(), found: text(), wanted: text() },
+                CalibrationFileError::Altered,
+                "restore the file, or recalculate it: palpate calibrate --from-raw <its raw file>",
+            ),
+            (
+                CalibrationFileError::RawAltered { path: "a".into(), found: text(), wanted: text() },
                 "restore the raw file; the calibration itself is still valid",
             ),
-            (FileError::NotFinite(text()), "recalculate the calibration from its raw samples"),
+            (CalibrationFileError::NotFinite(text()), "recalculate the calibration from its raw samples"),
             (
-                FileError::WrongDevice { made_with: text(), connected: text() },
+                CalibrationFileError::WrongDevice { made_with: text(), connected: text() },
                 "connect the finger it was made for, or calibrate this one: palpate calibrate",
             ),
             (
-                FileError::WrongFrontEnd { made_with: text(), connected: text() },
+                CalibrationFileError::WrongFrontEnd { made_with: text(), connected: text() },
                 "set the device as it was, or calibrate again with the present settings",
             ),
             (CalibrationError::Covariance.into(), "calibrate again; the file or the data it came from is damaged"),

@@ -87,7 +87,7 @@ fn own(error: &(dyn Error + 'static)) -> Option<String> {
 
 /// Help about files of parts and views.
 fn files(error: &(dyn Error + 'static)) -> Option<String> {
-    if let Some(views::FileError::NotConvex(_)) = error.downcast_ref() {
+    if let Some(views::ViewFileError::NotConvex(_)) = error.downcast_ref() {
         return Some("--hull takes the hull".to_owned());
     }
     match error.downcast_ref()? {

@@ -12,7 +12,7 @@ use palpate::finger::calibration::plan::{CalibrationPlan, Step, TareMode};
 use palpate::finger::calibration::session::{Bench, CalibrationRun, Ending, SampleSource, StepSummary, Taken};
 use palpate::finger::calibration::{FrontEndSettings, Load, session};
 use palpate_files::calibration::conclusion::{Conclusion, HELD_BACK_ERROR_MAX_DEG, conclude};
-use palpate_files::calibration::file::{FileError, save_raw, save_result, save_unfinished};
+use palpate_files::calibration::file::{CalibrationFileError, save_raw, save_result, save_unfinished};
 use palpate_files::calibration::plan::from_toml;
 use palpate_files::calibration::raw::{Provenance, RawRun};
 
@@ -205,7 +205,7 @@ struct Unfinished<'a> {
     root: &'a Path,
     provenance: Provenance,
     plan: &'a CalibrationPlan,
-    written: Option<Result<PathBuf, FileError>>,
+    written: Option<Result<PathBuf, CalibrationFileError>>,
 }
 
 impl<'a> Unfinished<'a> {

@@ -9,10 +9,12 @@ use std::str::FromStr;
 use clap::ValueEnum;
 use miette::{Context, IntoDiagnostic, miette};
 use nalgebra::Matrix2;
-use palpate::finger::contact::offline::{Found, Start};
+use palpate::finger::contact::offline::{BiasOrigin, RecordingStart};
 use palpate::finger::contact::{Averaging, ContactSettings};
-use palpate_files::recordings::part::Part;
-use palpate_files::recordings::session::{self, CONE_DEG, COVERAGE, Options, Report, START_FORCE_N, Summary};
+use palpate_files::recordings::part::RecordedPart;
+use palpate_files::recordings::session::{
+    self, CONE_DEG, COVERAGE, RecordingOptions, RecordingReport, RecordingSummary, START_FORCE_N,
+};
 use palpate_files::recordings::{Format, RecordingProblem, csv, mlab, text};
 use serde::Serialize;
 
@@ -146,7 +148,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         all.extend(measured.reports);
     }
     if !arguments.json && arguments.files.len() > 1 {
-        print_summary(&Summary::of(&all), false, arguments).or_else(ignore_closed_pipe).into_diagnostic()?;
+        print_summary(&RecordingSummary::of(&all), false, arguments).or_else(ignore_closed_pipe).into_diagnostic()?;
     }
     Ok(if some_bad { ExitCode::from(EXIT_SOME_BAD) } else { ExitCode::SUCCESS })
 }
@@ -158,7 +160,7 @@ fn ignore_closed_pipe(error: io::Error) -> io::Result<()> {
 
 /// What a file gave.
 struct FileReports {
-    reports: Vec<Report>,
+    reports: Vec<RecordingReport>,
     problems: Vec<String>,
     force_unit: &'static str,
 }
@@ -184,7 +186,7 @@ fn feel(file: &Path, arguments: &Arguments) -> miette::Result<FileReports> {
 fn feel_log(file: &Path, text: &str, arguments: &Arguments) -> miette::Result<FileReports> {
     let log = mlab::parse(text).map_err(|error| miette!("{error}"))?;
     let part = arguments.part.clone().or_else(|| outline_near(file));
-    let options = Options { part: part.as_deref().map(read_part).transpose()?, ..options(arguments, true) };
+    let options = RecordingOptions { part: part.as_deref().map(read_part).transpose()?, ..options(arguments, true) };
     let reports = session::of_log(&log, &options).map_err(|error| miette!("{error}"))?;
     let mut problems: Vec<String> = log.bad().map(ToString::to_string).collect();
     if log.declared != log.pushes.len() {
@@ -200,7 +202,7 @@ fn feel_table(text: &str, arguments: &Arguments) -> miette::Result<FileReports> 
     Ok(FileReports { reports: vec![report], problems, force_unit: if table.force_in_newtons { "N" } else { "units" } })
 }
 
-fn options(arguments: &Arguments, is_log: bool) -> Options {
+fn options(arguments: &Arguments, is_log: bool) -> RecordingOptions {
     let settings = ContactSettings {
         mounting_angle: arguments.mounting_deg.to_radians(),
         contact_friction: arguments.mu_c,
@@ -208,7 +210,7 @@ fn options(arguments: &Arguments, is_log: bool) -> Options {
         ..ContactSettings::default()
     };
     let usual = if is_log { session::MLAB_TOOL_FROM_SENSOR } else { Matrix2::identity() };
-    Options {
+    RecordingOptions {
         settings,
         finger_from_sensor: arguments.sensor_frame.map_or(usual, |frame| frame.0),
         tare: arguments.tare.map(|span| span.0),
@@ -218,10 +220,10 @@ fn options(arguments: &Arguments, is_log: bool) -> Options {
     }
 }
 
-fn read_part(file: &Path) -> miette::Result<Part> {
+fn read_part(file: &Path) -> miette::Result<RecordedPart> {
     let bytes = fs::read(file).into_diagnostic().wrap_err_with(|| format!("cannot read {}", file.display()))?;
     let text = text(&bytes).map_err(|error| miette!("{}: {error}", file.display()))?;
-    Part::parse(&text).map_err(|error| miette!("{}: {error}", file.display()))
+    RecordedPart::parse(&text).map_err(|error| miette!("{}: {error}", file.display()))
 }
 
 /// The only `obj_geo_*.txt` in the log's folder or, failing that, the one above.
@@ -257,7 +259,11 @@ fn print(file: &Path, measured: &FileReports, arguments: &Arguments) -> io::Resu
         writeln!(out, "{}", Line(report))?;
     }
     drop(out);
-    if measured.reports.len() > 1 { print_summary(&Summary::of(&measured.reports), true, arguments) } else { Ok(()) }
+    if measured.reports.len() > 1 {
+        print_summary(&RecordingSummary::of(&measured.reports), true, arguments)
+    } else {
+        Ok(())
+    }
 }
 
 #[derive(Serialize)]
@@ -265,12 +271,12 @@ struct JsonReport<'a> {
     file: &'a Path,
     force_unit: &'a str,
     #[serde(flatten)]
-    report: &'a Report,
+    report: &'a RecordingReport,
     #[serde(skip_serializing_if = "Option::is_none")]
     series: Option<&'a [session::Row]>,
 }
 
-fn print_json(file: &Path, force_unit: &str, report: &Report, with_series: bool) -> io::Result<()> {
+fn print_json(file: &Path, force_unit: &str, report: &RecordingReport, with_series: bool) -> io::Result<()> {
     let series = with_series.then_some(report.series.as_slice());
     let mut out = io::stdout().lock();
     serde_json::to_writer(&mut out, &JsonReport { file, force_unit, report, series })?;
@@ -278,16 +284,16 @@ fn print_json(file: &Path, force_unit: &str, report: &Report, with_series: bool)
 }
 
 /// One report in one line.
-struct Line<'a>(&'a Report);
+struct Line<'a>(&'a RecordingReport);
 
 impl std::fmt::Display for Line<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let report = self.0;
         let start = match report.start {
-            Start::Free if report.start_doubtful => "free?",
-            Start::Free => "free",
-            Start::InContact => "in contact",
-            Start::Unknown => "unknown",
+            RecordingStart::Free if report.start_doubtful => "free?",
+            RecordingStart::Free => "free",
+            RecordingStart::InContact => "in contact",
+            RecordingStart::Unknown => "unknown",
         };
         let onset = report.onset.map_or("-".to_owned(), |onset| format!("{onset:.3}"));
         write!(f, "{:>4} {start:<10} {onset:>7} ", report.index)?;
@@ -308,14 +314,14 @@ impl std::fmt::Display for Line<'_> {
     }
 }
 
-fn found(found: Found, report: &Report) -> String {
+fn found(found: BiasOrigin, report: &RecordingReport) -> String {
     match found {
-        Found::Given => "given".to_owned(),
-        Found::OwnFreeInterval => {
+        BiasOrigin::Given => "given".to_owned(),
+        BiasOrigin::OwnFreeInterval => {
             let free = report.bias.as_ref().map_or(0.0, |bias| bias.tare.t_to - bias.tare.t_from);
             format!("own {free:.2} s free")
         }
-        Found::Neighbours { before, after, .. } => {
+        BiasOrigin::Neighbours { before, after, .. } => {
             let number = |push: Option<usize>| push.map_or("-".to_owned(), |push| push.to_string());
             format!("pushes {} and {}", number(before), number(after))
         }
@@ -326,7 +332,7 @@ fn percent(part: usize, whole: usize) -> String {
     format!("{:.1} %", 100.0 * part as f64 / whole.max(1) as f64)
 }
 
-fn print_summary(summary: &Summary, is_one_file: bool, arguments: &Arguments) -> io::Result<()> {
+fn print_summary(summary: &RecordingSummary, is_one_file: bool, arguments: &Arguments) -> io::Result<()> {
     let of = if is_one_file { "this file" } else { "all files" };
     let mut out = io::stdout().lock();
     let list = |numbers: &[usize]| numbers.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
@@ -382,12 +388,12 @@ impl SeriesFile {
         Ok(series)
     }
 
-    fn write(&mut self, file: &Path, reports: &[Report]) -> miette::Result<()> {
+    fn write(&mut self, file: &Path, reports: &[RecordingReport]) -> miette::Result<()> {
         let written = reports.iter().try_for_each(|report| self.report(file, report)).and_then(|()| self.out.flush());
         written.into_diagnostic().wrap_err_with(|| format!("cannot write {}", self.path.display()))
     }
 
-    fn report(&mut self, file: &Path, report: &Report) -> io::Result<()> {
+    fn report(&mut self, file: &Path, report: &RecordingReport) -> io::Result<()> {
         let name = file.display().to_string().replace('"', "\"\"");
         for row in &report.series {
             let [fx, fy] = row.force_finger;

@@ -122,7 +122,7 @@ impl Arguments {
         let Some(path) = &self.part else { return Ok((random_part(draw), Ranges::default())) };
         let file = read(path, PolygonFile::parse)?;
         let default = Ranges::default();
-        let mu_c = file.mu_c.map_or(default.mu_c, |mu_c| [mu_c, mu_c]);
+        let mu_c = file.mu_c.map_or(default.mu_c, |mu_c| mu_c..=mu_c);
         Ok((file.part, Ranges { mu: file.mu, mu_c, ..default }))
     }
 
@@ -170,8 +170,8 @@ fn part_as_toml(part: &Part, mu: f64) -> String {
 
 fn motion_as_toml(motion: &FingerMotion) -> String {
     let start = motion.centre(0.0);
-    let segments = motion.segments().iter().map(|Segment { seconds, acceleration: [x, y] }| {
-        format!("\n[[segment]]\nseconds = {seconds}\nacceleration = [{x}, {y}]\n")
+    let segments = motion.segments().iter().map(|Segment { seconds, acceleration }| {
+        format!("\n[[segment]]\nseconds = {seconds}\nacceleration = [{}, {}]\n", acceleration.x, acceleration.y)
     });
     format!("unit = \"m\"\nstart = [{}, {}]\n{}", start.x, start.y, segments.collect::<String>())
 }
@@ -196,7 +196,7 @@ fn introduce(rig: &Rig, part: &Part, ranges: &Ranges, force: f64) {
         part.polygon().vertices().iter().map(|v| format!("({:.0}, {:.0})", v.x * 1e3, v.y * 1e3)).collect();
     say!("The part, in mm: {}; µ {} on the table.", vertices.join(" "), ranges.mu);
     let segments = ranges.motion.segments().iter().map(|segment| {
-        let [x, y] = segment.acceleration.map(|value| value * 1e3);
+        let [x, y] = segment.acceleration.map(|value| value * 1e3).into();
         format!("{} s with ({x:.0}, {y:.0}) mm/s²", segment.seconds)
     });
     say!("The finger touches it somewhere, at rest, and then moves: {}.", segments.collect::<Vec<_>>().join(", then "));

@@ -1,7 +1,7 @@
 //! What every command that talks to a device takes: which one, and at what speed.
 
 use crate::advice::Advise as _;
-use palpate_device::session::{Options, Session};
+use palpate_device::session::{Session, SessionOptions};
 use palpate_device::transport::address::{self, Address};
 
 /// How to find the device.
@@ -32,7 +32,7 @@ impl DeviceArguments {
     }
 
     /// The options of a session with this device.
-    pub(crate) fn options(&self, reconnect: bool) -> Options {
-        Options { baud: self.baud, reconnect }
+    pub(crate) fn options(&self, reconnect: bool) -> SessionOptions {
+        SessionOptions { baud: self.baud, reconnect }
     }
 }

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use nalgebra::Matrix2;
 use palpate::finger::calibration::{ForceUnit, counts_vector};
-use palpate::finger::diagnosis::{self, Figures, Finding, Observation, Verdict};
+use palpate::finger::diagnosis::{self, Figures, Finding, ObservedAtRest, Verdict};
 use palpate_device::Session;
 use palpate_shared::sim::ads131m02::{CLKIN_HZ, noise_rms};
 
@@ -78,7 +78,7 @@ fn observe(
     session: &mut Session,
     seconds: f64,
     newtons_per_count: Option<Matrix2<f64>>,
-) -> miette::Result<(Observation, Latency)> {
+) -> miette::Result<(ObservedAtRest, Latency)> {
     session.start().advised()?;
     session.ping().advised()?;
     let before = session.counts();
@@ -101,7 +101,7 @@ fn observe(
     let after = session.counts();
     let hello = session.hello();
     let oversampling = CLKIN_HZ / 2 / hello.rate_hz.max(1);
-    let observation = Observation {
+    let observation = ObservedAtRest {
         counts,
         saturated,
         rate_hz: f64::from(hello.rate_hz),

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
+use nalgebra::Point2;
 use palpate::finger::calibration::Calibration;
 use palpate::finger::contact::Reading;
 use palpate::finger::sense;
@@ -328,7 +329,7 @@ impl MotionSource {
 fn add(motion: &mut Option<FingerMotion>, segment: Result<Segment, MotionFileError>) -> miette::Result<()> {
     let added = segment.and_then(|segment| match motion {
         Some(motion) => Ok(motion.append(segment)?),
-        None => Ok(FingerMotion::new([0.0; 2], &[segment]).map(|first| *motion = Some(first))?),
+        None => Ok(FingerMotion::new(Point2::origin(), &[segment]).map(|first| *motion = Some(first))?),
     });
     added.into_diagnostic().wrap_err("cannot use the finger's motion on standard input")
 }

@@ -9,7 +9,7 @@ use miette::{IntoDiagnostic as _, WrapErr as _, miette};
 use nalgebra::{Vector2, Vector3};
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::rolling::{
-    BodyKnowledge, Noise, PalmAcceleration, PalmKnowledge, Question, Report, RollEstimate, RollState, RollTracker,
+    BodyKnowledge, Noise, PalmAcceleration, PalmKnowledge, Report, RollEstimate, RollQuestion, RollState, RollTracker,
     RollVerdict, Spin, Tracked,
 };
 use palpate_files::body::BodyFile;
@@ -118,13 +118,13 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
 }
 
 impl Arguments {
-    fn question(&self) -> miette::Result<Question> {
+    fn question(&self) -> miette::Result<RollQuestion> {
         let bodies = self
             .bodies
             .iter()
             .map(|path| read(path, BodyFile::parse).map(|file| file.body))
             .collect::<miette::Result<_>>()?;
-        Ok(Question {
+        Ok(RollQuestion {
             body: BodyKnowledge::OneOf(bodies),
             spins: match self.spin {
                 SpinChoice::Unknown => vec![Spin::Free, Spin::NoSpin],

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use nalgebra::Vector2;
 use palpate::pushing::estimation::planning::{self, PlannedMotion, Present, Prospect, Sampling, SensedAngle};
 use palpate::pushing::estimation::{Estimate, Hypothesis, from_rest};
 use palpate::pushing::finger_motion::Segment;
@@ -176,7 +177,9 @@ fn prospect_as_json(prospect: &Prospect) -> Value {
         json!({"hypotheses": pair.hypotheses, "distance_squared": pair.distance_squared, "shared_s": pair.shared_s})
     });
     let segments = prospect.motion.segments.iter();
-    let segments = segments.map(|segment| json!({"seconds": segment.seconds, "acceleration": segment.acceleration}));
+    let segments = segments.map(
+        |segment| json!({"seconds": segment.seconds, "acceleration": [segment.acceleration.x, segment.acceleration.y]}),
+    );
     json!({
         "motion": prospect.motion.name,
         "segments": segments.collect::<Vec<_>>(),
@@ -189,9 +192,9 @@ fn prospect_as_json(prospect: &Prospect) -> Value {
 }
 
 fn line(prospect: &Prospect) -> String {
-    let first = prospect.motion.segments.first().map_or([0.0; 2], |segment| segment.acceleration);
+    let first = prospect.motion.segments.first().map_or_else(Vector2::zeros, |segment| segment.acceleration);
     // Without the minus sign of zero.
-    let [x, y] = first.map(|component| component * 1e3 + 0.0);
+    let [x, y] = first.map(|component| component * 1e3 + 0.0).into();
     let nearest =
         prospect.nearest().map_or((String::new(), 0.0), |pair| (pose_numbers(pair.hypotheses), pair.distance_squared));
     let place = prospect.place_sd.iter().copied().fold(0.0, f64::max) * 1e3;
@@ -208,7 +211,7 @@ fn line(prospect: &Prospect) -> String {
 /// A motion's accelerations, in words.
 fn told(motion: &PlannedMotion) -> String {
     let segment = |segment: &Segment| {
-        let [x, y] = segment.acceleration.map(|component| component * 1e3 + 0.0);
+        let [x, y] = segment.acceleration.map(|component| component * 1e3 + 0.0).into();
         format!("accelerate by ({x:.1}, {y:.1}) mm/s² for {:.2} s", segment.seconds)
     };
     motion.segments.iter().map(segment).collect::<Vec<_>>().join(", then ")

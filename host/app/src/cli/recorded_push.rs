@@ -9,7 +9,7 @@ use palpate::pushing::estimation::from_rest::{KnownFromRest, WINDOWS_MIN, Window
 use palpate::pushing::finger_motion::FingerMotion;
 use palpate_files::motion;
 use palpate_files::part::PolygonFile;
-use palpate_files::recordings::csv::{self, Table};
+use palpate_files::recordings::csv::{self, RecordedTable};
 
 use super::positive;
 use super::read::{read, report_problems};
@@ -83,7 +83,7 @@ const FACTOR: [f64; 2] = [1.01, 10.0];
 
 /// The usable readings of a file of forces; the others are named.
 pub(super) fn read_forces(path: &Path) -> miette::Result<Vec<Reading>> {
-    let Table { readings, problems, .. } = read(path, csv::parse)?;
+    let RecordedTable { readings, problems, .. } = read(path, csv::parse)?;
     report_problems(path, &problems);
     Ok(readings)
 }

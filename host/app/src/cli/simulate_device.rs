@@ -7,7 +7,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
-use palpate_device::simulated::{Config, ForceCourse, Line, Moment, Pace, SimulatedDevice};
+use palpate_device::simulated::{Config, ForceCourse, Line, Pace, SimulatedDevice, SimulatedMoment};
 use palpate_files::recordings::csv;
 use palpate_shared::sim::{ContactLoad, Faults, FloatingBus, Load};
 
@@ -276,8 +276,8 @@ fn carry_out(device: &SimulatedDevice, order: Order) -> io::Result<String> {
 }
 
 /// Waits until so much of the device's time has passed.
-fn wait(device: &SimulatedDevice, seconds: f64) -> io::Result<Moment> {
-    let elapsed_s = |moment: &Moment| moment.truth.time_ns as f64 * 1e-9;
+fn wait(device: &SimulatedDevice, seconds: f64) -> io::Result<SimulatedMoment> {
+    let elapsed_s = |moment: &SimulatedMoment| moment.truth.time_ns as f64 * 1e-9;
     let mut moment = device.now()?;
     let until_s = elapsed_s(&moment) + seconds;
     while elapsed_s(&moment) < until_s && !interrupt::requested() {
@@ -288,7 +288,7 @@ fn wait(device: &SimulatedDevice, seconds: f64) -> io::Result<Moment> {
     Ok(moment)
 }
 
-fn in_words(moment: &Moment) -> String {
+fn in_words(moment: &SimulatedMoment) -> String {
     let truth = &moment.truth;
     let [x, y] = truth.force_finger;
     let contact = match truth.contact_angle {

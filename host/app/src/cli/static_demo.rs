@@ -9,7 +9,7 @@ use palpate::finger::calibration::CalibrationFit;
 use palpate::finger::contact::Averaging;
 use palpate::math::statistics::mean;
 use palpate_device::Session;
-use palpate_device::session::Options;
+use palpate_device::session::SessionOptions;
 use palpate_device::simulated::{Config, Line, Pace, SimulatedDevice};
 
 use crate::advice::Advise as _;
@@ -46,7 +46,7 @@ pub(super) fn run(seed: u64) -> miette::Result<ExitCode> {
     let hand =
         Arc::new(SimulatedDevice::start(config).into_diagnostic().wrap_err("cannot start the simulated finger")?);
     say!("A simulated finger runs the firmware at {}; the host opens it like any serial port.", hand.address());
-    let mut session = Session::open_simulated(Arc::clone(&hand), Options::default()).advised()?;
+    let mut session = Session::open_simulated(Arc::clone(&hand), SessionOptions::default()).advised()?;
     say!("It streams {} samples a second, gain {}.", session.hello().rate_hz, session.hello().gain);
     let fit = demonstration::calibrate(&mut session, &hand, CALIBRATION_FORCE_N).advised()?;
     print_calibration(&fit);

@@ -17,7 +17,7 @@ use palpate::finger::calibration::session::{
 use palpate::finger::calibration::*;
 use palpate::math::angle::{contact_angle, wrap_angle};
 use palpate_files::calibration::conclusion::{Conclusion, HELD_BACK_ERROR_MAX_DEG, conclude};
-use palpate_files::calibration::file::{CalibrationFile, FileError, RawState, save_raw, save_result};
+use palpate_files::calibration::file::{CalibrationFile, CalibrationFileError, RawState, save_raw, save_result};
 use palpate_files::calibration::raw::{Provenance, RawError, RawRun};
 use palpate_shared::units::Counts;
 use palpate_shared::wire::Status;
@@ -329,26 +329,26 @@ fn a_result_is_written_once_and_reads_back_the_same() {
     assert_eq!(conclude(&again).unwrap(), conclusion);
 
     // Never overwritten, nothing left behind.
-    assert!(matches!(save_raw(folder.path(), &run), Err(FileError::Exists(_))));
+    assert!(matches!(save_raw(folder.path(), &run), Err(CalibrationFileError::Exists(_))));
     assert!(matches!(
         save_result(folder.path(), &conclusion.fit, &conclusion.taken, &run.provenance, &raw_path),
-        Err(FileError::Exists(_))
+        Err(CalibrationFileError::Exists(_))
     ));
     assert_eq!(fs::read_dir(folder.path().join("finger-a")).unwrap().count(), 2);
 
     // For its own device and settings only.
     let front_end = run.provenance.check().unwrap();
     assert!(file.check_device("palpate-0001", &front_end).is_ok());
-    assert!(matches!(file.check_device("palpate-0002", &front_end), Err(FileError::WrongDevice { .. })));
+    assert!(matches!(file.check_device("palpate-0002", &front_end), Err(CalibrationFileError::WrongDevice { .. })));
     let other_gain = FrontEnd::new(FrontEndSettings { gain: 64, ..front_end.settings() }).unwrap();
-    assert!(matches!(file.check_device("palpate-0001", &other_gain), Err(FileError::WrongFrontEnd { .. })));
+    assert!(matches!(file.check_device("palpate-0001", &other_gain), Err(CalibrationFileError::WrongFrontEnd { .. })));
 
     // An altered raw file is noticed; a missing one is said.
     let mut raw = fs::read(&raw_path).unwrap();
     let last = raw.len() - 2;
     raw[last] = if raw[last] == b'1' { b'2' } else { b'1' };
     fs::write(&raw_path, raw).unwrap();
-    assert!(matches!(CalibrationFile::read(&path), Err(FileError::RawAltered { .. })));
+    assert!(matches!(CalibrationFile::read(&path), Err(CalibrationFileError::RawAltered { .. })));
     fs::remove_file(&raw_path).unwrap();
     assert_eq!(CalibrationFile::read(&path).unwrap().1, RawState::Missing);
 }
@@ -365,11 +365,11 @@ fn folders_that_cannot_be_are_errors() {
     let folder = tempfile::tempdir().unwrap();
     let in_the_way = folder.path().join("finger-a");
     fs::write(&in_the_way, "a file where the folder should be").unwrap();
-    assert!(matches!(save_raw(folder.path(), &run), Err(FileError::Io { .. })));
+    assert!(matches!(save_raw(folder.path(), &run), Err(CalibrationFileError::Io { .. })));
     let mut escaping = run;
     escaping.provenance.finger = "../elsewhere".to_owned();
-    assert!(matches!(save_raw(folder.path(), &escaping), Err(FileError::Provenance(_))));
-    assert!(matches!(CalibrationFile::read(Path::new("no/such/file.toml")), Err(FileError::Io { .. })));
+    assert!(matches!(save_raw(folder.path(), &escaping), Err(CalibrationFileError::Provenance(_))));
+    assert!(matches!(CalibrationFile::read(Path::new("no/such/file.toml")), Err(CalibrationFileError::Io { .. })));
 }
 
 /// A result of format 1, written by this program and checked by hand against its raw run. It must be readable for ever.
@@ -394,7 +394,7 @@ fn format_1_is_read_as_it_was_written() {
 fn another_format_says_what_to_update() {
     let text = golden_text().replacen("format = 1", "format = 2", 1);
     let error = CalibrationFile::from_text(&text).unwrap_err();
-    assert!(matches!(error, FileError::Format(2)), "{error}");
+    assert!(matches!(error, CalibrationFileError::Format(2)), "{error}");
 }
 
 #[test]
@@ -423,11 +423,11 @@ fn impossible_numbers_are_refused_even_under_a_right_checksum() {
     let mut table: toml::Table = good.parse().unwrap();
     table["offset"] = toml::Value::Array(vec![f64::NAN.into(), 0.0.into()]);
     let error = CalibrationFile::from_text(&resealed(&toml::to_string(&table).unwrap())).unwrap_err();
-    assert!(matches!(&error, FileError::NotFinite(name) if name == "offset[0]"), "{error}");
+    assert!(matches!(&error, CalibrationFileError::NotFinite(name) if name == "offset[0]"), "{error}");
     let mut table: toml::Table = good.parse().unwrap();
     table["covariance"].as_array_mut().unwrap()[2].as_array_mut().unwrap()[2] = (-1.0).into();
     let error = CalibrationFile::from_text(&resealed(&toml::to_string(&table).unwrap())).unwrap_err();
-    assert!(matches!(error, FileError::Calibration(CalibrationError::Covariance)), "{error}");
+    assert!(matches!(error, CalibrationFileError::Calibration(CalibrationError::Covariance)), "{error}");
     let mut table: toml::Table = good.parse().unwrap();
     table["raw"]["file"] = "../../elsewhere.csv".into();
     assert!(CalibrationFile::from_text(&resealed(&toml::to_string(&table).unwrap())).is_err());

@@ -101,7 +101,7 @@ impl PushPicture<'_> {
             FingerShape::Disk { radius } => scene.disk(centre, radius, finger_style(moment)),
             shape @ FingerShape::Ellipse { .. } => {
                 let at = |i: u32| TAU * f64::from(i) / f64::from(FINGER_POINTS);
-                let points = (0..FINGER_POINTS).map(|i| centre + Vector2::from(shape.point(at(i))));
+                let points = (0..FINGER_POINTS).map(|i| centre + shape.point(at(i)));
                 scene.polygon(&points.collect::<Vec<_>>(), finger_style(moment));
             }
             FingerShape::Line => self.bar(scene, centre, moment),

@@ -7,7 +7,7 @@
 use palpate::math::random::Draw;
 use palpate::math::statistics::percentile;
 use palpate::pushing::estimation::Status;
-use palpate::pushing::estimation::from_rest::trial::{Outcome, RADIUS_M, Ranges, random_part, straight_motion};
+use palpate::pushing::estimation::from_rest::trial::{RADIUS_M, Ranges, TrialOutcome, random_part, straight_motion};
 use palpate::pushing::estimation::from_rest::{self, KnownFromRest};
 use palpate_device::simulated::Line;
 
@@ -17,7 +17,7 @@ use crate::thesis::demonstration::{Rig, course};
 use palpate::gravity::GRAVITY_ASSUMED;
 
 /// Runs one case: None where no push of the part lasts, or the chain broke.
-fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<Outcome, String> {
+fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<TrialOutcome, String> {
     let mut draw = Draw::case(seed, number);
     let (part, drawn) = loop {
         let part = random_part(&mut draw);
@@ -38,7 +38,7 @@ fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<Outcome, String> {
         radius: RADIUS_M,
         motion: &ranges.motion,
     };
-    Ok(Outcome::new(&part, &drawn, &from_rest::estimate(&known, &measured)))
+    Ok(TrialOutcome::new(&part, &drawn, &from_rest::estimate(&known, &measured)))
 }
 
 /// What `palpate tables chain` runs.
@@ -88,11 +88,12 @@ fn definitions() -> Vec<String> {
     text.map(str::to_owned).to_vec()
 }
 
-fn add(table: &mut Table, name: &str, outcomes: &[Result<Outcome, String>]) {
+fn add(table: &mut Table, name: &str, outcomes: &[Result<TrialOutcome, String>]) {
     let sound: Vec<_> = outcomes.iter().filter_map(|outcome| outcome.as_ref().ok()).collect();
     let all = outcomes.len();
-    let share = |pick: &dyn Fn(&&Outcome) -> bool| Cell::share(sound.iter().copied().filter(pick).count(), all);
-    let errors = |of: fn(&Outcome) -> Option<f64>| sound.iter().filter_map(|outcome| of(outcome)).collect::<Vec<_>>();
+    let share = |pick: &dyn Fn(&&TrialOutcome) -> bool| Cell::share(sound.iter().copied().filter(pick).count(), all);
+    let errors =
+        |of: fn(&TrialOutcome) -> Option<f64>| sound.iter().filter_map(|outcome| of(outcome)).collect::<Vec<_>>();
     let millimetres = errors(|outcome| outcome.best.map(|error| error.distance * 1e3));
     let degrees = errors(|outcome| outcome.best.map(|error| error.angle.to_degrees()));
     let nearest = errors(|outcome| outcome.nearest.map(|error| error.distance * 1e3));

@@ -17,7 +17,7 @@ use palpate::finger::contact::{Reading, TareError};
 use palpate::finger::sense;
 use palpate::pushing::estimation::from_rest::onset::{PushSense, RestNoise};
 use palpate::pushing::pushed_world::{Played, STEP_S};
-use palpate_device::session::Options;
+use palpate_device::session::SessionOptions;
 use palpate_device::simulated::{Config, ForceCourse, Line, Pace, SimulatedDevice};
 use palpate_device::{LinkError, Session};
 use palpate_shared::sim::{BridgesConfig, FingerConfig, Load};
@@ -94,7 +94,7 @@ impl Rig {
     pub fn start(seed: u64, noise: f64, line: Line) -> Result<Self, RigError> {
         let config = Config { seed, finger: finger(noise), pace: Pace::AsRead, line, ..Config::default() };
         let hand = Arc::new(SimulatedDevice::start(config)?);
-        let mut session = Session::open_simulated(Arc::clone(&hand), Options::default())?;
+        let mut session = Session::open_simulated(Arc::clone(&hand), SessionOptions::default())?;
         let fit = calibrate(&mut session, &hand, CALIBRATION_FORCE_N * noise.max(1.0))?;
         Ok(Self { hand, session, fit })
     }

@@ -8,6 +8,7 @@
 
 use std::f64::consts::PI;
 
+use nalgebra::{Point2, Vector2};
 use palpate::geometry::SimplePolygon;
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::random::Draw;
@@ -94,8 +95,12 @@ impl Case {
         loop {
             let part = Part::uniform(polygon(&mut draw));
             let edge = draw.index(part.polygon().vertices().len());
-            let finger =
-                Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0, acceleration] };
+            let finger = Finger {
+                radius: 0.01,
+                centre0: Point2::origin(),
+                velocity0: Vector2::new(0.0, 0.05),
+                acceleration: Vector2::new(0.0, acceleration),
+            };
             let Some(start) = state(&part, edge, &mut draw) else { continue };
             let mut case = Self { part, edge, finger, contact, truth: Vec::new(), draw };
             case.truth = case.simulated(start);
@@ -147,7 +152,8 @@ impl Case {
     fn observed(&self, attempt: Attempt, corrected: usize) -> Vec<State> {
         let Some(model) = self.model(attempt.edge) else { return Vec::new() };
         let observer = Gho { model, contact: self.contact, settings: GhoSettings::new(attempt.zeta) };
-        let alone = Gho { settings: GhoSettings { correction: [0.0, 1.0], ..observer.settings }, ..observer };
+        let alone =
+            Gho { settings: GhoSettings { correction_on: 0.0, correction_off: 1.0, ..observer.settings }, ..observer };
         let mut estimates = vec![attempt.start];
         for (index, pair) in self.truth.windows(2).enumerate() {
             let by = if index < corrected { &observer } else { &alone };

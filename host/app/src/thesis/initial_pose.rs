@@ -4,6 +4,7 @@
 
 use std::f64::consts::PI;
 
+use nalgebra::{Point2, Vector2};
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::random::Draw;
 use palpate::pushing::dynamics::{FingerPath, FingerShape, Part};
@@ -74,8 +75,8 @@ impl Case {
         let (size, mu_g) =
             if friction { (draw.uniform(1.2, 1.8), 0.3 * GRAVITY_ASSUMED) } else { (draw.uniform(0.08, 0.13), 0.0) };
         let sideways = if friction { draw.uniform(-0.25, 0.25) } else { draw.uniform(-0.5, 0.5) };
-        let acceleration = [size * sideways.sin(), size * sideways.cos()];
-        let path = FingerPath { centre0: [0.0; 2], velocity0: [0.0; 2], acceleration };
+        let acceleration = Vector2::new(size * sideways.sin(), size * sideways.cos());
+        let path = FingerPath { centre0: Point2::origin(), velocity0: Vector2::zeros(), acceleration };
         let (object, edge, s0) = object(draw, pair)?;
         let push = RestingPush::new(object, mu_g, shape, path, u0).ok()?;
         let times = if friction {

@@ -84,7 +84,7 @@ fn definitions() -> Vec<String> {
 
 fn outcome(seed: u64, number: usize, parts: usize, acceleration: [f64; 2]) -> Outcome {
     let mut draw = Draw::case(seed, number);
-    let finger = Finger { acceleration, ..finger_first() };
+    let finger = Finger { acceleration: acceleration.into(), ..finger_first() };
     let (case, values) = loop {
         let Some(case) = Case::try_draw(&mut draw) else { continue };
         if let Some(angles) = angles(&case, finger) {

@@ -11,7 +11,7 @@ use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::random::Draw;
 use palpate::math::statistics::percentile;
 use palpate::rolling::{
-    BodyKnowledge, Model, Noise, PalmAcceleration, PalmKnowledge, Question, RollEstimate, RollGho, RollHypothesis,
+    BodyKnowledge, Model, Noise, PalmAcceleration, PalmKnowledge, RollEstimate, RollGho, RollHypothesis, RollQuestion,
     RollState, RollingBody, Spin, specific_force,
 };
 
@@ -128,8 +128,8 @@ fn sense(draw: &mut Draw, noise: Noise, u: Vector2<f64>) -> Vector2<f64> {
     }
 }
 
-fn question(bodies: Vec<RollingBody>, spins: Vec<Spin>, noise: Noise) -> Question {
-    Question {
+fn question(bodies: Vec<RollingBody>, spins: Vec<Spin>, noise: Noise) -> RollQuestion {
+    RollQuestion {
         body: BodyKnowledge::OneOf(bodies),
         spins,
         palm: PalmKnowledge::Known(PalmAcceleration::Rest),
@@ -139,7 +139,7 @@ fn question(bodies: Vec<RollingBody>, spins: Vec<Spin>, noise: Noise) -> Questio
 }
 
 /// An estimate with the processor time it took, ms.
-fn timed(question: &Question, trial: &Trial) -> (Option<RollEstimate>, f64) {
+fn timed(question: &RollQuestion, trial: &Trial) -> (Option<RollEstimate>, f64) {
     let begun = processor_ms();
     let estimate = question.answer(DT, &trial.u).ok();
     (estimate, processor_ms() - begun)
@@ -288,11 +288,12 @@ fn semi_axes(settings: &TableSettings) -> Table {
         "Semi-axes: uniform in 1.5 to 4.5 cm, no two within 8 %; the search knows 1.5 to 5 cm. Starts as in table 7."
             .to_owned(),
     ];
-    let range = [0.015, 0.05];
     for spin in [Spin::Free, Spin::NoSpin] {
         let sensing = millimetre_grid(1.0);
-        let unknown =
-            Question { body: BodyKnowledge::Ellipsoid { range }, ..question(Vec::new(), vec![spin], sensing.noise) };
+        let unknown = RollQuestion {
+            body: BodyKnowledge::Ellipsoid { range: 0.015..=0.05 },
+            ..question(Vec::new(), vec![spin], sensing.noise)
+        };
         let (mut right, mut unique, mut errors, mut times) = (0, 0, Vec::new(), Vec::new());
         for case in 0..settings.cases {
             let mut draw = Draw::case(settings.seed, case);

@@ -11,7 +11,7 @@ use palpate_shared::units::DeviceTime;
 use palpate_shared::wire::{Axis, Bridge, Channel, ClockSource, DeviceId, RestartReason, Source};
 
 use super::outlet::Outlet;
-use super::{Config, ForceCourse, Moment, Pace};
+use super::{Config, ForceCourse, Pace, SimulatedMoment};
 
 /// How often a device in real time wakes: half a block, so that samples are at most this late.
 const TICK: Duration = Duration::from_millis(1);
@@ -49,21 +49,21 @@ const MV_PER_V: f32 = 1e3;
 /// An order from the device's owner; each is answered with the moment from which it holds.
 #[derive(Debug)]
 pub(super) enum Control {
-    Load(Load, Sender<Moment>),
-    Script(Box<Script>, Sender<Moment>),
-    Course(ForceCourse, Sender<Moment>),
-    Faults(Faults, Sender<Moment>),
-    Now(Sender<Moment>),
-    Unplug(Sender<Moment>),
-    PlugIn(Sender<Moment>),
-    Restart(Sender<Moment>),
-    Disturb(Vec<u8>, Sender<Moment>),
+    Load(Load, Sender<SimulatedMoment>),
+    Script(Box<Script>, Sender<SimulatedMoment>),
+    Course(ForceCourse, Sender<SimulatedMoment>),
+    Faults(Faults, Sender<SimulatedMoment>),
+    Now(Sender<SimulatedMoment>),
+    Unplug(Sender<SimulatedMoment>),
+    PlugIn(Sender<SimulatedMoment>),
+    Restart(Sender<SimulatedMoment>),
+    Disturb(Vec<u8>, Sender<SimulatedMoment>),
     End,
 }
 
 /// Why a device stopped running.
 enum Ended {
-    Restart(Sender<Moment>),
+    Restart(Sender<SimulatedMoment>),
     ForGood,
 }
 
@@ -73,7 +73,7 @@ pub(super) fn run(config: &Config, mut outlet: Outlet, orders: &Receiver<Control
     let front_end = RefCell::new(SimulatedFrontEnd::new(config.finger, config.seed));
     front_end.borrow_mut().set_faults(config.faults);
     let mut restarts = 0;
-    let mut asked: Option<Sender<Moment>> = None;
+    let mut asked: Option<Sender<SimulatedMoment>> = None;
     loop {
         let mut queues = Queues::new();
         let (sampler_end, device_end) = queues.split();
@@ -260,8 +260,8 @@ impl Board<'_> {
         answer(&sender, self.moment());
     }
 
-    fn moment(&self) -> Moment {
-        Moment { conversion: self.conversions, truth: self.front_end.borrow().truth() }
+    fn moment(&self) -> SimulatedMoment {
+        SimulatedMoment { conversion: self.conversions, truth: self.front_end.borrow().truth() }
     }
 
     /// Hands the firmware what the host sent; whether there was anything.
@@ -365,7 +365,7 @@ enum Talk {
 }
 
 /// Tells the owner from when its order holds.
-fn answer(sender: &Sender<Moment>, moment: Moment) {
+fn answer(sender: &Sender<SimulatedMoment>, moment: SimulatedMoment) {
     // An owner that does not wait for the answer does not need it.
     let _ = sender.send(moment);
 }

@@ -29,7 +29,7 @@ pub use board::SimulatedOnly;
 pub use outlet::LinkExists;
 use outlet::Outlet;
 
-use crate::transport::pipe::{End, Pipe};
+use crate::transport::pipe::{Pipe, PipeEnd};
 
 /// How fast simulated time passes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -117,7 +117,7 @@ impl ForceCourse {
 
 /// The simulated world at one moment.
 #[derive(Clone, Copy, Debug)]
-pub struct Moment {
+pub struct SimulatedMoment {
     /// Conversions since the device started.
     pub conversion: u64,
     /// State of the simulated world then.
@@ -187,7 +187,7 @@ impl SimulatedDevice {
 
     /// The host's end of the line of a device in this process; a dead end for any other.
     #[must_use]
-    pub fn connect(&self) -> End {
+    pub fn connect(&self) -> PipeEnd {
         self.pipe.clone().unwrap_or_default().host_end()
     }
 
@@ -201,7 +201,7 @@ impl SimulatedDevice {
     ///
     /// # Errors
     /// If the device has ended.
-    pub fn set_load(&self, load: Load) -> io::Result<Moment> {
+    pub fn set_load(&self, load: Load) -> io::Result<SimulatedMoment> {
         self.ask(|answer| Control::Load(load, answer))
     }
 
@@ -209,7 +209,7 @@ impl SimulatedDevice {
     ///
     /// # Errors
     /// If the device has ended.
-    pub fn set_script(&self, script: Script) -> io::Result<Moment> {
+    pub fn set_script(&self, script: Script) -> io::Result<SimulatedMoment> {
         self.ask(|answer| Control::Script(Box::new(script), answer))
     }
 
@@ -217,7 +217,7 @@ impl SimulatedDevice {
     ///
     /// # Errors
     /// If the device has ended.
-    pub fn set_course(&self, course: ForceCourse) -> io::Result<Moment> {
+    pub fn set_course(&self, course: ForceCourse) -> io::Result<SimulatedMoment> {
         self.ask(|answer| Control::Course(course, answer))
     }
 
@@ -225,7 +225,7 @@ impl SimulatedDevice {
     ///
     /// # Errors
     /// If the device has ended.
-    pub fn set_faults(&self, faults: Faults) -> io::Result<Moment> {
+    pub fn set_faults(&self, faults: Faults) -> io::Result<SimulatedMoment> {
         self.ask(|answer| Control::Faults(faults, answer))
     }
 
@@ -233,7 +233,7 @@ impl SimulatedDevice {
     ///
     /// # Errors
     /// If the device has ended.
-    pub fn now(&self) -> io::Result<Moment> {
+    pub fn now(&self) -> io::Result<SimulatedMoment> {
         self.ask(Control::Now)
     }
 
@@ -241,7 +241,7 @@ impl SimulatedDevice {
     ///
     /// # Errors
     /// If the device has ended.
-    pub fn unplug(&self) -> io::Result<Moment> {
+    pub fn unplug(&self) -> io::Result<SimulatedMoment> {
         self.ask(Control::Unplug)
     }
 
@@ -249,7 +249,7 @@ impl SimulatedDevice {
     ///
     /// # Errors
     /// If the device has ended.
-    pub fn plug_in(&self) -> io::Result<Moment> {
+    pub fn plug_in(&self) -> io::Result<SimulatedMoment> {
         self.ask(Control::PlugIn)
     }
 
@@ -257,7 +257,7 @@ impl SimulatedDevice {
     ///
     /// # Errors
     /// If the device has ended.
-    pub fn restart(&self) -> io::Result<Moment> {
+    pub fn restart(&self) -> io::Result<SimulatedMoment> {
         self.ask(Control::Restart)
     }
 
@@ -265,11 +265,11 @@ impl SimulatedDevice {
     ///
     /// # Errors
     /// If the device has ended.
-    pub fn disturb(&self, noise: Vec<u8>) -> io::Result<Moment> {
+    pub fn disturb(&self, noise: Vec<u8>) -> io::Result<SimulatedMoment> {
         self.ask(|answer| Control::Disturb(noise, answer))
     }
 
-    fn ask(&self, order: impl FnOnce(Sender<Moment>) -> Control) -> io::Result<Moment> {
+    fn ask(&self, order: impl FnOnce(Sender<SimulatedMoment>) -> Control) -> io::Result<SimulatedMoment> {
         let (answer, answered) = channel();
         let ended = || io::Error::new(io::ErrorKind::BrokenPipe, "the simulated device has ended");
         self.control.send(order(answer)).map_err(|_| ended())?;

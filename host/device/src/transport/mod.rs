@@ -41,7 +41,7 @@ pub enum Transport {
     /// A connection to a TCP port.
     Tcp(TcpStream),
     /// A simulated device in this process.
-    Pipe(pipe::End),
+    Pipe(pipe::PipeEnd),
 }
 
 impl Transport {
@@ -51,7 +51,7 @@ impl Transport {
     ///
     /// # Errors
     /// [`LinkError`]: no such port, no permission, in use, or not reachable.
-    pub fn open(address: &Address, baud: u32, simulated: Option<pipe::End>) -> Result<Self, LinkError> {
+    pub fn open(address: &Address, baud: u32, simulated: Option<pipe::PipeEnd>) -> Result<Self, LinkError> {
         match (address, simulated) {
             (Address::Serial(path), _) => open_serial(path, baud),
             (Address::Tcp(host), _) => open_tcp(host).map_err(|source| LinkError::Open {

@@ -74,8 +74,8 @@ impl Pipe {
 
     /// The end of the line that a host reads and writes.
     #[must_use]
-    pub fn host_end(&self) -> End {
-        End { pipe: self.clone(), plugging: self.state().plugging }
+    pub fn host_end(&self) -> PipeEnd {
+        PipeEnd { pipe: self.clone(), plugging: self.state().plugging }
     }
 
     /// The device writes; gives back how many bytes were taken. Without a cable all are, and are lost.
@@ -93,12 +93,12 @@ impl Pipe {
 
 /// The host's end of a pipe: reads like a serial port, with a time limit.
 #[derive(Clone, Debug)]
-pub struct End {
+pub struct PipeEnd {
     pipe: Pipe,
     plugging: u64,
 }
 
-impl End {
+impl PipeEnd {
     fn check(&self) -> io::Result<()> {
         let state = self.pipe.state();
         if state.plugged_in && state.plugging == self.plugging {
@@ -109,7 +109,7 @@ impl End {
     }
 }
 
-impl Read for End {
+impl Read for PipeEnd {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         self.check()?;
         let lane = &self.pipe.to_host;
@@ -122,7 +122,7 @@ impl Read for End {
     }
 }
 
-impl Write for End {
+impl Write for PipeEnd {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.check()?;
         match self.pipe.to_device.write(bytes) {

@@ -7,7 +7,7 @@
 //! Writing never replaces a file: it goes to a temporary name first and is then linked to its own, which fails if that
 //! exists. Reading checks format, checksum, every number and that the covariance is one.
 //!
-//! Units: degrees, microstrain and counts in the file, by name. Errors: [`FileError`].
+//! Units: degrees, microstrain and counts in the file, by name. Errors: [`CalibrationFileError`].
 
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -148,7 +148,7 @@ pub struct HeldBackRecord {
 
 /// Why a result cannot be written or used.
 #[derive(Debug, Error)]
-pub enum FileError {
+pub enum CalibrationFileError {
     /// The operating system refused to read or write.
     #[error("cannot {doing} {path}")]
     Io {
@@ -269,10 +269,10 @@ impl CalibrationFile {
     ///
     /// # Errors
     /// What differs.
-    pub fn check_device(&self, device: &str, front_end: &FrontEnd) -> Result<(), FileError> {
+    pub fn check_device(&self, device: &str, front_end: &FrontEnd) -> Result<(), CalibrationFileError> {
         if self.measured_with.device != device {
             let (made_with, connected) = (self.measured_with.device.clone(), device.to_owned());
-            return Err(FileError::WrongDevice { made_with, connected });
+            return Err(CalibrationFileError::WrongDevice { made_with, connected });
         }
         let electrical = |settings: palpate::finger::calibration::front_end::FrontEndSettings| {
             format!(
@@ -281,15 +281,15 @@ impl CalibrationFile {
             )
         };
         let (made_with, connected) = (electrical(self.measured_with.front_end), electrical(front_end.settings()));
-        if made_with == connected { Ok(()) } else { Err(FileError::WrongFrontEnd { made_with, connected }) }
+        if made_with == connected { Ok(()) } else { Err(CalibrationFileError::WrongFrontEnd { made_with, connected }) }
     }
 
     /// The text of the file, sealed.
     ///
     /// # Errors
     /// The result cannot be written as TOML.
-    pub fn to_text(&self) -> Result<String, FileError> {
-        let body = toml::to_string(self).map_err(|error| FileError::Text(error.to_string()))?;
+    pub fn to_text(&self) -> Result<String, CalibrationFileError> {
+        let body = toml::to_string(self).map_err(|error| CalibrationFileError::Text(error.to_string()))?;
         let sealed = format!("{PREAMBLE}{body}");
         let seal = sha256(sealed.as_bytes());
         Ok(format!("{sealed}{SEAL}{seal}\n"))
@@ -298,22 +298,24 @@ impl CalibrationFile {
     /// Reads and checks the text of a file.
     ///
     /// # Errors
-    /// [`FileError`]: anything cut off, changed or impossible.
-    pub fn from_text(text: &str) -> Result<Self, FileError> {
-        let table: toml::Table = text.parse().map_err(|error: toml::de::Error| FileError::Text(error.to_string()))?;
+    /// [`CalibrationFileError`]: anything cut off, changed or impossible.
+    pub fn from_text(text: &str) -> Result<Self, CalibrationFileError> {
+        let table: toml::Table =
+            text.parse().map_err(|error: toml::de::Error| CalibrationFileError::Text(error.to_string()))?;
         match table.get("format").and_then(toml::Value::as_integer) {
             Some(format) if format == i64::from(FILE_FORMAT) => {}
-            Some(format) => return Err(FileError::Format(format)),
-            None => return Err(FileError::Text("no format number".to_owned())),
+            Some(format) => return Err(CalibrationFileError::Format(format)),
+            None => return Err(CalibrationFileError::Text("no format number".to_owned())),
         }
         check_seal(text)?;
         check_finite("", &toml::Value::Table(table.clone()))?;
-        let file: Self = table.try_into().map_err(|error: toml::de::Error| FileError::Text(error.to_string()))?;
+        let file: Self =
+            table.try_into().map_err(|error: toml::de::Error| CalibrationFileError::Text(error.to_string()))?;
         file.measured_with.check()?;
         file.calibration()?;
         // The raw file lies beside the result; a path could lead anywhere.
         if file.raw.file.is_empty() || file.raw.file.contains(['/', '\\', ':']) {
-            return Err(FileError::Text(format!("\"{}\" is not the name of a raw file", file.raw.file)));
+            return Err(CalibrationFileError::Text(format!("\"{}\" is not the name of a raw file", file.raw.file)));
         }
         Ok(file)
     }
@@ -321,9 +323,9 @@ impl CalibrationFile {
     /// Reads a file and, if it is at hand, checks its raw file.
     ///
     /// # Errors
-    /// [`FileError`].
-    pub fn read(path: &Path) -> Result<(Self, RawState), FileError> {
-        let text = fs::read_to_string(path).map_err(|source| FileError::Io {
+    /// [`CalibrationFileError`].
+    pub fn read(path: &Path) -> Result<(Self, RawState), CalibrationFileError> {
+        let text = fs::read_to_string(path).map_err(|source| CalibrationFileError::Io {
             doing: "read",
             path: path.to_owned(),
             source,
@@ -333,14 +335,18 @@ impl CalibrationFile {
         let state = match fs::read(&raw_path) {
             Ok(bytes) => file.check_raw(&raw_path, &bytes).map(|()| RawState::Verified)?,
             Err(error) if error.kind() == io::ErrorKind::NotFound => RawState::Missing,
-            Err(source) => return Err(FileError::Io { doing: "read", path: raw_path, source }),
+            Err(source) => return Err(CalibrationFileError::Io { doing: "read", path: raw_path, source }),
         };
         Ok((file, state))
     }
 
-    fn check_raw(&self, path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    fn check_raw(&self, path: &Path, bytes: &[u8]) -> Result<(), CalibrationFileError> {
         let (found, wanted) = (sha256(bytes), self.raw.sha256.clone());
-        if found == wanted { Ok(()) } else { Err(FileError::RawAltered { path: path.to_owned(), found, wanted }) }
+        if found == wanted {
+            Ok(())
+        } else {
+            Err(CalibrationFileError::RawAltered { path: path.to_owned(), found, wanted })
+        }
     }
 }
 
@@ -385,18 +391,19 @@ fn sha256(bytes: &[u8]) -> String {
     hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-fn check_seal(text: &str) -> Result<(), FileError> {
-    let at = text.rfind(SEAL).ok_or(FileError::Altered)?;
+fn check_seal(text: &str) -> Result<(), CalibrationFileError> {
+    let at = text.rfind(SEAL).ok_or(CalibrationFileError::Altered)?;
     let (sealed, seal) = text.split_at(at);
-    let ended = seal.strip_prefix(SEAL).and_then(|seal| seal.strip_suffix('\n')).ok_or(FileError::Altered)?;
-    if ended.trim_end_matches('\r') == sha256(sealed.as_bytes()) { Ok(()) } else { Err(FileError::Altered) }
+    let ended =
+        seal.strip_prefix(SEAL).and_then(|seal| seal.strip_suffix('\n')).ok_or(CalibrationFileError::Altered)?;
+    if ended.trim_end_matches('\r') == sha256(sealed.as_bytes()) { Ok(()) } else { Err(CalibrationFileError::Altered) }
 }
 
 /// Names the first number that is infinite or not a number.
-fn check_finite(name: &str, value: &toml::Value) -> Result<(), FileError> {
+fn check_finite(name: &str, value: &toml::Value) -> Result<(), CalibrationFileError> {
     match value {
         toml::Value::Float(number) if !number.is_finite() => {
-            Err(FileError::NotFinite(name.trim_start_matches('.').to_owned()))
+            Err(CalibrationFileError::NotFinite(name.trim_start_matches('.').to_owned()))
         }
         toml::Value::Array(values) => {
             values.iter().enumerate().try_for_each(|(index, value)| check_finite(&format!("{name}[{index}]"), value))
@@ -411,8 +418,8 @@ fn check_finite(name: &str, value: &toml::Value) -> Result<(), FileError> {
 /// Writes raw samples to `<root>/<finger>/<date>.csv` and returns the path.
 ///
 /// # Errors
-/// [`FileError`]; no file is ever replaced, and none is left half written.
-pub fn save_raw(root: &Path, run: &RawRun) -> Result<PathBuf, FileError> {
+/// [`CalibrationFileError`]; no file is ever replaced, and none is left half written.
+pub fn save_raw(root: &Path, run: &RawRun) -> Result<PathBuf, CalibrationFileError> {
     run.provenance.check()?;
     let path = path_of(root, &run.provenance, "csv");
     write_new(&path, run.to_text()?.as_bytes())?;
@@ -423,13 +430,13 @@ pub fn save_raw(root: &Path, run: &RawRun) -> Result<PathBuf, FileError> {
 /// has written before, and returns the path.
 ///
 /// # Errors
-/// [`FileError`]; what was there before stays until the new file is whole.
-pub fn save_unfinished(root: &Path, run: &RawRun) -> Result<PathBuf, FileError> {
+/// [`CalibrationFileError`]; what was there before stays until the new file is whole.
+pub fn save_unfinished(root: &Path, run: &RawRun) -> Result<PathBuf, CalibrationFileError> {
     run.provenance.check()?;
     let path = path_of(root, &run.provenance, "unfinished.csv");
     let at = |doing: &'static str, path: &Path| {
         let path = path.to_owned();
-        move |source: io::Error| FileError::Io { doing, path, source }
+        move |source: io::Error| CalibrationFileError::Io { doing, path, source }
     };
     if let Some(folder) = path.parent() {
         fs::create_dir_all(folder).map_err(at("create", folder))?;
@@ -443,17 +450,20 @@ pub fn save_unfinished(root: &Path, run: &RawRun) -> Result<PathBuf, FileError> 
 /// Writes the result of a fit to `<root>/<finger>/<date>.toml`, for raw samples already written, and returns the path.
 ///
 /// # Errors
-/// [`FileError`]; no file is ever replaced, and none is left half written.
+/// [`CalibrationFileError`]; no file is ever replaced, and none is left half written.
 pub fn save_result(
     root: &Path,
     fit: &CalibrationFit,
     taken: &[Taken],
     provenance: &Provenance,
     raw_path: &Path,
-) -> Result<PathBuf, FileError> {
+) -> Result<PathBuf, CalibrationFileError> {
     let front_end = provenance.check()?;
-    let bytes =
-        fs::read(raw_path).map_err(|source| FileError::Io { doing: "read", path: raw_path.to_owned(), source })?;
+    let bytes = fs::read(raw_path).map_err(|source| CalibrationFileError::Io {
+        doing: "read",
+        path: raw_path.to_owned(),
+        source,
+    })?;
     let name = raw_path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let record = RawRecord { file: name, sha256: sha256(&bytes) };
     let file = CalibrationFile::new(fit, taken, provenance, &front_end, record);
@@ -467,13 +477,13 @@ fn path_of(root: &Path, provenance: &Provenance, extension: &str) -> PathBuf {
 }
 
 /// Writes a file that did not exist, whole or not at all.
-fn write_new(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+fn write_new(path: &Path, bytes: &[u8]) -> Result<(), CalibrationFileError> {
     let at = |doing: &'static str, path: &Path| {
         let path = path.to_owned();
-        move |source: io::Error| FileError::Io { doing, path, source }
+        move |source: io::Error| CalibrationFileError::Io { doing, path, source }
     };
     if path.exists() {
-        return Err(FileError::Exists(path.to_owned()));
+        return Err(CalibrationFileError::Exists(path.to_owned()));
     }
     if let Some(folder) = path.parent() {
         fs::create_dir_all(folder).map_err(at("create", folder))?;
@@ -497,14 +507,18 @@ fn write_synced(path: &Path, bytes: &[u8]) -> io::Result<()> {
 }
 
 /// Gives a finished file its name; fails if the name is taken, even by another process since it was looked at.
-fn publish(temporary: &Path, path: &Path) -> Result<(), FileError> {
+fn publish(temporary: &Path, path: &Path) -> Result<(), CalibrationFileError> {
     match fs::hard_link(temporary, path) {
         Ok(()) => Ok(()),
-        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => Err(FileError::Exists(path.to_owned())),
-        // Some file systems have no links (FAT): there the name is taken by renaming, which was free a moment ago.
-        Err(_) if !path.exists() => {
-            fs::rename(temporary, path).map_err(|source| FileError::Io { doing: "name", path: path.to_owned(), source })
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+            Err(CalibrationFileError::Exists(path.to_owned()))
         }
-        Err(source) => Err(FileError::Io { doing: "name", path: path.to_owned(), source }),
+        // Some file systems have no links (FAT): there the name is taken by renaming, which was free a moment ago.
+        Err(_) if !path.exists() => fs::rename(temporary, path).map_err(|source| CalibrationFileError::Io {
+            doing: "name",
+            path: path.to_owned(),
+            source,
+        }),
+        Err(source) => Err(CalibrationFileError::Io { doing: "name", path: path.to_owned(), source }),
     }
 }

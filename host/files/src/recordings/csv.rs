@@ -19,7 +19,7 @@ use super::{ReadError, RecordingProblem, number, shorten};
 
 /// What a table gave.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Table {
+pub struct RecordedTable {
     /// The readings, time increasing; s, and N where the header names a unit of force.
     pub readings: Vec<Reading>,
     /// What was skipped, in the order of the file.
@@ -32,7 +32,7 @@ pub struct Table {
 ///
 /// # Errors
 /// [`ReadError`] if not one reading could be got.
-pub fn parse(text: &str) -> Result<Table, ReadError> {
+pub fn parse(text: &str) -> Result<RecordedTable, ReadError> {
     let mut lines = text.lines().enumerate().map(|(i, line)| (i + 1, content(line))).filter(|(_, l)| !l.is_empty());
     let first = lines.clone().next().ok_or(ReadError::Empty)?;
     let separator = Separator::of(first.1);
@@ -53,7 +53,7 @@ pub fn parse(text: &str) -> Result<Table, ReadError> {
     match problems.first() {
         Some(first) if readings.is_empty() => Err(ReadError::AllBad { lines: tried, first: first.clone() }),
         None if readings.is_empty() => Err(ReadError::Empty),
-        _ => Ok(Table { readings, problems, force_in_newtons: columns.force_in_newtons }),
+        _ => Ok(RecordedTable { readings, problems, force_in_newtons: columns.force_in_newtons }),
     }
 }
 

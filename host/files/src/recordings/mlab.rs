@@ -48,7 +48,7 @@ pub struct Tip {
 
 /// One push with its readings.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Push {
+pub struct LoggedPush {
     /// Number of the push in its file, from 0.
     pub index: usize,
     /// Line at which it starts, from 1.
@@ -81,12 +81,12 @@ pub struct Log {
     /// How many pushes the log says it has.
     pub declared: usize,
     /// The pushes, in the order of the file.
-    pub pushes: Vec<Result<Push, BadPush>>,
+    pub pushes: Vec<Result<LoggedPush, BadPush>>,
 }
 
 impl Log {
     /// The pushes that could be read.
-    pub fn good(&self) -> impl Iterator<Item = &Push> {
+    pub fn good(&self) -> impl Iterator<Item = &LoggedPush> {
         self.pushes.iter().filter_map(|push| push.as_ref().ok())
     }
 
@@ -186,7 +186,7 @@ struct Cursor<'a> {
 }
 
 impl<'a> Cursor<'a> {
-    fn push(&mut self, index: usize) -> Result<Push, RecordingProblem> {
+    fn push(&mut self, index: usize) -> Result<LoggedPush, RecordingProblem> {
         let first = self.line("the block's pose before the push")?;
         let before = first.pose("the block's pose before the push")?;
         let after = self.line("the block's pose after the push")?.pose("the block's pose after the push")?;
@@ -198,7 +198,7 @@ impl<'a> Cursor<'a> {
             (forces.iter().map(|force| force.t).collect(), tips.iter().map(|tip| tip.t).collect());
         self.check_times(&force_rows, &force_times, "force rows")?;
         self.check_times(&tip_rows, &tip_times, "tip rows")?;
-        Ok(Push { index, line: first.number, before, after, forces, tips })
+        Ok(LoggedPush { index, line: first.number, before, after, forces, tips })
     }
 
     fn line(&mut self, what: &str) -> Result<&'a Line<'a>, RecordingProblem> {

@@ -14,7 +14,7 @@ use super::{ReadError, RecordingProblem, number, shorten};
 
 /// A simple polygon, counter-clockwise; edge `i` runs from vertex `i` to the next.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Part {
+pub struct RecordedPart {
     vertices: Vec<Vector2<f64>>,
 }
 
@@ -27,7 +27,7 @@ pub struct Nearest {
     pub distance: f64,
 }
 
-impl Part {
+impl RecordedPart {
     /// A part with these vertices in m, in either order round.
     ///
     /// # Errors
@@ -141,7 +141,7 @@ mod tests {
     fn inward_normals_point_inward_whichever_way_round_the_file_goes() {
         let clockwise = "3\n0 150 0\n150 0 0\n0 0 0\n50\n";
         for text in [TRIANGLE, clockwise] {
-            let part = Part::parse(text).unwrap();
+            let part = RecordedPart::parse(text).unwrap();
             let below = part.nearest(&Vector2::new(0.05, -0.001));
             assert!((below.distance - 0.001).abs() < 1e-12);
             assert!((part.inward_normal(below.edge) - PI / 2.0).abs() < 1e-12);
@@ -170,7 +170,7 @@ mod tests {
             "3\n0 0\n0 0\n1 1\n",
             "3\n0 0 0 0\n1 0\n0 1\n",
         ] {
-            assert!(Part::parse(text).is_err(), "{text}");
+            assert!(RecordedPart::parse(text).is_err(), "{text}");
         }
     }
 }

@@ -1,24 +1,24 @@
-//! Contact, felt in what was recorded: one [`Report`] for each push or table.
+//! Contact, felt in what was recorded: one [`RecordingReport`] for each push or table.
 //!
 //! The same code as on a live finger ([`palpate::finger::contact`]) runs over the recorded forces. Where the log knows
 //! the part's pose before and after the push, the direction felt is compared with the inward normal of the edge
 //! touched.
 //!
-//! Frames: `finger` = the sensor's axes after [`Options::finger_from_sensor`]; `world` where the log has the finger's
-//! yaw, otherwise the same as `finger`. The force is the force on the finger; `u` is the direction of the force on the
-//! part, so without friction it is that of the edge's inward normal. Units: SI.
+//! Frames: `finger` = the sensor's axes after [`RecordingOptions::finger_from_sensor`]; `world` where the log has the
+//! finger's yaw, otherwise the same as `finger`. The force is the force on the finger; `u` is the direction of the force
+//! on the part, so without friction it is that of the edge's inward normal. Units: SI.
 //! Errors: a bias that cannot be known is an answer, and such a report has no contact in it.
 
 use nalgebra::{Matrix2, Vector2};
-use palpate::finger::contact::offline::{self, Bias, BiasUnknown, Found, Judged, Start};
+use palpate::finger::contact::offline::{self, Bias, BiasOrigin, BiasUnknown, Judged, RecordingStart};
 use palpate::finger::contact::{Contact, ContactReading, ContactSettings, Event, Reading, SettingsError, Tare, noise};
 use palpate::math::angle::wrap_angle;
 use palpate::math::statistics::{mean, median};
 use serde::Serialize;
 
-use super::csv::Table;
-use super::mlab::{BlockPose, Log, Push, Tip};
-use super::part::Part;
+use super::csv::RecordedTable;
+use super::mlab::{BlockPose, Log, LoggedPush, Tip};
+use super::part::RecordedPart;
 
 /// Probability that the intervals are stated for.
 pub const COVERAGE: f64 = 0.95;
@@ -35,7 +35,7 @@ pub const MLAB_TOOL_FROM_SENSOR: Matrix2<f64> = Matrix2::new(K, K, K, -K);
 
 /// How recordings are to be read.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Options {
+pub struct RecordingOptions {
     /// Thresholds, averaging, friction and mounting angle.
     pub settings: ContactSettings,
     /// Turns (and mirrors, if need be) the file's force components into the finger's axes.
@@ -45,12 +45,12 @@ pub struct Options {
     /// Force by which a recording's start must differ from its neighbours' to have begun in contact.
     pub start_force: f64,
     /// The part that was pushed.
-    pub part: Option<Part>,
+    pub part: Option<RecordedPart>,
     /// Half angle, rad, within which the force is expected about the edge's inward normal.
     pub cone: f64,
 }
 
-impl Default for Options {
+impl Default for RecordingOptions {
     fn default() -> Self {
         Self {
             settings: ContactSettings::default(),
@@ -63,15 +63,16 @@ impl Default for Options {
     }
 }
 
-/// Default of [`Options::start_force`], N: biases wander by up to 0.09 N in half an hour, touches start at 0.5 N.
+/// Default of [`RecordingOptions::start_force`], N: biases wander by up to 0.09 N in half an hour, touches start at
+/// 0.5 N.
 pub const START_FORCE_N: f64 = 0.2;
-/// Default of [`Options::cone`], degrees: finger friction of 0.35 (19°) and the error of an edge's angle that is
-/// interpolated between the poses before and after.
+/// Default of [`RecordingOptions::cone`], degrees: finger friction of 0.35 (19°) and the error of an edge's angle that
+/// is interpolated between the poses before and after.
 pub const CONE_DEG: f64 = 34.0;
 
 /// What was felt in one recording.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub struct RecordingReport {
     /// Number in its file, from 0.
     pub index: usize,
     /// Time of the first reading, s, on the file's clock; times below are relative to it.
@@ -81,7 +82,7 @@ pub struct Report {
     /// Readings of the force.
     pub readings: usize,
     /// Whether it began without contact, in contact, or cannot be told.
-    pub start: Start,
+    pub start: RecordingStart,
     /// Size of the first moments' mean less the bias expected from the neighbours, force units.
     pub start_deviation: Option<f64>,
     /// Began free, but that difference is unusually large: perhaps lightly touched, and its own bias wrong by as much.
@@ -141,7 +142,7 @@ pub struct EdgeSummary {
     pub edge: usize,
     /// Readings in contact, of which the next ones count.
     pub samples: usize,
-    /// Readings within the cone of [`Options::cone`] about the inward normal.
+    /// Readings within the cone of [`RecordingOptions::cone`] about the inward normal.
     pub within_cone: usize,
     /// Readings whose stated interval ([`COVERAGE`]; noise and finger friction) holds the inward normal.
     pub within_stated: usize,
@@ -189,8 +190,8 @@ pub struct RowTouch {
 ///
 /// # Errors
 /// [`SettingsError`] if a setting is out of range.
-pub fn of_log(log: &Log, options: &Options) -> Result<Vec<Report>, SettingsError> {
-    let pushes: Vec<&Push> = log.good().collect();
+pub fn of_log(log: &Log, options: &RecordingOptions) -> Result<Vec<RecordingReport>, SettingsError> {
+    let pushes: Vec<&LoggedPush> = log.good().collect();
     let recordings: Vec<Vec<Reading>> = pushes.iter().map(|push| in_finger_axes(&push.forces, options)).collect();
     let judged = judge(&recordings, options);
     let reports = pushes.iter().zip(&recordings).zip(judged);
@@ -203,11 +204,11 @@ pub fn of_log(log: &Log, options: &Options) -> Result<Vec<Report>, SettingsError
 }
 
 /// Names neighbours by their numbers in the file, where pushes that could not be read count too.
-fn numbered(bias: Bias, pushes: &[&Push]) -> Bias {
+fn numbered(bias: Bias, pushes: &[&LoggedPush]) -> Bias {
     let number = |recording: usize| pushes[recording].index;
     let found = match bias.found {
-        Found::Neighbours { before, after, refusal } => {
-            Found::Neighbours { before: before.map(number), after: after.map(number), refusal }
+        BiasOrigin::Neighbours { before, after, refusal } => {
+            BiasOrigin::Neighbours { before: before.map(number), after: after.map(number), refusal }
         }
         other => other,
     };
@@ -218,26 +219,26 @@ fn numbered(bias: Bias, pushes: &[&Push]) -> Bias {
 ///
 /// # Errors
 /// [`SettingsError`] if a setting is out of range.
-pub fn of_table(table: &Table, options: &Options) -> Result<Report, SettingsError> {
+pub fn of_table(table: &RecordedTable, options: &RecordingOptions) -> Result<RecordingReport, SettingsError> {
     let recordings = [in_finger_axes(&table.readings, options)];
     let [readings] = &recordings;
     let unknown = BiasUnknown::NothingToCompare { neighbours: 0, candidate: None };
-    let none = Judged { start: Start::Unknown, deviation: None, doubtful: false, bias: Err(unknown) };
+    let none = Judged { start: RecordingStart::Unknown, deviation: None, doubtful: false, bias: Err(unknown) };
     let judged = judge(&recordings, options).pop().unwrap_or(none);
     report(0, readings, judged, None, options)
 }
 
-fn in_finger_axes(forces: &[Reading], options: &Options) -> Vec<Reading> {
+fn in_finger_axes(forces: &[Reading], options: &RecordingOptions) -> Vec<Reading> {
     forces.iter().map(|r| Reading::new(r.t, options.finger_from_sensor * r.force_finger)).collect()
 }
 
 /// Judges by comparison, and puts the caller's stretch in place of what was found, if one was named.
-fn judge(recordings: &[Vec<Reading>], options: &Options) -> Vec<Judged> {
+fn judge(recordings: &[Vec<Reading>], options: &RecordingOptions) -> Vec<Judged> {
     let slices: Vec<&[Reading]> = recordings.iter().map(Vec::as_slice).collect();
     let mut judged = offline::judge(&slices, &options.settings, options.start_force);
-    if let Some(stretch) = options.tare {
+    if let Some([t_from, t_to]) = options.tare {
         for (judged, readings) in judged.iter_mut().zip(recordings) {
-            judged.bias = offline::given(readings, stretch, &options.settings);
+            judged.bias = offline::given(readings, &(t_from..=t_to), &options.settings);
         }
     }
     judged
@@ -247,9 +248,9 @@ fn report(
     index: usize,
     readings: &[Reading],
     judged: Judged,
-    push: Option<&Push>,
-    options: &Options,
-) -> Result<Report, SettingsError> {
+    push: Option<&LoggedPush>,
+    options: &RecordingOptions,
+) -> Result<RecordingReport, SettingsError> {
     let t0 = readings.first().map_or(0.0, |reading| reading.t);
     let bias = judged.bias.ok();
     let measured = match &bias {
@@ -257,11 +258,11 @@ fn report(
         None => Vec::new(),
     };
     let onsets: Vec<f64> = measured.iter().filter_map(onset).collect();
-    let began = judged.start == Start::InContact;
+    let began = judged.start == RecordingStart::InContact;
     let scene = push.and_then(|push| Some(Scene::new(push, options.part.as_ref()?, onsets.first().copied(), began)));
     let view = View { t0, tips: push.map(|push| push.tips.as_slice()), scene: scene.as_ref() };
     let series: Vec<Row> = measured.iter().map(|measured| view.row(measured)).collect();
-    Ok(Report {
+    Ok(RecordingReport {
         index,
         t0,
         duration: readings.last().map_or(0.0, |reading| reading.t - t0),
@@ -294,7 +295,7 @@ fn onset(measured: &ContactReading) -> Option<f64> {
 
 /// Splits the free interval in two and judges the second half by the first.
 fn free_check(readings: &[Reading], bias: &Bias, settings: &ContactSettings) -> Option<FreeCheck> {
-    if bias.found != Found::OwnFreeInterval {
+    if bias.found != BiasOrigin::OwnFreeInterval {
         return None;
     }
     let (from, to) = (bias.tare.t_from, bias.tare.t_to);
@@ -377,8 +378,8 @@ fn tip_at(tips: &[Tip], t: f64) -> BlockPose {
 
 /// The pushed part between its known poses.
 struct Scene<'a> {
-    push: &'a Push,
-    part: &'a Part,
+    push: &'a LoggedPush,
+    part: &'a RecordedPart,
     /// Start of the push, s: the part is at its pose before.
     t_start: f64,
     /// Whether the start was seen, and not before the recording.
@@ -390,7 +391,7 @@ struct Scene<'a> {
 impl<'a> Scene<'a> {
     /// The part rests until the first contact (or moves from the first reading on, if it was touched then) and moves
     /// evenly to the end.
-    fn new(push: &'a Push, part: &'a Part, onset: Option<f64>, began_in_contact: bool) -> Self {
+    fn new(push: &'a LoggedPush, part: &'a RecordedPart, onset: Option<f64>, began_in_contact: bool) -> Self {
         let t_first = push.tips.first().map_or(0.0, |tip| tip.t);
         let t_end = push.tips.last().map_or(0.0, |tip| tip.t);
         let seen = onset.is_some() && !began_in_contact;
@@ -435,7 +436,7 @@ impl<'a> Scene<'a> {
 
 /// All reports of a session in a few numbers.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Summary {
+pub struct RecordingSummary {
     /// Recordings that were felt.
     pub recordings: usize,
     /// Those that began in contact (numbers in their file).
@@ -466,11 +467,12 @@ pub struct Summary {
     pub gap_end_mean: Option<f64>,
 }
 
-impl Summary {
+impl RecordingSummary {
     /// Sums up the reports of a session.
     #[must_use]
-    pub fn of(reports: &[Report]) -> Self {
-        let numbers = |keep: &dyn Fn(&Report) -> bool| reports.iter().filter(|r| keep(r)).map(|r| r.index).collect();
+    pub fn of(reports: &[RecordingReport]) -> Self {
+        let numbers =
+            |keep: &dyn Fn(&RecordingReport) -> bool| reports.iter().filter(|r| keep(r)).map(|r| r.index).collect();
         let checks: Vec<FreeCheck> = reports.iter().filter_map(|report| report.free_check).collect();
         let edges: Vec<EdgeSummary> = reports.iter().filter_map(|report| report.edge).collect();
         let squares: Vec<f64> =
@@ -478,7 +480,7 @@ impl Summary {
         let gaps: Vec<f64> = edges.iter().map(|edge| edge.gap_end).collect();
         Self {
             recordings: reports.len(),
-            began_in_contact: numbers(&|r| r.start == Start::InContact),
+            began_in_contact: numbers(&|r| r.start == RecordingStart::InContact),
             start_doubtful: numbers(&|r| r.start_doubtful),
             bias_unknown: numbers(&|r| r.bias.is_none()),
             never_touched: numbers(&|r| r.bias.is_some() && r.contacts == 0),
@@ -507,13 +509,13 @@ mod tests {
     /// How far a bias from neighbours may be off, N; the made-up ones do not drift and have 4 mN of noise.
     const BIAS_ERROR_N: f64 = 0.002;
 
-    fn options() -> Options {
+    fn options() -> RecordingOptions {
         let settings = ContactSettings { contact_friction: 0.25_f64.tan(), ..ContactSettings::default() };
-        let part = Some(Part::parse(TRIANGLE).unwrap());
-        Options { settings, finger_from_sensor: MLAB_TOOL_FROM_SENSOR, part, ..Options::default() }
+        let part = Some(RecordedPart::parse(TRIANGLE).unwrap());
+        RecordingOptions { settings, finger_from_sensor: MLAB_TOOL_FROM_SENSOR, part, ..RecordingOptions::default() }
     }
 
-    fn measured(pushes: &[PushSpec]) -> Vec<Report> {
+    fn measured(pushes: &[PushSpec]) -> Vec<RecordingReport> {
         of_log(&mlab::parse(&log(pushes)).unwrap(), &options()).unwrap()
     }
 
@@ -526,7 +528,7 @@ mod tests {
         for (i, yaw) in [0.0, 1.0, 3.0, -2.0].into_iter().enumerate() {
             let pushes: Vec<_> = session(5).into_iter().map(|push| PushSpec { yaw, ..push }).collect();
             let report = &measured(&pushes)[i];
-            assert_eq!(report.start, Start::Free);
+            assert_eq!(report.start, RecordingStart::Free);
             assert!((report.onset.unwrap() - 1.5).abs() < ONSET_ERROR_S, "{:?}", report.onset);
             let touch = report.touch.unwrap();
             let truth = yaw + std::f64::consts::FRAC_PI_2 + 0.2;
@@ -548,10 +550,10 @@ mod tests {
         pushes[3].onset = 0.0;
         pushes.rotate_left(2);
         let reports = measured(&pushes);
-        let began: Vec<_> = reports.iter().filter(|r| r.start == Start::InContact).map(|r| r.index).collect();
+        let began: Vec<_> = reports.iter().filter(|r| r.start == RecordingStart::InContact).map(|r| r.index).collect();
         assert_eq!(began, [1], "the order in the file does not matter");
         let bias = reports[1].bias.unwrap();
-        assert_eq!(bias.found, Found::Neighbours { before: Some(0), after: Some(2), refusal: None });
+        assert_eq!(bias.found, BiasOrigin::Neighbours { before: Some(0), after: Some(2), refusal: None });
         assert!((bias.tare.bias - bias_in_finger_axes(&pushes[1])).norm() < BIAS_ERROR_N);
         assert_eq!((reports[1].onset, reports[1].contacts), (None, 1), "contact began before the recording");
         assert!((reports[1].edge.unwrap().angle_median - 0.2).abs() < 0.003);
@@ -573,7 +575,7 @@ mod tests {
     fn the_part_rests_until_the_onset_and_then_moves_evenly_to_its_end() {
         let log = mlab::parse(&log(&session(1))).unwrap();
         let push = log.good().next().unwrap();
-        let part = Part::parse(TRIANGLE).unwrap();
+        let part = RecordedPart::parse(TRIANGLE).unwrap();
         let (start, end) = (push.tips[0].t, push.tips[199].t);
         let scene = Scene::new(push, &part, Some(start + 1.5), false);
         let moved = |t: f64| (scene.part_pose(t).position_world - push.before.position_world).norm();
@@ -588,8 +590,9 @@ mod tests {
         let mut pushes = session(6);
         pushes[2] = PushSpec { onset: 0.19, force: 1.0, ..pushes[2] };
         let report = &measured(&pushes)[2];
-        assert_eq!(report.start, Start::Free);
-        let Found::Neighbours { before: Some(1), after: Some(3), refusal: Some(_) } = report.bias.unwrap().found else {
+        assert_eq!(report.start, RecordingStart::Free);
+        let BiasOrigin::Neighbours { before: Some(1), after: Some(3), refusal: Some(_) } = report.bias.unwrap().found
+        else {
             panic!("{:?}", report.bias);
         };
         assert!((report.onset.unwrap() - 0.19).abs() < ONSET_ERROR_S);
@@ -610,10 +613,10 @@ mod tests {
             averaging: palpate::finger::contact::Averaging::Seconds(0.1),
             ..ContactSettings::default()
         };
-        let options = Options { settings, ..options() };
+        let options = RecordingOptions { settings, ..options() };
         for report in of_log(&mlab::parse(&log(&session(6))).unwrap(), &options).unwrap() {
             let bias = report.bias.unwrap();
-            assert_eq!((bias.found, bias.tare.averaging_samples), (Found::OwnFreeInterval, 10));
+            assert_eq!((bias.found, bias.tare.averaging_samples), (BiasOrigin::OwnFreeInterval, 10));
             // The window's middle crosses half of itself later, less what the force is above the threshold.
             assert!((report.onset.unwrap() - 1.5).abs() < 0.06, "{:?}", report.onset);
         }
@@ -622,18 +625,18 @@ mod tests {
     #[test]
     fn a_push_alone_has_an_unknown_bias_and_no_contact_is_claimed() {
         let free = &measured(&session(1))[0];
-        assert_eq!((free.start, free.contacts, free.bias), (Start::Unknown, 0, None));
+        assert_eq!((free.start, free.contacts, free.bias), (RecordingStart::Unknown, 0, None));
         let words = free.bias_unknown.unwrap().to_string();
         assert!(words.contains("0.00 s to 1.4") && words.contains("quiet"), "{words}");
         let pressed = &measured(&[PushSpec { onset: 0.0, ..PushSpec::default() }])[0];
-        assert_eq!((pressed.start, pressed.touch, pressed.bias), (Start::Unknown, None, None));
+        assert_eq!((pressed.start, pressed.touch, pressed.bias), (RecordingStart::Unknown, None, None));
     }
 
     #[test]
     fn pushes_without_any_free_time_have_an_unknown_bias() {
         let pushes: Vec<_> = session(6).iter().map(|p| PushSpec { onset: 0.17, force: 1.0, ..*p }).collect();
         for report in measured(&pushes) {
-            assert_eq!((report.start, report.bias, report.contacts), (Start::Free, None, 0));
+            assert_eq!((report.start, report.bias, report.contacts), (RecordingStart::Free, None, 0));
             assert!(report.bias_unknown.unwrap().to_string().contains("0 neighbours with some"));
         }
     }
@@ -641,7 +644,9 @@ mod tests {
     #[test]
     fn pushes_hours_apart_say_nothing_of_each_other() {
         let pushes: Vec<_> = session(6).iter().map(|p| PushSpec { t0: p.t0 * 60.0, ..*p }).collect();
-        assert!(measured(&pushes).iter().all(|report| report.start == Start::Unknown && report.bias.is_none()));
+        assert!(
+            measured(&pushes).iter().all(|report| report.start == RecordingStart::Unknown && report.bias.is_none())
+        );
     }
 
     #[test]
@@ -653,14 +658,14 @@ mod tests {
         let broken: Vec<&str> =
             text.lines().enumerate().map(|(i, line)| if i + 1 == second { "1 2 3 9 9 9 9" } else { line }).collect();
         let reports = of_log(&mlab::parse(&(broken.join("\n") + "\n")).unwrap(), &options()).unwrap();
-        let report = reports.iter().find(|report| report.start == Start::InContact).unwrap();
+        let report = reports.iter().find(|report| report.start == RecordingStart::InContact).unwrap();
         assert_eq!(report.index, 4);
         let found = report.bias.unwrap().found;
-        assert_eq!(found, Found::Neighbours { before: Some(3), after: Some(5), refusal: None });
+        assert_eq!(found, BiasOrigin::Neighbours { before: Some(3), after: Some(5), refusal: None });
     }
 
     /// A table at 100 Hz, pressed with 2 N along −x from 1 s on.
-    fn table() -> csv::Table {
+    fn table() -> csv::RecordedTable {
         let mut random = palpate::math::random::Draw::case(9, 0);
         let row = |i: u32| {
             let force = Vector2::new(random.normal(), random.normal()) * 0.004
@@ -672,13 +677,13 @@ mod tests {
 
     #[test]
     fn a_table_is_felt_with_the_tare_that_was_named_and_only_then() {
-        let plain = Options::default();
+        let plain = RecordingOptions::default();
         let unknown = of_table(&table(), &plain).unwrap();
         assert!(unknown.bias.is_none() && unknown.touch.is_none());
-        let given = of_table(&table(), &Options { tare: Some([0.0, 0.9]), ..plain.clone() }).unwrap();
+        let given = of_table(&table(), &RecordingOptions { tare: Some([0.0, 0.9]), ..plain.clone() }).unwrap();
         assert!((given.onset.unwrap() - 1.0).abs() < ONSET_ERROR_S);
         assert!(given.touch.unwrap().u_mean.abs() < 0.01, "pressed from +x: {:?}", given.touch);
-        let touched = of_table(&table(), &Options { tare: Some([0.5, 1.5]), ..plain }).unwrap();
+        let touched = of_table(&table(), &RecordingOptions { tare: Some([0.5, 1.5]), ..plain }).unwrap();
         assert!(touched.bias.is_none() && touched.touch.is_none());
         let words = touched.bias_unknown.unwrap().to_string();
         assert!(words.contains("the stretch given cannot serve") && words.contains("stepped by"), "{words}");
@@ -688,7 +693,7 @@ mod tests {
     fn the_summary_counts_what_the_reports_say() {
         let mut pushes = session(6);
         pushes[2].onset = 0.0;
-        let summary = Summary::of(&measured(&pushes));
+        let summary = RecordingSummary::of(&measured(&pushes));
         assert_eq!((summary.recordings, summary.began_in_contact.as_slice()), (6, &[2][..]));
         assert_eq!((summary.halves, summary.bias_unknown.len(), summary.never_touched.len()), (5, 0, 0));
         assert!(summary.half_difference_max < BIAS_ERROR_N && summary.half_difference_max > 0.0);

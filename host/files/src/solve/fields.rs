@@ -11,7 +11,7 @@ use std::ops::Deref;
 use nalgebra::{Isometry2, Point2, Vector2};
 use palpate::geometry::{PolygonError, SimplePolygon};
 use palpate::gravity::GRAVITY_ASSUMED;
-use palpate::pushing::dynamics::FingerPath;
+use palpate::pushing::dynamics::{Finger, FingerPath};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -325,6 +325,17 @@ pub struct FingerFields {
 }
 
 impl FingerFields {
+    /// The same as the science has it.
+    #[must_use]
+    pub(crate) fn disk(&self) -> Finger {
+        Finger {
+            radius: self.radius.get(),
+            centre0: self.centre0.into(),
+            velocity0: self.velocity0.into(),
+            acceleration: self.acceleration.into(),
+        }
+    }
+
     /// The centre at time `t` (s), m.
     #[must_use]
     pub fn centre(&self, t: f64) -> Point2<f64> {

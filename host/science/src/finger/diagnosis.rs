@@ -30,7 +30,7 @@ const RATE_ERROR_MAX: f64 = 0.02;
 
 /// Everything observed at rest.
 #[derive(Clone, Debug)]
-pub struct Observation {
+pub struct ObservedAtRest {
     /// Counts of both channels, sample by sample.
     pub counts: Vec<Vector2<f64>>,
     /// How many samples were at the end of the converter's range on either channel.
@@ -119,13 +119,13 @@ pub struct Figures {
 
 /// Five findings and the figures behind them; `None` if there are too few samples to say anything.
 #[must_use]
-pub fn diagnose(seen: &Observation) -> Option<(Figures, [Finding; 5])> {
+pub fn diagnose(seen: &ObservedAtRest) -> Option<(Figures, [Finding; 5])> {
     let figures = figures(seen)?;
     let findings = [rate(seen), noise(seen, &figures), drift(&figures), range(seen, &figures), losses(seen)];
     Some((figures, findings))
 }
 
-fn figures(seen: &Observation) -> Option<Figures> {
+fn figures(seen: &ObservedAtRest) -> Option<Figures> {
     let strain: Vec<Vector2<f64>> =
         seen.counts.iter().map(|counts| counts * seen.front_end.microstrain_per_count()).collect();
     let window = (AVERAGE_S * seen.rate_hz).round().max(1.0);
@@ -209,7 +209,7 @@ fn longest_run(counts: &[Vector2<f64>], axis: usize) -> usize {
     runs.map(<[_]>::len).max().unwrap_or(0)
 }
 
-fn rate(seen: &Observation) -> Finding {
+fn rate(seen: &ObservedAtRest) -> Finding {
     let Some(ratio) = seen.clock_ratio else {
         return Finding {
             subject: "rate",
@@ -232,7 +232,7 @@ fn rate(seen: &Observation) -> Finding {
     }
 }
 
-fn noise(seen: &Observation, figures: &Figures) -> Finding {
+fn noise(seen: &ObservedAtRest, figures: &Figures) -> Finding {
     let converter = seen.converter_noise_v / seen.front_end.volts_per_count() * seen.front_end.microstrain_per_count();
     let (noise, averaged) = (figures.noise_microstrain, figures.averaged_noise_microstrain);
     let newtons = figures
@@ -281,7 +281,7 @@ fn drift(figures: &Figures) -> Finding {
     }
 }
 
-fn range(seen: &Observation, figures: &Figures) -> Finding {
+fn range(seen: &ObservedAtRest, figures: &Figures) -> Finding {
     let stuck = figures.longest_run >= STUCK_SAMPLES;
     let centre = mean::<Vector2<f64>, _>(&seen.counts).unwrap_or_default() * seen.front_end.microstrain_per_count();
     Finding {
@@ -303,7 +303,7 @@ fn range(seen: &Observation, figures: &Figures) -> Finding {
     }
 }
 
-fn losses(seen: &Observation) -> Finding {
+fn losses(seen: &ObservedAtRest) -> Finding {
     let lost = seen.missing > 0 || seen.damaged_frames > 0;
     Finding {
         subject: "losses",
@@ -336,7 +336,7 @@ mod tests {
     }
 
     /// Ten seconds of white noise, hum and drift, in µε.
-    fn finger(noise: f64, hum: f64, drift_per_min: f64, seed: u64) -> Observation {
+    fn finger(noise: f64, hum: f64, drift_per_min: f64, seed: u64) -> ObservedAtRest {
         let mut random = Random(seed);
         // The sum of twelve uniform numbers has variance 1.
         let mut normal = move || (0..12).map(|_| random.unit()).sum::<f64>() - 6.0;
@@ -346,7 +346,7 @@ mod tests {
             let strain = Vector2::new(120.0 + common + noise * normal(), -80.0 + common + noise * normal());
             (strain / front_end().microstrain_per_count()).map(f64::round)
         });
-        Observation {
+        ObservedAtRest {
             counts: counts.collect(),
             saturated: 0,
             rate_hz: RATE_HZ,
@@ -359,7 +359,7 @@ mod tests {
         }
     }
 
-    fn verdicts(seen: &Observation) -> [Verdict; 5] {
+    fn verdicts(seen: &ObservedAtRest) -> [Verdict; 5] {
         diagnose(seen).unwrap().1.map(|finding| finding.verdict)
     }
 
@@ -373,12 +373,12 @@ mod tests {
         use Verdict::{Fault, Good, Look};
         let good = finger(0.48, 1.0, 0.0, 2);
         let cases = [
-            (Observation { clock_ratio: Some(0.97), ..good.clone() }, [Fault, Good, Good, Good, Good]),
+            (ObservedAtRest { clock_ratio: Some(0.97), ..good.clone() }, [Fault, Good, Good, Good, Good]),
             (finger(1.5, 1.0, 0.0, 3), [Good, Look, Good, Good, Good]),
             (finger(0.48, 5.0, 0.0, 4), [Good, Look, Good, Good, Good]),
             (finger(0.48, 1.0, 6.0, 5), [Good, Good, Look, Good, Good]),
-            (Observation { saturated: 3, ..good.clone() }, [Good, Good, Good, Fault, Good]),
-            (Observation { missing: 8, ..good.clone() }, [Good, Good, Good, Good, Look]),
+            (ObservedAtRest { saturated: 3, ..good.clone() }, [Good, Good, Good, Fault, Good]),
+            (ObservedAtRest { missing: 8, ..good.clone() }, [Good, Good, Good, Good, Look]),
         ];
         for (seen, wanted) in cases {
             assert_eq!(verdicts(&seen), wanted, "{:#?}", diagnose(&seen).unwrap().1);

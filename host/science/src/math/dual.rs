@@ -18,6 +18,8 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 pub trait Number:
     Copy
     + Debug
+    + PartialEq
+    + 'static
     + From<f64>
     + Neg<Output = Self>
     + Add<Output = Self>

@@ -4,9 +4,11 @@
 //! - [`least_squares`]: the one damped descent (Levenberg and Marquardt); [`ode`]: the one Runge–Kutta step; `roots`:
 //!   zeros of a function on an interval;
 //! - [`Spectrum`] (`spectrum`): rank and unseen directions of a system; [`statistics`]: means, percentiles, quantiles;
-//! - [`random`]: numbers and polygons from a seed; [`BitSet`], [`BitMatrix`] (`bits`): sets of small numbers.
+//! - [`random`]: numbers and polygons from a seed; [`BitSet`], [`BitMatrix`] (`bits`): sets of small numbers;
+//! - `arrays`: vectors and matrices as plain arrays in files.
 
 pub mod angle;
+pub(crate) mod arrays;
 pub(crate) mod bits;
 mod dual;
 pub mod least_squares;

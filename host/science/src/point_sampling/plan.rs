@@ -8,7 +8,7 @@ use super::subdivision::Subdivision;
 use crate::geometry::SimplePolygon;
 use crate::geometry::exact::turn;
 use crate::math::bits::BitSet;
-use crate::search::Stop;
+use crate::search::{Stop, never};
 
 /// Points with more room than this share of the scene's extent are inside their region whatever rounding did; with
 /// less, that is decided exactly.
@@ -75,7 +75,8 @@ impl Plan {
     }
 }
 
-/// Points that tell polygons apart.
+/// Points that tell polygons apart. `stop` ends the search for fewer points; the regions are found in any case, which
+/// [`Scene::new_until`] lets end too.
 ///
 /// ```
 /// use nalgebra::Point2;
@@ -91,6 +92,7 @@ impl Plan {
 /// ```
 #[must_use]
 pub fn plan(polygons: &[SimplePolygon], request: &Request, stop: Stop<'_>) -> Plan {
+    // The stop ends the search for fewer points, whatever it says at first: without the regions there is no plan.
     Scene::new(polygons).plan(request, stop)
 }
 
@@ -114,10 +116,19 @@ impl Scene {
     /// Finds the regions and the middle of each.
     #[must_use]
     pub fn new(polygons: &[SimplePolygon]) -> Self {
-        let subdivision = Subdivision::new(polygons);
+        Self::new_until(polygons, &never).unwrap_or_else(|| unreachable!("nobody wishes it to stop"))
+    }
+
+    /// The same, ended when `stop` says so: then there is none, because without all regions no plan is sound.
+    #[must_use]
+    pub fn new_until(polygons: &[SimplePolygon], stop: Stop<'_>) -> Option<Self> {
+        let subdivision = Subdivision::new_until(polygons, stop)?;
         let (mut candidates, mut areas) = (Vec::new(), Vec::new());
         let trusted = SURELY_INSIDE * extent(polygons);
         for region in subdivision.regions() {
+            if stop() {
+                return None;
+            }
             let area = region.area();
             areas.push(area);
             let Some(circle) = largest_circle(region.boundary()) else { continue };
@@ -132,7 +143,7 @@ impl Scene {
         }
         // The roomiest first: of regions that say the same, the first is taken.
         candidates.sort_by(|a, b| b.circle.radius.total_cmp(&a.circle.radius));
-        Self { polygons: polygons.to_vec(), candidates, areas }
+        Some(Self { polygons: polygons.to_vec(), candidates, areas })
     }
 
     /// Plans points as the request asks, or as good as was found when it is stopped.

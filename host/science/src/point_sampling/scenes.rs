@@ -32,21 +32,23 @@ const ORIENTATIONS_MAX: usize = 1000;
 pub struct SceneKind {
     /// Side of the square.
     pub side: f64,
-    /// Least and largest perimeter.
-    pub perimeter: [f64; 2],
+    /// Least perimeter.
+    pub perimeter_min: f64,
+    /// Largest perimeter.
+    pub perimeter_max: f64,
     /// Whether all are one polygon in different poses.
     pub one_polygon: bool,
 }
 
 impl SceneKind {
     /// Different polygons, sparse (table 3.1 a).
-    pub const SPARSE_SHAPES: Self = Self { side: 1.0, perimeter: [0.25, 0.75], one_polygon: false };
+    pub const SPARSE_SHAPES: Self = Self { side: 1.0, perimeter_min: 0.25, perimeter_max: 0.75, one_polygon: false };
     /// Poses of one polygon, sparse (table 3.1 b).
-    pub const SPARSE_POSES: Self = Self { side: 1.0, perimeter: [0.625, 0.625], one_polygon: true };
+    pub const SPARSE_POSES: Self = Self { side: 1.0, perimeter_min: 0.625, perimeter_max: 0.625, one_polygon: true };
     /// Different polygons, dense (table 3.2 a).
-    pub const DENSE_SHAPES: Self = Self { side: 0.25, perimeter: [0.125, 0.5], one_polygon: false };
+    pub const DENSE_SHAPES: Self = Self { side: 0.25, perimeter_min: 0.125, perimeter_max: 0.5, one_polygon: false };
     /// Poses of one polygon, dense (table 3.2 b).
-    pub const DENSE_POSES: Self = Self { side: 0.25, perimeter: [0.625, 0.625], one_polygon: true };
+    pub const DENSE_POSES: Self = Self { side: 0.25, perimeter_min: 0.625, perimeter_max: 0.625, one_polygon: true };
 
     /// A scene of this many polygons.
     #[must_use]
@@ -56,7 +58,7 @@ impl SceneKind {
         let mut scene = Vec::with_capacity(count);
         while scene.len() < count {
             let shape = one.take().unwrap_or_else(|| lines.polygon(draw));
-            let scale = draw.uniform(self.perimeter[0], self.perimeter[1]) / perimeter(&shape);
+            let scale = draw.uniform(self.perimeter_min, self.perimeter_max) / perimeter(&shape);
             let shape: Vec<_> = shape.iter().map(|p| p * scale).collect();
             let placed = self.place(draw, &shape);
             if self.one_polygon && (placed.is_some() || !scene.is_empty()) {
@@ -198,7 +200,7 @@ mod tests {
                 let (low, high) = bounding_box(polygon.vertices());
                 assert!(low.x >= -1e-12 && high.x.max(high.y) <= kind.side + 1e-12 && low.y >= -1e-12, "{low} {high}");
                 let around = perimeter(polygon.vertices());
-                assert!(around >= kind.perimeter[0] - 1e-9 && around <= kind.perimeter[1] + 1e-9, "{around}");
+                assert!(around >= kind.perimeter_min - 1e-9 && around <= kind.perimeter_max + 1e-9, "{around}");
             }
         }
     }

@@ -16,11 +16,13 @@ pub const SEGMENTS_MAX: usize = 360_000;
 /// A motion from rest.
 ///
 /// ```
+/// use nalgebra::{Point2, Vector2};
 /// use palpate::FingerMotion;
 /// use palpate::pushing::finger_motion::Segment;
 ///
-/// let segments = [[0.15, 0.0], [0.0, 0.15]].map(|acceleration| Segment { seconds: 0.3, acceleration });
-/// let motion = FingerMotion::new([0.0; 2], &segments)?; // ahead, then aside
+/// let turn = [Vector2::new(0.15, 0.0), Vector2::new(0.0, 0.15)];
+/// let segments = turn.map(|acceleration| Segment { seconds: 0.3, acceleration });
+/// let motion = FingerMotion::new(Point2::origin(), &segments)?; // ahead, then aside
 /// assert!((motion.duration() - 0.6).abs() < 1e-15); // s
 /// # Ok::<(), palpate::pushing::finger_motion::MotionError>(())
 /// ```
@@ -37,7 +39,8 @@ pub struct Segment {
     /// How long it lasts, s.
     pub seconds: f64,
     /// Along the finger's axes, m/s².
-    pub acceleration: [f64; 2],
+    #[serde(deserialize_with = "crate::math::arrays::vector::deserialize")]
+    pub acceleration: Vector2<f64>,
 }
 
 /// A stretch of the motion with what went before it.
@@ -73,12 +76,12 @@ pub enum MotionError {
         seconds: f64,
     },
     /// An acceleration that is no number.
-    #[error("segment {index}: acceleration = {acceleration:?} must be finite")]
+    #[error("segment {index}: acceleration = [{:?}, {:?}] must be finite", .acceleration.x, .acceleration.y)]
     Acceleration {
         /// Place of the segment in the motion, from 0.
         index: usize,
         /// Components as given, world axes, m/s².
-        acceleration: [f64; 2],
+        acceleration: Vector2<f64>,
     },
     /// The finger would stay at rest.
     #[error(
@@ -86,28 +89,30 @@ pub enum MotionError {
     )]
     AtRest,
     /// A start that is no number.
-    #[error("start = {0:?} must be finite")]
-    Start([f64; 2]),
+    #[error("start = [{:?}, {:?}] must be finite", .0.x, .0.y)]
+    Start(Point2<f64>),
 }
 
 impl FingerMotion {
     /// A motion that begins at rest at `start`, m.
     ///
     /// ```
+    /// use nalgebra::{Point2, Vector2};
     /// use palpate::pushing::finger_motion::{FingerMotion, Segment};
     ///
-    /// let motion = FingerMotion::new([0.0; 2], &[Segment { seconds: 0.5, acceleration: [0.1, 0.0] }])?;
+    /// let ahead = Segment { seconds: 0.5, acceleration: Vector2::new(0.1, 0.0) };
+    /// let motion = FingerMotion::new(Point2::origin(), &[ahead])?;
     /// assert!((motion.centre(0.5).x - 0.0125).abs() < 1e-12); // a t²/2, m
     /// # Ok::<(), palpate::pushing::finger_motion::MotionError>(())
     /// ```
     ///
     /// # Errors
     /// [`MotionError`] names the first thing found wrong.
-    pub fn new(start: [f64; 2], segments: &[Segment]) -> Result<Self, MotionError> {
+    pub fn new(start: Point2<f64>, segments: &[Segment]) -> Result<Self, MotionError> {
         if !start.iter().all(|value| value.is_finite()) {
             return Err(MotionError::Start(start));
         }
-        let mut motion = Self { start: start.into(), segments: Vec::new() };
+        let mut motion = Self { start, segments: Vec::new() };
         segments.iter().try_for_each(|&segment| motion.append(segment))?;
         if motion.segments.is_empty() { Err(MotionError::Empty) } else { Ok(motion) }
     }
@@ -125,7 +130,7 @@ impl FingerMotion {
         if !acceleration.iter().all(|value| value.is_finite()) {
             return Err(MotionError::Acceleration { index, acceleration });
         }
-        if index == 0 && acceleration == [0.0, 0.0] {
+        if index == 0 && acceleration == Vector2::zeros() {
             return Err(MotionError::AtRest);
         }
         if index >= SEGMENTS_MAX {
@@ -143,8 +148,8 @@ impl FingerMotion {
 
     /// The acceleration with which it begins, m/s².
     #[must_use]
-    pub fn first_acceleration(&self) -> [f64; 2] {
-        self.segments.first().map_or([0.0; 2], |segment| segment.acceleration)
+    pub fn first_acceleration(&self) -> Vector2<f64> {
+        self.segments.first().map_or_else(Vector2::zeros, |segment| segment.acceleration)
     }
 
     /// The segments, one after the other from t = 0 on.
@@ -157,9 +162,9 @@ impl FingerMotion {
     pub fn legs(&self, radius: f64) -> impl Iterator<Item = Leg> + '_ {
         let (mut from, mut centre, mut velocity) = (0.0, self.start, Vector2::zeros());
         self.segments.iter().map(move |&Segment { seconds, acceleration }| {
-            let finger = Finger { radius, centre0: centre.coords.into(), velocity0: velocity.into(), acceleration };
+            let finger = Finger { radius, centre0: centre, velocity0: velocity, acceleration };
             let leg = Leg { from, to: from + seconds, finger };
-            (from, centre, velocity) = (leg.to, finger.centre(seconds), Vector2::from(finger.velocity(seconds)));
+            (from, centre, velocity) = (leg.to, finger.centre(seconds), finger.velocity(seconds));
             leg
         })
     }
@@ -184,16 +189,18 @@ mod tests {
     /// Rounding of a few sums of lengths of a centimetre, m, and of speeds of centimetres a second, m/s.
     const ROUNDING_M: f64 = 1e-15;
 
-    const TURN: [Segment; 2] =
-        [Segment { seconds: 0.5, acceleration: [0.1, 0.0] }, Segment { seconds: 0.25, acceleration: [0.0, -0.2] }];
+    const TURN: [Segment; 2] = [
+        Segment { seconds: 0.5, acceleration: Vector2::new(0.1, 0.0) },
+        Segment { seconds: 0.25, acceleration: Vector2::new(0.0, -0.2) },
+    ];
 
     #[test]
     fn segments_follow_each_other_without_a_jump() {
-        let motion = FingerMotion::new([0.01, 0.02], &TURN).unwrap();
+        let motion = FingerMotion::new(Point2::new(0.01, 0.02), &TURN).unwrap();
         let legs: Vec<_> = motion.legs(0.015).collect();
         let [first, second] = legs[..] else { panic!("{legs:?}") };
         assert!((first.finger.centre(0.5) - second.finger.centre(0.0)).norm() < ROUNDING_M);
-        let [before, after] = [first.finger.velocity(0.5), second.finger.velocity0].map(Vector2::from);
+        let [before, after] = [first.finger.velocity(0.5), second.finger.velocity0];
         assert!((before - after).norm() < ROUNDING_M, "{before} {after} m/s");
         // 1 cm + 10 cm/s² · (0.5 s)²/2, then 5 cm/s for a quarter of a second.
         let wanted = Point2::new(0.01 + 0.0125 + 0.0125, 0.02 - 0.2 * 0.25 * 0.25 / 2.0);

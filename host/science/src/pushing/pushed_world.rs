@@ -23,12 +23,13 @@ pub const STEP_S: f64 = 250e-6;
 /// A part, a finger, and how they touch.
 ///
 /// ```
-/// use nalgebra::Point2;
+/// use nalgebra::{Point2, Vector2};
 /// use palpate::pushing::finger_motion::Segment;
 /// use palpate::{FingerMotion, GRAVITY_ASSUMED, Part, PushedWorld, SimplePolygon};
 ///
 /// let part = Part::uniform(SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?);
-/// let motion = FingerMotion::new([0.0; 2], &[Segment { seconds: 0.3, acceleration: [0.0, 0.15] }])?;
+/// let ahead = Segment { seconds: 0.3, acceleration: Vector2::new(0.0, 0.15) };
+/// let motion = FingerMotion::new(Point2::origin(), &[ahead])?;
 /// let (mu_g, mass, mu_c) = (0.3 * GRAVITY_ASSUMED, 0.2, 0.3);
 /// let (edge, u, s) = (0, std::f64::consts::FRAC_PI_2, 0.0);
 /// let played = PushedWorld { part: &part, mu_g, mass, mu_c, radius: 0.01, motion: &motion, edge, u, s }.play()?;

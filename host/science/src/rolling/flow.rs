@@ -14,7 +14,7 @@
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-use super::mechanics::{ContactPointInertia, Instant, Model, Rates, RollState, RotationMatrix, Spin};
+use super::mechanics::{ContactPointInertia, Instant, Model, RollRates, RollState, RotationMatrix, Spin};
 use super::shape::{Local, Scaled, Shape};
 use crate::math::ode::{self, Moves};
 
@@ -144,10 +144,10 @@ fn times_cross(m: &Matrix3<f64>, v: &Vector3<f64>) -> Matrix3<f64> {
 
 impl Parts {
     #[inline(always)]
-    fn rates(&self) -> Rates {
+    fn rates(&self) -> RollRates {
         let RotationMatrix([first, second, _]) = self.instant.rotation;
         let u = Vector2::new(first.dot(&self.moving), second.dot(&self.moving));
-        Rates { orientation: self.state.turning(), omega: self.turn, u }
+        RollRates { orientation: self.state.turning(), omega: self.turn, u }
     }
 }
 

@@ -56,7 +56,7 @@ pub struct RollState {
 
 /// How fast a [`RollState`] changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rates {
+pub struct RollRates {
     /// Rate of the quaternion, 1/s.
     pub orientation: Quaternion<f64>,
     /// Angular acceleration, body axes, rad/s².
@@ -132,9 +132,9 @@ impl RollState {
     }
 }
 
-impl Moves<Rates> for RollState {
+impl Moves<RollRates> for RollState {
     #[inline(always)]
-    fn moved(&self, rates: &Rates, dt: f64) -> Self {
+    fn moved(&self, rates: &RollRates, dt: f64) -> Self {
         Self {
             orientation: self.orientation + rates.orientation * dt,
             omega: self.omega + rates.omega * dt,
@@ -143,7 +143,7 @@ impl Moves<Rates> for RollState {
     }
 }
 
-impl Add for Rates {
+impl Add for RollRates {
     type Output = Self;
 
     #[inline(always)]
@@ -153,7 +153,7 @@ impl Add for Rates {
     }
 }
 
-impl Mul<f64> for Rates {
+impl Mul<f64> for RollRates {
     type Output = Self;
 
     #[inline(always)]
@@ -264,7 +264,7 @@ impl Model<'_> {
     /// The rates at a state whose body feels `specific_force` (palm axes, m/s²).
     #[inline(always)]
     #[must_use]
-    pub fn rates(&self, state: &RollState, specific_force: &Vector3<f64>) -> Rates {
+    pub fn rates(&self, state: &RollState, specific_force: &Vector3<f64>) -> RollRates {
         let instant = Instant::of(state, specific_force);
         let scaled = self.body.shape().roll_scaled(&instant.normal, &instant.turning);
         // ω' = D⁻¹ r, (7.15) put right, without a root or a quotient before the inverse.
@@ -274,7 +274,7 @@ impl Model<'_> {
         let per_square = 1.0 / scaled.square;
         let per_cube = scaled.square.sqrt() * per_square * per_square;
         let u = Vector2::new(first.dot(&scaled.motion), second.dot(&scaled.motion)) * per_cube;
-        Rates { orientation: state.turning(), omega, u }
+        RollRates { orientation: state.turning(), omega, u }
     }
 
     /// `ω'`, given the contact.

@@ -33,10 +33,10 @@ pub mod tracker;
 pub use body::{BodyError, RollingBody};
 pub use flow::{Columns, STATE_COLUMNS, StateWithTangent, Tangent};
 pub use gho::RollGho;
-pub use mechanics::{Model, Rates, RollState, Spin, specific_force};
+pub use mechanics::{Model, RollRates, RollState, Spin, specific_force};
 pub use observability::{CannotFollow, Inputs, RollObservability, SufficientCondition, observability};
 pub use observer::{
-    BodyKnowledge, Noise, ObserveError, PalmKnowledge, Question, RollEstimate, RollHypothesis, RollVerdict,
+    BodyKnowledge, Noise, ObserveError, PalmKnowledge, RollEstimate, RollHypothesis, RollQuestion, RollVerdict,
 };
 pub use palm::{Harmonic, PalmAcceleration, Pieces, PiecesError};
 pub use run::{OnPalm, Roll, RollEnd, RollEndReason, RollError, RollRun, RollSample};

@@ -13,7 +13,7 @@ use nalgebra::{Matrix2, Matrix3, SMatrix, UnitQuaternion, Vector2, Vector3};
 use super::body::RollingBody;
 use super::flow::{Columns, STATE_COLUMNS, StateWithTangent, Tangent};
 use super::mechanics::{Model, RollState, Spin, specific_force};
-use super::observer::{BodyKnowledge, PalmKnowledge, Question, RollEstimate, RollHypothesis, RollVerdict};
+use super::observer::{BodyKnowledge, PalmKnowledge, RollEstimate, RollHypothesis, RollQuestion, RollVerdict};
 use super::palm::PalmAcceleration;
 
 /// Longest step of the filter, s.
@@ -39,7 +39,7 @@ const RETRY: f64 = 0.25;
 /// Follows a body on the palm.
 #[derive(Clone, Debug)]
 pub struct RollTracker {
-    question: Question,
+    question: RollQuestion,
     /// Shortest stretch of contacts that the observer is asked about, s.
     window: f64,
     phase: Phase,
@@ -109,7 +109,7 @@ pub struct Tracked {
 impl RollTracker {
     /// A tracker that asks `question` of every stretch of `window` s; times count from the palm's own zero.
     #[must_use]
-    pub fn new(question: Question, window: f64) -> Self {
+    pub fn new(question: RollQuestion, window: f64) -> Self {
         Self { question, window, phase: Phase::Collecting(Collection::default()) }
     }
 
@@ -159,7 +159,7 @@ impl Collection {
     }
 
     /// Asks the observer if enough is new.
-    fn ask(&mut self, question: &Question, window: f64) -> Option<(RollEstimate, f64)> {
+    fn ask(&mut self, question: &RollQuestion, window: f64) -> Option<(RollEstimate, f64)> {
         let count = self.times.len();
         let steps = (count.max(2) - 1) as f64;
         let dt = self.seconds() / steps;
@@ -178,21 +178,21 @@ impl Collection {
     }
 
     /// The question with the palm's time counted from the first contact.
-    fn shifted(&self, question: &Question) -> Question {
+    fn shifted(&self, question: &RollQuestion) -> RollQuestion {
         let palm = match &question.palm {
             PalmKnowledge::Known(palm) => PalmKnowledge::Known(palm.from(self.times.first().copied().unwrap_or(0.0))),
             PalmKnowledge::Constant => PalmKnowledge::Constant,
         };
-        Question { palm, ..question.clone() }
+        RollQuestion { palm, ..question.clone() }
     }
 }
 
 impl Track {
-    fn new(question: &Question, best: &RollHypothesis, t: f64, dt: f64) -> Self {
+    fn new(question: &RollQuestion, best: &RollHypothesis, t: f64, dt: f64) -> Self {
         let body = match &question.body {
             BodyKnowledge::OneOf(bodies) => bodies[best.body].clone(),
             BodyKnowledge::Ellipsoid { range } => {
-                let axes = best.semi_axes.unwrap_or([range[0]; 3]);
+                let axes = best.semi_axes.unwrap_or([*range.start(); 3]);
                 RollingBody::ellipsoid(axes)
                     .unwrap_or_else(|_| unreachable!("the observer keeps semi-axes in their range"))
             }
@@ -323,8 +323,8 @@ mod tests {
     use super::*;
     use crate::gravity::GRAVITY_ASSUMED;
 
-    fn question(body: &RollingBody, spin: Spin) -> Question {
-        Question {
+    fn question(body: &RollingBody, spin: Spin) -> RollQuestion {
+        RollQuestion {
             body: BodyKnowledge::OneOf(vec![body.clone()]),
             spins: vec![spin],
             palm: PalmKnowledge::Known(PalmAcceleration::Rest),

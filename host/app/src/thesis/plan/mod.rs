@@ -12,6 +12,7 @@ use std::num::NonZeroUsize;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use nalgebra::{Point2, Vector2};
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::random::Draw;
 use palpate::math::statistics::percentile;
@@ -101,7 +102,12 @@ struct Outcome {
 
 /// The finger on its straight beginning.
 pub(super) fn finger_first() -> Finger {
-    Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, SPEED], acceleration: [0.0; 2] }
+    Finger {
+        radius: 0.01,
+        centre0: Point2::origin(),
+        velocity0: Vector2::new(0.0, SPEED),
+        acceleration: Vector2::zeros(),
+    }
 }
 
 /// The straight beginning and what follows.
@@ -129,7 +135,7 @@ fn beginning(motion: &PlannedMotion, seconds: f64) -> PlannedMotion {
 /// The finger after a leg.
 fn after(leg: &Leg) -> Finger {
     let ends = seconds(leg.values);
-    Finger { centre0: leg.finger.centre(ends).coords.into(), velocity0: leg.finger.velocity(ends), ..leg.finger }
+    Finger { centre0: leg.finger.centre(ends), velocity0: leg.finger.velocity(ends), ..leg.finger }
 }
 
 /// The finger at the end of its straight beginning.
@@ -144,7 +150,7 @@ fn offered_first() -> Vec<PlannedMotion> {
 
 /// What the finger can do for so many values.
 fn offered(values: usize) -> Vec<PlannedMotion> {
-    motions([0.0, SPEED], ACCELERATION, seconds(values))
+    motions(Vector2::new(0.0, SPEED), ACCELERATION, seconds(values))
 }
 
 /// How many values a time (s) has.

@@ -2,7 +2,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use nalgebra::{Point2, Rotation2, Vector3};
+use nalgebra::{Point2, Rotation2, Vector2, Vector3};
 use palpate::geometry::Pose;
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::angle::wrap_angle;
@@ -159,9 +159,9 @@ impl Case {
         let acceleration = if draw.chance(0.5) { 0.025 } else { 0.0 };
         let finger = Finger {
             radius: sense.radius(),
-            centre0: [0.0; 2],
-            velocity0: [along, 0.05],
-            acceleration: [0.0, acceleration],
+            centre0: Point2::origin(),
+            velocity0: Vector2::new(along, 0.05),
+            acceleration: Vector2::new(0.0, acceleration),
         };
         let s = draw.uniform(edge.s_min, edge.s_max);
         let u = FRAC_PI_2 + draw.uniform(-sense.range(), sense.range());
@@ -230,7 +230,7 @@ impl Case {
     pub(super) fn observation(&self) -> Observation {
         let angles = Channel { values: self.measured.clone(), sigma: self.sigma_used() };
         let magnitudes = Channel { values: self.magnitudes.clone(), sigma: SIGMA_FORCE };
-        let u0_range = Some([FRAC_PI_2 - self.sense.range(), FRAC_PI_2 + self.sense.range()]);
+        let u0_range = Some(FRAC_PI_2 - self.sense.range()..=FRAC_PI_2 + self.sense.range());
         let measured = match self.sense {
             Sense::Angle => Measured::ContactAngle(angles),
             Sense::Direction => {

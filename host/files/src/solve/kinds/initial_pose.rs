@@ -1,6 +1,7 @@
 //! The kind `initial_pose`: the resting pose of a part from a few contacts of a push from rest. See
 //! [`palpate::pushing::estimation`].
 
+use nalgebra::Vector2;
 use palpate::pushing::dynamics::{FingerPath, FingerShape, ShapeError};
 use palpate::pushing::estimation::{InitialPoseError, Object, RestingPose, RestingPush, TimedContact};
 use schemars::JsonSchema;
@@ -126,7 +127,7 @@ impl ShapedFinger {
             | Self::Ellipse(EllipseFinger { centre0, acceleration, .. })
             | Self::Line(LineFinger { centre0, acceleration }) => (centre0, acceleration),
         };
-        FingerPath { centre0, velocity0: [0.0; 2], acceleration }
+        FingerPath { centre0: centre0.into(), velocity0: Vector2::zeros(), acceleration: acceleration.into() }
     }
 }
 

@@ -1,7 +1,9 @@
 //! The kind `observe_push`: pose and motion of a pushed part from what the finger feels. See
 //! [`palpate::pushing::estimation`].
 
-use palpate::pushing::dynamics::{ContactMode, Finger as Disk, Part, Slip, State};
+use std::ops::RangeInclusive;
+
+use palpate::pushing::dynamics::{ContactMode, Part, Slip, State};
 use palpate::pushing::estimation::{
     self, Channel, Estimate, GhoBank, GhoRun, GhoSettings, Known, Measured, Observation, Prior as Belief, Touch,
 };
@@ -316,7 +318,7 @@ impl ObservePush {
         let start = self.initial_estimate.ok_or_else(|| needs("initial_estimate"))?;
         let mut settings = GhoSettings::new(zeta);
         if let Some(correction) = self.correction {
-            settings.correction = correction.map(NonNegative::get);
+            [settings.correction_on, settings.correction_off] = correction.map(NonNegative::get);
         }
         let sigma = self.sigma.map_or(SIGMA_LEAST, Sigma::get);
         let measured = Measured::ContactAngle(Channel { values: angles.clone(), sigma });
@@ -376,8 +378,7 @@ impl ObservePush {
     }
 
     fn known<'p>(&self, part: &'p Part) -> Result<Known<'p>, InvalidInput> {
-        let FingerFields { radius, centre0, velocity0, acceleration } = self.finger;
-        let finger = Disk { radius: radius.get(), centre0, velocity0, acceleration };
+        let finger = self.finger.disk();
         Ok(Known { part, mu_g: self.mu.get() * self.g.get(), finger, touch: self.touch()? })
     }
 
@@ -449,13 +450,13 @@ impl ObservePush {
         sigma.map(|sigma| sigma.get().max(SIGMA_LEAST)).ok_or_else(missing)
     }
 
-    fn u0_range(&self) -> Result<Option<[f64; 2]>, InvalidInput> {
+    fn u0_range(&self) -> Result<Option<RangeInclusive<f64>>, InvalidInput> {
         match self.u0_range {
             Some([low, high]) if low > high => {
                 let message = format!("runs from {low:?} down to {high:?} rad: give the lower limit first");
                 Err(InvalidInput::at("u0_range", message))
             }
-            range => Ok(range),
+            range => Ok(range.map(|[low, high]| low..=high)),
         }
     }
 }

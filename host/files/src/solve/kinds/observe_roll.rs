@@ -3,8 +3,8 @@
 
 use nalgebra::Vector2;
 use palpate::rolling::{
-    self, BodyKnowledge, Noise as ReadingNoise, ObserveError, PalmKnowledge, Question, RollEstimate, RollHypothesis,
-    RollVerdict,
+    self, BodyKnowledge, Noise as ReadingNoise, ObserveError, PalmKnowledge, RollEstimate, RollHypothesis,
+    RollQuestion, RollVerdict,
 };
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::Error as _;
@@ -297,8 +297,8 @@ fn refuse(error: ObserveError) -> InvalidInput {
 }
 
 impl ObserveRoll {
-    fn question(&self) -> Result<Question, InvalidInput> {
-        Ok(Question {
+    fn question(&self) -> Result<RollQuestion, InvalidInput> {
+        Ok(RollQuestion {
             body: self.body()?,
             spins: match self.spin {
                 SpinKnowledge::Free => vec![rolling::Spin::Free],
@@ -341,7 +341,7 @@ impl ObserveRoll {
     fn ellipsoid(&self) -> Result<BodyKnowledge, InvalidInput> {
         let range = self.semi_axes_range.map_or(SEMI_AXES_RANGE, |range| range.map(Positive::get));
         if range[0] < range[1] {
-            return Ok(BodyKnowledge::Ellipsoid { range });
+            return Ok(BodyKnowledge::Ellipsoid { range: range[0]..=range[1] });
         }
         let message = format!("{:?} m is not below {:?} m: give the lowest, then the highest", range[0], range[1]);
         Err(InvalidInput::at("semi_axes_range", message))
@@ -358,7 +358,7 @@ impl ObserveRoll {
         }
     }
 
-    fn answer(&self, question: &Question, estimate: &RollEstimate) -> ObserveRollAnswer {
+    fn answer(&self, question: &RollQuestion, estimate: &RollEstimate) -> ObserveRollAnswer {
         let only = match &question.body {
             BodyKnowledge::OneOf(bodies) if bodies.len() == 1 => Some(bodies[0].symmetry()),
             _ => None,

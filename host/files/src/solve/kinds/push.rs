@@ -2,8 +2,8 @@
 
 use nalgebra::Point2;
 use palpate::pushing::dynamics::{
-    ContactForce, ContactLaw, ContactMode, EdgeEnd, EndReason, Finger as Disk, Mass, Part, Push as Simulation,
-    PushError, PushModel, PushRun, Sample, SecondContact, Slip, Start, State,
+    ContactForce, ContactLaw, ContactMode, EdgeEnd, EndReason, Mass, Part, Push as Simulation, PushError, PushModel,
+    PushRun, Sample, SecondContact, Slip, Start, State,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -327,8 +327,7 @@ impl Push {
 
     fn model<'p>(&self, part: &'p Part) -> Result<PushModel<'p>, InvalidInput> {
         let edge = part.edge(self.edge).map_err(|error| InvalidInput::at("edge", error.to_string()))?;
-        let FingerFields { radius, centre0, velocity0, acceleration } = self.finger;
-        let finger = Disk { radius: radius.get(), centre0, velocity0, acceleration };
+        let finger = self.finger.disk();
         Ok(PushModel { part, edge, mu_g: self.mu.get() * self.g.get(), finger })
     }
 

@@ -31,10 +31,10 @@ pub struct ContactEstimate {
     /// `atan(mu_c)`: the contact's own angle may differ from `u` by this much, rad, besides the noise.
     pub friction_half_angle: f64,
     /// Tared force on the finger, finger axes.
-    #[serde(with = "super::arrays::vector")]
+    #[serde(with = "crate::math::arrays::vector")]
     pub force_finger: Vector2<f64>,
     /// Its covariance: noise, tare and calibration.
-    #[serde(with = "super::arrays::matrix")]
+    #[serde(with = "crate::math::arrays::matrix")]
     pub force_covariance: Matrix2<f64>,
     /// Size of the force.
     pub magnitude: f64,

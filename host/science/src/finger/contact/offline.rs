@@ -10,6 +10,7 @@
 //! Errors: none. A bias that cannot be known is an answer, [`BiasUnknown`].
 
 use std::f64::consts::LN_2;
+use std::ops::RangeInclusive;
 
 use nalgebra::{Matrix2, Vector2};
 use serde::Serialize;
@@ -43,7 +44,7 @@ pub const DOUBT_SIGMAS: f64 = 10.0;
 /// How a recording began.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Start {
+pub enum RecordingStart {
     /// Without contact: its first moments agree with its neighbours'.
     Free,
     /// In contact: its first moments differ from its neighbours'.
@@ -55,7 +56,7 @@ pub enum Start {
 /// How a bias was found.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "how", rename_all = "snake_case")]
-pub enum Found {
+pub enum BiasOrigin {
     /// From the stretch of time that the caller named.
     Given,
     /// From the recording's own time before the first contact.
@@ -84,7 +85,7 @@ pub struct Bias {
     /// The tare to use.
     pub tare: Tare,
     /// Where it came from.
-    pub found: Found,
+    pub found: BiasOrigin,
 }
 
 /// Why there is no bias.
@@ -116,7 +117,7 @@ pub enum BiasUnknown {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Judged {
     /// Whether it began without contact, in contact, or cannot be told.
-    pub start: Start,
+    pub start: RecordingStart,
     /// Size of the mean of its first [`LEAD_S`] less the bias expected from its neighbours; force units.
     pub deviation: Option<f64>,
     /// Began free, but differs from its neighbours by more than [`DOUBT_SIGMAS`] times the usual: perhaps lightly
@@ -126,16 +127,20 @@ pub struct Judged {
     pub bias: Result<Bias, BiasUnknown>,
 }
 
-/// Takes the tare from `[t_from, t_to]`, in s after the first reading.
+/// Takes the tare from a stretch, in s after the first reading.
 ///
 /// # Errors
 /// [`BiasUnknown::Refused`] if it was not free.
-pub fn given(readings: &[Reading], [t_from, t_to]: [f64; 2], settings: &ContactSettings) -> Result<Bias, BiasUnknown> {
+pub fn given(
+    readings: &[Reading],
+    stretch: &RangeInclusive<f64>,
+    settings: &ContactSettings,
+) -> Result<Bias, BiasUnknown> {
     let start = readings.first().map_or(0.0, |reading| reading.t);
     let named: Vec<Reading> =
-        readings.iter().filter(|reading| (t_from..=t_to).contains(&(reading.t - start))).copied().collect();
+        readings.iter().filter(|reading| stretch.contains(&(reading.t - start))).copied().collect();
     let tare = Tare::estimate(&named, &settings.tare_settings()).map_err(BiasUnknown::Refused)?;
-    Ok(Bias { tare, found: Found::Given })
+    Ok(Bias { tare, found: BiasOrigin::Given })
 }
 
 /// Runs the sense over a recording from its start.
@@ -171,15 +176,15 @@ pub fn judge(recordings: &[&[Reading]], settings: &ContactSettings, start_force:
             (Some(rough), Some(lead)) => {
                 let deviation = drift.deviation(i, &lead);
                 let size = deviation.map_or(rough, |deviation| deviation.norm());
-                let start = if size > start_force { Start::InContact } else { Start::Free };
-                let doubtful = start == Start::Free && rough > DOUBT_SIGMAS * usual;
-                let own = (start == Start::Free).then_some(own[i]);
+                let start = if size > start_force { RecordingStart::InContact } else { RecordingStart::Free };
+                let doubtful = start == RecordingStart::Free && rough > DOUBT_SIGMAS * usual;
+                let own = (start == RecordingStart::Free).then_some(own[i]);
                 Judged { start, deviation: Some(size), doubtful, bias: drift.bias(i, lead.t, own) }
             }
             _ => {
                 let candidate = own[i].as_ref().ok().and_then(|tare| candidate(recordings[i], tare));
                 let unknown = BiasUnknown::NothingToCompare { neighbours: leads.neighbours(i).len(), candidate };
-                Judged { start: Start::Unknown, deviation: None, doubtful: false, bias: Err(unknown) }
+                Judged { start: RecordingStart::Unknown, deviation: None, doubtful: false, bias: Err(unknown) }
             }
         })
         .collect()
@@ -355,7 +360,7 @@ impl Drift {
     /// The bias of recording `i`, which starts at `t`: its own, if it began free and was not refused.
     fn bias(&self, i: usize, t: f64, own: Option<Result<Tare, TareError>>) -> Result<Bias, BiasUnknown> {
         let refusal = match own {
-            Some(Ok(tare)) => return Ok(Bias { tare, found: Found::OwnFreeInterval }),
+            Some(Ok(tare)) => return Ok(Bias { tare, found: BiasOrigin::OwnFreeInterval }),
             Some(Err(refusal)) => Some(refusal),
             None => None,
         };
@@ -365,7 +370,7 @@ impl Drift {
         let like = self.free.iter().find(|d| Some(d.recording) == nearest).ok_or(unknown)?;
         // The noise is the nearest neighbour's; the bias is good for the time of this recording's start.
         let tare = Tare { bias: prediction.bias, bias_covariance: error.covariance, t_from: t, t_to: t, ..like.tare };
-        let found = Found::Neighbours { before: prediction.before, after: prediction.after, refusal };
+        let found = BiasOrigin::Neighbours { before: prediction.before, after: prediction.after, refusal };
         Ok(Bias { tare, found })
     }
 }

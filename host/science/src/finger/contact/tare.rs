@@ -54,23 +54,23 @@ pub struct TareSettings {
 #[serde(deny_unknown_fields)]
 pub struct Tare {
     /// What the sensor reads without contact, finger axes; subtracted from every reading.
-    #[serde(with = "super::arrays::vector")]
+    #[serde(with = "crate::math::arrays::vector")]
     pub bias: Vector2<f64>,
     /// Covariance of `bias`, finger axes, force units squared.
-    #[serde(with = "super::arrays::matrix")]
+    #[serde(with = "crate::math::arrays::matrix")]
     pub bias_covariance: Matrix2<f64>,
     /// Covariance of one reading averaged over `averaging_samples`.
-    #[serde(with = "super::arrays::matrix")]
+    #[serde(with = "crate::math::arrays::matrix")]
     pub sample_covariance: Matrix2<f64>,
     /// Covariance of a single reading.
-    #[serde(with = "super::arrays::matrix")]
+    #[serde(with = "crate::math::arrays::matrix")]
     pub single_covariance: Matrix2<f64>,
     /// Readings averaged into one.
     pub averaging_samples: usize,
     /// Independent values that `sample_covariance` is worth, less one.
     pub freedom: f64,
     /// Drift over the stretch, force/s: the slope of the block means.
-    #[serde(with = "super::arrays::vector")]
+    #[serde(with = "crate::math::arrays::vector")]
     pub drift: Vector2<f64>,
     /// Readings that the bias was estimated from.
     pub samples: usize,

@@ -16,6 +16,7 @@ use nalgebra::Point2;
 use super::grid::Grid;
 use crate::geometry::SimplePolygon;
 use crate::geometry::exact::{COORDINATE_MIN_M, Cut, Segment, quotient, turn};
+use crate::search::Halt;
 
 /// An edge of a polygon.
 #[derive(Clone, Copy, Debug)]
@@ -62,7 +63,8 @@ struct Found {
 }
 
 impl Cuts {
-    pub(super) fn new(polygons: &[SimplePolygon]) -> Self {
+    /// None where one should halt before it is done.
+    pub(super) fn new(polygons: &[SimplePolygon], halt: &Halt<'_>) -> Option<Self> {
         let (edges, places) = edges_of(polygons);
         let vertices = places.len();
         let overlapping = vec![false; edges.len()];
@@ -70,9 +72,9 @@ impl Cuts {
         let (marks, first_mark, crossing) = Default::default();
         let mut cuts =
             Self { edges, places, vertices, overlapping, components, marks, first_mark, crossing, same: None };
-        let found = cuts.find();
-        cuts.sort(found);
-        cuts
+        let found = cuts.find(halt)?;
+        cuts.sort(found, halt)?;
+        Some(cuts)
     }
 
     /// The nodes along an edge in order, its ends included, none twice.
@@ -105,7 +107,7 @@ impl Cuts {
     }
 
     /// Looks at all pairs of edges that are near each other.
-    fn find(&mut self) -> Vec<Found> {
+    fn find(&mut self, halt: &Halt<'_>) -> Option<Vec<Found>> {
         let mut found = Vec::new();
         let mut grid = Grid::new(self.edges.iter().map(|edge| edge.segment));
         for edge in 0..self.edges.len() {
@@ -113,8 +115,9 @@ impl Cuts {
             for &other in near {
                 self.meet(edge, other as usize, &mut found);
             }
+            halt.goes_on()?;
         }
-        found
+        Some(found)
     }
 
     /// Notes where two edges cut each other.
@@ -178,7 +181,7 @@ impl Cuts {
     }
 
     /// Sorts what was found along every edge, and makes equal nodes one.
-    fn sort(&mut self, found: Vec<Found>) {
+    fn sort(&mut self, found: Vec<Found>, halt: &Halt<'_>) -> Option<()> {
         let (marks, first_mark) = grouped(found, self.edges.len());
         (self.marks, self.first_mark) = (marks, first_mark);
         let mut marks = std::mem::take(&mut self.marks);
@@ -191,8 +194,10 @@ impl Cuts {
                     same.get_or_insert_with(|| UnionFind::new(self.places.len())).unite(pair[0].node, pair[1].node);
                 }
             }
+            halt.goes_on()?;
         }
         (self.marks, self.same) = (marks, same);
+        Some(())
     }
 
     fn order(&self, edge: usize, a: Mark, b: Mark) -> Ordering {

@@ -7,6 +7,7 @@ use nalgebra::Vector2;
 
 use super::crossings::{Cuts, index};
 use crate::geometry::exact::cross_sign;
+use crate::search::Halt;
 
 /// Directions whose pseudo-angles are nearer than this are compared exactly: a hundred times what rounding does to
 /// them.
@@ -41,12 +42,17 @@ pub(super) fn twin(half_edge: u32) -> u32 {
 }
 
 impl Graph {
-    pub(super) fn new(cuts: &Cuts) -> Self {
+    /// None where one should halt before it is done.
+    pub(super) fn new(cuts: &Cuts, halt: &Halt<'_>) -> Option<Self> {
+        // Each step takes time in proportion to the pieces: far less than to find them.
         let mut graph = Self::pieces_of(cuts);
+        halt.goes_on()?;
         graph.sort_around(cuts);
+        halt.goes_on()?;
         graph.link();
         graph.label_loops();
-        graph
+        halt.goes_on()?;
+        Some(graph)
     }
 
     /// A piece of an edge as the half-edge in the edge's direction.

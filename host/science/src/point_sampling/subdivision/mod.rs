@@ -23,6 +23,7 @@ use nalgebra::{Point2, Vector2};
 use crate::geometry::exact::{order_above, turn};
 use crate::geometry::{SimplePolygon, bounding_box};
 use crate::math::bits::{BitMatrix, BitRow};
+use crate::search::{Halt, Stop, never};
 
 /// A planar subdivision.
 ///
@@ -59,13 +60,20 @@ impl Subdivision {
     /// The subdivision formed by polygons.
     #[must_use]
     pub fn new(polygons: &[SimplePolygon]) -> Self {
-        let cuts = Cuts::new(polygons);
-        let graph = Graph::new(&cuts);
+        Self::new_until(polygons, &never).unwrap_or_else(|| unreachable!("nobody wishes it to stop"))
+    }
+
+    /// The same, ended when `stop` says so: then there is none, because of half a subdivision nothing is true.
+    #[must_use]
+    pub fn new_until(polygons: &[SimplePolygon], stop: Stop<'_>) -> Option<Self> {
+        let halt = Halt::new(stop);
+        let cuts = Cuts::new(polygons, &halt)?;
+        let graph = Graph::new(&cuts, &halt)?;
         let inside = BitMatrix::new(graph.loops.len(), polygons.len());
         let is_outer = vec![false; graph.loops.len()];
         let mut subdivision = Self { cuts, graph, inside, outer: Vec::new(), is_outer };
-        subdivision.fill(polygons);
-        subdivision
+        subdivision.fill(polygons, &halt);
+        (!halt.was_wished()).then_some(subdivision)
     }
 
     /// The bounded faces that lie in at least one polygon.
@@ -83,12 +91,15 @@ impl Subdivision {
     }
 
     /// Finds for every loop what contains the face on its left: from the outside of each component inwards, one edge at
-    /// a time.
-    fn fill(&mut self, polygons: &[SimplePolygon]) {
+    /// a time. Ends where one should halt.
+    fn fill(&mut self, polygons: &[SimplePolygon], halt: &Halt<'_>) {
         let components = self.components(polygons);
         let boxes: Vec<_> = polygons.iter().map(Extent::of).collect();
         // From left to right, so that what encloses a component comes before it.
         for (component, node) in components {
+            if halt.is_wished() {
+                return;
+            }
             let outer = self.loop_outside(node);
             let around = self.face_below(component, node, &boxes);
             if let Some(around) = around {
@@ -96,7 +107,7 @@ impl Subdivision {
             }
             self.is_outer[outer as usize] = true;
             self.outer.push((outer, around));
-            self.spread(outer);
+            self.spread(outer, halt);
         }
     }
 
@@ -171,12 +182,12 @@ impl Subdivision {
     }
 
     /// From one loop to all of its component: across an edge of a polygon one is in it if one was not.
-    fn spread(&mut self, first: u32) {
+    fn spread(&mut self, first: u32, halt: &Halt<'_>) {
         let mut known = vec![first];
         let mut seen = std::mem::take(&mut self.is_outer);
         seen[first as usize] = true;
         let mut reached = vec![first];
-        while let Some(number) = known.pop() {
+        while let Some(number) = known.pop().filter(|_| !halt.is_wished()) {
             let start = self.graph.loops[number as usize];
             let mut half_edge = start;
             loop {

@@ -8,6 +8,8 @@ use proptest::prelude::*;
 use super::super::plan::contains;
 use super::Subdivision;
 use crate::geometry::SimplePolygon;
+use crate::point_sampling::Scene;
+use crate::search::check_stopping_of_making;
 
 /// A union of unit cells of a small board as a rectangle or an L, so that edges coincide, touch and cross in every way.
 fn on_a_board() -> impl Strategy<Value = SimplePolygon> {
@@ -176,6 +178,19 @@ fn a_hole_between_polygons_is_no_region() {
     let frame = [bar(0.0, 0.0, 3.0, 1.0), bar(0.0, 2.0, 3.0, 3.0), bar(0.0, 0.0, 1.0, 3.0), bar(2.0, 0.0, 3.0, 3.0)];
     let subdivision = Subdivision::new(&frame);
     assert_eq!((subdivision.regions().count(), subdivision.holes()), (8, 1));
+}
+
+#[test]
+fn a_subdivision_and_a_scene_in_the_making_can_be_stopped() {
+    let square =
+        |a: f64| SimplePolygon::new([[a, a], [a + 0.3, a], [a + 0.3, a + 0.3], [a, a + 0.3]].map(Point2::from));
+    let squares: Vec<_> = [0.0, 0.1, 0.2, 0.5].map(|a| square(a).unwrap()).to_vec();
+    check_stopping_of_making(|stop| Subdivision::new_until(&squares, stop));
+    check_stopping_of_making(|stop| Scene::new_until(&squares, stop));
+    let asked = std::cell::Cell::new(0);
+    let stop = || asked.replace(asked.get() + 1) == 2;
+    assert!(Subdivision::new_until(&squares, &stop).is_none());
+    assert_eq!(asked.get(), 3, "it is not asked again");
 }
 
 #[test]

@@ -23,7 +23,7 @@ pub trait ContactModel: Copy {
     /// At 0 and below, no contact force fits a sliding part.
     fn sliding_denominator(&self, signed_friction: f64, state: &State) -> f64;
     /// Velocity of the centre of mass, m/s.
-    fn velocity(&self, contact: &ContactMode, time: f64, state: &State) -> [f64; 2];
+    fn velocity(&self, contact: &ContactMode, time: f64, state: &State) -> Vector2<f64>;
     /// The centre of mass, m.
     fn centre_of_mass(&self, time: f64, state: &State) -> Point2<f64>;
     /// Turn from world to part axes, rad, continuous in the state.
@@ -62,7 +62,7 @@ impl ContactModel for PushModel<'_> {
         self.sliding_denominator(signed_friction, state.s)
     }
 
-    fn velocity(&self, contact: &ContactMode, time: f64, state: &State) -> [f64; 2] {
+    fn velocity(&self, contact: &ContactMode, time: f64, state: &State) -> Vector2<f64> {
         self.velocity(contact, time, state)
     }
 
@@ -122,7 +122,7 @@ impl ContactModel for ShapedModel<'_> {
         self.sliding_denominator(signed_friction, state)
     }
 
-    fn velocity(&self, contact: &ContactMode, time: f64, state: &State) -> [f64; 2] {
+    fn velocity(&self, contact: &ContactMode, time: f64, state: &State) -> Vector2<f64> {
         self.velocity(contact, time, state)
     }
 
@@ -184,7 +184,7 @@ pub(super) fn rest_start(
     s: f64,
 ) -> Result<RestStart, RestError> {
     let state = State { u, s, omega: 0.0, v_t: 0.0 };
-    let (normal, acceleration) = (normal(model, &state), Vector2::from(model.path().acceleration));
+    let (normal, acceleration) = (normal(model, &state), model.path().acceleration);
     let at_rest = AtRest {
         body: model.body(),
         mu_g: model.mu_g(),
@@ -210,7 +210,7 @@ impl<T: Scalar> PushModel<'_, T> {
     /// The state so shortly (`span`, s) after a start from rest at `[u, s]` that the accelerations `[alpha, a_t]` of
     /// the start still hold, with the finger at rest at first too. For starts whose numbers carry derivatives.
     pub(crate) fn after_rest(&self, [u, s]: [T; 2], [alpha, a_t]: [T; 2], span: f64) -> State<T> {
-        let ((sin, cos), [x, y]) = (u.sin_cos(), self.finger.acceleration);
+        let ((sin, cos), [x, y]) = (u.sin_cos(), self.finger.acceleration.into());
         let finger_a_t = cos * y - sin * x;
         let half = 0.5 * span * span;
         State {

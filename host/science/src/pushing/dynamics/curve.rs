@@ -14,6 +14,8 @@
 //! Frames: finger from its centre, world axes; part from its centre of mass, its own axes (`body`). Units: SI.
 //! Errors: none.
 
+use nalgebra::Vector2;
+
 use super::model::Edge;
 use super::scalar::Scalar;
 
@@ -44,7 +46,7 @@ pub enum PartSide {
         /// Along x and y, m.
         semi_axes: [f64; 2],
         /// Its middle as seen from the centre of mass, part axes, m.
-        middle: [f64; 2],
+        middle: Vector2<f64>,
     },
 }
 
@@ -83,8 +85,8 @@ impl FingerShape {
 
     /// The point at parameter `u`, from the finger's own point, world axes, m.
     #[must_use]
-    pub fn point(&self, u: f64) -> [f64; 2] {
-        self.at(u).place
+    pub fn point(&self, u: f64) -> Vector2<f64> {
+        self.at(u).place.into()
     }
 
     /// Angle of the outward normal at parameter `u`, rad; continuous along the outline.
@@ -156,7 +158,6 @@ pub(super) fn dot<T: Scalar>(a: [T; 2], b: [T; 2]) -> T {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Vector2;
     use proptest::prelude::*;
 
     use super::*;

@@ -53,7 +53,8 @@ struct Components<T> {
 
 impl<T: Scalar> Components<T> {
     /// Those of a world vector at contact angle u, given sin u and cos u.
-    fn of([x, y]: [T; 2], (sin, cos): (T, T)) -> Self {
+    fn of(vector: Vector2<T>, (sin, cos): (T, T)) -> Self {
+        let [x, y] = vector.into();
         Self { n: -(cos * x + sin * y), t: cos * y - sin * x }
     }
 }
@@ -114,11 +115,11 @@ impl<T: Scalar> PushModel<'_, T> {
 
     /// Velocity of the centre of mass, world axes, m/s.
     #[must_use]
-    pub fn velocity(&self, contact: &ContactMode<T>, time: f64, state: &State<T>) -> [T; 2] {
+    pub fn velocity(&self, contact: &ContactMode<T>, time: f64, state: &State<T>) -> Vector2<T> {
         let (sin, cos) = state.u.sin_cos();
         let finger = Components::of(self.finger.velocity(time), (sin, cos));
         let Components { n, t } = self.part_velocity(contact, finger, state);
-        [-(cos * n) - sin * t, cos * t - sin * n]
+        Vector2::new(-(cos * n) - sin * t, cos * t - sin * n)
     }
 
     #[inline]

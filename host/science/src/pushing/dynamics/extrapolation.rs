@@ -150,6 +150,7 @@ impl<M: ContactModel> Extrapolation<'_, M> {
 mod tests {
     use std::f64::consts::PI;
 
+    use nalgebra::{Point2, Vector2};
     use proptest::prelude::*;
 
     use super::*;
@@ -167,8 +168,9 @@ mod tests {
             sideways in -0.05..0.05, until in 0.2..1.0,
         ) {
             let body = Body::on_feet(&[], Mass::of_ellipse(part));
-            let side = PartSide::Ellipse { semi_axes: part, middle: [0.0; 2] };
-            let path = FingerPath { centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [sideways, 0.1] };
+            let side = PartSide::Ellipse { semi_axes: part, middle: Vector2::zeros() };
+            let acceleration = Vector2::new(sideways, 0.1);
+            let path = FingerPath { centre0: Point2::origin(), velocity0: Vector2::zeros(), acceleration };
             let shape = FingerShape::Ellipse { semi_axes: finger };
             let model = ShapedModel::new(&body, side, 0.0, shape, path).unwrap();
             let push = ShapedPush::new(model, ContactLaw::Frictionless, Start::Rest { u, s }, EdgeEnd::Extend).unwrap();

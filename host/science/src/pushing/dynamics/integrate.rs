@@ -199,7 +199,7 @@ pub(super) struct Scale(Components);
 impl Scale {
     pub(super) fn of(model: &impl ContactModel, contact: &ContactMode, time: f64, state: &State) -> Self {
         let radius = model.body().inertia_per_mass().sqrt();
-        let [x, y] = model.velocity(contact, time, state);
+        let [x, y] = model.velocity(contact, time, state).into();
         let speed = x.hypot(y) + radius * state.omega.abs() + SPEED_FLOOR;
         Self([1.0, radius, speed / radius, speed])
     }

@@ -128,7 +128,7 @@ pub(crate) fn across<T: Scalar>(
 fn later<'p, T: Scalar>(model: &PushModel<'p, T>, late: T) -> PushModel<'p, T> {
     let mut model = *model;
     let acceleration = model.finger.acceleration;
-    model.finger.velocity0 = [0, 1].map(|i| model.finger.velocity0[i] + acceleration[i] * late);
+    model.finger.velocity0 = model.finger.velocity0.zip_map(&acceleration, |v, a| v + a * late);
     model
 }
 

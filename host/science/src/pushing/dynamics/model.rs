@@ -137,50 +137,51 @@ pub(super) struct Arm<T = f64> {
 
 /// A parabola on which a finger translates.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FingerPath<T = f64> {
+pub struct FingerPath<T: nalgebra::Scalar = f64> {
     /// The finger's own point at t = 0 (the centre of a disk or an ellipse, a point on a line), world axes, m.
-    pub centre0: [f64; 2],
+    pub centre0: Point2<f64>,
     /// Velocity at t = 0, world axes, m/s.
-    pub velocity0: [T; 2],
+    pub velocity0: Vector2<T>,
     /// Acceleration a_F, world axes, m/s².
-    pub acceleration: [T; 2],
+    pub acceleration: Vector2<T>,
 }
 
 impl FingerPath {
     /// The finger's own point at time `t` (s), m.
     #[must_use]
     pub fn centre(&self, t: f64) -> Point2<f64> {
-        let [centre, velocity, acceleration] = [self.centre0, self.velocity0, self.acceleration].map(Vector2::from);
-        Point2::from(centre + velocity * t + acceleration * (0.5 * t * t))
+        self.centre0 + self.velocity0 * t + self.acceleration * (0.5 * t * t)
     }
 }
 
 impl<T: Scalar> FingerPath<T> {
     /// The velocity at time `t` (s), m/s.
     #[must_use]
-    pub fn velocity(&self, t: f64) -> [T; 2] {
-        [0, 1].map(|axis| self.velocity0[axis] + self.acceleration[axis] * t)
+    pub fn velocity(&self, t: f64) -> Vector2<T> {
+        self.velocity0.zip_map(&self.acceleration, |velocity, acceleration| velocity + acceleration * t)
     }
 }
 
 /// A disk that translates on a parabola and never turns.
 ///
 /// ```
+/// use nalgebra::{Point2, Vector2};
 /// use palpate::Finger;
 ///
-/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0, 0.02] };
+/// let (velocity0, acceleration) = (Vector2::new(0.0, 0.05), Vector2::new(0.0, 0.02)); // m/s, m/s²
+/// let finger = Finger { radius: 0.01, centre0: Point2::origin(), velocity0, acceleration };
 /// assert!((finger.centre(2.0).y - (0.05 * 2.0 + 0.02 * 2.0)).abs() < 1e-15); // m
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Finger<T = f64> {
+pub struct Finger<T: nalgebra::Scalar = f64> {
     /// Radius r of the disk, m.
     pub radius: f64,
     /// Centre at t = 0, world axes, m.
-    pub centre0: [f64; 2],
+    pub centre0: Point2<f64>,
     /// Velocity at t = 0, world axes, m/s.
-    pub velocity0: [T; 2],
+    pub velocity0: Vector2<T>,
     /// Acceleration a_F, world axes, m/s².
-    pub acceleration: [T; 2],
+    pub acceleration: Vector2<T>,
 }
 
 impl Finger {
@@ -191,7 +192,7 @@ impl Finger {
     }
 }
 
-impl<T: Copy> Finger<T> {
+impl<T: nalgebra::Scalar + Copy> Finger<T> {
     /// Path of the finger's centre, world.
     #[must_use]
     pub fn path(&self) -> FingerPath<T> {
@@ -202,8 +203,8 @@ impl<T: Copy> Finger<T> {
 impl<T: Scalar> Finger<T> {
     /// The velocity at time `t` (s), m/s.
     #[must_use]
-    pub fn velocity(&self, t: f64) -> [T; 2] {
-        [0, 1].map(|axis| self.velocity0[axis] + self.acceleration[axis] * t)
+    pub fn velocity(&self, t: f64) -> Vector2<T> {
+        self.velocity0.zip_map(&self.acceleration, |velocity, acceleration| velocity + acceleration * t)
     }
 }
 
@@ -310,11 +311,12 @@ impl<T: Copy> State<T> {
 /// A part pushed at one of its edges. Parameters of type `T` can carry derivatives.
 ///
 /// ```
-/// use nalgebra::Point2;
+/// use nalgebra::{Point2, Vector2};
 /// use palpate::{Finger, Part, PushModel, SimplePolygon, State};
 ///
 /// let part = Part::uniform(SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?);
-/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+/// let (velocity0, acceleration) = (Vector2::new(0.0, 0.05), Vector2::zeros()); // m/s, m/s²
+/// let finger = Finger { radius: 0.01, centre0: Point2::origin(), velocity0, acceleration };
 /// let model = PushModel { part: &part, edge: part.edge(0)?, mu_g: 0.3 * 9.81, finger };
 /// let state = State { u: std::f64::consts::FRAC_PI_2, s: 0.0, omega: 0.0, v_t: 0.0 };
 /// // The centre of mass is a radius and the edge's height, 2 cm, ahead of the disk's centre.
@@ -322,7 +324,7 @@ impl<T: Copy> State<T> {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Copy, Debug)]
-pub struct PushModel<'p, T = f64> {
+pub struct PushModel<'p, T: nalgebra::Scalar = f64> {
     /// The part on its plane.
     pub part: &'p Part,
     /// The edge in contact.

@@ -100,11 +100,12 @@ pub(super) struct Obstacle {
 /// A disk that pushes an edge of a polygon.
 ///
 /// ```
-/// use nalgebra::Point2;
+/// use nalgebra::{Point2, Vector2};
 /// use palpate::{ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, SimplePolygon, Start};
 ///
 /// let part = Part::uniform(SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?);
-/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [0.0, 0.2] };
+/// let (velocity0, acceleration) = (Vector2::zeros(), Vector2::new(0.0, 0.2)); // m/s, m/s²
+/// let finger = Finger { radius: 0.01, centre0: Point2::origin(), velocity0, acceleration };
 /// let model = PushModel { part: &part, edge: part.edge(0)?, mu_g: 0.3 * 9.81, finger };
 /// // Straight at the middle, from rest: the block goes along without turning.
 /// let start = Start::Rest { u: std::f64::consts::FRAC_PI_2, s: 0.0 };
@@ -120,11 +121,12 @@ pub type ShapedPush<'p> = PushOf<ShapedModel<'p>>;
 /// What is at an edge's vertices.
 ///
 /// ```
-/// use nalgebra::Point2;
+/// use nalgebra::{Point2, Vector2};
 /// use palpate::{ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, SimplePolygon, Start, State};
 ///
 /// let part = Part::uniform(SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?);
-/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.1], acceleration: [0.0; 2] };
+/// let (velocity0, acceleration) = (Vector2::new(0.0, 0.1), Vector2::zeros()); // m/s, m/s²
+/// let finger = Finger { radius: 0.01, centre0: Point2::origin(), velocity0, acceleration };
 /// let model = PushModel { part: &part, edge: part.edge(0)?, mu_g: 1.0, finger };
 /// // Touched 1 mm beyond the vertex: only the edge's line reaches so far.
 /// let start = Start::Moving(State { u: 1.6, s: 0.031, omega: 0.0, v_t: 0.1 });
@@ -259,7 +261,7 @@ impl<M: ContactModel> PushOf<M> {
     ///
     /// # Errors
     /// [`PushError::ChangesOutOfOrder`].
-    pub fn with_changes(mut self, changes: &[(f64, [f64; 2])]) -> Result<Self, PushError> {
+    pub fn with_changes(mut self, changes: &[(f64, Vector2<f64>)]) -> Result<Self, PushError> {
         let mut after = 0.0;
         for &(t, acceleration) in changes {
             if !(t > after && t.is_finite()) {
@@ -293,11 +295,11 @@ impl FingerTrack {
     }
 
     /// Changes the acceleration (m/s², world axes) at `t` (s), later than any change so far.
-    fn turn(&mut self, t: f64, acceleration: [f64; 2]) {
+    fn turn(&mut self, t: f64, acceleration: Vector2<f64>) {
         let path = self.path(t);
-        let [centre, velocity, a] = [path.centre(t).coords, path.velocity(t).into(), acceleration.into()];
-        let centre0: Vector2<f64> = centre - velocity * t + a * (0.5 * t * t);
-        let path = FingerPath { centre0: centre0.into(), velocity0: (velocity - a * t).into(), acceleration };
+        let velocity = path.velocity(t);
+        let centre0 = path.centre(t) - velocity * t + acceleration * (0.5 * t * t);
+        let path = FingerPath { centre0, velocity0: velocity - acceleration * t, acceleration };
         self.pieces.push((t, path));
     }
 
@@ -376,8 +378,9 @@ impl<M: ContactModel> PushOf<M> {
     }
 
     fn check_rest(&self, state: &State) -> Result<(), PushError> {
-        let FingerPath { velocity0: [v_x, v_y], acceleration, .. } = self.model.path();
-        let (speed, toward) = (v_x.hypot(v_y), -normal_of(&self.model, state).dot(&Vector2::from(acceleration)));
+        let FingerPath { velocity0, acceleration, .. } = self.model.path();
+        let speed = velocity0.x.hypot(velocity0.y);
+        let toward = -normal_of(&self.model, state).dot(&acceleration);
         match () {
             () if speed > 0.0 => Err(PushError::FingerMoves { speed }),
             () if toward <= 0.0 => Err(PushError::MovesAway { toward }),

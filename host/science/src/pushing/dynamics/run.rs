@@ -344,7 +344,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
 
     fn speed_is_none(&self, state: &State) -> bool {
         let contact = if self.push.law.rolls() { ContactMode::Rolling } else { ContactMode::Frictionless };
-        state.omega == 0.0 && Vector2::from(self.model().velocity(&contact, 0.0, state)) == Vector2::zeros()
+        state.omega == 0.0 && self.model().velocity(&contact, 0.0, state) == Vector2::zeros()
     }
 
     fn begin_moving(&mut self, state: State) -> Next {
@@ -480,7 +480,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
     /// Whether the part is as good as at rest.
     fn rests(&self, contact: &ContactMode, time: f64, state: &State) -> bool {
         let spin = self.model().body().inertia_per_mass().sqrt() * state.omega.abs();
-        Vector2::from(self.model().velocity(contact, time, state)).norm() + spin < SLIP_NONE
+        self.model().velocity(contact, time, state).norm() + spin < SLIP_NONE
     }
 
     /// Lets part and finger rest until the finger moves again, if ever.
@@ -510,7 +510,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
         if time >= self.horizon(leg.time) {
             return self.change_path(&leg, time, state);
         }
-        let speed = |time, state| Vector2::from(self.model().velocity(&leg.contact, time, state)).norm();
+        let speed = |time, state| self.model().velocity(&leg.contact, time, state).norm();
         if self.rests(&leg.contact, time, &state) && speed(time, &state) < speed(leg.time, &leg.state) {
             let horizon = self.horizon(leg.time);
             if horizon < self.time_end && horizon - time < PAUSE_NEAR {
@@ -625,8 +625,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
         let state = State { omega: 0.0, v_t: 0.0, ..state };
         // A finger at rest that stays at rest pushes nothing: wait for its next change.
         let path = self.model().path();
-        if Vector2::from(path.acceleration) == Vector2::zeros() && Vector2::from(path.velocity(time)).norm() < SLIP_NONE
-        {
+        if path.acceleration == Vector2::zeros() && path.velocity(time).norm() < SLIP_NONE {
             return self.wait(time, state);
         }
         // The accelerations at the start, in place of (5.21) and (5.22), and the first leg.
@@ -710,7 +709,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
     /// How the slip begins to grow in a start from rest, m/s².
     fn slip_rate(&self, start: &RestStart, state: &State) -> f64 {
         let (model, normal) = (self.model(), normal(self.model(), state));
-        let finger = -normal.perp(&Vector2::from(model.path().acceleration));
+        let finger = -normal.perp(&model.path().acceleration);
         finger + arm(model, state).height * start.alpha - start.a_t
     }
 
@@ -771,7 +770,7 @@ fn sample<M: ContactModel>(model: &M, t: f64, contact: &ContactMode, state: &Sta
         contact: *contact,
         position: centre_of_mass - Rotation2::new(theta) * model.body().centre_of_mass().coords,
         theta,
-        velocity: model.velocity(contact, t, &state).into(),
+        velocity: model.velocity(contact, t, &state),
         force: Some(motion.force()),
     }
 }

@@ -6,7 +6,7 @@
 //! Assumes: the contact stays as it is; what ends it moves with the parameters and has no part in these derivatives.
 //! Units: SI; derivatives in units of the state over units of the parameter. Errors: none.
 
-use nalgebra::SMatrix;
+use nalgebra::{SMatrix, Vector2};
 
 use super::model::{ContactMode, Finger, PushModel, State};
 use crate::math::Jet;
@@ -35,13 +35,14 @@ pub enum Parameter {
 /// A model, contact and start whose numbers carry derivatives.
 ///
 /// ```
-/// use nalgebra::Point2;
+/// use nalgebra::{Point2, Vector2};
 /// use palpate::geometry::SimplePolygon;
 /// use palpate::pushing::dynamics::{ContactMode, Finger, Parameter, Part, PushModel, Seeded, State, derivatives};
 ///
 /// let block = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?;
 /// let part = Part::uniform(block);
-/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+/// let (velocity0, acceleration) = (Vector2::new(0.0, 0.05), Vector2::zeros()); // m/s, m/s²
+/// let finger = Finger { radius: 0.01, centre0: Point2::origin(), velocity0, acceleration };
 /// let model = PushModel { part: &part, edge: part.edge(0)?, mu_g: 0.3 * 9.81, finger };
 /// let start = State { u: 1.6, s: 0.005, omega: 0.0, v_t: 0.0 };
 /// let seeded = Seeded::new(&model, &ContactMode::Rolling, &start, [Parameter::S]);
@@ -70,8 +71,8 @@ impl<'p, const N: usize> Seeded<'p, N> {
             row.map_or_else(|| Jet::constant(value), |row| Jet::variable(value, row))
         };
         let Finger { radius, centre0, velocity0, acceleration } = model.finger;
-        let axes = |values: [f64; 2], parameter: fn(usize) -> Parameter| {
-            [0, 1].map(|axis| seed(values[axis], parameter(axis)))
+        let axes = |vector: Vector2<f64>, parameter: fn(usize) -> Parameter| {
+            Vector2::from([0, 1].map(|axis| seed(vector[axis], parameter(axis))))
         };
         let finger = Finger {
             radius,

@@ -40,7 +40,7 @@ use super::scalar::Scalar;
 
 /// A part pushed by a finger of any shape. Parameters of type `T` can carry derivatives.
 #[derive(Clone, Copy, Debug)]
-pub struct ShapedModel<'p, T = f64> {
+pub struct ShapedModel<'p, T: nalgebra::Scalar = f64> {
     /// Mass and support of the part.
     pub body: &'p Body,
     /// Where it is touched; for an ellipse, `middle` must be as seen from this body's centre of mass.
@@ -109,7 +109,8 @@ struct Travel<T> {
 }
 
 impl<T: Scalar> Touch<T> {
-    fn components(&self, v: [T; 2]) -> Components<T> {
+    fn components(&self, v: Vector2<T>) -> Components<T> {
+        let v = v.into();
         Components { n: dot(v, self.normal), t: dot(v, left(self.normal)) }
     }
 
@@ -215,11 +216,11 @@ impl<T: Scalar> ShapedModel<'_, T> {
 
     /// Velocity of the centre of mass, world axes, m/s.
     #[must_use]
-    pub fn velocity(&self, contact: &ContactMode<T>, time: f64, state: &State<T>) -> [T; 2] {
+    pub fn velocity(&self, contact: &ContactMode<T>, time: f64, state: &State<T>) -> Vector2<T> {
         let touch = self.touch(state);
         let (velocity, _) = self.velocity_and_slip(&touch, contact, time, state);
         let along = left(touch.normal);
-        [0, 1].map(|axis| touch.normal[axis] * velocity.n + along[axis] * velocity.t)
+        [0, 1].map(|axis| touch.normal[axis] * velocity.n + along[axis] * velocity.t).into()
     }
 
     fn velocity_and_slip(

@@ -73,9 +73,9 @@ prop_compose! {
         let toward = Rotation2::new(u + heading) * Vector2::x();
         let finger = Finger {
             radius,
-            centre0: [0.3, -0.2],
-            velocity0: [toward.x * speed, toward.y * speed],
-            acceleration: [toward.x * acceleration, toward.y * acceleration],
+            centre0: Point2::new(0.3, -0.2),
+            velocity0: Vector2::new(toward.x * speed, toward.y * speed),
+            acceleration: Vector2::new(toward.x * acceleration, toward.y * acceleration),
         };
         let start = State { u, s: place.s_min + share * (place.s_max - place.s_min), omega, v_t };
         Scene { outline, edge, mu_g, finger, start }
@@ -156,17 +156,17 @@ fn scaled(scene: &Scene) -> Scene {
 
 /// The scene seen in a mirror on the y-axis of the world and on that of the part.
 fn mirrored(scene: &Scene) -> Scene {
-    let flip = |[x, y]: [f64; 2]| [-x, y];
+    let flip = |vector: Vector2<f64>| Vector2::new(-vector.x, vector.y);
     let State { u, s, omega, v_t } = scene.start;
     let n = scene.outline.len();
     Scene {
-        outline: scene.outline.iter().rev().map(|point| flip((*point).into()).into()).collect(),
+        outline: scene.outline.iter().rev().map(|point| flip(point.coords).into()).collect(),
         // Reversed, edge i runs from what was vertex n − 1 − i to the one before.
         edge: (2 * n - 2 - scene.edge) % n,
         mu_g: scene.mu_g,
         finger: Finger {
             radius: scene.finger.radius,
-            centre0: flip(scene.finger.centre0),
+            centre0: flip(scene.finger.centre0.coords).into(),
             velocity0: flip(scene.finger.velocity0),
             acceleration: flip(scene.finger.acceleration),
         },
@@ -175,10 +175,10 @@ fn mirrored(scene: &Scene) -> Scene {
 }
 
 fn turned(scene: &Scene, angle: f64) -> Scene {
-    let turn = |axes: [f64; 2]| (Rotation2::new(angle) * Vector2::from(axes)).into();
+    let turn = Rotation2::new(angle);
     let Finger { radius, centre0, velocity0, acceleration } = scene.finger;
     let finger =
-        Finger { radius, centre0: turn(centre0), velocity0: turn(velocity0), acceleration: turn(acceleration) };
+        Finger { radius, centre0: turn * centre0, velocity0: turn * velocity0, acceleration: turn * acceleration };
     Scene { finger, start: State { u: scene.start.u + angle, ..scene.start }, ..scene.clone() }
 }
 
@@ -212,7 +212,7 @@ proptest! {
     /// work.
     #[test]
     fn without_any_friction_energy_relative_to_a_steady_finger_is_kept(scene in possible_scenes()) {
-        let scene = Scene { mu_g: 0.0, finger: Finger { acceleration: [0.0; 2], ..scene.finger }, ..scene };
+        let scene = Scene { mu_g: 0.0, finger: Finger { acceleration: Vector2::zeros(), ..scene.finger }, ..scene };
         let (run, part) = (scene.run(ContactLaw::Frictionless, &[0.0, 0.5]), scene.part());
         let energy = |sample: &Sample| {
             let velocity = sample.velocity - Vector2::from(scene.finger.velocity0);
@@ -420,7 +420,7 @@ proptest! {
     ) {
         let part = scene.part();
         let State { u, s, .. } = scene.start;
-        let finger = [u.cos() * toward, u.sin() * toward];
+        let finger = Vector2::new(u.cos() * toward, u.sin() * toward);
         let model = PushModel { finger: Finger { acceleration: finger, ..scene.finger }, ..scene.model(&part) };
         let contact = if rolls { ContactMode::Rolling } else { ContactMode::Frictionless };
         let start = model.rest_start(&contact, u, s).unwrap();
@@ -448,8 +448,8 @@ proptest! {
     fn a_start_from_rest_goes_on_as_its_motion_does(scene in scenes(), toward in 0.3..3.0, contact in contacts()) {
         let part = scene.part();
         let State { u, s, .. } = scene.start;
-        let acceleration = [u.cos() * toward, u.sin() * toward];
-        let finger = Finger { acceleration, velocity0: [0.0; 2], ..scene.finger };
+        let acceleration = Vector2::new(u.cos() * toward, u.sin() * toward);
+        let finger = Finger { acceleration, velocity0: Vector2::zeros(), ..scene.finger };
         let model = PushModel { finger, ..scene.model(&part) };
         let start = model.rest_start(&contact, u, s).unwrap();
         // A moment later, the state that the start leads to accelerates as the start does.
@@ -680,7 +680,12 @@ fn block() -> Part {
 
 /// The finger of most tests: up at 5 cm/s.
 fn finger() -> Finger {
-    Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] }
+    Finger {
+        radius: 0.01,
+        centre0: Point2::origin(),
+        velocity0: Vector2::new(0.0, 0.05),
+        acceleration: Vector2::zeros(),
+    }
 }
 
 #[test]
@@ -713,7 +718,7 @@ fn a_block_pushed_at_its_middle_goes_straight() {
 fn a_finger_that_stops_loses_the_part_where_it_stops() {
     let part = block();
     // Slower to brake than friction would be, so that the part is pushed to the end: at rest after 1 s.
-    let finger = Finger { acceleration: [0.0, -0.05], ..finger() };
+    let finger = Finger { acceleration: Vector2::new(0.0, -0.05), ..finger() };
     let model = PushModel { part: &part, edge: part.edge(0).unwrap(), mu_g: 2.943, finger };
     let start = Start::Moving(State { u: PI / 2.0, s: 0.004, omega: 0.3, v_t: 0.0 });
     let run =

@@ -40,11 +40,12 @@ impl Nearness {
 /// observation.
 ///
 /// ```
-/// use nalgebra::Point2;
+/// use nalgebra::{Point2, Vector2};
 /// use palpate::*;
 ///
 /// let part = Part::uniform(SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?);
-/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+/// let (velocity0, acceleration) = (Vector2::new(0.0, 0.05), Vector2::zeros()); // m/s, m/s²
+/// let finger = Finger { radius: 0.01, centre0: Point2::origin(), velocity0, acceleration };
 /// let known = Known { part: &part, mu_g: 0.3 * GRAVITY_ASSUMED, finger, touch: Touch::Rolling { friction: None } };
 /// let measured = Measured::ContactAngle(Channel { values: vec![1.6, 1.605, 1.62, 1.64, 1.67], sigma: 2e-3 }); // rad
 /// let observation = Observation { dt: 0.05, measured, prior: Prior::default() };
@@ -72,11 +73,12 @@ pub trait Observer {
 /// What an observation says.
 ///
 /// ```
-/// use nalgebra::Point2;
+/// use nalgebra::{Point2, Vector2};
 /// use palpate::{Channel, Finger, Known, Measured, Observation, Observer, Part, Prior, SimplePolygon, Touch};
 ///
 /// let part = Part::uniform(SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?);
-/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+/// let (velocity0, acceleration) = (Vector2::new(0.0, 0.05), Vector2::zeros()); // m/s, m/s²
+/// let finger = Finger { radius: 0.01, centre0: Point2::origin(), velocity0, acceleration };
 /// let known = Known { part: &part, mu_g: 0.3 * 9.81, finger, touch: Touch::Rolling { friction: None } };
 /// let values = vec![1.6, 1.605, 1.62, 1.64, 1.67]; // rad
 /// let measured = Measured::ContactAngle(Channel { values, sigma: 2e-3 });
@@ -140,11 +142,12 @@ pub enum Status {
 /// One explanation of the data: a local minimum of the cost.
 ///
 /// ```
-/// use nalgebra::Point2;
+/// use nalgebra::{Point2, Vector2};
 /// use palpate::*;
 ///
 /// let part = Part::uniform(SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?);
-/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+/// let (velocity0, acceleration) = (Vector2::new(0.0, 0.05), Vector2::zeros()); // m/s, m/s²
+/// let finger = Finger { radius: 0.01, centre0: Point2::origin(), velocity0, acceleration };
 /// let known = Known { part: &part, mu_g: 0.3 * GRAVITY_ASSUMED, finger, touch: Touch::Rolling { friction: None } };
 /// let measured = Measured::ContactAngle(Channel { values: vec![1.6, 1.605, 1.62, 1.64, 1.67], sigma: 2e-3 }); // rad
 /// let observation = Observation { dt: 0.05, measured, prior: Prior::default() };

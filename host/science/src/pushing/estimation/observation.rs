@@ -3,7 +3,7 @@
 //! Frames: world, unless named. Units: SI, forces per unit mass of the part. Errors: none; the caller has checked the
 //! values.
 
-use nalgebra::Vector2;
+use std::ops::RangeInclusive;
 
 use crate::pushing::dynamics::contact_mode::ContactFriction;
 use crate::pushing::dynamics::{ContactLaw, ContactMode, Edge, Finger, Part, PushModel};
@@ -11,11 +11,12 @@ use crate::pushing::dynamics::{ContactLaw, ContactMode, Edge, Finger, Part, Push
 /// What is known of a push beforehand.
 ///
 /// ```
-/// use nalgebra::Point2;
+/// use nalgebra::{Point2, Vector2};
 /// use palpate::{Finger, Known, Part, SimplePolygon, Touch};
 ///
 /// let part = Part::uniform(SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?);
-/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+/// let (velocity0, acceleration) = (Vector2::new(0.0, 0.05), Vector2::zeros()); // m/s, m/s²
+/// let finger = Finger { radius: 0.01, centre0: Point2::origin(), velocity0, acceleration };
 /// let known = Known { part: &part, mu_g: 0.3 * 9.81, finger, touch: Touch::Rolling { friction: None } };
 /// assert_eq!(known.part.polygon().vertices().len(), 4);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -51,7 +52,7 @@ impl Touch {
 impl<'p> Known<'p> {
     /// Whether the finger is at rest at t = 0, and with it the part.
     pub(super) fn starts_at_rest(&self) -> bool {
-        Vector2::from(self.finger.velocity0).norm() <= REST_SPEED
+        self.finger.velocity0.norm() <= REST_SPEED
     }
 
     /// The dynamics with one edge in contact.
@@ -121,7 +122,7 @@ pub struct Channel {
 ///
 /// // A sensor that tells the force's direction, but not where it is touched.
 /// let direction = Some(Channel { values: vec![1.5, 1.52], sigma: 5e-3 }); // rad
-/// let felt = Measured::Force { direction, magnitude: None, u0_range: Some([1.0, 2.0]), mass_is_unknown: false };
+/// let felt = Measured::Force { direction, magnitude: None, u0_range: Some(1.0..=2.0), mass_is_unknown: false };
 /// assert!(matches!(felt, Measured::Force { magnitude: None, .. }));
 /// ```
 #[derive(Clone, Debug, PartialEq)]
@@ -134,8 +135,8 @@ pub enum Measured {
         direction: Option<Channel>,
         /// Natural logarithms of the force per mass in m/s².
         magnitude: Option<Channel>,
-        /// Where the contact angle at t = 0 can be, rad, in order; anywhere if none.
-        u0_range: Option<[f64; 2]>,
+        /// Where the contact angle at t = 0 can be, rad; anywhere if none.
+        u0_range: Option<RangeInclusive<f64>>,
         /// The part's mass is not known, or the force's unit: magnitudes are right but for a factor that they share.
         mass_is_unknown: bool,
     },

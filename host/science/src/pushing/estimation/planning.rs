@@ -19,7 +19,7 @@
 //! compared as long as both hypotheses keep the contact, so losing it is never taken as evidence. Frames: world. Units:
 //! SI, rad. Errors: none; a motion that a hypothesis does not survive counts as telling nothing.
 
-use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
+use nalgebra::{DMatrix, DVector, Matrix4, Point2, Vector2, Vector4};
 
 use super::hypotheses::Belief;
 use crate::math::least_squares::{
@@ -28,6 +28,7 @@ use crate::math::least_squares::{
 use crate::math::statistics::normal_tail;
 use crate::pushing::dynamics::{EdgeEnd, Finger, Part, Push, PushModel, PushRun, Sample, Start, State};
 use crate::pushing::finger_motion::Segment;
+use crate::search::{Halt, Searched, Stop, never};
 
 /// Distance D² of two hypotheses below which they count as ambiguous: a wrong choice in one case of 740.
 pub const AMBIGUOUS_BELOW: f64 = 36.0;
@@ -97,9 +98,9 @@ pub struct Present<'p> {
     /// Radius of the disk, m.
     pub radius: f64,
     /// Centre of the disk, world axes, m.
-    pub centre: [f64; 2],
+    pub centre: Point2<f64>,
     /// Velocity of the disk, world axes, m/s.
-    pub velocity: [f64; 2],
+    pub velocity: Vector2<f64>,
 }
 
 /// A way for the finger to go on.
@@ -154,25 +155,25 @@ impl Prospect {
 impl PlannedMotion {
     /// One acceleration (m/s²) for some time (s).
     #[must_use]
-    pub fn steady(name: &'static str, acceleration: [f64; 2], seconds: f64) -> Self {
+    pub fn steady(name: &'static str, acceleration: Vector2<f64>, seconds: f64) -> Self {
         Self { name, segments: vec![Segment { seconds, acceleration }] }
     }
 
     /// The greatest speed (m/s) of a finger that does this from a velocity (m/s) on.
     #[must_use]
-    pub fn top_speed(&self, velocity: [f64; 2]) -> f64 {
+    pub fn top_speed(&self, velocity: Vector2<f64>) -> f64 {
         // Within a segment speed squared is a parabola that opens upwards: greatest at an end.
         let ends = self.segments.iter().scan(velocity, |velocity, segment| {
-            *velocity = [0, 1].map(|axis| velocity[axis] + segment.acceleration[axis] * segment.seconds);
+            *velocity += segment.acceleration * segment.seconds;
             Some(*velocity)
         });
-        std::iter::once(velocity).chain(ends).map(|[x, y]| x.hypot(y)).fold(0.0, f64::max)
+        std::iter::once(velocity).chain(ends).map(|v| v.x.hypot(v.y)).fold(0.0, f64::max)
     }
 
     /// Whether the finger goes on as it does.
     #[must_use]
     pub fn is_straight(&self) -> bool {
-        self.segments.iter().flat_map(|segment| segment.acceleration).all(|component| component == 0.0)
+        self.segments.iter().all(|segment| segment.acceleration == Vector2::zeros())
     }
 }
 
@@ -181,13 +182,12 @@ impl PlannedMotion {
 ///
 /// `ahead` is where the finger goes, of any length above 0; `acceleration` is in m/s².
 #[must_use]
-pub fn motions(ahead: [f64; 2], acceleration: f64, seconds: f64) -> Vec<PlannedMotion> {
-    let length = ahead[0].hypot(ahead[1]);
-    let [x, y] = ahead.map(|component| component / length * acceleration);
-    let half = std::f64::consts::FRAC_1_SQRT_2;
-    let (left, right) = ([-y, x], [y, -x]);
-    let between = |side: [f64; 2]| [half * (x + side[0]), half * (y + side[1])];
-    let over = |name, first: [f64; 2], then: [f64; 2]| {
+pub fn motions(ahead: Vector2<f64>, acceleration: f64, seconds: f64) -> Vec<PlannedMotion> {
+    let length = ahead.x.hypot(ahead.y);
+    let ahead = ahead.map(|component| component / length * acceleration);
+    let (left, right) = (Vector2::new(-ahead.y, ahead.x), Vector2::new(ahead.y, -ahead.x));
+    let between = |side: Vector2<f64>| std::f64::consts::FRAC_1_SQRT_2 * (ahead + side);
+    let over = |name, first: Vector2<f64>, then: Vector2<f64>| {
         let turn = OVER_AFTER * seconds;
         let segments = [(turn, first), (seconds - turn, then)];
         PlannedMotion {
@@ -197,10 +197,10 @@ pub fn motions(ahead: [f64; 2], acceleration: f64, seconds: f64) -> Vec<PlannedM
     };
     let steady = |name, acceleration| PlannedMotion::steady(name, acceleration, seconds);
     vec![
-        steady("straight on", [0.0; 2]),
+        steady("straight on", Vector2::zeros()),
         steady("to the left", left),
         steady("to the right", right),
-        steady("faster ahead", [x, y]),
+        steady("faster ahead", ahead),
         steady("ahead and left", between(left)),
         steady("ahead and right", between(right)),
         over("left, then right", left, right),
@@ -224,14 +224,27 @@ pub fn prospects(
     motions: &[PlannedMotion],
     sampling: Sampling,
 ) -> Vec<Prospect> {
+    prospects_until(present, beliefs, motions, sampling, &never).found
+}
+
+/// The same, ended when `stop` says so: then of the motions that were judged by then, in the order given.
+#[must_use]
+pub fn prospects_until(
+    present: &Present<'_>,
+    beliefs: &[Belief],
+    motions: &[PlannedMotion],
+    sampling: Sampling,
+    stop: Stop<'_>,
+) -> Searched<Vec<Prospect>> {
+    let halt = Halt::new(stop);
     let prospect = |motion: &PlannedMotion| {
-        let foreseen: Vec<_> =
-            beliefs.iter().map(|belief| Foreseen::of(&Ahead { present, belief, motion, sampling })).collect();
-        judge(motion, beliefs, &foreseen, sampling)
+        let foreseen = |belief| (!halt.is_wished()).then(|| Foreseen::of(&Ahead { present, belief, motion, sampling }));
+        let foreseen = beliefs.iter().map(foreseen).collect::<Option<Vec<_>>>()?;
+        Some(judge(motion, beliefs, &foreseen, sampling))
     };
-    let mut prospects: Vec<_> = motions.iter().map(prospect).collect();
+    let mut prospects: Vec<_> = motions.iter().map_while(prospect).collect();
     prospects.sort_by(|a, b| a.risk.total_cmp(&b.risk));
-    prospects
+    halt.searched(prospects)
 }
 
 /// dt, 2 dt, … up to an instant, at least one.
@@ -263,7 +276,7 @@ impl Ahead<'_, '_> {
         let mut all = Vec::new();
         let Present { radius, centre, velocity, .. } = *self.present;
         let (mut state, mut finger) =
-            (state, Finger { radius, centre0: centre, velocity0: velocity, acceleration: [0.0; 2] });
+            (state, Finger { radius, centre0: centre, velocity0: velocity, acceleration: Vector2::zeros() });
         for &Segment { seconds, acceleration } in &self.motion.segments {
             finger.acceleration = acceleration;
             let times = times(self.sampling.dt, seconds);
@@ -488,7 +501,7 @@ fn shifted(state: State, by: &Vector4<f64>) -> State {
 
 /// The finger in time since `t`.
 fn after(finger: &Finger, t: f64) -> Finger {
-    Finger { centre0: finger.centre(t).coords.into(), velocity0: finger.velocity(t), ..*finger }
+    Finger { centre0: finger.centre(t), velocity0: finger.velocity(t), ..*finger }
 }
 
 fn slopes(upper: &[Seen], lower: &[Seen], distance: f64) -> Vec<Seen> {
@@ -570,11 +583,10 @@ fn unexplained(difference: &DVector<f64>, spread: &DMatrix<f64>) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Point2;
-
     use super::*;
     use crate::geometry::SimplePolygon;
     use crate::pushing::dynamics::ContactLaw;
+    use crate::search::check_stopping;
 
     /// One value at 100 Hz of a sensor with 0.5° at 2 kHz, rad.
     const SAMPLING: Sampling = Sampling { sensed: SensedAngle::ContactAngle, dt: 0.01, sigma: 0.001_95 };
@@ -588,7 +600,7 @@ mod tests {
 
     /// A disk that moves up into whatever it touches.
     fn present(part: &Part) -> Present<'_> {
-        Present { part, mu_g: 0.3 * 9.81, radius: 0.01, centre: [0.0; 2], velocity: [0.0, SPEED] }
+        Present { part, mu_g: 0.3 * 9.81, radius: 0.01, centre: Point2::origin(), velocity: Vector2::new(0.0, SPEED) }
     }
 
     /// Touched straight ahead, off the foot by `s`, moving along with the finger.
@@ -601,14 +613,14 @@ mod tests {
     }
 
     fn straight() -> PlannedMotion {
-        PlannedMotion::steady("straight on", [0.0; 2], 0.5)
+        PlannedMotion::steady("straight on", Vector2::zeros(), 0.5)
     }
 
     #[test]
     fn nothing_separates_edges_that_are_alike() {
         let part = rectangle(0.06, 0.04);
         let beliefs = [belief(0, 0.005, 1e-4), belief(2, 0.005, 1e-4)];
-        let all = prospects(&present(&part), &beliefs, &motions([0.0, SPEED], LATERAL, 0.5), SAMPLING);
+        let all = prospects(&present(&part), &beliefs, &motions(Vector2::new(0.0, SPEED), LATERAL, 0.5), SAMPLING);
         for prospect in &all {
             let pair = prospect.nearest().unwrap();
             assert!(pair.distance_squared < 1e-6, "{pair:?}");
@@ -622,7 +634,7 @@ mod tests {
         // Pushed through the centre of mass a straight push turns neither edge: only the height of the edge differs.
         let part = rectangle(0.06, 0.03);
         let beliefs = [belief(0, 0.0, 0.0), belief(1, 0.0, 0.0)];
-        let all = prospects(&present(&part), &beliefs, &motions([0.0, SPEED], LATERAL, 0.5), SAMPLING);
+        let all = prospects(&present(&part), &beliefs, &motions(Vector2::new(0.0, SPEED), LATERAL, 0.5), SAMPLING);
         let straight = all.iter().find(|prospect| prospect.motion.is_straight()).unwrap();
         assert!(straight.nearest().unwrap().distance_squared < 1e-6);
         assert!(!all[0].motion.is_straight() && all[0].ambiguous().count() == 0, "{:?}", all[0]);
@@ -645,24 +657,27 @@ mod tests {
             seen.iter().map(|seen| seen.angle).collect::<Vec<_>>()
         };
         let straight =
-            [SensedAngle::ContactAngle, SensedAngle::ForceDirection].map(|sensed| angles([0.0, 0.0], sensed));
+            [SensedAngle::ContactAngle, SensedAngle::ForceDirection].map(|sensed| angles(Vector2::zeros(), sensed));
         assert!(straight[0].iter().zip(&straight[1]).all(|(contact, force)| (contact - force).abs() < 1e-9));
         // The finger drags the part to +x: the force on the part turns from straight up towards +x.
-        let aside = angles([LATERAL, 0.0], SensedAngle::ForceDirection);
-        let contact = angles([LATERAL, 0.0], SensedAngle::ContactAngle);
+        let aside = angles(Vector2::new(LATERAL, 0.0), SensedAngle::ForceDirection);
+        let contact = angles(Vector2::new(LATERAL, 0.0), SensedAngle::ContactAngle);
         assert!(aside.iter().zip(&contact).all(|(force, contact)| force < contact), "{aside:?} {contact:?}");
     }
 
     #[test]
     fn the_top_speed_is_at_the_beginning_or_an_end() {
-        let aside = PlannedMotion::steady("", [0.0, 0.24], 0.5);
-        assert!((aside.top_speed([0.05, 0.0]) - 0.13).abs() < 1e-12);
-        assert!((PlannedMotion::steady("", [-0.1, 0.0], 0.5).top_speed([0.05, 0.0]) - 0.05).abs() < 1e-12);
+        let aside = PlannedMotion::steady("", Vector2::new(0.0, 0.24), 0.5);
+        assert!((aside.top_speed(Vector2::new(0.05, 0.0)) - 0.13).abs() < 1e-12);
+        assert!(
+            (PlannedMotion::steady("", Vector2::new(-0.1, 0.0), 0.5).top_speed(Vector2::new(0.05, 0.0)) - 0.05).abs()
+                < 1e-12
+        );
         let back = PlannedMotion {
-            segments: [0.24, -0.24].map(|y| Segment { seconds: 0.5, acceleration: [0.0, y] }).to_vec(),
+            segments: [0.24, -0.24].map(|y| Segment { seconds: 0.5, acceleration: Vector2::new(0.0, y) }).to_vec(),
             ..aside
         };
-        assert!((back.top_speed([0.05, 0.0]) - 0.13).abs() < 1e-12);
+        assert!((back.top_speed(Vector2::new(0.05, 0.0)) - 0.13).abs() < 1e-12);
     }
 
     #[test]
@@ -685,7 +700,7 @@ mod tests {
         let part = rectangle(0.06, 0.03);
         let beliefs = [belief(0, 0.004, 1e-3), belief(1, 0.004, 1e-3)];
         let present = present(&part);
-        let motion = &motions([0.0, SPEED], LATERAL, 0.3)[7];
+        let motion = &motions(Vector2::new(0.0, SPEED), LATERAL, 0.3)[7];
         let truth = Belief { state: State { s: 0.0049, ..beliefs[0].state }, ..beliefs[0] };
         let seen = Ahead { present: &present, belief: &truth, motion, sampling: SAMPLING }.seen(truth.state);
         let sensed: Vec<_> = seen.iter().map(|seen| seen.angle).collect();
@@ -729,6 +744,19 @@ mod tests {
                 / (covariance[(row, row)] * covariance[(column, column)]).sqrt()
         };
         assert!((0..16).all(|index| relative(index / 4, index % 4).abs() < 1e-12));
+    }
+
+    #[test]
+    fn looking_ahead_can_be_stopped_between_hypotheses() {
+        let part = rectangle(0.06, 0.04);
+        let beliefs = [belief(0, 0.005, 1e-4), belief(1, 0.005, 1e-4)];
+        let offered = motions(Vector2::new(0.0, SPEED), LATERAL, 0.2);
+        check_stopping(|stop| prospects_until(&present(&part), &beliefs, &offered, SAMPLING, stop));
+        // Two motions were judged when it was asked for the fifth time.
+        let asked = std::cell::Cell::new(0);
+        let stop = || asked.replace(asked.get() + 1) == 4;
+        let stopped = prospects_until(&present(&part), &beliefs, &offered, SAMPLING, &stop);
+        assert_eq!((asked.get(), stopped.found.len(), stopped.complete), (5, 2, false));
     }
 
     #[test]

@@ -209,14 +209,19 @@ mod tests {
     /// A finger moved so that its push begins where another one ended.
     fn placed(finger: Finger, from: Pose, to: Pose) -> Finger {
         let turn = Rotation2::new(to.theta - from.theta);
-        let centre = turn * (Point2::from(finger.centre0) - from.origin()) + to.origin().coords;
-        Finger { centre0: centre.into(), acceleration: (turn * Vector2::from(finger.acceleration)).into(), ..finger }
+        let centre = to.origin() + turn * (finger.centre0 - from.origin());
+        Finger { centre0: centre, acceleration: turn * finger.acceleration, ..finger }
     }
 
     #[test]
     fn a_second_push_decides_what_the_first_left_open() {
         let part = part();
-        let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [0.0, 0.12] };
+        let finger = Finger {
+            radius: 0.01,
+            centre0: Point2::origin(),
+            velocity0: Vector2::zeros(),
+            acceleration: Vector2::new(0.0, 0.12),
+        };
         let (measured, _, end) = push(&part, 0, 0.006, finger);
         let (_, start_mode, _) = push(&part, 1, -0.004, finger);
         let second_finger = placed(finger, start_mode, end);

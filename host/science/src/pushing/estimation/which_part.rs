@@ -115,7 +115,7 @@ fn perimeter(part: &Part) -> f64 {
 mod tests {
     use std::f64::consts::FRAC_PI_2;
 
-    use nalgebra::Point2;
+    use nalgebra::{Point2, Vector2};
 
     use super::*;
     use crate::geometry::SimplePolygon;
@@ -125,8 +125,12 @@ mod tests {
     const MU_G: f64 = 0.3 * 9.81;
     const DT: f64 = 0.01; // s
     const SIGMA: f64 = 0.001_95; // rad
-    const FINGER: Finger =
-        Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.06, 0.0] };
+    const FINGER: Finger = Finger {
+        radius: 0.01,
+        centre0: Point2::new(0.0, 0.0),
+        velocity0: Vector2::new(0.0, 0.05),
+        acceleration: Vector2::new(0.06, 0.0),
+    };
 
     fn part(corners: &[[f64; 2]]) -> Part {
         Part::uniform(SimplePolygon::new(corners.iter().copied().map(Point2::from).collect::<Vec<_>>()).unwrap())

@@ -11,7 +11,7 @@
 //! Frames: as [`crate::pushing::dynamics`]. Units: SI; state changes scaled by [`Scales`].
 //! Errors: [`PushObservabilityError`], where there is no window at all.
 
-use nalgebra::{DMatrix, RowDVector, Vector2};
+use nalgebra::{DMatrix, RowDVector};
 
 use crate::math::{Jet, Spectrum};
 use crate::pushing::dynamics::contact_mode::JAM_DENOMINATOR;
@@ -77,14 +77,15 @@ pub enum PushObservabilityError {
 /// [`PushObservabilityError`].
 ///
 /// ```
-/// use nalgebra::Point2;
+/// use nalgebra::{Point2, Vector2};
 /// use palpate::geometry::SimplePolygon;
 /// use palpate::pushing::observability::{Scales, spectrum};
 /// use palpate::pushing::dynamics::{ContactMode, Finger, Part, PushModel, State};
 ///
 /// let block = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?;
 /// let part = Part::uniform(block);
-/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+/// let (velocity0, acceleration) = (Vector2::new(0.0, 0.05), Vector2::zeros()); // m/s, m/s²
+/// let finger = Finger { radius: 0.01, centre0: Point2::origin(), velocity0, acceleration };
 /// let model = PushModel { part: &part, edge: part.edge(0)?, mu_g: 0.3 * 9.81, finger };
 /// let state = State { u: 1.6, s: 0.005, omega: 0.2, v_t: 0.0 };
 /// let scales = Scales { length: 0.02, time: 0.045 };
@@ -143,7 +144,7 @@ impl<'a> Pace<'a> {
 
     /// Of the part, its turning counted at the radius of gyration, m/s.
     fn speed(&self, time: f64, state: &State) -> f64 {
-        let velocity = Vector2::from(self.model.velocity(self.contact, time, state));
+        let velocity = self.model.velocity(self.contact, time, state);
         velocity.norm() + self.model.part.inertia_per_mass().sqrt() * state.omega.abs()
     }
 

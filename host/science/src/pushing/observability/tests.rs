@@ -1,4 +1,4 @@
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector2};
 use proptest::prelude::*;
 
 use super::*;
@@ -22,7 +22,8 @@ fn scales(part: &Part) -> Scales {
 }
 
 fn model(part: &Part, edge: usize, mu_g: f64, velocity0: [f64; 2], acceleration: [f64; 2]) -> PushModel<'_> {
-    let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0, acceleration };
+    let (velocity0, acceleration) = (velocity0.into(), acceleration.into());
+    let finger = Finger { radius: 0.01, centre0: Point2::origin(), velocity0, acceleration };
     PushModel { part, edge: part.edge(edge).unwrap(), mu_g, finger }
 }
 
@@ -91,7 +92,7 @@ proptest! {
         let s = still.edge.s_min + at * (still.edge.s_max - still.edge.s_min);
         let state = State { u, s, omega: 0.0, v_t };
         // The finger slows down as the part does by itself along the normal.
-        let velocity = Vector2::from(still.velocity(&ContactMode::Frictionless, 0.0, &state));
+        let velocity = still.velocity(&ContactMode::Frictionless, 0.0, &state);
         let normal = -Vector2::new(u.cos(), u.sin());
         let slowing = -normal * (normal.dot(&velocity.normalize()) * mu_g);
         let model = model(&part, edge, mu_g, [0.0, speed], slowing.into());
@@ -119,7 +120,7 @@ fn unseen_directions_do_not_change_the_simulated_angle_and_others_do() {
         assert!(change.is_none_or(|change| change < 1e-6), "{unseen:?}: {change:?}");
     }
     for seen in [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]] {
-        let pressed = PushModel { finger: Finger { acceleration: [0.1, 0.01], ..model.finger }, ..model };
+        let pressed = PushModel { finger: Finger { acceleration: Vector2::new(0.1, 0.01), ..model.finger }, ..model };
         let change = change(&pressed, &contact, &state, &seen, &scales).unwrap();
         assert!(change > 0.1, "{seen:?}: {change}");
     }

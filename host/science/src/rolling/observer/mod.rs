@@ -18,6 +18,8 @@ mod search;
 mod track;
 mod verdict;
 
+use std::ops::RangeInclusive;
+
 use nalgebra::{DMatrix, Vector2, Vector3};
 
 pub use track::{Noise, Readings};
@@ -58,7 +60,7 @@ const WIDTHS_SHAPE: [Width; 4] = [
 
 /// What a set of contacts is asked for.
 #[derive(Clone, Debug)]
-pub struct Question {
+pub struct RollQuestion {
     /// The body, or what it may be.
     pub body: BodyKnowledge,
     /// What the contact transmits; both where that is unknown.
@@ -79,8 +81,18 @@ pub enum BodyKnowledge {
     /// An ellipsoid of uniform density with semi-axes in this range, m.
     Ellipsoid {
         /// Least and greatest semi-axis, m.
-        range: [f64; 2],
+        range: RangeInclusive<f64>,
     },
+}
+
+impl BodyKnowledge {
+    /// The lowest and the highest semi-axis, m, where they are to be found.
+    fn semi_axes_range(&self) -> Option<[f64; 2]> {
+        match self {
+            Self::OneOf(_) => None,
+            Self::Ellipsoid { range } => Some([*range.start(), *range.end()]),
+        }
+    }
 }
 
 /// What is known of the palm's acceleration.
@@ -133,7 +145,7 @@ pub enum ObserveError {
     },
 }
 
-impl Question {
+impl RollQuestion {
     /// Everything that explains contacts `u` (m), `dt` seconds apart from t = 0 on.
     ///
     /// # Errors
@@ -145,7 +157,7 @@ impl Question {
     /// The same, ended when `stop` says so: then with the explanations found by then, and never certified.
     ///
     /// # Errors
-    /// As for [`Question::answer`].
+    /// As for [`RollQuestion::answer`].
     pub fn answer_until(
         &self,
         dt: f64,
@@ -181,7 +193,7 @@ impl Question {
         if self.g <= 0.0 {
             return Err(ObserveError::NoGravity);
         }
-        if let BodyKnowledge::Ellipsoid { range: [low, high] } = self.body
+        if let Some([low, high]) = self.body.semi_axes_range()
             && high > low * AXIS_RATIO_MAX
         {
             return Err(ObserveError::AxisRange { low, high });
@@ -193,7 +205,7 @@ impl Question {
         }
         let size = match &self.body {
             BodyKnowledge::OneOf(bodies) => bodies.iter().map(RollingBody::size).fold(f64::INFINITY, f64::min),
-            BodyKnowledge::Ellipsoid { range } => range[0],
+            BodyKnowledge::Ellipsoid { range } => *range.start(),
         };
         let (duration, time) = (readings.duration(), (size / self.g).sqrt());
         if duration < WINDOW_MIN * time {
@@ -229,7 +241,7 @@ impl Question {
                     }
                 }
                 BodyKnowledge::Ellipsoid { range } => {
-                    let shapes = shapes(*range);
+                    let shapes = shapes([*range.start(), *range.end()]);
                     let models = RivalModels { spin, bodies: &shapes };
                     solutions.extend(self.solve_model(readings, models, &WIDTHS_SHAPE[width], halt));
                 }
@@ -261,7 +273,7 @@ impl Question {
         if halt.is_wished() {
             return Vec::new();
         }
-        let range = if let BodyKnowledge::Ellipsoid { range } = self.body { range } else { [0.0, f64::INFINITY] };
+        let range = self.body.semi_axes_range().unwrap_or([0.0, f64::INFINITY]);
         let unknowns = Unknowns { spin, columns: self.columns(), range };
         let pace = self.pace(bodies);
         let coarse = readings.averaged(pace);
@@ -287,7 +299,7 @@ struct RivalModels<'a> {
 /// Size over least radius of curvature of a body that counts as round: that of a 2-3-4 ellipsoid.
 const ROUND: f64 = 3.0;
 
-/// Least [`Question::pace`]: shorter steps would take too long.
+/// Least [`RollQuestion::pace`]: shorter steps would take too long.
 const PACE_MIN: f64 = 0.2;
 
 /// Cost above the best of the search up to which a fit may still turn out to be listed.

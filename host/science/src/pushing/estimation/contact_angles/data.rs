@@ -52,7 +52,7 @@ impl Data {
             Measured::Force { direction, magnitude, u0_range, mass_is_unknown } => Self {
                 direction: direction.as_ref().map(continuous),
                 log_magnitude: magnitude.clone(),
-                u0_range: *u0_range,
+                u0_range: u0_range.as_ref().map(|range| [*range.start(), *range.end()]),
                 mass_is_unknown: *mass_is_unknown && magnitude.is_some(),
                 ..none
             },

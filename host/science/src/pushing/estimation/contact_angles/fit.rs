@@ -74,7 +74,7 @@ const SPEED_SHARE: f64 = 0.7;
 /// A part that rolls on the finger moves about as fast as it does; one that slides along it, as fast as it moves into
 /// the part.
 pub(super) fn relaxation_time(known: &Known, data: &Data, time: f64) -> f64 {
-    let velocity = Vector2::from(known.finger.velocity(time));
+    let velocity = known.finger.velocity(time);
     let angle = || {
         let angle = data.angle_near(time)?;
         Some(Vector2::new(angle.cos(), angle.sin()))

@@ -10,8 +10,6 @@
 //!
 //! Frames: world. Units: SI. Errors: none; a start without a pushing force is none.
 
-use nalgebra::Vector2;
-
 use super::path::{ContactInterval, InitialState, lifted};
 use crate::math::Jet;
 use crate::pushing::dynamics::contact_mode::ContactFriction;
@@ -147,7 +145,7 @@ fn no_slip<T: Scalar>(touch: Touch, model: &PushModel<T>, state: &State<T>) -> C
 
 /// How long a start from rest is followed in closed form, s: until the part has gone this share of its size.
 pub(in crate::pushing::estimation) fn rest_span(known: &Known, share: f64) -> f64 {
-    let acceleration = Vector2::from(known.finger.acceleration).norm();
+    let acceleration = known.finger.acceleration.norm();
     (2.0 * share * known.part.inertia_per_mass().sqrt() / acceleration).sqrt()
 }
 
@@ -201,7 +199,7 @@ fn rest_start(
     u: f64,
     s: f64,
 ) -> Option<(ContactMode, RestStart)> {
-    let [x, y] = known.finger.acceleration;
+    let [x, y] = known.finger.acceleration.into();
     if x.hypot(y) <= 0.0 {
         return Some((ContactMode::Frictionless, NO_START)); // Nothing ever moves.
     }

@@ -53,7 +53,7 @@ pub(super) fn settled(model: &PushModel, touch: Touch, slip: Option<Slip>, time:
 /// The motion of a part at rest that a moving finger without friction strikes: near the settled one also where that
 /// turns about a point inside the part, which Newton's steps from far away miss.
 fn struck(model: &PushModel, time: f64, at: &State) -> State {
-    let ((sin, cos), [x, y]) = (at.u.sin_cos(), model.finger.velocity(time));
+    let ((sin, cos), [x, y]) = (at.u.sin_cos(), model.finger.velocity(time).into());
     let into = cos * x + sin * y;
     State { omega: into * at.s / (model.part.inertia_per_mass() + at.s * at.s), v_t: 0.0, ..*at }
 }

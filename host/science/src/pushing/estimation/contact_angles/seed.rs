@@ -13,8 +13,6 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::Vector2;
-
 use super::clock::count;
 use super::data::{Data, Local, local};
 use super::fit::{Candidate, Fitting, relaxation_time};
@@ -327,7 +325,7 @@ fn slip_of(known: &Known, start_mode: StartMode) -> Option<Slip> {
 /// others.
 fn along_contact(known: &Known, model: &PushModel, start_mode: StartMode, near: &State) -> Vec<f64> {
     let StartMode::Slips(slip) = start_mode else { return vec![near.v_t] };
-    let speed = Vector2::from(known.finger.velocity0).norm();
+    let speed = known.finger.velocity0.norm();
     let rolling = model.rolling_v_t(0.0, near);
     // The settled slip of a contact that slides on, and that of a part at rest, which the finger drags along.
     let slips = [rolling - near.v_t, rolling].map(|v_t| v_t * slip.sign());
@@ -377,7 +375,8 @@ fn start_angles(fitting: &Fitting, angles: Option<&[f64]>) -> Vec<Local> {
     let [low, high] = data.u0_range.unwrap_or_else(|| {
         // The finger pushes ahead of itself.
         let finger = &fitting.known.finger;
-        let [x, y] = if fitting.known.starts_at_rest() { finger.acceleration } else { finger.velocity0 };
+        let toward = if fitting.known.starts_at_rest() { finger.acceleration } else { finger.velocity0 };
+        let [x, y] = toward.into();
         let ahead = y.atan2(x);
         [ahead - 0.5 * TAU, ahead + 0.5 * TAU]
     });
@@ -441,7 +440,7 @@ impl StartGrid<'_, '_> {
         for omega in omegas {
             let mut along = along_contact(known, model, start_mode, &State { omega, ..from });
             if width == Width::Wide || !settles {
-                let speed = Vector2::from(known.finger.velocity0).norm();
+                let speed = known.finger.velocity0.norm();
                 match start_mode {
                     StartMode::Free => along.extend(ALONG.map(|share| share * speed)),
                     StartMode::Slips(_) => along.extend(ALONG.map(|share| share.abs() * speed)),

@@ -9,7 +9,7 @@
 use std::cell::Cell;
 use std::f64::consts::TAU;
 
-use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix4, Matrix5, Vector2, Vector5};
+use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix4, Matrix5, Vector5};
 
 use super::clock::{Fineness, count};
 use super::contact_intervals::contact_intervals;
@@ -187,7 +187,7 @@ impl<'a, 'p> Task<'a, 'p> {
 
     /// Takes all candidates down until one should halt.
     fn descend(&self, fitting: &Fitting, candidates: &[Candidate]) -> Vec<Descent> {
-        descend_patiently(fitting, candidates, ROUNDS_MAX, self.halt)
+        descend_together(fitting, candidates, self.halt)
     }
 
     /// An estimate that explains the data; none where a search of this width finds nothing that does.
@@ -351,15 +351,17 @@ fn polished(finer: &Fitting, descent: &Descent) -> Option<Descent> {
     (!rough).then_some(polished)
 }
 
-/// Takes all candidates down, and gives up those that cannot come near the best.
-pub(super) fn descend_together(fitting: &Fitting, candidates: &[Candidate]) -> Vec<Descent> {
-    descend_patiently(fitting, candidates, ROUNDS_MAX, &Halt::new(&never))
+/// Takes all candidates down, and gives up those that cannot come near the best, until one should halt: what has not
+/// come to its minimum by then is dropped.
+pub(super) fn descend_together(fitting: &Fitting, candidates: &[Candidate], halt: &Halt<'_>) -> Vec<Descent> {
+    descend_patiently(fitting, candidates, ROUNDS_MAX, halt)
 }
 
-/// The same, until one should halt: what has not come to its minimum by then is dropped. After some rounds those are
-/// given up too that lie above a minimum on their own edge: they creep along its valley.
+/// The same. After some rounds those are given up too that lie above a minimum on their own edge: they creep along its
+/// valley.
 fn descend_patiently(fitting: &Fitting, candidates: &[Candidate], patience: usize, halt: &Halt<'_>) -> Vec<Descent> {
-    let mut alive: Vec<_> = candidates.iter().filter_map(|candidate| fitting.descend(*candidate)).collect();
+    let begun = candidates.iter().take_while(|_| !halt.is_wished());
+    let mut alive: Vec<_> = begun.filter_map(|candidate| fitting.descend(*candidate)).collect();
     let mut over: Vec<Descent> = Vec::new();
     for round in 0..ROUNDS_MAX {
         if halt.is_wished() {
@@ -501,7 +503,7 @@ fn judge(fitting: &Fitting, descent: &Descent, start_modes: usize) -> Judged {
         law: fitting.known.touch.law(evaluation.contact_end),
         pose_start: pose(&model, evaluation.start.u, 0.0, &evaluation.start),
         pose_end: pose(&model, evaluation.start.u, time, &evaluation.end),
-        velocity_end: Vector2::from(model.velocity(&evaluation.contact_end, time, &evaluation.end)),
+        velocity_end: model.velocity(&evaluation.contact_end, time, &evaluation.end),
         covariance: state_covariance
             .map(|state| pose_covariance(fitting, descent, &state.fixed_view::<2, 2>(0, 0).into())),
         state_covariance,

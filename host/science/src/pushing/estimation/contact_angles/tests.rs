@@ -4,7 +4,7 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use nalgebra::Vector3;
+use nalgebra::{Point2, Vector2, Vector3};
 
 use crate::geometry::Pose;
 use crate::math::angle::wrap_angle;
@@ -54,7 +54,12 @@ impl Pushed {
             let part = Part::uniform(draw.convex_polygon(7, 0.05));
             let edge_index = draw.index(part.polygon().vertices().len());
             let edge = part.edge(edge_index).unwrap();
-            let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0, 0.02] };
+            let finger = Finger {
+                radius: 0.01,
+                centre0: Point2::origin(),
+                velocity0: Vector2::new(0.0, 0.05),
+                acceleration: Vector2::new(0.0, 0.02),
+            };
             let (u, s) = (FRAC_PI_2 + draw.uniform(-0.3, 0.3), draw.uniform(edge.s_min, edge.s_max));
             let start = State { u, s, omega: draw.normal(), v_t: 0.004 * draw.normal() };
             let model = PushModel { part: &part, edge, mu_g, finger };
@@ -311,7 +316,7 @@ mod magnitudes {
             let mass: f64 = if mass_is_unknown { 0.4 } else { 1.0 };
             let values = pushed.samples.iter().map(|sample| (mass * force(sample)).ln() + SIGMA_LOG * draw.normal());
             let magnitude = Some(Channel { values: values.collect(), sigma: SIGMA_LOG });
-            let u0_range = Some([FRAC_PI_2 - 0.35, FRAC_PI_2 + 0.35]);
+            let u0_range = Some(FRAC_PI_2 - 0.35..=FRAC_PI_2 + 0.35);
             let measured = Measured::Force { direction: None, magnitude, u0_range, mass_is_unknown };
             let answer = estimate(&pushed.known(), &Observation { dt: DT, measured, prior: PRIOR });
             let is_truth = |found: &Hypothesis| {

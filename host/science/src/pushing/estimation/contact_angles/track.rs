@@ -27,6 +27,7 @@ use super::select::{REST_ERROR, descend_together, fineness, judge_all, least_cos
 use crate::pushing::dynamics::{ContactMode, Finger};
 use crate::pushing::estimation::hypotheses::{Estimate, Fit};
 use crate::pushing::estimation::observation::{Channel, Known, Measured, Observation, Prior};
+use crate::search::{Halt, Searched, Stop, never};
 
 /// Values before the first estimate.
 const VALUES_FIRST: usize = 15;
@@ -64,14 +65,15 @@ pub struct TrackerSettings {
 /// Follows a push from contact onset on.
 ///
 /// ```
-/// use nalgebra::Point2;
+/// use nalgebra::{Point2, Vector2};
 /// use palpate::geometry::SimplePolygon;
 /// use palpate::pushing::estimation::{Known, Prior, Touch, Tracker, TrackerSettings};
 /// use palpate::pushing::dynamics::{ContactMode, Finger, Part, PushModel, State};
 ///
 /// let wedge = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.02, 0.025], [-0.03, 0.01]].map(Point2::from))?;
 /// let part = Part::uniform(wedge);
-/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+/// let (velocity0, acceleration) = (Vector2::new(0.0, 0.05), Vector2::zeros()); // m/s, m/s²
+/// let finger = Finger { radius: 0.01, centre0: Point2::origin(), velocity0, acceleration };
 /// let known = Known { part: &part, mu_g: 0.3 * 9.81, finger, touch: Touch::Rolling { friction: None } };
 /// let settings = TrackerSettings { dt: 0.01, sigma: 2e-3, prior: Prior::default(), window: 80 };
 /// let mut tracker = Tracker::new(known, settings);
@@ -101,6 +103,8 @@ pub struct Tracker<'p> {
     /// Values taken so far, dropped ones included.
     count: usize,
     next_interval: usize,
+    /// Whether all intervals were searched at once, as is done first.
+    searched_everywhere: bool,
     live: Vec<Candidate>,
     /// The least cost among them.
     cost: f64,
@@ -127,6 +131,7 @@ impl<'p> Tracker<'p> {
             full: false,
             count: 0,
             next_interval: 0,
+            searched_everywhere: false,
             live: Vec::new(),
             cost: f64::INFINITY,
             held_back: Vec::new(),
@@ -148,44 +153,63 @@ impl<'p> Tracker<'p> {
 
     /// Takes the next contact angle, rad; none for one that got lost. Whole turns do not count.
     pub fn push_sample(&mut self, angle: Option<f64>) -> &Estimate {
+        self.push_sample_until(angle, &never).found
+    }
+
+    /// The same, ended when `stop` says so: then the estimate stays that of the last value whose update was complete.
+    ///
+    /// The value counts all the same: the next update takes the hypotheses on to both.
+    pub fn push_sample_until(&mut self, angle: Option<f64>, stop: Stop<'_>) -> Searched<&Estimate> {
+        let halt = Halt::new(stop);
         self.window.push(angle.unwrap_or(f64::NAN));
         self.count += 1;
         if self.window.len() >= VALUES_FIRST {
-            self.update();
+            // Half an update would have lost hypotheses.
+            let mut updated = self.clone();
+            if updated.update(&halt).is_some() && !halt.was_wished() {
+                *self = updated;
+            }
         }
         if self.window.len() >= self.settings.window {
             self.drop_oldest(self.settings.window / DROPPED_SHARE);
         }
-        &self.estimate
+        halt.searched(&self.estimate)
     }
 
     fn time_of(&self, value: usize) -> f64 {
         super::clock::count(value) * self.settings.dt
     }
 
-    fn update(&mut self) {
+    /// Takes the hypotheses on to the last value; none where one should halt before it is done.
+    fn update(&mut self, halt: &Halt<'_>) -> Option<()> {
         let (simulations, known) = (Cell::new(0), self.known);
         let mut fitting = self.fitting(&known, self.window.clone(), &simulations);
-        let mut minima = self.followed(&fitting);
+        let mut minima = self.followed(&fitting, halt)?;
         if self.is_wild(&minima) {
             self.hold_back_last();
             fitting = self.fitting(&known, self.window.clone(), &simulations);
-            minima = self.followed(&fitting);
+            minima = self.followed(&fitting, halt)?;
         }
-        minima.extend(self.searched(&fitting));
+        minima.extend(self.searched(&fitting, halt));
+        halt.goes_on()?;
         self.conclude(&fitting, minima);
         if self.estimate.hypotheses.is_empty() && self.is_search_due() {
-            self.search_without_wild();
+            self.search_without_wild(halt);
         }
+        self.searched_everywhere = true;
+        Some(())
     }
 
-    /// The hypotheses so far, a step nearer to the values.
-    fn followed(&self, fitting: &Fitting) -> Vec<Descent> {
-        let mut minima: Vec<_> = self.live.iter().filter_map(|candidate| fitting.descend(*candidate)).collect();
+    /// The hypotheses so far, a step nearer to the values; none where one should halt.
+    fn followed(&self, fitting: &Fitting, halt: &Halt<'_>) -> Option<Vec<Descent>> {
+        let going = self.live.iter().take_while(|_| !halt.is_wished());
+        let mut minima: Vec<_> = going.filter_map(|candidate| fitting.descend(*candidate)).collect();
         for descent in &mut minima {
+            halt.goes_on()?;
             fitting.improve(descent);
         }
-        minima
+        halt.goes_on()?;
+        Some(minima)
     }
 
     fn conclude(&mut self, fitting: &Fitting, mut minima: Vec<Descent>) {
@@ -229,7 +253,7 @@ impl<'p> Tracker<'p> {
 
     /// Searches everywhere without the values that no smooth motion passes through, and keeps to that if it explains
     /// the others.
-    fn search_without_wild(&mut self) {
+    fn search_without_wild(&mut self, halt: &Halt<'_>) {
         let (simulations, known, mut tried) = (Cell::new(self.estimate.simulations), self.known, self.clone());
         let fitting = self.fitting(&known, self.window.clone(), &simulations);
         let Some(wild) = fitting.data.outliers().filter(|wild| !wild.is_empty()) else { return };
@@ -237,7 +261,7 @@ impl<'p> Tracker<'p> {
         tried.held_back.sort_by_key(|(number, _)| *number);
         let fitting = tried.fitting(&known, tried.window.clone(), &simulations);
         let candidates = seeds(&fitting, &tried.contact_intervals, &tried.start_modes, Width::Narrow);
-        tried.conclude(&fitting, descend_together(&fitting, &candidates));
+        tried.conclude(&fitting, descend_together(&fitting, &candidates, halt));
         if !tried.estimate.hypotheses.is_empty() {
             *self = tried;
         }
@@ -251,7 +275,7 @@ impl<'p> Tracker<'p> {
     }
 
     fn is_first(&self) -> bool {
-        self.window.len() == VALUES_FIRST && !self.full
+        !self.searched_everywhere && !self.full
     }
 
     fn is_search_due(&self) -> bool {
@@ -259,7 +283,7 @@ impl<'p> Tracker<'p> {
     }
 
     /// Minima of the intervals whose turn it is: all at first, then one now and then until values are dropped.
-    fn searched(&mut self, fitting: &Fitting) -> Vec<Descent> {
+    fn searched(&mut self, fitting: &Fitting, halt: &Halt<'_>) -> Vec<Descent> {
         let candidates = if self.is_first() {
             seeds(fitting, &self.contact_intervals, &self.start_modes, Width::Narrow)
         } else if self.is_search_due() && !self.contact_intervals.is_empty() {
@@ -268,7 +292,7 @@ impl<'p> Tracker<'p> {
         } else {
             return Vec::new();
         };
-        descend_together(fitting, &candidates)
+        descend_together(fitting, &candidates, halt)
     }
 
     /// Moves the window's start, and keeps what the values before it said.
@@ -289,7 +313,7 @@ impl<'p> Tracker<'p> {
 
 /// The same motion with another t = 0.
 fn moved(finger: &Finger, time: f64) -> Finger {
-    Finger { centre0: finger.centre(time).into(), velocity0: finger.velocity(time), ..*finger }
+    Finger { centre0: finger.centre(time), velocity0: finger.velocity(time), ..*finger }
 }
 
 /// Drops what is far above the best, and the worse of two that are one.
@@ -313,7 +337,7 @@ fn remembered(fitting: &Fitting, candidate: &Candidate, time: f64) -> Option<Can
         ContactMode::Sliding { slip, .. } => {
             // v_FT + hω − v_T in the direction of the slip; T turns with the contact.
             let model = fitting.known.model(edge);
-            let finger_v_n = -Vector2::from(model.finger.velocity(time)).dot(&Vector2::new(end.u.cos(), end.u.sin()));
+            let finger_v_n = -model.finger.velocity(time).dot(&Vector2::new(end.u.cos(), end.u.sin()));
             let row = by_start.row(0) * finger_v_n + by_start.row(2) * edge.height - by_start.row(3);
             by_start.set_row(3, &(row * slip.sign()));
             (StartMode::Slips(slip), (model.slip(time, &end) * slip.sign()).max(0.0))
@@ -354,6 +378,7 @@ mod tests {
     use crate::geometry::SimplePolygon;
     use crate::pushing::dynamics::{Part, PushModel, State};
     use crate::pushing::estimation::Touch;
+    use crate::search::check_stopping;
 
     /// rad: 0.112°.
     const SIGMA: f64 = 1.95e-3;
@@ -365,7 +390,12 @@ mod tests {
     fn follow(touch: Touch, contact: ContactMode, values: usize) {
         let outline = [[-0.031, -0.022], [0.03, -0.018], [0.022, 0.027], [-0.028, 0.012]].map(Point2::from);
         let part = Part::uniform(SimplePolygon::new(outline).unwrap());
-        let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+        let finger = Finger {
+            radius: 0.01,
+            centre0: Point2::origin(),
+            velocity0: Vector2::new(0.0, 0.05),
+            acceleration: Vector2::zeros(),
+        };
         let known = Known { part: &part, mu_g: 0.3 * 9.81, finger, touch };
         let prior = Prior { omega0_sigma: Some(1.0), v_t0_sigma: Some(0.004), mu_g_log_sigma: None };
         let mut tracker = Tracker::new(known, TrackerSettings { dt: 0.01, sigma: SIGMA, prior, window: 60 });
@@ -387,6 +417,62 @@ mod tests {
             let nearest = found.map(|found| off(&found)).fold(f64::INFINITY, f64::min);
             assert!(nearest < DEVIATIONS, "value {i}: {nearest} deviations off: {:?}", tracker.estimate());
         }
+    }
+
+    /// A tracker that took so many values of a rolling push, and the value after.
+    fn tracker_after(values: usize, then: impl FnOnce(Tracker<'_>, f64)) {
+        let outline = [[-0.031, -0.022], [0.03, -0.018], [0.022, 0.027], [-0.028, 0.012]].map(Point2::from);
+        let part = Part::uniform(SimplePolygon::new(outline).unwrap());
+        let finger = Finger {
+            radius: 0.01,
+            centre0: Point2::origin(),
+            velocity0: Vector2::new(0.0, 0.05),
+            acceleration: Vector2::zeros(),
+        };
+        let known = Known { part: &part, mu_g: 0.3 * 9.81, finger, touch: Touch::Rolling { friction: None } };
+        let settings = TrackerSettings { dt: 0.01, sigma: SIGMA, prior: Prior::default(), window: 60 };
+        let model = PushModel { part: &part, edge: part.edge(0).unwrap(), mu_g: 0.3 * 9.81, finger };
+        let start = State { u: 1.6, s: 0.006, omega: 0.2, v_t: 0.0 };
+        let rollout = model.rollout(&ContactMode::Rolling, &start, 0.01);
+        let angles: Vec<_> = std::iter::once(start).chain(rollout).take(values + 1).map(|state| state.u).collect();
+        let mut tracker = Tracker::new(known, settings);
+        for angle in &angles[..values] {
+            tracker.push_sample(Some(*angle));
+        }
+        then(tracker, angles[values]);
+    }
+
+    #[test]
+    fn one_update_can_be_stopped() {
+        // The first estimate, one that only follows, one that searches an interval too.
+        for values in [VALUES_FIRST - 1, VALUES_FIRST + 1, 5 * SEARCH_EACH - 1] {
+            tracker_after(values, |tracker, angle| {
+                check_stopping(|stop| {
+                    let mut tracker = tracker.clone();
+                    let Searched { found, complete } = tracker.push_sample_until(Some(angle), stop);
+                    Searched { found: found.clone(), complete }
+                });
+            });
+        }
+    }
+
+    #[test]
+    fn what_a_stopped_update_left_out_is_done_at_the_next_value() {
+        tracker_after(VALUES_FIRST - 1, |mut tracker, angle| {
+            let asked = Cell::new(0);
+            let stop = || asked.replace(asked.get() + 1) == 2;
+            let stopped = tracker.push_sample_until(Some(angle), &stop);
+            assert!(!stopped.complete && stopped.found.hypotheses.is_empty());
+            assert_eq!(asked.get(), 3, "it is not asked again");
+            // All intervals are searched with the first value that there is time for.
+            assert!(!tracker.push_sample(None).hypotheses.is_empty());
+        });
+        tracker_after(VALUES_FIRST + 1, |mut tracker, angle| {
+            let before = format!("{:?}", tracker.estimate());
+            let stopped = tracker.push_sample_until(Some(angle), &|| true);
+            assert_eq!(format!("{:?}", stopped.found), before);
+            assert!(tracker.push_sample(None).time_end > tracker.time_of(VALUES_FIRST + 2) - 1e-9);
+        });
     }
 
     #[test]

@@ -87,7 +87,7 @@ impl<'p> KnownFromRest<'p> {
             part: self.part,
             mu_g: estimate.hypotheses.first().map_or(self.mu_g, |best| best.mu_g),
             radius: self.radius,
-            centre: leg.finger.centre(since).coords.into(),
+            centre: leg.finger.centre(since),
             velocity: leg.finger.velocity(since),
         }
     }

@@ -165,7 +165,7 @@ impl<'p> Course<'p> {
         let edge = self.part.edge(guess.edge).ok()?;
         let leg = self.legs.iter().rev().find(|leg| leg.from < self.duration - SAME_TIME_S)?;
         let model = self.model(edge, leg, self.mu_g_of(guess));
-        Some(model.velocity(&path.contact, self.duration - leg.from, &path.end).into())
+        Some(model.velocity(&path.contact, self.duration - leg.from, &path.end))
     }
 
     /// The same at the start.
@@ -252,7 +252,7 @@ impl<'p> PathSimulation<'p> {
     }
 
     fn step_length(&self) -> f64 {
-        let [x, y] = self.model.velocity(&self.contact, self.time - self.leg_from, &self.state);
+        let [x, y] = self.model.velocity(&self.contact, self.time - self.leg_from, &self.state).into();
         (STEP_OF_MEMORY * x.hypot(y) / self.model.mu_g).max(STEP_MIN_S)
     }
 

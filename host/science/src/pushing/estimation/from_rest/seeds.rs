@@ -110,7 +110,7 @@ struct Angles {
 impl Angles {
     fn new(problem: &Problem, line: &Edge, s: f64) -> Self {
         let model = problem.course.first_model(*line);
-        let [x, y] = model.finger.acceleration;
+        let [x, y] = model.finger.acceleration.into();
         let ahead = y.atan2(x);
         let needed = |u: f64| {
             let start = model.rest_start(&ContactMode::Rolling, u, s).ok().filter(|start| start.normal_force > 0.0)?;

@@ -2,6 +2,8 @@
 //!
 //! Units: SI. Errors: none.
 
+use nalgebra::{Point2, Vector2};
+
 use crate::pushing::dynamics::{ContactMode, Edge, Finger, Part, PushModel};
 
 /// Differences below this share of the part's size are none: drawings are rounded to that.
@@ -38,7 +40,12 @@ fn same(part: &Part, a: &Edge, b: &Edge, size: f64) -> bool {
 /// Whether pushes at two edges begin alike: what rests on feet may look symmetric and not be.
 fn same_start(part: &Part, a: &Edge, b: &Edge, Probe { share, u }: Probe) -> bool {
     let start = |edge: &Edge| {
-        let finger = Finger { radius: 0.0, centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [1.0, 0.0] };
+        let finger = Finger {
+            radius: 0.0,
+            centre0: Point2::origin(),
+            velocity0: Vector2::zeros(),
+            acceleration: Vector2::new(1.0, 0.0),
+        };
         let model = PushModel { part, edge: *edge, mu_g: 1.0, finger };
         model.rest_start(&ContactMode::Rolling, u, edge.s_min + share * (edge.s_max - edge.s_min)).ok()
     };

@@ -4,7 +4,7 @@ use nalgebra::{Matrix2, Point2, Vector2};
 
 use super::fit::{Problem, Tried};
 use super::path::{Course, Guess};
-use super::trial::{Drawn, Outcome, RADIUS_M, Ranges, pose_error, random_part, straight_motion};
+use super::trial::{Drawn, RADIUS_M, Ranges, TrialOutcome, pose_error, random_part, straight_motion};
 use super::*;
 use crate::geometry::SimplePolygon;
 use crate::math::Jet;
@@ -104,7 +104,7 @@ fn the_truth_is_among_the_answers_and_mostly_the_only_one() {
     for case in 0..CASES {
         let (part, ranges, drawn, mut draw) = drawn(case);
         let estimate = estimate(&known(&part, &ranges), &measured(&drawn, &mut draw, ranges.motion.duration()));
-        let outcome = Outcome::new(&part, &drawn, &estimate);
+        let outcome = TrialOutcome::new(&part, &drawn, &estimate);
         assert!(outcome.holds_truth, "case {case}: {outcome:?}, drawn edge {} s {}", drawn.edge, drawn.s);
         unique += usize::from(outcome.status == Status::Unique);
     }
@@ -123,7 +123,7 @@ fn a_straight_push_is_no_less_certain_than_its_cost() {
             drawn_from(Ranges { motion: straight_motion(), ..Ranges::default() }, case);
         let (known, measured) = (known(&part, &ranges), measured(&drawn, &mut draw, ranges.motion.duration()));
         let estimate = estimate(&known, &measured);
-        assert!(Outcome::new(&part, &drawn, &estimate).holds_truth, "case {case}: {estimate:?}");
+        assert!(TrialOutcome::new(&part, &drawn, &estimate).holds_truth, "case {case}: {estimate:?}");
         for hypothesis in &estimate.hypotheses {
             let spread = hypothesis.spread(&part).unwrap();
             assert!(spread.0 < FELT.0 && spread.1 < FELT.1, "case {case}: {spread:?} of {hypothesis:?}");
@@ -247,8 +247,8 @@ struct DrawnPush {
 fn on_an_unknown_plane(case: usize, acceleration: f64) -> DrawnPush {
     let mut draw = Draw::case(3, case);
     let mu = Ranges::default().mu * (FRICTION_LOG_SD * draw.normal()).exp();
-    let segments = [Segment { seconds: 0.8, acceleration: [acceleration, 0.0] }];
-    let ranges = Ranges { mu, motion: FingerMotion::new([0.0; 2], &segments).unwrap(), ..Ranges::default() };
+    let segments = [Segment { seconds: 0.8, acceleration: Vector2::new(acceleration, 0.0) }];
+    let ranges = Ranges { mu, motion: FingerMotion::new(Point2::origin(), &segments).unwrap(), ..Ranges::default() };
     loop {
         let part = random_part(&mut draw);
         if let Some(drawn) = ranges.draw(&mut draw, &part) {
@@ -333,8 +333,8 @@ impl FromRest {
         let edge = draw.index(part.polygon().vertices().len());
         let place = part.edge(edge).unwrap();
         let (u, heading) = (draw.uniform(-3.0, 3.0), draw.uniform(-1.4, 1.4));
-        let acceleration = [(u + heading).cos() * 0.4, (u + heading).sin() * 0.4];
-        let finger = Finger { radius: 0.005, centre0: [0.0; 2], velocity0: [0.0; 2], acceleration };
+        let acceleration = Vector2::new((u + heading).cos() * 0.4, (u + heading).sin() * 0.4);
+        let finger = Finger { radius: 0.005, centre0: Point2::origin(), velocity0: Vector2::zeros(), acceleration };
         let s = place.s_min + draw.uniform(0.05, 0.95) * (place.s_max - place.s_min);
         Self { part, edge, model_mu_g: draw.uniform(1.0, 5.0), finger, u, s, mu_c: draw.uniform(0.02, 0.8) }
     }

@@ -1,13 +1,14 @@
 //! Random pushes and a judge: what the estimate from rest is tried on.
 //!
-//! [`Ranges`] says what problems are drawn from, [`Drawn`] is one of them with what became of it, [`Outcome`] compares
-//! an estimate with that truth. The same seed gives the same problem on every machine.
+//! [`Ranges`] says what problems are drawn from, [`Drawn`] is one of them with what became of it, [`TrialOutcome`]
+//! compares an estimate with that truth. The same seed gives the same problem on every machine.
 //!
 //! Frames: finger axes. Units: SI. Errors: none; a part that cannot be pushed for so long is no problem.
 
 use std::f64::consts::PI;
+use std::ops::RangeInclusive;
 
-use nalgebra::Isometry2;
+use nalgebra::{Isometry2, Point2, Vector2};
 
 use crate::geometry::{Pose, SimplePolygon};
 use crate::gravity::GRAVITY_ASSUMED;
@@ -33,9 +34,9 @@ pub struct Ranges {
     /// µ of the plane, as known.
     pub mu: f64,
     /// µ_c between finger and part.
-    pub mu_c: [f64; 2],
+    pub mu_c: RangeInclusive<f64>,
     /// The part's mass, kg.
-    pub mass: [f64; 2],
+    pub mass: RangeInclusive<f64>,
     /// Greatest angle between where the finger goes and the contact's normal, rad.
     pub angle: f64,
     /// How the finger moves.
@@ -49,9 +50,11 @@ pub struct Ranges {
 /// Never: the segments are constants.
 #[must_use]
 pub fn default_motion() -> FingerMotion {
-    let segments =
-        [Segment { seconds: 0.3, acceleration: [0.15, 0.0] }, Segment { seconds: 0.5, acceleration: [0.0, 0.15] }];
-    FingerMotion::new([0.0; 2], &segments).expect("constant segments are sound")
+    let segments = [
+        Segment { seconds: 0.3, acceleration: Vector2::new(0.15, 0.0) },
+        Segment { seconds: 0.5, acceleration: Vector2::new(0.0, 0.15) },
+    ];
+    FingerMotion::new(Point2::origin(), &segments).expect("constant segments are sound")
 }
 
 /// As long and as fast as [`default_motion`], but straight.
@@ -60,13 +63,13 @@ pub fn default_motion() -> FingerMotion {
 /// Never: the segments are constants.
 #[must_use]
 pub fn straight_motion() -> FingerMotion {
-    let segments = [Segment { seconds: 0.8, acceleration: [0.12, 0.0] }];
-    FingerMotion::new([0.0; 2], &segments).expect("constant segments are sound")
+    let segments = [Segment { seconds: 0.8, acceleration: Vector2::new(0.12, 0.0) }];
+    FingerMotion::new(Point2::origin(), &segments).expect("constant segments are sound")
 }
 
 impl Default for Ranges {
     fn default() -> Self {
-        Self { mu: 0.3, mu_c: [0.1, 0.5], mass: [0.2, 0.8], angle: 0.8, motion: default_motion() }
+        Self { mu: 0.3, mu_c: 0.1..=0.5, mass: 0.2..=0.8, angle: 0.8, motion: default_motion() }
     }
 }
 
@@ -115,10 +118,10 @@ impl Ranges {
     pub fn draw(&self, draw: &mut Draw, part: &Part) -> Option<Drawn> {
         (0..REDRAWS_MAX).find_map(|redrawn| {
             let (edge, s) = place(draw, part)?;
-            let [x, y] = self.motion.first_acceleration();
+            let [x, y] = self.motion.first_acceleration().into();
             let u = y.atan2(x) + draw.uniform(-self.angle, self.angle);
-            let mu_c = draw.uniform(self.mu_c[0], self.mu_c[1]);
-            let mass = draw.uniform(self.mass[0], self.mass[1]);
+            let mu_c = draw.uniform(*self.mu_c.start(), *self.mu_c.end());
+            let mass = draw.uniform(*self.mass.start(), *self.mass.end());
             let mu_g = self.mu * GRAVITY_ASSUMED;
             let world = PushedWorld { part, mu_g, mass, mu_c, radius: RADIUS_M, motion: &self.motion, edge, u, s };
             let played = world.play().ok().filter(|played| played.end == EndReason::Time)?;
@@ -160,7 +163,7 @@ pub fn pose_error(part: &Part, symmetry: usize, pose: &Pose, truth: &Isometry2<f
 
 /// What came of one case.
 #[derive(Clone, Debug)]
-pub struct Outcome {
+pub struct TrialOutcome {
     /// What the host said.
     pub status: Status,
     /// How far its best answer was from the truth.
@@ -175,7 +178,7 @@ pub struct Outcome {
     pub redrawn: usize,
 }
 
-impl Outcome {
+impl TrialOutcome {
     /// Judges an estimate against the truth.
     #[must_use]
     pub fn new(part: &Part, drawn: &Drawn, estimate: &Estimate) -> Self {

@@ -79,13 +79,14 @@ pub enum Object {
 /// A push from rest of which only the place on the part is unknown.
 ///
 /// ```
-/// use nalgebra::Point2;
+/// use nalgebra::{Point2, Vector2};
 /// use palpate::pushing::dynamics::{FingerPath, FingerShape};
 /// use palpate::pushing::estimation::{Contacts, Object, TimedContact};
 /// use palpate::{Observer, RestingPush, SimplePolygon};
 ///
 /// let block = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.02, 0.03]].map(Point2::from))?;
-/// let path = FingerPath { centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [0.01, 0.1] };
+/// let (velocity0, acceleration) = (Vector2::zeros(), Vector2::new(0.01, 0.1)); // m/s, m/s²
+/// let path = FingerPath { centre0: Point2::origin(), velocity0, acceleration };
 /// let push = RestingPush::new(Object::Polygon(block), 0.0, FingerShape::Disk { radius: 0.01 }, path, 1.5)?;
 /// let angles = push.predicted(Some(0), 0.005, &[0.6, 0.9]); // rad
 /// let felt = vec![TimedContact { t: 0.6, u: angles[0] }, TimedContact { t: 0.9, u: angles[1] }];
@@ -198,7 +199,7 @@ impl RestingPush {
         let push = Self { object, body, contact_intervals, shape, path, mu_g, u0 };
         push.contact_intervals.iter().try_for_each(|interval| push.model(interval).map(|_| ()))?;
         let angle = push.normal_angle();
-        let toward = Vector2::from(path.acceleration).dot(&Vector2::new(angle.cos(), angle.sin()));
+        let toward = path.acceleration.dot(&Vector2::new(angle.cos(), angle.sin()));
         // Written so that NaN is refused.
         if toward > 0.0 { Ok(push) } else { Err(InitialPoseError::MovesAway { toward }) }
     }
@@ -221,13 +222,14 @@ impl RestingPush {
     /// Of a disk and an ellipse whole turns of u do not count.
     ///
     /// ```
-    /// use nalgebra::Point2;
+    /// use nalgebra::{Point2, Vector2};
     /// use palpate::geometry::SimplePolygon;
     /// use palpate::pushing::estimation::{Object, RestingPush, TimedContact};
     /// use palpate::pushing::dynamics::{FingerPath, FingerShape};
     ///
     /// let block = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.02, 0.03]].map(Point2::from))?;
-    /// let path = FingerPath { centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [0.01, 0.1] };
+    /// let (velocity0, acceleration) = (Vector2::zeros(), Vector2::new(0.01, 0.1)); // m/s, m/s²
+    /// let path = FingerPath { centre0: Point2::origin(), velocity0, acceleration };
     /// let push = RestingPush::new(Object::Polygon(block), 0.0, FingerShape::Disk { radius: 0.01 }, path, 1.5)?;
     /// // A disk pushes the lower edge 5 mm beside the middle.
     /// let measured = push.predicted(Some(0), 0.005, &[0.6, 0.9]);
@@ -288,7 +290,7 @@ impl RestingPush {
     /// [`REFINEMENT_MAX`].
     fn refinement(&self, time: f64) -> u32 {
         let radius = self.body.inertia_per_mass().sqrt();
-        let gone = 0.5 * Vector2::from(self.path.acceleration).norm() * time * time;
+        let gone = 0.5 * self.path.acceleration.norm() * time * time;
         let wanted = (gone / (USUAL_TRAVEL * radius)).sqrt().ceil();
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a few")]
         let whole = wanted.clamp(1.0, f64::from(REFINEMENT_MAX)) as u32;
@@ -520,7 +522,7 @@ fn of_polygon(polygon: &SimplePolygon, mu_g: f64) -> (Body, Vec<ContactInterval>
 
 fn of_ellipse(semi_axes: [f64; 2], mu_g: f64) -> (Body, Vec<ContactInterval>) {
     let body = if mu_g > 0.0 { Body::ellipse(semi_axes) } else { Body::on_feet(&[], Mass::of_ellipse(semi_axes)) };
-    let side = PartSide::Ellipse { semi_axes, middle: [0.0; 2] };
+    let side = PartSide::Ellipse { semi_axes, middle: Vector2::zeros() };
     (body, vec![ContactInterval { edge: None, side, range: [0.0, PI] }])
 }
 

@@ -29,13 +29,14 @@ const BORDER_REACH: f64 = 5.0;
 /// The motions of one push from all places on the part.
 ///
 /// ```
-/// use nalgebra::Point2;
+/// use nalgebra::{Point2, Vector2};
 /// use palpate::geometry::SimplePolygon;
 /// use palpate::pushing::estimation::{Object, RestingPush, Table, TimedContact};
 /// use palpate::pushing::dynamics::{FingerPath, FingerShape};
 ///
 /// let block = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.02, 0.03]].map(Point2::from))?;
-/// let path = FingerPath { centre0: [0.0; 2], velocity0: [0.0; 2], acceleration: [0.01, 0.1] };
+/// let (velocity0, acceleration) = (Vector2::zeros(), Vector2::new(0.01, 0.1)); // m/s, m/s²
+/// let path = FingerPath { centre0: Point2::origin(), velocity0, acceleration };
 /// let push = RestingPush::new(Object::Polygon(block), 0.0, FingerShape::Disk { radius: 0.01 }, path, 1.5)?;
 /// let table = Table::new(&push, 1.0);
 /// let measured = push.predicted(Some(0), 0.005, &[0.6, 0.9]);
@@ -71,14 +72,23 @@ impl<'p> Table<'p> {
     /// Simulates the push from every place up to `time_end` (s).
     #[must_use]
     pub fn new(push: &'p RestingPush, time_end: f64) -> Self {
+        Self::new_until(push, time_end, &never).unwrap_or_else(|| unreachable!("nobody wishes it to stop"))
+    }
+
+    /// The same, ended when `stop` says so: then there is none, because poses would be missing from half a table.
+    #[must_use]
+    pub fn new_until(push: &'p RestingPush, time_end: f64, stop: Stop<'_>) -> Option<Self> {
+        let halt = Halt::new(stop);
         let step = time_end / TIMES as f64;
         let times: Vec<_> = (1..=TIMES).map(|index| step * index as f64).collect();
         let table = |&interval: &ContactInterval| {
             let places = interval.grid(push.refinement(time_end));
-            let motions = places.iter().map(|&s0| Motion::of(push, &interval, s0, &times)).collect();
-            IntervalTable { interval, places, motions }
+            let motion = |&s0: &f64| (!halt.is_wished()).then(|| Motion::of(push, &interval, s0, &times));
+            let motions = places.iter().map(motion).collect::<Option<_>>()?;
+            Some(IntervalTable { interval, places, motions })
         };
-        Self { push, contact_intervals: push.contact_intervals.iter().map(table).collect(), times }
+        let contact_intervals = push.contact_intervals.iter().map(table).collect::<Option<_>>()?;
+        Some(Self { push, contact_intervals, times })
     }
 
     /// The push that it is a table of.

@@ -3,6 +3,7 @@ use std::f64::consts::FRAC_PI_2;
 use proptest::prelude::*;
 
 use super::*;
+use crate::search::check_stopping_of_making;
 
 /// The motion by quite another way: the part's three coordinates under the one constraint that the gap between the
 /// outlines stays 0, the gap from support functions, its derivatives by differences. Frictionless.
@@ -114,7 +115,11 @@ impl ByGap {
 }
 
 fn push(shape: FingerShape, object: Object, acceleration: [f64; 2], u0: f64) -> RestingPush {
-    let path = FingerPath { centre0: [0.01, -0.02], velocity0: [0.0; 2], acceleration };
+    let path = FingerPath {
+        centre0: Point2::new(0.01, -0.02),
+        velocity0: Vector2::zeros(),
+        acceleration: acceleration.into(),
+    };
     RestingPush::new(object, 0.0, shape, path, u0).unwrap()
 }
 
@@ -261,9 +266,10 @@ fn later_contacts_decide_within_their_tolerance() {
 
 #[test]
 fn impossible_pushes_are_refused() {
-    let path = |acceleration: [f64; 2]| FingerPath { centre0: [0.0; 2], velocity0: [0.0; 2], acceleration };
     let new = |object: Object, shape: FingerShape, acceleration: [f64; 2]| {
-        RestingPush::new(object, 0.0, shape, path(acceleration), FRAC_PI_2).map(|_| ())
+        let path =
+            FingerPath { centre0: Point2::origin(), velocity0: Vector2::zeros(), acceleration: acceleration.into() };
+        RestingPush::new(object, 0.0, shape, path, FRAC_PI_2).map(|_| ())
     };
     let disk = FingerShape::Disk { radius: 0.01 };
     assert!(matches!(new(triangle(), disk, [0.0, -0.1]), Err(InitialPoseError::MovesAway { .. })));
@@ -301,4 +307,15 @@ fn a_contact_that_ends_soon_after_it_was_felt_is_in_the_table() {
     for time_end in [1.0, 1.02, 1.04, 1.06, 1.087_155_538] {
         assert_eq!(edges(&Table::new(&push, time_end).observe(&contacts, 1e-8)), wanted, "{time_end} s");
     }
+}
+
+#[test]
+fn a_table_in_the_making_can_be_stopped() {
+    let block = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.02, 0.03]].map(Point2::from)).unwrap();
+    let push = push(FingerShape::Disk { radius: 0.01 }, Object::Polygon(block), [0.01, 0.1], 1.5);
+    check_stopping_of_making(|stop| Table::new_until(&push, 0.8, stop));
+    let asked = std::cell::Cell::new(0);
+    let stop = || asked.replace(asked.get() + 1) == 2;
+    assert!(Table::new_until(&push, 0.8, &stop).is_none());
+    assert_eq!(asked.get(), 3, "it is not asked again");
 }

@@ -4,8 +4,6 @@
 //! the felt one once the start is forgotten: the second half of the data.
 //! Frames: world. Units: SI. Errors: none; an observer that diverges has no cost.
 
-use nalgebra::Vector2;
-
 use super::{Gho, GhoSettings, without_turns};
 use crate::math::statistics::chi_square_quantile;
 use crate::pushing::dynamics::{ContactMode, State};
@@ -83,7 +81,7 @@ impl GhoBank<'_> {
             law: self.known.touch.law(run.contact),
             pose_start: pose(&model, start.u, 0.0, &start),
             pose_end: pose(&model, start.u, time_end, &end),
-            velocity_end: Vector2::from(model.velocity(&run.contact, time_end, &end)),
+            velocity_end: model.velocity(&run.contact, time_end, &end),
             covariance: None,
             state_covariance: None,
             mu_g: self.known.mu_g,

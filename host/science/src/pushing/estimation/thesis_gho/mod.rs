@@ -26,7 +26,7 @@ mod tests;
 use std::f64::consts::PI;
 
 pub use bank::{GhoBank, GhoRun};
-use nalgebra::{Const, Matrix3, Matrix4, RowVector4, SMatrix, Vector3, Vector4};
+use nalgebra::{Const, Matrix3, Matrix4, RowVector4, SMatrix, Vector2, Vector3, Vector4};
 
 use crate::math::angle::wrap_angle;
 use crate::math::ode;
@@ -45,21 +45,23 @@ const CLOCK_ROUNDING: f64 = 1e-9;
 pub struct GhoSettings {
     /// ζ: minus the poles of the linearised errors, 1/s.
     pub zeta: f64,
-    /// For how long the correction is on, then off, s.
-    pub correction: [f64; 2],
+    /// For how long the correction is on, s.
+    pub correction_on: f64,
+    /// For how long it is then off, s.
+    pub correction_off: f64,
 }
 
 impl GhoSettings {
     /// The thesis's: on for 0.06 s, off for 0.04 s, which it found better than always on.
     #[must_use]
     pub fn new(zeta: f64) -> Self {
-        Self { zeta, correction: [0.06, 0.04] }
+        Self { zeta, correction_on: 0.06, correction_off: 0.04 }
     }
 
     /// Whether the correction is on in a step that starts at `time` (s).
     #[must_use]
     pub fn corrects(&self, time: f64) -> bool {
-        let [on, off] = self.correction;
+        let (on, off) = (self.correction_on, self.correction_off);
         let cycle = on + off;
         // Both zero: never on, never off; on is what an observer is for.
         if off <= 0.0 || cycle <= 0.0 {
@@ -73,14 +75,15 @@ impl GhoSettings {
 /// An observer that takes one edge to be in contact.
 ///
 /// ```
-/// use nalgebra::Point2;
+/// use nalgebra::{Point2, Vector2};
 /// use palpate::geometry::SimplePolygon;
 /// use palpate::pushing::estimation::{Gho, GhoSettings};
 /// use palpate::pushing::dynamics::{ContactMode, Finger, Part, PushModel, State};
 ///
 /// let block = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from))?;
 /// let part = Part::uniform(block);
-/// let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration: [0.0; 2] };
+/// let (velocity0, acceleration) = (Vector2::new(0.0, 0.05), Vector2::zeros()); // m/s, m/s²
+/// let finger = Finger { radius: 0.01, centre0: Point2::origin(), velocity0, acceleration };
 /// let model = PushModel { part: &part, edge: part.edge(0)?, mu_g: 0.3 * 9.81, finger };
 /// // What the finger feels of a block pushed 5 mm off its middle ...
 /// let truth = State { u: 1.6, s: 0.005, omega: 0.0, v_t: 0.0 };
@@ -181,7 +184,7 @@ impl Gho<'_> {
     /// f and its derivatives at an estimate.
     fn drift(&self, time: f64, x: &Vector4<f64>) -> Drift {
         let finger =
-            Finger { velocity0: self.model.finger.velocity(time), acceleration: [0.0; 2], ..self.model.finger };
+            Finger { velocity0: self.model.finger.velocity(time), acceleration: Vector2::zeros(), ..self.model.finger };
         let model = PushModel { finger, ..self.model };
         let parameters = [Parameter::U, Parameter::S, Parameter::Omega, Parameter::VT];
         let Seeded { model, contact, start } = Seeded::new(&model, &self.contact, &state(x), parameters);
@@ -205,7 +208,7 @@ impl Gho<'_> {
     /// How fast the state moves on its own scales, 1/s: a radian, the radius of gyration, the present speed.
     fn pace(&self, time: f64, x: &Vector4<f64>, rates: &Vector4<f64>) -> f64 {
         let radius = self.model.part.inertia_per_mass().sqrt();
-        let [v_x, v_y] = self.model.velocity(&self.contact, time, &state(x));
+        let [v_x, v_y] = self.model.velocity(&self.contact, time, &state(x)).into();
         let speed = v_x.hypot(v_y) + radius * x[OMEGA].abs();
         let quickening = (rates[3].abs() + radius * rates[OMEGA].abs()) / speed.max(f64::MIN_POSITIVE);
         rates[U].abs() + rates[1].abs() / radius + quickening

@@ -16,7 +16,12 @@ fn part() -> Part {
 }
 
 fn observer(part: &Part, contact: ContactMode, acceleration: [f64; 2]) -> Gho<'_> {
-    let finger = Finger { radius: 0.01, centre0: [0.0; 2], velocity0: [0.0, 0.05], acceleration };
+    let finger = Finger {
+        radius: 0.01,
+        centre0: Point2::origin(),
+        velocity0: Vector2::new(0.0, 0.05),
+        acceleration: acceleration.into(),
+    };
     let model = PushModel { part, edge: part.edge(1).unwrap(), mu_g: 0.3 * 9.81, finger };
     Gho { model, contact, settings: GhoSettings::new(10.0) }
 }
@@ -30,7 +35,7 @@ fn measured(observer: &Gho, start: State, count: usize) -> Vec<f64> {
 /// χ by differences of the rates alone.
 fn chi(observer: &Gho, time: f64, x: &Vector4<f64>) -> Vector4<f64> {
     let finger = observer.model.finger;
-    let steady = Finger { velocity0: finger.velocity(time), acceleration: [0.0; 2], ..finger };
+    let steady = Finger { velocity0: finger.velocity(time), acceleration: Vector2::zeros(), ..finger };
     let model = PushModel { finger: steady, ..observer.model };
     let drift = |x: &Vector4<f64>| vector(&model.motion(&observer.contact, 0.0, &state(x)).rates);
     let f = drift(x);
@@ -136,7 +141,7 @@ fn the_correction_is_on_and_off_in_turns() {
     let settings = GhoSettings::new(10.0);
     let on: Vec<_> = (0..31).filter(|&i| settings.corrects(f64::from(i) * DT)).collect();
     assert_eq!(on, [0, 1, 2, 3, 4, 5, 10, 11, 12, 13, 14, 15, 20, 21, 22, 23, 24, 25, 30]);
-    let with = |correction: [f64; 2]| GhoSettings { zeta: 10.0, correction };
+    let with = |[correction_on, correction_off]: [f64; 2]| GhoSettings { zeta: 10.0, correction_on, correction_off };
     assert!((0..100).all(|i| with([0.06, 0.0]).corrects(f64::from(i) * DT)));
     assert!((0..100).all(|i| !with([0.0, 0.04]).corrects(f64::from(i) * DT)));
 }
@@ -145,7 +150,7 @@ fn the_correction_is_on_and_off_in_turns() {
 fn an_observer_that_diverges_ends_its_trace() {
     let part = part();
     let observer = Gho {
-        settings: GhoSettings { zeta: 1e6, correction: [1.0, 0.0] },
+        settings: GhoSettings { zeta: 1e6, correction_on: 1.0, correction_off: 0.0 },
         ..observer(&part, ContactMode::Frictionless, [0.0; 2])
     };
     let start = State { u: 1.2, s: 0.004, omega: 0.2, v_t: 0.0 };

@@ -180,9 +180,12 @@ proptest! {
         let mass = crate::pushing::dynamics::Mass { centre_of_mass: Point2::origin(), inertia_per_mass: push.rho_squared };
         let part = Part::with_mass(SimplePolygon::new(outline).unwrap(), mass);
         let (normal, tangent) = (-Vector2::new(x[0].cos(), x[0].sin()), Vector2::new(-x[0].sin(), x[0].cos()));
-        let world = |t: f64, n: f64| (tangent * t + normal * n).into();
+        let world = |t: f64, n: f64| tangent * t + normal * n;
         let finger = Finger {
-            radius: push.radius, centre0: [0.0; 2], velocity0: world(x[4], x[5]), acceleration: world(input[0], input[1]),
+            radius: push.radius,
+            centre0: Point2::origin(),
+            velocity0: world(x[4], x[5]),
+            acceleration: world(input[0], input[1]),
         };
         let model = PushModel { part: &part, edge: part.edge(0).unwrap(), mu_g: 0.0, finger };
         let slip = if friction < 0.0 { Slip::Backward } else { Slip::Forward };

@@ -1,7 +1,7 @@
 //! Vectors and matrices as plain arrays in files: `[x, y]` and `[[xx, xy], [yx, yy]]` (rows).
 
 /// For `#[serde(with = "…")]` on a `Vector2<f64>`.
-pub(super) mod vector {
+pub(crate) mod vector {
     use nalgebra::Vector2;
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -16,7 +16,7 @@ pub(super) mod vector {
 }
 
 /// For `#[serde(with = "…")]` on a `Matrix2<f64>`.
-pub(super) mod matrix {
+pub(crate) mod matrix {
     use nalgebra::Matrix2;
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
