@@ -36,16 +36,18 @@ The finger first rests, touching nothing or the part without force, while the ta
 force that rises starts the clock of the motion.
 
 The motion file is TOML; every length in it is in its `unit`:
-  unit = \"mm\"                   # m, cm, mm or in
-  start = [0, 0]                # the disk's centre when it begins to move (optional): where poses count from
-  [[segment]]                   # one after the other
+  unit = \"mm\"              # m, cm, mm or in
+  start = [0, 0]           # the disk's centre when it begins to move
+                           # (optional): where poses count from
+  [[segment]]              # one after the other
   seconds = 0.3
-  acceleration = [150, 0]       # mm/s² along the finger's axes, which are those of the force
+  acceleration = [150, 0]  # mm/s² along the finger's axes: those of the force
 
 With --motion - segments are read from standard input as they come, one JSON object a line, in SI units:
   {\"seconds\": 0.3, \"acceleration\": [0.15, 0]}
-The part file is that of `palpate push`; its mu_c is not needed. If its mu is a guess, say how good a one with --mu-uncertainty: mu
-is then found with the rest. A slow push tells only mu times the mass, and the answer says so.
+
+The part file is that of `palpate push`; its mu_c is not needed. If its mu is a guess, say how good a one with
+--mu-uncertainty: mu is then found with the rest. A slow push tells only mu times the mass, and the answer says so.
 
 The forces' file is a table of t, Fx, Fy: force on the finger's disk along its axes, in newtons.
 
@@ -59,7 +61,7 @@ Exit status: 0, 1 if nothing was felt or something cannot be used, 64 wrong comm
 /// Live from a device, or from a file of forces. Prints where the part may be, how certain that is, and what cannot be
 /// told apart, as it changes; ends when the finger's motion does, or the contact.
 #[derive(Debug, clap::Args)]
-#[command(after_long_help = LONG_HELP)]
+#[command(after_long_help = super::help::flowing(LONG_HELP))]
 pub(crate) struct Arguments {
     /// Forces on the finger from a file instead of a device: t, Fx, Fy, with the finger at rest at its beginning
     #[arg(value_name = "FORCES", conflicts_with_all = ["device", "baud", "calibration"])]
