@@ -11,7 +11,7 @@ use palpate::finger::contact::Reading;
 use palpate::finger::sense;
 use palpate::pushing::estimation::Estimate;
 use palpate::pushing::estimation::from_rest::onset::{PushSense, RestNoise};
-use palpate::pushing::estimation::from_rest::{self, KnownFromRest, hann_windows};
+use palpate::pushing::estimation::from_rest::{self, hann_windows};
 use palpate::pushing::finger_motion::{FingerMotion, Segment};
 use palpate_device::Session;
 use palpate_files::motion::{self, MotionFileError};
@@ -20,12 +20,11 @@ use palpate_files::part::PolygonFile;
 use super::calibrated::CalibrationArguments;
 use super::device::DeviceArguments;
 use super::read::read;
-use super::recorded_push::{FrictionArguments, not_at_rest, read_forces};
+use super::recorded_push::{FeltPushArguments, not_at_rest, read_forces};
 use super::{pose, positive};
 use crate::advice::Advise as _;
 use crate::live;
 use crate::live::interrupt;
-use palpate::gravity::GRAVITY_ASSUMED;
 
 /// Times since the onset at which the whole part is searched, s; in between only what was found then is followed. At
 /// the end all is searched once more.
@@ -75,13 +74,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "MOTION.toml")]
     motion: PathBuf,
 
-    /// Radius of the finger's disk
-    #[arg(long, value_name = "MM", value_parser = positive, default_value_t = 15.0)]
-    radius_mm: f64,
-
-    /// Take the tare over so many seconds at rest, at the beginning
-    #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true, value_parser = super::stretch)]
-    tare: f64,
+    #[command(flatten)]
+    felt: FeltPushArguments,
 
     /// Print an estimate every so many seconds of the push
     #[arg(long, value_name = "S", default_value_t = 0.1, value_parser = positive)]
@@ -90,9 +84,6 @@ pub(crate) struct Arguments {
     /// Print one JSON object a line: SI units, radians
     #[arg(long)]
     json: bool,
-
-    #[command(flatten)]
-    friction: FrictionArguments,
 
     #[command(flatten)]
     device: DeviceArguments,
@@ -114,12 +105,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
 fn from_file(mut observer: Observer, path: &Path) -> miette::Result<ExitCode> {
     let named = || format!("cannot use the forces {}", path.display());
     let readings = read_forces(path)?;
-    let rest_end = readings.first().map_or(0.0, |first| first.t) + observer.arguments.tare;
-    let rest = readings.partition_point(|reading| reading.t < rest_end);
-    let noise = RestNoise::estimate(&readings[..rest]).map_err(not_at_rest).wrap_err_with(named)?;
+    let (mut sense, push) = observer.arguments.felt.sense(&readings).wrap_err_with(named)?;
     observer.motion.read_all()?;
-    let mut sense = PushSense::new(noise, None);
-    for reading in &readings[rest..] {
+    for reading in push {
         sense.push(reading);
         if observer.look(&sense)?.is_break() {
             break;
@@ -143,7 +131,7 @@ fn from_device(mut observer: Observer) -> miette::Result<ExitCode> {
 
 /// Takes the tare, waits for the push and follows it to its end.
 fn watch(observer: &mut Observer, session: &mut Session, calibration: &Calibration) -> miette::Result<PushSense> {
-    let seconds = observer.arguments.tare;
+    let seconds = observer.arguments.felt.tare;
     note!("{}taring for {seconds} s: no force on the finger", super::simulated_note(session));
     let blocks = live::collect(session, seconds, super::tell).advised()?;
     let rest: Vec<Reading> = blocks.iter().flat_map(|samples| sense::readings(samples, calibration)).collect();
@@ -204,9 +192,7 @@ impl Observer<'_> {
         else {
             return;
         };
-        let radius = self.arguments.radius_mm * 1e-3;
-        let (mu_g, mu_g_log_sd) = (self.file.mu * GRAVITY_ASSUMED, self.arguments.friction.log_sd());
-        let known = KnownFromRest { part: &self.file.part, mu_g, mu_g_log_sd, radius, motion };
+        let known = self.arguments.felt.known(self.file, motion);
         let now = hann_windows::end(measured.count() - 1);
         let estimate = match &self.last {
             Some(last) if !at_end && !search_is_due(last.time_end, now) => from_rest::follow(&known, &measured, last),
