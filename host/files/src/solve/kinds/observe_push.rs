@@ -532,7 +532,6 @@ mod tests {
 
     use super::*;
     use crate::solve::read;
-    use crate::solve::testing::{alike, documented};
 
     /// A block pushed up at its lower edge.
     fn problem() -> Value {
@@ -688,15 +687,5 @@ mod tests {
             crate::solve::testing::all_finite(&answer);
             assert_eq!(answer.status, ObservePushStatus::of(answer.hypotheses.len()), "{changes}");
         }
-    }
-
-    /// Numbers that differ in their last digits on another processor, relative to 1.
-    const PRINTED: f64 = 1e-6;
-
-    #[test]
-    fn the_documented_line_is_answered_as_documented() {
-        let [problem, documented] = documented("observe_push");
-        let answered = serde_json::to_value(read::<ObservePush>(problem).unwrap().solve().unwrap()).unwrap();
-        assert!(alike(&answered, &documented, PRINTED), "{answered}");
     }
 }
