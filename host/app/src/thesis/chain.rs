@@ -32,7 +32,7 @@ fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<Outcome, String> {
     let measured = measured.map_err(|error| format!("case {number}: {error}"))?;
     let measured =
         measured.sense.windowed_force(duration).ok_or_else(|| format!("case {number}: the push was not felt"))?;
-    let estimate = from_rest::estimate(&known_of(&ranges, &part), &measured);
+    let estimate = from_rest::estimate(&known_of(ranges, &part), &measured);
     Ok(Outcome::new(&part, &drawn, &estimate))
 }
 
