@@ -28,6 +28,19 @@ pub fn reference_cases(name: &str) -> Option<Vec<Value>> {
     Some(text.lines().map(|line| serde_json::from_str(line).expect("a case is a line of JSON")).collect())
 }
 
+/// The first problem that `docs/SOLVE.md` works out and that is chosen, and its answer there.
+///
+/// # Panics
+/// If there is none.
+#[must_use]
+pub fn documented(chosen: impl Fn(&Value) -> bool) -> [Value; 2] {
+    let page = std::fs::read_to_string(folder().join("docs/SOLVE.md")).expect("the page is part of the project");
+    let mut lines = page.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+    let problem = lines.find(|line| chosen(line)).expect("the page works out such a problem");
+    let answer = lines.find(|line| line["problem"] == problem["problem"]).expect("the page tells its answer");
+    [problem, answer]
+}
+
 /// Whether two answers are the same but for the last digits of numbers, which differ from processor to processor: by at
 /// most `printed`, relative to 1 or to themselves.
 #[must_use]

@@ -203,9 +203,16 @@ fn diagnose_passes_a_good_finger_and_fails_one_with_a_broken_gauge() {
     let mut device = Terminal::simulate_device(&["--as-read"]);
     let good = run(&["diagnose", "-d", &device.path, "--seconds", "4"]);
     assert!(good.status.success(), "{}{}", text(&good.stdout), text(&good.stderr));
+    // Standard output is the findings; what is told meanwhile goes to standard error, and with -q nowhere.
+    let (findings, notes) = (text(&good.stdout), text(&good.stderr));
+    assert!(
+        findings.contains("noise") && !findings.contains("looking at") && !findings.contains("latency"),
+        "{findings}"
+    );
+    assert!(notes.contains("SIMULATED") && notes.contains("looking at") && notes.contains("latency"), "{notes}");
     device.order("fault open0");
-    let broken = run(&["diagnose", "-d", &device.path, "--seconds", "4"]);
-    assert_eq!(broken.status.code(), Some(1));
+    let broken = run(&["diagnose", "-q", "-d", &device.path, "--seconds", "4"]);
+    assert_eq!((broken.status.code(), text(&broken.stderr).as_str()), (Some(1), ""));
     let said = text(&broken.stdout);
     assert!(said.contains("FAULT") && said.contains("a gauge or its wire is broken"), "{said}");
 }

@@ -9,6 +9,7 @@ mod contact;
 #[cfg(unix)]
 mod devices;
 mod gho;
+mod help;
 mod initial_pose;
 mod inscribe;
 mod newer_firmware;

@@ -28,11 +28,7 @@ const PRINTED: f64 = 1e-9;
 
 /// Solves the worked line of a kind in `docs/SOLVE.md` and compares it with the answer printed after it.
 pub(crate) fn assert_documented(kind: &str, chosen: impl Fn(&Value) -> bool) {
-    let page = project::folder().join("docs/SOLVE.md");
-    let page = std::fs::read_to_string(page).unwrap();
-    let mut lines = page.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
-    let problem = lines.find(|line| line["problem"] == kind && chosen(line)).unwrap();
-    let documented = lines.find(|line| line["problem"] == kind).unwrap();
+    let [problem, documented] = project::documented(|line| line["problem"] == kind && chosen(line));
     let [answer] = &solve(&[problem.to_string()])[..] else { panic!("one answer") };
     assert!(project::alike(answer, &documented, PRINTED), "{answer}");
 }

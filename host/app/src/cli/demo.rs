@@ -10,9 +10,7 @@ use palpate::math::random::Draw;
 use palpate::pushing::dynamics::Part;
 use palpate::pushing::estimation::Estimate;
 use palpate::pushing::estimation::from_rest::onset::PushSense;
-use palpate::pushing::estimation::from_rest::trial::{
-    Drawn, RADIUS_M, Ranges, pose_error, random_part, straight_motion,
-};
+use palpate::pushing::estimation::from_rest::trial::{Drawn, Ranges, pose_error, random_part, straight_motion};
 use palpate::pushing::estimation::from_rest::{self, KnownFromRest};
 use palpate::pushing::finger_motion::{FingerMotion, Segment};
 use palpate_device::simulated::Line;
@@ -22,8 +20,8 @@ use palpate_files::part::PolygonFile;
 use super::read::read;
 use super::{not_negative, pose, static_demo};
 use crate::advice::Advise as _;
+use crate::thesis::chain::known_of;
 use crate::thesis::demonstration::{CALIBRATION_CONTACTS, CALIBRATION_FORCE_N, Rig, SensedPush, course};
-use palpate::gravity::GRAVITY_ASSUMED;
 
 /// Times since the onset at which the host says what it knows, s; the end of the push comes last.
 const TIMES_S: [f64; 3] = [0.1, 0.2, 0.4];
@@ -97,13 +95,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     if let Some(folder) = &arguments.keep {
         arguments.keep_files(folder, &part, &ranges, &measured)?;
     }
-    let known = KnownFromRest {
-        part: &part,
-        mu_g: ranges.mu * GRAVITY_ASSUMED,
-        mu_g_log_sd: None,
-        radius: RADIUS_M,
-        motion: &ranges.motion,
-    };
+    let known = known_of(&ranges, &part);
     let Some(estimate) = say_what_is_felt(&known, &measured.sense) else {
         say!("The push was not felt: its force does not stand out of {} times the noise.", arguments.noise);
         return Ok(ExitCode::SUCCESS);

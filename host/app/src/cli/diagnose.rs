@@ -40,14 +40,12 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     interrupt::listen();
     let mut session = arguments.device.open(true)?;
     let newtons_per_count = newtons_per_count(&session, &arguments.calibration)?;
-    if !arguments.json {
-        say!(
-            "{}looking at {} for {} s; keep the finger free",
-            super::simulated_note(&session),
-            session.address(),
-            arguments.seconds
-        );
-    }
+    note!(
+        "{}looking at {} for {} s; keep the finger free",
+        super::simulated_note(&session),
+        session.address(),
+        arguments.seconds
+    );
     let (observation, latency) = observe(&mut session, arguments.seconds, newtons_per_count)?;
     let Some((figures, findings)) = diagnosis::diagnose(&observation) else {
         return Err(miette::miette!(
@@ -60,9 +58,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         say!("{}", as_json(&session, &figures, &findings));
     } else {
         findings.iter().for_each(print_finding);
-        if let Some(latency) = latency.in_words() {
-            say!("latency {latency}");
-        }
+    }
+    if let Some(latency) = latency.in_words() {
+        note!("latency {latency}");
     }
     let fault = findings.iter().any(|finding| finding.verdict == Verdict::Fault);
     Ok(if fault { ExitCode::FAILURE } else { ExitCode::SUCCESS })

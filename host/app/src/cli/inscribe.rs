@@ -21,23 +21,29 @@ use super::{counted, positive};
 use crate::pictures::inscription::{InscribePicture, Shown};
 
 const LONG_HELP: &str = "\
-A part file is the one of `palpate push` (only unit and vertices or ellipse matter here); `rounding = 3` rounds the corners by an
-arc of this radius about each vertex. The view file is TOML:
-  unit = \"mm\"             # of every length: m, cm, mm or in; angles are in degrees, counter-clockwise from x
-  sigma = 0.1             # standard deviation of each bearing (optional: without it the readings are exact)
-  [[cone]]                # what a sensor sees of the part: swept counter-clockwise from right to left
+A part file is the one of `palpate push` (only unit and vertices or ellipse matter here); `rounding = 3` rounds the
+corners by an arc of this radius about each vertex. The view file is TOML, with angles in degrees, counter-clockwise
+from x:
+  unit = \"mm\"        # of every length: m, cm, mm or in
+  sigma = 0.1        # standard deviation of each bearing (optional: without
+                     # it the readings are exact)
+  [[cone]]           # what a sensor sees of the part: swept
+                     # counter-clockwise from right to left
   apex = [-200, 50]
   right = -10.3
   left = 6.9
-  moved = [0, 0, 0]       # how far the part had moved since the start: x, y, turn (optional: a belt, a turntable)
-  [[fence]]               # a line the part touches: x cos(normal) + y sin(normal) = offset, the part below it
+  moved = [0, 0, 0]  # how far the part had moved since the start: x, y, turn
+                     # (optional: a belt, a turntable)
+  [[fence]]          # a line the part touches, with the part below it:
+                     # x cos(normal) + y sin(normal) = offset
   normal = -90
   offset = 0
-  [[point]]               # a point on the part's outline: a probed contact (polygons, without sigma)
+  [[point]]          # a point on the part's outline: a probed contact
+                     # (polygons, without sigma)
   at = [60, 15]
 
-With several part files it also says which part it is. Two views nearly always leave one pose of a part if they are exact;
-with errors a third view is often needed, and the command says where to take it.
+With several part files it also says which part it is. Two views nearly always leave one pose of a part if they
+are exact; with errors a third view is often needed, and the command says where to take it.
 
 Exit status: 0, 1 if a file cannot be used or the picture not be written, 2 if no pose fits, 64 wrong command line.";
 
@@ -48,7 +54,8 @@ const EXIT_NO_POSE: u8 = 2;
 ///
 /// Prints every pose that fits, with its uncertainty if the readings have errors.
 #[derive(Debug, clap::Args)]
-#[command(after_long_help = LONG_HELP, mut_group("PlanArguments", |group| group.requires("resolve")))]
+#[command(after_long_help = super::help::flowing(LONG_HELP))]
+#[command(mut_group("PlanArguments", |group| group.requires("resolve")))]
 pub(crate) struct Arguments {
     /// The part files: the parts that it may be
     #[arg(value_name = "PART.toml", required = true)]

@@ -29,6 +29,7 @@ mod corner;
 mod demo;
 mod device;
 mod diagnose;
+mod help;
 mod info;
 mod inscribe;
 mod latency;

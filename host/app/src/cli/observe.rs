@@ -12,7 +12,7 @@ use palpate::finger::contact::Reading;
 use palpate::finger::sense;
 use palpate::pushing::estimation::Estimate;
 use palpate::pushing::estimation::from_rest::onset::{PushSense, RestNoise};
-use palpate::pushing::estimation::from_rest::{self, KnownFromRest, hann_windows};
+use palpate::pushing::estimation::from_rest::{self, hann_windows};
 use palpate::pushing::finger_motion::{FingerMotion, Segment};
 use palpate_device::Session;
 use palpate_files::motion::{self, MotionFileError};
@@ -21,12 +21,11 @@ use palpate_files::part::PolygonFile;
 use super::calibrated::CalibrationArguments;
 use super::device::DeviceArguments;
 use super::read::read;
-use super::recorded_push::{FrictionArguments, not_at_rest, read_forces};
+use super::recorded_push::{FeltPushArguments, not_at_rest, read_forces};
 use super::{pose, positive};
 use crate::advice::Advise as _;
 use crate::live;
 use crate::live::interrupt;
-use palpate::gravity::GRAVITY_ASSUMED;
 
 /// Times since the onset at which the whole part is searched, s; in between only what was found then is followed. At
 /// the end all is searched once more.
@@ -37,16 +36,18 @@ The finger first rests, touching nothing or the part without force, while the ta
 force that rises starts the clock of the motion.
 
 The motion file is TOML; every length in it is in its `unit`:
-  unit = \"mm\"                   # m, cm, mm or in
-  start = [0, 0]                # the disk's centre when it begins to move (optional): where poses count from
-  [[segment]]                   # one after the other
+  unit = \"mm\"              # m, cm, mm or in
+  start = [0, 0]           # the disk's centre when it begins to move
+                           # (optional): where poses count from
+  [[segment]]              # one after the other
   seconds = 0.3
-  acceleration = [150, 0]       # mm/s² along the finger's axes, which are those of the force
+  acceleration = [150, 0]  # mm/s² along the finger's axes: those of the force
 
 With --motion - segments are read from standard input as they come, one JSON object a line, in SI units:
   {\"seconds\": 0.3, \"acceleration\": [0.15, 0]}
-The part file is that of `palpate push`; its mu_c is not needed. If its mu is a guess, say how good a one with --mu-uncertainty: mu
-is then found with the rest. A slow push tells only mu times the mass, and the answer says so.
+
+The part file is that of `palpate push`; its mu_c is not needed. If its mu is a guess, say how good a one with
+--mu-uncertainty: mu is then found with the rest. A slow push tells only mu times the mass, and the answer says so.
 
 The forces' file is a table of t, Fx, Fy: force on the finger's disk along its axes, in newtons.
 
@@ -60,7 +61,7 @@ Exit status: 0, 1 if nothing was felt or something cannot be used, 64 wrong comm
 /// Live from a device, or from a file of forces. Prints where the part may be, how certain that is, and what cannot be
 /// told apart, as it changes; ends when the finger's motion does, or the contact.
 #[derive(Debug, clap::Args)]
-#[command(after_long_help = LONG_HELP)]
+#[command(after_long_help = super::help::flowing(LONG_HELP))]
 pub(crate) struct Arguments {
     /// Forces on the finger from a file instead of a device: t, Fx, Fy, with the finger at rest at its beginning
     #[arg(value_name = "FORCES", conflicts_with_all = ["device", "baud", "calibration"])]
@@ -74,13 +75,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "MOTION.toml")]
     motion: PathBuf,
 
-    /// Radius of the finger's disk
-    #[arg(long, value_name = "MM", value_parser = positive, default_value_t = 15.0)]
-    radius_mm: f64,
-
-    /// Take the tare over so many seconds at rest, at the beginning
-    #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true, value_parser = super::stretch)]
-    tare: f64,
+    #[command(flatten)]
+    felt: FeltPushArguments,
 
     /// Print an estimate every so many seconds of the push
     #[arg(long, value_name = "S", default_value_t = 0.1, value_parser = positive)]
@@ -89,9 +85,6 @@ pub(crate) struct Arguments {
     /// Print one JSON object a line: SI units, radians
     #[arg(long)]
     json: bool,
-
-    #[command(flatten)]
-    friction: FrictionArguments,
 
     #[command(flatten)]
     device: DeviceArguments,
@@ -113,12 +106,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
 fn from_file(mut observer: Observer, path: &Path) -> miette::Result<ExitCode> {
     let named = || format!("cannot use the forces {}", path.display());
     let readings = read_forces(path)?;
-    let rest_end = readings.first().map_or(0.0, |first| first.t) + observer.arguments.tare;
-    let rest = readings.partition_point(|reading| reading.t < rest_end);
-    let noise = RestNoise::estimate(&readings[..rest]).map_err(not_at_rest).wrap_err_with(named)?;
+    let (mut sense, push) = observer.arguments.felt.sense(&readings).wrap_err_with(named)?;
     observer.motion.read_all()?;
-    let mut sense = PushSense::new(noise, None);
-    for reading in &readings[rest..] {
+    for reading in push {
         sense.push(reading);
         if observer.look(&sense)?.is_break() {
             break;
@@ -142,7 +132,7 @@ fn from_device(mut observer: Observer) -> miette::Result<ExitCode> {
 
 /// Takes the tare, waits for the push and follows it to its end.
 fn watch(observer: &mut Observer, session: &mut Session, calibration: &Calibration) -> miette::Result<PushSense> {
-    let seconds = observer.arguments.tare;
+    let seconds = observer.arguments.felt.tare;
     note!("{}taring for {seconds} s: no force on the finger", super::simulated_note(session));
     let blocks = live::collect(session, seconds, super::tell).advised()?;
     let rest: Vec<Reading> = blocks.iter().flat_map(|samples| sense::readings(samples, calibration)).collect();
@@ -203,9 +193,7 @@ impl Observer<'_> {
         else {
             return;
         };
-        let radius = self.arguments.radius_mm * 1e-3;
-        let (mu_g, mu_g_log_sd) = (self.file.mu * GRAVITY_ASSUMED, self.arguments.friction.log_sd());
-        let known = KnownFromRest { part: &self.file.part, mu_g, mu_g_log_sd, radius, motion };
+        let known = self.arguments.felt.known(self.file, motion);
         let now = hann_windows::end(measured.count() - 1);
         let estimate = match &self.last {
             Some(last) if !at_end && !search_is_due(last.time_end, now) => from_rest::follow(&known, &measured, last),

@@ -25,18 +25,24 @@ const LONG_HELP: &str = "\
 Reads a contact a line from standard input, at equal steps of time, in s and m:
   {\"t\": 0.002, \"u\": [0.0112, -0.0034]}
 and prints what is known after it, a JSON object a line:
-  status       collecting: too short a stretch yet        undecided: several or no hypotheses explain it
-               found: one does                            tracking: a filter follows the body
-               lost: contacts and filter disagree; collecting begins anew
-  orientation  quaternion [w, x, y, z], body to palm      omega  angular velocity, body axes, rad/s
-  u            the contact, m                             attitude_sigma_deg, omega_sigma  standard deviations
+  status              collecting: too short a stretch yet
+                      undecided: several or no hypotheses explain it
+                      found: one does
+                      tracking: a filter follows the body
+                      lost: contacts and filter disagree; it collects anew
+  orientation         quaternion [w, x, y, z], body to palm
+  omega               angular velocity, body axes, rad/s
+  u                   the contact, m
+  attitude_sigma_deg  standard deviation of the attitude, degrees
+  omega_sigma         standard deviation of the angular velocity, rad/s
+
 Attitudes are known up to the body's symmetry. With several body files, `body` says which it is, from 0.
 
 Exit status: 0 at the end of the input, 1 if a line or a file cannot be read, 64 wrong command line.";
 
 /// Feels, live, where a body rolling on the palm is and how it moves, from its contacts alone.
 #[derive(Debug, clap::Args)]
-#[command(after_long_help = LONG_HELP)]
+#[command(after_long_help = super::help::flowing(LONG_HELP))]
 pub(crate) struct Arguments {
     /// The body file; several if it may be one of them
     #[arg(value_name = "BODY.toml", required = true)]

@@ -24,11 +24,15 @@ const LONG_HELP: &str = "\
 Takes the files of `palpate observe`: of a push so far that left several poses possible. Each motion is played ahead from
 every pose that is left, and what the finger then would feel is compared pair by pair:
 
-  first    the acceleration that the motion begins with; the recommended motion is told in full below
-  risk     bound of the probability of naming the wrong pose afterwards, or a place more than a millimetre off
+  first    the acceleration that the motion begins with; the recommended
+           motion is told in full below
+  risk     bound of the probability of naming the wrong pose afterwards, or a
+           place more than a millimetre off
   nearest  the two poses that come apart least; the likeliest is 1
-  D²       how far: squared, in standard deviations of the noise and of what is uncertain of both; below 36 they may be confused
-  place    how uncertain the place on the edge then still is, of the pose where it is most so: standard deviation
+  D²       how far: squared, in standard deviations of the noise and of what
+           is uncertain of both; below 36 they may be confused
+  place    how uncertain the place on the edge then still is, of the pose
+           where it is most so: standard deviation
   contact  how long every pose keeps the contact, s
 
 What is compared is the direction of the force. A contact that never slipped so far is taken to roll on. Run it again as the
@@ -38,7 +42,7 @@ Exit status: 0, also where nothing tells the poses apart; 1 if something cannot 
 
 /// Says how the finger should go on so that the poses still possible can be told apart.
 #[derive(Debug, clap::Args)]
-#[command(after_long_help = LONG_HELP)]
+#[command(after_long_help = super::help::flowing(LONG_HELP))]
 pub(crate) struct Arguments {
     /// The part file
     #[arg(long, value_name = "PART.toml")]

@@ -26,15 +26,16 @@ const ROWS_MAX: i64 = 100_000;
 
 const LONG_HELP: &str = "\
 The part file is TOML; every length in it is in its `unit`:
-  unit = \"mm\"                                  # m, cm, mm or in
-  vertices = [[0, 0], [90, 0], [90, 40], [30, 60]]   # counter-clockwise
-  mu = 0.25                                    # friction between part and table
-  mu_c = 0.3                                   # friction between part and finger (optional)
-  feet = [[5, 5, 1], [85, 5, 1], [45, 45, 2]]  # x, y, weight on it in any unit (optional: else all of the base)
-  centre_of_mass = [48, 25]                    # both or neither of these two;
-  radius_of_gyration = 28                      # without them the part is a uniform plate
-Instead of feet, `[[support]]` lists what the part may stand on, for `palpate which-part`.
-An elliptic part has `ellipse = {a = 40, b = 25}` instead of vertices: semi-axes along x and y, middle at the origin.
+  unit = \"mm\"                # m, cm, mm or in
+  vertices = [[0, 0], [90, 0], [90, 40], [30, 60]]  # counter-clockwise
+  mu = 0.25                  # friction between part and table
+  mu_c = 0.3                 # friction between part and finger (optional)
+  feet = [[5, 5, 1], [85, 5, 1], [45, 45, 2]]
+                             # x, y, weight on it in any unit (optional: else
+                             # all of the base)
+  centre_of_mass = [48, 25]  # both or neither of these two; without them the
+  radius_of_gyration = 28    # part is a uniform plate
+Instead of feet, `[[support]]` lists what the part may stand on, for `palpate which-part`. An elliptic part has `ellipse = {a = 40, b = 25}` instead of vertices: semi-axes along x and y, middle at the origin.
 
 At first the part lies as drawn and the finger touches it. Without --speed-mm-s both are at rest; with it the part
 already goes along with the finger. Forces are those on the part, as shares of its weight. --then changes the finger's
@@ -47,7 +48,7 @@ Exit status: 0, 1 if the push is impossible or a file cannot be read or written,
 /// Prints where the part is, where the finger touches it and what force it takes, up to when the finger loses the part,
 /// the contact reaches the end of the edge, or the time is up.
 #[derive(Debug, clap::Args)]
-#[command(after_long_help = LONG_HELP)]
+#[command(after_long_help = super::help::flowing(LONG_HELP))]
 pub(crate) struct Arguments {
     /// The part file
     #[arg(value_name = "PART.toml")]

@@ -27,31 +27,40 @@ pub(super) struct RecordedPushArguments {
     #[arg(long, value_name = "MOTION.toml")]
     motion: PathBuf,
 
+    #[command(flatten)]
+    felt: FeltPushArguments,
+}
+
+/// What must be known of the finger, its rest and the plane to make sense of the forces.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(super) struct FeltPushArguments {
     /// Radius of the finger's disk
     #[arg(long, value_name = "MM", value_parser = positive, default_value_t = 15.0)]
     radius_mm: f64,
 
     /// Take the tare over so many seconds at rest, at the beginning
     #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true, value_parser = super::stretch)]
-    tare: f64,
+    pub(super) tare: f64,
 
-    #[command(flatten)]
-    friction: FrictionArguments,
-}
-
-/// How well the friction of the plane is known.
-#[derive(Clone, Copy, Debug, clap::Args)]
-pub(super) struct FrictionArguments {
     /// How well the part file's mu is known: 20% as one standard deviation, or x2 for within a factor of two (two of
     /// them); mu is then found too
     #[arg(long, value_name = "SHARE", value_parser = log_sd, allow_hyphen_values = true)]
     mu_uncertainty: Option<f64>,
 }
 
-impl FrictionArguments {
-    /// Standard deviation of ln µ, if µ is not known.
-    pub(super) fn log_sd(self) -> Option<f64> {
-        self.mu_uncertainty
+impl FeltPushArguments {
+    /// What is known of a push from rest of the part in this file, with this motion of the finger.
+    pub(super) fn known<'a>(self, file: &'a PolygonFile, motion: &'a FingerMotion) -> KnownFromRest<'a> {
+        let (mu_g, mu_g_log_sd) = (file.mu * GRAVITY_ASSUMED, self.mu_uncertainty);
+        KnownFromRest { part: &file.part, mu_g, mu_g_log_sd, radius: self.radius_mm * 1e-3, motion }
+    }
+
+    /// What senses the push, from the readings at rest, and the readings after them.
+    pub(super) fn sense(self, readings: &[Reading]) -> miette::Result<(PushSense, &[Reading])> {
+        let rest_end = readings.first().map_or(0.0, |first| first.t) + self.tare;
+        let (rest, push) = readings.split_at(readings.partition_point(|reading| reading.t < rest_end));
+        let noise = RestNoise::estimate(rest).map_err(not_at_rest)?;
+        Ok((PushSense::new(noise, None), push))
     }
 }
 
@@ -92,8 +101,7 @@ pub(super) fn read_forces(path: &Path) -> miette::Result<Vec<Reading>> {
 pub(super) struct RecordedPush {
     pub(super) force: WindowedForce,
     motion: FingerMotion,
-    radius: f64,
-    mu_g_log_sd: Option<f64>,
+    felt: FeltPushArguments,
 }
 
 impl RecordedPushArguments {
@@ -101,15 +109,12 @@ impl RecordedPushArguments {
         let motion = read(&self.motion, motion::parse)?;
         let named = || format!("cannot use the forces {}", self.forces.display());
         let force = self.feel(&motion).wrap_err_with(named)?;
-        Ok(RecordedPush { force, motion, radius: self.radius_mm * 1e-3, mu_g_log_sd: self.friction.log_sd() })
+        Ok(RecordedPush { force, motion, felt: self.felt })
     }
 
     fn feel(&self, motion: &FingerMotion) -> miette::Result<WindowedForce> {
         let readings = read_forces(&self.forces)?;
-        let rest_end = readings.first().map_or(0.0, |first| first.t) + self.tare;
-        let (rest, push) = readings.split_at(readings.partition_point(|reading| reading.t < rest_end));
-        let noise = RestNoise::estimate(rest).map_err(not_at_rest)?;
-        let mut sense = PushSense::new(noise, None);
+        let (mut sense, push) = self.felt.sense(&readings)?;
         push.iter().for_each(|reading| sense.push(reading));
         sense.windowed_force(motion.duration()).filter(|measured| measured.count() >= WINDOWS_MIN).ok_or_else(|| {
             miette::miette!(
@@ -123,8 +128,7 @@ impl RecordedPushArguments {
 impl RecordedPush {
     /// What is known of the push if this part was pushed.
     pub(super) fn known<'p>(&'p self, file: &'p PolygonFile) -> KnownFromRest<'p> {
-        let (mu_g, mu_g_log_sd) = (file.mu * GRAVITY_ASSUMED, self.mu_g_log_sd);
-        KnownFromRest { part: &file.part, mu_g, mu_g_log_sd, radius: self.radius, motion: &self.motion }
+        self.felt.known(file, &self.motion)
     }
 }
 

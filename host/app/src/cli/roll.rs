@@ -23,15 +23,18 @@ const ROWS_MAX: i64 = 100_000;
 
 const LONG_HELP: &str = "\
 The body file is TOML; every length in it is in its `unit`:
-  unit = \"mm\"                        # m, cm, mm or in
-  shape = \"ellipsoid\"                # or egg (with e and zc), rounded (with r)
+  unit = \"mm\"                       # m, cm, mm or in
+  shape = \"ellipsoid\"               # or egg (with e and zc), rounded (with r)
   semi_axes = [20, 30, 40]
-  radii_of_gyration = [22, 20, 15]   # egg, rounded: about the three axes (optional: else uniform density)
+  radii_of_gyration = [22, 20, 15]  # egg, rounded: about the three axes
+                                    # (optional: else uniform density)
 
 Palm axes: x and y in the palm, z up. The body's axes start along the palm's and are then turned by --attitude-deg. It
 stands on its contact, which starts at the palm's origin and never slips; how much friction that takes is printed.
 
-`palpate roll BODY --contacts-hz 500 --grid-mm 1 | palpate palm BODY --grid-mm 1` shows what can be felt of a roll.
+What can be felt of a roll:
+  palpate roll BODY --contacts-hz 500 --grid-mm 1 |
+    palpate palm BODY --grid-mm 1
 
 Exit status: 0, 1 if the roll is impossible or a file cannot be read or written, 64 wrong command line.";
 
@@ -40,7 +43,7 @@ Exit status: 0, 1 if the roll is impossible or a file cannot be read or written,
 /// Prints where the contact goes, how high the body is and how hard it presses, up to when it would lift off or the
 /// time is up.
 #[derive(Debug, clap::Args)]
-#[command(after_long_help = LONG_HELP)]
+#[command(after_long_help = super::help::flowing(LONG_HELP))]
 pub(crate) struct Arguments {
     /// The body file
     #[arg(value_name = "BODY.toml")]

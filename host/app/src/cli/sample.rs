@@ -24,18 +24,21 @@ const TIME_LIMIT_MAX_S: f64 = 1e6;
 
 const LONG_HELP: &str = "\
 A scene is TOML, or a problem `point_sampling` of `palpate solve` in a file that ends in .json:
-  unit = \"mm\"                 # m, cm, mm or in
-  curve_error = 0.01          # how far a chord may be from its arc (optional)
+  unit = \"mm\"                        # m, cm, mm or in
+  curve_error = 0.01                 # how far a chord may be from its arc
+                                     # (optional)
   [[shape]]
   name = \"bracket\"
-  vertices = [[0, 0], [90, 0, 0.4], [90, 40], [30, 60]]   # counter-clockwise; a third number bulges the next edge,
-                                                          # 1 to a half circle
-  poses = [[0, 0, 0], [20, 5, 90]]                        # x, y, degrees (optional)
+  vertices = [[0, 0], [90, 0, 0.4], [90, 40], [30, 60]]
+                                     # counter-clockwise; a third number bulges
+                                     # the next edge, 1 to a half circle
+  poses = [[0, 0, 0], [20, 5, 90]]   # x, y, degrees (optional)
 
 A file of sets, for --sets, has one set a line: `name: element element …`; the elements are any words.
 
-  palpate sample scene.toml --json > plan.json      plan points, and keep the plan
-  palpate sample --decode plan.json 01?0            which shape covers the second point, but not the first and last?
+To plan points and keep the plan, and then to ask which shape covers the second point, but not the first and last:
+  palpate sample scene.toml --json > plan.json
+  palpate sample --decode plan.json 01?0
 
 Exit status: 0, 1 if a file cannot be used or shapes cannot be told apart, 64 wrong command line.";
 
@@ -44,7 +47,7 @@ Exit status: 0, 1 if a file cannot be used or shapes cannot be told apart, 64 wr
 /// The number of points is proven to be the least, or printed with the bound that is; among plans of so many points the
 /// one with the largest distance from all edges is taken.
 #[derive(Debug, clap::Args)]
-#[command(after_long_help = LONG_HELP)]
+#[command(after_long_help = super::help::flowing(LONG_HELP))]
 pub(crate) struct Arguments {
     /// The scene: shapes and poses
     #[arg(value_name = "SCENE", required_unless_present_any = ["decode", "sets"])]

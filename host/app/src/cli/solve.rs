@@ -19,24 +19,22 @@ const STANDARD_INPUT: &str = "-";
 /// Most jobs accepted: far beyond any processor, and short of what would exhaust the system's threads.
 const JOBS_MAX: NonZeroUsize = NonZeroUsize::new(1024).unwrap();
 
-const LONG_ABOUT: &str = r#"Answers machine-readable problems: JSON Lines in, JSON Lines out.
-
-One problem a line: a JSON object with "problem": KIND, the fields of that kind, and optionally an
-"id" of any JSON value, which the answer repeats. One answer a line, in the same order, written
-as soon as it is ready. Blank lines are skipped. Lengths in metres, angles in radians, SI throughout."#;
-
-const LONG_HELP: &str = r#"Errors:
-  A line that cannot be solved is answered by an error, and the run goes on:
-    $ echo '{"problem": "fly", "id": 7}' | palpate solve
-    {"id":7,"line":1,"error":{"code":"unknown_problem","message":"`fly` is not ...","field":"/problem"}}
-  Codes: invalid_json, unknown_problem, invalid_input, internal. "line" counts the lines of the input
-  from 1; "field" is a JSON Pointer to the field, or null.
+const LONG_HELP: &str = r#"A line that cannot be solved is answered by an error, and the run goes on:
+  $ echo '{"problem": "fly", "id": 7}' | palpate solve
+  {"id":7,"line":1,"error":{"code":"unknown_problem",
+    "message":"`fly` is not ...","field":"/problem"}}
+Codes: invalid_json, unknown_problem, invalid_input, internal. "line" counts the lines of the input from 1; "field" is
+a JSON Pointer to the field, or null.
 
 Exit status: 0 no line had an error, 2 some had, 1 input or output failed, 64 wrong command line."#;
 
 /// Answers machine-readable problems: JSON Lines in, JSON Lines out.
+///
+/// One problem a line: a JSON object with "problem": KIND, the fields of that kind, and optionally an "id" of any JSON
+/// value, which the answer repeats. One answer a line, in the same order, written as soon as it is ready. Blank lines
+/// are skipped. Lengths in metres, angles in radians, SI throughout.
 #[derive(Debug, clap::Args)]
-#[command(long_about = LONG_ABOUT, after_long_help = long_help())]
+#[command(after_long_help = long_help())]
 pub(crate) struct Arguments {
     /// File of problems; `-` is standard input.
     #[arg(value_name = "FILE", default_value = STANDARD_INPUT)]
@@ -54,7 +52,7 @@ pub(crate) struct Arguments {
 fn long_help() -> String {
     let names: Vec<_> = KINDS.names().collect();
     let kinds = if names.is_empty() { "none built in yet".to_owned() } else { names.join(", ") };
-    format!("Kinds: {kinds}.\n\n{LONG_HELP}")
+    super::help::flowing(&format!("Kinds: {kinds}.\n\n{LONG_HELP}"))
 }
 
 fn known_kind(name: &str) -> Result<&'static str, String> {

@@ -6,6 +6,21 @@ use std::num::NonZeroUsize;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use palpate::math::random::Draw;
+use palpate::pushing::dynamics::Part;
+
+/// A part as the experiments on pushes in motion draw it: three of five are convex, the others stars.
+pub(super) fn random_part(draw: &mut Draw) -> Part {
+    let polygon = if draw.chance(0.6) {
+        let points = 3 + draw.index(7);
+        draw.convex_polygon(points, 0.05)
+    } else {
+        let vertices = 4 + draw.index(6);
+        draw.star_polygon(vertices, 0.02, 0.05)
+    };
+    Part::uniform(polygon)
+}
+
 /// What comes of each case from 0 to `cases`, in order. Each thread takes the next case when it is done with one.
 pub(super) fn of_each<O: Send>(cases: usize, outcome: impl Fn(usize) -> O + Sync) -> Vec<O> {
     let next = AtomicUsize::new(0);

@@ -6,6 +6,7 @@
 
 use palpate::math::random::Draw;
 use palpate::math::statistics::percentile;
+use palpate::pushing::dynamics::Part;
 use palpate::pushing::estimation::Status;
 use palpate::pushing::estimation::from_rest::trial::{RADIUS_M, Ranges, TrialOutcome, random_part, straight_motion};
 use palpate::pushing::estimation::from_rest::{self, KnownFromRest};
@@ -31,14 +32,19 @@ fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<TrialOutcome, Strin
     let measured = measured.map_err(|error| format!("case {number}: {error}"))?;
     let measured =
         measured.sense.windowed_force(duration).ok_or_else(|| format!("case {number}: the push was not felt"))?;
-    let known = KnownFromRest {
-        part: &part,
+    let estimate = from_rest::estimate(&known_of(ranges, &part), &measured);
+    Ok(TrialOutcome::new(&part, &drawn, &estimate))
+}
+
+/// What the host knows of a push drawn from these ranges.
+pub(crate) fn known_of<'a>(ranges: &'a Ranges, part: &'a Part) -> KnownFromRest<'a> {
+    KnownFromRest {
+        part,
         mu_g: ranges.mu * GRAVITY_ASSUMED,
         mu_g_log_sd: None,
         radius: RADIUS_M,
         motion: &ranges.motion,
-    };
-    Ok(TrialOutcome::new(&part, &drawn, &from_rest::estimate(&known, &measured)))
+    }
 }
 
 /// What `palpate tables chain` runs.

@@ -213,6 +213,11 @@ impl Pointer {
         &self.0
     }
 
+    /// The key of the outermost member that this leads through.
+    pub(crate) fn first_key(&self) -> Option<String> {
+        self.0.split('/').nth(1).map(plain)
+    }
+
     pub(crate) fn join(self, inner: &Self) -> Self {
         Self(self.0 + &inner.0)
     }

@@ -92,6 +92,80 @@ fn read_tagged<T>(mut value: Value, tag: &'static str, variants: &[Variant<T>]) 
     }
 }
 
+/// Reads one object as two structs of different fields, as if all were those of one.
+///
+/// What serde calls flattening, but with the place of every error, and with a field that neither struct has refused.
+pub(super) fn read_side_by_side<'de, D, A, B>(deserializer: D) -> Result<(A, B), D::Error>
+where
+    D: Deserializer<'de>,
+    A: DeserializeOwned,
+    B: DeserializeOwned,
+{
+    let value: Value = serde::Deserialize::deserialize(deserializer)?;
+    split(value).map_err(D::Error::custom)
+}
+
+fn split<A: DeserializeOwned, B: DeserializeOwned>(value: Value) -> Result<(A, B), InvalidInput> {
+    let Value::Object(object) = value else {
+        return Err(InvalidInput::invalid_type(unexpected(&value), &"an object"));
+    };
+    let (of_first, of_second) = (field_names::<A>(), field_names::<B>());
+    let keys: Vec<String> = object.keys().cloned().collect();
+    let (first, second): (Map<_, _>, Map<_, _>) =
+        object.into_iter().partition(|(key, _)| of_first.contains(&key.as_str()));
+    let stranger = second.keys().find(|key| !of_second.contains(&key.as_str())).map(|key| {
+        let known: Vec<_> = of_first.iter().chain(of_second).copied().collect();
+        not_a_field(key, &known)
+    });
+    match (read(Value::Object(first)), read(Value::Object(second)), stranger) {
+        (Ok(first), Ok(second), None) => Ok((first, second)),
+        (first, second, stranger) => {
+            // A struct tells of the first field that is wrong; only where all are good, of one that is missing.
+            let place = |error: &InvalidInput| {
+                let key = error.field().and_then(Pointer::first_key);
+                key.and_then(|key| keys.iter().position(|other| *other == key)).unwrap_or(keys.len())
+            };
+            // The second struct refuses what is no field of its own, too, but knows its own fields only.
+            let errors = stranger.into_iter().chain(first.err()).chain(second.err());
+            Err(errors.min_by_key(place).unwrap_or_else(|| InvalidInput::new("cannot be read")))
+        }
+    }
+}
+
+/// The names of a struct's fields, as it tells them to any deserializer; none for other types.
+fn field_names<T: DeserializeOwned>() -> &'static [&'static str] {
+    let mut names = Names(&[]);
+    // Whatever is read from nothing: only the names that it asks for count.
+    let _ = T::deserialize(&mut names);
+    names.0
+}
+
+/// A deserializer that gives nothing and notes what fields it is asked for.
+struct Names(&'static [&'static str]);
+
+impl<'de> Deserializer<'de> for &mut Names {
+    type Error = InvalidInput;
+
+    fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, InvalidInput> {
+        visitor.visit_unit()
+    }
+
+    fn deserialize_struct<V: Visitor<'de>>(
+        self,
+        _name: &'static str,
+        fields: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, InvalidInput> {
+        self.0 = fields;
+        self.deserialize_any(visitor)
+    }
+
+    forward_to_deserialize_any! {
+        bool i8 i16 i32 i64 u8 u16 u32 u64 f32 f64 char str string bytes byte_buf option newtype_struct enum
+        unit unit_struct seq tuple tuple_struct map identifier ignored_any
+    }
+}
+
 /// The deserializer.
 struct Json(Value);
 
@@ -307,7 +381,7 @@ impl de::Error for InvalidInput {
     }
 
     fn unknown_field(field: &str, expected: &'static [&'static str]) -> Self {
-        Self::at(field, format!("is not a field here: {}allowed: {}", hint(field, expected), list(expected)))
+        not_a_field(field, expected)
     }
 
     fn missing_field(field: &'static str) -> Self {
@@ -351,6 +425,11 @@ fn describe(got: Unexpected<'_>) -> String {
 fn unknown_name(name: &str, known: &[&str]) -> String {
     let shown = elide(name, QUOTE_CHARS_MAX);
     format!("`{shown}` is not known: {}expected one of {}", hint(name, known), list(known))
+}
+
+/// Says that an object has a field it cannot have, suggests the nearest and lists them.
+fn not_a_field(field: &str, known: &[&str]) -> InvalidInput {
+    InvalidInput::at(field, format!("is not a field here: {}allowed: {}", hint(field, known), list(known)))
 }
 
 fn hint(name: &str, known: &[&str]) -> String {
@@ -506,6 +585,67 @@ mod tests {
     fn a_long_value_does_not_hide_what_was_expected() {
         let told = refuse("edge", Some(json!("z".repeat(100_000))));
         assert!(told.ends_with("expected a whole number from 0") && told.len() < 1000, "{told}");
+    }
+
+    /// The fields of [`Push`], as two structs.
+    #[derive(Debug, Deserialize)]
+    #[expect(dead_code, reason = "only reading is tested")]
+    struct Where {
+        edge: usize,
+        path: Vec<[f64; 2]>,
+        tip: Tip,
+    }
+
+    #[derive(Debug, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    #[expect(dead_code, reason = "only reading is tested")]
+    struct How {
+        mode: Mode,
+        choice: Option<Choice>,
+    }
+
+    struct Both;
+
+    impl<'de> Deserialize<'de> for Both {
+        fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+            read_side_by_side::<_, Where, How>(deserializer).map(|_| Self)
+        }
+    }
+
+    /// But for the order in which they list the fields and miss them.
+    #[test]
+    fn two_structs_side_by_side_are_read_as_one_of_all_their_fields() {
+        let good = json!({"mode": "rolling", "edge": 0, "path": [[0, 1]], "tip": {"type": "disk", "radius": 0.01}});
+        let wrong = [json!(null), json!(-1), json!("ball"), json!([[0, null]]), json!({"type": "disk"}), json!({})];
+        let names = ["mode", "edge", "path", "tip", "choice", "a", "pth", "zeal", "moda"];
+        let mut problems = vec![good.clone(), json!([]), json!(1)];
+        for (name, value) in names.iter().flat_map(|name| wrong.iter().map(move |value| (name, value))) {
+            let mut one = good.clone();
+            one[*name] = value.clone();
+            for other in names {
+                let mut two = one.clone();
+                two[other] = json!("?");
+                problems.push(two);
+            }
+            problems.push(one);
+        }
+        for name in ["mode", "edge", "path", "tip"] {
+            let mut lean = good.clone();
+            lean.as_object_mut().unwrap().remove(name);
+            problems.push(lean);
+        }
+        let told = |error: InvalidInput| {
+            let whole = error.to_string();
+            whole.split_once("allowed: ").map_or(whole.clone(), |(told, list)| {
+                let mut names: Vec<_> = list.split(", ").collect();
+                names.sort_unstable();
+                format!("{told}{names:?}")
+            })
+        };
+        for problem in problems {
+            let (one, two) = (read::<Push>(problem.clone()).err(), read::<Both>(problem.clone()).err());
+            assert_eq!(two.map(told), one.map(told), "{problem}");
+        }
     }
 
     proptest! {

@@ -2,6 +2,7 @@
 
 use schemars::Schema;
 use schemars::generate::SchemaSettings;
+use schemars::transform::RecursiveTransform;
 use serde_json::{Map, Value, json};
 
 use super::error::ErrorLine;
@@ -25,7 +26,20 @@ pub fn document(registry: &Registry) -> Value {
 /// The schema of a line that reports an error.
 #[must_use]
 pub fn error() -> Schema {
-    SchemaSettings::draft2020_12().for_serialize().into_generator().into_root_schema_for::<ErrorLine>()
+    settings().for_serialize().into_generator().into_root_schema_for::<ErrorLine>()
+}
+
+fn settings() -> SchemaSettings {
+    SchemaSettings::draft2020_12().with_transform(RecursiveTransform(describe_in_words))
+}
+
+/// Keeps of a description, which is the doc comment of a type, what speaks to those who write JSON: the text before the
+/// first example and the first heading, both of which are about Rust.
+fn describe_in_words(schema: &mut Schema) {
+    let Some(Value::String(description)) = schema.get_mut("description") else { return };
+    let ends = ["```", "\n#"].map(|mark| description.find(mark).unwrap_or(description.len()));
+    description.truncate(ends.into_iter().min().unwrap_or_default());
+    description.truncate(description.trim_end().len());
 }
 
 /// What every problem has, whatever its kind.
@@ -47,7 +61,6 @@ fn id() -> Value {
 
 /// The schemas of one kind.
 pub(super) fn of<P: Problem>() -> KindSchema {
-    let settings = SchemaSettings::draft2020_12;
     let problem = settings().into_generator().into_root_schema_for::<P>();
     let result = settings().for_serialize().into_generator().into_root_schema_for::<P::Answer>();
     KindSchema {
@@ -105,6 +118,29 @@ mod tests {
         let codes = document["error"]["$defs"]["ErrorCode"].to_string();
         for code in ["invalid_json", "unknown_problem", "invalid_input", "internal"] {
             assert!(codes.contains(code), "{code} is not in {codes}");
+        }
+    }
+
+    /// Every `description`, however deep.
+    fn descriptions(value: &Value, found: &mut Vec<String>) {
+        match value {
+            Value::Object(object) => {
+                found.extend(object.get("description").and_then(Value::as_str).map(str::to_owned));
+                object.values().for_each(|value| descriptions(value, found));
+            }
+            Value::Array(array) => array.iter().for_each(|value| descriptions(value, found)),
+            _ => {}
+        }
+    }
+
+    #[test]
+    fn descriptions_are_about_json_and_not_about_rust() {
+        let mut found = Vec::new();
+        descriptions(&document(&KINDS), &mut found);
+        assert!(found.iter().any(|text| text == "How a part slides on a plane."));
+        for text in found {
+            assert!(!["```", "# ", "[`", "use palpate"].iter().any(|rust| text.contains(rust)), "{text}");
+            assert!(!text.is_empty() && text == text.trim_end());
         }
     }
 

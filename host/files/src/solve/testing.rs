@@ -146,34 +146,6 @@ impl Problem for Sleep {
     }
 }
 
-/// Whether two answers are the same but for numbers that differ by `printed`, relative to 1 or to their size.
-pub(super) fn alike(a: &Value, b: &Value, printed: f64) -> bool {
-    match (a, b) {
-        (Value::Number(a), Value::Number(b)) => {
-            a.as_f64().zip(b.as_f64()).is_some_and(|(a, b)| (a - b).abs() <= printed * (1.0 + a.abs()))
-        }
-        (Value::Array(a), Value::Array(b)) => a.len() == b.len() && a.iter().zip(b).all(|(a, b)| alike(a, b, printed)),
-        (Value::Object(a), Value::Object(b)) => {
-            a.len() == b.len() && a.iter().all(|(key, a)| b.get(key).is_some_and(|b| alike(a, b, printed)))
-        }
-        _ => a == b,
-    }
-}
-
-/// The first problem of a kind in `docs/SOLVE.md` and its answer there, both without their frame.
-pub(super) fn documented(kind: &str) -> [Value; 2] {
-    let page = include_str!("../../../../docs/SOLVE.md");
-    let lines = page.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
-    let mut of_kind = lines.filter(|line| line["problem"] == kind);
-    [(); 2].map(|()| {
-        let mut line = of_kind.next().unwrap();
-        for frame in ["problem", "id"] {
-            line.as_object_mut().unwrap().remove(frame);
-        }
-        line
-    })
-}
-
 /// Every good problem that `docs/SOLVE.md` shows, as a line.
 pub(super) fn documented_lines() -> Vec<String> {
     let page = include_str!("../../../../docs/SOLVE.md");

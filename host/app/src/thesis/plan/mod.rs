@@ -24,6 +24,7 @@ use palpate::pushing::estimation::{Belief, Hypothesis};
 use palpate::pushing::estimation::{Channel, Known, Measured, Observation, Prior, Touch, estimate};
 use palpate::pushing::finger_motion::Segment;
 
+use super::cases::random_part;
 use super::rivals::{Leg, Truth};
 use super::{Cell, Experiment, Table, TableSettings};
 
@@ -179,14 +180,7 @@ impl Case {
     }
 
     pub(super) fn try_draw(draw: &mut Draw) -> Option<Self> {
-        let polygon = if draw.chance(0.6) {
-            let points = 3 + draw.index(7);
-            draw.convex_polygon(points, 0.05)
-        } else {
-            let vertices = 4 + draw.index(6);
-            draw.star_polygon(vertices, 0.02, 0.05)
-        };
-        let part = Part::uniform(polygon);
+        let part = random_part(draw);
         let edge = draw.index(part.polygon().vertices().len());
         let line = part.edge(edge).ok()?;
         let s = draw.uniform(line.s_min, line.s_max);

@@ -12,6 +12,7 @@ use palpate::pushing::dynamics::{
 };
 use palpate::pushing::estimation::{Channel, Hypothesis, Known, Measured, Observation, Prior, Touch};
 
+use crate::thesis::cases::random_part;
 use crate::thesis::rivals::{self, Leg, Truth};
 
 /// Time between values, s, and their number.
@@ -140,14 +141,7 @@ impl Case {
     }
 
     fn try_draw(draw: &mut Draw, Setting { kind, sense, sigma }: Setting) -> Option<Self> {
-        let polygon = if draw.chance(0.6) {
-            let points = 3 + draw.index(7);
-            draw.convex_polygon(points, 0.05)
-        } else {
-            let vertices = 4 + draw.index(6);
-            draw.star_polygon(vertices, 0.02, 0.05)
-        };
-        let part = Part::uniform(polygon);
+        let part = random_part(draw);
         let edge_index = draw.index(part.polygon().vertices().len());
         let edge = part.edge(edge_index).ok()?;
         // Sliding lasts only where the finger goes along.

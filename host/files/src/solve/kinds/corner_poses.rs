@@ -51,7 +51,7 @@ pub struct RestPose {
     pub margin: f64,
 }
 
-/// Names of [`Flush`].
+/// Which fences an edge lies flush on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum FlushName {
     /// The fence along +x.

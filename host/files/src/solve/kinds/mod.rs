@@ -10,5 +10,6 @@ pub mod observe_push;
 pub mod observe_roll;
 pub mod point_sampling;
 pub mod push;
+pub mod pushed;
 pub mod roll;
 pub mod support_friction;

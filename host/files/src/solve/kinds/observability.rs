@@ -16,9 +16,10 @@ use palpate::rolling::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
-use super::push::{Mode, Push, PushStartFields, Support, needed_friction};
+use super::push::{Mode, Push, PushFields, PushStartFields};
+use super::pushed::Pushed;
 use super::roll::{BodyFields, Spin};
-use crate::solve::fields::{FingerFields, NonNegative, Polygon, Positive, Times, default_gravity, plane_friction};
+use crate::solve::fields::{NonNegative, Times, default_gravity};
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError, read, tagged};
 
 /// A state of a system: what of it can be told from its contact?
@@ -187,44 +188,26 @@ fn refuse_start(error: RollError) -> InvalidInput {
     InvalidInput::at(field, error.to_string())
 }
 
-/// A push in motion: the fields of the kind `push`, without times.
+/// A push in motion: the fields of the kind `push`, without times. What happens at the contact is `frictionless`,
+/// `rolling` or `sliding`, and is taken to last.
+pub type PushSystem = Pushed<PushSystemFields>;
+
+/// A push in motion: the fields of the kind `push`, without times. What happens at the contact is `frictionless`,
+/// `rolling` or `sliding`, and is taken to last.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct PushSystem {
-    /// The part's outline, part frame, m.
-    pub polygon: Polygon,
+#[schemars(rename = "PushSystem")]
+pub struct PushSystemFields {
     /// The edge in contact, from vertex `edge` to the next.
     pub edge: usize,
-    /// Friction between part and plane.
-    #[serde(deserialize_with = "plane_friction")]
-    pub mu: NonNegative,
-    /// Gravity, m/s².
-    #[serde(default = "default_gravity")]
-    pub g: NonNegative,
-    /// What happens at the contact: `frictionless`, `rolling` or `sliding`, taken to last.
-    pub mode: Mode,
-    /// Friction between finger and part; required for `sliding`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub mu_c: Option<NonNegative>,
-    /// The finger and its motion.
-    pub finger: FingerFields,
     /// The state in question; not at rest.
     pub initial: PushStartFields,
-    /// Where the weight rests; uniform over the polygon where not given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub support: Option<Support>,
-    /// Part frame, m; the area centroid where not given. Together with `inertia_per_mass`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub centre_of_mass: Option<[f64; 2]>,
-    /// Moment of inertia about `centre_of_mass` over the mass, m².
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub inertia_per_mass: Option<Positive>,
 }
 
 impl PushSystem {
     fn solve(&self) -> Result<ObservabilityAnswer, SolveError> {
         let push = self.push()?;
-        let part = push.part()?;
+        let part = push.setup.part()?;
         let contact = self.contact()?;
         let (model, Start::Moving(state)) = push.checked(&part)? else {
             let message = "a part at rest has no direction of friction: give `omega` (and `vT`) instead";
@@ -232,7 +215,7 @@ impl PushSystem {
         };
         let length = part.inertia_per_mass().sqrt();
         // Without gravity there is no time to compare with; the usual one keeps the scales finite.
-        let gravity = if self.g.get() > 0.0 { self.g.get() } else { GRAVITY_ASSUMED };
+        let gravity = if self.setup.g.get() > 0.0 { self.setup.g.get() } else { GRAVITY_ASSUMED };
         let scales = Scales { length, time: (length / gravity).sqrt() };
         let spectrum = spectrum(&model, &contact, &state, &scales).map_err(refuse)?;
         let states = spectrum.singular_values.len();
@@ -241,32 +224,16 @@ impl PushSystem {
 
     /// The same as the kind `push` has it.
     fn push(&self) -> Result<Push, InvalidInput> {
-        let Self { polygon, edge, mu, g, mode, mu_c, finger, initial, support, centre_of_mass, inertia_per_mass } =
-            self.clone();
-        let times = Times::try_from(vec![0.0])?;
-        let stop_at_edge_end = true;
-        Ok(Push {
-            polygon,
-            edge,
-            mu,
-            g,
-            mode,
-            mu_c,
-            finger,
-            initial,
-            times,
-            support,
-            centre_of_mass,
-            inertia_per_mass,
-            stop_at_edge_end,
-        })
+        let PushSystemFields { edge, initial } = self.own.clone();
+        let own = PushFields { edge, initial, times: Times::try_from(vec![0.0])?, stop_at_edge_end: true };
+        Ok(Push { setup: self.setup.clone(), own })
     }
 
     fn contact(&self) -> Result<ContactMode, InvalidInput> {
-        match self.mode {
+        match self.setup.mode {
             Mode::Frictionless => Ok(ContactMode::Frictionless),
             Mode::Rolling => Ok(ContactMode::Rolling),
-            Mode::Sliding => Ok(ContactMode::Sliding { friction: needed_friction(self.mu_c)?, slip: self.slip() }),
+            Mode::Sliding => Ok(ContactMode::Sliding { friction: self.setup.needed_friction()?, slip: self.slip() }),
             Mode::Coulomb => {
                 let message = "`coulomb` is no single system: ask for `rolling` and `sliding` apart";
                 Err(InvalidInput::at("mode", message))
@@ -276,7 +243,7 @@ impl PushSystem {
 
     /// What `push` checks it to be: 1 or −1.
     fn slip(&self) -> Slip {
-        if self.initial.sliding_sign.is_some_and(|sign| sign < 0.0) { Slip::Backward } else { Slip::Forward }
+        if self.own.initial.sliding_sign.is_some_and(|sign| sign < 0.0) { Slip::Backward } else { Slip::Forward }
     }
 }
 

@@ -1,5 +1,13 @@
 //! What a push in time asks of a model, whatever touches what.
 //!
+//! Most methods only lead to the method of the same name that the model has itself, and that is on purpose. The models'
+//! own are written over any scalar, since observers ask `PushModel<'_, T>` with numbers that carry derivatives; a run
+//! in time has events, outlines and ends, which are plain numbers, so this trait is of `f64`. Any way to have the list
+//! once costs more than the list:
+//! - the models' formulas as methods of a trait of any scalar: whoever asks a model for anything must import it;
+//! - an enum of both: its branch is in the innermost loop, and the run is no longer compiled for the disk on an edge;
+//! - the disk on an edge as a [`ShapedModel`]: the slower formulas, which round otherwise.
+//!
 //! Units: SI. Frames: world, unless named. Errors: none of its own.
 
 use nalgebra::{Point2, Vector2};
