@@ -10,6 +10,7 @@ mod friction;
 mod fuzz;
 mod inscription;
 mod link;
+mod outlines;
 mod point_sampling;
 mod pushing;
 mod pushing_shapes;

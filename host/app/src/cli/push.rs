@@ -170,7 +170,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let cannot = || format!("cannot push {}", arguments.part.display());
     let run = |times: &[f64]| plan.run(&file, times).into_diagnostic().wrap_err_with(cannot);
     let pushed = run(&equal_steps(arguments.time_s, f64::from(arguments.rows)))?;
-    let text = if arguments.json { json(&pushed)? } else { table(&file, &plan, &pushed) };
+    let text = if arguments.json { json(&file, &plan, &pushed)? } else { table(&file, &plan, &pushed) };
     let smooth = || -> miette::Result<Pushed> {
         // Not beyond the end: all that is drawn is what happened.
         let smooth = run(&equal_steps(pushed.run.end.t, f64::from(u32::try_from(SAMPLES).unwrap_or(u32::MAX))))?;
@@ -370,15 +370,17 @@ fn verb(contact: &ContactMode) -> &'static str {
 }
 
 fn end_in_words(file: &PartFile, plan: &PushPlan, pushed: &Pushed) -> String {
-    let vertices = file.part.outline().len();
-    let edge = if let Place::Edge { index, .. } = plan.place { index } else { 0 };
+    let [from, to] = match (&plan.place, &file.part) {
+        (Place::Edge { index, .. }, DescribedPart::Polygon(part)) => part.side_vertices(*index),
+        _ => [0; 2], // An ellipse has no ends.
+    };
     let why = match pushed.run.end.reason {
         EndReason::Time => "the time was up".to_owned(),
         EndReason::Break => "the finger lost the part: no force is left at the contact".to_owned(),
         EndReason::Stick => "sliding stopped".to_owned(),
         EndReason::Slip => "rolling needs more friction than there is".to_owned(),
-        EndReason::EdgeMin => format!("the contact reached vertex {edge}"),
-        EndReason::EdgeMax => format!("the contact reached vertex {}", (edge + 1) % vertices),
+        EndReason::EdgeMin => format!("the contact reached vertex {from}"),
+        EndReason::EdgeMax => format!("the contact reached vertex {to}"),
         EndReason::Jam => "the contact jams: no finite force fits (Painlevé's paradox)".to_owned(),
         EndReason::SecondContact => match pushed.run.second_contact {
             Some(second) => format!("the finger reached edge {} as well: two contacts are not simulated", second.edge),
@@ -388,14 +390,19 @@ fn end_in_words(file: &PartFile, plan: &PushPlan, pushed: &Pushed) -> String {
     format!("ended after {:.4} s: {why}", pushed.run.end.t)
 }
 
-fn json(pushed: &Pushed) -> miette::Result<String> {
+fn json(file: &PartFile, plan: &PushPlan, pushed: &Pushed) -> miette::Result<String> {
     let run = &pushed.run;
+    let edge = |sample: &Sample| match (&plan.place, &file.part) {
+        (Place::Edge { index, .. }, DescribedPart::Polygon(part)) => Some(part.edge_at(*index, sample.state.s)),
+        _ => None,
+    };
+    let sampled = |sample: &Sample| PushSample::of(sample, edge(sample));
     let start =
         run.rest_start.map(|start| InitialAcceleration { centroid: start.centre_of_mass.into(), alpha: start.alpha });
     let answer = PushAnswer {
-        samples: run.samples.iter().map(PushSample::from).collect(),
+        samples: run.samples.iter().map(sampled).collect(),
         end: PushEnd { reason: run.end.reason.into(), t: run.end.t },
-        last: (&run.last).into(),
+        last: sampled(&run.last),
         initial_acceleration: start,
         second_contact: run.second_contact.map(Meeting::from),
         transitions: Some(run.changes.iter().map(|change| Transition { t: change.t, to: change.to.into() }).collect()),

@@ -7,8 +7,10 @@ mod convex;
 pub(crate) mod exact;
 mod polygon;
 mod pose;
+mod sides;
 
 pub use convex::{ConvexPolygon, NotConvex, convex_hull};
 pub(crate) use polygon::extent_of;
 pub use polygon::{PolygonError, SimplePolygon, bounding_box};
 pub use pose::Pose;
+pub use sides::{FLAT_RELATIVE, corners};

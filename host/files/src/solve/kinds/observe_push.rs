@@ -324,7 +324,7 @@ impl ObservePush {
 
     fn gho_edges(&self, part: &Part) -> Result<Vec<usize>, InvalidInput> {
         let Some(edge) = self.own.initial_estimate.and_then(|estimate| estimate.edge) else {
-            return Ok((0..part.polygon().vertices().len()).collect());
+            return Ok(part.sides().map(|(edge, _)| edge).collect());
         };
         let place = || Pointer::from("initial_estimate").key("edge");
         part.edge(edge).map_err(|error| InvalidInput::at(place(), error.to_string()))?;

@@ -167,6 +167,9 @@ impl From<SecondContact> for Meeting {
 pub struct PushSample {
     /// Time since the push began, s.
     pub t: f64,
+    /// The edge in contact: of those that make one straight side with the given one, that which holds `s`; null on an
+    /// ellipse.
+    pub edge: Option<usize>,
     /// Polar angle of the contact, rad, not wrapped.
     pub u: f64,
     /// Contact along the edge, m.
@@ -246,7 +249,7 @@ impl Problem for Push {
         let part = self.setup.part()?;
         let push = Simulation::new(self.model(&part)?, self.law()?, self.start()?, self.edge_end()).map_err(refuse)?;
         let run = push.run(&self.own.times).map_err(|error| SolveError::Internal(error.to_string()))?;
-        Ok(self.answer(&run))
+        Ok(self.answer(&part, &run))
     }
 }
 
@@ -314,12 +317,13 @@ impl Push {
         }
     }
 
-    fn answer(&self, run: &PushRun) -> PushAnswer {
+    fn answer(&self, part: &Part, run: &PushRun) -> PushAnswer {
+        let sample = |sample: &Sample| PushSample::of(sample, Some(part.edge_at(self.own.edge, sample.state.s)));
         let changes = || run.changes.iter().map(|change| Transition { t: change.t, to: change.to.into() }).collect();
         PushAnswer {
-            samples: run.samples.iter().map(PushSample::from).collect(),
+            samples: run.samples.iter().map(sample).collect(),
             end: PushEnd { reason: run.end.reason.into(), t: run.end.t },
-            last: (&run.last).into(),
+            last: sample(&run.last),
             initial_acceleration: run.rest_start.filter(|_| self.own.initial.at_rest).map(|acceleration| {
                 InitialAcceleration { centroid: acceleration.centre_of_mass.into(), alpha: acceleration.alpha }
             }),
@@ -366,12 +370,15 @@ impl From<EndReason> for PushEndReasonAnswer {
     }
 }
 
-impl From<&Sample> for PushSample {
-    fn from(sample: &Sample) -> Self {
+impl PushSample {
+    /// A sample of a push at an edge; at none on an ellipse.
+    #[must_use]
+    pub fn of(sample: &Sample, edge: Option<usize>) -> Self {
         let State { u, s, omega, v_t } = sample.state;
         let force = |component: fn(ContactForce) -> f64| sample.force.map(component);
         Self {
             t: sample.t,
+            edge,
             u,
             s,
             omega,

@@ -12,7 +12,7 @@ use nalgebra::{Point2, Vector2};
 use super::body::{Body, Mass};
 use super::scalar::Scalar;
 use super::support::SupportFriction;
-use crate::geometry::SimplePolygon;
+use crate::geometry::{SimplePolygon, corners};
 
 /// A polygon on its plane: outline, mass and what it rests on.
 ///
@@ -28,6 +28,8 @@ use crate::geometry::SimplePolygon;
 #[derive(Clone, Debug)]
 pub struct Part {
     polygon: SimplePolygon,
+    /// The corners of the outline, by their vertices' numbers.
+    corners: Vec<usize>,
     body: Body,
 }
 
@@ -43,13 +45,18 @@ impl Part {
     #[must_use]
     pub fn with_mass(polygon: SimplePolygon, mass: Mass) -> Self {
         let body = Body::uniform(SupportFriction::uniform(&polygon), mass);
-        Self { polygon, body }
+        Self::of(polygon, body)
     }
 
     /// A part on feet: points in the part's frame, m, each with its share of the weight. See [`Body::on_feet`].
     #[must_use]
     pub fn on_feet(polygon: SimplePolygon, feet: &[(Point2<f64>, f64)], mass: Mass) -> Self {
-        Self { polygon, body: Body::on_feet(feet, mass) }
+        Self::of(polygon, Body::on_feet(feet, mass))
+    }
+
+    fn of(polygon: SimplePolygon, body: Body) -> Self {
+        let corners = corners(polygon.vertices());
+        Self { polygon, corners, body }
     }
 
     /// The outline, part frame.
@@ -76,18 +83,72 @@ impl Part {
         self.body.inertia_per_mass()
     }
 
-    /// An edge as seen from the centre of mass.
+    /// An edge as seen from the centre of mass, as far as it goes straight on: neighbours that are collinear to rounding
+    /// are one, see [`corners`].
     ///
     /// # Errors
     /// [`ModelError::NoSuchEdge`].
     pub fn edge(&self, index: usize) -> Result<Edge, ModelError> {
         let edges = self.polygon.vertices().len();
-        let (start, end) = self.polygon.edges().nth(index).ok_or(ModelError::NoSuchEdge { index, edges })?;
+        if index >= edges {
+            return Err(ModelError::NoSuchEdge { index, edges });
+        }
+        Ok(self.edge_between(self.side_of(index)))
+    }
+
+    /// Each straight side once: the number of its first edge, and the side as [`Self::edge`] gives it.
+    pub fn sides(&self) -> impl ExactSizeIterator<Item = (usize, Edge)> + '_ {
+        (0..self.corners.len()).map(|side| (self.corners[side], self.edge_between(side)))
+    }
+
+    /// The ends of each straight side in turn, part frame, m.
+    pub(crate) fn side_ends(&self) -> impl ExactSizeIterator<Item = [Point2<f64>; 2]> + '_ {
+        (0..self.corners.len()).map(|side| self.ends(side))
+    }
+
+    /// The first edge of the straight side that an edge belongs to: what [`Self::sides`] numbers it by.
+    #[must_use]
+    pub fn side(&self, index: usize) -> usize {
+        self.corners[self.side_of(index)]
+    }
+
+    /// The vertices between which the straight side of an edge runs, counter-clockwise.
+    #[must_use]
+    pub fn side_vertices(&self, index: usize) -> [usize; 2] {
+        let side = self.side_of(index);
+        [self.corners[side], self.corners[(side + 1) % self.corners.len()]]
+    }
+
+    /// Of the edges that make one straight side with `index`, the one that holds the place `s` (m) on it; beyond its
+    /// ends the outermost.
+    #[must_use]
+    pub fn edge_at(&self, index: usize, s: f64) -> usize {
+        let n = self.polygon.vertices().len();
+        let [first, next] = self.side_vertices(index);
+        let edge = self.edge_between(self.side_of(index));
+        let along = Vector2::new(-edge.normal.y, edge.normal.x);
+        let place = |vertex: usize| along.dot(&(self.polygon.vertices()[vertex] - self.centre_of_mass()));
+        let flat = (1..(next + n - first) % n).map(|step| (first + step) % n);
+        flat.take_while(|vertex| place(*vertex) <= s).last().unwrap_or(first)
+    }
+
+    /// The straight side that an edge belongs to.
+    fn side_of(&self, index: usize) -> usize {
+        // Before the first corner the last side goes on.
+        self.corners.partition_point(|corner| *corner <= index).checked_sub(1).unwrap_or(self.corners.len() - 1)
+    }
+
+    fn ends(&self, side: usize) -> [Point2<f64>; 2] {
+        [side, (side + 1) % self.corners.len()].map(|side| self.polygon.vertices()[self.corners[side]])
+    }
+
+    fn edge_between(&self, side: usize) -> Edge {
+        let [start, end] = self.ends(side);
         let centre_of_mass = self.centre_of_mass();
         let (from, to) = (start - centre_of_mass, end - centre_of_mass);
         let direction = (to - from).normalize();
         let normal = Vector2::new(direction.y, -direction.x);
-        Ok(Edge { normal, height: normal.dot(&from), s_min: direction.dot(&from), s_max: direction.dot(&to) })
+        Edge { normal, height: normal.dot(&from), s_min: direction.dot(&from), s_max: direction.dot(&to) }
     }
 
     /// How the support slides, in edge axes about the centre of mass: friction on the part per unit mass is −µg times

@@ -326,9 +326,9 @@ impl FingerTrack {
 fn obstacles(part: &Part, side: &PartSide) -> Vec<Obstacle> {
     let PartSide::Edge(edge) = side else { return Vec::new() };
     let centre = part.centre_of_mass();
-    let segments = part.polygon().edges().map(|(start, end)| [start - centre, end - centre]);
+    let sides = part.sides().zip(part.side_ends());
     let beyond = |p: &Vector2<f64>| edge.normal.dot(p) > edge.height + PLACE_TOLERANCE;
-    let all = segments.enumerate().map(|(edge, ends)| Obstacle { edge, ends });
+    let all = sides.map(|((edge, _), ends)| Obstacle { edge, ends: ends.map(|end| end - centre) });
     all.filter(|obstacle| obstacle.ends.iter().any(beyond)).collect()
 }
 

@@ -235,6 +235,33 @@ proptest! {
     }
 
     #[test]
+    fn vertices_along_the_edges_change_no_push(
+        scene in possible_scenes(), shares in proptest::collection::vec(0.01..0.99, 8),
+    ) {
+        // Each edge in two pieces; edge i is then pieces 2 i and 2 i + 1.
+        let n = scene.outline.len();
+        let pieces = (0..n).flat_map(|i| {
+            let (from, to) = (scene.outline[i], scene.outline[(i + 1) % n]);
+            [from, from + (to - from) * shares[i]]
+        });
+        let split = Scene { outline: pieces.collect(), edge: 2 * scene.edge + 1, ..scene.clone() };
+        let (whole, parted) = (scene.part(), split.part());
+        prop_assert_eq!(parted.sides().len(), n);
+        prop_assert_eq!(parted.side_vertices(split.edge), [2 * scene.edge, 2 * ((scene.edge + 1) % n)]);
+        let law = ContactLaw::Coulomb { friction: 0.2 };
+        let (one, other) = (scene.run(law, &[0.3]), split.run(law, &[0.3]));
+        prop_assert_eq!(one.end.reason, other.end.reason);
+        let radius = whole.inertia_per_mass().sqrt();
+        prop_assert!(distance(&one.last.state, &other.last.state, radius, 0.05) < RUN_TOLERANCE, "{:?} {:?}", one.last, other.last);
+        // The piece that holds a place lies about it.
+        let State { s, .. } = one.last.state;
+        let held = parted.edge_at(split.edge, s);
+        let edge = whole.edge(scene.edge).unwrap();
+        let cut = edge.s_min + shares[scene.edge] * (edge.s_max - edge.s_min);
+        prop_assert!(held / 2 == scene.edge && (held % 2 == 1) == (s >= cut) || (s - cut).abs() < 1e-9, "{} at {}", held, s);
+    }
+
+    #[test]
     fn the_part_frame_does_not_matter(scene in possible_scenes(), x in -0.1..0.1, y in -0.1..0.1, turn in -PI..PI) {
         let frame = Isometry2::new(Vector2::new(x, y), turn);
         let outline = scene.outline.iter().map(|point| frame * point).collect();

@@ -160,8 +160,10 @@ pub enum Status {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hypothesis {
-    /// The edge in contact; 0 on an ellipse, which has no others.
+    /// The edge that holds the contact at the last value; 0 on an ellipse, which has no others.
     pub edge: usize,
+    /// The straight side that it is on, by its first edge ([`Part::side`]): the same wherever vertices lie along it.
+    pub side: usize,
     /// At the first value.
     pub start: State,
     /// What the contact does then.
@@ -306,14 +308,14 @@ impl Hypothesis {
     }
 }
 
-/// Hypotheses that are one answer, being on one edge with ends near each other, are joined: each covers all that it
+/// Hypotheses that are one answer, being on one side with ends near each other, are joined: each covers all that it
 /// stands for.
 pub(super) fn joined(hypotheses: impl IntoIterator<Item = Hypothesis>, near: Nearness) -> Vec<Hypothesis> {
     let mut kept: Vec<Hypothesis> = Vec::new();
     for next in hypotheses {
         let one = |other: &&mut Hypothesis| {
             let (place, angle) = ((other.end.s - next.end.s).abs(), (other.end.u - next.end.u).abs());
-            other.edge == next.edge && place < near.place && angle < near.angle
+            other.side == next.side && place < near.place && angle < near.angle
         };
         match kept.iter_mut().find(one) {
             Some(other) => other.take_in(&next),

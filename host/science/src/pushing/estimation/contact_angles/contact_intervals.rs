@@ -8,7 +8,7 @@
 use nalgebra::{Point2, Vector2};
 
 use super::path::ContactInterval;
-use crate::pushing::dynamics::Part;
+use crate::pushing::dynamics::{Edge, Part};
 
 /// Overlaps and stretches shorter than this are none, m: rounding of outlines printed to the nanometre.
 const LENGTH_NONE_M: f64 = 1e-9;
@@ -21,15 +21,16 @@ struct Line {
 
 /// Every stretch of the outline that a disk of `radius` (m) can touch, edge by edge.
 pub(super) fn contact_intervals(part: &Part, radius: f64) -> Vec<ContactInterval> {
-    (0..part.polygon().vertices().len()).flat_map(|index| contact_intervals_of_edge(part, index, radius)).collect()
+    let sides = part.sides().enumerate();
+    sides.flat_map(|(side, (index, edge))| contact_intervals_of_side(part, side, index, edge, radius)).collect()
 }
 
-fn contact_intervals_of_edge(part: &Part, index: usize, radius: f64) -> Vec<ContactInterval> {
-    let Ok(edge) = part.edge(index) else { return Vec::new() };
+/// Of the side that begins with the edge `index`.
+fn contact_intervals_of_side(part: &Part, side: usize, index: usize, edge: Edge, radius: f64) -> Vec<ContactInterval> {
     let along = Vector2::new(-edge.normal.y, edge.normal.x);
     let centres = Line { from: part.centre_of_mass() + edge.normal * (edge.height + radius), along };
-    let others = part.polygon().edges().enumerate().filter(|(other, _)| *other != index);
-    let mut blocked: Vec<_> = others.filter_map(|(_, (a, b))| near_segment(&centres, a, b, radius)).collect();
+    let others = part.side_ends().enumerate().filter(|(other, _)| *other != side);
+    let mut blocked: Vec<_> = others.filter_map(|(_, [a, b])| near_segment(&centres, a, b, radius)).collect();
     blocked.sort_by(|a, b| a[0].total_cmp(&b[0]));
     let mut stretches = Vec::new();
     let mut low = edge.s_min;

@@ -477,7 +477,7 @@ struct Judged {
 fn are_one(a: &Judged, b: &Judged) -> bool {
     let (x, y) = (&a.hypothesis, &b.hypothesis);
     let continuum = x.covariance.is_none() && y.covariance.is_none() && a.place == b.place;
-    x.edge == y.edge && ((x.end.s - y.end.s).abs() < SAME_END_M || continuum)
+    x.side == y.side && ((x.end.s - y.end.s).abs() < SAME_END_M || continuum)
 }
 
 fn by_probability(mut judged: Vec<Judged>) -> Vec<Hypothesis> {
@@ -495,7 +495,8 @@ fn judge(fitting: &Fitting, descent: &Descent, start_modes: usize) -> Judged {
     let model = fitting.known.model(interval.edge);
     let (state_covariance, mu_g_log_sd) = state_covariance(fitting, descent).unzip();
     let hypothesis = Hypothesis {
-        edge: interval.index,
+        edge: fitting.known.part.edge_at(interval.index, evaluation.end.s),
+        side: interval.index,
         start: evaluation.start,
         contact_start: evaluation.contact_start,
         end: evaluation.end,

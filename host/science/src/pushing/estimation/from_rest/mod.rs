@@ -117,11 +117,12 @@ pub fn estimate_until(known: &KnownFromRest, measured: &WindowedForce, stop: Sto
 
 fn halting_estimate(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt<'_>) -> Estimate {
     let symmetry = symmetry::order(known.part);
-    let edges = known.part.polygon().vertices().len() / symmetry;
+    let sides = known.part.sides();
+    let distinct = sides.len() / symmetry;
     let course = course(known, measured);
     let problem = Problem { course: &course, measured };
-    let edges = (0..edges).take_while(|_| !halt.is_wished());
-    let starts = edges.flat_map(|edge| seeds::on_edge(&problem, edge)).collect();
+    let sides = sides.take(distinct).take_while(|_| !halt.is_wished());
+    let starts = sides.flat_map(|(edge, _)| seeds::on_edge(&problem, edge)).collect();
     conclude(&problem, descend_all(&problem, starts, halt), symmetry)
 }
 
@@ -211,7 +212,7 @@ fn distinct(tried: Vec<Tried>, cost_max: f64) -> Vec<Tried> {
 fn guess(hypothesis: &Hypothesis, course: &Course) -> Guess {
     let mu_g_log = if course.mu_g_log_sd.is_some() { (hypothesis.mu_g / course.mu_g).ln() } else { 0.0 };
     let mu_c = hypothesis.from_force.and_then(|force| force.mu_c).unwrap_or(f64::INFINITY);
-    Guess { edge: hypothesis.edge, u: hypothesis.start.u, s: hypothesis.start.s, mu_c, mu_g_log }
+    Guess { edge: hypothesis.side, u: hypothesis.start.u, s: hypothesis.start.s, mu_c, mu_g_log }
 }
 
 fn hypothesis(problem: &Problem, tried: &Tried, best: f64) -> Option<Hypothesis> {
@@ -220,7 +221,8 @@ fn hypothesis(problem: &Problem, tried: &Tried, best: f64) -> Option<Hypothesis>
     let Tried { guess, path, mass, cost, .. } = tried;
     let mu_c = path.slipped.then_some(guess.mu_c);
     Some(Hypothesis {
-        edge: guess.edge,
+        edge: problem.course.part.edge_at(guess.edge, path.end.s),
+        side: guess.edge,
         start: State { u: guess.u, s: guess.s, omega: 0.0, v_t: 0.0 },
         contact_start: path.contact_start,
         end: path.end,

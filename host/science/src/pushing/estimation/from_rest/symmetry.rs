@@ -24,8 +24,8 @@ const PROBES: [Probe; 3] =
 
 /// How many turns take the part to itself, the whole turn included.
 pub(super) fn order(part: &Part) -> usize {
-    let count = part.polygon().vertices().len();
-    let edges: Vec<_> = (0..count).filter_map(|index| part.edge(index).ok()).collect();
+    let edges: Vec<_> = part.sides().map(|(_, edge)| edge).collect();
+    let count = edges.len();
     let size = part.inertia_per_mass().sqrt();
     let fits = |shift: usize| (0..count).all(|index| same(part, &edges[index], &edges[(index + shift) % count], size));
     (1..count).filter(|&shift| count.is_multiple_of(shift)).find(|&shift| fits(shift)).map_or(1, |shift| count / shift)

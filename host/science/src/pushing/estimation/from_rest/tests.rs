@@ -190,6 +190,25 @@ fn turns_that_take_a_part_to_itself_are_counted() {
 }
 
 #[test]
+fn vertices_along_the_edges_change_no_answer() {
+    for case in [2, 5] {
+        let (part, ranges, drawn, mut draw) = drawn(case);
+        let measured = measured(&drawn, &mut draw, ranges.motion.duration());
+        let pieces = part.polygon().edges().flat_map(|(from, to)| [from, from + (to - from) * 0.37]);
+        let split = Part::uniform(SimplePolygon::new(pieces.collect::<Vec<_>>()).unwrap());
+        let (whole, parted) =
+            (estimate(&known(&part, &ranges), &measured), estimate(&known(&split, &ranges), &measured));
+        let poses = |estimate: &Estimate| estimate.hypotheses.iter().map(|h| (h.pose_end, h.edge)).collect::<Vec<_>>();
+        assert_eq!(whole.hypotheses.len(), parted.hypotheses.len());
+        for ((one, edge), (other, piece)) in poses(&whole).into_iter().zip(poses(&parted)) {
+            let off = one.origin() - other.origin();
+            assert!(off.norm() < 1e-6 && (one.theta - other.theta).abs() < 1e-5, "{one:?} {other:?}");
+            assert_eq!(edge, piece / 2);
+        }
+    }
+}
+
+#[test]
 fn what_was_found_early_is_followed_to_the_same_end() {
     let (part, ranges, drawn, mut draw) = drawn(5);
     let (known, whole) = (known(&part, &ranges), measured(&drawn, &mut draw, ranges.motion.duration()));

@@ -97,6 +97,8 @@ pub enum Object {
 #[derive(Clone, Debug)]
 pub struct RestingPush {
     object: Object,
+    /// None for an ellipse.
+    part: Option<Part>,
     body: Body,
     contact_intervals: Vec<ContactInterval>,
     shape: FingerShape,
@@ -108,6 +110,7 @@ pub struct RestingPush {
 /// Where the part may be touched.
 #[derive(Clone, Copy, Debug)]
 struct ContactInterval {
+    /// Of a straight side the first edge.
     edge: Option<usize>,
     side: PartSide,
     /// Least and greatest s₀: m on an edge, rad around an ellipse.
@@ -192,11 +195,11 @@ impl RestingPush {
         path: FingerPath,
         u0: f64,
     ) -> Result<Self, InitialPoseError> {
-        let (body, contact_intervals) = match &object {
+        let (part, body, contact_intervals) = match &object {
             Object::Polygon(polygon) => of_polygon(polygon, mu_g),
             Object::Ellipse(semi_axes) => of_ellipse(*semi_axes, mu_g),
         };
-        let push = Self { object, body, contact_intervals, shape, path, mu_g, u0 };
+        let push = Self { object, part, body, contact_intervals, shape, path, mu_g, u0 };
         push.contact_intervals.iter().try_for_each(|interval| push.model(interval).map(|_| ()))?;
         let angle = push.normal_angle();
         let toward = path.acceleration.dot(&Vector2::new(angle.cos(), angle.sin()));
@@ -301,17 +304,37 @@ impl RestingPush {
     /// ellipse: none); fewer if the contact ends before.
     #[must_use]
     pub fn predicted(&self, edge: Option<usize>, s0: f64, times: &[f64]) -> Vec<f64> {
-        let interval = self.contact_intervals.iter().find(|interval| interval.edge == edge);
-        interval.map_or_else(Vec::new, |interval| self.angles(interval, s0, times))
+        self.interval_of(edge).map_or_else(Vec::new, |interval| self.angles(interval, s0, times))
     }
 
     /// The pose that goes with a place on the part.
     #[must_use]
     pub fn resting_pose(&self, edge: Option<usize>, s0: f64) -> Option<Pose> {
-        let interval = self.contact_intervals.iter().find(|interval| interval.edge == edge)?;
+        let interval = self.interval_of(edge)?;
         let (model, state) = (self.model(interval).ok()?, self.start(s0));
         let origin = model.position(0.0, &state);
         Some(Pose { x: origin.x, y: origin.y, theta: model.theta(&state) })
+    }
+
+    /// Where an edge, or an ellipse, may be touched.
+    fn interval_of(&self, edge: Option<usize>) -> Option<&ContactInterval> {
+        let edges = self.part.as_ref().map_or(0, |part| part.polygon().vertices().len());
+        let side = match (edge, &self.part) {
+            (Some(edge), Some(part)) if edge < edges => Some(part.side(edge)),
+            (None, None) => None,
+            _ => return None,
+        };
+        self.contact_intervals.iter().find(|interval| interval.edge == side)
+    }
+
+    /// The edge that holds the contact at a time, from a start at `s0`; the last that did, where it ends before.
+    fn edge_at(&self, interval: &ContactInterval, s0: f64, time: f64) -> Option<usize> {
+        let (part, first) = (self.part.as_ref()?, interval.edge?);
+        if part.sides().len() == part.polygon().vertices().len() {
+            return Some(first); // Each edge is a side.
+        }
+        let s = self.run(interval, s0, &[time]).map_or(s0, |run| run.last.state.s);
+        Some(part.edge_at(first, s))
     }
 
     fn start(&self, s0: f64) -> State {
@@ -373,8 +396,9 @@ impl RestingPush {
         });
         let fits = fits.filter(|fit| !self.overlaps(&fit.interval, fit.near.at)).collect();
         let solutions = self.one_each(fits, contacts);
+        let first = contacts.measured.first().map_or(0.0, |first| first.t);
         let candidate =
-            |&(interval, near): &(ContactInterval, NearZero)| self.pose_at(&interval, &near, vec![near.value]);
+            |&(interval, near): &(ContactInterval, NearZero)| self.pose_at(&interval, &near, vec![near.value], first);
         let mut candidates: Vec<_> = apart.iter().map(candidate).collect();
         // What fits to rounding fits alike, whatever the rounding.
         let misfit = |pose: &RestingPose| squares(&pose.residuals).max(EXACT * EXACT);
@@ -401,7 +425,8 @@ impl RestingPush {
                 kept.push(fit);
             }
         }
-        kept.into_iter().map(|fit| self.pose_at(&fit.interval, &fit.near, fit.misfits)).collect()
+        let last = measured.last().map_or(0.0, |last| last.t);
+        kept.into_iter().map(|fit| self.pose_at(&fit.interval, &fit.near, fit.misfits, last)).collect()
     }
 
     /// u as predicted less u as felt, if the contact lasts as long as the data.
@@ -411,10 +436,11 @@ impl RestingPush {
         Some(angles.iter().zip(contacts).map(|(u, contact)| u - contact.u).collect())
     }
 
-    fn pose_at(&self, interval: &ContactInterval, near: &NearZero, residuals: Vec<f64>) -> RestingPose {
+    /// With the edge that holds the contact at `time`, s.
+    fn pose_at(&self, interval: &ContactInterval, near: &NearZero, residuals: Vec<f64>, time: f64) -> RestingPose {
         let s0 = interval.principal(near.at);
         let pose = self.resting_pose(interval.edge, s0).unwrap_or(Pose { x: f64::NAN, y: f64::NAN, theta: f64::NAN });
-        RestingPose { edge: interval.edge, s0, pose, residuals, anywhere: near.anywhere }
+        RestingPose { edge: self.edge_at(interval, s0, time), s0, pose, residuals, anywhere: near.anywhere }
     }
 
     /// Whether the finger would reach into the part elsewhere; only parts with reflex corners let it.
@@ -477,11 +503,12 @@ impl RestingPush {
         let probability = 1.0 / solutions.len().max(1) as f64;
         // Each pose is simulated again for the motion at the last contact.
         let explained = |found: &RestingPose| {
-            let interval = self.contact_intervals.iter().find(|interval| interval.edge == found.edge)?;
+            let interval = self.interval_of(found.edge)?;
             let end = *self.run(interval, found.s0, &[time_end])?.samples.last()?;
             let most = found.residuals.iter().fold(0.0_f64, |most, residual| most.max(residual.abs()));
             Some(Hypothesis {
                 edge: found.edge.unwrap_or(0),
+                side: interval.edge.unwrap_or(0),
                 start: self.start(found.s0),
                 contact_start: ContactMode::Frictionless,
                 end: end.state,
@@ -508,22 +535,22 @@ impl RestingPush {
 }
 
 /// Without friction under it, what a part rests on does not matter; none is the cheapest to compute with.
-fn of_polygon(polygon: &SimplePolygon, mu_g: f64) -> (Body, Vec<ContactInterval>) {
+fn of_polygon(polygon: &SimplePolygon, mu_g: f64) -> (Option<Part>, Body, Vec<ContactInterval>) {
     let part = Part::uniform(polygon.clone());
     let body = if mu_g > 0.0 { part.body().clone() } else { Body::on_feet(&[], Mass::uniform(polygon)) };
-    let edges = (0..polygon.vertices().len()).filter_map(|index| Some((index, part.edge(index).ok()?)));
     let interval = |(index, edge): (usize, crate::pushing::dynamics::Edge)| ContactInterval {
         edge: Some(index),
         side: PartSide::Edge(edge),
         range: [edge.s_min, edge.s_max],
     };
-    (body, edges.map(interval).collect())
+    let intervals = part.sides().map(interval).collect();
+    (Some(part), body, intervals)
 }
 
-fn of_ellipse(semi_axes: [f64; 2], mu_g: f64) -> (Body, Vec<ContactInterval>) {
+fn of_ellipse(semi_axes: [f64; 2], mu_g: f64) -> (Option<Part>, Body, Vec<ContactInterval>) {
     let body = if mu_g > 0.0 { Body::ellipse(semi_axes) } else { Body::on_feet(&[], Mass::of_ellipse(semi_axes)) };
     let side = PartSide::Ellipse { semi_axes, middle: Vector2::zeros() };
-    (body, vec![ContactInterval { edge: None, side, range: [0.0, PI] }])
+    (None, body, vec![ContactInterval { edge: None, side, range: [0.0, PI] }])
 }
 
 impl ContactInterval {

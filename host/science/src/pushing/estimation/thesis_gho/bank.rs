@@ -73,7 +73,8 @@ impl GhoBank<'_> {
         let model = self.known.model(self.known.part.edge(run.edge).ok()?);
         let time_end = dt * (run.trace.len() - 1) as f64;
         Some(Hypothesis {
-            edge: run.edge,
+            edge: self.known.part.edge_at(run.edge, end.s),
+            side: self.known.part.side(run.edge),
             start,
             contact_start: run.contact,
             end,

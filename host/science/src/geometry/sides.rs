@@ -1,0 +1,193 @@
+//! The straight sides of an outline: what it encloses, not how it was typed.
+//!
+//! A drawing may put a vertex anywhere along a straight side, or one point twice but for rounding. Such vertices are
+//! no corners: nothing that touches the outline feels them. [`corners`] finds the vertices that are, whatever the
+//! others: between two of them in turn, no vertex is farther from the straight line than [`FLAT_RELATIVE`] of the
+//! outline's extent, and none of them can be left out.
+//!
+//! Implements: Douglas and Peucker 1973, from two vertices that are corners for certain, then leaves out what lies
+//! straight between the corners beside it: of equal distances their method may take a vertex that is flat.
+//! Frames: the vertices' own. Units: m. Errors: none; an outline thinner than the tolerance keeps every vertex.
+
+use nalgebra::Point2;
+
+use super::polygon::{centroid_of, extent_of};
+
+/// A vertex nearer to the straight line between the corners beside it than this share of the extent is flat.
+///
+/// Drawings are rounded to about 1e-9 of their size at best, computed points to 1e-16; and no side that is a tenth of
+/// the extent turns by more than 1e-6 rad at a vertex so flat, which is less than any contact angle is known to.
+pub const FLAT_RELATIVE: f64 = 1e-7;
+
+/// The vertices of an outline that are corners, in order, by their indices.
+///
+/// ```
+/// use nalgebra::Point2;
+/// use palpate::geometry::corners;
+///
+/// // Vertex 1 lies on the bottom side.
+/// let block = [[0.0, 0.0], [0.021, 0.0], [0.06, 0.0], [0.06, 0.04], [0.0, 0.04]].map(Point2::from);
+/// assert_eq!(corners(&block), [0, 2, 3, 4]);
+/// ```
+///
+/// # Panics
+/// Without vertices.
+#[must_use]
+pub fn corners(vertices: &[Point2<f64>]) -> Vec<usize> {
+    let tolerance = FLAT_RELATIVE * extent_of(vertices);
+    let middle = centroid_of(vertices);
+    // The vertex that is farthest from any point is a corner.
+    let first = farthest(vertices, middle);
+    let second = farthest(vertices, vertices[first]);
+    let line = Outline { vertices, tolerance };
+    let mut found = vec![first];
+    line.split(first, second, &mut found);
+    line.split(second, first, &mut found);
+    line.leave_out_flat(&mut found);
+    found.sort_unstable();
+    if found.len() < 3 { (0..vertices.len()).collect() } else { found }
+}
+
+/// The vertex farthest from a point.
+fn farthest(vertices: &[Point2<f64>], from: Point2<f64>) -> usize {
+    let distance = |i: &usize| (vertices[*i] - from).norm_squared();
+    (0..vertices.len()).max_by(|i, j| distance(i).total_cmp(&distance(j))).unwrap_or(0)
+}
+
+struct Outline<'a> {
+    vertices: &'a [Point2<f64>],
+    /// m.
+    tolerance: f64,
+}
+
+impl Outline<'_> {
+    /// The vertices strictly between two, counter-clockwise.
+    fn between(&self, from: usize, to: usize) -> impl Iterator<Item = usize> + use<> {
+        let n = self.vertices.len();
+        let count = (to + n - from - 1) % n;
+        (1..=count).map(move |step| (from + step) % n)
+    }
+
+    /// How far a vertex is from the straight piece between two others, m.
+    fn off(&self, vertex: usize, from: usize, to: usize) -> f64 {
+        let [p, a, b] = [vertex, from, to].map(|i| self.vertices[i]);
+        let along = b - a;
+        let share = ((p - a).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
+        (p - a - along * share).norm()
+    }
+
+    /// Adds the corners from one vertex to another, in order, without the one it begins with; a corner that is there
+    /// already is not added again.
+    fn split(&self, from: usize, to: usize, found: &mut Vec<usize>) {
+        // By hand, not by recursion: an outline of a million vertices may be split as often.
+        let mut open = vec![(from, to)];
+        while let Some((from, to)) = open.pop() {
+            let off = |i: &usize| self.off(*i, from, to);
+            let farthest = self.between(from, to).max_by(|i, j| off(i).total_cmp(&off(j)));
+            match farthest.filter(|i| off(i) > self.tolerance) {
+                Some(corner) => open.extend([(corner, to), (from, corner)]),
+                None if to != found[0] => found.push(to),
+                None => {}
+            }
+        }
+    }
+
+    /// Leaves out what lies straight between the corners beside it, with every vertex that was left out before.
+    fn leave_out_flat(&self, corners: &mut Vec<usize>) {
+        let mut at = 0;
+        let mut kept = 0;
+        while kept < corners.len() && corners.len() > 3 {
+            let n = corners.len();
+            let (before, after) = (corners[(at + n - 1) % n], corners[(at + 1) % n]);
+            if self.between(before, after).all(|i| self.off(i, before, after) <= self.tolerance) {
+                corners.remove(at % n);
+                // Those beside it have new neighbours.
+                kept = 0;
+                at = (at + n - 1) % n % corners.len();
+            } else {
+                kept += 1;
+                at = (at + 1) % n;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Rotation2, Vector2};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::geometry::SimplePolygon;
+    use crate::math::random::Draw;
+
+    /// A random outline, vertices put along its sides, rounded to `f64` by a turn and a shift, and which of them are
+    /// corners.
+    fn split(seed: u64, points: usize, splits: usize) -> (Vec<Point2<f64>>, Vec<usize>) {
+        let mut draw = Draw::new(seed);
+        let outline = if draw.chance(0.5) {
+            draw.convex_polygon(points, 0.05)
+        } else {
+            draw.star_polygon(points.max(4), 0.02, 0.05)
+        };
+        let mut pieces: Vec<Vec<Point2<f64>>> = outline.vertices().iter().map(|corner| vec![*corner]).collect();
+        let n = pieces.len();
+        for _ in 0..splits {
+            let side = draw.index(n);
+            let (from, to) = (pieces[side][0], outline.vertices()[(side + 1) % n]);
+            // Now and then within rounding of a corner.
+            let share = if draw.chance(0.2) { 1e-10 } else { draw.unit() };
+            pieces[side].push(from + (to - from) * share);
+        }
+        for side in &mut pieces {
+            let from = side[0];
+            side.sort_by(|a, b| (a - from).norm().total_cmp(&(b - from).norm()));
+        }
+        let motion = |p: &Point2<f64>| Rotation2::new(1.0) * p + Vector2::new(0.3, -0.2);
+        let corners = pieces.iter().scan(0, |at, side| Some(std::mem::replace(at, *at + side.len())));
+        (pieces.iter().flatten().map(motion).collect(), corners.collect())
+    }
+
+    proptest! {
+        #[test]
+        fn vertices_along_the_sides_are_no_corners(seed: u64, points in 3..12_usize, splits in 0..8_usize) {
+            let (vertices, wanted) = split(seed, points, splits);
+            let found = corners(&vertices);
+            // Of a corner and a point within rounding of it, either will do.
+            prop_assert_eq!(found.len(), wanted.len());
+            for (found, wanted) in found.iter().zip(&wanted) {
+                prop_assert!((vertices[*found] - vertices[*wanted]).norm() < 1e-9);
+            }
+        }
+
+        #[test]
+        fn where_the_list_begins_does_not_matter(seed: u64, points in 3..12_usize, splits in 0..8_usize, by: usize) {
+            let (mut vertices, _) = split(seed, points, splits);
+            let same = |vertices: &[Point2<f64>]| {
+                let mut places: Vec<_> = corners(vertices).iter().map(|i| vertices[*i]).collect();
+                places.sort_by(|a, b| (a.x, a.y).partial_cmp(&(b.x, b.y)).unwrap());
+                places
+            };
+            let before = same(&vertices);
+            let n = vertices.len();
+            vertices.rotate_left(by % n);
+            prop_assert_eq!(before, same(&vertices));
+        }
+    }
+
+    #[test]
+    fn a_fine_circle_keeps_what_makes_it_round() {
+        let count = 20_000;
+        let at = |i: u32| f64::from(i) / f64::from(count) * std::f64::consts::TAU;
+        let circle: Vec<_> = (0..count).map(|i| Point2::new(at(i).cos(), at(i).sin())).collect();
+        let kept: Vec<_> = corners(&circle).iter().map(|i| circle[*i]).collect();
+        let area = SimplePolygon::new(kept).unwrap().area();
+        assert!((area / std::f64::consts::PI - 1.0).abs() < 1e-6, "{area}");
+    }
+
+    #[test]
+    fn a_sliver_thinner_than_the_tolerance_is_left_as_it_is() {
+        let sliver = [[0.0, 0.0], [1.0, 0.0], [0.5, 1e-9]].map(Point2::from);
+        assert_eq!(corners(&sliver), [0, 1, 2]);
+    }
+}
