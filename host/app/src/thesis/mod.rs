@@ -16,6 +16,7 @@
 mod cases;
 pub(crate) mod chain;
 pub mod demonstration;
+mod drawn_pushes;
 mod gho;
 mod initial_pose;
 mod inscription;
@@ -51,6 +52,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     pose::FORCES,
     pose::MODEL_ERROR,
     pose::MAGNITUDE,
+    drawn_pushes::EXPERIMENT,
     chain::EXPERIMENT,
     plan::EXPERIMENT,
     parts::EXPERIMENT,

@@ -1,0 +1,410 @@
+//! Pushes drawn at random, judged from outside: how often a single answer is wrong, and whether the search is to blame.
+//!
+//! Parts, fingers, sensors and frictions are drawn widely, where the table `pose` has one laboratory. The truth comes
+//! from the error-controlled simulation. Where the set lacks it, the measured angles are fitted again from the truth
+//! itself, by [`Push::run_derived`] and [`least_squares`]: if that explains them well enough to be listed, the search
+//! has missed it; if not, noise has hidden it.
+//!
+//! Units: SI inside, as the headings say in the table. Errors: none.
+
+use std::time::Instant;
+
+use nalgebra::{Point2, Vector2, Vector3, Vector4};
+use palpate::geometry::Pose;
+use palpate::gravity::GRAVITY_ASSUMED;
+use palpate::math::Jet;
+use palpate::math::angle::wrap_angle;
+use palpate::math::least_squares::{self, LeastSquaresProblem, LeastSquaresSettings, NormalEquations};
+use palpate::math::random::Draw;
+use palpate::math::statistics::{mean, median};
+use palpate::pushing::dynamics::{
+    ContactLaw, EdgeEnd, EndReason, Finger, Mass, Parameter, Part, Push, PushModel, Sample, Slip, Start, State,
+};
+use palpate::pushing::estimation::{
+    Channel, Estimate, GATE, Hypothesis, Known, Measured, Observation, Observer as _, Prior, Status, Touch,
+};
+
+use super::{Cell, Experiment, Table, TableSettings, cases};
+
+/// The table.
+pub(super) const EXPERIMENT: Experiment = Experiment {
+    name: "drawn-pushes",
+    title: "pushes drawn widely at random: single answers that are wrong, truths that are missing, and why",
+    cases: 100,
+    run,
+};
+
+/// A hypothesis is the truth if it is on its edge and ends within this, m, or within [`NEAR_DEVIATIONS`] of it.
+const NEAR_M: f64 = 1e-3;
+/// Standard deviations of the place at the end.
+const NEAR_DEVIATIONS: f64 = 5.0;
+
+/// Standard deviation of ln µ where that is not known.
+const MU_LOG_SIGMA: f64 = 0.2;
+
+/// Standard deviation of a force, relative.
+const SIGMA_MAGNITUDE: f64 = 0.01;
+
+/// Unknowns of a fit from the truth.
+const UNKNOWNS: [Parameter; 4] = [Parameter::U, Parameter::S, Parameter::Omega, Parameter::VT];
+
+/// What is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Sense {
+    Angle,
+    Direction,
+    Force,
+}
+
+/// How finger and part touch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Rolling,
+    Frictionless,
+    Sliding,
+    Coulomb,
+}
+
+/// A row.
+#[derive(Clone, Copy, Debug)]
+struct Setting {
+    name: &'static str,
+    kind: Kind,
+    sense: Sense,
+    mu_is_unknown: bool,
+}
+
+const fn row(name: &'static str, kind: Kind, sense: Sense, mu_is_unknown: bool) -> Setting {
+    Setting { name, kind, sense, mu_is_unknown }
+}
+
+const ROWS: [Setting; 7] = [
+    row("rolling, angle", Kind::Rolling, Sense::Angle, false),
+    row("frictionless, angle", Kind::Frictionless, Sense::Angle, false),
+    row("sliding, angle", Kind::Sliding, Sense::Angle, false),
+    row("coulomb, angle", Kind::Coulomb, Sense::Angle, false),
+    row("rolling, angle, mu unknown", Kind::Rolling, Sense::Angle, true),
+    row("rolling, direction of the force", Kind::Rolling, Sense::Direction, false),
+    row("rolling, force", Kind::Rolling, Sense::Force, false),
+];
+
+/// A push that was felt.
+struct Case {
+    part: Part,
+    edge: usize,
+    mu_g: f64,
+    finger: Finger,
+    touch: Touch,
+    law: ContactLaw,
+    samples: Vec<Sample>,
+    observation: Observation,
+    angle_sigma: f64,
+}
+
+/// What came of one case.
+#[derive(Clone, Copy, Debug)]
+struct Outcome {
+    status: Status,
+    /// Whether the truth is in the set.
+    has_truth: bool,
+    /// Whether the truth explains the data well enough to be listed.
+    missed: bool,
+    /// Squared error of the truth's hypothesis in its own standard deviations.
+    squared_error: Option<f64>,
+    /// Probability that was given to the truth.
+    probability: f64,
+    milliseconds: f64,
+}
+
+fn run(settings: &TableSettings) -> Table {
+    let mut table = Table::new([
+        "contact and sense",
+        "cases",
+        "one pose",
+        "wrong single",
+        "truth missing",
+        "no pose",
+        "search missed it",
+        "median error²",
+        "given to truth",
+        "mean ms",
+        "longest ms",
+    ]);
+    table.definitions = vec![
+        "Polygons of 3 to 10 vertices (60 % hulls, 40 % stars) within 5 cm, every fourth with a centre of mass and an inertia of its own; mu 0.1 to 0.6; disks of 3 to 20 mm at 3 to 10 cm/s, accelerating by up to 0.1 m/s2 any way; 6 to 60 values in 0.3 to 1 s, 0.5 to 5 mrad each (forces 1 %); omega N(0, 0.5 rad/s), vT N(0, 4 mm/s); drawn until the contact lasts.".to_owned(),
+        format!("truth: on its edge, its end within {:.0} mm or {NEAR_DEVIATIONS:.0} standard deviations.", NEAR_M * 1e3),
+        "search missed it: not in the set, although the truth, or angles fitted from it, cost little enough to be listed.".to_owned(),
+        "median error²: of the true pose, by its own covariance: 1.39 (two degrees of freedom) if that is right.".to_owned(),
+        "given to truth: mean probability of the true pose, 0 where it is missing; to be compared with its share of first places.".to_owned(),
+    ];
+    for setting in ROWS {
+        let outcomes = cases::of_each(settings.cases, |number| judge(&Case::draw(settings.seed, number, setting)));
+        for (number, outcome) in outcomes.iter().enumerate() {
+            if outcome.missed {
+                let what = match outcome.status {
+                    Status::Unique => "wrong single answer",
+                    Status::Ambiguous => "truth not among those listed",
+                    Status::Unexplained => "no pose",
+                };
+                table.failures.push(format!("{}, case {number}: {what}", setting.name));
+            }
+        }
+        table.push(cells(setting.name, &outcomes));
+    }
+    table
+}
+
+fn cells(name: &'static str, outcomes: &[Outcome]) -> Vec<Cell> {
+    let share = |is: &dyn Fn(&Outcome) -> bool| Cell::share(outcomes.iter().filter(|o| is(o)).count(), outcomes.len());
+    let average = |of: &dyn Fn(&Outcome) -> f64, decimals: usize| {
+        mean(outcomes.iter().map(of)).map_or(Cell::Empty, |mean| Cell::number(mean, decimals))
+    };
+    let errors: Vec<_> = outcomes.iter().filter_map(|outcome| outcome.squared_error).collect();
+    let longest = outcomes.iter().map(|outcome| outcome.milliseconds).fold(0.0, f64::max);
+    vec![
+        name.into(),
+        Cell::count(outcomes.len()),
+        share(&|outcome| outcome.status == Status::Unique),
+        share(&|outcome| outcome.status == Status::Unique && !outcome.has_truth),
+        share(&|outcome| !outcome.has_truth),
+        share(&|outcome| outcome.status == Status::Unexplained),
+        Cell::count(outcomes.iter().filter(|outcome| outcome.missed).count()),
+        median(errors).map_or(Cell::Empty, |error| Cell::number(error, 2)),
+        average(&|outcome| outcome.probability, 3),
+        average(&|outcome| outcome.milliseconds, 1),
+        Cell::number(longest, 0),
+    ]
+}
+
+fn judge(case: &Case) -> Outcome {
+    let begun = Instant::now();
+    let estimate = case.known().estimate(&case.observation);
+    let milliseconds = begun.elapsed().as_secs_f64() * 1e3;
+    let truth = estimate.hypotheses.iter().find(|hypothesis| case.is_truth(hypothesis));
+    Outcome {
+        status: estimate.status(),
+        has_truth: truth.is_some(),
+        missed: truth.is_none() && case.should_be_listed(&estimate),
+        squared_error: truth.and_then(|truth| case.squared_error(truth)),
+        probability: truth.map_or(0.0, |truth| truth.probability),
+        milliseconds,
+    }
+}
+
+impl Case {
+    fn draw(seed: u64, number: usize, setting: Setting) -> Self {
+        let mut draw = Draw::case(seed, number);
+        loop {
+            if let Some(case) = Self::try_draw(&mut draw, setting) {
+                return case;
+            }
+        }
+    }
+
+    fn try_draw(draw: &mut Draw, setting: Setting) -> Option<Self> {
+        let part = part(draw);
+        let edge_index = draw.index(part.polygon().vertices().len());
+        let edge = part.edge(edge_index).ok()?;
+        let friction = draw.uniform(0.1, 0.5);
+        let mu_g = draw.uniform(0.1, 0.6) * GRAVITY_ASSUMED;
+        let speed = draw.uniform(0.03, 0.1);
+        let toward = draw.uniform(-std::f64::consts::PI, std::f64::consts::PI);
+        let push = draw.uniform(0.0, 0.1);
+        // Sliding lasts only where the finger goes along.
+        let across = if setting.kind == Kind::Sliding {
+            draw.uniform(1.0, 3.0) * if draw.chance(0.5) { speed } else { -speed }
+        } else {
+            0.0
+        };
+        let finger = Finger {
+            radius: draw.uniform(0.003, 0.02),
+            centre0: Point2::origin(),
+            velocity0: Vector2::new(across, speed),
+            acceleration: Vector2::new(push * toward.cos(), push * toward.sin()),
+        };
+        let ahead = std::f64::consts::FRAC_PI_2;
+        let state = State {
+            u: ahead + draw.uniform(-0.5, 0.5),
+            s: draw.uniform(edge.s_min, edge.s_max),
+            omega: 0.5 * draw.normal(),
+            v_t: 0.004 * draw.normal(),
+        };
+        let model = PushModel { part: &part, edge, mu_g, finger };
+        let slip = Slip::of(model.slip(0.0, &state));
+        let (touch, law) = match setting.kind {
+            Kind::Rolling => (Touch::Rolling { friction: None }, ContactLaw::Rolling { friction: None }),
+            Kind::Frictionless => (Touch::Frictionless, ContactLaw::Frictionless),
+            Kind::Sliding => (Touch::Sliding { friction }, ContactLaw::Sliding { friction, slip }),
+            Kind::Coulomb => (Touch::Coulomb { friction }, ContactLaw::Coulomb { friction }),
+        };
+        let values = 6.0 * 10.0_f64.powf(draw.unit());
+        let duration = draw.uniform(0.3, 1.0);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 6 and 60")]
+        let count = values as u32;
+        let dt = duration / f64::from(count - 1);
+        let times: Vec<_> = (0..count).map(|i| f64::from(i) * dt).collect();
+        let push = Push::new(model, law, Start::Moving(state), EdgeEnd::Stop).ok()?;
+        let run = push.run(&times).ok()?;
+        if run.end.reason != EndReason::Time || run.samples.len() != times.len() || run.second_contact.is_some() {
+            return None;
+        }
+        let angle_sigma = 5e-4 * 10.0_f64.powf(draw.unit());
+        let observation = Observation {
+            dt,
+            measured: measured(draw, setting.sense, &run.samples, angle_sigma),
+            prior: Prior {
+                omega0_sigma: Some(0.5),
+                v_t0_sigma: Some(0.004),
+                mu_g_log_sigma: setting.mu_is_unknown.then_some(MU_LOG_SIGMA),
+            },
+        };
+        // What the observer takes µ for, where it is not known.
+        let told = if setting.mu_is_unknown { (MU_LOG_SIGMA * draw.normal()).exp() } else { 1.0 };
+        Some(Self {
+            edge: edge_index,
+            mu_g: mu_g * told,
+            finger,
+            touch,
+            law,
+            samples: run.samples,
+            observation,
+            angle_sigma,
+            part,
+        })
+    }
+
+    fn known(&self) -> Known<'_> {
+        Known { part: &self.part, mu_g: self.mu_g, finger: self.finger, touch: self.touch }
+    }
+
+    fn end(&self) -> &Sample {
+        &self.samples[self.samples.len() - 1]
+    }
+
+    fn is_truth(&self, hypothesis: &Hypothesis) -> bool {
+        let deviation = hypothesis.state_covariance.map_or(f64::INFINITY, |covariance| covariance.m22.max(0.0).sqrt());
+        hypothesis.side == self.part.side(self.edge)
+            && (hypothesis.end.s - self.end().state.s).abs() < NEAR_M.max(NEAR_DEVIATIONS * deviation)
+    }
+
+    fn squared_error(&self, hypothesis: &Hypothesis) -> Option<f64> {
+        let end = self.end();
+        let Pose { x, y, theta } = hypothesis.pose_end;
+        let off = Vector3::new(x - end.position.x, y - end.position.y, wrap_angle(theta - end.theta));
+        Some((off.transpose() * hypothesis.covariance?.try_inverse()? * off)[0])
+    }
+
+    /// Whether the truth explains the data well enough to stand among what is listed.
+    fn should_be_listed(&self, estimate: &Estimate) -> bool {
+        // A fit has as many degrees of freedom whatever it begins with.
+        let most = match (estimate.status(), estimate.fit.cost) {
+            (Status::Unexplained, _) | (_, None) => estimate.fit.cost_max,
+            (_, Some(least)) => least + GATE,
+        };
+        self.fitted_from_truth().is_some_and(|cost| cost <= most)
+    }
+
+    /// The cost that a fit of the angles reaches from the truth; none where something else was measured.
+    fn fitted_from_truth(&self) -> Option<f64> {
+        let Measured::ContactAngle(angles) = &self.observation.measured else { return None };
+        let fit = Fit { case: self, angles: &angles.values };
+        let begun = fit.tried(self.samples[0].state)?;
+        let found = least_squares::minimise(&fit, begun, &LeastSquaresSettings::default(), |_| false);
+        Some(found.place.equations.cost)
+    }
+}
+
+/// A part with or without a centre of mass of its own.
+fn part(draw: &mut Draw) -> Part {
+    let points = 3 + draw.index(8);
+    let polygon =
+        if draw.chance(0.6) { draw.convex_polygon(points, 0.05) } else { draw.star_polygon(points.max(4), 0.02, 0.05) };
+    let uniform = Mass::uniform(&polygon);
+    if draw.chance(0.75) {
+        return Part::uniform(polygon);
+    }
+    let off = Vector2::new(draw.uniform(-0.005, 0.005), draw.uniform(-0.005, 0.005));
+    let centre_of_mass: Point2<f64> = uniform.centre_of_mass + off;
+    let inertia_per_mass = uniform.inertia_per_mass * draw.uniform(0.8, 1.25);
+    Part::with_mass(polygon, Mass { centre_of_mass, inertia_per_mass })
+}
+
+fn measured(draw: &mut Draw, sense: Sense, samples: &[Sample], sigma: f64) -> Measured {
+    let forces = samples.iter().map(|sample| sample.force.map_or((1.0, 0.0), |force| (force.normal, force.tangential)));
+    let (mut angles, mut magnitudes) = (Vec::new(), Vec::new());
+    for (sample, (normal, along)) in samples.iter().zip(forces) {
+        let from_normal = if sense == Sense::Angle { 0.0 } else { along.atan2(normal) };
+        angles.push(sample.state.u - from_normal + sigma * draw.normal());
+        magnitudes.push(normal.hypot(along).ln() + SIGMA_MAGNITUDE * draw.normal());
+    }
+    let angles = Channel { values: angles, sigma };
+    let magnitudes = Channel { values: magnitudes, sigma: SIGMA_MAGNITUDE };
+    let ahead = std::f64::consts::FRAC_PI_2;
+    let u0_range = Some(ahead - 0.6..=ahead + 0.6);
+    match sense {
+        Sense::Angle => Measured::ContactAngle(angles),
+        Sense::Direction => {
+            Measured::Force { direction: Some(angles), magnitude: None, u0_range, mass_is_unknown: false }
+        }
+        Sense::Force => {
+            Measured::Force { direction: Some(angles), magnitude: Some(magnitudes), u0_range, mass_is_unknown: false }
+        }
+    }
+}
+
+/// Angles fitted by the error-controlled simulation, on the true edge.
+struct Fit<'a> {
+    case: &'a Case,
+    angles: &'a [f64],
+}
+
+/// A start with the equations there.
+struct Tried {
+    start: State,
+    equations: NormalEquations<4>,
+}
+
+impl Fit<'_> {
+    fn tried(&self, start: State) -> Option<Tried> {
+        let case = self.case;
+        let model =
+            PushModel { part: &case.part, edge: case.part.edge(case.edge).ok()?, mu_g: case.mu_g, finger: case.finger };
+        let push = Push::new(model, case.law, Start::Moving(start), EdgeEnd::Stop).ok()?;
+        let times: Vec<_> = (0_u32..).map(|i| f64::from(i) * case.observation.dt).take(self.angles.len()).collect();
+        let run = push.run_derived(&times, UNKNOWNS).ok()?;
+        if run.states.len() < times.len() {
+            return None;
+        }
+        let mut equations = NormalEquations::zero();
+        let mut add = |residual: Jet<4>| equations.add(residual.value, Vector4::from(residual.slopes));
+        for (state, angle) in run.states.iter().zip(self.angles) {
+            add((state.u - *angle) / case.angle_sigma);
+        }
+        let Prior { omega0_sigma, v_t0_sigma, .. } = case.observation.prior;
+        let slides = !matches!(case.touch, Touch::Rolling { .. });
+        let priors = [(2, omega0_sigma, start.omega), (3, v_t0_sigma.filter(|_| slides), start.v_t)];
+        for (unknown, sigma, value) in priors {
+            if let Some(sigma) = sigma {
+                add(Jet::variable(value, unknown) / sigma);
+            }
+        }
+        Some(Tried { start, equations })
+    }
+}
+
+impl LeastSquaresProblem<4> for Fit<'_> {
+    type Place = Tried;
+
+    fn cost(&self, tried: &Tried) -> f64 {
+        tried.equations.cost
+    }
+
+    fn normal_equations(&self, tried: &Tried) -> NormalEquations<4> {
+        tried.equations
+    }
+
+    fn moved(&self, tried: &Tried, step: &Vector4<f64>) -> Option<Tried> {
+        let State { u, s, omega, v_t } = tried.start;
+        self.tried(State { u: u + step[0], s: s + step[1], omega: omega + step[2], v_t: v_t + step[3] })
+    }
+}
