@@ -650,6 +650,37 @@ mod tests {
     }
 
     #[test]
+    fn the_best_explanation_is_found_where_a_part_could_also_seem_to_spin() {
+        // Of each: which edge, the place at the start, m, and the cost, which a simulation of its own confirms.
+        let pushes = [
+            (
+                json!({
+                    "polygon": [[-0.01452, 0.02309], [0.00547, -0.0236], [0.03485, -0.03992], [0.0238, -0.0177]],
+                    "finger": {"radius": 0.01, "centre0": [0, 0], "velocity0": [0, 0.05], "acceleration": [0, 0.025]},
+                    "dt": 0.1, "sigma": 0.005, "prior": {"omega0_sigma": 0.5},
+                    "contact_angle": [1.524, 1.399, 1.253, 1.104, 0.926, 0.746, 0.548],
+                }),
+                (2, -0.02472, 3.21),
+            ),
+            (
+                json!({
+                    "polygon": [[-0.026, -0.01123], [-0.01441, -0.03077], [0.00494, -0.0013], [0.00561, 0.02874]],
+                    "finger": {"radius": 0.01, "centre0": [0, 0], "velocity0": [0, 0.05], "acceleration": [-0.08, 0]},
+                    "dt": 0.12, "sigma": 0.005, "prior": {"omega0_sigma": 0.5},
+                    "contact_angle": [1.683, 1.833, 1.99, 2.166, 2.354, 2.577],
+                }),
+                (2, 0.02709, 2.02),
+            ),
+        ];
+        for (push, (edge, s0, cost)) in pushes {
+            let answer = solve(&push);
+            let found = answer.hypotheses.iter().find(|found| found.edge == edge && (found.s0 - s0).abs() < 1e-4);
+            let found = found.unwrap_or_else(|| panic!("{:?}", answer.hypotheses));
+            assert!((found.cost - cost).abs() < 0.02, "{found:?}");
+        }
+    }
+
+    #[test]
     fn a_finger_that_moves_away_pushes_nothing() {
         let away = json!({"radius": 0.01, "centre0": [0, 0], "velocity0": [0, -0.05], "acceleration": [0, 0]});
         let answer = solve(&json!({"finger": away}));

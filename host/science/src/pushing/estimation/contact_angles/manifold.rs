@@ -47,7 +47,13 @@ impl Settled {
 /// rest.
 pub(super) fn settled(model: &PushModel, touch: Touch, slip: Option<Slip>, time: f64, near: &State) -> Option<Settled> {
     let from = |near: &State| settled_from(model, touch, slip, time, near);
-    from(near).or_else(|| from(&struck(model, time, near)))
+    let pushed = |found: &Settled| found.normal_force > 0.0;
+    // The rates may vanish at a second place, where the part would spin and the finger pull: no part settles to that.
+    let near_by = from(near);
+    if near_by.as_ref().is_some_and(pushed) {
+        return near_by;
+    }
+    from(&struck(model, time, near)).filter(pushed).or(near_by)
 }
 
 /// The motion of a part at rest that a moving finger without friction strikes: near the settled one also where that
