@@ -174,6 +174,8 @@ pub(super) struct Descent {
     damping: f64,
     /// What the next step is predicted to lower the cost by.
     pub(super) predicted_reduction: f64,
+    /// The total after the last step over that before it; 1 before the first.
+    pub(super) last_ratio: f64,
 }
 
 /// Adds a residual that carries its derivatives.
@@ -476,6 +478,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
             predicted_reduction: self.predicted_reduction(&evaluation),
             evaluation,
             damping: DESCENT.damping.first,
+            last_ratio: 1.0,
         })
     }
 
@@ -484,6 +487,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
         let lower = least_squares::lowered(self, &descent.evaluation, &DESCENT, &mut descent.damping);
         let Ok(evaluation) = lower else { return false };
         descent.predicted_reduction = self.predicted_reduction(&evaluation);
+        descent.last_ratio = evaluation.total() / descent.evaluation.total();
         descent.evaluation = evaluation;
         true
     }

@@ -35,7 +35,11 @@ const BEYOND: f64 = 0.25;
 const FLAT: f64 = 60.0;
 
 /// How many on either side.
-const FLAT_PLACES: usize = 2;
+const FLAT_PLACES: usize = 6;
+
+/// What the settled rates themselves leave unexplained of the angle at each instant, rad: places that differ by less
+/// in mismatch cannot be told apart without simulating them.
+const RATES_ERROR: f64 = 0.01;
 
 /// Instants at which the rates are compared.
 const NODES: usize = 12;
@@ -196,7 +200,7 @@ impl<'a, 'p> SmoothedAngles<'a, 'p> {
         let places = places(self.fitting.known, interval);
         let off: Vec<_> = places.iter().map(|&s| self.mismatch(interval, &model, start_mode, s)).collect();
         let squares: Vec<_> = off.iter().map(|off| off.square).collect();
-        let margin = FLAT * self.fitting.data.sigma_min().powi(2);
+        let margin = FLAT * self.fitting.data.sigma_min().powi(2) + count(NODES) * RATES_ERROR * RATES_ERROR;
         let start = |s: f64, i: usize| StartPlace { s, first_turn: off[i].first_turn };
         let near = |i: usize| {
             let beside = beside(&squares, i, margin).map(|j| start(places[j], j));

@@ -72,8 +72,11 @@ const ROUNDS_MAX: usize = 60;
 /// A descent is over when its next step is predicted to lower the cost by less than this.
 const PREDICTED_REDUCTION_NONE: f64 = 1e-3;
 
-/// A descent is given up when its cost less this many times its predicted reduction is beyond the gate by [`SLACK`].
+/// A descent is given up when its cost less this many times its predicted reduction is beyond the gate by [`SLACK`], and
+/// would be after [`GEOMETRIC_ROUNDS`] too: steps are limited, and from afar many of them are needed.
 const PREDICTED_REDUCTIONS: f64 = 3.0;
+/// Rounds for which a descent is trusted to go on lowering its cost by the same factor.
+const GEOMETRIC_ROUNDS: i32 = 8;
 /// How far beyond the gate a cost must be predicted to stay; see [`PREDICTED_REDUCTIONS`].
 const SLACK: f64 = 24.0;
 /// Rounds in which places along a valley have to come to its lowest, or to another: more than any that is not in a
@@ -369,9 +372,7 @@ fn descend_patiently(fitting: &Fitting, candidates: &[Candidate], patience: usiz
         }
         let most = total_max(alive.iter().chain(&over));
         if round >= ROUNDS_MIN {
-            alive.retain(|descent| {
-                descent.evaluation.total() - PREDICTED_REDUCTIONS * descent.predicted_reduction <= most
-            });
+            alive.retain(|descent| may_come_below(descent, most));
         }
         if round >= patience {
             alive.retain(|descent| !over.iter().any(|minimum| is_above(descent, minimum)));
@@ -396,6 +397,14 @@ fn descend_patiently(fitting: &Fitting, candidates: &[Candidate], patience: usiz
     over.extend(alive);
     merge_met(&mut over);
     over
+}
+
+/// Whether a descent may still come below a total: by what the next steps are predicted to bring, or by going on as fast
+/// as it went.
+fn may_come_below(descent: &Descent, most: f64) -> bool {
+    let total = descent.evaluation.total();
+    let predicted = total - PREDICTED_REDUCTIONS * descent.predicted_reduction;
+    predicted.min(total * descent.last_ratio.powi(GEOMETRIC_ROUNDS)) <= most
 }
 
 fn is_above(descent: &Descent, minimum: &Descent) -> bool {
