@@ -275,14 +275,27 @@ impl<'a> Mixed<'a> {
         Some(())
     }
 
-    /// Three points on one edge: it lies along them, one way round or the other.
+    /// Three points on one edge: it lies along them, one way round or the other, with as much of it on either side. The
+    /// part slides along them as far as the edge is longer.
     fn along_edge(&self, three: &[Reading; 3], edge: usize) -> Vec<Placed> {
         let points: Vec<_> = three.iter().filter_map(Reading::point).collect();
         let along = points[1] - points[0];
-        let held: Vec<Held> = three.iter().map(|reading| (*reading, edge)).collect();
-        let normal = self.part.angles()[edge];
-        let turns = [PI / 2.0, -PI / 2.0].map(|turn| wrap_angle(along.y.atan2(along.x) + turn - normal));
-        turns.map(|theta| self.place(&held, theta)).to_vec()
+        let [from, to] = self.edge(edge);
+        let normal = self.part.normals()[edge];
+        let turns =
+            [PI / 2.0, -PI / 2.0].map(|turn| wrap_angle(along.y.atan2(along.x) + turn - self.part.angles()[edge]));
+        let placed = turns.map(|theta| {
+            let turned = Rotation2::new(theta) * normal;
+            let tangent = Vector2::new(-turned.y, turned.x);
+            let places = || points.iter().map(|point| tangent.dot(point));
+            let middle =
+                f64::midpoint(places().fold(f64::INFINITY, f64::min), places().fold(f64::NEG_INFINITY, f64::max));
+            let height = points.iter().map(|point| turned.dot(point)).sum::<f64>() / points.len() as f64;
+            let on_edge = Rotation2::new(theta) * ((from + to) / 2.0);
+            let centre = tangent * (middle - tangent.dot(&on_edge)) + turned * (height - turned.dot(&on_edge));
+            Placed { centre, theta }
+        });
+        placed.to_vec()
     }
 
     /// The turns between which the same corners touch the lines.
@@ -539,6 +552,19 @@ mod tests {
         // On the floor, and two more points of that edge.
         assert_eq!(free(&[floor], &[at(0.2, 0.0), at(0.6, 0.0)]), Continuum::Loose);
         assert_eq!(free(&[], &[at(0.2, 0.0), at(0.6, 0.0), at(0.4, 0.0)]), Continuum::Loose);
+        // Three points that hardly leave their edge room to slide: the middle of what they leave is not nearest to them.
+        let wedge = part(&[
+            [0.931116447264682, 0.19167658380801267],
+            [-0.9157614963202775, 0.5910915301057573],
+            [-0.5984545763734518, -0.06502944614684332],
+            [0.0, -0.2111536411477683],
+        ]);
+        let wedge = wedge.unwrap();
+        let pose = [0.0, 0.0, 5.97705634416849];
+        let shares = [0.9863924487140547, 0.7805980449117803, 0.9971184703077891];
+        let probed = shares.map(|share| on_outline(&wedge, pose, share));
+        let Inscription::Underdetermined(continuum) = poses_through(&wedge, &[], &probed) else { panic!("not loose") };
+        assert_eq!(continuum, Continuum::Loose);
         // A vertex where two lines meet at an obtuse angle, and a probe that felt the same vertex.
         let wall = HalfPlane::new(PI + 0.5, 0.0);
         assert_eq!(free(&[floor, wall], &[at(0.0, 0.0)]), Continuum::Loose);
