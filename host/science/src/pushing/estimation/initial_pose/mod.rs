@@ -61,8 +61,9 @@ const POLISH_DIFFERENCE: f64 = 1e-6;
 /// Tolerances that a later contact may be off by before a candidate is moved: motions part by less than a thousandfold.
 const HOPELESS: f64 = 1e3;
 
-/// Candidates nearer than this share of the interval's length are one.
-const SAME_PLACE: f64 = 1e-7;
+/// Candidates nearer than this share of the interval's length are one: places are sought until the angle fits to some
+/// 1e-10 rad, and where it hardly depends on the place, by 2e-4 say, that leaves them uncertain by 5e-7.
+const SAME_PLACE: f64 = 1e-6;
 
 /// How deep a finger may reach into the part elsewhere, as a share of its size: rounding of the input.
 const OVERLAP_TOLERANCE: f64 = 1e-6;
@@ -145,7 +146,7 @@ pub struct Contacts {
 /// A pose in which the part may have rested.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RestingPose {
-    /// The edge in contact; none on an ellipse.
+    /// The edge that holds the contact at the last one that is explained; none on an ellipse. `s0` is on the same side.
     pub edge: Option<usize>,
     /// Where it is touched: m along an edge, eccentric angle in [0, π) on an ellipse.
     pub s0: f64,
