@@ -170,7 +170,8 @@ impl<'p> Tracker<'p> {
                 *self = updated;
             }
         }
-        if self.window.len() >= self.settings.window {
+        // Nothing is known of what would be dropped before all intervals were searched once.
+        if self.searched_everywhere && self.window.len() >= self.settings.window {
             self.drop_oldest(self.settings.window / DROPPED_SHARE);
         }
         halt.searched(&self.estimate)
@@ -275,7 +276,7 @@ impl<'p> Tracker<'p> {
     }
 
     fn is_first(&self) -> bool {
-        !self.searched_everywhere && !self.full
+        !self.searched_everywhere
     }
 
     fn is_search_due(&self) -> bool {
@@ -472,6 +473,18 @@ mod tests {
             let stopped = tracker.push_sample_until(Some(angle), &|| true);
             assert_eq!(format!("{:?}", stopped.found), before);
             assert!(tracker.push_sample(None).time_end > tracker.time_of(VALUES_FIRST + 2) - 1e-9);
+        });
+    }
+
+    #[test]
+    fn updates_stopped_for_longer_than_the_window_lose_nothing() {
+        tracker_after(0, |mut tracker, angle| {
+            for _ in 0..tracker.settings.window + 5 {
+                tracker.push_sample_until(Some(angle), &|| true);
+            }
+            assert!(!tracker.searched_everywhere);
+            tracker.push_sample(Some(angle));
+            assert!(tracker.searched_everywhere && tracker.estimate().fit.degrees_of_freedom > tracker.settings.window);
         });
     }
 
