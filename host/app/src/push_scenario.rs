@@ -214,7 +214,8 @@ impl PushPlan {
         match (self.place, part) {
             (Place::Edge { index, s }, DescribedPart::Polygon(part)) => {
                 let edge = part.edge(index)?;
-                let s = s.unwrap_or(0.5 * (edge.s_min + edge.s_max));
+                let [from, to] = part.edge_span(index)?;
+                let s = s.unwrap_or(0.5 * (from + to));
                 let point = centre + edge.normal * edge.height + Vector2::new(-edge.normal.y, edge.normal.x) * s;
                 Ok(Spot { side: PartSide::Edge(edge), s, point, normal: edge.normal })
             }

@@ -13,4 +13,4 @@ pub use convex::{ConvexPolygon, NotConvex, convex_hull};
 pub(crate) use polygon::extent_of;
 pub use polygon::{PolygonError, SimplePolygon, bounding_box};
 pub use pose::Pose;
-pub use sides::{FLAT_RELATIVE, corners};
+pub use sides::{FLAT_RELATIVE, FLAT_ROUNDED_RELATIVE, FLAT_TURN_RAD, corners};

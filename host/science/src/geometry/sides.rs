@@ -2,8 +2,8 @@
 //!
 //! A drawing may put a vertex anywhere along a straight side, or one point twice but for rounding. Such vertices are
 //! no corners: nothing that touches the outline feels them. [`corners`] finds the vertices that are, whatever the
-//! others: between two of them in turn, no vertex is farther from the straight line than [`FLAT_RELATIVE`] of the
-//! outline's extent, and none of them can be left out.
+//! others: between two of them in turn the outline is straight, by [`FLAT_RELATIVE`] or by [`FLAT_ROUNDED_RELATIVE`] and
+//! [`FLAT_TURN_RAD`], and none of them can be left out.
 //!
 //! Implements: Douglas and Peucker 1973, from two vertices that are corners for certain, then leaves out what lies
 //! straight between the corners beside it: of equal distances their method may take a vertex that is flat.
@@ -13,11 +13,17 @@ use nalgebra::Point2;
 
 use super::polygon::{centroid_of, extent_of};
 
-/// A vertex nearer to the straight line between the corners beside it than this share of the extent is flat.
-///
-/// Drawings are rounded to about 1e-9 of their size at best, computed points to 1e-16; and no side that is a tenth of
-/// the extent turns by more than 1e-6 rad at a vertex so flat, which is less than any contact angle is known to.
+/// A vertex nearer to the straight line between the corners beside it than this share of the extent is flat, whichever
+/// way the outline turns there: computed points are rounded to 1e-16, and a corner may be there twice.
 pub const FLAT_RELATIVE: f64 = 1e-7;
+
+/// So is one nearer than this share if the outline hardly turns there, see [`FLAT_TURN_RAD`]: drawings are rounded to a
+/// micrometre.
+pub const FLAT_ROUNDED_RELATIVE: f64 = 2e-5;
+
+/// An outline that turns off the straight line by no more than this hardly turns, rad: contact angles are known to half
+/// a milliradian at best, and a vertex on a side of some millimetres that was rounded to a micrometre turns by less.
+pub const FLAT_TURN_RAD: f64 = 5e-4;
 
 /// The vertices of an outline that are corners, in order, by their indices.
 ///
@@ -34,12 +40,12 @@ pub const FLAT_RELATIVE: f64 = 1e-7;
 /// Without vertices.
 #[must_use]
 pub fn corners(vertices: &[Point2<f64>]) -> Vec<usize> {
-    let tolerance = FLAT_RELATIVE * extent_of(vertices);
+    let extent = extent_of(vertices);
     let middle = centroid_of(vertices);
     // The vertex that is farthest from any point is a corner.
     let first = farthest(vertices, middle);
     let second = farthest(vertices, vertices[first]);
-    let line = Outline { vertices, tolerance };
+    let line = Outline { vertices, extent };
     let mut found = vec![first];
     line.split(first, second, &mut found);
     line.split(second, first, &mut found);
@@ -56,8 +62,8 @@ fn farthest(vertices: &[Point2<f64>], from: Point2<f64>) -> usize {
 
 struct Outline<'a> {
     vertices: &'a [Point2<f64>],
-    /// m.
-    tolerance: f64,
+    /// The longer side of the bounding box, m.
+    extent: f64,
 }
 
 impl Outline<'_> {
@@ -76,6 +82,25 @@ impl Outline<'_> {
         (p - a - along * share).norm()
     }
 
+    /// Whether the outline is straight from one vertex to another.
+    fn is_straight(&self, from: usize, to: usize) -> bool {
+        let off = self.between(from, to).map(|i| self.off(i, from, to)).fold(0.0, f64::max);
+        off <= FLAT_RELATIVE * self.extent || off <= FLAT_ROUNDED_RELATIVE * self.extent && self.hardly_turns(from, to)
+    }
+
+    /// Whether no piece from one vertex to another turns off the straight line by more than [`FLAT_TURN_RAD`], but for
+    /// pieces that are there by rounding alone.
+    fn hardly_turns(&self, from: usize, to: usize) -> bool {
+        let along = (self.vertices[to] - self.vertices[from]).normalize();
+        let ends = self.between(from, to).chain([to]);
+        let starts = [from].into_iter().chain(self.between(from, to));
+        starts.zip(ends).all(|(start, end)| {
+            let piece = self.vertices[end] - self.vertices[start];
+            let across = along.perp(&piece).abs();
+            across <= FLAT_RELATIVE * self.extent || across <= FLAT_TURN_RAD * along.dot(&piece)
+        })
+    }
+
     /// Adds the corners from one vertex to another, in order, without the one it begins with; a corner that is there
     /// already is not added again.
     fn split(&self, from: usize, to: usize, found: &mut Vec<usize>) {
@@ -84,7 +109,7 @@ impl Outline<'_> {
         while let Some((from, to)) = open.pop() {
             let off = |i: &usize| self.off(*i, from, to);
             let farthest = self.between(from, to).max_by(|i, j| off(i).total_cmp(&off(j)));
-            match farthest.filter(|i| off(i) > self.tolerance) {
+            match farthest.filter(|_| !self.is_straight(from, to)) {
                 Some(corner) => open.extend([(corner, to), (from, corner)]),
                 None if to != found[0] => found.push(to),
                 None => {}
@@ -99,7 +124,7 @@ impl Outline<'_> {
         while kept < corners.len() && corners.len() > 3 {
             let n = corners.len();
             let (before, after) = (corners[(at + n - 1) % n], corners[(at + 1) % n]);
-            if self.between(before, after).all(|i| self.off(i, before, after) <= self.tolerance) {
+            if self.is_straight(before, after) {
                 corners.remove(at % n);
                 // Those beside it have new neighbours.
                 kept = 0;
@@ -173,6 +198,16 @@ mod tests {
             vertices.rotate_left(by % n);
             prop_assert_eq!(before, same(&vertices));
         }
+    }
+
+    #[test]
+    fn a_vertex_on_a_side_that_was_rounded_to_a_micrometre_is_flat() {
+        // m: the lower side runs through (1.85, -15.65) mm, which is 0.45 µm off.
+        let outline = [[-0.027, -0.022], [0.001_850, -0.015_650], [0.0307, -0.0093], [0.025, 0.030], [-0.020, 0.028]];
+        assert_eq!(corners(&outline.map(Point2::from)), [0, 2, 3, 4]);
+        // A bend of a milliradian is one.
+        let bent = [[-0.03, 0.0], [0.0, -1.6e-5], [0.03, 0.0], [0.03, 0.04], [-0.03, 0.04]];
+        assert_eq!(corners(&bent.map(Point2::from)).len(), 5);
     }
 
     #[test]

@@ -200,7 +200,7 @@ pub enum PoseStatus {
 /// A pose and how well it fits.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct PoseFit {
-    /// The edge in contact; null on an ellipse.
+    /// The edge that holds the contact at the last one that is explained; null on an ellipse. `s0` is on the same side.
     pub edge: Option<usize>,
     /// Where it is touched at t = 0: m along the edge from the foot of the perpendicular through the centroid; on an ellipse the
     /// eccentric angle in [0, π).

@@ -152,7 +152,7 @@ pub struct PushAnswer {
 pub struct Meeting {
     /// Time since the push began, s.
     pub t: f64,
-    /// Number of the edge that it reaches, from 0.
+    /// The edge that it reaches: of those that make one straight side the first.
     pub edge: usize,
 }
 

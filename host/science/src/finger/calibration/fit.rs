@@ -67,7 +67,7 @@ pub struct Quality {
 pub enum Role {
     /// The matrix was fitted to it, with this weight between 0 and 1. Below 1 it is an outlier and is reported.
     Fitted {
-        /// Weight in the robust fit, in (0, 1]; 1 for a contact that agrees.
+        /// Weight in the robust fit, from 0 for a contact that is left out to 1 for one that agrees.
         weight: f64,
     },
     /// It was kept out of the fit and judges it.

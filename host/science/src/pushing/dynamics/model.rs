@@ -83,8 +83,8 @@ impl Part {
         self.body.inertia_per_mass()
     }
 
-    /// An edge as seen from the centre of mass, as far as it goes straight on: neighbours that are collinear to rounding
-    /// are one, see [`corners`].
+    /// An edge as seen from the centre of mass, as far as it goes straight on: neighbours that are straight to within the
+    /// tolerances of [`corners`] are one.
     ///
     /// # Errors
     /// [`ModelError::NoSuchEdge`].
@@ -117,6 +117,18 @@ impl Part {
     pub fn side_vertices(&self, index: usize) -> [usize; 2] {
         let side = self.side_of(index);
         [self.corners[side], self.corners[(side + 1) % self.corners.len()]]
+    }
+
+    /// Where the two vertices of an edge lie on its straight side: s, m.
+    ///
+    /// # Errors
+    /// [`ModelError::NoSuchEdge`].
+    pub fn edge_span(&self, index: usize) -> Result<[f64; 2], ModelError> {
+        let edge = self.edge(index)?;
+        let along = Vector2::new(-edge.normal.y, edge.normal.x);
+        let vertices = self.polygon.vertices();
+        let ends = [index, (index + 1) % vertices.len()].map(|vertex| vertices[vertex] - self.centre_of_mass());
+        Ok(ends.map(|end| along.dot(&end).clamp(edge.s_min, edge.s_max)))
     }
 
     /// Of the edges that make one straight side with `index`, the one that holds the place `s` (m) on it; beyond its

@@ -162,7 +162,7 @@ pub enum PushError {
         "the finger overlaps the part: it reaches {depth:?} m into edge {edge}; a finger this large cannot touch here, make it smaller or touch elsewhere"
     )]
     Overlap {
-        /// The edge that it reaches into.
+        /// The edge that it reaches into: of those that make one straight side the first.
         edge: usize,
         /// How far the disk reaches into the part, m.
         depth: f64,

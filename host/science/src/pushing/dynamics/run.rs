@@ -84,7 +84,7 @@ pub struct PushRun {
 pub struct SecondContact {
     /// Time since the push began at which the disk meets another edge, s.
     pub t: f64,
-    /// The number of the edge it meets.
+    /// The edge that it meets: of those that make one straight side the first.
     pub edge: usize,
 }
 
@@ -127,9 +127,9 @@ pub enum EndReason {
     Stick,
     /// Rolling needs more friction than there is.
     Slip,
-    /// The contact reached the edge's first vertex.
+    /// The contact reached the first end of the edge's straight side.
     EdgeMin,
-    /// The contact reached the edge's second vertex.
+    /// The contact reached the second end of the edge's straight side.
     EdgeMax,
     /// No contact force fits the sliding part (Painlevé).
     Jam,

@@ -162,7 +162,7 @@ pub enum Status {
 pub struct Hypothesis {
     /// The edge that holds the contact at the last value; 0 on an ellipse, which has no others.
     pub edge: usize,
-    /// The straight side that it is on, by its first edge ([`Part::side`]): the same wherever vertices lie along it.
+    /// The straight side that it is on, by its first edge ([`Part::side`]): the same for every edge of one side.
     pub side: usize,
     /// At the first value.
     pub start: State,

@@ -39,7 +39,7 @@ pub(in crate::pushing::estimation) type ConstraintMargins<T> = [T; CONSTRAINTS];
 /// Where on an edge the disk can be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::pushing::estimation) struct ContactInterval {
-    /// The edge's number, from 0.
+    /// Of a straight side the first edge.
     pub(in crate::pushing::estimation) index: usize,
     /// The edge itself, body axes.
     pub(in crate::pushing::estimation) edge: Edge,

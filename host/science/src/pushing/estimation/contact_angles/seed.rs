@@ -31,7 +31,7 @@ const PLACES: (f64, f64) = (5.0, 60.0);
 const BEYOND: f64 = 0.25;
 
 /// Places beside a minimum are tried too if their mismatch is larger by less than so many squares of a value's standard
-/// deviation: a bottom so flat may have two minima, which the rates alone do not tell apart.
+/// deviation, and by what [`RATES_ERROR`] allows: a bottom so flat may have two minima, which the rates alone do not tell apart.
 const FLAT: f64 = 60.0;
 
 /// How many on either side.
