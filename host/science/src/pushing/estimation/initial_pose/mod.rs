@@ -61,9 +61,12 @@ const POLISH_DIFFERENCE: f64 = 1e-6;
 /// Tolerances that a later contact may be off by before a candidate is moved: motions part by less than a thousandfold.
 const HOPELESS: f64 = 1e3;
 
-/// Candidates nearer than this share of the interval's length are one: places are sought until the angle fits to some
-/// 1e-10 rad, and where it hardly depends on the place, by 2e-4 say, that leaves them uncertain by 5e-7.
-const SAME_PLACE: f64 = 1e-6;
+/// Candidates nearer than this share of the interval's length are one.
+const SAME_PLACE: f64 = 1e-7;
+
+/// So are candidates nearer than this share between which the angle fits to rounding: where it hardly depends on the
+/// place, as on an ellipse that is nearly a circle, one place is found from either side.
+const SAME_STRETCH: f64 = 1e-3;
 
 /// How deep a finger may reach into the part elsewhere, as a share of its size: rounding of the input.
 const OVERLAP_TOLERANCE: f64 = 1e-6;
@@ -382,9 +385,15 @@ impl RestingPush {
         hopeless: &dyn Fn(&ContactInterval, f64) -> bool,
         halt: &Halt<'_>,
     ) -> RestingPoses {
+        let first = contacts.measured.first().copied();
         let mut apart: Vec<(ContactInterval, NearZero)> = Vec::new();
         for &(interval, near) in places {
-            let same = |(other, kept): &(ContactInterval, NearZero)| other.is_same_place(&interval, kept.at, near.at);
+            let same = |(other, kept): &(ContactInterval, NearZero)| {
+                other.is_same_place(&interval, kept.at, near.at)
+                    || first.is_some_and(|first| {
+                        other.edge == interval.edge && self.is_one_stretch(other, kept, &near, first)
+                    })
+            };
             if !apart.iter().any(same) && !self.overlaps(&interval, near.at) {
                 apart.push((interval, near));
             }
@@ -397,15 +406,25 @@ impl RestingPush {
         });
         let fits = fits.filter(|fit| !self.overlaps(&fit.interval, fit.near.at)).collect();
         let solutions = self.one_each(fits, contacts);
-        let first = contacts.measured.first().map_or(0.0, |first| first.t);
+        let time = first.map_or(0.0, |first| first.t);
         let candidate =
-            |&(interval, near): &(ContactInterval, NearZero)| self.pose_at(&interval, &near, vec![near.value], first);
+            |&(interval, near): &(ContactInterval, NearZero)| self.pose_at(&interval, &near, vec![near.value], time);
         let mut candidates: Vec<_> = apart.iter().map(candidate).collect();
         // What fits to rounding fits alike, whatever the rounding.
         let misfit = |pose: &RestingPose| squares(&pose.residuals).max(EXACT * EXACT);
         let place = |a: &RestingPose, b: &RestingPose| a.edge.cmp(&b.edge).then(a.s0.total_cmp(&b.s0));
         candidates.sort_by(|a, b| misfit(a).total_cmp(&misfit(b)).then_with(|| place(a, b)));
         RestingPoses { solutions, candidates }
+    }
+
+    /// Whether two places that fit the first contact to rounding are one, the places between them fitting too.
+    fn is_one_stretch(&self, interval: &ContactInterval, a: &NearZero, b: &NearZero, first: TimedContact) -> bool {
+        let fits = |misfit: f64| misfit.abs() <= EXACT;
+        let between = || a.at + 0.5 * interval.way(a.at, b.at);
+        fits(a.value)
+            && fits(b.value)
+            && interval.gap(a.at, b.at) < SAME_STRETCH * interval.length()
+            && self.misfit(interval, between(), first).is_some_and(fits)
     }
 
     /// One pose for each stretch of places that all fit, best first.
