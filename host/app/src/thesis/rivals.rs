@@ -10,7 +10,8 @@
 //!
 //! Units: SI; costs of no dimension. Errors: none; what cannot move is no rival.
 
-use nalgebra::{Point2, Vector2, Vector4};
+use nalgebra::{Vector2, Vector4};
+use palpate::geometry::distance_to_segment;
 use palpate::math::Jet;
 use palpate::math::least_squares::{
     self, Damping, Enough, Floor, LeastSquaresProblem, LeastSquaresSettings, NormalEquations,
@@ -138,12 +139,6 @@ pub(super) fn is_clear(part: &Part, edge: usize, radius: f64, place: f64) -> boo
     let centre = part.centre_of_mass() + line.normal * (line.height + radius) + along * place;
     let others = part.polygon().edges().enumerate().filter(|(other, _)| *other != edge);
     others.into_iter().all(|(_, (from, to))| distance_to_segment(centre, from, to) > radius - OVERLAP_M)
-}
-
-fn distance_to_segment(point: Point2<f64>, from: Point2<f64>, to: Point2<f64>) -> f64 {
-    let (along, to_point) = (to - from, point - from);
-    let share = (to_point.dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
-    (to_point - along * share).norm()
 }
 
 /// An edge and what its contact does: always the same, or what Coulomb's law says.

@@ -8,6 +8,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::{Rotation2, Vector2};
+use palpate::geometry::distance_to_segment;
 
 use super::mlab::BlockPose;
 use super::{ReadError, RecordingProblem, number, shorten};
@@ -94,9 +95,7 @@ impl RecordedPart {
 
     fn distance(&self, edge: usize, point_part: &Vector2<f64>) -> f64 {
         let (start, end) = self.edge(edge);
-        let along = end - start;
-        let share = ((point_part - start).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
-        (start + along * share - point_part).norm()
+        distance_to_segment((*point_part).into(), start.into(), end.into())
     }
 }
 

@@ -1,16 +1,19 @@
 //! Shapes in the plane. Pure: no files, clocks or threads.
 //!
-//! In reading order: `polygon` (checked once: simple and counter-clockwise), `convex` (prepared for questions about its
-//! support), `pose` (where a part lies), `exact` (decisions about segments without a tolerance).
+//! In reading order: `polygon` (checked once: simple and counter-clockwise), `sides` (its straight sides, however they
+//! were typed), `convex` (prepared for questions about its support), `pose` (where a part lies), `segment` (distances to
+//! a straight piece), `exact` (decisions about such pieces without a tolerance).
 
 mod convex;
 pub(crate) mod exact;
 mod polygon;
 mod pose;
+mod segment;
 mod sides;
 
 pub use convex::{ConvexPolygon, NotConvex, convex_hull};
 pub(crate) use polygon::extent_of;
 pub use polygon::{PolygonError, SimplePolygon, bounding_box};
 pub use pose::Pose;
+pub use segment::distance_to_segment;
 pub use sides::{FLAT_RELATIVE, FLAT_ROUNDED_RELATIVE, FLAT_TURN_RAD, corners};

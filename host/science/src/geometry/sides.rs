@@ -12,6 +12,7 @@
 use nalgebra::Point2;
 
 use super::polygon::{centroid_of, extent_of};
+use super::segment::distance_to_segment;
 
 /// A vertex nearer to the straight line between the corners beside it than this share of the extent is flat, whichever
 /// way the outline turns there: computed points are rounded to 1e-16, and a corner may be there twice.
@@ -76,15 +77,17 @@ impl Outline<'_> {
 
     /// How far a vertex is from the straight piece between two others, m.
     fn off(&self, vertex: usize, from: usize, to: usize) -> f64 {
-        let [p, a, b] = [vertex, from, to].map(|i| self.vertices[i]);
-        let along = b - a;
-        let share = ((p - a).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
-        (p - a - along * share).norm()
+        distance_to_segment(self.vertices[vertex], self.vertices[from], self.vertices[to])
     }
 
-    /// Whether the outline is straight from one vertex to another.
-    fn is_straight(&self, from: usize, to: usize) -> bool {
-        let off = self.between(from, to).map(|i| self.off(i, from, to)).fold(0.0, f64::max);
+    /// The vertex between two others that is farthest off the straight piece between them, and how far, m.
+    fn farthest_off(&self, from: usize, to: usize) -> Option<(usize, f64)> {
+        let off = self.between(from, to).map(|i| (i, self.off(i, from, to)));
+        off.max_by(|(_, a), (_, b)| a.total_cmp(b))
+    }
+
+    /// Whether the outline is straight from one vertex to another, from which it is `off` at most, m.
+    fn is_straight(&self, from: usize, to: usize, off: f64) -> bool {
         off <= FLAT_RELATIVE * self.extent || off <= FLAT_ROUNDED_RELATIVE * self.extent && self.hardly_turns(from, to)
     }
 
@@ -107,10 +110,8 @@ impl Outline<'_> {
         // By hand, not by recursion: an outline of a million vertices may be split as often.
         let mut open = vec![(from, to)];
         while let Some((from, to)) = open.pop() {
-            let off = |i: &usize| self.off(*i, from, to);
-            let farthest = self.between(from, to).max_by(|i, j| off(i).total_cmp(&off(j)));
-            match farthest.filter(|_| !self.is_straight(from, to)) {
-                Some(corner) => open.extend([(corner, to), (from, corner)]),
+            match self.farthest_off(from, to).filter(|(_, off)| !self.is_straight(from, to, *off)) {
+                Some((corner, _)) => open.extend([(corner, to), (from, corner)]),
                 None if to != found[0] => found.push(to),
                 None => {}
             }
@@ -120,15 +121,17 @@ impl Outline<'_> {
     /// Leaves out what lies straight between the corners beside it, with every vertex that was left out before.
     fn leave_out_flat(&self, corners: &mut Vec<usize>) {
         let mut at = 0;
+        // So many before `at` stay, as their neighbours are.
         let mut kept = 0;
         while kept < corners.len() && corners.len() > 3 {
             let n = corners.len();
             let (before, after) = (corners[(at + n - 1) % n], corners[(at + 1) % n]);
-            if self.is_straight(before, after) {
-                corners.remove(at % n);
+            if self.farthest_off(before, after).is_none_or(|(_, off)| self.is_straight(before, after, off)) {
+                corners.remove(at);
                 // Those beside it have new neighbours.
-                kept = 0;
-                at = (at + n - 1) % n % corners.len();
+                let left = n - 1;
+                kept = kept.saturating_sub(1).min(left - 2);
+                at = (at + left - 1) % left;
             } else {
                 kept += 1;
                 at = (at + 1) % n;
@@ -146,15 +149,33 @@ mod tests {
     use crate::geometry::SimplePolygon;
     use crate::math::random::Draw;
 
+    /// Corners of drawn outlines are at least so far off the straight line between their neighbours, as a share of the
+    /// extent: five times what may be flat.
+    const CORNER_MIN_RELATIVE: f64 = 5.0 * FLAT_ROUNDED_RELATIVE;
+
+    /// Whether every vertex of a drawn outline is a corner beyond doubt.
+    fn is_cornered(outline: &SimplePolygon) -> bool {
+        let vertices = outline.vertices();
+        let n = vertices.len();
+        (0..n).all(|i| {
+            let [before, at, after] = [i + n - 1, i, i + 1].map(|i| vertices[i % n]);
+            let off = (after - before).perp(&(at - before)).abs() / (after - before).norm();
+            off > CORNER_MIN_RELATIVE * extent_of(vertices)
+        })
+    }
+
     /// A random outline, vertices put along its sides, rounded to `f64` by a turn and a shift, and which of them are
     /// corners.
     fn split(seed: u64, points: usize, splits: usize) -> (Vec<Point2<f64>>, Vec<usize>) {
         let mut draw = Draw::new(seed);
-        let outline = if draw.chance(0.5) {
-            draw.convex_polygon(points, 0.05)
-        } else {
-            draw.star_polygon(points.max(4), 0.02, 0.05)
-        };
+        let mut outlines = std::iter::repeat_with(|| {
+            if draw.chance(0.5) {
+                draw.convex_polygon(points, 0.05)
+            } else {
+                draw.star_polygon(points.max(4), 0.02, 0.05)
+            }
+        });
+        let outline = outlines.find(is_cornered).unwrap();
         let mut pieces: Vec<Vec<Point2<f64>>> = outline.vertices().iter().map(|corner| vec![*corner]).collect();
         let n = pieces.len();
         for _ in 0..splits {

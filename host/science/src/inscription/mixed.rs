@@ -19,8 +19,7 @@ use super::boundary::{Search, isolate};
 use super::exact::{Continuum, Inscription, MISS_MAX_RELATIVE, determined, full_turn, miss_gradient, poses};
 use super::readings::HalfPlane;
 use super::triple::PARALLEL;
-use crate::geometry::ConvexPolygon;
-use crate::geometry::Pose;
+use crate::geometry::{ConvexPolygon, Pose, distance_to_segment};
 use crate::math::angle::wrap_angle;
 
 /// Points nearer to each other than this share of the part's size are one.
@@ -236,9 +235,7 @@ impl<'a> Mixed<'a> {
         } else {
             // Edges of a convex polygon do not cross, so one end is nearest.
             let from = |point: Vector2<f64>, [start, end]: [Vector2<f64>; 2]| {
-                let along = end - start;
-                let share = ((point - start).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
-                (point - start - share * along).norm()
+                distance_to_segment(point.into(), start.into(), end.into())
             };
             from(p, [r, s]).min(from(q, [r, s])).min(from(r, [p, q])).min(from(s, [p, q]))
         };

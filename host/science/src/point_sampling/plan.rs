@@ -5,8 +5,8 @@ use nalgebra::Point2;
 use super::circle::{Circle, largest_circle};
 use super::discriminate::{Choice, Effort, Proof, Search, SetSystem, fewest};
 use super::subdivision::Subdivision;
-use crate::geometry::SimplePolygon;
 use crate::geometry::exact::turn;
+use crate::geometry::{SimplePolygon, distance_to_segment};
 use crate::math::bits::BitSet;
 use crate::search::{Stop, never};
 
@@ -197,7 +197,7 @@ impl Scene {
     fn measured(&self, element: usize) -> Circle {
         let centre = self.candidates[element].circle.centre;
         let edges = self.polygons.iter().flat_map(SimplePolygon::edges);
-        let radius = edges.map(|(start, end)| distance(centre, start, end)).fold(f64::INFINITY, f64::min);
+        let radius = edges.map(|(start, end)| distance_to_segment(centre, start, end)).fold(f64::INFINITY, f64::min);
         Circle { centre, radius }
     }
 }
@@ -333,11 +333,4 @@ pub fn contains(polygon: &SimplePolygon, point: Point2<f64>) -> Option<bool> {
         }
     }
     Some(inside)
-}
-
-/// From a point to a segment, m.
-fn distance(p: Point2<f64>, start: Point2<f64>, end: Point2<f64>) -> f64 {
-    let along = end - start;
-    let share = ((p - start).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
-    (p - (start + share * along)).norm()
 }

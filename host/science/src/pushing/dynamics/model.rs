@@ -125,10 +125,8 @@ impl Part {
     /// [`ModelError::NoSuchEdge`].
     pub fn edge_span(&self, index: usize) -> Result<[f64; 2], ModelError> {
         let edge = self.edge(index)?;
-        let along = Vector2::new(-edge.normal.y, edge.normal.x);
-        let vertices = self.polygon.vertices();
-        let ends = [index, (index + 1) % vertices.len()].map(|vertex| vertices[vertex] - self.centre_of_mass());
-        Ok(ends.map(|end| along.dot(&end).clamp(edge.s_min, edge.s_max)))
+        let ends = [index, (index + 1) % self.polygon.vertices().len()];
+        Ok(ends.map(|vertex| self.place_of(vertex, &edge).clamp(edge.s_min, edge.s_max)))
     }
 
     /// Of the edges that make one straight side with `index`, the one that holds the place `s` (m) on it; beyond its
@@ -138,10 +136,14 @@ impl Part {
         let n = self.polygon.vertices().len();
         let [first, next] = self.side_vertices(index);
         let edge = self.edge_between(self.side_of(index));
-        let along = Vector2::new(-edge.normal.y, edge.normal.x);
-        let place = |vertex: usize| along.dot(&(self.polygon.vertices()[vertex] - self.centre_of_mass()));
         let flat = (1..(next + n - first) % n).map(|step| (first + step) % n);
-        flat.take_while(|vertex| place(*vertex) <= s).last().unwrap_or(first)
+        flat.take_while(|vertex| self.place_of(*vertex, &edge) <= s).last().unwrap_or(first)
+    }
+
+    /// Where a vertex lies along a straight side: s, m.
+    fn place_of(&self, vertex: usize, side: &Edge) -> f64 {
+        let along = Vector2::new(-side.normal.y, side.normal.x);
+        along.dot(&(self.polygon.vertices()[vertex] - self.centre_of_mass()))
     }
 
     /// The straight side that an edge belongs to.

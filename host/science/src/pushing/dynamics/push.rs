@@ -10,6 +10,7 @@ use super::contact_model::{ContactModel, normal as normal_of};
 use super::curve::{FingerShape, PartSide};
 use super::model::{ContactMode, FingerPath, Part, PushModel, Slip, State};
 use super::shaped::ShapedModel;
+use crate::geometry::distance_to_segment;
 
 /// How far beyond an edge's end, or into the part, is put down to rounding of the input, m: printed micrometres pass
 /// exactly.
@@ -436,11 +437,4 @@ impl ContactLaw {
             Self::Sliding { friction, .. } | Self::Coulomb { friction } => friction,
         }
     }
-}
-
-/// From a point to the nearest point between two others, m.
-fn distance_to_segment(point: Point2<f64>, start: Point2<f64>, end: Point2<f64>) -> f64 {
-    let (along, to_point) = (end - start, point - start);
-    let share = (to_point.dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
-    (to_point - along * share).norm()
 }

@@ -28,7 +28,7 @@ use nalgebra::{Point2, Vector2};
 use self::event_free::{EventFree, SCAN_ERROR};
 use self::root_polishing::{EXACT, Rough};
 pub use self::table::Table;
-use crate::geometry::{Pose, SimplePolygon};
+use crate::geometry::{Pose, SimplePolygon, distance_to_segment};
 use crate::math::angle::wrap_angle;
 use crate::math::roots::{NearZero, near_zeros};
 use crate::pushing::dynamics::{
@@ -477,10 +477,10 @@ impl RestingPush {
         // Where the finger is a disk of radius 1 about the origin.
         let seen = |point: Point2<f64>| {
             let from_centre = world * point - self.path.centre(0.0);
-            Vector2::new(from_centre.x / semi_axes[0], from_centre.y / semi_axes[1])
+            Point2::new(from_centre.x / semi_axes[0], from_centre.y / semi_axes[1])
         };
-        semi_axes[0] > 0.0
-            && polygon.edges().any(|(a, b)| distance_from_origin(seen(a), seen(b)) < 1.0 - OVERLAP_TOLERANCE)
+        let distance = |a, b| distance_to_segment(Point2::origin(), seen(a), seen(b));
+        semi_axes[0] > 0.0 && polygon.edges().any(|(a, b)| distance(a, b) < 1.0 - OVERLAP_TOLERANCE)
     }
 
     /// Contacts with whole turns taken out, each within half a turn of the one before; on a line as they are.
@@ -654,10 +654,4 @@ fn improved(
         let there = misfits(next)?;
         (squares(&there) < squares(here) * (1.0 - 1e-9)).then_some((next, there))
     })
-}
-
-fn distance_from_origin(a: Vector2<f64>, b: Vector2<f64>) -> f64 {
-    let along = b - a;
-    let share = (-a.dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
-    (a + along * share).norm()
 }
