@@ -14,7 +14,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use nalgebra::{Isometry2, Matrix2, Point2, Rotation2, Vector2};
 
-use crate::geometry::{SimplePolygon, convex_hull, corners, extent_of};
+use crate::geometry::{SimplePolygon, convex_hull, corners_to_rounding, extent_of};
 
 /// Flush poses on A and on B that are nearer than this are one, flush on both, rad: rounding of angles is 1e-15, and
 /// parts whose right angles are this good do not exist.
@@ -119,8 +119,9 @@ impl Corner {
     pub fn poses(&self, part: &SimplePolygon) -> Vec<CornerPose> {
         let vertices = part.vertices();
         let hull: Vec<_> = convex_hull(vertices).into_iter().map(|corner| vertices[corner]).collect();
-        // A vertex within rounding of an edge must not make two poses of one.
-        let hull: Vec<_> = corners(&hull).into_iter().map(|corner| hull[corner]).collect();
+        // A vertex within rounding of an edge must not make two poses of one; one that a drawing rounded does: parts
+        // rest on it.
+        let hull: Vec<_> = corners_to_rounding(&hull).into_iter().map(|corner| hull[corner]).collect();
         let centroid = part.centroid();
         let edges = hull.iter().zip(hull.iter().cycle().skip(1));
         let turns = edges.flat_map(|(start, end)| {

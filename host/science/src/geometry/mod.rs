@@ -16,4 +16,5 @@ pub(crate) use polygon::extent_of;
 pub use polygon::{PolygonError, SimplePolygon, bounding_box};
 pub use pose::Pose;
 pub use segment::distance_to_segment;
+pub(crate) use sides::corners_to_rounding;
 pub use sides::{FLAT_RELATIVE, FLAT_ROUNDED_RELATIVE, FLAT_TURN_RAD, corners};

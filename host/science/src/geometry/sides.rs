@@ -41,12 +41,21 @@ pub const FLAT_TURN_RAD: f64 = 5e-4;
 /// Without vertices.
 #[must_use]
 pub fn corners(vertices: &[Point2<f64>]) -> Vec<usize> {
+    corners_within(vertices, FLAT_ROUNDED_RELATIVE)
+}
+
+/// The same where only rounding in the computer is forgiven, not that of drawings: by [`FLAT_RELATIVE`] alone.
+pub(crate) fn corners_to_rounding(vertices: &[Point2<f64>]) -> Vec<usize> {
+    corners_within(vertices, FLAT_RELATIVE)
+}
+
+fn corners_within(vertices: &[Point2<f64>], flat_rounded_relative: f64) -> Vec<usize> {
     let extent = extent_of(vertices);
     let middle = centroid_of(vertices);
     // The vertex that is farthest from any point is a corner.
     let first = farthest(vertices, middle);
     let second = farthest(vertices, vertices[first]);
-    let line = Outline { vertices, extent };
+    let line = Outline { vertices, flat: FLAT_RELATIVE * extent, flat_rounded: flat_rounded_relative * extent };
     let mut found = vec![first];
     line.split(first, second, &mut found);
     line.split(second, first, &mut found);
@@ -63,8 +72,10 @@ fn farthest(vertices: &[Point2<f64>], from: Point2<f64>) -> usize {
 
 struct Outline<'a> {
     vertices: &'a [Point2<f64>],
-    /// The longer side of the bounding box, m.
-    extent: f64,
+    /// So far off a straight line a vertex is flat, m.
+    flat: f64,
+    /// And so far where the outline hardly turns, m.
+    flat_rounded: f64,
 }
 
 impl Outline<'_> {
@@ -88,7 +99,7 @@ impl Outline<'_> {
 
     /// Whether the outline is straight from one vertex to another, from which it is `off` at most, m.
     fn is_straight(&self, from: usize, to: usize, off: f64) -> bool {
-        off <= FLAT_RELATIVE * self.extent || off <= FLAT_ROUNDED_RELATIVE * self.extent && self.hardly_turns(from, to)
+        off <= self.flat || off <= self.flat_rounded && self.hardly_turns(from, to)
     }
 
     /// Whether no piece from one vertex to another turns off the straight line by more than [`FLAT_TURN_RAD`], but for
@@ -100,7 +111,7 @@ impl Outline<'_> {
         starts.zip(ends).all(|(start, end)| {
             let piece = self.vertices[end] - self.vertices[start];
             let across = along.perp(&piece).abs();
-            across <= FLAT_RELATIVE * self.extent || across <= FLAT_TURN_RAD * along.dot(&piece)
+            across <= self.flat || across <= FLAT_TURN_RAD * along.dot(&piece)
         })
     }
 
