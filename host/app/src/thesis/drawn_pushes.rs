@@ -9,7 +9,7 @@
 
 use std::time::Instant;
 
-use nalgebra::{Point2, Vector2, Vector3, Vector4};
+use nalgebra::{Point2, Vector2, Vector3, Vector5};
 use palpate::geometry::Pose;
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::Jet;
@@ -45,8 +45,8 @@ const MU_LOG_SIGMA: f64 = 0.2;
 /// Standard deviation of a force, relative.
 const SIGMA_MAGNITUDE: f64 = 0.01;
 
-/// Unknowns of a fit from the truth.
-const UNKNOWNS: [Parameter; 4] = [Parameter::U, Parameter::S, Parameter::Omega, Parameter::VT];
+/// Unknowns of a fit from the truth. The plane's friction is held where it is known.
+const UNKNOWNS: [Parameter; 5] = [Parameter::U, Parameter::S, Parameter::Omega, Parameter::VT, Parameter::MuG];
 
 /// What is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,7 +67,7 @@ enum Kind {
 
 /// A row.
 #[derive(Clone, Copy, Debug)]
-struct Setting {
+pub(super) struct Setting {
     name: &'static str,
     kind: Kind,
     sense: Sense,
@@ -78,7 +78,7 @@ const fn row(name: &'static str, kind: Kind, sense: Sense, mu_is_unknown: bool) 
     Setting { name, kind, sense, mu_is_unknown }
 }
 
-const ROWS: [Setting; 7] = [
+pub(super) const ROWS: [Setting; 7] = [
     row("rolling, angle", Kind::Rolling, Sense::Angle, false),
     row("frictionless, angle", Kind::Frictionless, Sense::Angle, false),
     row("sliding, angle", Kind::Sliding, Sense::Angle, false),
@@ -89,7 +89,7 @@ const ROWS: [Setting; 7] = [
 ];
 
 /// A push that was felt.
-struct Case {
+pub(super) struct Case {
     part: Part,
     edge: usize,
     mu_g: f64,
@@ -99,6 +99,16 @@ struct Case {
     samples: Vec<Sample>,
     observation: Observation,
     angle_sigma: f64,
+}
+
+/// A push as the observer is told it.
+#[derive(Clone, Debug)]
+pub(super) struct Problem {
+    pub(super) part: Part,
+    pub(super) mu_g: f64,
+    pub(super) finger: Finger,
+    pub(super) touch: Touch,
+    pub(super) observation: Observation,
 }
 
 /// What came of one case.
@@ -192,7 +202,7 @@ fn judge(case: &Case) -> Outcome {
 }
 
 impl Case {
-    fn draw(seed: u64, number: usize, setting: Setting) -> Self {
+    pub(super) fn draw(seed: u64, number: usize, setting: Setting) -> Self {
         let mut draw = Draw::case(seed, number);
         loop {
             if let Some(case) = Self::try_draw(&mut draw, setting) {
@@ -277,6 +287,12 @@ impl Case {
         Known { part: &self.part, mu_g: self.mu_g, finger: self.finger, touch: self.touch }
     }
 
+    /// What the observer is told.
+    pub(super) fn into_problem(self) -> Problem {
+        let Self { part, mu_g, finger, touch, observation, .. } = self;
+        Problem { part, mu_g, finger, touch, observation }
+    }
+
     fn end(&self) -> &Sample {
         &self.samples[self.samples.len() - 1]
     }
@@ -314,7 +330,7 @@ impl Case {
     fn fitted_from_truth(&self) -> Option<Tried> {
         let Measured::ContactAngle(angles) = &self.observation.measured else { return None };
         let fit = Fit { case: self, angles: &angles.values };
-        let begun = fit.tried(self.samples[0].state)?;
+        let begun = fit.tried(self.samples[0].state, self.mu_g)?;
         Some(least_squares::minimise(&fit, begun, &LeastSquaresSettings::default(), |_| false).place)
     }
 }
@@ -366,16 +382,17 @@ struct Fit<'a> {
 /// A start with the equations there.
 struct Tried {
     start: State,
+    /// m/s².
+    mu_g: f64,
     /// Place on the edge at the last value, m.
     s_end: f64,
-    equations: NormalEquations<4>,
+    equations: NormalEquations<5>,
 }
 
 impl Fit<'_> {
-    fn tried(&self, start: State) -> Option<Tried> {
+    fn tried(&self, start: State, mu_g: f64) -> Option<Tried> {
         let case = self.case;
-        let model =
-            PushModel { part: &case.part, edge: case.part.edge(case.edge).ok()?, mu_g: case.mu_g, finger: case.finger };
+        let model = PushModel { part: &case.part, edge: case.part.edge(case.edge).ok()?, mu_g, finger: case.finger };
         let push = Push::new(model, case.law, Start::Moving(start), EdgeEnd::Stop).ok()?;
         let times: Vec<_> = (0_u32..).map(|i| f64::from(i) * case.observation.dt).take(self.angles.len()).collect();
         let run = push.run_derived(&times, UNKNOWNS).ok()?;
@@ -383,11 +400,15 @@ impl Fit<'_> {
             return None;
         }
         let mut equations = NormalEquations::zero();
-        let mut add = |residual: Jet<4>| equations.add(residual.value, Vector4::from(residual.slopes));
+        // In the logarithm of the friction: d(µg) = µg d(ln µg).
+        let mut add = |residual: Jet<5>| {
+            let [u, s, omega, v_t, by_mu_g] = residual.slopes;
+            equations.add(residual.value, Vector5::new(u, s, omega, v_t, by_mu_g * mu_g));
+        };
         for (state, angle) in run.states.iter().zip(self.angles) {
             add((state.u - *angle) / case.angle_sigma);
         }
-        let Prior { omega0_sigma, v_t0_sigma, .. } = case.observation.prior;
+        let Prior { omega0_sigma, v_t0_sigma, mu_g_log_sigma } = case.observation.prior;
         let slides = !matches!(case.touch, Touch::Rolling { .. });
         let priors = [(2, omega0_sigma, start.omega), (3, v_t0_sigma.filter(|_| slides), start.v_t)];
         for (unknown, sigma, value) in priors {
@@ -395,24 +416,33 @@ impl Fit<'_> {
                 add(Jet::variable(value, unknown) / sigma);
             }
         }
-        Some(Tried { start, s_end: run.states.last()?.s.value, equations })
+        if let Some(sigma) = mu_g_log_sigma {
+            equations.add((mu_g / case.mu_g).ln() / sigma, Vector5::new(0.0, 0.0, 0.0, 0.0, 1.0 / sigma));
+        }
+        Some(Tried { start, mu_g, s_end: run.states.last()?.s.value, equations })
     }
 }
 
-impl LeastSquaresProblem<4> for Fit<'_> {
+impl LeastSquaresProblem<5> for Fit<'_> {
     type Place = Tried;
 
     fn cost(&self, tried: &Tried) -> f64 {
         tried.equations.cost
     }
 
-    fn normal_equations(&self, tried: &Tried) -> NormalEquations<4> {
+    fn normal_equations(&self, tried: &Tried) -> NormalEquations<5> {
         tried.equations
     }
 
-    fn moved(&self, tried: &Tried, step: &Vector4<f64>) -> Option<Tried> {
+    fn moved(&self, tried: &Tried, step: &Vector5<f64>) -> Option<Tried> {
         let State { u, s, omega, v_t } = tried.start;
-        self.tried(State { u: u + step[0], s: s + step[1], omega: omega + step[2], v_t: v_t + step[3] })
+        let start = State { u: u + step[0], s: s + step[1], omega: omega + step[2], v_t: v_t + step[3] };
+        self.tried(start, tried.mu_g * step[4].exp())
+    }
+
+    fn held(&self, _: &Tried, _: &NormalEquations<5>) -> [bool; 5] {
+        let mu_is_known = self.case.observation.prior.mu_g_log_sigma.is_none();
+        [false, false, false, false, mu_is_known]
     }
 }
 
@@ -432,7 +462,7 @@ mod tests {
         for (number, setting) in ROWS.into_iter().take(4).enumerate() {
             let case = Case::draw(3, number, setting);
             let Measured::ContactAngle(angles) = &case.observation.measured else { panic!("no angles") };
-            let truth = Fit { case: &case, angles: &angles.values }.tried(case.samples[0].state).unwrap();
+            let truth = Fit { case: &case, angles: &angles.values }.tried(case.samples[0].state, case.mu_g).unwrap();
             let fitted = case.fitted_from_truth().unwrap();
             assert!(fitted.equations.cost <= truth.equations.cost + 1e-9, "{}", setting.name);
         }

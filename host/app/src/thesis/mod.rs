@@ -20,6 +20,7 @@ mod drawn_pushes;
 mod gho;
 mod initial_pose;
 mod inscription;
+mod invariances;
 mod parts;
 mod plan;
 mod pose;
@@ -53,6 +54,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     pose::MODEL_ERROR,
     pose::MAGNITUDE,
     drawn_pushes::EXPERIMENT,
+    invariances::EXPERIMENT,
     chain::EXPERIMENT,
     plan::EXPERIMENT,
     parts::EXPERIMENT,

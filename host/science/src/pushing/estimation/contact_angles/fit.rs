@@ -14,7 +14,9 @@ use nalgebra::{Matrix4x5, Matrix5, RowVector5, SMatrix, SVector, Vector2, Vector
 
 use super::clock::{Clock, Fineness, ValueTimes};
 use super::data::Data;
-use super::initial_state::{MU_G, StartGuess, StartMode, UNKNOWNS, Unknowns, Variable, initial_state, rest_span};
+use super::initial_state::{
+    MU_G, PLACE, StartGuess, StartMode, UNKNOWNS, Unknowns, Variable, initial_state, rest_span,
+};
 use super::path::{CONSTRAINTS, ContactInterval, Seen, follow, plain_contact, plain_state};
 use crate::math::Jet;
 use crate::math::angle::wrap_angle;
@@ -40,7 +42,7 @@ const FORCE_FLOOR: f64 = 1e-2;
 pub(super) const STEP_MAX: Unknowns = [0.3, 0.02, 3.0, 0.1, 0.3];
 
 /// Curvature that holds an unknown without any influence in place: in inverse squares of [`STEP_MAX`], a millionth.
-const CURVATURE_MIN: [f64; UNKNOWNS] = {
+pub(super) const CURVATURE_MIN: [f64; UNKNOWNS] = {
     let [u, s, omega, v_t, mu_g_log] = STEP_MAX;
     [1e-6 / (u * u), 1e-6 / (s * s), 1e-6 / (omega * omega), 1e-6 / (v_t * v_t), 1e-6 / (mu_g_log * mu_g_log)]
 };
@@ -98,6 +100,8 @@ pub(super) struct Fitting<'a, 'p> {
     pub(super) rest_span: f64,
     /// By how much the constraints are stiffer than [`CONSTRAINT_COMPLIANCE`].
     pub(super) constraint_stiffness: f64,
+    /// Whether the place on the edge is no unknown.
+    pub(super) is_place_held: bool,
     /// Counts the forward simulations.
     pub(super) simulations: &'a Cell<usize>,
 }
@@ -245,7 +249,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
         let clock = Clock::new(ValueTimes { dt: data.dt, values: data.values }, rest_span, fineness, |time| {
             relaxation_time(known, &data, time)
         });
-        Self { known, data, prior, clock, rest_span, constraint_stiffness: 1.0, simulations }
+        Self { known, data, prior, clock, rest_span, constraint_stiffness: 1.0, is_place_held: false, simulations }
     }
 
     /// The range of each unknown.
@@ -529,7 +533,7 @@ impl Fitting<'_, '_> {
         std::array::from_fn(|i| {
             let [low, high] = bounds[i];
             let pressed = (unknowns[i] <= low && gradient[i] > 0.0) || (unknowns[i] >= high && gradient[i] < 0.0);
-            !self.has(candidate.start_mode, i) || pressed
+            !self.has(candidate.start_mode, i) || pressed || i == PLACE && self.is_place_held
         })
     }
 }

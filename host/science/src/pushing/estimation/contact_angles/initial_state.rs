@@ -19,7 +19,10 @@ use crate::pushing::estimation::observation::{Known, Touch};
 /// Numbers of unknowns that a hypothesis can have at most.
 pub(in crate::pushing::estimation) const UNKNOWNS: usize = 5;
 
-/// Place among the unknowns of the plane's friction.
+/// Number among the unknowns of the place on the edge.
+pub(in crate::pushing::estimation) const PLACE: usize = 1;
+
+/// Number among the unknowns of the plane's friction.
 pub(in crate::pushing::estimation) const MU_G: usize = 4;
 
 /// Contact angle (rad), place on the edge (m), angular velocity (rad/s), velocity or slip along the contact (m/s), all

@@ -8,6 +8,8 @@
 //!   where contact angle and place fix its velocities. So the measured angles tell at each place of each edge how fast
 //!   the angle should change, without any simulation, and one number an edge is left to search: see `seed` and
 //!   `manifold`;
+//! - what is left of an edge is covered with cells in which the other unknowns are fitted, so that no minimum wider
+//!   than a cell is missed: see `cover`;
 //! - a simulation on dual numbers gives the exact derivatives of all it predicts, and with them Gauss–Newton steps: a
 //!   handful from seed to minimum: see `fit` and `path`;
 //! - where the friction of the plane is not known well ([`Prior`](super::Prior)), its logarithm is one more unknown of
@@ -16,13 +18,14 @@
 //!
 //! From observation to answer: `data` (what was felt, as it is compared); `contact_intervals` (where the disk can
 //! touch); `initial_state` (how a push can begin); `clock`, `path` (simulation); `fit` (the cost and a step down);
-//! `manifold`, `seed` (where to begin); `select` (the search and the judgement). `track` does the same while the push
+//! `manifold`, `cover`, `seed` (where to begin); `select` (the search and the judgement). `track` does the same while the push
 //! goes on.
 //!
 //! Implements: MAP estimation beside the observers of thesis chapters 5 and 6. Frames: world. Units: SI. Errors: none.
 
 pub(super) mod clock;
 mod contact_intervals;
+mod cover;
 mod data;
 mod fit;
 pub(super) mod initial_state;

@@ -1,22 +1,26 @@
 //! Where to begin: hypotheses near every local minimum of the cost.
 //!
-//! Contact angles tell the motion. After the first moments a part moves on its slow manifold ([`super::manifold`]), so
-//! that from a place on an edge and the measured angle follow the rate at which the angle should change and the place
-//! should move: a place is as bad as the angle that its rates add up to is off. One unknown an edge is left, and no
-//! simulation is needed; the measured angle, used in place of the predicted one, keeps errors from growing, so that the
-//! minima are broad.
+//! Where the data tell the contact angles, every edge is covered with cells ([`super::cover`]), at places so near to
+//! each other that none can lie between them, and descents begin where one may come near the least cost.
 //!
-//! Where the data do not tell the angle, or the push is over before the part has settled, a grid of coarse simulations
-//! is looked through instead.
+//! Contact angles tell the motion, so most places need no simulation. After the first moments a part moves on its slow
+//! manifold ([`super::manifold`]), so that from a place on an edge and the measured angle follow the rate at which the
+//! angle should change and the place should move: a place is as bad as the angle that its rates add up to is off. Where
+//! they are off by far more than they ever are at the true place, there is no cell. A push that is over before the part
+//! has settled has cells everywhere.
+//!
+//! Where the data do not tell the angle, a grid of coarse simulations is looked through instead; so it is, more widely,
+//! where nothing that was found explains the data.
 //!
 //! Frames: world. Units: SI. Errors: none.
 
 use std::f64::consts::TAU;
 
 use super::clock::count;
+use super::cover::Cell;
 use super::data::{Data, Local, local};
-use super::fit::{Candidate, Fitting, relaxation_time};
-use super::initial_state::{StartMode, Unknowns};
+use super::fit::{Candidate, Fitting, STEP_MAX, relaxation_time};
+use super::initial_state::{PLACE, StartMode, Unknowns};
 use super::manifold::{Settled, settled};
 use super::path::ContactInterval;
 use crate::pushing::dynamics::{PushModel, Slip, State};
@@ -30,16 +34,12 @@ const PLACES: (f64, f64) = (5.0, 60.0);
 /// How far beyond its stretch of the edge the contact may seem to go, in radii of gyration.
 const BEYOND: f64 = 0.25;
 
-/// Places beside a minimum are tried too if their mismatch is larger by less than so many squares of a value's standard
-/// deviation, and by what [`RATES_ERROR`] allows: a bottom so flat may have two minima, which the rates alone do not tell apart.
-const FLAT: f64 = 60.0;
+/// What the settled rates may leave unexplained of the angle at an instant, rms, rad: where they leave more a part
+/// cannot have been. Of 1,000 sliding pushes 0.05 loses one; 0.1 is a third dearer.
+const RATES_ERROR: f64 = 0.07;
 
-/// How many on either side.
-const FLAT_PLACES: usize = 6;
-
-/// What the settled rates themselves leave unexplained of the angle at each instant, rad: places that differ by less
-/// in mismatch cannot be told apart without simulating them.
-const RATES_ERROR: f64 = 0.01;
+/// The same for errors of the angles, in their standard deviations.
+const RATES_NOISE: f64 = 4.0;
 
 /// Instants at which the rates are compared.
 const NODES: usize = 12;
@@ -47,11 +47,25 @@ const NODES: usize = 12;
 /// After so many times v/(µg) a part has settled.
 const SETTLING: f64 = 4.0;
 
-/// A push has to last for so many times the settling.
-const SETTLED_SHARE: f64 = 2.0;
+/// A push has to last for so many times the settling: with a few values in what is left, the rates tell too little.
+const SETTLED_SHARE: f64 = 3.0;
 
 /// Values at the start from which its angle and rate are taken, as a time in units of v/(µg), s at most.
 const FIRST_MOMENTS: f64 = 2.0;
+
+/// The same at most, as a share of the push.
+const FIRST_SHARE: f64 = 0.1;
+
+/// A cell that may come within this of the least cost of all is worth a descent: a dozen times the gate of what is
+/// listed, because its parabola may be off by as much. Of 3,000 pushes with Coulomb's friction a quarter of it loses one.
+const NEAR_LEAST: f64 = 200.0;
+
+/// A velocity along the contact so many standard deviations of its prior from none is not the only one tried.
+const UNLIKELY_SIGMAS: f64 = 2.0;
+
+/// Cells lead to one minimum where their lowest places differ by less than this share of the longest steps in every
+/// unknown: half a millimetre, ten milliradians.
+const SAME_SHARE: f64 = 0.03;
 
 /// Distance of the contact angles tried, rad, where the data do not tell it.
 const ANGLE_STEP: f64 = 0.035;
@@ -96,11 +110,12 @@ pub(super) fn seeds(
     width: Width,
 ) -> Vec<Candidate> {
     let mut found = Vec::new();
+    let mut branches = Vec::new();
     for &start_mode in start_modes {
         match angles(fitting.known, &fitting.data, start_mode) {
-            Some(angles) if width == Width::Narrow && settles(fitting.known, &fitting.data) => {
-                let smoothed = SmoothedAngles::new(fitting, &angles);
-                contact_intervals.iter().for_each(|interval| found.extend(smoothed.seeds(interval, start_mode)));
+            Some(angles) if width == Width::Narrow => {
+                let cover = Cover::new(fitting, &angles, start_mode);
+                contact_intervals.iter().for_each(|interval| branches.extend(cover.branches(interval)));
             }
             angles => {
                 let grid = StartGrid { fitting, starts: start_angles(fitting, angles.as_deref()), width };
@@ -108,7 +123,117 @@ pub(super) fn seeds(
             }
         }
     }
+    found.extend(worth_a_descent(&branches));
     found
+}
+
+/// What each place of an edge can explain where the contact angles are known.
+struct Cover<'a, 'p> {
+    fitting: &'a Fitting<'a, 'p>,
+    /// The same with the place held.
+    held: Fitting<'a, 'p>,
+    start_mode: StartMode,
+    /// Contact angle and its rate at t = 0.
+    first: Local,
+    /// Where the part settles during the push.
+    smoothed: Option<SmoothedAngles<'a, 'p>>,
+}
+
+impl<'a, 'p> Cover<'a, 'p> {
+    fn new(fitting: &'a Fitting<'a, 'p>, angles: &[f64], start_mode: StartMode) -> Self {
+        let (known, data) = (fitting.known, &fitting.data);
+        let smoothed = settles(known, data).then(|| SmoothedAngles::new(fitting, angles));
+        let first = smoothed.as_ref().map_or_else(|| first_angle(fitting, angles), |smoothed| smoothed.first);
+        let held = Fitting { is_place_held: true, ..fitting.clone() };
+        Self { fitting, held, start_mode, first, smoothed }
+    }
+
+    /// The cells along an interval, in order, for each way of beginning there.
+    fn branches(&self, interval: &ContactInterval) -> Vec<Vec<Cell>> {
+        let known = self.fitting.known;
+        let model = known.model(interval.edge);
+        let places = places(known, interval);
+        let spacing = places[1] - places[0];
+        let mut branches: Vec<Vec<Cell>> = Vec::new();
+        for place in places {
+            for (branch, guess) in self.guesses(interval, &model, place).into_iter().enumerate() {
+                if branches.len() <= branch {
+                    branches.push(Vec::new());
+                }
+                let s = guess.unknowns[PLACE];
+                let reach = [s - interval.low, interval.high - s].map(|room| room.clamp(0.0, spacing));
+                branches[branch].extend(Cell::around(self.fitting, &self.held, guess, reach));
+            }
+        }
+        branches
+    }
+
+    /// How a push may have begun near a place: none where the settled rates tell that it cannot have been there.
+    fn guesses(&self, interval: &ContactInterval, model: &PushModel, place: f64) -> Vec<Candidate> {
+        let levers = match &self.smoothed {
+            None => vec![0.0],
+            Some(smoothed) => {
+                let mismatch = smoothed.mismatch(interval, model, self.start_mode, place);
+                let noise = RATES_NOISE * self.fitting.data.sigma_min();
+                if mismatch.square > count(NODES) * (RATES_ERROR + noise).powi(2) {
+                    return Vec::new();
+                }
+                // What the part turned by before it settled has moved the contact, by rolling or by sliding.
+                let (r, h) = (self.fitting.known.finger.radius, interval.edge.height);
+                let levers = match self.fitting.known.touch {
+                    Touch::Rolling { .. } => vec![0.0], // The measured angle has been followed.
+                    Touch::Frictionless | Touch::Sliding { .. } => vec![r + h],
+                    Touch::Coulomb { .. } => vec![r, r + h],
+                };
+                levers.into_iter().map(|lever| lever * mismatch.first_turn).collect()
+            }
+        };
+        let starts = levers.into_iter().map(|moved| (place + moved).clamp(interval.low, interval.high));
+        starts.flat_map(|s| self.guesses_at(interval, model, s)).collect()
+    }
+
+    fn guesses_at(&self, interval: &ContactInterval, model: &PushModel, s: f64) -> Vec<Candidate> {
+        let (known, start_mode) = (self.fitting.known, self.start_mode);
+        let start = State { u: self.first.value, s, omega: self.first.rate, v_t: 0.0 };
+        let near = settled(model, known.touch, slip_of(known, start_mode), 0.0, &start).map_or(start, |now| now.state);
+        let omega = near.omega + FIRST_EXCESS * (self.first.rate - near.omega);
+        let near = State { omega, ..near };
+        let mut along = along_contact(known, model, start_mode, &near);
+        // A push may begin far from the settled motion along the contact: where a prior says so, it is believed too.
+        let is_unlikely = |sigma: f64| near.v_t.abs() > UNLIKELY_SIGMAS * sigma;
+        if start_mode == StartMode::Free && self.fitting.prior.v_t0_sigma.is_some_and(is_unlikely) {
+            along.push(0.0);
+        }
+        let unknowns = along.into_iter().map(|along| [start.u, s, omega, along, 0.0]);
+        unknowns.map(|unknowns| Candidate { interval: *interval, start_mode, unknowns, past: None }).collect()
+    }
+}
+
+/// What to begin descents with: cells that may come near the least cost, and of each branch those that are lower than
+/// their neighbours.
+fn worth_a_descent(branches: &[Vec<Cell>]) -> Vec<Candidate> {
+    let most = branches.iter().flatten().map(|cell| cell.total).fold(f64::INFINITY, f64::min) + NEAR_LEAST;
+    let mut found = Vec::new();
+    for branch in branches {
+        let totals: Vec<_> = branch.iter().map(|cell| cell.total).collect();
+        let mut is_worth: Vec<_> = branch.iter().map(|cell| cell.least() <= most).collect();
+        minima(&totals).into_iter().for_each(|lowest| is_worth[lowest] = true);
+        let worth = branch.iter().zip(is_worth).filter(|(_, is_worth)| *is_worth);
+        let mut last: Option<Candidate> = None;
+        for candidate in worth.map(|(cell, _)| cell.candidate()) {
+            if last.is_none_or(|last| !lead_to_one(&last, &candidate)) {
+                found.push(candidate);
+            }
+            last = Some(candidate);
+        }
+    }
+    found
+}
+
+/// Whether descents that begin at these lead to one minimum.
+fn lead_to_one(a: &Candidate, b: &Candidate) -> bool {
+    let longest = STEP_MAX.iter().map(|step| SAME_SHARE * step);
+    a.unknowns.iter().zip(b.unknowns).zip(longest).all(|((a, b), near)| (a - b).abs() <= near)
 }
 
 /// The contact angles, where the data tell them: measured, or the direction of a force at a known angle to the normal.
@@ -194,22 +319,6 @@ impl<'a, 'p> SmoothedAngles<'a, 'p> {
         Self { fitting, times, angles: smooth, first }
     }
 
-    /// Near the local minima of one interval.
-    fn seeds(&self, interval: &ContactInterval, start_mode: StartMode) -> Vec<Candidate> {
-        let model = self.fitting.known.model(interval.edge);
-        let places = places(self.fitting.known, interval);
-        let off: Vec<_> = places.iter().map(|&s| self.mismatch(interval, &model, start_mode, s)).collect();
-        let squares: Vec<_> = off.iter().map(|off| off.square).collect();
-        let margin = FLAT * self.fitting.data.sigma_min().powi(2) + count(NODES) * RATES_ERROR * RATES_ERROR;
-        let start = |s: f64, i: usize| StartPlace { s, first_turn: off[i].first_turn };
-        let near = |i: usize| {
-            let beside = beside(&squares, i, margin).map(|j| start(places[j], j));
-            std::iter::once(start(vertex(&places, &squares, i), i)).chain(beside)
-        };
-        let near = minima(&squares).into_iter().flat_map(near);
-        near.flat_map(|near| self.candidates(interval, &model, start_mode, near)).collect()
-    }
-
     /// How far off the angles are that the settled rates add up to, from a place at t = 0.
     fn mismatch(&self, interval: &ContactInterval, model: &PushModel, start_mode: StartMode, s0: f64) -> Mismatch {
         let slip = slip_of(self.fitting.known, start_mode);
@@ -249,57 +358,6 @@ impl<'a, 'p> SmoothedAngles<'a, 'p> {
             (_, Some(last)) => near.s + to.length * last.s_rate,
         }
     }
-
-    fn candidates(
-        &self,
-        interval: &ContactInterval,
-        model: &PushModel,
-        start_mode: StartMode,
-        StartPlace { s, first_turn }: StartPlace,
-    ) -> Vec<Candidate> {
-        let known = self.fitting.known;
-        // What the part turned by before it settled has moved the contact, by rolling or by sliding.
-        let (r, h) = (known.finger.radius, interval.edge.height);
-        let levers = match known.touch {
-            Touch::Rolling { .. } => vec![0.0], // The measured angle has been followed.
-            Touch::Frictionless | Touch::Sliding { .. } => vec![r + h],
-            Touch::Coulomb { .. } => vec![r, r + h],
-        };
-        let places = levers.into_iter().map(|lever| (s + lever * first_turn).clamp(interval.low, interval.high));
-        places.flat_map(|s| self.candidates_at(interval, model, start_mode, s)).collect()
-    }
-
-    fn candidates_at(
-        &self,
-        interval: &ContactInterval,
-        model: &PushModel,
-        start_mode: StartMode,
-        s: f64,
-    ) -> Vec<Candidate> {
-        let known = self.fitting.known;
-        let start = State { u: self.first.value, s, omega: self.first.rate, v_t: 0.0 };
-        let near = settled(model, known.touch, slip_of(known, start_mode), 0.0, &start).map_or(start, |now| now.state);
-        let omega = near.omega + FIRST_EXCESS * (self.first.rate - near.omega);
-        let near = State { omega, ..near };
-        let along = along_contact(known, model, start_mode, &near).into_iter();
-        along
-            .map(|along| Candidate {
-                interval: *interval,
-                start_mode,
-                unknowns: [start.u, s, omega, along, 0.0],
-                past: None,
-            })
-            .collect()
-    }
-}
-
-/// Where the settled rates say that a push may have begun.
-#[derive(Clone, Copy)]
-struct StartPlace {
-    /// On the edge, m.
-    s: f64,
-    /// What the part turned by before it settled, beyond what the settled rates say, rad.
-    first_turn: f64,
 }
 
 /// How far the settled rates are from explaining the angles.
@@ -350,31 +408,18 @@ fn minima(values: &[f64]) -> Vec<usize> {
     (0..values.len()).filter(lowest).collect()
 }
 
-/// Places next to a minimum that are worse by less than a margin, in a row from it.
-fn beside(values: &[f64], minimum: usize, margin: f64) -> impl Iterator<Item = usize> {
-    let flat = move |i: &usize| values[*i] <= values[minimum] + margin;
-    let below = (0..minimum).rev().take(FLAT_PLACES).take_while(flat);
-    below.chain((minimum + 1..values.len()).take(FLAT_PLACES).take_while(flat))
-}
-
-/// Where the parabola through a minimum and its neighbours is lowest.
-fn vertex(places: &[f64], values: &[f64], i: usize) -> f64 {
-    if i == 0 || i + 1 >= values.len() || !values[i - 1].is_finite() || !values[i + 1].is_finite() {
-        return places[i];
-    }
-    let (left, right) = (values[i - 1] - values[i], values[i + 1] - values[i]);
-    if left + right <= 0.0 {
-        return places[i];
-    }
-    places[i] + 0.5 * (places[i + 1] - places[i]) * (left - right) / (left + right)
+/// Contact angle and its rate at t = 0 of a part that may not settle during the push.
+fn first_angle(fitting: &Fitting, angles: &[f64]) -> Local {
+    let data = &fitting.data;
+    let relaxation_time = if fitting.known.starts_at_rest() { 0.0 } else { relaxation_time(fitting.known, data, 0.0) };
+    first_moments(angles, data.dt, relaxation_time.min(FIRST_SHARE * data.duration()))
 }
 
 /// Contact angles to try at t = 0.
 fn start_angles(fitting: &Fitting, angles: Option<&[f64]>) -> Vec<Local> {
     let data = &fitting.data;
     if let Some(angles) = angles {
-        let relaxation_time = relaxation_time(fitting.known, data, 0.0).min(0.1 * data.duration());
-        return vec![first_moments(angles, data.dt, relaxation_time)];
+        return vec![first_angle(fitting, angles)];
     }
     let [low, high] = data.u0_range.unwrap_or_else(|| {
         // The finger pushes ahead of itself.

@@ -15,7 +15,7 @@ use super::clock::{Fineness, count};
 use super::contact_intervals::contact_intervals;
 use super::data::Data;
 use super::fit::{Candidate, Descent, Fitting, Given, STEP_MAX};
-use super::initial_state::{MU_G, StartMode, UNKNOWNS};
+use super::initial_state::{MU_G, PLACE, StartMode, UNKNOWNS};
 use super::path::ContactInterval;
 use super::seed::{Width, angles, seeds, settling};
 use crate::math::statistics::chi_square_quantile;
@@ -43,6 +43,10 @@ const VALLEY_PLACES: [f64; 5] = [0.0, -2.0, -1.0, 1.0, 2.0];
 
 /// The same where a minimum explains the data poorly.
 const FAR_PLACES: [f64; 6] = [-16.0, -8.0, -4.0, 4.0, 8.0, 16.0];
+
+/// Where in the valley of a minimum that may be listed to look for another, in standard deviations: a parabola is far
+/// out of the gate there.
+const BESIDE_PLACES: [f64; 4] = [-10.0, -5.0, 5.0, 10.0];
 
 /// Data of the model have a cost below that of a poor fit with this probability.
 const POOR_PROBABILITY: f64 = 0.95;
@@ -271,6 +275,20 @@ impl<'a, 'p> Task<'a, 'p> {
         Fitting::new(given, fineness(sigma, factor), REST_ERROR * factor * sigma, self.simulations)
     }
 
+    /// Adds what lies along the valleys of minima that may be listed, beyond where a parabola would be out of the gate:
+    /// a part that can slide along the finger may have begun in two ways that lead to nearly the same.
+    fn look_beside(&self, fitting: &Fitting, minima: &mut Vec<Descent>) {
+        let slides = minima.iter().filter(|descent| descent.evaluation.candidate.start_mode.unknowns() > PLACE + 2);
+        let sliding: Vec<_> = slides.cloned().collect();
+        let most = least_cost(minima) + GATE;
+        let mut beside = along_valleys(fitting, &sliding, &BESIDE_PLACES);
+        beside.retain(|candidate| fitting.cost(candidate).is_some_and(|cost| cost <= most));
+        if !beside.is_empty() {
+            minima.extend(self.descend(fitting, &beside));
+            merge_met(minima);
+        }
+    }
+
     /// Drops minima that cannot be listed, because then the best would not explain the data either: they are as costly
     /// to refine as others, and more so where they lie on constraints.
     fn forget_hopeless(&self, minima: &mut Vec<Descent>) {
@@ -292,6 +310,7 @@ impl<'a, 'p> Task<'a, 'p> {
             fitting = self.fitting(sigma, 1.0);
             minima = descend_patiently(&fitting, &candidates, PATIENCE, self.halt);
         }
+        self.look_beside(&fitting, &mut minima);
         self.forget_hopeless(&mut minima);
         let mut power = 1;
         loop {
