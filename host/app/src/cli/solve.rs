@@ -6,9 +6,10 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::thread;
+use std::time::Duration;
 
 use miette::{IntoDiagnostic, WrapErr};
-use palpate_files::solve::{self, KINDS};
+use palpate_files::solve::{self, KINDS, Registry};
 
 /// Exit status if some line had an error (fixed by the interface).
 const EXIT_SOME_FAILED: u8 = 2;
@@ -23,7 +24,7 @@ const LONG_HELP: &str = r#"A line that cannot be solved is answered by an error,
   $ echo '{"problem": "fly", "id": 7}' | palpate solve
   {"id":7,"line":1,"error":{"code":"unknown_problem",
     "message":"`fly` is not ...","field":"/problem"}}
-Codes: invalid_json, unknown_problem, invalid_input, internal. "line" counts the lines of the input from 1; "field" is
+Codes: invalid_json, unknown_problem, invalid_input, time_limit, internal. "line" counts the lines of the input from 1; "field" is
 a JSON Pointer to the field, or null.
 
 Exit status: 0 no line had an error, 2 some had, 1 input or output failed, 64 wrong command line."#;
@@ -44,8 +45,13 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N", value_parser = number_of_jobs)]
     jobs: Option<NonZeroUsize>,
 
+    /// Longest work on a problem that names no `time_limit` of its own. An answer of which the search was broken off says
+    /// `"complete": false`.
+    #[arg(long, value_name = "SECONDS", value_parser = time_limit, allow_negative_numbers = true)]
+    time_limit: Option<Duration>,
+
     /// Print the JSON Schema of all kinds of problem, or of one, and stop.
-    #[arg(long, value_name = "KIND", num_args = 0..=1, value_parser = known_kind, conflicts_with_all = ["file", "jobs"])]
+    #[arg(long, value_name = "KIND", num_args = 0..=1, value_parser = known_kind, conflicts_with_all = ["file", "jobs", "time_limit"])]
     schema: Option<Option<&'static str>>,
 }
 
@@ -62,7 +68,10 @@ fn known_kind(name: &str) -> Result<&'static str, String> {
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     match arguments.schema {
         Some(kind) => print_schema(kind),
-        None => answer(&arguments.file, arguments.jobs.unwrap_or_else(processors)),
+        None => {
+            let kinds = arguments.time_limit.map_or(KINDS, |limit| KINDS.with_time_limit(limit));
+            answer(kinds, &arguments.file, arguments.jobs.unwrap_or_else(processors))
+        }
     }
 }
 
@@ -76,9 +85,15 @@ fn number_of_jobs(text: &str) -> Result<NonZeroUsize, String> {
     if jobs > JOBS_MAX { Err(format!("expected at most {JOBS_MAX}")) } else { Ok(jobs) }
 }
 
-fn answer(file: &Path, jobs: NonZeroUsize) -> miette::Result<ExitCode> {
+fn time_limit(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse().ok().filter(|seconds: &f64| *seconds >= 0.0);
+    let seconds = seconds.ok_or("expected seconds, 0 or more")?;
+    Ok(Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX))
+}
+
+fn answer(kinds: Registry, file: &Path, jobs: NonZeroUsize) -> miette::Result<ExitCode> {
     let summary =
-        open(file).and_then(|input| solve::run(KINDS, jobs, input, &mut io::stdout().lock()).into_diagnostic());
+        open(file).and_then(|input| solve::run(kinds, jobs, input, &mut io::stdout().lock()).into_diagnostic());
     let summary = summary.wrap_err_with(|| match file == Path::new(STANDARD_INPUT) {
         true => "cannot answer the problems on standard input".to_owned(),
         false => format!("cannot answer the problems in {}", file.display()),

@@ -172,6 +172,40 @@ mod tests {
     }
 
     #[test]
+    fn enough_time_changes_no_answer_and_none_leaves_nothing_that_is_claimed() {
+        for line in documented_lines() {
+            let problem: Value = serde_json::from_str(&line).unwrap();
+            let with = |limit: Value| {
+                let mut problem = problem.clone();
+                problem["time_limit"] = limit;
+                of_value(&KINDS, problem)
+            };
+            let wanted = of_value(&KINDS, problem.clone()).unwrap();
+            assert_eq!(with(json!(1e9)).unwrap(), wanted, "{line}");
+            assert_eq!(with(json!(-1)).unwrap_err()["field"], "/time_limit", "{line}");
+            match with(json!(0)) {
+                Ok(answer) if answer.get("complete").is_none() => assert_eq!(answer, wanted, "{line}"),
+                Ok(answer) => {
+                    assert_eq!(answer["complete"], false);
+                    assert!(answer["status"] != "unique" && answer.get("optimal") != Some(&json!(true)), "{answer}");
+                }
+                Err(error) => assert_eq!(error["code"], "time_limit", "{error}"),
+            }
+        }
+    }
+
+    #[test]
+    fn the_limit_of_a_run_holds_for_problems_that_name_none() {
+        let push = documented_lines().into_iter().find(|line| line.contains("\"observe_push\"")).unwrap();
+        let mut problem: Value = serde_json::from_str(&push).unwrap();
+        let hurried = KINDS.with_time_limit(std::time::Duration::ZERO);
+        let failure = hurried.solve(problem.clone()).unwrap_err();
+        assert_eq!((failure.code, failure.field.unwrap().as_str()), (ErrorCode::TimeLimit, "/time_limit"));
+        problem["time_limit"] = json!(1e9);
+        assert!(hurried.solve(problem).is_ok());
+    }
+
+    #[test]
     fn a_crash_and_a_result_that_is_no_number_are_failures_of_the_one_problem() {
         for kind in ["crash", "not_a_number", "give_up"] {
             let problem = json!({"problem": kind, "id": 1});

@@ -7,6 +7,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use serde_json::value::RawValue;
 
+/// The field that says how long a line may be worked on, of every kind.
+pub(super) const TIME_LIMIT: &str = "time_limit";
+
 /// Most characters in a message: a log line, not a copy of the input. Fixed by the interface.
 const MESSAGE_CHARS_MAX: usize = 2000;
 
@@ -21,6 +24,8 @@ pub enum ErrorCode {
     UnknownProblem,
     /// A field is missing, unknown, of the wrong type or has an impossible value.
     InvalidInput,
+    /// The search was broken off at its time limit with nothing sound to say.
+    TimeLimit,
     /// A fault of the solver, not of the line.
     Internal,
 }
@@ -170,6 +175,9 @@ pub enum SolveError {
     /// The problem's fields contradict each other or describe nothing that can exist.
     #[error(transparent)]
     InvalidInput(#[from] InvalidInput),
+    /// The search was stopped before anything sound could be said.
+    #[error("the search was broken off with nothing sound to say: allow it more time")]
+    Stopped,
     /// The solver gave up, which it should not have.
     #[error("{0}")]
     Internal(String),
@@ -179,6 +187,7 @@ impl From<SolveError> for Failure {
     fn from(error: SolveError) -> Self {
         match error {
             SolveError::InvalidInput(error) => error.into(),
+            SolveError::Stopped => Self::new(ErrorCode::TimeLimit, &error.to_string()).at(Pointer::from(TIME_LIMIT)),
             SolveError::Internal(message) => Self::internal(&message),
         }
     }

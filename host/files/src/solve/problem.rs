@@ -3,13 +3,17 @@
 //! To add a kind: write its problem and answer types, `impl Problem for` the first, and list it in
 //! [`KINDS`]. Order, errors, threads and schema are the frame's.
 
+use std::time::{Duration, Instant};
+
+use palpate::{Searched, Stop};
 use schemars::{JsonSchema, Schema};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 use serde_json::{Map, Value};
 
-use super::error::{ErrorCode, Failure, InvalidInput, Pointer, QUOTE_CHARS_MAX, SolveError, elide};
+use super::error::{ErrorCode, Failure, InvalidInput, Pointer, QUOTE_CHARS_MAX, SolveError, TIME_LIMIT, elide};
+use super::fields::NonNegative;
 use super::read::read;
 use super::{finite, kinds, schema, spelling};
 
@@ -69,6 +73,9 @@ pub trait Problem: DeserializeOwned + JsonSchema {
     /// The name in the field `problem`.
     const KIND: &'static str;
 
+    /// Whether the type has the field `time_limit` itself. Otherwise the frame reads it.
+    const HAS_TIME_LIMIT: bool = false;
+
     /// The fields of a good result, beside `id` and `problem`: a struct.
     type Answer: Serialize + JsonSchema;
 
@@ -78,13 +85,27 @@ pub trait Problem: DeserializeOwned + JsonSchema {
     /// [`SolveError::InvalidInput`] where fields contradict each other, with places seen from the problem;
     /// [`SolveError::Internal`] for a solver that should have come to an end and did not.
     fn solve(&self) -> Result<Self::Answer, SolveError>;
+
+    /// The same, ended when `stop` says so; of a problem that takes no long search the whole answer in any case.
+    ///
+    /// An answer that is not complete holds what was found by then, and claims nothing of what was not.
+    ///
+    /// # Errors
+    /// As [`Self::solve`]; [`SolveError::Stopped`] where nothing sound can be said.
+    fn solve_until(&self, stop: Stop<'_>) -> Result<Searched<Self::Answer>, SolveError> {
+        let _ = stop;
+        Ok(Searched { found: self.solve()?, complete: true })
+    }
 }
+
+/// From fields, `id` and the time limit of those that name none to the line of the answer.
+type Answering = fn(Map<String, Value>, &RawValue, Option<Duration>) -> Result<String, Failure>;
 
 /// A [`Problem`] with its type erased, for a [`Registry`].
 #[derive(Clone, Copy, Debug)]
 pub struct Kind {
     name: &'static str,
-    answer: fn(Map<String, Value>, &RawValue) -> Result<String, Failure>,
+    answer: Answering,
     schema: fn() -> KindSchema,
 }
 
@@ -121,13 +142,35 @@ impl Kind {
 #[derive(Clone, Copy, Debug)]
 pub struct Registry {
     kinds: &'static [Kind],
+    time_limit: Option<Duration>,
 }
 
 impl Registry {
     /// Lists the kinds to answer.
     #[must_use]
     pub const fn new(kinds: &'static [Kind]) -> Self {
-        Self { kinds }
+        Self { kinds, time_limit: None }
+    }
+
+    /// The same with a limit to the work on each problem that names none.
+    ///
+    /// ```
+    /// use std::time::Duration;
+    ///
+    /// use palpate_files::solve::KINDS;
+    /// use serde_json::json;
+    ///
+    /// let block = json!([[0, 0], [0.06, 0], [0.06, 0.04], [0, 0.04]]); // m
+    /// let finger = json!({"radius": 0.01, "centre0": [0, 0], "velocity0": [0, 0.05], "acceleration": [0, 0]});
+    /// let problem = json!({
+    ///     "problem": "observe_push", "polygon": block, "mu": 0.3, "mode": "rolling", "finger": finger, "dt": 0.05,
+    ///     "sigma": 2e-3, "contact_angle": [1.6, 1.605, 1.62, 1.64],
+    /// });
+    /// assert!(KINDS.with_time_limit(Duration::ZERO).solve(problem).is_err());
+    /// ```
+    #[must_use]
+    pub const fn with_time_limit(self, limit: Duration) -> Self {
+        Self { time_limit: Some(limit), ..self }
     }
 
     /// The kinds in the order listed.
@@ -167,7 +210,7 @@ impl Registry {
             let place = Pointer::from("problem");
             return Err(Failure::new(ErrorCode::UnknownProblem, &self.unknown(kind)).at(place));
         };
-        (found.answer)(fields, id)
+        (found.answer)(fields, id, self.time_limit)
     }
 }
 
@@ -192,19 +235,47 @@ fn read_with_nulls<P: Problem>(fields: Map<String, Value>) -> Result<P, InvalidI
     }
 }
 
-fn answer<P: Problem>(fields: Map<String, Value>, id: &RawValue) -> Result<String, Failure> {
+/// How long a problem may be worked on: what it says itself, or else `unless_said`. It is taken out of the fields.
+fn time_limit(
+    fields: &mut Map<String, Value>,
+    unless_said: Option<Duration>,
+) -> Result<Option<Duration>, InvalidInput> {
+    let Some(value) = fields.remove(TIME_LIMIT).filter(|value| !value.is_null()) else { return Ok(unless_said) };
+    let seconds: NonNegative = read(value).map_err(|error| error.inside(TIME_LIMIT))?;
+    Ok(Some(Duration::try_from_secs_f64(seconds.get()).unwrap_or(Duration::MAX)))
+}
+
+fn answer<P: Problem>(
+    mut fields: Map<String, Value>,
+    id: &RawValue,
+    unless_said: Option<Duration>,
+) -> Result<String, Failure> {
     #[derive(Serialize)]
     struct Good<'a, A> {
         id: &'a RawValue,
         problem: &'static str,
         #[serde(flatten)]
         answer: &'a A,
+        /// Only where it is not.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        complete: Option<bool>,
     }
+    let limit = match (P::HAS_TIME_LIMIT, unless_said) {
+        (false, _) => time_limit(&mut fields, unless_said)?,
+        (true, None) => None,
+        (true, Some(limit)) => {
+            fields.entry(TIME_LIMIT).or_insert_with(|| limit.as_secs_f64().into());
+            None
+        }
+    };
     let problem: P = read_with_nulls(fields)?;
-    let answer = problem.solve()?;
+    let begun = Instant::now();
+    let answer = problem.solve_until(&|| limit.is_some_and(|limit| begun.elapsed() >= limit))?;
+    let complete = (!answer.complete).then_some(false);
+    let answer = answer.found;
     // JSON has no such numbers and serde_json would write null, which means something else.
     finite::check(&answer).map_err(|error| Failure::internal(&format!("the result is not a number: {error}")))?;
-    serde_json::to_string(&Good { id, problem: P::KIND, answer: &answer })
+    serde_json::to_string(&Good { id, problem: P::KIND, answer: &answer, complete })
         .map_err(|error| Failure::internal(&format!("the result cannot be written: {error}")))
 }
 

@@ -5,7 +5,7 @@ use schemars::generate::SchemaSettings;
 use schemars::transform::RecursiveTransform;
 use serde_json::{Map, Value, json};
 
-use super::error::ErrorLine;
+use super::error::{ErrorLine, TIME_LIMIT};
 use super::problem::{KindSchema, Problem, Registry};
 
 /// What `palpate solve --schema` prints: every kind by name with its `problem` and `result`, what all problems have in
@@ -50,7 +50,7 @@ fn any_problem(registry: &Registry) -> Value {
     json!({
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "type": "object",
-        "properties": {"problem": kind, "id": id()},
+        "properties": {"problem": kind, "id": id(), TIME_LIMIT: time_limit()},
         "required": ["problem"],
     })
 }
@@ -59,33 +59,47 @@ fn id() -> Value {
     json!({"description": "Any JSON value; the result repeats it."})
 }
 
+fn time_limit() -> Value {
+    json!({
+        "description": "How long to work on this problem, s. A search that is broken off then says `\"complete\": false`.",
+        "type": "number",
+        "minimum": 0,
+    })
+}
+
+fn complete() -> Value {
+    json!({"description": "There if the search was broken off: nothing is excluded by not being listed.", "const": false})
+}
+
 /// The schemas of one kind.
 pub(super) fn of<P: Problem>() -> KindSchema {
     let problem = settings().into_generator().into_root_schema_for::<P>();
     let result = settings().for_serialize().into_generator().into_root_schema_for::<P::Answer>();
     KindSchema {
-        problem: with_envelope(problem, P::KIND, &["problem"]),
-        result: with_envelope(result, P::KIND, &["id", "problem"]),
+        problem: with_envelope(problem, P::KIND, &["problem"], (TIME_LIMIT, time_limit())),
+        result: with_envelope(result, P::KIND, &["id", "problem"], ("complete", complete())),
     }
 }
 
 /// Adds the fields that the frame adds.
-fn with_envelope(mut schema: Schema, kind: &str, required: &[&str]) -> Schema {
+fn with_envelope(mut schema: Schema, kind: &str, required: &[&str], optional: (&str, Value)) -> Schema {
     let object = schema.ensure_object();
-    add_fields(object, kind, required);
+    add_fields(object, kind, required, &optional);
     schema
 }
 
-fn add_fields(object: &mut Map<String, Value>, kind: &str, required: &[&str]) {
+fn add_fields(object: &mut Map<String, Value>, kind: &str, required: &[&str], optional: &(&str, Value)) {
     // The variants of an enum are objects of their own, and each forbids fields that it does not list.
     for variants in ["oneOf", "anyOf"] {
         let Some(Value::Array(variants)) = object.get_mut(variants) else { continue };
-        variants.iter_mut().filter_map(Value::as_object_mut).for_each(|variant| add_fields(variant, kind, required));
+        let objects = variants.iter_mut().filter_map(Value::as_object_mut);
+        objects.for_each(|variant| add_fields(variant, kind, required, optional));
         return;
     }
     if let Value::Object(properties) = object.entry("properties").or_insert_with(|| json!({})) {
         properties.insert("problem".to_owned(), json!({"const": kind}));
         properties.insert("id".to_owned(), id());
+        properties.entry(optional.0).or_insert_with(|| optional.1.clone());
     }
     if let Value::Array(names) = object.entry("required").or_insert_with(|| json!([])) {
         names.extend(required.iter().map(|&name| json!(name)));
@@ -116,7 +130,7 @@ mod tests {
         assert_eq!(document["kinds"], json!({}));
         assert_eq!(document["error"]["required"], json!(["id", "line", "error"]));
         let codes = document["error"]["$defs"]["ErrorCode"].to_string();
-        for code in ["invalid_json", "unknown_problem", "invalid_input", "internal"] {
+        for code in ["invalid_json", "unknown_problem", "invalid_input", "time_limit", "internal"] {
             assert!(codes.contains(code), "{code} is not in {codes}");
         }
     }

@@ -4,6 +4,7 @@
 use nalgebra::Vector2;
 use palpate::pushing::dynamics::{FingerPath, FingerShape, ShapeError};
 use palpate::pushing::estimation::{InitialPoseError, Object, RestingPose, RestingPush, TimedContact};
+use palpate::{Searched, Stop, never};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -219,6 +220,10 @@ impl Problem for InitialPose {
     type Answer = InitialPoseAnswer;
 
     fn solve(&self) -> Result<InitialPoseAnswer, SolveError> {
+        Ok(self.solve_until(&never)?.found)
+    }
+
+    fn solve_until(&self, stop: Stop<'_>) -> Result<Searched<InitialPoseAnswer>, SolveError> {
         let contacts = self.contacts()?;
         self.check_travel(&contacts)?;
         let object = match &self.object {
@@ -227,14 +232,18 @@ impl Problem for InitialPose {
         };
         let mu_g = self.mu.get() * self.g.get();
         let push = RestingPush::new(object, mu_g, self.finger.shape(), self.finger.path(), self.u0).map_err(refuse)?;
-        let poses = push.observe(&contacts, self.tolerance()?);
+        let Searched { found: poses, complete } = push.observe_until(&contacts, self.tolerance()?, stop);
+        if !complete && poses.solutions.is_empty() {
+            return Err(SolveError::Stopped);
+        }
         let solutions: Vec<_> = poses.solutions.iter().map(PoseFit::from).collect();
         let status = match &solutions[..] {
             [] => PoseStatus::Unexplained,
-            [only] if !only.unobservable => PoseStatus::Unique,
+            [only] if !only.unobservable && complete => PoseStatus::Unique,
             _ => PoseStatus::Ambiguous,
         };
-        Ok(InitialPoseAnswer { status, solutions, candidates: poses.candidates.iter().map(PoseFit::from).collect() })
+        let candidates = poses.candidates.iter().map(PoseFit::from).collect();
+        Ok(Searched { found: InitialPoseAnswer { status, solutions, candidates }, complete })
     }
 }
 

@@ -3,6 +3,7 @@
 use nalgebra::Point2;
 use palpate::geometry::ConvexPolygon;
 use palpate::inscription::{self, Bearing, ConeError, Continuum, HalfPlane, NoisyReadings, Outline};
+use palpate::{Searched, Stop, never};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -152,19 +153,31 @@ impl Problem for Inscription {
     type Answer = InscriptionAnswer;
 
     fn solve(&self) -> Result<InscriptionAnswer, SolveError> {
+        Ok(self.solve_until(&never)?.found)
+    }
+
+    fn solve_until(&self, stop: Stop<'_>) -> Result<Searched<InscriptionAnswer>, SolveError> {
         let outline = self.outline()?;
         let readings = self.readings()?;
         let (lines, points) = (readings.lines(), self.points());
         let exact = match outline.poses(&lines, &points) {
             inscription::Inscription::Poses(poses) => poses,
-            inscription::Inscription::Underdetermined(continuum) => return Ok(self.underdetermined(continuum)),
+            inscription::Inscription::Underdetermined(continuum) => {
+                return Ok(Searched { found: self.underdetermined(continuum), complete: true });
+            }
         };
-        let estimate = match (self.sigma, &outline) {
+        let searched = match (self.sigma, &outline) {
             (Some(_), Outline::Polygon(part)) => {
-                Some(inscription::estimate(part, &readings).map_err(|error| SolveError::Internal(error.to_string()))?)
+                let searched = inscription::estimate_until(part, &readings, stop);
+                Some(searched.map_err(|error| SolveError::Internal(error.to_string()))?)
             }
             _ => None,
         };
+        let complete = searched.as_ref().is_none_or(|searched| searched.complete);
+        let estimate = searched.map(|searched| searched.found);
+        if !complete && estimate.as_ref().is_some_and(|estimate| estimate.modes.is_empty()) {
+            return Err(SolveError::Stopped);
+        }
         let found = estimate.as_ref().map_or(exact.len(), |estimate| estimate.modes.len());
         let status = if found == 0 { InscriptionStatus::NoPose } else { InscriptionStatus::Ok };
         let why = || match (self.sigma, &outline) {
@@ -172,7 +185,7 @@ impl Problem for Inscription {
             (None, Outline::Polygon(part)) if points.is_empty() => self.nearest(part, &lines),
             _ => "no pose touches all lines and passes through all points".to_owned(),
         };
-        Ok(InscriptionAnswer {
+        let found = InscriptionAnswer {
             status,
             reason: (found == 0).then(why),
             conditioning: exact.iter().map(|pose| outline.conditioning(&lines, &points, pose)).collect(),
@@ -180,7 +193,8 @@ impl Problem for Inscription {
             poses: exact.into_iter().map(PoseFields::from).collect(),
             dof: estimate.as_ref().map(|estimate| estimate.dof),
             modes: estimate.map(|estimate| estimate.modes.iter().map(ModeFields::from).collect()),
-        })
+        };
+        Ok(Searched { found, complete })
     }
 }
 
@@ -370,7 +384,7 @@ mod tests {
         let solved = read::<Inscription>(problem).map_err(SolveError::from).and_then(|problem| problem.solve());
         solved.map_err(|error| match error {
             SolveError::InvalidInput(error) => error.to_string(),
-            SolveError::Internal(error) => panic!("internal: {error}"),
+            other => panic!("{other}"),
         })
     }
 

@@ -7,6 +7,7 @@ use palpate::pushing::dynamics::{ContactMode, Part, Slip, State};
 use palpate::pushing::estimation::{
     self, Channel, Estimate, GhoBank, GhoRun, GhoSettings, Known, Measured, Observation, Prior as Belief, Touch,
 };
+use palpate::{Searched, Stop, never};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -219,12 +220,16 @@ impl Problem for ObservePush {
     type Answer = ObservePushAnswer;
 
     fn solve(&self) -> Result<ObservePushAnswer, SolveError> {
+        Ok(self.solve_until(&never)?.found)
+    }
+
+    fn solve_until(&self, stop: Stop<'_>) -> Result<Searched<ObservePushAnswer>, SolveError> {
         let measured = self.measured()?;
         let part = self.setup.part()?;
         let known = self.known(&part)?;
         match self.own.method {
-            Method::Best => self.best(&known, measured),
-            Method::Gho => self.gho(&known),
+            Method::Best => self.best(&known, measured, stop),
+            Method::Gho => Ok(Searched { found: self.gho(&known)?, complete: true }),
         }
     }
 }
@@ -236,7 +241,12 @@ const MU_SIGMA_LOG_MIN: f64 = 1e-12;
 const FOR_GHO_ONLY: &str = "is for the method `gho` only: leave it out or set `method`";
 
 impl ObservePush {
-    fn best(&self, known: &Known, measured: Measured) -> Result<ObservePushAnswer, SolveError> {
+    fn best(
+        &self,
+        known: &Known,
+        measured: Measured,
+        stop: Stop<'_>,
+    ) -> Result<Searched<ObservePushAnswer>, SolveError> {
         let gho_only = [
             ("zeta", self.own.zeta.is_some()),
             ("correction", self.own.correction.is_some()),
@@ -255,14 +265,21 @@ impl ObservePush {
         let duration = observation.dt * (observation.len().saturating_sub(1)) as f64;
         check_travel(&known.finger.path(), duration, size(&self.setup.polygon))
             .map_err(|message| InvalidInput::at("dt", message))?;
-        let estimate = estimation::estimate(known, &observation);
+        let Searched { found: estimate, complete } = estimation::estimate_until(known, &observation, stop);
+        if !complete && estimate.hypotheses.is_empty() {
+            return Err(SolveError::Stopped);
+        }
         let mut answer = ObservePushAnswer::from(&estimate);
         if self.own.mu_sigma_log.is_some() {
             for (hypothesis, found) in answer.hypotheses.iter_mut().zip(&estimate.hypotheses) {
                 (hypothesis.mu, hypothesis.mu_sigma_log) = (Some(found.mu_g / self.setup.g.get()), found.mu_g_log_sd);
             }
         }
-        Ok(answer)
+        if !complete {
+            // What was not looked at may explain the data as well.
+            answer.status = ObservePushStatus::Ambiguous;
+        }
+        Ok(Searched { found: answer, complete })
     }
 
     fn mu_sigma_log(&self) -> Result<Option<f64>, InvalidInput> {
@@ -564,8 +581,34 @@ mod tests {
         let solved = read::<ObservePush>(changed(changes)).map_err(SolveError::from).and_then(|push| push.solve());
         match solved.unwrap_err() {
             SolveError::InvalidInput(error) => error.to_string(),
-            SolveError::Internal(error) => panic!("internal: {error}"),
+            other => panic!("{other}"),
         }
+    }
+
+    #[test]
+    fn what_a_search_that_was_broken_off_found_is_never_the_only_one() {
+        let problem = read::<ObservePush>(changed(&json!({}))).unwrap();
+        let whole = problem.solve().unwrap();
+        let mut broken_off = 0;
+        for asks in 0.. {
+            let asked = std::cell::Cell::new(0);
+            let stop = || {
+                asked.set(asked.get() + 1);
+                asked.get() > asks
+            };
+            match problem.solve_until(&stop) {
+                Ok(Searched { found, complete: true }) => {
+                    assert_eq!(found, whole);
+                    break;
+                }
+                Ok(Searched { found, complete: false }) => {
+                    broken_off += 1;
+                    assert_eq!(found.status, ObservePushStatus::Ambiguous);
+                }
+                Err(error) => assert_eq!(error, SolveError::Stopped),
+            }
+        }
+        assert!(broken_off > 0);
     }
 
     #[test]

@@ -6,6 +6,7 @@ use palpate::rolling::{
     self, BodyKnowledge, Noise as ReadingNoise, ObserveError, PalmKnowledge, RollEstimate, RollHypothesis,
     RollQuestion, RollVerdict,
 };
+use palpate::{Searched, Stop, never};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -271,6 +272,10 @@ impl Problem for ObserveRoll {
     type Answer = ObserveRollAnswer;
 
     fn solve(&self) -> Result<ObserveRollAnswer, SolveError> {
+        Ok(self.solve_until(&never)?.found)
+    }
+
+    fn solve_until(&self, stop: Stop<'_>) -> Result<Searched<ObserveRollAnswer>, SolveError> {
         if self.dt.get() > DT_MAX {
             return Err(InvalidInput::out_of_range(
                 self.dt.get(),
@@ -282,8 +287,17 @@ impl Problem for ObserveRoll {
         }
         let question = self.question()?;
         let u: Vec<Vector2<f64>> = self.u.iter().copied().map(Vector2::from).collect();
-        let estimate = question.answer(self.dt.get(), &u).map_err(refuse)?;
-        Ok(self.answer(&question, &estimate))
+        let searched = question.answer_until(self.dt.get(), &u, stop).map_err(refuse)?;
+        let Searched { found: estimate, complete } = searched;
+        if !complete && estimate.hypotheses.is_empty() {
+            return Err(SolveError::Stopped);
+        }
+        let mut answer = self.answer(&question, &estimate);
+        if !complete {
+            // What was not looked at may explain the data as well.
+            answer.status = ObserveRollStatus::Ambiguous;
+        }
+        Ok(Searched { found: answer, complete })
     }
 }
 

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use palpate::geometry::SimplePolygon;
 use palpate::point_sampling::{self, Objective, Plan, Request};
+use palpate::{Searched, Stop};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -154,6 +155,7 @@ impl From<&Plan> for PointSamplingAnswer {
 
 impl Problem for PointSampling {
     const KIND: &'static str = "point_sampling";
+    const HAS_TIME_LIMIT: bool = true;
     type Answer = PointSamplingAnswer;
 
     fn solve(&self) -> Result<PointSamplingAnswer, SolveError> {
@@ -165,6 +167,13 @@ impl Problem for PointSampling {
         let begun = Instant::now();
         let plan = point_sampling::plan(&polygons, &self.request()?, &|| begun.elapsed() >= limit);
         Ok((&plan).into())
+    }
+
+    /// The time limit is the problem's own: it has a default.
+    fn solve_until(&self, _: Stop<'_>) -> Result<Searched<PointSamplingAnswer>, SolveError> {
+        let found = self.solve()?;
+        let complete = found.optimal || self.objective == ObjectiveName::Greedy;
+        Ok(Searched { found, complete })
     }
 }
 
