@@ -40,6 +40,8 @@ pub struct NamedPart {
     pub shape: Outline,
     /// The hull of `outline`, prepared.
     pub convex: ConvexPolygon,
+    /// As the file gives it, part frame, m.
+    pub centre_of_mass: Option<Point2<f64>>,
 }
 
 /// What sensors saw of a part.
@@ -110,6 +112,12 @@ pub enum ViewFileError {
         /// Place of the entry in the file, from 0.
         index: usize,
     },
+    /// A centre of mass that is no place.
+    #[error("centre_of_mass = {value:?} must be finite")]
+    CentreOfMass {
+        /// As given, in the file's unit.
+        value: [f64; 2],
+    },
     /// A standard deviation that cannot be.
     #[error("sigma = {value:?} must be finite and above 0; leave it out for exact readings")]
     Sigma {
@@ -121,7 +129,8 @@ pub enum ViewFileError {
     Nothing,
 }
 
-/// The keys of a part file; those that tell how it slides are for other commands.
+/// The keys of a part file; those that tell how it slides are for other commands, but for its centre of mass, by which
+/// it comes to rest.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 #[expect(dead_code, reason = "known keys, so that unknown ones are mistakes")]
@@ -133,7 +142,7 @@ struct PartKeys {
     mu: Option<Value>,
     mu_c: Option<Value>,
     feet: Option<Value>,
-    centre_of_mass: Option<Value>,
+    centre_of_mass: Option<Numbers<2>>,
     radius_of_gyration: Option<Value>,
     support: Option<Value>,
 }
@@ -202,7 +211,13 @@ impl NamedPart {
             Outline::Polygon(convex) => convex.clone(),
             smooth => smooth.sampled(),
         };
-        Ok(Self { name: name.to_owned(), outline, shape, convex })
+        let centre_of_mass = match keys.centre_of_mass {
+            Some(Numbers(value)) if !value.iter().all(|x| x.is_finite()) => {
+                return Err(ViewFileError::CentreOfMass { value });
+            }
+            given => given.map(|Numbers(value)| Point2::from(value) * metres),
+        };
+        Ok(Self { name: name.to_owned(), outline, shape, convex, centre_of_mass })
     }
 
     /// Whether the readings are of a kind that is solved for this part.

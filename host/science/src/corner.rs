@@ -3,8 +3,8 @@
 //! Fence A runs from the origin along +x, fence B from the origin at the corner's angle; the part lies between them. A
 //! pose is a candidate for rest if both fences are touched and an edge of the convex hull lies flush on one of them.
 //!
-//! That is necessary, not sufficient. A frictionless push through the area centroid does the work −U(θ) with
-//! `U = −push · centroid`; between flush poses U is a sum of sinusoids without a minimum where it holds the part, so
+//! That is necessary, not sufficient. A frictionless push through the centre of mass (the area centroid, unless another
+//! is given) does the work −U(θ) with `U = −push · centre of mass`; between flush poses U is a sum of sinusoids without a minimum where it holds the part, so
 //! the part rests where U has a minimum, and that is at a flush pose: stable exactly if `U′ < 0` before it and `U′ > 0`
 //! after it.
 //!
@@ -14,7 +14,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use nalgebra::{Isometry2, Matrix2, Point2, Rotation2, Vector2};
 
-use crate::geometry::{SimplePolygon, convex_hull, corners_to_rounding, extent_of};
+use crate::geometry::{SimplePolygon, convex_hull, corners, corners_to_rounding, distance_to_segment, extent_of};
 
 /// Flush poses on A and on B that are nearer than this are one, flush on both, rad: rounding of angles is 1e-15, and
 /// parts whose right angles are this good do not exist.
@@ -25,6 +25,10 @@ const LEVEL: f64 = 1e-13;
 
 /// Turn over which the slope of U is measured, rad. A minimum narrower than this microradian holds nothing.
 const BASIN_RAD: f64 = 1e-6;
+
+/// Outlines nowhere further apart than this share of their extent are one: a symmetric part that was drawn to a
+/// micrometre comes back to itself within some micrometres, and no point is placed or read nearer to an edge than that.
+pub const SAME_OUTLINE_RELATIVE: f64 = 1e-4;
 
 /// Bits kept of a direction and of a distance along it, so that their product is exact.
 const HALF_BITS: i32 = 26;
@@ -117,12 +121,17 @@ impl Corner {
     /// ```
     #[must_use]
     pub fn poses(&self, part: &SimplePolygon) -> Vec<CornerPose> {
+        self.poses_of_mass_at(part, part.centroid())
+    }
+
+    /// The same for a part whose centre of mass is at this place of its own frame, m: where it rests depends on it.
+    #[must_use]
+    pub fn poses_of_mass_at(&self, part: &SimplePolygon, centre_of_mass: Point2<f64>) -> Vec<CornerPose> {
         let vertices = part.vertices();
         let hull: Vec<_> = convex_hull(vertices).into_iter().map(|corner| vertices[corner]).collect();
         // A vertex within rounding of an edge must not make two poses of one; one that a drawing rounded does: parts
         // rest on it.
         let hull: Vec<_> = corners_to_rounding(&hull).into_iter().map(|corner| hull[corner]).collect();
-        let centroid = part.centroid();
         let edges = hull.iter().zip(hull.iter().cycle().skip(1));
         let turns = edges.flat_map(|(start, end)| {
             let along = end - start;
@@ -134,7 +143,7 @@ impl Corner {
         let mut flush: Vec<(f64, Flush)> =
             turns.map(|theta| if theta < TAU { theta } else { 0.0 }).zip(fences).collect();
         flush.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let poses = merged(flush).into_iter().map(|(theta, flush)| self.pose(&hull, centroid, theta, flush));
+        let poses = merged(flush).into_iter().map(|(theta, flush)| self.pose(&hull, centre_of_mass, theta, flush));
         poses.collect()
     }
 
@@ -177,14 +186,14 @@ impl Corner {
         [Vector2::new(0.0, -1.0), Vector2::new(-self.angle.sin(), self.angle.cos())]
     }
 
-    fn pose(&self, hull: &[Point2<f64>], centroid: Point2<f64>, theta: f64, flush: Flush) -> CornerPose {
+    fn pose(&self, hull: &[Point2<f64>], centre_of_mass: Point2<f64>, theta: f64, flush: Flush) -> CornerPose {
         let rotation = Rotation2::new(theta);
         let turned: Vec<_> = hull.iter().map(|p| rotation * p).collect();
         let [a, b] = self.outward();
         let [at_a, at_b] = [a, b].map(|fence| touching(&turned, fence));
         let fences = Fences::new(a, b);
         let origin = fences.meet(-a.dot(&turned[at_a[0]].coords), -b.dot(&turned[at_b[0]].coords));
-        let about = rotation * centroid;
+        let about = rotation * centre_of_mass;
         let slope = |side: usize| {
             let turning = |p: Point2<f64>| Vector2::new(-p.y, p.x);
             let moves = fences.meet(-a.dot(&turning(turned[at_a[side]])), -b.dot(&turning(turned[at_b[side]])));
@@ -196,6 +205,55 @@ impl Corner {
         let margin = if margin.abs() < LEVEL * extent_of(hull) { 0.0 } else { margin };
         CornerPose { origin, theta, flush, margin }
     }
+}
+
+/// Outlines in one frame by what they enclose: the first of each kind, with the places of all that are the same within
+/// [`SAME_OUTLINE_RELATIVE`]. A part that looks the same after a turn rests in several poses with one outline, which no
+/// points tell apart.
+///
+/// ```
+/// use nalgebra::{Point2, Vector2};
+/// use palpate::corner::{Corner, different_outlines};
+/// use palpate::geometry::SimplePolygon;
+///
+/// let block = SimplePolygon::new([[0.0, 0.0], [0.06, 0.0], [0.06, 0.04], [0.0, 0.04]].map(Point2::from))?;
+/// let corner = Corner::new(std::f64::consts::FRAC_PI_2, Vector2::new(-1.0, -1.0))?;
+/// let placed: Result<Vec<_>, _> = corner.poses(&block).iter().map(|pose| corner.placed(&block, pose)).collect();
+/// // Upright and on its side, each either way round.
+/// assert_eq!(different_outlines(&placed?), [[0, 2], [1, 3]]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[must_use]
+pub fn different_outlines(outlines: &[SimplePolygon]) -> Vec<Vec<usize>> {
+    let mut kinds: Vec<Vec<usize>> = Vec::new();
+    for (place, outline) in outlines.iter().enumerate() {
+        match kinds.iter_mut().find(|kind| are_one_outline(&outlines[kind[0]], outline)) {
+            Some(kind) => kind.push(place),
+            None => kinds.push(vec![place]),
+        }
+    }
+    kinds
+}
+
+/// So far apart outlines of a part are still one, m: points need more room than that around them.
+#[must_use]
+pub fn same_outline_within(part: &SimplePolygon) -> f64 {
+    SAME_OUTLINE_RELATIVE * extent_of(part.vertices())
+}
+
+/// Whether two outlines are nowhere further apart than [`SAME_OUTLINE_RELATIVE`] allows: their corners, and the middles
+/// of the sides between these, lie on each other's sides.
+fn are_one_outline(a: &SimplePolygon, b: &SimplePolygon) -> bool {
+    let near = same_outline_within(a);
+    let lies_on = |outline: &SimplePolygon, p: Point2<f64>| {
+        outline.edges().any(|(start, end)| distance_to_segment(p, start, end) <= near)
+    };
+    let covers = |outline: &SimplePolygon, other: &SimplePolygon| {
+        let places: Vec<_> = corners(other.vertices()).into_iter().map(|corner| other.vertices()[corner]).collect();
+        let sides = places.iter().zip(places.iter().cycle().skip(1));
+        sides.into_iter().all(|(start, end)| lies_on(outline, *start) && lies_on(outline, nalgebra::center(start, end)))
+    };
+    covers(a, b) && covers(b, a)
 }
 
 /// Two lines through the origin by their normals.
@@ -341,6 +399,46 @@ mod tests {
     fn a_hexagon_without_right_angles_has_twelve_poses() {
         let part = star(&[0.05, 0.04, 0.047, 0.052, 0.041, 0.045]);
         assert_eq!(Corner::new(RIGHT_ANGLE, Vector2::new(-1.0, -1.0)).unwrap().poses(&part).len(), 12);
+    }
+
+    #[test]
+    fn a_symmetric_part_has_fewer_outlines_than_poses() {
+        let regular = |sides: u32, rounded_to: f64| {
+            let at = |k: u32| TAU * f64::from(k) / f64::from(sides);
+            let rounded = |x: f64| (x / rounded_to).round() * rounded_to;
+            let point = |k: u32| Point2::new(rounded(0.05 * at(k).cos()), rounded(0.05 * at(k).sin()));
+            SimplePolygon::new((0..sides).map(point).collect::<Vec<_>>()).unwrap()
+        };
+        // Drawn to a micrometre too. A triangle lies flush on one fence and the other alike only after a turn by 30°.
+        for (sides, kinds) in [(3, 2), (4, 1), (6, 2)] {
+            for rounded_to in [1e-12, 1e-6] {
+                let part = regular(sides, rounded_to);
+                let corner = Corner::new(RIGHT_ANGLE, Vector2::new(-1.0, -1.0)).unwrap();
+                let placed: Vec<_> =
+                    corner.poses(&part).iter().map(|pose| corner.placed(&part, pose).unwrap()).collect();
+                assert_eq!(different_outlines(&placed).len(), kinds, "{sides} sides to {rounded_to} m");
+            }
+        }
+        // The same corners, joined differently: two outlines.
+        let bowl = [[0.0, 0.0], [0.06, 0.0], [0.06, 0.04], [0.03, 0.02], [0.0, 0.04]];
+        let tent = [[0.0, 0.0], [0.03, 0.02], [0.06, 0.0], [0.06, 0.04], [0.0, 0.04]];
+        let outlines = [bowl, tent].map(|points| SimplePolygon::new(points.map(Point2::from)).unwrap());
+        assert_eq!(different_outlines(&outlines).len(), 2);
+    }
+
+    #[test]
+    fn a_part_rests_by_its_centre_of_mass() {
+        let block = SimplePolygon::new([[0.0, 0.0], [0.06, 0.0], [0.06, 0.04], [0.0, 0.04]].map(Point2::from)).unwrap();
+        let corner = Corner::new(RIGHT_ANGLE, Vector2::new(-1.0, -1.0)).unwrap();
+        for (pose, same) in corner.poses(&block).iter().zip(corner.poses_of_mass_at(&block, Point2::new(0.03, 0.02))) {
+            assert!((pose.margin - same.margin).abs() < 1e-15);
+        }
+        // On its long side: turned either way the weight rises by what is written here, in m/rad, shared by both fences.
+        for x in [0.03, 0.05, 0.07, 0.09] {
+            let margin = corner.poses_of_mass_at(&block, Point2::new(x, 0.02))[0].margin;
+            let rises = (0.02 + x).min(0.08 - x) / 2.0_f64.sqrt();
+            assert!((margin - rises).abs() < 1e-6, "{x}: {margin} {rises}");
+        }
     }
 
     #[test]

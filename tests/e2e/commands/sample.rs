@@ -32,6 +32,38 @@ fn a_part_file_becomes_twelve_corner_poses_and_a_plan_of_four_points() {
     }
 }
 
+/// A rectangle lies upright or on its side, each either way round: four poses, two outlines, one point; and where the
+/// corner is sharp too no point is without room.
+#[test]
+fn poses_of_a_symmetric_part_with_one_outline_are_one() {
+    let folder = tempfile::TempDir::new().unwrap();
+    let part = "unit = 'mm'\nvertices = [[0, 0], [120, 0], [120, 80], [0, 80]]\n";
+    std::fs::write(folder.path().join("part.toml"), part).unwrap();
+    let plan = |angle: &str| -> PlanFile {
+        let json = printed(folder.path(), &["corner", "part.toml", "--angle-deg", angle, "--sample", "--json"]);
+        serde_json::from_str(&json).unwrap()
+    };
+    let upright = plan("90");
+    assert_eq!((upright.names.len(), upright.answer.points.len()), (2, 1));
+    assert!(upright.names[0].ends_with("flush on both at 0.00° or flush on both at 180.00°"), "{:?}", upright.names);
+    assert!(plan("60").answer.clearances.iter().all(|room| *room > 1e-3));
+    let words = printed(folder.path(), &["corner", "part.toml", "--sample"]);
+    assert!(words.contains("2 outlines to tell apart") && words.contains("4 poses"), "{words}");
+}
+
+/// The weight outside of one end of a bar: it stands on other sides.
+#[test]
+fn a_part_in_a_corner_rests_by_its_centre_of_mass() {
+    let folder = tempfile::TempDir::new().unwrap();
+    let bar = "unit = 'mm'\nvertices = [[0, 0], [60, 0], [60, 40], [0, 40]]\n";
+    let margins = |more: &str| {
+        std::fs::write(folder.path().join("part.toml"), format!("{bar}{more}")).unwrap();
+        printed(folder.path(), &["corner", "part.toml", "--json"])
+    };
+    assert_eq!(margins(""), margins("centre_of_mass = [30, 20]\nradius_of_gyration = 20\n"));
+    assert_ne!(margins(""), margins("centre_of_mass = [50, 20]\nradius_of_gyration = 20\n"));
+}
+
 #[test]
 fn a_plan_made_on_the_command_line_decodes_there() {
     let folder = tempfile::TempDir::new().unwrap();

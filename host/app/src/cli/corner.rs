@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use miette::{IntoDiagnostic as _, miette};
 use nalgebra::{Point2, Vector2};
-use palpate::corner::{Corner, CornerPose, Flush};
+use palpate::corner::{Corner, CornerPose, Flush, different_outlines, same_outline_within};
 use palpate::geometry::SimplePolygon;
 use palpate::inscription::Outline;
 use palpate::point_sampling::Plan;
@@ -22,10 +22,12 @@ use crate::pictures::point_sampling::SamplingPicture;
 ///
 /// Fence A runs along +x, fence B at the corner's angle; the part lies between them. A pose is listed where both fences
 /// are touched and an edge of the hull lies flush on one. The part rests in those that are stable under a push without
-/// friction.
+/// friction. Poses of a symmetric part whose outlines are the same are one for --sample.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_long_help = "The part file is that of `palpate push`; only its unit and vertices are used.",
+    after_long_help = "The part file is that of `palpate push`; its unit and vertices are used, and its centre_of_mass: \
+                       without one, the part weighs the same everywhere.\n\n\
+                       Exit status: 0, 1 if a file cannot be used or outlines cannot be told apart, 64 wrong command line.",
     mut_group("PlanArguments", |group| group.requires("sample"))
 )]
 pub(crate) struct Arguments {
@@ -69,12 +71,18 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let push = arguments.push_deg.map_or(angle / 2.0 + std::f64::consts::PI, f64::to_radians);
     let corner = Corner::new(angle, Vector2::new(push.cos(), push.sin())).into_diagnostic()?;
     let part = &file.outline;
-    let mut poses = corner.poses(part);
+    let centre_of_mass = file.centre_of_mass.unwrap_or_else(|| part.centroid());
+    let mut poses = corner.poses_of_mass_at(part, centre_of_mass);
     poses.retain(|pose| !arguments.stable || pose.is_stable());
     let outlines =
         poses.iter().map(|pose| corner.placed(part, pose)).collect::<Result<Vec<_>, _>>().into_diagnostic()?;
-    let planned = arguments.sample.then(|| arguments.plan.plan(&outlines, 0.0));
-    let names: Vec<String> = poses.iter().map(name).collect();
+    let kinds = different_outlines(&outlines);
+    let planned = arguments.sample.then(|| {
+        let different: Vec<_> = kinds.iter().map(|kind| outlines[kind[0]].clone()).collect();
+        // Regions thinner than what makes two outlines one are none.
+        arguments.plan.plan(&different, same_outline_within(part))
+    });
+    let names: Vec<String> = kinds.iter().map(|kind| names(&poses, kind)).collect();
     match (&planned, arguments.json) {
         (Some(planned), true) => super::sample::print_json(&names, &planned.plan)?,
         (None, true) => {
@@ -84,13 +92,17 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         (planned, false) => {
             print_poses(&poses);
             if let Some(planned) = planned {
+                if kinds.len() < poses.len() {
+                    let outlines = counted(kinds.len(), "outline");
+                    say!("the part looks the same in some of these poses: {outlines} to tell apart");
+                }
                 print_plan(&names, planned);
             }
         }
     }
     let plan = planned.as_ref().map(|planned| &planned.plan);
     arguments.plot.draw(|| Ok(arguments.figure(&outlines, plan, angle)))?;
-    Ok(ExitCode::SUCCESS)
+    Ok(plan.map_or(ExitCode::SUCCESS, super::sample::status))
 }
 
 impl Arguments {
@@ -105,6 +117,11 @@ impl Arguments {
         let fences = [along(0.0), along(angle)];
         SamplingPicture { polygons: outlines, points, fences: &fences, title: &title, subtitles: &subtitles }.figure()
     }
+}
+
+/// The poses in which the part has one outline.
+fn names(poses: &[CornerPose], kind: &[usize]) -> String {
+    kind.iter().map(|&pose| name(&poses[pose])).collect::<Vec<_>>().join(" or ")
 }
 
 fn name(pose: &CornerPose) -> String {

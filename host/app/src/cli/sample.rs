@@ -197,7 +197,8 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     Ok(status(plan))
 }
 
-fn status(plan: &Plan) -> ExitCode {
+/// 0 where all outlines are told apart, otherwise 1.
+pub(crate) fn status(plan: &Plan) -> ExitCode {
     if plan.indistinguishable.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 

@@ -9,7 +9,7 @@
 //!
 //! By chapter: `inscription` (2), `sampling` (3), `gho` and `initial_pose` (6), `static_contacts` (§6.4), `rolling`
 //! (7); beyond the thesis: `pose` and `plan` (`rivals` decides what is ambiguous), `parts`, `chain` (`demonstration`,
-//! many times). `cases` runs them on all processors.
+//! many times), `drawn_pushes` and `drawn_rolls` (is the search to blame?). `cases` runs them on all processors.
 //!
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
 
@@ -17,6 +17,7 @@ mod cases;
 pub(crate) mod chain;
 pub mod demonstration;
 mod drawn_pushes;
+mod drawn_rolls;
 mod gho;
 mod initial_pose;
 mod inscription;
@@ -62,6 +63,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     rolling::SEMI_AXES,
     rolling::WHICH,
     rolling::GHO,
+    drawn_rolls::EXPERIMENT,
 ];
 
 /// An experiment that `palpate tables` can run.

@@ -21,7 +21,8 @@ pub struct Request {
     pub min_area: f64,
     /// Points nearer than this to an edge are left out, m.
     pub min_clearance: f64,
-    /// By how many points any two polygons must differ: see [`Search::separation`].
+    /// By how many points any two polygons must differ: see [`Search::separation`]. Two that cannot differ by so many
+    /// differ by all the points that there are for them.
     pub separation: usize,
     /// Whether the points shall be fewest, or be chosen at once.
     pub objective: Objective,
@@ -57,7 +58,7 @@ pub struct Plan {
     pub proof: Proof,
     /// No plan of so many points has a larger smallest clearance, m; none where nothing is proven about it.
     pub clearance_bound: Option<f64>,
-    /// Pairs of polygons that no points tell apart, the lesser number first.
+    /// Pairs of polygons that no points tell apart as often as was asked, the lesser number first.
     pub indistinguishable: Vec<[usize; 2]>,
 }
 
@@ -237,16 +238,20 @@ impl<'a> Chooser<'a> {
         };
         let order: Vec<usize> = (0..scene.candidates.len()).filter(|&index| roomy(&scene.candidates[index])).collect();
         let allowed = order.iter().map(|&index| scene.candidates[index].inside.clone()).collect();
-        let indistinguishable = SetSystem::new(scene.polygons.len(), allowed).closer_than(request.separation.max(1));
+        let allowed = SetSystem::new(scene.polygons.len(), allowed);
+        let indistinguishable = allowed.closer_than(request.separation.max(1));
+        // One of each class that nothing tells apart stands for all. Being merely close is no class: see `Demands`.
         let mut repeats = vec![false; scene.polygons.len()];
-        indistinguishable.iter().for_each(|&[_, later]| repeats[later] = true);
+        allowed.closer_than(1).iter().for_each(|&[_, later]| repeats[later] = true);
         let kept: Vec<usize> = (0..repeats.len()).filter(|&polygon| !repeats[polygon]).collect();
         let reduced = |inside: &BitSet| {
             let places =
                 kept.iter().enumerate().filter(|(_, polygon)| inside.row().has(**polygon)).map(|(place, _)| place);
             BitSet::of(kept.len(), places)
         };
-        let holders = scene.candidates.iter().map(|candidate| reduced(&candidate.inside)).collect();
+        // Elements that are not allowed keep their place, and tell nothing apart.
+        let mut holders = vec![BitSet::new(kept.len()); scene.candidates.len()];
+        order.iter().for_each(|&index| holders[index] = reduced(&scene.candidates[index].inside));
         Self { scene, request, stop, system: SetSystem::new(kept.len(), holders), order, indistinguishable }
     }
 
@@ -277,8 +282,7 @@ impl<'a> Chooser<'a> {
             let tried = allowed(radius((open + enough) / 2));
             let tried = if tried >= enough { (open + enough) / 2 } else { tried };
             let found = fewest(&self.system, &self.order[..tried], &self.search(size, Effort::Brief));
-            let separates =
-                self.system.separation(&found.elements).is_none_or(|least| least >= self.request.separation.max(1));
+            let separates = self.system.keeps_apart(&found.elements, self.request.separation.max(1));
             if found.elements.len() <= size && separates {
                 best.choice.elements = found.elements;
                 enough = allowed(best.clearance(self.scene)).min(tried);
@@ -296,10 +300,7 @@ impl<'a> Chooser<'a> {
 
     /// The largest clearance at which candidates are left that tell all apart, whatever their number.
     fn clearance_max(&self) -> f64 {
-        let separated = |count: usize| {
-            let holders = self.order[..count].iter().map(|&index| self.system.holders(index).to_set()).collect();
-            SetSystem::new(self.system.sets(), holders).closer_than(self.request.separation.max(1)).is_empty()
-        };
+        let separated = |count: usize| self.system.keeps_apart(&self.order[..count], self.request.separation.max(1));
         let (mut short, mut enough) = (0, self.order.len());
         while short + 1 < enough {
             let middle = (short + enough) / 2;
@@ -333,4 +334,27 @@ pub fn contains(polygon: &SimplePolygon, point: Point2<f64>) -> Option<bool> {
         }
     }
     Some(inside)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn block([left, right]: [f64; 2]) -> SimplePolygon {
+        SimplePolygon::new([[left, 0.0], [right, 0.0], [right, 1.0], [left, 1.0]].map(Point2::from)).unwrap()
+    }
+
+    /// The second and the third are too close to each other for three points; the first is far enough from both.
+    #[test]
+    fn being_too_close_is_not_passed_on() {
+        let blocks = [[0.0, 1.0], [2.0, 4.0], [3.0, 5.0]].map(block);
+        for objective in [Objective::Fewest, Objective::Greedy] {
+            let plan = plan(&blocks, &Request { separation: 3, objective, ..Request::default() }, &|| false);
+            assert_eq!(plan.indistinguishable, [[1, 2]]);
+            let differ =
+                |[a, b]: [usize; 2]| plan.signatures[a].iter().zip(&plan.signatures[b]).filter(|(a, b)| a != b).count();
+            assert_eq!([[0, 1], [0, 2], [1, 2]].map(differ), [3, 3, 2], "{:?}", plan.signatures);
+            assert_eq!((plan.points.len(), plan.is_fewest()), (4, objective == Objective::Fewest));
+        }
+    }
 }

@@ -36,7 +36,8 @@ pub use gho::RollGho;
 pub use mechanics::{Model, RollRates, RollState, Spin, specific_force};
 pub use observability::{CannotFollow, Inputs, RollObservability, SufficientCondition, observability};
 pub use observer::{
-    BodyKnowledge, Noise, ObserveError, PalmKnowledge, RollEstimate, RollHypothesis, RollQuestion, RollVerdict,
+    BodyKnowledge, Coverage, Noise, ObserveError, PalmKnowledge, RollEstimate, RollHypothesis, RollQuestion,
+    RollVerdict,
 };
 pub use palm::{Harmonic, PalmAcceleration, Pieces, PiecesError};
 pub use run::{OnPalm, Roll, RollEnd, RollEndReason, RollError, RollRun, RollSample};

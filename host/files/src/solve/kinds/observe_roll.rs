@@ -159,6 +159,10 @@ pub struct ObserveRollAnswer {
     pub symmetry: Option<SymmetryFields>,
     /// What the status rests on.
     pub certificate: Certificate,
+    /// Only where it is not so: whether the search excluded everything that is not listed. One hypothesis alone is then
+    /// not `unique`.
+    #[serde(skip_serializing_if = "Clone::clone")]
+    pub complete: bool,
 }
 
 /// How many hypotheses explain the contacts.
@@ -265,6 +269,31 @@ pub struct Certificate {
     /// Whether the estimate is unique and its attitude known, to 2° from the first contact to the last, with
     /// 3.5 standard deviations of the Cramér–Rao bound.
     pub certified: bool,
+    /// What the search covered, at its widest.
+    pub coverage: CoverageFields,
+}
+
+/// Where a search looked.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
+#[schemars(rename = "Coverage")]
+pub struct CoverageFields {
+    /// Attitudes tried, over all bodies and modulo their symmetries.
+    pub attitudes: usize,
+    /// Radius of the cell of each, rad.
+    pub cell: f64,
+    /// Attitudes and spins from which the acceleration of the contact can be had within a cell.
+    pub within_reach: usize,
+    /// Different descents followed from these.
+    pub followed: usize,
+    /// Those that could not be excluded and were not followed, because there are too many: 0 where the search is complete.
+    pub left_out: usize,
+}
+
+impl From<rolling::Coverage> for CoverageFields {
+    fn from(coverage: rolling::Coverage) -> Self {
+        let rolling::Coverage { attitudes, cell, within_reach, followed, left_out } = coverage;
+        Self { attitudes, cell, within_reach, followed, left_out }
+    }
 }
 
 impl Problem for ObserveRoll {
@@ -391,7 +420,9 @@ impl ObserveRoll {
                 cost: Some(estimate.cost).filter(|cost| cost.is_finite()),
                 cost_max: estimate.cost_max,
                 certified: estimate.certified,
+                coverage: estimate.coverage.into(),
             },
+            complete: estimate.complete,
         }
     }
 

@@ -33,20 +33,32 @@ pub(super) const PREDICTED_REDUCTION_MIN: f64 = 1e-12;
 /// Where descent stalls, a predicted reduction up to this share is rounding: σ may be as small as 1e-6 rad.
 const PREDICTED_REDUCTION_ROUNDING: f64 = 1e-7;
 
+/// Descents from one start, along valleys and across them, at most.
+const DESCENTS_MAX: usize = 24;
+
 impl Objective<'_> {
-    /// The minima that descent from a place leads to: one, or those of the valley in which it stalls; none if it stalls
+    /// The minima that descent from a place leads to: one, or those of the valleys in which it stalls; none if it stalls
     /// elsewhere.
     pub(super) fn settle(&self, start: &Placed) -> Vec<Settled> {
-        let Some(quadratic) = self.quadratic(start) else { return Vec::new() };
-        let (placed, quadratic) = least_squares::minimise(self, (*start, quadratic), &DESCENT, |_| false).place;
-        let (chi2, information) = (quadratic.cost, quadratic.curvature);
-        match newton_predicted_reduction(&quadratic) {
-            Some(predicted_reduction) if predicted_reduction <= PREDICTED_REDUCTION_ROUNDING * (1.0 + chi2) => {
-                vec![Settled { placed, chi2, information, at_corner_change: false }]
+        let (mut settled, mut open) = (Vec::new(), vec![*start]);
+        for _ in 0..DESCENTS_MAX {
+            let Some(start) = open.pop() else { break };
+            let Some(quadratic) = self.quadratic(&start) else { continue };
+            let (placed, quadratic) = least_squares::minimise(self, (start, quadratic), &DESCENT, |_| false).place;
+            let (chi2, information) = (quadratic.cost, quadratic.curvature);
+            match newton_predicted_reduction(&quadratic) {
+                Some(predicted_reduction) if predicted_reduction <= PREDICTED_REDUCTION_ROUNDING * (1.0 + chi2) => {
+                    settled.push(Settled { placed, chi2, information, at_corner_change: false });
+                }
+                Some(_) => {
+                    let along = self.along_valleys(&placed);
+                    settled.extend(along.minima);
+                    open.extend(along.lower);
+                }
+                None => {}
             }
-            Some(_) => self.valley_minima(&placed),
-            None => Vec::new(),
         }
+        settled
     }
 }
 

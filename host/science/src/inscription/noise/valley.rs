@@ -5,7 +5,7 @@
 //! minimum if it is one along the valley, and the slopes on both sides rise: some mean of the two corners' gradients
 //! cancels those of all other readings.
 
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::Settled;
 use super::objective::{Objective, Placed, Residual};
@@ -33,6 +33,12 @@ const WEIGHT_ROUNDING: f64 = 1e-6;
 /// χ² of the corners held and of the outermost corners are equal up to this share of 1 + χ².
 const HELD_ROUNDING: f64 = 1e-7;
 
+/// Halvings of a way along a valley until it leads down.
+const HALVINGS: usize = 6;
+
+/// A place is lower if χ² is so much less, as a share of 1 + χ²: far above rounding, so that descent ends.
+const PROGRESS_MIN: f64 = 1e-6;
+
 /// The mean gradient cancels up to this share of the largest of its terms.
 const BALANCE: f64 = 1e-6;
 
@@ -44,14 +50,49 @@ struct Edge {
     gap: f64,
 }
 
+/// What there is along the valleys near a place.
+#[derive(Debug, Default)]
+pub(super) struct Along {
+    /// Minima of χ².
+    pub minima: Vec<Settled>,
+    /// Lower places that are none.
+    pub lower: Vec<Placed>,
+}
+
+impl Edge {
+    /// The same edge with its first or its second corner first.
+    fn from_end(&self, end: usize) -> Self {
+        let [a, b] = self.corners;
+        Self { corners: if end == 0 { [a, b] } else { [b, a] }, ..*self }
+    }
+}
+
+/// A covariance that exceeds neither of two in any direction less than it must: in the axes that both share, the larger
+/// of each variance.
+fn covering(a: &Matrix3<f64>, b: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+    let root = a.cholesky()?.l();
+    let inverse = root.try_inverse()?;
+    let relative = (inverse * b * inverse.transpose()).symmetric_eigen();
+    let larger = relative.eigenvalues.map(|value| value.max(1.0));
+    let axes = root * relative.eigenvectors;
+    Some(axes * Matrix3::from_diagonal(&larger) * axes.transpose())
+}
+
 impl Objective<'_> {
-    /// The minima in valleys near a place at which descent stalled.
-    pub(super) fn valley_minima(&self, stalled: &Placed) -> Vec<Settled> {
-        let Some(edges) = self.edges_near(stalled) else { return Vec::new() };
-        let subsets = 1_usize..1 << edges.len();
-        let chosen =
-            |subset: usize| (0..edges.len()).filter(|k| subset >> k & 1 == 1).map(|k| edges[k]).collect::<Vec<_>>();
-        subsets.filter_map(|subset| self.minimum_along(stalled, &chosen(subset))).collect()
+    /// The minima in valleys near a place at which descent stalled; where there is none, lower places along the valleys
+    /// to go on from.
+    pub(super) fn along_valleys(&self, stalled: &Placed) -> Along {
+        let (mut minima, mut lower) = (Vec::new(), Vec::new());
+        let edges = self.edges_near(stalled).unwrap_or_default();
+        for subset in 1_usize..1 << edges.len() {
+            let chosen: Vec<_> = (0..edges.len()).filter(|k| subset >> k & 1 == 1).map(|k| edges[k]).collect();
+            let Some(end) = self.end_along(stalled, &chosen) else { continue };
+            match self.minimum_at(&end, &chosen) {
+                Some(minimum) => minima.push(minimum),
+                None => lower.extend(self.lower_between(stalled, &end)),
+            }
+        }
+        Along { minima, lower }
     }
 
     /// The edges nearest to pointing at a sensor that sees too much of the part.
@@ -77,8 +118,8 @@ impl Objective<'_> {
         Some(edges)
     }
 
-    /// The minimum with these edges pointing at their sensors, if it is one of χ².
-    fn minimum_along(&self, start: &Placed, edges: &[Edge]) -> Option<Settled> {
+    /// Where χ² is least with these edges pointing at their sensors.
+    fn end_along(&self, start: &Placed, edges: &[Edge]) -> Option<Placed> {
         let mut placed = *start;
         for _ in 0..STEPS_MAX {
             let step = self.step_along(&placed, edges)?;
@@ -87,11 +128,44 @@ impl Objective<'_> {
                 break;
             }
         }
-        let held = self.held(&placed, edges)?;
-        let free = self.quadratic(&placed)?;
+        Some(placed)
+    }
+
+    /// The end of a valley, if it is a minimum of χ².
+    fn minimum_at(&self, placed: &Placed, edges: &[Edge]) -> Option<Settled> {
+        let held = self.held(placed, edges)?;
+        let free = self.quadratic(placed)?;
         let is_outermost = (free.cost - held.cost).abs() <= HELD_ROUNDING * (1.0 + free.cost);
-        let settled = Settled { placed, chi2: free.cost, information: held.curvature, at_corner_change: true };
-        (is_outermost && self.is_balanced(&placed, edges, &held)).then_some(settled)
+        let is_minimum = is_outermost && self.is_balanced(placed, edges, &held);
+        let information = is_minimum.then(|| self.information_of_all(placed, edges)).flatten()?;
+        Some(Settled { placed: *placed, chi2: free.cost, information, at_corner_change: true })
+    }
+
+    /// A place between two, the second if it can be, that is lower than the first: the valley's end may lie beyond
+    /// another corner change.
+    fn lower_between(&self, from: &Placed, to: &Placed) -> Option<Placed> {
+        let least = self.quadratic(from)?.cost;
+        let whole = self.difference(to, from);
+        let shares = std::iter::successors(Some(1.0), |share| Some(share / 2.0)).take(HALVINGS);
+        let mut places = shares.map(|share| self.stepped(from, &(whole * share)));
+        places.find(|placed| {
+            self.quadratic(placed).is_some_and(|quadratic| least - quadratic.cost > PROGRESS_MIN * (1.0 + least))
+        })
+    }
+
+    /// What is known of the pose whichever ends of the edges are the outermost: the inverse of the covariance that
+    /// covers those of all. Which end comes first is a matter of rounding, and must not decide.
+    fn information_of_all(&self, placed: &Placed, edges: &[Edge]) -> Option<Matrix3<f64>> {
+        let ends = 0_usize..1 << edges.len();
+        let mut covariances: Vec<Matrix3<f64>> = ends
+            .filter_map(|ends| {
+                let turned = edges.iter().enumerate().map(|(k, edge)| edge.from_end(ends >> k & 1));
+                self.held(placed, &turned.collect::<Vec<_>>())?.curvature.try_inverse()
+            })
+            .collect();
+        // In an order that no frame and no rounding changes.
+        covariances.sort_by(|a, b| a.trace().total_cmp(&b.trace()));
+        covariances.into_iter().reduce(|a, b| covering(&a, &b).unwrap_or(b))?.try_inverse()
     }
 
     /// χ² with the first corner of each edge held.

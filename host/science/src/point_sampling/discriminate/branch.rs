@@ -32,7 +32,6 @@ const WHOLE: f64 = 1e-6;
 pub(super) struct Branch<'a> {
     columns: &'a Columns,
     cuts: Cuts<'a>,
-    least: usize,
     budget: u64,
     stop: Stop<'a>,
     /// Linear programs solved so far.
@@ -47,8 +46,8 @@ pub(super) struct Branch<'a> {
 
 impl<'a> Branch<'a> {
     /// A search for less than `best`, which separates all; ends after so many programs.
-    pub(super) fn new(columns: &'a Columns, least: usize, best: Vec<usize>, budget: u64, stop: Stop<'a>) -> Self {
-        Self { columns, cuts: Cuts::new(columns, least), least, budget, stop, nodes: 0, best, limit: 0, root_bound: 0 }
+    pub(super) fn new(columns: &'a Columns, best: Vec<usize>, budget: u64, stop: Stop<'a>) -> Self {
+        Self { columns, cuts: Cuts::new(columns), budget, stop, nodes: 0, best, limit: 0, root_bound: 0 }
     }
 
     /// The least number of columns that is proven to be needed; `best` is then as good as was found.
@@ -153,18 +152,11 @@ impl<'a> Branch<'a> {
             rows.into_iter().for_each(|row| program.add(row));
             return self.tighten(&mut program, ROUNDS_BELOW).is_none() || self.descend(program);
         }
-        if choice.len() < self.limit && self.is_enough(&choice) {
+        if choice.len() < self.limit && self.columns.are_separated_by(&choice) {
             self.limit = choice.len();
             self.best = choice;
         }
         true
-    }
-
-    fn is_enough(&self, choice: &[usize]) -> bool {
-        let apart = |a: usize, b: usize| {
-            choice.iter().filter(|&&column| self.columns.separates(column, a, b)).count() >= self.least
-        };
-        (0..self.columns.sets).all(|a| (0..a).all(|b| apart(a, b)))
     }
 
     /// The column to branch on: of some that look good, the one whose both branches raise the bound most, tried for

@@ -1,6 +1,7 @@
 //! Rows that every choice of columns fulfils, as far as given shares violate them.
 //!
-//! - A **pair** of sets differs by one chosen column at least (by `least`, if misreads are to be survived).
+//! - A **pair** of sets differs by one chosen column at least (by what is demanded of it, if misreads are to be
+//!   survived).
 //! - Of three sets a column that separates any separates exactly two of the three pairs, so **three sets** need two
 //!   columns. This is half the sum of the pairs' rows with its right side rounded up.
 //! - **Counting**: chosen columns that touch a group T of sets give each a code, the columns that it is in. At most one
@@ -8,9 +9,8 @@
 //!   `Σ_p (|T ∩ p| + [T touches p]) x_p ≥ 2 (|T| − 1)`. This decides sparse scenes, where plain pairs bound only half
 //!   of what is needed. The group that violates it most is a closure of largest weight, that is, a minimum cut.
 
-use super::local::pair_number;
 use super::simplex::Row;
-use super::system::Columns;
+use super::system::{Columns, pair_number};
 use crate::math::bits::BitSet;
 
 /// A row counts as violated by more than this: rows violated by less cost more than they bring.
@@ -30,13 +30,11 @@ const TRIPLE_SETS_MAX: usize = 160;
 #[derive(Debug)]
 pub(super) struct Cuts<'a> {
     columns: &'a Columns,
-    /// Chosen columns by which each pair must differ.
-    least: usize,
 }
 
 impl<'a> Cuts<'a> {
-    pub(super) fn new(columns: &'a Columns, least: usize) -> Self {
-        Self { columns, least }
+    pub(super) fn new(columns: &'a Columns) -> Self {
+        Self { columns }
     }
 
     /// Rows that these shares violate.
@@ -44,7 +42,10 @@ impl<'a> Cuts<'a> {
         let distances = self.distances(shares);
         let mut rows = self.pairs(&distances);
         rows.extend(self.triples(&distances));
-        rows.extend(self.counting(shares, thorough));
+        // Counting asks that any two sets differ at all.
+        if self.columns.demands.fewest > 0 {
+            rows.extend(self.counting(shares, thorough));
+        }
         rows
     }
 
@@ -67,17 +68,17 @@ impl<'a> Cuts<'a> {
     }
 
     fn pairs(&self, distances: &[f64]) -> Vec<Row> {
-        let least = real(self.least);
         let mut found = Vec::new();
         for a in 0..self.columns.sets {
             for b in 0..a {
                 let distance = distances[pair_number(a, b)];
-                if distance < least - VIOLATION {
-                    found.push((distance, [a, b]));
+                let missing = real(self.columns.demands.of(pair_number(a, b))) - distance;
+                if missing > VIOLATION {
+                    found.push((missing, [a, b]));
                 }
             }
         }
-        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        found.sort_by(|a, b| b.0.total_cmp(&a.0));
         // Of the worst, each set once or twice: rows of one set say nearly the same.
         let mut used = vec![0; self.columns.sets];
         let mut rows = Vec::new();
@@ -93,12 +94,15 @@ impl<'a> Cuts<'a> {
     /// The row of a pair.
     pub(super) fn pair_row(&self, a: usize, b: usize) -> Row {
         let separating = (0..self.columns.len()).filter(|&column| self.columns.separates(column, a, b));
-        Row { terms: separating.map(|column| (number(column), 1.0)).collect(), right: real(self.least) }
+        Row {
+            terms: separating.map(|column| (number(column), 1.0)).collect(),
+            right: real(self.columns.demands.of(pair_number(a, b))),
+        }
     }
 
     fn triples(&self, distances: &[f64]) -> Vec<Row> {
         let n = self.columns.sets;
-        if n > TRIPLE_SETS_MAX || self.least > 1 {
+        if n > TRIPLE_SETS_MAX || self.columns.demands.most > 1 {
             return Vec::new();
         }
         let mut found = Vec::new();

@@ -2,7 +2,7 @@
 //!
 //! It needs at most 1 + ln(n²/4) < 2 ln n times as many columns as are needed at all.
 
-use super::system::Columns;
+use super::system::{Columns, pair_number};
 use crate::math::bits::BitSet;
 
 /// Columns that separate every pair, or as many pairs as can be; the first of equals is taken.
@@ -36,13 +36,13 @@ fn split(columns: &Columns, column: usize, class: &BitSet) -> impl Iterator<Item
     [inside, outside].into_iter().filter(|class| class.row().count() > 1)
 }
 
-/// As [`greedy`], until every pair is separated by so many different columns as there are, or `least`.
-pub(super) fn greedy_multiple(columns: &Columns, least: usize) -> Vec<usize> {
-    if least <= 1 {
+/// As [`greedy`], until every pair is separated by so many different columns as are demanded, or as there are.
+pub(super) fn greedy_multiple(columns: &Columns) -> Vec<usize> {
+    if columns.demands.most <= 1 {
         return greedy(columns);
     }
     let pairs: Vec<[usize; 2]> = (0..columns.sets).flat_map(|i| (0..i).map(move |j| [i, j])).collect();
-    let mut missing = vec![least; pairs.len()];
+    let mut missing: Vec<usize> = pairs.iter().map(|&[a, b]| columns.demands.of(pair_number(a, b))).collect();
     let (mut free, mut chosen) = (vec![true; columns.len()], Vec::new());
     loop {
         let gain = |column: usize| {

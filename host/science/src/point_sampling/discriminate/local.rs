@@ -3,7 +3,7 @@
 //!
 //! Deterministic: the same columns give the same choice.
 
-use super::system::Columns;
+use super::system::{Columns, pair_number};
 use crate::search::Stop;
 
 /// Entries of the list of columns that separate each pair, at most: beyond it the search would take gigabytes.
@@ -12,7 +12,8 @@ const ENTRIES_MAX: usize = 60_000_000;
 /// The state of the search.
 pub(super) struct Local<'a> {
     columns: &'a Columns,
-    least: u32,
+    /// By how many chosen columns each pair is to differ.
+    least: Vec<u32>,
     /// Columns that separate each pair.
     separators: Vec<Vec<u32>>,
     /// Pairs that each column separates.
@@ -38,7 +39,7 @@ const NOWHERE: u32 = u32::MAX;
 
 impl<'a> Local<'a> {
     /// A search from a choice that separates every pair; none if the problem is too large to be held.
-    pub(super) fn new(columns: &'a Columns, least: usize, start: &[usize]) -> Option<Self> {
+    pub(super) fn new(columns: &'a Columns, start: &[usize]) -> Option<Self> {
         let n = columns.sets;
         let entries: usize = columns.sides.iter().map(|side| side.row().count()).map(|side| side * (n - side)).sum();
         if entries > ENTRIES_MAX {
@@ -54,7 +55,7 @@ impl<'a> Local<'a> {
         let width = columns.len();
         let mut search = Self {
             columns,
-            least: to_u32(least),
+            least: (0..count).map(|pair| to_u32(columns.demands.of(pair))).collect(),
             separators,
             pairs,
             weight: vec![1; count],
@@ -62,13 +63,15 @@ impl<'a> Local<'a> {
             chosen: vec![false; width],
             score: vec![0; width],
             changed: vec![0; width],
-            open: (0..to_u32(count)).collect(),
-            place: (0..to_u32(count)).collect(),
+            open: Vec::new(),
+            place: vec![NOWHERE; count],
             random: 0x9E37_79B9_7F4A_7C15,
             step: 1,
             work: 0,
         };
-        search.score = search.pairs.iter().map(|pairs| i64::try_from(pairs.len()).unwrap_or(i64::MAX)).collect();
+        let open: Vec<usize> = (0..count).filter(|&pair| search.least[pair] > 0).collect();
+        open.into_iter().for_each(|pair| search.reopen(pair));
+        search.score = (0..width).map(|column| search.score_of(column)).collect();
         start.iter().for_each(|&column| search.add(column));
         Some(search)
     }
@@ -143,11 +146,11 @@ impl<'a> Local<'a> {
             let pair = self.pairs[column][index] as usize;
             self.count[pair] += 1;
             let count = self.count[pair];
-            if count == self.least {
+            if count == self.least[pair] {
                 self.close(pair);
                 // Nothing is gained here any more; what is chosen loses as much as before.
                 self.shift(pair, -self.weight[pair], false, column);
-            } else if count == self.least + 1 {
+            } else if count == self.least[pair] + 1 {
                 self.shift(pair, -self.weight[pair], true, column);
             }
         }
@@ -163,10 +166,10 @@ impl<'a> Local<'a> {
             let pair = self.pairs[column][index] as usize;
             self.count[pair] -= 1;
             let count = self.count[pair];
-            if count + 1 == self.least {
+            if count + 1 == self.least[pair] {
                 self.reopen(pair);
                 self.shift(pair, self.weight[pair], false, column);
-            } else if count == self.least {
+            } else if count == self.least[pair] {
                 self.shift(pair, self.weight[pair], true, column);
             }
         }
@@ -176,9 +179,9 @@ impl<'a> Local<'a> {
 
     /// What a column gains, or loses if it is chosen: the weight of pairs with too few others.
     fn score_of(&self, column: usize) -> i64 {
-        let most = if self.chosen[column] { self.least } else { self.least - 1 };
+        let one = u32::from(!self.chosen[column]);
         let pairs = self.pairs[column].iter().map(|&pair| pair as usize);
-        pairs.filter(|&pair| self.count[pair] <= most).map(|pair| self.weight[pair]).sum()
+        pairs.filter(|&pair| self.count[pair] + one <= self.least[pair]).map(|pair| self.weight[pair]).sum()
     }
 
     /// Changes the scores of the columns on one side of the choice that separate a pair.
@@ -216,12 +219,6 @@ fn pairs_of(sets: usize, side: &crate::math::bits::BitSet) -> Vec<u32> {
         side.row().iter().flat_map(|a| others.iter().map(move |&b| to_u32(pair_number(a, b)))).collect();
     pairs.sort_unstable();
     pairs
-}
-
-/// The number of a pair of different sets.
-pub(super) fn pair_number(a: usize, b: usize) -> usize {
-    let (low, high) = (a.min(b), a.max(b));
-    high * (high - 1) / 2 + low
 }
 
 fn to_u32(number: usize) -> u32 {

@@ -4,14 +4,15 @@ use super::branch::Branch;
 use super::greedy::greedy_multiple;
 use super::local::Local;
 use super::partition::{Order, Outcome, Partition, SETS_MAX, log2_ceil};
-use super::system::{Columns, SetSystem};
+use super::system::{Columns, Demands, SetSystem};
 use crate::search::Stop;
 
 /// What is asked for.
 #[derive(Clone, Copy)]
 pub struct Search<'a> {
     /// By how many chosen elements any two sets must differ: 1 to tell them apart, `t + 1` to notice `t` wrong answers
-    /// or to do without `t` answers, `2 t + 1` to correct `t` wrong answers.
+    /// or to do without `t` answers, `2 t + 1` to correct `t` wrong answers. Sets that differ by fewer elements of the
+    /// system differ by all of these.
     pub separation: usize,
     /// A choice of this size is good enough: 0 to look for the smallest.
     pub target: usize,
@@ -117,7 +118,7 @@ const ROUNDS_BRIEF: u32 = 2;
 #[must_use]
 pub fn fewest(system: &SetSystem, order: &[usize], search: &Search<'_>) -> Choice {
     let separation = search.separation.max(1);
-    let columns = Columns::new(system, order, separation);
+    let columns = Columns::new(system, order, Demands::new(system, separation));
     let parts = if separation == 1 && search.target == 0 && search.effort == Effort::Full {
         components(&columns)
     } else {
@@ -144,28 +145,35 @@ struct Found {
 struct Rounds<'a> {
     columns: &'a Columns,
     search: &'a Search<'a>,
-    separation: usize,
     found: Found,
 }
 
 impl<'a> Rounds<'a> {
     fn new(columns: &'a Columns, search: &'a Search<'a>) -> Self {
-        let separation = search.separation.max(1);
-        let digits = log2_ceil(u32::try_from(columns.sets).unwrap_or(u32::MAX))
-            + (separation - 1) * usize::from(columns.sets > 1);
+        let demands = &columns.demands;
+        let digits = match columns.sets {
+            0 | 1 => 0,
+            // Without all but one of the columns by which the nearest sets differ the codes still differ (Singleton).
+            sets if demands.fewest > 0 => {
+                let digits = log2_ceil(u32::try_from(sets).unwrap_or(u32::MAX)) + demands.fewest - 1;
+                digits.max(demands.largest())
+            }
+            _ => demands.largest(),
+        };
         let proof = Proof { digits, ..Proof::default() };
-        let greedy = greedy_multiple(columns, separation);
-        Self { columns, search, separation, found: Found { columns: greedy, lower_bound: digits, proof } }
+        let greedy = greedy_multiple(columns);
+        Self { columns, search, found: Found { columns: greedy, lower_bound: digits, proof } }
     }
 
     fn run(mut self) -> Found {
         // Sets that nothing tells apart have no bound of their own: the greedy choice separates what can be.
-        if self.search.effort == Effort::Greedy || self.is_over() || !self.is_separated() {
+        if self.search.effort == Effort::Greedy || self.is_over() || !self.columns.are_separated_by(&self.found.columns)
+        {
             self.found.lower_bound = self.found.lower_bound.min(self.found.columns.len());
             return self.found;
         }
         let start = self.found.columns.clone();
-        let mut local = Local::new(self.columns, self.separation, &start);
+        let mut local = Local::new(self.columns, &start);
         // Up to one less than is known: whether that many are enough is asked when local search has found what it can.
         self.refute(REFUTED_AT_ONCE, 1);
         for round in 0.. {
@@ -211,13 +219,6 @@ impl<'a> Rounds<'a> {
         self.found.columns.len() <= self.found.proof.digits + DENSE_EXTRA
     }
 
-    fn is_separated(&self) -> bool {
-        let apart = |a: usize, b: usize| {
-            self.found.columns.iter().filter(|&&column| self.columns.separates(column, a, b)).count() >= self.separation
-        };
-        (0..self.columns.sets).all(|a| (0..a).all(|b| apart(a, b)))
-    }
-
     fn improve(&mut self, columns: Vec<usize>) {
         if columns.len() < self.found.columns.len() {
             self.found.columns = columns;
@@ -231,7 +232,7 @@ impl<'a> Rounds<'a> {
     /// Raises the bound while no so few columns are enough, until the states are used up or it is so far below what is
     /// known.
     fn refute(&mut self, states: u64, below: usize) {
-        if self.separation > 1 || self.columns.sets > SETS_MAX {
+        if self.columns.demands.most > 1 || self.columns.sets > SETS_MAX {
             return;
         }
         let mut partition = Partition::new(states, Order::Fewest, self.search.stop);
@@ -247,7 +248,7 @@ impl<'a> Rounds<'a> {
 
     /// Looks for one column fewer until there is none, or until the states are used up.
     fn partition(&mut self, states: u64, order: Order) {
-        if self.separation > 1 || self.columns.sets > SETS_MAX {
+        if self.columns.demands.most > 1 || self.columns.sets > SETS_MAX {
             return;
         }
         let mut partition = Partition::new(states, order, self.search.stop);
@@ -267,7 +268,7 @@ impl<'a> Rounds<'a> {
             return;
         }
         let best = self.found.columns.clone();
-        let mut branch = Branch::new(self.columns, self.separation, best, programs, self.search.stop);
+        let mut branch = Branch::new(self.columns, best, programs, self.search.stop);
         let bound = branch.run(self.found.lower_bound, self.search.target);
         self.found.lower_bound = self.found.lower_bound.max(bound);
         self.found.proof.program = self.found.proof.program.max(branch.root_bound);
@@ -367,7 +368,7 @@ fn solve_part(
     });
     let system = SetSystem::new(sets.len() + usize::from(with_empty), elements.collect());
     let order: Vec<usize> = (0..own.len()).collect();
-    let part = Columns::new(&system, &order, 1);
+    let part = Columns::new(&system, &order, Demands::new(&system, 1));
     let found = Rounds::new(&part, search).run();
     let chosen = found.columns.iter().map(|&column| own[part.elements[column]]).collect();
     Found { columns: chosen, ..found }

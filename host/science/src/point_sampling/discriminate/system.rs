@@ -66,13 +66,28 @@ impl SetSystem {
     #[must_use]
     pub fn separation(&self, elements: &[usize]) -> Option<usize> {
         let codes: Vec<_> = (0..self.sets).map(|set| self.code(set, elements)).collect();
-        let distance = |a: &BitSet, b: &BitSet| {
-            let mut difference = a.clone();
-            difference.toggle(b.row());
-            difference.row().count()
-        };
+        let distance = |a: &BitSet, b: &BitSet| distance_up_to(a, b, usize::MAX);
         let pairs = codes.iter().enumerate().flat_map(|(i, a)| codes[..i].iter().map(move |b| distance(a, b)));
         pairs.min()
+    }
+
+    /// Pairs of sets, the lesser number first, that differ by fewer than `least` of these elements, and by how many.
+    #[must_use]
+    pub fn shortfalls(&self, elements: &[usize], least: usize) -> Vec<([usize; 2], usize)> {
+        let codes: Vec<_> = (0..self.sets).map(|set| self.code(set, elements)).collect();
+        let of = |i: usize| (i + 1..codes.len()).map(move |j| [i, j]);
+        let differ = |[i, j]: [usize; 2]| ([i, j], distance_up_to(&codes[i], &codes[j], least));
+        (0..codes.len()).flat_map(of).map(differ).filter(|(_, count)| *count < least).collect()
+    }
+
+    /// Whether any two sets differ by `least` of these elements, or by as many as they differ by at all.
+    #[must_use]
+    pub fn keeps_apart(&self, elements: &[usize], least: usize) -> bool {
+        self.shortfalls(elements, least) == self.shortfalls(&self.all(), least)
+    }
+
+    fn all(&self) -> Vec<usize> {
+        (0..self.elements()).collect()
     }
 
     /// Which of these elements a set has.
@@ -85,19 +100,65 @@ impl SetSystem {
     /// Pairs of sets, the lesser number first, that differ by fewer than `least` elements of all.
     #[must_use]
     pub fn closer_than(&self, least: usize) -> Vec<[usize; 2]> {
-        let all: Vec<usize> = (0..self.elements()).collect();
-        let codes: Vec<_> = (0..self.sets).map(|set| self.code(set, &all)).collect();
-        let is_close = |a: &BitSet, b: &BitSet| {
-            let (a, b) = (a.row().words(), b.row().words());
-            let mut count = 0;
-            a.iter().zip(b).all(|(p, q)| {
-                count += (p ^ q).count_ones() as usize;
-                count < least
-            })
-        };
-        let of = |i: usize| (i + 1..codes.len()).map(move |j| [i, j]);
-        (0..codes.len()).flat_map(of).filter(|&[i, j]| is_close(&codes[i], &codes[j])).collect()
+        self.shortfalls(&self.all(), least).into_iter().map(|(pair, _)| pair).collect()
     }
+}
+
+/// In how many places two codes differ; `most` where they differ in so many or more.
+fn distance_up_to(a: &BitSet, b: &BitSet, most: usize) -> usize {
+    let mut count = 0;
+    for (p, q) in a.row().words().iter().zip(b.row().words()) {
+        count += (p ^ q).count_ones() as usize;
+        if count >= most {
+            return most;
+        }
+    }
+    count
+}
+
+/// By how many columns each pair of sets is to differ.
+///
+/// That two sets differ by fewer elements than are asked for says nothing about a third set: being close is not
+/// transitive, so each pair has a demand of its own.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Demands {
+    /// What is asked for.
+    pub most: usize,
+    /// The least of all pairs.
+    pub fewest: usize,
+    /// Of each pair, by [`pair_number`]; empty where it is `most` for all.
+    of_pair: Vec<usize>,
+}
+
+impl Demands {
+    /// `separation` of any two sets that differ by so many elements of the system; all by which they differ of others.
+    pub(super) fn new(system: &SetSystem, separation: usize) -> Self {
+        // Sets that nothing tells apart are told from what is chosen: see `Rounds`.
+        let short = if separation > 1 { system.shortfalls(&system.all(), separation) } else { Vec::new() };
+        let fewest = short.iter().map(|(_, count)| *count).min().unwrap_or(separation);
+        let mut of_pair = Vec::new();
+        if !short.is_empty() {
+            of_pair = vec![separation; system.sets * system.sets.saturating_sub(1) / 2];
+            short.iter().for_each(|&([i, j], count)| of_pair[pair_number(i, j)] = count);
+        }
+        Self { most: separation, fewest, of_pair }
+    }
+
+    /// Of a pair, by its [`pair_number`].
+    pub(super) fn of(&self, pair: usize) -> usize {
+        self.of_pair.get(pair).copied().unwrap_or(self.most)
+    }
+
+    /// The largest of any pair.
+    pub(super) fn largest(&self) -> usize {
+        self.of_pair.iter().copied().max().unwrap_or(self.most)
+    }
+}
+
+/// The number of a pair of different sets.
+pub(super) fn pair_number(a: usize, b: usize) -> usize {
+    let (low, high) = (a.min(b), a.max(b));
+    high * (high - 1) / 2 + low
 }
 
 /// The elements that matter, as columns: none that is in all sets or in none, and of those that separate the same pairs
@@ -111,14 +172,19 @@ pub(super) struct Columns {
     pub holders: Vec<BitSet>,
     /// The element that each column stands for.
     pub elements: Vec<usize>,
+    /// By how many chosen columns each pair of sets is to differ.
+    pub demands: Demands,
 }
 
 impl Columns {
-    /// Of elements that separate the same pairs keeps the `copies` that come first in `order`.
-    pub(super) fn new(system: &SetSystem, order: &[usize], copies: usize) -> Self {
+    /// Of elements that separate the same pairs keeps those that come first in `order`, as many as any two sets are to
+    /// differ by.
+    pub(super) fn new(system: &SetSystem, order: &[usize], demands: Demands) -> Self {
+        let copies = demands.most;
         let all = BitSet::full(system.sets);
         let mut known: HashMap<BitSet, usize> = HashMap::new();
-        let mut columns = Self { sets: system.sets, sides: Vec::new(), holders: Vec::new(), elements: Vec::new() };
+        let (sides, holders, elements) = (Vec::new(), Vec::new(), Vec::new());
+        let mut columns = Self { sets: system.sets, sides, holders, elements, demands };
         for &element in order {
             let mut side = system.holders[element].clone();
             if system.sets > 0 && side.row().has(0) {
@@ -147,5 +213,13 @@ impl Columns {
     pub(super) fn separates(&self, column: usize, a: usize, b: usize) -> bool {
         let side = self.sides[column].row();
         side.has(a) != side.has(b)
+    }
+    /// Whether these columns separate every pair as often as is demanded.
+    pub(super) fn are_separated_by(&self, chosen: &[usize]) -> bool {
+        let apart = |a: usize, b: usize| {
+            let separating = chosen.iter().filter(|&&column| self.separates(column, a, b)).count();
+            separating >= self.demands.of(pair_number(a, b))
+        };
+        (0..self.sets).all(|a| (0..a).all(|b| apart(a, b)))
     }
 }

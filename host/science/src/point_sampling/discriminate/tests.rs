@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 use super::cuts::Cuts;
 use super::partition::{Order, Outcome, Partition, distances, log2_ceil};
-use super::system::Columns;
+use super::system::{Columns, Demands};
 use super::*;
 use crate::math::bits::BitSet;
 
@@ -26,14 +26,16 @@ fn subsets(count: usize) -> Vec<Vec<usize>> {
     subsets
 }
 
-/// The size of the smallest choice, by trying all; sets are compared as sets of elements.
+/// The size of the smallest choice, by trying all; sets are compared as sets of elements. None where `separation` is 1
+/// and two sets are equal.
 fn by_exhaustion(system: &SetSystem, separation: usize) -> Option<usize> {
     let sets: Vec<BTreeSet<usize>> = (0..system.sets())
         .map(|set| (0..system.elements()).filter(|&element| system.holders(element).has(set)).collect())
         .collect();
     let enough = |choice: &Vec<usize>| {
         let differ = |a: &BTreeSet<usize>, b: &BTreeSet<usize>| {
-            choice.iter().filter(|element| a.contains(element) != b.contains(element)).count() >= separation
+            let demand = if separation > 1 { a.symmetric_difference(b).count().min(separation) } else { 1 };
+            choice.iter().filter(|element| a.contains(element) != b.contains(element)).count() >= demand
         };
         (0..sets.len()).all(|i| (0..i).all(|j| differ(&sets[i], &sets[j])))
     };
@@ -58,7 +60,7 @@ proptest! {
             return Ok(());
         };
         let choice = solve(&system, separation);
-        prop_assert!(system.separation(&choice.elements).is_none_or(|found| found >= separation));
+        prop_assert!(system.keeps_apart(&choice.elements, separation));
         prop_assert_eq!((choice.elements.len(), choice.lower_bound), (least, least), "{:?}", choice);
     }
 
@@ -72,7 +74,7 @@ proptest! {
         let (sets, holders) = holders;
         let of = |mask: &u32| BitSet::of(sets, (0..sets).filter(|set| mask >> set & 1 == 1));
         let system = SetSystem::new(sets, holders.iter().map(of).collect());
-        let columns = Columns::new(&system, &all(&system), 1);
+        let columns = Columns::new(&system, &all(&system), Demands::new(&system, 1));
         let least = by_exhaustion(&system, 1);
         let order = if first_most { Order::Most } else { Order::Fewest };
         for size in 0..=columns.len() {
@@ -121,10 +123,10 @@ proptest! {
 
     #[test]
     fn every_choice_that_tells_apart_keeps_every_counting_row(system in systems(2..9, 9), group in 1..512_usize) {
-        let columns = Columns::new(&system, &all(&system), 1);
+        let columns = Columns::new(&system, &all(&system), Demands::new(&system, 1));
         let group = BitSet::of(system.sets(), (0..system.sets()).filter(|set| group >> set & 1 == 1));
         prop_assume!(group.row().count() > 1);
-        let row = Cuts::new(&columns, 1).counting_row(&group);
+        let row = Cuts::new(&columns).counting_row(&group);
         for choice in subsets(columns.len()) {
             let elements: Vec<usize> = choice.iter().map(|&column| columns.elements[column]).collect();
             let apart = group.row().iter().map(|set| system.code(set, &elements)).collect::<BTreeSet<_>>().len() == group.row().count();
@@ -192,7 +194,7 @@ fn as_many_sets_as_fit_a_mask_are_told_apart_by_their_digits() {
     let sets: Vec<Vec<usize>> =
         (0..64_usize).map(|i| (0..6).filter(|bit| i >> bit & 1 == 1).chain(6..6 + i).collect()).collect();
     let system = SetSystem::from_sets(6 + 63, &sets);
-    let columns = Columns::new(&system, &all(&system), 1);
+    let columns = Columns::new(&system, &all(&system), Demands::new(&system, 1));
     let search = |size| Partition::new(u64::MAX, Order::Fewest, &|| false).search(&columns, size);
     assert_eq!(search(5), Outcome::Refuted);
     let Outcome::Found(found) = search(6) else { panic!("6 digits are enough") };

@@ -35,6 +35,7 @@ use super::mechanics::{Model, Spin, specific_force};
 use super::palm::PalmAcceleration;
 use crate::math::least_squares::Enough;
 use crate::search::{Halt, Searched, Stop, never};
+pub use search::Coverage;
 
 /// The largest ratio of semi-axes to search: a body with such axes is a needle or a blade, and still strictly convex.
 const AXIS_RATIO_MAX: f64 = 100.0;
@@ -43,19 +44,17 @@ const AXIS_RATIO_MAX: f64 = 100.0;
 const WINDOW_MIN: f64 = 0.25;
 
 /// Widths of the search, tried in turn until one explains the readings well; what the others found is kept.
-const WIDTHS: [Width; 4] = [
-    Width { attitudes: 4000, rolled: 300, starts: 16, kept: 8, horizon: 1.1 },
-    Width { attitudes: 8000, rolled: 1500, starts: 40, kept: 16, horizon: 2.0 },
-    Width { attitudes: 12_000, rolled: 3000, starts: 100, kept: 40, horizon: 0.6 },
-    Width { attitudes: 24_000, rolled: 8000, starts: 200, kept: 60, horizon: 3.0 },
+const WIDTHS: [Width; 3] = [
+    Width { attitudes: 2400, approached: 700, starts: [200, 30], kept: 20, horizon: 1.1 },
+    Width { attitudes: 6000, approached: 2500, starts: [500, 100], kept: 60, horizon: 2.0 },
+    Width { attitudes: 12_000, approached: 4000, starts: [600, 150], kept: 60, horizon: 0.6 },
 ];
 
 /// Widths for a search over shapes too: `attitudes` for each of [`shapes`].
-const WIDTHS_SHAPE: [Width; 4] = [
-    Width { attitudes: 1200, rolled: 1500, starts: 60, kept: 24, horizon: 1.1 },
-    Width { attitudes: 1200, rolled: 3000, starts: 100, kept: 40, horizon: 2.0 },
-    Width { attitudes: 2500, rolled: 4000, starts: 160, kept: 60, horizon: 1.1 },
-    Width { attitudes: 6000, rolled: 12_000, starts: 400, kept: 100, horizon: 3.0 },
+const WIDTHS_SHAPE: [Width; 3] = [
+    Width { attitudes: 1200, approached: 1500, starts: [300, 60], kept: 24, horizon: 1.1 },
+    Width { attitudes: 1200, approached: 3000, starts: [600, 100], kept: 40, horizon: 2.0 },
+    Width { attitudes: 3000, approached: 6000, starts: [1000, 200], kept: 60, horizon: 1.1 },
 ];
 
 /// What a set of contacts is asked for.
@@ -168,20 +167,22 @@ impl RollQuestion {
         let readings = Readings { start: 0.0, dt, u: u.to_vec(), sigma: self.noise.sigma() };
         self.check(&readings)?;
         let mut solutions = Vec::new();
+        let mut coverage = Coverage::default();
         for width in 0..WIDTHS.len() {
-            solutions.extend(self.solve(&readings, width, &halt));
+            coverage = Coverage::default();
+            solutions.extend(self.solve(&readings, width, &halt, &mut coverage));
             solutions.sort_by(|a: &Solution, b| a.fit.cost.total_cmp(&b.fit.cost));
             if halt.is_wished() {
                 break;
             }
             match self.gate(&readings).quality(&solutions) {
-                Quality::Good => break,
-                Quality::Weak if width > 0 => break,
-                Quality::Weak | Quality::Poor => {}
+                Quality::Good | Quality::Weak if coverage.left_out == 0 || width > 0 => break,
+                _ => {}
             }
         }
-        let mut searched = halt.searched(self.gate(&readings).judge(solutions));
+        let mut searched = halt.searched(self.gate(&readings).judge(solutions, coverage));
         searched.found.certified &= searched.complete;
+        searched.found.complete &= searched.complete;
         Ok(searched)
     }
 
@@ -229,21 +230,21 @@ impl RollQuestion {
     }
 
     /// The minima found for every model that may be.
-    fn solve(&self, readings: &Readings, width: usize, halt: &Halt<'_>) -> Vec<Solution> {
+    fn solve(&self, readings: &Readings, width: usize, halt: &Halt<'_>, coverage: &mut Coverage) -> Vec<Solution> {
         let mut solutions = Vec::new();
         for &spin in &self.spins {
             match &self.body {
                 BodyKnowledge::OneOf(bodies) => {
                     for (index, body) in bodies.iter().enumerate() {
                         let models = RivalModels { spin, bodies: std::slice::from_ref(body) };
-                        let found = self.solve_model(readings, models, &WIDTHS[width], halt);
+                        let found = self.solve_model(readings, models, &WIDTHS[width], halt, coverage);
                         solutions.extend(found.into_iter().map(|solution| Solution { body: index, ..solution }));
                     }
                 }
                 BodyKnowledge::Ellipsoid { range } => {
                     let shapes = shapes([*range.start(), *range.end()]);
                     let models = RivalModels { spin, bodies: &shapes };
-                    solutions.extend(self.solve_model(readings, models, &WIDTHS_SHAPE[width], halt));
+                    solutions.extend(self.solve_model(readings, models, &WIDTHS_SHAPE[width], halt, coverage));
                 }
             }
         }
@@ -269,6 +270,7 @@ impl RollQuestion {
         RivalModels { spin, bodies }: RivalModels<'_>,
         width: &Width,
         halt: &Halt<'_>,
+        coverage: &mut Coverage,
     ) -> Vec<Solution> {
         if halt.is_wished() {
             return Vec::new();
@@ -279,10 +281,11 @@ impl RollQuestion {
         let coarse = readings.averaged(pace);
         let track = coarse.search_track(self.palm(), self.g, pace);
         let specific_force = specific_force(self.palm().at(track.centre_time), self.g);
-        let found = Ground { unknowns, bodies, track: &track, specific_force, pace, halt }.search(width);
+        let sought = Ground { unknowns, bodies, track: &track, specific_force, pace, halt }.search(width);
         let fine = readings.fine_track(self.palm(), self.g, pace);
-        let best = found.first().map_or(0.0, |fit| fit.cost);
-        let worth = found.into_iter().filter(|fit| fit.cost <= best + WORTH_POLISHING);
+        coverage.add(&sought.coverage);
+        let best = sought.fits.first().map_or(0.0, |fit| fit.cost);
+        let worth = sought.fits.into_iter().filter(|fit| fit.cost <= best + WORTH_POLISHING);
         let polished =
             worth.take_while(|_| !halt.is_wished()).map(|fit| polish(&unknowns, &track, &fine, fit, self.noise));
         polished.filter(|solution| solution.fit.cost.is_finite()).collect()
@@ -302,8 +305,9 @@ const ROUND: f64 = 3.0;
 /// Least [`RollQuestion::pace`]: shorter steps would take too long.
 const PACE_MIN: f64 = 0.2;
 
-/// Cost above the best of the search up to which a fit may still turn out to be listed.
-const WORTH_POLISHING: f64 = 100.0;
+/// Cost above the best of the search up to which a fit may still turn out to be listed: what is listed, and what coarse
+/// steps and averages are off by.
+const WORTH_POLISHING: f64 = 60.0;
 
 /// Residual, in pitches, up to which a fit of rounded readings may be refined by their bounds: half a pitch if the fit
 /// were exact, more because it is not.

@@ -3,19 +3,27 @@
 //!
 //! 1. Cubics through the middle of the window give the contact's velocity `u'` and acceleration `u''`.
 //! 2. Each attitude of a spread over SO(3), modulo the body's symmetry, gets the angular velocity that makes `u'`
-//!    right; the spin about the normal, which `u'` does not see, is where `u''` comes nearest (a quartic to minimise).
-//! 3. The attitudes nearest in `u''` are rolled over a short horizon; the best and most different become starts.
-//! 4. Starts are fitted over the short horizon, the survivors over twice that, and so on to the whole window.
+//!    right; the spin about the normal, which `u'` does not see, is where `u''` comes nearest (a quartic to minimise),
+//!    and where `u''` hardly depends on it, spins all over its range. Those are within reach from which the measured
+//!    `u''` can be had by a turn of no more than a cell of the spread.
+//! 3. All within reach take one step of Gauss and Newton over a short horizon, those that promise a cost as low as the
+//!    best could have over one half as long again, and then are fitted. What comes together goes on as one.
+//! 4. The survivors are fitted over ever longer horizons, and at last to their minimum over the whole window.
+//!
+//! What could not be excluded and was not followed, because there is a limit to all lists, is counted ([`Coverage`]): a
+//! search that left out nothing knows of every minimum within a cell of the spread.
 //!
 //! Units: SI. Errors: none; nothing found is an empty list.
 
 use std::cmp::Ordering;
+use std::f64::consts::PI;
 
 use nalgebra::{Matrix2, SMatrix, SVector, UnitQuaternion, Vector2, Vector3};
 
 use super::super::body::RollingBody;
 use super::super::mechanics::{Instant, Model, RollState, RotationMatrix, Spin};
 use super::super::shape::Scaled;
+use super::super::symmetry::Symmetry;
 use super::fit::{Effort, Norm, Point, RollFit, Unknowns};
 use super::rotations::spread;
 use super::track::Track;
@@ -32,14 +40,34 @@ const HORIZON_GROWTH: f64 = 1.7;
 const SPIN_RANGE: f64 = 1.6;
 const SPIN_STEPS: i32 = 24;
 
-/// Starts nearer to each other than this are one: rad, and the same share of √(g/size) in angular velocity.
-const SAME_START: f64 = 0.08;
+/// Starts nearer to each other than this are one: rad, and the same share of √(g/size) in angular velocity. After one
+/// step from the spread, and after another.
+const SAME_START: [f64; 2] = [0.15, 0.1];
+
+/// Standard deviations by which the acceleration may be off.
+const ACCELERATION_SIGMAS: f64 = 3.5;
+
+/// Radii of a cell of the spread of attitudes within which the acceleration must come right for the cell to be within
+/// reach: more than one because the acceleration bends.
+const REACH_CELLS: f64 = 1.5;
+
+/// Turn with which the slopes of the acceleration are taken, rad.
+const SLOPE_TURN: f64 = 1e-3;
+
+/// Spins at which an attitude is tried are no further apart than this share of [`SPIN_RANGE`] where all of them fit.
+const SPIN_CELL: f64 = 0.3;
 
 /// Fits nearer to each other than this have met in one minimum: rad and the like.
 const SAME_FIT: f64 = 0.02;
 
+/// So are fits of the same readings this many standard deviations apart: along valleys descents end anywhere.
+pub(super) const SAME_DEVIATIONS: f64 = 0.5;
+
 /// A fit whose cost exceeds the best by this share and this much is left behind from one stage to the next.
 const LEFT_BEHIND: (f64, f64) = (1.0, 60.0);
+
+/// Iterations of the last fits of the search; most take five, along a valley it may be dozens.
+const ITERATIONS_LAST: usize = 60;
 
 /// Prior of the palm's unknown acceleration in the search, m/s²: short stretches cannot tell it from the attitude.
 const PALM_SIGMA: f64 = 1.0;
@@ -49,10 +77,10 @@ const PALM_SIGMA: f64 = 1.0;
 pub(super) struct Width {
     /// Attitudes over all of SO(3).
     pub(super) attitudes: usize,
-    /// Candidates to roll, best of the attitudes.
-    pub(super) rolled: usize,
-    /// Starts to fit, best of the rolled.
-    pub(super) starts: usize,
+    /// Candidates to approach at most, the nearest of those within reach.
+    pub(super) approached: usize,
+    /// Starts to approach again, at most, and to fit.
+    pub(super) starts: [usize; 2],
     /// Fits to take along from stage to stage.
     pub(super) kept: usize,
     /// Half the horizon of the first fits, in units of √(size/g): long enough for gravity to show, short enough to be
@@ -65,8 +93,48 @@ pub(super) struct Width {
 struct Candidate {
     state: RollState,
     body: usize,
-    /// Mismatch of `u''`, then cost of the roll.
-    score: f64,
+    /// Turn after which the acceleration would be right, over the radius of a cell of attitudes.
+    cells: f64,
+}
+
+/// A place to fit from, with the cost that is promised there.
+#[derive(Clone, Debug)]
+struct Promise {
+    point: Point,
+    cost: f64,
+}
+
+/// What a search covered.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Coverage {
+    /// Radius of the cell of each attitude, rad; the largest of all bodies.
+    pub cell: f64,
+    /// Attitudes tried, over all bodies, modulo their symmetries.
+    pub attitudes: usize,
+    /// Attitudes and spins from which the contact's acceleration can be reached within a cell.
+    pub within_reach: usize,
+    /// Different descents followed over the shortest stretch.
+    pub followed: usize,
+    /// Of all these those that could not be excluded and were not followed for lack of time.
+    pub left_out: usize,
+}
+
+impl Coverage {
+    /// That of two searches, each over its own part of all there is.
+    pub(super) fn add(&mut self, other: &Self) {
+        self.cell = self.cell.max(other.cell);
+        self.attitudes += other.attitudes;
+        self.within_reach += other.within_reach;
+        self.followed += other.followed;
+        self.left_out += other.left_out;
+    }
+}
+
+/// What a search found, best first, and where it looked.
+#[derive(Debug, Default)]
+pub(super) struct Sought {
+    pub(super) fits: Vec<RollFit>,
+    pub(super) coverage: Coverage,
 }
 
 /// Place, velocity and acceleration of the contact in the middle.
@@ -75,6 +143,8 @@ pub(super) struct Derivatives {
     u: Vector2<f64>,
     velocity: Vector2<f64>,
     acceleration: Vector2<f64>,
+    /// Standard deviation of a coordinate of the acceleration, m/s².
+    acceleration_sigma: f64,
 }
 
 /// Everything a search needs beside its width.
@@ -94,19 +164,34 @@ pub(super) struct Ground<'a> {
 
 impl Ground<'_> {
     /// The best fits of the search's readings, best first, all different; none where it was to halt before it had them.
-    pub(super) fn search(&self, width: &Width) -> Vec<RollFit> {
+    pub(super) fn search(&self, width: &Width) -> Sought {
         let time = self.time_unit();
         let derivatives = self.derivatives(self.track.ranks(CUBIC_HORIZON * time * self.pace));
         let mut horizon = width.horizon * time;
-        let candidates = self.roll(self.candidates(width, &derivatives), horizon, width);
-        let starts: Vec<Point> = self.starts(candidates, width.starts);
-        let mut fits = self.fit_all(starts, horizon, 8, width);
+        let mut coverage = Coverage::default();
+        let candidates = self.candidates(width, &derivatives, &mut coverage);
+        let points = candidates.iter().map(|candidate| self.point(candidate)).collect();
+        let near = self.approach(points, horizon, SAME_START[0], width.starts[0], &mut coverage);
+        coverage.followed = near.len();
+        let longer = horizon * HORIZON_GROWTH;
+        let starts = self.approach(near, longer, SAME_START[1], width.starts[1], &mut coverage);
+        let mut fits = self.fit_all(starts, longer, 4, width, &mut coverage);
+        horizon = longer;
         while self.track.ranks(horizon) < self.track.ranks_max() {
             horizon *= HORIZON_GROWTH;
-            fits = self.fit_all(fits.into_iter().map(|fit| fit.point).collect(), horizon, 6, width);
+            fits = self.fit_all(fits.into_iter().map(|fit| fit.point).collect(), horizon, 6, width, &mut coverage);
         }
+        // Costs are compared at minima alone: until nothing is gained.
+        let to_the_end = Effort {
+            enough: Enough { relative: 0.0, absolute: 1e-3, damping_max: 1.0 },
+            ..self.effort(horizon, ITERATIONS_LAST)
+        };
+        fits = self.fit_all_with(fits.into_iter().map(|fit| fit.point).collect(), &to_the_end, width, &mut coverage);
         // Fits of a part of the window would pass for more than they are.
-        if self.halt.is_wished() { Vec::new() } else { fits }
+        if self.halt.is_wished() {
+            return Sought::default();
+        }
+        Sought { fits, coverage }
     }
 
     /// √(size/g): how long the body takes to roll, s.
@@ -136,72 +221,103 @@ impl Ground<'_> {
                 }
             }
         }
-        let fitted = normal.cholesky().map_or_else(SMatrix::zeros, |cholesky| cholesky.solve(&right));
+        let cholesky = normal.cholesky();
+        let fitted = cholesky.as_ref().map_or_else(SMatrix::zeros, |cholesky| cholesky.solve(&right));
+        let bend_variance = cholesky.map_or(0.0, |cholesky| cholesky.inverse()[(2, 2)]);
         // Back to seconds: u' = c₁/T, u'' = 2c₂/T² at the middle.
         let seconds = reach * self.track.dt;
         Derivatives {
             u: fitted.row(0).transpose(),
             velocity: fitted.row(1).transpose() / seconds,
             acceleration: fitted.row(2).transpose() * (2.0 / (seconds * seconds)),
+            acceleration_sigma: self.track.sigma * bend_variance.sqrt() * 2.0 / (seconds * seconds),
         }
     }
 
-    /// Attitudes and spins, those nearest in acceleration.
-    fn candidates(&self, width: &Width, derivatives: &Derivatives) -> Vec<Candidate> {
+    /// Attitudes and spins from which the acceleration is within reach, nearest first.
+    ///
+    /// Attitudes are spread from the heading of the contact on, so that turning readings and palm turns all that follows.
+    fn candidates(&self, width: &Width, derivatives: &Derivatives, coverage: &mut Coverage) -> Vec<Candidate> {
+        let heading = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), {
+            derivatives.velocity.y.atan2(derivatives.velocity.x)
+        });
         let mut candidates = Vec::new();
         for (index, body) in self.bodies.iter().enumerate().take_while(|_| !self.halt.is_wished()) {
             let model = Model { body, spin: self.unknowns.spin };
-            for attitude in spread(body.symmetry(), width.attitudes).iter() {
-                self.spins(model, attitude, derivatives, |state, score| {
-                    candidates.push(Candidate { state, body: index, score });
+            let attitudes = spread(body.symmetry(), width.attitudes);
+            coverage.attitudes += attitudes.len();
+            let cell = cell_radius(body.symmetry(), attitudes.len());
+            coverage.cell = coverage.cell.max(cell);
+            for attitude in attitudes.iter() {
+                self.spins(model, &(heading * attitude), cell, derivatives, |state, cells| {
+                    candidates.push(Candidate { state, body: index, cells });
                 });
             }
         }
-        nearest(candidates, width.rolled)
+        candidates.retain(|candidate| candidate.cells.is_finite());
+        let reached = candidates.iter().filter(|candidate| candidate.cells <= REACH_CELLS).count();
+        coverage.within_reach = reached;
+        coverage.left_out += reached.saturating_sub(width.approached);
+        nearest(candidates, reached.clamp(width.approached / 4, width.approached))
     }
 
-    /// The spins at which an attitude comes nearest to the acceleration.
+    /// The spins at which an attitude comes nearest to the acceleration, each with the turn after which it would be
+    /// right, over the radius of a cell of attitudes.
     fn spins(
         &self,
         model: Model,
         attitude: &UnitQuaternion<f64>,
+        cell: f64,
         derivatives: &Derivatives,
         mut found: impl FnMut(RollState, f64),
     ) {
-        let orientation = attitude.into_inner();
-        let rotation = RotationMatrix::of(&orientation);
-        let hessian = model.body.shape().local(&-rotation.0[2], &Vector3::zeros()).hessian;
-        let across = |i: usize, j: usize| rotation.0[i].dot(&(hessian * rotation.0[j]));
-        // u' = (A H Aᵀ) (W_y, −W_x), because n × ω is (W_y, −W_x, 0) in palm axes.
-        let Some(inverse) = Matrix2::new(across(0, 0), across(0, 1), across(1, 0), across(1, 1)).try_inverse() else {
-            return;
+        let Some(here) = Swaying::new(model, attitude, derivatives) else { return };
+        let miss =
+            |swaying: &Swaying, spin: f64| self.acceleration(model, &swaying.state(spin)) - derivatives.acceleration;
+        // How the acceleration changes with the attitude, for the reach of a cell.
+        let turned: Vec<Swaying> = (0..3)
+            .filter_map(|axis| {
+                let turn = UnitQuaternion::from_scaled_axis(Vector3::ith(axis, SLOPE_TURN));
+                Swaying::new(model, &(turn * attitude), derivatives)
+            })
+            .collect();
+        let cells = |spin: f64, miss_here: Vector2<f64>| {
+            let off = miss_here.norm();
+            let beyond = off - ACCELERATION_SIGMAS * derivatives.acceleration_sigma;
+            if beyond <= 0.0 {
+                return 0.0;
+            }
+            let slopes = turned.iter().map(|swaying| (miss(swaying, spin) - miss_here).dot(&miss_here) / off);
+            let slope = slopes.map(|slope| slope * slope).sum::<f64>().sqrt() / SLOPE_TURN;
+            beyond / (slope * cell).max(f64::MIN_POSITIVE)
         };
-        let sway = inverse * derivatives.velocity;
-        let state = |spin: f64| {
-            let omega = rotation.to_body(&Vector3::new(-sway.y, sway.x, spin));
-            RollState { orientation, omega, u: derivatives.u }
-        };
-        let miss = |spin: f64| self.acceleration(model, &state(spin)) - derivatives.acceleration;
         if self.unknowns.spin == Spin::NoSpin {
-            return found(state(0.0), miss(0.0).norm_squared());
+            let miss = miss(&here, 0.0);
+            return found(here.state(0.0), cells(0.0, miss));
         }
         // u'' is quadratic in the spin: three values give it everywhere.
         let range = SPIN_RANGE * (self.specific_force.norm() / model.body.size()).sqrt();
-        let [low, middle, high] = [-range, 0.0, range].map(miss);
+        let [low, middle, high] = [-range, 0.0, range].map(|spin| miss(&here, spin));
         let (slope, bend) = ((high - low) * 0.5, (high + low) * 0.5 - middle);
-        let score = |x: f64| (middle + slope * x + bend * (x * x)).norm_squared();
+        let at = |x: f64| middle + slope * x + bend * (x * x);
+        let score = |x: f64| at(x).norm_squared();
         let place = |k: i32| f64::from(k) / f64::from(SPIN_STEPS);
-        let mut any = false;
+        let fits = (ACCELERATION_SIGMAS * derivatives.acceleration_sigma).powi(2);
+        let mut last = f64::NEG_INFINITY;
         for k in -SPIN_STEPS..=SPIN_STEPS {
-            let [before, here, after] = [k - 1, k, k + 1].map(|k| score(place(k)));
-            if here <= before && here < after {
-                any = true;
-                found(state(range * place(k)), here);
+            let x = place(k);
+            let [before, here_score, after] = [k - 1, k, k + 1].map(|k| score(place(k)));
+            let is_least = here_score <= before && here_score < after;
+            // Where the acceleration hardly shows the spin, spins all over the range fit.
+            let is_due = here_score <= fits && x - last >= SPIN_CELL;
+            if is_least || is_due {
+                last = x;
+                found(here.state(range * x), cells(range * x, at(x)));
             }
         }
-        if !any {
+        if last == f64::NEG_INFINITY {
             // A sphere's path does not show its spin.
-            found(state(0.0), score(0.0));
+            found(here.state(0.0), cells(0.0, middle));
         }
     }
 
@@ -217,35 +333,39 @@ impl Ground<'_> {
         Vector2::new(instant.rotation.0[0].dot(&bending), instant.rotation.0[1].dot(&bending))
     }
 
-    /// Rolls candidates over a horizon, best first.
-    fn roll(&self, mut candidates: Vec<Candidate>, horizon: f64, width: &Width) -> Vec<Candidate> {
-        let ranks = self.track.ranks(horizon);
-        for candidate in &mut candidates {
-            if self.halt.is_wished() {
-                return Vec::new();
-            }
-            candidate.score = self.unknowns.cost(self.track, &self.point(candidate), ranks);
-        }
-        nearest(candidates, 8 * width.starts)
-    }
-
     fn point(&self, candidate: &Candidate) -> Point {
         Point { state: candidate.state, body: self.bodies[candidate.body].clone(), palm: Vector3::zeros() }
     }
 
-    /// The best candidates that differ.
-    fn starts(&self, candidates: Vec<Candidate>, count: usize) -> Vec<Point> {
-        let mut starts: Vec<Candidate> = Vec::new();
-        for candidate in candidates {
-            let known = |start: &Candidate| {
-                start.body == candidate.body
-                    && self.differ(&self.bodies[start.body], &start.state, &candidate.state) < SAME_START
-            };
-            if starts.len() < count && !starts.iter().any(known) {
-                starts.push(candidate);
+    /// One step nearer from each, over a horizon; those that promise most, all different.
+    fn approach(
+        &self,
+        points: Vec<Point>,
+        horizon: f64,
+        same: f64,
+        count: usize,
+        coverage: &mut Coverage,
+    ) -> Vec<Point> {
+        let effort = self.effort(horizon, 1);
+        let points = points.into_iter().take_while(|_| !self.halt.is_wished());
+        let approached = points.filter_map(|point| self.unknowns.approach(self.track, &point, &effort));
+        let mut promises: Vec<Promise> =
+            approached.map(|approach| Promise { point: approach.point, cost: approach.promised }).collect();
+        promises.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        let best = promises.first().map_or(0.0, |promise| promise.cost);
+        let mut kept: Vec<Point> = Vec::new();
+        for Promise { point, cost } in promises {
+            if cost > left_behind(best) || kept.iter().any(|other| self.differ_points(other, &point) < same) {
+                continue;
             }
+            if kept.len() < count { kept.push(point) } else { coverage.left_out += 1 }
         }
-        starts.iter().map(|start| self.point(start)).collect()
+        kept
+    }
+
+    fn differ_points(&self, a: &Point, b: &Point) -> f64 {
+        let axes = (a.body.inertia() - b.body.inertia()).norm() / a.body.inertia().norm();
+        self.differ(&a.body, &a.state, &b.state).max(axes)
     }
 
     /// How different two states are: the angle modulo symmetry, and the angular velocity in palm axes in units of
@@ -256,49 +376,112 @@ impl Ground<'_> {
         body.symmetry().angle(&x, &y).hypot((x * a.omega - y * b.omega).norm() / rate)
     }
 
-    /// Fits each over a horizon; leaves behind what is hopeless and what has met another.
-    fn fit_all(&self, points: Vec<Point>, horizon: f64, iterations: usize, width: &Width) -> Vec<RollFit> {
+    fn effort(&self, horizon: f64, iterations: usize) -> Effort {
         let palm_sigma = if self.unknowns.columns.palm { PALM_SIGMA } else { f64::INFINITY };
-        let effort = Effort {
+        Effort {
             ranks: self.track.ranks(horizon),
             iterations,
             enough: Enough { relative: 1e-3, absolute: 0.02, damping_max: 1.0 },
             palm_sigma,
             norm: Norm::Squares,
-        };
+        }
+    }
+
+    /// Fits each over a horizon; leaves behind what is hopeless and what has met another.
+    fn fit_all(
+        &self,
+        points: Vec<Point>,
+        horizon: f64,
+        iterations: usize,
+        width: &Width,
+        coverage: &mut Coverage,
+    ) -> Vec<RollFit> {
+        self.fit_all_with(points, &self.effort(horizon, iterations), width, coverage)
+    }
+
+    fn fit_all_with(
+        &self,
+        points: Vec<Point>,
+        effort: &Effort,
+        width: &Width,
+        coverage: &mut Coverage,
+    ) -> Vec<RollFit> {
         let points = points.into_iter();
         let mut fits: Vec<RollFit> = points
             .take_while(|_| !self.halt.is_wished())
-            .map(|point| self.unknowns.fit(self.track, point, &effort))
+            .map(|point| self.unknowns.fit(self.track, point, effort))
             .collect();
         fits.retain(|fit| fit.cost.is_finite());
         fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
         let best = fits.first().map_or(0.0, |fit| fit.cost);
         let mut kept: Vec<RollFit> = Vec::new();
         for fit in fits {
-            let hopeless = fit.cost > best * (1.0 + LEFT_BEHIND.0) + LEFT_BEHIND.1;
-            if !hopeless && kept.len() < width.kept && !kept.iter().any(|other| self.met(other, &fit)) {
-                kept.push(fit);
+            if fit.cost > left_behind(best) || kept.iter().any(|other| self.met(other, &fit)) {
+                continue;
             }
+            if kept.len() < width.kept { kept.push(fit) } else { coverage.left_out += 1 }
         }
         kept
     }
 
     fn met(&self, a: &RollFit, b: &RollFit) -> bool {
-        let axes = (a.point.body.inertia() - b.point.body.inertia()).norm() / a.point.body.inertia().norm();
-        self.differ(&a.point.body, &a.point.state, &b.point.state) < SAME_FIT && axes < SAME_FIT
+        let is_one_body = self.bodies.len() == 1;
+        self.differ_points(&a.point, &b.point) < SAME_FIT
+            || is_one_body && a.squared_deviations(&b.point) < SAME_DEVIATIONS * SAME_DEVIATIONS
     }
 }
 
-/// The `count` with the lowest scores, in order.
+/// The cost above which a fit of some readings is none of all of them, if the best of some costs so much.
+fn left_behind(best: f64) -> f64 {
+    best * (1.0 + LEFT_BEHIND.0) + LEFT_BEHIND.1
+}
+
+/// An attitude with the angular velocity that makes the contact's velocity right, but for the spin.
+struct Swaying<'a> {
+    orientation: nalgebra::Quaternion<f64>,
+    rotation: RotationMatrix,
+    sway: Vector2<f64>,
+    derivatives: &'a Derivatives,
+}
+
+impl<'a> Swaying<'a> {
+    fn new(model: Model, attitude: &UnitQuaternion<f64>, derivatives: &'a Derivatives) -> Option<Self> {
+        let orientation = attitude.into_inner();
+        let rotation = RotationMatrix::of(&orientation);
+        let hessian = model.body.shape().local(&-rotation.0[2], &Vector3::zeros()).hessian;
+        let across = |i: usize, j: usize| rotation.0[i].dot(&(hessian * rotation.0[j]));
+        // u' = (A H Aᵀ) (W_y, −W_x), because n × ω is (W_y, −W_x, 0) in palm axes.
+        let inverse = Matrix2::new(across(0, 0), across(0, 1), across(1, 0), across(1, 1)).try_inverse()?;
+        Some(Self { orientation, rotation, sway: inverse * derivatives.velocity, derivatives })
+    }
+
+    /// With this spin, rad/s.
+    fn state(&self, spin: f64) -> RollState {
+        let omega = self.rotation.to_body(&Vector3::new(-self.sway.y, self.sway.x, spin));
+        RollState { orientation: self.orientation, omega, u: self.derivatives.u }
+    }
+}
+
+/// The radius that a cell of each attitude has, rad: of SO(3), 8π² in all, or of the sphere of axes.
+fn cell_radius(symmetry: Symmetry, attitudes: usize) -> f64 {
+    let count = attitudes.max(1) as f64;
+    match symmetry {
+        Symmetry::Sphere => 0.0,
+        Symmetry::Revolution { both_ways, .. } => (4.0 / count * if both_ways { 0.5 } else { 1.0 }).sqrt(),
+        _ => {
+            let order = symmetry.order().unwrap_or(1) as f64;
+            (8.0 * PI * PI / order / count * 3.0 / (4.0 * PI)).cbrt()
+        }
+    }
+}
+
+/// The `count` with the least distance, in order.
 fn nearest(mut candidates: Vec<Candidate>, count: usize) -> Vec<Candidate> {
-    // Rolls that ran away are no candidates; a NaN would even sort before all numbers.
-    candidates.retain(|candidate| candidate.score.is_finite());
-    let by_score = |a: &Candidate, b: &Candidate| -> Ordering { a.score.total_cmp(&b.score) };
+    let by_distance = |a: &Candidate, b: &Candidate| -> Ordering { a.cells.total_cmp(&b.cells) };
     if candidates.len() > count && count > 0 {
-        candidates.select_nth_unstable_by(count - 1, by_score);
+        candidates.select_nth_unstable_by(count - 1, by_distance);
         candidates.truncate(count);
     }
-    candidates.sort_by(by_score);
+    candidates.sort_by(by_distance);
     candidates
 }

@@ -1,7 +1,7 @@
 //! What a set of minima means: one answer, several, or none.
 //!
 //! Listed are all physically possible minima whose cost is within [`LISTED`] of the best; `unique` is one of them
-//! alone. The certificate says whether one may rely on it: residuals as small as the noise, no rival, and a Cramér–Rao
+//! alone, found by a search that left out nothing. The certificate says whether one may rely on it: residuals as small as the noise, no rival, and a Cramér–Rao
 //! bound small enough for the guarantee of [`GUARANTEED_RAD`].
 //!
 //! Units: costs are sums of squared residuals over their variances. Errors: none.
@@ -14,6 +14,7 @@ use super::super::shape::Shape;
 use super::super::symmetry::Symmetry;
 use super::covariance;
 use super::fit::{Ends, Residuals, RollFit, Unknowns};
+use super::search::{Coverage, SAME_DEVIATIONS};
 use super::track::Noise;
 use crate::math::statistics::chi_square_quantile;
 
@@ -44,7 +45,7 @@ const EXACT_RESIDUAL_MAX: f64 = 1e-8;
 /// Standard deviation of attitude, rad, above which a minimum may have neighbours that a narrow search misses.
 const WEAK_RAD: f64 = 0.02;
 
-/// Minima nearer than this are one: rad; or nearer than a standard deviation of their own.
+/// Minima nearer than this are one: rad; or nearer than [`SAME_DEVIATIONS`].
 const SAME_RAD: f64 = 0.01;
 
 /// Continua whose contacts' normals are nearer than this are one, rad.
@@ -74,7 +75,7 @@ pub(super) struct Solution {
 pub enum RollVerdict {
     /// One hypothesis explains them.
     Unique,
-    /// Several hypotheses explain them.
+    /// Several hypotheses explain them; or one does, and the search left out what may explain them as well.
     Ambiguous,
     /// No hypothesis explains them.
     Unexplained,
@@ -95,6 +96,10 @@ pub struct RollEstimate {
     pub cost_max: f64,
     /// Whether the answer may be relied on to 2°.
     pub certified: bool,
+    /// Whether the search knows that it left out nothing.
+    pub complete: bool,
+    /// Where it looked.
+    pub coverage: Coverage,
 }
 
 /// A motion that explains the readings.
@@ -176,7 +181,7 @@ impl Gate {
         if weak { Quality::Weak } else { Quality::Good }
     }
 
-    pub(super) fn judge(self, solutions: Vec<Solution>) -> RollEstimate {
+    pub(super) fn judge(self, solutions: Vec<Solution>, coverage: Coverage) -> RollEstimate {
         let cost = solutions.first().map_or(f64::INFINITY, |solution| solution.fit.cost);
         let degrees = solutions.first().map_or(1, |solution| self.degrees_of_freedom(solution.unknowns.count()));
         let explained = solutions.first().is_some_and(|best| self.explains(best));
@@ -188,9 +193,11 @@ impl Gate {
                 listed.push(solution);
             }
         }
+        let is_complete = coverage.left_out == 0;
         let verdict = match listed.len() {
             0 => RollVerdict::Unexplained,
-            1 => RollVerdict::Unique,
+            // What was left out may explain the readings too. Of unknown shapes there is always more than can be followed.
+            1 if is_complete || listed[0].unknowns.columns.semi_axes => RollVerdict::Unique,
             _ => RollVerdict::Ambiguous,
         };
         // Unique is not yet sure: its attitude must be known better than what is guaranteed, at both ends.
@@ -198,7 +205,7 @@ impl Gate {
             Some(sigma) => sigma * solution.residuals.dilution() * GUARANTEED_SIGMAS <= GUARANTEED_RAD,
             None => false,
         };
-        let certified = verdict == RollVerdict::Unique && listed.iter().all(sure);
+        let certified = is_complete && verdict == RollVerdict::Unique && listed.iter().all(sure);
         let hypotheses = listed.iter().map(Solution::hypothesis).collect();
         RollEstimate {
             verdict,
@@ -207,6 +214,8 @@ impl Gate {
             degrees_of_freedom: degrees,
             cost_max: Self::cost_max(degrees),
             certified,
+            complete: is_complete,
+            coverage,
         }
     }
 }
@@ -286,11 +295,14 @@ impl Solution {
         if self.unknowns.columns.semi_axes {
             return self.relabelled_angle(other) < SAME_RAD.max(sigma);
         }
-        let near = self.symmetry().angle(&a, &b) < SAME_RAD.max(sigma);
+        if self.fit.squared_deviations(&other.fit.point) < SAME_DEVIATIONS * SAME_DEVIATIONS {
+            return true;
+        }
+        let near = self.symmetry().angle(&a, &b) < SAME_RAD;
         let [v, w] = [self, other].map(|solution| solution.fit.point.state.attitude() * solution.fit.point.state.omega);
         // A sphere's spin cannot be seen.
         let seen = if self.symmetry() == Symmetry::Sphere { Vector3::new(1.0, 1.0, 0.0) } else { Vector3::repeat(1.0) };
-        near && (v - w).component_mul(&seen).norm() < SAME_RAD.max(sigma) * SAME_TURNING * (1.0 + v.norm())
+        near && (v - w).component_mul(&seen).norm() < SAME_RAD * SAME_TURNING * (1.0 + v.norm())
     }
 
     /// The angle between the contacts' normals, modulo symmetry: what a continuum of headings and spins has in common.

@@ -17,13 +17,13 @@
 //! velocity, not accelerating. L_f ω is derived exactly, by dual numbers; L_f² ω is that gradient's change along f, by
 //! a difference of the fourth order.
 //! Assumes: the contact lasts; nothing keeps the estimate on its edge.
-//! Frames: world. Units: SI. Errors: none; an estimate that is no longer finite ends a trace.
+//! Frames: world. Units: SI. Errors: none; an estimate that has diverged ends a trace.
 
 mod bank;
 #[cfg(test)]
 mod tests;
 
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 
 pub use bank::{GhoBank, GhoRun};
 use nalgebra::{Const, Matrix3, Matrix4, RowVector4, SMatrix, Vector2, Vector3, Vector4};
@@ -39,6 +39,10 @@ const LOOK_SHARE: f64 = 1e-3;
 
 /// How near its end a stretch of correction counts as over, as a share of the cycle: times are sums of decimals.
 const CLOCK_ROUNDING: f64 = 1e-9;
+
+/// An estimate of more than this in any state has diverged: turns of the contact, radii of gyration along the edge,
+/// rad/s, m/s. No part that a finger pushes comes near; an observer that came back from there was not seen.
+const DIVERGED: f64 = 1e3;
 
 /// How an observer corrects itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -121,7 +125,7 @@ impl Gho<'_> {
     /// method.
     ///
     /// Contacts between two are interpolated. Whole turns of the contact angles do not count. Ends before an
-    /// estimate that is not finite.
+    /// estimate that is not finite, or beyond all that a part does.
     #[must_use]
     pub fn trace(&self, start: State, angles: &[f64], dt: f64) -> Vec<State> {
         let mut trace = vec![self.complete(0.0, &start)];
@@ -129,12 +133,20 @@ impl Gho<'_> {
         for (time, pair) in (0_u32..).map(|i| f64::from(i) * dt).zip(angles.windows(2)) {
             let Some(estimate) = trace.last() else { break };
             let next = self.step(time, estimate, [pair[0], pair[1]], dt);
-            if ![next.u, next.s, next.omega, next.v_t].into_iter().all(f64::is_finite) {
+            if self.has_diverged(&next) {
                 break;
             }
             trace.push(next);
         }
         trace
+    }
+
+    /// Whether an estimate is no motion of a part: not finite, or beyond [`DIVERGED`].
+    fn has_diverged(&self, estimate: &State) -> bool {
+        let radius = self.model.part.inertia_per_mass().sqrt();
+        let shares = [estimate.u / TAU, estimate.s / radius, estimate.omega, estimate.v_t];
+        // Written so that what is not a number has diverged.
+        !shares.into_iter().all(|share| share.abs() <= DIVERGED)
     }
 
     /// The estimate `dt` (s) after `time`, with the contact angles at both ends of the step, rad.

@@ -157,3 +157,19 @@ fn an_observer_that_diverges_ends_its_trace() {
     let trace = observer.trace(start, &[1.6; 200], DT);
     assert!(trace.len() < 200 && trace.iter().all(|state| state.s.is_finite()), "{}", trace.len());
 }
+
+/// Pulled a hundred times too hard, an estimate that is still a number after as many steps: the place is a million times
+/// the part's size by then, and no explanation.
+#[test]
+fn an_observer_that_runs_away_is_no_hypothesis() {
+    let part = part();
+    let contact = ContactMode::Sliding { friction: 0.2, slip: Slip::Backward };
+    let observer = Gho {
+        settings: GhoSettings { zeta: 400.0, correction_on: 1.0, correction_off: 0.0 },
+        ..observer(&part, contact, [0.0; 2])
+    };
+    let angles: Vec<_> = (0..40).map(|k| 1.6 + 0.1 * f64::from(k % 3)).collect();
+    let trace = observer.trace(State { u: 1.2, s: 0.004, omega: 0.2, v_t: 0.1 }, &angles, DT);
+    let far = trace.iter().map(|state| state.s.abs()).fold(0.0, f64::max);
+    assert!(trace.len() < angles.len() && far < DIVERGED * part.inertia_per_mass().sqrt(), "{} {far}", trace.len());
+}
