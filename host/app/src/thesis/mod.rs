@@ -8,8 +8,8 @@
 //! Only in `chain` a simulated device runs beside the host, and when it is pushed differs by milliseconds from run to run.
 //!
 //! By chapter: `inscription` (2), `sampling` (3), `gho` and `initial_pose` (6), `static_contacts` (§6.4), `rolling`
-//! (7); beyond the thesis: `pose` and `plan` (`rivals` decides what is ambiguous), `parts`, `chain` (`demonstration`,
-//! many times). `cases` runs them on all processors.
+//! (7); beyond the thesis: `pose` and `plan` (`rivals` decides what is ambiguous), `drawn_pushes` and `drawn_rest`,
+//! `parts`, `chain` (`demonstration`, many times). `cases` runs them on all processors.
 //!
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
 
@@ -17,6 +17,7 @@ mod cases;
 pub(crate) mod chain;
 pub mod demonstration;
 mod drawn_pushes;
+mod drawn_rest;
 mod gho;
 mod initial_pose;
 mod inscription;
@@ -53,6 +54,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     pose::MODEL_ERROR,
     pose::MAGNITUDE,
     drawn_pushes::EXPERIMENT,
+    drawn_rest::EXPERIMENT,
     chain::EXPERIMENT,
     plan::EXPERIMENT,
     parts::EXPERIMENT,
