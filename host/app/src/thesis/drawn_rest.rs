@@ -354,6 +354,7 @@ impl Case {
                 mass_log_sd: 0.0,
                 resistance_log_sd: 0.0,
                 mu_c: slips.then_some(self.mu_c),
+                mu_c_sd: None,
                 friction_needed: 0.0,
             }),
             cost: 0.0,
