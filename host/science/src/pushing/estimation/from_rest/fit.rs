@@ -52,9 +52,8 @@ const DESCENT: LeastSquaresSettings<COLUMNS> = LeastSquaresSettings {
     steps_max: STEPS_MAX,
 };
 
-/// Differences that stand for derivatives: rad, of the radius of gyration, of µ_c, of ln(µ g). Forces change by some
-/// 1e-4 over them, a thousand times what rounding and the bisection of events leave.
-/// Of the onset, s.
+/// Differences that stand for derivatives: rad, of the radius of gyration, of µ_c, of ln(µ g), s of the onset. Forces
+/// change by some 1e-4 over them, a thousand times what rounding and the bisection of events leave.
 const DIFFERENCES: [f64; PARAMETERS] = [1e-4, 1e-4, 1e-4, 1e-4, 1e-4];
 
 /// Parameters of a guess: contact angle, place, friction of the contact, friction of the plane, delay of the onset. The

@@ -15,7 +15,8 @@
 //! - [`trial`]: random pushes and a judge.
 //!
 //! The answer is a set: every minimum whose cost is within 16 of the best one's, four standard deviations, each with
-//! its covariance; where the noise was estimated from a short rest and the best fits badly, both are wider by as much. If the best does not fit, there is no answer.
+//! its covariance; where the noise was estimated from a short rest and the best fits badly, both are wider by as much.
+//! If the best does not fit, the guesses are spread closer once; if it still does not, there is no answer.
 //!
 //! Assumes: Coulomb friction everywhere, one constant µ_c; contact with one edge throughout.
 //! Frames: finger axes, with the origin of the motion's file; force is the force on the finger's disk. Units: SI.
