@@ -21,7 +21,7 @@ use palpate_files::part::PolygonFile;
 use super::calibrated::CalibrationArguments;
 use super::device::DeviceArguments;
 use super::read::read;
-use super::recorded_push::{FeltPushArguments, not_at_rest, read_forces};
+use super::recorded_push::{FeltPushArguments, not_at_rest, read_forces, tell_contacts};
 use super::{pose, positive};
 use crate::advice::Advise as _;
 use crate::live;
@@ -106,8 +106,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
 fn from_file(mut observer: Observer, path: &Path) -> miette::Result<ExitCode> {
     let named = || format!("cannot use the forces {}", path.display());
     let readings = read_forces(path)?;
-    let (mut sense, push) = observer.arguments.felt.sense(&readings).wrap_err_with(named)?;
     observer.motion.read_all()?;
+    let Some(motion) = observer.motion.known() else { return Err(without_motion()) };
+    let (mut sense, push) = observer.arguments.felt.sense(&readings, motion).wrap_err_with(named)?;
     for reading in push {
         sense.push(reading);
         if observer.look(&sense)?.is_break() {
@@ -222,12 +223,8 @@ impl Observer<'_> {
                 "no push was felt"
             ));
         }
-        if self.motion.known().is_none() {
-            return Err(miette::miette!(
-                help = "write at least one segment, such as {{\"seconds\": 0.3, \"acceleration\": [0.15, 0]}}",
-                "a push was felt, but standard input told nothing of the finger's motion"
-            ));
-        }
+        let Some(duration) = self.motion.known().map(FingerMotion::duration) else { return Err(without_motion()) };
+        tell_contacts(sense, duration);
         self.estimate(sense, true);
         match &self.last {
             Some(_) if self.arguments.json => {}
@@ -241,6 +238,14 @@ impl Observer<'_> {
         }
         Ok(ExitCode::SUCCESS)
     }
+}
+
+/// Where nobody said how the finger moves.
+fn without_motion() -> miette::Report {
+    miette::miette!(
+        help = "write at least one segment, such as {{\"seconds\": 0.3, \"acceleration\": [0.15, 0]}}",
+        "standard input told nothing of the finger's motion"
+    )
 }
 
 /// Whether one of [`SEARCHES_S`] lies between two times.

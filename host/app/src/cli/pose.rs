@@ -196,6 +196,7 @@ fn hypothesis_as_json(hypothesis: &Hypothesis) -> Value {
         "u_end": hypothesis.end.u,
         "s_end": hypothesis.end.s,
         "mu_c": force.and_then(|force| force.mu_c),
+        "mu_c_sd": force.and_then(|force| force.mu_c_sd),
         "friction_needed": force.map(|force| force.friction_needed),
         "mass": force.map(|force| force.mass),
         "mass_log_sd": force.map(|force| force.mass_log_sd),

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use miette::WrapErr as _;
 use palpate::finger::contact::{Reading, TareError};
-use palpate::pushing::estimation::from_rest::onset::{PushSense, RestNoise};
+use palpate::pushing::estimation::from_rest::onset::{PushSense, RestNoise, Touch};
 use palpate::pushing::estimation::from_rest::{KnownFromRest, WINDOWS_MIN, WindowedForce};
 use palpate::pushing::finger_motion::FingerMotion;
 use palpate_files::motion;
@@ -55,13 +55,73 @@ impl FeltPushArguments {
         KnownFromRest { part: &file.part, mu_g, mu_g_log_sd, radius: self.radius_mm * 1e-3, motion }
     }
 
-    /// What senses the push, from the readings at rest, and the readings after them.
-    pub(super) fn sense(self, readings: &[Reading]) -> miette::Result<(PushSense, &[Reading])> {
+    /// What senses the push, from the readings at rest, and the readings in which it is sought: those after them, and
+    /// after earlier contacts that were not the push.
+    pub(super) fn sense<'r>(
+        self,
+        readings: &'r [Reading],
+        motion: &FingerMotion,
+    ) -> miette::Result<(PushSense, &'r [Reading])> {
         let rest_end = readings.first().map_or(0.0, |first| first.t) + self.tare;
         let (rest, push) = readings.split_at(readings.partition_point(|reading| reading.t < rest_end));
-        let noise = RestNoise::estimate(rest).map_err(not_at_rest)?;
-        Ok((PushSense::new(noise, None), push))
+        let sense = PushSense::new(RestNoise::estimate(rest).map_err(not_at_rest)?, None);
+        let contacts = contacts(&sense, push, motion.duration());
+        // The push lasts as long as the finger's motion, if one contact does; otherwise the longest is taken for it.
+        let lasting = contacts.iter().find(|contact| contact.lasts);
+        let longest = || contacts.iter().max_by(|a, b| a.length().total_cmp(&b.length()));
+        let Some(taken) = lasting.or_else(longest) else { return Ok((sense, push)) };
+        for other in contacts.iter().filter(|other| other.touch != taken.touch) {
+            note!(
+                "a contact from t = {:.3} s to {:.3} s is not taken for the push, which begins at t = {:.3} s",
+                other.touch.from,
+                other.touch.to,
+                taken.touch.from
+            );
+        }
+        Ok((sense, &push[taken.first..]))
     }
+}
+
+/// A contact that may be the push.
+struct FeltContact {
+    touch: Touch,
+    /// The reading from which on it is sensed.
+    first: usize,
+    /// Whether the finger was still in contact when its motion was over.
+    lasts: bool,
+}
+
+impl FeltContact {
+    fn length(&self) -> f64 {
+        self.touch.to - self.touch.from
+    }
+}
+
+/// After a contact that was no push the sensor comes to rest within this, s: three times what the default finger rings.
+const RING_OUT_S: f64 = 0.13;
+
+/// Every contact of a recording that lasts long enough to say anything, with a finger that moves for so long, s.
+fn contacts(waiting: &PushSense, readings: &[Reading], duration: f64) -> Vec<FeltContact> {
+    let (mut found, mut first) = (Vec::new(), 0);
+    while first < readings.len() {
+        let mut sense = waiting.clone();
+        let over = |sense: &PushSense| sense.onset_time().is_some_and(|onset| sense.now() >= onset + duration);
+        for reading in &readings[first..] {
+            sense.push(reading);
+            if sense.is_over() || over(&sense) {
+                break;
+            }
+        }
+        let Some(from) = sense.onset_time() else { break };
+        let lost = sense.lost_before(duration);
+        let to = lost.unwrap_or(sense.now());
+        found.push(FeltContact { touch: Touch { from, to }, first, lasts: lost.is_none() });
+        if lost.is_none() {
+            break;
+        }
+        first = readings.partition_point(|reading| reading.t < sense.now() + RING_OUT_S);
+    }
+    found
 }
 
 /// A share in per cent as the standard deviation of a logarithm, or a factor as two of them.
@@ -114,8 +174,9 @@ impl RecordedPushArguments {
 
     fn feel(&self, motion: &FingerMotion) -> miette::Result<WindowedForce> {
         let readings = read_forces(&self.forces)?;
-        let (mut sense, push) = self.felt.sense(&readings)?;
+        let (mut sense, push) = self.felt.sense(&readings, motion)?;
         push.iter().for_each(|reading| sense.push(reading));
+        tell_contacts(&sense, motion.duration());
         sense.windowed_force(motion.duration()).filter(|measured| measured.count() >= WINDOWS_MIN).ok_or_else(|| {
             miette::miette!(
                 help = "a push must stand out of the noise for a tenth of a second at least, and begin after the tare",
@@ -132,8 +193,23 @@ impl RecordedPush {
     }
 }
 
+/// Says what was felt beside the push: contacts that were too short, and an end before the motion's.
+pub(super) fn tell_contacts(sense: &PushSense, duration: f64) {
+    for knock in sense.knocks() {
+        note!("a knock at t = {:.3} s was too short to be the push", knock.from);
+    }
+    if let (Some(onset), Some(lost)) = (sense.onset_time(), sense.lost_before(duration)) {
+        note!(
+            "contact was lost at t = {lost:.3} s, {:.3} s after the push began; the motion lasts {duration:.3} s",
+            lost - onset
+        );
+    }
+}
+
 /// What to tell where the stretch for the tare was no rest.
 pub(super) fn not_at_rest(error: TareError) -> miette::Report {
     let help = advice::help(&error).unwrap_or_default();
+    let help = format!("{help}; if the rest before the push was shorter than the tare, say so with --tare");
+    let help = help.trim_start_matches("; ");
     miette::miette!(help = help, "the finger was not at rest while the tare was taken: {error}")
 }

@@ -18,7 +18,7 @@ use super::recorded_push::RecordedPushArguments;
 ///
 /// Takes the files of `palpate observe` and several part files. A part file may list several supports (`[[support]]`,
 /// with a name and feet each) instead of `feet`: then what the part stands on is named too. Every part is as likely
-/// beforehand. Exit status: 0, also where no part explains the force; 1 if something cannot be used, 64 wrong command
+/// beforehand; how likely it is none of them is told beside, by how well the best one fits. Exit status: 0, also where no part explains the force; 1 if something cannot be used, 64 wrong command
 /// line.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
@@ -52,6 +52,10 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         );
         return Ok(ExitCode::SUCCESS);
     };
+    say!(
+        "{:6.3}  none of these; the others are probabilities if it is one of them",
+        estimation::none_of_these(&ranked)
+    );
     let candidate = &candidates[first.part];
     say_poses(&format!("If it is {candidate}"), candidate, &first.estimate);
     let possible = ranked.iter().filter(|part| part.probability > 0.0).count();
@@ -120,7 +124,10 @@ fn as_json(candidates: &[Candidate], ranked: &[PartEstimate]) -> serde_json::Val
         }
         told
     };
-    let mut answer = json!({ "parts": ranked.iter().map(part).collect::<Vec<_>>() });
+    let mut answer = json!({
+        "parts": ranked.iter().map(part).collect::<Vec<_>>(),
+        "none_of_these": estimation::none_of_these(ranked),
+    });
     if let Some(mixed) = mixed(candidates, ranked) {
         answer["whichever"] = pose::as_json(&mixed);
     }

@@ -336,7 +336,7 @@ impl Case {
 }
 
 /// A part with or without a centre of mass of its own.
-fn part(draw: &mut Draw) -> Part {
+pub(super) fn part(draw: &mut Draw) -> Part {
     let points = 3 + draw.index(8);
     let polygon =
         if draw.chance(0.6) { draw.convex_polygon(points, 0.05) } else { draw.star_polygon(points.max(4), 0.02, 0.05) };

@@ -9,7 +9,8 @@
 //!
 //! By chapter: `inscription` (2), `sampling` (3), `gho` and `initial_pose` (6), `static_contacts` (§6.4), `rolling`
 //! (7); beyond the thesis: `pose` and `plan` (`rivals` decides what is ambiguous), `parts`, `chain` (`demonstration`,
-//! many times), `drawn_pushes` and `drawn_rolls` (is the search to blame?). `cases` runs them on all processors.
+//! many times), `drawn_pushes`, `drawn_rest` and `drawn_rolls` (is the search to blame?), `invariances`. `cases` runs
+//! them on all processors.
 //!
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
 
@@ -17,6 +18,7 @@ mod cases;
 pub(crate) mod chain;
 pub mod demonstration;
 mod drawn_pushes;
+mod drawn_rest;
 mod drawn_rolls;
 mod gho;
 mod initial_pose;
@@ -56,6 +58,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     pose::MAGNITUDE,
     drawn_pushes::EXPERIMENT,
     invariances::EXPERIMENT,
+    drawn_rest::EXPERIMENT,
     chain::EXPERIMENT,
     plan::EXPERIMENT,
     parts::EXPERIMENT,

@@ -7,7 +7,7 @@
 use std::iter::Sum;
 use std::ops::Div;
 
-use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
+use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor, Normal};
 use statrs::function::erf::erfc;
 
 /// The arithmetic mean; `None` of nothing.
@@ -96,6 +96,27 @@ pub fn chi_square_quantile(p: f64, degrees_of_freedom: usize) -> f64 {
     }
 }
 
+/// The value that a ratio of two variances stays below with probability `p`, each the mean of so many squared normal
+/// numbers of one size: Fisher's F. For infinitely many below the line it is that of chi-square over its freedom; 0
+/// where there is no such distribution.
+#[must_use]
+pub fn fisher_quantile(p: f64, above: f64, below: f64) -> f64 {
+    let Ok(distribution) = FisherSnedecor::new(above, below) else { return 0.0 };
+    let mut high = 1.0;
+    while distribution.cdf(high) < p && high < FISHER_MAX {
+        high *= 2.0;
+    }
+    let mut low = 0.0;
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        if distribution.cdf(middle) < p { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
+}
+
+/// No ratio of variances is asked for beyond this.
+const FISHER_MAX: f64 = 1e9;
+
 /// Halvings of a bracket: to rounding.
 const HALVINGS: usize = 60;
 
@@ -126,6 +147,17 @@ mod tests {
             assert!((normal_tail(-z) - p).abs() < 1e-9, "{p}: {}", normal_tail(-z));
         }
         assert!(normal_quantile(1.0).is_infinite() && normal_quantile(0.0).is_infinite());
+    }
+
+    #[test]
+    fn quantiles_of_a_ratio_of_variances_are_those_of_the_tables() {
+        // Tables of F for 0.001: 10 and 20, 60 and 60, 20 and 120 degrees of freedom.
+        for (above, below, value) in [(10.0, 20.0, 5.08), (60.0, 60.0, 2.25), (20.0, 120.0, 2.53)] {
+            let found = fisher_quantile(0.999, above, below);
+            assert!((found - value).abs() < 0.01, "{above}, {below}: {found}");
+        }
+        let many = fisher_quantile(0.999, 10.0, 1e7) * 10.0;
+        assert!((many - 29.588).abs() < 0.01, "{many}");
     }
 
     #[test]

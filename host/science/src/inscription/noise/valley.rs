@@ -61,7 +61,7 @@ pub(super) struct Along {
 
 impl Edge {
     /// The same edge with its first or its second corner first.
-    fn from_end(&self, end: usize) -> Self {
+    fn seen_from(&self, end: usize) -> Self {
         let [a, b] = self.corners;
         Self { corners: if end == 0 { [a, b] } else { [b, a] }, ..*self }
     }
@@ -159,7 +159,7 @@ impl Objective<'_> {
         let ends = 0_usize..1 << edges.len();
         let mut covariances: Vec<Matrix3<f64>> = ends
             .filter_map(|ends| {
-                let turned = edges.iter().enumerate().map(|(k, edge)| edge.from_end(ends >> k & 1));
+                let turned = edges.iter().enumerate().map(|(k, edge)| edge.seen_from(ends >> k & 1));
                 self.held(placed, &turned.collect::<Vec<_>>())?.curvature.try_inverse()
             })
             .collect();

@@ -207,6 +207,8 @@ pub struct FromForce {
     pub resistance_log_sd: f64,
     /// µ_c, if the contact slipped; otherwise it is `friction_needed` or more.
     pub mu_c: Option<f64>,
+    /// Its standard deviation, where it is told.
+    pub mu_c_sd: Option<f64>,
     /// Friction that rolling took.
     pub friction_needed: f64,
 }

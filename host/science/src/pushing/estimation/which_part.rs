@@ -44,6 +44,36 @@ pub fn which_part<'p>(estimates: impl IntoIterator<Item = (&'p Part, Estimate)>)
     ranked
 }
 
+/// Probability beforehand that a part is none of those that are known: a new variant, a worn one, another batch.
+const UNKNOWN_BEFOREHAND: f64 = 0.1;
+
+/// By how much a part that resembles an unknown one may misfit, as a factor of the noise: anything up to this.
+const MISFIT_MAX: f64 = 100.0;
+
+/// Steps of the sum over that factor, evenly in its logarithm.
+const MISFIT_STEPS: usize = 400;
+
+/// Probability that it was none of these parts, however well the likeliest does among them.
+///
+/// Of an unknown part nothing is predicted but that one which resembles it leaves residuals larger than the noise, by a
+/// factor of which every order of magnitude is as likely. So a misfit that chance hardly gives speaks for it, though no
+/// gate may exclude it. 1 where no part explains the push.
+#[must_use]
+pub fn none_of_these(ranked: &[PartEstimate]) -> f64 {
+    let possible = ranked.iter().filter(|part| part.probability > 0.0).map(|part| &part.estimate.fit);
+    let best = possible.filter_map(|fit| Some((fit.cost?, fit.degrees_of_freedom))).min_by(|a, b| a.0.total_cmp(&b.0));
+    let Some((cost, values)) = best else { return 1.0 };
+    let step = MISFIT_MAX.ln() / MISFIT_STEPS as f64;
+    // Likelihood of residuals f times the noise over that of the noise itself: f^-k exp(−c/2 (1/f² − 1)).
+    let ratio = |index: usize| {
+        let log = (index as f64 + 0.5) * step;
+        (0.5 * cost * (1.0 - (-2.0 * log).exp()) - values as f64 * log).exp()
+    };
+    let ratio = (0..MISFIT_STEPS).map(ratio).sum::<f64>() / MISFIT_STEPS as f64;
+    let (unknown, known) = (UNKNOWN_BEFOREHAND * ratio, 1.0 - UNKNOWN_BEFOREHAND);
+    if unknown.is_finite() { unknown / (unknown + known) } else { 1.0 }
+}
+
 /// Probabilities from logarithms of evidence; all 0 where there is none.
 fn shares(evidence: &[Option<f64>]) -> Vec<f64> {
     let most = evidence.iter().flatten().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -120,6 +150,7 @@ mod tests {
     use super::*;
     use crate::geometry::SimplePolygon;
     use crate::pushing::dynamics::{ContactLaw, EdgeEnd, Finger, Mass, Push, PushModel, Start, State};
+    use crate::pushing::estimation::hypotheses::Fit;
     use crate::pushing::estimation::{Channel, Known, Measured, Observation, Observer as _, Prior, SAME_END_M, Touch};
 
     const MU_G: f64 = 0.3 * 9.81;
@@ -154,6 +185,23 @@ mod tests {
         let values = run.samples.iter().map(|sample| sample.state.u).collect();
         let prior = Prior { omega0_sigma: Some(1.0), ..Prior::default() };
         Observation { dt: DT, measured: Measured::ContactAngle(Channel { values, sigma: SIGMA }), prior }
+    }
+
+    /// A part's answer that fits with such a cost.
+    fn fitting(cost: f64, values: usize) -> PartEstimate {
+        let fit = Fit { cost: Some(cost), degrees_of_freedom: values, cost_max: 2.0 * values as f64 };
+        PartEstimate { part: 0, probability: 1.0, estimate: Estimate::unexplained(fit, 0.5) }
+    }
+
+    #[test]
+    fn the_best_of_several_parts_may_be_none_of_them() {
+        let values = 58;
+        let none = [0.8, 1.0, 1.3, 1.64, 2.0].map(|share| none_of_these(&[fitting(share * 58.0, values)]));
+        assert!(none[0] < 0.01 && none[1] < 0.02, "{none:?}");
+        assert!(none.windows(2).all(|pair| pair[0] < pair[1]), "{none:?}");
+        // The limit of chance (1.64 at 58 values) is no limit of belief; beyond it nothing else is left.
+        assert!(none[3] > 0.2 && none[4] > 0.9, "{none:?}");
+        assert!((none_of_these(&[]) - 1.0).abs() < f64::EPSILON);
     }
 
     #[test]

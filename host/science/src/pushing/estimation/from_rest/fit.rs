@@ -12,7 +12,7 @@ use std::f64::consts::PI;
 use nalgebra::{DMatrix, DVector, Isometry2, Matrix3, Matrix4, SMatrix, SVector, Vector3, Vector4};
 
 use super::path::{Course, Guess, Path};
-use super::windowed_force::WindowedForce;
+use super::windowed_force::{ONSET_RANGE, WindowedForce};
 use crate::math::least_squares::{self, Damping, Enough, Floor, LeastSquaresSettings, NormalEquations, minimise};
 use crate::pushing::dynamics::State;
 use crate::pushing::estimation::observation::MU_G_LOG_MAX;
@@ -52,13 +52,13 @@ const DESCENT: LeastSquaresSettings<COLUMNS> = LeastSquaresSettings {
     steps_max: STEPS_MAX,
 };
 
-/// Differences that stand for derivatives: rad, of the radius of gyration, of µ_c, of ln(µ g). Forces change by some
-/// 1e-4 over them, a thousand times what rounding and the bisection of events leave.
-const DIFFERENCES: [f64; PARAMETERS] = [1e-4, 1e-4, 1e-4, 1e-4];
+/// Differences that stand for derivatives: rad, of the radius of gyration, of µ_c, of ln(µ g), s of the onset. Forces
+/// change by some 1e-4 over them, a thousand times what rounding and the bisection of events leave.
+const DIFFERENCES: [f64; PARAMETERS] = [1e-4, 1e-4, 1e-4, 1e-4, 1e-4];
 
-/// Parameters of a guess: contact angle, place, friction of the contact, friction of the plane. The mass's logarithm
-/// follows them.
-const PARAMETERS: usize = 4;
+/// Parameters of a guess: contact angle, place, friction of the contact, friction of the plane, delay of the onset. The
+/// mass's logarithm follows them.
+const PARAMETERS: usize = 5;
 
 /// Columns of the derivatives: the parameters and the mass's logarithm.
 const COLUMNS: usize = PARAMETERS + 1;
@@ -68,8 +68,15 @@ const MU_C: usize = 2;
 /// Column of ln(µ g) among the parameters.
 const MU_G: usize = 3;
 
-/// What adds to the cost beside the residuals: a contact beyond its edge, friction beyond reason, the plane's prior.
-const PENALTIES: usize = 3;
+/// Column of the onset's delay among the parameters.
+const DELAY: usize = 4;
+
+/// What adds to the cost beside the residuals: a contact beyond its edge, friction beyond reason, the plane's prior, the
+/// onset's.
+const PENALTIES: usize = 4;
+
+/// Where among them the onset's is.
+const DELAY_PENALTY: usize = 3;
 
 /// What was felt and what is known.
 #[derive(Clone, Copy, Debug)]
@@ -96,9 +103,38 @@ pub(super) struct Tried {
 impl Problem<'_, '_> {
     /// Plays a guess through.
     pub(super) fn try_guess(&self, guess: Guess) -> Option<Tried> {
-        let path = self.course.play(&guess).ok()?;
+        self.try_path(guess, self.course.play(&guess).ok()?)
+    }
+
+    /// The same, at the likeliest onset.
+    pub(super) fn try_onsets(&self, guess: Guess) -> Option<Tried> {
+        self.at_best_onset(self.try_guess(guess)?)
+    }
+
+    /// A guess with the likeliest of the onsets that are worth a try.
+    fn at_best_onset(&self, tried: Tried) -> Option<Tried> {
+        let onsets = self.measured.onsets_tried().map(|delay| (self.cost_at(&tried, delay), delay));
+        match onsets.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|(cost, _)| *cost < tried.cost) {
+            Some((_, delay)) => self.try_path(Guess { delay, ..tried.guess }, tried.path),
+            None => Some(tried),
+        }
+    }
+
+    /// Cost of a guess with another onset.
+    fn cost_at(&self, tried: &Tried, delay: f64) -> f64 {
+        let (shape, data) = (self.measured.predicted(&tried.path, delay), self.measured.data());
+        let mass = (shape.dot(data) / shape.norm_squared()).max(0.0);
+        let others = tried.penalties[..DELAY_PENALTY].iter().map(|value| value * value).sum::<f64>();
+        (data - shape * mass).norm_squared() + others + self.unlikely_delay(delay).powi(2)
+    }
+
+    fn unlikely_delay(&self, delay: f64) -> f64 {
+        self.measured.onset_sd().map_or(0.0, |sd| delay / sd)
+    }
+
+    fn try_path(&self, guess: Guess, path: Path) -> Option<Tried> {
         let edge = self.course.part.edge(guess.edge).ok()?;
-        let shape = self.measured.whiten(path.windows(self.measured.count()));
+        let shape = self.measured.predicted(&path, guess.delay);
         let data = self.measured.data();
         let mass = shape.dot(data) / shape.norm_squared();
         if mass.is_nan() || mass <= 0.0 {
@@ -107,7 +143,7 @@ impl Problem<'_, '_> {
         let beyond = (edge.s_min - path.s_span[0]).max(path.s_span[1] - edge.s_max).max(0.0) / EDGE_SLACK_M;
         let needed = if guess.mu_c.is_finite() { 0.0 } else { (path.friction_needed - MU_C_MAX).max(0.0) };
         let unlikely = self.course.mu_g_log_sd.map_or(0.0, |sd| guess.mu_g_log / sd);
-        let penalties = [beyond, needed / FRICTION_SLACK, unlikely];
+        let penalties = [beyond, needed / FRICTION_SLACK, unlikely, self.unlikely_delay(guess.delay)];
         let squares = |values: [f64; PENALTIES]| values.iter().map(|value| value * value).sum::<f64>();
         let cost = (data - &shape * mass).norm_squared() + squares(penalties);
         Some(Tried { guess, path, mass, cost, shape, penalties })
@@ -115,12 +151,19 @@ impl Problem<'_, '_> {
 
     /// Goes down to the nearest minimum.
     pub(super) fn descend(&self, start: Tried, steps_max: usize) -> Tried {
-        minimise(self, start, &LeastSquaresSettings { steps_max: steps_max.min(STEPS_MAX), ..DESCENT }, |_| false).place
+        let settings = LeastSquaresSettings { steps_max: steps_max.min(STEPS_MAX), ..DESCENT };
+        let found = minimise(self, start, &settings, |_| false).place;
+        // A jump of the force on the other side of a reading is a minimum of its own.
+        let cost = found.cost;
+        match self.at_best_onset(found.clone()) {
+            Some(better) if better.cost < cost - COST_STEP => minimise(self, better, &settings, |_| false).place,
+            _ => found,
+        }
     }
 
     fn differences(&self) -> [f64; PARAMETERS] {
-        let [u, s, mu_c, mu_g_log] = DIFFERENCES;
-        [u, s * self.course.part.inertia_per_mass().sqrt(), mu_c, mu_g_log]
+        let [u, s, mu_c, mu_g_log, delay] = DIFFERENCES;
+        [u, s * self.course.part.inertia_per_mass().sqrt(), mu_c, mu_g_log, delay]
     }
 
     /// Whether a parameter is to be found, and changes anything.
@@ -128,6 +171,7 @@ impl Problem<'_, '_> {
         match parameter {
             MU_C => at.path.slipped,
             MU_G => self.course.mu_g_log_sd.is_some(),
+            DELAY => self.measured.onset_sd().is_some(),
             _ => true,
         }
     }
@@ -139,6 +183,13 @@ impl Problem<'_, '_> {
         slopes.view_mut((0, PARAMETERS), (size, 1)).copy_from(&(&at.shape * -at.mass));
         for (column, difference) in self.differences().into_iter().enumerate() {
             if !self.is_free(at, column) {
+                continue;
+            }
+            if column == DELAY {
+                // The push is the same, read at other times.
+                let moved = self.measured.predicted(&at.path, at.guess.delay + difference);
+                slopes.view_mut((0, DELAY), (size, 1)).copy_from(&((&at.shape - moved) * (at.mass / difference)));
+                slopes[(size + DELAY_PENALTY, DELAY)] = self.unlikely_delay(1.0);
                 continue;
             }
             let aside =
@@ -156,8 +207,8 @@ impl Problem<'_, '_> {
     /// Standard deviations of the parameters before anything is felt, each being anywhere in its range.
     fn ranges(&self, at: &Tried) -> [f64; PARAMETERS] {
         let length = self.course.part.edge(at.guess.edge).map_or(f64::INFINITY, |edge| edge.s_max - edge.s_min);
-        // The plane's friction has a prior of its own.
-        [PI, length, MU_C_MAX - MU_C_MIN, f64::INFINITY].map(|range| range / 12.0_f64.sqrt())
+        // The plane's friction and the onset have priors of their own.
+        [PI, length, MU_C_MAX - MU_C_MIN, f64::INFINITY, f64::INFINITY].map(|range| range / 12.0_f64.sqrt())
     }
 
     /// Covariance of the guess's parameters. Those that no slope tells of, since they make no difference or are held,
@@ -185,7 +236,8 @@ impl Problem<'_, '_> {
         let mut state = SMatrix::<f64, 4, PARAMETERS>::zeros();
         // Jacobians of pose and state at the end by the parameters, by differences to the side that can be played.
         for (column, step) in self.differences().into_iter().enumerate() {
-            if !self.is_free(at, column) {
+            // The end is a time of the motion: when it began elsewhere changes nothing of it.
+            if column == DELAY || !self.is_free(at, column) {
                 continue;
             }
             let played = |(step, guess)| Some((step, guess, self.course.play(&guess).ok()?));
@@ -200,6 +252,7 @@ impl Problem<'_, '_> {
             deviation(MU_G).powi(2) + deviation(PARAMETERS).powi(2) + 2.0 * parameters[(MU_G, PARAMETERS)];
         let parameters = parameters.fixed_view::<PARAMETERS, PARAMETERS>(0, 0);
         Some(EndCovariance {
+            mu_c_sd: at.path.slipped.then(|| deviation(MU_C)),
             mu_g_log_sd,
             mass_log_sd,
             resistance_log_sd: weight_variance.max(0.0).sqrt(),
@@ -232,7 +285,10 @@ impl least_squares::LeastSquaresProblem<COLUMNS> for Problem<'_, '_> {
 
     /// The mass of a step is not looked at: every guess has its own best one.
     fn moved(&self, tried: &Tried, step: &SVector<f64, COLUMNS>) -> Option<Tried> {
-        self.try_guess((0..PARAMETERS).fold(tried.guess, |guess, column| moved(&guess, column, step[column])))
+        let mut guess = (0..PARAMETERS).fold(tried.guess, |guess, column| moved(&guess, column, step[column]));
+        let latest = self.measured.onset_sd().map_or(0.0, |sd| ONSET_RANGE * sd);
+        guess.delay = guess.delay.clamp(-latest, latest);
+        self.try_guess(guess)
     }
 }
 
@@ -244,6 +300,8 @@ pub(super) struct EndCovariance {
     pub(super) state: Matrix4<f64>,
     /// Square root of the determinant for contact angle and place at the start.
     pub(super) spread: f64,
+    /// Standard deviation of µ_c, where the contact slipped.
+    pub(super) mu_c_sd: Option<f64>,
     /// Standard deviation of ln(µ g); 0 where it is known.
     pub(super) mu_g_log_sd: f64,
     /// Of the mass's logarithm.
@@ -276,6 +334,7 @@ fn moved(guess: &Guess, parameter: usize, by: f64) -> Guess {
     match parameter {
         0 => guess.u += by,
         1 => guess.s += by,
+        DELAY => guess.delay += by,
         MU_G => guess.mu_g_log = (guess.mu_g_log + by).clamp(-MU_G_LOG_MAX, MU_G_LOG_MAX),
         _ if guess.mu_c.is_finite() => guess.mu_c = (guess.mu_c + by).clamp(MU_C_MIN, MU_C_MAX),
         _ => {}

@@ -58,6 +58,13 @@ pub(crate) fn weight(window: usize, time: f64) -> f64 {
     if (0.0..1.0).contains(&share) { 1.0 - (TAU * share).cos() } else { 0.0 }
 }
 
+/// The windows of the first `count` that hold a time, with its weight in each.
+pub(super) fn weights_at(time: f64, count: usize) -> impl Iterator<Item = (usize, f64)> {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "negative times become 0, weight 0")]
+    let last = (time / HOP_S) as usize;
+    (last.saturating_sub(1)..(last + 1).min(count)).map(move |window| (window, weight(window, time)))
+}
+
 /// Share of a window's weight that is after a time.
 pub(super) fn share_after(window: usize, time: f64) -> f64 {
     let share = ((time - start(window)) / LENGTH_S).clamp(0.0, 1.0);

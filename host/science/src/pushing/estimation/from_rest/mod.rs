@@ -15,7 +15,8 @@
 //! - [`trial`]: random pushes and a judge.
 //!
 //! The answer is a set: every minimum whose cost is within 16 of the best one's, four standard deviations, each with
-//! its covariance. If the best does not fit, there is no answer.
+//! its covariance; where the noise was estimated from a short rest and the best fits badly, both are wider by as much.
+//! If the best does not fit, the guesses are spread closer once; if it still does not, there is no answer.
 //!
 //! Assumes: Coulomb friction everywhere, one constant µ_c; contact with one edge throughout.
 //! Frames: finger axes, with the origin of the motion's file; force is the force on the finger's disk. Units: SI.
@@ -32,10 +33,12 @@ pub mod windowed_force;
 
 use fit::{EndCovariance, Problem, Tried};
 use path::{Course, Guess};
+use seeds::Cover;
 pub use windowed_force::{CalibrationUncertainty, Uncertainty, WindowedForce};
 
 use super::hypotheses::{Estimate, Fit, FromForce, GATE, Hypothesis, Nearness, Observer, SAME_END_M, joined};
 use super::planning::Present;
+use crate::math::statistics::fisher_quantile;
 use crate::pushing::dynamics::{ContactLaw, EdgeEnd, Part, Push, Start, State};
 use crate::pushing::finger_motion::FingerMotion;
 use crate::search::{Halt, Searched, Stop, never};
@@ -121,10 +124,24 @@ fn halting_estimate(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt
     let distinct = sides.len() / symmetry;
     let course = course(known, measured);
     let problem = Problem { course: &course, measured };
-    let sides = sides.take(distinct).take_while(|_| !halt.is_wished());
-    let starts = sides.flat_map(|(edge, _)| seeds::on_edge(&problem, edge)).collect();
-    conclude(&problem, descend_all(&problem, starts, halt), symmetry)
+    let edges: Vec<_> = sides.take(distinct).map(|(edge, _)| edge).collect();
+    let search = |cover: Cover| {
+        let wanted = edges.iter().take_while(|_| !halt.is_wished());
+        let starts = wanted.flat_map(|&edge| seeds::on_edge(&problem, edge, cover)).collect();
+        descend_all(&problem, starts, halt)
+    };
+    let mut tried = search(Cover::Coarse);
+    // What nothing explains, though something nearly does, may have its explanation between the guesses.
+    let limit = misfit_limit(2 * measured.count(), measured.freedom());
+    if (limit..NEARLY * limit).contains(&least_cost(&tried)) {
+        tried.extend(search(Cover::Fine));
+    }
+    conclude(&problem, tried, symmetry)
 }
+
+/// A best cost below so many times the limit is worth another search: of missed explanations the next best had up to
+/// thirty times the limit, other parts mostly have more.
+const NEARLY: f64 = 40.0;
 
 /// The same, sought only where an earlier answer from the beginning of the same push had found something: what was
 /// excluded then stays excluded.
@@ -132,7 +149,7 @@ fn halting_estimate(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt
 pub fn follow(known: &KnownFromRest, measured: &WindowedForce, earlier: &Estimate) -> Estimate {
     let course = course(known, measured);
     let problem = Problem { course: &course, measured };
-    let starts = earlier.hypotheses.iter().filter_map(|hypothesis| problem.try_guess(guess(hypothesis, &course)));
+    let starts = earlier.hypotheses.iter().filter_map(|hypothesis| problem.try_onsets(guess(hypothesis, &course)));
     let starts = starts.collect::<Vec<_>>();
     conclude(&problem, descend_all(&problem, starts, &Halt::new(&never)), earlier.symmetry)
 }
@@ -165,16 +182,18 @@ fn least_cost(tried: &[Tried]) -> f64 {
 /// The list of what cannot be excluded.
 fn conclude(problem: &Problem, mut tried: Vec<Tried>, symmetry: usize) -> Estimate {
     let duration = problem.course.duration;
-    let cost_max = chi_square_limit(2 * problem.measured.count());
+    let (values, freedom) = (2 * problem.measured.count(), problem.measured.freedom());
+    let cost_max = misfit_limit(values, freedom);
     tried.retain(|tried| is_possible(problem, tried));
     tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let best = tried.first().map(|tried| tried.cost);
+    let excess = best.map_or(1.0, |best| excess_noise(best, values, freedom));
     let listed: Vec<_> = match best {
-        Some(best) if best <= cost_max => distinct(tried, best + GATE),
+        Some(best) if best <= cost_max => distinct(tried, best + GATE * excess),
         _ => Vec::new(),
     };
     let mut hypotheses: Vec<_> =
-        listed.iter().filter_map(|tried| hypothesis(problem, tried, best.unwrap_or(tried.cost))).collect();
+        listed.iter().filter_map(|tried| hypothesis(problem, tried, best.unwrap_or(tried.cost), excess)).collect();
     let total: f64 = hypotheses.iter().map(|hypothesis| hypothesis.probability).sum();
     hypotheses.iter_mut().for_each(|hypothesis| hypothesis.probability /= total);
     let mut hypotheses = joined(hypotheses, SAME_PLACE);
@@ -212,10 +231,10 @@ fn distinct(tried: Vec<Tried>, cost_max: f64) -> Vec<Tried> {
 fn guess(hypothesis: &Hypothesis, course: &Course) -> Guess {
     let mu_g_log = if course.mu_g_log_sd.is_some() { (hypothesis.mu_g / course.mu_g).ln() } else { 0.0 };
     let mu_c = hypothesis.from_force.and_then(|force| force.mu_c).unwrap_or(f64::INFINITY);
-    Guess { edge: hypothesis.side, u: hypothesis.start.u, s: hypothesis.start.s, mu_c, mu_g_log }
+    Guess { edge: hypothesis.side, u: hypothesis.start.u, s: hypothesis.start.s, mu_c, mu_g_log, delay: 0.0 }
 }
 
-fn hypothesis(problem: &Problem, tried: &Tried, best: f64) -> Option<Hypothesis> {
+fn hypothesis(problem: &Problem, tried: &Tried, best: f64, excess: f64) -> Option<Hypothesis> {
     let at_end = problem.end_covariance(tried)?;
     let EndCovariance { pose: covariance, state: state_covariance, spread, .. } = at_end;
     let Tried { guess, path, mass, cost, .. } = tried;
@@ -232,8 +251,8 @@ fn hypothesis(problem: &Problem, tried: &Tried, best: f64) -> Option<Hypothesis>
         pose_start: problem.course.pose_at_start(guess)?.into(),
         pose_end: problem.course.pose_at_end(guess, path)?.into(),
         velocity_end: problem.course.velocity_at_end(guess, path)?,
-        covariance: Some(covariance),
-        state_covariance: Some(state_covariance),
+        covariance: Some(covariance * excess),
+        state_covariance: Some(state_covariance * excess),
         mu_g: problem.course.mu_g_of(guess),
         mu_g_log_sd: Some(at_end.mu_g_log_sd),
         from_force: Some(FromForce {
@@ -241,13 +260,37 @@ fn hypothesis(problem: &Problem, tried: &Tried, best: f64) -> Option<Hypothesis>
             mass_log_sd: at_end.mass_log_sd,
             resistance_log_sd: at_end.resistance_log_sd,
             mu_c,
+            mu_c_sd: at_end.mu_c_sd,
             friction_needed: path.friction_needed,
         }),
         cost: *cost,
         // Relative to the others: a cost of hundreds would leave nothing of its exponential.
-        probability: spread * (-0.5 * (cost - best)).exp(),
+        probability: spread * (-0.5 * (cost - best) / excess).exp(),
     })
 }
+
+/// How much larger the noise's variance is than the tare said, by how badly the best explanation fits: the mean of what
+/// both say, weighted by the values that each rests on; never less than 1. Costs are compared in units of it: with an
+/// unknown variance they follow Student's t instead of a Gaussian.
+fn excess_noise(best: f64, values: usize, freedom: f64) -> f64 {
+    if !freedom.is_finite() {
+        return 1.0;
+    }
+    ((freedom + best) / (freedom + values as f64)).max(1.0)
+}
+
+/// Largest cost that chance gives to so many values, once in a thousand times, where their variance is known from
+/// `freedom` values itself.
+fn misfit_limit(values: usize, freedom: f64) -> f64 {
+    if !freedom.is_finite() {
+        return chi_square_limit(values);
+    }
+    // Both follow chi-square: the ratio of the means is Fisher's F.
+    values as f64 * fisher_quantile(CHANCE, values as f64, freedom)
+}
+
+/// What chance must stay below.
+const CHANCE: f64 = 0.999;
 
 /// The 99.9 % quantile of chi-square (Wilson and Hilferty 1931; within 1 % from 5 degrees of freedom on).
 fn chi_square_limit(freedom: usize) -> f64 {

@@ -3,10 +3,11 @@
 //! The finger begins at rest, touching the part or nothing. [`RestNoise`] is what it then reads. [`PushSense`] takes
 //! reading after reading; where the force leaves the noise, the push has begun, and from then on it is averaged under
 //! the windows of [`from_rest`](crate::pushing::estimation::from_rest). The push is over when the finger loses the
-//! part, or readings are missing.
+//! part, or readings are missing. A knock, over before it could say anything, is kept as a [`Touch`] and waited out.
 //!
-//! Assumes: the force is there at once when the finger begins to move, as support friction makes it. The disk then
-//! rings about it; the onset is found on the first rise.
+//! Assumes: the force is there at once when the finger begins to move, as support friction makes it. A stiff sensor
+//! shows it so, a disk rings about it: the scatter of the first readings tells which. The onset is found on the first
+//! rise, as exactly as the time between two readings allows; the estimate finds it with the other unknowns.
 //! Frames: finger axes; force is the force on the finger's disk. Units: s, and the calibration's unit of force.
 //! Errors: [`TareError`] where the finger was not at rest.
 
@@ -14,8 +15,9 @@ use nalgebra::{Matrix2, Matrix4, Vector2};
 
 use crate::finger::calibration::Calibration;
 use crate::finger::contact::{Averaging, Reading, Tare, TareError, TareSettings};
-use crate::pushing::estimation::from_rest::hann_windows::{self, HOP_S, LENGTH_S};
-use crate::pushing::estimation::from_rest::{CalibrationUncertainty, Uncertainty, WindowedForce};
+use crate::math::statistics::mean;
+use crate::pushing::estimation::from_rest::hann_windows::{self, HOP_S, LENGTH_S, NEIGHBOUR_CORRELATION};
+use crate::pushing::estimation::from_rest::{CalibrationUncertainty, Uncertainty, WINDOWS_MIN, WindowedForce};
 
 /// The force has left the noise when it is this many standard deviations of a reading, for [`CONFIRMED`] readings of
 /// [`ATTEMPTS`] in a row: by chance once in a year.
@@ -30,18 +32,44 @@ const ATTEMPTS: usize = 8;
 /// Readings kept from before the force leaves the noise, s: the rise begins there.
 const BEFORE_S: f64 = 0.01;
 
+/// The same in readings, beside those that must stand out: at a hundred a second 10 ms hold one.
+const BEFORE_READINGS: f64 = 4.0;
+
 /// Readings over which the size of the first force is averaged, s: seven periods of the disk's ringing.
 const FIRST_S: f64 = 0.04;
 
 /// Share of the first force whose crossing marks the rise.
 const RISE: f64 = 0.5;
 
-/// From the onset to that crossing, s: a sixth of a period of the default finger's disk, 186.5 Hz.
+/// From the onset to that crossing, s, where the disk rings: a sixth of a period of the default finger's, 186.5 Hz.
 const RISE_TIME_S: f64 = 0.9e-3;
 
-/// Standard deviation of the onset's moment, s: another finger's disk may ring at half or twice the frequency, a robot
-/// takes a millisecond to accelerate.
+/// Standard deviation of the onset's moment beside that from the time between readings, s: another finger's disk may
+/// ring at half or twice the frequency, a robot takes a millisecond to accelerate.
 const ONSET_SD_S: f64 = 0.3e-3;
+
+/// The disk rings where the first readings scatter along their mean by more than this share of it: ringing makes a half,
+/// noise at most an eighth ([`ONSET_SIGMAS`]).
+const RINGS: f64 = 0.25;
+
+/// A period of the ringing disk, s: over it the mean of the ringing alone is nothing.
+const RING_PERIOD_S: f64 = 1.0 / 186.5;
+
+/// Over so long a stiff sensor's force is averaged to tell whether it is there, s.
+const SHORT_S: f64 = 1e-3;
+
+/// A touch is a knock if the force of its last two periods of ringing is below this share of the greatest: a force that
+/// stays is half of its first overshoot.
+const KNOCK_SHARE: f64 = 0.2;
+
+/// The contact has ended when the mean force is below this share of the first window's.
+const GONE_SHARE: f64 = 0.2;
+
+/// Shorter pushes say nothing, s: [`WINDOWS_MIN`] windows.
+const KNOCK_S: f64 = LENGTH_S + HOP_S * (WINDOWS_MIN - 1) as f64;
+
+/// An onset may be wrong by so little that a window beyond the motion's end does no harm, s: it lets through 1e-4.
+const END_SLACK_S: f64 = 1e-3;
 
 /// A window whose mean is below this share of the first one's is no contact any more.
 const LOST_SHARE: f64 = 0.1;
@@ -58,6 +86,8 @@ pub struct RestNoise {
     pub bias_covariance: Matrix2<f64>,
     /// Covariance of a window's mean.
     pub window: Matrix2<f64>,
+    /// Independent values of each axis that it was estimated from.
+    pub window_freedom: f64,
     /// Covariance of a single reading.
     pub single: Matrix2<f64>,
     /// Time between readings, s.
@@ -80,6 +110,8 @@ impl RestNoise {
             bias: tare.bias,
             bias_covariance: tare.bias_covariance,
             window,
+            // Neighbours are alike a little, and the mean was taken off.
+            window_freedom: (count / (1.0 + 2.0 * NEIGHBOUR_CORRELATION.powi(2)) - 1.0).max(1.0),
             single: tare.single_covariance,
             period: tare.period,
         })
@@ -95,12 +127,18 @@ impl RestNoise {
 #[derive(Clone, Debug)]
 struct Windows {
     onset: f64,
+    /// Of the onset, s.
+    onset_sd: f64,
+    /// Over so long a force is averaged to tell whether it is there, s.
+    presence_s: f64,
     sums: Vec<(f64, Vector2<f64>)>,
+    /// Tared, with times since the onset.
+    readings: Vec<Reading>,
 }
 
 impl Windows {
     fn new(onset: f64) -> Self {
-        Self { onset, sums: Vec::new() }
+        Self { onset, onset_sd: 0.0, presence_s: RING_PERIOD_S, sums: Vec::new(), readings: Vec::new() }
     }
 
     fn push(&mut self, reading: &Reading, bias: &Vector2<f64>) {
@@ -108,6 +146,7 @@ impl Windows {
         if time < 0.0 {
             return;
         }
+        self.readings.push(Reading::new(time, reading.force_finger - bias));
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative; hops of a session")]
         let last = (time / HOP_S) as usize;
         self.sums.resize(self.sums.len().max(last + 1), (0.0, Vector2::zeros()));
@@ -125,6 +164,29 @@ impl Windows {
         let covered = self.sums.iter().take(over).take_while(move |(weight, _)| *weight >= COVERED_MIN * full);
         covered.map(|(weight, sum)| sum / *weight)
     }
+
+    /// Since when the force is gone for good up to a time, s; none where it is not, or was never there.
+    fn gone_since(&self, period: f64, until: f64) -> Option<f64> {
+        let readings = &self.readings[..self.readings.partition_point(|reading| reading.t <= until)];
+        let least = GONE_SHARE * self.sums.first().map(|(weight, sum)| sum.norm() / weight)?;
+        let length = self.presence_s.max(period);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a handful of readings")]
+        let count = (length / period).round().max(1.0) as usize;
+        let means = readings.windows(count).enumerate().rev();
+        let mut means = means.map(|(first, some)| (first, some.iter().map(|r| r.force_finger).sum::<Vector2<f64>>()));
+        let there = means.find(|(_, sum)| sum.norm() >= least * count as f64)?.0;
+        // The stretch that still had some force may have seen most of it go.
+        (there + count < readings.len()).then(|| readings[there].t)
+    }
+}
+
+/// A contact that was felt: when the force rose and when it had gone, on the readings' clock, s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Touch {
+    /// When it began, s.
+    pub from: f64,
+    /// When it was over, s.
+    pub to: f64,
 }
 
 /// Where a push is.
@@ -147,6 +209,8 @@ pub struct PushSense {
     /// Readings from just before the onset on, until it is known.
     recent: Vec<Reading>,
     now: f64,
+    /// Contacts that were too short to be a push.
+    knocks: Vec<Touch>,
 }
 
 impl PushSense {
@@ -157,19 +221,52 @@ impl PushSense {
             inverse: *calibration.inverse(),
             covariance: Matrix4::from(calibration.parts().covariance.fixed_view::<4, 4>(0, 0)),
         });
-        Self { rest, calibration, stage: Stage::Waiting, recent: Vec::new(), now: f64::NEG_INFINITY }
+        Self {
+            rest,
+            calibration,
+            stage: Stage::Waiting,
+            recent: Vec::new(),
+            now: f64::NEG_INFINITY,
+            knocks: Vec::new(),
+        }
     }
 
     /// Takes a reading, bias included.
     pub fn push(&mut self, reading: &Reading) {
         self.now = reading.t;
         if let Stage::Pushing(windows) = &mut self.stage {
-            return windows.push(reading, &self.rest.bias);
+            let before = windows.sums.len();
+            windows.push(reading, &self.rest.bias);
+            // Once a window, while it may still turn out to be a knock.
+            if windows.sums.len() > before && self.now < windows.onset + KNOCK_S + 2.0 * LENGTH_S {
+                self.forget_knock();
+            }
+            return;
         }
         self.recent.push(*reading);
         match self.stage {
             Stage::Waiting => self.wait(),
             _ => self.rise(),
+        }
+    }
+
+    /// Keeps a contact that was none; one at once after another is the same, ringing on.
+    fn note_knock(&mut self, from: f64, to: f64) {
+        match self.knocks.last_mut() {
+            Some(last) if from < last.to + KNOCK_S => last.to = to,
+            _ => self.knocks.push(Touch { from, to }),
+        }
+    }
+
+    /// Waits for another contact where this one was over too early to be a push.
+    fn forget_knock(&mut self) {
+        let Stage::Pushing(windows) = &self.stage else { return };
+        let gone = windows.gone_since(self.rest.period, f64::INFINITY).filter(|gone| *gone < KNOCK_S);
+        // What rings on, or comes back at once, is the same contact.
+        if let Some(gone) = gone.filter(|gone| self.now - windows.onset > gone + LENGTH_S) {
+            let (from, to) = (windows.onset, windows.onset + gone);
+            self.note_knock(from, to);
+            self.stage = Stage::Waiting;
         }
     }
 
@@ -181,8 +278,9 @@ impl PushSense {
             return;
         }
         // Not one by one, which would move the whole buffer for every reading.
-        let old = self.recent.iter().take_while(|reading| reading.t < self.now - 2.0 * BEFORE_S).count();
-        if self.recent.first().is_some_and(|first| first.t < self.now - 4.0 * BEFORE_S) {
+        let kept = (2.0 * BEFORE_S).max((ATTEMPTS as f64 + BEFORE_READINGS) * self.rest.period);
+        let old = self.recent.iter().take_while(|reading| reading.t < self.now - kept).count();
+        if self.recent.first().is_some_and(|first| first.t < self.now - 2.0 * kept) {
             self.recent.drain(..old);
         }
     }
@@ -193,24 +291,53 @@ impl PushSense {
         if self.now < begun + FIRST_S {
             return;
         }
-        let mut windows = Windows::new(self.onset(begun));
+        if let Some(to) = self.knocked(begun) {
+            self.note_knock(begun, to);
+            self.recent.clear();
+            self.stage = Stage::Waiting;
+            return;
+        }
+        let mut windows = self.begun(begun);
         self.recent.iter().for_each(|reading| windows.push(reading, &self.rest.bias));
         self.recent.clear();
         self.stage = Stage::Pushing(windows);
     }
 
-    /// When the force rose through half of what it is at first, less the time that takes.
-    fn onset(&self, begun: f64) -> f64 {
+    /// When a contact was over that has gone already; none where its force stays.
+    fn knocked(&self, begun: f64) -> Option<f64> {
+        let force = |reading: &Reading| reading.force_finger - self.rest.bias;
+        let most = self.recent.iter().map(|reading| force(reading).norm()).fold(0.0, f64::max);
+        let last: Vec<_> = self.recent.iter().filter(|r| r.t > self.now - 2.0 * RING_PERIOD_S).map(force).collect();
+        let left = mean(&last).map_or(0.0, |mean: Vector2<f64>| mean.norm());
+        let out = self.recent.iter().rev().find(|reading| force(reading).norm() > 0.5 * most);
+        (left < KNOCK_SHARE * most).then(|| out.map_or(begun, |reading| reading.t))
+    }
+
+    /// A push that began when the force rose through half of what it is at first, less the time that takes.
+    fn begun(&self, begun: f64) -> Windows {
+        let along = |reading: &Reading, mean: &Vector2<f64>| {
+            (reading.force_finger - self.rest.bias).dot(mean) / mean.norm_squared()
+        };
         let first: Vec<_> = self.recent.iter().filter(|reading| reading.t >= begun).collect();
-        let count = f64::from(u32::try_from(first.len()).unwrap_or(u32::MAX)).max(1.0);
-        let mean = first.iter().map(|reading| reading.force_finger - self.rest.bias).sum::<Vector2<f64>>() / count;
-        let along = |reading: &Reading| (reading.force_finger - self.rest.bias).dot(&mean) / mean.norm_squared();
-        let crossing = self.recent.windows(2).find_map(|pair| {
-            let (before, after) = (along(&pair[0]), along(&pair[1]));
-            let share = (RISE - before) / (after - before);
-            (before < RISE && after >= RISE).then(|| pair[0].t + share * (pair[1].t - pair[0].t))
-        });
-        crossing.unwrap_or(begun) - RISE_TIME_S
+        let force = mean(first.iter().map(|reading| reading.force_finger - self.rest.bias)).unwrap_or_default();
+        let crossing =
+            self.recent.windows(2).find(|pair| along(&pair[0], &force) < RISE && along(&pair[1], &force) >= RISE);
+        // The first reading that stands out may have been taken while the force rose.
+        let settled = first.iter().skip(1).map(|reading| (along(reading, &force) - 1.0).powi(2));
+        let scatter: f64 = mean(settled).unwrap_or(0.0);
+        let rings = scatter.sqrt() > RINGS;
+        let onset = match crossing {
+            Some([before, after]) if rings => {
+                let (low, high) = (along(before, &force), along(after, &force));
+                before.t + (RISE - low) / (high - low) * (after.t - before.t) - RISE_TIME_S
+            }
+            // Anywhere between the two.
+            Some([before, after]) => 0.5 * (before.t + after.t),
+            _ => begun - if rings { RISE_TIME_S } else { 0.5 * self.rest.period },
+        };
+        // Between two readings it is anywhere.
+        let onset_sd = ONSET_SD_S.hypot(self.rest.period / 12.0_f64.sqrt());
+        Windows { onset_sd, presence_s: if rings { RING_PERIOD_S } else { SHORT_S }, ..Windows::new(onset) }
     }
 
     /// Time of the last reading, s.
@@ -233,7 +360,11 @@ impl PushSense {
     #[must_use]
     pub fn windowed_force(&self, until: f64) -> Option<WindowedForce> {
         let Stage::Pushing(windows) = &self.stage else { return None };
-        let now = self.now.min(windows.onset + until);
+        // The finger may stop, or the contact end, before the windows are thought to.
+        let uncertain = (2.0 * windows.onset_sd - END_SLACK_S).max(0.0);
+        let until = (self.now - windows.onset).min(until - uncertain);
+        let gone = windows.gone_since(self.rest.period, until);
+        let now = windows.onset + gone.map_or(until, |gone| until.min(gone));
         let means: Vec<_> = windows.complete(self.rest.period, now).collect();
         let first = means.first()?.norm();
         let kept = means.iter().take_while(|mean| mean.norm() >= LOST_SHARE * first).count();
@@ -241,11 +372,38 @@ impl PushSense {
         let kept = if kept < means.len() { kept.saturating_sub(2) } else { kept };
         let uncertainty = Uncertainty {
             noise: self.rest.window,
+            noise_freedom: self.rest.window_freedom,
             bias: self.rest.bias_covariance,
             calibration: self.calibration,
-            onset_sd: ONSET_SD_S,
+            onset_sd: windows.onset_sd,
         };
-        WindowedForce::new(means[..kept].to_vec(), &uncertainty)
+        let end = hann_windows::end(kept.checked_sub(1)?);
+        let times: Vec<_> = windows.readings.iter().map(|reading| reading.t).take_while(|time| *time < end).collect();
+        WindowedForce::with_readings(means[..kept].to_vec(), &uncertainty, &times, self.rest.period)
+    }
+
+    /// Contacts before the push that were over too early to be one.
+    #[must_use]
+    pub fn knocks(&self) -> &[Touch] {
+        &self.knocks
+    }
+
+    /// When the contact ended before so many seconds of the push were over, on the readings' clock; none where it did
+    /// not.
+    #[must_use]
+    pub fn lost_before(&self, until: f64) -> Option<f64> {
+        let Stage::Pushing(windows) = &self.stage else { return None };
+        let until = until - 2.0 * windows.onset_sd;
+        windows.gone_since(self.rest.period, until).map(|gone| windows.onset + gone)
+    }
+
+    /// Standard deviation of the moment when the push began, s.
+    #[must_use]
+    pub fn onset_sd(&self) -> Option<f64> {
+        match &self.stage {
+            Stage::Pushing(windows) => Some(windows.onset_sd),
+            Stage::Waiting | Stage::Rising => None,
+        }
     }
 
     /// Whether the finger has lost the part, or readings are missing: nothing that comes is of use.
@@ -308,6 +466,73 @@ mod tests {
             let middle = hann_windows::end(window) - 0.5 * LENGTH_S;
             let error = (force - Vector2::new(-1.0 - 0.2 * middle, 0.3)).norm();
             assert!(error < 5e-3, "window {window}: {error} N");
+        }
+    }
+
+    /// A finger tared at a rate, and the noise that goes on.
+    fn tared(seed: u64, rate_hz: f64) -> (PushSense, Noise) {
+        let mut noise = Noise::white(seed, SIGMA).sampled(rate_hz);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "two seconds of readings")]
+        let rest = RestNoise::estimate(&noise.readings((2.0 * rate_hz) as usize)).unwrap();
+        (PushSense::new(rest, None), noise)
+    }
+
+    /// Goes on to a time with a force that depends on it.
+    fn feel(sense: &mut PushSense, noise: &mut Noise, until: f64, force: impl Fn(f64) -> Vector2<f64>) {
+        while noise.t < until {
+            let mut reading = noise.reading();
+            reading.force_finger += force(reading.t);
+            sense.push(&reading);
+        }
+    }
+
+    const PUSH: Vector2<f64> = Vector2::new(-1.0, 0.3);
+
+    fn within(time: f64, from: f64, to: f64) -> Vector2<f64> {
+        if (from..to).contains(&time) { PUSH } else { Vector2::zeros() }
+    }
+
+    #[test]
+    fn the_onset_of_a_stiff_sensor_is_as_uncertain_as_its_readings_are_far_apart() {
+        for rate_hz in [100.0, 250.0, 1000.0, 4000.0] {
+            for phase in 0..6 {
+                let (mut sense, mut noise) = tared(4, rate_hz);
+                let onset = noise.t + 0.5 + f64::from(phase) / 6.0 / rate_hz;
+                feel(&mut sense, &mut noise, onset + 0.5, |t| within(t, onset, f64::INFINITY));
+                let (found, sd) = (sense.onset_time().unwrap(), sense.onset_sd().unwrap());
+                assert!((found - onset).abs() < 0.51 / rate_hz, "{rate_hz} Hz, phase {phase}: {}", found - onset);
+                assert!(sd > 0.28 / rate_hz && sd < 0.3 / rate_hz + ONSET_SD_S, "{rate_hz} Hz: {sd}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_knock_before_the_push_is_kept_as_one() {
+        for length in [0.012, 0.05] {
+            let (mut sense, mut noise) = tared(5, 1000.0);
+            let (knock, onset) = (noise.t + 0.4, noise.t + 1.2);
+            let force = |t: f64| within(t, knock, knock + length) + within(t, onset, f64::INFINITY);
+            feel(&mut sense, &mut noise, onset + 0.5, force);
+            let found = sense.onset_time().unwrap();
+            assert!((found - onset).abs() < 2e-3, "{length} s: {found}, wanted {onset}");
+            let [Touch { from, to }] = sense.knocks() else { panic!("{length} s: {:?}", sense.knocks()) };
+            assert!((from - knock).abs() < 5e-3 && (to - knock - length).abs() < 5e-3, "{length} s: {from} {to}");
+        }
+    }
+
+    #[test]
+    fn windows_end_before_the_contact_does() {
+        for lost in [5e-3, 0.01, 0.02, 0.04] {
+            let (mut sense, mut noise) = tared(6, 1000.0);
+            let onset = noise.t + 0.5;
+            feel(&mut sense, &mut noise, onset + 0.6, |t| within(t, onset, onset + 0.6 - lost));
+            let measured = sense.windowed_force(0.6).unwrap();
+            for force in measured.forces_finger() {
+                assert!((force - PUSH).norm() < 0.02, "{lost} s: {force:?}");
+            }
+            assert!(measured.count() >= 25, "{lost} s: {}", measured.count());
+            let found = sense.lost_before(0.6).unwrap();
+            assert!((found - (onset + 0.6 - lost)).abs() < 4e-3, "{lost} s: {found}");
         }
     }
 

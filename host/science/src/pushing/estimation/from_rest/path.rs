@@ -56,6 +56,8 @@ pub(super) struct Guess {
     pub(super) mu_c: f64,
     /// ln of the plane's µ g over what it is taken for.
     pub(super) mu_g_log: f64,
+    /// How much later the push began than it was taken to, s.
+    pub(super) delay: f64,
 }
 
 /// A guess played through.
@@ -65,6 +67,8 @@ pub(super) struct Path {
     smooth: Vec<Vector2<f64>>,
     /// When the force jumps and by how much, the onset first.
     jumps: Vec<(f64, Vector2<f64>)>,
+    /// The force where it was computed, in order of time, s and m/s²: each grid point, and before and after each jump.
+    knots: Vec<(f64, Vector2<f64>)>,
     /// The state at the end.
     pub(super) end: State,
     /// The contact at the start.
@@ -77,6 +81,27 @@ pub(super) struct Path {
     pub(super) friction_needed: f64,
     /// Whether the contact slipped at any time.
     pub(super) slipped: bool,
+    /// What the contact did, one after the other.
+    pub(super) course: ModeCourse,
+}
+
+/// The modes of a contact in their order, as digits of base 4, the last one lowest; of a long course the last sixteen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct ModeCourse(u32);
+
+impl ModeCourse {
+    fn of(contact: &ContactMode) -> Self {
+        Self(1 + Self::digit(contact))
+    }
+
+    fn digit(contact: &ContactMode) -> u32 {
+        contact.signed_friction().map_or(0, |m| if m > 0.0 { 1 } else { 2 })
+    }
+
+    fn then(self, contact: &ContactMode) -> Self {
+        let digit = 1 + Self::digit(contact);
+        if self.0 % 4 == digit { self } else { Self(self.0.wrapping_mul(4).wrapping_add(digit)) }
+    }
 }
 
 impl Path {
@@ -92,6 +117,69 @@ impl Path {
             let jumped = self.jumps.iter().map(|&(time, jump)| jump * hann_windows::share_after(window, time));
             hann_windows::mean_of_grid(window, &self.smooth) + jumped.sum::<Vector2<f64>>()
         })
+    }
+}
+
+impl Path {
+    /// The force at times that are asked for in ascending order, its jumps spread over `spread`, s.
+    pub(super) fn forces(&self, spread: f64) -> ForceReader<'_> {
+        ForceReader { path: self, spread, next: 1, jump: 0 }
+    }
+}
+
+/// Reads a path's force from its beginning to its end.
+pub(super) struct ForceReader<'a> {
+    path: &'a Path,
+    spread: f64,
+    /// The first knot after the time asked for last; knots at one time are before and after a jump.
+    next: usize,
+    /// The first jump that is not over at the time asked for last.
+    jump: usize,
+}
+
+impl ForceReader<'_> {
+    /// The force on the finger's disk, per unit mass of the part; nothing before the start, and the last one after the
+    /// end.
+    pub(super) fn at(&mut self, time: f64) -> Vector2<f64> {
+        let knots = &self.path.knots;
+        while self.next < knots.len() && knots[self.next].0 <= time {
+            self.next += 1;
+        }
+        let force = if time < 0.0 { Vector2::zeros() } else { self.between(time) };
+        force + self.spread_jumps(time)
+    }
+
+    /// By a parabola through three knots with no jump between them, where there are three.
+    fn between(&self, time: f64) -> Vector2<f64> {
+        let knots = &self.path.knots;
+        let Some(&after) = knots.get(self.next) else { return knots[knots.len() - 1].1 };
+        let before = knots[self.next - 1];
+        let span = after.0 - before.0;
+        let slope = (after.1 - before.1) / span;
+        let straight = before.1 + slope * (time - before.0);
+        let further = knots.get(self.next + 1).filter(|further| further.0 > after.0);
+        let earlier = self.next.checked_sub(2).map(|index| knots[index]).filter(|earlier| earlier.0 < before.0);
+        let bend = match (further, earlier) {
+            (Some(further), _) => ((further.1 - after.1) / (further.0 - after.0) - slope) / (further.0 - before.0),
+            (None, Some(earlier)) => (slope - (before.1 - earlier.1) / (before.0 - earlier.0)) / (after.0 - earlier.0),
+            (None, None) => Vector2::zeros(),
+        };
+        straight + bend * ((time - before.0) * (time - after.0))
+    }
+
+    /// What spreading the jumps adds: half of one that is about to come, less half of one that has just been.
+    fn spread_jumps(&mut self, time: f64) -> Vector2<f64> {
+        let jumps = &self.path.jumps;
+        let half = 0.5 * self.spread;
+        while self.jump < jumps.len() && jumps[self.jump].0 < time - half {
+            self.jump += 1;
+        }
+        let near = jumps[self.jump..].iter().take_while(|(at, _)| *at < time + half);
+        near.map(|&(at, jump)| {
+            let share = 0.5 + (time - at) / self.spread;
+            jump * if time < at { share } else { share - 1.0 }
+        })
+        .sum()
     }
 }
 
@@ -219,12 +307,14 @@ impl<'p> PathSimulation<'p> {
         let path = Path {
             smooth: vec![Vector2::zeros()],
             jumps: vec![(0.0, force)],
+            knots: vec![(0.0, force)],
             end: state,
             contact_start: contact,
             contact,
             s_span: [s, s],
             friction_needed: if contact == ContactMode::Rolling { needed(&start.force()) } else { 0.0 },
             slipped: contact != ContactMode::Rolling,
+            course: ModeCourse::of(&contact),
         };
         Ok(Self { model, leg_from: 0.0, friction, time: REST_S, state, contact, path })
     }
@@ -269,7 +359,9 @@ impl<'p> PathSimulation<'p> {
         self.path.s_span = [low.min(self.state.s), high.max(self.state.s)];
         if self.time >= grid - SAME_TIME_S {
             let jumped: Vector2<f64> = self.path.jumps.iter().map(|(_, jump)| jump).sum();
-            self.path.smooth.push(self.force() - jumped);
+            let force = self.force();
+            self.path.smooth.push(force - jumped);
+            self.path.knots.push((self.time, force));
         }
     }
 
@@ -324,7 +416,10 @@ impl<'p> PathSimulation<'p> {
 
     fn jump(&mut self, force_before: Vector2<f64>) -> Result<(), Lost> {
         self.path.slipped |= self.contact != ContactMode::Rolling;
-        self.path.jumps.push((self.time, self.force() - force_before));
+        self.path.course = self.path.course.then(&self.contact);
+        let force = self.force();
+        self.path.knots.extend([(self.time, force_before), (self.time, force)]);
+        self.path.jumps.push((self.time, force - force_before));
         if self.path.jumps.len() > CHANGES_MAX { Err(Lost::Contact) } else { Ok(()) }
     }
 }

@@ -10,7 +10,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use super::fit::{MU_C_MAX, Problem, Tried};
+use super::fit::{MU_C_MAX, MU_C_MIN, Problem, Tried};
 use super::path::Guess;
 use crate::math::angle::wrap_angle;
 use crate::pushing::dynamics::{ContactMode, Edge};
@@ -35,6 +35,42 @@ const FAMILY: f64 = 0.35;
 /// turns by less.
 const TURNS_NEAR: f64 = 0.1;
 
+/// How close the grid is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Cover {
+    /// Enough for nearly all pushes.
+    Coarse,
+    /// Twice as many places and frictions: for the force that nothing explains so far, though nearly.
+    Fine,
+}
+
+impl Cover {
+    fn spacing(self) -> f64 {
+        match self {
+            Self::Coarse => SPACING,
+            Self::Fine => 0.5 * SPACING,
+        }
+    }
+
+    fn places(self) -> (usize, usize) {
+        match self {
+            Self::Coarse => PLACES,
+            Self::Fine => (2 * PLACES.0, 2 * PLACES.1),
+        }
+    }
+
+    /// Frictions, ascending.
+    fn frictions(self) -> Vec<f64> {
+        match self {
+            Self::Coarse => FRICTIONS.to_vec(),
+            Self::Fine => {
+                let between = FRICTIONS.windows(2).flat_map(|pair| [pair[0], (pair[0] * pair[1]).sqrt()]);
+                [MU_C_MIN, (MU_C_MIN * FRICTIONS[0]).sqrt()].into_iter().chain(between).chain([0.8]).collect()
+            }
+        }
+    }
+}
+
 /// A member of the grid.
 struct Seed {
     place: usize,
@@ -42,57 +78,68 @@ struct Seed {
     tried: Tried,
 }
 
-/// Guesses that are better than their neighbours, on one edge.
-pub(super) fn on_edge(problem: &Problem, edge: usize) -> Vec<Tried> {
+/// Guesses that are better than their neighbours, on one edge. In a fine cover only neighbours count of which the contact
+/// does the same: where it slips back, or sticks in between, another minimum begins, however dear its first guess.
+pub(super) fn on_edge(problem: &Problem, edge: usize, cover: Cover) -> Vec<Tried> {
     let Ok(line) = problem.course.part.edge(edge) else { return Vec::new() };
-    let seeds: Vec<_> = places(problem, &line)
+    let frictions = cover.frictions();
+    let seeds: Vec<_> = places(problem, &line, cover)
         .into_iter()
         .enumerate()
         .flat_map(|(place, s)| {
-            at_place(problem, edge, &line, s).into_iter().map(move |(friction, tried)| Seed { place, friction, tried })
+            at_place(problem, edge, &line, s, &frictions).into_iter().map(move |(friction, tried)| Seed {
+                place,
+                friction,
+                tried,
+            })
         })
         .collect();
-    let best: Vec<_> = seeds.iter().map(|seed| is_best_around(seed, &seeds)).collect();
+    let best: Vec<_> = seeds.iter().map(|seed| is_best_around(seed, &seeds, cover)).collect();
     seeds.into_iter().zip(best).filter(|(_, best)| *best).map(|(seed, _)| seed.tried).collect()
 }
 
-fn is_best_around(seed: &Seed, seeds: &[Seed]) -> bool {
+fn is_best_around(seed: &Seed, seeds: &[Seed], cover: Cover) -> bool {
     !seeds.iter().any(|other| {
         other.place.abs_diff(seed.place) <= 1
             && other.friction.abs_diff(seed.friction) <= 1
             && (other.tried.guess.u - seed.tried.guess.u).abs() < FAMILY
+            && (cover == Cover::Coarse || other.tried.path.course == seed.tried.path.course)
             && other.tried.cost < seed.tried.cost
     })
 }
 
-fn places(problem: &Problem, line: &Edge) -> Vec<f64> {
+fn places(problem: &Problem, line: &Edge, cover: Cover) -> Vec<f64> {
     let length = line.s_max - line.s_min;
-    let wanted = length / (SPACING * problem.course.part.inertia_per_mass().sqrt());
+    let wanted = length / (cover.spacing() * problem.course.part.inertia_per_mass().sqrt());
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a few dozen")]
-    let count = (wanted.ceil() as usize).clamp(PLACES.0, PLACES.1);
+    let count = (wanted.ceil() as usize).clamp(cover.places().0, cover.places().1);
     let share = |index: usize| (index as f64 + 0.5) / count as f64;
     (0..count).map(|index| line.s_min + length * share(index)).collect()
 }
 
 /// Guesses at one place: for each friction those that agree with the first direction of the force.
-fn at_place(problem: &Problem, edge: usize, line: &Edge, s: f64) -> Vec<(usize, Tried)> {
+fn at_place(problem: &Problem, edge: usize, line: &Edge, s: f64, frictions: &[f64]) -> Vec<(usize, Tried)> {
     let angles = Angles::new(problem, line, s);
     let mut found: Vec<(usize, Tried)> = Vec::new();
     // The largest friction first: where it suffices to roll, smaller ones that suffice too change nothing.
     for u in angles.solutions(f64::INFINITY) {
-        let tried = problem.try_guess(Guess { edge, u, s, mu_c: f64::INFINITY, mu_g_log: 0.0 });
+        let tried = problem.try_onsets(Guess { edge, u, s, mu_c: f64::INFINITY, mu_g_log: 0.0, delay: 0.0 });
         found.extend(
-            tried.filter(|tried| tried.path.friction_needed < 2.0 * MU_C_MAX).map(|tried| (FRICTIONS.len(), tried)),
+            tried.filter(|tried| tried.path.friction_needed < 2.0 * MU_C_MAX).map(|tried| (frictions.len(), tried)),
         );
     }
     let rolling = found.len();
-    for (index, &mu_c) in FRICTIONS.iter().enumerate() {
+    for (index, &mu_c) in frictions.iter().enumerate() {
         for u in angles.solutions(mu_c) {
             let rolls = found[..rolling]
                 .iter()
                 .any(|(_, tried)| (tried.guess.u - u).abs() < 1e-6 && tried.path.friction_needed <= mu_c);
             if !rolls {
-                found.extend(problem.try_guess(Guess { edge, u, s, mu_c, mu_g_log: 0.0 }).map(|tried| (index, tried)));
+                found.extend(
+                    problem
+                        .try_onsets(Guess { edge, u, s, mu_c, mu_g_log: 0.0, delay: 0.0 })
+                        .map(|tried| (index, tried)),
+                );
             }
         }
     }

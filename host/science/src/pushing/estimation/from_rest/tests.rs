@@ -69,7 +69,11 @@ fn measured(drawn: &Drawn, draw: &mut Draw, duration: f64) -> WindowedForce {
     let mut means = true_windows(&drawn.played, hann_windows::count(duration));
     means.iter_mut().for_each(|mean| *mean += Vector2::new(draw.normal(), draw.normal()) * NOISE_N);
     let noise = Matrix2::identity() * NOISE_N * NOISE_N;
-    WindowedForce::new(means, &Uncertainty { noise, bias: Matrix2::zeros(), calibration: None, onset_sd: 0.0 }).unwrap()
+    WindowedForce::new(
+        means,
+        &Uncertainty { noise, noise_freedom: f64::INFINITY, bias: Matrix2::zeros(), calibration: None, onset_sd: 0.0 },
+    )
+    .unwrap()
 }
 
 fn known<'a>(part: &'a Part, ranges: &'a Ranges) -> KnownFromRest<'a> {
@@ -84,7 +88,7 @@ fn a_path_feels_what_the_world_does() {
         let duration = ranges.motion.duration();
         let legs = ranges.motion.legs(RADIUS_M).collect();
         let course = Course { part: &part, mu_g: known(&part, &ranges).mu_g, mu_g_log_sd: None, legs, duration };
-        let guess = Guess { edge: drawn.edge, u: drawn.u, s: drawn.s, mu_c: drawn.mu_c, mu_g_log: 0.0 };
+        let guess = Guess { edge: drawn.edge, u: drawn.u, s: drawn.s, mu_c: drawn.mu_c, mu_g_log: 0.0, delay: 0.0 };
         let path = course.play(&guess).unwrap();
         let truth = true_windows(&drawn.played, hann_windows::count(duration));
         for (window, (mean, truth)) in path.windows(truth.len()).zip(&truth).enumerate() {
@@ -149,7 +153,9 @@ fn nothing_that_explains_a_short_push_is_missed() {
             let line = part.edge(edge).unwrap();
             let (u, s) = (draw.uniform(-1.5, 1.5), draw.uniform(line.s_min, line.s_max));
             let mu_c = if draw.chance(0.3) { f64::INFINITY } else { draw.uniform(0.03, 0.9) };
-            let Some(start) = problem.try_guess(Guess { edge, u, s, mu_c, mu_g_log: 0.0 }) else { continue };
+            let Some(start) = problem.try_guess(Guess { edge, u, s, mu_c, mu_g_log: 0.0, delay: 0.0 }) else {
+                continue;
+            };
             let found = problem.descend(start, usize::MAX);
             assert!(
                 found.cost > best - SAME_COST,
@@ -214,6 +220,7 @@ fn what_was_found_early_is_followed_to_the_same_end() {
     let (known, whole) = (known(&part, &ranges), measured(&drawn, &mut draw, ranges.motion.duration()));
     let noise = Uncertainty {
         noise: Matrix2::identity() * NOISE_N * NOISE_N,
+        noise_freedom: f64::INFINITY,
         bias: Matrix2::zeros(),
         calibration: None,
         onset_sd: 0.0,
@@ -233,6 +240,35 @@ fn the_limit_of_a_misfit_is_the_quantile_of_chi_square() {
     }
 }
 
+/// The gate holds for a noise that was itself estimated from a short rest.
+#[test]
+fn noise_from_few_windows_excludes_the_truth_no_more_often() {
+    const DRAWS: usize = 2000;
+    const WINDOWS: usize = 20;
+    for rest in [9_usize, 48] {
+        let mut draw = Draw::case(12, rest);
+        let mut beyond = 0;
+        for _ in 0..DRAWS {
+            let values: Vec<_> = (0..rest).map(|_| Vector2::new(draw.normal(), draw.normal())).collect();
+            let centre = values.iter().sum::<Vector2<f64>>() / rest as f64;
+            let square = |value: &Vector2<f64>| (value - centre) * (value - centre).transpose();
+            let freedom = rest as f64 - 1.0;
+            let noise = values.iter().map(square).sum::<Matrix2<f64>>() / freedom;
+            let uncertainty =
+                Uncertainty { noise, noise_freedom: freedom, bias: Matrix2::zeros(), calibration: None, onset_sd: 0.0 };
+            // Neighbouring windows are alike a little: a moving sum of white noise.
+            let white: Vec<_> = (0..=WINDOWS).map(|_| Vector2::new(draw.normal(), draw.normal())).collect();
+            // a² + b² = 1 and a b = 1/6.
+            let (a, b) = (0.985_598_6, 0.169_102_0);
+            let forces = white.windows(2).map(|pair| pair[0] * a + pair[1] * b).collect();
+            let measured = WindowedForce::new(forces, &uncertainty).unwrap();
+            beyond += usize::from(measured.data().norm_squared() > misfit_limit(2 * WINDOWS, measured.freedom()));
+        }
+        // One in a thousand is meant; what is estimated has two axes, and a correlation between them.
+        assert!(beyond <= DRAWS / 200, "{rest} windows at rest: {beyond} of {DRAWS}");
+    }
+}
+
 /// A fit ends where every small change of the guess costs more.
 #[test]
 fn a_fit_ends_in_a_minimum() {
@@ -242,7 +278,7 @@ fn a_fit_ends_in_a_minimum() {
     let course = course(&known, &measured);
     let problem = Problem { course: &course, measured: &measured };
     let (u, s, mu_c) = (drawn.u + 0.01, drawn.s + 5e-4, drawn.mu_c + 0.01);
-    let guess = Guess { edge: drawn.edge, u, s, mu_c, mu_g_log: 0.0 };
+    let guess = Guess { edge: drawn.edge, u, s, mu_c, mu_g_log: 0.0, delay: 0.0 };
     let found: Tried = problem.descend(problem.try_guess(guess).unwrap(), usize::MAX);
     for (du, ds) in [(1e-3, 0.0), (-1e-3, 0.0), (0.0, 1e-4), (0.0, -1e-4)] {
         let moved = Guess { u: found.guess.u + du, s: found.guess.s + ds, ..found.guess };
@@ -404,7 +440,7 @@ impl FromRest {
         let play = |duration: f64| {
             let legs = vec![Leg { from: 0.0, to: until, finger: self.finger }];
             let course = Course { part: &self.part, mu_g: self.model_mu_g, mu_g_log_sd: None, legs, duration };
-            course.play(&Guess { edge: self.edge, u: self.u, s: self.s, mu_c: self.mu_c, mu_g_log: 0.0 })
+            course.play(&Guess { edge: self.edge, u: self.u, s: self.s, mu_c: self.mu_c, mu_g_log: 0.0, delay: 0.0 })
         };
         let (Ok(start), Ok(path)) = (play(1e-3), play(until)) else { return (None, Vec::new()) };
         (Some((start.contact, path.contact, path.end)), path.changes())

@@ -208,6 +208,12 @@ impl PoseError {
     }
 }
 
+/// Whether an answer's pose is the true one, within what it states.
+#[must_use]
+pub fn is_right_pose(part: &Part, symmetry: usize, hypothesis: &Hypothesis, truth: &Isometry2<f64>) -> bool {
+    is_right(part, hypothesis, &pose_error(part, symmetry, &hypothesis.pose_end, truth))
+}
+
 /// Whether a pose is right within what it states.
 fn is_right(part: &Part, hypothesis: &Hypothesis, error: &PoseError) -> bool {
     let Some((distance_sd, angle_sd)) = hypothesis.spread(part) else { return false };

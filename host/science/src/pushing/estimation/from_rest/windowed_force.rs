@@ -1,8 +1,14 @@
 //! The force that was felt over a push, window by window, with everything that is uncertain about it.
 //!
 //! Noise is independent between samples, hence nearly so between windows. The rest is common to all windows: the tare's
-//! bias, what the calibration left open (four numbers of the finger's matrix) and the moment of the onset. Together
-//! they are one covariance of all windows, and what is compared is whitened by it.
+//! bias and what the calibration left open (four numbers of the finger's matrix). Together they are one covariance of
+//! all windows, and what is compared is whitened by it. The moment of the onset is uncertain too: it is found with the
+//! rest of the unknowns where it is known when readings were taken ([`WindowedForce::with_readings`]), and otherwise part
+//! of the covariance, to first order.
+//!
+//! A window's mean is a sum over readings. Where there are few of them it is no integral: a force that jumps between
+//! two of a hundred readings a second moves it by a tenth of the jump. So what is predicted is summed over the same
+//! readings.
 //!
 //! Frames: finger axes; force is the force on the finger's disk. Units: SI, or the calibration's relative unit of
 //! force.
@@ -10,7 +16,8 @@
 
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x4, Matrix4, Vector2};
 
-use super::hann_windows::{HOP_S, NEIGHBOUR_CORRELATION};
+use super::hann_windows::{self, HOP_S, NEIGHBOUR_CORRELATION};
+use super::path::Path;
 
 /// What a prediction may be off by, as a share of the force: sums over windows up to 9e-4 where the force bends (see
 /// the tests of `path`) and typically a fifth of that, the disk's ringing, which a window lets through by 8e-4 at
@@ -22,6 +29,8 @@ const MODEL_SHARE: f64 = 4e-4;
 pub struct Uncertainty {
     /// Covariance of one window's mean by noise, N².
     pub noise: Matrix2<f64>,
+    /// Independent values of each axis that `noise` was estimated from; infinite where it is known.
+    pub noise_freedom: f64,
     /// Covariance of the bias that was taken off, N².
     pub bias: Matrix2<f64>,
     /// What the calibration left open, if it is known.
@@ -47,7 +56,75 @@ pub struct WindowedForce {
     data: DVector<f64>,
     /// Lower triangle L⁻¹ of the covariance L Lᵀ.
     whitener: DMatrix<f64>,
+    /// Independent values that the size of the covariance is known from.
+    freedom: f64,
+    onset_sd: f64,
+    readings: Option<WindowReadings>,
 }
+
+/// When the readings under the windows were taken.
+#[derive(Clone, Debug)]
+struct WindowReadings {
+    /// In order of time.
+    groups: Vec<ReadingGroup>,
+    /// Time between two of them, s.
+    period: f64,
+}
+
+/// A reading, or several within [`JUMP_S`] of each other, as one.
+#[derive(Clone, Copy, Debug)]
+struct ReadingGroup {
+    /// Mean time since the onset as it was taken for, s.
+    time: f64,
+    /// The window of the first weight; the second is of the next.
+    window: usize,
+    /// Shares of the two windows' means.
+    weights: [f64; 2],
+}
+
+impl WindowReadings {
+    /// None where a window has no reading.
+    fn new(times: &[f64], period: f64, windows: usize) -> Option<Self> {
+        let mut sums = vec![0.0; windows];
+        for &time in times {
+            for (window, weight) in hann_windows::weights_at(time, windows) {
+                sums[window] += weight;
+            }
+        }
+        if !(period > 0.0 && sums.iter().all(|sum| *sum > 0.0)) {
+            return None;
+        }
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a handful; 0 counts as 1")]
+        let together = ((JUMP_S / period + 1e-6) as usize).max(1);
+        let group = |times: &[f64]| {
+            let time = times.iter().sum::<f64>() / times.len() as f64;
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "negative times become 0")]
+            let window = ((time / HOP_S) as usize).saturating_sub(1);
+            let weight = |window: usize| {
+                let weights = times.iter().map(|time| hann_windows::weight(window, *time)).sum::<f64>();
+                sums.get(window).map_or(0.0, |sum| weights / sum)
+            };
+            ReadingGroup { time, window, weights: [weight(window), weight(window + 1)] }
+        };
+        Some(Self { groups: times.chunks(together).map(group).collect(), period: period * together as f64 })
+    }
+}
+
+/// Few values tell too little of a noise to divide by: fewer count as so many.
+const FREEDOM_MIN: f64 = 4.0;
+
+/// A jump of the force is spread over a reading's period, and over no more than this, s: sums over readings then change
+/// evenly with the moment of the jump.
+const JUMP_S: f64 = 1e-3;
+
+/// The onset is sought within so many standard deviations of what it was taken for.
+pub(super) const ONSET_RANGE: f64 = 3.0;
+
+/// Onsets less certain than this are tried at several places before a fit, s: means of the force bend within 10 ms.
+const ONSET_SURE_S: f64 = 4e-4;
+
+/// Where, in standard deviations.
+const ONSETS_TRIED: [f64; 9] = [0.0, -0.4, 0.4, -0.8, 0.8, -1.2, 1.2, -1.6, 1.6];
 
 impl WindowedForce {
     /// From the means of the windows, tared, of a contact that began at time 0.
@@ -55,14 +132,66 @@ impl WindowedForce {
     /// None without a window, or where the covariance is none.
     #[must_use]
     pub fn new(forces_finger: Vec<Vector2<f64>>, uncertainty: &Uncertainty) -> Option<Self> {
+        Self::whitened(forces_finger, uncertainty, uncertainty.onset_sd)
+    }
+
+    /// The same, with the times of the readings (since the onset as it is taken for, ascending, s) and the time between
+    /// two of them: then the onset is found with the other unknowns.
+    #[must_use]
+    pub fn with_readings(
+        forces_finger: Vec<Vector2<f64>>,
+        uncertainty: &Uncertainty,
+        times: &[f64],
+        period: f64,
+    ) -> Option<Self> {
+        let readings = Some(WindowReadings::new(times, period, forces_finger.len())?);
+        let whitened = Self::whitened(forces_finger, uncertainty, 0.0)?;
+        Some(Self { readings, onset_sd: uncertainty.onset_sd, ..whitened })
+    }
+
+    fn whitened(forces_finger: Vec<Vector2<f64>>, uncertainty: &Uncertainty, onset_sd: f64) -> Option<Self> {
         if forces_finger.is_empty() || forces_finger.iter().any(|force| !force.iter().all(|value| value.is_finite())) {
             return None;
         }
-        let lower = covariance(&forces_finger, uncertainty).cholesky()?.unpack();
+        let (covariance, noise_share) = covariance(&forces_finger, uncertainty, onset_sd);
+        let lower = covariance.cholesky()?.unpack();
         let size = lower.nrows();
         let whitener = lower.solve_lower_triangular(&DMatrix::identity(size, size))?;
         let data = &whitener * stacked(forces_finger.iter().copied(), size);
-        Some(Self { forces_finger, data, whitener })
+        // Satterthwaite: only the part of the variance that is noise was estimated from so few values, of two axes.
+        let freedom = 2.0 * uncertainty.noise_freedom.max(FREEDOM_MIN) / (noise_share * noise_share);
+        Some(Self { forces_finger, data, whitener, freedom, onset_sd: 0.0, readings: None })
+    }
+
+    /// Independent values that the size of the covariance is known from.
+    pub(super) fn freedom(&self) -> f64 {
+        self.freedom
+    }
+
+    /// Standard deviation of the onset where it is to be found with the rest, s.
+    pub(super) fn onset_sd(&self) -> Option<f64> {
+        (self.readings.is_some() && self.onset_sd > 0.0).then_some(self.onset_sd)
+    }
+
+    /// Onsets to try before a fit, s later than what it was taken for; the first is that.
+    pub(super) fn onsets_tried(&self) -> impl Iterator<Item = f64> + '_ {
+        let uncertain = self.onset_sd().filter(|sd| *sd > ONSET_SURE_S);
+        let count = if uncertain.is_some() { ONSETS_TRIED.len() } else { 1 };
+        ONSETS_TRIED.into_iter().take(count).map(move |place| place * self.onset_sd)
+    }
+
+    /// Predicted means whitened, for an onset so much later than it was taken for, s.
+    pub(super) fn predicted(&self, path: &Path, delay: f64) -> DVector<f64> {
+        let Some(readings) = &self.readings else { return self.whiten(path.windows(self.count())) };
+        let mut sums = vec![Vector2::zeros(); self.count()];
+        let mut force = path.forces(readings.period.min(JUMP_S));
+        for group in &readings.groups {
+            let force = force.at(group.time - delay);
+            for (sum, weight) in sums.iter_mut().skip(group.window).zip(group.weights) {
+                *sum += force * weight;
+            }
+        }
+        self.whiten(sums.into_iter())
     }
 
     /// The means, N.
@@ -95,14 +224,18 @@ fn stacked(forces: impl Iterator<Item = Vector2<f64>>, size: usize) -> DVector<f
     DVector::from_iterator(size, forces.flat_map(|force| [force.x, force.y]))
 }
 
-fn covariance(forces: &[Vector2<f64>], uncertainty: &Uncertainty) -> DMatrix<f64> {
+/// The covariance, and which share of its diagonal is noise.
+fn covariance(forces: &[Vector2<f64>], uncertainty: &Uncertainty, onset_sd: f64) -> (DMatrix<f64>, f64) {
     let count = forces.len();
+    // The inverse of an estimated covariance of two axes is too large on average by this (Wishart).
+    let values = uncertainty.noise_freedom.max(FREEDOM_MIN);
+    let noise = if values.is_finite() { uncertainty.noise * (values / (values - 3.0)) } else { uncertainty.noise };
     let rates: Vec<_> = (0..count).map(|window| rate(forces, window)).collect();
     let mut covariance = DMatrix::zeros(2 * count, 2 * count);
     for row in 0..count {
         for column in 0..count {
-            let mut block = uncertainty.bias + rates[row] * rates[column].transpose() * uncertainty.onset_sd.powi(2);
-            block += uncertainty.noise * correlation(row.abs_diff(column));
+            let mut block = uncertainty.bias + rates[row] * rates[column].transpose() * onset_sd.powi(2);
+            block += noise * correlation(row.abs_diff(column));
             if let Some(calibration) = &uncertainty.calibration {
                 block += calibration.between(&forces[row], &forces[column]);
             }
@@ -112,7 +245,8 @@ fn covariance(forces: &[Vector2<f64>], uncertainty: &Uncertainty) -> DMatrix<f64
             covariance.view_mut((2 * row, 2 * column), (2, 2)).copy_from(&block);
         }
     }
-    covariance
+    let share = noise.trace() * count as f64 / covariance.trace();
+    (covariance, share.clamp(f64::MIN_POSITIVE, 1.0))
 }
 
 /// Correlation of the noise of windows so many hops apart.
