@@ -135,7 +135,10 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
             note!("a simulated hand sets every angle exactly: a reduced chi² near 0 is right for it");
             calibrate(arguments, &plan, device, &mut SimulatedBench::new(&hand, SIMULATED_FORCE_N, tell_step))
         }
-        None => calibrate(arguments, &plan, device, &mut Person::new(io::stdin().lock(), io::stderr())),
+        None => {
+            let mut person = Person::new(io::stdin().lock(), io::stderr(), |refusal| advice::help(refusal));
+            calibrate(arguments, &plan, device, &mut person)
+        }
     }
 }
 

@@ -8,19 +8,19 @@ use palpate::finger::calibration::dwell::Refusal;
 use palpate::finger::calibration::plan::Step;
 use palpate::finger::calibration::session::{Bench, BenchError, StepSummary, Wish};
 
-use crate::advice;
-
 /// A person who reads prompts and types answers.
 #[derive(Debug)]
 pub struct Person<R, W> {
     keyboard: R,
     screen: W,
+    /// What to do about a refusal.
+    advise: fn(&Refusal) -> Option<String>,
 }
 
 impl<R: BufRead, W: Write> Person<R, W> {
-    /// Talks through these two.
-    pub fn new(keyboard: R, screen: W) -> Self {
-        Self { keyboard, screen }
+    /// Talks through these two, and says what `advise` has to say about a refusal.
+    pub fn new(keyboard: R, screen: W, advise: fn(&Refusal) -> Option<String>) -> Self {
+        Self { keyboard, screen, advise }
     }
 
     fn say(&mut self, text: &str) -> Result<(), BenchError> {
@@ -61,7 +61,7 @@ impl<R: BufRead, W: Write> Bench for Person<R, W> {
 
     fn refused(&mut self, _step: &Step, refusal: &Refusal) -> Result<Wish, BenchError> {
         self.say(&format!("  refused: {refusal}\n"))?;
-        if let Some(help) = advice::help(refusal) {
+        if let Some(help) = (self.advise)(refusal) {
             self.say(&format!("  {help}\n"))?;
         }
         self.ask("again?")

@@ -271,7 +271,7 @@ fn a_person_is_prompted_and_may_redo_and_quit() {
     let mut session = CalibrationRun::new(plan.steps(), settings);
     let mut screen = Vec::new();
     // Tare, the tare again, nonsense, a contact without a load (refused), stop.
-    let mut person = Person::new(&b"\nr\n\nwhat\n\nq\n"[..], &mut screen);
+    let mut person = Person::new(&b"\nr\n\nwhat\n\nq\n"[..], &mut screen, |_| Some("hang it on".to_owned()));
     let ending = run(&mut session, &mut Device(world), &mut person).unwrap();
     let said = String::from_utf8(screen).unwrap();
     assert_eq!((ending, session.taken().len()), (Ending::Quit, 1), "{said}");
@@ -281,6 +281,7 @@ fn a_person_is_prompted_and_may_redo_and_quit() {
         "\"what\" is none",
         "with 2.0000 N (203.9 g hung)",
         "refused: no load",
+        "  hang it on\n",
     ] {
         assert!(said.contains(part), "no \"{part}\" in:\n{said}");
     }
@@ -292,7 +293,7 @@ fn the_end_of_input_stops_instead_of_looping() {
     let plan = quick_plan(Load::Same, TareMode::Once);
     let mut session =
         CalibrationRun::new(plan.steps(), plan.dwell_settings(provenance().check().unwrap(), RATE_HZ).unwrap());
-    let ending = run(&mut session, &mut Device(world), &mut Person::new(&b""[..], Vec::new())).unwrap();
+    let ending = run(&mut session, &mut Device(world), &mut Person::new(&b""[..], Vec::new(), |_| None)).unwrap();
     assert_eq!(ending, Ending::Quit);
 }
 

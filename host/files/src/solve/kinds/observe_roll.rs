@@ -159,10 +159,6 @@ pub struct ObserveRollAnswer {
     pub symmetry: Option<SymmetryFields>,
     /// What the status rests on.
     pub certificate: Certificate,
-    /// Only where it is not so: whether the search excluded everything that is not listed. One hypothesis alone is then
-    /// not `unique`.
-    #[serde(skip_serializing_if = "Clone::clone")]
-    pub complete: bool,
 }
 
 /// How many hypotheses explain the contacts.
@@ -321,12 +317,8 @@ impl Problem for ObserveRoll {
         if !complete && estimate.hypotheses.is_empty() {
             return Err(SolveError::Stopped);
         }
-        let mut answer = self.answer(&question, &estimate);
-        if !complete {
-            // What was not looked at may explain the data as well.
-            answer.status = ObserveRollStatus::Ambiguous;
-        }
-        Ok(Searched { found: answer, complete })
+        let answer = self.answer(&question, &estimate);
+        Ok(Searched { found: answer, complete: estimate.complete })
     }
 }
 
@@ -422,7 +414,6 @@ impl ObserveRoll {
                 certified: estimate.certified,
                 coverage: estimate.coverage.into(),
             },
-            complete: estimate.complete,
         }
     }
 

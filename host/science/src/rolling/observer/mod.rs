@@ -183,6 +183,10 @@ impl RollQuestion {
         let mut searched = halt.searched(self.gate(&readings).judge(solutions, coverage));
         searched.found.certified &= searched.complete;
         searched.found.complete &= searched.complete;
+        if !searched.complete && searched.found.verdict == RollVerdict::Unique {
+            // What was not looked at may explain the readings as well.
+            searched.found.verdict = RollVerdict::Ambiguous;
+        }
         Ok(searched)
     }
 

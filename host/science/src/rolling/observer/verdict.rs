@@ -193,11 +193,13 @@ impl Gate {
                 listed.push(solution);
             }
         }
-        let is_complete = coverage.left_out == 0;
+        let followed_all = coverage.left_out == 0;
+        // Of unknown shapes there is always more than can be followed: `coverage` says how much, and none is certified.
+        let is_complete = followed_all || listed.first().is_some_and(|best| best.unknowns.columns.semi_axes);
         let verdict = match listed.len() {
             0 => RollVerdict::Unexplained,
-            // What was left out may explain the readings too. Of unknown shapes there is always more than can be followed.
-            1 if is_complete || listed[0].unknowns.columns.semi_axes => RollVerdict::Unique,
+            // What was left out may explain the readings too.
+            1 if is_complete => RollVerdict::Unique,
             _ => RollVerdict::Ambiguous,
         };
         // Unique is not yet sure: its attitude must be known better than what is guaranteed, at both ends.
@@ -205,7 +207,7 @@ impl Gate {
             Some(sigma) => sigma * solution.residuals.dilution() * GUARANTEED_SIGMAS <= GUARANTEED_RAD,
             None => false,
         };
-        let certified = is_complete && verdict == RollVerdict::Unique && listed.iter().all(sure);
+        let certified = followed_all && verdict == RollVerdict::Unique && listed.iter().all(sure);
         let hypotheses = listed.iter().map(Solution::hypothesis).collect();
         RollEstimate {
             verdict,
