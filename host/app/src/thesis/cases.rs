@@ -21,6 +21,15 @@ pub(super) fn random_part(draw: &mut Draw) -> Part {
     Part::uniform(polygon)
 }
 
+/// The first that can be of those drawn in turn.
+pub(super) fn until_possible<T>(draw: &mut Draw, mut try_draw: impl FnMut(&mut Draw) -> Option<T>) -> T {
+    loop {
+        if let Some(drawn) = try_draw(draw) {
+            return drawn;
+        }
+    }
+}
+
 /// What comes of each case from 0 to `cases`, in order. Each thread takes the next case when it is done with one.
 pub(super) fn of_each<O: Send>(cases: usize, outcome: impl Fn(usize) -> O + Sync) -> Vec<O> {
     let next = AtomicUsize::new(0);

@@ -19,7 +19,7 @@ use palpate::math::random::Draw;
 use palpate::math::statistics::mean;
 use palpate::pushing::dynamics::{ContactLaw, ContactMode, EndReason, Part, State};
 use palpate::pushing::estimation::from_rest::onset::{PushSense, RestNoise};
-use palpate::pushing::estimation::from_rest::trial::is_right_pose;
+use palpate::pushing::estimation::from_rest::trial::{is_right_pose, place};
 use palpate::pushing::estimation::from_rest::{self, KnownFromRest, WINDOWS_MIN, WindowedForce};
 use palpate::pushing::estimation::{Estimate, FromForce, GATE, Hypothesis, SAME_END_M, Status};
 use palpate::pushing::finger_motion::{FingerMotion, Segment};
@@ -233,23 +233,12 @@ fn near(a: f64, b: f64) -> bool {
 
 impl Case {
     fn draw(seed: u64, number: usize, setting: Setting) -> Self {
-        let mut draw = Draw::case(seed, number);
-        loop {
-            if let Some(case) = Self::try_draw(&mut draw, setting) {
-                return case;
-            }
-        }
+        cases::until_possible(&mut Draw::case(seed, number), |draw| Self::try_draw(draw, setting))
     }
 
     fn try_draw(draw: &mut Draw, setting: Setting) -> Option<Self> {
         let part = part(draw);
-        let lengths: Vec<_> = part.polygon().edges().map(|(from, to)| (to - from).norm()).collect();
-        let mut left = draw.uniform(0.0, lengths.iter().sum());
-        let edge = lengths.iter().position(|length| {
-            left -= length;
-            left < 0.0
-        })?;
-        let s = part.edge(edge).ok()?.s_max + left;
+        let (edge, s) = place(draw, &part)?;
         let (mu, mu_c) = (draw.uniform(0.15, 0.6), draw.uniform(0.05, 0.5));
         let (mass, radius) = (draw.uniform(0.1, 0.8), draw.uniform(0.005, 0.015));
         let ahead = draw.uniform(-PI, PI);

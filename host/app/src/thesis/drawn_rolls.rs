@@ -230,12 +230,7 @@ fn about_normal(turn: f64) -> UnitQuaternion<f64> {
 
 impl Case {
     fn draw(seed: u64, number: usize, setting: Setting) -> Self {
-        let mut draw = Draw::case(seed, number);
-        loop {
-            if let Some(case) = Self::try_draw(&mut draw, setting) {
-                return case;
-            }
-        }
+        cases::until_possible(&mut Draw::case(seed, number), |draw| Self::try_draw(draw, setting))
     }
 
     fn try_draw(draw: &mut Draw, setting: Setting) -> Option<Self> {

@@ -479,8 +479,8 @@ impl StartGrid<'_, '_> {
         let toward_smoothed = |share: &f64| from.omega + share * (smoothed.omega - from.omega);
         let sigma = fitting.prior.omega0_sigma.unwrap_or(OMEGA_USUAL);
         let omegas: Vec<f64> = match (width, angle_known) {
-            (Width::Narrow, true) => vec![from.omega],
-            (Width::Wide, true) => OMEGA_SHARES.iter().map(toward_smoothed).collect(),
+            // Of known angles only the wide search comes here: the narrow one covers the edges.
+            (_, true) => OMEGA_SHARES.iter().map(toward_smoothed).collect(),
             (Width::Narrow, false) if settles => vec![from.omega],
             (Width::Narrow, false) => vec![from.omega, 0.0, -from.omega],
             (Width::Wide, false) => OMEGA_SIGMAS.iter().map(|share| share * sigma).chain([from.omega]).collect(),

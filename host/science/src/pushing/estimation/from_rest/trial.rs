@@ -130,8 +130,8 @@ impl Ranges {
     }
 }
 
-/// A place uniform along the outline.
-fn place(draw: &mut Draw, part: &Part) -> Option<(usize, f64)> {
+/// An edge, and a place on it (s, m), drawn uniformly along the outline; none where rounding leaves no edge.
+pub fn place(draw: &mut Draw, part: &Part) -> Option<(usize, f64)> {
     let lengths: Vec<_> = part.polygon().edges().map(|(from, to)| (to - from).norm()).collect();
     let mut left = draw.uniform(0.0, lengths.iter().sum());
     let edge = lengths.iter().position(|length| {
