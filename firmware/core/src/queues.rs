@@ -204,8 +204,10 @@ pub struct SamplerEnd<'q> {
     tally: Tally,
 }
 
+// Never inlined: the sampler counts in a dozen places, and the image has a size to keep.
 impl SamplerEnd<'_> {
     /// Counts conversions that nobody read.
+    #[inline(never)]
     pub(crate) fn missed(&mut self, count: u32) {
         self.count(|tally| {
             tally.samples = tally.samples.wrapping_add(count);
@@ -214,6 +216,7 @@ impl SamplerEnd<'_> {
     }
 
     /// Counts a conversion whose frame was damaged.
+    #[inline(never)]
     pub(crate) fn damaged(&mut self) {
         self.count(|tally| {
             tally.samples = tally.samples.wrapping_add(1);
@@ -222,6 +225,7 @@ impl SamplerEnd<'_> {
     }
 
     /// Queues a sample, or counts it as dropped.
+    #[inline(never)]
     pub(crate) fn reading(&mut self, reading: RawReading) {
         let dropped = u32::from(self.readings.enqueue(reading).is_err());
         self.count(|tally| {
@@ -231,6 +235,7 @@ impl SamplerEnd<'_> {
     }
 
     /// Queues a notice, or counts it as dropped.
+    #[inline(never)]
     pub(crate) fn notice(&mut self, notice: Notice) {
         if self.notices.enqueue(notice).is_err() {
             self.count(|tally| tally.notices_dropped = tally.notices_dropped.wrapping_add(1));

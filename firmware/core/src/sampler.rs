@@ -8,6 +8,8 @@
 //!   taken none out; if damage then hides which is the newer one, neither is taken, and one is counted.
 //! - **Gaps in unknown timing.** While the rate changes, time does not tell how many conversions were
 //!   missed, but two in the chip's memory tell that some were: the numbers then leave a gap all the same.
+//! - **Doubt.** Damage may have written a setting. Samples wait until the settings are read back, four frames
+//!   later, and count as damaged if those were others, or if more than [`HELD_MAX`] wait.
 //! - **Settling.** Three conversions after a reset or a change carry [`Status::SETTLING`].
 //! - **Requests** of the main side share the frames that read samples (`job`); no sample is lost to them.
 //! - **Faults.** A chip that forgot its settings gets them again. One that is absent is looked for, and one
@@ -19,6 +21,7 @@
 //! damaged frame; a reset takes up to 3 × 16 frames. Errors: none; they become notices and counts.
 
 use embedded_hal::spi::SpiDevice;
+use heapless::Deque;
 use palpate_shared::units::{Counts, DeviceTime, Seq};
 use palpate_shared::wire::{Checks, EventKind, Refusal, SelfTest, Source, Status};
 
@@ -45,6 +48,9 @@ const COUNT_SILENCE_US: u32 = 1_000_000;
 
 /// Damaged frames in a row after which nothing answers: at one damaged frame in two, never in practice.
 const GONE_AFTER_DAMAGED: u8 = 64;
+
+/// Samples that wait for the settings to be read back: two readings of them fit with room for damaged ones.
+const HELD_MAX: usize = 16;
 
 /// Conversions until the filter has forgotten what came before a change (sinc³: three).
 const SETTLING_CONVERSIONS: u8 = 3;
@@ -136,6 +142,10 @@ pub struct Sampler<'q, Spi> {
     job: Option<Job>,
     /// A frame was damaged, and with it perhaps the settings.
     in_doubt: bool,
+    /// Samples taken in doubt.
+    held: Deque<RawReading, HELD_MAX>,
+    /// How many of them were taken before the settings at work were first read back.
+    held_before: usize,
     /// A frame was damaged since the chip's memory was last known to be empty.
     may_be_behind: bool,
     /// The stretch under way and the one before.
@@ -159,6 +169,8 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
             tried: DeviceTime(0),
             job: None,
             in_doubt: false,
+            held: Deque::new(),
+            held_before: 0,
             may_be_behind: false,
             lately: [Stretch::default(); 2],
         }
@@ -214,7 +226,7 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
         match self.exchange(Share::WithJob) {
             // A glitch on the line: no conversion, no number.
             Ok(Sample { is_new: Some(false), .. }) => {}
-            Ok(Sample { is_new: None, .. }) | Err(Fault::Damaged { .. }) if self.clock.is_early(now) => {}
+            outcome if self.is_too_early(outcome, now) => {}
             outcome => self.conclude(outcome, 1, now),
         }
     }
@@ -239,7 +251,7 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
         match outcome {
             // A glitch on the line, as in `read_in_time`.
             Ok(Sample { is_new: Some(false), .. }) => return,
-            Ok(Sample { is_new: None, .. }) | Err(Fault::Damaged { .. }) if self.clock.is_early(now) => return,
+            outcome if self.is_too_early(outcome, now) => return,
             _ => {}
         }
         if is_only_one && self.presence == Presence::Present && !self.clock.is_very_late(now) {
@@ -247,6 +259,23 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
             return self.keep(outcome, now);
         }
         self.conclude(outcome, least, now);
+    }
+
+    /// Whether an edge comes before a conversion can, and nothing certain says that there was one.
+    fn is_too_early(&self, outcome: Result<Sample, Fault>, now: DeviceTime) -> bool {
+        let is_certain = match outcome {
+            // A chip that a damaged write set to another rate has new codes, but no conversion of ours.
+            Ok(sample) => sample.is_new.is_some() && !self.is_in_doubt(),
+            Err(Fault::Damaged { .. }) => false,
+            Err(Fault::LostSettings) => true,
+        };
+        !is_certain && self.clock.is_early(now)
+    }
+
+    /// Whether damage may have changed the settings, and they were not read back since: a write is carried
+    /// out whatever its checksum says.
+    fn is_in_doubt(&self) -> bool {
+        self.in_doubt || self.job.as_ref().is_some_and(|job| job.goal == Goal::Verify)
     }
 
     /// Counts an edge with all that was missed before it, and keeps what it brought; there were at least so
@@ -289,7 +318,11 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
         if self.streaming {
             let reading = RawReading { seq: self.next, time: now, counts, status };
             self.next = self.next.plus(1);
-            self.end.reading(reading);
+            if !self.is_in_doubt() {
+                self.end.reading(reading);
+            } else if self.held.push_back(reading).is_err() {
+                self.end.damaged();
+            }
         }
     }
 
@@ -297,13 +330,32 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
     fn status_of(&mut self, counts: [Counts; 2]) -> Status {
         let [saturated_0, saturated_1] = counts.map(Counts::is_saturated);
         self.lately[0].saturated |= saturated_0 || saturated_1;
+        // While settings are being written nobody knows which of both the chip has.
+        let is_being_set = self.job.as_ref().is_some_and(|job| matches!(job.goal, Goal::Apply { .. }));
         let flags = [
             (self.chip.spi().is_simulated(), Status::SIMULATED),
             (saturated_0, Status::SATURATED_0),
             (saturated_1, Status::SATURATED_1),
-            (self.settling > 0, Status::SETTLING),
+            (is_being_set || self.settling > 0, Status::SETTLING),
         ];
         flags.into_iter().filter(|(is_set, _)| *is_set).fold(Status::default(), |status, (_, flag)| status.with(flag))
+    }
+
+    /// Queues the first of the samples that waited.
+    #[inline(never)]
+    fn release(&mut self, proved: usize) {
+        for _ in 0..proved {
+            let Some(reading) = self.held.pop_front() else { return };
+            self.end.reading(reading);
+        }
+    }
+
+    /// Counts the samples that waited as damaged.
+    #[inline(never)]
+    fn give_up_held(&mut self) {
+        while self.held.pop_front().is_some() {
+            self.end.damaged();
+        }
     }
 
     /// Gives a number to a conversion whose frame was no good.
@@ -385,6 +437,7 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
     fn verify_when_in_doubt(&mut self) {
         if self.presence == Presence::Present && core::mem::take(&mut self.in_doubt) {
             self.job = Some(Job::verify());
+            self.held_before = self.held.len();
         }
     }
 
@@ -426,6 +479,8 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
             // What was silent before the start is not missing.
             self.clock.skip(now);
         }
+        // The answer comes after all samples.
+        self.give_up_held();
         self.streaming = on;
         Finding::Done
     }
@@ -455,6 +510,7 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
         if job.may_have_strayed {
             self.restore_settings(now);
         }
+        self.in_doubt |= job.goal == Goal::Verify && progress == Progress::Failed;
         if let Some(ticket) = job.ticket {
             self.answer(ticket, finding);
         }
@@ -485,6 +541,9 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
                 let [mode, clock, gain, ..] = job.words;
                 if !self.settings_are(mode, [clock, gain]) {
                     self.restore_settings(now);
+                } else {
+                    // What is right after new damage was right before it.
+                    self.release(if self.in_doubt { self.held_before } else { HELD_MAX });
                 }
                 Finding::Done
             }
@@ -530,8 +589,7 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
     /// The chip answers and has its settings.
     fn found(&mut self, id_word: u16, now: DeviceTime) {
         self.settling = SETTLING_CONVERSIONS;
-        self.damaged_run = 0;
-        self.restart_job();
+        self.begin_afresh();
         match self.presence {
             Presence::Unknown => {
                 self.presence = Presence::Present;
@@ -552,6 +610,7 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
         }
         warning!("no front-end, id reads {=u16:x}", id_word);
         self.presence = Presence::Missing;
+        self.give_up_held();
         self.damaged_run = 0;
         self.unwell = true;
         self.tried = now;
@@ -578,16 +637,20 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
             Ok(_) => {
                 // One more than usual, as the edge at work is taken off at its end.
                 self.settling = SETTLING_CONVERSIONS + 1;
-                self.damaged_run = 0;
-                self.restart_job();
+                self.begin_afresh();
                 self.tell(now, EventKind::FrontEndReset);
             }
             Err(error) => self.go_missing(error.word(), now),
         }
     }
 
-    /// A reset undid what the job at work did.
-    fn restart_job(&mut self) {
+    /// The chip was reset, and its settings were written and read back: nothing is in doubt, and what the
+    /// job at work did is undone.
+    fn begin_afresh(&mut self) {
+        self.damaged_run = 0;
+        self.in_doubt = false;
+        self.give_up_held();
+        self.job = self.job.take().filter(|job| job.goal != Goal::Verify);
         if let Some(job) = &mut self.job {
             job.restart();
         }

@@ -265,6 +265,25 @@ fn samples_are_right_after_a_reset_amid_damage() {
     settle_accounts(&mut rig);
 }
 
+/// A damaged command switches a channel off and quickens the conversions.
+#[test]
+fn samples_are_right_while_a_damaged_write_is_found_out() {
+    let mut world = World::new(FingerConfig::default(), 12_807_640_867_469_596_844);
+    let mut rig = Rig::new(&mut world, Bench::default());
+    rig.start_streaming();
+    rig.set_faults(Faults { bit_error_rate: 0.001_358_953_5, ..Faults::default() });
+    rig.run(115);
+    rig.send(Request::Start);
+    rig.run(290);
+    happen(&mut rig, Happening::MainLoopHangs(225));
+    rig.run(85);
+    rig.overlook_edges = 1;
+    rig.run(234);
+    rig.overlook_edges = 1;
+    rig.run(68);
+    settle_accounts(&mut rig);
+}
+
 /// Whichever bits of the frames after its return are damaged.
 #[test]
 fn a_chip_that_comes_back_without_its_settings_gives_no_wrong_sample() {

@@ -114,6 +114,17 @@ pub struct Delivered {
     pub status: Status,
 }
 
+/// A conversion as it was.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Conversion {
+    /// When it was ready.
+    pub time: DeviceTime,
+    /// Its true codes.
+    pub codes: [Counts; 2],
+    /// Whether both gains were those that the firmware had set.
+    pub has_set_gain: bool,
+}
+
 /// What the host heard.
 #[derive(Debug, Default)]
 pub struct Heard {
@@ -195,8 +206,8 @@ pub struct Rig<'w> {
     pub main_loop_hangs: bool,
     /// How many of the next data-ready edges are overlooked, as with interrupts held off.
     pub overlook_edges: u32,
-    /// When each conversion of the front-end in use was ready, and its true codes.
-    pub conversions: Vec<(DeviceTime, [Counts; 2])>,
+    /// The conversions of the front-end in use.
+    pub conversions: Vec<Conversion>,
     reader: FrameReader,
     start: DeviceTime,
     time_ns: u64,
@@ -267,7 +278,9 @@ impl<'w> Rig<'w> {
         let fell = front_end.borrow_mut().step();
         self.time_ns += u64::from(front_end.borrow().period_ns());
         let now = self.now();
-        self.conversions.push((now, newest_codes(&front_end.borrow())));
+        let set = self.sampler.settings().gain.factor();
+        let has_set_gain = [0, 1].iter().all(|&channel| front_end.borrow().chip().gain(channel) == set);
+        self.conversions.push(Conversion { time: now, codes: newest_codes(&front_end.borrow()), has_set_gain });
         if fell && self.overlook_edges == 0 {
             self.sampler.data_ready(now);
         }
@@ -359,22 +372,24 @@ impl<'w> Rig<'w> {
         outcomes[0].clone()
     }
 
-    /// Delivered samples whose codes are not those of the conversion that they stand for.
+    /// Delivered samples whose codes are not those of the conversion that they stand for, or which another
+    /// gain than the one set amplified while nothing was settling.
     ///
     /// A block names its first conversion by its time; the others follow.
     pub fn wrong_samples(&self) -> usize {
-        let index: HashMap<u32, usize> = self.conversions.iter().zip(0..).map(|((time, _), n)| (time.0, n)).collect();
+        let index: HashMap<u32, usize> = self.conversions.iter().zip(0..).map(|(made, n)| (made.time.0, n)).collect();
         let wrong_in = |block: &Block| {
-            let first = index[&block.time.0];
-            let truth = self.conversions[first..].iter().map(|(_, codes)| codes);
-            block.samples.iter().zip(truth).filter(|(got, wanted)| got != wanted).count()
+            let truth = &self.conversions[index[&block.time.0]..];
+            let settles = block.status.contains(Status::SETTLING);
+            let is_wrong = |got: [Counts; 2], made: &Conversion| got != made.codes || !(made.has_set_gain || settles);
+            block.samples.iter().zip(truth).filter(|&(&got, made)| is_wrong(got, made)).count()
         };
         self.heard.blocks().map(wrong_in).sum()
     }
 
     /// For each block, how many more conversions there were than numbers, up to its first sample.
     pub fn unnumbered_conversions(&self) -> Vec<i64> {
-        let index: HashMap<u32, i64> = self.conversions.iter().zip(0..).map(|((time, _), n)| (time.0, n)).collect();
+        let index: HashMap<u32, i64> = self.conversions.iter().zip(0..).map(|(made, n)| (made.time.0, n)).collect();
         self.heard.blocks().map(|block| index[&block.time.0] - i64::from(block.first.0)).collect()
     }
 
