@@ -10,7 +10,7 @@
 //! By chapter: `inscription` (2), `sampling` (3), `gho` and `initial_pose` (6), `static_contacts` (§6.4), `rolling`
 //! (7); beyond the thesis: `pose` and `plan` (`rivals` decides what is ambiguous), `parts`, `chain` (`demonstration`,
 //! many times), `drawn_pushes`, `drawn_rest` and `drawn_rolls` (is the search to blame?), `invariances`. `cases` runs
-//! them on all processors.
+//! them on all processors, `judged` holds what answers state against the truth.
 //!
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
 
@@ -24,6 +24,7 @@ mod gho;
 mod initial_pose;
 mod inscription;
 mod invariances;
+mod judged;
 mod parts;
 mod plan;
 mod pose;
@@ -101,6 +102,9 @@ pub struct Table {
     /// As many cells a row as there are columns.
     #[serde(serialize_with = "rows_by_heading")]
     rows: Vec<Row>,
+    /// What else stands out: a sentence each.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
     /// Cases that failed, with their numbers: a sentence each.
     pub failures: Vec<String>,
 }
@@ -126,6 +130,15 @@ pub enum Cell {
     Number(#[serde(serialize_with = "number_only")] (f64, usize)),
     /// A share of 1, printed in per cent with one decimal.
     Share(f64),
+    /// A share of 1 with the interval that chance allows it, printed in per cent with two decimals.
+    Rate {
+        /// What was found.
+        share: f64,
+        /// Least that it may be.
+        low: f64,
+        /// Most that it may be.
+        high: f64,
+    },
 }
 
 impl Table {
@@ -189,11 +202,15 @@ impl fmt::Display for Cell {
             Self::Count(count) => f.pad(&count.to_string()),
             Self::Number((value, decimals)) => f.pad(&format!("{value:.decimals$}")),
             Self::Share(share) => f.pad(&format!("{:.1} %", share * 100.0)),
+            Self::Rate { share, low, high } => {
+                let [share, low, high] = [share, low, high].map(|share| share * 100.0);
+                f.pad(&format!("{share:.2} % ({low:.2}-{high:.2})"))
+            }
         }
     }
 }
 
-/// Definitions, then the aligned rows, then what failed.
+/// Definitions, then the aligned rows, then what stands out and what failed.
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for definition in &self.definitions {
@@ -207,6 +224,9 @@ impl fmt::Display for Table {
         let headings: Vec<_> = self.columns.iter().map(|&heading| Cell::from(heading)).collect();
         for row in std::iter::once(headings.as_slice()).chain(self.rows()) {
             writeln!(f, "{}", line(row, &widths))?;
+        }
+        for note in &self.notes {
+            writeln!(f, "{note}")?;
         }
         for failure in &self.failures {
             writeln!(f, "failed: {failure}")?;

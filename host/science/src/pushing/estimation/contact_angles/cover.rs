@@ -152,7 +152,7 @@ mod tests {
             let simulations = std::cell::Cell::new(0);
             let given = Given { known: &known, data: Data::new(&observation), prior };
             let fitting = Fitting::new(given, fineness(2e-3, 1.0), 1e-4, &simulations);
-            let held = Fitting { is_place_held: true, ..fitting.clone() };
+            let held = Fitting { held_unknown: Some(PLACE), ..fitting.clone() };
             let interval = contact_intervals(&part, finger.radius)[0];
             let start_mode = StartMode::all(&known)[0];
             // The least cost at a place, by many steps.

@@ -14,9 +14,7 @@ use nalgebra::{Matrix4x5, Matrix5, RowVector5, SMatrix, SVector, Vector2, Vector
 
 use super::clock::{Clock, Fineness, ValueTimes};
 use super::data::Data;
-use super::initial_state::{
-    MU_G, PLACE, StartGuess, StartMode, UNKNOWNS, Unknowns, Variable, initial_state, rest_span,
-};
+use super::initial_state::{MU_G, StartGuess, StartMode, UNKNOWNS, Unknowns, Variable, initial_state, rest_span};
 use super::path::{CONSTRAINTS, ContactInterval, Seen, follow, plain_contact, plain_state};
 use crate::math::Jet;
 use crate::math::angle::wrap_angle;
@@ -100,8 +98,8 @@ pub(super) struct Fitting<'a, 'p> {
     pub(super) rest_span: f64,
     /// By how much the constraints are stiffer than [`CONSTRAINT_COMPLIANCE`].
     pub(super) constraint_stiffness: f64,
-    /// Whether the place on the edge is no unknown.
-    pub(super) is_place_held: bool,
+    /// What is taken as it is, of the unknowns.
+    pub(super) held_unknown: Option<usize>,
     /// Counts the forward simulations.
     pub(super) simulations: &'a Cell<usize>,
 }
@@ -249,7 +247,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
         let clock = Clock::new(ValueTimes { dt: data.dt, values: data.values }, rest_span, fineness, |time| {
             relaxation_time(known, &data, time)
         });
-        Self { known, data, prior, clock, rest_span, constraint_stiffness: 1.0, is_place_held: false, simulations }
+        Self { known, data, prior, clock, rest_span, constraint_stiffness: 1.0, held_unknown: None, simulations }
     }
 
     /// The range of each unknown.
@@ -533,7 +531,7 @@ impl Fitting<'_, '_> {
         std::array::from_fn(|i| {
             let [low, high] = bounds[i];
             let pressed = (unknowns[i] <= low && gradient[i] > 0.0) || (unknowns[i] >= high && gradient[i] < 0.0);
-            !self.has(candidate.start_mode, i) || pressed || i == PLACE && self.is_place_held
+            !self.has(candidate.start_mode, i) || pressed || self.held_unknown == Some(i)
         })
     }
 }

@@ -19,6 +19,8 @@ use crate::pushing::estimation::observation::{Known, Touch};
 /// Numbers of unknowns that a hypothesis can have at most.
 pub(in crate::pushing::estimation) const UNKNOWNS: usize = 5;
 
+/// Number among the unknowns of the contact angle.
+pub(in crate::pushing::estimation) const ANGLE: usize = 0;
 /// Number among the unknowns of the place on the edge.
 pub(in crate::pushing::estimation) const PLACE: usize = 1;
 

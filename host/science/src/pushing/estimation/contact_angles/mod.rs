@@ -18,13 +18,14 @@
 //!
 //! From observation to answer: `data` (what was felt, as it is compared); `contact_intervals` (where the disk can
 //! touch); `initial_state` (how a push can begin); `clock`, `path` (simulation); `fit` (the cost and a step down);
-//! `manifold`, `cover`, `seed` (where to begin); `select` (the search and the judgement). `track` does the same while the push
-//! goes on.
+//! `manifold`, `cover`, `seed` (where to begin); `select` (the search and the judgement);
+//! `covariance` (how uncertain it is). `track` does the same while the push goes on.
 //!
 //! Implements: MAP estimation beside the observers of thesis chapters 5 and 6. Frames: world. Units: SI. Errors: none.
 
 pub(super) mod clock;
 mod contact_intervals;
+mod covariance;
 mod cover;
 mod data;
 mod fit;

@@ -49,6 +49,13 @@ pub(in crate::pushing::estimation) struct ContactInterval {
     pub(in crate::pushing::estimation) high: f64,
 }
 
+impl ContactInterval {
+    /// m.
+    pub(in crate::pushing::estimation) fn length(&self) -> f64 {
+        self.high - self.low
+    }
+}
+
 /// How a path begins.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::pushing::estimation) struct InitialState<T> {

@@ -38,7 +38,7 @@ const BEYOND: f64 = 0.25;
 /// cannot have been. Of 1,000 sliding pushes 0.05 loses one; 0.1 is a third dearer.
 const RATES_ERROR: f64 = 0.07;
 
-/// The same for errors of the angles, in their standard deviations.
+/// The same for errors of the angles, in standard deviations of an instant's.
 const RATES_NOISE: f64 = 4.0;
 
 /// Instants at which the rates are compared.
@@ -59,6 +59,9 @@ const FIRST_SHARE: f64 = 0.1;
 /// A cell that may come within this of the least cost of all is worth a descent: a dozen times the gate of what is
 /// listed, because its parabola may be off by as much. Of 3,000 pushes with Coulomb's friction a quarter of it loses one.
 const NEAR_LEAST: f64 = 200.0;
+
+/// A cell below its neighbours is worth a descent unless it is so many times farther from the least cost.
+const HOPELESS: f64 = 30.0;
 
 /// A velocity along the contact so many standard deviations of its prior from none is not the only one tried.
 const UNLIKELY_SIGMAS: f64 = 2.0;
@@ -144,7 +147,7 @@ impl<'a, 'p> Cover<'a, 'p> {
         let (known, data) = (fitting.known, &fitting.data);
         let smoothed = settles(known, data).then(|| SmoothedAngles::new(fitting, angles));
         let first = smoothed.as_ref().map_or_else(|| first_angle(fitting, angles), |smoothed| smoothed.first);
-        let held = Fitting { is_place_held: true, ..fitting.clone() };
+        let held = Fitting { held_unknown: Some(PLACE), ..fitting.clone() };
         Self { fitting, held, start_mode, first, smoothed }
     }
 
@@ -174,7 +177,9 @@ impl<'a, 'p> Cover<'a, 'p> {
             None => vec![0.0],
             Some(smoothed) => {
                 let mismatch = smoothed.mismatch(interval, model, self.start_mode, place);
-                let noise = RATES_NOISE * self.fitting.data.sigma_min();
+                // An instant's angle is a mean of those about it.
+                let values = count(self.fitting.data.values).max(count(NODES));
+                let noise = RATES_NOISE * self.fitting.data.sigma_min() * (count(NODES) / values).sqrt();
                 if mismatch.square > count(NODES) * (RATES_ERROR + noise).powi(2) {
                     return Vec::new();
                 }
@@ -217,7 +222,8 @@ fn worth_a_descent(branches: &[Vec<Cell>]) -> Vec<Candidate> {
     for branch in branches {
         let totals: Vec<_> = branch.iter().map(|cell| cell.total).collect();
         let mut is_worth: Vec<_> = branch.iter().map(|cell| cell.least() <= most).collect();
-        minima(&totals).into_iter().for_each(|lowest| is_worth[lowest] = true);
+        let lowest = minima(&totals).into_iter().filter(|lowest| branch[*lowest].least() <= HOPELESS * most);
+        lowest.for_each(|lowest| is_worth[lowest] = true);
         let worth = branch.iter().zip(is_worth).filter(|(_, is_worth)| *is_worth);
         let mut last: Option<Candidate> = None;
         for candidate in worth.map(|(cell, _)| cell.candidate()) {

@@ -9,10 +9,11 @@
 use std::cell::Cell;
 use std::f64::consts::TAU;
 
-use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix4, Matrix5, Vector5};
+use nalgebra::Vector5;
 
 use super::clock::{Fineness, count};
 use super::contact_intervals::contact_intervals;
+use super::covariance::{pose_covariance, state_covariance};
 use super::data::Data;
 use super::fit::{Candidate, Descent, Fitting, Given, STEP_MAX};
 use super::initial_state::{MU_G, PLACE, StartMode, UNKNOWNS};
@@ -59,9 +60,6 @@ const SIGMA_OF_SHARE: f64 = 2e-3;
 /// Steps that keep the slowest parts stable.
 const SHARE_MAX: f64 = 1.0;
 
-/// Standard deviation of what the last, finer steps leave, over that of a value: they are chosen by it.
-const STEP_ERROR: f64 = 1e-3;
-
 /// Error of angles after a start from rest, in standard deviations.
 pub(super) const REST_ERROR: f64 = 0.05;
 
@@ -105,13 +103,6 @@ const OVERRUN_MAX: f64 = 5.0;
 
 /// Times that constraints are made ten times as stiff for a minimum that leans on one.
 const STIFFER_MAX: i32 = 4;
-
-/// A place is unknown if its standard deviation is more than this many lengths of its stretch of the edge: along it,
-/// the cost then changes by less than a hundredth.
-const UNKNOWN_PLACE: f64 = 10.0;
-
-/// Curvature that makes a matrix invertible, relative to the inverse squares of natural sizes.
-const CURVATURE_NONE: f64 = 1e-9;
 
 /// Every pose and motion that explains an observation.
 ///
@@ -533,8 +524,7 @@ fn judge(fitting: &Fitting, descent: &Descent, start_modes: usize) -> Judged {
         pose_start: pose(&model, evaluation.start.u, 0.0, &evaluation.start),
         pose_end: pose(&model, evaluation.start.u, time, &evaluation.end),
         velocity_end: model.velocity(&evaluation.contact_end, time, &evaluation.end),
-        covariance: state_covariance
-            .map(|state| pose_covariance(fitting, descent, &state.fixed_view::<2, 2>(0, 0).into())),
+        covariance: state_covariance.map(|state| pose_covariance(fitting, descent, &state)),
         state_covariance,
         mu_g: fitting.known_by(candidate).mu_g,
         mu_g_log_sd,
@@ -547,67 +537,6 @@ fn judge(fitting: &Fitting, descent: &Descent, start_modes: usize) -> Judged {
         log_evidence: log_evidence(fitting, descent, start_modes),
         place: (interval.low, interval.high),
     }
-}
-
-/// The information about the unknowns, the identity for those not free.
-fn information(fitting: &Fitting, descent: &Descent) -> Matrix5<f64> {
-    let (mut information, free) = (descent.evaluation.information, fitting.free(descent));
-    for i in (0..UNKNOWNS).filter(|i| !free[*i]) {
-        information.row_mut(i).fill(0.0);
-        information.column_mut(i).fill(0.0);
-        information[(i, i)] = 1.0;
-    }
-    information
-}
-
-/// Covariance of the state at the end, and the standard deviation of ln(µg); none where the data leave the place free.
-fn state_covariance(fitting: &Fitting, descent: &Descent) -> Option<(Matrix4<f64>, f64)> {
-    let (evaluation, candidate) = (&descent.evaluation, &descent.evaluation.candidate);
-    let length = candidate.interval.high - candidate.interval.low;
-    let mut information = information(fitting, descent);
-    let sizes = [1.0, length, 1.0, 0.1, 1.0];
-    for (i, size) in sizes.iter().enumerate() {
-        information[(i, i)] += CURVATURE_NONE / (size * size);
-    }
-    let mut unknowns = information.cholesky()?.inverse();
-    for i in (0..UNKNOWNS).filter(|i| !fitting.free(descent)[*i]) {
-        unknowns[(i, i)] = 0.0;
-    }
-    let mut covariance: Matrix4<f64> = evaluation.end_by_start * unknowns * evaluation.end_by_start.transpose();
-    let unknown = covariance.m22.sqrt() > UNKNOWN_PLACE * length || covariance.m11.sqrt() > UNKNOWN_PLACE;
-    // What steps leave, of the angle and, over the part's size, of the place.
-    let left = STEP_ERROR * fitting.data.sigma_min();
-    let radius = fitting.known.part.inertia_per_mass().sqrt();
-    covariance.m11 += left * left;
-    covariance.m22 += (left * radius).powi(2);
-    let mu_g_log_sd = unknowns[(MU_G, MU_G)].max(0.0).sqrt();
-    (!unknown && covariance.iter().all(|c| c.is_finite())).then_some((covariance, mu_g_log_sd))
-}
-
-/// Mean squares of the errors of the pose at the end, from the covariance of the contact's angle and place, to second
-/// order.
-///
-/// The part touches the disk, so to first order the pose has two freedoms, and this would be a singular matrix. What
-/// the curved motions add, however little, makes it invertible: of a bend `a` the error xᵀ a x / 2, whose mean is not
-/// zero either.
-fn pose_covariance(fitting: &Fitting, descent: &Descent, contact: &Matrix2<f64>) -> Matrix3<f64> {
-    let (evaluation, candidate) = (&descent.evaluation, &descent.evaluation.candidate);
-    let time = fitting.data.duration();
-    let model = fitting.known.model(candidate.interval.edge);
-    let (sin, cos) = evaluation.end.u.sin_cos();
-    let origin = pose(&model, evaluation.start.u, time, &evaluation.end).origin();
-    let arm = origin.coords - fitting.known.finger.centre(time).coords;
-    // The part turns about the disk's centre with the angle, and moves along the tangent with the place.
-    let slopes = Matrix3x2::new(-arm.y, -sin, arm.x, cos, 1.0, 0.0);
-    let bends = [Matrix2::new(-arm.x, -cos, -cos, 0.0), Matrix2::new(-arm.y, -sin, -sin, 0.0)];
-    let mut covariance = slopes * contact * slopes.transpose();
-    for (i, a) in bends.iter().enumerate() {
-        for (j, b) in bends.iter().enumerate() {
-            let (a, b) = (a * contact, b * contact);
-            covariance[(i, j)] += 0.5 * (a * b).trace() + 0.25 * a.trace() * b.trace();
-        }
-    }
-    covariance
 }
 
 /// Laplace's approximation of the probability of the data, up to a factor that all hypotheses share.

@@ -1,0 +1,160 @@
+//! What answers state, held against the truth: rates, errors in their own deviations, probabilities by deciles; each
+//! with the interval that chance allows.
+//!
+//! Implements: Wilson's interval of a rate; the mean of squared errors in their own covariance (NEES), which is their
+//! number of freedoms where that is right; of each tenth of stated probabilities how many were true, by the normal approximation of
+//! independent draws. All intervals are of 99 %.
+//! Units: none. Errors: none; of nothing there is no rate.
+
+use palpate::math::statistics::{chi_square_quantile, mean, normal_quantile};
+
+use super::{Cell, Table};
+
+/// Probability that chance stays inside an interval.
+const CONFIDENCE: f64 = 0.99;
+
+/// Share of true values that a stated region is to hold.
+const REGION: f64 = 0.95;
+
+/// Hypotheses that a tenth needs before it is compared: with fewer nothing can stand out.
+const TENTH_MIN: usize = 20;
+
+/// Standard deviations on either side of a mean that hold [`CONFIDENCE`].
+fn deviations() -> f64 {
+    normal_quantile(0.5 + 0.5 * CONFIDENCE)
+}
+
+/// How often something was so, with Wilson's interval; empty of nothing.
+pub(super) fn rate(part: usize, whole: usize) -> Cell {
+    if whole == 0 {
+        return Cell::Empty;
+    }
+    let (n, z2) = (whole as f64, deviations().powi(2));
+    let share = part as f64 / n;
+    let middle = (share + 0.5 * z2 / n) / (1.0 + z2 / n);
+    let half = (z2 * (share * (1.0 - share) / n + 0.25 * z2 / (n * n))).sqrt() / (1.0 + z2 / n);
+    Cell::Rate { share, low: (middle - half).max(0.0), high: (middle + half).min(1.0) }
+}
+
+/// Headings of [`errors`].
+pub(super) const ERRORS: [&str; 3] = ["NEES", "by chance", "within 95 %"];
+
+/// Squared errors in their own deviations, of so many degrees of freedom: their mean, by how much it is off by chance
+/// as far as their own scatter tells, and how many are inside the stated 95 % region.
+pub(super) fn errors(squared: &[f64], freedom: usize) -> [Cell; 3] {
+    let Some(nees) = mean(squared.iter().copied()) else { return [Cell::Empty, Cell::Empty, Cell::Empty] };
+    let count = squared.len() as f64;
+    // Stated to second order, errors are not normal: their own scatter counts.
+    let variance = mean(squared.iter().map(|error| (error - nees) * (error - nees))).unwrap_or(0.0);
+    let off = deviations() * (variance / count).sqrt();
+    let region = chi_square_quantile(REGION, freedom);
+    let inside = squared.iter().filter(|error| **error <= region).count();
+    [Cell::number(nees, 2), format!("± {off:.2}").into(), rate(inside, squared.len())]
+}
+
+/// A hypothesis that was listed.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stated {
+    /// How likely it was said to be.
+    pub(super) probability: f64,
+    pub(super) is_true: bool,
+}
+
+/// Heading of [`tenths`].
+pub(super) const TENTHS: &str = "tenths off";
+
+/// How many tenths of the stated probabilities are not true as often as they say, of those that can be compared; each
+/// is noted in the table.
+pub(super) fn tenths(row: &str, stated: &[Stated], table: &mut Table) -> Cell {
+    let mut compared = 0_usize;
+    let mut off = 0_usize;
+    for tenth in 0..10_u32 {
+        let (low, high) = (0.1 * f64::from(tenth), 0.1 * f64::from(tenth + 1));
+        // The last one holds certainty.
+        let is_inside = |p: f64| p >= low && (p < high || tenth == 9);
+        let inside: Vec<_> = stated.iter().filter(|stated| is_inside(stated.probability)).collect();
+        if inside.len() < TENTH_MIN {
+            continue;
+        }
+        compared += 1;
+        let expected: f64 = inside.iter().map(|stated| stated.probability).sum();
+        let variance: f64 = inside.iter().map(|stated| stated.probability * (1.0 - stated.probability)).sum();
+        let found = inside.iter().filter(|stated| stated.is_true).count();
+        // A count is whole, hence the half.
+        if (found as f64 - expected).abs() > deviations() * variance.sqrt() + 0.5 {
+            off += 1;
+            table.notes.push(format!(
+                "{row}: of {} hypotheses given {:.0}-{:.0} % {found} are true, {expected:.1} ± {:.1} expected",
+                inside.len(),
+                100.0 * low,
+                100.0 * high,
+                deviations() * variance.sqrt(),
+            ));
+        }
+    }
+    format!("{off} of {compared}").into()
+}
+
+/// What the columns mean.
+pub(super) fn definitions() -> [String; 3] {
+    [
+        "In brackets, and as \"by chance\": intervals of 99 %.".to_owned(),
+        "NEES: mean squared error of the truth's hypothesis in its own covariance; within 95 %: how often it is in the stated region.".to_owned(),
+        "tenths off: of the tenths of stated probabilities (with 20 hypotheses or more), those that are true too often or too rarely.".to_owned(),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use palpate::math::random::Draw;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// The interval has the ends at which the rate would be so many deviations away: checked by that definition.
+    #[test]
+    fn ends_of_a_rate_are_as_far_from_it_as_chance_goes() {
+        for (part, whole) in [(0, 50), (3, 20_000), (40, 100), (100, 100)] {
+            let Cell::Rate { share, low, high } = rate(part, whole) else { panic!("no rate") };
+            assert!(low <= share && share <= high, "{low} {share} {high}");
+            for end in [low, high] {
+                let deviation = (end * (1.0 - end) / whole as f64).sqrt();
+                let is_limit = end <= 0.0 || end >= 1.0;
+                assert!(is_limit || ((share - end).abs() / deviation - deviations()).abs() < 1e-9, "{end}");
+            }
+        }
+        assert_eq!(rate(0, 0), Cell::Empty);
+    }
+
+    proptest! {
+        /// What is drawn as it is stated is inside, but for one row in a hundred; what is not stands out.
+        #[test]
+        fn what_is_stated_rightly_is_inside_and_overconfidence_stands_out(seed in any::<u64>()) {
+            let mut draw = Draw::case(seed, 0);
+            let mut drawn = |by: f64| -> Vec<_> {
+                (0..4000).map(|_| (0..2).map(|_| (by * draw.normal()).powi(2)).sum::<f64>()).collect()
+            };
+            let nees = |squared: &[f64]| match errors(squared, 2) {
+                [Cell::Number((nees, _)), ..] => nees,
+                _ => f64::NAN,
+            };
+            // Five deviations of √(2 · 2/4000): once in two million.
+            prop_assert!((nees(&drawn(1.0)) - 2.0).abs() < 5.0 * 0.032);
+            prop_assert!(nees(&drawn(1.2)) > 2.0 + 5.0 * 0.032);
+        }
+
+        #[test]
+        fn tenths_that_say_too_much_are_named(seed in any::<u64>()) {
+            let mut draw = Draw::case(seed, 0);
+            let stated: Vec<_> = (0..3000)
+                .map(|_| {
+                    let probability = draw.uniform(0.7, 0.8);
+                    Stated { probability, is_true: draw.chance(probability - 0.2) }
+                })
+                .collect();
+            let mut table = Table::new(["row"]);
+            prop_assert_eq!(tenths("row", &stated, &mut table), Cell::from("1 of 1"));
+            prop_assert!(table.notes[0].contains("given 70-80 %"), "{:?}", table.notes);
+        }
+    }
+}
