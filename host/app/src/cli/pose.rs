@@ -92,7 +92,8 @@ fn plane(hypothesis: &Hypothesis) -> String {
 fn friction(force: &FromForce) -> String {
     match force.mu_c {
         Some(mu_c) => format!("{mu_c:.3}"),
-        None => format!("≥ {:.3}", force.friction_needed),
+        // Rounded down, so that it is true.
+        None => format!("≥ {:.3}", (force.friction_needed * 1e3).floor() * 1e-3),
     }
 }
 

@@ -209,7 +209,7 @@ pub struct FromForce {
     pub mu_c: Option<f64>,
     /// Its standard deviation, where it is told.
     pub mu_c_sd: Option<f64>,
-    /// Friction that rolling took.
+    /// Friction that rolling took, at the least: three standard deviations below the best fit's.
     pub friction_needed: f64,
 }
 

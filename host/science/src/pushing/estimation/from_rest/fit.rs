@@ -12,6 +12,7 @@ use std::f64::consts::PI;
 use nalgebra::{DMatrix, DVector, Isometry2, Matrix3, Matrix4, SMatrix, SVector, Vector3, Vector4};
 
 use super::path::{Course, Guess, Path};
+use super::valley::Valley;
 use super::windowed_force::{ONSET_RANGE, WindowedForce};
 use crate::math::least_squares::{self, Damping, Enough, Floor, LeastSquaresSettings, NormalEquations, minimise};
 use crate::pushing::dynamics::State;
@@ -31,6 +32,12 @@ const FRICTION_SLACK: f64 = 0.01;
 
 /// Steps of a fit.
 const STEPS_MAX: usize = 30;
+
+/// Steps of a fit at an onset that is tried.
+const STEPS_AT_ONSET: usize = 2;
+
+/// The friction that rolling needs is stated so many of its standard deviations below the best fit's.
+const NEEDED_SDS: f64 = 3.0;
 
 /// A step that lowers the cost by less ends the fit: a fiftieth of what one standard deviation does.
 const COST_STEP: f64 = 0.02;
@@ -58,10 +65,10 @@ const DIFFERENCES: [f64; PARAMETERS] = [1e-4, 1e-4, 1e-4, 1e-4, 1e-4];
 
 /// Parameters of a guess: contact angle, place, friction of the contact, friction of the plane, delay of the onset. The
 /// mass's logarithm follows them.
-const PARAMETERS: usize = 5;
+pub(super) const PARAMETERS: usize = 5;
 
 /// Columns of the derivatives: the parameters and the mass's logarithm.
-const COLUMNS: usize = PARAMETERS + 1;
+pub(super) const COLUMNS: usize = PARAMETERS + 1;
 
 /// Where among them the friction of the contact is, and that of the plane.
 const MU_C: usize = 2;
@@ -161,6 +168,12 @@ impl Problem<'_, '_> {
         }
     }
 
+    /// A minimum fitted again with another onset, for a few steps.
+    pub(super) fn fitted_at_onset(&self, from: &Tried, delay: f64) -> Option<Tried> {
+        let begun = self.try_path(Guess { delay, ..from.guess }, from.path.clone())?;
+        Some(Held { problem: self, column: DELAY }.fitted(begun, STEPS_AT_ONSET))
+    }
+
     fn differences(&self) -> [f64; PARAMETERS] {
         let [u, s, mu_c, mu_g_log, delay] = DIFFERENCES;
         [u, s * self.course.part.inertia_per_mass().sqrt(), mu_c, mu_g_log, delay]
@@ -228,13 +241,19 @@ impl Problem<'_, '_> {
         Some(covariance)
     }
 
-    /// What is uncertain at the end.
-    pub(super) fn end_covariance(&self, at: &Tried) -> Option<EndCovariance> {
-        let parameters = self.covariance(at)?;
+    /// The valley of a minimum, where it bends.
+    #[cfg(test)]
+    pub(super) fn valley(&self, at: &Tried) -> Option<Valley> {
+        let slopes = self.end_slopes(at)?;
+        Valley::through(self, at, &self.covariance(at)?, &slopes.state)
+    }
+
+    /// How the end follows the parameters, by differences to the side that can be played.
+    fn end_slopes(&self, at: &Tried) -> Option<EndSlopes> {
         let end = self.course.pose_at_end(&at.guess, &at.path)?;
         let mut pose = SMatrix::<f64, 3, PARAMETERS>::zeros();
         let mut state = SMatrix::<f64, 4, PARAMETERS>::zeros();
-        // Jacobians of pose and state at the end by the parameters, by differences to the side that can be played.
+        let mut needed = SVector::<f64, PARAMETERS>::zeros();
         for (column, step) in self.differences().into_iter().enumerate() {
             // The end is a time of the motion: when it began elsewhere changes nothing of it.
             if column == DELAY || !self.is_free(at, column) {
@@ -244,23 +263,91 @@ impl Problem<'_, '_> {
             let (step, guess, path) = beside(&at.guess, column, step).find_map(played)?;
             pose.set_column(column, &(difference(&end, &self.course.pose_at_end(&guess, &path)?) / step));
             state.set_column(column, &((vector(&path.end) - vector(&at.path.end)) / step));
+            needed[column] = (path.friction_needed - at.path.friction_needed) / step;
         }
-        let deviation = |parameter: usize| parameters[(parameter, parameter)].max(0.0).sqrt();
+        Some(EndSlopes { pose, state, needed })
+    }
+
+    /// What is uncertain at the end.
+    pub(super) fn end_covariance(&self, at: &Tried) -> Option<EndCovariance> {
+        let parameters = self.covariance(at)?;
+        let end = self.course.pose_at_end(&at.guess, &at.path)?;
+        let EndSlopes { pose, state, needed } = self.end_slopes(at)?;
+        let valley = Valley::through(self, at, &parameters, &state);
+        let mut all = parameters.fixed_view::<COLUMNS, COLUMNS>(0, 0).into_owned();
+        let held = all.fixed_view::<PARAMETERS, PARAMETERS>(0, 0).into_owned();
+        // J C Jᵀ.
+        let mut pose_covariance = pose * held * pose.transpose();
+        let mut state_covariance = state * held * state.transpose();
+        let needed_sd = (needed.transpose() * held * needed)[0].max(0.0).sqrt();
+        if let Some(valley) = valley {
+            let straight = valley.straight.fixed_rows::<PARAMETERS>(0).into_owned();
+            all = valley.covered(all, valley.straight, |side| Some(side.parameters));
+            state_covariance = valley.covered(state_covariance, state * straight, |side| {
+                Some((vector(&side.end.path.end) - vector(&at.path.end)) / side.sds)
+            });
+            pose_covariance = valley.covered(pose_covariance, pose * straight, |side| {
+                let there = self.course.pose_at_end(&side.end.guess, &side.end.path)?;
+                Some(difference(&end, &there) / side.sds)
+            });
+        }
+        let deviation = |parameter: usize| all[(parameter, parameter)].max(0.0).sqrt();
         let (mu_g_log_sd, mass_log_sd) = (deviation(MU_G), deviation(PARAMETERS));
         // Variance of ln(µ g) + ln m, which a slow push feels as one number.
-        let weight_variance =
-            deviation(MU_G).powi(2) + deviation(PARAMETERS).powi(2) + 2.0 * parameters[(MU_G, PARAMETERS)];
-        let parameters = parameters.fixed_view::<PARAMETERS, PARAMETERS>(0, 0);
+        let weight_variance = deviation(MU_G).powi(2) + deviation(PARAMETERS).powi(2) + 2.0 * all[(MU_G, PARAMETERS)];
         Some(EndCovariance {
             mu_c_sd: at.path.slipped.then(|| deviation(MU_C)),
+            friction_needed: (at.path.friction_needed - NEEDED_SDS * needed_sd).max(0.0),
             mu_g_log_sd,
             mass_log_sd,
             resistance_log_sd: weight_variance.max(0.0).sqrt(),
-            // J C Jᵀ.
-            pose: pose * parameters * pose.transpose(),
-            state: state * parameters * state.transpose(),
-            spread: parameters.fixed_view::<2, 2>(0, 0).determinant().max(0.0).sqrt(),
+            pose: pose_covariance,
+            state: state_covariance,
+            spread: all.fixed_view::<2, 2>(0, 0).determinant().max(0.0).sqrt(),
         })
+    }
+}
+
+/// Derivatives of what is said of the end by the parameters.
+struct EndSlopes {
+    /// Of x, y, θ.
+    pose: SMatrix<f64, 3, PARAMETERS>,
+    /// Of u, s, ω, v_T.
+    state: SMatrix<f64, 4, PARAMETERS>,
+    /// Of the friction that rolling takes.
+    needed: SVector<f64, PARAMETERS>,
+}
+
+/// A problem with one of its parameters held where it is.
+pub(super) struct Held<'a, 'p> {
+    pub(super) problem: &'a Problem<'a, 'p>,
+    pub(super) column: usize,
+}
+
+impl Held<'_, '_> {
+    /// Goes down with the others.
+    pub(super) fn fitted(&self, start: Tried, steps_max: usize) -> Tried {
+        minimise(self, start, &LeastSquaresSettings { steps_max, ..DESCENT }, |_| false).place
+    }
+}
+
+impl least_squares::LeastSquaresProblem<COLUMNS> for Held<'_, '_> {
+    type Place = Tried;
+
+    fn cost(&self, tried: &Tried) -> f64 {
+        tried.cost
+    }
+
+    fn normal_equations(&self, tried: &Tried) -> NormalEquations<COLUMNS> {
+        self.problem.normal_equations(tried)
+    }
+
+    fn moved(&self, tried: &Tried, step: &SVector<f64, COLUMNS>) -> Option<Tried> {
+        self.problem.moved(tried, step)
+    }
+
+    fn held(&self, _: &Tried, _: &NormalEquations<COLUMNS>) -> [bool; COLUMNS] {
+        std::array::from_fn(|column| column == self.column)
     }
 }
 
@@ -302,6 +389,8 @@ pub(super) struct EndCovariance {
     pub(super) spread: f64,
     /// Standard deviation of µ_c, where the contact slipped.
     pub(super) mu_c_sd: Option<f64>,
+    /// Friction that rolling took, at the least.
+    pub(super) friction_needed: f64,
     /// Standard deviation of ln(µ g); 0 where it is known.
     pub(super) mu_g_log_sd: f64,
     /// Of the mass's logarithm.
@@ -310,7 +399,7 @@ pub(super) struct EndCovariance {
     pub(super) resistance_log_sd: f64,
 }
 
-fn vector(state: &State) -> Vector4<f64> {
+pub(super) fn vector(state: &State) -> Vector4<f64> {
     Vector4::new(state.u, state.s, state.omega, state.v_t)
 }
 
@@ -329,7 +418,7 @@ fn beside(guess: &Guess, parameter: usize, difference: f64) -> impl Iterator<Ite
 }
 
 /// A guess with one parameter changed, within its limits.
-fn moved(guess: &Guess, parameter: usize, by: f64) -> Guess {
+pub(super) fn moved(guess: &Guess, parameter: usize, by: f64) -> Guess {
     let mut guess = *guess;
     match parameter {
         0 => guess.u += by,

@@ -11,6 +11,7 @@
 //! - [`hann_windows`]: how force is averaged; [`windowed_force`]: what was felt and how uncertain it is; [`onset`]:
 //!   from readings to that, once the push is felt to begin;
 //! - `path`: what a guess would feel; `seeds`: guesses to begin with; `fit`: going down from each to a minimum;
+//! - `valley`: how far a minimum reaches where its valley bends;
 //! - `symmetry`: turns of the part that nobody can tell apart;
 //! - [`trial`]: random pushes and a judge.
 //!
@@ -29,6 +30,7 @@ mod path;
 mod seeds;
 mod symmetry;
 pub mod trial;
+mod valley;
 pub mod windowed_force;
 
 use fit::{EndCovariance, Problem, Tried};
@@ -43,15 +45,21 @@ use crate::pushing::dynamics::{ContactLaw, EdgeEnd, Part, Push, Start, State};
 use crate::pushing::finger_motion::FingerMotion;
 use crate::search::{Halt, Searched, Stop, never};
 
-/// Steps of every fit at first; those that then are hopeless are given up.
-const STEPS_FIRST: usize = 4;
+/// Steps of every fit at first, and how many times dearer than the best one a fit is given up after them, if it is also
+/// more than [`HOPELESS_COST`] above it.
+const STAGES: [(usize, f64); 2] = [(2, 30.0), (2, 3.0)];
 
-/// A fit that after its first steps is this many times dearer than the best, and more than [`HOPELESS_COST`] above it,
-/// is given up.
-const HOPELESS: f64 = 3.0;
+/// The same before any step: of missed explanations the nearest guess was at most fifty times dearer.
+const HOPELESS_AT_FIRST: f64 = 1000.0;
 
-/// Least difference of costs at which a fit is given up; see [`HOPELESS`].
+/// Onsets nearer than this to that of a minimum are in its valley, standard deviations.
+const ONSETS_APART: f64 = 0.3;
+
+/// Least difference of costs at which a fit is given up; see [`STAGES`].
 const HOPELESS_COST: f64 = 3000.0;
+
+/// After their first steps guesses this near each other end in one minimum: rad, radii of gyration, of µ_c.
+const ON_ONE_WAY: f64 = 3e-3;
 
 /// Minima on one edge nearer than this at the end are one: half a millimetre, a degree. The contact angle is not felt
 /// by itself.
@@ -167,12 +175,72 @@ fn course<'p>(known: &KnownFromRest<'p>, measured: &WindowedForce) -> Course<'p>
 /// Goes down from every start, giving up what stays far above the best. Only what came to its minimum before the wish
 /// to halt is kept.
 fn descend_all(problem: &Problem, starts: Vec<Tried>, halt: &Halt<'_>) -> Vec<Tried> {
-    let starts = starts.into_iter().take_while(|_| !halt.is_wished());
-    let mut tried: Vec<_> = starts.map(|start| problem.descend(start, STEPS_FIRST)).collect();
-    let best = least_cost(&tried);
-    tried.retain(|tried| tried.cost <= HOPELESS * best || tried.cost <= best + HOPELESS_COST);
+    let mut tried = hopeful(starts, HOPELESS_AT_FIRST);
+    for (steps, hopeless) in STAGES {
+        let going = tried.into_iter().take_while(|_| !halt.is_wished());
+        let gone: Vec<_> = going.map(|tried| problem.descend(tried, steps)).collect();
+        tried = apart(problem, hopeful(gone, hopeless));
+    }
     let tried = tried.into_iter().take_while(|_| !halt.is_wished());
-    tried.map(|tried| problem.descend(tried, usize::MAX)).collect()
+    let found: Vec<_> = tried.map(|tried| problem.descend(tried, usize::MAX)).collect();
+    let others = other_onsets(problem, &found, halt);
+    found.into_iter().chain(others).collect()
+}
+
+/// Those that are not so many times dearer than the best.
+fn hopeful(mut tried: Vec<Tried>, hopeless: f64) -> Vec<Tried> {
+    let best = least_cost(&tried);
+    tried.retain(|tried| tried.cost <= hopeless * best || tried.cost <= best + HOPELESS_COST);
+    tried
+}
+
+/// Minima at other onsets, where few readings leave it open: a jump of the force between two readings hardly shows, so
+/// that an onset on the other side of a reading is a valley of its own, with another contact.
+fn other_onsets(problem: &Problem, found: &[Tried], halt: &Halt<'_>) -> Vec<Tried> {
+    let most = least_cost(found) + 2.0 * GATE;
+    let open = problem.measured.onset_sd().filter(|_| problem.measured.onsets_tried().count() > 1);
+    let Some(apart) = open.map(|sd| ONSETS_APART * sd) else { return Vec::new() };
+    let near = apart_minima(found, most);
+    let delays = |tried: &Tried| {
+        let at = tried.guess.delay;
+        problem.measured.onsets_tried().filter(move |delay| (delay - at).abs() > apart).collect::<Vec<_>>()
+    };
+    let each = near.into_iter().flat_map(|tried| delays(tried).into_iter().map(move |delay| (tried, delay)));
+    let wanted = each.take_while(|_| !halt.is_wished());
+    let fitted = wanted.filter_map(|(tried, delay)| problem.fitted_at_onset(tried, delay));
+    let worth: Vec<_> = fitted.filter(|fitted| fitted.cost < most).collect();
+    worth.into_iter().map(|fitted| problem.descend(fitted, usize::MAX)).collect()
+}
+
+/// The minima up to a cost, each once.
+fn apart_minima(found: &[Tried], most: f64) -> Vec<&Tried> {
+    let mut kept: Vec<&Tried> = Vec::new();
+    for tried in found.iter().filter(|tried| tried.cost <= most) {
+        if !kept.iter().any(|other| is_same(other, tried)) {
+            kept.push(tried);
+        }
+    }
+    kept
+}
+
+/// Those of which no better one is on its way to the same minimum: as near as [`ON_ONE_WAY`], the contact doing the same.
+fn apart(problem: &Problem, mut tried: Vec<Tried>) -> Vec<Tried> {
+    tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let arm = problem.course.part.inertia_per_mass().sqrt();
+    let mut kept: Vec<Tried> = Vec::new();
+    for next in tried {
+        let same = |other: &Tried| {
+            let (a, b) = (&other.guess, &next.guess);
+            let both_roll = a.mu_c.is_infinite() && b.mu_c.is_infinite();
+            let mu_c = if both_roll { 0.0 } else { (a.mu_c - b.mu_c).abs() };
+            let off = (a.u - b.u).abs().max((a.s - b.s).abs() / arm).max(mu_c);
+            a.edge == b.edge && other.path.course == next.path.course && off < ON_ONE_WAY
+        };
+        if !kept.iter().any(same) {
+            kept.push(next);
+        }
+    }
+    kept
 }
 
 fn least_cost(tried: &[Tried]) -> f64 {
@@ -214,17 +282,17 @@ fn is_possible(problem: &Problem, tried: &Tried) -> bool {
 fn distinct(tried: Vec<Tried>, cost_max: f64) -> Vec<Tried> {
     let mut kept: Vec<Tried> = Vec::new();
     for tried in tried.into_iter().take_while(|tried| tried.cost <= cost_max) {
-        let same = |other: &Tried| {
-            let [a, b] = [&tried, other].map(|tried| tried.path.end);
-            other.guess.edge == tried.guess.edge
-                && (a.s - b.s).abs() < ONE_MINIMUM.0
-                && (a.u - b.u).abs() < ONE_MINIMUM.1
-        };
-        if !kept.iter().any(same) {
+        if !kept.iter().any(|other| is_same(other, &tried)) {
             kept.push(tried);
         }
     }
     kept
+}
+
+/// Whether two fits ended in the same minimum.
+fn is_same(one: &Tried, other: &Tried) -> bool {
+    let [a, b] = [one, other].map(|tried| tried.path.end);
+    other.guess.edge == one.guess.edge && (a.s - b.s).abs() < ONE_MINIMUM.0 && (a.u - b.u).abs() < ONE_MINIMUM.1
 }
 
 /// The guess that an earlier answer's explanation began with.
@@ -261,7 +329,7 @@ fn hypothesis(problem: &Problem, tried: &Tried, best: f64, excess: f64) -> Optio
             resistance_log_sd: at_end.resistance_log_sd,
             mu_c,
             mu_c_sd: at_end.mu_c_sd,
-            friction_needed: path.friction_needed,
+            friction_needed: at_end.friction_needed,
         }),
         cost: *cost,
         // Relative to the others: a cost of hundreds would leave nothing of its exponential.

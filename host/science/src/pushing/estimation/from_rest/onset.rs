@@ -74,8 +74,9 @@ const END_SLACK_S: f64 = 1e-3;
 /// A window whose mean is below this share of the first one's is no contact any more.
 const LOST_SHARE: f64 = 0.1;
 
-/// A window is worth something if this share of its weight has readings.
-const COVERED_MIN: f64 = 0.9;
+/// A window is worth something if this share of its weight has readings: one of the four that a hundred a second give
+/// may be missing, which is up to 0.5 of the weight.
+const COVERED_MIN: f64 = 0.45;
 
 /// What the finger reads at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]

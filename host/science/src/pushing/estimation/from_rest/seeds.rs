@@ -78,8 +78,8 @@ struct Seed {
     tried: Tried,
 }
 
-/// Guesses that are better than their neighbours, on one edge. In a fine cover only neighbours count of which the contact
-/// does the same: where it slips back, or sticks in between, another minimum begins, however dear its first guess.
+/// Guesses that are better than their neighbours, on one edge. Only neighbours count of which the contact does the same:
+/// where it slips back, or sticks in between, another minimum begins, however dear its first guess.
 pub(super) fn on_edge(problem: &Problem, edge: usize, cover: Cover) -> Vec<Tried> {
     let Ok(line) = problem.course.part.edge(edge) else { return Vec::new() };
     let frictions = cover.frictions();
@@ -94,16 +94,16 @@ pub(super) fn on_edge(problem: &Problem, edge: usize, cover: Cover) -> Vec<Tried
             })
         })
         .collect();
-    let best: Vec<_> = seeds.iter().map(|seed| is_best_around(seed, &seeds, cover)).collect();
+    let best: Vec<_> = seeds.iter().map(|seed| is_best_around(seed, &seeds)).collect();
     seeds.into_iter().zip(best).filter(|(_, best)| *best).map(|(seed, _)| seed.tried).collect()
 }
 
-fn is_best_around(seed: &Seed, seeds: &[Seed], cover: Cover) -> bool {
+fn is_best_around(seed: &Seed, seeds: &[Seed]) -> bool {
     !seeds.iter().any(|other| {
         other.place.abs_diff(seed.place) <= 1
             && other.friction.abs_diff(seed.friction) <= 1
             && (other.tried.guess.u - seed.tried.guess.u).abs() < FAMILY
-            && (cover == Cover::Coarse || other.tried.path.course == seed.tried.path.course)
+            && other.tried.path.course == seed.tried.path.course
             && other.tried.cost < seed.tried.cost
     })
 }

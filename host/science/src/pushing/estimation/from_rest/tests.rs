@@ -3,9 +3,11 @@
 use nalgebra::{Matrix2, Point2, Vector2};
 
 use super::fit::{Problem, Tried};
+use super::onset::{PushSense, RestNoise};
 use super::path::{Course, Guess};
-use super::trial::{Drawn, RADIUS_M, Ranges, TrialOutcome, pose_error, random_part, straight_motion};
+use super::trial::{Drawn, RADIUS_M, Ranges, TrialOutcome, is_right_pose, pose_error, random_part, straight_motion};
 use super::*;
+use crate::finger::contact::Reading;
 use crate::geometry::SimplePolygon;
 use crate::math::Jet;
 use crate::math::random::Draw;
@@ -20,7 +22,7 @@ use crate::pushing::estimation::contact_angles::path::{
 use crate::pushing::estimation::hypotheses::Status;
 use crate::pushing::estimation::{Known as PushKnown, Touch};
 use crate::pushing::finger_motion::{Leg, Segment};
-use crate::pushing::pushed_world::Played;
+use crate::pushing::pushed_world::{Played, PushedWorld};
 use crate::search::check_stopping;
 
 /// Noise of a window's mean, N: that of the default finger.
@@ -133,6 +135,194 @@ fn a_straight_push_is_no_less_certain_than_its_cost() {
             assert!(spread.0 < FELT.0 && spread.1 < FELT.1, "case {case}: {spread:?} of {hypothesis:?}");
         }
     }
+}
+
+/// A push whose truth a search with too coarse a cover misses: slips throughout, or slides, sticks and slides back.
+struct Missed {
+    /// mm.
+    vertices: &'static [[f64; 2]],
+    /// µ of the plane, µ_c.
+    friction: [f64; 2],
+    mass: f64,
+    radius: f64,
+    edge: usize,
+    u: f64,
+    s: f64,
+    segments: [(f64, [f64; 2]); 2],
+}
+
+const MISSED: [Missed; 3] = [
+    Missed {
+        vertices: &[[-21.53, -59.19], [15.3, -0.77], [-46.86, 41.68]],
+        friction: [0.493, 0.2454],
+        mass: 0.3716,
+        radius: 0.01,
+        edge: 2,
+        u: 1.33572,
+        s: 4.165e-3,
+        segments: [(0.28, [-0.0099, 0.248]), (0.21, [-0.3132, 0.0573])],
+    },
+    Missed {
+        vertices: &[[-38.59, -27.37], [58.25, -32.07], [-9.37, 14.32]],
+        friction: [0.473, 0.2024],
+        mass: 0.1805,
+        radius: 0.015,
+        edge: 1,
+        u: -1.23926,
+        s: -11.438e-3,
+        segments: [(0.38, [0.0599, -0.1523]), (0.3, [0.0039, -0.01])],
+    },
+    Missed {
+        vertices: &[
+            [36.82, -1.11],
+            [24.59, 25.87],
+            [9.56, 34.41],
+            [-0.03, 36.23],
+            [-21.84, 30.63],
+            [-34.09, 11.41],
+            [-19.12, -21.23],
+            [23.25, -24.19],
+        ],
+        friction: [0.308, 0.1004],
+        mass: 0.5689,
+        radius: 0.008,
+        edge: 4,
+        u: -2.84546,
+        s: 5.262e-3,
+        segments: [(0.31, [-0.256, -0.1625]), (0.37, [-0.1967, 0.2043])],
+    },
+];
+
+/// How a stiff sensor reads.
+#[derive(Clone, Copy)]
+struct Sensor {
+    /// Standard deviation of a reading, N.
+    noise: f64,
+    /// Time between two readings, s.
+    period: f64,
+    /// Share of the readings that are lost.
+    lost: f64,
+}
+
+/// What is read of the true force; a second of rest before it.
+fn felt(played: &Played, draw: &mut Draw, Sensor { noise, period, lost }: Sensor) -> WindowedForce {
+    const REST_S: f64 = 1.0;
+    let times: Vec<_> = played.samples.iter().map(|sample| sample.t).collect();
+    let force = |t: f64| {
+        let after = times.partition_point(|time| *time <= t).clamp(1, times.len() - 1);
+        let share = ((t - times[after - 1]) / (times[after] - times[after - 1]).max(1e-12)).clamp(0.0, 1.0);
+        let there = t >= 0.0 && t <= played.duration();
+        if there { played.forces_finger[after - 1].lerp(&played.forces_finger[after], share) } else { Vector2::zeros() }
+    };
+    let onset = REST_S + 0.2 + draw.uniform(0.0, period);
+    let readings = (0_u32..).map(|index| f64::from(index) * period);
+    let readings = readings.take_while(|t| *t < onset + played.duration() + 0.05);
+    let readings: Vec<_> = readings
+        .map(|t| Reading::new(t, force(t - onset) + Vector2::new(draw.normal(), draw.normal()) * noise))
+        .collect();
+    let readings: Vec<_> = readings.into_iter().filter(|_| !draw.chance(lost)).collect();
+    let (rest, push) = readings.split_at(readings.partition_point(|reading| reading.t < REST_S));
+    let mut sense = PushSense::new(RestNoise::estimate(rest).unwrap(), None);
+    push.iter().for_each(|reading| sense.push(reading));
+    sense.windowed_force(played.duration()).unwrap()
+}
+
+#[test]
+fn pushes_that_slip_throughout_or_back_are_found() {
+    const QUIET: Sensor = Sensor { noise: 1e-3, period: 2.5e-4, lost: 0.0 };
+    for (number, missed) in MISSED.iter().enumerate() {
+        let vertices = missed.vertices.iter().map(|&[x, y]| Point2::new(x * 1e-3, y * 1e-3)).collect::<Vec<_>>();
+        let part = Part::uniform(SimplePolygon::new(vertices).unwrap());
+        let segments = missed.segments.map(|(seconds, a)| Segment { seconds, acceleration: Vector2::from(a) });
+        let motion = FingerMotion::new(Point2::origin(), &segments).unwrap();
+        let [mu, mu_c] = missed.friction;
+        let mu_g = mu * crate::gravity::GRAVITY_ASSUMED;
+        let &Missed { mass, radius, edge, u, s, .. } = missed;
+        let world = PushedWorld { part: &part, mu_g, mass, mu_c, radius, motion: &motion, edge, u, s };
+        let played = world.play().unwrap();
+        assert_eq!(played.end, EndReason::Time, "push {number}");
+        let known = KnownFromRest { part: &part, mu_g, mu_g_log_sd: None, radius, motion: &motion };
+        for seed in 0..4 {
+            let measured = felt(&played, &mut Draw::case(11, seed), QUIET);
+            let course = course(&known, &measured);
+            let problem = Problem { course: &course, measured: &measured };
+            let guess = Guess { edge, u, s, mu_c, mu_g_log: 0.0, delay: 0.0 };
+            let truth = problem.descend(problem.try_onsets(guess).unwrap(), usize::MAX).cost;
+            let estimate = estimate(&known, &measured);
+            let best = estimate.fit.cost.unwrap();
+            assert!(best < truth + SAME_COST, "push {number}, noise {seed}: {best}, from the truth {truth}");
+            let right = |found: &Hypothesis| {
+                is_right_pose(&part, estimate.symmetry, found, &played.pose(estimate.time_end).unwrap())
+            };
+            assert!(estimate.hypotheses.iter().any(right), "push {number}, noise {seed}: {:?}", estimate.hypotheses);
+        }
+    }
+}
+
+/// Rows of a file that are no numbers are left out: readings are compared as they were taken, and windows that lack
+/// some are noisier.
+#[test]
+fn readings_that_are_missing_hide_no_push() {
+    for (period, lost) in [(2.5e-4, 0.1), (4e-3, 0.05), (0.01, 0.03)] {
+        for case in 0..3 {
+            let (part, ranges, drawn, mut draw) = drawn(case);
+            let measured = felt(&drawn.played, &mut draw, Sensor { noise: 3e-3, period, lost });
+            assert!(measured.count() > 30, "{period} s, case {case}: {} windows", measured.count());
+            let estimate = estimate(&known(&part, &ranges), &measured);
+            let outcome = TrialOutcome::new(&part, &drawn, &estimate);
+            assert!(outcome.holds_truth, "{period} s, case {case}: {outcome:?}, {:?}", estimate.fit);
+        }
+    }
+}
+
+/// µ_c is said to be at least what rolling took: of the truth, not of the best fit.
+#[test]
+fn the_friction_that_rolling_needs_is_stated_from_below() {
+    let mut stated = 0;
+    for case in 0..24 {
+        let ranges = Ranges { mu_c: 0.9..=0.9, ..Ranges::default() };
+        let (part, ranges, drawn, mut draw) = drawn_from(ranges, case);
+        let (known, measured) = (known(&part, &ranges), measured(&drawn, &mut draw, 0.5));
+        let course = course(&known, &measured);
+        let (u, s, mu_c) = (drawn.u, drawn.s, f64::INFINITY);
+        let needed =
+            course.play(&Guess { edge: drawn.edge, u, s, mu_c, mu_g_log: 0.0, delay: 0.0 }).unwrap().friction_needed;
+        let estimate = estimate(&known, &measured);
+        let truth = drawn.played.pose(estimate.time_end).unwrap();
+        for found in estimate.hypotheses.iter().filter(|h| is_right_pose(&part, estimate.symmetry, h, &truth)) {
+            let Some(force) = found.from_force.filter(|force| force.mu_c.is_none()) else { continue };
+            assert!(force.friction_needed <= needed, "case {case}: {} of {needed}", force.friction_needed);
+            assert!(force.friction_needed > 0.5 * needed, "case {case}: {} of {needed}", force.friction_needed);
+            stated += 1;
+        }
+    }
+    assert!(stated >= 6, "{stated}");
+}
+
+/// Where a valley of the cost bends, what is stated reaches to its ends.
+#[test]
+fn what_is_stated_reaches_along_a_valley_that_bends() {
+    let mut bent = 0;
+    for case in 0..8 {
+        let (part, ranges, drawn, mut draw) =
+            drawn_from(Ranges { motion: straight_motion(), ..Ranges::default() }, case);
+        let (known, measured) = (known(&part, &ranges), measured(&drawn, &mut draw, 0.3));
+        let course = course(&known, &measured);
+        let problem = Problem { course: &course, measured: &measured };
+        let guess = Guess { edge: drawn.edge, u: drawn.u, s: drawn.s, mu_c: drawn.mu_c, mu_g_log: 0.0, delay: 0.0 };
+        let found = problem.descend(problem.try_guess(guess).unwrap(), usize::MAX);
+        let stated = problem.end_covariance(&found).unwrap().state.fixed_view::<2, 2>(0, 0).into_owned();
+        let Some(valley) = problem.valley(&found) else { continue };
+        bent += 1;
+        for side in valley.sides.iter().flatten() {
+            let off = Vector2::new(side.end.path.end.u - found.path.end.u, side.end.path.end.s - found.path.end.s);
+            let square = (off.transpose() * stated.try_inverse().unwrap() * off)[0];
+            // Each end makes half of the variance along it: at most twice the square of 1.96 or of what its cost says.
+            let most = 2.0 * side.sds * side.sds;
+            assert!(square <= most * 1.001, "case {case}: {square}, at most {most}");
+        }
+    }
+    assert!(bent > 0, "no valley bends");
 }
 
 /// A search that shares only the fit with the estimator: it begins anywhere at all.

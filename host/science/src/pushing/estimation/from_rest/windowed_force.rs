@@ -16,7 +16,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x4, Matrix4, Vector2};
 
-use super::hann_windows::{self, HOP_S, NEIGHBOUR_CORRELATION};
+use super::hann_windows::{self, HOP_S, LENGTH_S, NEIGHBOUR_CORRELATION};
 use super::path::Path;
 
 /// What a prediction may be off by, as a share of the force: sums over windows up to 9e-4 where the force bends (see
@@ -132,11 +132,12 @@ impl WindowedForce {
     /// None without a window, or where the covariance is none.
     #[must_use]
     pub fn new(forces_finger: Vec<Vector2<f64>>, uncertainty: &Uncertainty) -> Option<Self> {
-        Self::whitened(forces_finger, uncertainty, uncertainty.onset_sd)
+        let covered = vec![1.0; forces_finger.len()];
+        Self::whitened(forces_finger, uncertainty, uncertainty.onset_sd, &covered)
     }
 
     /// The same, with the times of the readings (since the onset as it is taken for, ascending, s) and the time between
-    /// two of them: then the onset is found with the other unknowns.
+    /// two of them: then the onset is found with the other unknowns, and windows that lack readings are noisier.
     #[must_use]
     pub fn with_readings(
         forces_finger: Vec<Vector2<f64>>,
@@ -145,15 +146,21 @@ impl WindowedForce {
         period: f64,
     ) -> Option<Self> {
         let readings = Some(WindowReadings::new(times, period, forces_finger.len())?);
-        let whitened = Self::whitened(forces_finger, uncertainty, 0.0)?;
+        let covered = covered(times, period, forces_finger.len());
+        let whitened = Self::whitened(forces_finger, uncertainty, 0.0, &covered)?;
         Some(Self { readings, onset_sd: uncertainty.onset_sd, ..whitened })
     }
 
-    fn whitened(forces_finger: Vec<Vector2<f64>>, uncertainty: &Uncertainty, onset_sd: f64) -> Option<Self> {
+    fn whitened(
+        forces_finger: Vec<Vector2<f64>>,
+        uncertainty: &Uncertainty,
+        onset_sd: f64,
+        covered: &[f64],
+    ) -> Option<Self> {
         if forces_finger.is_empty() || forces_finger.iter().any(|force| !force.iter().all(|value| value.is_finite())) {
             return None;
         }
-        let (covariance, noise_share) = covariance(&forces_finger, uncertainty, onset_sd);
+        let (covariance, noise_share) = covariance(&forces_finger, uncertainty, onset_sd, covered);
         let lower = covariance.cholesky()?.unpack();
         let size = lower.nrows();
         let whitener = lower.solve_lower_triangular(&DMatrix::identity(size, size))?;
@@ -224,8 +231,22 @@ fn stacked(forces: impl Iterator<Item = Vector2<f64>>, size: usize) -> DVector<f
     DVector::from_iterator(size, forces.flat_map(|force| [force.x, force.y]))
 }
 
+/// Which share of each window's weight has readings.
+fn covered(times: &[f64], period: f64, count: usize) -> Vec<f64> {
+    let mut sums = vec![0.0; count];
+    for &time in times {
+        hann_windows::weights_at(time, count).for_each(|(window, weight)| sums[window] += weight);
+    }
+    sums.into_iter().map(|sum| (sum * period / LENGTH_S).min(1.0)).collect()
+}
+
 /// The covariance, and which share of its diagonal is noise.
-fn covariance(forces: &[Vector2<f64>], uncertainty: &Uncertainty, onset_sd: f64) -> (DMatrix<f64>, f64) {
+fn covariance(
+    forces: &[Vector2<f64>],
+    uncertainty: &Uncertainty,
+    onset_sd: f64,
+    covered: &[f64],
+) -> (DMatrix<f64>, f64) {
     let count = forces.len();
     // The inverse of an estimated covariance of two axes is too large on average by this (Wishart).
     let values = uncertainty.noise_freedom.max(FREEDOM_MIN);
@@ -235,7 +256,7 @@ fn covariance(forces: &[Vector2<f64>], uncertainty: &Uncertainty, onset_sd: f64)
     for row in 0..count {
         for column in 0..count {
             let mut block = uncertainty.bias + rates[row] * rates[column].transpose() * onset_sd.powi(2);
-            block += noise * correlation(row.abs_diff(column));
+            block += noise * (correlation(row.abs_diff(column)) / (covered[row] * covered[column]).sqrt());
             if let Some(calibration) = &uncertainty.calibration {
                 block += calibration.between(&forces[row], &forces[column]);
             }
