@@ -48,7 +48,6 @@ pub struct RollingBody {
     shape: Shape,
     inertia: Vector3<f64>,
     symmetry: Symmetry,
-    size: f64,
     sharpest: f64,
 }
 
@@ -170,7 +169,7 @@ impl RollingBody {
             let normal = Vector3::ith(longest, 1.0).into();
             return Err(BodyError::NotConvex { normal, radius: sharpest, limit });
         }
-        Ok(Self { size: shape.size(), shape, inertia: ellipsoid_inertia(&semi_axes), symmetry, sharpest })
+        Ok(Self { shape, inertia: ellipsoid_inertia(&semi_axes), symmetry, sharpest })
     }
 
     /// An egg; `inertia` over mass (m²) about the body axes, or that of uniform density.
@@ -221,7 +220,7 @@ impl RollingBody {
             None => uniform_inertia(&shape)?,
         };
         let symmetry = symmetry(&inertia);
-        Ok(Self { size: shape.size(), shape, inertia, symmetry, sharpest })
+        Ok(Self { shape, inertia, symmetry, sharpest })
     }
 
     /// The shape by its support function, body frame.
@@ -245,7 +244,7 @@ impl RollingBody {
     /// A length to measure others by, m: the mean semi-axis of an ellipsoid.
     #[must_use]
     pub fn size(&self) -> f64 {
-        self.size
+        self.shape.size()
     }
 
     /// The least radius of curvature, m.

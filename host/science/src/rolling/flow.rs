@@ -128,14 +128,14 @@ struct Parts {
 }
 
 /// `v × m`, column by column.
-#[inline(always)]
+#[inline]
 fn cross_columns(v: &Vector3<f64>, m: &Matrix3<f64>) -> Matrix3<f64> {
     let column = |j: usize| v.cross(&Vector3::new(m[(0, j)], m[(1, j)], m[(2, j)]));
     Matrix3::from_columns(&[column(0), column(1), column(2)])
 }
 
 /// `m [v]×`, where `[v]× x = v × x`.
-#[inline(always)]
+#[inline]
 fn times_cross(m: &Matrix3<f64>, v: &Vector3<f64>) -> Matrix3<f64> {
     // (m [v]×)ᵀ = −[v]× mᵀ: each row becomes row × v.
     let row = |i: usize| Vector3::new(m[(i, 0)], m[(i, 1)], m[(i, 2)]).cross(v).transpose();
@@ -153,7 +153,7 @@ impl Parts {
 
 impl Model<'_> {
     /// One step as [`Model::step`] takes it, with the columns.
-    #[inline(always)]
+    #[inline]
     #[must_use]
     pub fn step_with<const N: usize>(
         &self,
@@ -165,31 +165,23 @@ impl Model<'_> {
         let StateWithTangent { state, tangent } = from;
         let half = 0.5 * dt;
         let mut forced = [Forced { omega: [[0.0; N]; 3], u: [[0.0; N]; 2] }; 4];
+        // Each stage gives the rates and their derivatives at the same point.
+        let mut stage = |index: usize, state: &RollState, specific_force: &Vector3<f64>| {
+            let parts = self.parts(state, specific_force);
+            if N > STATE_COLUMNS {
+                self.force(columns, &parts, &mut forced[index]);
+            }
+            (parts.rates(), self.linearise(&parts))
+        };
         // Classical Runge–Kutta of order 4, for the state; `carry` does the same with the columns.
-        let (k1, l1) = self.stage(columns, state, &specific_force[0], &mut forced[0]);
-        let (k2, l2) = self.stage(columns, &state.moved(&k1, half), &specific_force[1], &mut forced[1]);
-        let (k3, l3) = self.stage(columns, &state.moved(&k2, half), &specific_force[1], &mut forced[2]);
-        let (k4, l4) = self.stage(columns, &state.moved(&k3, dt), &specific_force[2], &mut forced[3]);
+        let (k1, l1) = stage(0, state, &specific_force[0]);
+        let (k2, l2) = stage(1, &state.moved(&k1, half), &specific_force[1]);
+        let (k3, l3) = stage(2, &state.moved(&k2, half), &specific_force[1]);
+        let (k4, l4) = stage(3, &state.moved(&k3, dt), &specific_force[2]);
         StateWithTangent {
             state: ode::end(state, &[k1, k2, k3, k4], dt).normalized(),
             tangent: carry(&[l1, l2, l3, l4], &forced, tangent, dt),
         }
-    }
-
-    /// The rates at one stage of a step, with their derivatives at the same point and what is forced on the columns.
-    #[inline(always)]
-    fn stage<const N: usize>(
-        &self,
-        columns: Columns,
-        state: &RollState,
-        specific_force: &Vector3<f64>,
-        forced: &mut Forced<N>,
-    ) -> (RollRates, Linear) {
-        let parts = self.parts(state, specific_force);
-        if N > STATE_COLUMNS {
-            self.force(columns, &parts, forced);
-        }
-        (parts.rates(), self.linearise(&parts))
     }
 
     /// The motion itself by way of the short chain of [`Scaled`]; everything else may wait.
@@ -197,14 +189,10 @@ impl Model<'_> {
     fn parts(&self, state: &RollState, specific_force: &Vector3<f64>) -> Parts {
         let instant = Instant::of(state, specific_force);
         let shape = self.body.shape();
+        let scaled = shape.roll_scaled(&instant.normal, &instant.turning);
+        let turn = self.turn_scaled(state, &instant, &scaled);
         let local = shape.local(&instant.normal, &instant.turning);
         let moving = local.hessian * instant.turning;
-        let scaled = match shape {
-            Shape::Ellipsoid(_) => shape.roll_scaled(&instant.normal, &instant.turning),
-            // Their short chain would be no shorter.
-            _ => Scaled { point: local.contact, motion: moving, square: 1.0 },
-        };
-        let turn = self.turn_scaled(state, &instant, &scaled);
         let inverse_inertia = self.inverse_inertia(&instant.normal, &scaled);
         Parts { state: *state, instant, local, moving, turn, inverse_inertia }
     }
@@ -274,7 +262,7 @@ impl Model<'_> {
     }
 
     /// The derivative of `ω × J ω`.
-    #[inline(always)]
+    #[inline]
     fn gyroscopic(&self, omega: &Vector3<f64>) -> Matrix3<f64> {
         let ([p, q, r], [a, b, c]) = ((*omega).into(), self.body.inertia().into());
         let [d, e, f]: [f64; 3] = [c - b, a - c, b - a];
@@ -350,7 +338,6 @@ struct Column {
 /// The columns after a step, given the slopes at its four stages.
 ///
 /// One column after the other from beginning to end, so that the compiler can put several side by side.
-#[inline(always)]
 fn carry<const N: usize>(stages: &[Linear; 4], forced: &[Forced<N>; 4], tangent: &Tangent<N>, dt: f64) -> Tangent<N> {
     let mut carried = *tangent;
     let (half, sixth) = (0.5 * dt, dt / 6.0);

@@ -225,18 +225,15 @@ impl Ellipsoid {
 }
 
 impl Egg {
-    #[inline(always)]
     fn ellipsoid(&self) -> Ellipsoid {
         Ellipsoid { semi_axes: self.semi_axes }
     }
 
-    #[inline(always)]
     fn roll(&self, normal: &Vector3<f64>, turning: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         let (contact, moving) = self.ellipsoid().roll(normal, turning);
         (contact + self.skewed_contact(normal), moving + self.skewed_hessian(normal) * turning)
     }
 
-    #[inline(always)]
     fn local(&self, normal: &Vector3<f64>, turning: &Vector3<f64>) -> Local {
         let Local { contact, hessian, slope } = self.ellipsoid().local(normal, turning);
         Local {
@@ -247,7 +244,6 @@ impl Egg {
     }
 
     /// Gradient of `e p₃³/|p|² − z_c p₃`.
-    #[inline(always)]
     fn skewed_contact(&self, p: &Vector3<f64>) -> Vector3<f64> {
         let mut contact = p * (-2.0 * self.skew * p.z.powi(3));
         contact.z += 3.0 * self.skew * p.z * p.z - self.origin;
@@ -255,7 +251,6 @@ impl Egg {
     }
 
     /// Hessian of the same.
-    #[inline(always)]
     fn skewed_hessian(&self, p: &Vector3<f64>) -> Matrix3<f64> {
         let z = p.z;
         let mut hessian = p * p.transpose() * (8.0 * z.powi(3));
@@ -269,7 +264,6 @@ impl Egg {
     }
 
     /// Slope of the Hessian times `v`, for `v` and the change of `p` across `p`.
-    #[inline(always)]
     fn skewed_slope(&self, p: &Vector3<f64>, v: &Vector3<f64>) -> Matrix3<f64> {
         let z = p.z;
         let up = Vector3::z();
@@ -295,12 +289,10 @@ impl Egg {
 
 impl RoundedShape {
     /// `aᵢ⁴`, m⁴.
-    #[inline(always)]
     fn fourths(&self) -> Vector3<f64> {
         Vector3::from(self.semi_axes.map(|a| a.powi(4)))
     }
 
-    #[inline(always)]
     fn roll(&self, p: &Vector3<f64>, v: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         let e = self.fourths();
         let squares = e.component_mul(p).component_mul(p);
@@ -312,7 +304,6 @@ impl RoundedShape {
         (contact, (v - p * p.dot(v)) * self.radius + flat)
     }
 
-    #[inline(always)]
     fn local(&self, p: &Vector3<f64>, v: &Vector3<f64>) -> Local {
         let e = self.fourths();
         let squares = e.component_mul(p).component_mul(p);
