@@ -175,7 +175,10 @@ impl RollQuestion {
             if halt.is_wished() {
                 break;
             }
+            // No width covers an unknown ellipsoid: looking again would leave something out as well.
+            let is_spread = matches!(self.body, BodyKnowledge::Ellipsoid { .. });
             match self.gate(&readings).quality(&solutions) {
+                Quality::Good if is_spread => break,
                 Quality::Good | Quality::Weak if coverage.left_out == 0 || width > 0 => break,
                 _ => {}
             }
