@@ -470,6 +470,15 @@ mod tests {
         assert_eq!(table.rows().count(), ROWS.len());
     }
 
+    /// The settled motion leads astray here: by how much the angles miss what it adds up to tells no place apart.
+    #[test]
+    fn places_that_the_settled_motion_speaks_against_are_looked_at() {
+        for (row, number) in [(0, 2266), (3, 1338), (3, 2575), (3, 2822), (4, 374)] {
+            let outcome = judge(&Case::draw(4, number, ROWS[row]));
+            assert!(outcome.has_truth && !outcome.missed, "{}, case {number}", ROWS[row].name);
+        }
+    }
+
     /// The covariance of a parabola puts one of them hundreds of deviations away from the truth.
     #[test]
     fn poses_in_curved_valleys_are_as_uncertain_as_stated() {

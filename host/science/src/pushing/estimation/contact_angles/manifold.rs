@@ -28,8 +28,6 @@ const BALANCED: f64 = 1e-3;
 pub(super) struct Settled {
     /// The state, with its rates of turning and along the contact.
     pub(super) state: State,
-    /// ṡ, rate of the contact along the edge, m/s.
-    pub(super) s_rate: f64,
     /// Force into the part and along the edge, m/s².
     pub(super) normal_force: f64,
     /// Force along the edge, counter-clockwise, m/s².
@@ -138,10 +136,5 @@ fn settle<const K: usize>(model: &PushModel, contact: &ContactMode, time: f64, n
     } else {
         state
     };
-    Some(Settled {
-        state,
-        s_rate: now.rates.s.value,
-        normal_force: now.normal_force.value,
-        tangential_force: now.tangential_force.value,
-    })
+    Some(Settled { state, normal_force: now.normal_force.value, tangential_force: now.tangential_force.value })
 }

@@ -4,12 +4,10 @@
 //! velocity along the contact, and the plane's friction where it is not known. Simulated forward it predicts every
 //! value; its cost is the sum of squared residuals. Finding all local minima of the cost over all edges, fast, takes
 //! some ideas:
-//! - friction makes a part forget how it started within v/(µg), some 20 ms. From then on it moves on a slow manifold,
-//!   where contact angle and place fix its velocities. So the measured angles tell at each place of each edge how fast
-//!   the angle should change, without any simulation, and one number an edge is left to search: see `seed` and
-//!   `manifold`;
-//! - what is left of an edge is covered with cells in which the other unknowns are fitted, so that no minimum wider
-//!   than a cell is missed: see `cover`;
+//! - every edge is covered with cells, at each place of which the other unknowns are fitted, so that no minimum wider
+//!   than a cell is missed: see `cover`. Friction makes a part forget how it started within v/(µg), some 20 ms; from
+//!   then on it moves on a slow manifold, where contact angle and place fix its velocities: that is where fits begin,
+//!   near their end. See `seed` and `manifold`;
 //! - a simulation on dual numbers gives the exact derivatives of all it predicts, and with them Gauss–Newton steps: a
 //!   handful from seed to minimum: see `fit` and `path`;
 //! - where the friction of the plane is not known well ([`Prior`](super::Prior)), its logarithm is one more unknown of

@@ -1,13 +1,9 @@
 //! Where to begin: hypotheses near every local minimum of the cost.
 //!
 //! Where the data tell the contact angles, every edge is covered with cells ([`super::cover`]), at places so near to
-//! each other that none can lie between them, and descents begin where one may come near the least cost.
-//!
-//! Contact angles tell the motion, so most places need no simulation. After the first moments a part moves on its slow
-//! manifold ([`super::manifold`]), so that from a place on an edge and the measured angle follow the rate at which the
-//! angle should change and the place should move: a place is as bad as the angle that its rates add up to is off. Where
-//! they are off by far more than they ever are at the true place, there is no cell. A push that is over before the part
-//! has settled has cells everywhere.
+//! each other that none can lie between them, and descents begin where one may come near the least cost. In each the
+//! rates begin at those of the slow manifold ([`super::manifold`]), to which a part settles after the first moments, and
+//! at what the first angles say beyond them.
 //!
 //! Where the data do not tell the angle, a grid of coarse simulations is looked through instead; so it is, more widely,
 //! where nothing that was found explains the data.
@@ -21,7 +17,7 @@ use super::cover::Cell;
 use super::data::{Data, Local, local};
 use super::fit::{Candidate, Fitting, STEP_MAX, relaxation_time};
 use super::initial_state::{PLACE, StartMode, Unknowns};
-use super::manifold::{Settled, settled};
+use super::manifold::settled;
 use super::path::ContactInterval;
 use crate::pushing::dynamics::{PushModel, Slip, State};
 use crate::pushing::estimation::observation::{Known, Touch};
@@ -30,19 +26,6 @@ use crate::pushing::estimation::observation::{Known, Touch};
 const PLACES_PER_RADIUS: f64 = 8.0;
 /// Fewest and most places tried on an edge.
 const PLACES: (f64, f64) = (5.0, 60.0);
-
-/// How far beyond its stretch of the edge the contact may seem to go, in radii of gyration.
-const BEYOND: f64 = 0.25;
-
-/// What the settled rates may leave unexplained of the angle at an instant, rms, rad: where they leave more a part
-/// cannot have been. Of 1,000 sliding pushes 0.05 loses one; 0.1 is a third dearer.
-const RATES_ERROR: f64 = 0.07;
-
-/// The same for errors of the angles, in standard deviations of an instant's.
-const RATES_NOISE: f64 = 4.0;
-
-/// Instants at which the rates are compared.
-const NODES: usize = 12;
 
 /// After so many times v/(µg) a part has settled.
 const SETTLING: f64 = 4.0;
@@ -138,17 +121,13 @@ struct Cover<'a, 'p> {
     start_mode: StartMode,
     /// Contact angle and its rate at t = 0.
     first: Local,
-    /// Where the part settles during the push.
-    smoothed: Option<SmoothedAngles<'a, 'p>>,
 }
 
 impl<'a, 'p> Cover<'a, 'p> {
     fn new(fitting: &'a Fitting<'a, 'p>, angles: &[f64], start_mode: StartMode) -> Self {
-        let (known, data) = (fitting.known, &fitting.data);
-        let smoothed = settles(known, data).then(|| SmoothedAngles::new(fitting, angles));
-        let first = smoothed.as_ref().map_or_else(|| first_angle(fitting, angles), |smoothed| smoothed.first);
+        let first = first_angle(fitting, angles);
         let held = Fitting { held_unknown: Some(PLACE), ..fitting.clone() };
-        Self { fitting, held, start_mode, first, smoothed }
+        Self { fitting, held, start_mode, first }
     }
 
     /// The cells along an interval, in order, for each way of beginning there.
@@ -171,33 +150,8 @@ impl<'a, 'p> Cover<'a, 'p> {
         branches
     }
 
-    /// How a push may have begun near a place: none where the settled rates tell that it cannot have been there.
-    fn guesses(&self, interval: &ContactInterval, model: &PushModel, place: f64) -> Vec<Candidate> {
-        let levers = match &self.smoothed {
-            None => vec![0.0],
-            Some(smoothed) => {
-                let mismatch = smoothed.mismatch(interval, model, self.start_mode, place);
-                // An instant's angle is a mean of those about it.
-                let values = count(self.fitting.data.values).max(count(NODES));
-                let noise = RATES_NOISE * self.fitting.data.sigma_min() * (count(NODES) / values).sqrt();
-                if mismatch.square > count(NODES) * (RATES_ERROR + noise).powi(2) {
-                    return Vec::new();
-                }
-                // What the part turned by before it settled has moved the contact, by rolling or by sliding.
-                let (r, h) = (self.fitting.known.finger.radius, interval.edge.height);
-                let levers = match self.fitting.known.touch {
-                    Touch::Rolling { .. } => vec![0.0], // The measured angle has been followed.
-                    Touch::Frictionless | Touch::Sliding { .. } => vec![r + h],
-                    Touch::Coulomb { .. } => vec![r, r + h],
-                };
-                levers.into_iter().map(|lever| lever * mismatch.first_turn).collect()
-            }
-        };
-        let starts = levers.into_iter().map(|moved| (place + moved).clamp(interval.low, interval.high));
-        starts.flat_map(|s| self.guesses_at(interval, model, s)).collect()
-    }
-
-    fn guesses_at(&self, interval: &ContactInterval, model: &PushModel, s: f64) -> Vec<Candidate> {
+    /// How a push may have begun at a place.
+    fn guesses(&self, interval: &ContactInterval, model: &PushModel, s: f64) -> Vec<Candidate> {
         let (known, start_mode) = (self.fitting.known, self.start_mode);
         let start = State { u: self.first.value, s, omega: self.first.rate, v_t: 0.0 };
         let near = settled(model, known.touch, slip_of(known, start_mode), 0.0, &start).map_or(start, |now| now.state);
@@ -289,95 +243,6 @@ fn places(known: &Known, interval: &ContactInterval) -> Vec<f64> {
 /// Contact angle and its rate at t = 0, of a part that forgets its start within `relaxation_time` (s).
 fn first_moments(angles: &[f64], dt: f64, relaxation_time: f64) -> Local {
     local(angles, dt, 0.0, (FIRST_MOMENTS * relaxation_time).max(dt))
-}
-
-/// A step to one of the instants of [`SmoothedAngles`].
-#[derive(Clone, Copy)]
-struct NodeStep {
-    /// Number of the instant.
-    node: usize,
-    /// Length of the step, s.
-    length: f64,
-}
-
-/// The contact angles at some instants, smoothed by straight lines.
-struct SmoothedAngles<'a, 'p> {
-    fitting: &'a Fitting<'a, 'p>,
-    /// Times of the instants, s.
-    times: Vec<f64>,
-    /// Contact angles, rad.
-    angles: Vec<f64>,
-    /// At t = 0.
-    first: Local,
-}
-
-impl<'a, 'p> SmoothedAngles<'a, 'p> {
-    fn new(fitting: &'a Fitting<'a, 'p>, angles: &[f64]) -> Self {
-        let data = &fitting.data;
-        let relaxation_time =
-            if fitting.known.starts_at_rest() { 0.0 } else { relaxation_time(fitting.known, data, 0.0) };
-        let from = (SETTLING * relaxation_time).max(fitting.rest_span);
-        let spacing = (data.duration() - from) / count(NODES - 1);
-        let times: Vec<_> = (0..NODES).map(|i| from + spacing * count(i)).collect();
-        let width = (0.5 * spacing).max(data.dt);
-        let smooth = times.iter().map(|&time| local(angles, data.dt, time, width).value).collect();
-        let first = first_moments(angles, data.dt, relaxation_time);
-        Self { fitting, times, angles: smooth, first }
-    }
-
-    /// How far off the angles are that the settled rates add up to, from a place at t = 0.
-    fn mismatch(&self, interval: &ContactInterval, model: &PushModel, start_mode: StartMode, s0: f64) -> Mismatch {
-        let slip = slip_of(self.fitting.known, start_mode);
-        let beyond = BEYOND * self.fitting.known.part.inertia_per_mass().sqrt();
-        let mut near = State { u: self.first.value, s: s0, omega: 0.0, v_t: 0.0 };
-        let (mut time, mut turned, mut last): (f64, f64, Option<Settled>) = (0.0, 0.0, None);
-        let mut offsets = [0.0; NODES];
-        for (i, offset) in offsets.iter_mut().enumerate() {
-            let step = self.times[i] - time; // The first one from t = 0.
-            near.s = self.moved(model, &near, last.as_ref(), s0, NodeStep { node: i, length: step });
-            (near.u, time) = (self.angles[i], self.times[i]);
-            if near.s < interval.low - beyond || near.s > interval.high + beyond {
-                return Mismatch::HOPELESS;
-            }
-            let Some(now) = settled(model, self.fitting.known.touch, slip, time, &near) else {
-                return Mismatch::HOPELESS;
-            };
-            if now.normal_force < 0.0 {
-                return Mismatch::HOPELESS;
-            }
-            let before = last.map_or(now.state.omega, |last| last.state.omega);
-            turned += 0.5 * step * (before + now.state.omega);
-            *offset = near.u - turned;
-            near = now.state;
-            last = Some(now);
-        }
-        let mean = offsets.iter().sum::<f64>() / count(NODES);
-        let square = offsets.iter().map(|offset| (offset - mean) * (offset - mean)).sum();
-        Mismatch { square, first_turn: mean - self.first.value }
-    }
-
-    /// The place at a node: exactly by the angle where the contact rolls, otherwise by its rate.
-    fn moved(&self, model: &PushModel, near: &State, last: Option<&Settled>, s0: f64, to: NodeStep) -> f64 {
-        match (self.fitting.known.touch, last) {
-            (Touch::Rolling { .. }, _) => s0 - model.finger.radius * (self.angles[to.node] - self.first.value),
-            (_, None) => s0,
-            (_, Some(last)) => near.s + to.length * last.s_rate,
-        }
-    }
-}
-
-/// How far the settled rates are from explaining the angles.
-#[derive(Clone, Copy, Debug)]
-struct Mismatch {
-    /// Sum of squares, rad².
-    square: f64,
-    /// What the part turned by before it settled, beyond what the settled rates say, rad.
-    first_turn: f64,
-}
-
-impl Mismatch {
-    /// Of a place from which nothing moves as it should.
-    const HOPELESS: Self = Self { square: f64::INFINITY, first_turn: 0.0 };
 }
 
 /// Where the contact slides throughout: in which direction.

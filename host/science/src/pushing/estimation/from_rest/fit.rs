@@ -33,9 +33,6 @@ const FRICTION_SLACK: f64 = 0.01;
 /// Steps of a fit.
 const STEPS_MAX: usize = 30;
 
-/// Steps of a fit at an onset that is tried.
-const STEPS_AT_ONSET: usize = 2;
-
 /// The friction that rolling needs is stated so many of its standard deviations below the best fit's.
 const NEEDED_SDS: f64 = 3.0;
 
@@ -166,12 +163,6 @@ impl Problem<'_, '_> {
             Some(better) if better.cost < cost - COST_STEP => minimise(self, better, &settings, |_| false).place,
             _ => found,
         }
-    }
-
-    /// A minimum fitted again with another onset, for a few steps.
-    pub(super) fn fitted_at_onset(&self, from: &Tried, delay: f64) -> Option<Tried> {
-        let begun = self.try_path(Guess { delay, ..from.guess }, from.path.clone())?;
-        Some(Held { problem: self, column: DELAY }.fitted(begun, STEPS_AT_ONSET))
     }
 
     fn differences(&self) -> [f64; PARAMETERS] {

@@ -52,9 +52,6 @@ const STAGES: [(usize, f64); 2] = [(2, 30.0), (2, 3.0)];
 /// The same before any step: of missed explanations the nearest guess was at most fifty times dearer.
 const HOPELESS_AT_FIRST: f64 = 1000.0;
 
-/// Onsets nearer than this to that of a minimum are in its valley, standard deviations.
-const ONSETS_APART: f64 = 0.3;
-
 /// Least difference of costs at which a fit is given up; see [`STAGES`].
 const HOPELESS_COST: f64 = 3000.0;
 
@@ -182,9 +179,7 @@ fn descend_all(problem: &Problem, starts: Vec<Tried>, halt: &Halt<'_>) -> Vec<Tr
         tried = apart(problem, hopeful(gone, hopeless));
     }
     let tried = tried.into_iter().take_while(|_| !halt.is_wished());
-    let found: Vec<_> = tried.map(|tried| problem.descend(tried, usize::MAX)).collect();
-    let others = other_onsets(problem, &found, halt);
-    found.into_iter().chain(others).collect()
+    tried.map(|tried| problem.descend(tried, usize::MAX)).collect()
 }
 
 /// Those that are not so many times dearer than the best.
@@ -192,35 +187,6 @@ fn hopeful(mut tried: Vec<Tried>, hopeless: f64) -> Vec<Tried> {
     let best = least_cost(&tried);
     tried.retain(|tried| tried.cost <= hopeless * best || tried.cost <= best + HOPELESS_COST);
     tried
-}
-
-/// Minima at other onsets, where few readings leave it open: a jump of the force between two readings hardly shows, so
-/// that an onset on the other side of a reading is a valley of its own, with another contact.
-fn other_onsets(problem: &Problem, found: &[Tried], halt: &Halt<'_>) -> Vec<Tried> {
-    let most = least_cost(found) + 2.0 * GATE;
-    let open = problem.measured.onset_sd().filter(|_| problem.measured.onsets_tried().count() > 1);
-    let Some(apart) = open.map(|sd| ONSETS_APART * sd) else { return Vec::new() };
-    let near = apart_minima(found, most);
-    let delays = |tried: &Tried| {
-        let at = tried.guess.delay;
-        problem.measured.onsets_tried().filter(move |delay| (delay - at).abs() > apart).collect::<Vec<_>>()
-    };
-    let each = near.into_iter().flat_map(|tried| delays(tried).into_iter().map(move |delay| (tried, delay)));
-    let wanted = each.take_while(|_| !halt.is_wished());
-    let fitted = wanted.filter_map(|(tried, delay)| problem.fitted_at_onset(tried, delay));
-    let worth: Vec<_> = fitted.filter(|fitted| fitted.cost < most).collect();
-    worth.into_iter().map(|fitted| problem.descend(fitted, usize::MAX)).collect()
-}
-
-/// The minima up to a cost, each once.
-fn apart_minima(found: &[Tried], most: f64) -> Vec<&Tried> {
-    let mut kept: Vec<&Tried> = Vec::new();
-    for tried in found.iter().filter(|tried| tried.cost <= most) {
-        if !kept.iter().any(|other| is_same(other, tried)) {
-            kept.push(tried);
-        }
-    }
-    kept
 }
 
 /// Those of which no better one is on its way to the same minimum: as near as [`ON_ONE_WAY`], the contact doing the same.
