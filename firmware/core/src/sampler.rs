@@ -9,7 +9,7 @@
 //! - **Gaps in unknown timing.** While the rate changes, time does not tell how many conversions were
 //!   missed, but two in the chip's memory tell that some were: the numbers then leave a gap all the same.
 //! - **Doubt.** Damage may have written a setting. Samples wait until the settings are read back, four frames
-//!   later, and count as damaged if those were others, or if more than [`HELD_MAX`] wait.
+//!   later, and count as damaged if those were others, or if more than 16 wait.
 //! - **Settling.** Three conversions after a reset or a change carry [`Status::SETTLING`].
 //! - **Requests** of the main side share the frames that read samples (`job`); no sample is lost to them.
 //! - **Faults.** A chip that forgot its settings gets them again. One that is absent is looked for, and one
