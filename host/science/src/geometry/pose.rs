@@ -1,6 +1,8 @@
 //! Where a part lies: the one pose of the library.
 
-use nalgebra::{Isometry2, Point2, Vector2};
+use nalgebra::{Isometry2, Point2, Vector2, Vector3};
+
+use crate::math::angle::wrap_angle;
 
 /// Where a part lies: `p_world = R(theta) p_part + (x, y)`, with `p_part` in the frame the outline was given in.
 ///
@@ -27,6 +29,11 @@ impl Pose {
     #[must_use]
     pub fn isometry(&self) -> Isometry2<f64> {
         Isometry2::new(Vector2::new(self.x, self.y), self.theta)
+    }
+
+    /// How far it is from another: m, m, rad, the turn within half of one.
+    pub(crate) fn minus(&self, other: &Self) -> Vector3<f64> {
+        Vector3::new(self.x - other.x, self.y - other.y, wrap_angle(self.theta - other.theta))
     }
 
     /// The part frame's origin in the world, m.

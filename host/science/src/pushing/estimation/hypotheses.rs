@@ -7,7 +7,7 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::{Matrix2x3, Matrix3, Matrix4, Point2, Rotation2, Vector2, Vector3, Vector4};
+use nalgebra::{Matrix2x3, Matrix3, Matrix4, Point2, Rotation2, Vector2, Vector4};
 
 use crate::geometry::Pose;
 use crate::math::angle::wrap_angle;
@@ -287,11 +287,7 @@ impl Hypothesis {
     pub(super) fn take_in(&mut self, other: &Self) {
         let both = self.probability + other.probability;
         let share = if both > 0.0 { other.probability / both } else { 0.0 };
-        let of_pose = Vector3::new(
-            other.pose_end.x - self.pose_end.x,
-            other.pose_end.y - self.pose_end.y,
-            wrap_angle(other.pose_end.theta - self.pose_end.theta),
-        );
+        let of_pose = other.pose_end.minus(&self.pose_end);
         let of_state = Vector4::new(
             other.end.u - self.end.u,
             other.end.s - self.end.s,

@@ -5,12 +5,11 @@
 //! the place.
 //! Frames: world. Units: SI. Errors: none; what the data leave free has no covariance.
 
-use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix4, Matrix5, Vector2, Vector3, Vector5};
+use nalgebra::{Matrix2, Matrix3, Matrix3x2, Matrix4, Matrix5, Vector2, Vector5};
 
 use super::fit::{Candidate, Descent, Evaluation, Fitting};
 use super::initial_state::{ANGLE, MU_G, PLACE, UNKNOWNS};
 use crate::geometry::Pose;
-use crate::math::angle::wrap_angle;
 use crate::pushing::estimation::hypotheses::pose;
 
 /// A place is unknown if its standard deviation is more than this many lengths of its stretch of the edge: along it,
@@ -113,8 +112,8 @@ fn bend_of_the_valley(fitting: &Fitting, descent: &Descent) -> Option<Matrix3<f6
     let held = Fitting { held_unknown: Some(axis), ..fitting.clone() };
     let mut bent = Matrix3::zeros();
     let mut sides = 0.0;
+    let (middle, there) = (candidate.unknowns[axis], end_pose(fitting, descent));
     for node in [-NODE, NODE] {
-        let middle = candidate.unknowns[axis];
         let step = (middle + node * deviation).clamp(bounds[0], bounds[1]) - middle;
         let share = step / deviation;
         if share.abs() < SHORT {
@@ -127,7 +126,7 @@ fn bend_of_the_valley(fitting: &Fitting, descent: &Descent) -> Option<Matrix3<f6
                 break;
             }
         }
-        let off = difference(&end_pose(fitting, &beside), &end_pose(fitting, descent));
+        let off = end_pose(fitting, &beside).minus(&there);
         let aside = off - straight * step;
         // Where the cost rises less than its parabola says the valley is longer, too.
         let square = share * share;
@@ -142,11 +141,6 @@ fn bend_of_the_valley(fitting: &Fitting, descent: &Descent) -> Option<Matrix3<f6
 fn end_pose(fitting: &Fitting, Descent { evaluation, .. }: &Descent) -> Pose {
     let model = fitting.known.model(evaluation.candidate.interval.edge);
     pose(&model, evaluation.start.u, fitting.data.duration(), &evaluation.end)
-}
-
-/// How far a pose is from another: m, m, rad.
-fn difference(a: &Pose, b: &Pose) -> Vector3<f64> {
-    Vector3::new(a.x - b.x, a.y - b.y, wrap_angle(a.theta - b.theta))
 }
 
 /// The same, from the covariance of the contact's angle and place, to second order.

@@ -82,9 +82,9 @@ const FROM_GRID_MAX: usize = 12;
 /// How widely to look for beginnings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Width {
-    /// On the slow manifold, where there is one.
+    /// Cells on every edge where the angles are told; otherwise on the slow manifold, where there is one.
     Narrow,
-    /// Among simulations from many starts: for what the slow manifold does not lead to.
+    /// Among simulations from many starts: for what those do not lead to.
     Wide,
 }
 
@@ -137,13 +137,12 @@ impl<'a, 'p> Cover<'a, 'p> {
         let places = places(known, interval);
         let spacing = places[1] - places[0];
         let mut branches: Vec<Vec<Cell>> = Vec::new();
-        for place in places {
-            for (branch, guess) in self.guesses(interval, &model, place).into_iter().enumerate() {
+        for s in places {
+            let reach = [s - interval.low, interval.high - s].map(|room| room.clamp(0.0, spacing));
+            for (branch, guess) in self.guesses(interval, &model, s).into_iter().enumerate() {
                 if branches.len() <= branch {
                     branches.push(Vec::new());
                 }
-                let s = guess.unknowns[PLACE];
-                let reach = [s - interval.low, interval.high - s].map(|room| room.clamp(0.0, spacing));
                 branches[branch].extend(Cell::around(self.fitting, &self.held, guess, reach));
             }
         }
@@ -240,11 +239,6 @@ fn places(known: &Known, interval: &ContactInterval) -> Vec<f64> {
     (0..=steps_whole).map(|i| interval.low + length * count(i) / steps).collect()
 }
 
-/// Contact angle and its rate at t = 0, of a part that forgets its start within `relaxation_time` (s).
-fn first_moments(angles: &[f64], dt: f64, relaxation_time: f64) -> Local {
-    local(angles, dt, 0.0, (FIRST_MOMENTS * relaxation_time).max(dt))
-}
-
 /// Where the contact slides throughout: in which direction.
 fn slip_of(known: &Known, start_mode: StartMode) -> Option<Slip> {
     match (known.touch, start_mode) {
@@ -283,7 +277,8 @@ fn minima(values: &[f64]) -> Vec<usize> {
 fn first_angle(fitting: &Fitting, angles: &[f64]) -> Local {
     let data = &fitting.data;
     let relaxation_time = if fitting.known.starts_at_rest() { 0.0 } else { relaxation_time(fitting.known, data, 0.0) };
-    first_moments(angles, data.dt, relaxation_time.min(FIRST_SHARE * data.duration()))
+    let moments = FIRST_MOMENTS * relaxation_time.min(FIRST_SHARE * data.duration());
+    local(angles, data.dt, 0.0, moments.max(data.dt))
 }
 
 /// Contact angles to try at t = 0.
