@@ -213,3 +213,61 @@ pub(super) fn not_at_rest(error: TareError) -> miette::Report {
     let help = help.trim_start_matches("; ");
     miette::miette!(help = help, "the finger was not at rest while the tare was taken: {error}")
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Point2, Vector2};
+    use palpate::math::random::Draw;
+    use palpate::pushing::finger_motion::Segment;
+
+    use super::*;
+
+    const PERIOD_S: f64 = 1e-3;
+
+    /// Readings of a finger that is touched over these stretches, s; a rest of a second before them.
+    fn touched(stretches: &[[f64; 2]]) -> Vec<Reading> {
+        let mut draw = Draw::case(1, 0);
+        let touched = |t: f64| stretches.iter().any(|[from, to]| (*from..*to).contains(&t));
+        let mut reading = |index: u32| {
+            let t = f64::from(index) * PERIOD_S;
+            let force = if touched(t) { Vector2::new(-1.0, 0.3) } else { Vector2::zeros() };
+            Reading::new(t, force + Vector2::new(draw.normal(), draw.normal()) * 0.01)
+        };
+        (0..5000).map(&mut reading).collect()
+    }
+
+    /// When the push was felt to begin, and every contact that is found, with a finger that moves for 0.8 s.
+    fn sensed(stretches: &[[f64; 2]]) -> (PushSense, Vec<FeltContact>) {
+        let segments = [Segment { seconds: 0.8, acceleration: Vector2::new(0.1, 0.0) }];
+        let motion = FingerMotion::new(Point2::origin(), &segments).unwrap();
+        let felt = FeltPushArguments { radius_mm: 15.0, tare: 1.0, mu_uncertainty: None };
+        let readings = touched(stretches);
+        let (mut sense, push) = felt.sense(&readings, &motion).unwrap();
+        push.iter().for_each(|reading| sense.push(reading));
+        let (rest, after) = readings.split_at(1000);
+        let waiting = PushSense::new(RestNoise::estimate(rest).unwrap(), None);
+        (sense, contacts(&waiting, after, motion.duration()))
+    }
+
+    #[test]
+    fn an_earlier_touch_is_not_taken_for_the_push_and_is_named() {
+        let (sense, contacts) = sensed(&[[1.3, 1.9], [3.9, 4.72]]);
+        let onset = sense.onset_time().unwrap();
+        assert!((onset - 3.9).abs() < 2.0 * PERIOD_S, "{onset}");
+        let [early, push] = &contacts[..] else { panic!("{} contacts", contacts.len()) };
+        assert!((early.touch.from - 1.3).abs() < 0.01 && (early.touch.to - 1.9).abs() < 0.01, "{:?}", early.touch);
+        assert!(!early.lasts && push.lasts);
+        assert!(sense.windowed_force(0.8).unwrap().count() > 30);
+    }
+
+    #[test]
+    fn a_contact_lost_before_the_motion_ends_is_the_push_up_to_there() {
+        for lost in [0.02, 0.04] {
+            let (sense, contacts) = sensed(&[[2.0, 2.8 - lost]]);
+            assert_eq!(contacts.len(), 1, "{lost} s before the end");
+            let found = sense.lost_before(0.8).unwrap();
+            assert!((found - (2.8 - lost)).abs() < 5e-3, "{lost} s before the end: {found}");
+            assert!(sense.windowed_force(0.8).unwrap().count() > 30, "{lost} s before the end");
+        }
+    }
+}
