@@ -74,6 +74,13 @@ impl Clock {
         clock
     }
 
+    /// The same instants, up to the last of the first so many values.
+    pub(in crate::pushing::estimation) fn first(&self, values: usize) -> Self {
+        let end = self.time_of(values - 1);
+        let before = self.knots.iter().copied().take_while(|knot| *knot < end);
+        Self { knots: before.chain([end]).collect(), dt: self.dt, values }
+    }
+
     /// Where the present stretch of equal steps ends, s, and whether that is a value.
     fn stretch(&self, now: f64, wished: f64, fineness: Fineness) -> (f64, bool) {
         let end = self.time_of(self.values - 1);

@@ -27,7 +27,7 @@ const WORTH_A_STEP: f64 = 4.0;
 #[derive(Clone, Debug)]
 pub(super) struct Cell {
     /// With the other unknowns where they explain most there.
-    candidate: Candidate,
+    pub(super) at: Candidate,
     /// Cost and penalty there.
     pub(super) total: f64,
     /// Half the slope of the least cost by the place, 1/m.
@@ -78,7 +78,7 @@ impl Cell {
             *unknown += step;
         }
         Some(Self {
-            candidate,
+            at: candidate,
             total: cost + gradient_others.dot(&step),
             slope: gradient[PLACE] + mixed.dot(&step),
             curvature: (curvature[(PLACE, PLACE)] + mixed.dot(&response)).max(0.0),
@@ -108,7 +108,7 @@ impl Cell {
     /// What to begin a descent with.
     pub(super) fn candidate(&self) -> Candidate {
         let off = self.lowest();
-        let mut candidate = self.candidate;
+        let mut candidate = self.at;
         for (i, unknown) in candidate.unknowns.iter_mut().enumerate() {
             *unknown += if i == PLACE { off } else { self.response[i] * off };
         }
@@ -152,7 +152,7 @@ mod tests {
             let simulations = std::cell::Cell::new(0);
             let given = Given { known: &known, data: Data::new(&observation), prior };
             let fitting = Fitting::new(given, fineness(2e-3, 1.0), 1e-4, &simulations);
-            let held = Fitting { held_unknown: Some(PLACE), ..fitting.clone() };
+            let held = fitting.holding_the_place();
             let interval = contact_intervals(&part, finger.radius)[0];
             let start_mode = StartMode::all(&known)[0];
             // The least cost at a place, by many steps.

@@ -97,6 +97,16 @@ impl Data {
         }
     }
 
+    /// The first so many values of the same data.
+    pub(super) fn first(&self, values: usize) -> Self {
+        let first = |channel: &Option<Channel>| {
+            let of = |channel: &Channel| channel.values.iter().take(values).copied().collect();
+            channel.as_ref().map(|channel| Channel { values: of(channel), sigma: channel.sigma })
+        };
+        let (angle, direction) = (first(&self.angle), first(&self.direction));
+        Self { values, angle, direction, log_magnitude: first(&self.log_magnitude), ..self.clone() }
+    }
+
     /// The same data without the values before a time, s.
     pub(super) fn without_first(&self, time: f64) -> Self {
         self.only(|value| count(value) * self.dt >= time)

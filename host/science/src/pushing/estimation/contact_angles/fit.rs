@@ -14,7 +14,9 @@ use nalgebra::{Matrix4x5, Matrix5, RowVector5, SMatrix, SVector, Vector2, Vector
 
 use super::clock::{Clock, Fineness, ValueTimes};
 use super::data::Data;
-use super::initial_state::{MU_G, StartGuess, StartMode, UNKNOWNS, Unknowns, Variable, initial_state, rest_span};
+use super::initial_state::{
+    MU_G, PLACE, StartGuess, StartMode, UNKNOWNS, Unknowns, Variable, initial_state, rest_span,
+};
 use super::path::{CONSTRAINTS, ContactInterval, Seen, follow, plain_contact, plain_state};
 use crate::math::Jet;
 use crate::math::angle::wrap_angle;
@@ -248,6 +250,16 @@ impl<'a, 'p> Fitting<'a, 'p> {
             relaxation_time(known, &data, time)
         });
         Self { known, data, prior, clock, rest_span, constraint_stiffness: 1.0, held_unknown: None, simulations }
+    }
+
+    /// The same with the place as it is.
+    pub(super) fn holding_the_place(&self) -> Self {
+        Self { held_unknown: Some(PLACE), ..self.clone() }
+    }
+
+    /// The same for the first so many values alone, with the same steps: what it costs is no more than what all cost.
+    pub(super) fn of_first(&self, values: usize) -> Self {
+        Self { data: self.data.first(values), clock: self.clock.first(values), ..self.clone() }
     }
 
     /// The range of each unknown.

@@ -1,7 +1,8 @@
 //! Where to begin: hypotheses near every local minimum of the cost.
 //!
 //! Where the data tell the contact angles, every edge is covered with cells ([`super::cover`]), at places so near to
-//! each other that none can lie between them, and descents begin where one may come near the least cost. In each the
+//! each other that none can lie between them, and descents begin where one may come near the least cost. The first part
+//! of the data excludes most of them for a fraction of the time: the whole costs no less. In each the
 //! rates begin at those of the slow manifold ([`super::manifold`]), to which a part settles after the first moments, and
 //! at what the first angles say beyond them.
 //!
@@ -16,7 +17,7 @@ use super::clock::count;
 use super::cover::Cell;
 use super::data::{Data, Local, local};
 use super::fit::{Candidate, Fitting, STEP_MAX, relaxation_time};
-use super::initial_state::{PLACE, StartMode, Unknowns};
+use super::initial_state::{StartMode, Unknowns};
 use super::manifold::settled;
 use super::path::ContactInterval;
 use crate::pushing::dynamics::{PushModel, Slip, State};
@@ -45,6 +46,22 @@ const NEAR_LEAST: f64 = 200.0;
 
 /// A cell below its neighbours is worth a descent unless it is so many times farther from the least cost.
 const HOPELESS: f64 = 30.0;
+
+/// First parts of the data that are looked at before all of them: these shares, of at least so many values, and as many
+/// relaxation times.
+const EARLY_SHARES: [f64; 2] = [0.2, 0.4];
+/// See [`EARLY_SHARES`].
+const EARLY_VALUES: f64 = 8.0;
+/// See [`EARLY_SHARES`].
+const EARLY_RELAXATIONS: f64 = 6.0;
+/// It is not worth it where it would be a larger share than this of the values, or of the steps of a simulation.
+const EARLY_SHARE_MAX: f64 = 0.5;
+
+/// From so many of the places that explain the first part best descents say what all the data may come to, in so many
+/// steps.
+const EARLY_DESCENTS: usize = 3;
+/// See [`EARLY_DESCENTS`].
+const EARLY_STEPS: usize = 8;
 
 /// A velocity along the contact so many standard deviations of its prior from none is not the only one tried.
 const UNLIKELY_SIGMAS: f64 = 2.0;
@@ -100,7 +117,7 @@ pub(super) fn seeds(
     for &start_mode in start_modes {
         match angles(fitting.known, &fitting.data, start_mode) {
             Some(angles) if width == Width::Narrow => {
-                let cover = Cover::new(fitting, &angles, start_mode);
+                let cover = Cover { fitting, start_mode, first: first_angle(fitting, &angles) };
                 contact_intervals.iter().for_each(|interval| branches.extend(cover.branches(interval)));
             }
             angles => {
@@ -109,41 +126,111 @@ pub(super) fn seeds(
             }
         }
     }
-    found.extend(worth_a_descent(&branches));
+    look_early(fitting, &mut branches);
+    let held = fitting.holding_the_place();
+    let cells = |branch: Vec<Place>| {
+        branch.into_iter().map(|place| Cell::around(fitting, &held, place.guess, place.reach)).collect()
+    };
+    found.extend(worth_a_descent(&branches.into_iter().map(cells).collect::<Vec<_>>()));
     found
 }
 
-/// What each place of an edge can explain where the contact angles are known.
+/// Fittings of first parts of the data that are much cheaper than all, each longer than the last.
+fn first_parts<'a, 'p>(fitting: &Fitting<'a, 'p>) -> impl Iterator<Item = Fitting<'a, 'p>> {
+    let data = &fitting.data;
+    let settled = EARLY_RELAXATIONS * relaxation_time(fitting.known, data, 0.0) / data.dt;
+    let shares = EARLY_SHARES.map(|share| (count(data.values) * share).max(settled).max(EARLY_VALUES).ceil());
+    let most = EARLY_SHARE_MAX * count(data.values);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole, ≥ 0, and below the count")]
+    let parts =
+        shares.into_iter().filter(move |values| *values <= most).map(|values| fitting.of_first(values as usize));
+    let steps = |fitting: &Fitting| count(fitting.clock.knots.len());
+    parts.filter(move |early| steps(early) <= EARLY_SHARE_MAX * steps(fitting))
+}
+
+/// Leaves of each branch the places that first parts of the data do not exclude: all of the data cost no less. What is
+/// left begins with what the first part says.
+fn look_early(fitting: &Fitting, branches: &mut [Vec<Place>]) {
+    let mut most = None;
+    for early in first_parts(fitting) {
+        let held = early.holding_the_place();
+        let cells: Vec<Vec<Option<Cell>>> = branches
+            .iter()
+            .map(|branch| branch.iter().map(|place| Cell::around(&early, &held, place.guess, place.reach)).collect())
+            .collect();
+        let most = *most.get_or_insert_with(|| soon_reached(fitting, cells.iter().flatten().flatten()) + NEAR_LEAST);
+        for (branch, cells) in branches.iter_mut().zip(cells) {
+            let is_worth = are_worth(&cells, most);
+            let places = branch.drain(..).zip(cells).zip(is_worth);
+            let kept = places.filter(|(_, is_worth)| *is_worth);
+            *branch = kept.filter_map(|((place, cell), _)| Some(Place { guess: cell?.at, ..place })).collect();
+        }
+    }
+}
+
+/// Which cells of a branch are worth a closer look: those that may come to no more than `most`, and those below their
+/// neighbours unless they are hopeless.
+fn are_worth(cells: &[Option<Cell>], most: f64) -> Vec<bool> {
+    let of = |value: fn(&Cell) -> f64| -> Vec<f64> {
+        cells.iter().map(|cell| cell.as_ref().map_or(f64::INFINITY, value)).collect()
+    };
+    let least = of(Cell::least);
+    let mut is_worth: Vec<_> = least.iter().map(|least| *least <= most).collect();
+    let lowest = minima(&of(|cell| cell.total)).into_iter().filter(|lowest| least[*lowest] <= HOPELESS * most);
+    lowest.for_each(|lowest| is_worth[lowest] = true);
+    is_worth
+}
+
+/// What descents from the cells that explain most come to soon.
+fn soon_reached<'c>(fitting: &Fitting, cells: impl Iterator<Item = &'c Cell>) -> f64 {
+    let mut most_likely: Vec<_> = cells.collect();
+    most_likely.sort_by(|a, b| a.least().total_cmp(&b.least()));
+    let reached = most_likely.iter().take(EARLY_DESCENTS).filter_map(|cell| descended(fitting, cell.candidate()));
+    reached.fold(f64::INFINITY, f64::min)
+}
+
+/// What a descent from a candidate comes to soon.
+fn descended(fitting: &Fitting, candidate: Candidate) -> Option<f64> {
+    let mut descent = fitting.descend(candidate)?;
+    for _ in 0..EARLY_STEPS {
+        if descent.predicted_reduction < 0.1 * NEAR_LEAST || !fitting.improve(&mut descent) {
+            break;
+        }
+    }
+    Some(descent.evaluation.total())
+}
+
+/// How a push may have begun where the contact angles are known: at which places of an edge, and how.
 struct Cover<'a, 'p> {
     fitting: &'a Fitting<'a, 'p>,
-    /// The same with the place held.
-    held: Fitting<'a, 'p>,
     start_mode: StartMode,
     /// Contact angle and its rate at t = 0.
     first: Local,
 }
 
-impl<'a, 'p> Cover<'a, 'p> {
-    fn new(fitting: &'a Fitting<'a, 'p>, angles: &[f64], start_mode: StartMode) -> Self {
-        let first = first_angle(fitting, angles);
-        let held = Fitting { held_unknown: Some(PLACE), ..fitting.clone() };
-        Self { fitting, held, start_mode, first }
-    }
+/// A place of an edge to look at.
+struct Place {
+    /// What the other unknowns may be there.
+    guess: Candidate,
+    /// How far its cell reaches on either side, m.
+    reach: [f64; 2],
+}
 
-    /// The cells along an interval, in order, for each way of beginning there.
-    fn branches(&self, interval: &ContactInterval) -> Vec<Vec<Cell>> {
+impl<'a, 'p> Cover<'a, 'p> {
+    /// The places along an interval, in order, for each way of beginning there.
+    fn branches(&self, interval: &ContactInterval) -> Vec<Vec<Place>> {
         let known = self.fitting.known;
         let model = known.model(interval.edge);
         let places = places(known, interval);
         let spacing = places[1] - places[0];
-        let mut branches: Vec<Vec<Cell>> = Vec::new();
+        let mut branches: Vec<Vec<Place>> = Vec::new();
         for s in places {
             let reach = [s - interval.low, interval.high - s].map(|room| room.clamp(0.0, spacing));
             for (branch, guess) in self.guesses(interval, &model, s).into_iter().enumerate() {
                 if branches.len() <= branch {
                     branches.push(Vec::new());
                 }
-                branches[branch].extend(Cell::around(self.fitting, &self.held, guess, reach));
+                branches[branch].push(Place { guess, reach });
             }
         }
         branches
@@ -169,17 +256,14 @@ impl<'a, 'p> Cover<'a, 'p> {
 
 /// What to begin descents with: cells that may come near the least cost, and of each branch those that are lower than
 /// their neighbours.
-fn worth_a_descent(branches: &[Vec<Cell>]) -> Vec<Candidate> {
-    let most = branches.iter().flatten().map(|cell| cell.total).fold(f64::INFINITY, f64::min) + NEAR_LEAST;
+fn worth_a_descent(branches: &[Vec<Option<Cell>>]) -> Vec<Candidate> {
+    let totals = branches.iter().flatten().flatten().map(|cell| cell.total);
+    let most = totals.fold(f64::INFINITY, f64::min) + NEAR_LEAST;
     let mut found = Vec::new();
     for branch in branches {
-        let totals: Vec<_> = branch.iter().map(|cell| cell.total).collect();
-        let mut is_worth: Vec<_> = branch.iter().map(|cell| cell.least() <= most).collect();
-        let lowest = minima(&totals).into_iter().filter(|lowest| branch[*lowest].least() <= HOPELESS * most);
-        lowest.for_each(|lowest| is_worth[lowest] = true);
-        let worth = branch.iter().zip(is_worth).filter(|(_, is_worth)| *is_worth);
+        let worth = branch.iter().zip(are_worth(branch, most)).filter(|(_, is_worth)| *is_worth);
         let mut last: Option<Candidate> = None;
-        for candidate in worth.map(|(cell, _)| cell.candidate()) {
+        for candidate in worth.filter_map(|(cell, _)| Some(cell.as_ref()?.candidate())) {
             if last.is_none_or(|last| !lead_to_one(&last, &candidate)) {
                 found.push(candidate);
             }
