@@ -141,8 +141,34 @@ fn halting_estimate(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt
     if (limit..NEARLY * limit).contains(&least_cost(&tried)) {
         tried.extend(search(Cover::Fine));
     }
+    tried.extend(from_other_onsets(&problem, &tried, halt));
     conclude(&problem, tried, symmetry)
 }
+
+/// Minima found from those that may be listed with the push begun at another time: where readings are few, a jump of the
+/// force on the other side of one is a minimum of its own, and the other unknowns have to come along to be lower.
+fn from_other_onsets(problem: &Problem, tried: &[Tried], halt: &Halt<'_>) -> Vec<Tried> {
+    let mut likely: Vec<_> = tried.to_vec();
+    likely.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let most = least_cost(tried) + MAY_BE_LISTED * GATE;
+    let likely = distinct(likely, most).into_iter().take(OTHER_ONSETS_OF);
+    let guesses = likely.flat_map(|tried| {
+        let onsets: Vec<_> = problem.measured.onsets_tried().collect();
+        // The one that it has found lies nearest.
+        let off = |delay: &f64| (delay - tried.guess.delay).abs();
+        let nearest = onsets.iter().copied().min_by(|a, b| off(a).total_cmp(&off(b)));
+        let others = onsets.into_iter().filter(move |delay| Some(*delay) != nearest);
+        others.map(move |delay| Guess { delay, ..tried.guess })
+    });
+    let begun = guesses.take_while(|_| !halt.is_wished()).filter_map(|guess| problem.try_guess(guess));
+    begun.map(|tried| problem.descend(tried, usize::MAX)).collect()
+}
+
+/// Minima so many times the gate above the best may lead to one that is listed, with another onset.
+const MAY_BE_LISTED: f64 = 3.0;
+
+/// Of how many minima other onsets are tried, the best ones.
+const OTHER_ONSETS_OF: usize = 3;
 
 /// A best cost below so many times the limit is worth another search: of missed explanations the next best had up to
 /// thirty times the limit, other parts mostly have more.
