@@ -26,6 +26,7 @@ use palpate::pushing::finger_motion::{FingerMotion, Segment};
 use palpate::pushing::pushed_world::{Played, PushedWorld};
 
 use super::drawn_pushes::part;
+use super::judged::{self, JudgedCase, Stated};
 use super::{Cell, Experiment, Table, TableSettings, cases};
 
 /// The table.
@@ -48,11 +49,8 @@ const RING: (f64, f64) = (186.5, 0.043);
 /// Step with which the ringing disk is followed, s: a hundredth of its period.
 const RING_STEP_S: f64 = 5e-5;
 
-/// 95 % quantile of chi-square with two degrees of freedom.
-const WITHIN_95: f64 = 5.991;
-
-/// Its 99.9 % quantile.
-const WITHIN_999: f64 = 13.816;
+/// Of the contact at the end: its angle and place.
+const FREEDOM: usize = 2;
 
 /// How the force reaches the readings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,42 +99,29 @@ struct Case {
 /// What came of one case.
 #[derive(Clone, Debug)]
 struct Outcome {
-    /// None where no push was felt.
-    status: Option<Status>,
-    has_truth: bool,
-    /// Whether the search missed what a fit from the truth finds.
-    missed: bool,
-    /// Squared error of the single answer in its own standard deviations, if it is the truth.
-    squared_error: Option<f64>,
+    judged: JudgedCase,
     /// Of the onset, s.
     onset_error: f64,
-    milliseconds: f64,
-    what: String,
+    /// What was drawn and found.
+    told: String,
 }
 
 fn run(settings: &TableSettings) -> Table {
-    let mut table = Table::new([
-        "sensor and rate",
-        "cases",
-        "one pose",
-        "wrong single",
-        "truth missing",
-        "no pose",
-        "not felt",
-        "search missed it",
-        "within 95 %",
-        "beyond 99.9 %",
-        "onset error ms",
-        "mean ms",
-        "longest ms",
-    ]);
+    let columns = ["sensor and rate"].into_iter().chain(judged::COLUMNS).chain(["not felt", "onset error ms"]);
+    let mut table = Table::new(columns);
     table.definitions = definitions();
+    table.definitions.extend(judged::definitions());
     for setting in ROWS {
         let outcomes = cases::of_each(settings.cases, |number| judge(&Case::draw(settings.seed, number, setting)));
-        for (number, outcome) in outcomes.iter().enumerate().filter(|(_, outcome)| !outcome.has_truth) {
-            table.failures.push(format!("{}, case {number}: {}", setting.name, outcome.what));
+        for (number, outcome) in outcomes.iter().enumerate() {
+            let failure = outcome
+                .judged
+                .failure()
+                .map(|what| format!("{}, case {number}: {what}; {}", setting.name, outcome.told));
+            table.failures.extend(failure);
         }
-        table.push(cells(setting.name, &outcomes));
+        let cells = cells(setting.name, &outcomes, &mut table);
+        table.push(cells);
     }
     table
 }
@@ -147,35 +132,21 @@ fn definitions() -> Vec<String> {
         "ring: the rigid force through the disk's mode, 186.5 Hz, 43 ms; step: the rigid force itself. Readings are samples at an instant, with 1 to 10 mN of white noise each; 1 s at rest for the tare, and no force once the finger has stopped.",
         "wrong single, truth missing: no listed pose is within 5 of its stated standard deviations (or 0.2 mm and 0.17 deg) of the truth.",
         "search missed it: what a fit from the truth finds costs little enough to be listed, and is not. That fit shares with the search the model of the force, the windows and the descent, not where to begin: a descent that fails from the truth too counts as noise, and shows as a truth that is missing.",
-        "within 95 %: of the single answers that are right, how many true contacts (angle and place at the end) are in their 95 % region; beyond 99.9 %: how many are outside of that one.",
+        "NEES and the 95 % region are those of the contact's angle and place at the end, freedom 2.",
         "onset error: mean and standard deviation of the onset that was found, less the true one.",
     ];
     text.map(str::to_owned).to_vec()
 }
 
-fn cells(name: &'static str, outcomes: &[Outcome]) -> Vec<Cell> {
-    let share = |is: &dyn Fn(&Outcome) -> bool| Cell::share(outcomes.iter().filter(|o| is(o)).count(), outcomes.len());
-    let errors: Vec<_> = outcomes.iter().filter_map(|outcome| outcome.squared_error).collect();
-    let longest = outcomes.iter().map(|outcome| outcome.milliseconds).fold(0.0, f64::max);
+fn cells(name: &'static str, outcomes: &[Outcome], table: &mut Table) -> Vec<Cell> {
+    let judged: Vec<_> = outcomes.iter().map(|outcome| &outcome.judged).collect();
     let onsets: Vec<_> = outcomes.iter().map(|o| o.onset_error * 1e3).filter(|error| error.is_finite()).collect();
     let middle: f64 = mean(&onsets).unwrap_or(f64::NAN);
     let variance: f64 = mean(onsets.iter().map(|error| (error - middle).powi(2))).unwrap_or(f64::NAN);
-    let milliseconds: f64 = mean(outcomes.iter().map(|outcome| outcome.milliseconds)).unwrap_or(f64::NAN);
-    vec![
-        name.into(),
-        Cell::count(outcomes.len()),
-        share(&|outcome| outcome.status == Some(Status::Unique)),
-        share(&|outcome| outcome.status == Some(Status::Unique) && !outcome.has_truth),
-        share(&|outcome| !outcome.has_truth),
-        share(&|outcome| outcome.status == Some(Status::Unexplained)),
-        share(&|outcome| outcome.status.is_none()),
-        Cell::count(outcomes.iter().filter(|outcome| outcome.missed).count()),
-        Cell::share(errors.iter().filter(|error| **error <= WITHIN_95).count(), errors.len()),
-        Cell::count(errors.iter().filter(|error| **error > WITHIN_999).count()),
-        Cell::Text(format!("{middle:.2} ± {:.2}", variance.sqrt())),
-        Cell::number(milliseconds, 0),
-        Cell::number(longest, 0),
-    ]
+    let mut cells = judged::cells(name, &judged, FREEDOM, table);
+    cells.push(Cell::count(judged.iter().filter(|judged| judged.status.is_none()).count()));
+    cells.push(Cell::Text(format!("{middle:.2} ± {:.2}", variance.sqrt())));
+    cells
 }
 
 fn judge(case: &Case) -> Outcome {
@@ -183,36 +154,40 @@ fn judge(case: &Case) -> Outcome {
     let (onset, measured) = case.felt();
     let onset_error = onset.map_or(f64::NAN, |onset| onset - case.onset);
     let Some(measured) = measured else {
-        let what = format!("no push was felt; {}", case.told());
-        let milliseconds = begun.elapsed().as_secs_f64() * 1e3;
-        let (status, has_truth, missed, squared_error) = (None, false, false, None);
-        return Outcome { status, has_truth, missed, squared_error, onset_error, milliseconds, what };
+        let judged = JudgedCase {
+            status: None,
+            has_truth: false,
+            is_missed: false,
+            squared_error: None,
+            stated: Vec::new(),
+            milliseconds: begun.elapsed().as_secs_f64() * 1e3,
+        };
+        return Outcome { judged, onset_error, told: case.told() };
     };
     let known = case.known();
     let estimate = from_rest::estimate(&known, &measured);
     let milliseconds = begun.elapsed().as_secs_f64() * 1e3;
-    let truth = estimate.hypotheses.iter().find(|hypothesis| case.is_truth(hypothesis, &estimate));
-    let status = Some(estimate.status());
+    let hypotheses = &estimate.hypotheses;
+    let truth = hypotheses.iter().position(|hypothesis| case.is_truth(hypothesis, &estimate));
     let refitted = from_rest::follow(&known, &measured, &case.truth(&estimate));
-    let missed = truth.is_none() && is_missed(&estimate, &refitted);
+    let judged = JudgedCase {
+        status: Some(estimate.status()),
+        has_truth: truth.is_some(),
+        is_missed: truth.is_none() && is_missed(&estimate, &refitted),
+        squared_error: truth.and_then(|truth| case.squared_error(&hypotheses[truth], estimate.time_end)),
+        stated: Stated::all(hypotheses, truth),
+        milliseconds,
+    };
     let cost = |estimate: &Estimate| estimate.fit.cost.unwrap_or(f64::NAN);
-    let what = format!(
-        "{}, {}; cost {:.1}, from the truth {:.1}, limit {:.1}; onset {:.2} ms off; {}",
-        match estimate.status() {
-            Status::Unique => "wrong single answer",
-            Status::Ambiguous => "truth not among those listed",
-            Status::Unexplained => "no pose",
-        },
-        if missed { "the search missed it" } else { "not the search" },
+    let told = format!(
+        "cost {:.1}, from the truth {:.1}, limit {:.1}; onset {:.2} ms off; {}",
         cost(&estimate),
         cost(&refitted),
         estimate.fit.cost_max,
         onset_error * 1e3,
         case.told()
     );
-    let single = truth.filter(|_| status == Some(Status::Unique));
-    let squared_error = single.and_then(|truth| case.squared_error(truth, estimate.time_end));
-    Outcome { status, has_truth: truth.is_some(), missed, squared_error, onset_error, milliseconds, what }
+    Outcome { judged, onset_error, told }
 }
 
 /// Whether what a fit from the truth found costs little enough to be listed, and is not.

@@ -7,6 +7,7 @@
 //! Units: none. Errors: none; of nothing there is no rate.
 
 use palpate::math::statistics::{chi_square_quantile, mean, normal_quantile};
+use palpate::pushing::estimation::{Hypothesis, Status};
 
 use super::{Cell, Table};
 
@@ -24,8 +25,80 @@ fn deviations() -> f64 {
     normal_quantile(0.5 + 0.5 * CONFIDENCE)
 }
 
+/// What came of one case.
+#[derive(Clone, Debug)]
+pub(super) struct JudgedCase {
+    /// None where nothing was felt.
+    pub(super) status: Option<Status>,
+    /// Whether the truth is in the set.
+    pub(super) has_truth: bool,
+    /// Whether the search missed what a fit from the truth finds.
+    pub(super) is_missed: bool,
+    /// Squared error of the truth's hypothesis in its own standard deviations.
+    pub(super) squared_error: Option<f64>,
+    pub(super) stated: Vec<Stated>,
+    pub(super) milliseconds: f64,
+}
+
+impl JudgedCase {
+    /// What is wrong with the answer, in words; none where the truth is in it.
+    pub(super) fn failure(&self) -> Option<String> {
+        let what = match self.status {
+            _ if self.has_truth => return None,
+            None => "no push was felt",
+            Some(Status::Unique) => "wrong single answer",
+            Some(Status::Ambiguous) => "truth not among those listed",
+            Some(Status::Unexplained) => "no pose",
+        };
+        Some(format!("{what}, {}", if self.is_missed { "the search missed it" } else { "not the search" }))
+    }
+}
+
+/// Headings of [`cells`], after the row's name.
+pub(super) const COLUMNS: [&str; 12] = [
+    "cases",
+    "one pose",
+    "wrong single",
+    "truth missing",
+    "no pose",
+    "search missed it",
+    "NEES",
+    "by chance",
+    "within 95 %",
+    "tenths off",
+    "mean ms",
+    "longest ms",
+];
+
+/// A row's figures; errors have so many degrees of freedom.
+pub(super) fn cells(row: &str, outcomes: &[&JudgedCase], freedom: usize, table: &mut Table) -> Vec<Cell> {
+    let counted = |is: &dyn Fn(&JudgedCase) -> bool| outcomes.iter().filter(|outcome| is(outcome)).count();
+    let rate_of = |is: &dyn Fn(&JudgedCase) -> bool| rate(counted(is), outcomes.len());
+    let is_single = |outcome: &JudgedCase| outcome.status == Some(Status::Unique);
+    let stated: Vec<_> = outcomes.iter().flat_map(|outcome| outcome.stated.iter().copied()).collect();
+    let squared: Vec<_> = outcomes.iter().filter_map(|outcome| outcome.squared_error).collect();
+    let [nees, by_chance, within] = errors(&squared, freedom);
+    let times = || outcomes.iter().map(|outcome| outcome.milliseconds);
+    let longest = times().enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
+    vec![
+        row.into(),
+        Cell::count(outcomes.len()),
+        Cell::share(counted(&is_single), outcomes.len()),
+        rate_of(&|outcome| is_single(outcome) && !outcome.has_truth),
+        rate_of(&|outcome| !outcome.has_truth),
+        rate_of(&|outcome| outcome.status == Some(Status::Unexplained)),
+        Cell::count(counted(&|outcome| outcome.is_missed)),
+        nees,
+        by_chance,
+        within,
+        tenths(row, &stated, table),
+        mean(times()).map_or(Cell::Empty, |mean| Cell::number(mean, 1)),
+        longest.map_or(Cell::Empty, |(case, longest)| format!("{longest:.0} (case {case})").into()),
+    ]
+}
+
 /// How often something was so, with Wilson's interval; empty of nothing.
-pub(super) fn rate(part: usize, whole: usize) -> Cell {
+fn rate(part: usize, whole: usize) -> Cell {
     if whole == 0 {
         return Cell::Empty;
     }
@@ -36,12 +109,9 @@ pub(super) fn rate(part: usize, whole: usize) -> Cell {
     Cell::Rate { share, low: (middle - half).max(0.0), high: (middle + half).min(1.0) }
 }
 
-/// Headings of [`errors`].
-pub(super) const ERRORS: [&str; 3] = ["NEES", "by chance", "within 95 %"];
-
 /// Squared errors in their own deviations, of so many degrees of freedom: their mean, by how much it is off by chance
 /// as far as their own scatter tells, and how many are inside the stated 95 % region.
-pub(super) fn errors(squared: &[f64], freedom: usize) -> [Cell; 3] {
+fn errors(squared: &[f64], freedom: usize) -> [Cell; 3] {
     let Some(nees) = mean(squared.iter().copied()) else { return [Cell::Empty, Cell::Empty, Cell::Empty] };
     let count = squared.len() as f64;
     // Stated to second order, errors are not normal: their own scatter counts.
@@ -56,16 +126,24 @@ pub(super) fn errors(squared: &[f64], freedom: usize) -> [Cell; 3] {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stated {
     /// How likely it was said to be.
-    pub(super) probability: f64,
-    pub(super) is_true: bool,
+    probability: f64,
+    is_true: bool,
 }
 
-/// Heading of [`tenths`].
-pub(super) const TENTHS: &str = "tenths off";
+impl Stated {
+    /// Those of an answer, of which one is true.
+    pub(super) fn all(hypotheses: &[Hypothesis], truth: Option<usize>) -> Vec<Self> {
+        let stated = |(n, hypothesis): (usize, &Hypothesis)| Self {
+            probability: hypothesis.probability,
+            is_true: truth == Some(n),
+        };
+        hypotheses.iter().enumerate().map(stated).collect()
+    }
+}
 
 /// How many tenths of the stated probabilities are not true as often as they say, of those that can be compared; each
 /// is noted in the table.
-pub(super) fn tenths(row: &str, stated: &[Stated], table: &mut Table) -> Cell {
+fn tenths(row: &str, stated: &[Stated], table: &mut Table) -> Cell {
     let mut compared = 0_usize;
     let mut off = 0_usize;
     for tenth in 0..10_u32 {
