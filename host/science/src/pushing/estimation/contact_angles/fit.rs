@@ -64,6 +64,10 @@ const DESCENT: LeastSquaresSettings<UNKNOWNS> = LeastSquaresSettings {
     steps_max: usize::MAX,
 };
 
+/// A step that lowers the cost by less than this share of it leads nowhere: sixty of them would not change what is
+/// listed.
+pub(super) const STALLED_SHARE: f64 = 1e-3;
+
 /// A part that slides along the finger moves no slower than this share of the finger's speed, as far as steps are
 /// concerned.
 const SPEED_SHARE_MIN: f64 = 0.1;
@@ -180,6 +184,8 @@ pub(super) struct Descent {
     pub(super) predicted_reduction: f64,
     /// The total after the last step over that before it; 1 before the first.
     pub(super) last_ratio: f64,
+    /// Steps in a row that lowered the cost by less than [`STALLED_SHARE`] of it.
+    pub(super) stalled: usize,
 }
 
 /// Adds a residual that carries its derivatives.
@@ -493,6 +499,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
             evaluation,
             damping: DESCENT.damping.first,
             last_ratio: 1.0,
+            stalled: 0,
         })
     }
 
@@ -502,6 +509,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
         let Ok(evaluation) = lower else { return false };
         descent.predicted_reduction = self.predicted_reduction(&evaluation);
         descent.last_ratio = evaluation.total() / descent.evaluation.total();
+        descent.stalled = if descent.last_ratio > 1.0 - STALLED_SHARE { descent.stalled + 1 } else { 0 };
         descent.evaluation = evaluation;
         true
     }

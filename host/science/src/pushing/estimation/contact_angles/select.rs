@@ -63,8 +63,9 @@ const SHARE_MAX: f64 = 1.0;
 /// Error of angles after a start from rest, in standard deviations.
 pub(super) const REST_ERROR: f64 = 0.05;
 
-/// Steps are halved at most so often, as long as costs change by more than [`ROUGH`].
-const FINER_MAX: i32 = 6;
+/// Steps are halved at most so often, as long as costs change by more than [`ROUGH`]: errors are then 65,000 times
+/// smaller, and what still changes is a contact at a change of mode.
+const FINER_MAX: i32 = 4;
 /// Change of costs above which steps are halved once more; see [`FINER_MAX`].
 const ROUGH: f64 = 0.3;
 
@@ -73,6 +74,10 @@ const ROUNDS_MAX: usize = 60;
 
 /// A descent is over when its next step is predicted to lower the cost by less than this.
 const PREDICTED_REDUCTION_NONE: f64 = 1e-3;
+
+/// So it is after so many steps in a row that lowered the cost by less than [`STALLED_SHARE`](super::fit::STALLED_SHARE)
+/// of it, whatever was predicted: where a part hardly moves at first, slopes are not to be trusted.
+const STALLED_MAX: usize = 3;
 
 /// A descent is given up when its cost less this many times its predicted reduction is beyond the gate by [`SLACK`], and
 /// would be after [`GEOMETRIC_ROUNDS`] too: steps are limited, and from afar many of them are needed.
@@ -306,9 +311,19 @@ impl<'a, 'p> Task<'a, 'p> {
         let mut power = 1;
         loop {
             let finer = self.fitting(least, 0.5_f64.powi(power));
-            let same: Option<Vec<_>> = minima.iter().map(|descent| polished(&finer, descent)).collect();
-            let is_last = same.is_some() || power == FINER_MAX;
-            minima = same.unwrap_or_else(|| self.again(&finer, &minima));
+            let (mut same, mut rough) = (Vec::new(), Vec::new());
+            for descent in minima {
+                match polished(&finer, &descent) {
+                    Some(polished) => same.push(polished),
+                    None => rough.push(descent),
+                }
+            }
+            let is_last = rough.is_empty() || power == FINER_MAX;
+            minima = same;
+            if !rough.is_empty() {
+                minima.extend(self.again(&finer, &rough));
+                merge_met(&mut minima);
+            }
             if is_last {
                 return judge_all(&finer, &minima, self.start_modes.len());
             }
@@ -393,7 +408,7 @@ fn descend_patiently(fitting: &Fitting, candidates: &[Candidate], patience: usiz
         let mut going = Vec::new();
         for mut descent in alive {
             let moved = fitting.improve(&mut descent);
-            if !moved || descent.predicted_reduction < PREDICTED_REDUCTION_NONE {
+            if !moved || descent.predicted_reduction < PREDICTED_REDUCTION_NONE || descent.stalled >= STALLED_MAX {
                 over.push(descent)
             } else {
                 going.push(descent)
