@@ -140,7 +140,9 @@ pub fn estimate_until(
         if halt.is_wished() {
             break;
         }
-        for settled in objective.settle(&start) {
+        // Valleys between this turn and the next have minima to which not every descent comes.
+        let beside = objective.along_valleys_within(&start, starts::STEP_MAX).minima;
+        for settled in objective.settle(&start).into_iter().chain(beside) {
             if settled.chi2 <= EXPLORED_GATES * gate && !modes.iter().any(|mode| objective.is_same(mode, &settled)) {
                 starts.extend(starts::beside(&objective, &lines, &settled));
                 modes.push(settled);
@@ -230,17 +232,18 @@ mod tests {
         modes
     }
 
-    /// The one at 3.8755 rad lies behind a corner change, to which not every descent comes: see `along_valleys`.
+    /// The one at 3.8755 rad lies behind a corner change, to which not every descent comes; between it and the next the
+    /// profile has a ridge that solves the equations of a valley.
     #[test]
-    fn turning_the_frame_changes_no_covariance() {
+    fn turning_the_frame_changes_no_mode() {
         let plain = modes(0.0, 0);
-        assert!(plain.len() >= 6, "{plain:?}");
-        for (k, first) in (0..10).zip([0, 1, 2].into_iter().cycle()) {
-            let turned = modes(0.013 + 0.628 * f64::from(k), first);
-            assert!(turned.len() >= 6, "{k}: {turned:?}");
-            let same = |a: &[f64; 3]| plain.iter().find(|b| (a[1] - b[1]).abs() < 1e-5).map(|b| (*a, *b));
+        assert_eq!(plain.len(), 7, "{plain:?}");
+        for (k, first) in (0..40).zip([0, 1, 2].into_iter().cycle()) {
+            let turned = modes(0.013 + 0.157 * f64::from(k), first);
+            assert_eq!(turned.len(), 7, "{k}: {turned:?}");
+            let same = |a: &[f64; 3]| plain.iter().find(|b| (a[1] - b[1]).abs() < 1e-6).map(|b| (*a, *b));
             let pairs: Vec<_> = turned.iter().filter_map(same).collect();
-            assert!(pairs.len() >= 6, "{k}: {turned:?} {plain:?}");
+            assert_eq!(pairs.len(), 7, "{k}: {turned:?} {plain:?}");
             for (a, b) in pairs {
                 assert!((a[0] - b[0]).abs() < 1e-5 && (a[2] - b[2]).abs() < 1e-4 * a[2], "{k}: {a:?} {b:?}");
             }

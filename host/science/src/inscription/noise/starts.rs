@@ -17,7 +17,7 @@ use crate::inscription::readings::HalfPlane;
 use crate::math::angle::wrap_angle;
 
 /// Largest step of the turn, rad: the profile between two corner changes is a sum of a few squared sinusoids.
-const STEP_MAX: f64 = 0.035;
+pub(super) const STEP_MAX: f64 = 0.035;
 
 /// Rounds of reweighting by distance; the weights change by a few per cent in the second already.
 const ROUNDS: usize = 3;

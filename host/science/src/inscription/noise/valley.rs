@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::Settled;
 use super::objective::{Objective, Placed, Residual};
-use crate::inscription::readings::Side;
+use crate::inscription::readings::{Bearing, Side};
 use crate::math::least_squares::NormalEquations;
 
 /// Valleys are sought among edges that point at a sensor to within this many σ where descent stalled, or [`NEAR_MIN`].
@@ -78,12 +78,23 @@ fn covering(a: &Matrix3<f64>, b: &Matrix3<f64>) -> Option<Matrix3<f64>> {
     Some(axes * Matrix3::from_diagonal(&larger) * axes.transpose())
 }
 
+/// Whether a sensor sees more of the part than it should: then χ² is a valley where the outermost corner changes,
+/// otherwise a ridge.
+fn sees_too_much(bearing: &Bearing, residual: f64) -> bool {
+    if bearing.side == Side::Left { residual < 0.0 } else { residual > 0.0 }
+}
+
 impl Objective<'_> {
     /// The minima in valleys near a place at which descent stalled; where there is none, lower places along the valleys
     /// to go on from.
     pub(super) fn along_valleys(&self, stalled: &Placed) -> Along {
+        self.along_valleys_within(stalled, 0.0)
+    }
+
+    /// The same of valleys that a turn of so many rad at most leads to.
+    pub(super) fn along_valleys_within(&self, stalled: &Placed, turn: f64) -> Along {
         let (mut minima, mut lower) = (Vec::new(), Vec::new());
-        let edges = self.edges_near(stalled).unwrap_or_default();
+        let edges = self.edges_near(stalled, turn).unwrap_or_default();
         for subset in 1_usize..1 << edges.len() {
             let chosen: Vec<_> = (0..edges.len()).filter(|k| subset >> k & 1 == 1).map(|k| edges[k]).collect();
             let Some(end) = self.end_along(stalled, &chosen) else { continue };
@@ -96,19 +107,21 @@ impl Objective<'_> {
     }
 
     /// The edges nearest to pointing at a sensor that sees too much of the part.
-    fn edges_near(&self, placed: &Placed) -> Option<Vec<Edge>> {
+    fn edges_near(&self, placed: &Placed, turn: f64) -> Option<Vec<Edge>> {
         let (n, sigma) = (self.part.corners().len(), self.readings.sigma);
         let mut edges = Vec::new();
         for (index, bearing) in self.readings.bearings.iter().enumerate() {
             let residual = self.residual(index, placed)?;
-            let excess = if bearing.side == Side::Left { -residual.value } else { residual.value };
-            if excess <= 0.0 {
+            if !sees_too_much(bearing, residual.value) {
                 continue;
             }
             for other in [(residual.corner + 1) % n, (residual.corner + n - 1) % n] {
                 let corners = [residual.corner, other];
                 let gap = self.bearing_between(bearing, corners, placed).abs();
-                if gap <= (NEAR_SD * sigma).max(NEAR_MIN) {
+                let [a, b] = corners.map(|corner| self.away(bearing, corner, placed));
+                // By so much the bearing between an edge's ends changes as it turns.
+                let turned = turn * (b - a).norm() / a.norm();
+                if gap <= (NEAR_SD * sigma).max(NEAR_MIN).max(turned) {
                     edges.push(Edge { bearing: index, corners, gap });
                 }
             }
@@ -136,7 +149,11 @@ impl Objective<'_> {
         let held = self.held(placed, edges)?;
         let free = self.quadratic(placed)?;
         let is_outermost = (free.cost - held.cost).abs() <= HELD_ROUNDING * (1.0 + free.cost);
-        let is_minimum = is_outermost && self.is_balanced(placed, edges, &held);
+        let is_valley = |edge: &Edge| {
+            let bearing = &self.readings.bearings[edge.bearing];
+            sees_too_much(bearing, self.bearing_residual(bearing, edge.corners[0], placed).value)
+        };
+        let is_minimum = is_outermost && edges.iter().all(is_valley) && self.is_balanced(placed, edges, &held);
         let information = is_minimum.then(|| self.information_of_all(placed, edges)).flatten()?;
         Some(Settled { placed: *placed, chi2: free.cost, information, at_corner_change: true })
     }
