@@ -94,6 +94,9 @@ pub struct InvalidInput {
     message: String,
 }
 
+/// How the message about a field begins that an object cannot have. Errors carry text alone through serde.
+const NOT_A_FIELD: &str = "is not a field here:";
+
 impl InvalidInput {
     /// About the problem as a whole, or about the very value that is being read.
     pub fn new(message: impl Into<String>) -> Self {
@@ -114,6 +117,16 @@ impl InvalidInput {
     /// A field that this combination of others needs.
     pub fn missing(field: impl Into<Pointer>, remedy: &str) -> Self {
         Self::at(field, format!("is missing: {remedy}"))
+    }
+
+    /// A field that the object cannot have: the nearest it could, as a question, and all of them.
+    pub(crate) fn not_a_field(field: &str, hint: &str, known: &str) -> Self {
+        Self::at(field, format!("{NOT_A_FIELD} {hint}allowed: {known}"))
+    }
+
+    /// Whether the object cannot have the field at all.
+    pub(crate) fn is_not_a_field(&self) -> bool {
+        self.message.starts_with(NOT_A_FIELD)
     }
 
     /// Two fields of which only one may be given.
@@ -193,6 +206,21 @@ impl From<SolveError> for Failure {
     }
 }
 
+fn remove_nulls(segments: &[String], value: &mut Value) -> bool {
+    match (segments, value) {
+        ([key], Value::Object(members)) => {
+            members.get(key).is_some_and(Value::is_null) && members.remove(key).is_some()
+        }
+        ([key, inner @ ..], Value::Object(members)) => {
+            members.get_mut(key).is_some_and(|member| remove_nulls(inner, member))
+        }
+        ([_, inner @ ..], Value::Array(elements)) => {
+            elements.iter_mut().fold(false, |found, element| remove_nulls(inner, element) || found)
+        }
+        _ => false,
+    }
+}
+
 /// A JSON Pointer (RFC 6901).
 ///
 /// ```
@@ -231,12 +259,11 @@ impl Pointer {
         Self(self.0 + &inner.0)
     }
 
-    /// Takes the member this leads to out of its object, if it is null, and tells whether it did.
-    pub(crate) fn remove_null(&self, value: &mut Value) -> bool {
-        let Some((outer, key)) = self.0.rsplit_once('/') else { return false };
-        let members = value.pointer_mut(outer).and_then(Value::as_object_mut);
-        let key = plain(key);
-        members.is_some_and(|members| members.get(&key).is_some_and(Value::is_null) && members.remove(&key).is_some())
+    /// Takes the member this leads to out of its object, if it is null, and with it the same member of all other elements
+    /// of the arrays on the way; tells whether there was one. So a field is taken out once, however often it is given.
+    pub(crate) fn remove_nulls(&self, value: &mut Value) -> bool {
+        let segments: Vec<_> = self.0.split('/').skip(1).map(plain).collect();
+        remove_nulls(&segments, value)
     }
 
     fn is_root(&self) -> bool {

@@ -216,8 +216,9 @@ impl Registry {
 
 /// Reads a problem, in which null says as much as leaving an optional field out.
 ///
-/// Where null has a meaning of its own it keeps it: only what cannot be read as it stands is read without. A field that is required
-/// is then missing, and told as it stood.
+/// Where null has a meaning of its own it keeps it: only what cannot be read as it stands is read without. A field that
+/// is required is then missing, and told as it stood; one that does not exist is a mistake whatever it holds. A problem
+/// is read as often as it has kinds of such fields, and no more.
 fn read_with_nulls<P: Problem>(fields: Map<String, Value>) -> Result<P, InvalidInput> {
     let mut value = Value::Object(fields);
     let mut as_it_stood = None;
@@ -226,7 +227,8 @@ fn read_with_nulls<P: Problem>(fields: Map<String, Value>) -> Result<P, InvalidI
             Ok(problem) => return Ok(problem),
             Err(error) => error,
         };
-        let is_leaner = error.field().is_some_and(|place| place.remove_null(&mut value));
+        let place = error.field().filter(|_| !error.is_not_a_field());
+        let is_leaner = place.is_some_and(|place| place.remove_nulls(&mut value));
         let first = as_it_stood.take().unwrap_or(error);
         if !is_leaner {
             return Err(first);
@@ -302,6 +304,11 @@ mod tests {
         }
         let [lean, full] = [lean, full].map(|value| json!(read_object::<Inscription>(&value).unwrap()));
         assert_eq!(full, lean);
+        // One that does not exist is misspelt, whatever it holds.
+        let mut misspelt = lean.clone();
+        misspelt["sigmma"] = Value::Null;
+        let message = read_object::<Inscription>(&misspelt).unwrap_err().to_string();
+        assert!(message.contains("/sigmma") && message.contains("did you mean `sigma`"), "{message}");
         // Beside another whose null has a meaning, and which is required.
         let roll = json!({
             "body": {"ellipsoid": [0.02, 0.03, 0.04]}, "spin": "free", "g": null, "palm_acceleration": null,

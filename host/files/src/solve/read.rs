@@ -429,7 +429,7 @@ fn unknown_name(name: &str, known: &[&str]) -> String {
 
 /// Says that an object has a field it cannot have, suggests the nearest and lists them.
 fn not_a_field(field: &str, known: &[&str]) -> InvalidInput {
-    InvalidInput::at(field, format!("is not a field here: {}allowed: {}", hint(field, known), list(known)))
+    InvalidInput::not_a_field(field, &hint(field, known), &list(known))
 }
 
 fn hint(name: &str, known: &[&str]) -> String {
