@@ -464,6 +464,16 @@ mod tests {
         assert_eq!(table.rows().count(), ROWS.len());
     }
 
+    /// The ellipsoids that slopes give put the truth up to fifteen deviations away.
+    #[test]
+    fn attitudes_in_bent_valleys_are_as_uncertain_as_stated() {
+        for (seed, row, number) in [(2, 4, 86), (2, 4, 139), (2, 5, 105), (2, 5, 139), (4, 4, 1216)] {
+            let case = Case::draw(seed, number, ROWS[row]);
+            let estimate = case.answer(0.0);
+            assert!(estimate.hypotheses.iter().any(|hypothesis| case.is_truth(hypothesis)), "{row} {number}");
+        }
+    }
+
     #[test]
     fn a_fit_from_the_truth_costs_no_more_than_the_truth() {
         for (number, setting) in ROWS.into_iter().enumerate() {
