@@ -464,6 +464,16 @@ mod tests {
         assert_eq!(table.rows().count(), ROWS.len());
     }
 
+    /// Eggs that roll nearly alike in two attitudes: one step from afar promised the wrong one a tenth of what it promised
+    /// the truth, and the wrong one was given alone, once with a certificate.
+    #[test]
+    fn a_promise_from_afar_hides_no_explanation() {
+        for (seed, row, number) in [(2, 1, 130), (2, 2, 5), (7, 0, 1), (7, 0, 147), (7, 1, 76), (7, 1, 121)] {
+            let outcome = judge(&Case::draw(seed, number, ROWS[row]));
+            assert!(outcome.has_truth && !outcome.missed, "{seed} {row} {number}: {outcome:?}");
+        }
+    }
+
     /// The ellipsoids that slopes give put the truth up to fifteen deviations away.
     #[test]
     fn attitudes_in_bent_valleys_are_as_uncertain_as_stated() {

@@ -290,7 +290,8 @@ impl RollQuestion {
         let coarse = readings.averaged(pace);
         let track = coarse.search_track(self.palm(), self.g, pace);
         let specific_force = specific_force(self.palm().at(track.centre_time), self.g);
-        let sought = Ground { unknowns, bodies, track: &track, specific_force, pace, halt }.search(width);
+        let first_look = &coarse.first_look(self.palm(), self.g, pace);
+        let sought = Ground { unknowns, bodies, track: &track, first_look, specific_force, pace, halt }.search(width);
         let fine = readings.fine_track(self.palm(), self.g, pace);
         coverage.add(&sought.coverage);
         let best = sought.fits.first().map_or(0.0, |fit| fit.cost);
