@@ -474,6 +474,13 @@ mod tests {
         }
     }
 
+    /// Least squares put readings of a slow contact nearly a pitch off, which rounding never does: 2.04° wrong.
+    #[test]
+    fn what_rounding_cannot_have_done_is_not_certified() {
+        let outcome = judge(&Case::draw(4, 486, ROWS[1]));
+        assert!(!outcome.is_wrong_certified(), "{outcome:?}");
+    }
+
     /// The ellipsoids that slopes give put the truth up to fifteen deviations away.
     #[test]
     fn attitudes_in_bent_valleys_are_as_uncertain_as_stated() {

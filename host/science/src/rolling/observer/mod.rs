@@ -328,8 +328,8 @@ const PACE_MIN: f64 = 0.2;
 const WORTH_POLISHING: f64 = 60.0;
 
 /// Residual, in pitches, up to which a fit of rounded readings may be refined by their bounds: half a pitch if the fit
-/// were exact, more because it is not.
-const ROUNDING_MAX: f64 = 0.75;
+/// were exact, more because it is not. Least squares may be a pitch off where the contact is slow and its errors alike.
+const ROUNDING_MAX: f64 = 1.5;
 
 /// The last fit of all readings.
 struct Polish<'a> {

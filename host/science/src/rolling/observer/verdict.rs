@@ -40,6 +40,10 @@ const WIDER_SIGMAS: f64 = 1.3;
 /// Half a pitch, with room for a fit that is not the best possible in this respect.
 const HALF_PITCH: f64 = 0.505;
 
+/// Residual, in pitches, up to which a certified answer explains rounded readings: half a pitch for the truth, more because
+/// the bounds are met in the mean of eighth powers only.
+const ROUNDED_MAX: f64 = 0.75;
+
 /// Residual of exact readings that whoever computed them may have left, m: errors of a nanometre grow with the motion.
 const EXACT_RESIDUAL_MAX: f64 = 1e-8;
 
@@ -173,6 +177,15 @@ impl Gate {
         }
     }
 
+    /// Whether no reading is off by more than it can be: rounding never errs by more than half the pitch, though least
+    /// squares may cost little where it would have to.
+    fn may_be(self, solution: &Solution) -> bool {
+        match self.noise {
+            Noise::Grid(pitch) => solution.residual_max <= ROUNDED_MAX * pitch,
+            Noise::Gauss(_) | Noise::Exact => true,
+        }
+    }
+
     /// Whether a wider search is worth its time.
     pub(super) fn quality(self, solutions: &[Solution]) -> Quality {
         let Some(best) = solutions.first() else { return Quality::Poor };
@@ -210,7 +223,8 @@ impl Gate {
             Some(sigma) => sigma * solution.residuals.dilution() * GUARANTEED_SIGMAS <= GUARANTEED_RAD,
             None => false,
         };
-        let certified = followed_all && verdict == RollVerdict::Unique && listed.iter().all(sure);
+        let certified =
+            followed_all && verdict == RollVerdict::Unique && listed.iter().all(|one| sure(one) && self.may_be(one));
         let hypotheses = listed.iter().map(Solution::hypothesis).collect();
         RollEstimate {
             verdict,
