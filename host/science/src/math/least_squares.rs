@@ -22,6 +22,8 @@
 //! Assumes: `H` has no negative eigenvalue. Units: any; a cost is mostly in squared standard deviations. Errors: none;
 //! a place that has no evaluation is a trial that failed, and the [`Outcome`] says how a descent ended.
 
+pub mod profile;
+
 use nalgebra::{SMatrix, SVector};
 
 /// A trial that fails although less than this share of the cost was to be gained fails by rounding: sums of squares

@@ -11,12 +11,13 @@ use super::super::flow::{Columns, STATE_COLUMNS, StateWithTangent, Tangent};
 use super::super::mechanics::{Model, RollState, Spin};
 use super::super::shape::{Ellipsoid, Shape};
 use super::track::{IntegrationStep, Track};
+use crate::math::least_squares::profile::{self, Beside};
 use crate::math::least_squares::{
     self, Damping, Enough, Floor, LeastSquaresProblem, LeastSquaresSettings, NormalEquations, Trial,
 };
 
 /// Column of the spin among those of a state: fixed where there is none.
-const SPIN_COLUMN: usize = 5;
+pub(super) const SPIN_COLUMN: usize = 5;
 
 /// Longest step of an iteration, rad: beyond it the linear model says nothing.
 const TURN_MAX: f64 = 0.6;
@@ -24,6 +25,11 @@ const TURN_MAX: f64 = 0.6;
 /// How far steps go: the damping and its change.
 const DAMPING: Damping =
     Damping { first: 1e-3, min: 1e-12, max: 1e9, up: 6.0, min_after_failure: 0.0, down: 0.2, trusted_share: 0.0 };
+
+/// Trials of a fit beside a minimum, and what its last step may bring: a hundredth of the cost of one standard deviation.
+const ITERATIONS_BESIDE: usize = 12;
+/// See [`ITERATIONS_BESIDE`].
+const ENOUGH_BESIDE: Enough = Enough { relative: 0.0, absolute: 0.01, damping_max: 1.0 };
 
 /// Angular velocity that no rolling body has, rad/s: the fit has run away.
 const OMEGA_MAX: f64 = 1e3;
@@ -60,6 +66,19 @@ pub(super) struct Effort {
     pub(super) norm: Norm,
 }
 
+impl Effort {
+    fn settings<const P: usize>(&self) -> LeastSquaresSettings<P> {
+        LeastSquaresSettings {
+            damping: DAMPING,
+            // Far below anything that readings tell.
+            floor: Floor::Relative(1e-15),
+            enough: self.enough,
+            trials_max: self.iterations,
+            steps_max: usize::MAX,
+        }
+    }
+}
+
 /// What is summed over the residuals.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Norm {
@@ -92,6 +111,12 @@ impl RollFit {
     /// Squared distance of another state of the same body from this one, in standard deviations of this fit, modulo the
     /// body's symmetry.
     pub(super) fn squared_deviations(&self, other: &Point) -> f64 {
+        let step = self.step_to(other);
+        (step.transpose() * &self.information * step)[0]
+    }
+
+    /// The step to another state of the same body, by column, modulo the body's symmetry.
+    pub(super) fn step_to(&self, other: &Point) -> DVector<f64> {
         let (here, there) = (&self.point.state, &other.state);
         let attitude = self.point.body.symmetry().nearest(&here.attitude(), &there.attitude());
         let theta = (here.attitude().inverse() * attitude).scaled_axis();
@@ -105,7 +130,7 @@ impl RollFit {
             step.rows_mut(size - 5, 3).copy_from(&palm);
         }
         step.rows_mut(size - 2, 2).copy_from(&u);
-        (step.transpose() * &self.information * step)[0]
+        step
     }
 }
 
@@ -156,14 +181,7 @@ impl Unknowns {
     }
 
     fn fit_columns<const N: usize, const P: usize>(&self, track: &Track, start: Point, effort: &Effort) -> RollFit {
-        let settings = LeastSquaresSettings {
-            damping: DAMPING,
-            // Far below anything that readings tell.
-            floor: Floor::Relative(1e-15),
-            enough: effort.enough,
-            trials_max: effort.iterations,
-            steps_max: usize::MAX,
-        };
+        let settings = effort.settings();
         let fitting = Fitting::<N> { unknowns: self, track, effort };
         // A cost that hardly grows is at its minimum.
         let is_flat = |trial: &Trial<'_, Weighed<P>>| {
@@ -173,6 +191,62 @@ impl Unknowns {
             least_squares::minimise(&fitting, fitting.weighed(start), &settings, is_flat).place;
         let information = DMatrix::from_column_slice(P, P, equations.curvature.as_slice());
         RollFit { point, cost: equations.cost, information }
+    }
+
+    /// The best fits where one unknown is held beside that of a fit, on one side (1 or −1); `along`: the step of one
+    /// standard deviation of it, with all others as they follow on the parabola.
+    pub(super) fn beside(
+        &self,
+        track: &Track,
+        fit: &RollFit,
+        along: (usize, &DVector<f64>),
+        side: f64,
+    ) -> Vec<Beside<Point>> {
+        match self.columns.count() {
+            6 => self.beside_columns::<6, 8>(track, fit, along, side),
+            9 => self.beside_columns::<9, 11>(track, fit, along, side),
+            _ => self.beside_columns::<12, 14>(track, fit, along, side),
+        }
+    }
+
+    fn beside_columns<const N: usize, const P: usize>(
+        &self,
+        track: &Track,
+        fit: &RollFit,
+        (unknown, along): (usize, &DVector<f64>),
+        side: f64,
+    ) -> Vec<Beside<Point>> {
+        let effort = Effort {
+            ranks: track.ranks_max(),
+            iterations: ITERATIONS_BESIDE,
+            enough: ENOUGH_BESIDE,
+            palm_sigma: f64::INFINITY,
+            norm: Norm::Squares,
+        };
+        let fitting = Fitting::<N> { unknowns: self, track, effort: &effort };
+        let along = SVector::<f64, P>::from_fn(|i, _| along[i]);
+        let minimum = fitting.weighed(fit.point.clone());
+        let found = profile::beside(&fitting, &minimum, (unknown, &along), side, &effort.settings());
+        found.into_iter().map(|beside| beside.map(|weighed| weighed.point)).collect()
+    }
+
+    /// The step from one place to another, as [`RollFit::information`] has the columns; of unknown ellipsoids the
+    /// logarithms of the semi-axes change.
+    pub(super) fn change(&self, here: &Point, there: &Point) -> DVector<f64> {
+        let (before, after) = (&here.state, &there.state);
+        let theta = (before.attitude().inverse() * after.attitude()).scaled_axis();
+        let turning = after.attitude() * after.omega - before.attitude() * before.omega;
+        let mut change: Vec<f64> = theta.iter().chain(&turning).copied().collect();
+        if let (true, Shape::Ellipsoid(here), Shape::Ellipsoid(there)) =
+            (self.columns.semi_axes, here.body.shape(), there.body.shape())
+        {
+            change.extend(there.semi_axes.iter().zip(here.semi_axes).map(|(there, here)| (there / here).ln()));
+        }
+        if self.columns.palm {
+            change.extend(&(there.palm - here.palm));
+        }
+        change.extend(&(after.u - before.u));
+        change.into()
     }
 
     fn moved<const P: usize>(&self, point: &Point, step: &SVector<f64, P>) -> Point {

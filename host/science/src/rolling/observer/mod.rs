@@ -2,9 +2,9 @@
 //!
 //! A global search over attitude, modulo the body's symmetry, and spin (`search`, over the attitudes of `rotations`);
 //! fits over ever longer horizons, and a last one of all readings at full accuracy (`fit`, along the steps of `track`);
-//! then a verdict: what explains the readings within their noise, and nothing else (`verdict`). Parts of the model may
-//! be unknown too: which of several bodies, the semi-axes of an ellipsoid, a constant acceleration of the palm, whether
-//! the contact transmits spin.
+//! where that knows the attitude poorly, how its valley bends (`valley`); then a verdict: what explains the readings
+//! within their noise, and nothing else (`verdict`). Parts of the model may be unknown too: which of several bodies, the
+//! semi-axes of an ellipsoid, a constant acceleration of the palm, whether the contact transmits spin.
 //!
 //! Implements: the observer that thesis §7.3 leaves to future work.
 //! Assumes: contact kept, no slip; readings at equal steps of time from t = 0.
@@ -16,6 +16,7 @@ mod fit;
 mod rotations;
 mod search;
 mod track;
+mod valley;
 mod verdict;
 
 use std::ops::RangeInclusive;
@@ -25,10 +26,11 @@ use nalgebra::{DMatrix, Vector2, Vector3};
 pub use track::{Noise, Readings};
 pub use verdict::{RollEstimate, RollHypothesis, RollVerdict};
 
-use self::fit::{Effort, Norm, RollFit, Unknowns};
+use self::fit::{Effort, Norm, Point, RollFit, Unknowns};
 use self::search::{Ground, Width};
 use self::track::Track;
-use self::verdict::{Gate, Quality, Solution};
+use self::valley::Valley;
+use self::verdict::{Gate, LISTED, Quality, Solution};
 use super::body::RollingBody;
 use super::flow::Columns;
 use super::mechanics::{Model, Spin, specific_force};
@@ -288,14 +290,23 @@ impl RollQuestion {
         let coarse = readings.averaged(pace);
         let track = coarse.search_track(self.palm(), self.g, pace);
         let specific_force = specific_force(self.palm().at(track.centre_time), self.g);
-        let sought = Ground { unknowns, bodies, track: &track, specific_force, pace, halt }.search(width);
+        let first_look = &coarse.first_look(self.palm(), self.g, pace);
+        let sought = Ground { unknowns, bodies, track: &track, first_look, specific_force, pace, halt }.search(width);
         let fine = readings.fine_track(self.palm(), self.g, pace);
         coverage.add(&sought.coverage);
         let best = sought.fits.first().map_or(0.0, |fit| fit.cost);
         let worth = sought.fits.into_iter().filter(|fit| fit.cost <= best + WORTH_POLISHING);
-        let polished =
-            worth.take_while(|_| !halt.is_wished()).map(|fit| polish(&unknowns, &track, &fine, fit, self.noise));
-        polished.filter(|solution| solution.fit.cost.is_finite()).collect()
+        let polish = Polish { unknowns: &unknowns, track: &track, fine: &fine, noise: self.noise };
+        let mut solutions: Vec<Solution> = Vec::new();
+        let mut least = f64::INFINITY;
+        for fit in worth.take_while(|_| !halt.is_wished()) {
+            let solution = polish.solution(fit, least + LISTED);
+            if solution.fit.cost.is_finite() {
+                least = least.min(solution.fit.cost);
+                solutions.push(solution);
+            }
+        }
+        solutions
     }
 }
 
@@ -317,43 +328,58 @@ const PACE_MIN: f64 = 0.2;
 const WORTH_POLISHING: f64 = 60.0;
 
 /// Residual, in pitches, up to which a fit of rounded readings may be refined by their bounds: half a pitch if the fit
-/// were exact, more because it is not.
-const ROUNDING_MAX: f64 = 0.75;
+/// were exact, more because it is not. Least squares may be a pitch off where the contact is slow and its errors alike.
+const ROUNDING_MAX: f64 = 1.5;
 
-/// The last fit of all readings, by least squares; where they were rounded, then by the bounds of rounding.
-fn polish(unknowns: &Unknowns, track: &Track, fine: &Track, fit: RollFit, noise: Noise) -> Solution {
-    let mut point = fit.point;
-    let shift = fine.centre_time - track.centre_time;
-    let specific_force =
-        track.forward.first().map_or(Vector3::zeros(), |integration_step| integration_step.specific_force[0])
-            + point.palm;
-    point.state = Model { body: &point.body, spin: unknowns.spin }.step(&point.state, &[specific_force; 3], shift);
-    let ranks = fine.ranks_max();
-    let squares = Effort {
-        ranks,
-        iterations: 40,
-        enough: Enough { relative: 1e-12, absolute: 1e-4, damping_max: 1.0 },
-        palm_sigma: f64::INFINITY,
-        norm: Norm::Squares,
-    };
-    let mut fit = unknowns.fit(fine, point, &squares);
-    let residuals = unknowns.residuals(fine, &fit.point);
-    if let Noise::Grid(pitch) = noise
-        && residuals.max <= ROUNDING_MAX * pitch
-    {
-        let enough = Enough { relative: 1e-4, absolute: 0.0, damping_max: 1.0 };
-        let bounded = Effort { iterations: 20, enough, norm: Norm::Bounded(0.5 * pitch), ..squares };
-        // Cost and information stay those of least squares: the bound they give is on the safe side.
-        fit.point = unknowns.fit(fine, fit.point, &bounded).point;
+/// The last fit of all readings.
+struct Polish<'a> {
+    unknowns: &'a Unknowns,
+    /// The search's steps.
+    track: &'a Track,
+    /// Those of the last fit.
+    fine: &'a Track,
+    noise: Noise,
+}
+
+impl Polish<'_> {
+    /// By least squares; where readings were rounded, then by the bounds of rounding. What costs more than is listed
+    /// needs no covariance of a bent valley.
+    fn solution(&self, fit: RollFit, listed: f64) -> Solution {
+        let Self { unknowns, fine, noise, .. } = *self;
+        let squares = Effort {
+            ranks: fine.ranks_max(),
+            iterations: 40,
+            enough: Enough { relative: 1e-12, absolute: 1e-4, damping_max: 1.0 },
+            palm_sigma: f64::INFINITY,
+            norm: Norm::Squares,
+        };
+        let mut fit = unknowns.fit(fine, self.begun(fit), &squares);
+        let residuals = unknowns.residuals(fine, &fit.point);
+        let mut residual_max = residuals.max;
+        let mut ends = unknowns.ends(fine, &fit.point);
+        let valley = (fit.cost <= listed).then(|| Valley::through(unknowns, fine, &fit, &ends)).flatten();
+        if let Noise::Grid(pitch) = noise
+            && residuals.max <= ROUNDING_MAX * pitch
+        {
+            let enough = Enough { relative: 1e-4, absolute: 0.0, damping_max: 1.0 };
+            let bounded = Effort { iterations: 20, enough, norm: Norm::Bounded(0.5 * pitch), ..squares };
+            // Cost and information stay those of least squares: the bound they give is on the safe side.
+            fit.point = unknowns.fit(fine, fit.point, &bounded).point;
+            residual_max = unknowns.residuals(fine, &fit.point).max;
+            ends = unknowns.ends(fine, &fit.point);
+        }
+        Solution { body: 0, unknowns: *unknowns, fit, ends, valley, residuals, residual_max }
     }
-    let ends = unknowns.ends(fine, &fit.point);
-    Solution {
-        body: 0,
-        unknowns: *unknowns,
-        residual_max: unknowns.residuals(fine, &fit.point).max,
-        residuals,
-        fit,
-        ends,
+
+    /// Where the search ended, at the middle of the finer steps.
+    fn begun(&self, fit: RollFit) -> Point {
+        let mut point = fit.point;
+        let shift = self.fine.centre_time - self.track.centre_time;
+        let first = self.track.forward.first();
+        let specific_force = first.map_or(Vector3::zeros(), |step| step.specific_force[0]) + point.palm;
+        let model = Model { body: &point.body, spin: self.unknowns.spin };
+        point.state = model.step(&point.state, &[specific_force; 3], shift);
+        point
     }
 }
 

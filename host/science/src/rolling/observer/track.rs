@@ -22,6 +22,9 @@ const STEP_NOISY_S: f64 = 4e-3;
 const STEP_FINE_S: f64 = 1e-3;
 const STEP_EXACT_S: f64 = 2.5e-4;
 
+/// Averaged readings from which on half of them are enough for a first look: eight away from the middle each way.
+const DENSE: usize = 17;
+
 /// Standard deviations below which readings ask for the finer steps, m.
 const SIGMA_NOISY: f64 = 2e-5;
 const SIGMA_FINE: f64 = 5e-8;
@@ -85,6 +88,8 @@ pub(super) struct Track {
     pub(super) sigma: f64,
     /// Time between readings, s.
     pub(super) dt: f64,
+    /// It passes by every reading, or by every other one.
+    stride: usize,
     pub(super) forward: Vec<IntegrationStep>,
     pub(super) backward: Vec<IntegrationStep>,
 }
@@ -119,7 +124,13 @@ impl Readings {
 
     /// The steps that a search takes.
     pub(super) fn search_track(&self, palm: &PalmAcceleration, g: f64, pace: f64) -> Track {
-        self.track(palm, g, STEP_SEARCH_S * pace)
+        self.track(palm, g, STEP_SEARCH_S * pace, 1)
+    }
+
+    /// Half as many steps, by every other reading where they are dense: they show as well which attitudes are worth more.
+    pub(super) fn first_look(&self, palm: &PalmAcceleration, g: f64, pace: f64) -> Track {
+        let is_dense = self.dt <= STEP_SEARCH_S * pace && self.u.len() >= DENSE;
+        self.track(palm, g, 2.0 * STEP_SEARCH_S * pace, if is_dense { 2 } else { 1 })
     }
 
     /// The steps that the last fit takes: short enough that their error stays below that of the readings.
@@ -129,10 +140,11 @@ impl Readings {
             sigma if sigma >= SIGMA_FINE => STEP_FINE_S,
             _ => STEP_EXACT_S,
         };
-        self.track(palm, g, longest * pace)
+        self.track(palm, g, longest * pace, 1)
     }
 
-    fn track(&self, palm: &PalmAcceleration, g: f64, longest: f64) -> Track {
+    /// By every reading whose distance from the middle is a multiple of `stride`.
+    fn track(&self, palm: &PalmAcceleration, g: f64, longest: f64, stride: usize) -> Track {
         let last = self.u.len() - 1;
         let middle = last / 2;
         let integration_steps = |index: usize, next: usize, rank: usize| {
@@ -151,8 +163,15 @@ impl Readings {
             centre_time: self.time(middle),
             sigma: self.sigma,
             dt: self.dt,
-            forward: (middle..last).flat_map(|index| integration_steps(index, index + 1, index + 1 - middle)).collect(),
-            backward: (0..middle).rev().flat_map(|index| integration_steps(index + 1, index, middle - index)).collect(),
+            stride,
+            forward: (stride..=last - middle)
+                .step_by(stride)
+                .flat_map(|rank| integration_steps(middle + rank - stride, middle + rank, rank))
+                .collect(),
+            backward: (stride..=middle)
+                .step_by(stride)
+                .flat_map(|rank| integration_steps(middle + stride - rank, middle - rank, rank))
+                .collect(),
         }
     }
 }
@@ -183,11 +202,19 @@ fn between(palm: &PalmAcceleration, g: f64, [from, to]: [f64; 2], longest: f64) 
 }
 
 impl Track {
-    /// Readings away from the middle within a time, at least 3 and no more than there are.
+    /// Readings away from the middle within a time, at least three of those passed by and no more than there are.
     pub(super) fn ranks(&self, seconds: f64) -> usize {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturating, and capped below")]
         let ranks = (seconds / self.dt).round() as usize;
-        ranks.max(3).min(self.ranks_max())
+        ranks.next_multiple_of(self.stride).max(3 * self.stride).min(self.ranks_max())
+    }
+
+    /// Coordinates read up to so many readings away from the middle.
+    pub(super) fn numbers(&self, ranks: usize) -> usize {
+        let within = |steps: &[IntegrationStep]| {
+            steps.iter().take_while(|step| step.rank <= ranks).filter(|step| step.reading.is_some()).count()
+        };
+        2 * (1 + within(&self.forward) + within(&self.backward))
     }
 
     /// Readings away from the middle at most.

@@ -13,9 +13,10 @@ use super::super::mechanics::{RollState, Spin};
 use super::super::shape::Shape;
 use super::super::symmetry::Symmetry;
 use super::covariance;
-use super::fit::{Ends, Residuals, RollFit, Unknowns};
+use super::fit::{Ends, Residuals, RollFit, SPIN_COLUMN, Unknowns};
 use super::search::{Coverage, SAME_DEVIATIONS};
 use super::track::Noise;
+use super::valley::{Valley, carried};
 use crate::math::statistics::chi_square_quantile;
 
 /// Cost above the best up to which a minimum is listed.
@@ -38,6 +39,10 @@ const WIDER_SIGMAS: f64 = 1.3;
 
 /// Half a pitch, with room for a fit that is not the best possible in this respect.
 const HALF_PITCH: f64 = 0.505;
+
+/// Residual, in pitches, up to which a certified answer explains rounded readings: half a pitch for the truth, more because
+/// the bounds are met in the mean of eighth powers only.
+const ROUNDED_MAX: f64 = 0.75;
 
 /// Residual of exact readings that whoever computed them may have left, m: errors of a nanometre grow with the motion.
 const EXACT_RESIDUAL_MAX: f64 = 1e-8;
@@ -64,6 +69,8 @@ pub(super) struct Solution {
     pub(super) unknowns: Unknowns,
     pub(super) fit: RollFit,
     pub(super) ends: Ends,
+    /// What its bend adds to the covariances, where it has one.
+    pub(super) valley: Option<Valley>,
     /// Residuals after the last fit.
     pub(super) residuals: Residuals,
     /// Of a coordinate after the last fit, m.
@@ -170,6 +177,15 @@ impl Gate {
         }
     }
 
+    /// Whether no reading is off by more than it can be: rounding never errs by more than half the pitch, though least
+    /// squares may cost little where it would have to.
+    fn may_be(self, solution: &Solution) -> bool {
+        match self.noise {
+            Noise::Grid(pitch) => solution.residual_max <= ROUNDED_MAX * pitch,
+            Noise::Gauss(_) | Noise::Exact => true,
+        }
+    }
+
     /// Whether a wider search is worth its time.
     pub(super) fn quality(self, solutions: &[Solution]) -> Quality {
         let Some(best) = solutions.first() else { return Quality::Poor };
@@ -207,7 +223,8 @@ impl Gate {
             Some(sigma) => sigma * solution.residuals.dilution() * GUARANTEED_SIGMAS <= GUARANTEED_RAD,
             None => false,
         };
-        let certified = followed_all && verdict == RollVerdict::Unique && listed.iter().all(sure);
+        let certified =
+            followed_all && verdict == RollVerdict::Unique && listed.iter().all(|one| sure(one) && self.may_be(one));
         let hypotheses = listed.iter().map(Solution::hypothesis).collect();
         RollEstimate {
             verdict,
@@ -236,24 +253,18 @@ impl Solution {
         self.fit.point.body.symmetry()
     }
 
-    /// Columns of the information that are fitted.
-    fn fitted(&self) -> Vec<usize> {
-        let last = self.fit.information.nrows();
-        (0..last).filter(|&column| !(self.unknowns.spin == Spin::NoSpin && column == 5)).collect()
-    }
-
     /// Covariance of what is fitted, with zeros for what is fixed; in the middle of the window.
     fn middle_covariance(&self) -> Option<DMatrix<f64>> {
-        let fitted = self.fitted();
-        let inner = covariance(&self.fit.information.select_rows(&fitted).select_columns(&fitted))?;
-        let size = self.fit.information.nrows();
-        let mut whole = DMatrix::zeros(size, size);
-        for (i, &row) in fitted.iter().enumerate() {
-            for (j, &column) in fitted.iter().enumerate() {
-                whole[(row, column)] = inner[(i, j)];
-            }
-        }
-        Some(whole)
+        let straight = covariance_of(&self.unknowns, &self.fit)?;
+        Some(self.valley.iter().fold(straight, |covariance, valley| covariance + &valley.middle))
+    }
+
+    /// Covariance of attitude and angular velocity at an end, and of the further unknowns.
+    fn covariance_at(&self, end: usize) -> Option<DMatrix<f64>> {
+        let carried = carried(&self.ends.columns[end]);
+        let straight = &carried * covariance_of(&self.unknowns, &self.fit)? * carried.transpose();
+        let covariance = self.valley.iter().fold(straight, |covariance, valley| covariance + &valley.ends[end]);
+        Some((&covariance + covariance.transpose()) * 0.5)
     }
 
     /// The largest standard deviation of the attitude in the middle, rad: the Cramér–Rao bound; `None` if symmetry
@@ -269,14 +280,9 @@ impl Solution {
     /// The same at the first and the last reading, whichever is larger: errors of the middle have grown there.
     fn attitude_sigma_at_ends(&self) -> Option<f64> {
         self.symmetry().order()?;
-        let middle = self.middle_covariance()?;
-        let largest = |columns: &DMatrix<f64>| {
-            let turns = columns.rows(0, 3);
-            let state = middle.view((0, 0), (columns.ncols(), columns.ncols()));
-            (turns * state * turns.transpose()).symmetric_eigenvalues().max()
-        };
-        let worst = self.ends.columns.iter().map(largest).fold(0.0, f64::max);
-        worst.is_finite().then(|| worst.sqrt())
+        let largest = |end: usize| Some(self.covariance_at(end)?.view((0, 0), (3, 3)).symmetric_eigenvalues().max());
+        let worst = largest(0)?.max(largest(1)?);
+        worst.is_finite().then(|| worst.max(0.0).sqrt())
     }
 
     fn unobservable(&self) -> bool {
@@ -297,7 +303,7 @@ impl Solution {
         if self.unknowns.columns.semi_axes {
             return self.relabelled_angle(other) < SAME_RAD.max(sigma);
         }
-        if self.fit.squared_deviations(&other.fit.point) < SAME_DEVIATIONS * SAME_DEVIATIONS {
+        if self.squared_deviations(other) < SAME_DEVIATIONS * SAME_DEVIATIONS {
             return true;
         }
         let near = self.symmetry().angle(&a, &b) < SAME_RAD;
@@ -305,6 +311,17 @@ impl Solution {
         // A sphere's spin cannot be seen.
         let seen = if self.symmetry() == Symmetry::Sphere { Vector3::new(1.0, 1.0, 0.0) } else { Vector3::repeat(1.0) };
         near && (v - w).component_mul(&seen).norm() < SAME_RAD * SAME_TURNING * (1.0 + v.norm())
+    }
+
+    /// Squared distance of another minimum from this one, in standard deviations of this one.
+    fn squared_deviations(&self, other: &Self) -> f64 {
+        let straight = || self.fit.squared_deviations(&other.fit.point);
+        let Some(valley) = &self.valley else { return straight() };
+        let Some(covariance) = covariance_of(&self.unknowns, &self.fit) else { return straight() };
+        let fitted = fitted(&self.unknowns, covariance.nrows());
+        let wide = (covariance + &valley.middle).select_rows(&fitted).select_columns(&fitted);
+        let step = self.fit.step_to(&other.fit.point).select_rows(&fitted);
+        wide.cholesky().map_or_else(straight, |wide| step.dot(&wide.solve(&step)))
     }
 
     /// The angle between the contacts' normals, modulo symmetry: what a continuum of headings and spins has in common.
@@ -357,19 +374,31 @@ impl Solution {
 
     /// Carried from the middle to the end.
     fn end_covariance(&self, semi_axes: Option<[f64; 3]>) -> Option<DMatrix<f64>> {
-        let middle = self.middle_covariance()?;
-        let [_, at_end] = &self.ends.columns;
-        let columns = at_end.ncols();
-        let mut carry = DMatrix::<f64>::zeros(columns, middle.nrows());
-        carry.view_mut((0, 0), (STATE_COLUMNS, columns)).copy_from(at_end);
-        for extra in STATE_COLUMNS..columns {
-            carry[(extra, extra)] = 1.0;
-        }
+        let mut covariance = self.covariance_at(1)?;
         for (axis, length) in semi_axes.into_iter().flatten().enumerate() {
             // From the logarithm to the length.
-            carry[(STATE_COLUMNS + axis, STATE_COLUMNS + axis)] = length;
+            covariance.row_mut(STATE_COLUMNS + axis).scale_mut(length);
+            covariance.column_mut(STATE_COLUMNS + axis).scale_mut(length);
         }
-        let covariance = &carry * middle * carry.transpose();
-        Some((&covariance + covariance.transpose()) * 0.5)
+        Some(covariance)
     }
+}
+
+/// Covariance of what is fitted as slopes have it, with zeros for what is fixed; in the middle of the window.
+pub(super) fn covariance_of(unknowns: &Unknowns, fit: &RollFit) -> Option<DMatrix<f64>> {
+    let size = fit.information.nrows();
+    let fitted = fitted(unknowns, size);
+    let inner = covariance(&fit.information.select_rows(&fitted).select_columns(&fitted))?;
+    let mut whole = DMatrix::zeros(size, size);
+    for (i, &row) in fitted.iter().enumerate() {
+        for (j, &column) in fitted.iter().enumerate() {
+            whole[(row, column)] = inner[(i, j)];
+        }
+    }
+    Some(whole)
+}
+
+/// Columns of the information that are fitted.
+fn fitted(unknowns: &Unknowns, columns: usize) -> Vec<usize> {
+    (0..columns).filter(|&column| !(unknowns.spin == Spin::NoSpin && column == SPIN_COLUMN)).collect()
 }
