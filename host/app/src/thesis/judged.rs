@@ -62,9 +62,9 @@ pub(super) const COLUMNS: [&str; 12] = [
     "truth missing",
     "no pose",
     "search missed it",
-    "NEES",
-    "by chance",
-    "within 95 %",
+    ERRORS[0],
+    ERRORS[1],
+    ERRORS[2],
     "tenths off",
     "mean ms",
     "longest ms",
@@ -98,7 +98,7 @@ pub(super) fn cells(row: &str, outcomes: &[&JudgedCase], freedom: usize, table: 
 }
 
 /// How often something was so, with Wilson's interval; empty of nothing.
-fn rate(part: usize, whole: usize) -> Cell {
+pub(super) fn rate(part: usize, whole: usize) -> Cell {
     if whole == 0 {
         return Cell::Empty;
     }
@@ -109,9 +109,12 @@ fn rate(part: usize, whole: usize) -> Cell {
     Cell::Rate { share, low: (middle - half).max(0.0), high: (middle + half).min(1.0) }
 }
 
+/// Headings of [`errors`].
+pub(super) const ERRORS: [&str; 3] = ["NEES", "by chance", "within 95 %"];
+
 /// Squared errors in their own deviations, of so many degrees of freedom: their mean, by how much it is off by chance
 /// as far as their own scatter tells, and how many are inside the stated 95 % region.
-fn errors(squared: &[f64], freedom: usize) -> [Cell; 3] {
+pub(super) fn errors(squared: &[f64], freedom: usize) -> [Cell; 3] {
     let Some(nees) = mean(squared.iter().copied()) else { return [Cell::Empty, Cell::Empty, Cell::Empty] };
     let count = squared.len() as f64;
     // Stated to second order, errors are not normal: their own scatter counts.
