@@ -359,8 +359,10 @@ mod tests {
         fn strain_is_linear_in_the_force(fx in -5.0f32..5.0, fy in -5.0f32..5.0, k in -2.0f32..2.0) {
             let bridges = bridges(BridgesConfig::default());
             let (one, scaled) = (bridges.strain([fx, fy]), bridges.strain([k * fx, k * fy]));
+            // Each side is rounded a few times, at strains of up to 0.7 millistrain: eight halves of a last place.
+            let rounding = 4.0 * f32::EPSILON * k.abs().max(1.0) * fx.hypot(fy) * STRAIN_PER_NEWTON;
             for i in 0..2 {
-                prop_assert!((k * one[i] - scaled[i]).abs() < STRAIN_ERROR);
+                prop_assert!((k * one[i] - scaled[i]).abs() <= rounding);
             }
         }
     }
