@@ -215,8 +215,11 @@ fn remove_nulls(segments: &[String], value: &mut Value) -> bool {
             members.get_mut(key).is_some_and(|member| remove_nulls(inner, member))
         }
         ([_, inner @ ..], Value::Array(elements)) => {
-            // Of every element, not only of the first that has one.
-            elements.iter_mut().filter_map(|element| remove_nulls(inner, element).then_some(())).count() > 0
+            let mut found = false;
+            for element in elements {
+                found |= remove_nulls(inner, element);
+            }
+            found
         }
         _ => false,
     }

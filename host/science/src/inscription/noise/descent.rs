@@ -51,7 +51,7 @@ impl Objective<'_> {
                     settled.push(Settled { placed, chi2, information, at_corner_change: false });
                 }
                 Some(_) => {
-                    let along = self.along_valleys(&placed);
+                    let along = self.along_valleys(&placed, 0.0);
                     settled.extend(along.minima);
                     open.extend(along.lower);
                 }

@@ -141,7 +141,7 @@ pub fn estimate_until(
             break;
         }
         // Valleys between this turn and the next have minima to which not every descent comes.
-        let beside = objective.along_valleys_within(&start, starts::STEP_MAX).minima;
+        let beside = objective.along_valleys(&start, starts::STEP_MAX).minima;
         for settled in objective.settle(&start).into_iter().chain(beside) {
             if settled.chi2 <= EXPLORED_GATES * gate && !modes.iter().any(|mode| objective.is_same(mode, &settled)) {
                 starts.extend(starts::beside(&objective, &lines, &settled));

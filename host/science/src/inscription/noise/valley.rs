@@ -85,22 +85,17 @@ fn sees_too_much(bearing: &Bearing, residual: f64) -> bool {
 }
 
 impl Objective<'_> {
-    /// The minima in valleys near a place at which descent stalled; where there is none, lower places along the valleys
-    /// to go on from.
-    pub(super) fn along_valleys(&self, stalled: &Placed) -> Along {
-        self.along_valleys_within(stalled, 0.0)
-    }
-
-    /// The same of valleys that a turn of so many rad at most leads to.
-    pub(super) fn along_valleys_within(&self, stalled: &Placed, turn: f64) -> Along {
+    /// The minima in valleys near a place, or to which a turn of so many rad at most leads; where there is none, lower
+    /// places along the valleys to go on from.
+    pub(super) fn along_valleys(&self, from: &Placed, turn: f64) -> Along {
         let (mut minima, mut lower) = (Vec::new(), Vec::new());
-        let edges = self.edges_near(stalled, turn).unwrap_or_default();
+        let edges = self.edges_near(from, turn).unwrap_or_default();
         for subset in 1_usize..1 << edges.len() {
             let chosen: Vec<_> = (0..edges.len()).filter(|k| subset >> k & 1 == 1).map(|k| edges[k]).collect();
-            let Some(end) = self.end_along(stalled, &chosen) else { continue };
+            let Some(end) = self.end_along(from, &chosen) else { continue };
             match self.minimum_at(&end, &chosen) {
                 Some(minimum) => minima.push(minimum),
-                None => lower.extend(self.lower_between(stalled, &end)),
+                None => lower.extend(self.lower_between(from, &end)),
             }
         }
         Along { minima, lower }

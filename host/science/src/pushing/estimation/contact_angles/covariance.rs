@@ -121,11 +121,7 @@ fn bend_of_the_valley(fitting: &Fitting, descent: &Descent) -> Option<Matrix3<f6
         }
         let unknowns = (Vector5::from(candidate.unknowns) + response * step).into();
         let mut beside = held.descend(Candidate { unknowns, ..*candidate })?;
-        for _ in 0..FITS_MAX {
-            if beside.predicted_reduction < FITTED || !held.improve(&mut beside) {
-                break;
-            }
-        }
+        held.improve_until(&mut beside, FITTED, FITS_MAX);
         let off = end_pose(fitting, &beside).minus(&there);
         let aside = off - straight * step;
         // Where the cost rises less than its parabola says the valley is longer, too.

@@ -514,6 +514,15 @@ impl<'a, 'p> Fitting<'a, 'p> {
         true
     }
 
+    /// Steps down until the next is predicted to bring less than `enough`, none helps, or there were so many.
+    pub(super) fn improve_until(&self, descent: &mut Descent, enough: f64, steps_max: usize) {
+        for _ in 0..steps_max {
+            if descent.predicted_reduction < enough || !self.improve(descent) {
+                break;
+            }
+        }
+    }
+
     fn predicted_reduction(&self, evaluation: &Evaluation) -> f64 {
         least_squares::predicted_reduction(self, evaluation, &DESCENT)
     }

@@ -62,6 +62,8 @@ const EARLY_SHARE_MAX: f64 = 0.5;
 const EARLY_DESCENTS: usize = 3;
 /// See [`EARLY_DESCENTS`].
 const EARLY_STEPS: usize = 8;
+/// They end when the next step is predicted to bring less: a tenth of [`NEAR_LEAST`], to which it is compared.
+const EARLY_ENOUGH: f64 = 0.1 * NEAR_LEAST;
 
 /// A velocity along the contact so many standard deviations of its prior from none is not the only one tried.
 const UNLIKELY_SIGMAS: f64 = 2.0;
@@ -192,11 +194,7 @@ fn soon_reached<'c>(fitting: &Fitting, cells: impl Iterator<Item = &'c Cell>) ->
 /// What a descent from a candidate comes to soon.
 fn descended(fitting: &Fitting, candidate: Candidate) -> Option<f64> {
     let mut descent = fitting.descend(candidate)?;
-    for _ in 0..EARLY_STEPS {
-        if descent.predicted_reduction < 0.1 * NEAR_LEAST || !fitting.improve(&mut descent) {
-            break;
-        }
-    }
+    fitting.improve_until(&mut descent, EARLY_ENOUGH, EARLY_STEPS);
     Some(descent.evaluation.total())
 }
 

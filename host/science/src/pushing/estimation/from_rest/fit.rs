@@ -14,6 +14,7 @@ use nalgebra::{DMatrix, DVector, Isometry2, Matrix3, Matrix4, SMatrix, SVector, 
 use super::path::{Course, Guess, Path};
 use super::valley::Valley;
 use super::windowed_force::{ONSET_RANGE, WindowedForce};
+use crate::math::least_squares::profile::Held;
 use crate::math::least_squares::{self, Damping, Enough, Floor, LeastSquaresSettings, NormalEquations, minimise};
 use crate::pushing::dynamics::State;
 use crate::pushing::estimation::observation::MU_G_LOG_MAX;
@@ -165,6 +166,12 @@ impl Problem<'_, '_> {
         }
     }
 
+    /// Goes down with one parameter held where it is.
+    pub(super) fn fitted_beside(&self, held: usize, start: Tried, steps_max: usize) -> Tried {
+        let settings = LeastSquaresSettings { steps_max, ..DESCENT };
+        minimise(&Held { problem: self, unknown: held }, start, &settings, |_| false).place
+    }
+
     fn differences(&self) -> [f64; PARAMETERS] {
         let [u, s, mu_c, mu_g_log, delay] = DIFFERENCES;
         [u, s * self.course.part.inertia_per_mass().sqrt(), mu_c, mu_g_log, delay]
@@ -307,39 +314,6 @@ struct EndSlopes {
     state: SMatrix<f64, 4, PARAMETERS>,
     /// Of the friction that rolling takes.
     needed: SVector<f64, PARAMETERS>,
-}
-
-/// A problem with one of its parameters held where it is.
-pub(super) struct Held<'a, 'p> {
-    pub(super) problem: &'a Problem<'a, 'p>,
-    pub(super) column: usize,
-}
-
-impl Held<'_, '_> {
-    /// Goes down with the others.
-    pub(super) fn fitted(&self, start: Tried, steps_max: usize) -> Tried {
-        minimise(self, start, &LeastSquaresSettings { steps_max, ..DESCENT }, |_| false).place
-    }
-}
-
-impl least_squares::LeastSquaresProblem<COLUMNS> for Held<'_, '_> {
-    type Place = Tried;
-
-    fn cost(&self, tried: &Tried) -> f64 {
-        tried.cost
-    }
-
-    fn normal_equations(&self, tried: &Tried) -> NormalEquations<COLUMNS> {
-        self.problem.normal_equations(tried)
-    }
-
-    fn moved(&self, tried: &Tried, step: &SVector<f64, COLUMNS>) -> Option<Tried> {
-        self.problem.moved(tried, step)
-    }
-
-    fn held(&self, _: &Tried, _: &NormalEquations<COLUMNS>) -> [bool; COLUMNS] {
-        std::array::from_fn(|column| column == self.column)
-    }
 }
 
 impl least_squares::LeastSquaresProblem<COLUMNS> for Problem<'_, '_> {

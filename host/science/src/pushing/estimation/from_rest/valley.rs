@@ -11,7 +11,7 @@
 
 use nalgebra::{DMatrix, Matrix2, SMatrix, SVector, Vector4};
 
-use super::fit::{COLUMNS, Held, PARAMETERS, Problem, Tried, moved, vector};
+use super::fit::{COLUMNS, PARAMETERS, Problem, Tried, moved, vector};
 
 /// By how much the cost rises to the ends of the 95 % interval of one unknown; a standard deviation costs 1.
 const RISE_95: f64 = 3.841;
@@ -125,7 +125,6 @@ impl Walk<'_, '_> {
 
     /// The end of the 95 % interval to one side.
     fn end(&self, side: f64) -> Option<Side> {
-        let problem = Held { problem: self.problem, column: self.held };
         let (mut sds, mut from, mut direction, mut nearest) = (SDS_95, self.at.clone(), self.straight, None);
         let mut at = 0.0;
         for _ in 0..TRIALS {
@@ -134,7 +133,7 @@ impl Walk<'_, '_> {
                 sds = at + 0.5 * (sds - at);
                 continue;
             };
-            let there = problem.fitted(begun, STEPS);
+            let there = self.problem.fitted_beside(self.held, begun, STEPS);
             let rise = (there.cost - self.at.cost).max(0.0);
             let off = (rise - RISE_95).abs();
             if nearest.as_ref().is_none_or(|(least, _, _)| off < *least) {
