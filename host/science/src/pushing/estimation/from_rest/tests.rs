@@ -11,7 +11,7 @@ use crate::finger::contact::Reading;
 use crate::geometry::SimplePolygon;
 use crate::math::Jet;
 use crate::math::random::Draw;
-use crate::pushing::dynamics::{ContactMode, EndReason, Finger, PushModel};
+use crate::pushing::dynamics::{ContactMode, EndReason, Finger, Mass, PushModel};
 use crate::pushing::estimation::contact_angles::clock::{Clock, Fineness, ValueTimes};
 use crate::pushing::estimation::contact_angles::initial_state::{
     StartGuess, StartMode, Variable, initial_state, rest_span,
@@ -83,23 +83,51 @@ fn known<'a>(part: &'a Part, ranges: &'a Ranges) -> KnownFromRest<'a> {
     KnownFromRest { part, mu_g, mu_g_log_sd: None, radius: RADIUS_M, motion: &ranges.motion }
 }
 
+/// The path of a guess against the world's own integration: force under every window, and pose at the end.
+fn assert_path_is_the_worlds(case: usize, course: &Course<'_>, guess: &Guess, played: &Played, mass: f64) {
+    let path = course.play(guess).unwrap();
+    let truth = true_windows(played, hann_windows::count(course.duration));
+    for (window, (mean, truth)) in path.windows(truth.len()).zip(&truth).enumerate() {
+        let error = (mean * mass - truth).norm() / truth.norm();
+        assert!(error < PREDICTION_ERROR, "case {case}, window {window}: off by {error:e}");
+    }
+    let (pose, truth) = (course.pose_at_end(guess, &path).unwrap(), played.pose(course.duration).unwrap());
+    let error = pose_error(course.part, 1, &pose.into(), &truth);
+    assert!(error.distance < POSE_ERROR.0 && error.angle < POSE_ERROR.1, "case {case}: {error:?}");
+}
+
 #[test]
 fn a_path_feels_what_the_world_does() {
     for case in 0..20 {
         let (part, ranges, drawn, _) = drawn(case);
-        let duration = ranges.motion.duration();
         let legs = ranges.motion.legs(RADIUS_M).collect();
-        let course = Course { part: &part, mu_g: known(&part, &ranges).mu_g, mu_g_log_sd: None, legs, duration };
+        let mu_g = known(&part, &ranges).mu_g;
+        let course = Course { part: &part, mu_g, mu_g_log_sd: None, legs, duration: ranges.motion.duration() };
         let guess = Guess { edge: drawn.edge, u: drawn.u, s: drawn.s, mu_c: drawn.mu_c, mu_g_log: 0.0, delay: 0.0 };
-        let path = course.play(&guess).unwrap();
-        let truth = true_windows(&drawn.played, hann_windows::count(duration));
-        for (window, (mean, truth)) in path.windows(truth.len()).zip(&truth).enumerate() {
-            let error = (mean * drawn.mass - truth).norm() / truth.norm();
-            assert!(error < PREDICTION_ERROR, "case {case}, window {window}: off by {error:e}");
-        }
-        let (pose, truth) = (course.pose_at_end(&guess, &path).unwrap(), drawn.played.pose(duration).unwrap());
-        let error = pose_error(&part, 1, &pose.into(), &truth);
-        assert!(error.distance < POSE_ERROR.0 && error.angle < POSE_ERROR.1, "case {case}: {error:?}");
+        assert_path_is_the_worlds(case, &course, &guess, &drawn.played, drawn.mass);
+    }
+}
+
+/// A contact that slides close to its jam multiplies what it feels: the motion settles several times as fast as friction
+/// on the plane alone forgets, and steps for that alone made the force swing.
+#[test]
+fn a_path_close_to_its_jam_feels_what_the_world_does() {
+    let vertices = [[-35.911, 22.865], [2.635, -30.654], [18.329, -5.302], [22.973, 34.688]];
+    let vertices = vertices.map(|[x, y]| Point2::new(x * 1e-3, y * 1e-3)).to_vec();
+    let inertia = Mass { centre_of_mass: Point2::new(-6.0776e-3, 7.1661e-3), inertia_per_mass: 3.49906e-4 };
+    let part = Part::with_mass(SimplePolygon::new(vertices).unwrap(), inertia);
+    let segments = [(0.333, [0.0449, -0.153]), (0.3702, [-0.1385, -0.1938])];
+    let segments = segments.map(|(seconds, a)| Segment { seconds, acceleration: Vector2::from(a) });
+    let motion = FingerMotion::new(Point2::origin(), &segments).unwrap();
+    let (mu_c, edge, u, radius, mass) = (0.33707, 1, -0.8385, 0.011128, 0.75);
+    let mu_g = 0.31547 * crate::gravity::GRAVITY_ASSUMED;
+    for (case, s) in [-0.0158, -0.0153, -0.0148, -0.0143].into_iter().enumerate() {
+        let world = PushedWorld { part: &part, mu_g, mass, mu_c, radius, motion: &motion, edge, u, s };
+        let played = world.play().unwrap();
+        let legs = motion.legs(radius).collect();
+        let course = Course { part: &part, mu_g, mu_g_log_sd: None, legs, duration: motion.duration() };
+        let guess = Guess { edge, u, s, mu_c, mu_g_log: 0.0, delay: 0.0 };
+        assert_path_is_the_worlds(case, &course, &guess, &played, mass);
     }
 }
 
