@@ -132,7 +132,7 @@ fn definitions() -> Vec<String> {
         "ring: the rigid force through the disk's mode, 186.5 Hz, 43 ms; step: the rigid force itself. Readings are samples at an instant, with 1 to 10 mN of white noise each; 1 s at rest for the tare, and no force once the finger has stopped.",
         "wrong single, truth missing: no listed pose is within 5 of its stated standard deviations (or 0.2 mm and 0.17 deg) of the truth.",
         "search missed it: what a fit from the truth finds costs little enough to be listed, and is not. That fit shares with the search the model of the force, the windows and the descent, not where to begin: a descent that fails from the truth too counts as noise, and shows as a truth that is missing.",
-        "NEES and the 95 % region are those of the contact's angle and place at the end, freedom 2.",
+        "NEES and the 95 % region are those of the contact's angle and place at the end, freedom 2; of several poses about the truth the nearest counts.",
         "onset error: mean and standard deviation of the onset that was found, less the true one.",
     ];
     text.map(str::to_owned).to_vec()
@@ -168,7 +168,7 @@ fn judge(case: &Case) -> Outcome {
     let estimate = from_rest::estimate(&known, &measured);
     let milliseconds = begun.elapsed().as_secs_f64() * 1e3;
     let hypotheses = &estimate.hypotheses;
-    let truth = hypotheses.iter().position(|hypothesis| case.is_truth(hypothesis, &estimate));
+    let truth = case.truth_among(&estimate);
     let refitted = from_rest::follow(&known, &measured, &case.truth(&estimate));
     let judged = JudgedCase {
         status: Some(estimate.status()),
@@ -285,6 +285,14 @@ impl Case {
     fn is_truth(&self, hypothesis: &Hypothesis, estimate: &Estimate) -> bool {
         let truth = self.played.pose(estimate.time_end);
         truth.is_some_and(|truth| is_right_pose(&self.part, estimate.symmetry, hypothesis, &truth))
+    }
+
+    /// Which hypothesis is the truth: of several about it the nearest.
+    fn truth_among(&self, estimate: &Estimate) -> Option<usize> {
+        let hypotheses = &estimate.hypotheses;
+        let near = (0..hypotheses.len()).filter(|n| self.is_truth(&hypotheses[*n], estimate));
+        let off = |n: &usize| self.squared_error(&hypotheses[*n], estimate.time_end).unwrap_or(f64::INFINITY);
+        near.min_by(|a, b| off(a).total_cmp(&off(b)))
     }
 
     /// Of the contact's angle and place at the end.
