@@ -5,6 +5,7 @@ use std::error::Error;
 use palpate::finger::contact::TareError;
 use palpate::finger::contact::offline::BiasUnknown;
 use palpate::finger::diagnosis::Cause;
+use palpate::finger::judge::SampleFault;
 
 /// The help for this very error.
 pub(super) fn about(error: &(dyn Error + 'static)) -> Option<String> {
@@ -20,6 +21,11 @@ fn tare(error: &TareError) -> &'static str {
             "give a longer stretch without contact, or average less"
         }
         TareError::NotFinite { .. } | TareError::NotInOrder { .. } => "repair or skip these readings",
+        TareError::NotMeasured { fault, .. } => match fault {
+            SampleFault::Saturated { .. } => remedy(Cause::Saturated),
+            SampleFault::Stuck { .. } => remedy(Cause::Stuck),
+            SampleFault::Settling => "take the stretch again",
+        },
         TareError::Stuck { .. } => "check the wiring and the supply of this axis",
         TareError::Drift { .. } => "let the sensor warm up, or take a shorter stretch",
         TareError::Step { .. } | TareError::Outliers { .. } => "take a stretch in which nothing touches the finger",

@@ -6,7 +6,7 @@ use std::time::Instant;
 use nalgebra::Matrix2;
 use palpate::finger::calibration::{ForceUnit, counts_vector};
 use palpate::finger::diagnosis::{self, Figures, Finding, ObservedAtRest, Verdict};
-use palpate_device::Session;
+use palpate_device::{Incoming, Session};
 use palpate_shared::sim::ads131m02::{CLKIN_HZ, noise_rms};
 
 use super::calibrated::CalibrationArguments;
@@ -83,17 +83,17 @@ fn observe(
     let mut latency = Latency::default();
     let mut counts = Vec::new();
     let (mut saturated, mut until_s) = (0, None);
-    live::stream(
-        session,
-        |session, samples| {
-            let end_s = samples.device_time_s(samples.counts.len());
-            latency.take(session, samples, Instant::now());
-            saturated += samples.counts.iter().filter(|pair| pair.iter().any(|count| count.is_saturated())).count();
-            counts.extend(samples.counts.iter().map(|&pair| counts_vector(pair)));
-            end_s < *until_s.get_or_insert(end_s + seconds)
-        },
-        super::tell,
-    )
+    live::stream(session, |session, incoming| {
+        let Incoming::Samples(samples) = incoming else {
+            super::tell(incoming);
+            return true;
+        };
+        let end_s = samples.device_time_s(samples.counts.len());
+        latency.take(session, samples, Instant::now());
+        saturated += samples.counts.iter().filter(|pair| pair.iter().any(|count| count.is_saturated())).count();
+        counts.extend(samples.counts.iter().map(|&pair| counts_vector(pair)));
+        end_s < *until_s.get_or_insert(end_s + seconds)
+    })
     .advised()?;
     session.stop().advised()?;
     let after = session.counts();

@@ -1,18 +1,20 @@
 //! `palpate monitor`.
 
-use std::cell::RefCell;
 use std::io::{self, Write as _};
 use std::process::ExitCode;
 use std::time::{Instant, SystemTime};
 
 use miette::IntoDiagnostic as _;
 use palpate::finger::contact::{Averaging, Contact, ContactReading, ContactSettings, Tare, detector};
-use palpate::finger::sense::{self, FingerSense, SenseFault, Sensed};
+use palpate::finger::judge::CountsJudge;
+use palpate::finger::monitor::{ContactMonitor, MonitorLine};
+use palpate::finger::sense::{self, FingerSense, Sensed};
 use palpate_device::{Incoming, Session};
 use serde_json::{Value, json};
 
 use super::calibrated::{CalibrationArguments, KeptTare};
 use super::device::DeviceArguments;
+use super::lacking;
 use super::latency::Latency;
 use crate::advice::{self, Advise as _};
 use crate::live::interrupt;
@@ -22,6 +24,9 @@ use crate::live::{self, LiveError};
 ///
 /// Begins with a tare, for which the finger must be free: it is refused if it was not. With --tare-file the kept
 /// one is used instead.
+///
+/// Exit status: 0, 1 if something cannot be used, 3 if samples were no measurements (saturated, stuck, settling) or the
+/// device started anew, 64 wrong command line.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
@@ -82,22 +87,25 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     session.start().advised()?;
     session.ping().advised()?;
     let unit = calibration.unit().symbol();
+    let mut judge = CountsJudge::new(&calibration);
     let tare = match &arguments.tare_file {
         Some(file) => KeptTare::load(file, &session, unit)?,
         None => {
             note!("{}taring for {} s: keep the finger free", super::simulated_note(&session), arguments.tare);
-            live::tare(&mut session, arguments.tare, &calibration, &settings, super::tell).advised()?
+            live::tare(&mut session, &mut judge, arguments.tare, &settings, super::tell).advised()?
         }
     };
     report_tare(&tare, unit);
     if let Some(file) = &arguments.keep_tare {
         KeptTare::new(&session, unit, tare).save(file)?;
     }
-    let finger = FingerSense::new(calibration, tare, &settings).into_diagnostic()?;
-    let shown = Monitor::new(arguments, finger, unit).show(&mut session);
+    let finger = FingerSense::new(Some(calibration), tare, &settings).into_diagnostic()?;
+    let period_s = if arguments.print_hz > 0.0 { arguments.print_hz.recip() } else { 0.0 };
+    let mut shown = Shown { arguments, unit, monitor: ContactMonitor::new(finger, period_s), judge };
+    let watched = shown.show(&mut session);
     // Whatever ended it, nobody listens any more.
     let stopped = session.stop();
-    shown?;
+    watched?;
     stopped.advised()?;
     let counts = session.counts();
     let newer = match counts.unknown_messages {
@@ -111,7 +119,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         counts.repeated,
         counts.damaged_frames
     );
-    Ok(ExitCode::SUCCESS)
+    let tally = shown.monitor.tally();
+    lacking::tell("since the tare", &tally);
+    Ok(lacking::status(&tally))
 }
 
 fn settings(arguments: &Arguments) -> ContactSettings {
@@ -138,45 +148,44 @@ fn report_tare(tare: &Tare, unit: &str) {
     );
 }
 
-/// The stream of lines, and what it needs from one to the next.
-struct Monitor<'a> {
+/// The stream of lines.
+struct Shown<'a> {
     arguments: &'a Arguments,
-    finger: FingerSense,
     unit: &'static str,
-    latency: Latency,
-    /// Device time of the next line, s.
-    next_s: f64,
-    /// Device time at which to stop, s.
-    until_s: Option<f64>,
-    fault: Option<SenseFault>,
+    monitor: ContactMonitor,
+    judge: CountsJudge,
 }
 
-impl<'a> Monitor<'a> {
-    fn new(arguments: &'a Arguments, finger: FingerSense, unit: &'static str) -> Self {
-        let latency = Latency::default();
-        Self { arguments, finger, unit, latency, next_s: 0.0, until_s: None, fault: None }
-    }
-
+impl Shown<'_> {
     /// Prints until it is time to stop, or nobody reads.
-    fn show(self, session: &mut Session) -> miette::Result<()> {
-        let monitor = RefCell::new(self);
+    fn show(&mut self, session: &mut Session) -> miette::Result<()> {
+        let Self { arguments, unit, monitor, judge } = self;
+        let seconds = arguments.seconds.unwrap_or(f64::INFINITY);
+        let (mut latency, mut until_s) = (Latency::default(), None);
         let mut written = Ok(());
         let mut silent = false;
         loop {
-            let ended = live::stream(
-                session,
-                |session, samples| {
-                    silent = false;
-                    let mut monitor = monitor.borrow_mut();
-                    let lines = monitor.lines(session, samples);
-                    if monitor.arguments.latency {
-                        monitor.latency.take(session, samples, Instant::now());
-                    }
-                    written = lines.into_iter().try_for_each(|line| write_line(&line));
-                    written.is_ok() && !monitor.is_over(samples)
-                },
-                |incoming| monitor.borrow().tell(incoming),
-            );
+            let ended = live::judged(session, judge, |session, incoming, judged| {
+                let Incoming::Samples(samples) = incoming else {
+                    tell(arguments.json, incoming);
+                    monitor.take(judged);
+                    return true;
+                };
+                silent = false;
+                if arguments.latency {
+                    latency.take(session, samples, Instant::now());
+                }
+                let lines = monitor.take(judged);
+                written = lines.iter().try_for_each(|line| {
+                    write_line(&if arguments.json {
+                        as_json(session, line, unit).to_string()
+                    } else {
+                        in_words(session, line, unit)
+                    })
+                });
+                let end_s = samples.device_time_s(samples.counts.len());
+                written.is_ok() && end_s < *until_s.get_or_insert(end_s + seconds)
+            });
             match ended {
                 // The device is there and its front-end is not: it may come back as a cable does.
                 Err(error @ LiveError::Silent { .. }) => {
@@ -194,64 +203,29 @@ impl<'a> Monitor<'a> {
             Err(error) if error.kind() == io::ErrorKind::BrokenPipe => return Ok(()),
             other => other.into_diagnostic()?,
         }
-        if let Some(latency) = monitor.borrow().latency.in_words() {
+        if let Some(latency) = latency.in_words() {
             note!("latency {latency}");
         }
         Ok(())
     }
+}
 
-    fn is_over(&mut self, samples: &palpate::finger::Samples) -> bool {
-        let end_s = samples.device_time_s(samples.counts.len());
-        let seconds = self.arguments.seconds.unwrap_or(f64::INFINITY);
-        end_s >= *self.until_s.get_or_insert(end_s + seconds)
+/// What happened beside the samples: for a person on standard error, for a program in the stream.
+fn tell(json: bool, incoming: &Incoming) {
+    if !json {
+        return super::tell(incoming);
     }
-
-    /// The lines that a block gives.
-    fn lines(&mut self, session: &Session, samples: &palpate::finger::Samples) -> Vec<String> {
-        let mut lines = Vec::new();
-        for sensed in self.finger.feel(samples) {
-            let (t, fault, event) = match &sensed {
-                Sensed::Contact(reading) => (reading.t, None, reading.event),
-                Sensed::NotMeasured { t, fault } => (*t, Some(*fault), None),
-            };
-            let news = event.is_some() || fault != self.fault;
-            self.fault = fault;
-            if news || t >= self.next_s {
-                self.next_s = if self.arguments.print_hz > 0.0 { t + self.arguments.print_hz.recip() } else { t };
-                lines.push(self.line(session, &sensed, samples.missing_before));
-            }
+    let what = match incoming {
+        Incoming::Event(event) => json!({ "device": live::in_words(event.kind) }),
+        Incoming::Disconnected { reason } => json!({ "link": "lost", "reason": reason }),
+        Incoming::Reconnected { after, countable } => {
+            json!({ "link": "back", "after_s": after.as_secs_f64(), "missing_counted": countable })
         }
-        lines
-    }
-
-    fn line(&self, session: &Session, sensed: &Sensed, missing_before: u64) -> String {
-        if self.arguments.json {
-            return as_json(session, sensed, self.unit, missing_before).to_string();
-        }
-        let mark = if session.is_simulated() { "  [simulated]" } else { "" };
-        match sensed {
-            Sensed::Contact(reading) => format!("{}{mark}", as_words(reading, self.unit)),
-            Sensed::NotMeasured { t, fault } => format!("{t:10.4} s  NOT MEASURING: {fault}{mark}"),
-        }
-    }
-
-    /// What happened beside the samples: for a person on standard error, for a program in the stream.
-    fn tell(&self, incoming: &Incoming) {
-        if !self.arguments.json {
-            return super::tell(incoming);
-        }
-        let what = match incoming {
-            Incoming::Event(event) => json!({ "device": live::in_words(event.kind) }),
-            Incoming::Disconnected { reason } => json!({ "link": "lost", "reason": reason }),
-            Incoming::Reconnected { after, countable } => {
-                json!({ "link": "back", "after_s": after.as_secs_f64(), "missing_counted": countable })
-            }
-            Incoming::Restarted(_) => json!({ "device": "started anew; its settings were restored" }),
-            Incoming::Samples(_) | Incoming::Temperature(_) => return,
-        };
-        // If nobody reads, the next line of samples finds out.
-        let _ = write_line(&what.to_string());
-    }
+        Incoming::Restarted(_) => json!({ "device": "started anew; its settings were restored" }),
+        Incoming::Samples(_) | Incoming::Temperature(_) => return,
+    };
+    // If nobody reads, the next line of samples finds out.
+    let _ = write_line(&what.to_string());
 }
 
 /// Writes a line at once: somebody waits for it.
@@ -260,8 +234,16 @@ fn write_line(line: &str) -> io::Result<()> {
     writeln!(out, "{line}").and_then(|()| out.flush())
 }
 
-/// A reading for a person.
-fn as_words(reading: &ContactReading, unit: &str) -> String {
+/// A line for a person.
+fn in_words(session: &Session, line: &MonitorLine, unit: &str) -> String {
+    let mark = if session.is_simulated() { "  [simulated]" } else { "" };
+    match &line.sensed {
+        Sensed::Contact(reading) => format!("{}{mark}", reading_in_words(reading, unit)),
+        Sensed::NotMeasured { t, fault } => format!("{t:10.4} s  NOT MEASURING: {fault}{mark}"),
+    }
+}
+
+fn reading_in_words(reading: &ContactReading, unit: &str) -> String {
     match &reading.contact {
         Contact::Free { sigmas, .. } => format!("{:10.4} s  no contact ({sigmas:.1} sigma)", reading.t),
         Contact::Touching(touch) => {
@@ -289,28 +271,31 @@ fn unix_time(session: &Session, device_s: f64) -> Option<f64> {
     Some(since_epoch - session.epoch().elapsed().as_secs_f64() + host_s)
 }
 
-/// A reading for a program: s, rad, and force in `unit` (`N`, or the calibration's relative unit). `t` is on the
-/// device's clock, `unix_time` on the host's; `contact` is null where nothing was measured.
-fn as_json(session: &Session, sensed: &Sensed, unit: &str, missing_before: u64) -> Value {
+/// A line for a program: s, rad, and force in `unit` (`N`, or the calibration's relative unit). `t` is on the device's
+/// clock, `unix_time` on the host's; `contact` is null where nothing was measured; `missing_before` counts since the
+/// line before, `samples` since the tare.
+fn as_json(session: &Session, line: &MonitorLine, unit: &str) -> Value {
+    let sensed = &line.sensed;
     let t = match sensed {
         Sensed::Contact(reading) => reading.t,
         Sensed::NotMeasured { t, .. } => *t,
     };
-    let mut line = json!({
+    let mut told = json!({
         "t": t,
         "unix_time": unix_time(session, t),
         "simulated": session.is_simulated(),
         "unit": unit,
-        "missing_before": missing_before,
+        "missing_before": line.since_last.missing,
+        "samples": lacking::as_json(&line.since_start),
     });
     let more = match sensed {
         Sensed::NotMeasured { fault, .. } => json!({ "contact": null, "fault": fault.to_string() }),
         Sensed::Contact(reading) => contact_as_json(reading),
     };
-    if let (Value::Object(line), Value::Object(more)) = (&mut line, more) {
-        line.extend(more);
+    if let (Value::Object(told), Value::Object(more)) = (&mut told, more) {
+        told.extend(more);
     }
-    line
+    told
 }
 
 fn contact_as_json(reading: &ContactReading) -> Value {

@@ -11,8 +11,8 @@ use palpate_files::part::PolygonFile;
 use serde_json::{Value, json};
 
 use super::read::read;
-use super::recorded_push::RecordedPushArguments;
-use super::{pose, positive};
+use super::watched_push::WatchedPushArguments;
+use super::{lacking, pose, positive};
 
 /// One value a hundredth of a second, s.
 const VALUES_EVERY_S: f64 = 0.01;
@@ -38,7 +38,8 @@ every pose that is left, and what the finger then would feel is compared pair by
 What is compared is the direction of the force. A contact that never slipped so far is taken to roll on. Run it again as the
 push goes on: a second choice, by what was felt since the first, is worth more than the first.
 
-Exit status: 0, also where nothing tells the poses apart; 1 if something cannot be used, 64 wrong command line.";
+Exit status: 0, also where nothing tells the poses apart; 1 if something cannot be used, 3 if samples of the push were no
+measurements (saturated, stuck, settling) or the device started anew, 64 wrong command line.";
 
 /// Says how the finger should go on so that the poses still possible can be told apart.
 #[derive(Debug, clap::Args)]
@@ -49,7 +50,7 @@ pub(crate) struct Arguments {
     part: PathBuf,
 
     #[command(flatten)]
-    push: RecordedPushArguments,
+    push: WatchedPushArguments,
 
     /// How strongly the finger can turn aside or speed up
     #[arg(long, value_name = "MM/S2", value_parser = positive, default_value_t = 150.0)]
@@ -74,15 +75,19 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let file = read(&arguments.part, PolygonFile::parse)?;
-    let push = arguments.push.read()?;
+    let push = arguments.push.watch(f64::INFINITY, &mut |_, _, _| ())?;
+    let force = push.force()?;
+    let tally = push.watch.tally();
     let known = push.known(&file);
-    let estimate = from_rest::estimate(&known, &push.force);
+    let estimate = from_rest::estimate(&known, &force);
     let present = known.present(&estimate);
     let plan = Plan { estimate: &estimate, present, motions: arguments.motions(&present)? };
     let prospects = plan.prospects(arguments);
     if arguments.json {
-        say!("{}", plan.as_json(&prospects));
-        return Ok(ExitCode::SUCCESS);
+        let mut told = plan.as_json(&prospects);
+        told["samples"] = lacking::as_json(&tally);
+        say!("{told}");
+        return Ok(lacking::status(&tally));
     }
     say!("{}", pose::headings(&estimate));
     pose::lines(&file.part, &estimate).iter().for_each(|line| say!("{line}"));
@@ -92,7 +97,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         plan.lines(&prospects).iter().for_each(|line| say!("{line}"));
         say!("{}", plan.in_words(&prospects));
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(lacking::status(&tally))
 }
 
 impl Arguments {

@@ -10,16 +10,19 @@ use palpate::pushing::estimation::{Estimate, Observer as _, PartEstimate, from_r
 use palpate_files::part::PolygonFile;
 use serde_json::json;
 
+use super::lacking;
 use super::pose;
 use super::read::read;
-use super::recorded_push::RecordedPushArguments;
+use super::watched_push::WatchedPushArguments;
 
 /// Names which of several known parts a finger has begun to push, and where it is.
 ///
 /// Takes the files of `palpate observe` and several part files. A part file may list several supports (`[[support]]`,
 /// with a name and feet each) instead of `feet`: then what the part stands on is named too. Every part is as likely
-/// beforehand; how likely it is none of them is told beside, by how well the best one fits. Exit status: 0, also where no part explains the force; 1 if something cannot be used, 64 wrong command
-/// line.
+/// beforehand; how likely it is none of them is told beside, by how well the best one fits.
+///
+/// Exit status: 0, also where no part explains the force; 1 if something cannot be used, 3 if samples of the push were no
+/// measurements (saturated, stuck, settling) or the device started anew, 64 wrong command line.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     /// A part file; once for each part that it may be
@@ -27,7 +30,7 @@ pub(crate) struct Arguments {
     parts: Vec<PathBuf>,
 
     #[command(flatten)]
-    push: RecordedPushArguments,
+    push: WatchedPushArguments,
 
     /// Print one JSON object: SI units, radians
     #[arg(long)]
@@ -36,12 +39,16 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let candidates = arguments.candidates()?;
-    let push = arguments.push.read()?;
+    let push = arguments.push.watch(f64::INFINITY, &mut |_, _, _| ())?;
+    let force = push.force()?;
+    let tally = push.watch.tally();
     let known = candidates.iter().map(|candidate| push.known(&candidate.file));
-    let ranked = estimation::which_part(known.map(|known| (known.part, known.estimate(&push.force))));
+    let ranked = estimation::which_part(known.map(|known| (known.part, known.estimate(&force))));
     if arguments.json {
-        say!("{}", as_json(&candidates, &ranked));
-        return Ok(ExitCode::SUCCESS);
+        let mut told = as_json(&candidates, &ranked);
+        told["samples"] = lacking::as_json(&tally);
+        say!("{told}");
+        return Ok(lacking::status(&tally));
     }
     for part in &ranked {
         say!("{:6.3}  {}", part.probability, candidates[part.part]);
@@ -50,7 +57,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         say!(
             "None of these parts explains what was felt: is it another part, did the finger move as stated, was the part at rest before?"
         );
-        return Ok(ExitCode::SUCCESS);
+        return Ok(lacking::status(&tally));
     };
     say!(
         "{:6.3}  none of these; the others are probabilities if it is one of them",
@@ -62,7 +69,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     if let Some(mixed) = mixed(&candidates, &ranked).filter(|_| possible > 1) {
         say_poses("Whichever it is", candidate, &mixed);
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(lacking::status(&tally))
 }
 
 fn say_poses(when: &str, candidate: &Candidate, estimate: &Estimate) {

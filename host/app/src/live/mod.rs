@@ -9,15 +9,15 @@ mod run_tests;
 
 use std::time::{Duration, Instant};
 
-use palpate::finger::Samples;
 use palpate::finger::calibration::dwell::Refusal;
 use palpate::finger::calibration::plan::{PlannedContact, Step};
 use palpate::finger::calibration::session::{
     Bench, BenchError, Delivered, SampleSource, SourceError, StepSummary, Wish,
 };
-use palpate::finger::calibration::{self, Calibration, FrontEnd, FrontEndError, FrontEndSettings};
+use palpate::finger::calibration::{self, FrontEnd, FrontEndError, FrontEndSettings};
 use palpate::finger::contact::{ContactSettings, Tare, TareError};
-use palpate::finger::sense;
+use palpate::finger::judge::{CountsJudge, Judged};
+use palpate::finger::rest::RestStretch;
 use palpate_device::simulated::SimulatedDevice;
 use palpate_device::{Incoming, LinkError, Session};
 use palpate_shared::sim::{ContactLoad, Load};
@@ -89,15 +89,11 @@ pub fn front_end(hello: &Hello) -> Result<FrontEnd, FrontEndError> {
     })
 }
 
-/// Hands every block to `take` until it returns `false` or the user interrupts, and everything else to `tell`.
+/// Hands what comes to `take`, in order, until that returns `false` or the user interrupts.
 ///
 /// # Errors
 /// [`LiveError::Link`], [`LiveError::Silent`].
-pub fn stream(
-    session: &mut Session,
-    mut take: impl FnMut(&Session, &Samples) -> bool,
-    mut tell: impl FnMut(&Incoming),
-) -> Result<(), LiveError> {
+pub fn stream(session: &mut Session, mut take: impl FnMut(&Session, &Incoming) -> bool) -> Result<(), LiveError> {
     let mut last_heard = Instant::now();
     let mut last_event = None;
     let mut connected = true;
@@ -106,14 +102,9 @@ pub fn stream(
             return Ok(());
         }
         match session.next(Duration::from_millis(100))? {
-            Some(Incoming::Samples(samples)) => {
-                last_heard = Instant::now();
-                if !take(session, &samples) {
-                    return Ok(());
-                }
-            }
-            Some(other) => {
-                match &other {
+            Some(incoming) => {
+                match &incoming {
+                    Incoming::Samples(_) => last_heard = Instant::now(),
                     // Lost samples are a consequence; what came before is the cause.
                     Incoming::Event(event) if !matches!(event.kind, EventKind::SamplesLost { .. }) => {
                         last_event = Some(event.kind);
@@ -122,15 +113,37 @@ pub fn stream(
                     Incoming::Reconnected { .. } | Incoming::Restarted(_) => {
                         (connected, last_heard) = (true, Instant::now());
                     }
-                    _ => {}
+                    Incoming::Event(_) | Incoming::Temperature(_) => {}
                 }
-                tell(&other);
+                if !take(session, &incoming) {
+                    return Ok(());
+                }
             }
             // A pulled cable may stay out as long as it likes; a device that is there must talk.
             None if connected && last_heard.elapsed() > SILENCE => return Err(LiveError::Silent { last_event }),
             None => {}
         }
     }
+}
+
+/// The same, judged: with everything that came goes what it says of the force.
+///
+/// # Errors
+/// As [`stream`].
+pub fn judged(
+    session: &mut Session,
+    judge: &mut CountsJudge,
+    mut take: impl FnMut(&Session, &Incoming, Vec<Judged>) -> bool,
+) -> Result<(), LiveError> {
+    stream(session, |session, incoming| {
+        let judged = match incoming {
+            Incoming::Samples(samples) => judge.judge(samples).collect(),
+            Incoming::Restarted(_) => vec![judge.restarted()],
+            Incoming::Reconnected { countable: false, .. } => vec![Judged::Missing(None)],
+            _ => Vec::new(),
+        };
+        take(session, incoming, judged)
+    })
 }
 
 /// The board's temperature in °C; `None` if it tells none within a little more than the second between two of them.
@@ -145,38 +158,35 @@ pub fn temperature(session: &mut Session) -> Result<Option<f64>, LinkError> {
     Ok(session.temperature_c())
 }
 
-/// Takes blocks for `seconds` of device time, from now on.
+/// Takes the tare over `seconds` of sample time at rest; what comes beside samples goes to `tell`.
 ///
 /// # Errors
-/// As [`stream`].
-pub fn collect(session: &mut Session, seconds: f64, tell: impl FnMut(&Incoming)) -> Result<Vec<Samples>, LiveError> {
-    let mut blocks: Vec<Samples> = Vec::new();
-    stream(
-        session,
-        |_, samples| {
-            blocks.push(samples.clone());
-            let taken = samples.device_time_s(samples.counts.len()) - blocks[0].device_time_s(0);
-            taken < seconds
-        },
-        tell,
-    )?;
-    Ok(blocks)
-}
-
-/// Takes the tare over `seconds` at rest.
-///
-/// # Errors
-/// As [`collect`]; [`LiveError::Tare`] if the finger was not at rest.
+/// As [`stream`]; [`LiveError::Tare`] if the finger was not at rest.
 pub fn tare(
     session: &mut Session,
+    judge: &mut CountsJudge,
     seconds: f64,
-    calibration: &Calibration,
     settings: &ContactSettings,
-    tell: impl FnMut(&Incoming),
+    mut tell: impl FnMut(&Incoming),
 ) -> Result<Tare, LiveError> {
-    let blocks = collect(session, seconds, tell)?;
-    let rest: Vec<_> = blocks.iter().flat_map(|samples| sense::readings(samples, calibration)).collect();
-    Tare::estimate(&rest, &settings.tare_settings()).map_err(|source| LiveError::Tare { source })
+    let mut rest = RestStretch::new(seconds);
+    let mut failed = None;
+    judged(session, judge, |_, incoming, judged| {
+        tell(incoming);
+        for item in &judged {
+            match rest.take(item) {
+                Ok(false) => {}
+                Ok(true) => return false,
+                Err(error) => {
+                    failed = Some(error);
+                    return false;
+                }
+            }
+        }
+        true
+    })?;
+    let estimated = failed.map_or_else(|| Tare::estimate(rest.readings(), &settings.tare_settings()), Err);
+    estimated.map_err(|source| LiveError::Tare { source })
 }
 
 /// A session as a calibration's source of samples.
@@ -195,14 +205,13 @@ impl<'a> LinkSource<'a> {
 impl SampleSource for LinkSource<'_> {
     fn next_block(&mut self) -> Result<Delivered, SourceError> {
         let (mut block, mut trouble) = (None, None);
-        let taken = stream(
-            self.session,
-            |_, samples| {
-                block = Some(samples.clone());
-                false
-            },
-            |incoming| trouble = trouble.take().or_else(|| trouble_with(incoming)),
-        );
+        let taken = stream(self.session, |_, incoming| {
+            match incoming {
+                Incoming::Samples(samples) => block = Some(samples.clone()),
+                other => trouble = trouble.take().or_else(|| trouble_with(other)),
+            }
+            block.is_none()
+        });
         taken.map_err(|error| SourceError(error.to_string()))?;
         let samples = block.ok_or_else(|| SourceError("the stream ended".to_owned()))?;
         Ok(trouble.map_or(Delivered::Samples(samples), Delivered::Trouble))

@@ -14,7 +14,7 @@ use palpate::finger::calibration::plan::{CalibrationPlan, TareMode};
 use palpate::finger::calibration::session::CalibrationRunError;
 use palpate::finger::calibration::{self, CalibrationFit, FitError};
 use palpate::finger::contact::{Reading, TareError};
-use palpate::finger::sense;
+use palpate::finger::judge::{CountsJudge, Judged};
 use palpate::pushing::estimation::from_rest::onset::{PushSense, RestNoise};
 use palpate::pushing::pushed_world::{Played, STEP_S};
 use palpate_device::session::SessionOptions;
@@ -152,15 +152,12 @@ impl Rig {
 
     /// Readings up to a moment of device time, s.
     fn readings_until(&mut self, end_s: f64) -> Result<Vec<Reading>, RigError> {
-        let (calibration, mut readings) = (&self.fit.calibration, Vec::new());
-        live::stream(
-            &mut self.session,
-            |_, samples| {
-                readings.extend(sense::readings(samples, calibration));
-                samples.device_time_s(samples.counts.len()) < end_s
-            },
-            |_| (),
-        )?;
+        let (mut judge, mut readings) = (CountsJudge::new(&self.fit.calibration), Vec::new());
+        live::judged(&mut self.session, &mut judge, |_, _, judged| {
+            let now = judged.last().and_then(Judged::time);
+            readings.extend(judged.into_iter().filter_map(Judged::reading));
+            now.is_none_or(|now| now < end_s)
+        })?;
         Ok(readings)
     }
 }

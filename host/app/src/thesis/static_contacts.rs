@@ -11,11 +11,12 @@ use std::f64::consts::TAU;
 use palpate::finger::Samples;
 use palpate::finger::calibration::Calibration;
 use palpate::finger::contact::{Averaging, ContactEstimate, ContactSettings, SettingsError};
+use palpate::finger::judge::{CountsJudge, Judged};
 use palpate::finger::sense::{self, FingerSense, Sensed};
 use palpate::math::angle::wrap_angle;
 use palpate::math::statistics::mean;
-use palpate_device::Session;
 use palpate_device::simulated::SimulatedDevice;
+use palpate_device::{Incoming, Session};
 use palpate_shared::sim::{ContactLoad, Load};
 
 use crate::live::{self, LiveError};
@@ -120,12 +121,14 @@ pub fn feel(
     averagings: &[Averaging],
 ) -> Result<Vec<Vec<ContactAccuracy>>, ExperimentError> {
     let mut fingers = tared(session, hand, calibration, contacts, averagings)?;
+    let mut samples = CountsJudge::new(calibration);
     let mut measured = vec![Vec::new(); averagings.len()];
     for (i, &angle) in contacts.angles.iter().enumerate() {
         let friction_angle = contacts.friction_angles[i % contacts.friction_angles.len().max(1)];
         let blocks = press(session, hand, angle, friction_angle, contacts)?;
+        let judged: Vec<_> = blocks.iter().flat_map(|block| samples.judge(block).collect::<Vec<_>>()).collect();
         for (finger, measured) in fingers.iter_mut().zip(&mut measured) {
-            measured.push(judge(finger, &blocks, angle, contacts)?);
+            measured.push(compare(finger, &judged, angle, contacts)?);
         }
     }
     hand.set_load(Load::Released)?;
@@ -141,7 +144,9 @@ fn tared(
     averagings: &[Averaging],
 ) -> Result<Vec<FingerSense>, ExperimentError> {
     let rest = after_load(session, hand, Load::Released, TARE_S)?;
-    let readings: Vec<_> = rest.iter().flat_map(|block| sense::readings(block, calibration)).collect();
+    let mut samples = CountsJudge::new(calibration);
+    let readings: Vec<_> =
+        rest.iter().flat_map(|block| samples.judge(block).collect::<Vec<_>>()).filter_map(Judged::reading).collect();
     let front_end = live::front_end(session.hello()).map_err(LiveError::from)?;
     let bias_walk = sense::bias_walk(calibration, &front_end);
     averagings
@@ -151,7 +156,7 @@ fn tared(
                 ContactSettings { averaging, contact_friction: contacts.mu_c, bias_walk, ..ContactSettings::default() };
             let tare = palpate::finger::contact::Tare::estimate(&readings, &settings.tare_settings())
                 .map_err(|source| LiveError::Tare { source })?;
-            Ok(FingerSense::new(calibration.clone(), tare, &settings)?)
+            Ok(FingerSense::new(Some(calibration.clone()), tare, &settings)?)
         })
         .collect()
 }
@@ -187,30 +192,27 @@ fn after_load(
     session.forget_waiting();
     session.start().map_err(LiveError::from)?;
     let mut blocks: Vec<Samples> = Vec::new();
-    live::stream(
-        session,
-        |_, samples| {
-            if samples.device_time_s(0) >= from_s {
-                blocks.push(samples.clone());
-            }
-            let begun_s = blocks.first().map_or(f64::INFINITY, |first| first.device_time_s(0));
-            samples.device_time_s(samples.counts.len()) < begun_s + seconds
-        },
-        |_| (),
-    )?;
+    live::stream(session, |_, incoming| {
+        let Incoming::Samples(samples) = incoming else { return true };
+        if samples.device_time_s(0) >= from_s {
+            blocks.push(samples.clone());
+        }
+        let begun_s = blocks.first().map_or(f64::INFINITY, |first| first.device_time_s(0));
+        samples.device_time_s(samples.counts.len()) < begun_s + seconds
+    })?;
     Ok(blocks)
 }
 
 /// Compares what is felt with the truth.
-fn judge(
+fn compare(
     finger: &mut FingerSense,
-    blocks: &[Samples],
+    judged: &[Judged],
     angle: f64,
     contacts: &Contacts,
 ) -> Result<ContactAccuracy, ExperimentError> {
-    let measured: Vec<_> = blocks
-        .iter()
-        .flat_map(|block| finger.feel(block))
+    let measured: Vec<_> = finger
+        .feel(judged.iter().copied())
+        .into_iter()
         .filter_map(|sensed| match sensed {
             Sensed::Contact(measured) => Some(measured),
             Sensed::NotMeasured { .. } => None,

@@ -1,13 +1,17 @@
 //! The finger: counts → strain → force → contact.
 //!
-//! [`calibration`] finds and applies the finger's matrix, [`contact`] turns force into contact angles, [`sense`] joins
-//! the two, [`diagnosis`] judges a stretch of samples at rest.
+//! [`calibration`] finds and applies the finger's matrix, [`judge`] tells which samples are measurements, [`contact`] turns
+//! force into contact angles, [`sense`] joins them; [`rest`] gathers a stretch for a tare, [`monitor`] says what to tell and
+//! when, [`diagnosis`] judges a stretch of samples at rest.
 //!
 //! Frames: finger axes; force is the force on the finger's disk. Units: counts, SI.
 
 pub mod calibration;
 pub mod contact;
 pub mod diagnosis;
+pub mod judge;
+pub mod monitor;
+pub mod rest;
 mod samples;
 pub mod sense;
 

@@ -1,17 +1,15 @@
-//! From samples to contact: the pure chain between the converter and whoever wants to know what is touched.
+//! From judged samples to contact: the pure chain between a source of force and whoever wants to know what is touched.
 //!
-//! Counts become force by the calibration's matrix; the force minus the tare becomes a contact. A sample at the end
-//! of the converter's range, or one of many equal ones in a row, is no measurement and is told as such: it is neither
-//! contact nor its absence.
+//! The force of a reading minus the tare becomes a contact. A sample that is no measurement is told as such: it is
+//! neither contact nor its absence.
 //!
 //! Frames: finger. Units: device time in s, force in the calibration's unit.
 
-use nalgebra::Vector2;
-use palpate_shared::units::Counts;
+use nalgebra::Matrix2;
 
-use crate::finger::calibration::{Calibration, FrontEnd, counts_vector};
-use crate::finger::contact::{ContactReading, ContactSense, ContactSettings, Reading, SettingsError, Tare};
-use crate::finger::{STUCK_SAMPLES, Samples};
+use crate::finger::calibration::{Calibration, FrontEnd};
+use crate::finger::contact::{ContactReading, ContactSense, ContactSettings, SettingsError, Tare};
+use crate::finger::judge::{Judged, SampleFault};
 
 /// How far a bridge's offset wanders after the tare, in microstrain per √s.
 ///
@@ -27,40 +25,6 @@ pub fn bias_walk(calibration: &Calibration, front_end: &FrontEnd) -> f64 {
     BIAS_WALK_MICROSTRAIN / front_end.microstrain_per_count() * force_per_count
 }
 
-/// Force readings of a block, tare included, oldest first.
-pub fn readings<'a>(samples: &'a Samples, calibration: &'a Calibration) -> impl Iterator<Item = Reading> + 'a {
-    samples.counts.iter().enumerate().map(move |(index, counts)| {
-        let force_finger = if counts.iter().any(|count: &Counts| count.is_saturated()) {
-            Vector2::repeat(f64::NAN)
-        } else {
-            calibration.inverse() * counts_vector(*counts)
-        };
-        Reading::new(samples.device_time_s(index), force_finger)
-    })
-}
-
-/// Why a sample says nothing about the force.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SenseFault {
-    /// This channel is at the end of the converter's range: a broken gauge or too large a load.
-    Saturated {
-        /// 0 for x, 1 for y.
-        channel: usize,
-    },
-    /// The converter repeats itself.
-    Stuck,
-}
-
-impl std::fmt::Display for SenseFault {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Saturated { channel: 0 } => f.write_str("bridge x is at the end of its range"),
-            Self::Saturated { .. } => f.write_str("bridge y is at the end of its range"),
-            Self::Stuck => f.write_str("the converter repeats itself"),
-        }
-    }
-}
-
 /// What a sample was worth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sensed {
@@ -71,33 +35,35 @@ pub enum Sensed {
         /// Device time, s.
         t: f64,
         /// What kept the sample from being a measurement.
-        fault: SenseFault,
+        fault: SampleFault,
     },
 }
 
-/// A calibrated, tared finger.
+/// A tared finger, of ours or another sensor of force.
 #[derive(Clone, Debug)]
 pub struct FingerSense {
-    calibration: Calibration,
+    /// None where the sensor counts as exact.
+    calibration: Option<Calibration>,
     sense: ContactSense,
-    last: Option<[Counts; 2]>,
-    /// Samples that equal the one before, in a row.
-    repeats: usize,
 }
 
 impl FingerSense {
-    /// A finger with this matrix, tare and settings.
+    /// A finger with this tare and these settings; with a calibration, its uncertainty is part of every contact's.
     ///
     /// # Errors
     /// [`SettingsError`] if a setting is out of range.
-    pub fn new(calibration: Calibration, tare: Tare, settings: &ContactSettings) -> Result<Self, SettingsError> {
-        Ok(Self { calibration, sense: ContactSense::new(settings, tare)?, last: None, repeats: 0 })
+    pub fn new(
+        calibration: Option<Calibration>,
+        tare: Tare,
+        settings: &ContactSettings,
+    ) -> Result<Self, SettingsError> {
+        Ok(Self { calibration, sense: ContactSense::new(settings, tare)? })
     }
 
-    /// The calibration in use.
+    /// The calibration in use, if the finger has one.
     #[must_use]
-    pub fn calibration(&self) -> &Calibration {
-        &self.calibration
+    pub fn calibration(&self) -> Option<&Calibration> {
+        self.calibration.as_ref()
     }
 
     /// The tare in use.
@@ -106,54 +72,48 @@ impl FingerSense {
         self.sense.tare()
     }
 
-    /// What is felt at each sample of a block; nothing while an averaging window fills.
-    pub fn feel(&mut self, samples: &Samples) -> Vec<Sensed> {
-        samples
-            .counts
-            .iter()
-            .enumerate()
-            .filter_map(|(index, &counts)| self.feel_sample(samples.device_time_s(index), counts))
-            .collect()
+    /// What is felt at each item of a stream that says anything of a contact; nothing while an averaging window fills.
+    pub fn feel(&mut self, judged: impl IntoIterator<Item = Judged>) -> Vec<Sensed> {
+        judged.into_iter().filter_map(|item| self.feel_item(&item)).collect()
     }
 
-    fn feel_sample(&mut self, t: f64, counts: [Counts; 2]) -> Option<Sensed> {
-        if let Some(fault) = self.fault(counts) {
-            // Neither the window nor the state of contact outlives what was not measured.
-            let tare = *self.sense.tare();
-            self.sense.set_tare(tare);
-            return Some(Sensed::NotMeasured { t, fault });
+    fn feel_item(&mut self, judged: &Judged) -> Option<Sensed> {
+        match judged {
+            Judged::Measured(reading) => {
+                let calibration = self.calibration.as_ref();
+                let systematic = |force: &_| calibration.map_or_else(Matrix2::zeros, |known| known.systematic(*force));
+                self.sense.push_calibrated(reading, systematic).map(Sensed::Contact)
+            }
+            Judged::NotMeasured { t, fault } => {
+                self.forget();
+                Some(Sensed::NotMeasured { t: *t, fault: *fault })
+            }
+            Judged::Restarted => {
+                self.forget();
+                None
+            }
+            // The readings' times tell of a gap.
+            Judged::Missing(_) => None,
         }
-        let reading = Reading::new(t, self.calibration.inverse() * counts_vector(counts));
-        let calibration = &self.calibration;
-        self.sense.push_calibrated(&reading, |force| calibration.systematic(*force)).map(Sensed::Contact)
     }
 
-    fn fault(&mut self, counts: [Counts; 2]) -> Option<SenseFault> {
-        self.repeats = if self.last == Some(counts) { self.repeats + 1 } else { 0 };
-        self.last = Some(counts);
-        match counts.iter().position(|count| count.is_saturated()) {
-            Some(channel) => Some(SenseFault::Saturated { channel }),
-            None => (self.repeats + 1 >= STUCK_SAMPLES).then_some(SenseFault::Stuck),
-        }
+    /// Neither the window nor the state of contact outlives what was not measured.
+    fn forget(&mut self) {
+        let tare = *self.sense.tare();
+        self.sense.set_tare(tare);
     }
 }
 
 #[cfg(test)]
 mod tests {
 
-    use nalgebra::{Matrix2, SMatrix};
     use palpate_shared::status::Status;
+    use palpate_shared::units::Counts;
 
     use super::*;
-    use crate::finger::calibration::{CalibrationParts, ForceUnit};
-
-    /// 27,000 counts per newton on both axes.
-    fn calibration() -> Calibration {
-        let matrix = Matrix2::identity() * 27_000.0;
-        let covariance = SMatrix::identity();
-        let parts = CalibrationParts { unit: ForceUnit::Newton, matrix, offset: Vector2::zeros(), covariance };
-        Calibration::new(parts).unwrap()
-    }
+    use crate::finger::judge::CountsJudge;
+    use crate::finger::judge::tests::calibration;
+    use crate::finger::{STUCK_SAMPLES, Samples};
 
     /// Samples from number `first` on whose last digits never repeat, on top of `force` N along −x.
     fn samples(first: u64, count: u64, force: f64) -> Samples {
@@ -164,11 +124,21 @@ mod tests {
         Samples { first, missing_before: 0, time_us: 250 * first, period_us: 250.0, status: Status::default(), counts }
     }
 
-    fn tared() -> FingerSense {
+    /// A tared finger behind its judge.
+    struct Finger(CountsJudge, FingerSense);
+
+    impl Finger {
+        fn feel(&mut self, samples: &Samples) -> Vec<Sensed> {
+            self.1.feel(self.0.judge(samples))
+        }
+    }
+
+    fn tared() -> Finger {
         let calibration = calibration();
-        let rest: Vec<_> = readings(&samples(0, 4000, 0.0), &calibration).collect();
+        let mut judge = CountsJudge::new(&calibration);
+        let rest: Vec<_> = judge.judge(&samples(0, 4000, 0.0)).filter_map(|judged| judged.reading()).collect();
         let tare = Tare::estimate(&rest, &ContactSettings::default().tare_settings()).unwrap();
-        FingerSense::new(calibration, tare, &ContactSettings::default()).unwrap()
+        Finger(judge, FingerSense::new(Some(calibration), tare, &ContactSettings::default()).unwrap())
     }
 
     fn touches(sensed: &[Sensed]) -> usize {
@@ -188,7 +158,7 @@ mod tests {
         broken.counts.iter_mut().for_each(|counts| counts[1] = Counts::MAX);
         let sensed = finger.feel(&broken);
         assert_eq!(sensed.len(), 100);
-        let fault = SenseFault::Saturated { channel: 1 };
+        let fault = SampleFault::Saturated { channel: 1 };
         assert!(sensed.iter().all(|sensed| matches!(sensed, Sensed::NotMeasured { fault: f, .. } if *f == fault)));
         assert_eq!(touches(&finger.feel(&samples(4200, 100, 0.0))), 0, "the old contact is forgotten");
     }
@@ -201,7 +171,7 @@ mod tests {
         let sensed = finger.feel(&stuck);
         let faults = sensed
             .iter()
-            .filter(|sensed| matches!(sensed, Sensed::NotMeasured { fault: SenseFault::Stuck, .. }))
+            .filter(|sensed| matches!(sensed, Sensed::NotMeasured { fault: SampleFault::Stuck { .. }, .. }))
             .count();
         assert_eq!(faults, 100 - (STUCK_SAMPLES - 1));
     }

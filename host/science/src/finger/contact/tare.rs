@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::average::Averaging;
 use super::{Reading, noise};
+use crate::finger::judge::SampleFault;
 use crate::math::statistics::{mean, median};
 
 /// Shortest block whose mean is used to judge the stretch, s: one mains period at 50 Hz, so that hum averages out.
@@ -108,6 +109,14 @@ pub enum TareError {
     NotFinite {
         /// Time of the reading, s.
         t: f64,
+    },
+    /// A sample was no measurement.
+    #[error("at t = {t} s {fault}")]
+    NotMeasured {
+        /// Time of the sample, s.
+        t: f64,
+        /// Why it was none.
+        fault: SampleFault,
     },
     /// Time does not increase.
     #[error("time does not increase after t = {t} s")]

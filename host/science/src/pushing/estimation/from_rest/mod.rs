@@ -13,6 +13,7 @@
 //! - `path`: what a guess would feel; `seeds`: guesses to begin with; `fit`: going down from each to a minimum;
 //! - `valley`: how far a minimum reaches where its valley bends;
 //! - `symmetry`: turns of the part that nobody can tell apart;
+//! - [`watch`]: a push from its first sample to the answer, live or recorded;
 //! - [`trial`]: random pushes and a judge.
 //!
 //! The answer is a set: every minimum whose cost is within 16 of the best one's, four standard deviations, each with
@@ -31,6 +32,7 @@ mod seeds;
 mod symmetry;
 pub mod trial;
 mod valley;
+pub mod watch;
 pub mod windowed_force;
 
 use fit::{EndCovariance, Problem, Tried};

@@ -251,6 +251,11 @@ impl PushSense {
         }
     }
 
+    /// Time goes on without a reading: what was sampled was no measurement.
+    pub fn pass(&mut self, t: f64) {
+        self.now = t;
+    }
+
     /// Keeps a contact that was none; one at once after another is the same, ringing on.
     fn note_knock(&mut self, from: f64, to: f64) {
         match self.knocks.last_mut() {

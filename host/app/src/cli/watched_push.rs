@@ -1,0 +1,281 @@
+//! A push watched from its first sample to its end: live from a device, or from a file of forces.
+//!
+//! Either way samples go through the same judge and the same [`PushWatch`].
+
+use std::path::{Path, PathBuf};
+
+use miette::WrapErr as _;
+use palpate::finger::contact::TareError;
+use palpate::finger::judge::{CountsJudge, ForceJudge, Judged};
+use palpate::gravity::GRAVITY_ASSUMED;
+use palpate::never;
+use palpate::pushing::estimation::from_rest::onset::PushSense;
+use palpate::pushing::estimation::from_rest::watch::{PushAnswer, PushWatch, RecordedWatch, WatchSettings};
+use palpate::pushing::estimation::from_rest::{KnownFromRest, WindowedForce};
+use palpate::pushing::finger_motion::FingerMotion;
+use palpate_files::part::PolygonFile;
+use palpate_files::recordings::csv::{self, RecordedTable};
+
+use super::calibrated::CalibrationArguments;
+use super::device::DeviceArguments;
+use super::motion_source::MotionSource;
+use super::read::{read, report_problems};
+use super::{lacking, positive};
+use crate::advice::{self, Advise as _};
+use crate::live;
+use crate::live::interrupt;
+
+/// Where a push comes from.
+#[derive(Debug, clap::Args)]
+pub(super) struct WatchedPushArguments {
+    /// Forces on the finger from a file instead of a device: a table of t, Fx, Fy, with the finger at rest at its
+    /// beginning
+    #[arg(value_name = "FORCES", conflicts_with_all = ["device", "baud", "calibration"])]
+    forces: Option<PathBuf>,
+
+    /// How the finger moves: a motion file (see `palpate observe --help`), or - for segments from standard input
+    #[arg(long, value_name = "MOTION.toml")]
+    motion: PathBuf,
+
+    #[command(flatten)]
+    felt: FeltPushArguments,
+
+    #[command(flatten)]
+    device: DeviceArguments,
+
+    #[command(flatten)]
+    calibration: CalibrationArguments,
+}
+
+/// What must be known of the finger, its rest and the plane to make sense of the forces.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(super) struct FeltPushArguments {
+    /// Radius of the finger's disk
+    #[arg(long, value_name = "MM", value_parser = positive, default_value_t = 15.0)]
+    radius_mm: f64,
+
+    /// Take the tare over so many seconds at rest, at the beginning
+    #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true, value_parser = super::stretch)]
+    tare: f64,
+
+    /// How well the part file's mu is known: 20% as one standard deviation, or x2 for within a factor of two (two of
+    /// them); mu is then found too
+    #[arg(long, value_name = "SHARE", value_parser = log_sd, allow_hyphen_values = true)]
+    mu_uncertainty: Option<f64>,
+}
+
+impl FeltPushArguments {
+    /// What is known of a push from rest of the part in this file, with this motion of the finger.
+    pub(super) fn known<'a>(self, file: &'a PolygonFile, motion: &'a FingerMotion) -> KnownFromRest<'a> {
+        let (mu_g, mu_g_log_sd) = (file.mu * GRAVITY_ASSUMED, self.mu_uncertainty);
+        KnownFromRest { part: &file.part, mu_g, mu_g_log_sd, radius: self.radius_mm * 1e-3, motion }
+    }
+}
+
+/// A share in per cent as the standard deviation of a logarithm, or a factor as two of them.
+fn log_sd(text: &str) -> Result<f64, String> {
+    let neither = || format!("{text:?} is neither a share such as 20% nor a factor such as x2");
+    let within = |value: &str, limits: [f64; 2], unit: &str| {
+        let value: f64 = value.parse().map_err(|_| neither())?;
+        let [low, high] = limits;
+        if (low..=high).contains(&value) {
+            Ok(value)
+        } else {
+            Err(format!("{text} is not within {low}{unit} and {high}{unit}"))
+        }
+    };
+    match (text.strip_suffix('%'), text.strip_prefix(['x', '×'])) {
+        (Some(share), _) => within(share.trim_end(), PER_CENT, "%").map(|share| share / 100.0),
+        (None, Some(factor)) => within(factor.trim_start(), FACTOR, "").map(|factor| 0.5 * factor.ln()),
+        (None, None) => Err(neither()),
+    }
+}
+
+/// What the friction of a plane can be uncertain by: less than the first is nothing beside other errors, more than the
+/// second is a factor.
+const PER_CENT: [f64; 2] = [0.1, 100.0];
+
+/// The same as a factor: at more than the second mu would be no guess at all.
+const FACTOR: [f64; 2] = [1.01, 10.0];
+
+/// The usable rows of a file of forces, judged; the others are named.
+fn judged_forces(path: &Path) -> miette::Result<Vec<Judged>> {
+    let RecordedTable { readings, problems, .. } = read(path, csv::parse)?;
+    report_problems(path, &problems);
+    Ok(ForceJudge::judge_recording(&readings))
+}
+
+/// A push that is over.
+pub(super) struct WatchedPush {
+    pub(super) watch: PushWatch,
+    motion: FingerMotion,
+    felt: FeltPushArguments,
+}
+
+/// What is asked of a push while it goes on: the watch, whenever an estimate is due, with what is known of a part.
+pub(super) type Look<'l> = &'l mut dyn FnMut(&mut PushWatch, FeltPushArguments, &FingerMotion);
+
+impl WatchedPushArguments {
+    /// Watches a push to its end; every so many seconds of it `look` is asked.
+    pub(super) fn watch(&self, every_s: f64, look: Look<'_>) -> miette::Result<WatchedPush> {
+        let settings = WatchSettings { rest_s: self.felt.tare, every_s };
+        let mut motion = MotionSource::open(&self.motion)?;
+        let watch = match &self.forces {
+            Some(path) => {
+                let named = || format!("cannot use the forces {}", path.display());
+                let judged = judged_forces(path)?;
+                motion.read_all()?;
+                let Some(motion) = motion.known() else { return Err(without_motion()) };
+                self.watch_recording(settings, &judged, motion, look).wrap_err_with(named)?
+            }
+            None => self.watch_device(settings, &mut motion, look)?,
+        };
+        let Some(motion) = motion.into_known() else { return Err(without_motion()) };
+        if let Some(sense) = watch.sense() {
+            tell_contacts(sense, motion.duration());
+        }
+        lacking::tell("since the push began", &watch.tally());
+        Ok(WatchedPush { watch, motion, felt: self.felt })
+    }
+
+    fn watch_recording(
+        &self,
+        settings: WatchSettings,
+        judged: &[Judged],
+        motion: &FingerMotion,
+        look: Look<'_>,
+    ) -> miette::Result<PushWatch> {
+        let RecordedWatch { mut watch, from, push, others } =
+            RecordedWatch::new(settings, None, judged, motion).map_err(not_at_rest)?;
+        if let Some(push) = push {
+            for other in others {
+                note!(
+                    "a contact from t = {:.3} s to {:.3} s is not taken for the push, which begins at t = {:.3} s",
+                    other.from,
+                    other.to,
+                    push.from
+                );
+            }
+        }
+        for item in &judged[from..] {
+            watch.take([*item]).map_err(not_at_rest)?;
+            if watch.is_over(motion, true) {
+                break;
+            }
+            if watch.is_due(motion) {
+                look(&mut watch, self.felt, motion);
+            }
+        }
+        Ok(watch)
+    }
+
+    fn watch_device(
+        &self,
+        settings: WatchSettings,
+        motion: &mut MotionSource,
+        look: Look<'_>,
+    ) -> miette::Result<PushWatch> {
+        interrupt::listen();
+        let mut session = self.device.open(true)?;
+        let calibration = self.calibration.require(&session)?;
+        session.start().advised()?;
+        note!("{}taring for {} s: no force on the finger", super::simulated_note(&session), self.felt.tare);
+        let mut watch = PushWatch::new(settings, Some(&calibration));
+        let mut judge = CountsJudge::new(&calibration);
+        let mut failed = None;
+        let watched = live::judged(&mut session, &mut judge, |_, incoming, judged| {
+            super::tell(incoming);
+            let was_resting = watch.sense().is_none();
+            let taken = watch.take(judged).map_err(not_at_rest).and_then(|()| motion.take());
+            if was_resting && watch.sense().is_some() {
+                note!("ready: push");
+            }
+            if let Err(error) = taken {
+                failed = Some(error);
+                return false;
+            }
+            let Some(known) = motion.known() else { return true };
+            if watch.is_over(known, motion.is_complete()) {
+                return false;
+            }
+            if watch.is_due(known) {
+                look(&mut watch, self.felt, known);
+            }
+            true
+        });
+        // Whatever ended it, nobody listens any more.
+        let stopped = session.stop();
+        watched.advised()?;
+        failed.map_or(Ok(()), Err)?;
+        stopped.advised()?;
+        Ok(watch)
+    }
+}
+
+impl WatchedPush {
+    /// What is known of the push if this part was pushed.
+    pub(super) fn known<'p>(&'p self, file: &'p PolygonFile) -> KnownFromRest<'p> {
+        self.felt.known(file, &self.motion)
+    }
+
+    /// The force that was felt.
+    pub(super) fn force(&self) -> miette::Result<WindowedForce> {
+        self.was_felt()?;
+        self.watch.force(&self.motion).ok_or_else(too_short)
+    }
+
+    /// What is known in the end, if it is this part.
+    pub(super) fn conclude(&mut self, file: &PolygonFile) -> Option<PushAnswer> {
+        let known = self.felt.known(file, &self.motion);
+        self.watch.conclude(&known, &never)
+    }
+
+    /// Whether there was a push at all.
+    pub(super) fn was_felt(&self) -> miette::Result<()> {
+        if self.watch.onset_time().is_some() {
+            return Ok(());
+        }
+        Err(miette::miette!(
+            help =
+                "the force must stand out of the noise by far: is the part too light, or did the finger not touch it?",
+            "no push was felt"
+        ))
+    }
+}
+
+/// Of a push that says nothing.
+pub(super) fn too_short() -> miette::Report {
+    miette::miette!(
+        help = "push for longer: a tenth of a second says little, half a second much",
+        "the push was too short to say anything"
+    )
+}
+
+/// Where nobody said how the finger moves.
+fn without_motion() -> miette::Report {
+    miette::miette!(
+        help = "write at least one segment, such as {{\"seconds\": 0.3, \"acceleration\": [0.15, 0]}}",
+        "standard input told nothing of the finger's motion"
+    )
+}
+
+/// Says what was felt beside the push: contacts that were too short, and an end before the motion's.
+fn tell_contacts(sense: &PushSense, duration: f64) {
+    for knock in sense.knocks() {
+        note!("a knock at t = {:.3} s was too short to be the push", knock.from);
+    }
+    if let (Some(onset), Some(lost)) = (sense.onset_time(), sense.lost_before(duration)) {
+        note!(
+            "contact was lost at t = {lost:.3} s, {:.3} s after the push began; the motion lasts {duration:.3} s",
+            lost - onset
+        );
+    }
+}
+
+/// What to tell where the stretch for the tare was no rest.
+fn not_at_rest(error: TareError) -> miette::Report {
+    let help = advice::help(&error).unwrap_or_default();
+    let help = format!("{help}; if the rest before the push was shorter than the tare, say so with --tare");
+    let help = help.trim_start_matches("; ");
+    miette::miette!(help = help, "the finger was not at rest while the tare was taken: {error}")
+}
