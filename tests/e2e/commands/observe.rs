@@ -150,6 +150,46 @@ fn forces_from_a_file_and_a_motion_from_standard_input_name_the_pose() {
     check(&last_answer(&child.wait_with_output().unwrap()), &played);
 }
 
+/// Rows left out are told with every answer, and what a sensor repeats is no force: exit status 3.
+#[test]
+fn what_samples_of_a_push_lack_is_said_by_every_answer() {
+    let (folder, played) = (tempfile::tempdir().unwrap(), pushed());
+    let table = forces(&played, 1.2, 1e-3);
+    let rows: Vec<&str> = table.lines().collect();
+    // The push begins in row 4801, behind the headings; this is 0.3 s later.
+    let there = 6001;
+    let answer = |name: &str, rows: Vec<&str>| {
+        let file = folder.path().join(name);
+        std::fs::write(&file, rows.join("\n")).unwrap();
+        let mut command = observe(&["--json", "--motion"]);
+        let output = command.arg(example("motion.toml")).arg(&file).output().unwrap();
+        let last = text(&output.stdout).lines().last().map(str::to_owned).unwrap();
+        (serde_json::from_str::<Value>(&last).unwrap(), output.status.code(), text(&output.stderr))
+    };
+    let kept = rows.iter().enumerate().filter(|(row, _)| !(there..there + 16).contains(row)).map(|(_, row)| *row);
+    let (lossy, status, told) = answer("lost.csv", kept.collect());
+    check(&lossy, &played);
+    assert_eq!((lossy["samples"]["missing"].as_u64(), status), (Some(16), Some(0)), "{lossy}");
+    assert!(told.contains("since the push began: 16 missing"), "{told}");
+    // The time goes on, the values do not.
+    let frozen: Vec<String> = rows
+        .iter()
+        .enumerate()
+        .map(|(row, line)| match row {
+            row if row > there => {
+                let time = line.split(',').next().unwrap();
+                format!("{time}{}", &rows[there][rows[there].find(',').unwrap()..])
+            }
+            _ => (*line).to_owned(),
+        })
+        .collect();
+    let (stuck, status, told) = answer("stuck.csv", frozen.iter().map(String::as_str).collect());
+    let count = stuck["samples"]["stuck"][0].as_u64().unwrap();
+    assert!((1..200).contains(&count) && status == Some(3), "{stuck}");
+    assert!(told.contains("stuck on x"), "{told}");
+    assert!(stuck["t"].as_f64().unwrap() < 0.45, "nothing behind the fault is used: {stuck}");
+}
+
 #[test]
 fn another_part_explains_nothing_and_that_is_said() {
     let (folder, played) = (tempfile::tempdir().unwrap(), pushed());
