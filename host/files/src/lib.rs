@@ -4,13 +4,15 @@
 //! - what people describe in TOML: [`part`], [`body`], [`motion`], [`views`], [`scene`];
 //! - what is kept: [`calibration`] (plan, raw samples, result), [`sampling_plan`];
 //! - what others recorded: [`recordings`];
-//! - what programs exchange: [`solve`].
+//! - what programs exchange: [`solve`];
+//! - [`output`]: how any of it reaches the disk.
 //!
 //! Units: SI once read. Errors name the key or line, the value and the limit.
 
 pub mod body;
 pub mod calibration;
 pub mod motion;
+pub mod output;
 pub mod part;
 pub mod recordings;
 pub mod sampling_plan;

@@ -13,6 +13,7 @@ use palpate_files::calibration::conclusion::{ConclusionError, HeldBackError};
 use palpate_files::calibration::file::CalibrationFileError;
 use palpate_files::calibration::plan::PlanFileError;
 use palpate_files::calibration::raw::{ProvenanceError, RawError};
+use palpate_files::output::OutputError;
 
 use super::help;
 
@@ -190,8 +191,10 @@ fn raw(error: &RawError) -> Option<String> {
 
 fn file(error: &CalibrationFileError) -> Option<String> {
     let help = match error {
-        CalibrationFileError::Io { .. } => "check the path, and that you may read and write there",
-        CalibrationFileError::Exists(_) => "move it away, or give another date or finger",
+        CalibrationFileError::Io { .. } | CalibrationFileError::Output(OutputError::Io { .. }) => {
+            "check the path, that you may read and write there, and that there is room"
+        }
+        CalibrationFileError::Output(OutputError::Exists(_)) => "move it away, or give another date or finger",
         CalibrationFileError::Text(_) => {
             "take the file as palpate calibrate wrote it, or recalculate it from its raw samples"
         }
@@ -400,9 +403,12 @@ mod tests {
         check(vec![
             (
                 CalibrationFileError::Io { doing: "read", path: "a".into(), source: io::ErrorKind::NotFound.into() },
-                "check the path, and that you may read and write there",
+                "check the path, that you may read and write there, and that there is room",
             ),
-            (CalibrationFileError::Exists("a".into()), "move it away, or give another date or finger"),
+            (
+                CalibrationFileError::Output(OutputError::Exists("a".into())),
+                "move it away, or give another date or finger",
+            ),
             (
                 CalibrationFileError::Text(text()),
                 "take the file as palpate calibrate wrote it, or recalculate it from its raw samples",

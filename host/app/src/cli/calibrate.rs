@@ -17,9 +17,10 @@ use palpate_files::calibration::plan::from_toml;
 use palpate_files::calibration::raw::{Provenance, RawRun};
 
 use super::device::DeviceArguments;
+use super::read::read_text;
 use crate::advice::{self, Advise as _};
 use crate::live::person::Person;
-use crate::live::{self, GAUGE_FACTOR, LinkSource, SimulatedBench};
+use crate::live::{self, GAUGE_FACTOR, LinkSource, SimulatedBench, interrupt};
 
 /// Finds the finger's matrix from contacts at known angles, step by step.
 ///
@@ -54,8 +55,8 @@ pub(crate) struct Arguments {
     #[arg(long)]
     print_plan: bool,
 
-    /// Fit kept raw samples again instead of taking new ones
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["plan", "keep"])]
+    /// Fit kept raw samples again instead of taking new ones; the result goes beside them
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["plan", "keep", "out"])]
     from_raw: Option<PathBuf>,
 
     /// Keep the raw samples of the accepted steps when the run is stopped with `q`; a run that ends otherwise always
@@ -182,25 +183,47 @@ pub(crate) fn calibrate(
     provenance.date = arguments.date.clone().unwrap_or_else(now);
     let raw = RawRun::new(provenance, plan.clone(), run.taken());
     match ending {
-        Ok(Ending::Complete) => {
-            let raw_path = save_raw(&arguments.out, &raw).advised()?;
-            unfinished.remove();
-            conclude_and_write(arguments, &raw, &raw_path)
-        }
+        Ok(Ending::Complete) => match save_raw(&arguments.out, &raw) {
+            Ok(raw_path) => {
+                unfinished.remove();
+                conclude_and_write(arguments, &raw, &raw_path)
+            }
+            Err(error) => Err(not_kept(arguments, &raw, &unfinished, error)),
+        },
         Ok(Ending::Quit) => {
             keep_if_wished(arguments, &raw)?;
             unfinished.remove();
             note!("stopped after {} of {} steps; no calibration written", raw.dwells.len(), run.len());
             Ok(ExitCode::FAILURE)
         }
-        Err(error) => Err(match unfinished.path() {
-            Some(path) => {
-                let kept = format!("the steps so far are kept in {}", path.display());
-                advice::report(error).wrap_err(kept)
-            }
+        Err(error) => Err(match &unfinished.kept {
+            Some(_) => advice::report(error).wrap_err(unfinished.in_words()),
             None => advice::report(error),
         }),
     }
+}
+
+/// A whole run that could not be written where it should: what it says is shown, and its samples go where there is room.
+fn not_kept(
+    arguments: &Arguments,
+    raw: &RawRun,
+    unfinished: &Unfinished<'_>,
+    error: CalibrationFileError,
+) -> miette::Report {
+    let elsewhere = std::env::temp_dir();
+    let kept = match save_raw(&elsewhere, raw) {
+        Ok(path) => format!(
+            "the samples are kept in {}: move them to {} and run `palpate calibrate --from-raw` on them",
+            path.display(),
+            arguments.out.join(&raw.provenance.finger).display()
+        ),
+        Err(_) if unfinished.kept.is_some() => unfinished.in_words(),
+        Err(_) => format!("the samples could be kept neither there nor in {}", elsewhere.display()),
+    };
+    if let Ok(conclusion) = conclude(raw) {
+        super::write_out(format_args!("{conclusion}"));
+    }
+    advice::report(error).wrap_err(kept)
 }
 
 /// The samples of a run that is not over, on disk after every step: a killed program or a pulled cable loses none.
@@ -208,32 +231,50 @@ struct Unfinished<'a> {
     root: &'a Path,
     provenance: Provenance,
     plan: &'a CalibrationPlan,
-    written: Option<Result<PathBuf, CalibrationFileError>>,
+    /// Where they are, and of how many steps.
+    kept: Option<(PathBuf, usize)>,
+    /// Whether the last attempt failed.
+    fails: bool,
 }
 
 impl<'a> Unfinished<'a> {
     fn new(root: &'a Path, provenance: &Provenance, plan: &'a CalibrationPlan) -> Self {
-        Self { root, provenance: provenance.clone(), plan, written: None }
+        Self { root, provenance: provenance.clone(), plan, kept: None, fails: false }
     }
 
     /// Keeps what was taken so far. A failure is said once and is no reason to stop: the end of the run writes again.
     fn keep(&mut self, taken: &[Taken]) {
-        let written = save_unfinished(self.root, &RawRun::new(self.provenance.clone(), self.plan.clone(), taken));
-        if let (Err(error), None | Some(Ok(_))) = (&written, &self.written) {
-            tracing::warn!("the samples so far cannot be kept ({error}); the run goes on, and its end tries again");
+        match save_unfinished(self.root, &RawRun::new(self.provenance.clone(), self.plan.clone(), taken)) {
+            Ok(path) => {
+                self.fails = false;
+                self.kept = Some((path, taken.len()));
+                interrupt::end_saying(format!("stopped; {}", self.in_words()));
+            }
+            Err(error) => {
+                if !self.fails {
+                    tracing::warn!(
+                        "the samples so far cannot be kept ({error}); the run goes on, and its end tries again"
+                    );
+                }
+                self.fails = true;
+            }
         }
-        self.written = Some(written);
     }
 
-    /// Path of the written samples, if any could be.
-    fn path(&self) -> Option<&Path> {
-        self.written.as_ref()?.as_ref().ok().map(PathBuf::as_path)
+    /// Says what is kept where.
+    fn in_words(&self) -> String {
+        match &self.kept {
+            Some((path, steps)) => {
+                format!("the first {} are kept in {}", super::counted(*steps, "step"), path.display())
+            }
+            None => "nothing is kept".to_owned(),
+        }
     }
 
     /// Removes them: they are not wanted, or in their own file by now.
     fn remove(self) {
-        if let Some(path) = self.path() {
-            if let Err(error) = fs::remove_file(path) {
+        if let Some((path, _)) = self.kept {
+            if let Err(error) = fs::remove_file(&path) {
                 tracing::warn!("{} is left over and may be removed: {error}", path.display());
             }
             // Only an empty folder goes.
@@ -267,8 +308,7 @@ fn conclude_and_write(arguments: &Arguments, raw: &RawRun, raw_path: &Path) -> m
 
 /// Fits a raw file again. The result goes beside it, under its own date unless another is given.
 fn recalculate(arguments: &Arguments, path: &Path) -> miette::Result<ExitCode> {
-    let text =
-        fs::read_to_string(path).into_diagnostic().wrap_err_with(|| format!("cannot read {}", path.display()))?;
+    let text = read_text(path).wrap_err_with(|| format!("cannot read {}", path.display()))?;
     let named = || format!("cannot calibrate from {}", path.display());
     let raw = RawRun::from_text(&text).advised().wrap_err_with(named)?;
     let conclusion =
@@ -314,8 +354,7 @@ impl Arguments {
             let tare = if self.tare_once { TareMode::Once } else { TareMode::Each };
             return Ok(CalibrationPlan::all_round(self.contacts, self.load, tare));
         };
-        let text =
-            fs::read_to_string(path).into_diagnostic().wrap_err_with(|| format!("cannot read {}", path.display()))?;
+        let text = read_text(path).wrap_err_with(|| format!("cannot read {}", path.display()))?;
         from_toml(&text).advised().wrap_err_with(|| format!("cannot use {}", path.display()))
     }
 }
@@ -413,11 +452,13 @@ mod tests {
         force: std::rc::Rc<std::cell::Cell<[f64; 2]>>,
         quits_at: usize,
         lets_go_at: usize,
+        /// From this step on nothing can be written to this folder any more.
+        full_at: Option<(usize, PathBuf)>,
     }
 
     impl Default for Hand {
         fn default() -> Self {
-            Self { force: std::rc::Rc::default(), quits_at: usize::MAX, lets_go_at: usize::MAX }
+            Self { force: std::rc::Rc::default(), quits_at: usize::MAX, lets_go_at: usize::MAX, full_at: None }
         }
     }
 
@@ -430,6 +471,10 @@ mod tests {
                     [-2.0 * cos, -2.0 * sin]
                 }
             });
+            if let Some((_, folder)) = self.full_at.take_if(|(full_at, _)| number >= *full_at) {
+                fs::rename(&folder, folder.with_extension("moved")).unwrap();
+                fs::write(&folder, "in the way").unwrap();
+            }
             match number {
                 _ if number >= self.lets_go_at => Err(BenchError("the hand let go".to_owned())),
                 _ if number >= self.quits_at => Ok(Wish::Quit),
@@ -508,6 +553,22 @@ mod tests {
         let names: Vec<_> =
             fs::read_dir(folder.path().join("finger-a")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
         assert_eq!(names, ["2024-05-02T101500Z.csv"], "{error}");
+    }
+
+    #[test]
+    fn a_run_whose_disk_is_gone_says_where_its_samples_are() {
+        let folder = tempfile::tempdir().unwrap();
+        let name = format!("test-{}", std::process::id());
+        let line = ["--out", folder.path().to_str().unwrap(), "--finger", &name, "--load", "2 N"];
+        let full_at = Some((6, folder.path().join(&name)));
+        let error = go(&line, Hand { full_at, ..Hand::default() }).unwrap_err().to_string();
+        let kept = error.split("kept in ").nth(1).and_then(|rest| rest.split(':').next()).unwrap();
+        let raw = RawRun::from_text(&fs::read_to_string(kept).unwrap()).unwrap();
+        assert_eq!(raw.dwells.len(), raw.plan.steps().len(), "every step of the run: {error}");
+        // What was kept before stays too, and is nobody's waste.
+        let moved = folder.path().join(&name).with_extension("moved");
+        assert_eq!(fs::read_dir(moved).unwrap().count(), 1);
+        fs::remove_dir_all(Path::new(kept).parent().unwrap()).unwrap();
     }
 
     #[test]

@@ -9,6 +9,7 @@ use palpate::finger::calibration::Calibration;
 use palpate::finger::contact::Tare;
 use palpate_device::Session;
 use palpate_files::calibration::file::{CalibrationFile, RawState};
+use palpate_files::output;
 use serde::{Deserialize, Serialize};
 
 use crate::advice::Advise as _;
@@ -102,8 +103,14 @@ impl KeptTare {
 
     /// Writes the tare to a file.
     pub(crate) fn save(&self, path: &Path) -> miette::Result<()> {
+        let named = || format!("cannot keep the tare in {}", path.display());
         let text = toml::to_string(self).into_diagnostic()?;
-        fs::write(path, text).into_diagnostic().wrap_err_with(|| format!("cannot keep the tare in {}", path.display()))
+        // An older tare may go; anything else is somebody's.
+        if path.is_file() && Self::read(path).is_err() {
+            let help = "choose another name, or move it away";
+            return Err(miette::miette!(help = help, "it is there and is no kept tare")).wrap_err_with(named);
+        }
+        output::replace(path, text.as_bytes()).into_diagnostic().wrap_err_with(named)
     }
 
     /// Reads one, if it belongs to the connected device as it is set now.

@@ -15,9 +15,10 @@ use palpate::pushing::estimation::from_rest::{self, KnownFromRest};
 use palpate::pushing::finger_motion::{FingerMotion, Segment};
 use palpate_device::simulated::Line;
 use palpate_files::motion;
+use palpate_files::output;
 use palpate_files::part::PolygonFile;
 
-use super::read::read;
+use super::read::{read, read_text};
 use super::{not_negative, pose, static_demo};
 use crate::advice::Advise as _;
 use crate::thesis::chain::known_of;
@@ -121,7 +122,7 @@ impl Arguments {
     fn keep_files(&self, folder: &Path, part: &Part, ranges: &Ranges, measured: &SensedPush) -> miette::Result<()> {
         let cannot = || format!("cannot keep the push in {}", folder.display());
         let part = match &self.part {
-            Some(path) => fs::read_to_string(path).into_diagnostic().wrap_err_with(cannot)?,
+            Some(path) => read_text(path).wrap_err_with(cannot)?,
             None => part_as_toml(part, ranges.mu),
         };
         let files = [
@@ -136,7 +137,7 @@ impl Arguments {
         fs::create_dir_all(folder).into_diagnostic().wrap_err_with(cannot)?;
         files
             .iter()
-            .try_for_each(|(name, text)| fs::write(folder.join(name), text))
+            .try_for_each(|(name, text)| output::write_new(&folder.join(name), text.as_bytes()))
             .into_diagnostic()
             .wrap_err_with(cannot)?;
         let named = |name: &str| folder.join(name).display().to_string();

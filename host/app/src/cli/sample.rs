@@ -1,7 +1,6 @@
 //! `palpate sample`.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -16,6 +15,7 @@ use palpate_files::scene::SceneFile;
 use palpate_files::solve::kinds::point_sampling::PointSampling;
 
 use super::plot::PlotArguments;
+use super::read::read_text;
 use super::{counted, not_negative, positive};
 use crate::pictures::point_sampling::SamplingPicture;
 
@@ -204,7 +204,7 @@ pub(crate) fn status(plan: &Plan) -> ExitCode {
 
 fn read_scene(path: &Path) -> miette::Result<SceneFile> {
     let cannot = || format!("cannot use the scene {}", path.display());
-    let text = fs::read_to_string(path).into_diagnostic().wrap_err_with(cannot)?;
+    let text = read_text(path).wrap_err_with(cannot)?;
     if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json")) {
         return from_problem(&text).wrap_err_with(cannot);
     }
@@ -323,7 +323,7 @@ fn print_question(question: &Question, indent: &str, ask: &dyn Fn(usize) -> Stri
 
 fn decode(path: &Path, readings: &str) -> miette::Result<ExitCode> {
     let cannot = || format!("cannot use the plan {}", path.display());
-    let text = fs::read_to_string(path).into_diagnostic().wrap_err_with(cannot)?;
+    let text = read_text(path).wrap_err_with(cannot)?;
     let mut value: serde_json::Value = serde_json::from_str(&text).into_diagnostic().wrap_err_with(cannot)?;
     // What `palpate inscribe --resolve` prints has its plan inside.
     let value = value.get_mut("resolve").map(serde_json::Value::take).unwrap_or(value);
@@ -336,7 +336,7 @@ fn decode(path: &Path, readings: &str) -> miette::Result<ExitCode> {
 /// The fewest elements that tell the sets of a file apart.
 fn discriminate(arguments: &Arguments, path: &Path) -> miette::Result<ExitCode> {
     let cannot = || format!("cannot use the sets in {}", path.display());
-    let text = fs::read_to_string(path).into_diagnostic().wrap_err_with(cannot)?;
+    let text = read_text(path).wrap_err_with(cannot)?;
     let (names, words, sets) = parse_sets(&text).wrap_err_with(cannot)?;
     let system = SetSystem::from_sets(words.len(), &sets);
     let order: Vec<usize> = (0..words.len()).collect();

@@ -3,10 +3,14 @@
 //! Long-running commands look at it between two blocks of samples, so that they end in order: the device is told to
 //! stop, the summary is printed, links are removed.
 
-use std::sync::Once;
+use std::io::Write as _;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, Once, PoisonError};
 
 static REQUESTED: AtomicBool = AtomicBool::new(false);
+
+/// What an interruption says as it ends the process; none where it is a wish.
+static LAST_WORDS: Mutex<Option<String>> = Mutex::new(None);
 
 /// From now on an interruption is a wish that [`requested`] tells, and not the process's immediate end; a second one
 /// ends it all the same.
@@ -17,8 +21,13 @@ pub fn listen() {
     static INSTALLED: Once = Once::new();
     INSTALLED.call_once(|| {
         let installed = ctrlc::set_handler(|| {
+            if let Some(words) = LAST_WORDS.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
+                // Whether or not anybody reads it.
+                let _ = writeln!(std::io::stderr(), "\n{words}");
+                std::process::exit(INTERRUPTED);
+            }
             if REQUESTED.swap(true, Ordering::Relaxed) {
-                std::process::exit(INTERRUPTED_TWICE);
+                std::process::exit(INTERRUPTED);
             }
         });
         if let Err(error) = installed {
@@ -27,8 +36,14 @@ pub fn listen() {
     });
 }
 
-/// Exit status of a process that was interrupted while it was ending: what shells give for a signal 2.
-const INTERRUPTED_TWICE: i32 = 130;
+/// From now on an interruption says this and ends the process at once, even while it waits for the keyboard.
+pub fn end_saying(words: String) {
+    *LAST_WORDS.lock().unwrap_or_else(PoisonError::into_inner) = Some(words);
+    listen();
+}
+
+/// Exit status of a process that an interruption ended: what shells give for a signal 2.
+const INTERRUPTED: i32 = 130;
 
 /// Whether the user wants the program to stop.
 #[must_use]

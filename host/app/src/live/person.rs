@@ -28,7 +28,8 @@ impl<R: BufRead, W: Write> Person<R, W> {
         written.map_err(|error| BenchError(format!("cannot write to the terminal: {error}")))
     }
 
-    /// Asks until the answer is one of those offered. The end of input is the wish to stop: nobody is there any more.
+    /// Asks until the answer is one of those offered. At the end of input nobody is there any more, and nobody has said
+    /// that what was measured may go.
     fn ask(&mut self, question: &str) -> Result<Wish, BenchError> {
         loop {
             self.say(&format!("{question} [Enter = sample, r = the step before again, q = quit] "))?;
@@ -38,7 +39,7 @@ impl<R: BufRead, W: Write> Person<R, W> {
                 .read_line(&mut line)
                 .map_err(|error| BenchError(format!("cannot read the keyboard: {error}")))?;
             match line.trim() {
-                "" if read == 0 => return Ok(Wish::Quit),
+                "" if read == 0 => return Err(BenchError("nobody is at the keyboard any more".to_owned())),
                 "" => return Ok(Wish::Sample),
                 "r" => return Ok(Wish::Back),
                 "q" => return Ok(Wish::Quit),

@@ -19,6 +19,7 @@ use palpate::math::angle::{contact_angle, wrap_angle};
 use palpate_files::calibration::conclusion::{Conclusion, HELD_BACK_ERROR_MAX_DEG, conclude};
 use palpate_files::calibration::file::{CalibrationFile, CalibrationFileError, RawState, save_raw, save_result};
 use palpate_files::calibration::raw::{Provenance, RawError, RawRun};
+use palpate_files::output::OutputError;
 use palpate_shared::units::Counts;
 use palpate_shared::wire::Status;
 use proptest::prelude::*;
@@ -288,13 +289,16 @@ fn a_person_is_prompted_and_may_redo_and_quit() {
 }
 
 #[test]
-fn the_end_of_input_stops_instead_of_looping() {
+fn at_the_end_of_input_nobody_has_wished_to_throw_anything_away() {
     let world = Shared::new(std::cell::RefCell::new(World::new(10)));
     let plan = quick_plan(Load::Same, TareMode::Once);
     let mut session =
         CalibrationRun::new(plan.steps(), plan.dwell_settings(provenance().check().unwrap(), RATE_HZ).unwrap());
-    let ending = run(&mut session, &mut Device(world), &mut Person::new(&b""[..], Vec::new(), |_| None)).unwrap();
-    assert_eq!(ending, Ending::Quit);
+    // A step, then the terminal is gone.
+    let mut person = Person::new(&b"\n"[..], Vec::new(), |_| None);
+    let error = run(&mut session, &mut Device(world), &mut person).unwrap_err();
+    assert!(error.to_string().contains("nobody is at the keyboard"), "{error}");
+    assert_eq!(session.taken().len(), 1);
 }
 
 #[test]
@@ -330,10 +334,10 @@ fn a_result_is_written_once_and_reads_back_the_same() {
     assert_eq!(conclude(&again).unwrap(), conclusion);
 
     // Never overwritten, nothing left behind.
-    assert!(matches!(save_raw(folder.path(), &run), Err(CalibrationFileError::Exists(_))));
+    assert!(matches!(save_raw(folder.path(), &run), Err(CalibrationFileError::Output(OutputError::Exists(_)))));
     assert!(matches!(
         save_result(folder.path(), &conclusion.fit, &conclusion.taken, &run.provenance, &raw_path),
-        Err(CalibrationFileError::Exists(_))
+        Err(CalibrationFileError::Output(OutputError::Exists(_)))
     ));
     assert_eq!(fs::read_dir(folder.path().join("finger-a")).unwrap().count(), 2);
 
@@ -366,7 +370,7 @@ fn folders_that_cannot_be_are_errors() {
     let folder = tempfile::tempdir().unwrap();
     let in_the_way = folder.path().join("finger-a");
     fs::write(&in_the_way, "a file where the folder should be").unwrap();
-    assert!(matches!(save_raw(folder.path(), &run), Err(CalibrationFileError::Io { .. })));
+    assert!(matches!(save_raw(folder.path(), &run), Err(CalibrationFileError::Output(OutputError::Io { .. }))));
     let mut escaping = run;
     escaping.provenance.finger = "../elsewhere".to_owned();
     assert!(matches!(save_raw(folder.path(), &escaping), Err(CalibrationFileError::Provenance(_))));

@@ -9,8 +9,8 @@
 //!
 //! Units: degrees, microstrain and counts in the file, by name. Errors: [`CalibrationFileError`].
 
-use std::fs::{self, File};
-use std::io::{self, Write};
+use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix2, Vector2};
@@ -28,6 +28,7 @@ use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 use super::raw::{Provenance, ProvenanceError, RawError, RawRun};
+use crate::output::{self, OutputError};
 
 /// Format of result files.
 pub const FILE_FORMAT: u32 = 1;
@@ -160,9 +161,9 @@ pub enum CalibrationFileError {
         #[source]
         source: io::Error,
     },
-    /// There is one of that name.
-    #[error("{0} exists already and is never overwritten")]
-    Exists(PathBuf),
+    /// It was not written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
     /// Not TOML, or not a calibration.
     #[error("not a calibration: {0}")]
     Text(String),
@@ -422,7 +423,7 @@ fn check_finite(name: &str, value: &toml::Value) -> Result<(), CalibrationFileEr
 pub fn save_raw(root: &Path, run: &RawRun) -> Result<PathBuf, CalibrationFileError> {
     run.provenance.check()?;
     let path = path_of(root, &run.provenance, "csv");
-    write_new(&path, run.to_text()?.as_bytes())?;
+    output::write_new(&path, run.to_text()?.as_bytes())?;
     Ok(path)
 }
 
@@ -434,16 +435,7 @@ pub fn save_raw(root: &Path, run: &RawRun) -> Result<PathBuf, CalibrationFileErr
 pub fn save_unfinished(root: &Path, run: &RawRun) -> Result<PathBuf, CalibrationFileError> {
     run.provenance.check()?;
     let path = path_of(root, &run.provenance, "unfinished.csv");
-    let at = |doing: &'static str, path: &Path| {
-        let path = path.to_owned();
-        move |source: io::Error| CalibrationFileError::Io { doing, path, source }
-    };
-    if let Some(folder) = path.parent() {
-        fs::create_dir_all(folder).map_err(at("create", folder))?;
-    }
-    let temporary = temporary_name(&path);
-    fs::write(&temporary, run.to_text()?).map_err(at("write", &temporary))?;
-    fs::rename(&temporary, &path).map_err(at("name", &path))?;
+    output::replace(&path, run.to_text()?.as_bytes())?;
     Ok(path)
 }
 
@@ -468,57 +460,10 @@ pub fn save_result(
     let record = RawRecord { file: name, sha256: sha256(&bytes) };
     let file = CalibrationFile::new(fit, taken, provenance, &front_end, record);
     let path = path_of(root, provenance, "toml");
-    write_new(&path, file.to_text()?.as_bytes())?;
+    output::write_new(&path, file.to_text()?.as_bytes())?;
     Ok(path)
 }
 
 fn path_of(root: &Path, provenance: &Provenance, extension: &str) -> PathBuf {
     root.join(&provenance.finger).join(format!("{}.{extension}", provenance.file_stem()))
-}
-
-/// Writes a file that did not exist, whole or not at all.
-fn write_new(path: &Path, bytes: &[u8]) -> Result<(), CalibrationFileError> {
-    let at = |doing: &'static str, path: &Path| {
-        let path = path.to_owned();
-        move |source: io::Error| CalibrationFileError::Io { doing, path, source }
-    };
-    if path.exists() {
-        return Err(CalibrationFileError::Exists(path.to_owned()));
-    }
-    if let Some(folder) = path.parent() {
-        fs::create_dir_all(folder).map_err(at("create", folder))?;
-    }
-    let temporary = temporary_name(path);
-    let written =
-        write_synced(&temporary, bytes).map_err(at("write", &temporary)).and_then(|()| publish(&temporary, path));
-    // Whether or not it has been published, the temporary name has done its work.
-    let _ = fs::remove_file(&temporary);
-    written
-}
-
-fn temporary_name(path: &Path) -> PathBuf {
-    path.with_extension(format!("{}.tmp", std::process::id()))
-}
-
-fn write_synced(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let mut file = File::create_new(path)?;
-    file.write_all(bytes)?;
-    file.sync_all()
-}
-
-/// Gives a finished file its name; fails if the name is taken, even by another process since it was looked at.
-fn publish(temporary: &Path, path: &Path) -> Result<(), CalibrationFileError> {
-    match fs::hard_link(temporary, path) {
-        Ok(()) => Ok(()),
-        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
-            Err(CalibrationFileError::Exists(path.to_owned()))
-        }
-        // Some file systems have no links (FAT): there the name is taken by renaming, which was free a moment ago.
-        Err(_) if !path.exists() => fs::rename(temporary, path).map_err(|source| CalibrationFileError::Io {
-            doing: "name",
-            path: path.to_owned(),
-            source,
-        }),
-        Err(source) => Err(CalibrationFileError::Io { doing: "name", path: path.to_owned(), source }),
-    }
 }
