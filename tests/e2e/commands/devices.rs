@@ -116,9 +116,18 @@ fn a_person_calibrates_and_then_sees_where_the_finger_is_touched() {
     assert!(std::fs::read_to_string(&calibration).unwrap().contains("temperature"), "the board's sensor is on record");
     drop(device);
 
-    // The same finger again, in real time, tared free and then pressed.
+    // The same finger again, in real time. Pressed evenly it is at rest, and its tare is refused all the same.
     let mut device = Terminal::simulate_device(&["--seed", "5"]);
     let calibration = calibration.to_str().unwrap();
+    device.order("press 30 2");
+    device.order("wait 1");
+    let pressed = run(&["monitor", "--seconds", "0.2", "--tare", "0.5", "-d", &device.path, "-c", calibration]);
+    assert_eq!(pressed.status.code(), Some(1));
+    let said = text(&pressed.stderr).split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(said.contains("microstrain from where they did") && said.contains("free the finger"), "{said}");
+    // Tared free and then pressed.
+    device.order("release");
+    device.order("wait 1");
     let mut monitor = palpate(&["monitor", "--json", "--print-hz", "0", "--tare", "0.5", "--mu-c", "0.2"])
         .args(["-d", &device.path, "-c", calibration])
         .stdout(Stdio::piped())

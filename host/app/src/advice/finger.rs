@@ -26,6 +26,9 @@ fn tare(error: &TareError) -> &'static str {
             SampleFault::Stuck { .. } => remedy(Cause::Stuck),
             SampleFault::Settling => "take the stretch again",
         },
+        TareError::Loaded { .. } => {
+            "free the finger and try again; if it is free, its beam is bent or a gauge torn: calibrate it again, or say --tare-anyway"
+        }
         TareError::Stuck { .. } => "check the wiring and the supply of this axis",
         TareError::Drift { .. } => "let the sensor warm up, or take a shorter stretch",
         TareError::Step { .. } | TareError::Outliers { .. } => "take a stretch in which nothing touches the finger",

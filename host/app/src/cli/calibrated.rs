@@ -5,7 +5,7 @@ use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
-use palpate::finger::calibration::Calibration;
+use palpate::finger::calibration::{Calibration, FrontEnd};
 use palpate::finger::contact::Tare;
 use palpate_device::Session;
 use palpate_files::calibration::file::{CalibrationFile, RawState};
@@ -22,6 +22,25 @@ pub(crate) struct CalibrationArguments {
     /// Calibration file [default: the newest under ./calibration that was made with the connected device]
     #[arg(long, short = 'c', value_name = "FILE", env = "PALPATE_CALIBRATION")]
     calibration: Option<PathBuf>,
+}
+
+/// Which tares to refuse.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(crate) struct OffsetArguments {
+    /// Take a tare too that lies far from what the bridges read without load when the finger was calibrated
+    #[arg(long)]
+    tare_anyway: bool,
+}
+
+impl OffsetArguments {
+    /// What the tare is to be held against.
+    pub(super) fn expected<'a>(
+        self,
+        calibration: &'a Calibration,
+        front_end: &'a FrontEnd,
+    ) -> Option<(&'a Calibration, &'a FrontEnd)> {
+        (!self.tare_anyway).then_some((calibration, front_end))
+    }
 }
 
 impl CalibrationArguments {

@@ -12,7 +12,7 @@ use palpate::finger::sense::{self, FingerSense, Sensed};
 use palpate_device::{Incoming, Session};
 use serde_json::{Value, json};
 
-use super::calibrated::{CalibrationArguments, KeptTare};
+use super::calibrated::{CalibrationArguments, KeptTare, OffsetArguments};
 use super::device::DeviceArguments;
 use super::lacking;
 use super::latency::Latency;
@@ -34,6 +34,9 @@ pub(crate) struct Arguments {
 
     #[command(flatten)]
     calibration: CalibrationArguments,
+
+    #[command(flatten)]
+    offset: OffsetArguments,
 
     /// Take the tare over so many seconds at the start
     #[arg(long, default_value_t = 1.0, value_name = "S", allow_negative_numbers = true, value_parser = super::stretch)]
@@ -92,7 +95,8 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         Some(file) => KeptTare::load(file, &session, unit)?,
         None => {
             note!("{}taring for {} s: keep the finger free", super::simulated_note(&session), arguments.tare);
-            live::tare(&mut session, &mut judge, arguments.tare, &settings, super::tell).advised()?
+            let offset = arguments.offset.expected(&calibration, &front_end);
+            live::tare(&mut session, &mut judge, arguments.tare, &settings, offset, super::tell).advised()?
         }
     };
     report_tare(&tare, unit);

@@ -16,7 +16,7 @@ use palpate::pushing::finger_motion::FingerMotion;
 use palpate_files::part::PolygonFile;
 use palpate_files::recordings::csv::{self, RecordedTable};
 
-use super::calibrated::CalibrationArguments;
+use super::calibrated::{CalibrationArguments, OffsetArguments};
 use super::device::DeviceArguments;
 use super::motion_source::MotionSource;
 use super::read::{read, report_problems};
@@ -45,6 +45,9 @@ pub(super) struct WatchedPushArguments {
 
     #[command(flatten)]
     calibration: CalibrationArguments,
+
+    #[command(flatten)]
+    offset: OffsetArguments,
 }
 
 /// What must be known of the finger, its rest and the plane to make sense of the forces.
@@ -180,7 +183,10 @@ impl WatchedPushArguments {
         let calibration = self.calibration.require(&session)?;
         session.start().advised()?;
         note!("{}taring for {} s: no force on the finger", super::simulated_note(&session), self.felt.tare);
-        let mut watch = PushWatch::new(settings, Some(&calibration));
+        let front_end = live::front_end(session.hello()).advised()?;
+        let is_checked = self.offset.expected(&calibration, &front_end).is_some();
+        let watch = PushWatch::new(settings, Some(&calibration));
+        let mut watch = if is_checked { watch.behind(front_end) } else { watch };
         let mut judge = CountsJudge::new(&calibration);
         let mut failed = None;
         let watched = live::judged(&mut session, &mut judge, |_, incoming, judged| {

@@ -14,10 +14,10 @@ use palpate::finger::calibration::plan::{PlannedContact, Step};
 use palpate::finger::calibration::session::{
     Bench, BenchError, Delivered, SampleSource, SourceError, StepSummary, Wish,
 };
-use palpate::finger::calibration::{self, FrontEnd, FrontEndError, FrontEndSettings};
+use palpate::finger::calibration::{self, Calibration, FrontEnd, FrontEndError, FrontEndSettings};
 use palpate::finger::contact::{ContactSettings, Tare, TareError};
 use palpate::finger::judge::{CountsJudge, Judged};
-use palpate::finger::rest::RestStretch;
+use palpate::finger::rest::{RestStretch, check_offset};
 use palpate_device::simulated::SimulatedDevice;
 use palpate_device::{Incoming, LinkError, Session};
 use palpate_shared::sim::{ContactLoad, Load};
@@ -161,12 +161,13 @@ pub fn temperature(session: &mut Session) -> Result<Option<f64>, LinkError> {
 /// Takes the tare over `seconds` of sample time at rest; what comes beside samples goes to `tell`.
 ///
 /// # Errors
-/// As [`stream`]; [`LiveError::Tare`] if the finger was not at rest.
+/// As [`stream`]; [`LiveError::Tare`] if the finger was not at rest, or under load where `offset` is what to expect.
 pub fn tare(
     session: &mut Session,
     judge: &mut CountsJudge,
     seconds: f64,
     settings: &ContactSettings,
+    offset: Option<(&Calibration, &FrontEnd)>,
     mut tell: impl FnMut(&Incoming),
 ) -> Result<Tare, LiveError> {
     let mut rest = RestStretch::new(seconds);
@@ -186,7 +187,11 @@ pub fn tare(
         true
     })?;
     let estimated = failed.map_or_else(|| Tare::estimate(rest.readings(), &settings.tare_settings()), Err);
-    estimated.map_err(|source| LiveError::Tare { source })
+    let checked = estimated.and_then(|tare| {
+        let expected = offset.map_or(Ok(()), |(calibration, end)| check_offset(&tare.bias, calibration, end));
+        expected.map(|()| tare)
+    });
+    checked.map_err(|source| LiveError::Tare { source })
 }
 
 /// A session as a calibration's source of samples.

@@ -118,6 +118,16 @@ pub enum TareError {
         /// Why it was none.
         fault: SampleFault,
     },
+    /// Far from the reading without load that the calibration knows.
+    #[error(
+        "without load the bridges read {shift:.0} microstrain from where they did when the finger was calibrated; weight and warmth make up to {limit:.0}"
+    )]
+    Loaded {
+        /// How far, microstrain, the larger of the two bridges.
+        shift: f64,
+        /// How far they may be, microstrain.
+        limit: f64,
+    },
     /// Time does not increase.
     #[error("time does not increase after t = {t} s")]
     NotInOrder {

@@ -13,10 +13,10 @@ use std::collections::VecDeque;
 
 use super::onset::{PushSense, RestNoise, Touch};
 use super::{Estimate, KnownFromRest, WINDOWS_MIN, WindowedForce, estimate_until, follow, hann_windows};
-use crate::finger::calibration::Calibration;
+use crate::finger::calibration::{Calibration, FrontEnd};
 use crate::finger::contact::TareError;
 use crate::finger::judge::{Judged, Tally};
-use crate::finger::rest::RestStretch;
+use crate::finger::rest::{RestStretch, check_offset};
 use crate::pushing::finger_motion::FingerMotion;
 use crate::search::Stop;
 
@@ -51,6 +51,8 @@ enum Stage {
 pub struct PushWatch {
     settings: WatchSettings,
     calibration: Option<Calibration>,
+    /// Where the tare is held against the calibration's offset.
+    front_end: Option<FrontEnd>,
     stage: Stage,
     tally: Tally,
     /// The tally at times before the push is felt to have begun, s.
@@ -78,6 +80,7 @@ impl PushWatch {
         Self {
             settings,
             calibration: calibration.cloned(),
+            front_end: None,
             stage: Stage::Resting(RestStretch::new(settings.rest_s)),
             tally: Tally::default(),
             marks: VecDeque::new(),
@@ -87,10 +90,16 @@ impl PushWatch {
         }
     }
 
+    /// The same, of a finger with this front-end: a tare of a finger under load is refused.
+    #[must_use]
+    pub fn behind(self, front_end: FrontEnd) -> Self {
+        Self { front_end: Some(front_end), ..self }
+    }
+
     /// Takes what came next.
     ///
     /// # Errors
-    /// [`TareError`] if the finger was not at rest for the tare, or samples were no measurements.
+    /// [`TareError`] if the finger was not at rest for the tare, or under load, or samples were no measurements.
     pub fn take(&mut self, judged: impl IntoIterator<Item = Judged>) -> Result<(), TareError> {
         let mut now = None;
         for item in judged {
@@ -121,7 +130,11 @@ impl PushWatch {
     /// The rest is over: judges it.
     fn ready(&mut self) -> Result<(), TareError> {
         let Stage::Resting(rest) = &self.stage else { return Ok(()) };
-        let sense = PushSense::new(RestNoise::estimate(rest.readings())?, self.calibration.as_ref());
+        let noise = RestNoise::estimate(rest.readings())?;
+        if let (Some(calibration), Some(front_end)) = (&self.calibration, &self.front_end) {
+            check_offset(&noise.bias, calibration, front_end)?;
+        }
+        let sense = PushSense::new(noise, self.calibration.as_ref());
         self.stage = Stage::Sensing(Box::new(sense));
         Ok(())
     }
