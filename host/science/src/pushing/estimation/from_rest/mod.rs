@@ -193,7 +193,7 @@ fn course<'p>(known: &KnownFromRest<'p>, measured: &WindowedForce) -> Course<'p>
         mu_g: known.mu_g,
         mu_g_log_sd: known.mu_g_log_sd,
         legs: known.motion.legs(known.radius).collect(),
-        duration: hann_windows::end(measured.count() - 1),
+        duration: hann_windows::end(measured.span() - 1),
     }
 }
 

@@ -3,7 +3,7 @@
 //! The finger begins at rest, touching the part or nothing. [`RestNoise`] is what it then reads. [`PushSense`] takes
 //! reading after reading; where the force leaves the noise, the push has begun, and from then on it is averaged under
 //! the windows of [`from_rest`](crate::pushing::estimation::from_rest). The push is over when the finger loses the
-//! part, or readings are missing. A knock, over before it could say anything, is kept as a [`Touch`] and waited out.
+//! part; windows that lack readings are left out. A knock, over before it could say anything, is kept as a [`Touch`] and waited out.
 //!
 //! Assumes: the force is there at once when the finger begins to move, as support friction makes it. A stiff sensor
 //! shows it so, a disk rings about it: the scatter of the first readings tells which. The onset is found on the first
@@ -104,7 +104,7 @@ impl RestNoise {
         let tare = Tare::estimate(readings, &TareSettings { averaging: Averaging::Off, noise_max: None })?;
         let mut windows = Windows::new(tare.t_from);
         readings.iter().for_each(|reading| windows.push(reading, &tare.bias));
-        let means: Vec<_> = windows.complete(tare.period, tare.t_to).collect();
+        let means: Vec<_> = windows.means(tare.period, tare.t_to).flatten().collect();
         let count = f64::from(u32::try_from(means.len()).unwrap_or(u32::MAX));
         let window = means.iter().map(|mean| mean * mean.transpose()).sum::<Matrix2<f64>>() / count.max(1.0);
         Ok(Self {
@@ -158,12 +158,12 @@ impl Windows {
         }
     }
 
-    /// Means of the windows that are over by `now`, up to the first that lacks readings.
-    fn complete(&self, period: f64, now: f64) -> impl Iterator<Item = Vector2<f64>> + '_ {
+    /// Means of the windows that are over by `now`; none of one that lacks readings.
+    fn means(&self, period: f64, now: f64) -> impl Iterator<Item = Option<Vector2<f64>>> + '_ {
         let full = LENGTH_S / period;
         let over = hann_windows::count(now - self.onset);
-        let covered = self.sums.iter().take(over).take_while(move |(weight, _)| *weight >= COVERED_MIN * full);
-        covered.map(|(weight, sum)| sum / *weight)
+        let window = move |window| self.sums.get(window).filter(|(weight, _)| *weight >= COVERED_MIN * full);
+        (0..over).map(move |index| window(index).map(|(weight, sum)| sum / *weight))
     }
 
     /// Since when the force is gone for good up to a time, s; none where it is not, or was never there.
@@ -371,11 +371,13 @@ impl PushSense {
         let until = (self.now - windows.onset).min(until - uncertain);
         let gone = windows.gone_since(self.rest.period, until);
         let now = windows.onset + gone.map_or(until, |gone| until.min(gone));
-        let means: Vec<_> = windows.complete(self.rest.period, now).collect();
-        let first = means.first()?.norm();
-        let kept = means.iter().take_while(|mean| mean.norm() >= LOST_SHARE * first).count();
+        let means: Vec<_> = windows.means(self.rest.period, now).collect();
+        let first = means.iter().flatten().next()?.norm();
+        let is_there = |mean: &&Option<Vector2<f64>>| mean.is_none_or(|mean| mean.norm() >= LOST_SHARE * first);
+        let kept = means.iter().take_while(is_there).count();
         // The window before one without contact saw the contact end.
         let kept = if kept < means.len() { kept.saturating_sub(2) } else { kept };
+        let kept = means[..kept].iter().rposition(Option::is_some)? + 1;
         let uncertainty = Uncertainty {
             noise: self.rest.window,
             noise_freedom: self.rest.window_freedom,
@@ -383,7 +385,7 @@ impl PushSense {
             calibration: self.calibration,
             onset_sd: windows.onset_sd,
         };
-        let end = hann_windows::end(kept.checked_sub(1)?);
+        let end = hann_windows::end(kept - 1);
         let times: Vec<_> = windows.readings.iter().map(|reading| reading.t).take_while(|time| *time < end).collect();
         WindowedForce::with_readings(means[..kept].to_vec(), &uncertainty, &times, self.rest.period)
     }
@@ -412,14 +414,13 @@ impl PushSense {
         }
     }
 
-    /// Whether the finger has lost the part, or readings are missing: nothing that comes is of use.
+    /// Whether the finger has lost the part: nothing that comes is of use.
     #[must_use]
     pub fn is_over(&self) -> bool {
         let Stage::Pushing(windows) = &self.stage else { return false };
-        let over = hann_windows::count(self.now - windows.onset);
-        let means: Vec<_> = windows.complete(self.rest.period, self.now).collect();
+        let means: Vec<_> = windows.means(self.rest.period, self.now).flatten().collect();
         let first = means.first().map_or(0.0, Vector2::norm);
-        means.len() < over || means.last().is_some_and(|last| last.norm() < LOST_SHARE * first)
+        means.last().is_some_and(|last| last.norm() < LOST_SHARE * first)
     }
 }
 
@@ -468,7 +469,7 @@ mod tests {
         let measured = sense.windowed_force(f64::INFINITY).unwrap();
         // Windows that end before the force does, less one.
         assert!((26..=29).contains(&measured.forces_finger().len()), "{}", measured.forces_finger().len());
-        for (window, force) in measured.forces_finger().iter().enumerate() {
+        for (window, force) in measured.forces_finger().iter().flatten().enumerate() {
             let middle = hann_windows::end(window) - 0.5 * LENGTH_S;
             let error = (force - Vector2::new(-1.0 - 0.2 * middle, 0.3)).norm();
             assert!(error < 5e-3, "window {window}: {error} N");
@@ -533,7 +534,7 @@ mod tests {
             let onset = noise.t + 0.5;
             feel(&mut sense, &mut noise, onset + 0.6, |t| within(t, onset, onset + 0.6 - lost));
             let measured = sense.windowed_force(0.6).unwrap();
-            for force in measured.forces_finger() {
+            for force in measured.forces_finger().iter().flatten() {
                 assert!((force - PUSH).norm() < 0.02, "{lost} s: {force:?}");
             }
             assert!(measured.count() >= 25, "{lost} s: {}", measured.count());

@@ -165,7 +165,7 @@ impl Angles {
         };
         let step = FRAC_PI_2 / f64::from(ANGLES);
         let angles = (1 - ANGLES..ANGLES).map(|index| ahead + f64::from(index) * step);
-        let force = problem.measured.forces_finger()[0];
+        let force = problem.measured.forces_finger().iter().flatten().next().copied().unwrap_or_default();
         Self { table: angles.map(|u| (u, needed(u))).collect(), direction: (-force.y).atan2(-force.x) }
     }
 

@@ -230,10 +230,15 @@ struct Sensor {
     period: f64,
     /// Share of the readings that are lost.
     lost: f64,
+    /// Of the push, from when to when nothing is read, s.
+    hole: [f64; 2],
 }
 
+/// Nothing is lost at once.
+const NO_HOLE: [f64; 2] = [0.0, 0.0];
+
 /// What is read of the true force; a second of rest before it.
-fn felt(played: &Played, draw: &mut Draw, Sensor { noise, period, lost }: Sensor) -> WindowedForce {
+fn felt(played: &Played, draw: &mut Draw, Sensor { noise, period, lost, hole }: Sensor) -> WindowedForce {
     const REST_S: f64 = 1.0;
     let times: Vec<_> = played.samples.iter().map(|sample| sample.t).collect();
     let force = |t: f64| {
@@ -248,7 +253,8 @@ fn felt(played: &Played, draw: &mut Draw, Sensor { noise, period, lost }: Sensor
     let readings: Vec<_> = readings
         .map(|t| Reading::new(t, force(t - onset) + Vector2::new(draw.normal(), draw.normal()) * noise))
         .collect();
-    let readings: Vec<_> = readings.into_iter().filter(|_| !draw.chance(lost)).collect();
+    let is_read = |reading: &Reading| !(hole[0]..hole[1]).contains(&(reading.t - onset));
+    let readings: Vec<_> = readings.into_iter().filter(|reading| !draw.chance(lost) && is_read(reading)).collect();
     let (rest, push) = readings.split_at(readings.partition_point(|reading| reading.t < REST_S));
     let mut sense = PushSense::new(RestNoise::estimate(rest).unwrap(), None);
     push.iter().for_each(|reading| sense.push(reading));
@@ -257,7 +263,7 @@ fn felt(played: &Played, draw: &mut Draw, Sensor { noise, period, lost }: Sensor
 
 #[test]
 fn pushes_that_slip_throughout_or_back_are_found() {
-    const QUIET: Sensor = Sensor { noise: 1e-3, period: 2.5e-4, lost: 0.0 };
+    const QUIET: Sensor = Sensor { noise: 1e-3, period: 2.5e-4, lost: 0.0, hole: NO_HOLE };
     for (number, missed) in MISSED.iter().enumerate() {
         let vertices = missed.vertices.iter().map(|&[x, y]| Point2::new(x * 1e-3, y * 1e-3)).collect::<Vec<_>>();
         let part = Part::uniform(SimplePolygon::new(vertices).unwrap());
@@ -294,12 +300,28 @@ fn readings_that_are_missing_hide_no_push() {
     for (period, lost) in [(2.5e-4, 0.1), (4e-3, 0.05), (0.01, 0.03)] {
         for case in 0..3 {
             let (part, ranges, drawn, mut draw) = drawn(case);
-            let measured = felt(&drawn.played, &mut draw, Sensor { noise: 3e-3, period, lost });
+            let measured = felt(&drawn.played, &mut draw, Sensor { noise: 3e-3, period, lost, hole: NO_HOLE });
             assert!(measured.count() > 30, "{period} s, case {case}: {} windows", measured.count());
             let estimate = estimate(&known(&part, &ranges), &measured);
             let outcome = TrialOutcome::new(&part, &drawn, &estimate);
             assert!(outcome.holds_truth, "{period} s, case {case}: {outcome:?}, {:?}", estimate.fit);
         }
+    }
+}
+
+/// A cable that is out for a tenth of a second during the push: what comes behind it is used.
+#[test]
+fn a_hole_in_a_push_hides_nothing_behind_it() {
+    for case in 0..4 {
+        let (part, ranges, drawn, mut draw) = drawn(case);
+        let sensor = Sensor { noise: 3e-3, period: 2.5e-4, lost: 0.0, hole: [0.21, 0.31] };
+        let measured = felt(&drawn.played, &mut draw, sensor);
+        let missing = measured.span() - measured.count();
+        assert!((4..=5).contains(&missing) && measured.span() > 35, "{missing} of {}", measured.span());
+        let estimate = estimate(&known(&part, &ranges), &measured);
+        assert_eq!(estimate.fit.degrees_of_freedom, 2 * measured.count());
+        let outcome = TrialOutcome::new(&part, &drawn, &estimate);
+        assert!(outcome.holds_truth && estimate.time_end > 0.7, "case {case}: {outcome:?}, {:?}", estimate.fit);
     }
 }
 
@@ -446,7 +468,7 @@ fn what_was_found_early_is_followed_to_the_same_end() {
         calibration: None,
         onset_sd: 0.0,
     };
-    let early = WindowedForce::new(whole.forces_finger()[..19].to_vec(), &noise).unwrap();
+    let early = WindowedForce::new(whole.forces_finger()[..19].iter().flatten().copied().collect(), &noise).unwrap();
     let (followed, sought) = (follow(&known, &whole, &estimate(&known, &early)), estimate(&known, &whole));
     let costs = |estimate: &Estimate| estimate.hypotheses.first().map_or(f64::NAN, |hypothesis| hypothesis.cost);
     assert!((costs(&followed) - costs(&sought)).abs() < SAME_COST, "{} {}", costs(&followed), costs(&sought));

@@ -185,8 +185,7 @@ impl PushWatch {
         self.last.as_ref()
     }
 
-    /// Whether nothing more is to come: the finger has lost the part, samples are missing for longer than a window, or
-    /// a motion that is told to its end is over.
+    /// Whether nothing more is to come: the finger has lost the part, or a motion that is told to its end is over.
     #[must_use]
     pub fn is_over(&self, motion: &FingerMotion, is_told_to_its_end: bool) -> bool {
         let Some((sense, onset)) = self.sense().and_then(|sense| Some((sense, sense.onset_time()?))) else {
@@ -220,7 +219,7 @@ impl PushWatch {
             self.next_s = hann_windows::end(windows - 1) + self.settings.every_s;
         }
         let measured = self.force(known.motion)?;
-        let now = hann_windows::end(measured.count() - 1);
+        let now = hann_windows::end(measured.span() - 1);
         let search_is_due = |before: f64| SEARCHES_S.iter().any(|&time| before < time && time <= now);
         let estimate = match &self.last {
             Some(last) if !search_is_due(last.time_end) => follow(known, &measured, last),
@@ -410,15 +409,16 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_during_the_push_ends_it_and_is_counted_from_the_onset() {
+    fn a_fault_during_the_push_is_left_out_and_counted_from_the_onset() {
         let fault = SampleFault::Saturated { channel: 1 };
         let (_, watch) = watched(&spoilt(|item| Judged::NotMeasured { t: item.time().unwrap(), fault }));
-        let tally = watch.tally();
-        assert!(tally.has_faults() && tally.missing == 0, "{tally:?}");
-        // The push is over once a window lacks its samples, 40 ms; what there was before it stays.
-        assert!((1..=60).contains(&tally.saturated[1]), "{tally:?}");
-        let end = hann_windows::end(watch.force(&motion()).unwrap().count() - 1);
-        assert!((0.28..=0.32).contains(&end), "{end}");
+        assert_eq!(watch.tally().saturated, [0, 100]);
+        assert_eq!(watch.tally().missing, 0);
+        let force = watch.force(&motion()).unwrap();
+        assert_eq!(force.span(), hann_windows::count(0.8));
+        // Of the windows, 20 ms apart and 40 long, those with more than half of their weight in the tenth of a second.
+        assert!((4..=5).contains(&(force.span() - force.count())), "{} of {}", force.count(), force.span());
+        assert!(force.forces_finger().iter().flatten().all(|force| (force.norm() - 1.044).abs() < 0.02));
     }
 
     #[test]

@@ -51,7 +51,8 @@ pub struct CalibrationUncertainty {
 /// Means of the force under the windows, and what whitens them.
 #[derive(Clone, Debug)]
 pub struct WindowedForce {
-    forces_finger: Vec<Vector2<f64>>,
+    /// By window; none where too few readings are under it.
+    forces_finger: Vec<Option<Vector2<f64>>>,
     /// The means times L⁻¹, in standard deviations.
     data: DVector<f64>,
     /// Lower triangle L⁻¹ of the covariance L Lᵀ.
@@ -83,15 +84,16 @@ struct ReadingGroup {
 }
 
 impl WindowReadings {
-    /// None where a window has no reading.
-    fn new(times: &[f64], period: f64, windows: usize) -> Option<Self> {
+    /// None where a window that has a mean has no reading.
+    fn new(times: &[f64], period: f64, means: &[Option<Vector2<f64>>]) -> Option<Self> {
+        let windows = means.len();
         let mut sums = vec![0.0; windows];
         for &time in times {
             for (window, weight) in hann_windows::weights_at(time, windows) {
                 sums[window] += weight;
             }
         }
-        if !(period > 0.0 && sums.iter().all(|sum| *sum > 0.0)) {
+        if !(period > 0.0 && sums.iter().zip(means).all(|(sum, mean)| *sum > 0.0 || mean.is_none())) {
             return None;
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a handful; 0 counts as 1")]
@@ -102,7 +104,7 @@ impl WindowReadings {
             let window = ((time / HOP_S) as usize).saturating_sub(1);
             let weight = |window: usize| {
                 let weights = times.iter().map(|time| hann_windows::weight(window, *time)).sum::<f64>();
-                sums.get(window).map_or(0.0, |sum| weights / sum)
+                sums.get(window).filter(|sum| **sum > 0.0).map_or(0.0, |sum| weights / sum)
             };
             ReadingGroup { time, window, weights: [weight(window), weight(window + 1)] }
         };
@@ -133,38 +135,47 @@ impl WindowedForce {
     #[must_use]
     pub fn new(forces_finger: Vec<Vector2<f64>>, uncertainty: &Uncertainty) -> Option<Self> {
         let covered = vec![1.0; forces_finger.len()];
-        Self::whitened(forces_finger, uncertainty, uncertainty.onset_sd, &covered)
+        let means = forces_finger.into_iter().map(Some).collect();
+        Self::whitened(means, uncertainty, uncertainty.onset_sd, &covered)
     }
 
     /// The same, with the times of the readings (since the onset as it is taken for, ascending, s) and the time between
-    /// two of them: then the onset is found with the other unknowns, and windows that lack readings are noisier.
+    /// two of them: then the onset is found with the other unknowns, and windows that lack readings are noisier. Those
+    /// without a mean are left out.
     #[must_use]
     pub fn with_readings(
-        forces_finger: Vec<Vector2<f64>>,
+        forces_finger: Vec<Option<Vector2<f64>>>,
         uncertainty: &Uncertainty,
         times: &[f64],
         period: f64,
     ) -> Option<Self> {
-        let readings = Some(WindowReadings::new(times, period, forces_finger.len())?);
+        let readings = Some(WindowReadings::new(times, period, &forces_finger)?);
         let covered = covered(times, period, forces_finger.len());
         let whitened = Self::whitened(forces_finger, uncertainty, 0.0, &covered)?;
         Some(Self { readings, onset_sd: uncertainty.onset_sd, ..whitened })
     }
 
     fn whitened(
-        forces_finger: Vec<Vector2<f64>>,
+        forces_finger: Vec<Option<Vector2<f64>>>,
         uncertainty: &Uncertainty,
         onset_sd: f64,
         covered: &[f64],
     ) -> Option<Self> {
-        if forces_finger.is_empty() || forces_finger.iter().any(|force| !force.iter().all(|value| value.is_finite())) {
+        let felt: Vec<_> = forces_finger
+            .iter()
+            .zip(covered)
+            .enumerate()
+            .filter_map(|(window, (force, covered))| Some(Window { window, force: (*force)?, covered: *covered }))
+            .collect();
+        let is_finite = |felt: &Window| felt.force.iter().all(|value| value.is_finite());
+        if felt.is_empty() || !felt.iter().all(is_finite) {
             return None;
         }
-        let (covariance, noise_share) = covariance(&forces_finger, uncertainty, onset_sd, covered);
+        let (covariance, noise_share) = covariance(&felt, uncertainty, onset_sd);
         let lower = covariance.cholesky()?.unpack();
         let size = lower.nrows();
         let whitener = lower.solve_lower_triangular(&DMatrix::identity(size, size))?;
-        let data = &whitener * stacked(forces_finger.iter().copied(), size);
+        let data = &whitener * stacked(felt.iter().map(|felt| felt.force), size);
         // Satterthwaite: only the part of the variance that is noise was estimated from so few values, of two axes.
         let freedom = 2.0 * uncertainty.noise_freedom.max(FREEDOM_MIN) / (noise_share * noise_share);
         Some(Self { forces_finger, data, whitener, freedom, onset_sd: 0.0, readings: None })
@@ -189,8 +200,8 @@ impl WindowedForce {
 
     /// Predicted means whitened, for an onset so much later than it was taken for, s.
     pub(super) fn predicted(&self, path: &Path, delay: f64) -> DVector<f64> {
-        let Some(readings) = &self.readings else { return self.whiten(path.windows(self.count())) };
-        let mut sums = vec![Vector2::zeros(); self.count()];
+        let Some(readings) = &self.readings else { return self.whiten(path.windows(self.span())) };
+        let mut sums = vec![Vector2::zeros(); self.span()];
         let mut force = path.forces(readings.period.min(JUMP_S));
         for group in &readings.groups {
             let force = force.at(group.time - delay);
@@ -201,15 +212,21 @@ impl WindowedForce {
         self.whiten(sums.into_iter())
     }
 
-    /// The means, N.
+    /// The means of the windows, N; none where too few readings are under one.
     #[must_use]
-    pub fn forces_finger(&self) -> &[Vector2<f64>] {
+    pub fn forces_finger(&self) -> &[Option<Vector2<f64>>] {
         &self.forces_finger
     }
 
-    /// How many windows there are.
+    /// How many windows have a mean.
     #[must_use]
     pub fn count(&self) -> usize {
+        self.data.len() / 2
+    }
+
+    /// How many windows there are up to the last, those without a mean included.
+    #[must_use]
+    pub fn span(&self) -> usize {
         self.forces_finger.len()
     }
 
@@ -218,9 +235,10 @@ impl WindowedForce {
         &self.data
     }
 
-    /// Predicted means (N) times L⁻¹, in standard deviations.
+    /// Predicted means of all windows (N), those that were felt times L⁻¹, in standard deviations.
     pub(super) fn whiten(&self, forces: impl Iterator<Item = Vector2<f64>>) -> DVector<f64> {
-        let plain = stacked(forces, self.data.len());
+        let felt = forces.zip(&self.forces_finger).filter(|(_, felt)| felt.is_some());
+        let plain = stacked(felt.map(|(force, _)| force), self.data.len());
         let rows =
             (0..plain.len()).map(|row| self.whitener.view((row, 0), (1, row + 1)).tr_dot(&plain.rows(0, row + 1)));
         DVector::from_iterator(plain.len(), rows)
@@ -240,28 +258,32 @@ fn covered(times: &[f64], period: f64, count: usize) -> Vec<f64> {
     sums.into_iter().map(|sum| (sum * period / LENGTH_S).min(1.0)).collect()
 }
 
+/// A window that has a mean.
+struct Window {
+    window: usize,
+    force: Vector2<f64>,
+    /// Share of its weight that has readings.
+    covered: f64,
+}
+
 /// The covariance, and which share of its diagonal is noise.
-fn covariance(
-    forces: &[Vector2<f64>],
-    uncertainty: &Uncertainty,
-    onset_sd: f64,
-    covered: &[f64],
-) -> (DMatrix<f64>, f64) {
-    let count = forces.len();
+fn covariance(felt: &[Window], uncertainty: &Uncertainty, onset_sd: f64) -> (DMatrix<f64>, f64) {
+    let count = felt.len();
     // The inverse of an estimated covariance of two axes is too large on average by this (Wishart).
     let values = uncertainty.noise_freedom.max(FREEDOM_MIN);
     let noise = if values.is_finite() { uncertainty.noise * (values / (values - 3.0)) } else { uncertainty.noise };
-    let rates: Vec<_> = (0..count).map(|window| rate(forces, window)).collect();
+    let rates: Vec<_> = (0..count).map(|place| rate(felt, place)).collect();
     let mut covariance = DMatrix::zeros(2 * count, 2 * count);
-    for row in 0..count {
-        for column in 0..count {
+    for (row, at_row) in felt.iter().enumerate() {
+        for (column, at_column) in felt.iter().enumerate() {
             let mut block = uncertainty.bias + rates[row] * rates[column].transpose() * onset_sd.powi(2);
-            block += noise * (correlation(row.abs_diff(column)) / (covered[row] * covered[column]).sqrt());
+            let alike = correlation(at_row.window.abs_diff(at_column.window));
+            block += noise * (alike / (at_row.covered * at_column.covered).sqrt());
             if let Some(calibration) = &uncertainty.calibration {
-                block += calibration.between(&forces[row], &forces[column]);
+                block += calibration.between(&at_row.force, &at_column.force);
             }
             if row == column {
-                block += Matrix2::identity() * (MODEL_SHARE * forces[row].norm()).powi(2);
+                block += Matrix2::identity() * (MODEL_SHARE * at_row.force.norm()).powi(2);
             }
             covariance.view_mut((2 * row, 2 * column), (2, 2)).copy_from(&block);
         }
@@ -280,10 +302,10 @@ fn correlation(hops: usize) -> f64 {
 }
 
 /// How fast the force changes at a window, N/s.
-fn rate(forces: &[Vector2<f64>], window: usize) -> Vector2<f64> {
-    let (before, after) = (window.saturating_sub(1), (window + 1).min(forces.len() - 1));
-    let hops = f64::from(u32::try_from(after - before).unwrap_or(u32::MAX));
-    if hops > 0.0 { (forces[after] - forces[before]) / (hops * HOP_S) } else { Vector2::zeros() }
+fn rate(felt: &[Window], place: usize) -> Vector2<f64> {
+    let (before, after) = (&felt[place.saturating_sub(1)], &felt[(place + 1).min(felt.len() - 1)]);
+    let hops = f64::from(u32::try_from(after.window - before.window).unwrap_or(u32::MAX));
+    if hops > 0.0 { (after.force - before.force) / (hops * HOP_S) } else { Vector2::zeros() }
 }
 
 impl CalibrationUncertainty {
