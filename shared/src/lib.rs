@@ -5,6 +5,8 @@
 //! - `sim` (feature `sim`): the simulated finger and its front-end.
 //!
 //! Nothing here knows mechanics, allocates, or needs an operating system.
+
+#![forbid(unsafe_code)]
 #![no_std]
 
 #[cfg(test)]

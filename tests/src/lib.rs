@@ -4,6 +4,8 @@
 //! - [`rig`]: devices, sessions and hostile lines; [`newer`]: what a newer peer would send;
 //! - [`fuzz`]: what must hold for any bytes; [`project`]: files of the project.
 
+#![forbid(unsafe_code)]
+
 pub mod force_logs;
 pub mod fuzz;
 pub mod inscription_oracle;

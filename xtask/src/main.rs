@@ -3,6 +3,8 @@
 //!
 //! `toolchain`: which compilers are there; `firmware`: builds the image; `image`: what is in it; `emulator`: runs it.
 
+#![forbid(unsafe_code)]
+
 mod emulator;
 mod firmware;
 mod image;

@@ -20,6 +20,8 @@
 //!
 //! Nothing here allocates, blocks, uses floating point or panics on input. Time is an argument, so the
 //! same calls give the same bytes. What is dropped is counted and reported.
+
+#![forbid(unsafe_code)]
 #![no_std]
 
 #[cfg(test)]

@@ -4,6 +4,8 @@
 //! [`push_scenario`] (a push as the command line says it), [`thesis`] (its experiments, run again), [`advice`] (what to do
 //! about an error), `messages` (what standard error is told).
 
+#![forbid(unsafe_code)]
+
 pub mod advice;
 mod cli;
 pub mod live;

@@ -11,6 +11,8 @@
 //! This is the rim: threads, clocks and I/O live here and nowhere further in. What depends on the operating
 //! system is in `transport::platform`.
 
+#![forbid(unsafe_code)]
+
 pub mod clock_map;
 pub mod error;
 pub mod sample_sequence;

@@ -9,6 +9,8 @@
 //!
 //! Units: SI once read. Errors name the key or line, the value and the limit.
 
+#![forbid(unsafe_code)]
+
 pub mod body;
 pub mod calibration;
 pub mod motion;

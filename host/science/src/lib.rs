@@ -59,6 +59,7 @@
 //! "No pose", "ambiguous", "not observable" and "no contact" are answers, not errors. Every estimate has an uncertainty.
 //! Errors are plain enums whose variants hold the facts: the place, the value, the limit it broke.
 
+#![forbid(unsafe_code)]
 #![warn(clippy::print_stdout, clippy::print_stderr)]
 
 pub mod corner;
