@@ -7,13 +7,13 @@
 //!
 //! Units: SI. Errors: none; a guess that cannot be played through has no fit.
 
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 
-use nalgebra::{DMatrix, DVector, Isometry2, Matrix3, Matrix4, SMatrix, SVector, Vector3, Vector4};
+use nalgebra::{DMatrix, DVector, Isometry2, Matrix3, Matrix4, SMatrix, SVector, Vector2, Vector3, Vector4};
 
 use super::path::{Course, Guess, Path};
 use super::valley::Valley;
-use super::windowed_force::{ONSET_RANGE, WindowedForce};
+use super::windowed_force::{Compared, ONSET_RANGE, WindowedForce};
 use crate::math::least_squares::profile::Held;
 use crate::math::least_squares::{self, Damping, Enough, Floor, LeastSquaresSettings, NormalEquations, minimise};
 use crate::pushing::dynamics::State;
@@ -24,6 +24,9 @@ pub(super) const MU_C_MAX: f64 = 1.0;
 
 /// Least one: no dry contact has less.
 pub(super) const MU_C_MIN: f64 = 0.02;
+
+/// Places looked at on the border of what is likely.
+const BORDER_PLACES: usize = 12;
 
 /// A contact so far beyond its edge's end costs 1, m: a rounded corner.
 const EDGE_SLACK_M: f64 = 1e-4;
@@ -101,6 +104,8 @@ pub(super) struct Tried {
     pub(super) cost: f64,
     /// Whitened force per unit mass.
     shape: DVector<f64>,
+    /// What is felt and not explained, standard deviations.
+    rest: DVector<f64>,
     /// What is asked too much.
     penalties: [f64; PENALTIES],
 }
@@ -127,10 +132,9 @@ impl Problem<'_, '_> {
 
     /// Cost of a guess with another onset.
     fn cost_at(&self, tried: &Tried, delay: f64) -> f64 {
-        let (shape, data) = (self.measured.predicted(&tried.path, delay), self.measured.data());
-        let mass = (shape.dot(data) / shape.norm_squared()).max(0.0);
+        let compared = self.measured.predicted(&tried.path, delay).compared(self.measured.data());
         let others = tried.penalties[..DELAY_PENALTY].iter().map(|value| value * value).sum::<f64>();
-        (data - shape * mass).norm_squared() + others + self.unlikely_delay(delay).powi(2)
+        if compared.mass > 0.0 { compared.cost + others + self.unlikely_delay(delay).powi(2) } else { f64::INFINITY }
     }
 
     fn unlikely_delay(&self, delay: f64) -> f64 {
@@ -139,9 +143,9 @@ impl Problem<'_, '_> {
 
     fn try_path(&self, guess: Guess, path: Path) -> Option<Tried> {
         let edge = self.course.part.edge(guess.edge).ok()?;
-        let shape = self.measured.predicted(&path, guess.delay);
-        let data = self.measured.data();
-        let mass = shape.dot(data) / shape.norm_squared();
+        let predicted = self.measured.predicted(&path, guess.delay);
+        let compared = predicted.compared(self.measured.data());
+        let Compared { mass, rest, .. } = compared;
         if mass.is_nan() || mass <= 0.0 {
             return None;
         }
@@ -150,8 +154,8 @@ impl Problem<'_, '_> {
         let unlikely = self.course.mu_g_log_sd.map_or(0.0, |sd| guess.mu_g_log / sd);
         let penalties = [beyond, needed / FRICTION_SLACK, unlikely, self.unlikely_delay(guess.delay)];
         let squares = |values: [f64; PENALTIES]| values.iter().map(|value| value * value).sum::<f64>();
-        let cost = (data - &shape * mass).norm_squared() + squares(penalties);
-        Some(Tried { guess, path, mass, cost, shape, penalties })
+        let cost = compared.cost + squares(penalties);
+        Some(Tried { guess, path, mass, cost, shape: predicted.shape, rest, penalties })
     }
 
     /// Goes down to the nearest minimum.
@@ -198,7 +202,7 @@ impl Problem<'_, '_> {
             }
             if column == DELAY {
                 // The push is the same, read at other times.
-                let moved = self.measured.predicted(&at.path, at.guess.delay + difference);
+                let moved = self.measured.predicted(&at.path, at.guess.delay + difference).shape;
                 slopes.view_mut((0, DELAY), (size, 1)).copy_from(&((&at.shape - moved) * (at.mass / difference)));
                 slopes[(size + DELAY_PENALTY, DELAY)] = self.unlikely_delay(1.0);
                 continue;
@@ -244,6 +248,18 @@ impl Problem<'_, '_> {
     pub(super) fn valley(&self, at: &Tried) -> Option<Valley> {
         let slopes = self.end_slopes(at)?;
         Valley::through(self, at, &self.covariance(at)?, &slopes.state)
+    }
+
+    /// Contact angles and places so many standard deviations from a minimum, all round it.
+    pub(super) fn border(&self, at: &Tried, sds: f64) -> Option<[[f64; 2]; BORDER_PLACES]> {
+        let covariance = self.covariance(at)?.fixed_view::<2, 2>(0, 0).into_owned();
+        let lower = covariance.cholesky()?.unpack();
+        let place = |index: usize| {
+            let (sin, cos) = (TAU * index as f64 / BORDER_PLACES as f64).sin_cos();
+            let off: Vector2<f64> = lower * Vector2::new(cos, sin) * sds;
+            [at.guess.u + off.x, at.guess.s + off.y]
+        };
+        Some(std::array::from_fn(place))
     }
 
     /// How the end follows the parameters, by differences to the side that can be played.
@@ -326,7 +342,7 @@ impl least_squares::LeastSquaresProblem<COLUMNS> for Problem<'_, '_> {
     fn normal_equations(&self, tried: &Tried) -> NormalEquations<COLUMNS> {
         let (size, slopes) = (tried.shape.len(), self.slopes(tried));
         let mut residuals = DVector::zeros(size + PENALTIES);
-        residuals.rows_mut(0, size).copy_from(&(self.measured.data() - &tried.shape * tried.mass));
+        residuals.rows_mut(0, size).copy_from(&tried.rest);
         residuals.rows_mut(size, PENALTIES).copy_from_slice(&tried.penalties);
         NormalEquations {
             cost: tried.cost,

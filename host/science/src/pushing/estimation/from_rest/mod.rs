@@ -18,7 +18,8 @@
 //!
 //! The answer is a set: every minimum whose cost is within 16 of the best one's, four standard deviations, each with
 //! its covariance; where the noise was estimated from a short rest and the best fits badly, both are wider by as much.
-//! If the best does not fit, the guesses are spread closer once; if it still does not, there is no answer.
+//! If the best does not fit, the guesses are spread closer once; if it still does not, there is no answer. From what is
+//! found others are sought: on other edges, at other places, with a contact that slips for a moment, with another onset.
 //!
 //! Assumes: Coulomb friction everywhere, one constant µ_c; contact with one edge throughout.
 //! Frames: finger axes, with the origin of the motion's file; force is the force on the finger's disk. Units: SI.
@@ -35,7 +36,7 @@ mod valley;
 pub mod watch;
 pub mod windowed_force;
 
-use fit::{EndCovariance, Problem, Tried};
+use fit::{EndCovariance, MU_C_MIN, Problem, Tried};
 use path::{Course, Guess};
 use seeds::Cover;
 pub use windowed_force::{CalibrationUncertainty, Uncertainty, WindowedForce};
@@ -143,18 +144,85 @@ fn halting_estimate(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt
     if (limit..NEARLY * limit).contains(&least_cost(&tried)) {
         tried.extend(search(Cover::Fine));
     }
+    tried.extend(on_other_edges(&problem, &edges, &tried, halt));
+    tried.extend(at_other_places(&problem, &tried, halt));
     tried.extend(from_other_onsets(&problem, &tried, halt));
     conclude(&problem, tried, symmetry)
 }
 
+/// The best minima that may be listed, or lead to one that is: no two nearer than those that are one in an answer.
+fn leads(tried: &[Tried], count: usize) -> Vec<Tried> {
+    let mut likely: Vec<_> = tried.iter().filter(|it| it.cost <= least_cost(tried) + MAY_BE_LISTED * GATE).collect();
+    likely.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let mut leads: Vec<Tried> = Vec::new();
+    for next in likely {
+        let is_one = |lead: &Tried| {
+            let (a, b) = (lead.path.end, next.path.end);
+            lead.guess.edge == next.guess.edge
+                && (a.s - b.s).abs() < SAME_PLACE.place
+                && (a.u - b.u).abs() < SAME_PLACE.angle
+        };
+        if leads.len() < count && !leads.iter().any(is_one) {
+            leads.push(next.clone());
+        }
+    }
+    leads
+}
+
+/// Minima on other edges, begun where the best are on theirs: edges as far from the centre of mass feel alike at the
+/// same angle, place and friction, and there the grid may have passed between two places.
+fn on_other_edges(problem: &Problem, edges: &[usize], tried: &[Tried], halt: &Halt<'_>) -> Vec<Tried> {
+    let mut leads = leads(tried, usize::MAX);
+    // The best of each edge.
+    let mut led = Vec::new();
+    leads.retain(|lead| {
+        let is_new = !led.contains(&lead.guess.edge);
+        led.push(lead.guess.edge);
+        is_new
+    });
+    let guesses = leads.into_iter().take(OTHER_EDGES_OF).flat_map(|lead| {
+        let others = edges.iter().filter(move |&&edge| edge != lead.guess.edge);
+        others.map(move |&edge| Guess { edge, ..lead.guess })
+    });
+    let begun = guesses.take_while(|_| !halt.is_wished()).filter_map(|guess| problem.try_onsets(guess));
+    descend_all(problem, begun.filter(is_hopeful(least_cost(tried))).collect(), halt)
+}
+
+/// Minima at other places of the same edge, and of a contact that slipped for a moment where one that rolled needed most
+/// friction: that costs less only near the friction that it needs, between two of the grid's.
+fn at_other_places(problem: &Problem, tried: &[Tried], halt: &Halt<'_>) -> Vec<Tried> {
+    let leads = leads(tried, OTHER_PLACES_OF);
+    let rolling = leads.iter().filter(|lead| !lead.path.slipped);
+    let slipping = rolling.flat_map(|lead| {
+        SLIPPING.map(|share| Guess { mu_c: (share * lead.path.friction_needed).max(MU_C_MIN), ..lead.guess })
+    });
+    let slipping = slipping.filter_map(|guess| problem.try_guess(guess)).collect::<Vec<_>>();
+    let aside = leads.iter().take_while(|_| !halt.is_wished()).flat_map(|lead| seeds::along_edge(problem, lead));
+    let begun = aside.chain(slipping).filter(is_hopeful(least_cost(tried)));
+    descend_all(problem, begun.collect(), halt)
+}
+
+/// What leads somewhere, where the best costs so much.
+fn is_hopeful(best: f64) -> impl Fn(&Tried) -> bool {
+    move |tried| tried.cost <= HOPELESS_ELSEWHERE * best || tried.cost <= best + HOPELESS_COST
+}
+
+/// What costs so many times the best there is leads nowhere; see [`STAGES`].
+const HOPELESS_ELSEWHERE: f64 = 30.0;
+
+/// Of how many edges the best minimum is tried on the others.
+const OTHER_EDGES_OF: usize = 3;
+
+/// Of how many other places are tried on the same edge.
+const OTHER_PLACES_OF: usize = 3;
+
+/// Shares of the friction that rolling needs at which a contact slips for some or most of the time.
+const SLIPPING: [f64; 3] = [0.98, 0.93, 0.85];
+
 /// Minima found from those that may be listed with the push begun at another time: where readings are few, a jump of the
 /// force on the other side of one is a minimum of its own, and the other unknowns have to come along to be lower.
 fn from_other_onsets(problem: &Problem, tried: &[Tried], halt: &Halt<'_>) -> Vec<Tried> {
-    let mut likely: Vec<_> = tried.to_vec();
-    likely.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let most = least_cost(tried) + MAY_BE_LISTED * GATE;
-    let likely = distinct(likely, most).into_iter().take(OTHER_ONSETS_OF);
-    let guesses = likely.flat_map(|tried| {
+    let guesses = leads(tried, OTHER_ONSETS_OF).into_iter().flat_map(|tried| {
         let onsets: Vec<_> = problem.measured.onsets_tried().collect();
         // The one that it has found lies nearest.
         let off = |delay: &f64| (delay - tried.guess.delay).abs();
@@ -265,12 +333,20 @@ fn conclude(problem: &Problem, mut tried: Vec<Tried>, symmetry: usize) -> Estima
     Estimate { hypotheses, symmetry, mu_g_log_sd, ..Estimate::unexplained(fit, duration) }
 }
 
-/// Whether the finger can be there at all, outside the part.
+/// Whether the finger can be there at all, outside the part: at the minimum or, since that is only about where the
+/// contact is, anywhere on the border of what is likely.
 fn is_possible(problem: &Problem, tried: &Tried) -> bool {
     let Ok(edge) = problem.course.part.edge(tried.guess.edge) else { return false };
-    let start = Start::Rest { u: tried.guess.u, s: tried.guess.s.clamp(edge.s_min, edge.s_max) };
-    Push::new(problem.course.first_model(edge), ContactLaw::Frictionless, start, EdgeEnd::Stop).is_ok()
+    let at = |u: f64, s: f64| {
+        let start = Start::Rest { u, s: s.clamp(edge.s_min, edge.s_max) };
+        Push::new(problem.course.first_model(edge), ContactLaw::Frictionless, start, EdgeEnd::Stop).is_ok()
+    };
+    let Guess { u, s, .. } = tried.guess;
+    at(u, s) || problem.border(tried, POSSIBLE_SDS).is_some_and(|border| border.into_iter().any(|[u, s]| at(u, s)))
 }
+
+/// A contact this many standard deviations from the minimum is still likely.
+const POSSIBLE_SDS: f64 = 3.0;
 
 /// The minima up to a cost, each once: several fits end in the same.
 fn distinct(tried: Vec<Tried>, cost_max: f64) -> Vec<Tried> {

@@ -152,6 +152,14 @@ impl ForceReader<'_> {
         force + self.spread_jumps(time)
     }
 
+    /// The jump that spreading reaches at the time asked for last: which one, and a standard deviation of what a sensor
+    /// reads beside its mean, since it reads before the jump or behind it and nothing between.
+    pub(super) fn unsure(&self, time: f64) -> Option<(usize, Vector2<f64>)> {
+        let (at, jump) = *self.path.jumps.get(self.jump)?;
+        let share = 0.5 + (time - at) / self.spread;
+        (0.0..1.0).contains(&share).then(|| (self.jump, jump * (share * (1.0 - share)).sqrt()))
+    }
+
     /// By a parabola through three knots with no jump between them, where there are three.
     fn between(&self, time: f64) -> Vector2<f64> {
         let knots = &self.path.knots;

@@ -108,6 +108,21 @@ fn is_best_around(seed: &Seed, seeds: &[Seed]) -> bool {
     })
 }
 
+/// Guesses on the edge of a minimum that differ from it in their place alone and are better than their neighbours: one
+/// force may have two places, and the grid lead to one of them.
+pub(super) fn along_edge(problem: &Problem, minimum: &Tried) -> Vec<Tried> {
+    let Ok(line) = problem.course.part.edge(minimum.guess.edge) else { return Vec::new() };
+    let places = places(problem, &line, Cover::Coarse);
+    let tried: Vec<_> = places.into_iter().map(|s| problem.try_guess(Guess { s, ..minimum.guess })).collect();
+    let cost = |place: Option<usize>| {
+        let there = place.and_then(|place| tried.get(place)).and_then(Option::as_ref);
+        there.map_or(f64::INFINITY, |tried| tried.cost)
+    };
+    let is_best = |place: usize| cost(Some(place)) <= cost(place.checked_sub(1)).min(cost(Some(place + 1)));
+    let best: Vec<_> = (0..tried.len()).filter(|&place| is_best(place)).collect();
+    best.into_iter().filter_map(|place| tried[place].clone()).collect()
+}
+
 fn places(problem: &Problem, line: &Edge, cover: Cover) -> Vec<f64> {
     let length = line.s_max - line.s_min;
     let wanted = length / (cover.spacing() * problem.course.part.inertia_per_mass().sqrt());

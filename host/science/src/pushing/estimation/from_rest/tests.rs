@@ -238,7 +238,18 @@ struct Sensor {
 const NO_HOLE: [f64; 2] = [0.0, 0.0];
 
 /// What is read of the true force; a second of rest before it.
-fn felt(played: &Played, draw: &mut Draw, Sensor { noise, period, lost, hole }: Sensor) -> WindowedForce {
+fn felt(played: &Played, draw: &mut Draw, sensor: Sensor) -> WindowedForce {
+    let late = draw.uniform(0.0, sensor.period);
+    felt_from(played, draw, sensor, late)
+}
+
+/// The same, of a push that begins so long after a reading, s.
+fn felt_from(
+    played: &Played,
+    draw: &mut Draw,
+    Sensor { noise, period, lost, hole }: Sensor,
+    late: f64,
+) -> WindowedForce {
     const REST_S: f64 = 1.0;
     let times: Vec<_> = played.samples.iter().map(|sample| sample.t).collect();
     let force = |t: f64| {
@@ -247,7 +258,7 @@ fn felt(played: &Played, draw: &mut Draw, Sensor { noise, period, lost, hole }: 
         let there = t >= 0.0 && t <= played.duration();
         if there { played.forces_finger[after - 1].lerp(&played.forces_finger[after], share) } else { Vector2::zeros() }
     };
-    let onset = REST_S + 0.2 + draw.uniform(0.0, period);
+    let onset = REST_S + 0.2 + late;
     let readings = (0_u32..).map(|index| f64::from(index) * period);
     let readings = readings.take_while(|t| *t < onset + played.duration() + 0.05);
     let readings: Vec<_> = readings
@@ -305,6 +316,31 @@ fn readings_that_are_missing_hide_no_push() {
             let estimate = estimate(&known(&part, &ranges), &measured);
             let outcome = TrialOutcome::new(&part, &drawn, &estimate);
             assert!(outcome.holds_truth, "{period} s, case {case}: {outcome:?}, {:?}", estimate.fit);
+        }
+    }
+}
+
+/// A reading sees a jump of the force or does not: where it falls at one, the truth must not cost what half a jump does.
+/// Here it just sees one and just misses the next, so that no other onset explains both.
+#[test]
+fn a_jump_at_a_reading_excludes_no_truth() {
+    const PERIOD_S: f64 = 0.01;
+    let segments = [(0.3, [0.2, 0.0]), (0.2004, [-0.05, 0.1]), (0.25, [0.2, 0.0])];
+    let segments = segments.map(|(seconds, a)| Segment { seconds, acceleration: Vector2::from(a) });
+    let motion = FingerMotion::new(Point2::origin(), &segments).unwrap();
+    let sensor = Sensor { noise: 1e-3, period: PERIOD_S, lost: 0.0, hole: NO_HOLE };
+    for case in 0..12 {
+        let (part, ranges, drawn, mut draw) = drawn_from(Ranges { motion: motion.clone(), ..Ranges::default() }, case);
+        let Drawn { edge, u, s, mu_c, .. } = drawn;
+        for late in [0.1e-3, 0.2e-3, 0.3e-3] {
+            let measured = felt_from(&drawn.played, &mut draw, sensor, PERIOD_S - late);
+            let known = known(&part, &ranges);
+            let course = course(&known, &measured);
+            let problem = Problem { course: &course, measured: &measured };
+            let truth = problem.try_onsets(Guess { edge, u, s, mu_c, mu_g_log: 0.0, delay: 0.0 }).unwrap();
+            let found = problem.descend(truth, usize::MAX);
+            let limit = misfit_limit(2 * measured.count(), measured.freedom());
+            assert!(found.cost < limit, "case {case}: {} where chance gives {limit}", found.cost);
         }
     }
 }

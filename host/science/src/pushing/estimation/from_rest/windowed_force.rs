@@ -8,7 +8,8 @@
 //!
 //! A window's mean is a sum over readings. Where there are few of them it is no integral: a force that jumps between
 //! two of a hundred readings a second moves it by a tenth of the jump. So what is predicted is summed over the same
-//! readings.
+//! readings. A reading sees a jump or does not, where a mean over its period would see some of it: what it may have seen
+//! is one more unknown, found in closed form ([`Predicted`]).
 //!
 //! Frames: finger axes; force is the force on the finger's disk. Units: SI, or the calibration's relative unit of
 //! force.
@@ -19,10 +20,10 @@ use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x4, Matrix4, Vector2};
 use super::hann_windows::{self, HOP_S, LENGTH_S, NEIGHBOUR_CORRELATION};
 use super::path::Path;
 
-/// What a prediction may be off by, as a share of the force: sums over windows up to 9e-4 where the force bends (see
-/// the tests of `path`) and typically a fifth of that, the disk's ringing, which a window lets through by 8e-4 at
-/// first.
-const MODEL_SHARE: f64 = 4e-4;
+/// What a prediction may be off by, as a share of the force: the disk's ringing, which a window lets through by 8e-4 at
+/// first, sums over a grid where the times of the readings are not known; both are mostly a quarter of their most. With
+/// twice as much truths cost half of what chance would have them cost, with half as much ringing ones too much.
+const MODEL_SHARE: f64 = 2e-4;
 
 /// How uncertain the windows' means are.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -125,8 +126,8 @@ pub(super) const ONSET_RANGE: f64 = 3.0;
 /// Onsets less certain than this are tried at several places before a fit, s: means of the force bend within 10 ms.
 const ONSET_SURE_S: f64 = 4e-4;
 
-/// Where, in standard deviations.
-const ONSETS_TRIED: [f64; 9] = [0.0, -0.4, 0.4, -0.8, 0.8, -1.2, 1.2, -1.6, 1.6];
+/// Where, in standard deviations: all over the time between two readings, which reaches √3 to either side.
+const ONSETS_TRIED: [f64; 11] = [0.0, -0.34, 0.34, -0.68, 0.68, -1.02, 1.02, -1.36, 1.36, -1.7, 1.7];
 
 impl WindowedForce {
     /// From the means of the windows, tared, of a contact that began at time 0.
@@ -199,17 +200,31 @@ impl WindowedForce {
     }
 
     /// Predicted means whitened, for an onset so much later than it was taken for, s.
-    pub(super) fn predicted(&self, path: &Path, delay: f64) -> DVector<f64> {
-        let Some(readings) = &self.readings else { return self.whiten(path.windows(self.span())) };
+    pub(super) fn predicted(&self, path: &Path, delay: f64) -> Predicted {
+        let Some(readings) = &self.readings else {
+            return Predicted { shape: self.whiten(path.windows(self.span())), unsure: Vec::new() };
+        };
         let mut sums = vec![Vector2::zeros(); self.span()];
+        let mut unsure: Vec<(usize, Vec<Vector2<f64>>)> = Vec::new();
         let mut force = path.forces(readings.period.min(JUMP_S));
         for group in &readings.groups {
-            let force = force.at(group.time - delay);
-            for (sum, weight) in sums.iter_mut().skip(group.window).zip(group.weights) {
-                *sum += force * weight;
+            let time = group.time - delay;
+            let mean = force.at(time);
+            let add = |sums: &mut Vec<Vector2<f64>>, force: Vector2<f64>| {
+                for (sum, weight) in sums.iter_mut().skip(group.window).zip(group.weights) {
+                    *sum += force * weight;
+                }
+            };
+            add(&mut sums, mean);
+            if let Some((jump, sd)) = force.unsure(time) {
+                if unsure.last().is_none_or(|(last, _)| *last != jump) {
+                    unsure.push((jump, vec![Vector2::zeros(); self.span()]));
+                }
+                unsure.last_mut().into_iter().for_each(|(_, sums)| add(sums, sd));
             }
         }
-        self.whiten(sums.into_iter())
+        let unsure = unsure.into_iter().map(|(_, sums)| self.whiten(sums.into_iter())).collect();
+        Predicted { shape: self.whiten(sums.into_iter()), unsure }
     }
 
     /// The means of the windows, N; none where too few readings are under one.
@@ -242,6 +257,48 @@ impl WindowedForce {
         let rows =
             (0..plain.len()).map(|row| self.whitener.view((row, 0), (1, row + 1)).tr_dot(&plain.rows(0, row + 1)));
         DVector::from_iterator(plain.len(), rows)
+    }
+}
+
+/// What a guess would have felt, whitened, per unit mass of the part.
+#[derive(Clone, Debug)]
+pub(super) struct Predicted {
+    pub(super) shape: DVector<f64>,
+    /// For each jump of the force that a reading fell into, a standard deviation of what may have been felt of it.
+    unsure: Vec<DVector<f64>>,
+}
+
+/// A prediction of some mass against what was felt.
+#[derive(Clone, Debug)]
+pub(super) struct Compared {
+    /// Best mass, kg.
+    pub(super) mass: f64,
+    /// What is felt and not explained, standard deviations.
+    pub(super) rest: DVector<f64>,
+    /// Squared, with what it takes of the jumps.
+    pub(super) cost: f64,
+}
+
+impl Predicted {
+    /// The best mass and the best of what may have been felt of each jump, which costs its square in standard deviations.
+    pub(super) fn compared(&self, data: &DVector<f64>) -> Compared {
+        let plain = self.shape.dot(data) / self.shape.norm_squared();
+        if self.unsure.is_empty() {
+            let rest = data - &self.shape * plain;
+            return Compared { mass: plain, cost: rest.norm_squared(), rest };
+        }
+        // One standard deviation of each, for a mass near the best.
+        let columns: Vec<_> = self.unsure.iter().map(|sd| sd * plain).collect();
+        let unsure = DMatrix::from_columns(&columns);
+        let normal = unsure.tr_mul(&unsure) + DMatrix::identity(columns.len(), columns.len());
+        // Positive definite, being a square and one.
+        let taken = |of: &DVector<f64>| normal.clone().cholesky().map(|normal| normal.solve(&unsure.tr_mul(of)));
+        let less = |of: &DVector<f64>| taken(of).map_or_else(|| of.clone(), |taken| of - &unsure * taken);
+        let mass = self.shape.dot(&less(data)) / self.shape.dot(&less(&self.shape));
+        let off = data - &self.shape * mass;
+        let taken = taken(&off).unwrap_or_else(|| DVector::zeros(columns.len()));
+        let rest = off - &unsure * &taken;
+        Compared { mass, cost: rest.norm_squared() + taken.norm_squared(), rest }
     }
 }
 
