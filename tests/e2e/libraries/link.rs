@@ -280,6 +280,30 @@ fn a_front_end_that_falls_silent_is_told_and_so_is_its_return() {
     rig::samples(&mut session, 100);
 }
 
+/// A chip that is back announces data all the time, so nothing may wait for a moment without any.
+#[test]
+fn a_front_end_that_was_absent_is_found_again() {
+    let device = rig::device(16, Line::Pipe);
+    let mut session = rig::session(&device);
+    session.start().unwrap();
+    rig::samples(&mut session, 100);
+    let event = |incoming| match incoming {
+        Incoming::Event(event) => Some(event.kind),
+        _ => None,
+    };
+    let away = Faults { chip_absent: Some(FloatingBus::High), ..Faults::default() };
+    // On a damaged bus it takes a few tries.
+    for (floating, back) in [(away, Faults::default()), (away, Faults { bit_error_rate: 1e-3, ..Faults::default() })] {
+        device.set_faults(floating).unwrap();
+        let missing = |incoming| event(incoming).filter(|kind| matches!(kind, EventKind::FrontEndMissing { .. }));
+        rig::wait_for(&mut session, missing);
+        device.set_faults(back).unwrap();
+        let found = |incoming| event(incoming).filter(|kind| *kind == EventKind::FrontEndRecovered);
+        rig::wait_for(&mut session, found);
+        rig::samples(&mut session, 1000);
+    }
+}
+
 #[test]
 fn damage_on_the_front_ends_bus_loses_samples_that_are_all_counted() {
     let device = rig::device(11, rig::real_line());

@@ -5,6 +5,7 @@ use std::sync::mpsc::{Receiver, Sender, TryRecvError};
 use std::time::{Duration, Instant};
 
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
+use palpate_firmware_core::sampler::IDLE_US;
 use palpate_firmware_core::{Device, DeviceSettings, Identity, Queues, Sampler, SelectSource, SourceNotPossible};
 use palpate_shared::sim::{Faults, FloatingBus, Load, PortBusy, Script, SimulatedFrontEnd, SpiPort};
 use palpate_shared::units::DeviceTime;
@@ -30,6 +31,10 @@ const REST: Duration = Duration::from_micros(200);
 
 /// Conversions that a device at its host's pace makes between two looks at its line: one block.
 const STRIDE: u64 = 8;
+
+/// How often the sampler looks after its front-end whether or not data come, in µs of device time: as on the board,
+/// whose tick does not wait for the converter either.
+const LOOK_EVERY_US: u32 = IDLE_US;
 
 /// Conversions before a board listens to its line.
 const START_UP: u32 = 8;
@@ -84,6 +89,7 @@ pub(super) fn run(config: &Config, mut outlet: Outlet, orders: &Receiver<Control
             sampler: Sampler::new(SimulatedOnly::new(&front_end), sampler_end, settings),
             device: Device::new(identity(config, restarts), device_end),
             conversions: 0,
+            looked_at: DeviceTime(0),
             temperature_at: DeviceTime(0),
             course: None,
         };
@@ -168,6 +174,8 @@ struct Board<'w> {
     sampler: Sampler<'w, SimulatedOnly<'w>>,
     device: Device<'w, OUTBOX_BYTES>,
     conversions: u64,
+    /// Device time at which the sampler last looked after its front-end.
+    looked_at: DeviceTime,
     /// Device time of the last temperature sent.
     temperature_at: DeviceTime,
     /// Forces that act in turn, and the world's time at which they began.
@@ -295,7 +303,10 @@ impl Board<'_> {
         let now = self.now();
         if data_ready {
             self.sampler.data_ready(now);
-        } else {
+        }
+        // A chip that was given up on is looked for here, and here alone, although its data may come again.
+        if !data_ready || now.since(self.looked_at) >= LOOK_EVERY_US {
+            self.looked_at = now;
             self.sampler.idle(now);
         }
         self.device.poll(now);
