@@ -511,7 +511,8 @@ pub struct Counters {
     pub samples_missed: u32,
     /// Of these: damaged on the front-end's bus.
     pub samples_damaged: u32,
-    /// Of these: no room between sampler and block builder.
+    /// Of these: no room to keep or to send them; those in the blocks that found no room on the link too (firmware
+    /// before 0.2 left these out).
     pub samples_dropped: u32,
     /// Blocks handed to the link.
     pub blocks_sent: u32,
