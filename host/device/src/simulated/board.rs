@@ -12,7 +12,8 @@ use palpate_shared::units::DeviceTime;
 use palpate_shared::wire::{Axis, Bridge, Channel, ClockSource, DeviceId, RestartReason, Source};
 
 use super::outlet::Outlet;
-use super::{Config, ForceCourse, Pace, SimulatedMoment};
+use super::troubled_outlet::TroubledOutlet;
+use super::{Config, ForceCourse, InjectedOnLink, LinkFaults, Pace, SimulatedMoment};
 
 /// How often a device in real time wakes: half a block, so that samples are at most this late.
 const TICK: Duration = Duration::from_millis(1);
@@ -58,6 +59,8 @@ pub(super) enum Control {
     Script(Box<Script>, Sender<SimulatedMoment>),
     Course(ForceCourse, Sender<SimulatedMoment>),
     Faults(Faults, Sender<SimulatedMoment>),
+    LinkFaults(LinkFaults, Sender<SimulatedMoment>),
+    Injected(Sender<InjectedOnLink>),
     Now(Sender<SimulatedMoment>),
     Unplug(Sender<SimulatedMoment>),
     PlugIn(Sender<SimulatedMoment>),
@@ -68,15 +71,17 @@ pub(super) enum Control {
 
 /// Why a device stopped running.
 enum Ended {
-    Restart(Sender<SimulatedMoment>),
+    /// By chance, or ordered by somebody who waits.
+    Restart(Option<Sender<SimulatedMoment>>),
     ForGood,
 }
 
 /// Runs the device until its owner is gone, over as many restarts as are ordered. The world goes on over a restart:
 /// what presses presses, what is broken stays broken.
-pub(super) fn run(config: &Config, mut outlet: Outlet, orders: &Receiver<Control>, epoch: Instant) {
+pub(super) fn run(config: &Config, outlet: Outlet, orders: &Receiver<Control>, epoch: Instant) {
     let front_end = RefCell::new(SimulatedFrontEnd::new(config.finger, config.seed));
     front_end.borrow_mut().set_faults(config.faults);
+    let mut outlet = TroubledOutlet::new(outlet, config.link_faults, config.seed);
     let mut restarts = 0;
     let mut asked: Option<Sender<SimulatedMoment>> = None;
     loop {
@@ -98,10 +103,10 @@ pub(super) fn run(config: &Config, mut outlet: Outlet, orders: &Receiver<Control
         }
         match board.live(config, &mut outlet, orders, epoch) {
             Ended::ForGood => return,
-            Ended::Restart(sender) => asked = Some(sender),
+            Ended::Restart(sender) => asked = sender,
         }
         power_cycle(&mut front_end.borrow_mut());
-        restarts += 1;
+        restarts = u16::saturating_add(restarts, 1);
     }
 }
 
@@ -184,7 +189,13 @@ struct Board<'w> {
 
 impl Board<'_> {
     /// Lives until ordered otherwise.
-    fn live(&mut self, config: &Config, outlet: &mut Outlet, orders: &Receiver<Control>, epoch: Instant) -> Ended {
+    fn live(
+        &mut self,
+        config: &Config,
+        outlet: &mut TroubledOutlet,
+        orders: &Receiver<Control>,
+        epoch: Instant,
+    ) -> Ended {
         let mut line = LineSpeed { baud: config.baud, allowance: 0.0, paid_us: 0 };
         let mut busy_since = None;
         // A board looks for its front-end before it listens to its line.
@@ -192,11 +203,14 @@ impl Board<'_> {
         loop {
             loop {
                 match orders.try_recv() {
-                    Ok(Control::Restart(sender)) => return Ended::Restart(sender),
+                    Ok(Control::Restart(sender)) => return Ended::Restart(Some(sender)),
                     Ok(Control::End) | Err(TryRecvError::Disconnected) => return Ended::ForGood,
                     Ok(order) => self.obey(order, outlet),
                     Err(TryRecvError::Empty) => break,
                 }
+            }
+            if outlet.meet_chance(self.world_us()) {
+                return Ended::Restart(None);
             }
             let heard = self.listen(outlet);
             match config.pace {
@@ -224,10 +238,11 @@ impl Board<'_> {
         }
     }
 
-    fn obey(&mut self, order: Control, outlet: &mut Outlet) {
+    fn obey(&mut self, order: Control, outlet: &mut TroubledOutlet) {
         if matches!(order, Control::Load(..) | Control::Script(..)) {
             self.course = None;
         }
+        let now_us = self.world_us();
         let mut front_end = self.front_end.borrow_mut();
         let sender = match order {
             Control::Load(load, sender) => {
@@ -246,6 +261,15 @@ impl Board<'_> {
                 front_end.set_faults(faults);
                 sender
             }
+            Control::LinkFaults(faults, sender) => {
+                outlet.set_faults(faults, now_us);
+                sender
+            }
+            Control::Injected(sender) => {
+                // As in `answer`.
+                let _ = sender.send(outlet.injected());
+                return;
+            }
             Control::Unplug(sender) => {
                 outlet.unplug();
                 sender
@@ -258,7 +282,7 @@ impl Board<'_> {
                 sender
             }
             Control::Disturb(noise, sender) => {
-                let _ = outlet.write(&noise);
+                outlet.disturb(&noise);
                 sender
             }
             Control::Now(sender) | Control::Restart(sender) => sender,
@@ -273,9 +297,9 @@ impl Board<'_> {
     }
 
     /// Hands the firmware what the host sent; whether there was anything.
-    fn listen(&mut self, outlet: &mut Outlet) -> bool {
+    fn listen(&mut self, outlet: &mut TroubledOutlet) -> bool {
         let mut buffer = [0; 256];
-        let length = outlet.read(&mut buffer);
+        let length = outlet.read(&mut buffer, self.world_us());
         let now = self.now();
         self.device.receive(&buffer[..length], now);
         self.device.poll(now);
@@ -283,7 +307,7 @@ impl Board<'_> {
     }
 
     /// Takes the samples that a board would have taken by now, up to [`CATCH_UP`] at a time.
-    fn catch_up(&mut self, epoch: Instant, outlet: &mut Outlet, line: &mut LineSpeed) {
+    fn catch_up(&mut self, epoch: Instant, outlet: &mut TroubledOutlet, line: &mut LineSpeed) {
         let due_ns = epoch.elapsed().as_nanos();
         for _ in 0..CATCH_UP {
             if u128::from(self.front_end.borrow().truth().time_ns) >= due_ns {
@@ -338,8 +362,10 @@ impl Board<'_> {
     }
 
     /// Puts on the line what it takes.
-    fn talk(&mut self, outlet: &mut Outlet, line: &mut LineSpeed) -> Talk {
+    fn talk(&mut self, outlet: &mut TroubledOutlet, line: &mut LineSpeed) -> Talk {
         line.earn(self.now());
+        let now_us = self.world_us();
+        outlet.pass_on(now_us);
         loop {
             let waiting = self.device.transmit();
             let allowed = &waiting[..waiting.len().min(line.allowed())];
@@ -349,13 +375,18 @@ impl Board<'_> {
             if allowed.is_empty() {
                 return Talk::LineBusy;
             }
-            let sent = outlet.write(allowed);
+            let sent = outlet.write(allowed, now_us);
             if sent == 0 {
                 return Talk::HostBusy;
             }
             line.spend(sent);
             self.device.transmitted(sent);
         }
+    }
+
+    /// The world's time, which goes on over restarts, in µs.
+    fn world_us(&self) -> u64 {
+        self.front_end.borrow().truth().time_ns / 1000
     }
 
     /// The device's clock, which counts conversions from its start.
