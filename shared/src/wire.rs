@@ -75,7 +75,8 @@ pub struct Hello {
     pub firmware: FirmwareVersion,
     /// Unique to the device.
     pub device: DeviceId,
-    /// Name of the board, as its firmware has it.
+    /// Name of the board, as its firmware has it; what would not print there reads as `?`.
+    #[serde(deserialize_with = "printable")]
     pub board: String<24>,
     /// The analogue front-end and its ID word (0 if nothing answers).
     pub front_end: FrontEnd,
@@ -224,6 +225,22 @@ fn known_reason<'de, D: Deserializer<'de>>(deserializer: D) -> Result<RestartRea
     let number = u32::deserialize(deserializer)?;
     let known = RestartReason::deserialize(IntoDeserializer::<D::Error>::into_deserializer(number));
     Ok(known.unwrap_or(RestartReason::Unknown))
+}
+
+/// Reads a text, with `?` for what would steer a terminal instead of printing: control characters, and those that
+/// reverse, join or hide others.
+///
+/// Whoever shows a name need not know that it came over a wire.
+fn printable<'de, D: Deserializer<'de>, const N: usize>(deserializer: D) -> Result<String<N>, D::Error> {
+    let text = String::<N>::deserialize(deserializer)?;
+    let mut shown = String::new();
+    for character in text.chars() {
+        let steers = character.is_control()
+            || matches!(character, '\u{ad}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}');
+        // A question mark takes no more room than what it stands for.
+        let _ = shown.push(if steers { '?' } else { character });
+    }
+    Ok(shown)
 }
 
 /// Consecutive samples of both channels.
@@ -511,7 +528,8 @@ pub struct Counters {
     pub samples_missed: u32,
     /// Of these: damaged on the front-end's bus.
     pub samples_damaged: u32,
-    /// Of these: no room between sampler and block builder.
+    /// Of these: no room to keep or to send them; those in the blocks that found no room on the link too (firmware
+    /// before 0.2 left these out).
     pub samples_dropped: u32,
     /// Blocks handed to the link.
     pub blocks_sent: u32,
@@ -544,7 +562,8 @@ pub struct Fault {
     pub return_address: u32,
     /// The processor's fault status (CFSR of a Cortex-M); 0 where it reported none.
     pub fault_status: u32,
-    /// For a panic, the end of the source file's path, and the line.
+    /// For a panic, the end of the source file's path, and the line; as printable as a board's name.
+    #[serde(deserialize_with = "printable")]
     pub place: String<40>,
 }
 
@@ -955,6 +974,23 @@ mod tests {
         (fault.return_address, fault.fault_status) = (u32::MAX, u32::MAX);
         let reply = FromDevice::Reply(Reply { id: CommandId(u32::MAX), outcome: Outcome::LastFault(Some(fault)) });
         assert!(hex_payload(&reply).len() / 2 <= frame::PAYLOAD_MAX, "{}", hex_payload(&reply).len() / 2);
+    }
+
+    #[test]
+    fn a_name_that_would_steer_a_terminal_is_read_as_text() {
+        let mut named = hello();
+        named.board = String::try_from("\u{1b}[2J\u{7}ok\u{202e}é\u{9b}31m").unwrap();
+        let bytes = bytes_of(&hex_payload(&FromDevice::Hello(named)));
+        let Ok(FromDevice::Hello(read)) = FromDevice::from_payload(&bytes) else { panic!("a hello") };
+        assert_eq!(read.board.as_str(), "?[2J?ok?é?31m");
+        let mut fault = fault();
+        fault.place = String::try_from("\u{1b}]0;main.rs:7").unwrap();
+        let reply = FromDevice::Reply(Reply { id: CommandId(7), outcome: Outcome::LastFault(Some(fault)) });
+        let read = FromDevice::from_payload(&bytes_of(&hex_payload(&reply)));
+        let Ok(FromDevice::Reply(Reply { outcome: Outcome::LastFault(Some(read)), .. })) = read else {
+            panic!("a fault")
+        };
+        assert_eq!(read.place.as_str(), "?]0;main.rs:7");
     }
 
     #[test]

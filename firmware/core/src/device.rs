@@ -314,7 +314,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
             samples: sampled.samples,
             samples_missed: sampled.missed,
             samples_damaged: sampled.damaged,
-            samples_dropped: sampled.dropped,
+            samples_dropped: sampled.dropped.wrapping_add(main.samples_dropped),
             blocks_sent: main.blocks_sent,
             blocks_dropped: main.blocks_dropped,
             notices_dropped: main.notices_dropped.wrapping_add(sampled.notices_dropped),

@@ -1,15 +1,22 @@
 //! Messages on their way to the host: a bounded ring of encoded frames.
 //!
 //! A frame goes in whole or not at all. Blocks leave [`RESERVED`] bytes free, so that a link which cannot
-//! keep up with samples still carries replies and events. One byte stays free for the delimiter with which
-//! [`Outbox::redirect`] begins on another link.
+//! keep up with samples still carries replies and events. Replies and events have an allowance, so that a host
+//! which asks without end does not crowd the samples out: five eighths of the ring, given anew whenever nothing
+//! waits, and a twentieth of what goes out meanwhile (what rates leave free of a line). One byte stays free for the
+//! delimiter with which [`Outbox::redirect`] begins on another link.
 //! Errors: none; what does not fit is refused by return value.
 
 use palpate_shared::frame::{DELIMITER, FRAME_MAX, encode};
 use palpate_shared::wire::{FrameBuffer, FromDevice};
 
+use crate::settings::HEADROOM_INVERSE;
+
 /// Bytes that blocks leave free: three of the longest replies, with events beside them.
 pub const RESERVED: usize = 256;
+
+/// Bytes that go out for one that replies and events may take.
+const BYTES_PER_EARNED: usize = HEADROOM_INVERSE as usize;
 
 /// A ring of `N` bytes.
 #[derive(Clone, Debug)]
@@ -21,6 +28,10 @@ pub struct Outbox<const N: usize> {
     length: usize,
     /// Whether the last byte that went out is in the middle of a frame.
     is_mid_frame: bool,
+    /// Bytes that replies and events may still take.
+    allowance: usize,
+    /// Bytes that went out since the allowance last grew; less than [`BYTES_PER_EARNED`].
+    unpaid: usize,
 }
 
 impl<const N: usize> Default for Outbox<N> {
@@ -30,13 +41,16 @@ impl<const N: usize> Default for Outbox<N> {
 }
 
 impl<const N: usize> Outbox<N> {
+    /// What replies and events may take of the ring at most, in bytes.
+    const ALLOWANCE_MAX: usize = N / 8 * 5;
+
     /// An empty ring.
     ///
     /// Does not compile for less than 512 bytes: a block would hardly find room.
     #[must_use]
     pub const fn new() -> Self {
         const { assert!(N >= 2 * RESERVED, "an outbox needs at least 512 bytes") }
-        Self { bytes: [0; N], start: 0, length: 0, is_mid_frame: false }
+        Self { bytes: [0; N], start: 0, length: 0, is_mid_frame: false, allowance: Self::ALLOWANCE_MAX, unpaid: 0 }
     }
 
     /// Adds a bare delimiter, which ends whatever half a frame the line carried before a restart.
@@ -50,10 +64,13 @@ impl<const N: usize> Outbox<N> {
     pub fn push_message(&mut self, message: &FromDevice) -> bool {
         let mut line: FrameBuffer = [0; FRAME_MAX + 1];
         let Ok(frame) = encode(message, &mut line) else { return false };
-        let kept_free = if matches!(message, FromDevice::Block(_)) { RESERVED } else { 0 };
-        let has_room = frame.len() + kept_free < N - self.length;
+        let is_block = matches!(message, FromDevice::Block(_));
+        let kept_free = if is_block { RESERVED } else { 0 };
+        let is_allowed = is_block || frame.len() <= self.allowance;
+        let has_room = is_allowed && frame.len() + kept_free < N - self.length;
         if has_room {
             self.append(frame);
+            self.allowance -= if is_block { 0 } else { frame.len() };
         }
         has_room
     }
@@ -72,7 +89,16 @@ impl<const N: usize> Outbox<N> {
             self.is_mid_frame = self.waiting(last) != Some(DELIMITER);
         }
         self.length -= n;
+        self.earn(n);
         self.start = if self.length == 0 { 0 } else { (self.start + n) % N };
+    }
+
+    /// Lets the allowance grow with the bytes that went out.
+    fn earn(&mut self, sent: usize) {
+        let unpaid = self.unpaid + sent;
+        let earned = if self.length == 0 { Self::ALLOWANCE_MAX } else { unpaid / BYTES_PER_EARNED };
+        self.allowance = (self.allowance + earned).min(Self::ALLOWANCE_MAX);
+        self.unpaid = unpaid % BYTES_PER_EARNED;
     }
 
     /// What waits goes another way from here on: lets go of a message that is half out, and begins with a delimiter,
@@ -152,6 +178,19 @@ mod tests {
         let replies = (2..1000).filter(|&n| outbox.push_message(&reply(n))).count();
         assert!(replies >= RESERVED / 10, "{replies}");
         assert!(outbox.len() <= 1024);
+    }
+
+    #[test]
+    fn replies_without_end_leave_room_for_blocks() {
+        let mut outbox = Outbox::<1024>::new();
+        while outbox.push_message(&reply(1)) {}
+        assert!(outbox.len() <= 640, "{}", outbox.len());
+        assert!(outbox.push_message(&block(1)));
+        // A twentieth of what goes out may come in again as replies: 10 bytes of 200.
+        outbox.consume(200);
+        assert!(outbox.push_message(&reply(2)) && !outbox.push_message(&reply(3)));
+        outbox.consume(usize::MAX);
+        assert!((0..20).all(|n| outbox.push_message(&reply(n))));
     }
 
     #[test]

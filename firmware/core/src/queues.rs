@@ -27,6 +27,11 @@ const NOTICES: usize = 16;
 /// Places for requests, one of them never used: one at work, one given up on.
 const REQUESTS: usize = 3;
 
+/// Places for notices that only answers take: one for each request that can be under way while the main side stands
+/// still, those that wait and the one that the sampler works on. An answer that is lost would leave the main side with
+/// settings that the front-end no longer has.
+const ANSWERS_MAX: usize = REQUESTS;
+
 /// One sample, as the sampler gives it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RawReading {
@@ -83,6 +88,13 @@ pub(crate) enum Notice {
     Event { time: DeviceTime, kind: EventKind },
     /// The answer to a request, and how the sampler is set after it.
     Answer { ticket: u8, finding: Finding, state: SamplerState },
+}
+
+impl Notice {
+    /// Whether it says that the front-end answers or that it does not.
+    fn tells_presence(&self) -> bool {
+        matches!(self, Self::Found { .. } | Self::Event { kind: EventKind::FrontEndMissing { .. }, .. })
+    }
 }
 
 /// What the sampler counted; each counter wraps.
@@ -188,8 +200,14 @@ impl Queues {
         let (notices_in, notices) = self.notices.split();
         let (requests_in, requests) = self.requests.split();
         let shared = &self.tally;
-        let sampler =
-            SamplerEnd { readings: readings_in, notices: notices_in, requests, shared, tally: Tally::default() };
+        let sampler = SamplerEnd {
+            readings: readings_in,
+            notices: notices_in,
+            requests,
+            shared,
+            tally: Tally::default(),
+            untold: None,
+        };
         (sampler, DeviceEnd { readings, notices, requests: requests_in, shared })
     }
 }
@@ -202,6 +220,8 @@ pub struct SamplerEnd<'q> {
     shared: &'q SharedTally,
     /// The sampler's own copy of the counters.
     tally: Tally,
+    /// Whether the front-end answers, for which there was no room; told as soon as there is.
+    untold: Option<Notice>,
 }
 
 // Never inlined: the sampler counts in a dozen places, and the image has a size to keep.
@@ -234,11 +254,32 @@ impl SamplerEnd<'_> {
         });
     }
 
-    /// Queues a notice, or counts it as dropped.
+    /// Queues a notice, keeps it for later, or counts it as dropped.
     #[inline(never)]
     pub(crate) fn notice(&mut self, notice: Notice) {
-        if self.notices.enqueue(notice).is_err() {
-            self.count(|tally| tally.notices_dropped = tally.notices_dropped.wrapping_add(1));
+        let tells_presence = notice.tells_presence();
+        let kept_free = if matches!(notice, Notice::Answer { .. }) { 0 } else { ANSWERS_MAX };
+        // What the main side knows of the front-end must not stay behind: the newest word on it waits for room.
+        let overtaken = if tells_presence { self.untold.take() } else { None };
+        let has_room = self.notices.len() + kept_free < self.notices.capacity();
+        let dropped = if has_room {
+            u32::from(self.notices.enqueue(notice).is_err())
+        } else if tells_presence {
+            self.untold = Some(notice);
+            0
+        } else {
+            1
+        };
+        let dropped = dropped + u32::from(overtaken.is_some());
+        if dropped > 0 {
+            self.count(|tally| tally.notices_dropped = tally.notices_dropped.wrapping_add(dropped));
+        }
+    }
+
+    /// Tells what waits for room, if there is any now; to be called often.
+    pub(crate) fn tell_untold(&mut self) {
+        if let Some(notice) = self.untold.take() {
+            self.notice(notice);
         }
     }
 

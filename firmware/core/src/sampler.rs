@@ -423,6 +423,7 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
 
     /// Answers a finished job, or takes up the next request.
     fn serve(&mut self, now: DeviceTime) {
+        self.end.tell_untold();
         match self.job.as_ref().map(Job::progress) {
             Some(Progress::UnderWay) => {}
             Some(progress) => self.finish_job(progress, now),

@@ -21,7 +21,7 @@ const LINE_BITS_PER_BYTE: u32 = 10;
 /// Part of the line kept for replies and events, as its inverse: one twentieth of what the blocks take.
 ///
 /// With it 921600 baud carries 8 kHz (92 % of the line in the worst case) and 115200 baud 1 kHz.
-const HEADROOM_INVERSE: u32 = 20;
+pub(crate) const HEADROOM_INVERSE: u32 = 20;
 
 /// Slowest rate, in Hz.
 const SLOWEST_HZ: u32 = 500;

@@ -3,7 +3,7 @@
 mod rig;
 
 use palpate_shared::frame::{DELIMITER, FRAME_MAX, encode};
-use palpate_shared::sim::{Faults, FingerConfig};
+use palpate_shared::sim::{Faults, FingerConfig, FloatingBus};
 use palpate_shared::units::DeviceTime;
 use palpate_shared::wire::{
     Checks, Command, CommandId, FrameBuffer, FromDevice, Outcome, PROTOCOL, Refusal, Request, SelfTest, Source, Status,
@@ -472,4 +472,48 @@ proptest! {
         prop_assert_eq!(rig.heard.replies().count(), 0);
         prop_assert!(rig.device.counters().frames_damaged >= 1);
     }
+}
+
+/// Sixteen notices while the main loop stands still used to leave no place for the answer to the command before them.
+#[test]
+fn an_answer_finds_a_place_whatever_else_is_told() {
+    started(Bench::default(), |rig| {
+        rig.main_loop_hangs = true;
+        for _ in 0..20 {
+            rig.reset_chip();
+            rig.run(2);
+        }
+        let id = rig.send(Request::SetGain { gain: 64 });
+        rig.run_us(10_000);
+        rig.main_loop_hangs = false;
+        rig.run_us(10_000);
+        assert_eq!(rig.outcomes(id), [Outcome::Done]);
+        assert!(matches!(rig.ask(Request::Hello), Outcome::Hello(hello) if hello.gain == 64));
+        let Outcome::Counters(counters) = rig.ask(Request::Counters) else { panic!("no counters") };
+        assert!(counters.notices_dropped > 0, "{counters:?}");
+    });
+}
+
+/// The same for the news that the front-end is back: without it every command would be refused for good.
+#[test]
+fn a_front_end_that_comes_back_while_the_main_loop_stands_still_is_known_to_be_back() {
+    started(Bench::default(), |rig| {
+        rig.set_faults(Faults { chip_absent: Some(FloatingBus::High), ..Faults::default() });
+        rig.run_us(300_000);
+        assert_eq!(rig.ask(Request::Start), refused(Refusal::NoFrontEnd));
+        rig.main_loop_hangs = true;
+        for _ in 0..20 {
+            rig.set_faults(Faults::default());
+            rig.run_us(300_000);
+            rig.reset_chip();
+            rig.run(2);
+            rig.set_faults(Faults { chip_absent: Some(FloatingBus::High), ..Faults::default() });
+            rig.run_us(300_000);
+        }
+        rig.set_faults(Faults::default());
+        rig.run_us(300_000);
+        rig.main_loop_hangs = false;
+        rig.run_us(10_000);
+        assert_eq!(rig.ask(Request::Start), Outcome::Done);
+    });
 }

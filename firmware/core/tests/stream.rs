@@ -7,6 +7,9 @@ use palpate_shared::units::DeviceTime;
 use palpate_shared::wire::{EventKind, Outcome, Refusal, Request, Source, Status};
 use rig::{Bench, Rig, World};
 
+/// Bytes of a ping's frame, with an id of three bytes.
+const PING_FRAME: usize = 11;
+
 /// Damage that spoils about one frame in eleven: 88 bits count.
 const BIT_ERROR_RATE: f32 = 1e-3;
 
@@ -334,7 +337,7 @@ fn a_link_stalled_for_a_second_costs_blocks_and_no_replies() {
         stop_and_settle_accounts(rig);
         let counters = rig.device.counters();
         assert!(ids.iter().all(|&id| rig.outcomes(id).len() == 1));
-        assert_eq!((counters.notices_dropped, counters.samples_dropped), (0, 0));
+        assert_eq!((counters.notices_dropped, counters.samples_dropped), (0, 8 * counters.blocks_dropped));
         // 4000 samples in 500 blocks, less those that fit into the outbox.
         assert!((450..500).contains(&counters.blocks_dropped), "{counters:?}");
         assert_eq!(rig.heard.losses(), [0, 0, 8 * counters.blocks_dropped]);
@@ -358,4 +361,37 @@ fn losses_that_could_not_be_reported_are_reported_later() {
         assert!(rig.heard.losses()[2] > 3000);
         assert!(rig.device.counters().notices_dropped > 400);
     });
+}
+
+/// A host that asks without end, as fast as its line carries it, on a line that carries as much the other way.
+#[test]
+fn a_flood_of_commands_does_not_crowd_out_samples() {
+    // Bytes in a conversion at 4 kHz, either way: 921600 baud, 10 bits a byte; rounded down.
+    const LINE: usize = 23;
+    let mut world = World::new(FingerConfig::default(), 1);
+    let mut rig = Rig::new(&mut world, Bench::default());
+    rig.start_streaming();
+    rig.link_open = false;
+    let (mut waiting, mut sent) = (0, Vec::new());
+    for _ in 0..40_000 {
+        waiting += LINE;
+        while waiting >= PING_FRAME {
+            waiting -= PING_FRAME;
+            rig.send(Request::Ping);
+        }
+        rig.step();
+        for _ in 0..2 {
+            // The box is a ring: what waits may lie in two pieces.
+            let piece: Vec<u8> = rig.device.transmit().iter().copied().take(LINE - sent.len()).collect();
+            rig.device.transmitted(piece.len());
+            sent.extend(piece);
+        }
+        rig.hear(&sent);
+        sent.clear();
+    }
+    let counters = rig.device.counters();
+    assert_eq!((counters.blocks_dropped, counters.samples_dropped), (0, 0), "{counters:?}");
+    assert!(rig.heard.samples().count() > 39_000, "{counters:?}");
+    // And the host is answered as often as there is room.
+    assert!(rig.heard.replies().count() > 1000 && counters.notices_dropped > 0, "{counters:?}");
 }

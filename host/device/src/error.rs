@@ -6,6 +6,8 @@ use std::time::Duration;
 use palpate_shared::wire::{CommandId, PROTOCOL, ProtocolVersion, Refusal};
 use thiserror::Error;
 
+use crate::session::Settings;
+
 /// What could not be opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Opened {
@@ -142,7 +144,7 @@ pub enum LinkError {
     },
 
     /// A command was repeated without an answer.
-    #[error("no answer to {request}, sent {times} times in {} ms", within.as_millis())]
+    #[error("no answer when asked {}, {times} times in {} ms", asked(request), within.as_millis())]
     Unanswered {
         /// The command in words.
         request: String,
@@ -153,7 +155,7 @@ pub enum LinkError {
     },
 
     /// The answer does not belong to the question.
-    #[error("the device gave {request} an answer of the wrong kind")]
+    #[error("asked {}, the device gave an answer of the wrong kind", asked(request))]
     WrongAnswer {
         /// The command in words.
         request: String,
@@ -166,6 +168,17 @@ pub enum LinkError {
         was: String,
         /// Number of the device that answers now; the same where only its bridge supply or range differ.
         is: String,
+    },
+
+    /// The device restarted, or another host set it otherwise, and it does not take the settings of the session again.
+    #[error("the device is set to {is} now and does not go back to {was}{}", refusal.map(|refusal| format!(": {}", in_words(refusal))).unwrap_or_default())]
+    OtherSettings {
+        /// What the session was opened with or has set.
+        was: Settings,
+        /// What the device says it has.
+        is: Settings,
+        /// Why it refused to be set; `None` where it said that it was done.
+        refusal: Option<Refusal>,
     },
 
     /// The device is gone.
@@ -202,6 +215,11 @@ impl LinkError {
     }
 }
 
+/// A request in words behind "asked": "to do it" as it is, a thing with "for".
+fn asked(request: &str) -> String {
+    if request.starts_with("to ") { request.to_owned() } else { format!("for {request}") }
+}
+
 /// A refusal in words, with the limit that was broken.
 fn in_words(refusal: Refusal) -> String {
     match refusal {
@@ -223,7 +241,36 @@ fn in_words(refusal: Refusal) -> String {
 
 #[cfg(test)]
 mod tests {
+    use palpate_shared::wire::Source;
+
     use super::*;
+
+    #[test]
+    fn what_was_asked_reads_as_a_sentence() {
+        let unanswered = |request: &str| {
+            let within = Duration::from_millis(1500);
+            LinkError::Unanswered { request: request.to_owned(), times: 6, within }.to_string()
+        };
+        assert_eq!(unanswered("to stop streaming"), "no answer when asked to stop streaming, 6 times in 1500 ms");
+        assert_eq!(unanswered("a gain of 64"), "no answer when asked for a gain of 64, 6 times in 1500 ms");
+        let wrong = LinkError::WrongAnswer { request: "a ping".to_owned() };
+        assert_eq!(wrong.to_string(), "asked for a ping, the device gave an answer of the wrong kind");
+    }
+
+    #[test]
+    fn settings_that_do_not_come_back_are_both_named() {
+        let was = Settings { rate_hz: 4000, gain: 64, source: Source::Hardware };
+        let error = LinkError::OtherSettings {
+            was,
+            is: Settings { gain: 32, ..was },
+            refusal: Some(Refusal::GainNotPossible { largest: 32 }),
+        };
+        assert_eq!(
+            error.to_string(),
+            "the device is set to 4000 Hz, gain 32, own front-end now and does not go back to \
+             4000 Hz, gain 64, own front-end: its gains are 1, 2, 4 … 32"
+        );
+    }
 
     #[test]
     fn a_refusal_names_the_limit() {

@@ -7,8 +7,13 @@
 //!
 //! When the link breaks, [`Session::next`] reopens it, restores the settings and goes on; the gap is counted in
 //! samples like any other, unless the device itself restarted and began to count anew.
+//!
+//! A session has the settings that it was opened with until it sets others, and gives them back to a device that
+//! restarted or that another host has set otherwise. What such a device sends before it has them is dropped and counted
+//! as missing; if it does not take them, the session ends with [`LinkError::OtherSettings`].
 
 use std::collections::VecDeque;
+use std::fmt;
 use std::hash::{BuildHasher, RandomState};
 use std::io::{self, Read, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -19,10 +24,10 @@ use std::time::{Duration, Instant};
 
 use palpate::finger::Samples;
 use palpate_shared::frame::{DELIMITER, FRAME_MAX, encode};
-use palpate_shared::units::Counts;
+use palpate_shared::units::{Counts, Seq};
 use palpate_shared::wire::{
     Block, Command, CommandId, Counters, Event, Failure, Fault, FromDevice, Health, Hello, NewerMessage, Outcome,
-    ProtocolVersion, Refusal, Reply, Request, SelfTest, Source, Status, Temperature,
+    PROTOCOL, ProtocolVersion, Refusal, Reply, Request, SelfTest, Source, Status, Temperature,
 };
 
 use crate::clock_map::{ClockEstimate, ClockMap};
@@ -89,11 +94,12 @@ pub enum Incoming {
 pub struct SessionCounts {
     /// Samples received, each once.
     pub samples: u64,
-    /// Samples that never came.
+    /// Samples that never came, or that came while the device was not known to be set as before. After a restart of the
+    /// device all from its number 0 on; those lost in the restart itself have no numbers and are not here.
     pub missing: u64,
-    /// Samples that came again and were dropped.
+    /// Samples that came again, or too late, and were dropped.
     pub repeated: u64,
-    /// Frames damaged on the way, or whose contents make no sense.
+    /// Frames damaged on the way, or whose contents make no sense, such as a number far from all others.
     pub damaged_frames: u64,
     /// Messages of a newer device that this version cannot read, skipped.
     pub unknown_messages: u64,
@@ -120,13 +126,68 @@ impl Default for SessionOptions {
     }
 }
 
-/// Settings that a session restores after the device restarted.
-#[derive(Clone, Copy, Debug, Default)]
+/// How a device is set: what its samples mean depends on it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Samples a second.
+    pub rate_hz: u32,
+    /// Gain of the front-end's amplifiers.
+    pub gain: u8,
+    /// Where the samples come from.
+    pub source: Source,
+}
+
+impl Settings {
+    /// As a device states them.
+    #[must_use]
+    pub fn of(hello: &Hello) -> Self {
+        Self { rate_hz: hello.rate_hz, gain: hello.gain, source: hello.source }
+    }
+
+    /// The requests that make of a device that is set like this one that is set like `other`.
+    fn requests_to(self, other: Self) -> impl Iterator<Item = Request> {
+        let source = (self.source != other.source).then_some(Request::SetSource { source: other.source });
+        let rate = (self.rate_hz != other.rate_hz).then_some(Request::SetRate { rate_hz: other.rate_hz });
+        let gain = (self.gain != other.gain).then_some(Request::SetGain { gain: other.gain });
+        [source, rate, gain].into_iter().flatten()
+    }
+}
+
+impl fmt::Display for Settings {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let source = match self.source {
+            Source::Hardware => "own front-end",
+            Source::Simulated => "simulated finger",
+        };
+        write!(f, "{} Hz, gain {}, {source}", self.rate_hz, self.gain)
+    }
+}
+
+/// What a session gives back to a device that restarted.
+#[derive(Clone, Copy, Debug)]
 struct Wanted {
-    rate_hz: Option<u32>,
-    gain: Option<u8>,
-    source: Option<Source>,
+    settings: Settings,
     streaming: bool,
+}
+
+/// What is known of the device that sends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Standing {
+    /// It is the one that was opened, set as it shall be.
+    Known,
+    /// It counts anew without having said why.
+    CountsAnew,
+    /// It started anew or was set otherwise; its settings are still to be restored.
+    Unrestored,
+}
+
+/// What is known of the next sample's number after a device was found anew.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Numbers {
+    /// They begin at 0: the device said that it started, or its numbers did.
+    FromZero,
+    /// It may as well have been stopped, or set otherwise, by another host.
+    Unknown,
 }
 
 /// A message with its time of arrival, or the end of the link.
@@ -166,6 +227,9 @@ pub struct Session {
     hello: Hello,
     next_id: u32,
     wanted: Wanted,
+    standing: Standing,
+    /// How often the device was found anew: a restoration that this overtakes is void.
+    findings: u64,
     backlog: VecDeque<Incoming>,
     sequence: Sequence,
     clock: ClockMap,
@@ -229,9 +293,11 @@ impl Session {
             simulated,
             line: Some(greeted.line),
             baud: greeted.baud,
+            wanted: Wanted { settings: Settings::of(&greeted.hello), streaming: false },
+            standing: Standing::Known,
+            findings: 0,
             hello: greeted.hello,
             next_id,
-            wanted: Wanted::default(),
             backlog: VecDeque::new(),
             sequence: Sequence::default(),
             clock: ClockMap::default(),
@@ -290,7 +356,7 @@ impl Session {
             samples: self.sequence.received() - self.sequence.repeated(),
             missing: self.sequence.missing(),
             repeated: self.sequence.repeated(),
-            damaged_frames: self.closed_lines.damaged + self.closed_lines.malformed + open.damaged + open.malformed,
+            damaged_frames: self.closed_lines.unusable() + open.unusable() + self.sequence.strays(),
             unknown_messages: self.closed_lines.unknown + open.unknown,
             ..self.counts
         }
@@ -328,10 +394,25 @@ impl Session {
             }
             self.send(&command)?;
             if let Some(outcome) = self.wait_for_reply(&command)? {
-                return accepted(request, outcome);
+                let outcome = accepted(request, outcome)?;
+                self.take_note(request);
+                return Ok(outcome);
             }
         }
         Err(LinkError::Unanswered { request: in_words(request), times: TRIES, within: begun.elapsed() })
+    }
+
+    /// What the device has done by request, a restart does not undo.
+    fn take_note(&mut self, request: Request) {
+        let settings = &mut self.wanted.settings;
+        match request {
+            Request::SetRate { rate_hz } => settings.rate_hz = rate_hz,
+            Request::SetGain { gain } => settings.gain = gain,
+            Request::SetSource { source } => settings.source = source,
+            Request::Start => self.wanted.streaming = true,
+            Request::Stop => self.wanted.streaming = false,
+            _ => {}
+        }
     }
 
     /// Starts streaming.
@@ -339,8 +420,22 @@ impl Session {
     /// # Errors
     /// As [`Session::request`]; refused where no front-end answers.
     pub fn start(&mut self) -> Result<(), LinkError> {
-        self.request(Request::Start)?;
-        self.wanted.streaming = true;
+        self.expect_first_number()?;
+        self.request(Request::Start).map(drop)
+    }
+
+    /// Finds out which number the first sample will have, so that it shows what is lost before the first block: the
+    /// numbers rest while the stream is stopped, and there are as many as samples were numbered.
+    fn expect_first_number(&mut self) -> Result<(), LinkError> {
+        if !self.sequence.is_open() || self.hello.streaming {
+            return Ok(());
+        }
+        match self.request(Request::Counters) {
+            Ok(Outcome::Counters(counters)) => self.sequence.expect(Seq(counters.samples)),
+            // Then the first block tells.
+            Ok(_) | Err(LinkError::Refused { .. } | LinkError::NewerAnswer { .. }) => {}
+            Err(error) => return Err(error),
+        }
         Ok(())
     }
 
@@ -360,7 +455,6 @@ impl Session {
     pub fn set_rate(&mut self, rate_hz: u32) -> Result<(), LinkError> {
         self.request(Request::SetRate { rate_hz })?;
         self.hello.rate_hz = rate_hz;
-        self.wanted.rate_hz = Some(rate_hz);
         self.refresh_hello()
     }
 
@@ -370,7 +464,6 @@ impl Session {
     /// As [`Session::request`]; refused where the front-end has no such gain.
     pub fn set_gain(&mut self, gain: u8) -> Result<(), LinkError> {
         self.request(Request::SetGain { gain })?;
-        self.wanted.gain = Some(gain);
         self.refresh_hello()
     }
 
@@ -380,7 +473,6 @@ impl Session {
     /// As [`Session::request`]; refused where the board has no such source.
     pub fn set_source(&mut self, source: Source) -> Result<(), LinkError> {
         self.request(Request::SetSource { source })?;
-        self.wanted.source = Some(source);
         self.refresh_hello()
     }
 
@@ -510,8 +602,8 @@ impl Session {
     ///
     /// # Errors
     /// [`LinkError::Unplugged`] if the link broke and may not be reopened; [`LinkError::OtherDevice`],
-    /// [`LinkError::OtherProtocol`] or [`LinkError::NewerHello`] if what came back is not what was there; any other
-    /// error means that the device refuses what it accepted before.
+    /// [`LinkError::OtherSettings`], [`LinkError::OtherProtocol`] or [`LinkError::NewerHello`] if what came back is not
+    /// what was there; any other error means that the device refuses what it accepted before.
     pub fn next(&mut self, wait: Duration) -> Result<Option<Incoming>, LinkError> {
         let deadline = Instant::now() + wait;
         loop {
@@ -519,13 +611,16 @@ impl Session {
                 return Err(error);
             }
             if let Some(incoming) = self.backlog.pop_front() {
-                if let Incoming::Restarted(_) = incoming {
-                    self.restore()?;
+                if matches!(incoming, Incoming::Restarted(_)) && !self.restore()? {
+                    // Told once it is restored: the device is gone again, or started once more.
+                    continue;
                 }
                 return Ok(Some(incoming));
             }
             if self.line.is_none() {
                 self.reopen()?;
+            } else if self.standing == Standing::CountsAnew {
+                self.ask_after_numbers()?;
             } else {
                 let left = deadline.saturating_duration_since(Instant::now());
                 match self.receive(left.min(QUIET)) {
@@ -564,12 +659,31 @@ impl Session {
     fn ask_after_stream(&mut self) -> Result<(), LinkError> {
         self.last_heard = Instant::now();
         match self.request(Request::Hello) {
-            Ok(Outcome::Hello(hello)) if !hello.streaming => self.restarted(hello),
+            Ok(Outcome::Hello(hello)) if !self.is_as_left(&hello) => self.restarted(hello, Numbers::Unknown),
             // It is there, or gone: either shows by itself.
             Ok(_) | Err(LinkError::Unplugged { .. } | LinkError::Unanswered { .. }) => {}
             Err(error) => return Err(error),
         }
         Ok(())
+    }
+
+    /// Finds out what a device that counts anew is now: its hello did not arrive.
+    fn ask_after_numbers(&mut self) -> Result<(), LinkError> {
+        match self.request(Request::Hello) {
+            Ok(Outcome::Hello(hello)) => self.restarted(hello, Numbers::FromZero),
+            // Asked again, or gone.
+            Ok(_) | Err(LinkError::Unplugged { .. } | LinkError::Unanswered { .. }) => {}
+            Err(error) => return Err(error),
+        }
+        Ok(())
+    }
+
+    /// Whether a device still is as it was left: it did not start anew in between, nobody set it otherwise, and it
+    /// streams if it shall.
+    fn is_as_left(&self, hello: &Hello) -> bool {
+        let same_run = (self.hello.device, self.hello.restarts) == (hello.device, hello.restarts);
+        let streams = hello.streaming || !self.wanted.streaming;
+        same_run && Settings::of(hello) == self.wanted.settings && streams && self.standing != Standing::Unrestored
     }
 
     /// Puts a message where it belongs.
@@ -582,7 +696,7 @@ impl Session {
                 self.temperature_c = Some(f64::from(temperature.centi_celsius) / 100.0);
                 self.backlog.push_back(Incoming::Temperature(temperature));
             }
-            FromDevice::Hello(hello) => self.restarted(hello),
+            FromDevice::Hello(hello) => self.restarted(hello, Numbers::FromZero),
             // The reply to a command that was answered before: the first answer was slow, not lost.
             FromDevice::Reply(_) => {}
         }
@@ -600,13 +714,22 @@ impl Session {
     }
 
     fn take_block(&mut self, block: Block, at: Instant) {
-        self.last_status = block.status;
+        if self.standing != Standing::Known {
+            // What its samples mean is not known. They will be missing.
+            return;
+        }
         let place = self.sequence.place(block.first, block.time, block.samples.len());
         let rate_hz = self.hello.rate_hz.max(1);
         let (missing_before, repeated) = match place.continuity {
             Continuity::Missing(missing) => (missing, 0),
             Continuity::Repeated(repeated) => (0, usize::try_from(repeated).unwrap_or(usize::MAX)),
+            Continuity::Strange => return,
+            Continuity::Anew => {
+                self.standing = Standing::CountsAnew;
+                return;
+            }
         };
+        self.last_status = block.status;
         let counts: Vec<[Counts; 2]> = block.samples.into_iter().skip(repeated).collect();
         if counts.is_empty() {
             return;
@@ -623,14 +746,25 @@ impl Session {
         self.backlog.push_back(Incoming::Samples(samples));
     }
 
-    fn restarted(&mut self, hello: Hello) {
+    /// Takes note of a device that was found anew; [`Self::next`] restores its settings.
+    fn restarted(&mut self, hello: Hello, numbers: Numbers) {
+        self.counts.restarts += 1;
+        self.found_anew(hello, numbers);
+    }
+
+    fn found_anew(&mut self, hello: Hello, numbers: Numbers) {
+        self.findings += 1;
+        self.standing = Standing::Unrestored;
         if !is_same_finger(&self.hello, &hello) {
             let (was, is) = (self.hello.device.to_string(), hello.device.to_string());
             self.pending_error = Some(LinkError::OtherDevice { was, is });
+            return;
         }
-        self.counts.restarts += 1;
         self.time_base_us += self.sequence.last_time_us();
-        self.sequence.restart();
+        match numbers {
+            Numbers::FromZero => self.sequence.begin_anew(),
+            Numbers::Unknown => self.sequence.forget(),
+        }
         self.clock.restart();
         self.hello = hello.clone();
         self.backlog.push_back(Incoming::Restarted(hello));
@@ -640,9 +774,7 @@ impl Session {
     fn broken(&mut self, reason: String) -> LinkError {
         if let Some(line) = self.line.take() {
             let counts = line.reader_counts();
-            self.closed_lines.damaged += counts.damaged;
-            self.closed_lines.unknown += counts.unknown;
-            self.closed_lines.malformed += counts.malformed;
+            self.closed_lines = self.closed_lines.and(counts);
             self.counts.disconnections += 1;
             self.down_since = Some(Instant::now());
             self.backlog.push_back(Incoming::Disconnected { reason: reason.clone() });
@@ -668,18 +800,18 @@ impl Session {
             }
         };
         let after = self.down_since.take().map(|since| since.elapsed()).unwrap_or_default();
-        let began_anew =
-            !is_set_alike(&self.hello, &greeted.hello) || self.wanted.streaming && !greeted.hello.streaming;
+        let (began_anew, is_told) = (!self.is_as_left(&greeted.hello), self.standing == Standing::Unrestored);
         let countable = !began_anew && after <= COUNTABLE_GAP;
         self.line = Some(greeted.line);
         self.still_down.clear();
         self.backlog.push_back(Incoming::Reconnected { after, countable });
         if began_anew {
-            // `next` restores the settings when it hands this on.
-            self.restarted(greeted.hello);
+            // `next` restores the settings when it hands this on. A restart that was noticed before is the same one.
+            self.counts.restarts += u64::from(!is_told);
+            self.found_anew(greeted.hello, Numbers::Unknown);
         } else if !countable {
             self.time_base_us += self.sequence.last_time_us();
-            self.sequence.restart();
+            self.sequence.forget();
             self.clock.restart();
         }
         self.take_early(greeted.early);
@@ -708,24 +840,49 @@ impl Session {
         }
     }
 
-    /// Gives a device that started anew the settings that it had.
-    fn restore(&mut self) -> Result<(), LinkError> {
-        let Wanted { rate_hz, gain, source, streaming } = self.wanted;
-        let requests = [
-            source.map(|source| Request::SetSource { source }),
-            rate_hz.map(|rate_hz| Request::SetRate { rate_hz }),
-            gain.map(|gain| Request::SetGain { gain }),
-            Some(Request::Hello),
-            streaming.then_some(Request::Start),
-        ];
-        for request in requests.into_iter().flatten() {
-            match self.request(request) {
-                Ok(Outcome::Hello(hello)) => self.hello = hello,
-                Ok(_) => {}
-                // Gone again: the next reconnection restores.
-                Err(LinkError::Unplugged { .. } | LinkError::Unanswered { .. }) => return Ok(()),
-                Err(error) => return Err(error),
+    /// Gives a device that started anew the settings that it had; whether that is done. If not, it is gone, or started
+    /// once more, and there is more to come.
+    fn restore(&mut self) -> Result<bool, LinkError> {
+        let findings = self.findings;
+        let result = self.try_to_restore();
+        if findings != self.findings {
+            // It started again meanwhile: whatever it answered says nothing.
+            return Ok(false);
+        }
+        match result {
+            Ok(()) => Ok(true),
+            Err(LinkError::Unplugged { .. }) if self.options.reconnect => Ok(false),
+            Err(error @ LinkError::Unanswered { .. }) if self.options.reconnect => {
+                // A new connection begins with a greeting, and then restores.
+                self.broken(error.to_string());
+                Ok(false)
             }
+            Err(error) => Err(error),
+        }
+    }
+
+    fn try_to_restore(&mut self) -> Result<(), LinkError> {
+        let Wanted { settings: was, streaming } = self.wanted;
+        let is = Settings::of(&self.hello);
+        for request in is.requests_to(was) {
+            match self.request(request) {
+                Err(LinkError::Refused { refusal, .. }) => {
+                    return Err(LinkError::OtherSettings { was, is, refusal: Some(refusal) });
+                }
+                other => other.map(drop)?,
+            }
+        }
+        self.refresh_hello()?;
+        let is = Settings::of(&self.hello);
+        if is != was {
+            return Err(LinkError::OtherSettings { was, is, refusal: None });
+        }
+        if streaming {
+            self.expect_first_number()?;
+        }
+        self.standing = Standing::Known;
+        if streaming {
+            self.request(Request::Start)?;
         }
         Ok(())
     }
@@ -738,11 +895,6 @@ impl Session {
 /// Whether calibration and tare of a device hold for another hello.
 fn is_same_finger(a: &Hello, b: &Hello) -> bool {
     (a.device, a.excitation_mv, a.full_scale_uv, a.channels) == (b.device, b.excitation_mv, b.full_scale_uv, b.channels)
-}
-
-/// Whether a device still is as it was left: it did not start anew in between.
-fn is_set_alike(a: &Hello, b: &Hello) -> bool {
-    (a.device, a.restarts, a.rate_hz, a.gain, a.source) == (b.device, b.restarts, b.rate_hz, b.gain, b.source)
 }
 
 impl Line {
@@ -850,7 +1002,7 @@ fn greet(
         if let Some((hello, early)) = ask_who(&mut line, address, next_id)? {
             return Ok(Greeted { line, baud, hello, early });
         }
-        damaged += line.reader_counts().damaged;
+        damaged += line.reader_counts().unusable();
     }
     let bauds = match address {
         Address::Serial(_) => speeds.iter().map(u32::to_string).collect::<Vec<_>>().join(" or "),
@@ -898,10 +1050,8 @@ fn ask_who(line: &mut Line, address: &Address, next_id: &mut u32) -> Result<Opti
 
 /// The hello in the answer to a greeting.
 fn greeting(outcome: Outcome) -> Result<Hello, LinkError> {
-    match outcome {
+    match accepted(Request::Hello, outcome)? {
         Outcome::Hello(hello) => Ok(hello),
-        Outcome::Refused(Refusal::OtherProtocol { device }) => Err(LinkError::other_protocol(device)),
-        Outcome::Refused(refusal) => Err(LinkError::Refused { request: in_words(Request::Hello), refusal }),
         _ => Err(LinkError::WrongAnswer { request: in_words(Request::Hello) }),
     }
 }
@@ -915,9 +1065,12 @@ fn newer_answer(command: &Command, hello: Option<ProtocolVersion>, spoken: Optio
     }
 }
 
-/// Turns a refusal into an error.
+/// Turns a refusal, and the hello of a device of another major version, into an error.
 fn accepted(request: Request, outcome: Outcome) -> Result<Outcome, LinkError> {
     match outcome {
+        Outcome::Hello(hello) if hello.protocol.major != PROTOCOL.major => {
+            Err(LinkError::other_protocol(hello.protocol))
+        }
         Outcome::Refused(Refusal::OtherProtocol { device }) => Err(LinkError::other_protocol(device)),
         Outcome::Refused(refusal) => Err(LinkError::Refused { request: in_words(request), refusal }),
         outcome => Ok(outcome),

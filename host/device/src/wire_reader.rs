@@ -19,6 +19,25 @@ pub struct ReaderCounts {
     pub malformed: u64,
 }
 
+impl ReaderCounts {
+    /// Frames of which nothing can be used: damaged on the way, or a bug of the peer.
+    #[must_use]
+    pub fn unusable(&self) -> u64 {
+        self.damaged + self.malformed
+    }
+
+    /// These and others together.
+    #[must_use]
+    pub fn and(self, others: Self) -> Self {
+        Self {
+            messages: self.messages + others.messages,
+            damaged: self.damaged + others.damaged,
+            unknown: self.unknown + others.unknown,
+            malformed: self.malformed + others.malformed,
+        }
+    }
+}
+
 /// Reads messages out of a stream of bytes.
 #[derive(Debug, Default)]
 pub struct MessageReader {

@@ -197,6 +197,8 @@ pub(super) struct Bridges {
     /// Strain per newton along each finger axis, by bridge, cross-talk and sensitivity included.
     matrix: [[f32; 2]; 2],
     hum: Hum,
+    /// Hum beside the configured one, from peak to peak, as strain.
+    foreign_hum: f32,
     open_noise: Stream,
 }
 
@@ -205,14 +207,21 @@ impl Bridges {
     pub(super) fn new(config: BridgesConfig, strain_per_newton: f32, step_ns: u32, seed: u64) -> Self {
         let hum = Hum::new(&config);
         let matrix = strain_matrix(&config, strain_per_newton);
-        let mut bridges = Self { config, matrix, hum, open_noise: Stream::new(seed, Source::OpenGauge) };
+        let open_noise = Stream::new(seed, Source::OpenGauge);
+        let mut bridges = Self { config, matrix, hum, foreign_hum: 0.0, open_noise };
         bridges.set_step(step_ns);
         bridges
     }
 
     /// Changes the step, in nanoseconds.
     pub(super) fn set_step(&mut self, step_ns: u32) {
-        self.hum.set_step(self.config.hum_peak_to_peak, step_ns);
+        self.hum.set_step(self.config.hum_peak_to_peak + self.foreign_hum, step_ns);
+    }
+
+    /// Adds so much hum to the configured one, from peak to peak, as strain.
+    pub(super) fn set_foreign_hum(&mut self, peak_to_peak: f32, step_ns: u32) {
+        self.foreign_hum = peak_to_peak;
+        self.set_step(step_ns);
     }
 
     /// Strain that a force gives at the reference temperature, offset and hum left out.
@@ -220,14 +229,15 @@ impl Bridges {
         self.matrix.map(|[x, y]| x * force_finger[0] + y * force_finger[1])
     }
 
-    /// Mean voltages over the next step, under this elastic force and so many kelvin above the reference.
-    pub(super) fn step(&mut self, force_finger: [f32; 2], kelvin: f32) -> [f32; 2] {
+    /// Mean voltages over the next step, under this elastic force, so many kelvin above the reference, with so much
+    /// strain beside it on both bridges.
+    pub(super) fn step(&mut self, force_finger: [f32; 2], kelvin: f32, foreign: f32) -> [f32; 2] {
         let strain = self.strain(force_finger);
         let hum = self.hum.step();
         core::array::from_fn(|i| {
             let bridge = &self.config.bridges[i];
             let offset = bridge.offset + bridge.offset_per_kelvin * kelvin;
-            let felt = strain[i] * (1.0 + bridge.gain_per_kelvin * kelvin) + offset + hum[i];
+            let felt = strain[i] * (1.0 + bridge.gain_per_kelvin * kelvin) + offset + hum[i] + foreign;
             self.config.volts_per_strain() * felt
         })
     }
@@ -269,7 +279,7 @@ mod tests {
     /// The strains that the voltages of one step stand for.
     fn strains(bridges: &mut Bridges, force: [f32; 2], kelvin: f32) -> [f32; 2] {
         let per_volt = 1.0 / bridges.config.volts_per_strain();
-        bridges.step(force, kelvin).map(|v| v * per_volt)
+        bridges.step(force, kelvin, 0.0).map(|v| v * per_volt)
     }
 
     fn with_both(change: impl Fn(&mut BridgeConfig)) -> BridgesConfig {
@@ -280,7 +290,7 @@ mod tests {
 
     #[test]
     fn an_ideal_bridge_gives_two_and_a_half_microvolts_per_microstrain() {
-        let volts = bridges(BridgesConfig::ideal()).step([1.0, -2.0], 0.0);
+        let volts = bridges(BridgesConfig::ideal()).step([1.0, -2.0], 0.0, 0.0);
         assert!((volts[0] - 125e-6).abs() < 1e-9 && (volts[1] + 250e-6).abs() < 1e-9, "{volts:?}");
     }
 

@@ -95,6 +95,11 @@ pub struct Faults {
     pub saturated: [bool; 2],
     /// Every conversion repeats the last codes.
     pub stuck_codes: bool,
+    /// Offset that both bridges gain in a second, as strain: a gauge whose glue gives way. What was gained stays until
+    /// this is 0 again.
+    pub drift_per_s: f32,
+    /// Hum on both bridges beside the finger's own, from peak to peak, as strain.
+    pub hum_peak_to_peak: f32,
 }
 
 /// The state of the simulated world: where expected values come from.
@@ -108,7 +113,7 @@ pub struct Truth {
     pub contact_angle: Option<f32>,
     /// Whether the load has come up in full. The beam rings on: by 1/e in 43 ms with the default finger.
     pub is_ramp_over: bool,
-    /// Strain of both bridges under that force at rest, without offset, drift and hum.
+    /// Strain of both bridges under that force at rest, without offset, drift and hum, those of faults neither.
     pub strain: [f32; 2],
     /// Temperature, in degrees Celsius.
     pub temperature_c: f32,
@@ -183,6 +188,8 @@ pub struct SimulatedFrontEnd {
     chip: Chip,
     faults: Faults,
     bit_errors: BitErrors,
+    /// Offset that the bridges have gained by a fault, as strain.
+    drifted: f32,
     sync_pin: SyncPin,
     time_ns: u64,
     conversions: u32,
@@ -208,6 +215,7 @@ impl SimulatedFrontEnd {
             chip,
             faults: Faults::default(),
             bit_errors: BitErrors::new(seed),
+            drifted: 0.0,
             sync_pin: SyncPin::High,
             time_ns: 0,
             conversions: 0,
@@ -240,6 +248,10 @@ impl SimulatedFrontEnd {
         self.faults = faults;
         self.bit_errors.set_rate(faults.bit_error_rate);
         self.chip.set_stuck(faults.stuck_codes);
+        self.bridges.set_foreign_hum(faults.hum_peak_to_peak, self.period_ns);
+        if faults.drift_per_s.abs() <= 0.0 {
+            self.drifted = 0.0;
+        }
     }
 
     /// What is broken at present.
@@ -255,7 +267,8 @@ impl SimulatedFrontEnd {
         self.follow_temperature();
         self.force_finger = self.loading.advance_to(self.time_us());
         let elastic = self.beam.step(self.force_finger);
-        let volts = self.bridges.step(elastic, self.thermal.above_reference(self.temperature_c));
+        self.drifted += self.faults.drift_per_s * seconds(self.period_ns);
+        let volts = self.bridges.step(elastic, self.thermal.above_reference(self.temperature_c), self.drifted);
         let volts = self.break_inputs(volts);
         self.chip.convert(volts) && self.is_data_ready_wired()
     }

@@ -10,6 +10,7 @@ mod friction;
 mod fuzz;
 mod inscription;
 mod link;
+mod odd_devices;
 mod outlines;
 mod point_sampling;
 mod pushing;

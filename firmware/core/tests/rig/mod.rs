@@ -312,7 +312,8 @@ impl<'w> Rig<'w> {
         }
     }
 
-    fn hear(&mut self, bytes: &[u8]) {
+    /// The host hears these bytes.
+    pub fn hear(&mut self, bytes: &[u8]) {
         let mut rest = bytes;
         while !rest.is_empty() {
             let (taken, frame) = self.reader.push(rest);

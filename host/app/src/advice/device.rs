@@ -61,6 +61,10 @@ pub(super) fn about(error: &(dyn Error + 'static)) -> Option<String> {
         LinkError::OtherDevice { .. } => {
             "calibration and tare belong to one finger: start again with the one that is connected now".to_owned()
         }
+        LinkError::OtherSettings { .. } => {
+            "calibration and tare hold for the settings that they were taken with: start again, or set the device back"
+                .to_owned()
+        }
         LinkError::Unplugged { address, .. } if address.starts_with("tcp:") => {
             "the device may have ended, or another program may be connected to it: it talks to one at a time".to_owned()
         }
@@ -121,7 +125,8 @@ mod tests {
     use std::io;
     use std::time::Duration;
 
-    use palpate_shared::wire::CommandId;
+    use palpate_device::session::Settings;
+    use palpate_shared::wire::{CommandId, Source};
 
     use super::super::help;
     use super::*;
@@ -135,6 +140,7 @@ mod tests {
         let open = |what| LinkError::Open { address: path(), what, source: io::ErrorKind::NotFound.into() };
         let version = |major| ProtocolVersion { major, minor: 0 };
         let request = || "a rate of 9000 Hz".to_owned();
+        let settings = |gain| Settings { rate_hz: 4000, gain, source: Source::Hardware };
         let gone = |address: &str| LinkError::Unplugged { address: address.to_owned(), reason: "closed".to_owned() };
         let cases = [
             (
@@ -191,6 +197,10 @@ mod tests {
             (
                 LinkError::OtherDevice { was: "1".to_owned(), is: "2".to_owned() },
                 "calibration and tare belong to one finger: start again with the one that is connected now",
+            ),
+            (
+                LinkError::OtherSettings { was: settings(64), is: settings(32), refusal: None },
+                "calibration and tare hold for the settings that they were taken with: start again, or set the device back",
             ),
             (
                 gone("tcp:localhost:7800"),

@@ -5,7 +5,8 @@ use std::time::Duration;
 
 use palpate_device::{LinkError, Session};
 use palpate_shared::wire::{
-    Checks, ClockSource, Counters, Fault, FaultCause, FrontEndKind, Health, Hello, RestartReason, SelfTest, Source,
+    BLOCK_SAMPLES, Checks, ClockSource, Counters, Fault, FaultCause, FirmwareVersion, FrontEndKind, Health, Hello,
+    RestartReason, SelfTest, Source,
 };
 
 use super::device::DeviceArguments;
@@ -90,7 +91,7 @@ impl About {
             Ok(result) => print_self_test(result),
             Err(error) => row("self-test", &error.to_string()),
         }
-        print_counters(&self.counters);
+        print_counters(&self.counters, session.hello().firmware);
         if let Some((fault, health)) = &self.board {
             row("last fault", &fault.as_ref().map_or_else(|| "none since power-on".to_owned(), fault_in_words));
             row("stack", &format!("{} of {} bytes at most", health.stack_used_max, health.stack_bytes));
@@ -204,12 +205,24 @@ fn print_self_test(result: &SelfTest) {
     }
 }
 
-fn print_counters(counters: &Counters) {
-    let lost = counters.samples_missed + counters.samples_damaged + counters.samples_dropped;
+/// Samples that firmware of this version may have lost beyond what its counters say: before 0.2 it left out those in
+/// the blocks that found no room on the link.
+fn uncounted_at_most(counters: &Counters, firmware: FirmwareVersion) -> u64 {
+    let leaves_out = (firmware.major, firmware.minor) < (0, 2);
+    if leaves_out { u64::from(counters.blocks_dropped) * BLOCK_SAMPLES as u64 } else { 0 }
+}
+
+fn print_counters(counters: &Counters, firmware: FirmwareVersion) {
+    let lost: u64 =
+        [counters.samples_missed, counters.samples_damaged, counters.samples_dropped].map(u64::from).iter().sum();
+    let uncounted = match uncounted_at_most(counters, firmware) {
+        0 => String::new(),
+        most => format!("; up to {most} more in blocks without room, which this firmware does not count"),
+    };
     row(
         "samples",
         &format!(
-            "{} in {} s; lost {lost}: {} not read in time, {} damaged on the bus, {} without room",
+            "{} in {} s; lost {lost}: {} not read in time, {} damaged on the bus, {} without room{uncounted}",
             counters.samples,
             counters.uptime_s,
             counters.samples_missed,
@@ -237,4 +250,16 @@ fn parse_address(text: &str) -> Result<u8, String> {
         None => text.parse(),
     };
     parsed.map_err(|_| format!("`{text}` is not a register address: give 0 to 255 or 0x00 to 0xff"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_older_firmware_does_not_count_is_bounded() {
+        let counters = Counters { blocks_dropped: 2617, ..Counters::default() };
+        let firmware = |minor| FirmwareVersion { major: 0, minor, patch: 9 };
+        assert_eq!([1, 2, 3].map(|minor| uncounted_at_most(&counters, firmware(minor))), [20_936, 0, 0]);
+    }
 }

@@ -5,13 +5,15 @@ use std::sync::mpsc::{Receiver, Sender, TryRecvError};
 use std::time::{Duration, Instant};
 
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
+use palpate_firmware_core::sampler::IDLE_US;
 use palpate_firmware_core::{Device, DeviceSettings, Identity, Queues, Sampler, SelectSource, SourceNotPossible};
 use palpate_shared::sim::{Faults, FloatingBus, Load, PortBusy, Script, SimulatedFrontEnd, SpiPort};
 use palpate_shared::units::DeviceTime;
 use palpate_shared::wire::{Axis, Bridge, Channel, ClockSource, DeviceId, RestartReason, Source};
 
 use super::outlet::Outlet;
-use super::{Config, ForceCourse, Pace, SimulatedMoment};
+use super::troubled_outlet::TroubledOutlet;
+use super::{Config, ForceCourse, InjectedOnLink, LinkFaults, Pace, SimulatedMoment};
 
 /// How often a device in real time wakes: half a block, so that samples are at most this late.
 const TICK: Duration = Duration::from_millis(1);
@@ -30,6 +32,10 @@ const REST: Duration = Duration::from_micros(200);
 
 /// Conversions that a device at its host's pace makes between two looks at its line: one block.
 const STRIDE: u64 = 8;
+
+/// How often the sampler looks after its front-end whether or not data come, in µs of device time: as on the board,
+/// whose tick does not wait for the converter either.
+const LOOK_EVERY_US: u32 = IDLE_US;
 
 /// Conversions before a board listens to its line.
 const START_UP: u32 = 8;
@@ -53,6 +59,8 @@ pub(super) enum Control {
     Script(Box<Script>, Sender<SimulatedMoment>),
     Course(ForceCourse, Sender<SimulatedMoment>),
     Faults(Faults, Sender<SimulatedMoment>),
+    LinkFaults(LinkFaults, Sender<SimulatedMoment>),
+    Injected(Sender<InjectedOnLink>),
     Now(Sender<SimulatedMoment>),
     Unplug(Sender<SimulatedMoment>),
     PlugIn(Sender<SimulatedMoment>),
@@ -63,15 +71,17 @@ pub(super) enum Control {
 
 /// Why a device stopped running.
 enum Ended {
-    Restart(Sender<SimulatedMoment>),
+    /// By chance, or ordered by somebody who waits.
+    Restart(Option<Sender<SimulatedMoment>>),
     ForGood,
 }
 
 /// Runs the device until its owner is gone, over as many restarts as are ordered. The world goes on over a restart:
 /// what presses presses, what is broken stays broken.
-pub(super) fn run(config: &Config, mut outlet: Outlet, orders: &Receiver<Control>, epoch: Instant) {
+pub(super) fn run(config: &Config, outlet: Outlet, orders: &Receiver<Control>, epoch: Instant) {
     let front_end = RefCell::new(SimulatedFrontEnd::new(config.finger, config.seed));
     front_end.borrow_mut().set_faults(config.faults);
+    let mut outlet = TroubledOutlet::new(outlet, config.link_faults, config.seed);
     let mut restarts = 0;
     let mut asked: Option<Sender<SimulatedMoment>> = None;
     loop {
@@ -84,6 +94,7 @@ pub(super) fn run(config: &Config, mut outlet: Outlet, orders: &Receiver<Control
             sampler: Sampler::new(SimulatedOnly::new(&front_end), sampler_end, settings),
             device: Device::new(identity(config, restarts), device_end),
             conversions: 0,
+            looked_at: DeviceTime(0),
             temperature_at: DeviceTime(0),
             course: None,
         };
@@ -92,10 +103,10 @@ pub(super) fn run(config: &Config, mut outlet: Outlet, orders: &Receiver<Control
         }
         match board.live(config, &mut outlet, orders, epoch) {
             Ended::ForGood => return,
-            Ended::Restart(sender) => asked = Some(sender),
+            Ended::Restart(sender) => asked = sender,
         }
         power_cycle(&mut front_end.borrow_mut());
-        restarts += 1;
+        restarts = u16::saturating_add(restarts, 1);
     }
 }
 
@@ -168,6 +179,8 @@ struct Board<'w> {
     sampler: Sampler<'w, SimulatedOnly<'w>>,
     device: Device<'w, OUTBOX_BYTES>,
     conversions: u64,
+    /// Device time at which the sampler last looked after its front-end.
+    looked_at: DeviceTime,
     /// Device time of the last temperature sent.
     temperature_at: DeviceTime,
     /// Forces that act in turn, and the world's time at which they began.
@@ -176,7 +189,13 @@ struct Board<'w> {
 
 impl Board<'_> {
     /// Lives until ordered otherwise.
-    fn live(&mut self, config: &Config, outlet: &mut Outlet, orders: &Receiver<Control>, epoch: Instant) -> Ended {
+    fn live(
+        &mut self,
+        config: &Config,
+        outlet: &mut TroubledOutlet,
+        orders: &Receiver<Control>,
+        epoch: Instant,
+    ) -> Ended {
         let mut line = LineSpeed { baud: config.baud, allowance: 0.0, paid_us: 0 };
         let mut busy_since = None;
         // A board looks for its front-end before it listens to its line.
@@ -184,11 +203,14 @@ impl Board<'_> {
         loop {
             loop {
                 match orders.try_recv() {
-                    Ok(Control::Restart(sender)) => return Ended::Restart(sender),
+                    Ok(Control::Restart(sender)) => return Ended::Restart(Some(sender)),
                     Ok(Control::End) | Err(TryRecvError::Disconnected) => return Ended::ForGood,
                     Ok(order) => self.obey(order, outlet),
                     Err(TryRecvError::Empty) => break,
                 }
+            }
+            if outlet.meet_chance(self.world_us()) {
+                return Ended::Restart(None);
             }
             let heard = self.listen(outlet);
             match config.pace {
@@ -216,10 +238,11 @@ impl Board<'_> {
         }
     }
 
-    fn obey(&mut self, order: Control, outlet: &mut Outlet) {
+    fn obey(&mut self, order: Control, outlet: &mut TroubledOutlet) {
         if matches!(order, Control::Load(..) | Control::Script(..)) {
             self.course = None;
         }
+        let now_us = self.world_us();
         let mut front_end = self.front_end.borrow_mut();
         let sender = match order {
             Control::Load(load, sender) => {
@@ -238,6 +261,15 @@ impl Board<'_> {
                 front_end.set_faults(faults);
                 sender
             }
+            Control::LinkFaults(faults, sender) => {
+                outlet.set_faults(faults, now_us);
+                sender
+            }
+            Control::Injected(sender) => {
+                // As in `answer`.
+                let _ = sender.send(outlet.injected());
+                return;
+            }
             Control::Unplug(sender) => {
                 outlet.unplug();
                 sender
@@ -250,7 +282,7 @@ impl Board<'_> {
                 sender
             }
             Control::Disturb(noise, sender) => {
-                let _ = outlet.write(&noise);
+                outlet.disturb(&noise);
                 sender
             }
             Control::Now(sender) | Control::Restart(sender) => sender,
@@ -265,9 +297,9 @@ impl Board<'_> {
     }
 
     /// Hands the firmware what the host sent; whether there was anything.
-    fn listen(&mut self, outlet: &mut Outlet) -> bool {
+    fn listen(&mut self, outlet: &mut TroubledOutlet) -> bool {
         let mut buffer = [0; 256];
-        let length = outlet.read(&mut buffer);
+        let length = outlet.read(&mut buffer, self.world_us());
         let now = self.now();
         self.device.receive(&buffer[..length], now);
         self.device.poll(now);
@@ -275,7 +307,7 @@ impl Board<'_> {
     }
 
     /// Takes the samples that a board would have taken by now, up to [`CATCH_UP`] at a time.
-    fn catch_up(&mut self, epoch: Instant, outlet: &mut Outlet, line: &mut LineSpeed) {
+    fn catch_up(&mut self, epoch: Instant, outlet: &mut TroubledOutlet, line: &mut LineSpeed) {
         let due_ns = epoch.elapsed().as_nanos();
         for _ in 0..CATCH_UP {
             if u128::from(self.front_end.borrow().truth().time_ns) >= due_ns {
@@ -295,7 +327,10 @@ impl Board<'_> {
         let now = self.now();
         if data_ready {
             self.sampler.data_ready(now);
-        } else {
+        }
+        // A chip that was given up on is looked for here, and here alone, although its data may come again.
+        if !data_ready || now.since(self.looked_at) >= LOOK_EVERY_US {
+            self.looked_at = now;
             self.sampler.idle(now);
         }
         self.device.poll(now);
@@ -327,8 +362,10 @@ impl Board<'_> {
     }
 
     /// Puts on the line what it takes.
-    fn talk(&mut self, outlet: &mut Outlet, line: &mut LineSpeed) -> Talk {
+    fn talk(&mut self, outlet: &mut TroubledOutlet, line: &mut LineSpeed) -> Talk {
         line.earn(self.now());
+        let now_us = self.world_us();
+        outlet.pass_on(now_us);
         loop {
             let waiting = self.device.transmit();
             let allowed = &waiting[..waiting.len().min(line.allowed())];
@@ -338,13 +375,18 @@ impl Board<'_> {
             if allowed.is_empty() {
                 return Talk::LineBusy;
             }
-            let sent = outlet.write(allowed);
+            let sent = outlet.write(allowed, now_us);
             if sent == 0 {
                 return Talk::HostBusy;
             }
             line.spend(sent);
             self.device.transmitted(sent);
         }
+    }
+
+    /// The world's time, which goes on over restarts, in µs.
+    fn world_us(&self) -> u64 {
+        self.front_end.borrow().truth().time_ns / 1000
     }
 
     /// The device's clock, which counts conversions from its start.

@@ -13,7 +13,9 @@
 //! knows the truth.
 
 mod board;
+mod line_faults;
 mod outlet;
+mod troubled_outlet;
 
 use std::io;
 use std::path::PathBuf;
@@ -26,6 +28,7 @@ use palpate_shared::sim::{Faults, FingerConfig, Load, Script, Truth};
 
 use crate::Address;
 pub use board::SimulatedOnly;
+pub use line_faults::{FaultyLine, Injected, LineFaults};
 pub use outlet::LinkExists;
 use outlet::Outlet;
 
@@ -68,12 +71,38 @@ pub struct Config {
     pub finger: FingerConfig,
     /// What is broken from the start.
     pub faults: Faults,
+    /// What is wrong with the way to the host from the start.
+    pub link_faults: LinkFaults,
     /// How fast time passes.
     pub pace: Pace,
     /// Where the line comes out.
     pub line: Line,
     /// Speed of the line in baud; `None` is as fast as it goes.
     pub baud: Option<u32>,
+}
+
+/// What is wrong with the way between a simulated device and its host; the default is nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LinkFaults {
+    /// What the line does to frames, in either direction.
+    pub line: LineFaults,
+    /// The cable is pulled once in so many seconds on average, for some tenths of a second; 0 is never.
+    pub unplug_every_s: f64,
+    /// The device is switched off and on once in so many seconds on average; 0 is never.
+    pub restart_every_s: f64,
+}
+
+/// What was done on the way between a simulated device and its host.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct InjectedOnLink {
+    /// To what the device sent.
+    pub to_host: Injected,
+    /// To what the host sent.
+    pub to_device: Injected,
+    /// Times that the cable was pulled by chance.
+    pub unplugged: u64,
+    /// Times that the device was restarted by chance.
+    pub restarted: u64,
 }
 
 /// Forces on the disk that another simulation computed, evenly spaced in time, with straight lines between them.
@@ -229,6 +258,22 @@ impl SimulatedDevice {
         self.ask(|answer| Control::Faults(faults, answer))
     }
 
+    /// Makes the way to the host worse or better.
+    ///
+    /// # Errors
+    /// If the device has ended.
+    pub fn set_link_faults(&self, faults: LinkFaults) -> io::Result<SimulatedMoment> {
+        self.ask(|answer| Control::LinkFaults(faults, answer))
+    }
+
+    /// What was done on the way to the host so far.
+    ///
+    /// # Errors
+    /// If the device has ended.
+    pub fn injected(&self) -> io::Result<InjectedOnLink> {
+        self.ask(Control::Injected)
+    }
+
     /// The state of the world now.
     ///
     /// # Errors
@@ -269,7 +314,7 @@ impl SimulatedDevice {
         self.ask(|answer| Control::Disturb(noise, answer))
     }
 
-    fn ask(&self, order: impl FnOnce(Sender<SimulatedMoment>) -> Control) -> io::Result<SimulatedMoment> {
+    fn ask<T>(&self, order: impl FnOnce(Sender<T>) -> Control) -> io::Result<T> {
         let (answer, answered) = channel();
         let ended = || io::Error::new(io::ErrorKind::BrokenPipe, "the simulated device has ended");
         self.control.send(order(answer)).map_err(|_| ended())?;

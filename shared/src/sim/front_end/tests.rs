@@ -322,6 +322,35 @@ fn stuck_codes_repeat_while_drdy_goes_on() {
 }
 
 #[test]
+fn drift_grows_while_it_lasts_and_is_gone_when_mended() {
+    let config = FingerConfig::ideal();
+    let mut front_end = at_gain_32(config, 1);
+    record(&mut front_end, &config, 10);
+    front_end.set_faults(Faults { drift_per_s: 5.0 * MICROSTRAIN, ..Faults::default() });
+    let [x, y] = *record(&mut front_end, &config, 2 * SECOND).last().unwrap();
+    for strain in [x, y] {
+        // Less what the filter is behind, half a conversion or so, and two codes.
+        assert!((strain / MICROSTRAIN - 10.0).abs() < 0.01, "{strain}");
+    }
+    front_end.set_faults(Faults::default());
+    let [x, y] = *record(&mut front_end, &config, 10).last().unwrap();
+    assert!(x.abs() < 0.01 * MICROSTRAIN && y.abs() < 0.01 * MICROSTRAIN, "{x} {y}");
+}
+
+#[test]
+fn hum_can_be_added_to_the_fingers_own() {
+    let config = FingerConfig::ideal();
+    let mut front_end = at_gain_32(config, 1);
+    record(&mut front_end, &config, 10);
+    front_end.set_faults(Faults { hum_peak_to_peak: 20.0 * MICROSTRAIN, ..Faults::default() });
+    record(&mut front_end, &config, 10);
+    let wave = record(&mut front_end, &config, 80);
+    let (low, high) = wave.iter().fold((0.0_f32, 0.0_f32), |(low, high), s| (low.min(s[0]), high.max(s[0])));
+    // The crest between two samples and the filter take some thousandths.
+    assert!(((high - low) / MICROSTRAIN - 20.0).abs() < 0.1, "{}", high - low);
+}
+
+#[test]
 fn bits_are_inverted_at_the_rate_asked_for() {
     for rate in [1e-4f32, 1e-2, 0.3] {
         let mut bus = BitErrors::new(5);
