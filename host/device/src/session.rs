@@ -35,7 +35,7 @@ use crate::error::{LinkError, Opened};
 use crate::sample_sequence::{Continuity, Sequence};
 use crate::simulated::SimulatedDevice;
 use crate::transport::address::Address;
-use crate::transport::{BAUD, BAUD_FALLBACK, Transport};
+use crate::transport::{BAUD, BAUD_FALLBACK, READ_WAIT, Transport};
 use crate::wire_reader::{MessageReader, ReaderCounts};
 
 /// How long to wait for a reply before the command is repeated. A reply takes a few milliseconds over a serial
@@ -54,6 +54,12 @@ const REOPEN_WAIT: Duration = Duration::from_millis(100);
 /// Messages that wait for a slow consumer before the reading thread stops reading: four seconds of blocks at 4 kHz.
 /// What then comes is lost, and counted, on the device; memory stays bounded.
 const WAITING_MAX: usize = 2048;
+
+/// A stream is told to be silent after this ...
+const SILENCE: Duration = Duration::from_millis(100);
+
+/// ... and after so many of its blocks, if they take longer.
+const SILENCE_BLOCKS: u32 = 5;
 
 /// A stream that is silent for this long is asked whether it is still one: the hello of a device that restarted may
 /// have been damaged on its way.
@@ -74,6 +80,11 @@ pub enum Incoming {
     Temperature(Temperature),
     /// The device started anew: its settings were restored, its sample numbers begin again at 0.
     Restarted(Hello),
+    /// The device streams and its samples have stopped coming, though the link stands. Told once until they come again.
+    Silent {
+        /// How long ago the last samples came.
+        after: Duration,
+    },
     /// The link broke, or cannot be opened again for another reason than before.
     Disconnected {
         /// How that was noticed.
@@ -203,6 +214,8 @@ enum Arrival {
 #[derive(Debug, Default)]
 struct Shared {
     stop: AtomicBool,
+    /// When the line was last looked at and held nothing. A thread that had no time to look has not found silence.
+    found_nothing: Mutex<Option<Instant>>,
     counts: Mutex<(ReaderCounts, Option<ProtocolVersion>)>,
 }
 
@@ -239,6 +252,11 @@ pub struct Session {
     closed_lines: ReaderCounts,
     down_since: Option<Instant>,
     last_heard: Instant,
+    /// When samples last came, or were asked for.
+    last_samples: Instant,
+    /// How long the last block took to take.
+    block: Duration,
+    silence_told: bool,
     last_status: Status,
     temperature_c: Option<f64>,
     /// Added to the device's time, so that it goes on over the device's restarts.
@@ -306,6 +324,9 @@ impl Session {
             closed_lines: ReaderCounts::default(),
             down_since: None,
             last_heard: epoch,
+            last_samples: epoch,
+            block: Duration::ZERO,
+            silence_told: false,
             last_status: Status::default(),
             temperature_c: None,
             time_base_us: 0,
@@ -409,7 +430,10 @@ impl Session {
             Request::SetRate { rate_hz } => settings.rate_hz = rate_hz,
             Request::SetGain { gain } => settings.gain = gain,
             Request::SetSource { source } => settings.source = source,
-            Request::Start => self.wanted.streaming = true,
+            Request::Start => {
+                self.wanted.streaming = true;
+                self.samples_came(Instant::now());
+            }
             Request::Stop => self.wanted.streaming = false,
             _ => {}
         }
@@ -623,9 +647,13 @@ impl Session {
                 self.ask_after_numbers()?;
             } else {
                 let left = deadline.saturating_duration_since(Instant::now());
-                match self.receive(left.min(QUIET)) {
+                match self.receive(left.min(QUIET).min(self.until_silence())) {
                     Some(Arrival::Message(message, at)) => self.take_in(*message, at),
                     Some(Arrival::Newer(newer, at)) => self.take_in_newer(newer, at),
+                    None if self.is_silent() => {
+                        self.silence_told = true;
+                        self.backlog.push_back(Incoming::Silent { after: self.last_samples.elapsed() });
+                    }
                     None if self.wanted.streaming && self.last_heard.elapsed() > QUIET => self.ask_after_stream()?,
                     Some(Arrival::Broken(reason)) => {
                         let error = self.broken(reason);
@@ -653,6 +681,27 @@ impl Session {
             Err(RecvTimeoutError::Timeout) => None,
             Err(RecvTimeoutError::Disconnected) => Some(Arrival::Broken("the reading thread ended".to_owned())),
         }
+    }
+
+    /// How long samples may stay away.
+    fn silence(&self) -> Duration {
+        SILENCE.max(self.block * SILENCE_BLOCKS)
+    }
+
+    /// Whether samples are due and the line was found empty for too long.
+    fn is_silent(&self) -> bool {
+        let found_nothing = self.line.as_ref().and_then(Line::found_nothing);
+        let is_empty =
+            found_nothing.is_some_and(|at| at.saturating_duration_since(self.last_samples) >= self.silence());
+        self.wanted.streaming && !self.silence_told && self.standing == Standing::Known && is_empty
+    }
+
+    /// How long to wait before looking whether the stream is silent.
+    fn until_silence(&self) -> Duration {
+        if !self.wanted.streaming || self.silence_told {
+            return QUIET;
+        }
+        self.silence().saturating_sub(self.last_samples.elapsed()).max(READ_WAIT)
     }
 
     /// Finds out why the stream is silent: a device that does not stream any more has started anew.
@@ -730,6 +779,7 @@ impl Session {
             }
         };
         self.last_status = block.status;
+        self.samples_came(at);
         let counts: Vec<[Counts; 2]> = block.samples.into_iter().skip(repeated).collect();
         if counts.is_empty() {
             return;
@@ -742,8 +792,15 @@ impl Session {
             status: block.status,
             counts,
         };
+        self.block = Duration::from_secs_f64(samples.counts.len() as f64 / f64::from(rate_hz));
         self.clock.arrived(samples.device_time_s(samples.counts.len() - 1), self.seconds(at));
         self.backlog.push_back(Incoming::Samples(samples));
+    }
+
+    /// Samples came, or are asked for anew.
+    fn samples_came(&mut self, at: Instant) {
+        self.last_samples = at;
+        self.silence_told = false;
     }
 
     /// Takes note of a device that was found anew; [`Self::next`] restores its settings.
@@ -803,6 +860,7 @@ impl Session {
         let (began_anew, is_told) = (!self.is_as_left(&greeted.hello), self.standing == Standing::Unrestored);
         let countable = !began_anew && after <= COUNTABLE_GAP;
         self.line = Some(greeted.line);
+        self.samples_came(Instant::now());
         self.still_down.clear();
         self.backlog.push_back(Incoming::Reconnected { after, countable });
         if began_anew {
@@ -924,6 +982,10 @@ impl Line {
         self.shared.counts.lock().unwrap_or_else(PoisonError::into_inner).0
     }
 
+    fn found_nothing(&self) -> Option<Instant> {
+        *self.shared.found_nothing.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     fn other_protocol(&self) -> Option<ProtocolVersion> {
         self.shared.counts.lock().unwrap_or_else(PoisonError::into_inner).1
     }
@@ -960,7 +1022,9 @@ fn read_until_stopped(transport: &mut Transport, shared: &Shared, sender: &SyncS
                     return;
                 }
             }
-            Err(error) if error.kind() == io::ErrorKind::TimedOut => {}
+            Err(error) if error.kind() == io::ErrorKind::TimedOut => {
+                *shared.found_nothing.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
+            }
             Err(error) => {
                 // The session may be gone already; then nobody needs to know.
                 let _ = sender.send(Arrival::Broken(error.to_string()));

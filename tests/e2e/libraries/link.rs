@@ -277,9 +277,19 @@ fn a_front_end_that_falls_silent_is_told_and_so_is_its_return() {
         _ => None,
     };
     assert!(matches!(rig::wait_for(&mut session, event), EventKind::FrontEndSilent { .. }));
+    // The host notices by itself too, on its own clock, and says so once.
+    let silent = |incoming| match incoming {
+        Incoming::Silent { after } => Some(after),
+        _ => None,
+    };
+    assert!(rig::wait_for(&mut session, silent) >= Duration::from_millis(100));
+    assert!(session.next(Duration::from_millis(300)).unwrap().and_then(silent).is_none(), "it is told once");
     device.set_faults(Faults::default()).unwrap();
     assert_eq!(rig::wait_for(&mut session, event), EventKind::FrontEndRecovered);
     rig::samples(&mut session, 100);
+    // And again, if it happens again.
+    device.set_faults(Faults { data_ready_stuck: true, ..Faults::default() }).unwrap();
+    rig::wait_for(&mut session, silent);
 }
 
 /// A chip that is back announces data all the time, so nothing may wait for a moment without any.

@@ -176,6 +176,7 @@ fn simulated_note(session: &Session) -> &'static str {
 fn tell(incoming: &Incoming) {
     match incoming {
         Incoming::Event(event) => note!("device: {}", live::in_words(event.kind)),
+        Incoming::Silent { after } => note!("no samples for {:.2} s", after.as_secs_f64()),
         Incoming::Disconnected { reason } => note!("link lost ({reason}); waiting for it to come back"),
         Incoming::Reconnected { after, countable: true } => note!("link back after {:.1} s", after.as_secs_f64()),
         Incoming::Reconnected { after, countable: false } => {

@@ -221,6 +221,7 @@ fn tell(json: bool, incoming: &Incoming) {
     }
     let what = match incoming {
         Incoming::Event(event) => json!({ "device": live::in_words(event.kind) }),
+        Incoming::Silent { after } => json!({ "link": "silent", "after_s": after.as_secs_f64() }),
         Incoming::Disconnected { reason } => json!({ "link": "lost", "reason": reason }),
         Incoming::Reconnected { after, countable } => {
             json!({ "link": "back", "after_s": after.as_secs_f64(), "missing_counted": countable })

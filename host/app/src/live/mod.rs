@@ -113,7 +113,7 @@ pub fn stream(session: &mut Session, mut take: impl FnMut(&Session, &Incoming) -
                     Incoming::Reconnected { .. } | Incoming::Restarted(_) => {
                         (connected, last_heard) = (true, Instant::now());
                     }
-                    Incoming::Event(_) | Incoming::Temperature(_) => {}
+                    Incoming::Event(_) | Incoming::Temperature(_) | Incoming::Silent { .. } => {}
                 }
                 if !take(session, &incoming) {
                     return Ok(());
