@@ -4,8 +4,8 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use nalgebra::Matrix2;
-use palpate::finger::calibration::{ForceUnit, counts_vector};
-use palpate::finger::diagnosis::{self, Figures, Finding, ObservedAtRest, Verdict};
+use palpate::finger::calibration::ForceUnit;
+use palpate::finger::diagnosis::{self, Figures, Finding, ObservedAtRest, RestSamples, Verdict};
 use palpate_device::{Incoming, Session};
 use palpate_shared::sim::ads131m02::{CLKIN_HZ, noise_rms};
 
@@ -81,22 +81,19 @@ fn observe(
     session.ping().advised()?;
     let before = session.counts();
     let mut latency = Latency::default();
-    let mut counts = Vec::new();
-    let (mut saturated, mut until_s) = (0, None);
+    let mut rest = RestSamples::new(seconds);
     live::stream(session, |session, incoming| {
         let Incoming::Samples(samples) = incoming else {
             super::tell(incoming);
             return true;
         };
-        let end_s = samples.device_time_s(samples.counts.len());
         latency.take(session, samples, Instant::now());
-        saturated += samples.counts.iter().filter(|pair| pair.iter().any(|count| count.is_saturated())).count();
-        counts.extend(samples.counts.iter().map(|&pair| counts_vector(pair)));
-        end_s < *until_s.get_or_insert(end_s + seconds)
+        !rest.take(samples)
     })
     .advised()?;
     session.stop().advised()?;
     let after = session.counts();
+    let (counts, saturated) = rest.into_counts();
     let hello = session.hello();
     let oversampling = CLKIN_HZ / 2 / hello.rate_hz.max(1);
     let observation = ObservedAtRest {

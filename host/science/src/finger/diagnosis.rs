@@ -8,8 +8,11 @@
 
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 
-use crate::finger::STUCK_SAMPLES;
-use crate::finger::calibration::FrontEnd;
+use palpate_shared::status::Status;
+use palpate_shared::units::Counts;
+
+use crate::finger::calibration::{FrontEnd, counts_vector};
+use crate::finger::{STUCK_SAMPLES, Samples};
 use crate::math::statistics::mean;
 
 /// Length of the averages by which hum and drift are told from noise, in s: one mains period at 50 Hz.
@@ -49,6 +52,42 @@ pub struct ObservedAtRest {
     pub converter_noise_v: f64,
     /// Counts to force, where the finger is calibrated in newtons.
     pub newtons_per_count: Option<Matrix2<f64>>,
+}
+
+/// Samples at rest, until they have lasted long enough on their own clock. Those of a filter that settles are none.
+#[derive(Clone, Debug)]
+pub struct RestSamples {
+    seconds: f64,
+    /// Device time at which they are enough, s.
+    until_s: Option<f64>,
+    counts: Vec<Vector2<f64>>,
+    saturated: usize,
+}
+
+impl RestSamples {
+    /// Samples that shall last so long, s.
+    #[must_use]
+    pub fn new(seconds: f64) -> Self {
+        Self { seconds, until_s: None, counts: Vec::new(), saturated: 0 }
+    }
+
+    /// Takes a block; whether they are enough now.
+    pub fn take(&mut self, samples: &Samples) -> bool {
+        if samples.status.contains(Status::SETTLING) {
+            return false;
+        }
+        let is_saturated = |pair: &&[Counts; 2]| pair.iter().any(|count| count.is_saturated());
+        self.saturated += samples.counts.iter().filter(is_saturated).count();
+        self.counts.extend(samples.counts.iter().map(|&pair| counts_vector(pair)));
+        let end_s = samples.device_time_s(samples.counts.len());
+        end_s >= *self.until_s.get_or_insert(samples.device_time_s(0) + self.seconds)
+    }
+
+    /// Counts of both channels, sample by sample, and how many samples were at the end of the range.
+    #[must_use]
+    pub fn into_counts(self) -> (Vec<Vector2<f64>>, usize) {
+        (self.counts, self.saturated)
+    }
 }
 
 /// How bad a finding is.
@@ -387,6 +426,24 @@ mod tests {
         let value = stuck.counts[500];
         stuck.counts[500..600].fill(value);
         assert_eq!(verdicts(&stuck)[3], Fault);
+    }
+
+    #[test]
+    fn samples_of_a_settling_filter_are_not_of_a_finger_at_rest() {
+        let mut rest = RestSamples::new(0.02);
+        let block = |first: u64, status: Status| Samples {
+            first,
+            missing_before: 0,
+            time_us: 250 * first,
+            period_us: 250.0,
+            status,
+            counts: (0..8).map(|i| [Counts(i), if i == 3 { Counts::MAX } else { Counts(0) }]).collect(),
+        };
+        assert!(!rest.take(&block(0, Status::SETTLING)));
+        let enough = (1..100).find(|k| rest.take(&block(8 * k, Status::default())));
+        // Ten blocks of 2 ms.
+        let (counts, saturated) = rest.into_counts();
+        assert_eq!((enough, counts.len(), saturated), (Some(10), 80, 10));
     }
 
     #[test]
