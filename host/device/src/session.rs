@@ -902,16 +902,32 @@ impl Session {
     /// once more, and there is more to come.
     fn restore(&mut self) -> Result<bool, LinkError> {
         let findings = self.findings;
-        let result = self.try_to_restore();
+        let set_back = self.set_back();
         if findings != self.findings {
             // It started again meanwhile: whatever it answered says nothing.
             return Ok(false);
         }
+        if !self.is_through(set_back)? {
+            return Ok(false);
+        }
+        self.standing = Standing::Known;
+        if self.wanted.streaming {
+            let started = self.request(Request::Start);
+            if findings == self.findings {
+                // Samples may be here already, so that it was restored is told even if it is gone again.
+                self.is_through(started.map(drop))?;
+            }
+        }
+        Ok(true)
+    }
+
+    /// Whether a request went through; if it did not because the link is down, the next connection begins with a greeting
+    /// and restores.
+    fn is_through(&mut self, result: Result<(), LinkError>) -> Result<bool, LinkError> {
         match result {
             Ok(()) => Ok(true),
             Err(LinkError::Unplugged { .. }) if self.options.reconnect => Ok(false),
             Err(error @ LinkError::Unanswered { .. }) if self.options.reconnect => {
-                // A new connection begins with a greeting, and then restores.
                 self.broken(error.to_string());
                 Ok(false)
             }
@@ -919,9 +935,9 @@ impl Session {
         }
     }
 
-    fn try_to_restore(&mut self) -> Result<(), LinkError> {
-        let Wanted { settings: was, streaming } = self.wanted;
-        let is = Settings::of(&self.hello);
+    /// Sets the device as it was and asks whether it is.
+    fn set_back(&mut self) -> Result<(), LinkError> {
+        let (was, is) = (self.wanted.settings, Settings::of(&self.hello));
         for request in is.requests_to(was) {
             match self.request(request) {
                 Err(LinkError::Refused { refusal, .. }) => {
@@ -935,14 +951,7 @@ impl Session {
         if is != was {
             return Err(LinkError::OtherSettings { was, is, refusal: None });
         }
-        if streaming {
-            self.expect_first_number()?;
-        }
-        self.standing = Standing::Known;
-        if streaming {
-            self.request(Request::Start)?;
-        }
-        Ok(())
+        if self.wanted.streaming { self.expect_first_number() } else { Ok(()) }
     }
 
     fn seconds(&self, at: Instant) -> f64 {

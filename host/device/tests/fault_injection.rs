@@ -6,11 +6,16 @@
 #[path = "../../../firmware/core/tests/rig/mod.rs"]
 mod bench;
 
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
 use bench::{Bench, Conversion, Rig, World};
 use palpate::math::random::Draw;
 use palpate_device::sample_sequence::{Continuity, Sequence};
-use palpate_device::simulated::{FaultyLine, Injected, LineFaults};
+use palpate_device::session::{SessionOptions, Settings};
+use palpate_device::simulated::{Config, FaultyLine, Injected, LineFaults, LinkFaults, Pace, SimulatedDevice};
 use palpate_device::wire_reader::MessageReader;
+use palpate_device::{Incoming, Session};
 use palpate_shared::frame::{FRAME_MAX, encode};
 use palpate_shared::sim::{Faults, FingerConfig, FloatingBus, MICROSTRAIN};
 use palpate_shared::wire::{Block, Command, CommandId, FromDevice, Outcome, Reply, Request, Status};
@@ -247,4 +252,55 @@ fn whatever_is_injected_is_counted_and_nothing_wrong_is_delivered() {
     assert!(sum(|injected| injected.dropped) > seeds && sum(|injected| injected.corrupted) > seeds);
     assert!(sum(|injected| injected.duplicated) > seeds && sum(|injected| injected.noise) > seeds);
     assert!(sum(|injected| injected.stalled) > seeds / 4);
+}
+
+/// How long a session may take for what an idle machine does in a second.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A session on a line with all faults at once, whose cable is pulled and whose device restarts now and then: it always
+/// comes back, its samples are in order, and its counts say what is missing between them.
+#[test]
+fn a_session_comes_through_everything_at_once() {
+    for seed in 0..8 {
+        let line = LineFaults {
+            drop: 0.01,
+            corrupt: 0.01,
+            duplicate: 0.01,
+            noise: 0.01,
+            delay_s: 0.004,
+            stall: 0.002,
+            stall_s: 0.03,
+            pieces: true,
+        };
+        let link_faults = LinkFaults { line, unplug_every_s: 3.0, restart_every_s: 3.0 };
+        let config = Config { seed, pace: Pace::AsRead, ..Config::default() };
+        let device = Arc::new(SimulatedDevice::start(config).unwrap());
+        let mut session = Session::open_simulated(Arc::clone(&device), SessionOptions::default()).unwrap();
+        let settings = Settings::of(session.hello());
+        session.start().unwrap();
+        device.set_link_faults(link_faults).unwrap();
+        let (begun, mut next, mut missing, mut samples) = (Instant::now(), None, 0, 0);
+        let has_seen_all = |session: &Session| session.counts().disconnections > 0 && session.counts().restarts > 0;
+        while samples < 40_000 || !has_seen_all(&session) {
+            assert!(begun.elapsed() < PATIENCE, "seed {seed}: {:?}", session.counts());
+            match session.next(Duration::from_millis(100)).unwrap() {
+                Some(Incoming::Samples(block)) => {
+                    let begins = block.first - block.missing_before;
+                    assert!(next.is_none_or(|next| next == begins), "seed {seed}: {next:?}, {block:?}");
+                    next = Some(block.first + block.counts.len() as u64);
+                    samples += block.counts.len() as u64;
+                    missing += block.missing_before;
+                }
+                Some(Incoming::Restarted(_)) => next = None,
+                _ => {}
+            }
+        }
+        let injected = device.injected().unwrap();
+        let counts = session.counts();
+        assert!(injected.restarted > 0 && injected.unplugged > 0, "seed {seed}: {injected:?}");
+        // What waits to be handed on is counted already.
+        assert!(counts.samples >= samples && counts.missing >= missing, "seed {seed}: {counts:?}");
+        assert!(counts.damaged_frames <= injected.to_host.damaged(), "seed {seed}: {counts:?}, {injected:?}");
+        assert_eq!(Settings::of(session.hello()), settings);
+    }
 }
