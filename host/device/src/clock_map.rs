@@ -153,6 +153,20 @@ mod tests {
             prop_assert!((-1e-4..2.0 * LEAST_DELAY_S).contains(&error), "{error}");
         }
 
+        /// No sample arrives before it was taken: an arrival bounds the offset from above, more closely than a slow ping.
+        #[test]
+        fn an_arrival_bounds_the_offset_more_closely_than_a_slow_ping(
+            offset_s in -10.0..10.0_f64, late in 1e-4..5e-3_f64, there in 0.0..1e-4_f64, back in 0.02..0.2_f64,
+        ) {
+            let mut map = ClockMap::default();
+            map.arrived(1.0, 1.0 + offset_s + late);
+            map.ping(2.0 + offset_s - there, 2.0, 2.0 + offset_s + back);
+            let estimate = map.estimate().unwrap();
+            // Between the ping's way there and the arrival's delay, not its way back.
+            prop_assert!(estimate.uncertainty_s.unwrap() <= 0.5 * (there + late) + 1e-9, "{estimate:?}");
+            prop_assert!((estimate.host_time(2.0) - 2.0 - offset_s).abs() <= 0.5 * (there + late) + 1e-9, "{estimate:?}");
+        }
+
         #[test]
         fn a_ping_bounds_the_offset_from_both_sides(offset_s in -10.0..10.0_f64, there in 0.0..0.01_f64, back in 0.0..0.01_f64) {
             let mut map = ClockMap::default();

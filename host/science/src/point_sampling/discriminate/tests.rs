@@ -64,6 +64,24 @@ proptest! {
         prop_assert_eq!((choice.elements.len(), choice.lower_bound), (least, least), "{:?}", choice);
     }
 
+    /// A search that was broken off anywhere proves no more than it had, and what it chose does what it must.
+    #[test]
+    fn a_search_broken_off_claims_nothing_that_exhaustive_search_denies(
+        system in systems(2..10, 12), separation in 1..3_usize, looks in 0..40_u32, target in 0..4_usize,
+    ) {
+        let Some(least) = by_exhaustion(&system, separation) else { return Ok(()) };
+        let asked = std::cell::Cell::new(0);
+        let stop = || {
+            asked.set(asked.get() + 1);
+            asked.get() > looks
+        };
+        for effort in [Effort::Greedy, Effort::Brief, Effort::Full] {
+            let choice = fewest(&system, &all(&system), &Search { separation, target, effort, stop: &stop });
+            prop_assert!(system.keeps_apart(&choice.elements, separation));
+            prop_assert!(choice.lower_bound <= least && choice.elements.len() >= least, "{choice:?} where {least} are enough");
+        }
+    }
+
     /// The search over partitions by itself: sets that few columns tell apart, so that every one of its bounds decides
     /// somewhere.
     #[test]

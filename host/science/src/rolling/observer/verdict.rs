@@ -62,6 +62,11 @@ const SAME_TURNING: f64 = 3.0;
 /// Standard deviation of attitude, rad, beyond which a continuum of attitudes fits.
 const UNSEEN_RAD: f64 = 1.0;
 
+/// Whether an attitude of this standard deviation, rad, stays below [`GUARANTEED_RAD`].
+fn is_guaranteed(sigma: f64) -> bool {
+    sigma * GUARANTEED_SIGMAS <= GUARANTEED_RAD
+}
+
 /// A minimum with all that follows from it.
 #[derive(Clone, Debug)]
 pub(super) struct Solution {
@@ -220,7 +225,7 @@ impl Gate {
         };
         // Unique is not yet sure: its attitude must be known better than what is guaranteed, at both ends.
         let sure = |solution: &Solution| match solution.attitude_sigma_at_ends() {
-            Some(sigma) => sigma * solution.residuals.dilution() * GUARANTEED_SIGMAS <= GUARANTEED_RAD,
+            Some(sigma) => is_guaranteed(sigma * solution.residuals.dilution()),
             None => false,
         };
         let certified =
@@ -401,4 +406,16 @@ pub(super) fn covariance_of(unknowns: &Unknowns, fit: &RollFit) -> Option<DMatri
 /// Columns of the information that are fitted.
 fn fitted(unknowns: &Unknowns, columns: usize) -> Vec<usize> {
     (0..columns).filter(|&column| !(unknowns.spin == Spin::NoSpin && column == SPIN_COLUMN)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two degrees: an error beyond so many standard deviations comes once in two thousand, and three of them are tried.
+    #[test]
+    fn two_degrees_are_guaranteed_from_a_half_of_a_degree_on() {
+        let degrees = |sigma: f64| is_guaranteed(sigma.to_radians());
+        assert!(degrees(0.5) && degrees(0.57) && !degrees(0.58) && !degrees(1.0) && !degrees(2.0));
+    }
 }

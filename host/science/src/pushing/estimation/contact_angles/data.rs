@@ -131,12 +131,17 @@ impl Data {
     pub(super) fn outliers(&self) -> Option<Vec<usize>> {
         let lie_off = |value: &usize| self.channels().any(|channel| lies_off(channel, *value));
         let outliers: Vec<_> = (0..self.values).filter(lie_off).collect();
-        (outliers.len() * OUTLIERS_SHARE <= self.values).then_some(outliers)
+        are_few(outliers.len(), self.values).then_some(outliers)
     }
 
     fn channels(&self) -> impl Iterator<Item = &Channel> {
         self.angle.iter().chain(&self.direction).chain(&self.log_magnitude)
     }
+}
+
+/// Whether so many of all values can be outliers.
+fn are_few(outliers: usize, values: usize) -> bool {
+    outliers * OUTLIERS_SHARE <= values
 }
 
 /// At most one value in so many can be an outlier.
@@ -223,6 +228,21 @@ mod tests {
         let wrapped = Channel { values: vec![3.1, -3.1, -3.0, 3.1 + TAU], sigma: 1e-3 };
         let continuous = continuous(&wrapped).values;
         assert!(continuous.windows(2).all(|pair| (pair[1] - pair[0]).abs() < 0.3), "{continuous:?}");
+    }
+
+    #[test]
+    fn wrong_values_are_outliers_only_while_they_are_few() {
+        let sparks = |count: usize| {
+            let value = |i: usize| 1.0 + 0.01 * i as f64 + if i % 4 == 1 && i / 4 < count { 0.5 } else { 0.0 };
+            let values = (0..40).map(value).collect();
+            Channel { values, sigma: 1e-3 }
+        };
+        let off = |count: usize| (0..40).filter(|&i| lies_off(&sparks(count), i)).count();
+        for count in 1..=10 {
+            assert_eq!(off(count), count);
+            assert!(are_few(count, 40), "{count} of 40");
+        }
+        assert!(!are_few(11, 40) && !are_few(20, 40));
     }
 
     #[test]
