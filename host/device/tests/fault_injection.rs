@@ -176,17 +176,24 @@ impl Rigged<'_, '_> {
 }
 
 fn front_end_faults(draw: &mut Draw) -> Faults {
-    let mut faults = Faults::default();
     // Beyond, four damaged bits in one frame, the least that can pass its CRC, would be too common.
-    faults.bit_error_rate = if draw.index(2) == 0 { draw.uniform(0.0, 0.002) as f32 } else { 0.0 };
-    faults.data_ready_stuck = draw.index(8) == 0;
-    faults.chip_absent = (draw.index(10) == 0).then_some(FloatingBus::High);
-    faults.stuck_codes = draw.index(6) == 0;
-    faults.saturated = [draw.index(6) == 0, draw.index(6) == 0];
-    faults.open_gauge = [draw.index(6) == 0, draw.index(6) == 0];
-    faults.drift_per_s = draw.uniform(-10.0, 10.0) as f32 * MICROSTRAIN;
-    faults.hum_peak_to_peak = draw.uniform(0.0, 20.0) as f32 * MICROSTRAIN;
-    faults
+    let bits_max = if draw.index(2) == 0 { 0.002 } else { 0.0 };
+    Faults {
+        bit_error_rate: single(draw.uniform(0.0, bits_max)),
+        data_ready_stuck: draw.index(8) == 0,
+        chip_absent: (draw.index(10) == 0).then_some(FloatingBus::High),
+        stuck_codes: draw.index(6) == 0,
+        saturated: [draw.index(6) == 0, draw.index(6) == 0],
+        open_gauge: [draw.index(6) == 0, draw.index(6) == 0],
+        drift_per_s: single(draw.uniform(-10.0, 10.0)) * MICROSTRAIN,
+        hum_peak_to_peak: single(draw.uniform(0.0, 20.0)) * MICROSTRAIN,
+    }
+}
+
+/// As the simulation computes.
+#[expect(clippy::cast_possible_truncation, reason = "a small number")]
+fn single(number: f64) -> f32 {
+    number as f32
 }
 
 fn line_faults(draw: &mut Draw) -> LineFaults {

@@ -116,8 +116,16 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         0 => String::new(),
         skipped => format!(", {skipped} messages skipped that only a newer palpate can read"),
     };
+    let lost_link = match counts.disconnections {
+        0 => String::new(),
+        times => format!(", {times} disconnections"),
+    };
+    let restarts = match counts.restarts {
+        0 => String::new(),
+        times => format!(", {times} restarts of the device (what it lost in them has no numbers)"),
+    };
     note!(
-        "{} samples, {} missing, {} repeated, {} damaged frames{newer}",
+        "{} samples, {} missing, {} repeated, {} damaged frames{newer}{lost_link}{restarts}",
         counts.samples,
         counts.missing,
         counts.repeated,

@@ -7,9 +7,11 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
-use palpate_device::simulated::{Config, ForceCourse, Line, Pace, SimulatedDevice, SimulatedMoment};
+use palpate_device::simulated::{
+    Config, ForceCourse, Injected, InjectedOnLink, Line, LinkFaults, Pace, SimulatedDevice, SimulatedMoment,
+};
 use palpate_files::recordings::csv;
-use palpate_shared::sim::{ContactLoad, Faults, FloatingBus, Load};
+use palpate_shared::sim::{ContactLoad, Faults, FloatingBus, Load, MICROSTRAIN};
 
 use crate::advice::Advise as _;
 use crate::live::interrupt;
@@ -40,6 +42,14 @@ pub(crate) struct Arguments {
     #[arg(long)]
     as_read: bool,
 
+    /// Break the front-end from the start, as the order `fault` does: --fault "bits 0.001 hum 5"
+    #[arg(long, value_name = "FAULTS", value_parser = faults_of)]
+    fault: Option<Faults>,
+
+    /// Make the line bad from the start, as the order `line` does: --line "drop 0.01 delay 5"
+    #[arg(long, value_name = "FAULTS", value_parser = link_faults_of)]
+    line: Option<LinkFaults>,
+
     /// Run until killed, without reading orders
     #[arg(long)]
     detached: bool,
@@ -53,7 +63,15 @@ force X Y                push with this force on the disk, in newtons
 play FILE                push with the forces in a table of t, Fx, Fy: on the disk, in newtons
 release                  let go
 wait SECONDS             read the next order after so much of the device's time
-fault none|absent|silent|open0|open1|saturate0|saturate1|stuck|bits RATE
+fault WORDS              break the front-end; one or more of: none, absent,
+                         silent (no data-ready), stuck (codes repeat), open0,
+                         open1 (gauges), saturate0, saturate1, bits RATE (bit
+                         errors on its bus), drift UM_M_PER_S, hum UM_M
+line WORDS               break the line, both ways; one or more of: none,
+                         drop P, corrupt P, duplicate P, noise P (chance for a
+                         frame), stall P MS, delay MS, pieces (reads cut
+                         anywhere), unplug S, restart S (once in S seconds)
+counts                   what was injected on the line so far
 unplug | plug            pull the cable, plug it in again
 restart                  switch off and on
 truth (or nothing)       what presses now
@@ -66,6 +84,8 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     };
     let device = SimulatedDevice::start(Config {
         seed: arguments.seed,
+        faults: arguments.fault.unwrap_or_default(),
+        link_faults: arguments.line.unwrap_or_default(),
         pace: if arguments.as_read { Pace::AsRead } else { Pace::RealTime },
         line,
         baud: arguments.baud,
@@ -124,6 +144,8 @@ fn lines_of_input() -> miette::Result<Receiver<String>> {
 enum Order {
     Load(Load),
     Faults(Faults),
+    LinkFaults(LinkFaults),
+    Counts,
     Unplug,
     PlugIn,
     Restart,
@@ -152,6 +174,8 @@ impl Order {
             ["press", angle, force, mu] => Self::Load(Load::Static(contact(angle, force, mu)?)),
             ["sweep", from, to, seconds, force] => Self::Load(sweep(from, to, seconds, force)?),
             ["fault", words @ ..] => Self::Faults(faults(words)?),
+            ["line", words @ ..] => Self::LinkFaults(link_faults(words)?),
+            ["counts"] => Self::Counts,
             _ => return Err(format!("cannot read `{line}`; `help` lists the orders")),
         })
     }
@@ -166,8 +190,9 @@ fn not_negative(word: &str, what: &str) -> Result<f32, String> {
     if value >= 0.0 { Ok(value) } else { Err(format!("{what} is {value}, and cannot be negative")) }
 }
 
-/// Largest force, in N: the default beam would long have bent for good.
-const FORCE_MAX_N: f32 = 1000.0;
+/// Largest force, in N. The default beam has 9.5 MPa for each newton at its gauges and 10.3 at its clamp: from 23 N on
+/// structural steel (235 MPa, EN 10025-2) stays bent, which the simulation does not know.
+const FORCE_MAX_N: f32 = 20.0;
 
 /// Largest angle, in degrees, for sweeps of many turns; beyond it single precision makes angles coarse.
 const ANGLE_MAX_DEG: f32 = 36_000.0;
@@ -180,7 +205,16 @@ fn at_most(value: f32, limit: f32, what: &str) -> Result<f32, String> {
 }
 
 fn force(word: &str) -> Result<f32, String> {
-    at_most(number(word)?, FORCE_MAX_N, "the force in N")
+    bearable(number(word)?)
+}
+
+/// A force under which the finger's beam springs back.
+fn bearable(newtons: f32) -> Result<f32, String> {
+    if newtons.abs() <= FORCE_MAX_N {
+        Ok(newtons)
+    } else {
+        Err(format!("{newtons} N would bend the finger's beam for good, and the limit is {FORCE_MAX_N} N"))
+    }
 }
 
 fn angle(word: &str) -> Result<f32, String> {
@@ -192,8 +226,11 @@ fn time_s(word: &str) -> Result<f32, String> {
 }
 
 fn contact(angle_deg: &str, newtons: &str, mu: &str) -> Result<ContactLoad, String> {
-    let normal_force = at_most(not_negative(newtons, "the force")?, FORCE_MAX_N, "the force in N")?;
-    Ok(ContactLoad { angle: angle(angle_deg)?, normal_force, friction_angle: number(mu)?.atan() })
+    let normal_force = bearable(not_negative(newtons, "the force")?)?;
+    let contact = ContactLoad { angle: angle(angle_deg)?, normal_force, friction_angle: number(mu)?.atan() };
+    // Friction adds to what the beam bears.
+    let [x, y] = contact.force_finger();
+    bearable(x.hypot(y)).map(|_| contact)
 }
 
 fn sweep(from_deg: &str, to_deg: &str, seconds: &str, newtons: &str) -> Result<Load, String> {
@@ -239,40 +276,115 @@ fn course(path: &str) -> Result<ForceCourse, String> {
     Ok(ForceCourse::new(PLAY_STEP_S, forces.collect()))
 }
 
-fn faults(words: &[&str]) -> Result<Faults, String> {
-    let none = Faults::default();
-    Ok(match words {
-        ["none"] => none,
-        ["absent"] => Faults { chip_absent: Some(FloatingBus::High), ..none },
-        ["silent"] => Faults { data_ready_stuck: true, ..none },
-        ["open0"] => Faults { open_gauge: [true, false], ..none },
-        ["open1"] => Faults { open_gauge: [false, true], ..none },
-        ["saturate0"] => Faults { saturated: [true, false], ..none },
-        ["saturate1"] => Faults { saturated: [false, true], ..none },
-        ["stuck"] => Faults { stuck_codes: true, ..none },
-        ["bits", rate] => match number(rate)? {
-            rate if (0.0..=1.0).contains(&rate) => Faults { bit_error_rate: rate, ..none },
-            rate => return Err(format!("the bit error rate is {rate}; it lies between 0 and 1")),
-        },
-        _ => return Err(format!("no such fault: `{}`; `help` lists them", words.join(" "))),
-    })
+/// The faults of a front-end as an option has them.
+fn faults_of(text: &str) -> Result<Faults, String> {
+    faults(&text.split_whitespace().collect::<Vec<_>>())
 }
 
-/// Does what was ordered and says what then is.
+/// The faults of a line as an option has them.
+fn link_faults_of(text: &str) -> Result<LinkFaults, String> {
+    link_faults(&text.split_whitespace().collect::<Vec<_>>())
+}
+
+/// The word behind `word`, which says how much.
+fn argument<'a>(words: &mut std::slice::Iter<'_, &'a str>, word: &str) -> Result<&'a str, String> {
+    words.next().copied().ok_or_else(|| format!("`{word}` needs a number behind it"))
+}
+
+fn probability(word: &str, what: &str) -> Result<f32, String> {
+    match number(word)? {
+        chance if (0.0..=1.0).contains(&chance) => Ok(chance),
+        chance => Err(format!("{what} is {chance}; it lies between 0 and 1")),
+    }
+}
+
+/// Largest drift and hum, in microstrain a second and microstrain: five times the converter's range at gain 32.
+const MICROSTRAIN_MAX: f32 = 1e5;
+
+fn microstrain(word: &str, what: &str) -> Result<f32, String> {
+    Ok(at_most(number(word)?, MICROSTRAIN_MAX, what)? * MICROSTRAIN)
+}
+
+/// What is broken in the front-end, all of it together.
+fn faults(words: &[&str]) -> Result<Faults, String> {
+    let (mut faults, mut rest) = (Faults::default(), words.iter());
+    while let Some(&word) = rest.next() {
+        match word {
+            "none" => faults = Faults::default(),
+            "absent" => faults.chip_absent = Some(FloatingBus::High),
+            "silent" => faults.data_ready_stuck = true,
+            "open0" => faults.open_gauge[0] = true,
+            "open1" => faults.open_gauge[1] = true,
+            "saturate0" => faults.saturated[0] = true,
+            "saturate1" => faults.saturated[1] = true,
+            "stuck" => faults.stuck_codes = true,
+            "bits" => faults.bit_error_rate = probability(argument(&mut rest, word)?, "the bit error rate")?,
+            "drift" => faults.drift_per_s = microstrain(argument(&mut rest, word)?, "the drift in um/m a second")?,
+            "hum" => faults.hum_peak_to_peak = microstrain(argument(&mut rest, word)?, "the hum in um/m")?.abs(),
+            _ => return Err(format!("no such fault: `{word}`; `help` lists them")),
+        }
+    }
+    if words.is_empty() { Err("which fault? `help` lists them".to_owned()) } else { Ok(faults) }
+}
+
+/// What is wrong with the line, all of it together.
+fn link_faults(words: &[&str]) -> Result<LinkFaults, String> {
+    let (mut faults, mut rest) = (LinkFaults::default(), words.iter());
+    while let Some(&word) = rest.next() {
+        let line = &mut faults.line;
+        let mut chance = || argument(&mut rest, word).and_then(|chance| probability(chance, word)).map(f64::from);
+        match word {
+            "none" => faults = LinkFaults::default(),
+            "drop" => line.drop = chance()?,
+            "corrupt" => line.corrupt = chance()?,
+            "duplicate" => line.duplicate = chance()?,
+            "noise" => line.noise = chance()?,
+            "stall" => {
+                line.stall = chance()?;
+                line.stall_s = f64::from(time_s(argument(&mut rest, word)?)?) * 1e-3;
+            }
+            "delay" => line.delay_s = f64::from(time_s(argument(&mut rest, word)?)?) * 1e-3,
+            "pieces" => line.pieces = true,
+            "unplug" => faults.unplug_every_s = f64::from(time_s(argument(&mut rest, word)?)?),
+            "restart" => faults.restart_every_s = f64::from(time_s(argument(&mut rest, word)?)?),
+            _ => return Err(format!("no such fault of a line: `{word}`; `help` lists them")),
+        }
+    }
+    if words.is_empty() { Err("which fault of the line? `help` lists them".to_owned()) } else { Ok(faults) }
+}
+
+/// Does what was ordered and says what holds from now on.
 fn carry_out(device: &SimulatedDevice, order: Order) -> io::Result<String> {
     let moment = match order {
-        Order::Load(load) => device.set_load(load)?,
+        Order::Load(load) => return device.set_load(load).map(|moment| load_in_words(&load, &moment)),
+        Order::Play(course) => {
+            let what = format!("plays {:.3} s of forces, then lets go", course.duration_s());
+            return device.set_course(course).map(|moment| from_now_on(&moment, &what));
+        }
         Order::Faults(faults) => device.set_faults(faults)?,
+        Order::LinkFaults(faults) => device.set_link_faults(faults)?,
+        Order::Counts => return device.injected().map(|injected| injected_in_words(&injected)),
         Order::Unplug => device.unplug()?,
         Order::PlugIn => device.plug_in()?,
         Order::Restart => device.restart()?,
-        Order::Play(course) => device.set_course(course)?,
         Order::Truth => device.now()?,
         Order::Wait(seconds) => wait(device, seconds)?,
         Order::Help => return Ok(ORDERS.to_owned()),
         Order::Quit => return Ok(String::new()),
     };
     Ok(in_words(&moment))
+}
+
+/// What the line did, in one line.
+fn injected_in_words(injected: &InjectedOnLink) -> String {
+    let way = |name: &str, way: &Injected| {
+        format!(
+            "{name}: {} frames dropped, {} corrupted, {} doubled, {} bursts of noise, {} stalls; {} samples lost, {} doubled",
+            way.dropped, way.corrupted, way.duplicated, way.noise, way.stalled, way.samples_lost, way.samples_repeated
+        )
+    };
+    let (to_host, to_device) = (way("to the host", &injected.to_host), way("to the device", &injected.to_device));
+    format!("{to_host}. {to_device}. {} times unplugged, {} restarts", injected.unplugged, injected.restarted)
 }
 
 /// Waits until so much of the device's time has passed.
@@ -286,6 +398,28 @@ fn wait(device: &SimulatedDevice, seconds: f64) -> io::Result<SimulatedMoment> {
         moment = device.now()?;
     }
     Ok(moment)
+}
+
+/// What was ordered, not what still acts at the moment of the order: a load takes 20 ms to give way to the next.
+fn load_in_words(load: &Load, moment: &SimulatedMoment) -> String {
+    let [x, y] = load.force_at(0);
+    let force = format!("force on the finger ({x:.4}, {y:.4}) N");
+    let what = match load {
+        Load::Released => "lets go: no contact, no force".to_owned(),
+        Load::Static(contact) => format!("contact at {:.3} deg, {force}", contact.angle.to_degrees()),
+        Load::Sweep { from, to_angle, duration_us } => format!(
+            "contact from {:.3} to {:.3} deg in {:.3} s, at first {force}",
+            from.angle.to_degrees(),
+            to_angle.to_degrees(),
+            f64::from(*duration_us) * 1e-6
+        ),
+        Load::Force(_) => format!("no contact, {force}"),
+    };
+    from_now_on(moment, &what)
+}
+
+fn from_now_on(moment: &SimulatedMoment, what: &str) -> String {
+    format!("from conversion {} on: {what}", moment.conversion)
 }
 
 fn in_words(moment: &SimulatedMoment) -> String {
@@ -315,14 +449,57 @@ mod tests {
     }
 
     #[test]
+    fn faults_are_combined_in_one_order() {
+        let Ok(Order::Faults(faults)) = Order::parse("fault bits 0.001 open1 drift -2 hum 5") else { panic!() };
+        assert!((faults.bit_error_rate - 1e-3).abs() < 1e-9 && faults.open_gauge == [false, true]);
+        assert!((faults.drift_per_s / MICROSTRAIN + 2.0).abs() < 1e-5, "{faults:?}");
+        assert!((faults.hum_peak_to_peak / MICROSTRAIN - 5.0).abs() < 1e-5, "{faults:?}");
+        let order = Order::parse("line drop 0.25 stall 0.5 20 delay 5 pieces unplug 10 restart 60");
+        let Ok(Order::LinkFaults(faults)) = order else { panic!("{order:?}") };
+        let line = faults.line;
+        assert!((line.drop - 0.25).abs() < 1e-9 && (line.stall - 0.5).abs() < 1e-9 && line.pieces);
+        assert!((line.stall_s - 0.02).abs() < 1e-9 && (line.delay_s - 0.005).abs() < 1e-9);
+        assert!((faults.unplug_every_s - 10.0).abs() < 1e-9 && (faults.restart_every_s - 60.0).abs() < 1e-9);
+        assert_eq!(Order::parse("line none"), Ok(Order::LinkFaults(LinkFaults::default())));
+    }
+
+    #[test]
+    fn an_order_is_confirmed_by_what_it_asks_for_and_not_by_what_was_before() {
+        let device = SimulatedDevice::start(Config { pace: Pace::AsRead, ..Config::default() }).unwrap();
+        let answer = |line: &str| carry_out(&device, Order::parse(line).unwrap()).unwrap();
+        for (line, confirmed) in [
+            ("press 0 2", "contact at 0.000 deg, force on the finger (-2.0000, 0.0000) N"),
+            ("press 90 2", "contact at 90.000 deg, force on the finger (0.0000, -2.0000) N"),
+            ("force 1 -2.5", "no contact, force on the finger (1.0000, -2.5000) N"),
+            ("release", "lets go: no contact, no force"),
+            ("sweep 0 90 2 1", "contact from 0.000 to 90.000 deg in 2.000 s, at first force on the finger (-1.0000"),
+        ] {
+            // Zeros have either sign.
+            let said = answer(line).replace("-0.0000", "0.0000");
+            assert!(said.starts_with("from conversion ") && said.contains(confirmed), "{line}: {said}");
+        }
+    }
+
+    #[test]
     fn what_cannot_be_meant_is_refused_with_a_reason() {
         for (line, word) in [
             ("press 90 -2", "negative"),
             ("press north 2", "north"),
             ("fault bits 3", "between 0 and 1"),
             ("fault fire", "fire"),
+            ("fault", "which"),
+            ("fault bits", "number"),
+            ("fault drift 1e9", "100000"),
+            ("line fire", "fire"),
+            ("line drop 1.5", "between 0 and 1"),
+            ("line stall 0.5", "number"),
+            ("line unplug -1", "negative"),
             ("sweep 0 90 1e9 2", "4000"),
-            ("press 0 1e38", "1000"),
+            ("press 0 1e38", "20 N"),
+            ("press 30 200", "20 N"),
+            ("press 30 19 0.9", "20 N"),
+            ("force 0 -21", "20 N"),
+            ("sweep 0 90 1 21", "20 N"),
             ("press 1e38 1", "36000"),
             ("wait 1e30", "4000"),
             ("force nan 0", "nan"),

@@ -254,7 +254,7 @@ impl FaultyLine {
 
 /// A time in s as whole µs.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "negative and endless times saturate")]
-fn microseconds(seconds: f64) -> u64 {
+pub(super) fn microseconds(seconds: f64) -> u64 {
     (seconds * 1e6) as u64
 }
 

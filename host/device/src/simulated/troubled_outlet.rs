@@ -2,7 +2,7 @@
 
 use palpate::math::random::Draw;
 
-use super::line_faults::{FaultyLine, LineFaults};
+use super::line_faults::{FaultyLine, LineFaults, microseconds};
 use super::outlet::Outlet;
 use super::{InjectedOnLink, LinkFaults};
 
@@ -154,10 +154,4 @@ impl TroubledOutlet {
     fn is_troubled(&self, line: &FaultyLine) -> bool {
         line.faults() != LineFaults::default() || !line.is_idle()
     }
-}
-
-/// A time in s as whole µs.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative; endless times saturate")]
-fn microseconds(seconds: f64) -> u64 {
-    (seconds * 1e6) as u64
 }
