@@ -236,7 +236,8 @@ fn printable<'de, D: Deserializer<'de>, const N: usize>(deserializer: D) -> Resu
     let mut shown = String::new();
     for character in text.chars() {
         let steers = character.is_control()
-            || matches!(character, '\u{ad}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}');
+            || matches!(character, '\u{ad}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}')
+            || matches!(character, '\u{2060}'..='\u{206f}' | '\u{feff}');
         // A question mark takes no more room than what it stands for.
         let _ = shown.push(if steers { '?' } else { character });
     }
