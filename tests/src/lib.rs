@@ -2,12 +2,13 @@
 //!
 //! - [`oracle`], [`push_oracle`], [`inscription_oracle`], [`force_logs`]: slow, obvious code to check against;
 //! - [`rig`]: devices, sessions and hostile lines; [`newer`]: what a newer peer would send;
-//! - [`fuzz`]: what must hold for any bytes; [`project`]: files of the project.
+//! - [`fuzz`], [`fuzz_files`]: what must hold for any bytes; [`project`]: files of the project.
 
 #![forbid(unsafe_code)]
 
 pub mod force_logs;
 pub mod fuzz;
+pub mod fuzz_files;
 pub mod inscription_oracle;
 pub mod newer;
 pub mod oracle;

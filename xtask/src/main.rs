@@ -1,5 +1,5 @@
 //! `cargo xtask check`: formatting, lints, documentation, tests, as CI runs them. `cargo xtask firmware`: the board's
-//! image.
+//! image. `cargo xtask fuzz`: a longer search for inputs that break a parser.
 //!
 //! `toolchain`: which compilers are there; `firmware`: builds the image; `image`: what is in it; `emulator`: runs it.
 
@@ -38,8 +38,36 @@ fn main() -> ExitCode {
     match words.as_slice() {
         ["check"] => ended(lint().and_then(|()| run_all(&[TESTS]))),
         ["lint"] => ended(lint()),
+        ["fuzz", target] => ended(fuzz(target, FUZZ_SECONDS)),
+        ["fuzz", target, seconds] if seconds.parse::<u32>().is_ok() => ended(fuzz(target, seconds)),
         ["firmware", rest @ ..] => firmware::run(rest).unwrap_or_else(usage),
         _ => usage(),
+    }
+}
+
+/// How long a fuzz target is searched where nobody says, s.
+const FUZZ_SECONDS: &str = "60";
+
+/// Searches for inputs that break a law of `tests/src/fuzz*.rs`, led by coverage: needs a nightly compiler and cargo-fuzz.
+/// The bounded search on stable Rust is among the tests.
+fn fuzz(target: &str, seconds: &str) -> Result<(), Failed> {
+    let (corpus, limit) = (format!("tests/golden/fuzz/{target}"), format!("-max_total_time={seconds}"));
+    // What is found goes to a folder that is not kept; what is worth keeping is moved to the corpus by hand.
+    let found = format!("fuzz/corpus/{target}");
+    std::fs::create_dir_all(&found).map_err(|error| {
+        eprintln!("cannot make {found}: {error}");
+        Failed
+    })?;
+    let arguments = ["+nightly", "fuzz", "run", target, &found, &corpus, "--", &limit];
+    eprintln!("+ cargo {}", arguments.join(" "));
+    // Not the cargo that runs this: that one is of the stable toolchain.
+    match Command::new("cargo").args(arguments).env_remove("RUSTUP_TOOLCHAIN").status() {
+        Ok(status) if status.success() => Ok(()),
+        Ok(_) => Err(Failed),
+        Err(error) => {
+            eprintln!("cannot start cargo: {error}");
+            Err(Failed)
+        }
     }
 }
 
@@ -61,6 +89,9 @@ fn lint() -> Result<(), Failed> {
 fn usage() -> ExitCode {
     eprintln!("usage: cargo xtask check                     formatting, lints, documentation and tests");
     eprintln!("       cargo xtask lint                      the same without the tests");
+    eprintln!(
+        "       cargo xtask fuzz TARGET [SECONDS]     coverage-guided search with a nightly compiler, by default {FUZZ_SECONDS} s"
+    );
     eprintln!("{}", firmware::USAGE);
     ExitCode::from(64)
 }

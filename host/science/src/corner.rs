@@ -15,6 +15,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use nalgebra::{Isometry2, Matrix2, Point2, Rotation2, Vector2};
 
 use crate::geometry::{SimplePolygon, convex_hull, corners, corners_to_rounding, distance_to_segment, extent_of};
+use crate::search::{Halt, Searched, Stop, never};
 
 /// Flush poses on A and on B that are nearer than this are one, flush on both, rad: rounding of angles is 1e-15, and
 /// parts whose right angles are this good do not exist.
@@ -124,9 +125,21 @@ impl Corner {
         self.poses_of_mass_at(part, part.centroid())
     }
 
+    /// The same, ended when `stop` says so: then with the poses found by then.
+    #[must_use]
+    pub fn poses_until(&self, part: &SimplePolygon, stop: Stop<'_>) -> Searched<Vec<CornerPose>> {
+        let halt = Halt::new(stop);
+        let poses = self.halting_poses(part, part.centroid(), &halt);
+        halt.searched(poses)
+    }
+
     /// The same for a part whose centre of mass is at this place of its own frame, m: where it rests depends on it.
     #[must_use]
     pub fn poses_of_mass_at(&self, part: &SimplePolygon, centre_of_mass: Point2<f64>) -> Vec<CornerPose> {
+        self.halting_poses(part, centre_of_mass, &Halt::new(&never))
+    }
+
+    fn halting_poses(&self, part: &SimplePolygon, centre_of_mass: Point2<f64>, halt: &Halt<'_>) -> Vec<CornerPose> {
         let vertices = part.vertices();
         let hull: Vec<_> = convex_hull(vertices).into_iter().map(|corner| vertices[corner]).collect();
         // A vertex within rounding of an edge must not make two poses of one; one that a drawing rounded does: parts
@@ -143,8 +156,9 @@ impl Corner {
         let mut flush: Vec<(f64, Flush)> =
             turns.map(|theta| if theta < TAU { theta } else { 0.0 }).zip(fences).collect();
         flush.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let poses = merged(flush).into_iter().map(|(theta, flush)| self.pose(&hull, centre_of_mass, theta, flush));
-        poses.collect()
+        // Each takes a look at every corner.
+        let flush = merged(flush).into_iter().take_while(|_| !halt.is_wished());
+        flush.map(|(theta, flush)| self.pose(&hull, centre_of_mass, theta, flush)).collect()
     }
 
     /// The outline of a part in a pose, with what touches the fences exactly on them.

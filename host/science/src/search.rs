@@ -80,6 +80,35 @@ impl<'a> Halt<'a> {
     }
 }
 
+/// What a search costs as it goes, and whether it shall go on.
+#[derive(Debug)]
+pub(crate) struct Effort<'a> {
+    simulations: Cell<usize>,
+    halt: &'a Halt<'a>,
+}
+
+impl<'a> Effort<'a> {
+    pub(crate) fn new(halt: &'a Halt<'a>) -> Self {
+        Self { simulations: Cell::new(0), halt }
+    }
+
+    /// Counts a forward simulation; none where there should be no more.
+    pub(crate) fn simulate(&self) -> Option<()> {
+        self.simulations.update(|count| count + 1);
+        self.halt.goes_on()
+    }
+
+    /// The wish that ends the search.
+    pub(crate) fn halt(&self) -> &'a Halt<'a> {
+        self.halt
+    }
+
+    /// Forward simulations so far.
+    pub(crate) fn simulations(&self) -> usize {
+        self.simulations.get()
+    }
+}
+
 impl std::fmt::Debug for Halt<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Halt").field("halted", &self.halted).finish_non_exhaustive()
@@ -123,12 +152,126 @@ mod tests {
     use super::*;
     use crate::geometry::{ConvexPolygon, SimplePolygon};
     use crate::inscription::{Cone, NoisyReadings, estimate_until};
-    use crate::pushing::dynamics::{FingerPath, FingerShape};
-    use crate::pushing::estimation::{Object, RestingPush, TimedContact};
-    use crate::rolling::{
-        BodyKnowledge, Model, Noise, PalmAcceleration, PalmKnowledge, RollQuestion, RollState, RollingBody, Spin,
-        specific_force,
+    use crate::point_sampling::{Objective, Request, Scene};
+    use crate::pushing::dynamics::{
+        ContactLaw, ContactMode, EdgeEnd, Finger, FingerPath, FingerShape, Part, Push, PushModel, Start, State,
     };
+    use crate::pushing::estimation::{
+        Channel, GhoBank, GhoSettings, Known, Measured, Object, Observation, Prior, RestingPush, TimedContact, Touch,
+    };
+    use crate::rolling::{
+        BodyKnowledge, Model, Noise, OnPalm, PalmAcceleration, PalmKnowledge, Roll, RollQuestion, RollState,
+        RollingBody, Spin, specific_force,
+    };
+
+    /// A block that a finger of 1 cm pushes at this speed, m/s.
+    fn block_and_finger(speed: f64) -> (Part, Finger) {
+        let block = [[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(Point2::from);
+        let part = Part::uniform(SimplePolygon::new(block).unwrap());
+        let (velocity0, acceleration) = (Vector2::new(0.0, speed), Vector2::zeros());
+        (part, Finger { radius: 0.01, centre0: Point2::origin(), velocity0, acceleration })
+    }
+
+    /// A clock that goes on by one each time somebody looks at it, and says stop at `limit`.
+    fn looks_until(limit: usize, work: impl FnOnce(Stop<'_>)) -> usize {
+        let looks = Cell::new(0);
+        work(&|| {
+            looks.set(looks.get() + 1);
+            looks.get() >= limit
+        });
+        looks.get()
+    }
+
+    #[test]
+    fn a_push_looks_at_the_clock_at_every_step_and_every_sample_and_half_of_one_is_none() {
+        let (part, finger) = block_and_finger(1e-9);
+        let model = PushModel { part: &part, edge: part.edge(0).unwrap(), mu_g: 3.0, finger };
+        let start = Start::Moving(State { u: 1.57, s: 0.01, omega: 0.0, v_t: 0.0 });
+        let push = Push::new(model, ContactLaw::Rolling { friction: None }, start, EdgeEnd::Stop).unwrap();
+        // Slow motion is stiff: this would take two million steps.
+        let looks = looks_until(300, |stop| assert!(push.run_until(&[1e5], stop).is_err()));
+        assert_eq!(looks, 300);
+        let (part, finger) = block_and_finger(0.05);
+        let model = PushModel { part: &part, finger, ..model };
+        let push = Push::new(model, ContactLaw::Rolling { friction: None }, start, EdgeEnd::Stop).unwrap();
+        let times: Vec<_> = (0..500).map(|sample| 1e-7 * f64::from(sample)).collect();
+        let looks =
+            looks_until(usize::MAX, |stop| assert_eq!(push.run_until(&times, stop).unwrap().samples.len(), 500));
+        assert!(looks >= 500, "{looks}");
+        check_stopping_of_making(|stop| push.run_until(&times, stop).ok());
+    }
+
+    #[test]
+    fn a_roll_looks_at_the_clock_at_every_step_and_half_of_one_is_none() {
+        let body = RollingBody::ellipsoid([0.02, 0.03, 0.04]).unwrap();
+        let on = OnPalm { body: &body, spin: Spin::Free, palm: &PalmAcceleration::Rest, g: 9.81 };
+        let roll = Roll::new(on, [1.0, 0.0, 0.0, 0.0], [1.0, 0.5, 0.2], [0.0; 2]).unwrap();
+        assert_eq!(looks_until(300, |stop| assert!(roll.run_until(&[1e4], stop).is_err())), 300);
+        check_stopping_of_making(|stop| roll.run_until(&[0.01, 0.02], stop).ok());
+    }
+
+    /// With friction under the part every look at a place is a simulation, of milliseconds.
+    #[test]
+    fn a_search_for_resting_poses_with_friction_looks_at_the_clock_within_its_simulations() {
+        let path = FingerPath {
+            centre0: Point2::origin(),
+            velocity0: Vector2::zeros(),
+            acceleration: Vector2::new(0.01, 2.0),
+        };
+        let shape = FingerShape::Ellipse { semi_axes: [0.02, 0.01] };
+        let push = RestingPush::new(Object::Ellipse([0.03, 0.02]), 0.5, shape, path, 1.2).unwrap();
+        let contacts = [TimedContact { t: 0.1, u: 1.25 }, TimedContact { t: 0.15, u: 1.3 }];
+        let looks = looks_until(3000, |stop| assert!(!push.observe_until(&contacts, 1e-6, stop).complete));
+        assert_eq!(looks, 3000);
+    }
+
+    #[test]
+    fn the_thesis_observers_look_at_the_clock_at_every_step_and_broken_off_they_are_left_out() {
+        let (part, finger) = block_and_finger(0.05);
+        let known = Known { part: &part, mu_g: 3.0, finger, touch: Touch::Rolling { friction: None } };
+        let contacts: Vec<_> = (0..4).map(|edge| (edge, ContactMode::Rolling)).collect();
+        let start = State { u: 1.57, s: 0.01, omega: 0.0, v_t: 0.0 };
+        let bank = GhoBank { known: &known, contacts: &contacts, start, settings: GhoSettings::new(20.0) };
+        let values = (0..50).map(|value| 1.57 + 1e-3 * f64::from(value)).collect();
+        let measured = Measured::ContactAngle(Channel { values, sigma: 1e-3 });
+        let observation = Observation { dt: 0.01, measured, prior: Prior::default() };
+        let whole = looks_until(usize::MAX, |stop| assert_eq!(bank.runs_until(&observation, stop).found.len(), 4));
+        assert!(whole >= 4 * 40, "{whole}");
+        looks_until(whole / 2, |stop| {
+            let half = bank.runs_until(&observation, stop);
+            assert!(!half.complete && half.found.len() < 4);
+            let all = bank.runs(&observation);
+            assert!(half.found.iter().all(|run| all.contains(run)));
+        });
+        check_stopping(|stop| bank.runs_until(&observation, stop));
+    }
+
+    #[test]
+    fn a_plan_of_points_can_be_stopped_before_there_is_any_and_after() {
+        let bar = |x: f64, y: f64, w: f64, h: f64| {
+            SimplePolygon::new([[x, y], [x + w, y], [x + w, y + h], [x, y + h]].map(Point2::from)).unwrap()
+        };
+        let bars =
+            (0..6).flat_map(|k| [bar(0.0, 2.0 * f64::from(k), 11.0, 1.0), bar(2.0 * f64::from(k), 0.0, 1.0, 11.0)]);
+        let bars: Vec<_> = bars.collect();
+        let scene = Scene::new(&bars);
+        for objective in [Objective::Fewest, Objective::Greedy] {
+            let request = Request { objective, ..Request::default() };
+            let wanted = scene.plan(&request, &never);
+            assert_eq!(scene.plan_until(&request, &never), Some(wanted.clone()));
+            assert!(scene.plan_until(&request, &|| true).is_none());
+            let whole = looks_until(usize::MAX, |stop| drop(scene.plan_until(&request, stop)));
+            for limit in [2, whole / 4, whole / 2, whole - 1] {
+                looks_until(limit, |stop| {
+                    let plan = scene.plan_until(&request, stop);
+                    // What there is of it is true.
+                    assert!(plan.is_none_or(|plan| plan.lower_bound <= wanted.points.len()
+                        && plan.points.len() >= wanted.lower_bound
+                        && plan.indistinguishable == wanted.indistinguishable));
+                });
+            }
+        }
+    }
 
     #[test]
     fn a_search_for_inscriptions_can_be_stopped() {

@@ -9,11 +9,23 @@ use std::path::PathBuf;
 use palpate::math::random::Draw;
 use palpate_tests::project;
 
-/// Mutations of each target: some seconds in all.
+/// Mutations of each target of bytes: some seconds in all.
 const MUTATIONS: usize = 20_000;
+
+/// Of each target of text, which costs more: some seconds in all.
+const MUTATIONS_OF_TEXT: usize = 4_000;
 
 /// Longest input, in bytes: several frames.
 const INPUT_MAX: usize = 1200;
+
+/// The same for text: a short file.
+const TEXT_MAX: usize = 6000;
+
+/// Bytes that mean something to a device: delimiter, full groups, small codes.
+const TELLING: &[u8] = &[0, 0, 0xFF, 0xFE, 1, 2, 0x80, 0x7F];
+
+/// Letters that mean something in files.
+const TELLING_IN_TEXT: &[u8] = b"0019-.eE[]{}\"',;:=# \n\t_\xc3";
 
 fn corpus(target: &str) -> Vec<(PathBuf, Vec<u8>)> {
     let folder = project::folder().join("tests/golden/fuzz").join(target);
@@ -23,8 +35,8 @@ fn corpus(target: &str) -> Vec<(PathBuf, Vec<u8>)> {
     files.into_iter().map(|path| (path.clone(), fs::read(path).unwrap())).collect()
 }
 
-/// Random numbers for mutations.
-struct Random(Draw);
+/// Random numbers for mutations, and the bytes that mean something.
+struct Random(Draw, &'static [u8]);
 
 impl Random {
     fn below(&mut self, limit: usize) -> usize {
@@ -32,10 +44,9 @@ impl Random {
     }
 
     fn byte(&mut self) -> u8 {
-        // Half of the time one that means something: delimiter, full groups, small codes.
-        const TELLING: [u8; 8] = [0, 0, 0xFF, 0xFE, 1, 2, 0x80, 0x7F];
+        // Half of the time one that means something.
         match self.below(2) {
-            0 => TELLING[self.below(TELLING.len())],
+            0 => self.1[self.below(self.1.len())],
             _ => self.0.bits().to_le_bytes()[0],
         }
     }
@@ -63,19 +74,27 @@ impl Random {
 }
 
 fn fuzz(target: &str, law: fn(&[u8])) {
+    fuzz_with(target, law, MUTATIONS, INPUT_MAX, TELLING);
+}
+
+fn fuzz_text(target: &str, law: fn(&[u8])) {
+    fuzz_with(target, law, MUTATIONS_OF_TEXT, TEXT_MAX, TELLING_IN_TEXT);
+}
+
+fn fuzz_with(target: &str, law: fn(&[u8]), mutations: usize, input_max: usize, telling: &'static [u8]) {
     let corpus = corpus(target);
     for (path, bytes) in &corpus {
         eprintln!("{}", path.display());
         law(bytes);
     }
-    let mut random = Random(Draw::new(0x7061_6c70_6174_6521));
-    for _ in 0..MUTATIONS {
+    let mut random = Random(Draw::new(0x7061_6c70_6174_6521), telling);
+    for _ in 0..mutations {
         let mut bytes = corpus[random.below(corpus.len())].1.clone();
         let other = &corpus[random.below(corpus.len())].1;
         for _ in 0..=random.below(6) {
             random.mutate(&mut bytes, other);
         }
-        bytes.truncate(INPUT_MAX);
+        bytes.truncate(input_max);
         // Not caught: the bytes are printed and the test fails where the law does.
         let shown = Shown(&bytes);
         law(&bytes);
@@ -88,7 +107,7 @@ struct Shown<'a>(&'a [u8]);
 
 impl Drop for Shown<'_> {
     fn drop(&mut self) {
-        eprintln!("the input was {:02x?}", self.0);
+        eprintln!("the input was {:02x?}: {:?}", self.0, String::from_utf8_lossy(self.0));
     }
 }
 
@@ -100,4 +119,44 @@ fn no_bytes_from_a_device_mislead_the_decoder() {
 #[test]
 fn no_bytes_from_a_host_mislead_the_firmware() {
     fuzz("commands", palpate_tests::fuzz::commands);
+}
+
+#[test]
+fn no_text_misleads_the_reader_of_a_part() {
+    fuzz_text("part", palpate_tests::fuzz_files::part);
+}
+
+#[test]
+fn no_text_misleads_the_reader_of_a_body() {
+    fuzz_text("body", palpate_tests::fuzz_files::body);
+}
+
+#[test]
+fn no_text_misleads_the_reader_of_a_scene() {
+    fuzz_text("scene", palpate_tests::fuzz_files::scene);
+}
+
+#[test]
+fn no_text_misleads_the_reader_of_a_view() {
+    fuzz_text("views", palpate_tests::fuzz_files::views);
+}
+
+#[test]
+fn no_text_misleads_the_reader_of_a_motion() {
+    fuzz_text("motion", palpate_tests::fuzz_files::motion);
+}
+
+#[test]
+fn no_text_misleads_the_reader_of_a_calibration() {
+    fuzz_text("calibration", palpate_tests::fuzz_files::calibration);
+}
+
+#[test]
+fn no_text_misleads_the_reader_of_a_force_log() {
+    fuzz_text("force_log", palpate_tests::fuzz_files::force_log);
+}
+
+#[test]
+fn no_line_misleads_solve() {
+    fuzz_text("solve", palpate_tests::fuzz_files::solve);
 }

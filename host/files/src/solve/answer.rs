@@ -1,7 +1,7 @@
 //! One problem to one answer, whatever it holds: a line of text, or JSON that a program has at hand.
 
 use serde_json::Value;
-use serde_json::value::{RawValue, to_raw_value};
+use serde_json::value::RawValue;
 
 use super::error::{ErrorCode, ErrorLine, Failure};
 use super::input::{Content, LINE_BYTES_MAX};
@@ -33,7 +33,7 @@ pub(super) fn answer(registry: &Registry, number: u64, content: &Content) -> Ans
 }
 
 /// The line of output for a problem, without its line end. A crash of its solver is an error like others.
-fn solved(registry: &Registry, request: Request, id: &RawValue, line: Option<u64>) -> Result<String, Failure> {
+fn solved(registry: &Registry, request: Request<'_>, id: &RawValue, line: Option<u64>) -> Result<String, Failure> {
     let solve = || registry.answer(&request.kind, request.fields, id);
     panics::catch(solve).unwrap_or_else(|caught| Err(crashed(line, &caught)))
 }
@@ -61,8 +61,10 @@ impl Registry {
     /// ```
     pub fn solve(&self, problem: Value) -> Result<Value, Failure> {
         let unreadable = |error: serde_json::Error| Failure::internal(&format!("the result cannot be read: {error}"));
-        let id = to_raw_value(problem.get("id").unwrap_or(&Value::Null)).map_err(unreadable)?;
-        let text = line::request_of(problem).and_then(|request| solved(self, request, &id, None))?;
+        let line = problem.to_string();
+        // Of a tree only its text is needed any more.
+        drop(problem);
+        let text = self.solve_line(line.as_bytes())?;
         serde_json::from_str(&text).map_err(unreadable)
     }
 

@@ -206,25 +206,6 @@ impl From<SolveError> for Failure {
     }
 }
 
-fn remove_nulls(segments: &[String], value: &mut Value) -> bool {
-    match (segments, value) {
-        ([key], Value::Object(members)) => {
-            members.get(key).is_some_and(Value::is_null) && members.remove(key).is_some()
-        }
-        ([key, inner @ ..], Value::Object(members)) => {
-            members.get_mut(key).is_some_and(|member| remove_nulls(inner, member))
-        }
-        ([_, inner @ ..], Value::Array(elements)) => {
-            let mut found = false;
-            for element in elements {
-                found |= remove_nulls(inner, element);
-            }
-            found
-        }
-        _ => false,
-    }
-}
-
 /// A JSON Pointer (RFC 6901).
 ///
 /// ```
@@ -263,11 +244,9 @@ impl Pointer {
         Self(self.0 + &inner.0)
     }
 
-    /// Takes the member this leads to out of its object, if it is null, and with it the same member of all other elements
-    /// of the arrays on the way; tells whether there was one. So a field is taken out once, however often it is given.
-    pub(crate) fn remove_nulls(&self, value: &mut Value) -> bool {
-        let segments: Vec<_> = self.0.split('/').skip(1).map(plain).collect();
-        remove_nulls(&segments, value)
+    /// The keys and indices on the way.
+    pub(crate) fn segments(&self) -> Vec<String> {
+        self.0.split('/').skip(1).map(plain).collect()
     }
 
     fn is_root(&self) -> bool {

@@ -2,9 +2,11 @@
 
 use std::io::{self, BufRead, Read};
 
-/// Longest line read, in bytes. A minute of contacts at 4 kHz takes 5 MB; parsed, a line takes up to sixteen times its
-/// length.
+/// Longest line read, in bytes. A minute of contacts at 4 kHz takes 5 MB.
 pub(super) const LINE_BYTES_MAX: usize = 64 << 20;
+
+/// Room behind a line that is not worth giving back, in bytes.
+const ROOM_MAX: usize = 4096;
 
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
@@ -67,6 +69,10 @@ impl<R: BufRead> Lines<R> {
         }
         if bytes.last() == Some(&b'\r') {
             bytes.pop();
+        }
+        // It may wait for long: what is read ahead is counted by its length.
+        if bytes.capacity() - bytes.len() > ROOM_MAX {
+            bytes.shrink_to_fit();
         }
         Ok(Some(Content::Bytes(bytes)))
     }

@@ -1,35 +1,43 @@
 //! One line of text to an `id` and a request: strict JSON, before any kind looks at its fields.
 
+use std::borrow::Cow;
 use std::cell::Cell;
+use std::collections::HashSet;
 use std::fmt;
 
 use serde::Deserialize;
 use serde::de::{DeserializeSeed, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde_json::value::RawValue;
-use serde_json::{Map, Number, Value};
 
 use super::error::{ErrorCode, Failure, InvalidInput, Pointer, QUOTE_CHARS_MAX, elide};
+use super::text::{Json, Shape};
+
+/// The field that names the kind.
+pub(super) const PROBLEM: &str = "problem";
+
+/// The field that an answer repeats.
+pub(super) const ID: &str = "id";
 
 /// What one line asks for.
 #[derive(Debug)]
-pub(super) struct Request {
+pub(super) struct Request<'t> {
     /// Name of the kind.
     pub kind: String,
-    /// All fields but `problem` and `id`.
-    pub fields: Map<String, Value>,
+    /// An object: all fields, `problem` and `id` among them.
+    pub fields: Json<'t>,
 }
 
 /// A line that has been read, well or badly.
 #[derive(Debug)]
-pub(super) struct ParsedLine {
+pub(super) struct ParsedLine<'t> {
     /// The `id` to the letter, null where there is none.
     pub id: Box<RawValue>,
     /// What the line asks for, or why it cannot be understood.
-    pub request: Result<Request, Failure>,
+    pub request: Result<Request<'t>, Failure>,
 }
 
 /// Reads a line (without its line end).
-pub(super) fn parse(line: &[u8]) -> ParsedLine {
+pub(super) fn parse(line: &[u8]) -> ParsedLine<'_> {
     match std::str::from_utf8(line) {
         Ok(text) => ParsedLine { id: read_id(text), request: read_request(text) },
         Err(error) => ParsedLine { id: null(), request: Err(not_utf8(line, error)) },
@@ -62,7 +70,7 @@ fn read_id(text: &str) -> Box<RawValue> {
     let is_object = text.trim_start().starts_with('{');
     let id = serde_json::from_str::<OnlyId>(text).ok().filter(|_| is_object).and_then(|line| line.id);
     // Skipping over the id does not check it, and what is refused as input must not come out again.
-    let id = id.filter(|id| read_strictly(id.get()).is_ok()).and_then(|id| without_spaces(id.get()));
+    let id = id.filter(|id| check(id.get()).is_ok()).and_then(|id| without_spaces(id.get()));
     id.unwrap_or_else(null)
 }
 
@@ -76,38 +84,38 @@ fn without_spaces(json: &str) -> Option<Box<RawValue>> {
         escaped = in_string && *c == '\\' && !escaped;
         keep
     };
-    RawValue::from_string(json.chars().filter(keep).collect()).ok()
+    let mut lean = String::with_capacity(json.len());
+    lean.extend(json.chars().filter(keep));
+    RawValue::from_string(lean).ok()
 }
 
-fn read_request(text: &str) -> Result<Request, Failure> {
-    request_of(read_strictly(text)?)
-}
-
-/// What a problem that has been read asks for.
-pub(super) fn request_of(problem: Value) -> Result<Request, Failure> {
-    let Value::Object(mut fields) = problem else {
+fn read_request(text: &str) -> Result<Request<'_>, Failure> {
+    let problem = check(text)?;
+    if problem.shape() != Shape::Object {
         return Err(InvalidInput::new(r#"a problem is a JSON object: {"problem": KIND, ...}"#).into());
-    };
-    fields.remove("id");
-    match fields.remove("problem") {
-        Some(Value::String(kind)) => Ok(Request { kind, fields }),
-        Some(other) => {
-            let other = elide(&other.to_string(), QUOTE_CHARS_MAX);
-            Err(InvalidInput::at("problem", format!("got {other}, expected the name of a kind as a string")).into())
+    }
+    match problem.member(PROBLEM) {
+        Some(kind) if kind.shape() == Shape::String => {
+            Ok(Request { kind: kind.string().into_owned(), fields: problem })
         }
-        None => Err(InvalidInput::missing("problem", "name the kind of problem").into()),
+        Some(other) => {
+            let other = elide(other.text(), QUOTE_CHARS_MAX);
+            Err(InvalidInput::at(PROBLEM, format!("got {other}, expected the name of a kind as a string")).into())
+        }
+        None => Err(InvalidInput::missing(PROBLEM, "name the kind of problem").into()),
     }
 }
 
-/// Reads JSON as RFC 8259 has it, in the range of 64-bit floats, nested at most 127 deep, no key twice in an object.
-fn read_strictly(text: &str) -> Result<Value, Failure> {
+/// Checks that this is JSON as RFC 8259 has it, in the range of 64-bit floats, nested at most 127 deep, no key twice in
+/// an object. Holds no more in memory than the keys of the objects that are open.
+fn check(text: &str) -> Result<Json<'_>, Failure> {
     let duplicate = Cell::new(None);
     let mut deserializer = serde_json::Deserializer::from_str(text);
-    let value = Strict { duplicate: &duplicate }.deserialize(&mut deserializer);
-    let value = value.and_then(|value| deserializer.end().map(|()| value));
-    let value = value.map_err(|error| explain_syntax(text, &error))?;
+    let checked = Strict { duplicate: &duplicate }.deserialize(&mut deserializer);
+    let checked = checked.and_then(|()| deserializer.end());
+    checked.map_err(|error| explain_syntax(text, &error))?;
     match duplicate.take() {
-        None => Ok(value),
+        None => Ok(Json::of_checked(text)),
         Some(place) => Err(InvalidInput::at(place, "is given twice: leave one of them out").into()),
     }
 }
@@ -131,7 +139,7 @@ fn explain_syntax(text: &str, error: &serde_json::Error) -> Failure {
     invalid_json(&format!("not JSON at column {column}: {reason} ({remedy})"))
 }
 
-/// Builds a [`Value`] as `serde_json` does, but notices keys given twice, of which `serde_json` keeps the last.
+/// Reads JSON and keeps nothing of it, but notices keys given twice, of which `serde_json` keeps the last.
 #[derive(Clone, Copy)]
 struct Strict<'a> {
     /// The first key found twice. A line that is not even JSON is told so first, so this waits until the end.
@@ -144,87 +152,133 @@ impl Strict<'_> {
         let inner = Cell::new(None);
         let result = read(Strict { duplicate: &inner });
         if let Some(place) = inner.take() {
-            self.report(outer().join(&place));
+            self.report(|| outer().join(&place));
         }
         result
     }
 
-    fn report(self, place: Pointer) {
-        let first = self.duplicate.take().unwrap_or(place);
+    /// Keeps the place if it is the first.
+    fn report(self, place: impl FnOnce() -> Pointer) {
+        let first = self.duplicate.take().unwrap_or_else(place);
         self.duplicate.set(Some(first));
     }
 }
 
 impl<'de> DeserializeSeed<'de> for Strict<'_> {
-    type Value = Value;
+    type Value = ();
 
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Value, D::Error> {
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<(), D::Error> {
         deserializer.deserialize_any(self)
     }
 }
 
+/// Accepts values that hold no others.
+macro_rules! accept {
+    ($($method:ident($($type:ty)?),)*) => {$(
+        fn $method<E>(self, $(_: $type)?) -> Result<(), E> {
+            Ok(())
+        }
+    )*};
+}
+
 impl<'de> Visitor<'de> for Strict<'_> {
-    type Value = Value;
+    type Value = ();
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("JSON")
     }
 
-    fn visit_unit<E>(self) -> Result<Value, E> {
-        Ok(Value::Null)
+    accept! {
+        visit_unit(),
+        visit_bool(bool),
+        visit_i64(i64),
+        visit_u64(u64),
+        visit_str(&str),
     }
 
-    fn visit_bool<E>(self, value: bool) -> Result<Value, E> {
-        Ok(value.into())
+    fn visit_f64<E: serde::de::Error>(self, value: f64) -> Result<(), E> {
+        if value.is_finite() { Ok(()) } else { Err(E::custom("number out of range")) }
     }
 
-    fn visit_i64<E>(self, value: i64) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_u64<E>(self, value: u64) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_f64<E: serde::de::Error>(self, value: f64) -> Result<Value, E> {
-        Number::from_f64(value).map(Value::Number).ok_or_else(|| E::custom("number out of range"))
-    }
-
-    fn visit_str<E>(self, value: &str) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_string<E>(self, value: String) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut elements: A) -> Result<Value, A::Error> {
-        let mut array = Vec::new();
-        while let Some(element) =
-            self.located(|| Pointer::default().index(array.len()), |seed| elements.next_element_seed(seed))?
+    fn visit_seq<A: SeqAccess<'de>>(self, mut elements: A) -> Result<(), A::Error> {
+        let mut index = 0;
+        while let Some(()) =
+            self.located(|| Pointer::default().index(index), |seed| elements.next_element_seed(seed))?
         {
-            array.push(element);
+            index += 1;
         }
-        Ok(Value::Array(array))
+        Ok(())
     }
 
-    fn visit_map<A: MapAccess<'de>>(self, mut members: A) -> Result<Value, A::Error> {
-        let mut object = Map::new();
-        while let Some(key) = members.next_key::<String>()? {
-            let value = self.located(|| Pointer::from(key.as_str()), |seed| members.next_value_seed(seed))?;
-            if object.contains_key(&key) {
-                self.report(Pointer::from(key.as_str()));
+    fn visit_map<A: MapAccess<'de>>(self, mut members: A) -> Result<(), A::Error> {
+        let mut keys = Keys::default();
+        while let Some(Key(key)) = members.next_key()? {
+            self.located(|| Pointer::from(&*key), |seed| members.next_value_seed(seed))?;
+            if keys.has(&key) {
+                self.report(|| Pointer::from(&*key));
+            } else {
+                keys.insert(key);
             }
-            object.insert(key, value);
         }
-        Ok(Value::Object(object))
+        Ok(())
+    }
+}
+
+/// A key, in its own memory only if it was written with escapes.
+struct Key<'de>(Cow<'de, str>);
+
+impl<'de> Deserialize<'de> for Key<'de> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Text;
+
+        impl<'de> Visitor<'de> for Text {
+            type Value = Key<'de>;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a key")
+            }
+
+            fn visit_borrowed_str<E>(self, text: &'de str) -> Result<Key<'de>, E> {
+                Ok(Key(text.into()))
+            }
+
+            fn visit_str<E>(self, text: &str) -> Result<Key<'de>, E> {
+                Ok(Key(text.to_owned().into()))
+            }
+        }
+
+        deserializer.deserialize_str(Text)
+    }
+}
+
+/// The keys of an object, none twice: the first few in a row, as most objects have no more.
+#[derive(Default)]
+struct Keys<'de> {
+    few: Vec<Cow<'de, str>>,
+    many: HashSet<Cow<'de, str>>,
+}
+
+/// Keys that are compared one by one.
+const FEW: usize = 16;
+
+impl<'de> Keys<'de> {
+    fn has(&self, key: &str) -> bool {
+        self.few.iter().any(|other| other == key) || (!self.many.is_empty() && self.many.contains(key))
+    }
+
+    fn insert(&mut self, key: Cow<'de, str>) {
+        if self.few.len() < FEW {
+            self.few.push(key);
+        } else {
+            self.many.insert(key);
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
-    use serde_json::json;
+    use serde_json::{Value, json};
 
     use super::super::testing::{answer_to, any_json};
     use super::*;
@@ -405,7 +459,8 @@ mod tests {
         #[test]
         fn any_json_is_read_as_it_was_written(value in any_json()) {
             for text in [value.to_string(), format!("{value:#}").replace('\n', "\r")] {
-                prop_assert_eq!(read_strictly(&text), Ok(value.clone()));
+                let read = check(&text).map(|json| serde_json::from_str::<Value>(json.text()).unwrap());
+                prop_assert_eq!(read, Ok(value.clone()));
                 let id = without_spaces(&text).unwrap();
                 prop_assert_eq!(id.get(), value.to_string());
             }

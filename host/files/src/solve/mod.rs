@@ -8,7 +8,7 @@
 //! - [`fields`]: types of fields that kinds share, [`read()`] and [`tagged`] to read them with the place of every
 //!   error;
 //! - [`kinds`]: the kinds of problem;
-//! - `line`: one line to `id`, kind and fields, strictly JSON; `answer`: one problem in, one answer out:
+//! - `line`: one line to `id`, kind and fields, strictly JSON, divided as `text`; `answer`: one problem in, one answer out:
 //!   [`Registry::solve`];
 //! - `input`, `pipeline` (threads and streams, which nothing else has): bytes to lines, solved side by side and
 //!   answered in order by [`run`];
@@ -32,8 +32,9 @@ pub mod schema;
 mod spelling;
 #[cfg(test)]
 mod testing;
+mod text;
 
 pub use error::{ErrorCode, ErrorLine, Failure, InvalidInput, Pointer, SolveError};
 pub use pipeline::{RunError, Summary, run};
 pub use problem::{KINDS, Kind, KindSchema, Problem, Registry};
-pub use read::{Variant, read, tagged};
+pub use read::{Fields, Variant, read, tagged};

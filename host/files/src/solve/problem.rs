@@ -10,11 +10,12 @@ use schemars::{JsonSchema, Schema};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
-use serde_json::{Map, Value};
 
 use super::error::{ErrorCode, Failure, InvalidInput, Pointer, QUOTE_CHARS_MAX, SolveError, TIME_LIMIT, elide};
 use super::fields::NonNegative;
-use super::read::read;
+use super::line::{ID, PROBLEM};
+use super::read::Fields;
+use super::text::{self, Json};
 use super::{finite, kinds, schema, spelling};
 
 /// The kinds that `palpate solve` answers.
@@ -73,8 +74,8 @@ pub trait Problem: DeserializeOwned + JsonSchema {
     /// The name in the field `problem`.
     const KIND: &'static str;
 
-    /// Whether the type has the field `time_limit` itself. Otherwise the frame reads it.
-    const HAS_TIME_LIMIT: bool = false;
+    /// How long to work on a problem where nobody says, s: as long as it takes, unless the interface says otherwise.
+    const TIME_LIMIT_S: Option<f64> = None;
 
     /// The fields of a good result, beside `id` and `problem`: a struct.
     type Answer: Serialize + JsonSchema;
@@ -99,7 +100,7 @@ pub trait Problem: DeserializeOwned + JsonSchema {
 }
 
 /// From fields, `id` and the time limit of those that name none to the line of the answer.
-type Answering = fn(Map<String, Value>, &RawValue, Option<Duration>) -> Result<String, Failure>;
+type Answering = fn(Json<'_>, &RawValue, Option<Duration>) -> Result<String, Failure>;
 
 /// A [`Problem`] with its type erased, for a [`Registry`].
 #[derive(Clone, Copy, Debug)]
@@ -205,7 +206,7 @@ impl Registry {
     }
 
     /// The line of output for a good problem, without its line end.
-    pub(super) fn answer(&self, kind: &str, fields: Map<String, Value>, id: &RawValue) -> Result<String, Failure> {
+    pub(super) fn answer(&self, kind: &str, fields: Json<'_>, id: &RawValue) -> Result<String, Failure> {
         let Some(found) = self.find(kind) else {
             let place = Pointer::from("problem");
             return Err(Failure::new(ErrorCode::UnknownProblem, &self.unknown(kind)).at(place));
@@ -219,39 +220,38 @@ impl Registry {
 /// Where null has a meaning of its own it keeps it: only what cannot be read as it stands is read without. A field that
 /// is required is then missing, and told as it stood; one that does not exist is a mistake whatever it holds. A problem
 /// is read as often as it has kinds of such fields, and no more.
-fn read_with_nulls<P: Problem>(fields: Map<String, Value>) -> Result<P, InvalidInput> {
-    let mut value = Value::Object(fields);
+fn read_with_nulls<P: Problem>(fields: Json<'_>) -> Result<P, InvalidInput> {
+    let mut leaner: Option<String> = None;
     let mut as_it_stood = None;
     loop {
-        let error = match read(value.clone()) {
+        let fields = leaner.as_deref().map_or(fields, Json::of_checked);
+        let error = match Fields::without(fields, &[PROBLEM, ID, TIME_LIMIT]).read() {
             Ok(problem) => return Ok(problem),
             Err(error) => error,
         };
         let place = error.field().filter(|_| !error.is_not_a_field());
-        let is_leaner = place.is_some_and(|place| place.remove_nulls(&mut value));
+        let without = place.and_then(|place| text::without_nulls(fields, &place.segments()));
         let first = as_it_stood.take().unwrap_or(error);
-        if !is_leaner {
+        if without.is_none() {
             return Err(first);
         }
-        as_it_stood = Some(first);
+        (leaner, as_it_stood) = (without, Some(first));
     }
 }
 
-/// How long a problem may be worked on: what it says itself, or else `unless_said`. It is taken out of the fields.
-fn time_limit(
-    fields: &mut Map<String, Value>,
-    unless_said: Option<Duration>,
-) -> Result<Option<Duration>, InvalidInput> {
-    let Some(value) = fields.remove(TIME_LIMIT).filter(|value| !value.is_null()) else { return Ok(unless_said) };
-    let seconds: NonNegative = read(value).map_err(|error| error.inside(TIME_LIMIT))?;
-    Ok(Some(Duration::try_from_secs_f64(seconds.get()).unwrap_or(Duration::MAX)))
+/// How long a problem may be worked on, if it says so itself.
+fn time_limit(fields: Json<'_>) -> Result<Option<Duration>, InvalidInput> {
+    let Some(value) = fields.member(TIME_LIMIT).filter(|value| !value.is_null()) else { return Ok(None) };
+    let seconds: NonNegative = Fields::of(value).read().map_err(|error| error.inside(TIME_LIMIT))?;
+    Ok(Some(duration(seconds.get())))
 }
 
-fn answer<P: Problem>(
-    mut fields: Map<String, Value>,
-    id: &RawValue,
-    unless_said: Option<Duration>,
-) -> Result<String, Failure> {
+/// So many seconds, or as long as can be.
+fn duration(seconds: f64) -> Duration {
+    Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)
+}
+
+fn answer<P: Problem>(fields: Json<'_>, id: &RawValue, unless_said: Option<Duration>) -> Result<String, Failure> {
     #[derive(Serialize)]
     struct Good<'a, A> {
         id: &'a RawValue,
@@ -262,14 +262,7 @@ fn answer<P: Problem>(
         #[serde(skip_serializing_if = "Option::is_none")]
         complete: Option<bool>,
     }
-    let limit = match (P::HAS_TIME_LIMIT, unless_said) {
-        (false, _) => time_limit(&mut fields, unless_said)?,
-        (true, None) => None,
-        (true, Some(limit)) => {
-            fields.entry(TIME_LIMIT).or_insert_with(|| limit.as_secs_f64().into());
-            None
-        }
-    };
+    let limit = time_limit(fields)?.or(unless_said).or(P::TIME_LIMIT_S.map(duration));
     let problem: P = read_with_nulls(fields)?;
     let begun = Instant::now();
     let answer = problem.solve_until(&|| limit.is_some_and(|limit| begun.elapsed() >= limit))?;
@@ -283,7 +276,7 @@ fn answer<P: Problem>(
 
 #[cfg(test)]
 mod tests {
-    use serde_json::json;
+    use serde_json::{Value, json};
 
     use super::kinds::corner_poses::CornerPoses;
     use super::kinds::inscription::Inscription;
@@ -291,7 +284,7 @@ mod tests {
     use super::*;
 
     fn read_object<P: Problem>(value: &Value) -> Result<P, InvalidInput> {
-        read_with_nulls(value.as_object().unwrap().clone())
+        read_with_nulls(Json::of_checked(&value.to_string()))
     }
 
     #[test]

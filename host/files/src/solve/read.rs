@@ -1,18 +1,23 @@
-//! JSON values to typed fields, with errors that name the place and speak the user's language.
+//! Checked JSON to typed fields, with errors that name the place and speak the user's language.
 //!
-//! A deserializer of its own rather than serde_json's, for three reasons: every error knows its place, down to the
-//! index, also inside [`tagged`] objects; it says what was expected in terms of JSON, not of Rust; and an object cannot
-//! be given as an array of its fields, which serde_json accepts.
+//! A deserializer of its own rather than serde_json's, for four reasons: every error knows its place, down to the
+//! index, also inside [`tagged`] objects; it says what was expected in terms of JSON, not of Rust; an object cannot
+//! be given as an array of its fields, which serde_json accepts; and numbers go from the text to where they belong,
+//! past any tree, so that no line takes many times its length in memory.
 
-use std::fmt::Display;
+use std::borrow::Cow;
+use std::fmt::{self, Display};
 
-use serde::de::value::StringDeserializer;
-use serde::de::{self, DeserializeOwned, DeserializeSeed, Deserializer, Error as _, Expected, Unexpected, Visitor};
+use serde::de::value::{BorrowedStrDeserializer, CowStrDeserializer, StrDeserializer};
+use serde::de::{
+    self, Deserialize, DeserializeOwned, DeserializeSeed, Deserializer, Error as _, Expected, Unexpected, Visitor,
+};
 use serde::forward_to_deserialize_any;
-use serde_json::{Map, Number, Value};
+use serde_json::{Number, Value};
 
 use super::error::{InvalidInput, Pointer, QUOTE_CHARS_MAX, elide};
 use super::spelling;
+use super::text::{self, Json, Shape};
 
 /// What serde calls the expected type, and what it is called in JSON.
 const TYPE_NAMES: [(&str, &str); 8] = [
@@ -31,11 +36,124 @@ const TYPE_NAMES: [(&str, &str); 8] = [
 /// # Errors
 /// [`InvalidInput`], with the place seen from `value`.
 pub fn read<T: DeserializeOwned>(value: Value) -> Result<T, InvalidInput> {
-    T::deserialize(Json(value))
+    let text = value.to_string();
+    // Of a tree only its text is needed any more.
+    drop(value);
+    Fields::of(Json::of_checked(&text)).read()
+}
+
+/// A value that has not been read yet; of an object perhaps not all fields.
+#[derive(Clone, Copy, Debug)]
+pub struct Fields<'t> {
+    json: Json<'t>,
+    shown: Shown<'t>,
+}
+
+/// Which members of an object are read.
+#[derive(Clone, Copy, Debug)]
+enum Shown<'t> {
+    Without(&'t [&'t str]),
+    Only(&'t [&'t str]),
+}
+
+impl Shown<'_> {
+    fn shows(self, key: &str) -> bool {
+        match self {
+            Self::Without(names) => !names.contains(&key),
+            Self::Only(names) => names.contains(&key),
+        }
+    }
+
+    /// Whether it shows every member of every object.
+    fn is_all(self) -> bool {
+        matches!(self, Self::Without([]))
+    }
+}
+
+impl<'t> Fields<'t> {
+    pub(super) fn of(json: Json<'t>) -> Self {
+        Self::without(json, &[])
+    }
+
+    /// All fields of an object but these.
+    pub(super) fn without(json: Json<'t>, names: &'t [&'t str]) -> Self {
+        Self { json, shown: Shown::Without(names) }
+    }
+
+    /// These fields of an object.
+    fn only(json: Json<'t>, names: &'t [&'t str]) -> Self {
+        Self { json, shown: Shown::Only(names) }
+    }
+
+    /// Reads a typed value.
+    ///
+    /// # Errors
+    /// [`InvalidInput`], with the place seen from here.
+    pub fn read<T: Deserialize<'t>>(self) -> Result<T, InvalidInput> {
+        T::deserialize(self)
+    }
+
+    fn members(self) -> impl Iterator<Item = (Cow<'t, str>, Json<'t>)> {
+        self.json.members().filter(move |(key, _)| self.shown.shows(key))
+    }
+
+    /// The text of what is read.
+    fn text(self) -> Cow<'t, str> {
+        if self.shown.is_all() || self.json.shape() != Shape::Object {
+            return Cow::Borrowed(self.json.text());
+        }
+        let mut text = String::with_capacity(self.json.text().len());
+        text::write_members(self.members(), &mut text);
+        Cow::Owned(text)
+    }
+}
+
+/// Any value as its text: what is read twice, or by a field of its own first.
+struct Unread<'de>(Cow<'de, str>);
+
+/// By this name a deserializer of this module knows that its text is wanted. Others see a newtype of any value.
+const UNREAD: &str = "palpate_files::solve::Unread";
+
+impl<'de> Deserialize<'de> for Unread<'de> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Text;
+
+        impl<'de> Visitor<'de> for Text {
+            type Value = Unread<'de>;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("JSON")
+            }
+
+            fn visit_borrowed_str<E>(self, text: &'de str) -> Result<Unread<'de>, E> {
+                Ok(Unread(text.into()))
+            }
+
+            fn visit_str<E>(self, text: &str) -> Result<Unread<'de>, E> {
+                Ok(Unread(text.to_owned().into()))
+            }
+
+            fn visit_string<E>(self, text: String) -> Result<Unread<'de>, E> {
+                Ok(Unread(text.into()))
+            }
+
+            fn visit_newtype_struct<D: Deserializer<'de>>(self, deserializer: D) -> Result<Unread<'de>, D::Error> {
+                Value::deserialize(deserializer).map(|value| Unread(value.to_string().into()))
+            }
+        }
+
+        deserializer.deserialize_newtype_struct(UNREAD, Text)
+    }
+}
+
+impl Unread<'_> {
+    fn json(&self) -> Json<'_> {
+        Json::of_checked(&self.0)
+    }
 }
 
 /// One variant of an object that says in one field which variant it is: the name and how to read the other fields.
-pub type Variant<T> = (&'static str, fn(Value) -> Result<T, InvalidInput>);
+pub type Variant<T> = (&'static str, fn(Fields<'_>) -> Result<T, InvalidInput>);
 
 /// Reads an object whose field `tag` names the variant.
 ///
@@ -56,7 +174,7 @@ pub type Variant<T> = (&'static str, fn(Value) -> Result<T, InvalidInput>);
 ///
 /// impl<'de> serde::Deserialize<'de> for Shape {
 ///     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-///         tagged(deserializer, "type", &[("disk", |fields| read(fields).map(Shape::Disk))])
+///         tagged(deserializer, "type", &[("disk", |fields| fields.read().map(Shape::Disk))])
 ///     }
 /// }
 ///
@@ -70,25 +188,38 @@ pub fn tagged<'de, D: Deserializer<'de>, T>(
     tag: &'static str,
     variants: &[Variant<T>],
 ) -> Result<T, D::Error> {
-    let value: Value = serde::Deserialize::deserialize(deserializer)?;
-    read_tagged(value, tag, variants).map_err(D::Error::custom)
+    let unread = Unread::deserialize(deserializer)?;
+    read_tagged(unread.json(), tag, variants).map_err(D::Error::custom)
 }
 
-fn read_tagged<T>(mut value: Value, tag: &'static str, variants: &[Variant<T>]) -> Result<T, InvalidInput> {
+fn read_tagged<T>(json: Json<'_>, tag: &'static str, variants: &[Variant<T>]) -> Result<T, InvalidInput> {
     let names: Vec<_> = variants.iter().map(|&(name, _)| name).collect();
-    let Some(fields) = value.as_object_mut() else {
+    if json.shape() != Shape::Object {
         let expected = format!("an object whose field `{tag}` is one of {}", list(&names));
-        return Err(InvalidInput::invalid_type(unexpected(&value), &expected.as_str()));
-    };
-    let Some(chosen) = fields.remove(tag) else {
+        return Err(mistaken(json, &expected.as_str()));
+    }
+    let Some(chosen) = json.member(tag) else {
         return Err(InvalidInput::missing(tag, &format!("give one of {}", list(&names))));
     };
-    match variants.iter().find(|&&(name, _)| chosen == name) {
-        Some((_, read_variant)) => read_variant(value),
-        None => {
-            let name = chosen.as_str().map_or_else(|| chosen.to_string(), str::to_owned);
-            Err(InvalidInput::at(tag, unknown_name(&name, &names)))
-        }
+    let is_name = chosen.shape() == Shape::String;
+    let name = if is_name { chosen.string() } else { chosen.text().into() };
+    match variants.iter().find(|&&(known, _)| is_name && name == known) {
+        Some((_, read_variant)) => read_variant(Fields::without(json, &[tag])),
+        None => Err(InvalidInput::at(tag, unknown_name(&name, &names))),
+    }
+}
+
+/// Reads what is either a word or something else: `Ok` the word, if it is one of a string, `Err` the other thing.
+///
+/// # Errors
+/// Those of the other thing.
+pub(super) fn word_or<'de, D: Deserializer<'de>, T: DeserializeOwned>(
+    deserializer: D,
+) -> Result<Result<String, T>, D::Error> {
+    let unread = Unread::deserialize(deserializer)?;
+    match unread.json().shape() {
+        Shape::String => Ok(Ok(unread.json().string().into_owned())),
+        _ => Fields::of(unread.json()).read().map(Err).map_err(D::Error::custom),
     }
 }
 
@@ -101,29 +232,25 @@ where
     A: DeserializeOwned,
     B: DeserializeOwned,
 {
-    let value: Value = serde::Deserialize::deserialize(deserializer)?;
-    split(value).map_err(D::Error::custom)
+    let unread = Unread::deserialize(deserializer)?;
+    split(unread.json()).map_err(D::Error::custom)
 }
 
-fn split<A: DeserializeOwned, B: DeserializeOwned>(value: Value) -> Result<(A, B), InvalidInput> {
-    let Value::Object(object) = value else {
-        return Err(InvalidInput::invalid_type(unexpected(&value), &"an object"));
-    };
+fn split<A: DeserializeOwned, B: DeserializeOwned>(json: Json<'_>) -> Result<(A, B), InvalidInput> {
+    if json.shape() != Shape::Object {
+        return Err(mistaken(json, &"an object"));
+    }
     let (of_first, of_second) = (field_names::<A>(), field_names::<B>());
-    let keys: Vec<String> = object.keys().cloned().collect();
-    let (first, second): (Map<_, _>, Map<_, _>) =
-        object.into_iter().partition(|(key, _)| of_first.contains(&key.as_str()));
-    let stranger = second.keys().find(|key| !of_second.contains(&key.as_str())).map(|key| {
-        let known: Vec<_> = of_first.iter().chain(of_second).copied().collect();
-        not_a_field(key, &known)
-    });
-    match (read(Value::Object(first)), read(Value::Object(second)), stranger) {
+    let known: Vec<_> = of_first.iter().chain(of_second).copied().collect();
+    let stranger = json.members().map(|(key, _)| key).find(|key| !known.contains(&&**key));
+    let stranger = stranger.map(|key| not_a_field(&key, &known));
+    match (Fields::only(json, of_first).read(), Fields::without(json, of_first).read(), stranger) {
         (Ok(first), Ok(second), None) => Ok((first, second)),
         (first, second, stranger) => {
             // A struct tells of the first field that is wrong; only where all are good, of one that is missing.
             let place = |error: &InvalidInput| {
                 let key = error.field().and_then(Pointer::first_key);
-                key.and_then(|key| keys.iter().position(|other| *other == key)).unwrap_or(keys.len())
+                key.and_then(|key| json.members().position(|(other, _)| other == key)).unwrap_or(usize::MAX)
             };
             // The second struct refuses what is no field of its own, too, but knows its own fields only.
             let errors = stranger.into_iter().chain(first.err()).chain(second.err());
@@ -167,32 +294,39 @@ impl<'de> Deserializer<'de> for &mut Names {
 }
 
 /// The deserializer.
-struct Json(Value);
-
-impl<'de> Deserializer<'de> for Json {
+impl<'de> Deserializer<'de> for Fields<'de> {
     type Error = InvalidInput;
 
     fn deserialize_any<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, InvalidInput> {
-        match self.0 {
-            Value::Null => visitor.visit_unit(),
-            Value::Bool(value) => visitor.visit_bool(value),
-            Value::Number(number) => visit_number(&number, visitor),
-            Value::String(text) => visitor.visit_string(text),
-            Value::Array(array) => visit_array(array, visitor),
-            Value::Object(object) => visitor.visit_map(Members::of(object)),
+        match self.json.shape() {
+            Shape::Null => visitor.visit_unit(),
+            Shape::Bool(value) => visitor.visit_bool(value),
+            Shape::Number => visit_number(&self.json.number(), visitor),
+            Shape::String => match self.json.string() {
+                Cow::Borrowed(text) => visitor.visit_borrowed_str(text),
+                Cow::Owned(text) => visitor.visit_string(text),
+            },
+            Shape::Array => visit_array(self.json, visitor),
+            Shape::Object => visitor.visit_map(Members { rest: self.members(), current: None }),
         }
     }
 
     fn deserialize_option<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, InvalidInput> {
-        if self.0.is_null() { visitor.visit_none() } else { visitor.visit_some(self) }
+        if self.json.is_null() { visitor.visit_none() } else { visitor.visit_some(self) }
     }
 
     fn deserialize_newtype_struct<V: Visitor<'de>>(
         self,
-        _name: &'static str,
+        name: &'static str,
         visitor: V,
     ) -> Result<V::Value, InvalidInput> {
-        visitor.visit_newtype_struct(self)
+        match name {
+            UNREAD => match self.text() {
+                Cow::Borrowed(text) => visitor.visit_borrowed_str(text),
+                Cow::Owned(text) => visitor.visit_string(text),
+            },
+            _ => visitor.visit_newtype_struct(self),
+        }
     }
 
     fn deserialize_struct<V: Visitor<'de>>(
@@ -201,9 +335,9 @@ impl<'de> Deserializer<'de> for Json {
         _fields: &'static [&'static str],
         visitor: V,
     ) -> Result<V::Value, InvalidInput> {
-        match self.0 {
-            Value::Object(object) => visitor.visit_map(Members::of(object)),
-            other => Err(InvalidInput::invalid_type(unexpected(&other), &"an object")),
+        match self.json.shape() {
+            Shape::Object => self.deserialize_any(visitor),
+            _ => Err(mistaken(self.json, &"an object")),
         }
     }
 
@@ -214,19 +348,16 @@ impl<'de> Deserializer<'de> for Json {
         variants: &'static [&'static str],
         visitor: V,
     ) -> Result<V::Value, InvalidInput> {
-        match self.0 {
-            Value::String(variant) => visitor.visit_enum(Choice { variant, content: None }),
-            Value::Object(object) if object.len() == 1 => {
-                let only = object.into_iter().next();
-                let (variant, content) = only.map_or_else(Default::default, |(key, value)| (key, Some(value)));
-                visitor.visit_enum(Choice { variant, content })
+        match self.json.shape() {
+            Shape::String => visitor.visit_enum(Choice { variant: self.json.string(), content: None }),
+            Shape::Object => {
+                let mut members = self.members();
+                match (members.next(), members.next()) {
+                    (Some((variant, content)), None) => visitor.visit_enum(Choice { variant, content: Some(content) }),
+                    _ => Err(InvalidInput::new(format!("expected exactly one of the fields {}", list(variants)))),
+                }
             }
-            Value::Object(_) => {
-                Err(InvalidInput::new(format!("expected exactly one of the fields {}", list(variants))))
-            }
-            other => {
-                Err(InvalidInput::invalid_type(unexpected(&other), &format!("one of {}", list(variants)).as_str()))
-            }
+            _ => Err(mistaken(self.json, &format!("one of {}", list(variants)).as_str())),
         }
     }
 
@@ -245,90 +376,83 @@ fn visit_number<'de, V: Visitor<'de>>(number: &Number, visitor: V) -> Result<V::
     }
 }
 
-fn visit_array<'de, V: Visitor<'de>>(array: Vec<Value>, visitor: V) -> Result<V::Value, InvalidInput> {
-    let length = array.len();
-    let mut elements = Elements { rest: array.into_iter(), next: 0 };
+fn visit_array<'de, V: Visitor<'de>>(array: Json<'de>, visitor: V) -> Result<V::Value, InvalidInput> {
+    let mut elements = Elements { rest: array.elements(), next: 0 };
     let value = visitor.visit_seq(&mut elements)?;
-    match elements.rest.len() {
+    match elements.rest.count() {
         0 => Ok(value),
-        _ => Err(InvalidInput::invalid_length(length, &"fewer elements")),
+        more => Err(InvalidInput::invalid_length(elements.next + more, &"fewer elements")),
     }
 }
 
 /// Inside an array.
-struct Elements {
-    rest: std::vec::IntoIter<Value>,
+struct Elements<'de> {
+    rest: text::Elements<'de>,
     next: usize,
 }
 
-impl<'de> de::SeqAccess<'de> for Elements {
+impl<'de> de::SeqAccess<'de> for Elements<'de> {
     type Error = InvalidInput;
 
     fn next_element_seed<T: DeserializeSeed<'de>>(&mut self, seed: T) -> Result<Option<T::Value>, InvalidInput> {
         let Some(value) = self.rest.next() else { return Ok(None) };
         let index = self.next;
         self.next += 1;
-        seed.deserialize(Json(value)).map(Some).map_err(|error| error.below(Pointer::default().index(index)))
-    }
-
-    fn size_hint(&self) -> Option<usize> {
-        Some(self.rest.len())
+        seed.deserialize(Fields::of(value)).map(Some).map_err(|error| error.below(Pointer::default().index(index)))
     }
 }
 
 /// Inside an object.
-struct Members {
-    rest: serde_json::map::IntoIter,
-    current: Option<(String, Value)>,
+struct Members<'de, I> {
+    rest: I,
+    current: Option<(Cow<'de, str>, Json<'de>)>,
 }
 
-impl Members {
-    fn of(object: Map<String, Value>) -> Self {
-        Self { rest: object.into_iter(), current: None }
-    }
-}
-
-impl<'de> de::MapAccess<'de> for Members {
+impl<'de, I: Iterator<Item = (Cow<'de, str>, Json<'de>)>> de::MapAccess<'de> for Members<'de, I> {
     type Error = InvalidInput;
 
     fn next_key_seed<K: DeserializeSeed<'de>>(&mut self, seed: K) -> Result<Option<K::Value>, InvalidInput> {
         let Some((key, value)) = self.rest.next() else { return Ok(None) };
-        self.current = Some((key.clone(), value));
-        seed.deserialize(StringDeserializer::new(key)).map(Some)
+        let read = match &key {
+            Cow::Borrowed(key) => seed.deserialize(BorrowedStrDeserializer::new(key)),
+            Cow::Owned(key) => seed.deserialize(StrDeserializer::new(key)),
+        };
+        self.current = Some((key, value));
+        read.map(Some)
     }
 
     fn next_value_seed<T: DeserializeSeed<'de>>(&mut self, seed: T) -> Result<T::Value, InvalidInput> {
-        let (key, value) = self.current.take().unwrap_or_default();
-        seed.deserialize(Json(value)).map_err(|error| error.inside(&key))
+        let Some((key, value)) = self.current.take() else { return Err(InvalidInput::new("has no value")) };
+        seed.deserialize(Fields::of(value)).map_err(|error| error.inside(&key))
     }
 }
 
 /// The variant of an enum.
-struct Choice {
-    variant: String,
-    content: Option<Value>,
+struct Choice<'de> {
+    variant: Cow<'de, str>,
+    content: Option<Json<'de>>,
 }
 
-impl<'de> de::EnumAccess<'de> for Choice {
+impl<'de> de::EnumAccess<'de> for Choice<'de> {
     type Error = InvalidInput;
     type Variant = Self;
 
     fn variant_seed<T: DeserializeSeed<'de>>(self, seed: T) -> Result<(T::Value, Self), InvalidInput> {
-        let name = StringDeserializer::<InvalidInput>::new(self.variant.clone());
+        let name = CowStrDeserializer::<InvalidInput>::new(self.variant.clone());
         Ok((seed.deserialize(name)?, self))
     }
 }
 
-impl Choice {
-    fn read<T>(self, read: impl FnOnce(Json) -> Result<T, InvalidInput>) -> Result<T, InvalidInput> {
+impl<'de> Choice<'de> {
+    fn read<T>(self, read: impl FnOnce(Fields<'de>) -> Result<T, InvalidInput>) -> Result<T, InvalidInput> {
         match self.content {
-            Some(content) => read(Json(content)).map_err(|error| error.inside(&self.variant)),
+            Some(content) => read(Fields::of(content)).map_err(|error| error.inside(&self.variant)),
             None => Err(InvalidInput::new(format!("`{0}` needs a value: {{\"{0}\": ...}}", self.variant))),
         }
     }
 }
 
-impl<'de> de::VariantAccess<'de> for Choice {
+impl<'de> de::VariantAccess<'de> for Choice<'de> {
     type Error = InvalidInput;
 
     fn unit_variant(self) -> Result<(), InvalidInput> {
@@ -389,15 +513,21 @@ impl de::Error for InvalidInput {
     }
 }
 
-fn unexpected(value: &Value) -> Unexpected<'_> {
-    match value {
-        Value::Null => Unexpected::Unit,
-        Value::Bool(value) => Unexpected::Bool(*value),
-        Value::Number(number) => kind_of_number(number),
-        Value::String(text) => Unexpected::Str(text),
-        Value::Array(_) => Unexpected::Seq,
-        Value::Object(_) => Unexpected::Map,
-    }
+/// A value that is not what was expected.
+fn mistaken(json: Json<'_>, expected: &dyn Expected) -> InvalidInput {
+    let string;
+    let got = match json.shape() {
+        Shape::Null => Unexpected::Unit,
+        Shape::Bool(value) => Unexpected::Bool(value),
+        Shape::Number => kind_of_number(&json.number()),
+        Shape::String => {
+            string = json.string();
+            Unexpected::Str(&string)
+        }
+        Shape::Array => Unexpected::Seq,
+        Shape::Object => Unexpected::Map,
+    };
+    InvalidInput::invalid_type(got, expected)
 }
 
 /// A number in the narrowest of serde's three types.
@@ -491,7 +621,7 @@ mod tests {
 
     impl<'de> Deserialize<'de> for Tip {
         fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-            tagged(deserializer, "type", &[("disk", |fields| read(fields).map(Tip::Disk))])
+            tagged(deserializer, "type", &[("disk", |fields| fields.read().map(Tip::Disk))])
         }
     }
 

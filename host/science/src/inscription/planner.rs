@@ -14,6 +14,7 @@ use nalgebra::{Matrix3, Point2, Vector2, Vector3};
 use super::noise::{NoisyReadings, Objective, PoseMode, view};
 use super::readings::Bearing;
 use crate::geometry::ConvexPolygon;
+use crate::search::{Halt, never};
 
 /// Places round the part that are tried.
 const SITES: u32 = 360;
@@ -147,7 +148,7 @@ fn view_information(
     seen: &[Bearing; 2],
 ) -> Option<Matrix3<f64>> {
     let alone = NoisyReadings { bearings: seen.to_vec(), fences: Vec::new(), sigma: readings.sigma };
-    Objective::new(part, &alone).pose_information(&mode.pose)
+    Objective::new(part, &alone, &Halt::new(&never)).pose_information(&mode.pose)
 }
 
 #[cfg(test)]

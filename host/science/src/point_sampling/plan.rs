@@ -3,12 +3,12 @@
 use nalgebra::Point2;
 
 use super::circle::{Circle, largest_circle};
-use super::discriminate::{Choice, Effort, Proof, Search, SetSystem, fewest};
+use super::discriminate::{Choice, Effort, Proof, Search, SetSystem, halting_fewest};
 use super::subdivision::Subdivision;
 use crate::geometry::exact::turn;
 use crate::geometry::{SimplePolygon, distance_to_segment};
 use crate::math::bits::BitSet;
-use crate::search::{Stop, never};
+use crate::search::{Halt, Stop, never};
 
 /// Points with more room than this share of the scene's extent are inside their region whatever rounding did; with
 /// less, that is decided exactly.
@@ -150,18 +150,33 @@ impl Scene {
     /// Plans points as the request asks, or as good as was found when it is stopped.
     #[must_use]
     pub fn plan(&self, request: &Request, stop: Stop<'_>) -> Plan {
-        let choice = Chooser::new(self, request, stop).choose();
-        self.plan_of(choice, request)
+        let (_, chosen) = self.chosen(request, stop, &Halt::new(&never)).unwrap_or_else(nobody_halts);
+        self.plan_of(chosen, request)
+    }
+
+    /// The same, but none where `stop` says so before there is any plan.
+    #[must_use]
+    pub fn plan_until(&self, request: &Request, stop: Stop<'_>) -> Option<Plan> {
+        let halt = Halt::new(stop);
+        let (_, chosen) = self.chosen(request, stop, &halt)?;
+        Some(self.plan_of(chosen, request))
+    }
+
+    /// The choice, with what made it; none where `halt` ends it before there is one.
+    fn chosen<'a>(&'a self, request: &'a Request, stop: Stop<'a>, halt: &Halt<'_>) -> Option<(Chooser<'a>, Chosen)> {
+        let chooser = Chooser::new(self, request, stop, halt)?;
+        let chosen = chooser.choose(halt)?;
+        Some((chooser, chosen))
     }
 
     /// For every number of points from the fewest on the plan with the largest smallest clearance, until more points
     /// give no more.
     #[must_use]
     pub fn trade_off(&self, request: &Request, stop: Stop<'_>) -> Vec<Plan> {
-        let chooser = Chooser::new(self, request, stop);
-        let mut chosen = chooser.choose();
+        let chosen = self.chosen(request, stop, &Halt::new(&never));
+        let (chooser, mut chosen) = chosen.unwrap_or_else(nobody_halts);
         let mut plans = vec![self.plan_of(chosen.clone(), request)];
-        let roomiest = chooser.clearance_max();
+        let roomiest = chooser.clearance_max(&Halt::new(&never));
         // A pair needs no more points than all polygons need without thought: one less than there are, for each point
         // of separation.
         let most = request.separation.max(1) * self.polygons.len();
@@ -203,6 +218,10 @@ impl Scene {
     }
 }
 
+fn nobody_halts<T>() -> T {
+    unreachable!("nobody wishes it to halt")
+}
+
 /// What was chosen, with all that is to be said about it.
 #[derive(Clone, Debug, Default)]
 struct Chosen {
@@ -231,7 +250,8 @@ struct Chooser<'a> {
 }
 
 impl<'a> Chooser<'a> {
-    fn new(scene: &'a Scene, request: &'a Request, stop: Stop<'a>) -> Self {
+    /// None where it should halt before.
+    fn new(scene: &'a Scene, request: &'a Request, stop: Stop<'a>, halt: &Halt<'_>) -> Option<Self> {
         let roomy = |candidate: &Candidate| {
             candidate.circle.radius >= request.min_clearance
                 && (candidate.area > request.min_area || request.min_area == 0.0)
@@ -239,10 +259,10 @@ impl<'a> Chooser<'a> {
         let order: Vec<usize> = (0..scene.candidates.len()).filter(|&index| roomy(&scene.candidates[index])).collect();
         let allowed = order.iter().map(|&index| scene.candidates[index].inside.clone()).collect();
         let allowed = SetSystem::new(scene.polygons.len(), allowed);
-        let indistinguishable = allowed.closer_than(request.separation.max(1));
+        let indistinguishable = allowed.halting_closer_than(request.separation.max(1), halt)?;
         // One of each class that nothing tells apart stands for all. Being merely close is no class: see `Demands`.
         let mut repeats = vec![false; scene.polygons.len()];
-        allowed.closer_than(1).iter().for_each(|&[_, later]| repeats[later] = true);
+        allowed.halting_closer_than(1, halt)?.iter().for_each(|&[_, later]| repeats[later] = true);
         let kept: Vec<usize> = (0..repeats.len()).filter(|&polygon| !repeats[polygon]).collect();
         let reduced = |inside: &BitSet| {
             let places =
@@ -251,16 +271,20 @@ impl<'a> Chooser<'a> {
         };
         // Elements that are not allowed keep their place, and tell nothing apart.
         let mut holders = vec![BitSet::new(kept.len()); scene.candidates.len()];
-        order.iter().for_each(|&index| holders[index] = reduced(&scene.candidates[index].inside));
-        Self { scene, request, stop, system: SetSystem::new(kept.len(), holders), order, indistinguishable }
+        for &index in &order {
+            halt.goes_on()?;
+            holders[index] = reduced(&scene.candidates[index].inside);
+        }
+        Some(Self { scene, request, stop, system: SetSystem::new(kept.len(), holders), order, indistinguishable })
     }
 
-    fn choose(&self) -> Chosen {
+    /// None where `halt` ends it before there is a choice.
+    fn choose(&self, halt: &Halt<'_>) -> Option<Chosen> {
         let effort = if self.request.objective == Objective::Greedy { Effort::Greedy } else { Effort::Full };
-        let choice = fewest(&self.system, &self.order, &self.search(0, effort));
+        let choice = halting_fewest(&self.system, &self.order, &self.search(0, effort), halt)?;
         let size = choice.elements.len();
         let chosen = Chosen { choice, clearance_bound: None, indistinguishable: self.indistinguishable.clone() };
-        if effort == Effort::Greedy || size == 0 { chosen } else { self.roomiest(chosen, size) }
+        Some(if effort == Effort::Greedy || size == 0 { chosen } else { self.roomiest(chosen, size) })
     }
 
     fn search(&self, target: usize, effort: Effort) -> Search<'a> {
@@ -273,16 +297,19 @@ impl<'a> Chooser<'a> {
         let radius = |place: usize| self.scene.candidates[self.order[place]].circle.radius;
         let allowed =
             |least: f64| self.order.partition_point(|&index| self.scene.candidates[index].circle.radius >= least);
-        let limit = self.clearance_max();
+        let halt = Halt::new(self.stop);
+        let limit = self.clearance_max(&halt);
         // Between these numbers of the roomiest candidates is the least that is enough: `enough` is, and below
         // `refuted` none is.
         let (mut enough, mut open, mut refuted) =
             (allowed(best.clearance(self.scene)), allowed(limit) - 1, allowed(limit) - 1);
-        while open + 1 < enough && !(self.stop)() {
+        while open + 1 < enough && !halt.is_wished() {
             let tried = allowed(radius((open + enough) / 2));
             let tried = if tried >= enough { (open + enough) / 2 } else { tried };
-            let found = fewest(&self.system, &self.order[..tried], &self.search(size, Effort::Brief));
-            let separates = self.system.keeps_apart(&found.elements, self.request.separation.max(1));
+            let found = halting_fewest(&self.system, &self.order[..tried], &self.search(size, Effort::Brief), &halt);
+            let Some(found) = found else { break };
+            let separates = self.system.halting_keeps_apart(&found.elements, self.request.separation.max(1), &halt);
+            let Some(separates) = separates else { break };
             if found.elements.len() <= size && separates {
                 best.choice.elements = found.elements;
                 enough = allowed(best.clearance(self.scene)).min(tried);
@@ -298,13 +325,19 @@ impl<'a> Chooser<'a> {
         best
     }
 
-    /// The largest clearance at which candidates are left that tell all apart, whatever their number.
-    fn clearance_max(&self) -> f64 {
-        let separated = |count: usize| self.system.keeps_apart(&self.order[..count], self.request.separation.max(1));
+    /// The largest clearance at which candidates are left that tell all apart, whatever their number; where it should
+    /// halt before that is known, the largest of all.
+    fn clearance_max(&self, halt: &Halt<'_>) -> f64 {
+        let least = self.request.separation.max(1);
+        let separated = |count: usize| self.system.halting_keeps_apart(&self.order[..count], least, halt);
         let (mut short, mut enough) = (0, self.order.len());
         while short + 1 < enough {
             let middle = (short + enough) / 2;
-            if separated(middle) { enough = middle } else { short = middle }
+            match separated(middle) {
+                Some(true) => enough = middle,
+                Some(false) => short = middle,
+                None => enough = 1,
+            }
         }
         self.order.get(enough.saturating_sub(1)).map_or(0.0, |&index| self.scene.candidates[index].circle.radius)
     }

@@ -11,6 +11,7 @@ use nalgebra::{Quaternion, Vector2, Vector3};
 use super::body::RollingBody;
 use super::mechanics::{Model, RollState, Spin, specific_force};
 use super::palm::PalmAcceleration;
+use crate::search::{Stop, never};
 
 /// Error of one step that is accepted: rad, and the same share of angular velocity and size.
 ///
@@ -142,6 +143,12 @@ pub enum RollError {
         /// Spin about the normal ω·n, rad/s.
         spin: f64,
     },
+    /// It was told to stop.
+    #[error("the roll was stopped at {t:?} s")]
+    Stopped {
+        /// How far it got, s.
+        t: f64,
+    },
     /// The integration could not keep its accuracy.
     #[error("the integration ends at {t:?} s: {steps} steps were not enough; the body turns too fast")]
     Stuck {
@@ -203,11 +210,20 @@ impl<'a> Roll<'a> {
     /// # Errors
     /// [`RollError::Stuck`] where no step is short enough.
     pub fn run(&self, times: &[f64]) -> Result<RollRun, RollError> {
-        let mut walk = Walk { roll: self, t: 0.0, state: self.start, step: STEP_MAX_S, steps: 0 };
+        self.run_until(times, &never)
+    }
+
+    /// The same, ended when `stop` says so.
+    ///
+    /// # Errors
+    /// As [`Self::run`]; [`RollError::Stopped`] where `stop` ended it: half a roll is none.
+    pub fn run_until(&self, times: &[f64], stop: Stop<'_>) -> Result<RollRun, RollError> {
+        let mut walk = Walk { roll: self, stop, t: 0.0, state: self.start, step: STEP_MAX_S, steps: 0 };
         let mut samples = Vec::with_capacity(times.len());
         let mut end = self.lifts(0.0, &self.start).then_some(RollEnd { reason: RollEndReason::LiftOff, t: 0.0 });
         let mut last = self.sample(0.0, &self.start);
         for &time in times {
+            walk.goes_on()?;
             if end.is_none() {
                 end = walk.to(time)?;
             }
@@ -292,6 +308,7 @@ impl RollSample {
 /// A roll on its way.
 struct Walk<'a, 'b> {
     roll: &'a Roll<'b>,
+    stop: Stop<'a>,
     t: f64,
     state: RollState,
     step: f64,
@@ -299,6 +316,10 @@ struct Walk<'a, 'b> {
 }
 
 impl Walk<'_, '_> {
+    fn goes_on(&self) -> Result<(), RollError> {
+        if (self.stop)() { Err(RollError::Stopped { t: self.t }) } else { Ok(()) }
+    }
+
     /// On to `time`, without stepping over a jump of the palm's acceleration.
     fn to(&mut self, time: f64) -> Result<Option<RollEnd>, RollError> {
         let jumps: Vec<_> = self.roll.palm.jumps(self.t, time).collect();
@@ -319,6 +340,7 @@ impl Walk<'_, '_> {
     /// One accepted step, at most to `stop`.
     fn advance(&mut self, stop: f64) -> Result<Option<RollEnd>, RollError> {
         loop {
+            self.goes_on()?;
             self.steps += 1;
             let last = self.t + self.step >= stop;
             let dt = if last { stop - self.t } else { self.step };

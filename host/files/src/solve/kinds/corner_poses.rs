@@ -2,6 +2,7 @@
 
 use nalgebra::Vector2;
 use palpate::corner::{Corner, CornerError, CornerPose, Flush};
+use palpate::{Searched, Stop, never};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -85,6 +86,10 @@ impl Problem for CornerPoses {
     type Answer = CornerPosesAnswer;
 
     fn solve(&self) -> Result<CornerPosesAnswer, SolveError> {
+        Ok(self.solve_until(&never)?.found)
+    }
+
+    fn solve_until(&self, stop: Stop<'_>) -> Result<Searched<CornerPosesAnswer>, SolveError> {
         let corner = Corner::new(self.corner_angle, Vector2::from(self.push)).map_err(|error| {
             let field = match error {
                 CornerError::Angle(_) => "corner_angle",
@@ -92,6 +97,10 @@ impl Problem for CornerPoses {
             };
             InvalidInput::at(field, error.to_string())
         })?;
-        Ok(CornerPosesAnswer { poses: corner.poses(&self.polygon).iter().map(RestPose::from).collect() })
+        let Searched { found: poses, complete } = corner.poses_until(&self.polygon, stop);
+        if !complete && poses.is_empty() {
+            return Err(SolveError::Stopped);
+        }
+        Ok(Searched { found: CornerPosesAnswer { poses: poses.iter().map(RestPose::from).collect() }, complete })
     }
 }

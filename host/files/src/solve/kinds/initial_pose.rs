@@ -11,7 +11,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use crate::solve::fields::{
     NonNegative, Polygon, PoseFields, Positive, check_travel, default_gravity, plane_friction, size,
 };
-use crate::solve::{InvalidInput, Pointer, Problem, SolveError, read, tagged};
+use crate::solve::{InvalidInput, Pointer, Problem, SolveError, tagged};
 
 /// A finger that pushes a resting part and feels where it is touched at some times: how did the part lie?
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -105,9 +105,9 @@ impl<'de> Deserialize<'de> for ShapedFinger {
             deserializer,
             "type",
             &[
-                ("disk", |fields| read(fields).map(Self::Disk)),
-                ("ellipse", |fields| read(fields).map(Self::Ellipse)),
-                ("line", |fields| read(fields).map(Self::Line)),
+                ("disk", |fields| fields.read().map(Self::Disk)),
+                ("ellipse", |fields| fields.read().map(Self::Ellipse)),
+                ("line", |fields| fields.read().map(Self::Line)),
             ],
         )
     }
@@ -167,8 +167,8 @@ impl<'de> Deserialize<'de> for PushedObject {
             deserializer,
             "type",
             &[
-                ("polygon", |fields| read(fields).map(Self::Polygon)),
-                ("ellipse", |fields| read(fields).map(Self::Ellipse)),
+                ("polygon", |fields| fields.read().map(Self::Polygon)),
+                ("ellipse", |fields| fields.read().map(Self::Ellipse)),
             ],
         )
     }

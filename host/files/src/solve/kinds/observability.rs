@@ -20,7 +20,7 @@ use super::push::{Mode, Push, PushFields, PushStartFields};
 use super::pushed::Pushed;
 use super::roll::{BodyFields, Spin};
 use crate::solve::fields::{NonNegative, Times, default_gravity};
-use crate::solve::{InvalidInput, Pointer, Problem, SolveError, read, tagged};
+use crate::solve::{InvalidInput, Pointer, Problem, SolveError, tagged};
 
 /// A state of a system: what of it can be told from its contact?
 #[derive(Clone, Debug, Serialize, JsonSchema)]
@@ -38,7 +38,7 @@ impl<'de> Deserialize<'de> for Observability {
         tagged(
             deserializer,
             "system",
-            &[("push", |fields| read(fields).map(Self::Push)), ("roll", |fields| read(fields).map(Self::Roll))],
+            &[("push", |fields| fields.read().map(Self::Push)), ("roll", |fields| fields.read().map(Self::Roll))],
         )
     }
 }

@@ -229,7 +229,7 @@ impl Problem for ObservePush {
         let known = self.known(&part)?;
         match self.own.method {
             Method::Best => self.best(&known, measured, stop),
-            Method::Gho => Ok(Searched { found: self.gho(&known)?, complete: true }),
+            Method::Gho => self.gho(&known, stop),
         }
     }
 }
@@ -297,7 +297,7 @@ impl ObservePush {
     }
 
     /// The thesis's observer: one for each edge and direction of slip that is not given.
-    fn gho(&self, known: &Known) -> Result<ObservePushAnswer, SolveError> {
+    fn gho(&self, known: &Known, stop: Stop<'_>) -> Result<Searched<ObservePushAnswer>, SolveError> {
         let Some(angles) = &self.own.contact_angle else {
             return Err(InvalidInput::missing("contact_angle", "the method `gho` corrects by contact angles").into());
         };
@@ -322,7 +322,16 @@ impl ObservePush {
         let edges = self.gho_edges(known.part)?.into_iter();
         let contacts: Vec<_> = edges.flat_map(|edge| contacts.iter().map(move |&on| (edge, on))).collect();
         let bank = GhoBank { known, contacts: &contacts, start: self.gho_start(start)?, settings };
-        Ok(ObservePushAnswer::of_gho(&bank, &observation))
+        let Searched { found: runs, complete } = bank.runs_until(&observation, stop);
+        let mut answer = ObservePushAnswer::of_gho(&bank, &runs, observation.dt);
+        if !complete {
+            if answer.hypotheses.is_empty() {
+                return Err(SolveError::Stopped);
+            }
+            // What did not run may explain the data as well.
+            answer.status = ObservePushStatus::Ambiguous;
+        }
+        Ok(Searched { found: answer, complete })
     }
 
     fn gho_contacts(&self, known: &Known) -> Result<Vec<ContactMode>, InvalidInput> {
@@ -462,8 +471,7 @@ fn same_length(direction: &Channel, magnitude: &Channel) -> Result<(), InvalidIn
 
 impl ObservePushAnswer {
     /// Every observer that came to the end, best first, as a hypothesis; the first one's trace, even if none did.
-    fn of_gho(bank: &GhoBank, observation: &Observation) -> Self {
-        let (runs, dt) = (bank.runs(observation), observation.dt);
+    fn of_gho(bank: &GhoBank, runs: &[GhoRun], dt: f64) -> Self {
         let trace = |run: &GhoRun| {
             let at = |index: usize| dt * index as f64;
             run.trace.iter().enumerate().map(|(index, state)| TracePoint::of(at(index), state)).collect::<Vec<_>>()
@@ -589,8 +597,17 @@ mod tests {
     fn what_a_search_that_was_broken_off_found_is_never_the_only_one() {
         let problem = read::<ObservePush>(changed(&json!({}))).unwrap();
         let whole = problem.solve().unwrap();
-        let mut broken_off = 0;
-        for asks in 0.. {
+        let all = std::cell::Cell::new(0_usize);
+        problem
+            .solve_until(&|| {
+                all.set(all.get() + 1);
+                false
+            })
+            .unwrap();
+        let (all, mut broken_off) = (all.get(), 0);
+        // All over the search, and at each of the last questions.
+        let steps = (0..60).map(|share| all * share / 60).chain(all.saturating_sub(60)..=all);
+        for asks in steps {
             let asked = std::cell::Cell::new(0);
             let stop = || {
                 asked.set(asked.get() + 1);
@@ -598,8 +615,7 @@ mod tests {
             };
             match problem.solve_until(&stop) {
                 Ok(Searched { found, complete: true }) => {
-                    assert_eq!(found, whole);
-                    break;
+                    assert_eq!((found, asks), (whole.clone(), all));
                 }
                 Ok(Searched { found, complete: false }) => {
                     broken_off += 1;

@@ -15,7 +15,8 @@ use super::roll::{
     BodyFields, EggFields, HarmonicFields, PalmFields, Piecewise, RoundedFields, Spin, palm_acceleration, wxyz,
 };
 use crate::solve::fields::{NonNegative, Positive, default_gravity};
-use crate::solve::{InvalidInput, Pointer, Problem, SolveError, read};
+use crate::solve::read::word_or;
+use crate::solve::{InvalidInput, Pointer, Problem, SolveError};
 
 /// Semi-axes of an unknown ellipsoid where a problem does not say, m.
 const SEMI_AXES_RANGE: [f64; 2] = [0.005, 0.2];
@@ -79,11 +80,10 @@ const UNKNOWN: &str = "unknown";
 
 impl<'de> Deserialize<'de> for SemiAxes {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let value = serde_json::Value::deserialize(deserializer)?;
-        match value.as_str() {
-            Some(UNKNOWN) => Ok(Self::Unknown),
-            Some(other) => Err(D::Error::custom(format!("got \"{other}\", expected [a, b, c] in m or \"{UNKNOWN}\""))),
-            None => read(value).map(Self::Known).map_err(D::Error::custom),
+        match word_or(deserializer)? {
+            Ok(word) if word == UNKNOWN => Ok(Self::Unknown),
+            Ok(other) => Err(D::Error::custom(format!("got \"{other}\", expected [a, b, c] in m or \"{UNKNOWN}\""))),
+            Err(axes) => Ok(Self::Known(axes)),
         }
     }
 }

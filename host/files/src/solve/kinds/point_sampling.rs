@@ -1,21 +1,15 @@
 //! The kind `point_sampling`: points that tell shapes or poses apart.
 
-use std::time::{Duration, Instant};
+use std::cell::Cell;
 
 use palpate::geometry::SimplePolygon;
-use palpate::point_sampling::{self, Objective, Plan, Request};
-use palpate::{Searched, Stop};
+use palpate::point_sampling::{self, Objective, Plan, Request, Scene};
+use palpate::{Searched, Stop, never};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::solve::fields::{NonNegative, Polygon};
 use crate::solve::{InvalidInput, Problem, SolveError};
-
-/// Seconds to search where a problem does not say.
-const TIME_LIMIT_DEFAULT_S: f64 = 60.0;
-
-/// Longest search, s: a year.
-const TIME_LIMIT_MAX_S: f64 = 3.2e7;
 
 /// Most points by which any two polygons may be asked to differ.
 const SEPARATION_MAX: usize = 64;
@@ -45,9 +39,6 @@ pub struct PointSampling {
     /// What a choice of points is judged by.
     #[serde(default)]
     pub objective: ObjectiveName,
-    /// How long to search, s. The best found by then is the answer, with what is proven.
-    #[serde(default = "time_limit_default")]
-    pub time_limit: NonNegative,
     /// By how many points any two polygons must differ: 1 tells them apart, t + 1 notices t misread points, 2 t + 1 corrects
     /// them.
     #[serde(default = "one")]
@@ -60,10 +51,6 @@ fn zero() -> NonNegative {
 
 fn one() -> usize {
     1
-}
-
-fn time_limit_default() -> NonNegative {
-    NonNegative::try_from(TIME_LIMIT_DEFAULT_S).unwrap_or_default()
 }
 
 /// What is wanted of the points.
@@ -155,24 +142,31 @@ impl From<&Plan> for PointSamplingAnswer {
 
 impl Problem for PointSampling {
     const KIND: &'static str = "point_sampling";
-    const HAS_TIME_LIMIT: bool = true;
+    const TIME_LIMIT_S: Option<f64> = Some(60.0);
     type Answer = PointSamplingAnswer;
 
     fn solve(&self) -> Result<PointSamplingAnswer, SolveError> {
+        Ok(self.solve_until(&never)?.found)
+    }
+
+    fn solve_until(&self, stop: Stop<'_>) -> Result<Searched<PointSamplingAnswer>, SolveError> {
         if self.polygons.is_empty() {
             return Err(InvalidInput::at("polygons", "is empty: give at least one polygon").into());
         }
+        let request = self.request()?;
         let polygons: Vec<SimplePolygon> = self.polygons.iter().map(|polygon| (**polygon).clone()).collect();
-        let limit = Duration::from_secs_f64(self.time_limit.get().min(TIME_LIMIT_MAX_S));
-        let begun = Instant::now();
-        let plan = point_sampling::plan(&polygons, &self.request()?, &|| begun.elapsed() >= limit);
-        Ok((&plan).into())
-    }
-
-    /// The time limit is the problem's own: it has a default.
-    fn solve_until(&self, _: Stop<'_>) -> Result<Searched<PointSamplingAnswer>, SolveError> {
-        let found = self.solve()?;
-        let complete = found.optimal || self.objective == ObjectiveName::Greedy;
+        let stopped = Cell::new(false);
+        let stop = || {
+            stopped.set(stopped.get() || stop());
+            stopped.get()
+        };
+        // Without all regions nothing is known of any point.
+        let scene = Scene::new_until(&polygons, &stop).ok_or(SolveError::Stopped)?;
+        let plan = scene.plan_until(&request, &stop).ok_or(SolveError::Stopped)?;
+        let mut found = PointSamplingAnswer::from(&plan);
+        let complete = !stopped.get() && (plan.is_fewest() || self.objective == ObjectiveName::Greedy);
+        // As few may be proven, but more clearance was still looked for.
+        found.optimal &= complete || self.objective == ObjectiveName::Greedy;
         Ok(Searched { found, complete })
     }
 }

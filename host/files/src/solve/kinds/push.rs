@@ -3,8 +3,9 @@
 use nalgebra::Point2;
 use palpate::pushing::dynamics::{
     ContactForce, ContactLaw, ContactMode, EdgeEnd, EndReason, Part, Push as Simulation, PushError, PushModel, PushRun,
-    Sample, SecondContact, Slip, Start, State,
+    PushRunError, Sample, SecondContact, Slip, Start, State,
 };
+use palpate::{Searched, Stop, never};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -246,10 +247,17 @@ impl Problem for Push {
     type Answer = PushAnswer;
 
     fn solve(&self) -> Result<PushAnswer, SolveError> {
+        Ok(self.solve_until(&never)?.found)
+    }
+
+    fn solve_until(&self, stop: Stop<'_>) -> Result<Searched<PushAnswer>, SolveError> {
         let part = self.setup.part()?;
         let push = Simulation::new(self.model(&part)?, self.law()?, self.start()?, self.edge_end()).map_err(refuse)?;
-        let run = push.run(&self.own.times).map_err(|error| SolveError::Internal(error.to_string()))?;
-        Ok(self.answer(&part, &run))
+        let run = push.run_until(&self.own.times, stop).map_err(|error| match error {
+            PushRunError::Stopped { .. } => SolveError::Stopped,
+            _ => SolveError::Internal(error.to_string()),
+        })?;
+        Ok(Searched { found: self.answer(&part, &run), complete: true })
     }
 }
 

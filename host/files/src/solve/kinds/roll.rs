@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use palpate::rolling::{self, BodyError, Egg, PalmAcceleration, RollEndReason, RollError, RollingBody};
+use palpate::{Searched, Stop, never};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -237,13 +238,20 @@ impl Problem for Roll {
     type Answer = RollAnswer;
 
     fn solve(&self) -> Result<RollAnswer, SolveError> {
+        Ok(self.solve_until(&never)?.found)
+    }
+
+    fn solve_until(&self, stop: Stop<'_>) -> Result<Searched<RollAnswer>, SolveError> {
         let body = self.body.build().map_err(|error| error.inside("body"))?;
         let palm = palm_acceleration(self.palm_acceleration.as_ref());
         let RollStartFields { orientation, omega, u } = self.initial;
         let on = rolling::OnPalm { body: &body, spin: self.spin.into(), palm: &palm, g: self.g.get() };
         let roll = rolling::Roll::new(on, orientation, omega, u).map_err(refuse)?;
-        let run = roll.run(&self.times).map_err(|error| SolveError::Internal(error.to_string()))?;
-        Ok(RollAnswer::from(&run))
+        let run = roll.run_until(&self.times, stop).map_err(|error| match error {
+            RollError::Stopped { .. } => SolveError::Stopped,
+            _ => SolveError::Internal(error.to_string()),
+        })?;
+        Ok(Searched { found: RollAnswer::from(&run), complete: true })
     }
 }
 

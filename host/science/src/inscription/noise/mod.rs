@@ -131,7 +131,7 @@ pub fn estimate_until(
     let halt = Halt::new(stop);
     let lines = readings.lines();
     determined(part, &lines)?;
-    let objective = Objective::new(part, readings);
+    let objective = Objective::new(part, readings, &halt);
     let dof = readings.dof();
     let gate = chi_square_quantile(GATE, dof).max(GATE_WITHOUT_DOF);
     let mut modes: Vec<Settled> = Vec::new();

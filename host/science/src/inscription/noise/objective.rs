@@ -13,10 +13,14 @@ use crate::inscription::exact::{full_turn, miss_gradient};
 use crate::inscription::readings::{HalfPlane, Side};
 use crate::math::angle::wrap_angle;
 use crate::math::least_squares::NormalEquations;
+use crate::search::Halt;
 
 /// How exactly fences and jaws are taken to be known, as a share of the part's size: exact for every purpose, and still
 /// far enough from the rounding errors that descent keeps its digits.
 pub const FENCE_SD_RELATIVE: f64 = 1e-7;
+
+/// Readings between two questions whether to go on: each takes a walk round the part at worst.
+const LOOK_EACH: usize = 32;
 
 /// A part and its readings.
 pub(in crate::inscription) struct Objective<'a> {
@@ -25,6 +29,7 @@ pub(in crate::inscription) struct Objective<'a> {
     /// Of all coordinates here, world.
     pub origin: Point2<f64>,
     fence_sd: f64,
+    halt: &'a Halt<'a>,
 }
 
 /// The part's centre from the origin, and its turn.
@@ -61,10 +66,15 @@ pub(super) struct Residual {
 }
 
 impl<'a> Objective<'a> {
-    pub(in crate::inscription) fn new(part: &'a ConvexPolygon, readings: &'a NoisyReadings) -> Self {
+    /// None of its quadratics is found any more once `halt` is wished.
+    pub(in crate::inscription) fn new(
+        part: &'a ConvexPolygon,
+        readings: &'a NoisyReadings,
+        halt: &'a Halt<'a>,
+    ) -> Self {
         let first_bearing = readings.bearings.first().map(|bearing| bearing.apex);
         let origin = first_bearing.or(readings.fences.first().map(|fence| fence.point)).unwrap_or_default();
-        Self { part, readings, origin, fence_sd: FENCE_SD_RELATIVE * part.size() }
+        Self { part, readings, origin, fence_sd: FENCE_SD_RELATIVE * part.size(), halt }
     }
 
     /// How many readings there are: bearings first, then fences.
@@ -72,10 +82,21 @@ impl<'a> Objective<'a> {
         self.readings.bearings.len() + self.readings.fences.len()
     }
 
-    /// χ² and its derivatives; none where a sensor is inside the part.
+    /// Whether the search shall go on: none where it should not, for `?`.
+    pub(super) fn goes_on(&self) -> Option<()> {
+        self.halt.goes_on()
+    }
+
+    /// Before the work on one reading of many.
+    pub(super) fn goes_on_at(&self, index: usize) -> Option<()> {
+        if index.is_multiple_of(LOOK_EACH) { self.goes_on() } else { Some(()) }
+    }
+
+    /// χ² and its derivatives; none where a sensor is inside the part, or where it should halt.
     pub(super) fn quadratic(&self, placed: &Placed) -> Option<NormalEquations<3>> {
         let mut sum = NormalEquations::zero();
         for index in 0..self.count() {
+            self.goes_on_at(index)?;
             let Residual { value, row, .. } = self.residual(index, placed)?;
             sum.add(value, row);
         }

@@ -36,10 +36,12 @@ const BESIDE_SD: [f64; 4] = [1.0, 2.0, 3.0, 4.5];
 /// With more lines than this the triples are left out: redundant lines make the profile steep, with minima far apart.
 const LINES_MAX_FOR_TRIPLES: usize = 6;
 
-/// Places near every mode.
+/// Places near every mode; none where it should halt.
 pub(super) fn starts(objective: &Objective<'_>, lines: &[HalfPlane], gate: f64) -> Vec<Placed> {
     let turns = turns(objective, lines);
-    let profile: Vec<_> = turns.iter().map(|&theta| best_place(objective, lines, theta)).collect();
+    let place = |&theta: &f64| objective.goes_on().map(|()| best_place(objective, lines, theta));
+    // Of half a profile nobody knows the minima.
+    let Some(profile) = turns.iter().map(place).collect::<Option<Vec<_>>>() else { return Vec::new() };
     let n = profile.len();
     let sigma = objective.readings.sigma;
     let worth_a_start = if objective.readings.fences.is_empty() {
@@ -66,6 +68,7 @@ pub(super) fn beside(objective: &Objective<'_>, lines: &[HalfPlane], mode: &Sett
     let Some(covariance) = mode.information.try_inverse() else { return Vec::new() };
     let sd = covariance[(2, 2)].max(0.0).sqrt() / objective.part.size();
     let turns = BESIDE_SD.iter().flat_map(|steps| [steps * sd, -steps * sd]).filter(|turn| turn.abs() < PI);
+    let turns = turns.take_while(|_| objective.goes_on().is_some());
     turns.map(|turn| best_place(objective, lines, wrap_angle(mode.placed.theta + turn)).0).collect()
 }
 

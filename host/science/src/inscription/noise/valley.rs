@@ -106,6 +106,7 @@ impl Objective<'_> {
         let (n, sigma) = (self.part.corners().len(), self.readings.sigma);
         let mut edges = Vec::new();
         for (index, bearing) in self.readings.bearings.iter().enumerate() {
+            self.goes_on_at(index)?;
             let residual = self.residual(index, placed)?;
             if !sees_too_much(bearing, residual.value) {
                 continue;
@@ -184,6 +185,7 @@ impl Objective<'_> {
     fn held(&self, placed: &Placed, edges: &[Edge]) -> Option<NormalEquations<3>> {
         let mut sum = NormalEquations::zero();
         for index in 0..self.count() {
+            self.goes_on_at(index)?;
             let Residual { value, row, .. } = match edges.iter().find(|edge| edge.bearing == index) {
                 Some(edge) => self.bearing_residual(&self.readings.bearings[index], edge.corners[0], placed),
                 None => self.residual(index, placed)?,

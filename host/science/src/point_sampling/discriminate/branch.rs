@@ -84,7 +84,7 @@ impl<'a> Branch<'a> {
     fn tighten(&mut self, program: &mut Simplex, rounds: usize) -> Option<usize> {
         let mut history = Vec::new();
         loop {
-            if program.solve(PIVOTS_MAX) == End::Infeasible {
+            if program.solve(PIVOTS_MAX, self.stop) == End::Infeasible {
                 return None;
             }
             let (bound, reduced) = program.bound();
@@ -196,7 +196,7 @@ impl<'a> Branch<'a> {
     fn gain(&self, program: &Simplex, column: usize, share: f64, bound: f64) -> Option<f64> {
         let mut child = program.clone();
         child.fix(column, share);
-        let end = child.solve(PIVOTS_TRIAL);
+        let end = child.solve(PIVOTS_TRIAL, self.stop);
         let (risen, _) = child.bound();
         (end != End::Infeasible && whole_above(risen) < self.limit).then_some(risen - bound)
     }

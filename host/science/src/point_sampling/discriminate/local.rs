@@ -37,9 +37,13 @@ pub(super) struct Local<'a> {
 
 const NOWHERE: u32 = u32::MAX;
 
+/// Columns gone through between two questions whether to stop: less than a millisecond of work.
+const LOOK_EACH: u64 = 1 << 16;
+
 impl<'a> Local<'a> {
-    /// A search from a choice that separates every pair; none if the problem is too large to be held.
-    pub(super) fn new(columns: &'a Columns, start: &[usize]) -> Option<Self> {
+    /// A search from a choice that separates every pair; none if the problem is too large to be held, or where it should
+    /// stop before it begins.
+    pub(super) fn new(columns: &'a Columns, start: &[usize], stop: Stop<'_>) -> Option<Self> {
         let n = columns.sets;
         let entries: usize = columns.sides.iter().map(|side| side.row().count()).map(|side| side * (n - side)).sum();
         if entries > ENTRIES_MAX {
@@ -48,6 +52,9 @@ impl<'a> Local<'a> {
         let count = n * n.saturating_sub(1) / 2;
         let (mut separators, mut pairs) = (vec![Vec::new(); count], Vec::with_capacity(columns.len()));
         for (column, side) in columns.sides.iter().enumerate() {
+            if stop() {
+                return None;
+            }
             let numbers = pairs_of(n, side);
             numbers.iter().for_each(|&pair| separators[pair as usize].push(to_u32(column)));
             pairs.push(numbers);
@@ -81,6 +88,8 @@ impl<'a> Local<'a> {
     pub(super) fn run(&mut self, work: u64, target: usize, stop: Stop<'_>) -> Option<Vec<usize>> {
         let mut best = None;
         let end = self.work + work;
+        // A step goes through all columns, once or twice.
+        let look_each = (LOOK_EACH / self.columns.len().max(1) as u64).clamp(1, 256);
         while self.work < end {
             while self.open.is_empty() {
                 best = Some(self.choice());
@@ -90,7 +99,7 @@ impl<'a> Local<'a> {
                 let Some(column) = self.cheapest(false) else { return best };
                 self.remove(column);
             }
-            if self.step % 256 < 2 && stop() {
+            if self.step % look_each < 2 && stop() {
                 break;
             }
             let Some(column) = self.cheapest(true) else { break };

@@ -7,6 +7,8 @@
 //! Rounding grows with pivots, so nothing is concluded from the tableau itself: [`Simplex::bound`] computes from the
 //! rows' prices a lower bound that holds whatever the prices are, and that alone proves anything.
 
+use crate::search::Stop;
+
 /// Basic values this far out of bounds are mended by a pivot: far above rounding, far below what decides a bound.
 const INFEASIBLE: f64 = 1e-7;
 
@@ -175,9 +177,12 @@ impl Simplex {
         }
     }
 
-    /// Pivots until all values are within their bounds.
-    pub(super) fn solve(&mut self, pivots_max: u64) -> End {
+    /// Pivots until all values are within their bounds, or until it should stop.
+    pub(super) fn solve(&mut self, pivots_max: u64, stop: Stop<'_>) -> End {
         for _ in 0..pivots_max {
+            if stop() {
+                break;
+            }
             let Some((line, below)) = self.worst() else { return End::Optimal };
             let Some(place) = self.entering(line, below) else {
                 return if self.is_hopeless(line, below) { End::Infeasible } else { End::GivenUp };

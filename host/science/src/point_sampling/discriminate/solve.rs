@@ -5,7 +5,7 @@ use super::greedy::greedy_multiple;
 use super::local::Local;
 use super::partition::{Order, Outcome, Partition, SETS_MAX, log2_ceil};
 use super::system::{Columns, Demands, SetSystem};
-use crate::search::Stop;
+use crate::search::{Halt, Stop, never};
 
 /// What is asked for.
 #[derive(Clone, Copy)]
@@ -117,20 +117,33 @@ const ROUNDS_BRIEF: u32 = 2;
 /// ```
 #[must_use]
 pub fn fewest(system: &SetSystem, order: &[usize], search: &Search<'_>) -> Choice {
+    halting_fewest(system, order, search, &Halt::new(&never)).unwrap_or_default()
+}
+
+/// The same; none where `halt` ends what comes before the first choice, which `search.stop` does not end.
+pub(in crate::point_sampling) fn halting_fewest(
+    system: &SetSystem,
+    order: &[usize],
+    search: &Search<'_>,
+    halt: &Halt<'_>,
+) -> Option<Choice> {
     let separation = search.separation.max(1);
-    let columns = Columns::new(system, order, Demands::new(system, separation));
+    let columns = Columns::new(system, order, Demands::new(system, separation, halt)?, halt)?;
     let parts = if separation == 1 && search.target == 0 && search.effort == Effort::Full {
-        components(&columns)
+        components(&columns, halt)?
     } else {
         Vec::new()
     };
-    let found =
-        if parts.len() > 1 { by_components(&columns, &parts, search) } else { Rounds::new(&columns, search).run() };
+    let found = if parts.len() > 1 {
+        by_components(&columns, &parts, search, halt)?
+    } else {
+        Rounds::new(&columns, search, halt)?.run(halt)?
+    };
     // A component's own bound may be one more than what it takes beside the others.
     let proof = Proof { program: found.proof.program.min(found.lower_bound), ..found.proof };
     let mut elements: Vec<usize> = found.columns.iter().map(|&column| columns.elements[column]).collect();
     elements.sort_unstable();
-    Choice { elements, lower_bound: found.lower_bound, proof }
+    Some(Choice { elements, lower_bound: found.lower_bound, proof })
 }
 
 /// A choice of columns.
@@ -149,7 +162,8 @@ struct Rounds<'a> {
 }
 
 impl<'a> Rounds<'a> {
-    fn new(columns: &'a Columns, search: &'a Search<'a>) -> Self {
+    /// With the greedy choice; none where it should halt before.
+    fn new(columns: &'a Columns, search: &'a Search<'a>, halt: &Halt<'_>) -> Option<Self> {
         let demands = &columns.demands;
         let digits = match columns.sets {
             0 | 1 => 0,
@@ -161,19 +175,21 @@ impl<'a> Rounds<'a> {
             _ => demands.largest(),
         };
         let proof = Proof { digits, ..Proof::default() };
-        let greedy = greedy_multiple(columns);
-        Self { columns, search, found: Found { columns: greedy, lower_bound: digits, proof } }
+        let greedy = greedy_multiple(columns, halt)?;
+        Some(Self { columns, search, found: Found { columns: greedy, lower_bound: digits, proof } })
     }
 
-    fn run(mut self) -> Found {
+    fn run(mut self, halt: &Halt<'_>) -> Option<Found> {
         // Sets that nothing tells apart have no bound of their own: the greedy choice separates what can be.
-        if self.search.effort == Effort::Greedy || self.is_over() || !self.columns.are_separated_by(&self.found.columns)
+        if self.search.effort == Effort::Greedy
+            || self.is_over()
+            || !self.columns.halting_are_separated_by(&self.found.columns, halt)?
         {
             self.found.lower_bound = self.found.lower_bound.min(self.found.columns.len());
-            return self.found;
+            return Some(self.found);
         }
         let start = self.found.columns.clone();
-        let mut local = Local::new(self.columns, &start);
+        let mut local = Local::new(self.columns, &start, self.search.stop);
         // Up to one less than is known: whether that many are enough is asked when local search has found what it can.
         self.refute(REFUTED_AT_ONCE, 1);
         for round in 0.. {
@@ -201,7 +217,7 @@ impl<'a> Rounds<'a> {
                 break;
             }
         }
-        self.found
+        Some(self.found)
     }
 
     fn is_over(&self) -> bool {
@@ -289,10 +305,11 @@ struct Component {
     columns: Vec<usize>,
 }
 
-/// What the sets fall apart into, the smallest first.
-fn components(columns: &Columns) -> Vec<Component> {
+/// What the sets fall apart into, the smallest first; none where it should halt before.
+fn components(columns: &Columns, halt: &Halt<'_>) -> Option<Vec<Component>> {
     let mut part: Vec<usize> = (0..columns.sets).collect();
     for holders in &columns.holders {
+        halt.goes_on()?;
         let least = holders.row().iter().map(|set| part[set]).min().unwrap_or(0);
         let joined: Vec<usize> = holders.row().iter().map(|set| part[set]).collect();
         part.iter_mut().filter(|part| joined.contains(part)).for_each(|part| *part = least);
@@ -306,13 +323,13 @@ fn components(columns: &Columns) -> Vec<Component> {
     }
     parts.retain(|part| !part.sets.is_empty());
     parts.sort_by_key(|part| (part.sets.len(), part.columns.len()));
-    parts
+    Some(parts)
 }
 
 /// Solves components one by one. Two sets of different components are told apart unless both have no chosen element, so
 /// in all components but one no set may be without. That is what an empty set beside the others asks for; leaving it
 /// out saves one element at most.
-fn by_components(columns: &Columns, parts: &[Component], search: &Search<'_>) -> Found {
+fn by_components(columns: &Columns, parts: &[Component], search: &Search<'_>, halt: &Halt<'_>) -> Option<Found> {
     let mut total = Found {
         proof: Proof { digits: log2_ceil(u32::try_from(columns.sets).unwrap_or(u32::MAX)), ..Proof::default() },
         ..Found::default()
@@ -321,7 +338,7 @@ fn by_components(columns: &Columns, parts: &[Component], search: &Search<'_>) ->
     let mut settled = parts.iter().any(|part| part.columns.is_empty());
     let mut saved = 0;
     for part in parts {
-        let with = solve_part(columns, part, true, search);
+        let with = solve_part(columns, part, true, search, halt)?;
         let mut chosen = with.columns.clone();
         total.lower_bound += with.lower_bound;
         add_proof(&mut total.proof, &with.proof);
@@ -330,7 +347,7 @@ fn by_components(columns: &Columns, parts: &[Component], search: &Search<'_>) ->
             let without = if part.sets.len() == 1 {
                 Found::default()
             } else {
-                solve_part(columns, part, false, &Search { target, ..*search })
+                solve_part(columns, part, false, &Search { target, ..*search }, halt)?
             };
             total.proof.branches += without.proof.branches;
             total.proof.partitions += without.proof.partitions;
@@ -345,7 +362,7 @@ fn by_components(columns: &Columns, parts: &[Component], search: &Search<'_>) ->
     }
     total.lower_bound = total.lower_bound.saturating_sub(saved).max(total.proof.digits);
     total.proof.program = total.proof.program.saturating_sub(saved);
-    total
+    Some(total)
 }
 
 fn add_proof(total: &mut Proof, part: &Proof) {
@@ -360,7 +377,8 @@ fn solve_part(
     Component { sets, columns: own }: &Component,
     with_empty: bool,
     search: &Search<'_>,
-) -> Found {
+    halt: &Halt<'_>,
+) -> Option<Found> {
     let elements = own.iter().map(|&column| {
         let holders = columns.holders[column].row();
         let inside = sets.iter().enumerate().filter(|(_, set)| holders.has(**set)).map(|(place, _)| place);
@@ -368,8 +386,8 @@ fn solve_part(
     });
     let system = SetSystem::new(sets.len() + usize::from(with_empty), elements.collect());
     let order: Vec<usize> = (0..own.len()).collect();
-    let part = Columns::new(&system, &order, Demands::new(&system, 1));
-    let found = Rounds::new(&part, search).run();
+    let part = Columns::new(&system, &order, Demands::new(&system, 1, halt)?, halt)?;
+    let found = Rounds::new(&part, search, halt)?.run(halt)?;
     let chosen = found.columns.iter().map(|&column| own[part.elements[column]]).collect();
-    Found { columns: chosen, ..found }
+    Some(Found { columns: chosen, ..found })
 }

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use crate::math::bits::{BitRow, BitSet};
+use crate::search::{Halt, never};
 
 /// Sets to tell apart, and the elements that can be asked for.
 ///
@@ -74,16 +75,42 @@ impl SetSystem {
     /// Pairs of sets, the lesser number first, that differ by fewer than `least` of these elements, and by how many.
     #[must_use]
     pub fn shortfalls(&self, elements: &[usize], least: usize) -> Vec<([usize; 2], usize)> {
-        let codes: Vec<_> = (0..self.sets).map(|set| self.code(set, elements)).collect();
-        let of = |i: usize| (i + 1..codes.len()).map(move |j| [i, j]);
-        let differ = |[i, j]: [usize; 2]| ([i, j], distance_up_to(&codes[i], &codes[j], least));
-        (0..codes.len()).flat_map(of).map(differ).filter(|(_, count)| *count < least).collect()
+        self.halting_shortfalls(elements, least, &Halt::new(&never)).unwrap_or_default()
+    }
+
+    /// The same; none where it should halt before.
+    pub(super) fn halting_shortfalls(
+        &self,
+        elements: &[usize],
+        least: usize,
+        halt: &Halt<'_>,
+    ) -> Option<Vec<([usize; 2], usize)>> {
+        let code = |set| halt.goes_on().map(|()| self.code(set, elements));
+        let codes: Vec<_> = (0..self.sets).map(code).collect::<Option<_>>()?;
+        let mut short = Vec::new();
+        for (i, a) in codes.iter().enumerate() {
+            halt.goes_on()?;
+            let differ = |(j, b)| ([i, j], distance_up_to(a, b, least));
+            short.extend(codes.iter().enumerate().skip(i + 1).map(differ).filter(|(_, count)| *count < least));
+        }
+        Some(short)
     }
 
     /// Whether any two sets differ by `least` of these elements, or by as many as they differ by at all.
     #[must_use]
     pub fn keeps_apart(&self, elements: &[usize], least: usize) -> bool {
-        self.shortfalls(elements, least) == self.shortfalls(&self.all(), least)
+        self.halting_keeps_apart(elements, least, &Halt::new(&never)).unwrap_or(false)
+    }
+
+    /// The same; none where it should halt before.
+    pub(in crate::point_sampling) fn halting_keeps_apart(
+        &self,
+        elements: &[usize],
+        least: usize,
+        halt: &Halt<'_>,
+    ) -> Option<bool> {
+        let all = self.halting_shortfalls(&self.all(), least, halt)?;
+        Some(self.halting_shortfalls(elements, least, halt)? == all)
     }
 
     fn all(&self) -> Vec<usize> {
@@ -100,7 +127,17 @@ impl SetSystem {
     /// Pairs of sets, the lesser number first, that differ by fewer than `least` elements of all.
     #[must_use]
     pub fn closer_than(&self, least: usize) -> Vec<[usize; 2]> {
-        self.shortfalls(&self.all(), least).into_iter().map(|(pair, _)| pair).collect()
+        self.halting_closer_than(least, &Halt::new(&never)).unwrap_or_default()
+    }
+
+    /// The same; none where it should halt before.
+    pub(in crate::point_sampling) fn halting_closer_than(
+        &self,
+        least: usize,
+        halt: &Halt<'_>,
+    ) -> Option<Vec<[usize; 2]>> {
+        let short = self.halting_shortfalls(&self.all(), least, halt)?;
+        Some(short.into_iter().map(|(pair, _)| pair).collect())
     }
 }
 
@@ -132,16 +169,18 @@ pub(super) struct Demands {
 
 impl Demands {
     /// `separation` of any two sets that differ by so many elements of the system; all by which they differ of others.
-    pub(super) fn new(system: &SetSystem, separation: usize) -> Self {
+    /// None where it should halt before.
+    pub(super) fn new(system: &SetSystem, separation: usize, halt: &Halt<'_>) -> Option<Self> {
         // Sets that nothing tells apart are told from what is chosen: see `Rounds`.
-        let short = if separation > 1 { system.shortfalls(&system.all(), separation) } else { Vec::new() };
+        let short =
+            if separation > 1 { system.halting_shortfalls(&system.all(), separation, halt)? } else { Vec::new() };
         let fewest = short.iter().map(|(_, count)| *count).min().unwrap_or(separation);
         let mut of_pair = Vec::new();
         if !short.is_empty() {
             of_pair = vec![separation; system.sets * system.sets.saturating_sub(1) / 2];
             short.iter().for_each(|&([i, j], count)| of_pair[pair_number(i, j)] = count);
         }
-        Self { most: separation, fewest, of_pair }
+        Some(Self { most: separation, fewest, of_pair })
     }
 
     /// Of a pair, by its [`pair_number`].
@@ -179,13 +218,15 @@ pub(super) struct Columns {
 impl Columns {
     /// Of elements that separate the same pairs keeps those that come first in `order`, as many as any two sets are to
     /// differ by.
-    pub(super) fn new(system: &SetSystem, order: &[usize], demands: Demands) -> Self {
+    /// None where it should halt before.
+    pub(super) fn new(system: &SetSystem, order: &[usize], demands: Demands, halt: &Halt<'_>) -> Option<Self> {
         let copies = demands.most;
         let all = BitSet::full(system.sets);
         let mut known: HashMap<BitSet, usize> = HashMap::new();
         let (sides, holders, elements) = (Vec::new(), Vec::new(), Vec::new());
         let mut columns = Self { sets: system.sets, sides, holders, elements, demands };
         for &element in order {
+            halt.goes_on()?;
             let mut side = system.holders[element].clone();
             if system.sets > 0 && side.row().has(0) {
                 side.toggle(all.row());
@@ -201,7 +242,14 @@ impl Columns {
                 columns.elements.push(element);
             }
         }
-        columns
+        Some(columns)
+    }
+
+    /// The same for separation 1, however long it takes.
+    pub(super) fn of_all(system: &SetSystem, order: &[usize]) -> Self {
+        let halt = Halt::new(&never);
+        let columns = Demands::new(system, 1, &halt).and_then(|demands| Self::new(system, order, demands, &halt));
+        columns.unwrap_or_else(|| unreachable!("nobody wishes it to halt"))
     }
 
     /// How many columns there are.
@@ -214,12 +262,24 @@ impl Columns {
         let side = self.sides[column].row();
         side.has(a) != side.has(b)
     }
+
     /// Whether these columns separate every pair as often as is demanded.
     pub(super) fn are_separated_by(&self, chosen: &[usize]) -> bool {
+        self.halting_are_separated_by(chosen, &Halt::new(&never)).unwrap_or(false)
+    }
+
+    /// The same; none where it should halt before.
+    pub(super) fn halting_are_separated_by(&self, chosen: &[usize], halt: &Halt<'_>) -> Option<bool> {
         let apart = |a: usize, b: usize| {
             let separating = chosen.iter().filter(|&&column| self.separates(column, a, b)).count();
             separating >= self.demands.of(pair_number(a, b))
         };
-        (0..self.sets).all(|a| (0..a).all(|b| apart(a, b)))
+        for a in 0..self.sets {
+            halt.goes_on()?;
+            if !(0..a).all(|b| apart(a, b)) {
+                return Some(false);
+            }
+        }
+        Some(true)
     }
 }

@@ -6,7 +6,7 @@ use proptest::prelude::*;
 
 use super::cuts::Cuts;
 use super::partition::{Order, Outcome, Partition, distances, log2_ceil};
-use super::system::{Columns, Demands};
+use super::system::Columns;
 use super::*;
 use crate::math::bits::BitSet;
 
@@ -92,7 +92,7 @@ proptest! {
         let (sets, holders) = holders;
         let of = |mask: &u32| BitSet::of(sets, (0..sets).filter(|set| mask >> set & 1 == 1));
         let system = SetSystem::new(sets, holders.iter().map(of).collect());
-        let columns = Columns::new(&system, &all(&system), Demands::new(&system, 1));
+        let columns = Columns::of_all(&system, &all(&system));
         let least = by_exhaustion(&system, 1);
         let order = if first_most { Order::Most } else { Order::Fewest };
         for size in 0..=columns.len() {
@@ -141,7 +141,7 @@ proptest! {
 
     #[test]
     fn every_choice_that_tells_apart_keeps_every_counting_row(system in systems(2..9, 9), group in 1..512_usize) {
-        let columns = Columns::new(&system, &all(&system), Demands::new(&system, 1));
+        let columns = Columns::of_all(&system, &all(&system));
         let group = BitSet::of(system.sets(), (0..system.sets()).filter(|set| group >> set & 1 == 1));
         prop_assume!(group.row().count() > 1);
         let row = Cuts::new(&columns).counting_row(&group);
@@ -212,7 +212,7 @@ fn as_many_sets_as_fit_a_mask_are_told_apart_by_their_digits() {
     let sets: Vec<Vec<usize>> =
         (0..64_usize).map(|i| (0..6).filter(|bit| i >> bit & 1 == 1).chain(6..6 + i).collect()).collect();
     let system = SetSystem::from_sets(6 + 63, &sets);
-    let columns = Columns::new(&system, &all(&system), Demands::new(&system, 1));
+    let columns = Columns::of_all(&system, &all(&system));
     let search = |size| Partition::new(u64::MAX, Order::Fewest, &|| false).search(&columns, size);
     assert_eq!(search(5), Outcome::Refuted);
     let Outcome::Found(found) = search(6) else { panic!("6 digits are enough") };

@@ -7,7 +7,7 @@
 use std::collections::{HashMap, HashSet};
 
 use super::solve::Search;
-use super::system::{Columns, Demands, SetSystem};
+use super::system::{Columns, SetSystem};
 use crate::math::bits::BitSet;
 
 /// States that the search for less depth may look at.
@@ -55,7 +55,7 @@ impl Question {
 /// A tree of questions of small depth, and the least depth that is proven to be needed.
 #[must_use]
 pub fn questions(system: &SetSystem, order: &[usize], search: &Search<'_>) -> (Question, usize) {
-    let columns = Columns::new(system, order, Demands::new(system, 1));
+    let columns = Columns::of_all(system, order);
     let all = BitSet::full(columns.sets);
     let mut asker = Asker { columns: &columns, hopeless: HashSet::new(), states: 0, search };
     let mut best = asker.balanced(&all);

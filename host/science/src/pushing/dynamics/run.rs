@@ -24,6 +24,7 @@ use super::mode_change::first_ended;
 use super::model::{ContactMode, State};
 use super::push::{ContactLaw, EdgeEnd, PushOf, Start, gap};
 use super::rest::{RestError, RestStart};
+use crate::search::{Halt, Stop, never};
 
 /// Normal force per mass, m/s², below which a contact at a leg's start may be about to end: a thousandth of rounding in
 /// g would not show here.
@@ -178,6 +179,12 @@ pub enum PushRunError {
         /// How far it got, s.
         t: f64,
     },
+    /// It was told to stop.
+    #[error("the push was stopped at t = {t:?} s")]
+    Stopped {
+        /// How far it got, s.
+        t: f64,
+    },
     /// Derivatives were asked for of a push that has none.
     #[error(
         "a push {what} has no derivatives here: derive one that starts in motion, with a finger of one acceleration"
@@ -240,10 +247,26 @@ impl<M: ContactModel> PushOf<M> {
     /// # Errors
     /// [`PushRunError`].
     pub fn run(&self, times: &[f64]) -> Result<PushRun, PushRunError> {
+        self.run_until(times, &never)
+    }
+
+    /// The same, ended when `stop` says so.
+    ///
+    /// # Errors
+    /// [`PushRunError`]; [`PushRunError::Stopped`] where `stop` ended it: half a push is none.
+    pub fn run_until(&self, times: &[f64], stop: Stop<'_>) -> Result<PushRun, PushRunError> {
+        self.halting_run(times, &Halt::new(stop))
+    }
+
+    /// [`Self::run_until`], for several runs that halt together.
+    pub(crate) fn halting_run(&self, times: &[f64], halt: &Halt<'_>) -> Result<PushRun, PushRunError> {
         let &time_end = times.last().ok_or(PushRunError::NoTimes)?;
-        let mut simulation = Simulation::new(self, times, time_end);
+        let mut simulation = Simulation::new(self, times, time_end, halt);
         let mut next = simulation.begin()?;
         loop {
+            if halt.is_wished() {
+                return Err(PushRunError::Stopped { t: simulation.last.t });
+            }
             next = match next {
                 Next::End(reason) => return Ok(simulation.finish(reason)),
                 Next::Leg(leg) => simulation.follow(leg)?,
@@ -284,6 +307,7 @@ impl<M: ContactModel> PushOf<M> {
 
 /// A push under way.
 struct Simulation<'a, M> {
+    halt: &'a Halt<'a>,
     push: &'a PushOf<M>,
     /// With the finger's present path.
     model: M,
@@ -302,12 +326,13 @@ struct Simulation<'a, M> {
 }
 
 impl<'a, M: ContactModel> Simulation<'a, M> {
-    fn new(push: &'a PushOf<M>, times: &'a [f64], time_end: f64) -> Self {
+    fn new(push: &'a PushOf<M>, times: &'a [f64], time_end: f64, halt: &'a Halt<'a>) -> Self {
         let (u, s) = push.start.contact();
         let state = State { u, s, omega: 0.0, v_t: 0.0 };
         let theta = push.model.theta(&state);
         let theta_offset = Rotation2::new(theta).angle() - theta;
         Self {
+            halt,
             push,
             model: push.model,
             times,
@@ -488,6 +513,9 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
         let until = self.horizon(time);
         let contact = self.push.law.at_rest();
         loop {
+            if self.halt.is_wished() {
+                return Err(PushRunError::Stopped { t: time });
+            }
             let asked = self.times.get(self.samples.len()).copied().filter(|&asked| asked <= until);
             let still = Sample { force: None, ..self.sample(asked.unwrap_or(until), &contact, &state) };
             self.record(still);
@@ -554,6 +582,9 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
         let scale = Scale::of(self.model(), &leg.contact, leg.time, &leg.state);
         loop {
             self.steps += 1;
+            if self.halt.is_wished() {
+                return Err(PushRunError::Stopped { t: leg.time });
+            }
             if self.steps > STEPS_MAX {
                 return Err(PushRunError::TooLong { t: leg.time });
             }
@@ -717,6 +748,9 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
     fn sample_step(&mut self, leg: &Leg, step: &Step, share: f64) {
         let last = step.time + share * step.length;
         while let Some(&asked) = self.times.get(self.samples.len()).filter(|&&asked| asked <= last) {
+            if self.halt.is_wished() {
+                return; // The run ends with that, not with a push that lacks samples.
+            }
             let inside = Step::take(self.model(), &leg.contact, step.time, step.start(), asked - step.time);
             self.record(self.sample(asked, &leg.contact, &inside.end()));
         }

@@ -15,6 +15,7 @@ use crate::math::least_squares::profile::{self, Beside};
 use crate::math::least_squares::{
     self, Damping, Enough, Floor, LeastSquaresProblem, LeastSquaresSettings, NormalEquations, Trial,
 };
+use crate::search::Halt;
 
 /// Column of the spin among those of a state: fixed where there is none.
 pub(super) const SPIN_COLUMN: usize = 5;
@@ -140,12 +141,12 @@ impl Unknowns {
         self.columns.count() + 2 - usize::from(self.spin == Spin::NoSpin)
     }
 
-    /// The best fit near `start`.
-    pub(super) fn fit(&self, track: &Track, start: Point, effort: &Effort) -> RollFit {
+    /// The best fit near `start`; what it had come to where it should halt before.
+    pub(super) fn fit(&self, track: &Track, start: Point, effort: &Effort, halt: &Halt<'_>) -> RollFit {
         match self.columns.count() {
-            6 => self.fit_columns::<6, 8>(track, start, effort),
-            9 => self.fit_columns::<9, 11>(track, start, effort),
-            _ => self.fit_columns::<12, 14>(track, start, effort),
+            6 => self.fit_columns::<6, 8>(track, start, effort, halt),
+            9 => self.fit_columns::<9, 11>(track, start, effort, halt),
+            _ => self.fit_columns::<12, 14>(track, start, effort, halt),
         }
     }
 
@@ -180,12 +181,18 @@ impl Unknowns {
         promised.is_finite().then(|| Approach { point: self.moved(start, &step), promised })
     }
 
-    fn fit_columns<const N: usize, const P: usize>(&self, track: &Track, start: Point, effort: &Effort) -> RollFit {
+    fn fit_columns<const N: usize, const P: usize>(
+        &self,
+        track: &Track,
+        start: Point,
+        effort: &Effort,
+        halt: &Halt<'_>,
+    ) -> RollFit {
         let settings = effort.settings();
         let fitting = Fitting::<N> { unknowns: self, track, effort };
         // A cost that hardly grows is at its minimum.
         let is_flat = |trial: &Trial<'_, Weighed<P>>| {
-            !trial.is_lower && trial.cost_after - trial.cost_before < effort.enough.absolute
+            halt.is_wished() || !trial.is_lower && trial.cost_after - trial.cost_before < effort.enough.absolute
         };
         let Weighed { point, equations } =
             least_squares::minimise(&fitting, fitting.weighed(start), &settings, is_flat).place;

@@ -296,11 +296,15 @@ impl RollQuestion {
         coverage.add(&sought.coverage);
         let best = sought.fits.first().map_or(0.0, |fit| fit.cost);
         let worth = sought.fits.into_iter().filter(|fit| fit.cost <= best + WORTH_POLISHING);
-        let polish = Polish { unknowns: &unknowns, track: &track, fine: &fine, noise: self.noise };
+        let polish = Polish { unknowns: &unknowns, track: &track, fine: &fine, noise: self.noise, halt };
         let mut solutions: Vec<Solution> = Vec::new();
         let mut least = f64::INFINITY;
         for fit in worth.take_while(|_| !halt.is_wished()) {
             let solution = polish.solution(fit, least + LISTED);
+            // What was broken off is not at its minimum.
+            if halt.is_wished() {
+                break;
+            }
             if solution.fit.cost.is_finite() {
                 least = least.min(solution.fit.cost);
                 solutions.push(solution);
@@ -339,13 +343,14 @@ struct Polish<'a> {
     /// Those of the last fit.
     fine: &'a Track,
     noise: Noise,
+    halt: &'a Halt<'a>,
 }
 
 impl Polish<'_> {
     /// By least squares; where readings were rounded, then by the bounds of rounding. What costs more than is listed
     /// needs no covariance of a bent valley.
     fn solution(&self, fit: RollFit, listed: f64) -> Solution {
-        let Self { unknowns, fine, noise, .. } = *self;
+        let Self { unknowns, fine, noise, halt, .. } = *self;
         let squares = Effort {
             ranks: fine.ranks_max(),
             iterations: 40,
@@ -353,18 +358,19 @@ impl Polish<'_> {
             palm_sigma: f64::INFINITY,
             norm: Norm::Squares,
         };
-        let mut fit = unknowns.fit(fine, self.begun(fit), &squares);
+        let mut fit = unknowns.fit(fine, self.begun(fit), &squares, halt);
         let residuals = unknowns.residuals(fine, &fit.point);
         let mut residual_max = residuals.max;
         let mut ends = unknowns.ends(fine, &fit.point);
-        let valley = (fit.cost <= listed).then(|| Valley::through(unknowns, fine, &fit, &ends)).flatten();
+        let valley =
+            (fit.cost <= listed && !halt.is_wished()).then(|| Valley::through(unknowns, fine, &fit, &ends)).flatten();
         if let Noise::Grid(pitch) = noise
             && residuals.max <= ROUNDING_MAX * pitch
         {
             let enough = Enough { relative: 1e-4, absolute: 0.0, damping_max: 1.0 };
             let bounded = Effort { iterations: 20, enough, norm: Norm::Bounded(0.5 * pitch), ..squares };
             // Cost and information stay those of least squares: the bound they give is on the safe side.
-            fit.point = unknowns.fit(fine, fit.point, &bounded).point;
+            fit.point = unknowns.fit(fine, fit.point, &bounded, halt).point;
             residual_max = unknowns.residuals(fine, &fit.point).max;
             ends = unknowns.ends(fine, &fit.point);
         }

@@ -273,7 +273,7 @@ impl Ground<'_> {
             coverage.attitudes += attitudes.len();
             let cell = cell_radius(body.symmetry(), attitudes.len());
             coverage.cell = coverage.cell.max(cell);
-            for attitude in attitudes.iter() {
+            for attitude in attitudes.iter().take_while(|_| !self.halt.is_wished()) {
                 self.spins(model, &(heading * attitude), cell, derivatives, |state, cells| {
                     candidates.push(Candidate { state, body: index, cells });
                 });
@@ -446,7 +446,7 @@ impl Ground<'_> {
         let points = points.into_iter();
         let mut fits: Vec<RollFit> = points
             .take_while(|_| !self.halt.is_wished())
-            .map(|point| self.unknowns.fit(self.track, point, effort))
+            .map(|point| self.unknowns.fit(self.track, point, effort, self.halt))
             .collect();
         fits.retain(|fit| fit.cost.is_finite());
         fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));

@@ -97,12 +97,7 @@ pub(super) fn pose_covariance(fitting: &Fitting, descent: &Descent, state: &Matr
 fn bend_of_the_valley(fitting: &Fitting, descent: &Descent) -> Option<Matrix3<f64>> {
     let Evaluation { candidate, end_by_start, .. } = &descent.evaluation;
     let covariance = covariance_of_unknowns(fitting, descent)?;
-    let sizes = [1.0, fitting.known.part.inertia_per_mass().sqrt()];
-    let width = |unknown: usize| covariance[(unknown, unknown)].max(0.0).sqrt() / sizes[unknown];
-    let axis = if width(ANGLE) > width(PLACE) { ANGLE } else { PLACE };
-    if width(axis) <= WIDE {
-        return None;
-    }
+    let axis = wide_axis(fitting, &covariance)?;
     let (variance, bounds) = (covariance[(axis, axis)], fitting.bounds(candidate)[axis]);
     let deviation = variance.sqrt();
     // By how much the unknowns change along the valley, and the pose, were it straight.
@@ -131,6 +126,19 @@ fn bend_of_the_valley(fitting: &Fitting, descent: &Descent) -> Option<Matrix3<f6
         sides += 1.0;
     }
     (sides > 0.0).then(|| bent / sides)
+}
+
+/// Whether angle or place are known so poorly that [`pose_covariance`] goes along their valley.
+pub(super) fn is_wide(fitting: &Fitting, descent: &Descent) -> bool {
+    covariance_of_unknowns(fitting, descent).is_some_and(|covariance| wide_axis(fitting, &covariance).is_some())
+}
+
+/// The worse known of angle and place; none where both are known well.
+fn wide_axis(fitting: &Fitting, covariance: &Matrix5<f64>) -> Option<usize> {
+    let sizes = [1.0, fitting.known.part.inertia_per_mass().sqrt()];
+    let width = |unknown: usize| covariance[(unknown, unknown)].max(0.0).sqrt() / sizes[unknown];
+    let axis = if width(ANGLE) > width(PLACE) { ANGLE } else { PLACE };
+    (width(axis) > WIDE).then_some(axis)
 }
 
 /// The part's pose at the last value.

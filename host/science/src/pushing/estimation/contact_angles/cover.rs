@@ -131,6 +131,7 @@ mod tests {
     use crate::geometry::SimplePolygon;
     use crate::pushing::dynamics::{ContactLaw, EdgeEnd, Finger, Part, Push, PushModel, Start, State};
     use crate::pushing::estimation::{Channel, Known, Measured, Observation, Prior, Touch};
+    use crate::search::{Effort, Halt, never};
 
     #[test]
     fn a_cell_has_slope_and_curvature_of_the_least_cost_by_the_place() {
@@ -149,9 +150,10 @@ mod tests {
             let prior = Prior { omega0_sigma: Some(0.5), v_t0_sigma: Some(0.004), mu_g_log_sigma: Some(0.2) };
             let observation =
                 Observation { dt: 0.05, measured: Measured::ContactAngle(Channel { values, sigma: 2e-3 }), prior };
-            let simulations = std::cell::Cell::new(0);
+            let halt = Halt::new(&never);
+            let effort = Effort::new(&halt);
             let given = Given { known: &known, data: Data::new(&observation), prior };
-            let fitting = Fitting::new(given, fineness(2e-3, 1.0), 1e-4, &simulations);
+            let fitting = Fitting::new(given, fineness(2e-3, 1.0), 1e-4, &effort);
             let held = fitting.holding_the_place();
             let interval = contact_intervals(&part, finger.radius)[0];
             let start_mode = StartMode::all(&known)[0];

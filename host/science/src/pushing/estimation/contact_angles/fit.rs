@@ -8,8 +8,6 @@
 //!
 //! Frames: world. Units: SI; costs of no dimension. Errors: none; unknowns that lead to no motion have no evaluation.
 
-use std::cell::Cell;
-
 use nalgebra::{Matrix4x5, Matrix5, RowVector5, SMatrix, SVector, Vector2, Vector5};
 
 use super::clock::{Clock, Fineness, ValueTimes};
@@ -25,6 +23,7 @@ use crate::math::least_squares::{
 };
 use crate::pushing::dynamics::{ContactMode, Scalar, State};
 use crate::pushing::estimation::observation::{Channel, Known, MU_G_LOG_MAX, Prior, Touch};
+use crate::search::Effort;
 
 /// |ω| at t = 0 at most, where there is no prior, rad/s. Fixed by the interface.
 const OMEGA0_MAX: f64 = 10.0;
@@ -106,8 +105,8 @@ pub(super) struct Fitting<'a, 'p> {
     pub(super) constraint_stiffness: f64,
     /// What is taken as it is, of the unknowns.
     pub(super) held_unknown: Option<usize>,
-    /// Counts the forward simulations.
-    pub(super) simulations: &'a Cell<usize>,
+    /// Counts the forward simulations, and ends them.
+    pub(super) effort: &'a Effort<'a>,
 }
 
 /// What hypotheses are judged by.
@@ -245,7 +244,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
         Given { known, data, prior }: Given<'a, 'p>,
         fineness: Fineness,
         rest_error: f64,
-        simulations: &'a Cell<usize>,
+        effort: &'a Effort<'a>,
     ) -> Self {
         let duration = data.duration();
         // The direction of the first move changes with the way gone, so angles err by its square.
@@ -255,7 +254,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
         let clock = Clock::new(ValueTimes { dt: data.dt, values: data.values }, rest_span, fineness, |time| {
             relaxation_time(known, &data, time)
         });
-        Self { known, data, prior, clock, rest_span, constraint_stiffness: 1.0, held_unknown: None, simulations }
+        Self { known, data, prior, clock, rest_span, constraint_stiffness: 1.0, held_unknown: None, effort }
     }
 
     /// The same with the place as it is.
@@ -266,6 +265,11 @@ impl<'a, 'p> Fitting<'a, 'p> {
     /// The same for the first so many values alone, with the same steps: what it costs is no more than what all cost.
     pub(super) fn of_first(&self, values: usize) -> Self {
         Self { data: self.data.first(values), clock: self.clock.first(values), ..self.clone() }
+    }
+
+    /// Whether the search shall go on: none where it should not, for `?`.
+    pub(super) fn goes_on(&self) -> Option<()> {
+        self.effort.halt().goes_on()
     }
 
     /// The range of each unknown.
@@ -330,7 +334,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
     /// The cost alone, without derivatives.
     pub(super) fn cost(&self, candidate: &Candidate) -> Option<f64> {
         let Candidate { interval, start_mode, unknowns, past } = candidate;
-        self.simulations.update(|count| count + 1);
+        self.effort.simulate()?;
         // The start of the path that the unknowns name.
         let mu_g = self.mu_g::<f64>(candidate);
         let known = self.known_by(candidate);
@@ -339,7 +343,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
         let (mut cost, mut common) = (0.0, Common::none());
         // Along the path: one residual a value. An unknown mass, an offset of all logarithms, is taken out: Σ(r − r̄)²
         // = Σr² − (Σr)²/n.
-        let path = follow(&known, interval, &initial_state, &self.clock, |value, seen| {
+        let path = follow(&known, interval, &initial_state, &self.clock, self.effort.halt(), |value, seen| {
             self.residuals(value, &seen, &mut common, |residual: f64| cost += residual * residual);
         })?;
         cost -= common.sum * common.sum / common.count.max(1.0);
@@ -366,7 +370,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
 
     fn evaluate_with<const N: usize>(&self, candidate: &Candidate) -> Option<Evaluation> {
         let Candidate { interval, start_mode, unknowns, past } = candidate;
-        self.simulations.update(|count| count + 1);
+        self.effort.simulate()?;
         // The start of the path that the unknowns name, with derivatives by them.
         let mu_g = self.mu_g::<Jet<N>>(candidate);
         let slots = Slots::<N> { mu_g: mu_g.is_some() };
@@ -375,7 +379,7 @@ impl<'a, 'p> Fitting<'a, 'p> {
         let initial_state = initial_state(&known, interval, &start, self.rest_span)?;
         let (mut sums, mut common) = (NormalEquations::<N>::zero(), Common::none());
         // Residuals along the path, summed to Jᵀr and JᵀJ; an unknown offset of all logarithms is taken out.
-        let path = follow(&known, interval, &initial_state, &self.clock, |value, seen| {
+        let path = follow(&known, interval, &initial_state, &self.clock, self.effort.halt(), |value, seen| {
             self.residuals(value, &seen, &mut common, |residual| add(&mut sums, residual));
         })?;
         without_mean(&mut sums, common);

@@ -19,6 +19,7 @@ use crate::pushing::dynamics::contact_mode::{ContactFriction, jams, slip_left};
 use crate::pushing::dynamics::mode_change::{Margin, StateWithRates, across, first_ended};
 use crate::pushing::dynamics::{ContactMode, Edge, Motion, PushModel, Scalar, State};
 use crate::pushing::estimation::observation::{Known, Touch};
+use crate::search::Halt;
 
 /// Changes between rolling and sliding in one path: more are chatter of a motion that no real contact makes.
 const CHANGES_MAX: usize = 20;
@@ -101,6 +102,7 @@ struct PathSimulation<'a, 'p, T: Scalar, F> {
     touch: Touch,
     interval: &'a ContactInterval,
     clock: &'a Clock,
+    halt: &'a Halt<'a>,
     see: F,
     next_value: usize,
     constraint_margins: ConstraintMargins<T>,
@@ -122,12 +124,14 @@ impl<T> Now<T> {
     }
 }
 
-/// Follows a path to the last value and shows `see` what each value would be. None if no force fits on the way.
+/// Follows a path to the last value and shows `see` what each value would be. None if no force fits on the way, or if it
+/// should halt there.
 pub(in crate::pushing::estimation) fn follow<T: Scalar>(
     known: &Known,
     interval: &ContactInterval,
     initial_state: &InitialState<T>,
     clock: &Clock,
+    halt: &Halt<'_>,
     see: impl FnMut(usize, Seen<T>),
 ) -> Option<Path<T>> {
     let plain = PushModel { mu_g: initial_state.mu_g.re(), ..known.model(interval.edge) };
@@ -139,6 +143,7 @@ pub(in crate::pushing::estimation) fn follow<T: Scalar>(
         touch: known.touch,
         interval,
         clock,
+        halt,
         see,
         next_value: 0,
         constraint_margins,
@@ -186,6 +191,7 @@ impl<T: Scalar, F: FnMut(usize, Seen<T>)> PathSimulation<'_, '_, T, F> {
         let mut now = self.at(initial_state.time, initial_state.state, initial_state.contact)?;
         self.see_exactly(&now);
         for i in 1..self.clock.knots.len() {
+            self.halt.goes_on()?;
             now = self.reach(now, self.clock.knots[i])?;
         }
         let mut end = now.state;

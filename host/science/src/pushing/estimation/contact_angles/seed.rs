@@ -222,7 +222,7 @@ impl<'a, 'p> Cover<'a, 'p> {
         let places = places(known, interval);
         let spacing = places[1] - places[0];
         let mut branches: Vec<Vec<Place>> = Vec::new();
-        for s in places {
+        for s in places.into_iter().take_while(|_| self.fitting.goes_on().is_some()) {
             let reach = [s - interval.low, interval.high - s].map(|room| room.clamp(0.0, spacing));
             for (branch, guess) in self.guesses(interval, &model, s).into_iter().enumerate() {
                 if branches.len() <= branch {
@@ -400,6 +400,9 @@ impl StartGrid<'_, '_> {
         let mut rows: Vec<Vec<(f64, Option<Candidate>)>> = Vec::new();
         for start in &self.starts {
             let tried = places.iter().map(|&s| {
+                if fitting.goes_on().is_none() {
+                    return (f64::INFINITY, None);
+                }
                 let unknowns = self.tries(&model, start_mode, start, s);
                 let costs = unknowns.into_iter().filter_map(|unknowns| {
                     let candidate = Candidate { interval: *interval, start_mode, unknowns, past: None };

@@ -6,14 +6,13 @@
 //!
 //! Units: costs of no dimension. Errors: none.
 
-use std::cell::Cell;
 use std::f64::consts::TAU;
 
 use nalgebra::Vector5;
 
 use super::clock::{Fineness, count};
 use super::contact_intervals::contact_intervals;
-use super::covariance::{pose_covariance, state_covariance};
+use super::covariance::{is_wide, pose_covariance, state_covariance};
 use super::data::Data;
 use super::fit::{Candidate, Descent, Fitting, Given, STEP_MAX};
 use super::initial_state::{MU_G, PLACE, StartMode, UNKNOWNS};
@@ -23,7 +22,7 @@ use crate::math::statistics::chi_square_quantile;
 use crate::pushing::estimation::hypotheses::{Estimate, Fit, GATE, Hypothesis, Nearness, SAME_END_M, pose};
 use crate::pushing::estimation::observation::{Known, Observation, Prior};
 use crate::pushing::estimation::which_part::{mixed, which_part};
-use crate::search::{Halt, Searched, Stop, never};
+use crate::search::{Effort, Halt, Searched, Stop, never};
 
 /// Probability with which data of the model pass the test of fit. Fixed by the interface.
 const FIT_PROBABILITY: f64 = 0.999;
@@ -128,8 +127,8 @@ pub fn estimate_until(known: &Known, observation: &Observation, stop: Stop<'_>) 
 
 /// [`estimate_until`], for several searches that halt together.
 pub(super) fn halting_estimate(known: &Known, observation: &Observation, halt: &Halt<'_>) -> Estimate {
-    let simulations = Cell::new(0);
-    let task = Task::new(known, observation, &simulations, halt);
+    let effort = Effort::new(halt);
+    let task = Task::new(known, observation, &effort);
     let outliers = || task.data.outliers();
     // A part that has not yet forgotten its start turns less smoothly than an outlier's neighbours should.
     let is_early = |value: usize| count(value) * observation.dt < settling(known, &task.data).unwrap_or(0.0);
@@ -148,7 +147,7 @@ pub(super) fn halting_estimate(known: &Known, observation: &Observation, halt: &
             let fewer = || task.without_one().or_else(|| without(early()?));
             if wide.hypotheses.is_empty() { fewer().unwrap_or(wide) } else { wide }
         });
-    Estimate { simulations: simulations.get(), ..found }
+    Estimate { simulations: effort.simulations(), ..found }
 }
 
 /// Steps fine enough for a standard deviation (rad), or finer by a factor.
@@ -165,17 +164,12 @@ struct Task<'a, 'p> {
     data: Data,
     contact_intervals: Vec<ContactInterval>,
     start_modes: Vec<StartMode>,
-    simulations: &'a Cell<usize>,
+    effort: &'a Effort<'a>,
     halt: &'a Halt<'a>,
 }
 
 impl<'a, 'p> Task<'a, 'p> {
-    fn new(
-        known: &'a Known<'p>,
-        observation: &'a Observation,
-        simulations: &'a Cell<usize>,
-        halt: &'a Halt<'a>,
-    ) -> Self {
+    fn new(known: &'a Known<'p>, observation: &'a Observation, effort: &'a Effort<'a>) -> Self {
         let contact_intervals = contact_intervals(known.part, known.finger.radius);
         Self {
             known,
@@ -183,8 +177,8 @@ impl<'a, 'p> Task<'a, 'p> {
             data: Data::new(observation),
             contact_intervals,
             start_modes: StartMode::all(known),
-            simulations,
-            halt,
+            effort,
+            halt: effort.halt(),
         }
     }
 
@@ -268,7 +262,7 @@ impl<'a, 'p> Task<'a, 'p> {
         let data = self.data.with_sigma_floor(sigma);
         let prior = self.observation.prior;
         let given = Given { known: self.known, data, prior };
-        Fitting::new(given, fineness(sigma, factor), REST_ERROR * factor * sigma, self.simulations)
+        Fitting::new(given, fineness(sigma, factor), REST_ERROR * factor * sigma, self.effort)
     }
 
     /// Adds what lies along the valleys of minima that may be listed, beyond where a parabola would be out of the gate:
@@ -318,9 +312,11 @@ impl<'a, 'p> Task<'a, 'p> {
                     None => rough.push(descent),
                 }
             }
-            let is_last = rough.is_empty() || power == FINER_MAX;
+            // What has come to its minimum by then is judged; the others are dropped.
+            let halted = self.halt.is_wished();
+            let is_last = rough.is_empty() || power == FINER_MAX || halted;
             minima = same;
-            if !rough.is_empty() {
+            if !rough.is_empty() && !halted {
                 minima.extend(self.again(&finer, &rough));
                 merge_met(&mut minima);
             }
@@ -490,6 +486,10 @@ pub(super) fn judge_all(fitting: &Fitting, descents: &[Descent], start_modes: us
     let mut judged: Vec<Judged> = Vec::new();
     for descent in &possible {
         let next = judge(fitting, descent, start_modes);
+        // A curved valley along which nobody could go is not known as well as its covariance would say.
+        if fitting.goes_on().is_none() && is_wide(fitting, descent) {
+            continue;
+        }
         if !judged.iter().any(|other| are_one(other, &next)) {
             judged.push(next);
         }

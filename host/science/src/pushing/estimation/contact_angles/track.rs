@@ -13,8 +13,6 @@
 //! Assumes: values come each `dt` from contact onset on; one that got lost is given as none. Frames: world. Units: SI.
 //! Errors: none. Until there are values enough, or where nothing explains them, there are no hypotheses.
 
-use std::cell::Cell;
-
 use nalgebra::{DMatrix, Matrix5, Vector2, Vector5};
 
 use super::contact_intervals::contact_intervals;
@@ -27,7 +25,7 @@ use super::select::{REST_ERROR, descend_together, fineness, judge_all, least_cos
 use crate::pushing::dynamics::{ContactMode, Finger};
 use crate::pushing::estimation::hypotheses::{Estimate, Fit};
 use crate::pushing::estimation::observation::{Channel, Known, Measured, Observation, Prior};
-use crate::search::{Halt, Searched, Stop, never};
+use crate::search::{Effort, Halt, Searched, Stop, never};
 
 /// Values before the first estimate.
 const VALUES_FIRST: usize = 15;
@@ -183,12 +181,12 @@ impl<'p> Tracker<'p> {
 
     /// Takes the hypotheses on to the last value; none where one should halt before it is done.
     fn update(&mut self, halt: &Halt<'_>) -> Option<()> {
-        let (simulations, known) = (Cell::new(0), self.known);
-        let mut fitting = self.fitting(&known, self.window.clone(), &simulations);
+        let (effort, known) = (Effort::new(halt), self.known);
+        let mut fitting = self.fitting(&known, self.window.clone(), &effort);
         let mut minima = self.followed(&fitting, halt)?;
         if self.is_wild(&minima) {
             self.hold_back_last();
-            fitting = self.fitting(&known, self.window.clone(), &simulations);
+            fitting = self.fitting(&known, self.window.clone(), &effort);
             minima = self.followed(&fitting, halt)?;
         }
         minima.extend(self.searched(&fitting, halt));
@@ -218,7 +216,7 @@ impl<'p> Tracker<'p> {
         self.cost = least_cost(&minima);
         let judged = judge_all(fitting, &minima, self.start_modes.len());
         let outliers = self.held_back.iter().map(|(number, _)| *number).collect();
-        self.estimate = Estimate { simulations: fitting.simulations.get(), outliers, ..judged };
+        self.estimate = Estimate { simulations: fitting.effort.simulations(), outliers, ..judged };
         self.live = minima.iter().map(|descent| descent.evaluation.candidate).collect();
     }
 
@@ -255,12 +253,12 @@ impl<'p> Tracker<'p> {
     /// Searches everywhere without the values that no smooth motion passes through, and keeps to that if it explains
     /// the others.
     fn search_without_wild(&mut self, halt: &Halt<'_>) {
-        let (simulations, known, mut tried) = (Cell::new(self.estimate.simulations), self.known, self.clone());
-        let fitting = self.fitting(&known, self.window.clone(), &simulations);
+        let (effort, known, mut tried) = (Effort::new(halt), self.known, self.clone());
+        let fitting = self.fitting(&known, self.window.clone(), &effort);
         let Some(wild) = fitting.data.outliers().filter(|wild| !wild.is_empty()) else { return };
         wild.into_iter().for_each(|place| tried.hold_back(place));
         tried.held_back.sort_by_key(|(number, _)| *number);
-        let fitting = tried.fitting(&known, tried.window.clone(), &simulations);
+        let fitting = tried.fitting(&known, tried.window.clone(), &effort);
         let candidates = seeds(&fitting, &tried.contact_intervals, &tried.start_modes, Width::Narrow);
         tried.conclude(&fitting, descend_together(&fitting, &candidates, halt));
         if !tried.estimate.hypotheses.is_empty() {
@@ -268,11 +266,11 @@ impl<'p> Tracker<'p> {
         }
     }
 
-    fn fitting<'a>(&self, known: &'a Known<'p>, values: Vec<f64>, simulations: &'a Cell<usize>) -> Fitting<'a, 'p> {
+    fn fitting<'a>(&self, known: &'a Known<'p>, values: Vec<f64>, effort: &'a Effort<'a>) -> Fitting<'a, 'p> {
         let TrackerSettings { dt, sigma, prior, .. } = self.settings;
         let measured = Measured::ContactAngle(Channel { values, sigma });
         let data = Data::new(&Observation { dt, measured, prior });
-        Fitting::new(Given { known, data, prior }, fineness(sigma, 1.0), REST_ERROR * sigma, simulations)
+        Fitting::new(Given { known, data, prior }, fineness(sigma, 1.0), REST_ERROR * sigma, effort)
     }
 
     fn is_first(&self) -> bool {
@@ -298,12 +296,12 @@ impl<'p> Tracker<'p> {
 
     /// Moves the window's start, and keeps what the values before it said.
     fn drop_oldest(&mut self, dropped: usize) {
-        let simulations = Cell::new(0);
-        let known = self.known;
+        let halt = Halt::new(&never);
+        let (effort, known) = (Effort::new(&halt), self.known);
         // The value at the new start stays in the window.
         let mut values = self.window[..=dropped].to_vec();
         values[dropped] = f64::NAN;
-        let fitting = self.fitting(&known, values, &simulations);
+        let fitting = self.fitting(&known, values, &effort);
         let time = self.time_of(dropped);
         self.live = self.live.iter().filter_map(|candidate| remembered(&fitting, candidate, time)).collect();
         self.window.drain(..dropped);
@@ -373,6 +371,8 @@ fn inverse_of(matrix: &Matrix5<f64>, is_there: impl Fn(usize) -> bool) -> Option
 
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
+
     use nalgebra::Point2;
 
     use super::*;

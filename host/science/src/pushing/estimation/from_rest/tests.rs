@@ -23,7 +23,7 @@ use crate::pushing::estimation::hypotheses::Status;
 use crate::pushing::estimation::{Known as PushKnown, Touch};
 use crate::pushing::finger_motion::{Leg, Segment};
 use crate::pushing::pushed_world::{Played, PushedWorld};
-use crate::search::check_stopping;
+use crate::search::{Halt, check_stopping, never};
 
 /// Noise of a window's mean, N: that of the default finger.
 const NOISE_N: f64 = 1e-3;
@@ -709,7 +709,7 @@ impl FromRest {
         let fineness = Fineness { share: 0.2, on_values: true };
         let relaxation_time = |time: f64| 0.1 * 0.4 * time / self.model_mu_g;
         let clock = Clock::new(ValueTimes { dt, values: VALUES }, span, fineness, relaxation_time);
-        let path = contact_path::follow(&known, &interval, &start, &clock, |_, _| ())?;
+        let path = contact_path::follow(&known, &interval, &start, &clock, &Halt::new(&never), |_, _| ())?;
         if path.constraint_margins[2].re() <= 0.0 {
             return None; // The finger would have had to pull.
         }

@@ -8,7 +8,7 @@
 //!
 //! Units: SI. Errors: none; a contact that ends has no value.
 
-use super::{ContactInterval, RestingPush};
+use super::{ContactInterval, Watched};
 use crate::math::ode::{self, Moment};
 use crate::pushing::dynamics::{ContactMode, Extrapolation, Passed, State};
 
@@ -26,9 +26,10 @@ pub(super) struct EventFree {
     pub(super) lasts: Option<bool>,
 }
 
-impl RestingPush {
+impl Watched<'_> {
     /// u at a time, roughly, as if the contact lasted.
     pub(super) fn scanned_angle(&self, interval: &ContactInterval, s0: f64, time: f64) -> Option<f64> {
+        self.halt.goes_on()?;
         let model = self.model(interval).ok()?;
         let steps = self.refinement(time) * SCAN_STEPS;
         let dt = time / f64::from(steps);
@@ -50,6 +51,7 @@ impl RestingPush {
         let (mut time, mut state) = (0.0, self.start(s0));
         let mut angles = Vec::with_capacity(times.len());
         for &until in times {
+            self.halt.goes_on()?;
             state = extrapolation.end(time, state, until, &mut passed)?;
             time = until;
             angles.push(state.u);

@@ -22,6 +22,7 @@ mod table;
 mod tests;
 
 use std::f64::consts::PI;
+use std::ops::Deref;
 
 use nalgebra::{Point2, Vector2};
 
@@ -255,16 +256,37 @@ impl RestingPush {
     #[must_use]
     pub fn observe_until(&self, contacts: &[TimedContact], tolerance: f64, stop: Stop<'_>) -> Searched<RestingPoses> {
         let halt = Halt::new(stop);
-        let poses = self.halting_observe(contacts, tolerance, &halt);
+        let poses = self.watched(&halt).observe(contacts, tolerance);
         halt.searched(poses)
     }
 
-    fn halting_observe(&self, contacts: &[TimedContact], tolerance: f64, halt: &Halt<'_>) -> RestingPoses {
+    /// The same push, simulated only as long as it should not halt.
+    fn watched<'a>(&'a self, halt: &'a Halt<'a>) -> Watched<'a> {
+        Watched { push: self, halt }
+    }
+}
+
+/// A push that is simulated only as long as it should not halt: from then on nothing is known of where it leads to.
+pub(super) struct Watched<'a> {
+    push: &'a RestingPush,
+    halt: &'a Halt<'a>,
+}
+
+impl Deref for Watched<'_> {
+    type Target = RestingPush;
+
+    fn deref(&self) -> &RestingPush {
+        self.push
+    }
+}
+
+impl Watched<'_> {
+    fn observe(&self, contacts: &[TimedContact], tolerance: f64) -> RestingPoses {
         let contacts = self.without_turns(contacts);
         let Some(first) = contacts.first() else {
             return RestingPoses { solutions: Vec::new(), candidates: Vec::new() };
         };
-        let contact_intervals = self.contact_intervals.iter().take_while(|_| !halt.is_wished());
+        let contact_intervals = self.contact_intervals.iter().take_while(|_| !self.halt.is_wished());
         let places = contact_intervals.flat_map(|interval| self.scanned(*interval, *first, tolerance));
         let places: Vec<_> = places.collect();
         let last = contacts[contacts.len() - 1];
@@ -273,7 +295,7 @@ impl RestingPush {
             let u = if self.mu_g > 0.0 { None } else { self.angle(interval, s0, last.t) };
             u.is_some_and(|u| (u - last.u).abs() > HOPELESS * tolerance)
         };
-        self.judged(&places, &Contacts { measured: contacts, tolerance }, &hopeless, halt)
+        self.judged(&places, &Contacts { measured: contacts, tolerance }, &hopeless)
     }
 
     /// Places of an interval that fit a contact. Without friction a rough simulation looks around.
@@ -292,7 +314,9 @@ impl RestingPush {
         };
         found.into_iter().map(|near| (interval, near)).collect()
     }
+}
 
+impl RestingPush {
     /// How much more closely to look than at a push of usual length: motions part as it goes on. No closer than
     /// [`REFINEMENT_MAX`].
     fn refinement(&self, time: f64) -> u32 {
@@ -308,7 +332,8 @@ impl RestingPush {
     /// ellipse: none); fewer if the contact ends before.
     #[must_use]
     pub fn predicted(&self, edge: Option<usize>, s0: f64, times: &[f64]) -> Vec<f64> {
-        self.interval_of(edge).map_or_else(Vec::new, |interval| self.angles(interval, s0, times))
+        self.interval_of(edge)
+            .map_or_else(Vec::new, |interval| self.watched(&Halt::new(&never)).angles(interval, s0, times))
     }
 
     /// The pose that goes with a place on the part.
@@ -337,14 +362,16 @@ impl RestingPush {
         if part.sides().len() == part.polygon().vertices().len() {
             return Some(first); // Each edge is a side.
         }
-        let s = self.run(interval, s0, &[time]).map_or(s0, |run| run.last.state.s);
+        let s = self.watched(&Halt::new(&never)).run(interval, s0, &[time]).map_or(s0, |run| run.last.state.s);
         Some(part.edge_at(first, s))
     }
 
     fn start(&self, s0: f64) -> State {
         State { u: self.u0, s: s0, omega: 0.0, v_t: 0.0 }
     }
+}
 
+impl Watched<'_> {
     /// u at each time until the contact ends.
     fn angles(&self, interval: &ContactInterval, s0: f64, times: &[f64]) -> Vec<f64> {
         let run = self.run(interval, s0, times);
@@ -373,7 +400,7 @@ impl RestingPush {
     fn run(&self, interval: &ContactInterval, s0: f64, times: &[f64]) -> Option<PushRun> {
         let start = Start::Rest { u: self.u0, s: s0 };
         let push = ShapedPush::new(self.model(interval).ok()?, ContactLaw::Frictionless, start, EdgeEnd::Stop);
-        push.ok()?.run(times).ok()
+        push.ok()?.halting_run(times, self.halt).ok()
     }
 
     /// Candidates and solutions among places that may fit the first contact; `hopeless` are those that no move within
@@ -383,7 +410,6 @@ impl RestingPush {
         places: &[(ContactInterval, NearZero)],
         contacts: &Contacts,
         hopeless: &dyn Fn(&ContactInterval, f64) -> bool,
-        halt: &Halt<'_>,
     ) -> RestingPoses {
         let first = contacts.measured.first().copied();
         let mut apart: Vec<(ContactInterval, NearZero)> = Vec::new();
@@ -399,7 +425,7 @@ impl RestingPush {
             }
         }
         let possible = apart.iter().filter(|(interval, near)| !hopeless(interval, near.at));
-        let fits = possible.take_while(|_| !halt.is_wished()).filter_map(|&(interval, near)| {
+        let fits = possible.take_while(|_| !self.halt.is_wished()).filter_map(|&(interval, near)| {
             let misfits = |s0| self.misfits(&interval, s0, &contacts.measured);
             let (at, misfits) = polished(near.at, interval, &misfits, contacts.tolerance)?;
             Some(FittingPlace { interval, near: NearZero { at, ..near }, misfits })
@@ -409,7 +435,7 @@ impl RestingPush {
         let time = first.map_or(0.0, |first| first.t);
         let candidate =
             |&(interval, near): &(ContactInterval, NearZero)| self.pose_at(&interval, &near, vec![near.value], time);
-        let mut candidates: Vec<_> = apart.iter().map(candidate).collect();
+        let mut candidates: Vec<_> = apart.iter().take_while(|_| !self.halt.is_wished()).map(candidate).collect();
         // What fits to rounding fits alike, whatever the rounding.
         let misfit = |pose: &RestingPose| squares(&pose.residuals).max(EXACT * EXACT);
         let place = |a: &RestingPose, b: &RestingPose| a.edge.cmp(&b.edge).then(a.s0.total_cmp(&b.s0));
@@ -455,7 +481,9 @@ impl RestingPush {
         let angles = self.lasting_angles(interval, s0, &times)?;
         Some(angles.iter().zip(contacts).map(|(u, contact)| u - contact.u).collect())
     }
+}
 
+impl RestingPush {
     /// With the edge that holds the contact at `time`, s.
     fn pose_at(&self, interval: &ContactInterval, near: &NearZero, residuals: Vec<f64>, time: f64) -> RestingPose {
         let s0 = interval.principal(near.at);
@@ -524,7 +552,7 @@ impl RestingPush {
         // Each pose is simulated again for the motion at the last contact.
         let explained = |found: &RestingPose| {
             let interval = self.interval_of(found.edge)?;
-            let end = *self.run(interval, found.s0, &[time_end])?.samples.last()?;
+            let end = *self.watched(&Halt::new(&never)).run(interval, found.s0, &[time_end])?.samples.last()?;
             let most = found.residuals.iter().fold(0.0_f64, |most, residual| most.max(residual.abs()));
             Some(Hypothesis {
                 edge: found.edge.unwrap_or(0),

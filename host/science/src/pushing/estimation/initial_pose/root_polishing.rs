@@ -2,7 +2,7 @@
 //!
 //! Units: SI, u in the unit of the finger's outline. Errors: none.
 
-use super::{ContactInterval, RestingPush, TimedContact};
+use super::{ContactInterval, TimedContact, Watched};
 use crate::math::roots::{Look, NearZero, border, near_zeros};
 
 /// Corrections of a place by its misfit over the slope: each gains several digits.
@@ -30,7 +30,7 @@ pub(super) struct Rough<'a> {
     pub(super) error: f64,
 }
 
-impl RestingPush {
+impl Watched<'_> {
     /// Places that fit the first contact within `tolerance`, exactly.
     pub(super) fn places(&self, rough: &Rough, first: TimedContact, tolerance: f64) -> Vec<NearZero> {
         let near = near_zeros(rough.misfit, rough.grid, tolerance + rough.error);

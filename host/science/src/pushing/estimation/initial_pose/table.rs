@@ -7,7 +7,7 @@
 //! Assumes: as [`super`]. Units: SI. Errors: none; contacts later than the table are simulated as without it.
 
 use super::root_polishing::Rough;
-use super::{ContactInterval, Contacts, HOPELESS, RestingPoses, RestingPush, TimedContact};
+use super::{ContactInterval, Contacts, HOPELESS, RestingPoses, RestingPush, TimedContact, Watched};
 use crate::math::roots::{NearZero, near_zeros};
 use crate::search::{Halt, Searched, Stop, never};
 
@@ -83,7 +83,11 @@ impl<'p> Table<'p> {
         let times: Vec<_> = (1..=TIMES).map(|index| step * index as f64).collect();
         let table = |&interval: &ContactInterval| {
             let places = interval.grid(push.refinement(time_end));
-            let motion = |&s0: &f64| (!halt.is_wished()).then(|| Motion::of(push, &interval, s0, &times));
+            // Half a motion is none.
+            let motion = |&s0: &f64| {
+                let motion = Motion::of(&push.watched(&halt), &interval, s0, &times);
+                halt.goes_on().map(|()| motion)
+            };
             let motions = places.iter().map(motion).collect::<Option<_>>()?;
             Some(IntervalTable { interval, places, motions })
         };
@@ -113,21 +117,21 @@ impl<'p> Table<'p> {
     fn halting_observe(&self, contacts: &[TimedContact], tolerance: f64, halt: &Halt<'_>) -> RestingPoses {
         let beyond = |contact: &TimedContact| !(contact.t > 0.0 && contact.t <= self.times[TIMES - 1]);
         if contacts.first().is_none_or(beyond) {
-            return self.push.halting_observe(contacts, tolerance, halt);
+            return self.push.watched(halt).observe(contacts, tolerance);
         }
         let contacts = self.push.without_turns(contacts);
         let places = self
             .contact_intervals
             .iter()
             .take_while(|_| !halt.is_wished())
-            .flat_map(|table| self.places(table, contacts[0], tolerance));
+            .flat_map(|table| self.places(table, contacts[0], tolerance, halt));
         let places: Vec<_> = places.collect();
         let last = contacts[contacts.len() - 1];
         let hopeless = |interval: &ContactInterval, s0: f64| {
             let misfit = self.looked_up(interval, s0, last.t).map(|u| (u - last.u).abs());
             misfit.is_some_and(|misfit| misfit > TABLE_ERROR_MAX + HOPELESS * tolerance)
         };
-        self.push.judged(&places, &Contacts { measured: contacts, tolerance }, &hopeless, halt)
+        self.push.watched(halt).judged(&places, &Contacts { measured: contacts, tolerance }, &hopeless)
     }
 
     /// u at a time as the table has it; none where the contact may have ended.
@@ -138,37 +142,20 @@ impl<'p> Table<'p> {
     }
 
     /// Places of one interval that fit the first contact.
-    fn places(&self, table: &IntervalTable, first: TimedContact, tolerance: f64) -> Vec<(ContactInterval, NearZero)> {
+    fn places(
+        &self,
+        table: &IntervalTable,
+        first: TimedContact,
+        tolerance: f64,
+        halt: &Halt<'_>,
+    ) -> Vec<(ContactInterval, NearZero)> {
+        let push = self.push.watched(halt);
         let now: Vec<_> = table.motions.iter().map(|motion| self.at_time(motion, first.t)).collect();
         let misfit = |s0: f64| Some(table.at_place(&now, s0)? - first.u);
         let rough = Rough { interval: table.interval, misfit: &misfit, grid: &table.places, error: TABLE_ERROR };
-        let inside = self.push.places(&rough, first, tolerance);
-        let at_borders = self.near_borders(table, &now, first, tolerance);
+        let inside = push.places(&rough, first, tolerance);
+        let at_borders = near_borders(&push, table, &now, first, tolerance);
         inside.into_iter().chain(at_borders).map(|near| (table.interval, near)).collect()
-    }
-
-    /// Places between one whose contact lasts and one whose does not: simulated where the misfit can reach zero there.
-    fn near_borders(
-        &self,
-        table: &IntervalTable,
-        now: &[Option<f64>],
-        first: TimedContact,
-        tolerance: f64,
-    ) -> Vec<NearZero> {
-        let exact = |s0: f64| self.push.misfit(&table.interval, s0, first);
-        // Changes of the two steps of the grid that lead to the border; where there are none, anything is possible.
-        let reaches = |here: usize, beside: usize, beyond: usize| {
-            let value = |index: usize| now.get(index).copied().flatten();
-            let change = |a: usize, b: usize| value(a).zip(value(b)).map_or(f64::INFINITY, |(a, b)| (a - b).abs());
-            let change = change(here, beside).max(change(beside, beyond));
-            value(here).is_some_and(|u| (u - first.u).abs() <= tolerance + BORDER_REACH * change)
-        };
-        let cells = (1..now.len()).filter(|&index| match (now[index - 1], now[index]) {
-            (Some(_), None) => reaches(index - 1, index.wrapping_sub(2), index.wrapping_sub(3)),
-            (None, Some(_)) => reaches(index, index + 1, index + 2),
-            _ => false,
-        });
-        cells.flat_map(|index| near_zeros(&exact, &table.places[index - 1..=index], tolerance)).collect()
     }
 
     /// u at a time, of one motion; a cubic through the four times around it, u₀ at 0 and its mirror image before.
@@ -225,7 +212,7 @@ impl Table<'_> {
 
 impl Motion {
     /// Without friction under the part as if the contact lasted.
-    fn of(push: &RestingPush, interval: &ContactInterval, s0: f64, times: &[f64]) -> Self {
+    fn of(push: &Watched<'_>, interval: &ContactInterval, s0: f64, times: &[f64]) -> Self {
         if push.mu_g == 0.0
             && let Some(event_free) = push.event_free(interval, s0, times)
         {
@@ -238,6 +225,30 @@ impl Motion {
         let end = (angles.len() < times.len()).then_some((run.last.t, run.last.state.u));
         Self { angles, end }
     }
+}
+
+/// Places between one whose contact lasts and one whose does not: simulated where the misfit can reach zero there.
+fn near_borders(
+    push: &Watched<'_>,
+    table: &IntervalTable,
+    now: &[Option<f64>],
+    first: TimedContact,
+    tolerance: f64,
+) -> Vec<NearZero> {
+    let exact = |s0: f64| push.misfit(&table.interval, s0, first);
+    // Changes of the two steps of the grid that lead to the border; where there are none, anything is possible.
+    let reaches = |here: usize, beside: usize, beyond: usize| {
+        let value = |index: usize| now.get(index).copied().flatten();
+        let change = |a: usize, b: usize| value(a).zip(value(b)).map_or(f64::INFINITY, |(a, b)| (a - b).abs());
+        let change = change(here, beside).max(change(beside, beyond));
+        value(here).is_some_and(|u| (u - first.u).abs() <= tolerance + BORDER_REACH * change)
+    };
+    let cells = (1..now.len()).filter(|&index| match (now[index - 1], now[index]) {
+        (Some(_), None) => reaches(index - 1, index.wrapping_sub(2), index.wrapping_sub(3)),
+        (None, Some(_)) => reaches(index, index + 1, index + 2),
+        _ => false,
+    });
+    cells.flat_map(|index| near_zeros(&exact, &table.places[index - 1..=index], tolerance)).collect()
 }
 
 /// The polynomial through some points, at one place.

@@ -208,7 +208,9 @@ fn a_place_at_a_fold_is_found() {
         let mut folds = 0;
         for interval in &push.contact_intervals[..contact_intervals] {
             let u = |share: f64| {
-                push.angles(interval, interval.range[0] + share * interval.length(), &[0.5]).first().copied()
+                let halt = Halt::new(&never);
+                let place = interval.range[0] + share * interval.length();
+                push.watched(&halt).angles(interval, place, &[0.5]).first().copied()
             };
             let shares: Vec<_> = (1..200).map(|i| f64::from(i) / 200.0).collect();
             for three in shares.windows(3) {

@@ -48,7 +48,18 @@ impl GhoBank<'_> {
     /// If an edge of `contacts` is none of the part's.
     #[must_use]
     pub fn runs(&self, observation: &Observation) -> Vec<GhoRun> {
-        self.halting_runs(observation, &Halt::new(&never))
+        self.runs_until(observation, &never).found
+    }
+
+    /// The same, ended when `stop` says so: then with the observers that had run to their end by then.
+    ///
+    /// # Panics
+    /// If an edge of `contacts` is none of the part's.
+    #[must_use]
+    pub fn runs_until(&self, observation: &Observation, stop: Stop<'_>) -> Searched<Vec<GhoRun>> {
+        let halt = Halt::new(stop);
+        let runs = self.halting_runs(observation, &halt);
+        halt.searched(runs)
     }
 
     fn halting_runs(&self, observation: &Observation, halt: &Halt) -> Vec<GhoRun> {
@@ -56,11 +67,11 @@ impl GhoBank<'_> {
         let run = |&(edge, contact): &(usize, ContactMode)| {
             let line = self.known.part.edge(edge).expect("contacts are on edges of the part");
             let gho = Gho { model: self.known.model(line), contact, settings: self.settings };
-            let trace = gho.trace(self.start, &measured.values, observation.dt);
+            let trace = gho.halting_trace(self.start, &measured.values, observation.dt, halt)?;
             let cost = cost(&trace, &measured.values, measured.sigma);
-            GhoRun { edge, contact, trace, cost }
+            Some(GhoRun { edge, contact, trace, cost })
         };
-        let mut runs: Vec<_> = self.contacts.iter().take_while(|_| !halt.is_wished()).map(run).collect();
+        let mut runs: Vec<_> = self.contacts.iter().map_while(run).collect();
         let order = |run: &GhoRun| run.cost.unwrap_or(f64::INFINITY);
         runs.sort_by(|a, b| order(a).total_cmp(&order(b)));
         runs

@@ -31,6 +31,7 @@ use nalgebra::{Const, Matrix3, Matrix4, RowVector4, SMatrix, Vector2, Vector3, V
 use crate::math::angle::wrap_angle;
 use crate::math::ode;
 use crate::pushing::dynamics::{ContactMode, Finger, Parameter, PushModel, Seeded, State};
+use crate::search::{Halt, never};
 
 /// How far along the drift to look for the change of a gradient, as a share of the state's own scales.
 ///
@@ -128,9 +129,15 @@ impl Gho<'_> {
     /// estimate that is not finite, or beyond all that a part does.
     #[must_use]
     pub fn trace(&self, start: State, angles: &[f64], dt: f64) -> Vec<State> {
+        self.halting_trace(start, angles, dt, &Halt::new(&never)).unwrap_or_default()
+    }
+
+    /// The same; none where it should halt before its end.
+    fn halting_trace(&self, start: State, angles: &[f64], dt: f64, halt: &Halt<'_>) -> Option<Vec<State>> {
         let mut trace = vec![self.complete(0.0, &start)];
         let angles = without_turns(angles, start.u);
         for (time, pair) in (0_u32..).map(|i| f64::from(i) * dt).zip(angles.windows(2)) {
+            halt.goes_on()?;
             let Some(estimate) = trace.last() else { break };
             let next = self.step(time, estimate, [pair[0], pair[1]], dt);
             if self.has_diverged(&next) {
@@ -138,7 +145,7 @@ impl Gho<'_> {
             }
             trace.push(next);
         }
-        trace
+        Some(trace)
     }
 
     /// Whether an estimate is no motion of a part: not finite, or beyond [`DIVERGED`].

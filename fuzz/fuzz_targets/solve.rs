@@ -1,0 +1,4 @@
+//! Bytes as lines of `palpate solve`.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| palpate_tests::fuzz_files::solve(bytes));
