@@ -5,14 +5,16 @@ use std::process::ExitCode;
 use miette::{IntoDiagnostic as _, miette};
 use serde_json::json;
 
-use crate::thesis::{self, EXPERIMENTS, Experiment, TableSettings};
+use crate::thesis::{self, EXPERIMENTS, Experiment, TableSettings, progress};
+use crate::width::folded;
 
 /// Most cases of a row: beyond it only mistakes are asked for.
 const CASES_MAX: u64 = 10_000_000;
 
 /// Runs the thesis's experiments again and prints its numbers beside ours.
 ///
-/// Without a name it lists the experiments.
+/// Without a name it lists the experiments. Some take minutes, a few hours: rows are named on standard error as they
+/// are done, and how long the one under way will take.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     /// Tables to run: numbers of the thesis's tables, or names from the list
@@ -39,7 +41,10 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         list();
     }
     for experiment in &arguments.experiments {
-        let table = (experiment.run)(&arguments.settings(experiment)?);
+        let settings = arguments.settings(experiment)?;
+        progress::begin(experiment.name, settings.cases);
+        let table = (experiment.run)(&settings);
+        progress::end();
         if arguments.json {
             let object =
                 json!({"table": experiment.name, "title": experiment.title, "seed": arguments.seed, "result": table});
@@ -59,8 +64,13 @@ impl Arguments {
     }
 }
 
+/// Width of the column of names, the longest and a gap.
+const NAMES: usize = 15;
+
 fn list() {
     for Experiment { name, title, cases, .. } in EXPERIMENTS {
-        say!("{name:<8} {title} ({cases} cases)");
+        // The names' column; what a title goes on with stands beside it.
+        let title = folded(&format!("{:NAMES$}{title} ({cases} cases)", ""));
+        say!("{name:<NAMES$}{}", title.trim_start());
     }
 }

@@ -9,6 +9,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use palpate::math::random::Draw;
 use palpate::pushing::dynamics::Part;
 
+use super::progress;
+
 /// A part as the experiments on pushes in motion draw it: three of five are convex, the others stars.
 pub(super) fn random_part(draw: &mut Draw) -> Part {
     let polygon = if draw.chance(0.6) {
@@ -43,6 +45,7 @@ pub(super) fn of_each<O: Send>(cases: usize, outcome: impl Fn(usize) -> O + Sync
             let outcome = outcome(number);
             if let Ok(mut done) = done.lock() {
                 done.push((number, outcome));
+                progress::cases_done(done.len(), cases);
             }
         }
     };

@@ -10,7 +10,7 @@
 //! By chapter: `inscription` (2), `sampling` (3), `gho` and `initial_pose` (6), `static_contacts` (§6.4), `rolling`
 //! (7); beyond the thesis: `pose` and `plan` (`rivals` decides what is ambiguous), `parts`, `chain` (`demonstration`,
 //! many times), `drawn_pushes`, `drawn_rest` and `drawn_rolls` (is the search to blame?), `invariances`. `cases` runs
-//! them on all processors, `judged` holds what answers state against the truth.
+//! them on all processors, `progress` tells how far they are, `judged` holds what answers state against the truth.
 //!
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
 
@@ -28,6 +28,7 @@ mod judged;
 mod parts;
 mod plan;
 mod pose;
+pub(crate) mod progress;
 mod rivals;
 mod rolling;
 mod sampling;
@@ -37,6 +38,8 @@ use std::fmt;
 
 use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
+
+use crate::width::{COLUMNS, folded};
 
 /// The experiments, in the order of the thesis.
 pub const EXPERIMENTS: &[Experiment] = &[
@@ -152,6 +155,7 @@ impl Table {
     pub fn push(&mut self, cells: impl IntoIterator<Item = Cell>) {
         let mut cells: Vec<_> = cells.into_iter().collect();
         cells.resize(self.columns.len(), Cell::Empty);
+        progress::row_done(&cells.first().map(ToString::to_string).unwrap_or_default());
         self.rows.push(Row { columns: self.columns.clone(), cells });
     }
 
@@ -210,11 +214,12 @@ impl fmt::Display for Cell {
     }
 }
 
-/// Definitions, then the aligned rows, then what stands out and what failed.
+/// Definitions, then the aligned rows, then what stands out and what failed. What is wider than a terminal stands in
+/// blocks of columns, one below the other, each with the rows' names.
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for definition in &self.definitions {
-            writeln!(f, "{definition}")?;
+            writeln!(f, "{}", folded(definition))?;
         }
         let width = |column: usize, heading: &str| {
             let cells = self.rows().map(|row| row[column].to_string().chars().count());
@@ -222,26 +227,47 @@ impl fmt::Display for Table {
         };
         let widths: Vec<_> = self.columns.iter().enumerate().map(|(column, heading)| width(column, heading)).collect();
         let headings: Vec<_> = self.columns.iter().map(|&heading| Cell::from(heading)).collect();
-        for row in std::iter::once(headings.as_slice()).chain(self.rows()) {
-            writeln!(f, "{}", line(row, &widths))?;
+        for (number, block) in blocks(&widths).into_iter().enumerate() {
+            if number > 0 {
+                writeln!(f)?;
+            }
+            for row in std::iter::once(headings.as_slice()).chain(self.rows()) {
+                writeln!(f, "{}", line(row, &widths, &block))?;
+            }
         }
         for note in &self.notes {
-            writeln!(f, "{note}")?;
+            writeln!(f, "{}", folded(note))?;
         }
         for failure in &self.failures {
-            writeln!(f, "failed: {failure}")?;
+            writeln!(f, "{}", folded(&format!("failed: {failure}")))?;
         }
         Ok(())
     }
 }
 
+/// Between two columns.
+const GAP: &str = "  ";
+
+/// Which columns stand beside each other: the first in every block, and as many of the others as a terminal has room for.
+fn blocks(widths: &[usize]) -> Vec<Vec<usize>> {
+    let mut blocks: Vec<Vec<usize>> = vec![(0..widths.len().min(1)).collect()];
+    let width = |block: &[usize]| block.iter().map(|&column| widths[column] + GAP.len()).sum::<usize>();
+    for column in 1..widths.len() {
+        match blocks.last_mut() {
+            Some(block) if block.len() < 2 || width(block) + widths[column] <= COLUMNS => block.push(column),
+            _ => blocks.push(vec![0, column]),
+        }
+    }
+    blocks
+}
+
 /// The first column names the row and stands left; the others are compared and stand right.
-fn line(cells: &[Cell], widths: &[usize]) -> String {
-    let padded = cells.iter().zip(widths).enumerate().map(|(column, (cell, &width))| match column {
-        0 => format!("{cell:<width$}"),
-        _ => format!("{cell:>width$}"),
-    });
-    padded.collect::<Vec<_>>().join("  ")
+fn line(cells: &[Cell], widths: &[usize], block: &[usize]) -> String {
+    let padded = block
+        .iter()
+        .map(|&column| (&cells[column], widths[column], column))
+        .map(|(cell, width, column)| if column == 0 { format!("{cell:<width$}") } else { format!("{cell:>width$}") });
+    padded.collect::<Vec<_>>().join(GAP).trim_end().to_owned()
 }
 
 /// The experiment of this name.
@@ -292,6 +318,18 @@ mod tests {
                         ours             -       -\n\
                         failed: case 7\n";
         assert_eq!(text, expected);
+    }
+
+    #[test]
+    fn a_wide_table_stands_in_blocks_no_wider_than_a_terminal() {
+        let mut table =
+            Table::new(["rows", "a heading of thirty columns ..", "another of thirty columns .....", "last one"]);
+        table.definitions.push("word ".repeat(40));
+        table.push(["some name".into(), Cell::count(1), Cell::count(2), Cell::count(3)]);
+        let text = table.to_string();
+        assert!(text.lines().all(|line| line.chars().count() <= COLUMNS), "{text}");
+        let named = text.lines().filter(|line| line.starts_with("some name")).count();
+        assert!(named == 2 && text.ends_with("last one\nsome name         3\n"), "{text}");
     }
 
     #[test]
