@@ -292,7 +292,8 @@ mod tests {
 
     #[test]
     fn poses_and_what_is_said_of_them_fit_a_terminal() {
-        let several = estimate(vec![hypothesis(0.3, 12.345), hypothesis(0.2, 0.2)].repeat(4));
+        let several =
+            estimate([hypothesis(0.3, 12.345), hypothesis(0.2, 0.2)].iter().cycle().take(8).cloned().collect());
         for estimate in [&several, &estimate(vec![])] {
             let mut told = lines(&part(), estimate);
             told.extend([headings(), legend(), in_words(&part(), estimate)]);
@@ -309,8 +310,12 @@ mod tests {
     /// Printed, the others have a probability of 0.000: they are no choice.
     #[test]
     fn a_pose_that_is_all_but_certain_is_not_called_one_of_two() {
-        let said = in_words(&part(), &estimate(vec![hypothesis(0.9998, 0.2), hypothesis(0.0002, 0.2)])).replace('\n', " ");
-        assert!(said.starts_with("One pose explains what was felt far best; 1 more") && said.contains("2.0e-4"), "{said}");
+        let said =
+            in_words(&part(), &estimate(vec![hypothesis(0.9998, 0.2), hypothesis(0.0002, 0.2)])).replace('\n', " ");
+        assert!(
+            said.starts_with("One pose explains what was felt far best; 1 more") && said.contains("2.0e-4"),
+            "{said}"
+        );
         let said = in_words(&part(), &estimate(vec![hypothesis(0.6, 0.2), hypothesis(0.4, 0.2)]));
         assert!(said.starts_with("2 poses explain"), "{said}");
     }

@@ -252,9 +252,9 @@ const GAP: &str = "  ";
 fn blocks(widths: &[usize]) -> Vec<Vec<usize>> {
     let mut blocks: Vec<Vec<usize>> = vec![(0..widths.len().min(1)).collect()];
     let width = |block: &[usize]| block.iter().map(|&column| widths[column] + GAP.len()).sum::<usize>();
-    for column in 1..widths.len() {
+    for (column, own) in widths.iter().enumerate().skip(1) {
         match blocks.last_mut() {
-            Some(block) if block.len() < 2 || width(block) + widths[column] <= COLUMNS => block.push(column),
+            Some(block) if block.len() < 2 || width(block) + own <= COLUMNS => block.push(column),
             _ => blocks.push(vec![0, column]),
         }
     }

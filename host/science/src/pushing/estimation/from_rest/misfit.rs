@@ -175,7 +175,7 @@ fn search(problem: &Problem, halt: &Halt<'_>) -> Vec<super::Tried> {
 
 /// Angle between the first force on the finger and the reverse of its acceleration.
 fn onset_angle(known: &KnownFromRest, measured: &WindowedForce) -> f64 {
-    let first = measured.forces_finger().first().copied().unwrap_or_default();
+    let first = measured.forces_finger().iter().flatten().next().copied().unwrap_or_default();
     (-known.motion.first_acceleration()).angle(&first)
 }
 
@@ -286,13 +286,12 @@ fn friction(known: &KnownFromRest) -> Vec<Tried> {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Matrix2;
-
     use super::*;
     use crate::geometry::SimplePolygon;
     use crate::gravity::GRAVITY_ASSUMED;
     use crate::pushing::dynamics::Part;
-    use crate::pushing::estimation::from_rest::{Status, Uncertainty, estimate, hann_windows};
+    use crate::pushing::estimation::Status;
+    use crate::pushing::estimation::from_rest::{Uncertainty, estimate, hann_windows};
     use crate::pushing::pushed_world::PushedWorld;
     use crate::search::never;
 
@@ -319,10 +318,16 @@ mod tests {
         let world =
             PushedWorld { part, mu_g, mass: 0.5, mu_c: 0.25, radius: RADIUS_M, motion, edge: 3, u: 0.3, s: -0.004 };
         let played = world.play().unwrap();
+        // By the trapezium rule: where the acceleration changes there are two samples at one time.
         let mean = |window: usize| {
-            let weighted = played.samples.iter().zip(&played.forces_finger);
-            let weighted = weighted.map(|(sample, force)| (hann_windows::weight(window, sample.t), force));
-            let (total, sum) = weighted.fold((0.0, Vector2::zeros()), |(t, s), (w, f)| (t + w, s + f * w));
+            let (mut sum, mut total) = (Vector2::zeros(), 0.0);
+            for (samples, forces) in played.samples.windows(2).zip(played.forces_finger.windows(2)) {
+                for (sample, force) in samples.iter().zip(forces) {
+                    let weight = 0.5 * (samples[1].t - samples[0].t) * hann_windows::weight(window, sample.t);
+                    sum += force * weight;
+                    total += weight;
+                }
+            }
             sum / total
         };
         let noise = Matrix2::identity() * NOISE_N * NOISE_N;
@@ -380,7 +385,7 @@ mod tests {
     fn lengths_in_the_wrong_unit_are_named_with_the_factor() {
         let (part, motion) = (part(), motion());
         let measured = felt(&part, &motion);
-        let metres = part.polygon().vertices().iter().map(|vertex| vertex * 1e3).collect();
+        let metres: Vec<_> = part.polygon().vertices().iter().map(|vertex| vertex * 1e3).collect();
         let large = Part::uniform(SimplePolygon::new(metres).unwrap());
         let mistakes = found(&told(&large, &motion), &measured).mistakes;
         let Mistake::Unit { of: Lengths::OfPart, factor } = mistakes[0].mistake else { panic!("{mistakes:?}") };
