@@ -13,6 +13,7 @@
 //! - `path`: what a guess would feel; `seeds`: guesses to begin with; `fit`: going down from each to a minimum;
 //! - `valley`: how far a minimum reaches where its valley bends;
 //! - `symmetry`: turns of the part that nobody can tell apart;
+//! - [`misfit`]: what may have been told wrong where no pose fits;
 //! - [`watch`]: a push from its first sample to the answer, live or recorded;
 //! - [`trial`]: random pushes and a judge.
 //!
@@ -26,6 +27,7 @@
 
 mod fit;
 pub mod hann_windows;
+pub mod misfit;
 pub mod onset;
 mod path;
 mod seeds;
