@@ -48,7 +48,7 @@ pub struct ConvexPolygon {
 /// An outline with a vertex inside its hull.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error(
-    "the outline is not convex: vertex {vertex} lies {depth:e} inside its hull, the limit is {limit:e}: take the hull, or leave \
+    "the outline is not convex: vertex {vertex} lies {depth:e} m inside its hull, the limit is {limit:e} m: take the hull, or leave \
      the vertex out"
 )]
 pub struct NotConvex {

@@ -113,7 +113,8 @@ pub enum ConeError {
     NotFinite,
     /// The two rays coincide.
     #[error(
-        "the cone has no opening: `right` and `left` are both {right:?} rad; a part has a width, so `left` is further counter-clockwise"
+        "the cone has no opening: `right` and `left` are both {right:.4} rad ({:.2}°); a part has a width, so `left` is further counter-clockwise",
+        .right.to_degrees()
     )]
     Closed {
         /// Angle of both rays.
@@ -121,7 +122,8 @@ pub enum ConeError {
     },
     /// A half-plane or more.
     #[error(
-        "the cone opens by {opening:?} rad counter-clockwise from `right` to `left`, it must be below π: {}",
+        "the cone opens by {opening:.4} rad ({:.2}°) counter-clockwise from `right` to `left`, it must be below π (180°): {}",
+        .opening.to_degrees(),
         if *reversed { "they seem to be swapped" } else { "a part seen from outside spans less than half a turn" }
     )]
     TooWide {

@@ -12,7 +12,9 @@ use crate::gravity::GRAVITY_STANDARD;
 
 /// A load that cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("the load \"{0}\" is neither a weight above zero nor \"same\" nor \"unknown\"")]
+#[error(
+    "the load \"{0}\" is neither a weight above zero with its unit, such as \"2 N\" or \"204 g\", nor \"same\" nor \"unknown\""
+)]
 pub struct LoadTextError(String);
 
 impl FromStr for Load {
