@@ -41,6 +41,7 @@ pub(crate) fn remedy(cause: Cause) -> &'static str {
     match cause {
         Cause::TooShort => "run longer",
         Cause::Clock => "check the converter's 8.192 MHz clock",
+        Cause::LateArrivals => "the host was busy: close other programs and look again",
         Cause::PickedUp => "look for a loose wire, an unscreened lead, or something touching the finger",
         Cause::Hum => "screen the leads and ground the finger; average over a mains period",
         Cause::Drift => "let it warm up for ten minutes, keep it out of draughts, tare again",

@@ -15,6 +15,7 @@ use super::latency::Latency;
 use crate::advice::{Advise as _, remedy};
 use crate::live;
 use crate::live::interrupt;
+use crate::width::folded;
 
 /// Is the finger well? Ten seconds at rest, then five lines.
 ///
@@ -104,6 +105,7 @@ fn observe(
         saturated,
         rate_hz: f64::from(hello.rate_hz),
         clock_ratio: session.clock().filter(|_| seconds >= 5.0).map(|clock| 1.0 / (1.0 + clock.drift)),
+        arrival_spread_s: latency.spread_s(),
         missing: after.missing - before.missing,
         damaged_frames: after.damaged_frames - before.damaged_frames,
         front_end: live::front_end(hello).advised()?,
@@ -119,9 +121,11 @@ fn print_finding(finding: &Finding) {
         Verdict::Look => "LOOK ",
         Verdict::Fault => "FAULT",
     };
-    say!("{:<7} {verdict} {}", finding.subject, finding.figures);
+    let margin = " ".repeat("subject LOOK  ".len());
+    let figures = folded(&format!("{margin}{}", finding.figures));
+    say!("{:<7} {verdict} {}", finding.subject, figures.trim_start());
     if let Some(cause) = finding.cause {
-        say!("              -> {}", remedy(cause));
+        say!("{}", folded(&format!("{margin}-> {}", remedy(cause))));
     }
 }
 

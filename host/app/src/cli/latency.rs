@@ -33,6 +33,15 @@ impl Latency {
         self.delays_s.push(known.saturating_duration_since(taken).as_secs_f64());
     }
 
+    /// How much later the latest came than the earliest, s; 0 without samples.
+    pub(crate) fn spread_s(&self) -> f64 {
+        let (earliest, latest) = self
+            .delays_s
+            .iter()
+            .fold((f64::INFINITY, 0.0_f64), |(low, high), &delay| (low.min(delay), high.max(delay)));
+        (latest - earliest).max(0.0)
+    }
+
     /// Median, 99th percentile and maximum; `None` without samples.
     pub(crate) fn in_words(&self) -> Option<String> {
         let ms = |per_cent: usize| Some(percentile(self.delays_s.iter().copied(), per_cent)? * 1e3);

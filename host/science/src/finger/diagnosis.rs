@@ -39,6 +39,8 @@ pub struct ObservedAtRest {
     pub rate_hz: f64,
     /// Device's seconds that a host's second lasted, by the link's clock map; `None` if the time was too short.
     pub clock_ratio: Option<f64>,
+    /// How much later than others some samples arrived, in s: the host, or what is between, was busy.
+    pub arrival_spread_s: f64,
     /// Samples that never came.
     pub missing: u64,
     /// Frames damaged on the line.
@@ -82,6 +84,8 @@ pub enum Cause {
     TooShort,
     /// The converter's clock runs fast or slow.
     Clock,
+    /// Samples arrived too unevenly to tell the converter's clock by.
+    LateArrivals,
     /// Noise beyond the converter's own is picked up on the way.
     PickedUp,
     /// Hum of the mains.
@@ -219,16 +223,27 @@ fn rate(seen: &ObservedAtRest) -> Finding {
         };
     };
     let measured = seen.rate_hz * ratio;
-    let good = (ratio - 1.0).abs() <= RATE_ERROR_MAX;
+    let error = (ratio - 1.0).abs();
+    // Samples that come late at the end of the time seem to be few, at its beginning many.
+    let by_arrival = seen.arrival_spread_s * seen.rate_hz / seen.counts.len().max(1) as f64;
+    let (verdict, cause) = match () {
+        () if error <= RATE_ERROR_MAX => (Verdict::Good, None),
+        () if error - by_arrival <= RATE_ERROR_MAX => (Verdict::Look, Some(Cause::LateArrivals)),
+        () => (Verdict::Fault, Some(Cause::Clock)),
+    };
+    let late = match cause {
+        Some(Cause::LateArrivals) => format!("; some arrived {:.2} s later than others", seen.arrival_spread_s),
+        _ => String::new(),
+    };
     Finding {
         subject: "rate",
-        verdict: if good { Verdict::Good } else { Verdict::Fault },
+        verdict,
         figures: format!(
-            "{measured:.1} Hz by the host's clock, {:.0} Hz set ({:+.0} ppm)",
+            "{measured:.1} Hz by the host's clock, {:.0} Hz set ({:+.0} ppm){late}",
             seen.rate_hz,
             (ratio - 1.0) * 1e6
         ),
-        cause: (!good).then_some(Cause::Clock),
+        cause,
     }
 }
 
@@ -351,6 +366,7 @@ mod tests {
             saturated: 0,
             rate_hz: RATE_HZ,
             clock_ratio: Some(1.0),
+            arrival_spread_s: 0.01,
             missing: 0,
             damaged_frames: 0,
             front_end: front_end(),
@@ -387,6 +403,20 @@ mod tests {
         let value = stuck.counts[500];
         stuck.counts[500..600].fill(value);
         assert_eq!(verdicts(&stuck)[3], Fault);
+    }
+
+    /// Ten seconds of samples of which the last came 1.6 s late: not the converter's fault.
+    #[test]
+    fn a_busy_host_does_not_blame_the_converters_clock() {
+        let good = finger(0.48, 1.0, 0.0, 7);
+        let rate = |clock_ratio: f64, arrival_spread_s: f64| {
+            let seen = ObservedAtRest { clock_ratio: Some(clock_ratio), arrival_spread_s, ..good.clone() };
+            let finding = diagnose(&seen).unwrap().1[0].clone();
+            (finding.verdict, finding.cause)
+        };
+        assert_eq!(rate(0.939, 1.6), (Verdict::Look, Some(Cause::LateArrivals)));
+        assert_eq!(rate(0.939, 0.05), (Verdict::Fault, Some(Cause::Clock)));
+        assert_eq!(rate(1.001, 1.6), (Verdict::Good, None));
     }
 
     #[test]
