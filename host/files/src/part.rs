@@ -24,11 +24,13 @@
 //! An elliptic part has, instead of `vertices`, `ellipse = {a = 40, b = 25}`: its semi-axes along x and y, its middle
 //! at the origin.
 //!
+//! What cannot rest on a plane is refused; what can, but hardly lies on a table, is read and doubted ([`Doubt`]).
+//!
 //! Frames: the part's own, as its vertices are given. Units: SI once read.
 //! Errors: [`PartFileError`] names the key, the value, the limit and what to do.
 
 use nalgebra::Point2;
-use palpate::geometry::{PolygonError, SimplePolygon};
+use palpate::geometry::{PolygonError, SimplePolygon, bounding_box, convex_hull, distance_to_segment};
 use palpate::pushing::dynamics::support::SupportFriction;
 use palpate::pushing::dynamics::{Body, Mass, Part};
 use serde::Deserialize;
@@ -63,6 +65,12 @@ pub enum DescribedPart {
 /// Points in which an elliptic outline is drawn.
 const OUTLINE_POINTS: u32 = 180;
 
+/// An ellipse about the origin, point by point.
+fn ellipse_outline([a, b]: [f64; 2]) -> Vec<Point2<f64>> {
+    let at = |i: u32| std::f64::consts::TAU * f64::from(i) / f64::from(OUTLINE_POINTS);
+    (0..OUTLINE_POINTS).map(|i| Point2::new(a * at(i).cos(), b * at(i).sin())).collect()
+}
+
 impl DescribedPart {
     /// What the part rests on, and its mass.
     #[must_use]
@@ -84,10 +92,7 @@ impl DescribedPart {
     pub fn outline(&self) -> Vec<Point2<f64>> {
         match self {
             Self::Polygon(part) => part.polygon().vertices().to_vec(),
-            Self::Ellipse { semi_axes: [a, b], .. } => {
-                let at = |i: u32| std::f64::consts::TAU * f64::from(i) / f64::from(OUTLINE_POINTS);
-                (0..OUTLINE_POINTS).map(|i| Point2::new(a * at(i).cos(), b * at(i).sin())).collect()
-            }
+            Self::Ellipse { semi_axes, .. } => ellipse_outline(*semi_axes),
         }
     }
 
@@ -119,6 +124,17 @@ pub enum Unit {
 }
 
 impl Unit {
+    /// As files have it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Metre => "m",
+            Self::Centimetre => "cm",
+            Self::Millimetre => "mm",
+            Self::Inch => "in",
+        }
+    }
+
     /// Length of one unit, m.
     #[must_use]
     pub fn metres(self) -> f64 {
@@ -209,6 +225,29 @@ pub enum PartFileError {
         /// The coefficient as given.
         value: f64,
     },
+    /// A coefficient of friction beyond all materials.
+    #[error("{key} = {value:?}, but no two materials have more than {FRICTION_MAX}: is it in per cent, or an angle?")]
+    FrictionTooLarge {
+        /// Key of the coefficient: `mu` or `mu_c`.
+        key: &'static str,
+        /// The coefficient as given.
+        value: f64,
+    },
+    /// A centre of mass beside what carries it.
+    #[error(
+        "the part tips over: its centre of mass, ({:.4}, {:.4}), is {beyond:.4} {unit} outside what it rests on, {rests_on}",
+        .centre_of_mass[0], .centre_of_mass[1]
+    )]
+    TipsOver {
+        /// As given or as it follows from the outline, in the unit of the file.
+        centre_of_mass: [f64; 2],
+        /// How far it is from the hull of what carries it, in the unit of the file.
+        beyond: f64,
+        /// The unit of the file.
+        unit: &'static str,
+        /// The feet or the base, in words.
+        rests_on: &'static str,
+    },
     /// A table without friction, where a part's resistance is to be felt.
     #[error("mu = 0, but a part is felt by how it resists a push: give the friction between part and table")]
     NothingResists,
@@ -265,7 +304,138 @@ pub enum PartFileError {
     },
 }
 
+/// Something about a described part that is possible, but rarely so on a table: a slip of the pen, mostly.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Doubt {
+    /// Larger or smaller than what a finger pushes on a table.
+    Size {
+        /// Along the longer axis, m.
+        extent: f64,
+    },
+    /// More friction than rubber has on a dry table.
+    Friction {
+        /// Key of the coefficient: `mu` or `mu_c`.
+        key: &'static str,
+        /// The coefficient.
+        value: f64,
+    },
+    /// The mass lies further out than the outline.
+    RadiusOfGyration {
+        /// As given, m.
+        radius: f64,
+        /// From the centre of mass to the furthest point of the outline, m.
+        reach: f64,
+    },
+    /// Weights on the feet that do not carry the part: at rest their middle lies under the centre of mass.
+    Weights {
+        /// How far it is from there, m.
+        off: f64,
+    },
+}
+
+/// What a finger pushes on a table is of this size, m.
+const EXTENT_M: [f64; 2] = [5e-3, 1.0];
+
+/// More friction than this needs rubber that is clean and dry.
+const FRICTION_USUAL: f64 = 1.5;
+
+/// Weights on the feet may have their middle so far from the centre of mass, as a share of the part's reach: they are
+/// measured with kitchen scales.
+const WEIGHTS_OFF: f64 = 0.1;
+
+/// A centre of mass so far outside what carries the part, as a share of its reach, is within what feet are measured to.
+const REST_SLACK: f64 = 0.01;
+
+impl std::fmt::Display for Doubt {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match *self {
+            Self::Size { extent } => {
+                write!(f, "the part is {} across: is `unit` the unit of its vertices?", length(extent))
+            }
+            Self::Friction { key, value } => {
+                write!(f, "{key} = {value}: clean dry rubber has about 1; is it in per cent, or an angle?")
+            }
+            Self::RadiusOfGyration { radius, reach } => write!(
+                f,
+                "the radius of gyration is {}, but the outline reaches no further than {} from the centre of mass",
+                length(radius),
+                length(reach)
+            ),
+            Self::Weights { off } => write!(
+                f,
+                "the weights on the feet have their middle {} from the centre of mass, under which it lies at rest",
+                length(off)
+            ),
+        }
+    }
+}
+
+/// A length as people say it.
+fn length(metres: f64) -> String {
+    if metres >= 1.0 { format!("{metres:.3} m") } else { format!("{:.3} mm", metres * 1e3) }
+}
+
+/// What is doubtful about a part with this outline.
+fn doubts(outline: &[Point2<f64>], body: &Body, mu: f64, mu_c: Option<f64>) -> Vec<Doubt> {
+    let mut doubts = Vec::new();
+    let (low, high) = bounding_box(outline);
+    let extent = (high - low).amax();
+    if !(EXTENT_M[0]..=EXTENT_M[1]).contains(&extent) {
+        doubts.push(Doubt::Size { extent });
+    }
+    let frictions = [("mu", Some(mu)), ("mu_c", mu_c)].into_iter().filter_map(|(key, value)| Some((key, value?)));
+    doubts.extend(
+        frictions.filter(|(_, value)| *value > FRICTION_USUAL).map(|(key, value)| Doubt::Friction { key, value }),
+    );
+    let (radius, reach) = (body.inertia_per_mass().sqrt(), reach(outline, body.centre_of_mass()));
+    if radius > reach {
+        doubts.push(Doubt::RadiusOfGyration { radius, reach });
+    }
+    if body.support().area().is_none() {
+        // From the centre of mass.
+        let off = body.support().centre_of_pressure().coords.norm();
+        if off > WEIGHTS_OFF * reach {
+            doubts.push(Doubt::Weights { off });
+        }
+    }
+    doubts
+}
+
+/// From a point to the furthest of an outline, m.
+fn reach(outline: &[Point2<f64>], from: Point2<f64>) -> f64 {
+    outline.iter().map(|point| (point - from).norm()).fold(0.0, f64::max)
+}
+
+/// How far a point is outside the hull of others, m; 0 within.
+fn beyond_hull(point: Point2<f64>, others: &[Point2<f64>]) -> f64 {
+    let hull: Vec<_> = convex_hull(others).into_iter().map(|index| others[index]).collect();
+    // One point has no hull.
+    if let ([], Some(only)) = (hull.as_slice(), others.first()) {
+        return (point - only).norm();
+    }
+    let edges = || hull.iter().zip(hull.iter().cycle().skip(1));
+    if hull.len() > 2 && edges().all(|(a, b)| (b - a).perp(&(point - a)) >= 0.0) {
+        return 0.0;
+    }
+    edges().map(|(a, b)| distance_to_segment(point, *a, *b)).fold(f64::INFINITY, f64::min)
+}
+
 impl PartFile {
+    /// What is possible about the part, but rarely so.
+    ///
+    /// ```
+    /// use palpate_files::part::{Doubt, PartFile};
+    ///
+    /// let block = PartFile::parse("unit = 'm'\nvertices = [[0, 0], [60, 0], [60, 40], [0, 40]]\nmu = 0.3")?;
+    /// assert_eq!(block.doubts(), [Doubt::Size { extent: 60.0 }]); // m
+    /// # Ok::<(), palpate_files::part::PartFileError>(())
+    /// ```
+    #[must_use]
+    pub fn doubts(&self) -> Vec<Doubt> {
+        doubts(&self.part.outline(), self.part.body(), self.mu, self.mu_c)
+    }
+
     /// Reads the text of a file.
     ///
     /// ```
@@ -313,6 +483,12 @@ pub struct PolygonFile {
 }
 
 impl PolygonFile {
+    /// What is possible about the part, but rarely so.
+    #[must_use]
+    pub fn doubts(&self) -> Vec<Doubt> {
+        doubts(self.part.polygon().vertices(), self.part.body(), self.mu, self.mu_c)
+    }
+
     /// Reads the text of a file.
     ///
     /// # Errors
@@ -369,8 +545,16 @@ impl PolygonFile {
 }
 
 fn friction(key: &'static str, value: f64) -> Result<f64, PartFileError> {
-    if value.is_finite() && value >= 0.0 { Ok(value) } else { Err(PartFileError::Friction { key, value }) }
+    match value {
+        value if !(value.is_finite() && value >= 0.0) => Err(PartFileError::Friction { key, value }),
+        value if value > FRICTION_MAX => Err(PartFileError::FrictionTooLarge { key, value }),
+        value => Ok(value),
+    }
 }
+
+/// Largest coefficient of friction that is taken: racing tyres on tarmac have 2, clean metals in vacuum more. What is
+/// above is in per cent or in degrees.
+pub const FRICTION_MAX: f64 = 10.0;
 
 /// Feet in m with their shares of the weight.
 fn shares(feet: &[Numbers<3>], metres: f64) -> Result<Vec<(Point2<f64>, f64)>, PartFileError> {
@@ -400,6 +584,7 @@ impl Keys {
         scaled(1.0)?;
         let polygon = scaled(metres)?;
         let mass = self.mass(Mass::uniform(&polygon))?;
+        self.rests(polygon.vertices(), mass.centre_of_mass)?;
         Ok(DescribedPart::Polygon(match &self.feet {
             None => Part::with_mass(polygon, mass),
             Some(feet) => Part::on_feet(polygon, &shares(feet, metres)?, mass),
@@ -415,11 +600,29 @@ impl Keys {
         let metres = self.unit.metres();
         let semi_axes = [a * metres, b * metres];
         let mass = self.mass(Mass::of_ellipse(semi_axes))?;
+        self.rests(&ellipse_outline(semi_axes), mass.centre_of_mass)?;
         let body = match &self.feet {
             None => Body::uniform(SupportFriction::ellipse(semi_axes), mass),
             Some(feet) => Body::on_feet(&shares(feet, metres)?, mass),
         };
         Ok(DescribedPart::Ellipse { semi_axes, body })
+    }
+
+    /// Whether a part with this outline stays on what carries it: its centre of mass lies above.
+    fn rests(&self, outline: &[Point2<f64>], centre_of_mass: Point2<f64>) -> Result<(), PartFileError> {
+        let metres = self.unit.metres();
+        let feet: Option<Vec<_>> =
+            self.feet.as_ref().map(|feet| feet.iter().map(|&Numbers([x, y, _])| Point2::new(x, y) * metres).collect());
+        let beyond = beyond_hull(centre_of_mass, feet.as_deref().unwrap_or(outline));
+        if beyond <= REST_SLACK * reach(outline, centre_of_mass) {
+            return Ok(());
+        }
+        Err(PartFileError::TipsOver {
+            centre_of_mass: (centre_of_mass / metres).into(),
+            beyond: beyond / metres,
+            unit: self.unit.name(),
+            rests_on: if feet.is_some() { "its feet" } else { "its base" },
+        })
     }
 
     /// As given, or that of a uniform plate.
@@ -502,10 +705,12 @@ mod tests {
 
     #[test]
     fn every_support_of_a_list_is_a_part() {
-        let list =
-            format!("{BLOCK}[[support]]\nname = 'base'\n[[support]]\nname = 'feet'\nfeet = [[5, 5, 1], [55, 5, 2]]");
+        let list = format!(
+            "{BLOCK}[[support]]\nname = 'base'\n[[support]]\nname = 'feet'\nfeet = [[5, 5, 1], [55, 5, 2], [30, 35, 3]]"
+        );
         let listed = PolygonFile::parse_supports(&list).unwrap();
-        let alone = PolygonFile::parse_supports(&format!("{BLOCK}feet = [[5, 5, 1], [55, 5, 2]]")).unwrap();
+        let alone =
+            PolygonFile::parse_supports(&format!("{BLOCK}feet = [[5, 5, 1], [55, 5, 2], [30, 35, 3]]")).unwrap();
         assert_eq!((listed.len(), alone.len()), (2, 1));
         assert_eq!(alone[0].0, None);
         // Turning about a foot, the other one alone resists: by its share of the weight.
@@ -516,7 +721,7 @@ mod tests {
         assert_eq!(resistance(&listed[1].1), resistance(&alone[0].1));
         assert_ne!(resistance(&listed[0].1), resistance(&alone[0].1));
         let bad = [
-            (list.replace("2]]", "-2]]"), "support \"feet\": foot 1"),
+            (list.replace("5, 2]", "5, -2]"), "support \"feet\": foot 1"),
             (format!("{BLOCK}support = []"), "support is empty"),
             (list.replace("mu = 0.3", "mu = 0.3\nfeet = [[1, 1, 1]]"), "feet and supports"),
         ];
@@ -526,11 +731,47 @@ mod tests {
         }
     }
 
+    /// All feet in one corner, or a centre of mass beside the part: no push is needed to move it.
+    #[test]
+    fn a_part_that_cannot_rest_is_refused() {
+        let tips = [
+            ("feet = [[5, 5, 1], [10, 5, 1], [5, 10, 1]]", "its feet"),
+            ("feet = [[5, 5, 1], [55, 5, 1]]", "15.0000 mm outside what it rests on, its feet"),
+            ("centre_of_mass = [300, 20]\nradius_of_gyration = 20", "240.0000 mm outside what it rests on, its base"),
+        ];
+        for (keys, wanted) in tips {
+            let message = PartFile::parse(&format!("{BLOCK}{keys}")).unwrap_err().to_string();
+            assert!(message.contains("tips over") && message.contains(wanted), "wanted {wanted}, got {message}");
+        }
+        let ellipse =
+            "unit = 'mm'\nmu = 0.3\nellipse = {a = 40, b = 30}\ncentre_of_mass = [0, 31]\nradius_of_gyration = 9";
+        assert!(matches!(PartFile::parse(ellipse), Err(PartFileError::TipsOver { .. })));
+        // On two feet in line with it, it can.
+        assert!(PartFile::parse(&format!("{BLOCK}feet = [[5, 20, 1], [55, 20, 1]]")).is_ok());
+    }
+
+    #[test]
+    fn what_hardly_lies_on_a_table_is_doubted_and_what_does_is_not() {
+        let doubts = |text: &str| PartFile::parse(text).unwrap().doubts();
+        assert_eq!(doubts(BLOCK), []);
+        assert_eq!(doubts(&format!("{BLOCK}mu_c = 1\nfeet = [[5, 5, 1], [55, 5, 1], [30, 35, 2]]")), []);
+        assert_eq!(doubts(&BLOCK.replace("mm", "m")), [Doubt::Size { extent: 60.0 }]);
+        assert_eq!(doubts(&BLOCK.replace("0.3", "3")), [Doubt::Friction { key: "mu", value: 3.0 }]);
+        let heavy = doubts(&format!("{BLOCK}feet = [[5, 5, 1], [55, 5, 1], [30, 35, 40]]"));
+        assert!(matches!(heavy[..], [Doubt::Weights { off }] if off > 0.01), "{heavy:?}");
+        let wide = doubts(&format!("{BLOCK}centre_of_mass = [30, 20]\nradius_of_gyration = 90"));
+        assert!(matches!(wide[..], [Doubt::RadiusOfGyration { .. }]), "{wide:?}");
+        let told: Vec<_> = [heavy, wide].concat().iter().map(ToString::to_string).collect();
+        assert!(told[0].contains(" mm from the centre of mass") && told[1].contains("90.000 mm"), "{told:?}");
+    }
+
     #[test]
     fn every_mistake_is_named_with_its_key() {
         let bad = [
             (BLOCK.replace("mu = 0.3", "mu = -0.3"), "mu = -0.3"),
             (format!("{BLOCK}mu_c = nan"), "mu_c = NaN"),
+            (BLOCK.replace("mu = 0.3", "mu = 25"), "mu = 25.0, but no two materials have more than 10"),
+            (format!("{BLOCK}mu_c = 1e300"), "mu_c = 1e300"),
             (BLOCK.replace("'mm'", "'furlong'"), "furlong"),
             (BLOCK.replace("unit = 'mm'\n", ""), "missing field `unit`"),
             (BLOCK.replace("[60, 40], [0, 40]", "[0, 40], [60, 40]"), "vertices: edge"),
