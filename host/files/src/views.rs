@@ -294,6 +294,19 @@ impl Views {
     /// # Errors
     /// [`ViewFileError`] names the first thing found wrong.
     pub fn parse(text: &str) -> Result<Self, ViewFileError> {
+        Self::parse_with(text, 1.0)
+    }
+
+    /// The same, were the file's angles in radians: what a person may have meant.
+    ///
+    /// # Errors
+    /// As [`Views::parse`].
+    pub fn parse_radians(text: &str) -> Result<Self, ViewFileError> {
+        Self::parse_with(text, 1_f64.to_degrees())
+    }
+
+    /// A file whose angles are in so many degrees.
+    fn parse_with(text: &str, degrees: f64) -> Result<Self, ViewFileError> {
         let keys: ViewKeys = toml::from_str(text).map_err(|error| ViewFileError::Toml(error.to_string()))?;
         let metres = keys.unit.metres();
         if let Some(value) = keys.sigma.filter(|sigma| !(sigma.is_finite() && *sigma > 0.0)) {
@@ -301,8 +314,8 @@ impl Views {
         }
         let (mut cones, mut bearings) = (Vec::new(), Vec::new());
         for (index, cone) in keys.cone.iter().enumerate() {
-            let undo = undone(cone.moved, metres).ok_or(ViewFileError::NotFinite { what: "cone", index })?;
-            let read = cone.read(metres).map_err(|error| ViewFileError::Cone { index, error })?;
+            let undo = undone(cone.moved, metres, degrees).ok_or(ViewFileError::NotFinite { what: "cone", index })?;
+            let read = cone.read(metres, degrees).map_err(|error| ViewFileError::Cone { index, error })?;
             bearings.extend(read.bearings().map(|bearing: Bearing| bearing.moved(&undo)));
             cones.push(read);
         }
@@ -312,11 +325,12 @@ impl Views {
             if !(fence.normal.is_finite() && fence.offset.is_finite()) {
                 return Err(fault);
             }
-            let undo = undone(fence.moved, metres).ok_or(fault)?;
-            fences.push(HalfPlane::new(fence.normal.to_radians(), fence.offset * metres).moved(&undo));
+            let undo = undone(fence.moved, metres, degrees).ok_or(fault)?;
+            fences.push(HalfPlane::new((fence.normal * degrees).to_radians(), fence.offset * metres).moved(&undo));
         }
         let points = keys.point.iter().enumerate().map(|(index, point)| {
-            let undo = undone(point.moved, metres).filter(|_| point.at.0.iter().all(|value| value.is_finite()));
+            let undo =
+                undone(point.moved, metres, degrees).filter(|_| point.at.0.iter().all(|value| value.is_finite()));
             let undo = undo.ok_or(ViewFileError::NotFinite { what: "point", index })?;
             Ok(undo * (Point2::from(point.at.0) * metres))
         });
@@ -332,22 +346,65 @@ impl Views {
                 remedy: "points are taken to be exact: leave one of them out",
             });
         }
-        let sigma = keys.sigma.unwrap_or(0.0).to_radians();
+        let sigma = (keys.sigma.unwrap_or(0.0) * degrees).to_radians();
         Ok(Self { cones, readings: NoisyReadings { bearings, fences, sigma }, points, noisy })
     }
 }
 
+impl Views {
+    /// The same with lengths so many times as long: what another unit would make of it.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        let mut scaled = self.clone();
+        scaled.readings.bearings.iter_mut().for_each(|bearing| bearing.apex *= factor);
+        scaled.readings.fences.iter_mut().for_each(|fence| fence.point *= factor);
+        scaled.points.iter_mut().for_each(|point| *point *= factor);
+        scaled
+    }
+
+    /// The same readings with errors of this standard deviation, rad.
+    #[must_use]
+    pub fn with_sigma(&self, sigma: f64) -> Self {
+        let readings = NoisyReadings { sigma, ..self.readings.clone() };
+        Self { readings, noisy: true, ..self.clone() }
+    }
+
+    /// The views with one of them left out, each by its name in the file.
+    #[must_use]
+    pub fn each_left_out(&self) -> Vec<(String, Self)> {
+        let cones = (0..self.cones.len()).map(|index| {
+            let mut left = self.clone();
+            // Two bearings a cone.
+            left.readings.bearings.drain(2 * index..2 * index + 2);
+            left.cones.remove(index);
+            (format!("cone {index}"), left)
+        });
+        let fences = (0..self.readings.fences.len()).map(|index| {
+            let mut left = self.clone();
+            left.readings.fences.remove(index);
+            (format!("fence {index}"), left)
+        });
+        let points = (0..self.points.len()).map(|index| {
+            let mut left = self.clone();
+            left.points.remove(index);
+            (format!("point {index}"), left)
+        });
+        cones.chain(fences).chain(points).collect()
+    }
+}
+
 impl ConeKeys {
-    fn read(&self, metres: f64) -> Result<Cone, ConeError> {
-        Cone::new(Point2::from(self.apex.0) * metres, self.right.to_radians(), self.left.to_radians())
+    fn read(&self, metres: f64, degrees: f64) -> Result<Cone, ConeError> {
+        let [right, left] = [self.right, self.left].map(|angle| (angle * degrees).to_radians());
+        Cone::new(Point2::from(self.apex.0) * metres, right, left)
     }
 }
 
 /// The motion that takes the part back; none if it is not finite.
-fn undone(moved: Option<Numbers<3>>, metres: f64) -> Option<Isometry2<f64>> {
-    let [x, y, degrees] = moved.map_or([0.0; 3], |Numbers(moved)| moved);
-    let finite = [x, y, degrees].iter().all(|value| value.is_finite());
-    finite.then(|| Isometry2::new([x * metres, y * metres].into(), degrees.to_radians()).inverse())
+fn undone(moved: Option<Numbers<3>>, metres: f64, degrees: f64) -> Option<Isometry2<f64>> {
+    let [x, y, turn] = moved.map_or([0.0; 3], |Numbers(moved)| moved);
+    let finite = [x, y, turn].iter().all(|value| value.is_finite());
+    finite.then(|| Isometry2::new([x * metres, y * metres].into(), (turn * degrees).to_radians()).inverse())
 }
 
 #[cfg(test)]
