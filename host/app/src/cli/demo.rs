@@ -18,11 +18,13 @@ use palpate_files::motion;
 use palpate_files::output;
 use palpate_files::part::PolygonFile;
 
-use super::read::{read, read_text};
+use super::read::{read, read_text, tell_part};
+use super::watched_push::MuUncertainty;
 use super::{not_negative, pose, static_demo};
 use crate::advice::Advise as _;
 use crate::thesis::chain::known_of;
 use crate::thesis::demonstration::{CALIBRATION_CONTACTS, CALIBRATION_FORCE_N, Rig, SensedPush, course};
+use crate::width::folded;
 
 /// Times since the onset at which the host says what it knows, s; the end of the push comes last.
 const TIMES_S: [f64; 3] = [0.1, 0.2, 0.4];
@@ -96,12 +98,13 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     if let Some(folder) = &arguments.keep {
         arguments.keep_files(folder, &part, &ranges, &measured)?;
     }
-    let known = known_of(&ranges, &part);
+    // As much as `observe` is told where nothing is said of it.
+    let known = KnownFromRest { mu_g_log_sd: MuUncertainty::UNTOLD.log_sd, ..known_of(&ranges, &part) };
     let Some(estimate) = say_what_is_felt(&known, &measured.sense) else {
         say!("The push was not felt: its force does not stand out of {} times the noise.", arguments.noise);
         return Ok(ExitCode::SUCCESS);
     };
-    reveal(&part, &drawn, &estimate);
+    reveal(&part, &drawn, ranges.mu, &estimate);
     Ok(ExitCode::SUCCESS)
 }
 
@@ -114,6 +117,7 @@ impl Arguments {
     fn part(&self, draw: &mut Draw) -> miette::Result<(Part, Ranges)> {
         let Some(path) = &self.part else { return Ok((random_part(draw), Ranges::default())) };
         let file = read(path, PolygonFile::parse)?;
+        tell_part(path, file.part.polygon().vertices(), file.part.body(), &file.doubts());
         let default = Ranges::default();
         let mu_c = file.mu_c.map_or(default.mu_c, |mu_c| mu_c..=mu_c);
         Ok((file.part, Ranges { mu: file.mu, mu_c, ..default }))
@@ -177,23 +181,24 @@ fn as_table(readings: &[Reading]) -> String {
 }
 
 fn introduce(rig: &Rig, part: &Part, ranges: &Ranges, force: f64) {
-    say!(
-        "A simulated finger runs the firmware at {}; the host opens it like any serial port.",
-        rig.session().address()
-    );
+    let address = rig.session().address();
+    say!("A simulated finger runs the firmware at {address};\nthe host opens it like any serial port.");
     let worst = rig.fit().held_back().map_or_else(String::new, |held| {
         format!("; those held back are off by at most {:.2}°", held.worst_error.abs().to_degrees())
     });
-    say!("It was calibrated on {CALIBRATION_CONTACTS} contacts of {force} N{worst}.");
+    say!("{}", folded(&format!("It was calibrated on {CALIBRATION_CONTACTS} contacts of {force} N{worst}.")));
     let vertices: Vec<_> =
         part.polygon().vertices().iter().map(|v| format!("({:.0}, {:.0})", v.x * 1e3, v.y * 1e3)).collect();
-    say!("The part, in mm: {}; µ {} on the table.", vertices.join(" "), ranges.mu);
+    say!("{}", folded(&format!("The part, in mm: {}; µ {} on the table.", vertices.join(" "), ranges.mu)));
     let segments = ranges.motion.segments().iter().map(|segment| {
         let [x, y] = segment.acceleration.map(|value| value * 1e3).into();
         format!("{} s with ({x:.0}, {y:.0}) mm/s²", segment.seconds)
     });
-    say!("The finger touches it somewhere, at rest, and then moves: {}.", segments.collect::<Vec<_>>().join(", then "));
-    say!("What the host is not told: where and at what angle it touches, the part's mass, the friction at the finger.");
+    let segments = segments.collect::<Vec<_>>().join(", then ");
+    say!("{}", folded(&format!("The finger touches it somewhere, at rest, and then moves: {segments}.")));
+    let untold = "What the host is not told: where and at what angle it touches, the part's mass, the friction at the \
+                  finger. The µ of the table it takes for known to 20 %.";
+    say!("{}", folded(untold));
 }
 
 /// The host's answers as the push goes on; the last one.
@@ -206,7 +211,7 @@ fn say_what_is_felt(known: &KnownFromRest, sense: &PushSense) -> Option<Estimate
             continue;
         };
         if last.is_none() {
-            say!("\n{}", pose::HEADINGS);
+            say!("\n{}", pose::headings());
         }
         let estimate = from_rest::estimate(known, &measured);
         pose::lines(known.part, &estimate).iter().for_each(|line| say!("{line}"));
@@ -215,24 +220,26 @@ fn say_what_is_felt(known: &KnownFromRest, sense: &PushSense) -> Option<Estimate
     last
 }
 
-fn reveal(part: &Part, drawn: &Drawn, estimate: &Estimate) {
-    say!("\n{}", pose::in_words(part, estimate));
+fn reveal(part: &Part, drawn: &Drawn, mu: f64, estimate: &Estimate) {
+    say!("{}\n\n{}", pose::legend(), pose::in_words(part, estimate));
     let Some(truth) = drawn.played.pose(estimate.time_end) else { return };
     let centre = truth * part.centre_of_mass();
-    say!(
-        "The truth after {:.2} s: edge {}, centre of mass at ({:.2}, {:.2}) mm, turned {:.2}°; {:.3} kg, µ_c {:.3}.",
+    let truth_in_words = format!(
+        "The truth after {:.2} s: edge {}, centre of mass at ({:.2}, {:.2}) mm, turned {:.2}°; {:.3} kg, µ_c {:.3}, µ {}.",
         estimate.time_end,
         drawn.edge,
         centre.x * 1e3,
         centre.y * 1e3,
         truth.rotation.angle().to_degrees(),
         drawn.mass,
-        drawn.mu_c
+        drawn.mu_c,
+        mu
     );
+    say!("{}", folded(&truth_in_words));
     for (place, hypothesis) in estimate.hypotheses.iter().enumerate() {
         let error = pose_error(part, estimate.symmetry, &hypothesis.pose_end, &truth);
         let which = if place == 0 { "The likeliest pose".to_owned() } else { format!("Number {}", place + 1) };
         say!("{which} is off by {:.3} mm and {:.3}°.", error.distance * 1e3, error.angle.to_degrees());
     }
-    say!("Nothing here was measured: finger and part were simulated. README.md says how to build a real finger.");
+    say!("Nothing here was measured: finger and part were simulated. README.md says how to\nbuild a real finger.");
 }

@@ -34,6 +34,7 @@ mod info;
 mod inscribe;
 mod lacking;
 mod latency;
+mod misfit;
 mod monitor;
 mod motion_source;
 mod observe;
@@ -53,10 +54,12 @@ mod tables;
 mod watched_push;
 mod which_part;
 
+use std::f64::consts::PI;
 use std::io::Write as _;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use palpate::math::angle::wrap_angle;
 use palpate_device::{Incoming, Session};
 
 use crate::live;
@@ -153,13 +156,25 @@ fn counted(count: usize, thing: &str) -> String {
     format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
 }
 
-/// Writes to standard output. If that fails the program ends: in peace where the reader has seen enough, and with a
-/// complaint where the disk is full.
+/// Exit status where nobody reads standard output any more: as of the tools that the system ends by SIGPIPE (128 + 13),
+/// so that a script sees that not everything was written.
+const EXIT_BROKEN_PIPE: i32 = 141;
+
+/// A turn as people are told it everywhere: above −180° and up to 180°.
+fn turn_deg(theta: f64) -> f64 {
+    /// Half a turn that was rounded up is half a turn, rad.
+    const ROUNDING: f64 = 1e-9;
+    let turn = wrap_angle(theta);
+    (if turn < ROUNDING - PI { PI } else { turn }).to_degrees()
+}
+
+/// Writes to standard output. If that fails the program ends: without a word where the reader has seen enough, and with
+/// a complaint where the disk is full.
 fn write_out(text: std::fmt::Arguments<'_>) {
     let mut out = std::io::stdout().lock();
     match out.write_fmt(text).and_then(|()| out.flush()) {
         Ok(()) => {}
-        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => std::process::exit(0),
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => std::process::exit(EXIT_BROKEN_PIPE),
         Err(error) => {
             eprintln!("cannot write the output: {error}");
             std::process::exit(1);
@@ -236,6 +251,12 @@ mod tests {
     #[test]
     fn no_option_of_a_command_has_the_name_of_another_or_of_an_option_of_all() {
         Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn half_a_turn_is_told_with_one_sign() {
+        let told = [PI, PI + 1e-15, -PI, 1.5 * PI, 0.0].map(|theta| format!("{:.2}", turn_deg(theta)));
+        assert_eq!(told, ["180.00", "180.00", "180.00", "-90.00", "0.00"]);
     }
 
     #[test]

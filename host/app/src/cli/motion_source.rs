@@ -1,6 +1,6 @@
 //! How the finger moves: a file, or segments from standard input as they come.
 
-use std::io::{self, BufRead as _};
+use std::io;
 use std::path::Path;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 
@@ -9,7 +9,7 @@ use nalgebra::Point2;
 use palpate::pushing::finger_motion::{FingerMotion, Segment};
 use palpate_files::motion::{self, MotionFileError};
 
-use super::read::read;
+use super::read::{self, Line, read};
 
 /// Where the finger's motion comes from.
 #[derive(Debug)]
@@ -26,13 +26,14 @@ impl MotionSource {
         }
         let (sender, lines) = channel();
         let reader = move || {
-            for (index, line) in io::stdin().lock().lines().enumerate() {
-                let text = line.unwrap_or_else(|error| error.to_string());
-                if text.trim().is_empty() {
-                    continue;
-                }
-                let segment = serde_json::from_str(&text)
-                    .map_err(|error| MotionFileError::Text(format!("line {}: {error}", index + 1)));
+            for (index, line) in read::lines(io::stdin().lock()).enumerate() {
+                let segment = match line {
+                    Ok(Line::Text(text)) if text.trim().is_empty() => continue,
+                    Ok(Line::Text(text)) => serde_json::from_str(&text).map_err(|error| error.to_string()),
+                    Ok(Line::Unusable(why)) => Err(why.to_owned()),
+                    Err(error) => Err(error.to_string()),
+                };
+                let segment = segment.map_err(|why| MotionFileError::Text(format!("line {}: {why}", index + 1)));
                 if sender.send(segment).is_err() {
                     return;
                 }

@@ -4,13 +4,12 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use palpate::never;
-use palpate::pushing::estimation::Estimate;
 use palpate::pushing::estimation::from_rest::watch::PushAnswer;
 use palpate_files::part::PolygonFile;
 
-use super::read::read;
+use super::read::{read, tell_part};
 use super::watched_push::{WatchedPushArguments, too_short};
-use super::{lacking, pose, positive};
+use super::{lacking, misfit, pose, positive};
 
 const LONG_HELP: &str = "\
 The finger first rests, touching nothing or the part without force, while the tare is taken; then it begins to push. The
@@ -27,8 +26,9 @@ The motion file is TOML; every length in it is in its `unit`:
 With --motion - segments are read from standard input as they come, one JSON object a line, in SI units:
   {\"seconds\": 0.3, \"acceleration\": [0.15, 0]}
 
-The part file is that of `palpate push`; its mu_c is not needed. If its mu is a guess, say how good a one with
---mu-uncertainty: mu is then found with the rest. A slow push tells only mu times the mass, and the answer says so.
+The part file is that of `palpate push`; its mu_c is not needed. Its mu is taken for known to 20 % and found with the
+rest; --mu-uncertainty says how well it is known, or that it is exact. A slow push tells only mu times the mass, and the
+answer says so.
 
 The forces' file is a table of t, Fx, Fy: force on the finger's disk along its axes, in newtons.
 
@@ -63,6 +63,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let file = read(&arguments.part, PolygonFile::parse)?;
+    tell_part(&arguments.part, file.part.polygon().vertices(), file.part.body(), &file.doubts());
     let mut shown = Shown { json: arguments.json, file: &file, is_headed: false };
     let mut push = arguments.push.watch(arguments.every, &mut |watch, felt, motion| {
         if let Some(answer) = watch.look(&felt.known(&file, motion), &never) {
@@ -73,7 +74,10 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let answer = push.conclude(&file).ok_or_else(too_short)?;
     shown.print(&answer);
     if !arguments.json {
-        say!("{}", pose::in_words(&file.part, &answer.estimate));
+        say!("{}\n{}", pose::legend(), pose::in_words(&file.part, &answer.estimate));
+        if answer.estimate.hypotheses.is_empty() {
+            say!("{}", misfit::explain(&push.known(&file), &push.force()?));
+        }
     }
     Ok(lacking::status(&answer.since_onset))
 }
@@ -94,13 +98,13 @@ impl Shown<'_> {
             say!("{told}");
             return;
         }
-        self.head(estimate);
+        self.head();
         pose::lines(&self.file.part, estimate).iter().for_each(|line| say!("{line}"));
     }
 
-    fn head(&mut self, estimate: &Estimate) {
+    fn head(&mut self) {
         if !self.is_headed {
-            say!("{}", pose::headings(estimate));
+            say!("{}", pose::headings());
         }
         self.is_headed = true;
     }

@@ -1,11 +1,11 @@
 //! `palpate palm`.
 
-use std::io::{self, BufRead as _};
+use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::ValueEnum;
-use miette::{IntoDiagnostic as _, WrapErr as _, miette};
+use miette::{IntoDiagnostic as _, WrapErr as _};
 use nalgebra::{Vector2, Vector3};
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::rolling::{
@@ -17,9 +17,9 @@ use palpate_files::solve::kinds::roll::{self, wxyz};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::positive;
-use super::read::read;
+use super::read::{Line, lines, read};
 use super::roll::triple;
+use super::{counted, positive};
 
 const LONG_HELP: &str = "\
 Reads a contact a line from standard input, at equal steps of time, in s and m:
@@ -38,7 +38,13 @@ and prints what is known after it, a JSON object a line:
 
 Attitudes are known up to the body's symmetry. With several body files, `body` says which it is, from 0.
 
-Exit status: 0 at the end of the input, 1 if a line or a file cannot be read, 64 wrong command line.";
+Lines that cannot be used are named on standard error and passed over.
+
+Exit status: 0 at the end of the input, 1 if a file or the input cannot be read, 2 if lines were passed over, 64 wrong
+command line.";
+
+/// Exit status when some lines could not be used.
+const EXIT_SOME_BAD: u8 = 2;
 
 /// Feels, live, where a body rolling on the palm is and how it moves, from its contacts alone.
 #[derive(Debug, clap::Args)]
@@ -84,7 +90,7 @@ enum SpinChoice {
 
 /// A line of input.
 #[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "an object with t and u")]
 struct Contact {
     /// Time of the contact, s.
     t: f64,
@@ -95,20 +101,21 @@ struct Contact {
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let mut tracker = RollTracker::new(arguments.question()?, arguments.window_s);
     let (mut before, mut last) = (String::new(), None);
-    for (index, line) in (1_u64..).zip(io::stdin().lock().lines()) {
-        let line = line.into_diagnostic().wrap_err("cannot read standard input")?;
-        if line.trim().is_empty() {
-            continue;
-        }
-        let Contact { t, u } = serde_json::from_str(&line).map_err(|error| {
-            miette!(help = "write {\"t\": 0.002, \"u\": [x, y]}, in s and m", "line {index}: {error}")
-        })?;
-        if last.is_some_and(|last| t <= last) {
-            return Err(miette!(
-                help = "give contacts in the order in which they were felt, each with its own time",
-                "line {index}: the contact at {t} s does not come after the one before"
-            ));
-        }
+    let mut passed_over = 0_u64;
+    for (index, line) in (1_u64..).zip(lines(io::stdin().lock())) {
+        let contact = match line.into_diagnostic().wrap_err("cannot read standard input")? {
+            Line::Text(text) if text.trim().is_empty() => continue,
+            Line::Text(text) => contact(&text, last),
+            Line::Unusable(why) => Err(why.to_owned()),
+        };
+        let Contact { t, u } = match contact {
+            Ok(contact) => contact,
+            Err(why) => {
+                tracing::warn!("line {index} is passed over: {why}");
+                passed_over += 1;
+                continue;
+            }
+        };
         last = Some(t);
         let (status, answer) = in_json(&tracker.feel(t, Vector2::from(u)));
         if status != before || index % arguments.every == 0 {
@@ -120,7 +127,23 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         }
         status.clone_into(&mut before);
     }
+    if passed_over > 0 {
+        tracing::warn!("{} passed over", counted(usize::try_from(passed_over).unwrap_or(usize::MAX), "line"));
+        return Ok(ExitCode::from(EXIT_SOME_BAD));
+    }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The contact of a line, felt after the last one; or why it is none.
+fn contact(text: &str, last: Option<f64>) -> Result<Contact, String> {
+    let contact: Contact = serde_json::from_str(text)
+        .map_err(|error| format!("{error}; write {{\"t\": 0.002, \"u\": [x, y]}}, in s and m"))?;
+    match last {
+        Some(last) if contact.t <= last => {
+            Err(format!("the contact at {} s does not come after the one before, at {last} s", contact.t))
+        }
+        _ => Ok(contact),
+    }
 }
 
 impl Arguments {

@@ -10,9 +10,10 @@ use palpate::pushing::finger_motion::Segment;
 use palpate_files::part::PolygonFile;
 use serde_json::{Value, json};
 
-use super::read::read;
+use super::read::{read, tell_part};
 use super::watched_push::WatchedPushArguments;
-use super::{lacking, pose, positive};
+use super::{lacking, misfit, pose, positive};
+use crate::width::folded;
 
 /// One value a hundredth of a second, s.
 const VALUES_EVERY_S: f64 = 0.01;
@@ -75,6 +76,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let file = read(&arguments.part, PolygonFile::parse)?;
+    tell_part(&arguments.part, file.part.polygon().vertices(), file.part.body(), &file.doubts());
     let push = arguments.push.watch(f64::INFINITY, &mut |_, _, _| ())?;
     let force = push.force()?;
     let tally = push.watch.tally();
@@ -89,13 +91,16 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         say!("{told}");
         return Ok(lacking::status(&tally));
     }
-    say!("{}", pose::headings(&estimate));
+    say!("{}", pose::headings());
     pose::lines(&file.part, &estimate).iter().for_each(|line| say!("{line}"));
-    say!("{}", pose::in_words(&file.part, &estimate));
+    say!("{}\n{}", pose::legend(), pose::in_words(&file.part, &estimate));
+    if estimate.hypotheses.is_empty() {
+        say!("{}", misfit::explain(&known, &force));
+    }
     if estimate.hypotheses.len() > 1 {
         say!("\nIf the finger goes on for {} s:", arguments.seconds);
         plan.lines(&prospects).iter().for_each(|line| say!("{line}"));
-        say!("{}", plan.in_words(&prospects));
+        say!("{}", folded(&plan.in_words(&prospects)));
     }
     Ok(lacking::status(&tally))
 }
@@ -144,9 +149,16 @@ impl Plan<'_> {
     }
 
     fn lines(&self, prospects: &[Prospect]) -> Vec<String> {
-        let heading = "  motion            first [mm/s²]            risk   nearest       D²   place [mm]   contact [s]"
-            .to_owned();
-        std::iter::once(heading).chain(prospects.iter().map(line)).collect()
+        let heading = |[motion, first, risk, nearest, apart, place, contact]: [&str; 7]| {
+            format!("  {motion:<20} {first:>15} {risk:>9} {nearest:>8} {apart:>8} {place:>6} {contact:>7}")
+                .trim_end()
+                .to_owned()
+        };
+        let headings = [
+            heading(["motion", "first [mm/s²]", "risk", "nearest", "D²", "place", "contact"]),
+            heading(["", "", "", "", "", "[mm]", "[s]"]),
+        ];
+        headings.into_iter().chain(prospects.iter().map(line)).collect()
     }
 
     /// The recommendation.
@@ -208,7 +220,7 @@ fn line(prospect: &Prospect) -> String {
         prospect.nearest().map_or((String::new(), 0.0), |pair| (pose_numbers(pair.hypotheses), pair.distance_squared));
     let place = prospect.place_sd.iter().copied().fold(0.0, f64::max) * 1e3;
     format!(
-        "  {:<16} {x:10.1} {y:10.1} {:8.2} % {:>9} {:8.1} {place:12.2} {:13.2}",
+        "  {:<20} {x:7.1} {y:7.1} {:7.2} % {:>8} {:8.1} {place:6.2} {:7.2}",
         prospect.motion.name,
         prospect.risk * 100.0,
         nearest.0,

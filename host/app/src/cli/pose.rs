@@ -8,103 +8,104 @@ use serde_json::{Value, json};
 
 use palpate::gravity::GRAVITY_ASSUMED;
 
+use crate::width::folded;
+
 /// Poses of one estimate that a person is shown; a program gets them all.
 const SHOWN: usize = 5;
 
-/// Above the lines of [`lines`].
-pub(super) const HEADINGS: &str = concat!(
-    "   felt         p  edge    centre of mass [mm]            turned [°]        contact on edge [mm]   mass  µ_c\n",
-    "    [s]                    x       y       ±                        ±                                    [kg]",
-);
+/// Widths of the columns: time, probability, edge, centre of mass and its error, turn and its error, place on the edge,
+/// mass, friction at the finger, friction of the plane.
+const WIDTHS: [usize; 12] = [5, 6, 5, 8, 8, 6, 8, 6, 7, 6, 7, 6];
 
-/// Above the lines of an estimate: where the plane's friction is sought too, it has columns of its own.
-pub(super) fn headings(estimate: &Estimate) -> String {
-    let [first, second] = if estimate.mu_g_log_sd.is_some() { FRICTION_HEADINGS } else { ["", ""] };
-    let mut lines = HEADINGS.lines();
-    let mut with = |added: &str, width: usize| format!("{:width$}{added}", lines.next().unwrap_or_default());
-    // The friction of the contact is the last column, of varying width.
-    format!("{}\n{}", with(first, FRICTION_COLUMN).trim_end(), with(second, FRICTION_COLUMN).trim_end())
+/// Cells in their columns, with a blank between them at least.
+fn row<S: AsRef<str>>(cells: &[S]) -> String {
+    cells.iter().zip(WIDTHS).map(|(cell, width)| format!("{:>width$}", format!(" {}", cell.as_ref()))).collect()
 }
 
-/// The columns of the plane's friction, and how uncertain the mass then is.
-const FRICTION_HEADINGS: [&str; 2] = ["    µ of the plane    mass", "                ±      ± %"];
+/// Above the lines of [`lines`].
+pub(super) fn headings() -> String {
+    let names = ["felt", "p", "edge", "x", "y", "±", "turned", "±", "at", "mass", "µ_c", "µ"];
+    let units = ["[s]", "", "", "[mm]", "[mm]", "[mm]", "[°]", "[°]", "[mm]", "[kg]"];
+    format!("{}\n{}", row(&names), row(&units))
+}
 
-/// Column at which they begin, from 0.
-const FRICTION_COLUMN: usize = 111;
+/// Below them: what the columns are.
+pub(super) fn legend() -> String {
+    folded(
+        "felt: up to this time since the push began. p: probability. edge: the one in contact, as in the part file, from 0. \
+         x, y, turned: the part's centre of mass, and how far the part is turned. ±: one standard deviation, of the \
+         distance and of the angle. at: where on its edge the contact is, counter-clockwise from where the centre of \
+         mass stands over it. µ_c: friction at the finger, ≥ where nothing slipped. µ: friction of the plane.",
+    )
+}
 
 /// An estimate for a person, a line for each pose.
 pub(super) fn lines(part: &Part, estimate: &Estimate) -> Vec<String> {
-    let at = format!("{:7.2}", estimate.time_end);
-    match estimate.status() {
-        Status::Unexplained => vec![format!("{at}   {}", none(estimate))],
-        _ => {
-            let shown = estimate.hypotheses.iter().take(SHOWN);
-            let of_plane =
-                |hypothesis: &Hypothesis| estimate.mu_g_log_sd.map_or_else(String::new, |_| plane(hypothesis));
-            let of = |hypothesis: &Hypothesis| {
-                let line = format!("{at}   {}", line(part, hypothesis));
-                let added = of_plane(hypothesis);
-                if added.is_empty() { line } else { format!("{line:FRICTION_COLUMN$}{added}") }
-            };
-            let mut lines: Vec<_> = shown.map(of).collect();
-            let more = estimate.hypotheses.get(SHOWN..).unwrap_or_default();
-            if !more.is_empty() {
-                let probability: f64 = more.iter().map(|hypothesis| hypothesis.probability).sum();
-                lines.push(format!("{at}   {probability:7.3}  and {} more", more.len()));
-            }
-            lines
-        }
+    let at = format!("{:.2}", estimate.time_end);
+    if estimate.status() == Status::Unexplained {
+        return vec![format!("{} {}", row(&[at]), none(estimate))];
     }
+    let shown = estimate.hypotheses.iter().take(SHOWN);
+    let mut lines: Vec<_> = shown.map(|hypothesis| line(&at, part, hypothesis)).collect();
+    let more = estimate.hypotheses.get(SHOWN..).unwrap_or_default();
+    if !more.is_empty() {
+        let probability: f64 = more.iter().map(|hypothesis| hypothesis.probability).sum();
+        lines.push(format!("{}  and {} more", row(&[at, format!("{probability:.3}")]), more.len()));
+    }
+    lines
 }
 
 fn none(estimate: &Estimate) -> String {
     let cost = estimate.fit.cost.map_or_else(String::new, |cost| {
-        format!(": the best has a misfit of {cost:.0}, and chance gives at most {:.0}", estimate.fit.cost_max)
+        format!(": the least misfit is {cost:.0}, chance gives at most {:.0}", estimate.fit.cost_max)
     });
-    format!("no pose of this part explains the force{cost}")
+    format!("no pose explains it{cost}")
 }
 
-fn line(part: &Part, hypothesis: &Hypothesis) -> String {
+fn line(at: &str, part: &Part, hypothesis: &Hypothesis) -> String {
     let centre = hypothesis.pose_end.isometry() * part.centre_of_mass();
     let (distance_sd, angle_sd) = hypothesis.spread(part).unwrap_or((f64::NAN, f64::NAN));
-    format!(
-        "{:7.3}  {:>4} {:8.2} {:7.2} {:7.2} {:12.2} {:8.2} {:19.2} {:11.3}  {}",
-        hypothesis.probability,
-        hypothesis.edge,
-        centre.x * 1e3,
-        centre.y * 1e3,
-        distance_sd * 1e3,
-        hypothesis.pose_end.theta.to_degrees(),
-        angle_sd.to_degrees(),
-        hypothesis.end.s * 1e3,
-        hypothesis.from_force.map_or(f64::NAN, |force| force.mass),
+    let hundredths = |value: f64| format!("{value:.2}");
+    let thousandths = |value: f64| format!("{value:.3}");
+    row(&[
+        at.to_owned(),
+        thousandths(hypothesis.probability),
+        hypothesis.edge.to_string(),
+        hundredths(centre.x * 1e3),
+        hundredths(centre.y * 1e3),
+        deviation(distance_sd * 1e3),
+        hundredths(hypothesis.pose_end.theta.to_degrees()),
+        deviation(angle_sd.to_degrees()),
+        hundredths(hypothesis.end.s * 1e3),
+        thousandths(hypothesis.from_force.map_or(f64::NAN, |force| force.mass)),
         hypothesis.from_force.as_ref().map_or_else(String::new, friction),
-    )
+        thousandths(hypothesis.mu_g / GRAVITY_ASSUMED),
+    ])
 }
 
-/// The plane's friction and how uncertain the mass is with it.
-fn plane(hypothesis: &Hypothesis) -> String {
-    let mu = hypothesis.mu_g / GRAVITY_ASSUMED;
-    let (mu_log_sd, force) = (hypothesis.mu_g_log_sd.unwrap_or(f64::NAN), hypothesis.from_force);
-    format!("{mu:8.3} {:8.3} {:8.1}", mu * mu_log_sd, force.map_or(f64::NAN, |force| force.mass_log_sd) * 100.0)
+/// A standard deviation; one of hundreds has no decimals worth a column.
+fn deviation(value: f64) -> String {
+    if value < 99.995 { format!("{value:.2}") } else { format!("{value:.0}") }
 }
 
 fn friction(force: &FromForce) -> String {
     match force.mu_c {
         Some(mu_c) => format!("{mu_c:.3}"),
         // Rounded down, so that it is true.
-        None => format!("≥ {:.3}", (force.friction_needed * 1e3).floor() * 1e-3),
+        None => format!("≥{:.3}", (force.friction_needed * 1e3).floor() * 1e-3),
     }
 }
 
 /// What an answer means, in a sentence or two.
 pub(super) fn in_words(part: &Part, estimate: &Estimate) -> String {
     let mut words = match estimate.status() {
-        Status::Unexplained => {
-            "No pose of this part explains what was felt: is it this part, did the finger move as stated, was it at rest before?"
-                .to_owned()
-        }
+        Status::Unexplained => "No pose of this part explains what was felt.".to_owned(),
         Status::Unique => "One pose explains what was felt.".to_owned(),
+        Status::Ambiguous if estimate.hypotheses[0].probability >= NEARLY_CERTAIN => format!(
+            "One pose explains what was felt far best; {} more cannot be excluded, with a probability of {:.1e} together.",
+            estimate.hypotheses.len() - 1,
+            estimate.hypotheses[1..].iter().map(|other| other.probability).sum::<f64>()
+        ),
         Status::Ambiguous => format!(
             "{} poses explain what was felt and cannot be told apart by it; {}.",
             estimate.hypotheses.len(),
@@ -112,6 +113,7 @@ pub(super) fn in_words(part: &Part, estimate: &Estimate) -> String {
         ),
     };
     words += &friction_in_words(estimate);
+    words += &mass_in_doubt(part, estimate);
     if estimate.symmetry > 1 && !estimate.hypotheses.is_empty() {
         words += &format!(
             " The part looks the same in {} orientations: each pose stands for as many, turned by {:.0}° about the centre of mass.",
@@ -119,7 +121,30 @@ pub(super) fn in_words(part: &Part, estimate: &Estimate) -> String {
             360.0 / f64::from(u32::try_from(estimate.symmetry).unwrap_or(u32::MAX))
         );
     }
-    words
+    folded(&words)
+}
+
+/// Poses less likely than the rest of this are no choice: printed, they have a probability of 0.000.
+const NEARLY_CERTAIN: f64 = 0.9995;
+
+/// Density of steel, kg/m³.
+const STEEL: f64 = 7850.0;
+
+/// Nobody pushes a part that is as heavy as this thickness of steel, m.
+const THICK_STEEL_M: f64 = 0.1;
+
+/// Asks about the unit of force where the mass found is beyond what such a part can have.
+fn mass_in_doubt(part: &Part, estimate: &Estimate) -> String {
+    let mass = estimate.hypotheses.first().and_then(|best| best.from_force).map(|force| force.mass);
+    let area = part.polygon().area();
+    match mass.map(|mass| (mass, mass / area / STEEL)) {
+        Some((mass, thick)) if thick > THICK_STEEL_M => format!(
+            " A mass of {mass:.1} kg on {:.1} cm² is that of {:.0} cm of steel: are the forces in newtons?",
+            area * 1e4,
+            thick * 100.0
+        ),
+        _ => String::new(),
+    }
 }
 
 /// What is known now of the plane's friction, where it was not.
@@ -137,9 +162,11 @@ fn friction_in_words(estimate: &Estimate) -> String {
         );
     }
     format!(
-        " The plane's friction mu is {:.3} within {}; beforehand it was known within {} (one standard deviation).",
+        " The plane's friction mu is {:.3} within {}, the mass {:.3} kg within {}; beforehand mu was known within {} (one standard deviation each).",
         best.mu_g / GRAVITY_ASSUMED,
         share_or_factor(mu_g_log_sd),
+        force.mass,
+        share_or_factor(force.mass_log_sd),
         share_or_factor(beforehand)
     )
 }
@@ -209,4 +236,93 @@ fn hypothesis_as_json(hypothesis: &Hypothesis) -> Value {
         "cost": hypothesis.cost,
         "probability": hypothesis.probability,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Matrix3, Point2, Vector2};
+    use palpate::geometry::SimplePolygon;
+    use palpate::pushing::dynamics::{ContactLaw, ContactMode, State};
+    use palpate::pushing::estimation::Fit;
+
+    use super::*;
+    use crate::width::COLUMNS;
+
+    /// 60 by 40 mm.
+    fn part() -> Part {
+        let vertices = [[0.0, 0.0], [0.06, 0.0], [0.06, 0.04], [0.0, 0.04]].map(Point2::from).to_vec();
+        Part::uniform(SimplePolygon::new(vertices).unwrap())
+    }
+
+    fn hypothesis(probability: f64, mass: f64) -> Hypothesis {
+        let state = State { u: 0.1, s: -0.01812, omega: 0.0, v_t: 0.0 };
+        let pose = Pose { x: -0.12345, y: 1.23456, theta: -3.1 };
+        Hypothesis {
+            edge: 12,
+            side: 12,
+            start: state,
+            contact_start: ContactMode::Rolling,
+            end: state,
+            contact_end: ContactMode::Rolling,
+            law: ContactLaw::Rolling { friction: None },
+            pose_start: pose,
+            pose_end: pose,
+            velocity_end: Vector2::zeros(),
+            covariance: Some(Matrix3::identity() * 10.0),
+            state_covariance: None,
+            mu_g: 0.25 * GRAVITY_ASSUMED,
+            mu_g_log_sd: Some(0.19),
+            from_force: Some(FromForce {
+                mass,
+                mass_log_sd: 0.2,
+                resistance_log_sd: 0.19,
+                mu_c: None,
+                mu_c_sd: None,
+                friction_needed: 0.1234,
+            }),
+            cost: 10.0,
+            probability,
+        }
+    }
+
+    fn estimate(hypotheses: Vec<Hypothesis>) -> Estimate {
+        let fit = Fit { cost: Some(123_456.7), degrees_of_freedom: 20, cost_max: 45.3 };
+        Estimate { hypotheses, mu_g_log_sd: Some(0.2), symmetry: 2, ..Estimate::unexplained(fit, 10.25) }
+    }
+
+    #[test]
+    fn poses_and_what_is_said_of_them_fit_a_terminal() {
+        let several = estimate((0..4).flat_map(|_| [hypothesis(0.3, 12.345), hypothesis(0.2, 0.2)]).collect());
+        for estimate in [&several, &estimate(vec![])] {
+            let mut told = lines(&part(), estimate);
+            told.extend([headings(), legend(), in_words(&part(), estimate)]);
+            for line in told.iter().flat_map(|text| text.lines()) {
+                assert!(line.chars().count() <= COLUMNS, "{} columns: {line}", line.chars().count());
+            }
+        }
+        let first = lines(&part(), &several).remove(0);
+        let cells: Vec<_> = first.split_whitespace().collect();
+        assert_eq!(cells.len(), WIDTHS.len(), "{first}");
+        assert_eq!([cells[2], cells[9], cells[10], cells[11]], ["12", "12.345", "≥0.123", "0.250"], "{first}");
+    }
+
+    /// Printed, the others have a probability of 0.000: they are no choice.
+    #[test]
+    fn a_pose_that_is_all_but_certain_is_not_called_one_of_two() {
+        let said =
+            in_words(&part(), &estimate(vec![hypothesis(0.9998, 0.2), hypothesis(0.0002, 0.2)])).replace('\n', " ");
+        assert!(
+            said.starts_with("One pose explains what was felt far best; 1 more") && said.contains("2.0e-4"),
+            "{said}"
+        );
+        let said = in_words(&part(), &estimate(vec![hypothesis(0.6, 0.2), hypothesis(0.4, 0.2)]));
+        assert!(said.starts_with("2 poses explain"), "{said}");
+    }
+
+    #[test]
+    fn a_mass_that_no_such_part_has_asks_for_the_unit_of_force() {
+        let said = in_words(&part(), &estimate(vec![hypothesis(1.0, 20.4)])).replace('\n', " ");
+        assert!(said.contains("20.4 kg on 24.0 cm² is that of 108 cm of steel: are the forces in newtons?"), "{said}");
+        assert!(!in_words(&part(), &estimate(vec![hypothesis(1.0, 0.2)])).contains("steel"));
+    }
 }

@@ -1,6 +1,5 @@
 //! `palpate push`.
 
-use std::io::{self, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -13,12 +12,13 @@ use palpate_files::part::{DescribedPart, PartFile};
 use palpate_files::solve::kinds::push::{InitialAcceleration, Meeting, PushAnswer, PushEnd, PushSample, Transition};
 
 use super::plot::{PlotArguments, draw_to, picture_file};
-use super::read::read;
+use super::read::{read, tell_part};
 use super::{equal_steps, finite, not_negative, positive};
 use crate::pictures::limit_surface;
 use crate::pictures::plot::Figure;
 use crate::pictures::push::{PushPicture, SAMPLES};
 use crate::push_scenario::{Place, PushPlan, Pushed, Turn, to_world};
+use crate::width::folded;
 use palpate::gravity::GRAVITY_ASSUMED;
 
 /// Most rows of the table; far beyond what anybody reads, and short of what would exhaust memory.
@@ -166,6 +166,7 @@ fn turn(text: &str) -> Result<TurnArgument, String> {
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let file = read(&arguments.part, PartFile::parse)?;
+    tell_part(&arguments.part, &file.part.outline(), file.part.body(), &file.doubts());
     let plan = arguments.plan(&file)?;
     let cannot = || format!("cannot push {}", arguments.part.display());
     let run = |times: &[f64]| plan.run(&file, times).into_diagnostic().wrap_err_with(cannot);
@@ -293,12 +294,10 @@ impl Arguments {
 /// The head of the table; where the contact is, on finger and part, is an angle or a length.
 fn header(pushed: &Pushed) -> String {
     let [u, s] = [is_straight_finger(pushed), is_straight_side(pushed)].map(|length| if length { "mm" } else { "°" });
-    format!(
-        "   time   centre of mass    turned     contact          turning     force / weight\n\
-         \u{20}   [s]   x [mm]   y [mm]      [°] {:>7} {:>8}       [°/s]      into     along  contact\n",
-        format!("u [{u}]"),
-        format!("s [{s}]")
-    )
+    let (u, s) = (format!("u [{u}]"), format!("s [{s}]"));
+    let (above, below) = ("centre of mass", "force / weight");
+    format!("{:>7} {above:>15} {:>7} {:>16} {:>7} {below:>15}\n", "time", "turned", "contact", "turning")
+        + &line(["[s]", "x [mm]", "y [mm]", "[°]", &u, &s, "[°/s]", "into", "along", "contact"])
 }
 
 fn is_straight_finger(pushed: &Pushed) -> bool {
@@ -322,7 +321,7 @@ fn table(file: &PartFile, plan: &PushPlan, pushed: &Pushed) -> String {
     for change in &run.changes {
         text += &format!("{:.4} s: the contact begins to {}\n", change.t, verb(&change.to));
     }
-    text + &end_in_words(file, plan, pushed) + "\n"
+    text + &folded(&end_in_words(file, plan, pushed)) + "\n"
 }
 
 fn row(file: &PartFile, pushed: &Pushed, sample: &Sample) -> String {
@@ -331,19 +330,23 @@ fn row(file: &PartFile, pushed: &Pushed, sample: &Sample) -> String {
         Some(force) => fixed(component(force) / GRAVITY_ASSUMED, 4),
         None => "--".to_owned(),
     };
-    format!(
-        "{:>7} {:>8} {:>8} {:>8} {:>7} {:>8} {:>11} {:>9} {:>9}  {}\n",
-        fixed(sample.t, 4),
-        fixed(centre.x, 2),
-        fixed(centre.y, 2),
-        fixed(sample.theta.to_degrees(), 2),
-        fixed(place(sample.state.u, is_straight_finger(pushed)), 2),
-        fixed(place(sample.state.s, is_straight_side(pushed)), 3),
-        fixed(sample.state.omega.to_degrees(), 2),
-        force(|force| force.normal),
-        force(|force| force.tangential),
-        state_in_words(sample)
-    )
+    line([
+        &fixed(sample.t, 4),
+        &fixed(centre.x, 2),
+        &fixed(centre.y, 2),
+        &fixed(sample.theta.to_degrees(), 2),
+        &fixed(place(sample.state.u, is_straight_finger(pushed)), 2),
+        &fixed(place(sample.state.s, is_straight_side(pushed)), 3),
+        &fixed(sample.state.omega.to_degrees(), 2),
+        &force(|force| force.normal),
+        &force(|force| force.tangential),
+        &state_in_words(sample),
+    ])
+}
+
+/// Cells in their columns.
+fn line([t, x, y, turned, u, s, turning, into, along, contact]: [&str; 10]) -> String {
+    format!("{t:>7} {x:>7} {y:>7} {turned:>7} {u:>7} {s:>8} {turning:>7} {into:>7} {along:>7} {contact}\n")
 }
 
 /// What the contact does now.
@@ -411,8 +414,6 @@ fn json(file: &PartFile, plan: &PushPlan, pushed: &Pushed) -> miette::Result<Str
 }
 
 fn print(text: &str) -> miette::Result<ExitCode> {
-    match io::stdout().write_all(text.as_bytes()) {
-        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error).into_diagnostic(),
-        _ => Ok(ExitCode::SUCCESS),
-    }
+    super::write_out(format_args!("{text}"));
+    Ok(ExitCode::SUCCESS)
 }

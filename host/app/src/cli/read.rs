@@ -3,12 +3,18 @@
 use std::error::Error;
 use std::fmt::Display;
 use std::fs;
-use std::io::Read as _;
+use std::io::{self, BufRead, Read as _};
 use std::path::Path;
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
-
-use crate::advice::Advise as _;
+use nalgebra::Point2;
+use palpate::geometry::bounding_box;
+use palpate::pushing::dynamics::Body;
+use palpate_files::body::BodyFileError;
+use palpate_files::motion::MotionFileError;
+use palpate_files::part::{Doubt, PartFileError};
+use palpate_files::scene::SceneFileError;
+use palpate_files::views::ViewFileError;
 
 /// Most problems of a file that are printed; their number always is.
 const PROBLEMS_SHOWN: usize = 10;
@@ -30,7 +36,110 @@ where
 {
     let cannot = || format!("cannot use {}", path.display());
     let text = read_text(path).wrap_err_with(cannot)?;
-    parse(&text).advised().wrap_err_with(cannot)
+    parse(&text)
+        .map_err(|error| {
+            let kind = kind_of(&text).filter(|kind| !wanted(&error).is_empty() && !wanted(&error).contains(kind));
+            match kind {
+                Some(kind) => {
+                    let help = format!("{kind} is given where {} is asked for", wanted(&error).join(" or "));
+                    miette::miette!(help = help, "{error}")
+                }
+                None => crate::advice::report(error),
+            }
+        })
+        .wrap_err_with(cannot)
+}
+
+/// What a person's file is, by its keys; none where it may be anything.
+fn kind_of(text: &str) -> Option<&'static str> {
+    let keys: toml::Table = text.parse().ok()?;
+    let has = |names: &[&str]| names.iter().any(|name| keys.contains_key(*name));
+    match () {
+        () if has(&["segment"]) => Some(MOTION),
+        () if has(&["cone", "fence", "point"]) => Some(VIEWS),
+        () if keys.get("shape").is_some_and(toml::Value::is_array) => Some(SCENE),
+        () if has(&["shape", "semi_axes"]) => Some(BODY),
+        () if has(&["vertices", "ellipse"]) => Some(PART),
+        () => None,
+    }
+}
+
+const MOTION: &str = "a motion file";
+const VIEWS: &str = "a view file";
+const SCENE: &str = "a scene";
+const BODY: &str = "a body file";
+const PART: &str = "a part file";
+
+/// What kinds of file an error is about.
+fn wanted<E: Error + 'static>(error: &E) -> &'static [&'static str] {
+    let error: &(dyn Error + 'static) = error;
+    match () {
+        () if error.is::<PartFileError>() => &[PART],
+        () if error.is::<MotionFileError>() => &[MOTION],
+        () if error.is::<BodyFileError>() => &[BODY],
+        () if error.is::<SceneFileError>() => &[SCENE],
+        // The same error is told of both.
+        () if error.is::<ViewFileError>() => &[PART, VIEWS],
+        () => &[],
+    }
+}
+
+/// Says what was read of a part, and warns of what is possible, but rarely meant.
+pub(super) fn tell_part(path: &Path, outline: &[Point2<f64>], body: &Body, doubts: &[Doubt]) {
+    note!("{}: {}", path.display(), part_in_words(outline, body));
+    for doubt in doubts {
+        tracing::warn!("{}: {doubt}", path.display());
+    }
+}
+
+/// Size, area, centre of mass and how far the mass is from it.
+fn part_in_words(outline: &[Point2<f64>], body: &Body) -> String {
+    let (low, high) = bounding_box(outline);
+    let size = (high - low) * 1e3;
+    let next = outline.iter().cycle().skip(1);
+    let area = 0.5 * outline.iter().zip(next).map(|(a, b)| a.coords.perp(&b.coords)).sum::<f64>();
+    let centre = body.centre_of_mass() * 1e3;
+    format!(
+        "{:.1} × {:.1} mm, {:.2} cm², centre of mass at ({:.1}, {:.1}) mm, radius of gyration {:.1} mm",
+        size.x,
+        size.y,
+        area * 1e4,
+        centre.x,
+        centre.y,
+        body.inertia_per_mass().sqrt() * 1e3
+    )
+}
+
+/// Longest line taken, in bytes: ten thousand times what a contact or a segment needs.
+const LINE_BYTES_MAX: u64 = 1 << 20;
+
+/// A line of an input that may go on for ever.
+#[derive(Debug, PartialEq)]
+pub(super) enum Line {
+    /// Its text, without the end of the line.
+    Text(String),
+    /// Nobody can use it; why.
+    Unusable(&'static str),
+}
+
+/// The lines of an input, none of which takes more memory than a line may be long; ends where reading fails.
+pub(super) fn lines<R: BufRead>(mut input: R) -> impl Iterator<Item = io::Result<Line>> {
+    std::iter::from_fn(move || next_line(&mut input).transpose())
+}
+
+fn next_line(input: &mut impl BufRead) -> io::Result<Option<Line>> {
+    let mut bytes = Vec::new();
+    if input.by_ref().take(LINE_BYTES_MAX + 1).read_until(b'\n', &mut bytes)? == 0 {
+        return Ok(None);
+    }
+    if bytes.last() != Some(&b'\n') && bytes.len() as u64 > LINE_BYTES_MAX {
+        input.skip_until(b'\n')?;
+        return Ok(Some(Line::Unusable("it is longer than 1 MiB")));
+    }
+    while matches!(bytes.last(), Some(b'\n' | b'\r')) {
+        bytes.pop();
+    }
+    Ok(Some(String::from_utf8(bytes).map_or(Line::Unusable("it is no text (UTF-8)"), Line::Text)))
 }
 
 /// Longest file read, in bytes: some twenty minutes of forces at 4 kHz.
@@ -57,6 +166,40 @@ const BYTE_ORDER_MARK: char = '\u{feff}';
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_line_without_end_is_passed_over_and_the_next_is_read() {
+        let long = "x".repeat(3 << 20);
+        let input = format!("one\r\n{long}\ntwo\n\n").into_bytes();
+        let input = [input, b"\xff\nlast".to_vec()].concat();
+        let read: Vec<_> = lines(input.as_slice()).map(Result::unwrap).collect();
+        let text = |text: &str| Line::Text(text.to_owned());
+        let long = Line::Unusable("it is longer than 1 MiB");
+        let wanted = [text("one"), long, text("two"), text(""), Line::Unusable("it is no text (UTF-8)"), text("last")];
+        assert_eq!(read, wanted);
+        // Exactly as long as a line may be.
+        let most = "y".repeat(1 << 20);
+        assert_eq!(lines(most.as_bytes()).map(Result::unwrap).collect::<Vec<_>>(), [text(&most)]);
+    }
+
+    #[test]
+    fn a_file_of_another_kind_is_recognised() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("given.toml");
+        let part = "unit = 'mm'\nvertices = [[0, 0], [60, 0], [0, 40]]\nmu = 0.3";
+        let motion = "unit = 'mm'\n[[segment]]\nseconds = 1\nacceleration = [100, 0]";
+        let help = |text: &str, part: bool| {
+            fs::write(&path, text).unwrap();
+            let error = match part {
+                true => read(&path, palpate_files::part::PartFile::parse).map(drop).unwrap_err(),
+                false => read(&path, palpate_files::motion::parse).map(drop).unwrap_err(),
+            };
+            error.help().map(|help| help.to_string())
+        };
+        assert_eq!(help(motion, true).as_deref(), Some("a motion file is given where a part file is asked for"));
+        assert_eq!(help(part, false).as_deref(), Some("a part file is given where a motion file is asked for"));
+        assert_eq!(help(&part.replace("mu", "muu"), true), None);
+    }
 
     #[test]
     fn a_byte_order_mark_is_no_text_and_an_endless_file_is_refused() {

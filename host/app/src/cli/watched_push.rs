@@ -61,23 +61,45 @@ pub(super) struct FeltPushArguments {
     #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true, value_parser = super::stretch)]
     tare: f64,
 
-    /// How well the part file's mu is known: 20% as one standard deviation, or x2 for within a factor of two (two of
-    /// them); mu is then found too
-    #[arg(long, value_name = "SHARE", value_parser = log_sd, allow_hyphen_values = true)]
-    mu_uncertainty: Option<f64>,
+    /// How well the part file's mu is known: 20% as one standard deviation, x2 for within a factor of two (two of
+    /// them), or exact. Unless it is exact, mu is found too
+    #[arg(long, value_name = "SHARE", value_parser = MuUncertainty::parse, default_value = "20%")]
+    #[arg(allow_hyphen_values = true)]
+    mu_uncertainty: MuUncertainty,
 }
 
 impl FeltPushArguments {
     /// What is known of a push from rest of the part in this file, with this motion of the finger.
     pub(super) fn known<'a>(self, file: &'a PolygonFile, motion: &'a FingerMotion) -> KnownFromRest<'a> {
-        let (mu_g, mu_g_log_sd) = (file.mu * GRAVITY_ASSUMED, self.mu_uncertainty);
+        let (mu_g, mu_g_log_sd) = (file.mu * GRAVITY_ASSUMED, self.mu_uncertainty.log_sd);
         KnownFromRest { part: &file.part, mu_g, mu_g_log_sd, radius: self.radius_mm * 1e-3, motion }
+    }
+}
+
+/// How well the friction of the plane is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct MuUncertainty {
+    /// Standard deviation of its logarithm; none where it is known.
+    pub(super) log_sd: Option<f64>,
+}
+
+impl MuUncertainty {
+    /// Where nothing is said of it: measured by tilting the table until the part slides, µ varies by about as much from
+    /// place to place and from day to day. Taken for exact, a µ that is 20 % off turns a pose by degrees, with an
+    /// uncertainty stated in tenths of one.
+    pub(super) const UNTOLD: Self = Self { log_sd: Some(0.2) };
+
+    pub(super) fn parse(text: &str) -> Result<Self, String> {
+        match text {
+            "exact" => Ok(Self { log_sd: None }),
+            text => log_sd(text).map(|sd| Self { log_sd: Some(sd) }),
+        }
     }
 }
 
 /// A share in per cent as the standard deviation of a logarithm, or a factor as two of them.
 fn log_sd(text: &str) -> Result<f64, String> {
-    let neither = || format!("{text:?} is neither a share such as 20% nor a factor such as x2");
+    let neither = || format!("{text:?} is neither a share such as 20%, nor a factor such as x2, nor exact");
     let within = |value: &str, limits: [f64; 2], unit: &str| {
         let value: f64 = value.parse().map_err(|_| neither())?;
         let [low, high] = limits;

@@ -11,8 +11,9 @@ use palpate_files::part::PolygonFile;
 use serde_json::json;
 
 use super::lacking;
+use super::misfit;
 use super::pose;
-use super::read::read;
+use super::read::{read, tell_part};
 use super::watched_push::WatchedPushArguments;
 
 /// Names which of several known parts a finger has begun to push, and where it is.
@@ -54,9 +55,11 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         say!("{:6.3}  {}", part.probability, candidates[part.part]);
     }
     let Some(first) = ranked.first().filter(|first| first.probability > 0.0) else {
-        say!(
-            "None of these parts explains what was felt: is it another part, did the finger move as stated, was the part at rest before?"
-        );
+        say!("None of these parts explains what was felt.");
+        if let Some(nearest) = nearest(&ranked) {
+            let candidate = &candidates[nearest];
+            say!("If it is {candidate}, which fits best:\n{}", misfit::explain(&push.known(&candidate.file), &force));
+        }
         return Ok(lacking::status(&tally));
     };
     say!(
@@ -72,11 +75,17 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     Ok(lacking::status(&tally))
 }
 
+/// The part with the least misfit.
+fn nearest(ranked: &[PartEstimate]) -> Option<usize> {
+    let costs = ranked.iter().filter_map(|part| Some((part.estimate.fit.cost?, part.part)));
+    costs.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, part)| part)
+}
+
 fn say_poses(when: &str, candidate: &Candidate, estimate: &Estimate) {
     let part = &candidate.file.part;
-    say!("\n{when}:\n{}", pose::headings(estimate));
+    say!("\n{when}:\n{}", pose::headings());
     pose::lines(part, estimate).iter().for_each(|line| say!("{line}"));
-    say!("{}", pose::in_words(part, estimate));
+    say!("{}\n{}", pose::legend(), pose::in_words(part, estimate));
 }
 
 /// A part that it may be.
@@ -101,7 +110,11 @@ impl Arguments {
                 let help = "give each part once: twice it would count as two parts that nothing tells apart";
                 return Err(miette::miette!(help = help, "{} is given twice", path.display()));
             }
-            let supports = read(path, PolygonFile::parse_supports)?.into_iter();
+            let supports = read(path, PolygonFile::parse_supports)?;
+            for (_, file) in &supports {
+                tell_part(path, file.part.polygon().vertices(), file.part.body(), &file.doubts());
+            }
+            let supports = supports.into_iter();
             all.extend(supports.map(|(support, file)| Candidate { path: path.clone(), support, file }));
         }
         Ok(all)
