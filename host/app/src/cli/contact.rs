@@ -20,6 +20,7 @@ use serde::Serialize;
 
 use super::read::report_problems;
 use crate::advice;
+use crate::width::folded;
 
 /// Exit status when every file was read, but not every line or push in them.
 const EXIT_SOME_BAD: u8 = 2;
@@ -153,9 +154,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     Ok(if some_bad { ExitCode::from(EXIT_SOME_BAD) } else { ExitCode::SUCCESS })
 }
 
-/// Whoever reads our output may stop (`| head`): that is no failure of ours.
+/// Whoever reads our output may stop (`| head`): then this ends.
 fn ignore_closed_pipe(error: io::Error) -> io::Result<()> {
-    if error.kind() == io::ErrorKind::BrokenPipe { Ok(()) } else { Err(error) }
+    if error.kind() == io::ErrorKind::BrokenPipe { std::process::exit(super::EXIT_BROKEN_PIPE) } else { Err(error) }
 }
 
 /// What a file gave.
@@ -252,8 +253,8 @@ fn print(file: &Path, measured: &FileReports, arguments: &Arguments) -> io::Resu
     writeln!(out, "{} (forces in {})", file.display(), measured.force_unit)?;
     writeln!(
         out,
-        "{:>4} {:<10} {:>7} {:>8} {:>8} {:>7} {:<17} {:>6} {:>6} {:>7} {:>5}  edge: angle to normal",
-        "push", "start", "onset s", "bias x", "bias y", "±", "bias from", "mean F", "max F", "u deg", "±"
+        "{:>4} {:<7} {:>7} {:>8} {:>8} {:>6} {:<11} {:>5} {:>5} {:>6} {:>4}",
+        "push", "start", "onset s", "bias x", "bias y", "±", "bias from", "F", "max", "u [°]", "±"
     )?;
     for report in &measured.reports {
         writeln!(out, "{}", Line(report))?;
@@ -292,25 +293,25 @@ impl std::fmt::Display for Line<'_> {
         let start = match report.start {
             RecordingStart::Free if report.start_doubtful => "free?",
             RecordingStart::Free => "free",
-            RecordingStart::InContact => "in contact",
+            RecordingStart::InContact => "contact",
             RecordingStart::Unknown => "unknown",
         };
         let onset = report.onset.map_or("-".to_owned(), |onset| format!("{onset:.3}"));
-        write!(f, "{:>4} {start:<10} {onset:>7} ", report.index)?;
+        write!(f, "{:>4} {start:<7} {onset:>7} ", report.index)?;
         let Some(bias) = &report.bias else {
             let Some(unknown) = &report.bias_unknown else { return write!(f, "bias unknown") };
             let help = advice::help(unknown).map(|help| format!("; {help}")).unwrap_or_default();
-            return write!(f, "{unknown}{help}");
+            return write!(f, "\n{}", folded(&format!("     {unknown}{help}")));
         };
         let (tare, found) = (&bias.tare, found(bias.found, report));
-        write!(f, "{:>8.4} {:>8.4} {:>7.4} {found:<17} ", tare.bias.x, tare.bias.y, tare.bias_sd())?;
+        write!(f, "{:>8.4} {:>8.4} {:>6.4} {found:<11} ", tare.bias.x, tare.bias.y, tare.bias_sd())?;
         let Some(touch) = &report.touch else { return write!(f, "no contact") };
         let (u, u_sd) = (touch.u_mean.to_degrees(), touch.u_sd_median.to_degrees());
-        write!(f, "{:>6.2} {:>6.2} {u:>7.1} {u_sd:>5.2}", touch.force_mean, touch.force_max)?;
+        write!(f, "{:>5.2} {:>5.2} {u:>6.1} {u_sd:>4.2}", touch.force_mean, touch.force_max)?;
         let Some(edge) = &report.edge else { return Ok(()) };
         let (median, worst) = (edge.angle_median.to_degrees(), edge.angle_worst.to_degrees());
         let share = percent(edge.within_cone, edge.samples);
-        write!(f, "  {}: {median:>5.1}° (worst {worst:.0}°, {share} in cone)", edge.edge)
+        write!(f, "\n     edge {}: {median:.1}° from its normal (worst {worst:.0}°, {share} in the cone)", edge.edge)
     }
 }
 
@@ -319,11 +320,11 @@ fn found(found: BiasOrigin, report: &RecordingReport) -> String {
         BiasOrigin::Given => "given".to_owned(),
         BiasOrigin::OwnFreeInterval => {
             let free = report.bias.as_ref().map_or(0.0, |bias| bias.tare.t_to - bias.tare.t_from);
-            format!("own {free:.2} s free")
+            format!("{free:.2} s free")
         }
         BiasOrigin::Neighbours { before, after, .. } => {
             let number = |push: Option<usize>| push.map_or("-".to_owned(), |push| push.to_string());
-            format!("pushes {} and {}", number(before), number(after))
+            format!("{} and {}", number(before), number(after))
         }
     }
 }

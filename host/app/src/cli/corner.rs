@@ -15,7 +15,7 @@ use palpate_files::views::NamedPart;
 use super::plot::PlotArguments;
 use super::read::read;
 use super::sample::{PlanArguments, plan_in_words, print_plan};
-use super::{counted, finite};
+use super::{counted, finite, turn_deg};
 use crate::pictures::point_sampling::SamplingPicture;
 
 /// Finds the poses in which a part comes to rest when it is pushed into a corner, and points that tell them apart.
@@ -127,7 +127,7 @@ fn names(poses: &[CornerPose], kind: &[usize]) -> String {
 fn name(pose: &CornerPose) -> String {
     let flush = flush_name(pose.flush);
     let stable = if pose.is_stable() { "" } else { ", not stable" };
-    format!("{flush} at {:.2}°{stable}", pose.theta.to_degrees())
+    format!("{flush} at {:.2}°{stable}", turn_deg(pose.theta))
 }
 
 fn flush_name(flush: Flush) -> &'static str {
@@ -148,7 +148,7 @@ fn print_poses(poses: &[CornerPose]) {
             number + 1,
             pose.origin.x * 1e3,
             pose.origin.y * 1e3,
-            pose.theta.to_degrees(),
+            turn_deg(pose.theta),
             flush_name(pose.flush),
             pose.margin * 1e3,
             if pose.is_stable() { "stable" } else { "" }

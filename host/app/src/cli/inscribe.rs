@@ -17,8 +17,9 @@ use serde_json::{Value, json};
 use super::plot::PlotArguments;
 use super::read::read;
 use super::sample::{PlanArguments, Planned, print_plan};
-use super::{counted, positive};
+use super::{counted, positive, turn_deg};
 use crate::pictures::inscription::{InscribePicture, Shown};
+use crate::width::folded;
 
 const LONG_HELP: &str = "\
 A part file is the one of `palpate push` (only unit and vertices or ellipse matter here); `rounding = 3` rounds the
@@ -103,7 +104,8 @@ impl Fits {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
-    let views = read(&arguments.views, Views::parse)?;
+    let (views, radians) =
+        read(&arguments.views, |text| Views::parse(text).map(|views| (views, Views::parse_radians(text).ok())))?;
     let names = names(&arguments.parts);
     let parts = arguments.parts.iter().zip(&names).map(|(path, name)| {
         let part = read(path, |text| {
@@ -123,6 +125,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         say!("{}", serde_json::to_string(&object).into_diagnostic()?);
     } else {
         tell(&found, &views, next);
+        for reason in why_none(&found, &views, radians.as_ref()) {
+            say!("{}", folded(&reason));
+        }
         match &resolved {
             Some((names, planned)) => print_plan(names, planned),
             None if arguments.resolve => say!("there are not two poses to tell apart by points"),
@@ -147,15 +152,62 @@ fn names(paths: &[PathBuf]) -> Vec<String> {
 }
 
 fn find(part: NamedPart, views: &Views) -> Found {
-    let outcome = if views.noisy {
+    let outcome = outcome(&part, views);
+    Found { part, outcome }
+}
+
+fn outcome(part: &NamedPart, views: &Views) -> Result<Fits, Continuum> {
+    if views.noisy {
         estimate(&part.convex, &views.readings).map(Fits::Noisy)
     } else {
         match part.shape.poses(&views.readings.lines(), &views.points) {
             Inscription::Poses(poses) => Ok(Fits::Exact(poses)),
             Inscription::Underdetermined(continuum) => Err(continuum),
         }
+    }
+}
+
+/// Units of length, m.
+const UNITS_M: [f64; 4] = [1.0, 1e-2, 1e-3, 0.0254];
+
+/// Errors of bearings that are tried where none was stated, degrees: a good camera's, a poor one's.
+const SIGMAS_DEG: [f64; 2] = [0.1, 1.0];
+
+/// What would make a pose fit where none does: a sentence each, of the first kind that does.
+fn why_none(found: &[Found], views: &Views, radians: Option<&Views>) -> Vec<String> {
+    let none = |outcome: &Result<Fits, Continuum>| outcome.as_ref().is_ok_and(|fits| fits.poses().is_empty());
+    if !found.iter().all(|found| none(&found.outcome)) {
+        return Vec::new();
+    }
+    let fits = |views: &Views| {
+        let able = found.iter().filter(|found| found.part.check(views).is_ok());
+        able.map(|found| outcome(&found.part, views)).any(|outcome| outcome.is_ok_and(|fits| !fits.poses().is_empty()))
     };
-    Found { part, outcome }
+    if radians.is_some_and(fits) {
+        return vec!["With its angles in radians a pose fits: the view file's are in degrees.".to_owned()];
+    }
+    if let Some(sigma) =
+        SIGMAS_DEG.into_iter().find(|sigma| !views.noisy && fits(&views.with_sigma(sigma.to_radians())))
+    {
+        let exact = "Without `sigma` the readings count as exact";
+        return vec![format!(
+            "{exact}, and no pose fits exactly; with errors of {sigma}° (`sigma = {sigma}`) one does."
+        )];
+    }
+    let factors = UNITS_M.into_iter().flat_map(|from| UNITS_M.into_iter().map(move |to| to / from));
+    let unit = factors.filter(|factor| (factor - 1.0).abs() > 1e-9).find(|factor| fits(&views.scaled(*factor)));
+    if let Some(factor) = unit {
+        return vec![format!(
+            "With the lengths of the views {factor:.5} times as long a pose fits: check `unit` in the files."
+        )];
+    }
+    let alone = views.each_left_out().into_iter().filter(|(_, left)| fits(left));
+    let alone: Vec<_> = alone.map(|(name, _)| format!("Without {name} a pose fits: was it read well?")).collect();
+    if alone.is_empty() {
+        let asked = "Is it this part, does it lie on the face that the file shows, was each view read well?";
+        return vec![format!("No single view is to blame, nor a unit. {asked}")];
+    }
+    alone
 }
 
 /// Points that tell the poses that fit apart, with the poses' names; none for fewer than two (thesis §2.3, last
@@ -249,7 +301,7 @@ fn tell(found: &[Found], views: &Views, next: Option<PlannedView>) {
     // Numbered through all parts, as in the picture.
     let mut number = 1;
     for found in found {
-        say!("{}", in_a_line(found));
+        say!("{}", folded(&in_a_line(found)));
         match &found.outcome {
             Ok(Fits::Exact(poses)) if !poses.is_empty() => tell_exact(&found.part, poses, views, number),
             Ok(Fits::Noisy(estimate)) if !estimate.modes.is_empty() => tell_noisy(estimate, number),
@@ -258,10 +310,10 @@ fn tell(found: &[Found], views: &Views, next: Option<PlannedView>) {
         number += found.outcome.as_ref().map_or(0, |fits| fits.poses().len());
     }
     if let [first, second, ..] = best_fits(found).as_slice() {
-        say!("{} and {} both fit: another view may tell them apart", first, second);
+        say!("{}", folded(&format!("{first} and {second} both fit: another view may tell them apart")));
     }
     if let Some(next) = next {
-        say!("{}", next_in_words(&next));
+        say!("{}", folded(&next_in_words(&next)));
     }
 }
 
@@ -281,28 +333,31 @@ fn tell_exact(part: &NamedPart, poses: &[Pose], views: &Views, first: usize) {
             first + k,
             pose.x * 1e3,
             pose.y * 1e3,
-            pose.theta.to_degrees()
+            turn_deg(pose.theta)
         );
     }
     say!("  held: an error of the readings moves the pose by one over this");
 }
 
 fn tell_noisy(estimate: &InscriptionEstimate, first: usize) {
-    say!("  pose      x [mm]      y [mm]    turned [°]       ± x       ± y     ± turn     χ²");
+    say!("  pose     x [mm]     y [mm] turned [°]     ± x     ± y  ± turn     χ²");
     for (k, mode) in estimate.modes.iter().enumerate() {
         let sd = |axis: usize| mode.covariance[(axis, axis)].sqrt();
-        let note = if mode.at_corner_change { "  errors not normal here" } else { "" };
+        let note = if mode.at_corner_change { "  bent" } else { "" };
         say!(
-            "  {:>4} {:>11.3} {:>11.3} {:>13.3} {:>9.3} {:>9.3} {:>10.3} {:>6.2}{note}",
+            "  {:>4} {:>10.3} {:>10.3} {:>10.3} {:>7.3} {:>7.3} {:>7.3} {:>6.2}{note}",
             first + k,
             mode.pose.x * 1e3,
             mode.pose.y * 1e3,
-            mode.pose.theta.to_degrees(),
+            turn_deg(mode.pose.theta),
             sd(0) * 1e3,
             sd(1) * 1e3,
             sd(2).to_degrees(),
             mode.chi2
         );
+    }
+    if estimate.modes.iter().any(|mode| mode.at_corner_change) {
+        say!("  bent: errors are not normal there, as the part touches with another corner");
     }
     say!("  χ² of {} of freedom; accepted up to {:.1} (99 %)", counted(estimate.dof, "degree"), estimate.gate);
 }

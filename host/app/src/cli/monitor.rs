@@ -109,7 +109,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let watched = shown.show(&mut session);
     // Whatever ended it, nobody listens any more.
     let stopped = session.stop();
-    watched?;
+    let is_read = watched?;
     stopped.advised()?;
     let counts = session.counts();
     let newer = match counts.unknown_messages {
@@ -125,6 +125,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     );
     let tally = shown.monitor.tally();
     lacking::tell("since the tare", &tally);
+    if !is_read {
+        std::process::exit(super::EXIT_BROKEN_PIPE);
+    }
     Ok(lacking::status(&tally))
 }
 
@@ -161,8 +164,8 @@ struct Shown<'a> {
 }
 
 impl Shown<'_> {
-    /// Prints until it is time to stop, or nobody reads.
-    fn show(&mut self, session: &mut Session) -> miette::Result<()> {
+    /// Prints until it is time to stop, or nobody reads: whether somebody still does.
+    fn show(&mut self, session: &mut Session) -> miette::Result<bool> {
         let Self { arguments, unit, monitor, judge } = self;
         let seconds = arguments.seconds.unwrap_or(f64::INFINITY);
         let (mut latency, mut until_s) = (Latency::default(), None);
@@ -204,13 +207,13 @@ impl Shown<'_> {
         }
         match written {
             // Whoever read the lines has seen enough.
-            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => return Ok(()),
+            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => return Ok(false),
             other => other.into_diagnostic()?,
         }
         if let Some(latency) = latency.in_words() {
             note!("latency {latency}");
         }
-        Ok(())
+        Ok(true)
     }
 }
 
@@ -243,21 +246,21 @@ fn in_words(session: &Session, line: &MonitorLine, unit: &str) -> String {
     let mark = if session.is_simulated() { "  [simulated]" } else { "" };
     match &line.sensed {
         Sensed::Contact(reading) => format!("{}{mark}", reading_in_words(reading, unit)),
-        Sensed::NotMeasured { t, fault } => format!("{t:10.4} s  NOT MEASURING: {fault}{mark}"),
+        Sensed::NotMeasured { t, fault } => format!("{t:9.3} s  NOT MEASURING: {fault}{mark}"),
     }
 }
 
 fn reading_in_words(reading: &ContactReading, unit: &str) -> String {
     match &reading.contact {
-        Contact::Free { sigmas, .. } => format!("{:10.4} s  no contact ({sigmas:.1} sigma)", reading.t),
+        Contact::Free { sigmas, .. } => format!("{:9.3} s  no contact ({sigmas:.1} sigma)", reading.t),
         Contact::Touching(touch) => {
             let friction = if touch.friction_half_angle > 0.0 {
-                format!(" +/-{:.1} (friction)", touch.friction_half_angle.to_degrees())
+                format!(" ± {:.1} (friction)", touch.friction_half_angle.to_degrees())
             } else {
                 String::new()
             };
             format!(
-                "{:10.4} s  contact at {:8.2} deg, sd {:.2}{friction}, force {:.4} {unit}, sd {:.4}",
+                "{:9.3} s  at {:7.2}° ± {:.2}{friction}, {:.4} ± {:.4} {unit}",
                 reading.t,
                 touch.u.to_degrees(),
                 touch.u_sd.to_degrees(),

@@ -47,7 +47,7 @@ impl SamplingPicture<'_> {
 
     /// Outlines and numbered points.
     fn shapes(&self) -> PlotScene {
-        let mut scene = PlotScene::new("what is told apart");
+        let mut scene = PlotScene::new(if self.points.is_empty() { "the outlines" } else { "what is told apart" });
         for (number, polygon) in self.polygons.iter().enumerate() {
             scene.polygon(polygon.vertices(), self.style(number));
         }
@@ -58,7 +58,9 @@ impl SamplingPicture<'_> {
                 scene.label(point.centre, Vector2::new(1.0, 1.0), (number + 1).to_string(), Colour::BLACK);
             }
         }
-        scene.key(Key::Dot(POINT), "point");
+        if !self.points.is_empty() {
+            scene.key(Key::Dot(POINT), "point");
+        }
         if !self.fences.is_empty() {
             scene.key(Key::Line(fence()), "fence");
         }
@@ -67,7 +69,9 @@ impl SamplingPicture<'_> {
 
     /// The subdivision, with the room around each point.
     fn regions(&self) -> PlotScene {
-        let mut scene = PlotScene::new("their regions, and the room around each point");
+        let none = self.points.is_empty();
+        let title = if none { "their regions" } else { "their regions, and the room around each point" };
+        let mut scene = PlotScene::new(title);
         for polygon in self.polygons {
             scene.polygon(polygon.vertices(), Stroke::solid(Colour::DARK_GREY, 0.6));
         }
@@ -100,6 +104,16 @@ mod tests {
     use palpate::point_sampling::{Request, plan};
 
     use super::*;
+
+    #[test]
+    fn a_picture_without_points_speaks_of_none() {
+        let square = [[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1]].map(Point2::from);
+        let polygons = [SimplePolygon::new(square).unwrap()];
+        let picture =
+            SamplingPicture { polygons: &polygons, points: &[], fences: &[], title: "a corner", subtitles: &[] };
+        let svg = picture.figure().to_page().to_svg();
+        assert!(svg.contains("the outlines") && !svg.contains("point"), "{svg}");
+    }
 
     #[test]
     fn a_picture_numbers_its_points() {
