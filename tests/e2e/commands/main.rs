@@ -22,6 +22,7 @@ mod solve;
 mod solving;
 mod support_friction;
 mod warnings;
+mod width;
 
 /// The tool's binary.
 const PALPATE: &str = env!("CARGO_BIN_EXE_palpate");

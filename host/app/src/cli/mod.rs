@@ -54,6 +54,7 @@ mod tables;
 mod watched_push;
 mod which_part;
 
+use std::f64::consts::PI;
 use std::io::Write as _;
 use std::process::ExitCode;
 
@@ -163,7 +164,8 @@ const EXIT_BROKEN_PIPE: i32 = 141;
 fn turn_deg(theta: f64) -> f64 {
     /// Half a turn that was rounded up is half a turn, rad.
     const ROUNDING: f64 = 1e-9;
-    (wrap_angle(theta - ROUNDING) + ROUNDING).to_degrees()
+    let turn = wrap_angle(theta);
+    (if turn < ROUNDING - PI { PI } else { turn }).to_degrees()
 }
 
 /// Writes to standard output. If that fails the program ends: without a word where the reader has seen enough, and with
@@ -254,8 +256,7 @@ mod tests {
 
     #[test]
     fn half_a_turn_is_told_with_one_sign() {
-        use std::f64::consts::PI;
-        let told = [PI, PI + 1e-15, -PI, 1.5 * PI, 0.0].map(|theta| format!("{:.2}", turn_deg(theta) + 0.0));
+        let told = [PI, PI + 1e-15, -PI, 1.5 * PI, 0.0].map(|theta| format!("{:.2}", turn_deg(theta)));
         assert_eq!(told, ["180.00", "180.00", "180.00", "-90.00", "0.00"]);
     }
 

@@ -292,8 +292,7 @@ mod tests {
 
     #[test]
     fn poses_and_what_is_said_of_them_fit_a_terminal() {
-        let several =
-            estimate([hypothesis(0.3, 12.345), hypothesis(0.2, 0.2)].iter().cycle().take(8).cloned().collect());
+        let several = estimate((0..4).flat_map(|_| [hypothesis(0.3, 12.345), hypothesis(0.2, 0.2)]).collect());
         for estimate in [&several, &estimate(vec![])] {
             let mut told = lines(&part(), estimate);
             told.extend([headings(), legend(), in_words(&part(), estimate)]);

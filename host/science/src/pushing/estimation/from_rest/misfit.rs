@@ -376,7 +376,7 @@ mod tests {
     fn a_wrong_radius_is_named_with_the_one_that_fits() {
         let (part, motion) = (part(), motion());
         let measured = felt(&part, &motion);
-        let mistakes = found(&KnownFromRest { radius: 0.009, ..told(&part, &motion) }, &measured).mistakes;
+        let mistakes = found(&KnownFromRest { radius: 0.004, ..told(&part, &motion) }, &measured).mistakes;
         let Mistake::Radius(radius) = mistakes[0].mistake else { panic!("{mistakes:?}") };
         assert!((radius / RADIUS_M - 1.0).abs() < 0.05, "{radius}");
     }

@@ -9,7 +9,7 @@
 //! A window's mean is a sum over readings. Where there are few of them it is no integral: a force that jumps between
 //! two of a hundred readings a second moves it by a tenth of the jump. So what is predicted is summed over the same
 //! readings. A reading sees a jump or does not, where a mean over its period would see some of it: what it may have seen
-//! is one more unknown, found in closed form ([`Predicted`]).
+//! is one more unknown, found in closed form (`Predicted`).
 //!
 //! Frames: finger axes; force is the force on the finger's disk. Units: SI, or the calibration's relative unit of
 //! force.
