@@ -31,7 +31,7 @@ pub enum OutputError {
     Exists(PathBuf),
 }
 
-/// Writes a file, in place of what is there by that name. Folders on the way are made.
+/// Writes a file, in place of what is there by that name. Its folder must be there.
 ///
 /// # Errors
 /// [`OutputError::Io`]; what was there stays.
@@ -54,6 +54,7 @@ pub fn write_new(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
     if path.exists() {
         return Err(OutputError::Exists(path.to_owned()));
     }
+    fs::create_dir_all(folder_of(path)).map_err(at("create", folder_of(path)))?;
     let temporary = written_beside(path, bytes)?;
     match temporary.persist_noclobber(path) {
         Ok(_) => Ok(()),
@@ -68,12 +69,15 @@ pub fn write_new(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
 
 /// A file in the folder of another, whole and on the disk; gone when it is dropped.
 fn written_beside(path: &Path, bytes: &[u8]) -> Result<NamedTempFile, OutputError> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    fs::create_dir_all(folder).map_err(at("create", folder))?;
+    let folder = folder_of(path);
     let mut temporary = new_file(folder).map_err(at("write in", folder))?;
     let written = temporary.write_all(bytes).and_then(|()| temporary.as_file().sync_all());
     written.map_err(at("write", path))?;
     Ok(temporary)
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// As any other program's files: readable by whom the system's mask lets.
@@ -109,6 +113,8 @@ mod tests {
     fn a_file_is_replaced_whole_and_nothing_is_left_beside_it() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("new/a.txt");
+        assert!(replace(&path, b"nowhere").is_err(), "a folder that is not there may be a slip of the pen");
+        fs::create_dir(folder.path().join("new")).unwrap();
         for text in ["first", "second, which is longer", ""] {
             replace(&path, text.as_bytes()).unwrap();
             assert_eq!(fs::read_to_string(&path).unwrap(), text);

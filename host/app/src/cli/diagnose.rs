@@ -78,7 +78,7 @@ fn observe(
     seconds: f64,
     newtons_per_count: Option<Matrix2<f64>>,
 ) -> miette::Result<(ObservedAtRest, Latency)> {
-    session.start().advised()?;
+    live::start(session).advised()?;
     session.ping().advised()?;
     let before = session.counts();
     let mut latency = Latency::default();

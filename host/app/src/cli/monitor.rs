@@ -87,7 +87,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let front_end = live::front_end(session.hello()).advised()?;
     let settings = ContactSettings { bias_walk: sense::bias_walk(&calibration, &front_end), ..settings(arguments) };
     settings.check().into_diagnostic()?;
-    session.start().advised()?;
+    live::start(&mut session).advised()?;
     session.ping().advised()?;
     let unit = calibration.unit().symbol();
     let mut judge = CountsJudge::new(&calibration);

@@ -203,7 +203,7 @@ impl WatchedPushArguments {
         interrupt::listen();
         let mut session = self.device.open(true)?;
         let calibration = self.calibration.require(&session)?;
-        session.start().advised()?;
+        live::start(&mut session).advised()?;
         note!("{}taring for {} s: no force on the finger", super::simulated_note(&session), self.felt.tare);
         let front_end = live::front_end(session.hello()).advised()?;
         let is_checked = self.offset.expected(&calibration, &front_end).is_some();

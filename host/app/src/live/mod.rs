@@ -126,6 +126,19 @@ pub fn stream(session: &mut Session, mut take: impl FnMut(&Session, &Incoming) -
     }
 }
 
+/// Starts the stream from now on: what a device that nobody has stopped has sent before is none of it.
+///
+/// # Errors
+/// [`LiveError::Link`].
+pub fn start(session: &mut Session) -> Result<(), LiveError> {
+    if session.hello().streaming {
+        session.stop()?;
+    }
+    session.forget_waiting();
+    session.start()?;
+    Ok(())
+}
+
 /// The same, judged: with everything that came goes what it says of the force.
 ///
 /// # Errors

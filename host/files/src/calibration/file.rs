@@ -435,6 +435,13 @@ pub fn save_raw(root: &Path, run: &RawRun) -> Result<PathBuf, CalibrationFileErr
 pub fn save_unfinished(root: &Path, run: &RawRun) -> Result<PathBuf, CalibrationFileError> {
     run.provenance.check()?;
     let path = path_of(root, &run.provenance, "unfinished.csv");
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder).map_err(|source| OutputError::Io {
+            doing: "create",
+            path: folder.to_owned(),
+            source,
+        })?;
+    }
     output::replace(&path, run.to_text()?.as_bytes())?;
     Ok(path)
 }
