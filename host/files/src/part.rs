@@ -613,6 +613,10 @@ impl Keys {
         let metres = self.unit.metres();
         let feet: Option<Vec<_>> =
             self.feet.as_ref().map(|feet| feet.iter().map(|&Numbers([x, y, _])| Point2::new(x, y) * metres).collect());
+        // Checked for what they are where they are read.
+        if feet.as_ref().is_some_and(Vec::is_empty) {
+            return Ok(());
+        }
         let beyond = beyond_hull(centre_of_mass, feet.as_deref().unwrap_or(outline));
         if beyond <= REST_SLACK * reach(outline, centre_of_mass) {
             return Ok(());

@@ -150,7 +150,7 @@ impl Plan<'_> {
 
     fn lines(&self, prospects: &[Prospect]) -> Vec<String> {
         let heading = |[motion, first, risk, nearest, apart, place, contact]: [&str; 7]| {
-            format!("  {motion:<19} {first:>15} {risk:>9} {nearest:>8} {apart:>8} {place:>6} {contact:>7}")
+            format!("  {motion:<18} {first:>15} {risk:>9} {nearest:>9} {apart:>8} {place:>6} {contact:>7}")
                 .trim_end()
                 .to_owned()
         };
@@ -220,7 +220,7 @@ fn line(prospect: &Prospect) -> String {
         prospect.nearest().map_or((String::new(), 0.0), |pair| (pose_numbers(pair.hypotheses), pair.distance_squared));
     let place = prospect.place_sd.iter().copied().fold(0.0, f64::max) * 1e3;
     format!(
-        "  {:<19} {x:7.1} {y:7.1} {:7.2} % {:>8} {:8.1} {place:6.2} {:7.2}",
+        "  {:<18} {x:7.1} {y:7.1} {:7.2} % {:>9} {:8.1} {place:6.2} {:7.2}",
         prospect.motion.name,
         prospect.risk * 100.0,
         nearest.0,
