@@ -614,7 +614,11 @@ impl Keys {
         let feet: Option<Vec<_>> =
             self.feet.as_ref().map(|feet| feet.iter().map(|&Numbers([x, y, _])| Point2::new(x, y) * metres).collect());
         // Checked for what they are where they are read.
-        if feet.as_ref().is_some_and(Vec::is_empty) {
+        let is_sound = |feet: &Vec<Numbers<3>>| {
+            !feet.is_empty()
+                && feet.iter().all(|Numbers([x, y, weight])| x.is_finite() && y.is_finite() && *weight > 0.0)
+        };
+        if self.feet.as_ref().is_some_and(|feet| !is_sound(feet)) {
             return Ok(());
         }
         let beyond = beyond_hull(centre_of_mass, feet.as_deref().unwrap_or(outline));
