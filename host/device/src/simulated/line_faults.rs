@@ -71,8 +71,9 @@ impl Injected {
 /// ```
 /// use palpate_device::simulated::{FaultyLine, LineFaults};
 /// let mut line = FaultyLine::new(LineFaults { drop: 1.0, ..LineFaults::default() }, 1);
-/// line.send(&[3, 1, 2, 0], 0);
-/// assert_eq!((line.receive(1000), line.injected().dropped), (vec![], 1));
+/// // The first may be the end of a frame that began before the line was watched: it is left alone.
+/// line.send(&[3, 1, 2, 0, 3, 1, 2, 0], 0);
+/// assert_eq!((line.receive(1000), line.injected().dropped), (vec![3, 1, 2, 0], 1));
 /// ```
 #[derive(Clone, Debug)]
 pub struct FaultyLine {
