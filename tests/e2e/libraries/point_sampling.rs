@@ -118,7 +118,6 @@ fn what_cannot_be_is_refused_with_its_place() {
     };
     assert!(told("\"min_area\": -1").contains("must be ≥ 0"));
     assert!(told("\"min_clearance\": -1").contains("must be ≥ 0"));
-    assert!(told("\"time_limit\": -1").contains("must be ≥ 0"));
     assert!(told("\"objective\": \"most\"").contains("greedy"));
     assert!(told("\"separation\": 0").contains("from 1 to 64"));
     let none = serde_json::from_str::<PointSampling>("{\"polygons\": []}").unwrap().solve().unwrap_err().to_string();
