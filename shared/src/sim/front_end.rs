@@ -10,7 +10,7 @@ use super::ads131m02::{Chip, RESET_PULSE_NS};
 use super::beam::{Beam, BeamConfig};
 use super::bridge::{Bridges, BridgesConfig};
 use super::load::{Load, Loading, RAMP_US, Script};
-use super::noise::{Source, Stream};
+use super::noise::{Source, Stream, minus_ln_of_rest};
 use super::thermal::{Thermal, ThermalConfig};
 
 /// What a saturated channel sees, in volts: past full scale at every gain.
@@ -145,7 +145,7 @@ impl BitErrors {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "not negative; large ones saturate")]
     fn draw(&mut self) -> u32 {
         match self.rate {
-            rate if rate > 0.0 && rate < 1.0 => (libm::logf(self.stream.uniform()) / libm::log1pf(-rate)) as u32,
+            rate if rate > 0.0 && rate < 1.0 => (self.stream.exponential() / minus_ln_of_rest(rate)) as u32,
             rate if rate >= 1.0 => 0,
             _ => u32::MAX,
         }
