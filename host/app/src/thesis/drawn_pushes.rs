@@ -143,7 +143,11 @@ fn judge(case: &Case) -> JudgedCase {
         has_truth: truth.is_some(),
         is_missed: truth.is_none() && case.is_missed_by(&estimate),
         squared_error: truth.and_then(|truth| case.squared_error(&estimate.hypotheses[truth])),
-        stated: Stated::all(&estimate.hypotheses, truth),
+        stated: Stated::all(
+            &estimate.hypotheses,
+            |a, b| is_near(a, b.side, b.end.s),
+            |hypothesis| case.is_truth(hypothesis),
+        ),
         milliseconds,
     }
 }
@@ -230,9 +234,7 @@ impl Case {
     }
 
     fn is_truth(&self, hypothesis: &Hypothesis) -> bool {
-        let deviation = hypothesis.state_covariance.map_or(f64::INFINITY, |covariance| covariance.m22.max(0.0).sqrt());
-        hypothesis.side == self.part.side(self.edge)
-            && (hypothesis.end.s - self.end().state.s).abs() < NEAR_M.max(NEAR_DEVIATIONS * deviation)
+        is_near(hypothesis, self.part.side(self.edge), self.end().state.s)
     }
 
     /// Which hypothesis is the truth: of several about it the nearest.
@@ -271,6 +273,12 @@ impl Case {
         let begun = fit.tried(self.samples[0].state, self.mu_g)?;
         Some(least_squares::minimise(&fit, begun, &LeastSquaresSettings::default(), |_| false).place)
     }
+}
+
+/// Whether a place `s` on a side is where a hypothesis has the end, within what it states.
+fn is_near(hypothesis: &Hypothesis, side: usize, s: f64) -> bool {
+    let deviation = hypothesis.state_covariance.map_or(f64::INFINITY, |covariance| covariance.m22.max(0.0).sqrt());
+    hypothesis.side == side && (hypothesis.end.s - s).abs() < NEAR_M.max(NEAR_DEVIATIONS * deviation)
 }
 
 /// A part with or without a centre of mass of its own.

@@ -175,7 +175,11 @@ fn judge(case: &Case) -> Outcome {
         has_truth: truth.is_some(),
         is_missed: truth.is_none() && is_missed(&estimate, &refitted),
         squared_error: truth.and_then(|truth| case.squared_error(&hypotheses[truth], estimate.time_end)),
-        stated: Stated::all(hypotheses, truth),
+        stated: Stated::all(
+            hypotheses,
+            |a, b| is_right_pose(&case.part, estimate.symmetry, a, &b.pose_end.isometry()),
+            |hypothesis| case.is_truth(hypothesis, &estimate),
+        ),
         milliseconds,
     };
     let cost = |estimate: &Estimate| estimate.fit.cost.unwrap_or(f64::NAN);

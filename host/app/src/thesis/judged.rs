@@ -17,7 +17,7 @@ const CONFIDENCE: f64 = 0.99;
 /// Share of true values that a stated region is to hold.
 const REGION: f64 = 0.95;
 
-/// Hypotheses that a tenth needs before it is compared: with fewer nothing can stand out.
+/// Claims that a tenth needs before it is compared: with fewer nothing can stand out.
 const TENTH_MIN: usize = 20;
 
 /// Standard deviations on either side of a mean that hold [`CONFIDENCE`].
@@ -125,7 +125,7 @@ pub(super) fn errors(squared: &[f64], freedom: usize) -> [Cell; 3] {
     [Cell::number(nees, 2), format!("± {off:.2}").into(), rate(inside, squared.len())]
 }
 
-/// A hypothesis that was listed.
+/// A claim of an answer: one hypothesis, or several that are too near to each other for the truth to tell them apart.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stated {
     /// How likely it was said to be.
@@ -134,14 +134,34 @@ pub(super) struct Stated {
 }
 
 impl Stated {
-    /// Those of an answer, of which one is true.
-    pub(super) fn all(hypotheses: &[Hypothesis], truth: Option<usize>) -> Vec<Self> {
-        let stated = |(n, hypothesis): (usize, &Hypothesis)| Self {
-            probability: hypothesis.probability,
-            is_true: truth == Some(n),
+    /// Those of an answer. Hypotheses of which one would be right, were the other the truth, make one claim, whatever
+    /// the truth is.
+    pub(super) fn all(
+        hypotheses: &[Hypothesis],
+        are_near: impl Fn(&Hypothesis, &Hypothesis) -> bool,
+        is_true: impl Fn(&Hypothesis) -> bool,
+    ) -> Vec<Self> {
+        let claims = classes(hypotheses.len(), |a, b| {
+            let (a, b) = (&hypotheses[a], &hypotheses[b]);
+            are_near(a, b) || are_near(b, a)
+        });
+        let stated = |claim: &Vec<usize>| Self {
+            probability: claim.iter().map(|n| hypotheses[*n].probability).sum(),
+            is_true: claim.iter().any(|n| is_true(&hypotheses[*n])),
         };
-        hypotheses.iter().enumerate().map(stated).collect()
+        claims.iter().map(stated).collect()
     }
+}
+
+/// The first numbers, so many of them, put together where one leads to the other over near ones.
+fn classes(count: usize, are_near: impl Fn(usize, usize) -> bool) -> Vec<Vec<usize>> {
+    let mut classes: Vec<Vec<usize>> = Vec::new();
+    for number in 0..count {
+        let mut class = vec![number];
+        class.extend(classes.extract_if(.., |other| other.iter().any(|of| are_near(*of, number))).flatten());
+        classes.push(class);
+    }
+    classes
 }
 
 /// How many tenths of the stated probabilities are not true as often as they say, of those that can be compared; each
@@ -165,7 +185,7 @@ fn tenths(row: &str, stated: &[Stated], table: &mut Table) -> Cell {
         if (found as f64 - expected).abs() > deviations() * variance.sqrt() + 0.5 {
             off += 1;
             table.notes.push(format!(
-                "{row}: of {} hypotheses given {:.0}-{:.0} % {found} are true, {expected:.1} ± {:.1} expected",
+                "{row}: of {} claims given {:.0}-{:.0} % {found} are true, {expected:.1} ± {:.1} expected",
                 inside.len(),
                 100.0 * low,
                 100.0 * high,
@@ -181,7 +201,7 @@ pub(super) fn definitions() -> [String; 3] {
     [
         "In brackets, and as \"by chance\": intervals of 99 %.".to_owned(),
         "NEES: mean squared error of the truth's hypothesis in its own covariance; within 95 %: how often it is in the stated region.".to_owned(),
-        "tenths off: of the tenths of stated probabilities (with 20 hypotheses or more), those that are true too often or too rarely.".to_owned(),
+        "tenths off: of the tenths of stated probabilities (with 20 claims or more), those that are true too often or too rarely; hypotheses of which one would count as right, were the other the truth, are one claim.".to_owned(),
     ]
 }
 
@@ -222,6 +242,28 @@ mod tests {
             // Five deviations of √(2 · 2/4000): once in two million.
             prop_assert!((nees(&drawn(1.0)) - 2.0).abs() < 5.0 * 0.032);
             prop_assert!(nees(&drawn(1.2)) > 2.0 + 5.0 * 0.032);
+        }
+
+        /// Two are in one class just where a chain of near ones joins them: by all paths, as Warshall finds them.
+        #[test]
+        fn a_chain_of_near_ones_is_one_class(near in prop::collection::vec(prop::collection::vec(prop::bool::weighted(0.15), 9), 9)) {
+            let are_near = |a: usize, b: usize| near[a][b] || near[b][a];
+            let mut joined: Vec<Vec<_>> = (0..9).map(|a| (0..9).map(|b| a == b || are_near(a, b)).collect()).collect();
+            for over in 0..9 {
+                for a in 0..9 {
+                    for b in 0..9 {
+                        joined[a][b] |= joined[a][over] && joined[over][b];
+                    }
+                }
+            }
+            let classes = classes(9, are_near);
+            prop_assert_eq!(classes.iter().flatten().count(), 9);
+            let class_of = |a: usize| classes.iter().position(|class| class.contains(&a));
+            for (a, row) in joined.iter().enumerate() {
+                for (b, is_joined) in row.iter().enumerate() {
+                    prop_assert_eq!(class_of(a) == class_of(b), *is_joined, "{} {}", a, b);
+                }
+            }
         }
 
         #[test]

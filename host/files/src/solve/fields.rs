@@ -38,7 +38,12 @@ const TRAVEL_MAX: f64 = 100.0;
 
 /// Refuses a push whose finger goes farther by a time (s) than could be followed; `size` of the part in m.
 pub(super) fn check_travel(path: &FingerPath, time: f64, size: f64) -> Result<(), String> {
-    let gone = (path.centre(time) - path.centre(0.0)).norm() / size;
+    check_gone((path.centre(time) - path.centre(0.0)).norm(), time, size)
+}
+
+/// The same for so long a way, m.
+pub(super) fn check_gone(way: f64, time: f64, size: f64) -> Result<(), String> {
+    let gone = way / size;
     // Written so that NaN is refused.
     if gone <= TRAVEL_MAX {
         return Ok(());

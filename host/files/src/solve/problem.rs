@@ -23,6 +23,7 @@ pub const KINDS: Registry = Registry::new(&[
     Kind::of::<kinds::support_friction::SupportFrictionProblem>(),
     Kind::of::<kinds::push::Push>(),
     Kind::of::<kinds::observe_push::ObservePush>(),
+    Kind::of::<kinds::observe_force::ObserveForce>(),
     Kind::of::<kinds::roll::Roll>(),
     Kind::of::<kinds::observability::Observability>(),
     Kind::of::<kinds::initial_pose::InitialPose>(),

@@ -147,6 +147,9 @@ impl PolygonError {
     }
 }
 
+/// Sine of the angle between edges below which their lines do not meet anywhere near.
+const FLAT_TURN: f64 = 1e-6;
+
 impl SimplePolygon {
     /// Checks an outline.
     ///
@@ -197,6 +200,34 @@ impl SimplePolygon {
     #[must_use]
     pub fn centroid(&self) -> Point2<f64> {
         centroid_of(&self.vertices)
+    }
+
+    /// The same with each edge's line moved outwards along its normal by so much, m; vertices are where the lines then
+    /// meet. None where that is no simple polygon.
+    ///
+    /// Where two edges go straight on, their lines do not meet: the vertex moves by the mean of both.
+    #[must_use]
+    pub fn with_edges_moved(&self, by: impl Fn(usize) -> f64) -> Option<Self> {
+        let count = self.vertices.len();
+        let at = |index: usize| self.vertices[index % count];
+        let along = |edge: usize| (at(edge + 1) - at(edge)).normalize();
+        let moved = |vertex: usize| {
+            let (before, after) = ((vertex + count - 1) % count, vertex);
+            let (one, other) = (along(before), along(after));
+            let turn = one.perp(&other);
+            let out = |way: Vector2<f64>| Vector2::new(way.y, -way.x);
+            // The change of the vertex along either normal is that of the line.
+            let change = if turn.abs() > FLAT_TURN {
+                (one * by(after) - other * by(before)) / turn
+            } else {
+                out(one) * (0.5 * (by(before) + by(after)))
+            };
+            at(vertex) + change
+        };
+        let vertices: Vec<_> = (0..count).map(moved).collect();
+        // A short edge between two that move on turns round.
+        let is_same_way = |edge: usize| (vertices[(edge + 1) % count] - vertices[edge]).dot(&along(edge)) > 0.0;
+        (0..count).all(is_same_way).then(|| Self::new(vertices.clone()).ok()).flatten()
     }
 
     /// The first vertex with an inner angle over 180°, decided exactly; `None` for a convex polygon.
@@ -417,6 +448,23 @@ mod tests {
 
     fn polygon(points: &[[f64; 2]]) -> Result<SimplePolygon, PolygonError> {
         SimplePolygon::new(points.iter().map(|&p| Point2::from(p)).collect::<Vec<_>>())
+    }
+
+    /// Every vertex of the moved outline is on both moved lines: by their distances.
+    #[test]
+    fn moved_edges_are_as_far_out_as_asked() {
+        let told = [[0.0, 0.0], [0.06, 0.0], [0.07, 0.03], [0.03, 0.02], [-0.01, 0.05]].map(Point2::from);
+        let told = SimplePolygon::new(told).unwrap();
+        let by = |edge: usize| [1e-3, -2e-3, 5e-4, 0.0, 2e-3][edge];
+        let moved = told.with_edges_moved(by).unwrap();
+        for (edge, ((from, to), (start, end))) in told.edges().zip(moved.edges()).enumerate() {
+            let along = (to - from).normalize();
+            let out = Vector2::new(along.y, -along.x);
+            for vertex in [start, end] {
+                assert!(((vertex - from).dot(&out) - by(edge)).abs() < 1e-15, "edge {edge}");
+            }
+        }
+        assert!(told.with_edges_moved(|_| -0.05).is_none(), "nothing is left");
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! What every problem about a part and the finger that pushes it has in common.
 
+use palpate::geometry::SimplePolygon;
 use palpate::pushing::dynamics::{Finger as Disk, Mass, Part};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::de::DeserializeOwned;
@@ -83,17 +84,7 @@ impl<F: JsonSchema> JsonSchema for Pushed<F> {
 impl PushSetup {
     /// The part, or which field is missing.
     pub(super) fn part(&self) -> Result<Part, InvalidInput> {
-        let polygon = (*self.polygon).clone();
-        let mass = match (self.centre_of_mass, self.inertia_per_mass) {
-            (None, None) => Mass::uniform(&polygon),
-            (Some(centre), Some(inertia)) => Mass { centre_of_mass: centre.into(), inertia_per_mass: inertia.get() },
-            (Some(_), None) => return Err(InvalidInput::missing("inertia_per_mass", "`centre_of_mass` needs it")),
-            (None, Some(_)) => return Err(InvalidInput::missing("centre_of_mass", "`inertia_per_mass` needs it")),
-        };
-        Ok(match &self.support {
-            None => Part::with_mass(polygon, mass),
-            Some(support) => Part::on_feet(polygon, &support.feet(), mass),
-        })
+        part((*self.polygon).clone(), self.centre_of_mass, self.inertia_per_mass, self.support.as_ref())
     }
 
     /// The finger's disk and its motion.
@@ -117,4 +108,23 @@ impl PushSetup {
             || InvalidInput::missing("mu_c", "the modes `sliding` and `coulomb` need the friction of the contact");
         self.contact_friction().ok_or_else(missing)
     }
+}
+
+/// A part of an outline, or which field is missing.
+pub(super) fn part(
+    polygon: SimplePolygon,
+    centre_of_mass: Option<[f64; 2]>,
+    inertia_per_mass: Option<Positive>,
+    support: Option<&Support>,
+) -> Result<Part, InvalidInput> {
+    let mass = match (centre_of_mass, inertia_per_mass) {
+        (None, None) => Mass::uniform(&polygon),
+        (Some(centre), Some(inertia)) => Mass { centre_of_mass: centre.into(), inertia_per_mass: inertia.get() },
+        (Some(_), None) => return Err(InvalidInput::missing("inertia_per_mass", "`centre_of_mass` needs it")),
+        (None, Some(_)) => return Err(InvalidInput::missing("centre_of_mass", "`inertia_per_mass` needs it")),
+    };
+    Ok(match support {
+        None => Part::with_mass(polygon, mass),
+        Some(support) => Part::on_feet(polygon, &support.feet(), mass),
+    })
 }

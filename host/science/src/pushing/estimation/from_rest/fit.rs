@@ -9,11 +9,15 @@
 
 use std::f64::consts::{PI, TAU};
 
-use nalgebra::{DMatrix, DVector, Isometry2, Matrix3, Matrix4, SMatrix, SVector, Vector2, Vector3, Vector4};
+use nalgebra::{
+    DMatrix, DVector, Isometry2, Matrix3, Matrix4, Matrix6, Matrix6xX, SMatrix, SVector, Vector2, Vector3, Vector4,
+    Vector6,
+};
 
-use super::path::{Course, Guess, Path};
+use super::felt::{Compared, Felt, Predicted};
+use super::path::{Course, CourseStart, Guess, Path};
 use super::valley::Valley;
-use super::windowed_force::{Compared, ONSET_RANGE, WindowedForce};
+use super::windowed_force::ONSET_RANGE;
 use crate::math::least_squares::profile::Held;
 use crate::math::least_squares::{self, Damping, Enough, Floor, LeastSquaresSettings, NormalEquations, minimise};
 use crate::pushing::dynamics::State;
@@ -60,13 +64,14 @@ const DESCENT: LeastSquaresSettings<COLUMNS> = LeastSquaresSettings {
     steps_max: STEPS_MAX,
 };
 
-/// Differences that stand for derivatives: rad, of the radius of gyration, of µ_c, of ln(µ g), s of the onset. Forces
+/// Differences that stand for derivatives: rad, of the radius of gyration, of µ_c, of ln(µ g), s of the onset, rad/s, and
+/// of the radius of gyration a second for what slides. Forces
 /// change by some 1e-4 over them, a thousand times what rounding and the bisection of events leave.
-const DIFFERENCES: [f64; PARAMETERS] = [1e-4, 1e-4, 1e-4, 1e-4, 1e-4];
+const DIFFERENCES: [f64; PARAMETERS] = [1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-3, 1e-3];
 
-/// Parameters of a guess: contact angle, place, friction of the contact, friction of the plane, delay of the onset. The
-/// mass's logarithm follows them.
-pub(super) const PARAMETERS: usize = 5;
+/// Parameters of a guess: contact angle, place, friction of the contact, friction of the plane, delay of the onset; of a
+/// part that moves at the start its angular velocity, and how it slides. The mass's logarithm follows them.
+pub(super) const PARAMETERS: usize = 7;
 
 /// Columns of the derivatives: the parameters and the mass's logarithm.
 pub(super) const COLUMNS: usize = PARAMETERS + 1;
@@ -79,6 +84,25 @@ const MU_G: usize = 3;
 /// Column of the onset's delay among the parameters.
 const DELAY: usize = 4;
 
+/// How far a number of the outline is moved to see what it changes, standard deviations: far enough for what rounding
+/// and events leave, and near enough that edges do not cross.
+pub(super) const OUTLINE_SHARE_OF_SD: f64 = 0.3;
+
+/// Column of the angular velocity at the start among the parameters.
+const OMEGA: usize = 5;
+
+/// Column of how the part slides at the start.
+const SLIDE: usize = 6;
+
+/// Fastest that a part may turn at the start, rad/s: more than a turn a second.
+pub(super) const OMEGA_MAX: f64 = 10.0;
+
+/// Fastest that it may slide, m/s.
+pub(super) const SLIDE_MAX: f64 = 0.2;
+
+/// What slides slower rolls, m/s.
+const SLIDE_MIN: f64 = 1e-6;
+
 /// What adds to the cost beside the residuals: a contact beyond its edge, friction beyond reason, the plane's prior, the
 /// onset's.
 const PENALTIES: usize = 4;
@@ -90,7 +114,9 @@ const DELAY_PENALTY: usize = 3;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Problem<'a, 'p> {
     pub(super) course: &'a Course<'p>,
-    pub(super) measured: &'a WindowedForce,
+    pub(super) measured: &'a dyn Felt,
+    /// The part's mass, where it is known, kg.
+    pub(super) mass: Option<f64>,
 }
 
 /// A guess with what came of it.
@@ -102,15 +128,15 @@ pub(super) struct Tried {
     pub(super) mass: f64,
     /// Squared whitened residuals and penalties.
     pub(super) cost: f64,
-    /// Whitened force per unit mass.
-    shape: DVector<f64>,
+    /// Whitened force per unit mass, and what is unsure about it.
+    predicted: Predicted,
     /// What is felt and not explained, standard deviations.
     rest: DVector<f64>,
     /// What is asked too much.
     penalties: [f64; PENALTIES],
 }
 
-impl Problem<'_, '_> {
+impl<'p> Problem<'_, 'p> {
     /// Plays a guess through.
     pub(super) fn try_guess(&self, guess: Guess) -> Option<Tried> {
         self.try_path(guess, self.course.play(&guess).ok()?)
@@ -123,7 +149,7 @@ impl Problem<'_, '_> {
 
     /// A guess with the likeliest of the onsets that are worth a try.
     fn at_best_onset(&self, tried: Tried) -> Option<Tried> {
-        let onsets = self.measured.onsets_tried().map(|delay| (self.cost_at(&tried, delay), delay));
+        let onsets = self.measured.onsets_tried().into_iter().map(|delay| (self.cost_at(&tried, delay), delay));
         match onsets.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|(cost, _)| *cost < tried.cost) {
             Some((_, delay)) => self.try_path(Guess { delay, ..tried.guess }, tried.path),
             None => Some(tried),
@@ -132,7 +158,7 @@ impl Problem<'_, '_> {
 
     /// Cost of a guess with another onset.
     fn cost_at(&self, tried: &Tried, delay: f64) -> f64 {
-        let compared = self.measured.predicted(&tried.path, delay).compared(self.measured.data());
+        let compared = self.measured.predicted(&tried.path, delay).compared(self.measured.data(), self.mass);
         let others = tried.penalties[..DELAY_PENALTY].iter().map(|value| value * value).sum::<f64>();
         if compared.mass > 0.0 { compared.cost + others + self.unlikely_delay(delay).powi(2) } else { f64::INFINITY }
     }
@@ -143,8 +169,10 @@ impl Problem<'_, '_> {
 
     fn try_path(&self, guess: Guess, path: Path) -> Option<Tried> {
         let edge = self.course.part.edge(guess.edge).ok()?;
-        let predicted = self.measured.predicted(&path, guess.delay);
-        let compared = predicted.compared(self.measured.data());
+        let mut predicted = self.measured.predicted(&path, guess.delay);
+        predicted.outline = self.of_outlines(&guess, &predicted);
+        predicted.outline_off = self.course.outline_off.to_vec();
+        let compared = predicted.compared(self.measured.data(), self.mass);
         let Compared { mass, rest, .. } = compared;
         if mass.is_nan() || mass <= 0.0 {
             return None;
@@ -155,7 +183,22 @@ impl Problem<'_, '_> {
         let penalties = [beyond, needed / FRICTION_SLACK, unlikely, self.unlikely_delay(guess.delay)];
         let squares = |values: [f64; PENALTIES]| values.iter().map(|value| value * value).sum::<f64>();
         let cost = compared.cost + squares(penalties);
-        Some(Tried { guess, path, mass, cost, shape: predicted.shape, rest, penalties })
+        Some(Tried { guess, path, mass, cost, predicted, rest, penalties })
+    }
+
+    /// What each number of the outline changes, one standard deviation off; nothing where that cannot be played.
+    fn of_outlines(&self, guess: &Guess, predicted: &Predicted) -> Vec<DVector<f64>> {
+        let moved = |part| {
+            let path = self.course.of_part(part).play(guess).ok()?;
+            Some((self.measured.predicted(&path, guess.delay).shape - &predicted.shape) / OUTLINE_SHARE_OF_SD)
+        };
+        let none = || DVector::zeros(predicted.shape.len());
+        self.course.outlines.iter().map(|part| moved(part).unwrap_or_else(none)).collect()
+    }
+
+    /// The same push of a part whose outline is known.
+    fn sure(&self) -> Course<'p> {
+        Course { outlines: &[], outline_off: &[], ..self.course.clone() }
     }
 
     /// Goes down to the nearest minimum.
@@ -177,25 +220,30 @@ impl Problem<'_, '_> {
     }
 
     fn differences(&self) -> [f64; PARAMETERS] {
-        let [u, s, mu_c, mu_g_log, delay] = DIFFERENCES;
-        [u, s * self.course.part.inertia_per_mass().sqrt(), mu_c, mu_g_log, delay]
+        let [u, s, mu_c, mu_g_log, delay, omega, slide] = DIFFERENCES;
+        let arm = self.course.part.inertia_per_mass().sqrt();
+        [u, s * arm, mu_c, mu_g_log, delay, omega, slide * arm]
     }
 
     /// Whether a parameter is to be found, and changes anything.
     fn is_free(&self, at: &Tried, parameter: usize) -> bool {
         match parameter {
-            MU_C => at.path.slipped,
+            MU_C => at.path.slipped && self.course.mu_c.is_none(),
             MU_G => self.course.mu_g_log_sd.is_some(),
             DELAY => self.measured.onset_sd().is_some(),
+            OMEGA => self.course.start == CourseStart::Moving,
+            SLIDE => at.guess.slide != 0.0,
             _ => true,
         }
     }
 
     /// Derivatives of the whitened residuals, penalties included, by the parameters and the mass's logarithm.
     fn slopes(&self, at: &Tried) -> DMatrix<f64> {
-        let size = at.shape.len();
+        let size = at.predicted.shape.len();
         let mut slopes = DMatrix::zeros(size + PENALTIES, COLUMNS);
-        slopes.view_mut((0, PARAMETERS), (size, 1)).copy_from(&(&at.shape * -at.mass));
+        if self.mass.is_none() {
+            slopes.view_mut((0, PARAMETERS), (size, 1)).copy_from(&(&at.predicted.shape * -at.mass));
+        }
         for (column, difference) in self.differences().into_iter().enumerate() {
             if !self.is_free(at, column) {
                 continue;
@@ -203,14 +251,18 @@ impl Problem<'_, '_> {
             if column == DELAY {
                 // The push is the same, read at other times.
                 let moved = self.measured.predicted(&at.path, at.guess.delay + difference).shape;
-                slopes.view_mut((0, DELAY), (size, 1)).copy_from(&((&at.shape - moved) * (at.mass / difference)));
+                slopes
+                    .view_mut((0, DELAY), (size, 1))
+                    .copy_from(&((&at.predicted.shape - moved) * (at.mass / difference)));
                 slopes[(size + DELAY_PENALTY, DELAY)] = self.unlikely_delay(1.0);
                 continue;
             }
+            let course = self.sure();
+            let sure = Problem { course: &course, measured: self.measured, mass: self.mass };
             let aside =
-                beside(&at.guess, column, difference).find_map(|(step, guess)| Some((step, self.try_guess(guess)?)));
+                beside(&at.guess, column, difference).find_map(|(step, guess)| Some((step, sure.try_guess(guess)?)));
             let Some((step, moved)) = aside else { continue };
-            let change = (&at.shape - &moved.shape) * (at.mass / step);
+            let change = (&at.predicted.shape - &moved.predicted.shape) * (at.mass / step);
             slopes.view_mut((0, column), (size, 1)).copy_from(&change);
             for (row, (after, before)) in moved.penalties.iter().zip(at.penalties).enumerate() {
                 slopes[(size + row, column)] = (after - before) / step;
@@ -219,18 +271,34 @@ impl Problem<'_, '_> {
         slopes
     }
 
+    /// Of slopes, that of the cost, all nuisances being found for every guess.
+    fn curvature(&self, at: &Tried, slopes: &DMatrix<f64>) -> DMatrix<f64> {
+        let all = slopes.tr_mul(slopes);
+        let nuisances: Vec<_> = at.predicted.nuisances(at.mass).collect();
+        if nuisances.is_empty() {
+            return all;
+        }
+        let nuisances = DMatrix::from_columns(&nuisances);
+        let across = nuisances.tr_mul(&slopes.rows(0, nuisances.nrows()));
+        let own = nuisances.tr_mul(&nuisances) + DMatrix::identity(nuisances.ncols(), nuisances.ncols());
+        // Positive definite, being a square and one.
+        own.cholesky().map_or_else(|| all.clone(), |own| &all - across.tr_mul(&own.solve(&across)))
+    }
+
     /// Standard deviations of the parameters before anything is felt, each being anywhere in its range.
     fn ranges(&self, at: &Tried) -> [f64; PARAMETERS] {
         let length = self.course.part.edge(at.guess.edge).map_or(f64::INFINITY, |edge| edge.s_max - edge.s_min);
         // The plane's friction and the onset have priors of their own.
-        [PI, length, MU_C_MAX - MU_C_MIN, f64::INFINITY, f64::INFINITY].map(|range| range / 12.0_f64.sqrt())
+        let (omega, slide) = (2.0 * OMEGA_MAX, 2.0 * SLIDE_MAX);
+        [PI, length, MU_C_MAX - MU_C_MIN, f64::INFINITY, f64::INFINITY, omega, slide]
+            .map(|range| range / 12.0_f64.sqrt())
     }
 
     /// Covariance of the guess's parameters. Those that no slope tells of, since they make no difference or are held,
     /// count as known.
     fn covariance(&self, at: &Tried) -> Option<DMatrix<f64>> {
         let slopes = self.slopes(at);
-        let mut normal = slopes.tr_mul(&slopes);
+        let mut normal = self.curvature(at, &slopes);
         // What slopes say nothing about is still within its range: a contact that slips for a moment tells little of
         // its friction.
         for (i, deviation) in self.ranges(at).into_iter().enumerate() {
@@ -322,6 +390,99 @@ impl Problem<'_, '_> {
     }
 }
 
+impl<'p> Problem<'_, 'p> {
+    /// The end of a push of a part: x, y, θ of its frame, velocity of its centre of mass, ω.
+    fn end_of(course: &Course<'p>, guess: &Guess, path: &Path) -> Option<End> {
+        let pose = course.pose_at_end(guess, path)?;
+        Some(End { pose, velocity: course.velocity_at_end(guess, path)?, omega: path.end.omega })
+    }
+
+    /// Covariance of pose and motion at the end (x, y, θ, velocity of the centre of mass, ω), with everything that is
+    /// not known, outline and what adds to the force included.
+    pub(super) fn motion_covariance(&self, at: &Tried) -> Option<Matrix6<f64>> {
+        let course = self.sure();
+        let end = Self::end_of(&course, &at.guess, &at.path)?;
+        let nuisances: Vec<_> = at.predicted.nuisances(at.mass).collect();
+        let mut of_end = SMatrix::<f64, 6, PARAMETERS>::zeros();
+        let mut of_nuisances = Matrix6xX::zeros(nuisances.len());
+        for (column, step) in self.differences().into_iter().enumerate() {
+            if column == DELAY || !self.is_free(at, column) {
+                continue;
+            }
+            let played = |(step, guess)| Some((step, Self::end_of(&course, &guess, &course.play(&guess).ok()?)?));
+            let (step, there) = beside(&at.guess, column, step).find_map(played)?;
+            of_end.set_column(column, &(end.to(&there) / step));
+        }
+        for (column, part) in self.course.outlines.iter().enumerate() {
+            let course = course.of_part(part);
+            let there = course.play(&at.guess).ok().and_then(|path| Self::end_of(&course, &at.guess, &path));
+            of_nuisances
+                .set_column(column, &there.map_or_else(SVector::zeros, |there| end.to(&there) / OUTLINE_SHARE_OF_SD));
+        }
+        let parameters = self.covariance(at)?;
+        let held = parameters.fixed_view::<PARAMETERS, PARAMETERS>(0, 0).into_owned();
+        // J C Jᵀ, nuisances eliminated: what they are for given parameters, and what that leaves open.
+        let mut slopes = of_end;
+        let mut open = Matrix6::zeros();
+        if !nuisances.is_empty() {
+            let by_parameters = self.slopes(at);
+            let nuisances = DMatrix::from_columns(&nuisances);
+            let own = nuisances.tr_mul(&nuisances) + DMatrix::identity(nuisances.ncols(), nuisances.ncols());
+            let own = own.cholesky()?;
+            // Residuals are data less prediction: the nuisances' slopes have the other sign.
+            let across = nuisances.tr_mul(&by_parameters.view((0, 0), (nuisances.nrows(), PARAMETERS)));
+            slopes += &of_nuisances * own.solve(&across);
+            open = &of_nuisances * own.solve(&of_nuisances.transpose());
+        }
+        let mut covariance = slopes * held * slopes.transpose() + open;
+        if nuisances.is_empty() {
+            let state = self.end_slopes(at)?.state;
+            if let Some(valley) = Valley::through(self, at, &parameters, &state) {
+                let straight = of_end * valley.straight.fixed_rows::<PARAMETERS>(0);
+                covariance = valley.covered(covariance, straight, |side| {
+                    let there = Self::end_of(&course, &side.end.guess, &side.end.path)?;
+                    Some(end.to(&there) / side.sds)
+                });
+            }
+        }
+        Some(covariance)
+    }
+}
+
+impl Problem<'_, '_> {
+    /// How many standard deviations each number of the outline is off what it is taken for, of a guess.
+    pub(super) fn taken_of_outline(&self, at: &Tried) -> Vec<f64> {
+        at.predicted.outline.iter().map(|column| column.dot(&at.rest) * at.mass).collect()
+    }
+
+    /// How many standard deviations what adds to the force whatever the part's mass is off, of a guess.
+    pub(super) fn taken_beside(&self, at: &Tried) -> f64 {
+        // What remains of a residual is whitened by it: the column's share of the rest is what was taken.
+        at.predicted.beside.first().map_or(0.0, |column| column.dot(&at.rest))
+    }
+
+    /// Square root of the determinant of the covariance of contact angle and place at the start.
+    pub(super) fn spread(&self, at: &Tried) -> Option<f64> {
+        Some(self.covariance(at)?.fixed_view::<2, 2>(0, 0).determinant().max(0.0).sqrt())
+    }
+}
+
+/// Pose and motion at the end.
+struct End {
+    pose: Isometry2<f64>,
+    velocity: Vector2<f64>,
+    omega: f64,
+}
+
+impl End {
+    /// How another differs: x, y, θ, velocity, ω.
+    fn to(&self, other: &Self) -> Vector6<f64> {
+        let pose = difference(&self.pose, &other.pose);
+        let velocity = other.velocity - self.velocity;
+        Vector6::new(pose.x, pose.y, pose.z, velocity.x, velocity.y, other.omega - self.omega)
+    }
+}
+
 /// Derivatives of what is said of the end by the parameters.
 struct EndSlopes {
     /// Of x, y, θ.
@@ -340,14 +501,14 @@ impl least_squares::LeastSquaresProblem<COLUMNS> for Problem<'_, '_> {
     }
 
     fn normal_equations(&self, tried: &Tried) -> NormalEquations<COLUMNS> {
-        let (size, slopes) = (tried.shape.len(), self.slopes(tried));
+        let (size, slopes) = (tried.predicted.shape.len(), self.slopes(tried));
         let mut residuals = DVector::zeros(size + PENALTIES);
         residuals.rows_mut(0, size).copy_from(&tried.rest);
         residuals.rows_mut(size, PENALTIES).copy_from_slice(&tried.penalties);
         NormalEquations {
             cost: tried.cost,
             gradient: slopes.tr_mul(&residuals).fixed_rows::<COLUMNS>(0).into_owned(),
-            curvature: slopes.tr_mul(&slopes).fixed_view::<COLUMNS, COLUMNS>(0, 0).into_owned(),
+            curvature: self.curvature(tried, &slopes).fixed_view::<COLUMNS, COLUMNS>(0, 0).into_owned(),
         }
     }
 
@@ -401,10 +562,20 @@ fn beside(guess: &Guess, parameter: usize, difference: f64) -> impl Iterator<Ite
 /// A guess with one parameter changed, within its limits.
 pub(super) fn moved(guess: &Guess, parameter: usize, by: f64) -> Guess {
     let mut guess = *guess;
+    if by == 0.0 {
+        return guess;
+    }
     match parameter {
         0 => guess.u += by,
         1 => guess.s += by,
         DELAY => guess.delay += by,
+        OMEGA => guess.omega = (guess.omega + by).clamp(-OMEGA_MAX, OMEGA_MAX),
+        // It slides the way that it does.
+        SLIDE if guess.slide != 0.0 => {
+            guess.slide =
+                guess.slide.signum() * ((guess.slide + by) * guess.slide.signum()).clamp(SLIDE_MIN, SLIDE_MAX);
+        }
+        SLIDE => {}
         MU_G => guess.mu_g_log = (guess.mu_g_log + by).clamp(-MU_G_LOG_MAX, MU_G_LOG_MAX),
         _ if guess.mu_c.is_finite() => guess.mu_c = (guess.mu_c + by).clamp(MU_C_MIN, MU_C_MAX),
         _ => {}

@@ -18,6 +18,7 @@
 
 use nalgebra::{Matrix2, Point2, Vector2};
 
+use super::felt::Felt as _;
 use super::fit::Problem;
 use super::{Cover, KnownFromRest, WindowedForce, course, descend_all, misfit_limit, seeds, symmetry};
 use crate::pushing::finger_motion::{FingerMotion, Segment};
@@ -143,7 +144,7 @@ fn fitting(tried: Vec<Tried>, known: &KnownFromRest, measured: &WindowedForce, h
 }
 
 fn limit(measured: &WindowedForce) -> f64 {
-    misfit_limit(2 * measured.count(), measured.freedom())
+    misfit_limit(measured.data().len(), measured.freedom())
 }
 
 impl Tried {
@@ -157,7 +158,7 @@ impl Tried {
         let Self { radius, mu_g, mu_g_log_sd, .. } = *self;
         let known = KnownFromRest { part: known.part, mu_g, mu_g_log_sd, radius, motion: &self.motion };
         let course = course(&known, measured);
-        let problem = Problem { course: &course, measured };
+        let problem = Problem { course: &course, measured, mass: None };
         let tried = search(&problem, halt);
         let best = tried.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost))?;
         Some((best.cost, course.mu_g_of(&best.guess)))
@@ -175,7 +176,7 @@ fn search(problem: &Problem, halt: &Halt<'_>) -> Vec<super::Tried> {
 
 /// Angle between the first force on the finger and the reverse of its acceleration.
 fn onset_angle(known: &KnownFromRest, measured: &WindowedForce) -> f64 {
-    let first = measured.forces_finger().iter().flatten().next().copied().unwrap_or_default();
+    let first = measured.first();
     (-known.motion.first_acceleration()).angle(&first)
 }
 

@@ -26,11 +26,14 @@
 //! Frames: finger axes, with the origin of the motion's file; force is the force on the finger's disk. Units: SI.
 //! Errors: none. "No pose explains the force" and "several do" are answers.
 
+mod felt;
 mod fit;
 pub mod hann_windows;
 pub mod misfit;
+mod moving_seeds;
 pub mod onset;
 mod path;
+pub mod readings;
 mod seeds;
 mod symmetry;
 pub mod trial;
@@ -39,7 +42,7 @@ pub mod watch;
 pub mod windowed_force;
 
 use fit::{EndCovariance, MU_C_MIN, Problem, Tried};
-use path::{Course, Guess};
+use path::{Course, CourseStart, Guess};
 use seeds::Cover;
 pub use windowed_force::{CalibrationUncertainty, Uncertainty, WindowedForce};
 
@@ -133,23 +136,32 @@ fn halting_estimate(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt
     let sides = known.part.sides();
     let distinct = sides.len() / symmetry;
     let course = course(known, measured);
-    let problem = Problem { course: &course, measured };
+    let problem = Problem { course: &course, measured, mass: None };
     let edges: Vec<_> = sides.take(distinct).map(|(edge, _)| edge).collect();
+    conclude(&problem, search(&problem, &edges, halt), symmetry)
+}
+
+/// Minima all over some edges.
+fn search(problem: &Problem, edges: &[usize], halt: &Halt<'_>) -> Vec<Tried> {
     let search = |cover: Cover| {
         let wanted = edges.iter().take_while(|_| !halt.is_wished());
-        let starts = wanted.flat_map(|&edge| seeds::on_edge(&problem, edge, cover)).collect();
-        descend_all(&problem, starts, halt)
+        let starts = wanted.flat_map(|&edge| match problem.course.start {
+            CourseStart::Rest => seeds::on_edge(problem, edge, cover),
+            CourseStart::Moving => moving_seeds::on_edge(problem, edge, cover),
+        });
+        let starts = starts.collect();
+        descend_all(problem, starts, halt)
     };
     let mut tried = search(Cover::Coarse);
     // What nothing explains, though something nearly does, may have its explanation between the guesses.
-    let limit = misfit_limit(2 * measured.count(), measured.freedom());
+    let limit = misfit_limit(problem.measured.data().len(), problem.measured.freedom());
     if (limit..NEARLY * limit).contains(&least_cost(&tried)) {
         tried.extend(search(Cover::Fine));
     }
-    tried.extend(on_other_edges(&problem, &edges, &tried, halt));
-    tried.extend(at_other_places(&problem, &tried, halt));
-    tried.extend(from_other_onsets(&problem, &tried, halt));
-    conclude(&problem, tried, symmetry)
+    tried.extend(on_other_edges(problem, edges, &tried, halt));
+    tried.extend(at_other_places(problem, &tried, halt));
+    tried.extend(from_other_onsets(problem, &tried, halt));
+    tried
 }
 
 /// The best minima that may be listed, or lead to one that is: no two nearer than those that are one in an answer.
@@ -158,17 +170,19 @@ fn leads(tried: &[Tried], count: usize) -> Vec<Tried> {
     likely.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let mut leads: Vec<Tried> = Vec::new();
     for next in likely {
-        let is_one = |lead: &Tried| {
-            let (a, b) = (lead.path.end, next.path.end);
-            lead.guess.edge == next.guess.edge
-                && (a.s - b.s).abs() < SAME_PLACE.place
-                && (a.u - b.u).abs() < SAME_PLACE.angle
-        };
+        let is_one = |lead: &Tried| is_one_place(&lead.guess, &lead.path.end, &next.guess, &next.path.end);
         if leads.len() < count && !leads.iter().any(is_one) {
             leads.push(next.clone());
         }
     }
     leads
+}
+
+/// Whether two minima end at one place, as an answer has it.
+fn is_one_place(one: &Guess, end: &State, other: &Guess, other_end: &State) -> bool {
+    one.edge == other.edge
+        && (end.s - other_end.s).abs() < SAME_PLACE.place
+        && (end.u - other_end.u).abs() < SAME_PLACE.angle
 }
 
 /// Minima on other edges, begun where the best are on theirs: edges as far from the centre of mass feel alike at the
@@ -194,7 +208,8 @@ fn on_other_edges(problem: &Problem, edges: &[usize], tried: &[Tried], halt: &Ha
 /// friction: that costs less only near the friction that it needs, between two of the grid's.
 fn at_other_places(problem: &Problem, tried: &[Tried], halt: &Halt<'_>) -> Vec<Tried> {
     let leads = leads(tried, OTHER_PLACES_OF);
-    let rolling = leads.iter().filter(|lead| !lead.path.slipped);
+    // Where friction is known there is no other.
+    let rolling = leads.iter().filter(|lead| !lead.path.slipped && problem.course.mu_c.is_none());
     let slipping = rolling.flat_map(|lead| {
         SLIPPING.map(|share| Guess { mu_c: (share * lead.path.friction_needed).max(MU_C_MIN), ..lead.guess })
     });
@@ -225,7 +240,7 @@ const SLIPPING: [f64; 3] = [0.98, 0.93, 0.85];
 /// force on the other side of one is a minimum of its own, and the other unknowns have to come along to be lower.
 fn from_other_onsets(problem: &Problem, tried: &[Tried], halt: &Halt<'_>) -> Vec<Tried> {
     let guesses = leads(tried, OTHER_ONSETS_OF).into_iter().flat_map(|tried| {
-        let onsets: Vec<_> = problem.measured.onsets_tried().collect();
+        let onsets: Vec<_> = problem.measured.onsets_tried();
         // The one that it has found lies nearest.
         let off = |delay: &f64| (delay - tried.guess.delay).abs();
         let nearest = onsets.iter().copied().min_by(|a, b| off(a).total_cmp(&off(b)));
@@ -251,7 +266,7 @@ const NEARLY: f64 = 40.0;
 #[must_use]
 pub fn follow(known: &KnownFromRest, measured: &WindowedForce, earlier: &Estimate) -> Estimate {
     let course = course(known, measured);
-    let problem = Problem { course: &course, measured };
+    let problem = Problem { course: &course, measured, mass: None };
     let starts = earlier.hypotheses.iter().filter_map(|hypothesis| problem.try_onsets(guess(hypothesis, &course)));
     let starts = starts.collect::<Vec<_>>();
     conclude(&problem, descend_all(&problem, starts, &Halt::new(&never)), earlier.symmetry)
@@ -262,6 +277,10 @@ fn course<'p>(known: &KnownFromRest<'p>, measured: &WindowedForce) -> Course<'p>
         part: known.part,
         mu_g: known.mu_g,
         mu_g_log_sd: known.mu_g_log_sd,
+        mu_c: None,
+        outlines: &[],
+        outline_off: &[],
+        start: CourseStart::Rest,
         legs: known.motion.legs(known.radius).collect(),
         duration: hann_windows::end(measured.span() - 1),
     }
@@ -314,7 +333,7 @@ fn least_cost(tried: &[Tried]) -> f64 {
 /// The list of what cannot be excluded.
 fn conclude(problem: &Problem, mut tried: Vec<Tried>, symmetry: usize) -> Estimate {
     let duration = problem.course.duration;
-    let (values, freedom) = (2 * problem.measured.count(), problem.measured.freedom());
+    let (values, freedom) = (problem.measured.data().len(), problem.measured.freedom());
     let cost_max = misfit_limit(values, freedom);
     tried.retain(|tried| is_possible(problem, tried));
     tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
@@ -330,7 +349,7 @@ fn conclude(problem: &Problem, mut tried: Vec<Tried>, symmetry: usize) -> Estima
     hypotheses.iter_mut().for_each(|hypothesis| hypothesis.probability /= total);
     let mut hypotheses = joined(hypotheses, SAME_PLACE);
     hypotheses.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    let fit = Fit { cost: best, degrees_of_freedom: 2 * problem.measured.count(), cost_max };
+    let fit = Fit { cost: best, degrees_of_freedom: problem.measured.data().len(), cost_max };
     let mu_g_log_sd = problem.course.mu_g_log_sd;
     Estimate { hypotheses, symmetry, mu_g_log_sd, ..Estimate::unexplained(fit, duration) }
 }
@@ -340,7 +359,11 @@ fn conclude(problem: &Problem, mut tried: Vec<Tried>, symmetry: usize) -> Estima
 fn is_possible(problem: &Problem, tried: &Tried) -> bool {
     let Ok(edge) = problem.course.part.edge(tried.guess.edge) else { return false };
     let at = |u: f64, s: f64| {
-        let start = Start::Rest { u, s: s.clamp(edge.s_min, edge.s_max) };
+        let s = s.clamp(edge.s_min, edge.s_max);
+        let start = match problem.course.start {
+            CourseStart::Rest => Start::Rest { u, s },
+            CourseStart::Moving => Start::Moving(State { u, s, omega: 0.0, v_t: 0.0 }),
+        };
         Push::new(problem.course.first_model(edge), ContactLaw::Frictionless, start, EdgeEnd::Stop).is_ok()
     };
     let Guess { u, s, .. } = tried.guess;
@@ -371,7 +394,7 @@ fn is_same(one: &Tried, other: &Tried) -> bool {
 fn guess(hypothesis: &Hypothesis, course: &Course) -> Guess {
     let mu_g_log = if course.mu_g_log_sd.is_some() { (hypothesis.mu_g / course.mu_g).ln() } else { 0.0 };
     let mu_c = hypothesis.from_force.and_then(|force| force.mu_c).unwrap_or(f64::INFINITY);
-    Guess { edge: hypothesis.side, u: hypothesis.start.u, s: hypothesis.start.s, mu_c, mu_g_log, delay: 0.0 }
+    Guess { edge: hypothesis.side, u: hypothesis.start.u, s: hypothesis.start.s, mu_c, mu_g_log, ..Guess::AT_REST }
 }
 
 fn hypothesis(problem: &Problem, tried: &Tried, best: f64, excess: f64) -> Option<Hypothesis> {

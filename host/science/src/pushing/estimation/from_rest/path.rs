@@ -61,6 +61,25 @@ pub(super) struct Guess {
     pub(super) mu_g_log: f64,
     /// How much later the push began than it was taken to, s.
     pub(super) delay: f64,
+    /// Angular velocity at the start of a part that moves, rad/s.
+    pub(super) omega: f64,
+    /// By how much v_T then is off that of a part that rolls, m/s; 0 for one that rolls.
+    pub(super) slide: f64,
+}
+
+impl Guess {
+    /// A part at rest, µ g and the onset being what they are taken for; the rest is to be filled in.
+    pub(super) const AT_REST: Self =
+        Self { edge: 0, u: 0.0, s: 0.0, mu_c: f64::INFINITY, mu_g_log: 0.0, delay: 0.0, omega: 0.0, slide: 0.0 };
+}
+
+/// How the part is at the start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum CourseStart {
+    /// At rest, as the finger.
+    Rest,
+    /// Pushed by the finger.
+    Moving,
 }
 
 /// A guess played through.
@@ -68,8 +87,8 @@ pub(super) struct Guess {
 pub(super) struct Path {
     /// Smooth part of the force at each [`hann_windows::GRID_S`], from 0 on, m/s².
     smooth: Vec<Vector2<f64>>,
-    /// When the force jumps and by how much, the onset first.
-    jumps: Vec<(f64, Vector2<f64>)>,
+    /// The onset first.
+    jumps: Vec<Jump>,
     /// The force where it was computed, in order of time, s and m/s²: each grid point, and before and after each jump.
     knots: Vec<(f64, Vector2<f64>)>,
     /// The state at the end.
@@ -86,6 +105,17 @@ pub(super) struct Path {
     pub(super) slipped: bool,
     /// What the contact did, one after the other.
     pub(super) course: ModeCourse,
+}
+
+/// A jump of the force.
+#[derive(Clone, Copy, Debug)]
+struct Jump {
+    /// When it happens, s.
+    time: f64,
+    /// By how much, m/s².
+    by: Vector2<f64>,
+    /// Whether the finger's motion says when: the onset, and where its acceleration changes.
+    is_of_finger: bool,
 }
 
 /// The modes of a contact in their order, as digits of base 4, the last one lowest; of a long course the last sixteen.
@@ -111,13 +141,13 @@ impl Path {
     /// When the contact changed, or the finger its acceleration, s.
     #[cfg(test)]
     pub(super) fn changes(&self) -> Vec<f64> {
-        self.jumps.iter().skip(1).map(|(time, _)| *time).collect()
+        self.jumps.iter().skip(1).map(|jump| jump.time).collect()
     }
 
     /// Means of the force under the first `count` windows, m/s².
     pub(super) fn windows(&self, count: usize) -> impl Iterator<Item = Vector2<f64>> + '_ {
         (0..count).map(|window| {
-            let jumped = self.jumps.iter().map(|&(time, jump)| jump * hann_windows::share_after(window, time));
+            let jumped = self.jumps.iter().map(|jump| jump.by * hann_windows::share_after(window, jump.time));
             hann_windows::mean_of_grid(window, &self.smooth) + jumped.sum::<Vector2<f64>>()
         })
     }
@@ -126,13 +156,21 @@ impl Path {
 impl Path {
     /// The force at times that are asked for in ascending order, its jumps spread over `spread`, s.
     pub(super) fn forces(&self, spread: f64) -> ForceReader<'_> {
-        ForceReader { path: self, spread, next: 1, jump: 0 }
+        ForceReader { path: self, jumps: self.jumps.clone(), spread, next: 1, jump: 0 }
+    }
+
+    /// The same where times are those of the finger's motion: jumps of which that says when are not spread.
+    pub(super) fn forces_in_finger_time(&self, spread: f64) -> ForceReader<'_> {
+        let jumps = self.jumps.iter().filter(|jump| !jump.is_of_finger).copied().collect();
+        ForceReader { path: self, jumps, spread, next: 1, jump: 0 }
     }
 }
 
 /// Reads a path's force from its beginning to its end.
 pub(super) struct ForceReader<'a> {
     path: &'a Path,
+    /// Those that are spread.
+    jumps: Vec<Jump>,
     spread: f64,
     /// The first knot after the time asked for last; knots at one time are before and after a jump.
     next: usize,
@@ -155,9 +193,9 @@ impl ForceReader<'_> {
     /// The jump that spreading reaches at the time asked for last: which one, and a standard deviation of what a sensor
     /// reads beside its mean, since it reads before the jump or behind it and nothing between.
     pub(super) fn unsure(&self, time: f64) -> Option<(usize, Vector2<f64>)> {
-        let (at, jump) = *self.path.jumps.get(self.jump)?;
-        let share = 0.5 + (time - at) / self.spread;
-        (0.0..1.0).contains(&share).then(|| (self.jump, jump * (share * (1.0 - share)).sqrt()))
+        let jump = self.jumps.get(self.jump)?;
+        let share = 0.5 + (time - jump.time) / self.spread;
+        (0.0..1.0).contains(&share).then(|| (self.jump, jump.by * (share * (1.0 - share)).sqrt()))
     }
 
     /// By a parabola through three knots with no jump between them, where there are three.
@@ -180,15 +218,15 @@ impl ForceReader<'_> {
 
     /// What spreading the jumps adds: half of one that is about to come, less half of one that has just been.
     fn spread_jumps(&mut self, time: f64) -> Vector2<f64> {
-        let jumps = &self.path.jumps;
+        let jumps = &self.jumps;
         let half = 0.5 * self.spread;
-        while self.jump < jumps.len() && jumps[self.jump].0 < time - half {
+        while self.jump < jumps.len() && jumps[self.jump].time < time - half {
             self.jump += 1;
         }
-        let near = jumps[self.jump..].iter().take_while(|(at, _)| *at < time + half);
-        near.map(|&(at, jump)| {
-            let share = 0.5 + (time - at) / self.spread;
-            jump * if time < at { share } else { share - 1.0 }
+        let near = jumps[self.jump..].iter().take_while(|jump| jump.time < time + half);
+        near.map(|jump| {
+            let share = 0.5 + (time - jump.time) / self.spread;
+            jump.by * if time < jump.time { share } else { share - 1.0 }
         })
         .sum()
     }
@@ -211,6 +249,15 @@ pub(super) struct Course<'p> {
     pub(super) mu_g: f64,
     /// Standard deviation of ln(µ g), where it is not known.
     pub(super) mu_g_log_sd: Option<f64>,
+    /// µ_c, where it is known.
+    pub(super) mu_c: Option<f64>,
+    /// Where the part's outline is not known exactly: the part with one number of it off by
+    /// `fit::OUTLINE_SHARE_OF_SD`, for each.
+    pub(super) outlines: &'p [Part],
+    /// How many standard deviations each of these numbers is off in `part`, of what it is taken for.
+    pub(super) outline_off: &'p [f64],
+    pub(super) start: CourseStart,
+    /// In time since the start, at which the first is under way; of a push from rest it begins then.
     pub(super) legs: Vec<Leg>,
     /// When the data end, s.
     pub(super) duration: f64,
@@ -219,6 +266,11 @@ pub(super) struct Course<'p> {
 impl<'p> Course<'p> {
     fn model(&self, edge: Edge, leg: &Leg, mu_g: f64) -> PushModel<'p> {
         PushModel { part: self.part, edge, mu_g, finger: leg.finger }
+    }
+
+    /// The same for a part of another outline.
+    pub(super) fn of_part(&self, part: &'p Part) -> Self {
+        Self { part, outlines: &[], outline_off: &[], ..self.clone() }
     }
 
     /// µ g by a guess, m/s².
@@ -236,7 +288,10 @@ impl<'p> Course<'p> {
         let edge = self.part.edge(guess.edge).map_err(|_| Lost::Start)?;
         let mu_g = self.mu_g_of(guess);
         let model = self.model(edge, &self.legs[0], mu_g);
-        let mut simulation = PathSimulation::begin(model, guess)?;
+        let mut simulation = match self.start {
+            CourseStart::Rest => PathSimulation::begin(model, guess)?,
+            CourseStart::Moving => PathSimulation::begin_moving(model, self.legs[0].from, guess)?,
+        };
         for (index, leg) in self.legs.iter().enumerate() {
             if leg.from >= self.duration - SAME_TIME_S {
                 break;
@@ -248,6 +303,7 @@ impl<'p> Course<'p> {
             let until = if last { self.duration } else { leg.to.min(self.duration) };
             simulation.follow(until)?;
         }
+        simulation.note_end();
         Ok(simulation.path)
     }
 
@@ -270,8 +326,8 @@ impl<'p> Course<'p> {
     /// The same at the start.
     pub(super) fn pose_at_start(&self, guess: &Guess) -> Option<Isometry2<f64>> {
         let edge = self.part.edge(guess.edge).ok()?;
-        let state = State { u: guess.u, s: guess.s, omega: 0.0, v_t: 0.0 };
-        Some(pose(&self.first_model(edge), 0.0, &state))
+        let state = State { u: guess.u, s: guess.s, omega: guess.omega, v_t: 0.0 };
+        Some(pose(&self.first_model(edge), -self.legs[0].from, &state))
     }
 }
 
@@ -317,7 +373,7 @@ impl<'p> PathSimulation<'p> {
         let state = model.after_rest([u, s], [start.alpha, start.a_t], REST_S);
         let path = Path {
             smooth: vec![Vector2::zeros()],
-            jumps: vec![(0.0, force)],
+            jumps: vec![Jump { time: 0.0, by: force, is_of_finger: true }],
             knots: vec![(0.0, force)],
             end: state,
             contact_start: contact,
@@ -328,6 +384,41 @@ impl<'p> PathSimulation<'p> {
             course: ModeCourse::of(&contact),
         };
         Ok(Self { model, leg_from: 0.0, friction, time: REST_S, state, contact, path })
+    }
+
+    fn begin_moving(model: PushModel<'p>, leg_from: f64, guess: &Guess) -> Result<Self, Lost> {
+        let &Guess { u, s, mu_c, omega, slide, .. } = guess;
+        let friction = ContactFriction::same(mu_c);
+        let mut state = State { u, s, omega, v_t: 0.0 };
+        let rolling_v_t = model.rolling_v_t(-leg_from, &state);
+        state.v_t = rolling_v_t + slide;
+        let slip = if slide == 0.0 { 0.0 } else { model.slip(-leg_from, &state) };
+        let rolling = || {
+            let state = State { v_t: rolling_v_t, ..state };
+            model.motion(&ContactMode::Rolling, -leg_from, &state).force()
+        };
+        if mu_c.is_infinite() && slip != 0.0 {
+            return Err(Lost::Start);
+        }
+        let contact = friction.at_slip(slip, rolling);
+        let motion = model.motion(&contact, -leg_from, &state);
+        if !motion.force().pushes() || is_jammed(&model, &contact, s) {
+            return Err(Lost::Contact);
+        }
+        let force = on_finger(u, motion.normal_force, motion.tangential_force);
+        let path = Path {
+            smooth: vec![force],
+            jumps: Vec::new(),
+            knots: vec![(0.0, force)],
+            end: state,
+            contact_start: contact,
+            contact,
+            s_span: [s, s],
+            friction_needed: if contact == ContactMode::Rolling { needed(&motion.force()) } else { 0.0 },
+            slipped: contact != ContactMode::Rolling,
+            course: ModeCourse::of(&contact),
+        };
+        Ok(Self { model, leg_from, friction, time: 0.0, state, contact, path })
     }
 
     fn motion(&self) -> Motion {
@@ -389,7 +480,7 @@ impl<'p> PathSimulation<'p> {
         let [low, high] = self.path.s_span;
         self.path.s_span = [low.min(self.state.s), high.max(self.state.s)];
         if self.time >= grid - SAME_TIME_S {
-            let jumped: Vector2<f64> = self.path.jumps.iter().map(|(_, jump)| jump).sum();
+            let jumped: Vector2<f64> = self.path.jumps.iter().map(|jump| jump.by).sum();
             let force = self.force();
             self.path.smooth.push(force - jumped);
             self.path.knots.push((self.time, force));
@@ -431,7 +522,7 @@ impl<'p> PathSimulation<'p> {
         self.state.v_t = self.model.rolling_v_t(local, &self.state);
         let rolling = self.model.motion(&ContactMode::Rolling, local, &self.state);
         self.contact = self.friction.after(&self.contact, &rolling.force());
-        self.jump(force_before)
+        self.jump(force_before, false)
     }
 
     /// Goes over to another acceleration of the finger: what rolled may slip at once.
@@ -442,15 +533,23 @@ impl<'p> PathSimulation<'p> {
             self.state.v_t = self.v_t();
             self.contact = self.friction.without_slip(&self.motion().force());
         }
-        self.jump(force_before)
+        self.jump(force_before, true)
     }
 
-    fn jump(&mut self, force_before: Vector2<f64>) -> Result<(), Lost> {
+    /// Keeps the force where its course ends.
+    fn note_end(&mut self) {
+        if self.path.knots.last().is_none_or(|(time, _)| *time < self.time - SAME_TIME_S) {
+            let force = self.force();
+            self.path.knots.push((self.time, force));
+        }
+    }
+
+    fn jump(&mut self, force_before: Vector2<f64>, is_of_finger: bool) -> Result<(), Lost> {
         self.path.slipped |= self.contact != ContactMode::Rolling;
         self.path.course = self.path.course.then(&self.contact);
         let force = self.force();
         self.path.knots.extend([(self.time, force_before), (self.time, force)]);
-        self.path.jumps.push((self.time, force - force_before));
+        self.path.jumps.push(Jump { time: self.time, by: force - force_before, is_of_finger });
         if self.path.jumps.len() > CHANGES_MAX { Err(Lost::Contact) } else { Ok(()) }
     }
 }

@@ -82,7 +82,7 @@ struct Seed {
 /// where it slips back, or sticks in between, another minimum begins, however dear its first guess.
 pub(super) fn on_edge(problem: &Problem, edge: usize, cover: Cover) -> Vec<Tried> {
     let Ok(line) = problem.course.part.edge(edge) else { return Vec::new() };
-    let frictions = cover.frictions();
+    let frictions = problem.course.mu_c.map_or_else(|| cover.frictions(), |known| vec![known]);
     let seeds: Vec<_> = places(problem, &line, cover)
         .into_iter()
         .enumerate()
@@ -123,7 +123,7 @@ pub(super) fn along_edge(problem: &Problem, minimum: &Tried) -> Vec<Tried> {
     best.into_iter().filter_map(|place| tried[place].clone()).collect()
 }
 
-fn places(problem: &Problem, line: &Edge, cover: Cover) -> Vec<f64> {
+pub(super) fn places(problem: &Problem, line: &Edge, cover: Cover) -> Vec<f64> {
     let length = line.s_max - line.s_min;
     let wanted = length / (cover.spacing() * problem.course.part.inertia_per_mass().sqrt());
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a few dozen")]
@@ -137,8 +137,9 @@ fn at_place(problem: &Problem, edge: usize, line: &Edge, s: f64, frictions: &[f6
     let angles = Angles::new(problem, line, s);
     let mut found: Vec<(usize, Tried)> = Vec::new();
     // The largest friction first: where it suffices to roll, smaller ones that suffice too change nothing.
-    for u in angles.solutions(f64::INFINITY) {
-        let tried = problem.try_onsets(Guess { edge, u, s, mu_c: f64::INFINITY, mu_g_log: 0.0, delay: 0.0 });
+    let is_known = problem.course.mu_c.is_some();
+    for u in if is_known { Vec::new() } else { angles.solutions(f64::INFINITY) } {
+        let tried = problem.try_onsets(Guess { edge, u, s, mu_c: f64::INFINITY, ..Guess::AT_REST });
         found.extend(
             tried.filter(|tried| tried.path.friction_needed < 2.0 * MU_C_MAX).map(|tried| (frictions.len(), tried)),
         );
@@ -151,9 +152,7 @@ fn at_place(problem: &Problem, edge: usize, line: &Edge, s: f64, frictions: &[f6
                 .any(|(_, tried)| (tried.guess.u - u).abs() < 1e-6 && tried.path.friction_needed <= mu_c);
             if !rolls {
                 found.extend(
-                    problem
-                        .try_onsets(Guess { edge, u, s, mu_c, mu_g_log: 0.0, delay: 0.0 })
-                        .map(|tried| (index, tried)),
+                    problem.try_onsets(Guess { edge, u, s, mu_c, ..Guess::AT_REST }).map(|tried| (index, tried)),
                 );
             }
         }
@@ -180,7 +179,7 @@ impl Angles {
         };
         let step = FRAC_PI_2 / f64::from(ANGLES);
         let angles = (1 - ANGLES..ANGLES).map(|index| ahead + f64::from(index) * step);
-        let force = problem.measured.forces_finger().iter().flatten().next().copied().unwrap_or_default();
+        let force = problem.measured.first();
         Self { table: angles.map(|u| (u, needed(u))).collect(), direction: (-force.y).atan2(-force.x) }
     }
 

@@ -2,9 +2,10 @@
 
 use nalgebra::{Matrix2, Point2, Vector2};
 
+use super::felt::Felt as _;
 use super::fit::{Problem, Tried};
 use super::onset::{PushSense, RestNoise};
-use super::path::{Course, Guess};
+use super::path::{Course, CourseStart, Guess};
 use super::trial::{Drawn, RADIUS_M, Ranges, TrialOutcome, is_right_pose, pose_error, random_part, straight_motion};
 use super::*;
 use crate::finger::contact::Reading;
@@ -102,8 +103,18 @@ fn a_path_feels_what_the_world_does() {
         let (part, ranges, drawn, _) = drawn(case);
         let legs = ranges.motion.legs(RADIUS_M).collect();
         let mu_g = known(&part, &ranges).mu_g;
-        let course = Course { part: &part, mu_g, mu_g_log_sd: None, legs, duration: ranges.motion.duration() };
-        let guess = Guess { edge: drawn.edge, u: drawn.u, s: drawn.s, mu_c: drawn.mu_c, mu_g_log: 0.0, delay: 0.0 };
+        let course = Course {
+            part: &part,
+            mu_g,
+            mu_g_log_sd: None,
+            mu_c: None,
+            outlines: &[],
+            outline_off: &[],
+            start: CourseStart::Rest,
+            legs,
+            duration: ranges.motion.duration(),
+        };
+        let guess = Guess { edge: drawn.edge, u: drawn.u, s: drawn.s, mu_c: drawn.mu_c, ..Guess::AT_REST };
         assert_path_is_the_worlds(case, &course, &guess, &drawn.played, drawn.mass);
     }
 }
@@ -125,8 +136,18 @@ fn a_path_close_to_its_jam_feels_what_the_world_does() {
         let world = PushedWorld { part: &part, mu_g, mass, mu_c, radius, motion: &motion, edge, u, s };
         let played = world.play().unwrap();
         let legs = motion.legs(radius).collect();
-        let course = Course { part: &part, mu_g, mu_g_log_sd: None, legs, duration: motion.duration() };
-        let guess = Guess { edge, u, s, mu_c, mu_g_log: 0.0, delay: 0.0 };
+        let course = Course {
+            part: &part,
+            mu_g,
+            mu_g_log_sd: None,
+            mu_c: None,
+            outlines: &[],
+            outline_off: &[],
+            start: CourseStart::Rest,
+            legs,
+            duration: motion.duration(),
+        };
+        let guess = Guess { edge, u, s, mu_c, ..Guess::AT_REST };
         assert_path_is_the_worlds(case, &course, &guess, &played, mass);
     }
 }
@@ -290,8 +311,8 @@ fn pushes_that_slip_throughout_or_back_are_found() {
         for seed in 0..4 {
             let measured = felt(&played, &mut Draw::case(11, seed), QUIET);
             let course = course(&known, &measured);
-            let problem = Problem { course: &course, measured: &measured };
-            let guess = Guess { edge, u, s, mu_c, mu_g_log: 0.0, delay: 0.0 };
+            let problem = Problem { course: &course, measured: &measured, mass: None };
+            let guess = Guess { edge, u, s, mu_c, ..Guess::AT_REST };
             let truth = problem.descend(problem.try_onsets(guess).unwrap(), usize::MAX).cost;
             let estimate = estimate(&known, &measured);
             let best = estimate.fit.cost.unwrap();
@@ -336,8 +357,8 @@ fn a_jump_at_a_reading_excludes_no_truth() {
             let measured = felt_from(&drawn.played, &mut draw, sensor, PERIOD_S - late);
             let known = known(&part, &ranges);
             let course = course(&known, &measured);
-            let problem = Problem { course: &course, measured: &measured };
-            let truth = problem.try_onsets(Guess { edge, u, s, mu_c, mu_g_log: 0.0, delay: 0.0 }).unwrap();
+            let problem = Problem { course: &course, measured: &measured, mass: None };
+            let truth = problem.try_onsets(Guess { edge, u, s, mu_c, ..Guess::AT_REST }).unwrap();
             let found = problem.descend(truth, usize::MAX);
             let limit = misfit_limit(2 * measured.count(), measured.freedom());
             assert!(found.cost < limit, "case {case}: {} where chance gives {limit}", found.cost);
@@ -371,8 +392,7 @@ fn the_friction_that_rolling_needs_is_stated_from_below() {
         let (known, measured) = (known(&part, &ranges), measured(&drawn, &mut draw, 0.5));
         let course = course(&known, &measured);
         let (u, s, mu_c) = (drawn.u, drawn.s, f64::INFINITY);
-        let needed =
-            course.play(&Guess { edge: drawn.edge, u, s, mu_c, mu_g_log: 0.0, delay: 0.0 }).unwrap().friction_needed;
+        let needed = course.play(&Guess { edge: drawn.edge, u, s, mu_c, ..Guess::AT_REST }).unwrap().friction_needed;
         let estimate = estimate(&known, &measured);
         let truth = drawn.played.pose(estimate.time_end).unwrap();
         for found in estimate.hypotheses.iter().filter(|h| is_right_pose(&part, estimate.symmetry, h, &truth)) {
@@ -397,8 +417,8 @@ fn what_is_stated_reaches_along_a_valley_that_bends() {
             drawn_from(Ranges { motion: straight_motion(), ..Ranges::default() }, case);
         let (known, measured) = (known(&part, &ranges), measured(&drawn, &mut draw, 0.3));
         let course = course(&known, &measured);
-        let problem = Problem { course: &course, measured: &measured };
-        let guess = Guess { edge: drawn.edge, u: drawn.u, s: drawn.s, mu_c: drawn.mu_c, mu_g_log: 0.0, delay: 0.0 };
+        let problem = Problem { course: &course, measured: &measured, mass: None };
+        let guess = Guess { edge: drawn.edge, u: drawn.u, s: drawn.s, mu_c: drawn.mu_c, ..Guess::AT_REST };
         let found = problem.descend(problem.try_guess(guess).unwrap(), usize::MAX);
         let stated = problem.end_covariance(&found).unwrap().state.fixed_view::<2, 2>(0, 0).into_owned();
         let Some(valley) = problem.valley(&found) else { continue };
@@ -425,14 +445,14 @@ fn nothing_that_explains_a_short_push_is_missed() {
         let known = known(&part, &ranges);
         let answer = estimate(&known, &measured);
         let course = course(&known, &measured);
-        let problem = Problem { course: &course, measured: &measured };
+        let problem = Problem { course: &course, measured: &measured, mass: None };
         let best = answer.hypotheses.iter().map(|hypothesis| hypothesis.cost).fold(f64::INFINITY, f64::min);
         for _ in 0..STARTS {
             let edge = draw.index(part.polygon().vertices().len());
             let line = part.edge(edge).unwrap();
             let (u, s) = (draw.uniform(-1.5, 1.5), draw.uniform(line.s_min, line.s_max));
             let mu_c = if draw.chance(0.3) { f64::INFINITY } else { draw.uniform(0.03, 0.9) };
-            let Some(start) = problem.try_guess(Guess { edge, u, s, mu_c, mu_g_log: 0.0, delay: 0.0 }) else {
+            let Some(start) = problem.try_guess(Guess { edge, u, s, mu_c, ..Guess::AT_REST }) else {
                 continue;
             };
             let found = problem.descend(start, usize::MAX);
@@ -555,9 +575,9 @@ fn a_fit_ends_in_a_minimum() {
     let measured = measured(&drawn, &mut draw, ranges.motion.duration());
     let known = known(&part, &ranges);
     let course = course(&known, &measured);
-    let problem = Problem { course: &course, measured: &measured };
+    let problem = Problem { course: &course, measured: &measured, mass: None };
     let (u, s, mu_c) = (drawn.u + 0.01, drawn.s + 5e-4, drawn.mu_c + 0.01);
-    let guess = Guess { edge: drawn.edge, u, s, mu_c, mu_g_log: 0.0, delay: 0.0 };
+    let guess = Guess { edge: drawn.edge, u, s, mu_c, ..Guess::AT_REST };
     let found: Tried = problem.descend(problem.try_guess(guess).unwrap(), usize::MAX);
     for (du, ds) in [(1e-3, 0.0), (-1e-3, 0.0), (0.0, 1e-4), (0.0, -1e-4)] {
         let moved = Guess { u: found.guess.u + du, s: found.guess.s + ds, ..found.guess };
@@ -720,8 +740,18 @@ impl FromRest {
     fn course(&self, until: f64) -> (Followed, Vec<f64>) {
         let play = |duration: f64| {
             let legs = vec![Leg { from: 0.0, to: until, finger: self.finger }];
-            let course = Course { part: &self.part, mu_g: self.model_mu_g, mu_g_log_sd: None, legs, duration };
-            course.play(&Guess { edge: self.edge, u: self.u, s: self.s, mu_c: self.mu_c, mu_g_log: 0.0, delay: 0.0 })
+            let course = Course {
+                part: &self.part,
+                mu_g: self.model_mu_g,
+                mu_g_log_sd: None,
+                mu_c: None,
+                outlines: &[],
+                outline_off: &[],
+                start: CourseStart::Rest,
+                legs,
+                duration,
+            };
+            course.play(&Guess { edge: self.edge, u: self.u, s: self.s, mu_c: self.mu_c, ..Guess::AT_REST })
         };
         let (Ok(start), Ok(path)) = (play(1e-3), play(until)) else { return (None, Vec::new()) };
         (Some((start.contact, path.contact, path.end)), path.changes())

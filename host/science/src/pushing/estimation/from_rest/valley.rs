@@ -12,6 +12,7 @@
 use nalgebra::{DMatrix, Matrix2, SMatrix, SVector, Vector4};
 
 use super::fit::{COLUMNS, PARAMETERS, Problem, Tried, moved, vector};
+use super::path::Guess;
 
 /// By how much the cost rises to the ends of the 95 % interval of one unknown; a standard deviation costs 1.
 const RISE_95: f64 = 3.841;
@@ -158,7 +159,8 @@ impl Walk<'_, '_> {
         let [from, to] = [self.at, to].map(|tried| {
             let guess = tried.guess;
             let mu_c = if guess.mu_c.is_finite() { guess.mu_c } else { 0.0 };
-            SVector::from([guess.u, guess.s, mu_c, guess.mu_g_log, guess.delay, tried.mass.ln()])
+            let Guess { u, s, mu_g_log, delay, omega, slide, .. } = guess;
+            SVector::from([u, s, mu_c, mu_g_log, delay, omega, slide, tried.mass.ln()])
         });
         to - from
     }

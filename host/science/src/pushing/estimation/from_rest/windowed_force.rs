@@ -17,6 +17,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x4, Matrix4, Vector2};
 
+use super::felt::{Felt, Predicted};
 use super::hann_windows::{self, HOP_S, LENGTH_S, NEIGHBOUR_CORRELATION};
 use super::path::Path;
 
@@ -129,6 +130,57 @@ const ONSET_SURE_S: f64 = 4e-4;
 /// Where, in standard deviations: all over the time between two readings, which reaches √3 to either side.
 const ONSETS_TRIED: [f64; 11] = [0.0, -0.34, 0.34, -0.68, 0.68, -1.02, 1.02, -1.36, 1.36, -1.7, 1.7];
 
+impl Felt for WindowedForce {
+    fn data(&self) -> &DVector<f64> {
+        &self.data
+    }
+
+    fn freedom(&self) -> f64 {
+        self.freedom
+    }
+
+    fn first(&self) -> Vector2<f64> {
+        self.forces_finger.iter().flatten().next().copied().unwrap_or_default()
+    }
+
+    fn onset_sd(&self) -> Option<f64> {
+        (self.readings.is_some() && self.onset_sd > 0.0).then_some(self.onset_sd)
+    }
+
+    fn onsets_tried(&self) -> Vec<f64> {
+        let uncertain = self.onset_sd().filter(|sd| *sd > ONSET_SURE_S);
+        let count = if uncertain.is_some() { ONSETS_TRIED.len() } else { 1 };
+        ONSETS_TRIED.into_iter().take(count).map(move |place| place * self.onset_sd).collect()
+    }
+
+    fn predicted(&self, path: &Path, delay: f64) -> Predicted {
+        let Some(readings) = &self.readings else {
+            return Predicted::exact(self.whiten(path.windows(self.span())));
+        };
+        let mut sums = vec![Vector2::zeros(); self.span()];
+        let mut unsure: Vec<(usize, Vec<Vector2<f64>>)> = Vec::new();
+        let mut force = path.forces(readings.period.min(JUMP_S));
+        for group in &readings.groups {
+            let time = group.time - delay;
+            let mean = force.at(time);
+            let add = |sums: &mut Vec<Vector2<f64>>, force: Vector2<f64>| {
+                for (sum, weight) in sums.iter_mut().skip(group.window).zip(group.weights) {
+                    *sum += force * weight;
+                }
+            };
+            add(&mut sums, mean);
+            if let Some((jump, sd)) = force.unsure(time) {
+                if unsure.last().is_none_or(|(last, _)| *last != jump) {
+                    unsure.push((jump, vec![Vector2::zeros(); self.span()]));
+                }
+                unsure.last_mut().into_iter().for_each(|(_, sums)| add(sums, sd));
+            }
+        }
+        let unsure = unsure.into_iter().map(|(_, sums)| self.whiten(sums.into_iter())).collect();
+        Predicted { unsure, ..Predicted::exact(self.whiten(sums.into_iter())) }
+    }
+}
+
 impl WindowedForce {
     /// From the means of the windows, tared, of a contact that began at time 0.
     ///
@@ -182,51 +234,6 @@ impl WindowedForce {
         Some(Self { forces_finger, data, whitener, freedom, onset_sd: 0.0, readings: None })
     }
 
-    /// Independent values that the size of the covariance is known from.
-    pub(super) fn freedom(&self) -> f64 {
-        self.freedom
-    }
-
-    /// Standard deviation of the onset where it is to be found with the rest, s.
-    pub(super) fn onset_sd(&self) -> Option<f64> {
-        (self.readings.is_some() && self.onset_sd > 0.0).then_some(self.onset_sd)
-    }
-
-    /// Onsets to try before a fit, s later than what it was taken for; the first is that.
-    pub(super) fn onsets_tried(&self) -> impl Iterator<Item = f64> + '_ {
-        let uncertain = self.onset_sd().filter(|sd| *sd > ONSET_SURE_S);
-        let count = if uncertain.is_some() { ONSETS_TRIED.len() } else { 1 };
-        ONSETS_TRIED.into_iter().take(count).map(move |place| place * self.onset_sd)
-    }
-
-    /// Predicted means whitened, for an onset so much later than it was taken for, s.
-    pub(super) fn predicted(&self, path: &Path, delay: f64) -> Predicted {
-        let Some(readings) = &self.readings else {
-            return Predicted { shape: self.whiten(path.windows(self.span())), unsure: Vec::new() };
-        };
-        let mut sums = vec![Vector2::zeros(); self.span()];
-        let mut unsure: Vec<(usize, Vec<Vector2<f64>>)> = Vec::new();
-        let mut force = path.forces(readings.period.min(JUMP_S));
-        for group in &readings.groups {
-            let time = group.time - delay;
-            let mean = force.at(time);
-            let add = |sums: &mut Vec<Vector2<f64>>, force: Vector2<f64>| {
-                for (sum, weight) in sums.iter_mut().skip(group.window).zip(group.weights) {
-                    *sum += force * weight;
-                }
-            };
-            add(&mut sums, mean);
-            if let Some((jump, sd)) = force.unsure(time) {
-                if unsure.last().is_none_or(|(last, _)| *last != jump) {
-                    unsure.push((jump, vec![Vector2::zeros(); self.span()]));
-                }
-                unsure.last_mut().into_iter().for_each(|(_, sums)| add(sums, sd));
-            }
-        }
-        let unsure = unsure.into_iter().map(|(_, sums)| self.whiten(sums.into_iter())).collect();
-        Predicted { shape: self.whiten(sums.into_iter()), unsure }
-    }
-
     /// The means of the windows, N; none where too few readings are under one.
     #[must_use]
     pub fn forces_finger(&self) -> &[Option<Vector2<f64>>] {
@@ -245,11 +252,6 @@ impl WindowedForce {
         self.forces_finger.len()
     }
 
-    /// The means times L⁻¹, in standard deviations.
-    pub(super) fn data(&self) -> &DVector<f64> {
-        &self.data
-    }
-
     /// Predicted means of all windows (N), those that were felt times L⁻¹, in standard deviations.
     pub(super) fn whiten(&self, forces: impl Iterator<Item = Vector2<f64>>) -> DVector<f64> {
         let felt = forces.zip(&self.forces_finger).filter(|(_, felt)| felt.is_some());
@@ -257,48 +259,6 @@ impl WindowedForce {
         let rows =
             (0..plain.len()).map(|row| self.whitener.view((row, 0), (1, row + 1)).tr_dot(&plain.rows(0, row + 1)));
         DVector::from_iterator(plain.len(), rows)
-    }
-}
-
-/// What a guess would have felt, whitened, per unit mass of the part.
-#[derive(Clone, Debug)]
-pub(super) struct Predicted {
-    pub(super) shape: DVector<f64>,
-    /// For each jump of the force that a reading fell into, a standard deviation of what may have been felt of it.
-    unsure: Vec<DVector<f64>>,
-}
-
-/// A prediction of some mass against what was felt.
-#[derive(Clone, Debug)]
-pub(super) struct Compared {
-    /// Best mass, kg.
-    pub(super) mass: f64,
-    /// What is felt and not explained, standard deviations.
-    pub(super) rest: DVector<f64>,
-    /// Squared, with what it takes of the jumps.
-    pub(super) cost: f64,
-}
-
-impl Predicted {
-    /// The best mass and the best of what may have been felt of each jump, which costs its square in standard deviations.
-    pub(super) fn compared(&self, data: &DVector<f64>) -> Compared {
-        let plain = self.shape.dot(data) / self.shape.norm_squared();
-        if self.unsure.is_empty() {
-            let rest = data - &self.shape * plain;
-            return Compared { mass: plain, cost: rest.norm_squared(), rest };
-        }
-        // One standard deviation of each, for a mass near the best.
-        let columns: Vec<_> = self.unsure.iter().map(|sd| sd * plain).collect();
-        let unsure = DMatrix::from_columns(&columns);
-        let normal = unsure.tr_mul(&unsure) + DMatrix::identity(columns.len(), columns.len());
-        // Positive definite, being a square and one.
-        let taken = |of: &DVector<f64>| normal.clone().cholesky().map(|normal| normal.solve(&unsure.tr_mul(of)));
-        let less = |of: &DVector<f64>| taken(of).map_or_else(|| of.clone(), |taken| of - &unsure * taken);
-        let mass = self.shape.dot(&less(data)) / self.shape.dot(&less(&self.shape));
-        let off = data - &self.shape * mass;
-        let taken = taken(&off).unwrap_or_else(|| DVector::zeros(columns.len()));
-        let rest = off - &unsure * &taken;
-        Compared { mass, cost: rest.norm_squared() + taken.norm_squared(), rest }
     }
 }
 

@@ -1,0 +1,437 @@
+//! The kind `observe_force`: pose and motion of a part from what the finger's force sensor reads. See
+//! [`palpate::pushing::estimation::from_rest::readings`].
+
+use nalgebra::{Point2, Vector2};
+use palpate::geometry::SimplePolygon;
+use palpate::pushing::dynamics::Part;
+use palpate::pushing::estimation::from_rest::readings::{
+    self, ForceHypothesis, ForceReading, KnownOfFinger, OutlineErrors,
+};
+use palpate::pushing::finger_motion::{FingerMotion, Segment};
+use palpate::{Searched, Stop, never};
+use schemars::JsonSchema;
+use serde::{Deserialize, Deserializer, Serialize};
+
+use super::push::Support;
+use super::pushed;
+use crate::solve::fields::{
+    NonNegative, Polygon, PoseFields, Positive, check_gone, default_gravity, plane_friction, size,
+};
+use crate::solve::{InvalidInput, Pointer, Problem, SolveError};
+
+/// A part that a carried finger begins to push, or is pushing: where is it, and how does it move?
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ObserveForce {
+    /// The part's outline.
+    pub polygon: Polygon,
+    /// Standard deviation of the offset of each edge's line along its normal, m, independent.
+    #[serde(default)]
+    pub polygon_sigma: NonNegative,
+    /// Friction between part and plane.
+    #[serde(deserialize_with = "plane_friction")]
+    pub mu: NonNegative,
+    /// Standard deviation of ln(mu); 0 where it is known.
+    #[serde(default)]
+    pub mu_sigma_log: NonNegative,
+    /// Gravity, m/s².
+    #[serde(default = "default_gravity")]
+    pub g: NonNegative,
+    /// Where the weight rests; uniform over the polygon where not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub support: Option<Support>,
+    /// Part frame, m; the area centroid where not given. Together with `inertia_per_mass`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub centre_of_mass: Option<[f64; 2]>,
+    /// Moment of inertia about `centre_of_mass` over the mass, m².
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inertia_per_mass: Option<Positive>,
+    /// Of the part, kg; unknown where not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mass: Option<Positive>,
+    /// Friction between finger and part; unknown, from 0 to 1, where not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mu_c: Option<NonNegative>,
+    /// The finger, how it bends and how it moves.
+    pub finger: CarriedFinger,
+    /// What its sensor reads.
+    pub force: ForceFields,
+    /// The part when the force begins.
+    #[serde(default)]
+    pub start: StartField,
+}
+
+/// A disk on a finger that a robot carries.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CarriedFinger {
+    /// Of the disk, m.
+    pub radius: NonNegative,
+    /// What the sensor feels of the finger's own inertia, kg; null where it is unknown: then 0.02 ± 0.02.
+    #[serde(default = "no_mass", deserialize_with = "mass_or_null")]
+    pub effective_mass: Option<NonNegative>,
+    /// Standard deviation of `effective_mass`, kg.
+    #[serde(default)]
+    pub effective_mass_sigma: NonNegative,
+    /// How far the disk gives way to a force on it, m/N.
+    #[serde(default)]
+    pub compliance: NonNegative,
+    /// How the robot moves its clamp: where the disk's centre is without force.
+    pub motion: MotionFields,
+}
+
+/// An effective mass of which nothing is known, and its standard deviation, kg: fingers of 5 to 60 g.
+const EFFECTIVE_MASS_PRIOR: (f64, f64) = (0.02, 0.02);
+
+#[expect(clippy::unnecessary_wraps, reason = "serde wants the type of the field")]
+fn no_mass() -> Option<NonNegative> {
+    Some(NonNegative::default())
+}
+
+fn mass_or_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<NonNegative>, D::Error> {
+    Option::deserialize(deserializer)
+}
+
+/// A motion from rest.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MotionFields {
+    /// Where the clamp rests until t = 0, m.
+    pub centre0: [f64; 2],
+    /// One after the other from t = 0 on; after the last the velocity is constant.
+    pub segments: Vec<SegmentFields>,
+}
+
+/// A stretch of constant acceleration.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SegmentFields {
+    /// s.
+    pub duration: Positive,
+    /// World axes, m/s².
+    pub acceleration: [f64; 2],
+}
+
+/// Readings of a force sensor.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ForceFields {
+    /// When each was taken, s, increasing.
+    pub t: Vec<f64>,
+    /// Force on the finger along the world's x, less what the finger's own mass takes, N.
+    pub x: Vec<f64>,
+    /// Along y, N.
+    pub y: Vec<f64>,
+    /// Standard deviation of one value, white, N.
+    pub sigma: Positive,
+}
+
+/// A part when the force begins.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum StartField {
+    /// Finger and part touch, both at rest.
+    #[default]
+    AtRest,
+    /// The finger is pushing the part.
+    Moving,
+}
+
+/// Where the part may be, and how it may move.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct ObserveForceAnswer {
+    /// How many explanations there are.
+    pub status: ObserveForceStatus,
+    /// The explanations, most probable first.
+    pub hypotheses: Vec<ForceHypothesisAnswer>,
+}
+
+/// How many explanations there are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ObserveForceStatus {
+    /// One.
+    Unique,
+    /// Several.
+    Ambiguous,
+    /// No pose and motion of this part explains the readings.
+    #[serde(rename = "none")]
+    Unexplained,
+}
+
+/// A pose and motion that explain the readings.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct ForceHypothesisAnswer {
+    /// The edge in contact at the last reading.
+    pub edge: usize,
+    /// Contact angle at the first reading, rad.
+    pub u0: f64,
+    /// Contact along the edge at the first reading, m.
+    pub s0: f64,
+    /// Of the polygon's own frame at the first reading.
+    pub pose_start: PoseFields,
+    /// Contact along the edge at the last reading, m.
+    pub s_end: f64,
+    /// Of the polygon's own frame at the last reading.
+    pub pose_end: PoseFields,
+    /// Velocity of the centre of mass at the last reading, world axes, m/s, and angular velocity, rad/s.
+    pub twist_end: [f64; 3],
+    /// Of the part, kg.
+    pub mass: f64,
+    /// Friction between finger and part; null where it is unknown and the contact never slipped.
+    pub mu_c: Option<f64>,
+    /// With `mu_sigma_log` in the problem: the friction between part and plane that goes with this explanation.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mu: Option<f64>,
+    /// Where it is not known exactly: that of the finger that goes with this explanation, kg.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub effective_mass: Option<f64>,
+    /// Of `pose_end` (x, y, theta) and `twist_end`, everything unknown included.
+    pub covariance: [[f64; 6]; 6],
+    /// Squared residuals in standard deviations, prior terms included.
+    pub cost: f64,
+    /// Data and prior terms less fitted parameters.
+    pub dof: usize,
+    /// Among the listed ones, before the push every place of the perimeter being as likely.
+    pub probability: f64,
+    /// When the finger began to push, s; null for `moving`.
+    pub onset: Option<f64>,
+}
+
+impl Problem for ObserveForce {
+    const KIND: &'static str = "observe_force";
+    type Answer = ObserveForceAnswer;
+
+    fn solve(&self) -> Result<ObserveForceAnswer, SolveError> {
+        Ok(self.solve_until(&never)?.found)
+    }
+
+    fn solve_until(&self, stop: Stop<'_>) -> Result<Searched<ObserveForceAnswer>, SolveError> {
+        let (onset, motion) =
+            self.finger.motion.onset_and_motion().map_err(|error| error.inside("motion").inside("finger"))?;
+        let readings = self.force.readings(onset).map_err(|error| error.inside("force"))?;
+        let end = readings.last().map_or(0.0, |reading| reading.time);
+        check_gone((motion.centre(end) - motion.centre(0.0)).norm(), end, size(&self.polygon))
+            .map_err(|message| InvalidInput::at("finger", message))?;
+        let part = self.part(&self.polygon)?;
+        let of_outline = |polygon: SimplePolygon| self.part(&polygon).unwrap_or_else(|_| part.clone());
+        let sigma = self.polygon_sigma.get();
+        let outline = (sigma > 0.0).then_some(OutlineErrors { sigma, part: &of_outline });
+        let finger = &self.finger;
+        let mass_sd = finger.effective_mass_sigma.get();
+        let (effective_mass, effective_mass_sd) =
+            finger.effective_mass.map_or(EFFECTIVE_MASS_PRIOR, |mass| (mass.get(), mass_sd));
+        let known = KnownOfFinger {
+            part: &part,
+            outline,
+            mass: self.mass.map(Positive::get),
+            mu_g: self.mu.get() * self.g.get(),
+            mu_g_log_sd: (self.mu_sigma_log.get() > 0.0).then_some(self.mu_sigma_log.get()),
+            mu_c: self.mu_c.map(NonNegative::get),
+            radius: finger.radius.get(),
+            is_moving: self.start == StartField::Moving,
+            compliance: finger.compliance.get(),
+            effective_mass,
+            effective_mass_sd,
+            motion: &motion,
+            noise: self.force.sigma.get(),
+        };
+        let Searched { found, complete } = readings::estimate_until(&known, &readings, stop);
+        if !complete && found.is_empty() {
+            return Err(SolveError::Stopped);
+        }
+        let status = match found.len() {
+            _ if !complete => ObserveForceStatus::Ambiguous,
+            0 => ObserveForceStatus::Unexplained,
+            1 => ObserveForceStatus::Unique,
+            _ => ObserveForceStatus::Ambiguous,
+        };
+        let hypotheses = found.iter().map(|found| self.hypothesis(found, &known, onset)).collect();
+        Ok(Searched { found: ObserveForceAnswer { status, hypotheses }, complete })
+    }
+}
+
+impl ObserveForce {
+    fn part(&self, polygon: &SimplePolygon) -> Result<Part, InvalidInput> {
+        pushed::part(polygon.clone(), self.centre_of_mass, self.inertia_per_mass, self.support.as_ref())
+    }
+
+    fn hypothesis(&self, found: &ForceHypothesis, known: &KnownOfFinger, onset: f64) -> ForceHypothesisAnswer {
+        let [vx, vy] = found.velocity_end.into();
+        ForceHypothesisAnswer {
+            edge: found.edge,
+            u0: found.start.u,
+            s0: found.start.s,
+            pose_start: PoseFields::from(<[f64; 3]>::from(found.pose_start)),
+            s_end: found.end.s,
+            pose_end: PoseFields::from(<[f64; 3]>::from(found.pose_end)),
+            twist_end: [vx, vy, found.end.omega],
+            mass: found.mass,
+            mu_c: found.mu_c,
+            mu: known.mu_g_log_sd.map(|_| found.mu_g / self.g.get()),
+            effective_mass: (known.effective_mass_sd > 0.0).then_some(found.effective_mass),
+            covariance: found.covariance.transpose().into(),
+            cost: found.cost,
+            dof: found.degrees_of_freedom,
+            probability: found.probability,
+            onset: (self.start == StartField::AtRest).then_some(onset),
+        }
+    }
+}
+
+impl MotionFields {
+    /// When it begins, s, and how it goes on from there.
+    fn onset_and_motion(&self) -> Result<(f64, FingerMotion), InvalidInput> {
+        let is_still = |segment: &&SegmentFields| segment.acceleration.iter().all(|a| *a == 0.0);
+        let still = self.segments.iter().take_while(is_still).count();
+        let onset = self.segments[..still].iter().map(|segment| segment.duration.get()).sum();
+        let moving = self.segments[still..].iter();
+        let segments: Vec<_> = moving
+            .map(|segment| Segment {
+                seconds: segment.duration.get(),
+                acceleration: Vector2::from(segment.acceleration),
+            })
+            .chain([Segment { seconds: f64::from(u32::MAX), acceleration: Vector2::zeros() }])
+            .collect();
+        if segments.len() == 1 {
+            return Err(InvalidInput::at("segments", "has no acceleration: a finger that never moves pushes nothing"));
+        }
+        let motion = FingerMotion::new(Point2::from(self.centre0), &segments)
+            .map_err(|error| InvalidInput::at("segments", error.to_string()))?;
+        Ok((onset, motion))
+    }
+}
+
+impl ForceFields {
+    /// In time since the onset.
+    fn readings(&self, onset: f64) -> Result<Vec<ForceReading>, InvalidInput> {
+        for (field, values) in [("x", &self.x), ("y", &self.y)] {
+            if values.len() != self.t.len() {
+                let message =
+                    format!("has {} values, but `t` has {}: give one for each time", values.len(), self.t.len());
+                return Err(InvalidInput::at(field, message));
+            }
+        }
+        if self.t.len() < READINGS_MIN {
+            let message = format!("has {} times, at least {READINGS_MIN} are needed", self.t.len());
+            return Err(InvalidInput::at("t", message));
+        }
+        // JSON has no NaN.
+        if let Some(i) = (1..self.t.len()).find(|&i| self.t[i] <= self.t[i - 1]) {
+            let message = format!(
+                "{:?} s is not after the time before it, {:?} s: times must increase",
+                self.t[i],
+                self.t[i - 1]
+            );
+            return Err(InvalidInput::at(Pointer::from("t").index(i), message));
+        }
+        let reading = |((t, x), y): ((&f64, &f64), &f64)| ForceReading { time: t - onset, force: Vector2::new(*x, *y) };
+        Ok(self.t.iter().zip(&self.x).zip(&self.y).map(reading).collect())
+    }
+}
+
+/// Fewest readings: there are up to six unknowns, and two numbers a reading.
+const READINGS_MIN: usize = 4;
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Value, json};
+
+    use super::*;
+    use crate::solve::read;
+
+    /// A block that is pushed straight; nothing is said of what is felt but that it is a steady force.
+    fn problem() -> Value {
+        let t: Vec<_> = (0..12).map(|n| 0.02 * f64::from(n)).collect();
+        json!({
+            "polygon": [[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]], "mu": 0.3,
+            "finger": {"radius": 0.01, "motion": {"centre0": [0, 0], "segments": [{"duration": 0.3, "acceleration": [0, 0.2]}]}},
+            "force": {"t": t, "x": vec![0.0; 12], "y": vec![-0.6; 12], "sigma": 0.01},
+        })
+    }
+
+    fn changed(place: &str, value: Value) -> Value {
+        let mut problem = problem();
+        let (parent, key) = place.rsplit_once('/').unwrap();
+        problem.pointer_mut(parent).unwrap()[key] = value;
+        problem
+    }
+
+    fn refuse(problem: Value) -> String {
+        let solved = read::<ObserveForce>(problem).map_err(SolveError::from).and_then(|problem| problem.solve());
+        match solved.unwrap_err() {
+            SolveError::InvalidInput(error) => error.to_string(),
+            other => panic!("{other}"),
+        }
+    }
+
+    #[test]
+    fn every_mistake_has_a_message_and_a_place_of_its_own() {
+        let cases = [
+            ("/force/x", json!([0.0]), "/force/x", "has 1 values, but `t` has 12"),
+            ("/force/t", json!([0.0, 0.1, 0.1]), "/force/x", "has 12 values, but `t` has 3"),
+            ("/force/sigma", json!(0), "/force/sigma", "> 0"),
+            ("/mass", json!(-1), "/mass", "> 0"),
+            ("/mu_c", json!(-0.1), "/mu_c", "≥ 0"),
+            ("/polygon_sigma", json!(-1), "/polygon_sigma", "≥ 0"),
+            ("/finger/effective_mass", json!(-1), "/finger/effective_mass", "≥ 0"),
+            ("/finger/motion/segments", json!([]), "/finger/motion/segments", "never moves"),
+            ("/finger/motion/segments/0/duration", json!(0), "/finger/motion/segments/0/duration", "> 0"),
+            ("/finger/motion/segments/0/acceleration", json!([1e6, 0]), "/finger", "sizes of the part"),
+            ("/start", json!("still"), "/start", "at_rest"),
+            ("/centre_of_mass", json!([0, 0]), "/inertia_per_mass", "is missing"),
+            ("/dt", json!(0.1), "/dt", "not a field"),
+        ];
+        for (place, value, field, message) in cases {
+            let told = refuse(changed(place, value.clone()));
+            assert!(told.contains(&format!("{field:?}")) && told.contains(message), "{place} {value}: {told}");
+        }
+        let mut backwards = problem();
+        backwards["force"]["t"][5] = json!(0.0);
+        assert!(refuse(backwards).contains("times must increase"));
+    }
+
+    #[test]
+    fn a_search_that_is_broken_off_is_certain_of_nothing() {
+        let problem = read::<ObserveForce>(problem()).unwrap();
+        for most in [0, 1, 10, 100, 1000] {
+            let asked = std::cell::Cell::new(0);
+            let stop = || {
+                asked.set(asked.get() + 1);
+                asked.get() > most
+            };
+            match problem.solve_until(&stop) {
+                Ok(Searched { found, complete: false }) => assert_eq!(found.status, ObserveForceStatus::Ambiguous),
+                Ok(Searched { .. }) => assert!(asked.get() <= most),
+                Err(error) => assert_eq!(error, SolveError::Stopped),
+            }
+        }
+    }
+
+    #[test]
+    fn strange_problems_are_answered_too() {
+        for (place, value) in [
+            ("/finger/effective_mass", Value::Null),
+            ("/finger/radius", json!(0)),
+            ("/finger/compliance", json!(1e-3)),
+            ("/start", json!("moving")),
+            ("/mu", json!(0)),
+            ("/mu_c", json!(0)),
+            ("/mu_c", json!(5)),
+            ("/mu_sigma_log", json!(0.3)),
+            ("/polygon_sigma", json!(1e-4)),
+            ("/polygon_sigma", json!(1)),
+            ("/mass", json!(1e-9)),
+            ("/force/sigma", json!(1e3)),
+            ("/force/t", json!([-1.2, -1.1, -1.0, -0.9, -0.8, -0.7, -0.6, -0.5, -0.4, -0.3, -0.2, -0.1])),
+            ("/force/t", json!([0, 1e-9, 2e-9, 3e-9, 4e-9, 5e-9, 6e-9, 7e-9, 8e-9, 9e-9, 1e-8, 0.1])),
+        ] {
+            let told = format!("{place} {value}");
+            let answer = read::<ObserveForce>(changed(place, value)).unwrap().solve().unwrap();
+            crate::solve::testing::all_finite(&answer);
+            let count = answer.hypotheses.len();
+            let expected = [ObserveForceStatus::Unexplained, ObserveForceStatus::Unique, ObserveForceStatus::Ambiguous];
+            assert_eq!(answer.status, expected[count.min(2)], "{told}");
+        }
+    }
+}

@@ -1,0 +1,101 @@
+//! What was felt, in standard deviations, and what a guess would have had felt instead.
+//!
+//! A guess predicts the force per unit mass of the part. Beside the mass a few numbers are unsure of which the force is a
+//! linear function, nearly: they are found in closed form for every guess.
+//!
+//! Units: standard deviations; masses in kg. Errors: none.
+
+use std::fmt::Debug;
+
+use nalgebra::{DMatrix, DVector, Vector2};
+
+use super::path::Path;
+
+/// Force that was felt over a push.
+pub(super) trait Felt: Debug {
+    /// Two values an instant, or a window: in standard deviations, whitened.
+    fn data(&self) -> &DVector<f64>;
+
+    /// Independent values that the size of the covariance is known from; infinite where it is known.
+    fn freedom(&self) -> f64;
+
+    /// The first force that the contact exerts on the finger, N.
+    fn first(&self) -> Vector2<f64>;
+
+    /// The same as the data for a guess played through, for an onset so much later than it was taken for, s.
+    fn predicted(&self, path: &Path, delay: f64) -> Predicted;
+
+    /// Standard deviation of the onset where it is to be found with the rest, s.
+    fn onset_sd(&self) -> Option<f64>;
+
+    /// Onsets to try before a fit, s later than what it was taken for; the first is that.
+    fn onsets_tried(&self) -> Vec<f64>;
+}
+
+/// What a guess would have felt, whitened, per unit mass of the part.
+#[derive(Clone, Debug)]
+pub(super) struct Predicted {
+    pub(super) shape: DVector<f64>,
+    /// For each jump of the force that a reading fell into, a standard deviation of what may have been felt of it.
+    pub(super) unsure: Vec<DVector<f64>>,
+    /// For each number of the part's outline, a standard deviation of what is felt by it.
+    pub(super) outline: Vec<DVector<f64>>,
+    /// How many standard deviations each of them is off already, in what is predicted.
+    pub(super) outline_off: Vec<f64>,
+    /// For each number that adds to what is felt whatever the part's mass, a standard deviation of what it adds.
+    pub(super) beside: Vec<DVector<f64>>,
+}
+
+/// A prediction of some mass against what was felt.
+#[derive(Clone, Debug)]
+pub(super) struct Compared {
+    /// Best mass, kg.
+    pub(super) mass: f64,
+    /// What is felt and not explained, standard deviations.
+    pub(super) rest: DVector<f64>,
+    /// Squared, with what it takes of the jumps.
+    pub(super) cost: f64,
+}
+
+impl Predicted {
+    /// With nothing unsure about it.
+    pub(super) const fn exact(shape: DVector<f64>) -> Self {
+        Self { shape, unsure: Vec::new(), outline: Vec::new(), outline_off: Vec::new(), beside: Vec::new() }
+    }
+
+    /// What is unsure about it, for a mass, in standard deviations: jumps, then [`Self::nuisances`].
+    fn unsure_at(&self, mass: f64) -> Option<DMatrix<f64>> {
+        let columns: Vec<_> = self.unsure.iter().map(|sd| sd * mass).chain(self.nuisances(mass)).collect();
+        (!columns.is_empty()).then(|| DMatrix::from_columns(&columns))
+    }
+
+    /// For each number of the outline, then for each that adds whatever the part's mass, a standard deviation of what it
+    /// does.
+    pub(super) fn nuisances(&self, mass: f64) -> impl Iterator<Item = DVector<f64>> + '_ {
+        self.outline.iter().map(move |sd| sd * mass).chain(self.beside.iter().cloned())
+    }
+
+    /// The mass, where it is not known the best, and the best of all that is unsure, each of which costs its square in
+    /// standard deviations.
+    pub(super) fn compared(&self, data: &DVector<f64>, known_mass: Option<f64>) -> Compared {
+        let plain = known_mass.unwrap_or_else(|| self.shape.dot(data) / self.shape.norm_squared());
+        // What the outline is off already costs as if it were found: δ = z − z₀, and z is sought.
+        let off = self.outline.iter().zip(&self.outline_off);
+        let shifted = off.fold(data.clone(), |data, (column, off)| data + column * (plain * off));
+        let data = &shifted;
+        // One standard deviation of each, for a mass near the best.
+        let Some(unsure) = self.unsure_at(plain) else {
+            let rest = data - &self.shape * plain;
+            return Compared { mass: plain, cost: rest.norm_squared(), rest };
+        };
+        let normal = unsure.tr_mul(&unsure) + DMatrix::identity(unsure.ncols(), unsure.ncols());
+        // Positive definite, being a square and one.
+        let taken = |of: &DVector<f64>| normal.clone().cholesky().map(|normal| normal.solve(&unsure.tr_mul(of)));
+        let less = |of: &DVector<f64>| taken(of).map_or_else(|| of.clone(), |taken| of - &unsure * taken);
+        let mass = known_mass.unwrap_or_else(|| self.shape.dot(&less(data)) / self.shape.dot(&less(&self.shape)));
+        let off = data - &self.shape * mass;
+        let taken = taken(&off).unwrap_or_else(|| DVector::zeros(unsure.ncols()));
+        let rest = off - &unsure * &taken;
+        Compared { mass, cost: rest.norm_squared() + taken.norm_squared(), rest }
+    }
+}

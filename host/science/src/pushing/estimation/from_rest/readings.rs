@@ -1,0 +1,468 @@
+//! Pose and motion of a part that a carried finger begins to push, from each reading of its force sensor.
+//!
+//! The sensor sits between the robot and the finger. What it reads is the force of the contact on the disk less what the
+//! finger's own effective mass takes, −m a. The motion and the readings share one clock, so that the moment of the onset
+//! is known: it is when the finger begins to move. Unknown may be the part's mass, µ_c, and, each with a prior, µ of the
+//! plane, the finger's effective mass and the part's outline: an offset of every edge along its normal.
+//!
+//! The search is that of [`super`]; readings take the place of windows. Effective mass and outline are numbers of which
+//! the force is a linear function, nearly: they are found in closed form for every guess (`felt`), the search itself being
+//! done with the outline as told and noise that is larger by what the outline may change.
+//!
+//! Assumes: white noise; the finger at rest at the part until it moves; no bending. Frames: world axes. Units: SI.
+//! Errors: none. "No pose explains the readings" and "several do" are answers.
+
+use nalgebra::{DVector, Isometry2, Matrix6, Translation2, Vector2};
+
+use super::felt::{Felt, Predicted};
+use super::fit::{OUTLINE_SHARE_OF_SD, Problem, Tried};
+use super::path::{Course, CourseStart, Guess, Path};
+use super::{GATE, distinct, is_one_place, is_possible, leads, misfit_limit, search, symmetry};
+use crate::geometry::{Pose, SimplePolygon};
+use crate::pushing::dynamics::{Part, State};
+use crate::pushing::finger_motion::{FingerMotion, Leg};
+use crate::search::{Halt, Searched, Stop};
+
+/// A force read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ForceReading {
+    /// Since the finger began to move, s.
+    pub time: f64,
+    /// On the finger as the sensor gives it, world axes, N.
+    pub force: Vector2<f64>,
+}
+
+/// What is known of a push beforehand.
+#[derive(Clone, Copy, Debug)]
+pub struct KnownOfFinger<'p> {
+    /// The part on its plane.
+    pub part: &'p Part,
+    /// What is not known of its outline; none where that is exact.
+    pub outline: Option<OutlineErrors<'p>>,
+    /// The part's mass, kg, where it is known.
+    pub mass: Option<f64>,
+    /// µ g of the plane, m/s².
+    pub mu_g: f64,
+    /// Standard deviation of ln(µ g); none where it is known.
+    pub mu_g_log_sd: Option<f64>,
+    /// µ_c, where it is known.
+    pub mu_c: Option<f64>,
+    /// Of the finger's disk, m.
+    pub radius: f64,
+    /// Of the finger, as the sensor feels it accelerate, kg.
+    pub effective_mass: f64,
+    /// Standard deviation of that, kg.
+    pub effective_mass_sd: f64,
+    /// Whether the finger pushes the part when the first reading is taken; otherwise both are at rest until it moves.
+    pub is_moving: bool,
+    /// How far the disk gives way to a force on it, m/N.
+    pub compliance: f64,
+    /// How the finger moves, from rest.
+    pub motion: &'p FingerMotion,
+    /// Standard deviation of one reading, each axis, N.
+    pub noise: f64,
+}
+
+/// What is not known of an outline.
+#[derive(Clone, Copy)]
+pub struct OutlineErrors<'p> {
+    /// Standard deviation of the offset of each edge's line along its normal, independent, m.
+    pub sigma: f64,
+    /// The part whose outline this is.
+    pub part: &'p dyn Fn(SimplePolygon) -> Part,
+}
+
+impl std::fmt::Debug for OutlineErrors<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("OutlineErrors").field("sigma", &self.sigma).finish_non_exhaustive()
+    }
+}
+
+impl OutlineErrors<'_> {
+    /// The part with each edge so many standard deviations further out; none where edges then cross.
+    fn moved(&self, part: &Part, off: &[f64]) -> Option<Part> {
+        part.polygon().with_edges_moved(|edge| off[edge] * self.sigma).map(self.part)
+    }
+}
+
+/// A pose and motion that explain the readings.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ForceHypothesis {
+    /// The edge that holds the contact at the last reading.
+    pub edge: usize,
+    /// At the first.
+    pub start: State,
+    /// At the last.
+    pub end: State,
+    /// The part at the first reading.
+    pub pose_start: Pose,
+    /// At the last.
+    pub pose_end: Pose,
+    /// Velocity of the centre of mass at the last, m/s.
+    pub velocity_end: Vector2<f64>,
+    /// Of `pose_end` (x, y, theta), that velocity, and ω.
+    pub covariance: Matrix6<f64>,
+    /// kg.
+    pub mass: f64,
+    /// None where it is unknown and the contact never slipped.
+    pub mu_c: Option<f64>,
+    /// m/s².
+    pub mu_g: f64,
+    /// kg.
+    pub effective_mass: f64,
+    /// Squared residuals in standard deviations, prior terms included.
+    pub cost: f64,
+    /// Data and prior terms less fitted parameters.
+    pub degrees_of_freedom: usize,
+    /// Among the hypotheses, by Laplace's approximation; before the push every place of the perimeter is as likely.
+    pub probability: f64,
+}
+
+/// Everything that explains the readings, the likeliest first.
+#[must_use]
+pub fn estimate_until(
+    known: &KnownOfFinger,
+    readings: &[ForceReading],
+    stop: Stop<'_>,
+) -> Searched<Vec<ForceHypothesis>> {
+    let halt = Halt::new(stop);
+    let found = halting_estimate(known, readings, &halt);
+    halt.searched(found)
+}
+
+fn halting_estimate(known: &KnownOfFinger, readings: &[ForceReading], halt: &Halt<'_>) -> Vec<ForceHypothesis> {
+    let Some(first) = readings.first() else { return Vec::new() };
+    let (start, from) = if known.is_moving { (CourseStart::Moving, first.time) } else { (CourseStart::Rest, 0.0) };
+    let legs = legs_since(known.motion.legs(known.radius), from);
+    let readings: Vec<_> = readings.iter().map(|it| ForceReading { time: it.time - from, ..*it }).collect();
+    let Some(end) = readings.last().map(|reading| reading.time).filter(|end| *end > 0.0) else { return Vec::new() };
+    let symmetry = symmetry::order(known.part);
+    let sides = known.part.sides();
+    let distinct_sides = sides.len() / symmetry;
+    let edges: Vec<_> = sides.take(distinct_sides).map(|(edge, _)| edge).collect();
+    let course = Course {
+        part: known.part,
+        mu_g: known.mu_g,
+        mu_g_log_sd: known.mu_g_log_sd,
+        mu_c: known.mu_c,
+        outlines: &[],
+        outline_off: &[],
+        start,
+        legs,
+        duration: end,
+    };
+    let of_outline = if known.outline.is_none() { 0.0 } else { OUTLINE_SHARE };
+    let Some(felt) = ReadForce::new(known, &course.legs, &readings, of_outline) else { return Vec::new() };
+    let problem = Problem { course: &course, measured: &felt, mass: known.mass };
+    let tried = search(&problem, &edges, halt);
+    let Some(outline) = &known.outline else {
+        return conclude(concluded(&problem, tried, known, &felt), known.part, symmetry);
+    };
+    let Some(felt) = ReadForce::new(known, &course.legs, &readings, 0.0) else { return Vec::new() };
+    let leads = leads(&tried, OUTLINE_LEADS).into_iter().take_while(|_| !halt.is_wished());
+    let found = leads.filter_map(|lead| with_outline(&course, outline, lead.guess, known, &felt));
+    conclude(found.collect(), known.part, symmetry)
+}
+
+/// What a guess leads to with the outline found too: what its numbers change of the force is straight only near them, so
+/// that each step begins where the one before came to.
+fn with_outline<'p>(
+    course: &Course<'p>,
+    outline: &OutlineErrors<'_>,
+    mut guess: Guess,
+    known: &KnownOfFinger,
+    felt: &ReadForce,
+) -> Option<Concluded> {
+    let edges = known.part.polygon().vertices().len();
+    let mut off = vec![0.0; edges];
+    let mut best: Option<Concluded> = None;
+    for _ in 0..OUTLINE_STEPS {
+        let part = outline.moved(known.part, &off)?;
+        let one_more = |edge: usize| {
+            let off: Vec<_> = off
+                .iter()
+                .enumerate()
+                .map(|(n, off)| if n == edge { off + OUTLINE_SHARE_OF_SD } else { *off })
+                .collect();
+            // An edge so short that it vanishes changes nothing.
+            outline.moved(known.part, &off).unwrap_or_else(|| part.clone())
+        };
+        let outlines: Vec<_> = (0..edges).map(one_more).collect();
+        let course = Course { part: &part, outlines: &outlines, outline_off: &off, ..course.clone() };
+        let problem = Problem { course: &course, measured: felt, mass: known.mass };
+        let Some(begun) = problem.try_guess(guess) else { break };
+        let tried = problem.descend(begun, usize::MAX);
+        let cost = tried.cost;
+        guess = tried.guess;
+        let taken = problem.taken_of_outline(&tried);
+        let next = concluded(&problem, vec![tried], known, felt).pop();
+        let is_better = best.as_ref().is_none_or(|best| cost < best.cost - OUTLINE_STEP);
+        let is_done = best.is_some() && !is_better;
+        if is_better {
+            best = next.or(best);
+        }
+        if is_done {
+            break;
+        }
+        off = taken;
+    }
+    best
+}
+
+/// Steps in which an outline is found.
+const OUTLINE_STEPS: usize = 6;
+
+/// A step that lowers the cost by less is the last.
+const OUTLINE_STEP: f64 = 0.05;
+
+/// The legs of a motion in time since a moment, the first being under way then.
+fn legs_since(legs: impl Iterator<Item = Leg>, from: f64) -> Vec<Leg> {
+    let moved = legs.map(|leg| Leg { from: leg.from - from, to: leg.to - from, ..leg });
+    moved.filter(|leg| leg.to > 0.0).collect()
+}
+
+/// What an outline that is not known exactly changes of the force, as a share, at the most: noise of the search.
+const OUTLINE_SHARE: f64 = 0.02;
+
+/// Minima that are followed with the outline's numbers found too.
+const OUTLINE_LEADS: usize = 12;
+
+/// Readings whose mean is the first force, s: a part that begins to turn does so by a millirad meanwhile.
+const FIRST_S: f64 = 0.01;
+
+/// What a simulated force may be off by, as a share of it.
+const MODEL_SHARE: f64 = 2e-4;
+
+/// A reading this near a change of the finger's acceleration is after it, s.
+const AFTER_S: f64 = 1e-9;
+
+/// A jump of the force at a moment that is not known is spread over no more than this, s.
+const JUMP_S: f64 = 5e-3;
+
+/// Readings since the onset, in standard deviations.
+#[derive(Clone, Debug)]
+struct ReadForce {
+    /// Since the onset, s.
+    times: Vec<f64>,
+    /// Time from one to the next, s.
+    period: f64,
+    /// Of each, N.
+    deviations: Vec<f64>,
+    data: DVector<f64>,
+    /// What one standard deviation of the effective mass adds.
+    of_mass: Option<DVector<f64>>,
+    first: Vector2<f64>,
+    /// Squared readings before the onset, in standard deviations, and how many values they are.
+    before: (f64, usize),
+}
+
+impl ReadForce {
+    /// None without readings after the onset.
+    fn new(known: &KnownOfFinger, legs: &[Leg], readings: &[ForceReading], of_outline: f64) -> Option<Self> {
+        let acceleration = |time: f64| {
+            let leg = legs.iter().rev().find(|leg| leg.from <= time + AFTER_S);
+            leg.map_or_else(Vector2::zeros, |leg| leg.finger.acceleration)
+        };
+        // A reading at the onset itself may be of either side.
+        let (skip, take) = if known.is_moving { (0.0, -AFTER_S) } else { (-AFTER_S, AFTER_S) };
+        let before = &readings[..readings.partition_point(|reading| reading.time < skip)];
+        let after = &readings[readings.partition_point(|reading| reading.time <= take)..];
+        let [first, .., last] = after else { return None };
+        let contact = |reading: &ForceReading| reading.force + known.effective_mass * acceleration(reading.time);
+        let early: Vec<_> =
+            after.iter().take_while(|reading| reading.time <= first.time + FIRST_S).map(contact).collect();
+        let deviations: Vec<_> = after
+            .iter()
+            .map(|reading| known.noise.hypot((MODEL_SHARE + of_outline) * contact(reading).norm()))
+            .collect();
+        let stacked = |of: &dyn Fn(&ForceReading) -> Vector2<f64>| {
+            let values = after.iter().zip(&deviations).flat_map(|(reading, deviation)| {
+                let of = of(reading) / *deviation;
+                [of.x, of.y]
+            });
+            DVector::from_iterator(2 * after.len(), values)
+        };
+        let of_mass = (known.effective_mass_sd > 0.0)
+            .then(|| stacked(&|reading| -known.effective_mass_sd * acceleration(reading.time)));
+        let squares = before.iter().map(|reading| reading.force.norm_squared()).sum::<f64>();
+        Some(Self {
+            times: after.iter().map(|reading| reading.time + AFTER_S).collect(),
+            period: (last.time - first.time) / (after.len() - 1) as f64,
+            data: stacked(&contact),
+            of_mass,
+            first: early.iter().sum::<Vector2<f64>>() / early.len() as f64,
+            before: (squares / known.noise.powi(2), 2 * before.len()),
+            deviations,
+        })
+    }
+}
+
+impl Felt for ReadForce {
+    fn data(&self) -> &DVector<f64> {
+        &self.data
+    }
+
+    fn freedom(&self) -> f64 {
+        f64::INFINITY
+    }
+
+    fn first(&self) -> Vector2<f64> {
+        self.first
+    }
+
+    fn predicted(&self, path: &Path, _delay: f64) -> Predicted {
+        let mut force = path.forces_in_finger_time(self.period.min(JUMP_S));
+        let mut shape = DVector::zeros(self.data.len());
+        let mut unsure: Vec<(usize, DVector<f64>)> = Vec::new();
+        for (row, (&time, deviation)) in self.times.iter().zip(&self.deviations).enumerate() {
+            let mean = force.at(time) / *deviation;
+            shape.fixed_rows_mut::<2>(2 * row).copy_from(&mean);
+            if let Some((jump, sd)) = force.unsure(time) {
+                if unsure.last().is_none_or(|(last, _)| *last != jump) {
+                    unsure.push((jump, DVector::zeros(self.data.len())));
+                }
+                let column = unsure.last_mut().map(|(_, column)| column);
+                column.into_iter().for_each(|column| column.fixed_rows_mut::<2>(2 * row).copy_from(&(sd / *deviation)));
+            }
+        }
+        let unsure = unsure.into_iter().map(|(_, column)| column).collect();
+        Predicted { unsure, beside: self.of_mass.iter().cloned().collect(), ..Predicted::exact(shape) }
+    }
+
+    fn onset_sd(&self) -> Option<f64> {
+        None
+    }
+
+    fn onsets_tried(&self) -> Vec<f64> {
+        vec![0.0]
+    }
+}
+
+/// A minimum that may be listed.
+struct Concluded {
+    /// Of the readings after the onset.
+    cost: f64,
+    cost_max: f64,
+    guess: Guess,
+    end: State,
+    found: ForceHypothesis,
+}
+
+/// The minima at which the finger can be, with what they say; their probabilities are not yet of one sum.
+fn concluded(problem: &Problem, mut tried: Vec<Tried>, known: &KnownOfFinger, felt: &ReadForce) -> Vec<Concluded> {
+    tried.retain(|tried| is_possible(problem, tried));
+    tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let Some(least) = tried.first().map(|tried| tried.cost) else { return Vec::new() };
+    let listed = leads(&distinct(tried, least + GATE), usize::MAX).into_iter();
+    let concluded = |tried: Tried| {
+        let freedom = degrees_of_freedom(problem, &tried, known, felt);
+        Some(Concluded {
+            cost: tried.cost,
+            cost_max: misfit_limit(freedom, f64::INFINITY) - felt.before.0,
+            guess: tried.guess,
+            end: tried.path.end,
+            found: hypothesis(problem, &tried, known, felt)?,
+        })
+    };
+    listed.filter_map(concluded).collect()
+}
+
+/// The list of what cannot be excluded.
+fn conclude(mut concluded: Vec<Concluded>, part: &Part, symmetry: usize) -> Vec<ForceHypothesis> {
+    concluded.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let Some(least) = concluded.first().filter(|best| best.cost <= best.cost_max).map(|best| best.cost) else {
+        return Vec::new();
+    };
+    let mut listed: Vec<Concluded> = Vec::new();
+    for next in concluded.into_iter().take_while(|next| next.cost <= least + GATE) {
+        if !listed.iter().any(|other| is_one_place(&other.guess, &other.end, &next.guess, &next.end)) {
+            listed.push(next);
+        }
+    }
+    let found = listed.into_iter().map(|Concluded { cost, found, .. }| ForceHypothesis {
+        probability: found.probability * (-0.5 * (cost - least)).exp(),
+        ..found
+    });
+    let mut hypotheses: Vec<_> = found.flat_map(|found| turned(found, part, symmetry)).collect();
+    let total: f64 = hypotheses.iter().map(|hypothesis| hypothesis.probability).sum();
+    hypotheses.iter_mut().for_each(|hypothesis| hypothesis.probability /= total);
+    hypotheses.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    hypotheses
+}
+
+fn degrees_of_freedom(problem: &Problem, tried: &Tried, known: &KnownOfFinger, felt: &ReadForce) -> usize {
+    // Numbers with a prior add a term and a parameter.
+    let free = [known.mass.is_none(), tried.path.slipped && known.mu_c.is_none()];
+    let parameters = 2
+        + if known.is_moving { 1 + usize::from(tried.guess.slide != 0.0) } else { 0 }
+        + free.into_iter().filter(|free| *free).count();
+    (problem.measured.data().len() + felt.before.1).saturating_sub(parameters)
+}
+
+fn hypothesis(problem: &Problem, tried: &Tried, known: &KnownOfFinger, felt: &ReadForce) -> Option<ForceHypothesis> {
+    let Tried { guess, path, mass, cost, .. } = tried;
+    let slipped = path.slipped.then_some(guess.mu_c);
+    // The disk is where the finger's bending takes it.
+    let bent = |time: f64, pose: &Isometry2<f64>| -> Pose {
+        let force = path.forces_in_finger_time(felt.period).at(time) * *mass;
+        (Translation2::from(force * known.compliance) * pose).into()
+    };
+    Some(ForceHypothesis {
+        edge: problem.course.part.edge_at(guess.edge, path.end.s),
+        start: State { u: guess.u, s: guess.s, omega: guess.omega, v_t: 0.0 },
+        end: path.end,
+        pose_start: bent(if known.is_moving { 0.0 } else { -1.0 }, &problem.course.pose_at_start(guess)?),
+        pose_end: bent(problem.course.duration, &problem.course.pose_at_end(guess, path)?),
+        velocity_end: problem.course.velocity_at_end(guess, path)?,
+        covariance: problem.motion_covariance(tried)?,
+        mass: *mass,
+        mu_c: known.mu_c.or(slipped),
+        mu_g: problem.course.mu_g_of(guess),
+        effective_mass: known.effective_mass + known.effective_mass_sd * problem.taken_beside(tried),
+        cost: cost + felt.before.0,
+        degrees_of_freedom: degrees_of_freedom(problem, tried, known, felt),
+        probability: problem.spread(tried)?,
+    })
+}
+
+/// The same on every turn of the part that nobody can tell apart.
+fn turned(found: ForceHypothesis, part: &Part, symmetry: usize) -> Vec<ForceHypothesis> {
+    let sides: Vec<_> = part.sides().collect();
+    let Some(place) = sides.iter().position(|(side, _)| *side == part.side(found.edge)) else { return vec![found] };
+    let normal = |place: usize| sides[place % sides.len()].1.normal;
+    let turn = |shift: usize| {
+        let to = (place + shift * sides.len() / symmetry) % sides.len();
+        let angle = nalgebra::Rotation2::rotation_between(&normal(to), &normal(place));
+        // About the centre of mass, of the part first.
+        let centre = part.centre_of_mass();
+        let moved = |pose: &Pose| -> Pose {
+            let world = pose.isometry();
+            let rotation = nalgebra::UnitComplex::from(angle);
+            let about = nalgebra::Isometry2::from_parts((centre - rotation * centre).into(), rotation);
+            (world * about).into()
+        };
+        let edge = part.edge_at(sides[to].0, found.end.s);
+        let covariance = turned_covariance(&found, &moved(&found.pose_end), part);
+        ForceHypothesis {
+            edge,
+            pose_start: moved(&found.pose_start),
+            pose_end: moved(&found.pose_end),
+            covariance,
+            ..found.clone()
+        }
+    };
+    (0..symmetry).map(turn).collect()
+}
+
+/// The covariance about another pose of the frame: that of the centre of mass is the same.
+fn turned_covariance(found: &ForceHypothesis, to: &Pose, part: &Part) -> Matrix6<f64> {
+    let arm = |pose: &Pose| pose.isometry().rotation * part.centre_of_mass().coords;
+    let change = arm(&found.pose_end) - arm(to);
+    // x_frame = x_centre − arm, and an arm turns by θ: the difference of the arms adds.
+    let mut by = Matrix6::identity();
+    (by[(0, 2)], by[(1, 2)]) = (-change.y, change.x);
+    by * found.covariance * by.transpose()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,215 @@
+use nalgebra::Matrix3;
+
+use super::super::trial::{Drawn, PoseError, RADIUS_M, Ranges, pose_error, random_part};
+use super::*;
+use crate::geometry::SimplePolygon;
+use crate::gravity::GRAVITY_ASSUMED;
+use crate::math::random::Draw;
+use crate::math::statistics::chi_square_quantile;
+use crate::search::never;
+
+/// One reading, each axis, N.
+const NOISE_N: f64 = 2e-3;
+
+/// What the sensor feels of the finger's own inertia, kg.
+const FINGER_KG: f64 = 0.03;
+
+/// Nearer than this a pose is right, whatever it states.
+const RIGHT: PoseError = PoseError { distance: 2e-4, angle: 3e-3 };
+
+/// A part, what it is told to be, and a push of it.
+struct Case {
+    part: Part,
+    ranges: Ranges,
+    drawn: Drawn,
+}
+
+impl Case {
+    /// One in which no reading coincides with a jump that the finger makes.
+    fn draw(draw: &mut Draw) -> Self {
+        let ranges = Ranges::default();
+        let part = random_part(draw);
+        ranges.draw(draw, &part).map_or_else(|| Self::draw(draw), |drawn| Self { part, ranges: ranges.clone(), drawn })
+    }
+
+    fn known<'a>(&'a self, part: &'a Part) -> KnownOfFinger<'a> {
+        KnownOfFinger {
+            part,
+            outline: None,
+            mass: Some(self.drawn.mass),
+            mu_g: self.ranges.mu * GRAVITY_ASSUMED,
+            mu_g_log_sd: None,
+            mu_c: Some(self.drawn.mu_c),
+            radius: RADIUS_M,
+            effective_mass: FINGER_KG,
+            effective_mass_sd: 0.0,
+            is_moving: false,
+            compliance: 0.0,
+            motion: &self.ranges.motion,
+            noise: NOISE_N,
+        }
+    }
+
+    /// What a finger of [`FINGER_KG`] reads, a value each few milliseconds, from a time on.
+    fn readings(&self, draw: &mut Draw, from: f64) -> Vec<ForceReading> {
+        let legs: Vec<_> = self.ranges.motion.legs(RADIUS_M).collect();
+        let Drawn { played, .. } = &self.drawn;
+        let before = [-0.02, -0.01]
+            .map(|time| ForceReading { time, force: Vector2::new(draw.normal(), draw.normal()) * NOISE_N });
+        let read = played.samples.iter().zip(&played.forces_finger).step_by(3).filter_map(|(sample, force)| {
+            let is_at_jump =
+                legs.iter().any(|leg| (leg.from - sample.t).abs() < 1e-6 || (leg.to - sample.t).abs() < 1e-6);
+            let leg = legs.iter().rev().find(|leg| leg.from < sample.t)?;
+            let noise = Vector2::new(draw.normal(), draw.normal()) * NOISE_N;
+            let force = force - leg.finger.acceleration * FINGER_KG + noise;
+            (!is_at_jump && sample.t >= from).then_some(ForceReading { time: sample.t, force })
+        });
+        before.into_iter().filter(|_| from <= 0.0).chain(read).collect()
+    }
+
+    /// Whether a hypothesis has the true pose within what it states: once in a thousand times it has not.
+    fn is_right(&self, part: &Part, found: &ForceHypothesis, time: f64) -> bool {
+        let truth = self.drawn.played.pose(time).unwrap();
+        let error = pose_error(part, 1, &found.pose_end, &truth);
+        let off = found.pose_end.minus(&truth.into());
+        // The contact is exact, and leaves the covariance singular.
+        let slack = Matrix3::from_diagonal(&nalgebra::Vector3::new(5e-6, 5e-6, 5e-5).map(|sd: f64| sd * sd));
+        let covariance = found.covariance.fixed_view::<3, 3>(0, 0) + slack;
+        let squared = (off.transpose() * covariance.try_inverse().unwrap() * off)[0];
+        let is_near = error.distance < RIGHT.distance && error.angle < RIGHT.angle;
+        is_near || squared < chi_square_quantile(0.999, 3)
+    }
+
+    fn assert_found(&self, part: &Part, known: &KnownOfFinger, readings: &[ForceReading], case: usize) {
+        let found = estimate_until(known, readings, &never).found;
+        let end = readings[readings.len() - 1].time;
+        assert!(found.iter().any(|found| self.is_right(part, found, end)), "case {case}: {found:#?}");
+        let all: f64 = found.iter().map(|found| found.probability).sum();
+        assert!((all - 1.0).abs() < 1e-9, "{all}");
+    }
+}
+
+#[test]
+fn a_push_from_rest_is_found_with_mass_friction_and_inertia_known_or_not() {
+    for case in 0..6 {
+        let mut draw = Draw::case(21, case);
+        let drawn = Case::draw(&mut draw);
+        let readings = drawn.readings(&mut draw, 0.0);
+        let known = drawn.known(&drawn.part);
+        drawn.assert_found(&drawn.part, &known, &readings, case);
+        drawn.assert_found(&drawn.part, &KnownOfFinger { mass: None, mu_c: None, ..known }, &readings, case);
+        let unsure = KnownOfFinger { effective_mass: 0.02, effective_mass_sd: 0.01, ..known };
+        drawn.assert_found(&drawn.part, &unsure, &readings, case);
+    }
+}
+
+#[test]
+fn a_part_that_is_being_pushed_is_found_whatever_went_before() {
+    for case in 0..4 {
+        let mut draw = Draw::case(22, case);
+        let drawn = Case::draw(&mut draw);
+        let readings = drawn.readings(&mut draw, 0.2);
+        let known = KnownOfFinger { is_moving: true, ..drawn.known(&drawn.part) };
+        drawn.assert_found(&drawn.part, &known, &readings, case);
+    }
+}
+
+#[test]
+fn an_outline_that_is_off_by_tenths_of_a_millimetre_hides_no_pose_once_that_is_said() {
+    const OFF_M: f64 = 3e-4;
+    let mut judged = 0;
+    for case in 0..4 {
+        let mut draw = Draw::case(23, case);
+        let drawn = Case::draw(&mut draw);
+        let readings = drawn.readings(&mut draw, 0.0);
+        let outline = drawn.part.polygon();
+        let off: Vec<_> = outline.vertices().iter().map(|_| OFF_M * draw.normal()).collect();
+        // An edge may be shorter than it is off.
+        let Some(told) = outline.with_edges_moved(|edge| off[edge]).map(Part::uniform) else { continue };
+        judged += 1;
+        let outline = Some(OutlineErrors { sigma: OFF_M, part: &Part::uniform });
+        let known = KnownOfFinger { outline, ..drawn.known(&told) };
+        drawn.assert_found(&told, &known, &readings, case);
+    }
+    assert!(judged >= 2);
+}
+
+#[test]
+fn a_finger_without_the_mass_that_it_has_is_never_certain_of_another_pose() {
+    for case in 0..4 {
+        let mut draw = Draw::case(24, case);
+        let drawn = Case::draw(&mut draw);
+        let readings = drawn.readings(&mut draw, 0.0);
+        let massless = KnownOfFinger { effective_mass: 0.0, ..drawn.known(&drawn.part) };
+        let found = estimate_until(&massless, &readings, &never).found;
+        let end = readings[readings.len() - 1].time;
+        let is_certain_and_wrong = found.len() == 1 && !drawn.is_right(&drawn.part, &found[0], end);
+        assert!(!is_certain_and_wrong, "case {case}: {found:#?}");
+    }
+}
+
+/// A block looks the same after half a turn: both poses are listed, as likely, with the other edge.
+#[test]
+fn both_poses_of_a_block_are_listed() {
+    let corners = [[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]].map(nalgebra::Point2::from);
+    let block = Part::uniform(SimplePolygon::new(corners).unwrap());
+    let mut draw = Draw::case(25, 0);
+    let ranges = Ranges::default();
+    let drawn = Case { drawn: ranges.draw(&mut draw, &block).unwrap(), part: block, ranges };
+    let readings = drawn.readings(&mut draw, 0.0);
+    let found = estimate_until(&drawn.known(&drawn.part), &readings, &never).found;
+    let end = readings[readings.len() - 1].time;
+    let right = found.iter().find(|found| drawn.is_right(&drawn.part, found, end)).unwrap();
+    let turned = found.iter().find(|other| {
+        other.edge == (right.edge + 2) % 4
+            && pose_error(&drawn.part, 2, &other.pose_end, &right.pose_end.isometry()).distance < 1e-9
+    });
+    let turned = turned.unwrap();
+    let half = (turned.pose_end.theta - right.pose_end.theta).rem_euclid(std::f64::consts::TAU);
+    assert!((half - std::f64::consts::PI).abs() < 1e-9);
+    assert!((turned.probability / right.probability - 1.0).abs() < 1e-9);
+}
+
+/// A turn about the centre of mass moves the frame, and its error with it: by differences.
+#[test]
+fn a_covariance_turns_with_its_pose() {
+    let corners = [[0.0, 0.0], [0.06, 0.0], [0.06, 0.04], [0.0, 0.04]].map(nalgebra::Point2::from);
+    let block = Part::uniform(SimplePolygon::new(corners).unwrap());
+    let centre = block.centre_of_mass();
+    let turn = nalgebra::UnitComplex::new(std::f64::consts::PI);
+    let about = nalgebra::Isometry2::from_parts((centre - turn * centre).into(), turn);
+    let pose = Pose { x: 0.1, y: 0.2, theta: 0.3 };
+    let turned: Pose = (pose.isometry() * about).into();
+    let mut by = Matrix3::zeros();
+    for column in 0..3 {
+        let mut moved = pose;
+        let step = 1e-6;
+        *[&mut moved.x, &mut moved.y, &mut moved.theta][column] += step;
+        let after: Pose = (moved.isometry() * about).into();
+        by.set_column(column, &(after.minus(&turned) / step));
+    }
+    let mut draw = Draw::case(26, 0);
+    let root = Matrix6::from_fn(|_, _| draw.normal());
+    let covariance = root * root.transpose();
+    let found = ForceHypothesis {
+        edge: 0,
+        start: State { u: 0.0, s: 0.0, omega: 0.0, v_t: 0.0 },
+        end: State { u: 0.0, s: 0.0, omega: 0.0, v_t: 0.0 },
+        pose_start: pose,
+        pose_end: pose,
+        velocity_end: Vector2::zeros(),
+        covariance,
+        mass: 1.0,
+        mu_c: None,
+        mu_g: 1.0,
+        effective_mass: 0.0,
+        cost: 0.0,
+        degrees_of_freedom: 1,
+        probability: 1.0,
+    };
+    let there = turned_covariance(&found, &turned, &block);
+    let expected = by * covariance.fixed_view::<3, 3>(0, 0) * by.transpose();
+    let off = there.fixed_view::<3, 3>(0, 0) - expected;
+    // Differences of a step of 1e-6 are off by as much.
+    assert!(off.amax() < 1e-5 * expected.amax(), "{off}");
+}
