@@ -358,7 +358,10 @@ fn carry_out(device: &SimulatedDevice, order: Order) -> io::Result<String> {
     let moment = match order {
         Order::Load(load) => return device.set_load(load).map(|moment| load_in_words(&load, &moment)),
         Order::Play(course) => {
-            let what = format!("plays {:.3} s of forces, then lets go", course.duration_s());
+            // A log that was not tared begins with its offset, which acts like any force.
+            let [x, y] = course.at(0.0).unwrap_or_default();
+            let seconds = course.duration_s();
+            let what = format!("plays {seconds:.3} s of forces, at first ({x:.4}, {y:.4}) N, then lets go");
             return device.set_course(course).map(|moment| from_now_on(&moment, &what));
         }
         Order::Faults(faults) => device.set_faults(faults)?,
