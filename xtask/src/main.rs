@@ -1,13 +1,15 @@
 //! `cargo xtask check`: formatting, lints, documentation, tests, as CI runs them. `cargo xtask firmware`: the board's
-//! image. `cargo xtask fuzz`: a longer search for inputs that break a parser.
+//! image. `cargo xtask fuzz`: a longer search for inputs that break a parser. `cargo xtask deny`: whose code is taken.
 //!
-//! `toolchain`: which compilers are there; `firmware`: builds the image; `image`: what is in it; `emulator`: runs it.
+//! `toolchain`: which compilers are there; `firmware`: builds the image; `image`: what is in it; `emulator`: runs it;
+//! `supply`: licences and sources of other people's code.
 
 #![forbid(unsafe_code)]
 
 mod emulator;
 mod firmware;
 mod image;
+mod supply;
 mod toolchain;
 
 use std::env;
@@ -40,6 +42,7 @@ fn main() -> ExitCode {
         ["lint"] => ended(lint()),
         ["fuzz", target] => ended(fuzz(target, FUZZ_SECONDS)),
         ["fuzz", target, seconds] if seconds.parse::<u32>().is_ok() => ended(fuzz(target, seconds)),
+        ["deny"] => supply::run(),
         ["firmware", rest @ ..] => firmware::run(rest).unwrap_or_else(usage),
         _ => usage(),
     }
@@ -92,6 +95,7 @@ fn usage() -> ExitCode {
     eprintln!(
         "       cargo xtask fuzz TARGET [SECONDS]     coverage-guided search with a nightly compiler, by default {FUZZ_SECONDS} s"
     );
+    eprintln!("       cargo xtask deny                      licences, bans, sources and advisories, by cargo-deny");
     eprintln!("{}", firmware::USAGE);
     ExitCode::from(64)
 }

@@ -109,7 +109,7 @@ fn find() -> Option<Toolchain> {
 }
 
 /// The cargo that runs this program.
-fn own_cargo() -> PathBuf {
+pub(crate) fn own_cargo() -> PathBuf {
     PathBuf::from(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
 }
 

@@ -143,3 +143,84 @@ fn the_checks_install_the_emulator_where_it_is_missing_and_nothing_where_it_is_t
     assert!(stage.run(&script, &[]).status.success());
     assert!(!stage.calls().iter().any(|call| call.starts_with("apt-get")), "{:?}", stage.calls());
 }
+
+/// A cargo of which these commands (patterns of the shell) end with that status, and all others well.
+fn cargo_with(failing: &[(&str, i32)]) -> String {
+    let arms = failing.iter().map(|(pattern, status)| format!("{pattern}) exit {status};; "));
+    format!("case \"$*\" in {}esac", arms.collect::<String>())
+}
+
+fn stdout(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+#[test]
+fn deny_judges_the_packages_and_where_there_is_a_network_what_is_said_of_them() {
+    let packages = "cargo deny check licenses bans sources";
+    let advisories = "cargo deny check --disable-fetch advisories";
+    // What fails, the status, whether advisories are judged, what is said.
+    let cases = [
+        (vec![], 0, true, ""),
+        (vec![("'deny fetch all'", 1)], 0, false, "advisories are not judged"),
+        (vec![("'deny check l'*", 1)], 1, true, ""),
+        (vec![("'deny check --disable-fetch'*", 1)], 1, true, ""),
+        (vec![("'deny fetch all'", 1), ("'deny check l'*", 1)], 1, false, "advisories are not judged"),
+    ];
+    for (failing, status, judged, wanted) in cases {
+        let stage = Stage::new(&[("cargo", &cargo_with(&failing))]);
+        let output = stage.xtask(&["deny"]);
+        assert_eq!(output.status.code(), Some(status), "{failing:?}: {}", said(&output));
+        let calls = stage.calls();
+        assert!(calls.iter().any(|call| call == packages), "{failing:?}: {calls:#?}");
+        assert_eq!(calls.iter().any(|call| call == advisories), judged, "{failing:?}: {calls:#?}");
+        assert!(said(&output).contains(wanted), "{failing:?}: {}", said(&output));
+    }
+}
+
+#[test]
+fn deny_says_what_is_missing_and_its_status_tells_that_nothing_was_judged() {
+    for (failing, wanted) in
+        [("'deny --version'", "`cargo install cargo-deny --locked` installs it"), ("fetch*", "is there a network?")]
+    {
+        let stage = Stage::new(&[("cargo", &cargo_with(&[(failing, 101)]))]);
+        let output = stage.xtask(&["deny"]);
+        assert_eq!(output.status.code(), Some(NO_COMPILER), "{}", said(&output));
+        assert!(said(&output).contains(wanted), "{}", said(&output));
+        assert!(!stage.calls().iter().any(|call| call.contains("check")), "{:?}", stage.calls());
+    }
+}
+
+#[test]
+fn the_checks_go_on_without_cargo_deny_but_not_past_what_it_finds_and_tell_their_times() {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../.ci/run");
+    let run = |failing: &[(&str, i32)]| {
+        let cargo = cargo_with(failing);
+        let stage = Stage::with_compiler(&[("qemu-system-arm", "exit 0"), ("rustup", "exit 0"), ("cargo", &cargo)]);
+        let output = stage.run(&script, &[]);
+        (output.status.code(), stdout(&output), stage.calls())
+    };
+    let install = "cargo install cargo-deny --locked";
+    let was_installed = |calls: &[String]| calls.iter().any(|call| call == install);
+
+    // There already.
+    let (status, told, calls) = run(&[]);
+    assert!(status == Some(0) && !was_installed(&calls), "{told}\n{calls:#?}");
+    for stage in ["lints and documentation", "licences and sources", "the tests", "the image's size and speed"] {
+        let timed = told
+            .lines()
+            .filter(|line| line.strip_prefix(stage).is_some_and(|rest| rest.starts_with(": ") && rest.ends_with(" s")));
+        assert_eq!(timed.count(), 1, "{stage}: {told}");
+    }
+    // To be had from the network.
+    let (status, _, calls) = run(&[("'deny --version'", 101)]);
+    assert!(status == Some(0) && was_installed(&calls), "{calls:#?}");
+    // Not to be had.
+    let (status, told, calls) = run(&[("'deny --version'|install*", 101), ("'xtask deny'", NO_COMPILER)]);
+    assert!(status == Some(0) && calls.iter().any(|call| call == "cargo test"), "{told}\n{calls:#?}");
+    assert!(told.contains("SKIPPED: licences, bans, sources and advisories"), "{told}");
+    assert!(told.contains("\nlicences and sources (skipped): "), "{told}");
+    // It found something.
+    let (status, told, calls) = run(&[("'xtask deny'", 1)]);
+    assert!(status == Some(1) && !calls.iter().any(|call| call == "cargo test"), "{told}\n{calls:#?}");
+    assert!(told.contains("FAILED in: licences and sources"), "{told}");
+}

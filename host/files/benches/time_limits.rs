@@ -3,13 +3,13 @@
 //! Problems that take much longer than their limit are told to stop after 0.3 s of the thread's own processor time, so
 //! that what else runs on the computer does not count. Told are the longest time between two questions whether to stop,
 //! as a multiple of the 5 ms after which there should be one, and what was used beyond the limit, as a multiple of what
-//! may be: a tenth of it, or 100 ms if that is more. Bar: at most 1 in the last column.
+//! may be: a tenth of it, or 100 ms if that is more. Bar: at most 1 in the last column. With `PALPATE_GAPS` set, who looked
+//! after a long time without a look is shown.
 
 #![allow(clippy::unwrap_used, reason = "a benchmark stops at the first surprise")]
 
 use std::cell::Cell;
 use std::f64::consts::{FRAC_PI_2, TAU};
-use std::fs;
 use std::time::{Duration, Instant};
 
 use palpate_files::solve::kinds::corner_poses::CornerPoses;
@@ -101,6 +101,7 @@ fn case<P: Problem>(problem: Value) -> Case {
                 let now = processor_time();
                 if !wished.get() {
                     gap.set(gap.get().max(now.saturating_sub(before)));
+                    trace(now.saturating_sub(before));
                 }
                 wished.set(now.saturating_sub(begun) >= LIMIT);
                 last.set((Instant::now(), now));
@@ -117,13 +118,26 @@ fn case<P: Problem>(problem: Value) -> Case {
     })
 }
 
-/// What this thread has used of the processor; where the system does not tell, the time since the program began.
-fn processor_time() -> Duration {
-    let told = fs::read_to_string("/proc/thread-self/schedstat").ok();
-    let nanoseconds = told.and_then(|text| text.split(' ').next()?.parse().ok());
-    nanoseconds.map_or_else(since_begun, Duration::from_nanos)
+/// Says who looked, after a time without a look that is nearly too long, if `PALPATE_GAPS` is set.
+fn trace(gap: Duration) {
+    if gap > LOOK_EACH * 4 / 5 && std::env::var_os("PALPATE_GAPS").is_some() {
+        eprintln!("{gap:?} before this look:\n{}", std::backtrace::Backtrace::force_capture());
+    }
 }
 
+/// What this thread has used of the processor.
+#[cfg(unix)]
+fn processor_time() -> Duration {
+    rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime).try_into().unwrap()
+}
+
+/// Where the system is not asked, the time since the program began.
+#[cfg(not(unix))]
+fn processor_time() -> Duration {
+    since_begun()
+}
+
+#[cfg(not(unix))]
 fn since_begun() -> Duration {
     static BEGUN: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
     BEGUN.get_or_init(Instant::now).elapsed()

@@ -5,7 +5,7 @@
 //! - what is kept: [`calibration`] (plan, raw samples, result), [`sampling_plan`];
 //! - what others recorded: [`recordings`];
 //! - what programs exchange: [`solve`];
-//! - [`output`]: how any of it reaches the disk.
+//! - [`lines`]: streams of lines that may go on for ever; [`output`]: how any of it reaches the disk.
 //!
 //! Units: SI once read. Errors name the key or line, the value and the limit.
 
@@ -13,6 +13,7 @@
 
 pub mod body;
 pub mod calibration;
+pub mod lines;
 pub mod motion;
 pub mod output;
 pub mod part;

@@ -155,7 +155,9 @@ impl Corner {
         let fences = [Flush::A, Flush::B].into_iter().cycle();
         let mut flush: Vec<(f64, Flush)> =
             turns.map(|theta| if theta < TAU { theta } else { 0.0 }).zip(fences).collect();
-        flush.sort_by(|a, b| a.0.total_cmp(&b.0));
+        if halt.sort_by(&mut flush, |a, b| a.0.total_cmp(&b.0)).is_none() {
+            return Vec::new();
+        }
         // Each takes a look at every corner.
         let flush = merged(flush).into_iter().take_while(|_| !halt.is_wished());
         flush.map(|(theta, flush)| self.pose(&hull, centre_of_mass, theta, flush)).collect()

@@ -4,6 +4,7 @@
 //! milliseconds, and then ends with what it has found so far, which [`Searched::complete`] tells from all there is.
 
 use std::cell::Cell;
+use std::cmp::Ordering;
 
 /// Asked now and then by a long search: whether to end.
 pub type Stop<'a> = &'a dyn Fn() -> bool;
@@ -69,6 +70,43 @@ impl<'a> Halt<'a> {
         (!self.is_wished()).then_some(())
     }
 
+    /// For much cheap work in a row.
+    pub(crate) fn now_and_then(&self) -> NowAndThen<'_> {
+        NowAndThen { halt: self, done: 0 }
+    }
+
+    /// Sorts, equal ones in the order in which they are. None where one should halt before all are sorted.
+    pub(crate) fn sort_by<T: Copy>(&self, things: &mut Vec<T>, compare: impl Fn(&T, &T) -> Ordering) -> Option<()> {
+        let mut looks = self.now_and_then();
+        for run in things.chunks_mut(CHEAP) {
+            self.goes_on()?;
+            run.sort_by(&compare);
+        }
+        let (mut width, mut merged) = (CHEAP, Vec::new());
+        while width < things.len() {
+            merged.clear();
+            merged.reserve_exact(things.len());
+            for pair in things.chunks(2 * width) {
+                let (mut left, mut right) = pair.split_at(width.min(pair.len()));
+                while let (Some((a, left_rest)), Some((b, right_rest))) = (left.split_first(), right.split_first()) {
+                    looks.goes_on()?;
+                    if compare(a, b).is_le() {
+                        merged.push(*a);
+                        left = left_rest;
+                    } else {
+                        merged.push(*b);
+                        right = right_rest;
+                    }
+                }
+                merged.extend_from_slice(left);
+                merged.extend_from_slice(right);
+            }
+            std::mem::swap(things, &mut merged);
+            width *= 2;
+        }
+        Some(())
+    }
+
     /// Whether it was uttered; does not ask.
     pub(crate) fn was_wished(&self) -> bool {
         self.halted.get()
@@ -77,6 +115,23 @@ impl<'a> Halt<'a> {
     /// What was found, with whether anything was left out.
     pub(crate) fn searched<T>(&self, found: T) -> Searched<T> {
         Searched { found, complete: !self.was_wished() }
+    }
+}
+
+/// Steps of cheap work, a microsecond at most, between two questions whether to end.
+const CHEAP: usize = 1024;
+
+/// Asks whether to go on at every so many steps of cheap work.
+pub(crate) struct NowAndThen<'a> {
+    halt: &'a Halt<'a>,
+    done: usize,
+}
+
+impl NowAndThen<'_> {
+    /// Before a step: none where one should not go on, for `?`.
+    pub(crate) fn goes_on(&mut self) -> Option<()> {
+        self.done += 1;
+        if self.done.is_multiple_of(CHEAP) { self.halt.goes_on() } else { Some(()) }
     }
 }
 
@@ -180,6 +235,30 @@ mod tests {
             looks.get() >= limit
         });
         looks.get()
+    }
+
+    #[test]
+    fn a_sort_is_the_standard_one_and_looks_at_the_clock_at_every_so_many_of_its_steps() {
+        let mut draw = crate::math::random::Draw::case(3, 0);
+        // The second of a pair tells equal ones apart.
+        let drawn: Vec<_> = (0..20_000_u32).map(|k| ((draw.normal() * 1e3).round(), k)).collect();
+        let by_first = |a: &(f64, u32), b: &(f64, u32)| a.0.total_cmp(&b.0);
+        for count in [0, 1, 1023, 1024, 1025, 5000, 20_000] {
+            let (mut sorted, mut wanted) = (drawn[..count].to_vec(), drawn[..count].to_vec());
+            wanted.sort_by(by_first);
+            let looks =
+                looks_until(usize::MAX, |stop| assert!(Halt::new(stop).sort_by(&mut sorted, by_first).is_some()));
+            assert_eq!(sorted, wanted);
+            let rounds = if count > CHEAP { count.div_ceil(CHEAP).next_power_of_two().ilog2() as usize } else { 0 };
+            // What is left of one run when the other is used up is not compared.
+            assert!(looks + count / CHEAP >= count / CHEAP * (1 + rounds), "{looks} looks at {count}");
+            for limit in [1, looks / 2, looks] {
+                let stopped = looks_until(limit.max(1), |stop| {
+                    assert_eq!(Halt::new(stop).sort_by(&mut drawn[..count].to_vec(), by_first).is_none(), count > 0);
+                });
+                assert!(stopped <= limit.max(1));
+            }
+        }
     }
 
     #[test]

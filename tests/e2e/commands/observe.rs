@@ -116,37 +116,77 @@ fn observe(arguments: &[&str]) -> Command {
 #[cfg(unix)]
 #[test]
 fn a_push_felt_live_over_a_terminal_names_the_pose() {
+    let (folder, played) = (tempfile::tempdir().unwrap(), pushed());
+    let table = folder.path().join("forces.csv");
+    std::fs::write(&table, forces(&played, 0.0, 0.0)).unwrap();
+    let output = observed_live(folder.path(), &table, &example("part.toml"), &example("motion.toml"));
+    check(&last_answer(&output), &played);
+    // Estimates came as the push went on, not only at its end.
+    assert!(text(&output.stdout).lines().count() > 3, "{}", text(&output.stdout));
+}
+
+/// What `observe` says of forces that a simulated device plays once it is ready.
+#[cfg(unix)]
+fn observed_live(folder: &Path, forces: &Path, part: &Path, motion: &Path) -> Output {
     use std::io::{BufRead as _, BufReader};
 
-    let (folder, played) = (tempfile::tempdir().unwrap(), pushed());
     let calibrate = palpate(&["calibrate", "-d", &format!("sim:{SEED}"), "--load", "2 N", "--contacts", "6", "--out"])
-        .arg(folder.path())
+        .arg(folder)
         .stdin(Stdio::null())
         .output()
         .unwrap();
     let report = text(&calibrate.stdout);
     let calibration =
         report.lines().find_map(|line| line.strip_prefix("written")).unwrap_or_else(|| panic!("{report}"));
-    let table = folder.path().join("forces.csv");
-    std::fs::write(&table, forces(&played, 0.0, 0.0)).unwrap();
 
     let mut device =
         palpate(&["simulate-device", "--seed", SEED]).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
     let (mut orders, mut answers) =
         (device.stdin.take().unwrap(), BufReader::new(device.stdout.take().unwrap()).lines());
     let path = answers.next().unwrap().unwrap();
-    let mut command = observe(&["--json", "-d", &path, "-c", calibration.trim(), "--motion"]);
-    let mut observer = command.arg(example("motion.toml")).spawn().unwrap();
+    let mut command = palpate(&["observe", "--json", "-d", &path, "-c", calibration.trim(), "--part"]);
+    command.arg(part).arg("--motion").arg(motion).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut observer = command.spawn().unwrap();
     let mut told = BufReader::new(observer.stderr.take().unwrap()).lines().map_while(Result::ok);
     let ready = told.find(|line| line.contains("ready"));
     assert!(ready.is_some(), "it never got ready");
-    writeln!(orders, "play {}", table.display()).unwrap();
+    writeln!(orders, "play {}", forces.display()).unwrap();
     let output = observer.wait_with_output().unwrap();
     let _ = writeln!(orders, "quit");
     let _ = device.wait();
-    check(&last_answer(&output), &played);
-    // Estimates came as the push went on, not only at its end.
-    assert!(text(&output.stdout).lines().count() > 3, "{}", text(&output.stdout));
+    output
+}
+
+/// Of another finger than the demo's, which feels it with its own noise.
+#[cfg(unix)]
+#[test]
+fn a_push_that_a_demo_kept_can_be_played_and_observed_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let kept = folder.path().join("kept");
+    let mut demo = palpate(&["demo", "--seed", "3", "--part"]);
+    let demo = demo.arg(example("part.toml")).arg("--keep").arg(&kept).output().unwrap();
+    let said = unfolded(&text(&demo.stdout));
+    let [part, motion, forces] = ["part.toml", "motion.toml", "played.csv"].map(|name| kept.join(name));
+    let answer = last_answer(&observed_live(folder.path(), &forces, &part, &motion));
+    assert_eq!(answer["status"], "unique", "{answer}");
+    // "edge 2, centre of mass at (81.06, 31.04) mm, turned 136.03°; ..."
+    let truth = said.split("The truth").nth(1).unwrap();
+    let number = |before: &str, after: char| -> f64 {
+        truth.split(before).nth(1).unwrap().split(after).next().unwrap().parse().unwrap()
+    };
+    let [x, y, turned] = [
+        number("mass at (", ','),
+        truth.split("mass at (").nth(1).unwrap().split([' ', ')']).nth(1).unwrap().parse().unwrap(),
+        number("turned ", '°'),
+    ];
+    let truth = Isometry2::new([x * 1e-3, y * 1e-3].into(), turned.to_radians());
+    let file = PolygonFile::parse(&std::fs::read_to_string(part).unwrap()).unwrap();
+    let pose: Vec<f64> =
+        answer["hypotheses"][0]["pose_end"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    let found = Isometry2::new([pose[0], pose[1]].into(), pose[2]);
+    let distance = (found * file.part.centre_of_mass() - truth.translation.vector).coords.norm();
+    let angle = found.rotation.angle_to(&truth.rotation).abs();
+    assert!(distance < POSE_ERROR.0 && angle < POSE_ERROR.1, "off by {distance:e} m, {angle:e} rad: {said} {answer}");
 }
 
 #[test]

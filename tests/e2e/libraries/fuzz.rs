@@ -1,6 +1,7 @@
 //! Bounded fuzzing on stable Rust: mutations of a kept corpus, against the laws in `palpate_tests::fuzz`.
 //!
-//! The seed is fixed, so that a failure repeats; it prints the bytes that broke the law. For an unbounded search with
+//! The seed is fixed, so that a failure repeats; it prints the bytes that broke the law. `PALPATE_FUZZ_SEEDS=2000` adds as
+//! many seeds of the moment, with fewer mutations each. For an unbounded search with
 //! coverage, see `fuzz/`. A file that libFuzzer finds goes into the corpus.
 
 use std::fs;
@@ -87,7 +88,23 @@ fn fuzz_with(target: &str, law: fn(&[u8]), mutations: usize, input_max: usize, t
         eprintln!("{}", path.display());
         law(bytes);
     }
-    let mut random = Random(Draw::new(0x7061_6c70_6174_6521), telling);
+    let mut search = |draw: Draw, mutations: usize| {
+        let mut random = Random(draw, telling);
+        mutated(&corpus, &mut random, mutations, input_max, law);
+    };
+    search(Draw::new(0x7061_6c70_6174_6521), mutations);
+    if let Some(seeds) = std::env::var("PALPATE_FUZZ_SEEDS").ok().and_then(|seeds| seeds.parse::<usize>().ok()) {
+        let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap().as_secs();
+        (0..seeds).for_each(|seed| search(Draw::case(now, seed), mutations / FRESH_SHARE));
+        println!("{target}: {seeds} seeds of {now} with {} mutations each", mutations / FRESH_SHARE);
+    }
+}
+
+/// One in so many mutations is enough of each fresh seed.
+const FRESH_SHARE: usize = 200;
+
+/// Holds a law to mutations of a corpus.
+fn mutated(corpus: &[(PathBuf, Vec<u8>)], random: &mut Random, mutations: usize, input_max: usize, law: fn(&[u8])) {
     for _ in 0..mutations {
         let mut bytes = corpus[random.below(corpus.len())].1.clone();
         let other = &corpus[random.below(corpus.len())].1;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
-use palpate::finger::contact::Reading;
+use nalgebra::Vector2;
 use palpate::math::random::Draw;
 use palpate::pushing::dynamics::Part;
 use palpate::pushing::estimation::Estimate;
@@ -13,6 +13,7 @@ use palpate::pushing::estimation::from_rest::onset::PushSense;
 use palpate::pushing::estimation::from_rest::trial::{Drawn, Ranges, pose_error, random_part, straight_motion};
 use palpate::pushing::estimation::from_rest::{self, KnownFromRest};
 use palpate::pushing::finger_motion::{FingerMotion, Segment};
+use palpate::pushing::pushed_world::{Played, STEP_S};
 use palpate_device::simulated::Line;
 use palpate_files::motion;
 use palpate_files::output;
@@ -61,7 +62,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = noise, conflicts_with = "static_contacts", allow_negative_numbers = true)]
     noise: f64,
 
-    /// Keep what the host had to go by in this folder: part.toml, motion.toml and forces.csv, for `palpate observe`
+    /// Keep what the host had to go by in this folder: part.toml, motion.toml and forces.csv, for `palpate observe`; and
+    /// played.csv, the force that acted, for `play` of `palpate simulate-device`
     #[arg(long, value_name = "DIR", conflicts_with = "static_contacts")]
     keep: Option<PathBuf>,
 
@@ -96,7 +98,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     introduce(&rig, &part, &ranges, CALIBRATION_FORCE_N * arguments.noise.max(1.0));
     let measured = rig.push(course(&drawn.played)).advised()?;
     if let Some(folder) = &arguments.keep {
-        arguments.keep_files(folder, &part, &ranges, &measured)?;
+        arguments.keep_files(folder, &part, &ranges, &Felt { acted: &drawn.played, measured: &measured })?;
     }
     // As much as `observe` is told where nothing is said of it.
     let known = KnownFromRest { mu_g_log_sd: MuUncertainty::UNTOLD.log_sd, ..known_of(&ranges, &part) };
@@ -123,7 +125,7 @@ impl Arguments {
         Ok((file.part, Ranges { mu: file.mu, mu_c, ..default }))
     }
 
-    fn keep_files(&self, folder: &Path, part: &Part, ranges: &Ranges, measured: &SensedPush) -> miette::Result<()> {
+    fn keep_files(&self, folder: &Path, part: &Part, ranges: &Ranges, felt: &Felt<'_>) -> miette::Result<()> {
         let cannot = || format!("cannot keep the push in {}", folder.display());
         let part = match &self.part {
             Some(path) => read_text(path).wrap_err_with(cannot)?,
@@ -132,7 +134,8 @@ impl Arguments {
         let files = [
             ("part.toml", part),
             ("motion.toml", motion_as_toml(&ranges.motion)),
-            ("forces.csv", as_table(&measured.readings)),
+            ("forces.csv", as_table(felt.measured.readings.iter().map(|reading| (reading.t, reading.force_finger)))),
+            ("played.csv", as_table(felt.acted_evenly())),
         ];
         if let Some((name, _)) = files.iter().find(|(name, _)| folder.join(name).exists()) {
             let help = "name a new folder, or move the file away";
@@ -147,6 +150,7 @@ impl Arguments {
         let named = |name: &str| folder.join(name).display().to_string();
         let [part, motion, forces] = ["part.toml", "motion.toml", "forces.csv"].map(named);
         note!("kept; to look again: palpate observe {forces} --part {part} --motion {motion}");
+        note!("to feel it again: `play {}` in palpate simulate-device", named("played.csv"));
         Ok(())
     }
 
@@ -173,10 +177,22 @@ fn motion_as_toml(motion: &FingerMotion) -> String {
     format!("unit = \"m\"\nstart = [{}, {}]\n{}", start.x, start.y, segments.collect::<String>())
 }
 
-fn as_table(readings: &[Reading]) -> String {
-    let rows = readings
-        .iter()
-        .map(|Reading { t, force_finger, .. }| format!("{t:.6}, {:.6}, {:.6}\n", force_finger.x, force_finger.y));
+/// A push as it was, and as the finger felt it: with its offset, its noise and its hum.
+struct Felt<'a> {
+    acted: &'a Played,
+    measured: &'a SensedPush,
+}
+
+impl Felt<'_> {
+    /// The force on the disk with its time since the push began.
+    fn acted_evenly(&self) -> impl Iterator<Item = (f64, Vector2<f64>)> {
+        let times = (0_u32..).map(|step| f64::from(step) * STEP_S);
+        times.zip(self.acted.forces_evenly())
+    }
+}
+
+fn as_table(forces: impl Iterator<Item = (f64, Vector2<f64>)>) -> String {
+    let rows = forces.map(|(t, force)| format!("{t:.6}, {:.6}, {:.6}\n", force.x, force.y));
     "t [s], Fx [N], Fy [N]\n".to_owned() + &rows.collect::<String>()
 }
 

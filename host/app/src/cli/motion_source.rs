@@ -1,15 +1,15 @@
 //! How the finger moves: a file, or segments from standard input as they come.
 
-use std::io;
 use std::path::Path;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use nalgebra::Point2;
 use palpate::pushing::finger_motion::{FingerMotion, Segment};
+use palpate_files::lines::Unusable;
 use palpate_files::motion::{self, MotionFileError};
 
-use super::read::{self, Line, read};
+use super::read::{lines_of_stdin, read};
 
 /// Where the finger's motion comes from.
 #[derive(Debug)]
@@ -26,14 +26,13 @@ impl MotionSource {
         }
         let (sender, lines) = channel();
         let reader = move || {
-            for (index, line) in read::lines(io::stdin().lock()).enumerate() {
+            for line in lines_of_stdin() {
                 let segment = match line {
-                    Ok(Line::Text(text)) if text.trim().is_empty() => continue,
-                    Ok(Line::Text(text)) => serde_json::from_str(&text).map_err(|error| error.to_string()),
-                    Ok(Line::Unusable(why)) => Err(why.to_owned()),
+                    Ok((_, Ok(text))) if text.trim().is_empty() => continue,
+                    Ok((number, text)) => segment(text).map_err(|why| format!("line {number}: {why}")),
                     Err(error) => Err(error.to_string()),
                 };
-                let segment = segment.map_err(|why| MotionFileError::Text(format!("line {}: {why}", index + 1)));
+                let segment = segment.map_err(MotionFileError::Text);
                 if sender.send(segment).is_err() {
                     return;
                 }
@@ -88,6 +87,12 @@ impl MotionSource {
     pub(super) fn is_complete(&self) -> bool {
         !matches!(self, Self::Streamed { open: true, .. })
     }
+}
+
+/// The segment of a line.
+fn segment(line: Result<String, Unusable>) -> Result<Segment, String> {
+    let text = line.map_err(|why| why.to_string())?;
+    serde_json::from_str(&text).map_err(|error| error.to_string())
 }
 
 fn add(motion: &mut Option<FingerMotion>, segment: Result<Segment, MotionFileError>) -> miette::Result<()> {

@@ -1,6 +1,5 @@
 //! `palpate palm`.
 
-use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -17,7 +16,7 @@ use palpate_files::solve::kinds::roll::{self, wxyz};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::read::{Line, lines, read};
+use super::read::{lines_of_stdin, read};
 use super::roll::triple;
 use super::{counted, positive};
 
@@ -102,11 +101,12 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let mut tracker = RollTracker::new(arguments.question()?, arguments.window_s);
     let (mut before, mut last) = (String::new(), None);
     let mut passed_over = 0_u64;
-    for (index, line) in (1_u64..).zip(lines(io::stdin().lock())) {
-        let contact = match line.into_diagnostic().wrap_err("cannot read standard input")? {
-            Line::Text(text) if text.trim().is_empty() => continue,
-            Line::Text(text) => contact(&text, last),
-            Line::Unusable(why) => Err(why.to_owned()),
+    for line in lines_of_stdin() {
+        let (index, line) = line.into_diagnostic().wrap_err("cannot read standard input")?;
+        let contact = match line {
+            Ok(text) if text.trim().is_empty() => continue,
+            Ok(text) => contact(&text, last),
+            Err(why) => Err(why.to_string()),
         };
         let Contact { t, u } = match contact {
             Ok(contact) => contact,

@@ -3,7 +3,7 @@
 use std::error::Error;
 use std::fmt::Display;
 use std::fs;
-use std::io::{self, BufRead, Read as _};
+use std::io::{self, Read as _};
 use std::path::Path;
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
@@ -11,6 +11,7 @@ use nalgebra::Point2;
 use palpate::geometry::bounding_box;
 use palpate::pushing::dynamics::Body;
 use palpate_files::body::BodyFileError;
+use palpate_files::lines::{Line, Lines, TEXT_BYTES_MAX, Unusable};
 use palpate_files::motion::MotionFileError;
 use palpate_files::part::{Doubt, PartFileError};
 use palpate_files::scene::SceneFileError;
@@ -110,36 +111,10 @@ fn part_in_words(outline: &[Point2<f64>], body: &Body) -> String {
     )
 }
 
-/// Longest line taken, in bytes: ten thousand times what a contact or a segment needs.
-const LINE_BYTES_MAX: u64 = 1 << 20;
-
-/// A line of an input that may go on for ever.
-#[derive(Debug, PartialEq)]
-pub(super) enum Line {
-    /// Its text, without the end of the line.
-    Text(String),
-    /// Nobody can use it; why.
-    Unusable(&'static str),
-}
-
-/// The lines of an input, none of which takes more memory than a line may be long; ends where reading fails.
-pub(super) fn lines<R: BufRead>(mut input: R) -> impl Iterator<Item = io::Result<Line>> {
-    std::iter::from_fn(move || next_line(&mut input).transpose())
-}
-
-fn next_line(input: &mut impl BufRead) -> io::Result<Option<Line>> {
-    let mut bytes = Vec::new();
-    if input.by_ref().take(LINE_BYTES_MAX + 1).read_until(b'\n', &mut bytes)? == 0 {
-        return Ok(None);
-    }
-    if bytes.last() != Some(&b'\n') && bytes.len() as u64 > LINE_BYTES_MAX {
-        input.skip_until(b'\n')?;
-        return Ok(Some(Line::Unusable("it is longer than 1 MiB")));
-    }
-    while matches!(bytes.last(), Some(b'\n' | b'\r')) {
-        bytes.pop();
-    }
-    Ok(Some(String::from_utf8(bytes).map_or(Line::Unusable("it is no text (UTF-8)"), Line::Text)))
+/// The lines of standard input with their number, as text or why not.
+pub(super) fn lines_of_stdin() -> impl Iterator<Item = io::Result<(u64, Result<String, Unusable>)>> {
+    let lines = Lines::new(io::stdin().lock(), TEXT_BYTES_MAX);
+    lines.map(|line| line.map(|Line { number, content }| (number, content.into_text())))
 }
 
 /// Longest file read, in bytes: some twenty minutes of forces at 4 kHz.
@@ -166,21 +141,6 @@ const BYTE_ORDER_MARK: char = '\u{feff}';
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_line_without_end_is_passed_over_and_the_next_is_read() {
-        let long = "x".repeat(3 << 20);
-        let input = format!("one\r\n{long}\ntwo\n\n").into_bytes();
-        let input = [input, b"\xff\nlast".to_vec()].concat();
-        let read: Vec<_> = lines(input.as_slice()).map(Result::unwrap).collect();
-        let text = |text: &str| Line::Text(text.to_owned());
-        let long = Line::Unusable("it is longer than 1 MiB");
-        let wanted = [text("one"), long, text("two"), text(""), Line::Unusable("it is no text (UTF-8)"), text("last")];
-        assert_eq!(read, wanted);
-        // Exactly as long as a line may be.
-        let most = "y".repeat(1 << 20);
-        assert_eq!(lines(most.as_bytes()).map(Result::unwrap).collect::<Vec<_>>(), [text(&most)]);
-    }
 
     #[test]
     fn a_file_of_another_kind_is_recognised() {

@@ -1,9 +1,9 @@
 //! `palpate simulate-device`.
 
-use std::io::{self, BufRead as _};
+use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::Duration;
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
@@ -13,6 +13,7 @@ use palpate_device::simulated::{
 use palpate_files::recordings::csv;
 use palpate_shared::sim::{ContactLoad, Faults, FloatingBus, Load, MICROSTRAIN};
 
+use super::read::lines_of_stdin;
 use crate::advice::Advise as _;
 use crate::live::interrupt;
 
@@ -105,7 +106,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
             continue;
         };
         match orders.recv_timeout(LISTEN_WAIT) {
-            Ok(line) => match Order::parse(&line) {
+            Ok(line) => match line.and_then(|line| Order::parse(&line)) {
                 Ok(Order::Quit) => break,
                 Ok(order) => say!("{}", carry_out(&device, order).into_diagnostic()?),
                 Err(complaint) => say!("{complaint}"),
@@ -120,22 +121,21 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
 /// How long to wait for an order before looking whether the user wants to stop.
 const LISTEN_WAIT: Duration = Duration::from_millis(100);
 
-/// Lines of standard input, read by a thread of their own; what is not UTF-8 in them is replaced, and refused later.
-fn lines_of_input() -> miette::Result<Receiver<String>> {
-    let (sender, receiver) = channel();
-    std::thread::Builder::new()
-        .name("orders".to_owned())
-        .spawn(move || {
-            let mut input = io::stdin().lock();
-            let mut line = Vec::new();
-            while let Ok(1..) = input.read_until(b'\n', &mut line) {
-                if sender.send(String::from_utf8_lossy(&line).trim().to_owned()).is_err() {
-                    return;
-                }
-                line.clear();
+/// Orders that wait to be carried out; whoever writes more waits.
+const ORDERS_WAITING: usize = 64;
+
+/// Lines of standard input or why they are none, read by a thread of their own.
+fn lines_of_input() -> miette::Result<Receiver<Result<String, String>>> {
+    let (sender, receiver) = sync_channel(ORDERS_WAITING);
+    let read = move || {
+        for (_, line) in lines_of_stdin().map_while(Result::ok) {
+            let line = line.map_or_else(|why| Err(format!("the order cannot be used: {why}")), Ok);
+            if sender.send(line).is_err() {
+                return;
             }
-        })
-        .into_diagnostic()?;
+        }
+    };
+    std::thread::Builder::new().name("orders".to_owned()).spawn(read).into_diagnostic()?;
     Ok(receiver)
 }
 
@@ -358,7 +358,10 @@ fn carry_out(device: &SimulatedDevice, order: Order) -> io::Result<String> {
     let moment = match order {
         Order::Load(load) => return device.set_load(load).map(|moment| load_in_words(&load, &moment)),
         Order::Play(course) => {
-            let what = format!("plays {:.3} s of forces, then lets go", course.duration_s());
+            // A log that was not tared begins with its offset, which acts like any force.
+            let [x, y] = course.at(0.0).unwrap_or_default();
+            let seconds = course.duration_s();
+            let what = format!("plays {seconds:.3} s of forces, at first ({x:.4}, {y:.4}) N, then lets go");
             return device.set_course(course).map(|moment| from_now_on(&moment, &what));
         }
         Order::Faults(faults) => device.set_faults(faults)?,

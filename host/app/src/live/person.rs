@@ -7,11 +7,12 @@ use std::io::{BufRead, Write};
 use palpate::finger::calibration::dwell::Refusal;
 use palpate::finger::calibration::plan::Step;
 use palpate::finger::calibration::session::{Bench, BenchError, StepSummary, Wish};
+use palpate_files::lines::{Lines, TEXT_BYTES_MAX};
 
 /// A person who reads prompts and types answers.
 #[derive(Debug)]
 pub struct Person<R, W> {
-    keyboard: R,
+    keyboard: Lines<R>,
     screen: W,
     /// What to do about a refusal.
     advise: fn(&Refusal) -> Option<String>,
@@ -20,7 +21,7 @@ pub struct Person<R, W> {
 impl<R: BufRead, W: Write> Person<R, W> {
     /// Talks through these two, and says what `advise` has to say about a refusal.
     pub fn new(keyboard: R, screen: W, advise: fn(&Refusal) -> Option<String>) -> Self {
-        Self { keyboard, screen, advise }
+        Self { keyboard: Lines::new(keyboard, TEXT_BYTES_MAX), screen, advise }
     }
 
     fn say(&mut self, text: &str) -> Result<(), BenchError> {
@@ -33,13 +34,18 @@ impl<R: BufRead, W: Write> Person<R, W> {
     fn ask(&mut self, question: &str) -> Result<Wish, BenchError> {
         loop {
             self.say(&format!("{question} [Enter = sample, r = the step before again, q = quit] "))?;
-            let mut line = String::new();
-            let read = self
-                .keyboard
-                .read_line(&mut line)
-                .map_err(|error| BenchError(format!("cannot read the keyboard: {error}")))?;
-            match line.trim() {
-                "" if read == 0 => return Err(BenchError("nobody is at the keyboard any more".to_owned())),
+            let Some(line) = self.keyboard.next() else {
+                return Err(BenchError("nobody is at the keyboard any more".to_owned()));
+            };
+            let line = line.map_err(|error| BenchError(format!("cannot read the keyboard: {error}")))?;
+            let text = match line.content.into_text() {
+                Ok(text) => text,
+                Err(why) => {
+                    self.say(&format!("that is none of the answers: {why}\n"))?;
+                    continue;
+                }
+            };
+            match text.trim() {
                 "" => return Ok(Wish::Sample),
                 "r" => return Ok(Wish::Back),
                 "q" => return Ok(Wish::Quit),

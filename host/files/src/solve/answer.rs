@@ -4,10 +4,10 @@ use serde_json::Value;
 use serde_json::value::RawValue;
 
 use super::error::{ErrorCode, ErrorLine, Failure};
-use super::input::{Content, LINE_BYTES_MAX};
 use super::line::{self, ParsedLine, Request};
 use super::panics;
 use super::problem::Registry;
+use crate::lines::Content;
 
 /// A line of output.
 #[derive(Debug)]
@@ -22,7 +22,7 @@ pub(super) struct Answer {
 pub(super) fn answer(registry: &Registry, number: u64, content: &Content) -> Answer {
     let parsed = match content {
         Content::Bytes(bytes) => line::parse(bytes),
-        Content::TooLong => ParsedLine { id: line::null(), request: Err(too_long()) },
+        Content::TooLong { bytes_max } => ParsedLine { id: line::null(), request: Err(too_long(*bytes_max)) },
     };
     let id = parsed.id;
     let solved = parsed.request.and_then(|request| solved(registry, request, &id, Some(number)));
@@ -91,8 +91,8 @@ fn error_line(line: ErrorLine) -> String {
     })
 }
 
-fn too_long() -> Failure {
-    let limit_mib = LINE_BYTES_MAX >> 20;
+fn too_long(bytes_max: usize) -> Failure {
+    let limit_mib = bytes_max >> 20;
     let message =
         format!("the line is longer than the limit of {limit_mib} MiB: split the problem or send fewer digits");
     Failure::new(ErrorCode::InvalidInput, &message)

@@ -10,8 +10,8 @@
 //! - [`kinds`]: the kinds of problem;
 //! - `line`: one line to `id`, kind and fields, strictly JSON, divided as `text`; `answer`: one problem in, one answer out:
 //!   [`Registry::solve`];
-//! - `input`, `pipeline` (threads and streams, which nothing else has): bytes to lines, solved side by side and
-//!   answered in order by [`run`];
+//! - `pipeline` (threads and streams, which nothing else has): lines solved side by side and answered in order by
+//!   [`run`];
 //! - `error`: the codes, messages and places; `finite`: no NaN leaves; `panics`: a crash ends one line; [`schema`];
 //!   `spelling`: "did you mean".
 //!
@@ -21,7 +21,6 @@ mod answer;
 mod error;
 pub mod fields;
 mod finite;
-mod input;
 pub mod kinds;
 mod line;
 mod panics;

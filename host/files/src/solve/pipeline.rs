@@ -19,11 +19,14 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 
 use super::answer::{Answer, answer};
-use super::input::{LINE_BYTES_MAX, Line, Lines};
 use super::problem::Registry;
+use crate::lines::{Line, Lines};
 
 /// Lines in flight for each solver: enough that one ten times slower than the rest does not idle the others.
 const LINES_PER_JOB: usize = 64;
+
+/// Longest line read, in bytes. A minute of contacts at 4 kHz takes 5 MB.
+pub(super) const LINE_BYTES_MAX: usize = 64 << 20;
 
 /// Bytes of input in flight; one line is let in however long it is.
 const BYTES_MAX: usize = LINE_BYTES_MAX;
@@ -133,8 +136,9 @@ impl Reader {
     fn read_lines(self, input: impl Read) {
         let mut lines = 0;
         let mut result = Ok(());
-        for line in Lines::new(BufReader::with_capacity(1 << 16, input)) {
+        for line in Lines::new(BufReader::with_capacity(1 << 16, input), LINE_BYTES_MAX) {
             let line = match line {
+                Ok(line) if line.content.is_blank() => continue,
                 Ok(line) => line,
                 Err(error) => {
                     result = Err(error);

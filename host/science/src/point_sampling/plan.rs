@@ -257,7 +257,9 @@ impl<'a> Chooser<'a> {
                 && (candidate.area > request.min_area || request.min_area == 0.0)
         };
         let order: Vec<usize> = (0..scene.candidates.len()).filter(|&index| roomy(&scene.candidates[index])).collect();
-        let allowed = order.iter().map(|&index| scene.candidates[index].inside.clone()).collect();
+        let mut looks = halt.now_and_then();
+        let inside = |&index: &usize| looks.goes_on().map(|()| scene.candidates[index].inside.clone());
+        let allowed = order.iter().map(inside).collect::<Option<_>>()?;
         let allowed = SetSystem::new(scene.polygons.len(), allowed);
         let indistinguishable = allowed.halting_closer_than(request.separation.max(1), halt)?;
         // One of each class that nothing tells apart stands for all. Being merely close is no class: see `Demands`.

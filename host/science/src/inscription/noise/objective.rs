@@ -82,6 +82,11 @@ impl<'a> Objective<'a> {
         self.readings.bearings.len() + self.readings.fences.len()
     }
 
+    /// The wish that ends the search.
+    pub(super) fn halt(&self) -> &'a Halt<'a> {
+        self.halt
+    }
+
     /// Whether the search shall go on: none where it should not, for `?`.
     pub(super) fn goes_on(&self) -> Option<()> {
         self.halt.goes_on()

@@ -38,7 +38,7 @@ const LINES_MAX_FOR_TRIPLES: usize = 6;
 
 /// Places near every mode; none where it should halt.
 pub(super) fn starts(objective: &Objective<'_>, lines: &[HalfPlane], gate: f64) -> Vec<Placed> {
-    let turns = turns(objective, lines);
+    let Some(turns) = turns(objective, lines) else { return Vec::new() };
     let place = |&theta: &f64| objective.goes_on().map(|()| best_place(objective, lines, theta));
     // Of half a profile nobody knows the minima.
     let Some(profile) = turns.iter().map(place).collect::<Option<Vec<_>>>() else { return Vec::new() };
@@ -72,14 +72,18 @@ pub(super) fn beside(objective: &Objective<'_>, lines: &[HalfPlane], mode: &Sett
     turns.map(|turn| best_place(objective, lines, wrap_angle(mode.placed.theta + turn)).0).collect()
 }
 
-/// Turns at which an edge lies on a line, and others between them.
-fn turns(objective: &Objective<'_>, lines: &[HalfPlane]) -> Vec<f64> {
-    let edges = objective.part.angles();
-    let mut flush: Vec<f64> =
-        lines.iter().flat_map(|line| edges.iter().map(|edge| wrap_angle(line.angle - edge))).collect();
-    flush.sort_by(f64::total_cmp);
-    let mut turns = Vec::new();
+/// Turns at which an edge lies on a line, and others between them; none where it should halt.
+fn turns(objective: &Objective<'_>, lines: &[HalfPlane]) -> Option<Vec<f64>> {
+    let (edges, mut looks) = (objective.part.angles(), objective.halt().now_and_then());
+    let mut flush = Vec::with_capacity(lines.len() * edges.len());
+    for (line, edge) in lines.iter().flat_map(|line| edges.iter().map(move |edge| (line, edge))) {
+        looks.goes_on()?;
+        flush.push(wrap_angle(line.angle - edge));
+    }
+    objective.halt().sort_by(&mut flush, f64::total_cmp)?;
+    let mut turns = Vec::with_capacity(flush.len());
     for (k, &from) in flush.iter().enumerate() {
+        looks.goes_on()?;
         let to = flush.get(k + 1).copied().unwrap_or(flush[0] + TAU);
         let steps = ((to - from) / STEP_MAX).ceil().clamp(1.0, TAU / STEP_MAX + 1.0);
         let places = std::iter::successors(Some(0.0), |step| Some(step + 1.0)).take_while(|step| *step < steps);
@@ -89,7 +93,7 @@ fn turns(objective: &Objective<'_>, lines: &[HalfPlane]) -> Vec<f64> {
                 .map(|theta| if theta > PI { theta - TAU } else { theta }),
         );
     }
-    turns
+    Some(turns)
 }
 
 /// The place that fits best with this turn, by linear least squares, and its misfit.
@@ -132,4 +136,42 @@ fn weights(objective: &Objective<'_>, arms: &[Vector2<f64>], placed: &Placed, ro
     };
     let fence = (super::FENCE_SD_RELATIVE * size).powi(-2);
     readings.bearings.iter().zip(arms).map(of_bearing).chain(readings.fences.iter().map(|_| fence)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use nalgebra::Point2;
+
+    use super::*;
+    use crate::geometry::{ConvexPolygon, SimplePolygon};
+    use crate::inscription::{Cone, NoisyReadings};
+    use crate::search::Halt;
+
+    /// As many turns as there are lines times edges are made and sorted before the first of them is looked at.
+    #[test]
+    fn many_turns_take_many_looks_at_the_clock() {
+        let corner = |k: u32| (TAU * f64::from(k) / 200.0).sin_cos();
+        let round: Vec<_> = (0..200).map(corner).map(|(sin, cos)| Point2::new(0.03 * cos, 0.03 * sin)).collect();
+        let round = ConvexPolygon::new(&SimplePolygon::new(round).unwrap()).unwrap();
+        let cone = |k: u32| {
+            let around = TAU * f64::from(k) / 100.0;
+            let apex = Point2::new(0.2 * around.cos(), 0.2 * around.sin());
+            Cone::new(apex, around + PI - 0.15, around + PI + 0.15).unwrap().bearings()
+        };
+        let readings = NoisyReadings { bearings: (0..100).flat_map(cone).collect(), fences: Vec::new(), sigma: 1e-3 };
+        let (looks, lines) = (Cell::new(0), readings.lines());
+        let count = |limit: usize| {
+            looks.set(0);
+            let stop = || looks.replace(looks.get() + 1) + 1 >= limit;
+            turns(&Objective::new(&round, &readings, &Halt::new(&stop)), &lines).is_some()
+        };
+        assert!(count(usize::MAX));
+        let all = looks.get();
+        assert!(all > 200 * 200 / 1024 * 3, "{all} looks");
+        for limit in [1, all / 3, all / 2, all] {
+            assert!(!count(limit) && looks.get() == limit, "{} of {limit} looks", looks.get());
+        }
+    }
 }

@@ -85,13 +85,17 @@ impl SetSystem {
         least: usize,
         halt: &Halt<'_>,
     ) -> Option<Vec<([usize; 2], usize)>> {
-        let code = |set| halt.goes_on().map(|()| self.code(set, elements));
-        let codes: Vec<_> = (0..self.sets).map(code).collect::<Option<_>>()?;
+        let codes: Vec<_> = (0..self.sets).map(|set| self.halting_code(set, elements, halt)).collect::<Option<_>>()?;
         let mut short = Vec::new();
         for (i, a) in codes.iter().enumerate() {
-            halt.goes_on()?;
-            let differ = |(j, b)| ([i, j], distance_up_to(a, b, least));
-            short.extend(codes.iter().enumerate().skip(i + 1).map(differ).filter(|(_, count)| *count < least));
+            for (j, b) in codes.iter().enumerate().skip(i + 1) {
+                // A code may be as long as there are regions.
+                halt.goes_on()?;
+                let count = distance_up_to(a, b, least);
+                if count < least {
+                    short.push(([i, j], count));
+                }
+            }
         }
         Some(short)
     }
@@ -120,8 +124,21 @@ impl SetSystem {
     /// Which of these elements a set has.
     #[must_use]
     pub fn code(&self, set: usize, elements: &[usize]) -> BitSet {
-        let has = elements.iter().enumerate().filter(|(_, element)| self.holders[**element].row().has(set));
-        BitSet::of(elements.len(), has.map(|(place, _)| place))
+        self.halting_code(set, elements, &Halt::new(&never)).unwrap_or_else(|| unreachable!("nobody wishes it to halt"))
+    }
+
+    /// The same; none where it should halt before.
+    fn halting_code(&self, set: usize, elements: &[usize], halt: &Halt<'_>) -> Option<BitSet> {
+        let mut looks = halt.now_and_then();
+        let mut code = BitSet::new(elements.len());
+        halt.goes_on()?;
+        for (place, &element) in elements.iter().enumerate() {
+            looks.goes_on()?;
+            if self.holders[element].row().has(set) {
+                code.insert(place);
+            }
+        }
+        Some(code)
     }
 
     /// Pairs of sets, the lesser number first, that differ by fewer than `least` elements of all.

@@ -65,7 +65,7 @@ struct Found {
 impl Cuts {
     /// None where one should halt before it is done.
     pub(super) fn new(polygons: &[SimplePolygon], halt: &Halt<'_>) -> Option<Self> {
-        let (edges, places) = edges_of(polygons);
+        let (edges, places) = edges_of(polygons, halt)?;
         let vertices = places.len();
         let overlapping = vec![false; edges.len()];
         let components = UnionFind::new(polygons.len());
@@ -107,17 +107,23 @@ impl Cuts {
     }
 
     /// Looks at all pairs of edges that are near each other.
-    fn find(&mut self, halt: &Halt<'_>) -> Option<Vec<Found>> {
-        let mut found = Vec::new();
+    /// What is found lies in as many heaps as there are edges: one heap is moved each time it outgrows its place.
+    fn find(&mut self, halt: &Halt<'_>) -> Option<Vec<Vec<Found>>> {
+        let mut heaps = Vec::with_capacity(self.edges.len());
+        let mut looks = halt.now_and_then();
+        halt.goes_on()?;
         let mut grid = Grid::new(self.edges.iter().map(|edge| edge.segment));
         for edge in 0..self.edges.len() {
             let near = grid.insert(edge, self.edges[edge].segment);
+            halt.goes_on()?;
+            let mut found = Vec::new();
             for &other in near {
+                looks.goes_on()?;
                 self.meet(edge, other as usize, &mut found);
             }
-            halt.goes_on()?;
+            heaps.push(found);
         }
-        Some(found)
+        Some(heaps)
     }
 
     /// Notes where two edges cut each other.
@@ -181,8 +187,8 @@ impl Cuts {
     }
 
     /// Sorts what was found along every edge, and makes equal nodes one.
-    fn sort(&mut self, found: Vec<Found>, halt: &Halt<'_>) -> Option<()> {
-        let (marks, first_mark) = grouped(found, self.edges.len());
+    fn sort(&mut self, found: Vec<Vec<Found>>, halt: &Halt<'_>) -> Option<()> {
+        let (marks, first_mark) = grouped(found, self.edges.len(), halt)?;
         (self.marks, self.first_mark) = (marks, first_mark);
         let mut marks = std::mem::take(&mut self.marks);
         let mut same = None;
@@ -224,7 +230,8 @@ impl Cuts {
 }
 
 /// The edges of polygons, and their vertices without repetition.
-fn edges_of(polygons: &[SimplePolygon]) -> (Vec<Edge>, Vec<Point2<f64>>) {
+/// None where one should halt before.
+fn edges_of(polygons: &[SimplePolygon], halt: &Halt<'_>) -> Option<(Vec<Edge>, Vec<Point2<f64>>)> {
     let mut numbers = HashMap::new();
     let mut places = Vec::new();
     let mut number = |p: Point2<f64>| {
@@ -234,8 +241,10 @@ fn edges_of(polygons: &[SimplePolygon]) -> (Vec<Edge>, Vec<Point2<f64>>) {
         })
     };
     let mut edges = Vec::new();
+    let mut looks = halt.now_and_then();
     for (polygon, shape) in polygons.iter().enumerate() {
-        let corners: Vec<_> = shape.vertices().iter().map(|&p| cleaned(p)).map(|p| (p, number(p))).collect();
+        let corner = |&p: &Point2<f64>| looks.goes_on().map(|()| cleaned(p)).map(|p| (p, number(p)));
+        let corners: Vec<_> = shape.vertices().iter().map(corner).collect::<Option<_>>()?;
         let next = corners.iter().cycle().skip(1);
         edges.extend(corners.iter().zip(next).map(|(&(start, from), &(end, to))| Edge {
             segment: Segment { start, end },
@@ -243,7 +252,7 @@ fn edges_of(polygons: &[SimplePolygon]) -> (Vec<Edge>, Vec<Point2<f64>>) {
             ends: [from, to],
         }));
     }
-    (edges, places)
+    Some((edges, places))
 }
 
 /// Without negative zeros and numbers too small to multiply.
@@ -251,18 +260,28 @@ fn cleaned(p: Point2<f64>) -> Point2<f64> {
     p.map(|value| if value.abs() < COORDINATE_MIN_M { 0.0 } else { value })
 }
 
-/// Sorts by edge, keeping the order otherwise: the marks, and where each edge's begin.
-fn grouped(found: Vec<Found>, edges: usize) -> (Vec<Mark>, Vec<u32>) {
+/// Sorts by edge, keeping the order otherwise: the marks, and where each edge's begin. None where one should halt before.
+fn grouped(found: Vec<Vec<Found>>, edges: usize, halt: &Halt<'_>) -> Option<(Vec<Mark>, Vec<u32>)> {
+    let mut looks = halt.now_and_then();
     let mut first = vec![0_u32; edges + 1];
-    found.iter().for_each(|one| first[one.edge as usize + 1] += 1);
+    for one in found.iter().flatten() {
+        looks.goes_on()?;
+        first[one.edge as usize + 1] += 1;
+    }
     (0..edges).for_each(|edge| first[edge + 1] += first[edge]);
-    let (mut next, mut marks) = (first.clone(), vec![Mark { node: 0, at: 0.0, error: 0.0 }; found.len()]);
-    for one in found {
+    let (mut next, count) = (first.clone(), first[edges] as usize);
+    let mut marks = Vec::with_capacity(count);
+    for _ in 0..count {
+        looks.goes_on()?;
+        marks.push(Mark { node: 0, at: 0.0, error: 0.0 });
+    }
+    for one in found.into_iter().flatten() {
+        looks.goes_on()?;
         let place = &mut next[one.edge as usize];
         marks[*place as usize] = one.mark;
         *place += 1;
     }
-    (marks, first)
+    Some((marks, first))
 }
 
 fn same_side([(p, _), (q, _)]: [(f64, f64); 2]) -> bool {

@@ -44,14 +44,10 @@ pub(super) fn twin(half_edge: u32) -> u32 {
 impl Graph {
     /// None where one should halt before it is done.
     pub(super) fn new(cuts: &Cuts, halt: &Halt<'_>) -> Option<Self> {
-        // Each step takes time in proportion to the pieces: far less than to find them.
-        let mut graph = Self::pieces_of(cuts);
-        halt.goes_on()?;
-        graph.sort_around(cuts);
-        halt.goes_on()?;
-        graph.link();
-        graph.label_loops();
-        halt.goes_on()?;
+        let mut graph = Self::pieces_of(cuts, halt)?;
+        graph.sort_around(cuts, halt)?;
+        graph.link(halt)?;
+        graph.label_loops(halt)?;
         Some(graph)
     }
 
@@ -83,7 +79,8 @@ impl Graph {
     }
 
     /// Cuts edges into pieces; pieces that lie on each other are one.
-    fn pieces_of(cuts: &Cuts) -> Self {
+    fn pieces_of(cuts: &Cuts, halt: &Halt<'_>) -> Option<Self> {
+        let mut looks = halt.now_and_then();
         let mut shared: HashMap<[u32; 2], u32> = HashMap::new();
         let (mut origin, mut edge_of, mut also) = (Vec::new(), Vec::new(), Vec::new());
         let (mut pieces, mut first_piece) = (Vec::new(), vec![0]);
@@ -91,6 +88,7 @@ impl Graph {
             let mut nodes = cuts.along(edge);
             let mut start = nodes.next();
             for end in nodes {
+                looks.goes_on()?;
                 let from = start.replace(end).unwrap_or(end);
                 let piece = index(edge_of.len());
                 let entry = cuts.overlapping[edge].then(|| shared.entry([from.min(end), from.max(end)]));
@@ -108,42 +106,57 @@ impl Graph {
             }
             first_piece.push(index(pieces.len()));
         }
-        also.sort_unstable();
+        // No two are equal.
+        halt.sort_by(&mut also, Ord::cmp)?;
         let (next, loop_of, loops, around, first_around) = Default::default();
-        Self { origin, next, loop_of, loops, edge_of, also, pieces, first_piece, around, first_around }
+        Some(Self { origin, next, loop_of, loops, edge_of, also, pieces, first_piece, around, first_around })
     }
 
     /// Sorts the half-edges around every node.
-    fn sort_around(&mut self, cuts: &Cuts) {
+    fn sort_around(&mut self, cuts: &Cuts, halt: &Halt<'_>) -> Option<()> {
+        let mut looks = halt.now_and_then();
         let mut first = vec![0_u32; cuts.places.len() + 1];
-        self.origin.iter().for_each(|&node| first[node as usize + 1] += 1);
-        (1..first.len()).for_each(|node| first[node] += first[node - 1]);
+        for &node in &self.origin {
+            looks.goes_on()?;
+            first[node as usize + 1] += 1;
+        }
+        for node in 1..first.len() {
+            looks.goes_on()?;
+            first[node] += first[node - 1];
+        }
         let (mut place, mut around) = (first.clone(), vec![0; self.origin.len()]);
         for (half_edge, &node) in self.origin.iter().enumerate() {
+            looks.goes_on()?;
             around[place[node as usize] as usize] = index(half_edge);
             place[node as usize] += 1;
         }
         let directions = Directions::new(self, cuts);
         for node in 0..cuts.places.len() {
+            looks.goes_on()?;
             let range = first[node] as usize..first[node + 1] as usize;
             around[range].sort_unstable_by(|&a, &b| directions.order(a, b));
         }
         (self.around, self.first_around) = (around, first);
+        Some(())
     }
 
     /// Finds what follows each half-edge: having come to a node, the first to the right of the way back.
-    fn link(&mut self) {
+    fn link(&mut self, halt: &Halt<'_>) -> Option<()> {
+        let mut looks = halt.now_and_then();
         let mut next = vec![0; self.origin.len()];
         for node in 0..index(self.first_around.len() - 1) {
+            looks.goes_on()?;
             let around = self.around(node);
             let before = around.iter().cycle().skip(around.len().saturating_sub(1));
             around.iter().zip(before).for_each(|(&back, &follows)| next[twin(back) as usize] = follows);
         }
         self.next = next;
+        Some(())
     }
 
-    fn label_loops(&mut self) {
+    fn label_loops(&mut self, halt: &Halt<'_>) -> Option<()> {
         const UNKNOWN: u32 = u32::MAX;
+        let mut looks = halt.now_and_then();
         let mut loop_of = vec![UNKNOWN; self.origin.len()];
         for first in 0..self.origin.len() {
             if loop_of[first] != UNKNOWN {
@@ -153,11 +166,13 @@ impl Graph {
             self.loops.push(index(first));
             let mut half_edge = first;
             while loop_of[half_edge] == UNKNOWN {
+                looks.goes_on()?;
                 loop_of[half_edge] = number;
                 half_edge = self.next[half_edge] as usize;
             }
         }
         self.loop_of = loop_of;
+        Some(())
     }
 }
 

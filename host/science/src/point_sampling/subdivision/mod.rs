@@ -183,7 +183,7 @@ impl Subdivision {
 
     /// From one loop to all of its component: across an edge of a polygon one is in it if one was not.
     fn spread(&mut self, first: u32, halt: &Halt<'_>) {
-        let mut known = vec![first];
+        let (mut known, mut looks) = (vec![first], halt.now_and_then());
         let mut seen = std::mem::take(&mut self.is_outer);
         seen[first as usize] = true;
         let mut reached = vec![first];
@@ -207,7 +207,13 @@ impl Subdivision {
                 }
             }
         }
-        reached.iter().skip(1).for_each(|&number| seen[number as usize] = false);
+        for &number in reached.iter().skip(1) {
+            // Half of it is never looked at.
+            if looks.goes_on().is_none() {
+                break;
+            }
+            seen[number as usize] = false;
+        }
         self.is_outer = seen;
     }
 }

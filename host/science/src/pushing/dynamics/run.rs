@@ -340,7 +340,7 @@ impl<'a, M: ContactModel> Simulation<'a, M> {
             theta_offset,
             step: STEP_FIRST,
             steps: 0,
-            samples: Vec::new(),
+            samples: Vec::with_capacity(times.len()),
             changes: Vec::new(),
             rest_start: None,
             second_contact: None,

@@ -56,7 +56,7 @@ pub(super) struct Unknowns {
 
 /// How hard to try.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Effort {
+pub(super) struct Effort<'a> {
     /// Readings away from the middle to explain.
     pub(super) ranks: usize,
     pub(super) iterations: usize,
@@ -65,9 +65,11 @@ pub(super) struct Effort {
     /// Standard deviation of a zero-mean prior of the palm's unknown acceleration, m/s²; infinite for none.
     pub(super) palm_sigma: f64,
     pub(super) norm: Norm,
+    /// Every cost is infinite once this is wished.
+    pub(super) halt: &'a Halt<'a>,
 }
 
-impl Effort {
+impl Effort<'_> {
     fn settings<const P: usize>(&self) -> LeastSquaresSettings<P> {
         LeastSquaresSettings {
             damping: DAMPING,
@@ -142,16 +144,16 @@ impl Unknowns {
     }
 
     /// The best fit near `start`; what it had come to where it should halt before.
-    pub(super) fn fit(&self, track: &Track, start: Point, effort: &Effort, halt: &Halt<'_>) -> RollFit {
+    pub(super) fn fit(&self, track: &Track, start: Point, effort: &Effort<'_>) -> RollFit {
         match self.columns.count() {
-            6 => self.fit_columns::<6, 8>(track, start, effort, halt),
-            9 => self.fit_columns::<9, 11>(track, start, effort, halt),
-            _ => self.fit_columns::<12, 14>(track, start, effort, halt),
+            6 => self.fit_columns::<6, 8>(track, start, effort),
+            9 => self.fit_columns::<9, 11>(track, start, effort),
+            _ => self.fit_columns::<12, 14>(track, start, effort),
         }
     }
 
     /// One step of Gauss and Newton from `start`, for a fraction of the time of a fit; none where the cost is infinite.
-    pub(super) fn approach(&self, track: &Track, start: &Point, effort: &Effort) -> Option<Approach> {
+    pub(super) fn approach(&self, track: &Track, start: &Point, effort: &Effort<'_>) -> Option<Approach> {
         match self.columns.count() {
             6 => self.approach_columns::<6, 8>(track, start, effort),
             9 => self.approach_columns::<9, 11>(track, start, effort),
@@ -163,7 +165,7 @@ impl Unknowns {
         &self,
         track: &Track,
         start: &Point,
-        effort: &Effort,
+        effort: &Effort<'_>,
     ) -> Option<Approach> {
         let equations = self.weigh::<N, P>(track, start, effort);
         let mut damped = equations;
@@ -181,18 +183,12 @@ impl Unknowns {
         promised.is_finite().then(|| Approach { point: self.moved(start, &step), promised })
     }
 
-    fn fit_columns<const N: usize, const P: usize>(
-        &self,
-        track: &Track,
-        start: Point,
-        effort: &Effort,
-        halt: &Halt<'_>,
-    ) -> RollFit {
+    fn fit_columns<const N: usize, const P: usize>(&self, track: &Track, start: Point, effort: &Effort<'_>) -> RollFit {
         let settings = effort.settings();
         let fitting = Fitting::<N> { unknowns: self, track, effort };
         // A cost that hardly grows is at its minimum.
         let is_flat = |trial: &Trial<'_, Weighed<P>>| {
-            halt.is_wished() || !trial.is_lower && trial.cost_after - trial.cost_before < effort.enough.absolute
+            effort.halt.is_wished() || !trial.is_lower && trial.cost_after - trial.cost_before < effort.enough.absolute
         };
         let Weighed { point, equations } =
             least_squares::minimise(&fitting, fitting.weighed(start), &settings, is_flat).place;
@@ -208,11 +204,12 @@ impl Unknowns {
         fit: &RollFit,
         along: (usize, &DVector<f64>),
         side: f64,
+        halt: &Halt<'_>,
     ) -> Vec<Beside<Point>> {
         match self.columns.count() {
-            6 => self.beside_columns::<6, 8>(track, fit, along, side),
-            9 => self.beside_columns::<9, 11>(track, fit, along, side),
-            _ => self.beside_columns::<12, 14>(track, fit, along, side),
+            6 => self.beside_columns::<6, 8>(track, fit, along, side, halt),
+            9 => self.beside_columns::<9, 11>(track, fit, along, side, halt),
+            _ => self.beside_columns::<12, 14>(track, fit, along, side, halt),
         }
     }
 
@@ -222,6 +219,7 @@ impl Unknowns {
         fit: &RollFit,
         (unknown, along): (usize, &DVector<f64>),
         side: f64,
+        halt: &Halt<'_>,
     ) -> Vec<Beside<Point>> {
         let effort = Effort {
             ranks: track.ranks_max(),
@@ -229,6 +227,7 @@ impl Unknowns {
             enough: ENOUGH_BESIDE,
             palm_sigma: f64::INFINITY,
             norm: Norm::Squares,
+            halt,
         };
         let fitting = Fitting::<N> { unknowns: self, track, effort: &effort };
         let along = SVector::<f64, P>::from_fn(|i, _| along[i]);
@@ -287,17 +286,20 @@ impl Unknowns {
         &self,
         track: &Track,
         point: &Point,
-        effort: &Effort,
+        effort: &Effort<'_>,
     ) -> NormalEquations<P> {
         let model = Model { body: &point.body, spin: self.spin };
         let mut normal = Normal::<P> { norm: effort.norm, sums: NormalEquations::zero() };
         // The reading in the middle shows u alone.
         normal.add(&[[0.0; N]; 2], point.state.u - track.centre);
+        let mut looks = effort.halt.now_and_then();
+        let mut is_broken_off = effort.halt.is_wished();
         // From there forward and backward in time, each reading with the columns carried to it.
         for integration_steps in [&track.forward, &track.backward] {
             let mut here = StateWithTangent::<N>::seed(&point.state);
             for IntegrationStep { dt, specific_force, reading, rank } in integration_steps {
-                if *rank > effort.ranks {
+                is_broken_off |= looks.goes_on().is_none();
+                if *rank > effort.ranks || is_broken_off {
                     break;
                 }
                 let specific_force = specific_force.map(|specific_force| specific_force + point.palm);
@@ -307,7 +309,8 @@ impl Unknowns {
                 }
             }
             // A body that turns beyond reason, or whose numbers are none, is no explanation.
-            if here.state.omega.norm_squared().partial_cmp(&(OMEGA_MAX * OMEGA_MAX)) != Some(std::cmp::Ordering::Less) {
+            let is_slow = here.state.omega.norm_squared() < OMEGA_MAX * OMEGA_MAX;
+            if is_broken_off || !is_slow {
                 normal.sums.cost = f64::INFINITY;
             }
         }
@@ -404,7 +407,7 @@ struct Weighed<const P: usize> {
 struct Fitting<'a, const N: usize> {
     unknowns: &'a Unknowns,
     track: &'a Track,
-    effort: &'a Effort,
+    effort: &'a Effort<'a>,
 }
 
 impl<const N: usize> Fitting<'_, N> {

@@ -357,20 +357,22 @@ impl Polish<'_> {
             enough: Enough { relative: 1e-12, absolute: 1e-4, damping_max: 1.0 },
             palm_sigma: f64::INFINITY,
             norm: Norm::Squares,
+            halt,
         };
-        let mut fit = unknowns.fit(fine, self.begun(fit), &squares, halt);
+        let mut fit = unknowns.fit(fine, self.begun(fit), &squares);
         let residuals = unknowns.residuals(fine, &fit.point);
         let mut residual_max = residuals.max;
         let mut ends = unknowns.ends(fine, &fit.point);
-        let valley =
-            (fit.cost <= listed && !halt.is_wished()).then(|| Valley::through(unknowns, fine, &fit, &ends)).flatten();
+        let valley = (fit.cost <= listed && !halt.is_wished())
+            .then(|| Valley::through(unknowns, fine, &fit, &ends, halt))
+            .flatten();
         if let Noise::Grid(pitch) = noise
             && residuals.max <= ROUNDING_MAX * pitch
         {
             let enough = Enough { relative: 1e-4, absolute: 0.0, damping_max: 1.0 };
             let bounded = Effort { iterations: 20, enough, norm: Norm::Bounded(0.5 * pitch), ..squares };
             // Cost and information stay those of least squares: the bound they give is on the safe side.
-            fit.point = unknowns.fit(fine, fit.point, &bounded, halt).point;
+            fit.point = unknowns.fit(fine, fit.point, &bounded).point;
             residual_max = unknowns.residuals(fine, &fit.point).max;
             ends = unknowns.ends(fine, &fit.point);
         }

@@ -383,7 +383,8 @@ impl Ground<'_> {
         let is_plausible = self.bodies.len() > 1 || best <= left_behind(track.numbers(effort.ranks) as f64);
         let least = if is_plausible { KEPT_MIN[0] } else { KEPT_MIN[1] };
         let mut kept: Vec<Point> = Vec::new();
-        for Promise { point, cost } in promises {
+        // Each is compared with all that are kept.
+        for Promise { point, cost } in promises.into_iter().take_while(|_| !self.halt.is_wished()) {
             let is_hopeful = cost <= left_behind(best);
             if !is_hopeful && kept.len() >= least {
                 break;
@@ -413,7 +414,7 @@ impl Ground<'_> {
         body.symmetry().angle(&x, &y).hypot((x * a.omega - y * b.omega).norm() / rate)
     }
 
-    fn effort(&self, horizon: f64, iterations: usize) -> Effort {
+    fn effort(&self, horizon: f64, iterations: usize) -> Effort<'_> {
         let palm_sigma = if self.unknowns.columns.palm { PALM_SIGMA } else { f64::INFINITY };
         Effort {
             ranks: self.track.ranks(horizon),
@@ -421,6 +422,7 @@ impl Ground<'_> {
             enough: Enough { relative: 1e-3, absolute: 0.02, damping_max: 1.0 },
             palm_sigma,
             norm: Norm::Squares,
+            halt: self.halt,
         }
     }
 
@@ -439,14 +441,14 @@ impl Ground<'_> {
     fn fit_all_with(
         &self,
         points: Vec<Point>,
-        effort: &Effort,
+        effort: &Effort<'_>,
         width: &Width,
         coverage: &mut Coverage,
     ) -> Vec<RollFit> {
         let points = points.into_iter();
         let mut fits: Vec<RollFit> = points
             .take_while(|_| !self.halt.is_wished())
-            .map(|point| self.unknowns.fit(self.track, point, effort, self.halt))
+            .map(|point| self.unknowns.fit(self.track, point, effort))
             .collect();
         fits.retain(|fit| fit.cost.is_finite());
         fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));

@@ -14,6 +14,7 @@ use super::fit::{Ends, Point, RollFit, Unknowns};
 use super::track::Track;
 use super::verdict::covariance_of;
 use crate::math::least_squares::profile::Beside;
+use crate::search::Halt;
 
 /// Standard deviation of attitude, rad, from which on a valley is followed: up to it the slopes change by no more than a
 /// hundredth or two, and no certified answer has as much.
@@ -29,7 +30,13 @@ pub(super) struct Valley {
 
 impl Valley {
     /// That of a fit with its ends; none where the attitude is known well, or symmetry leaves it free.
-    pub(super) fn through(unknowns: &Unknowns, track: &Track, fit: &RollFit, ends: &Ends) -> Option<Self> {
+    pub(super) fn through(
+        unknowns: &Unknowns,
+        track: &Track,
+        fit: &RollFit,
+        ends: &Ends,
+        halt: &Halt<'_>,
+    ) -> Option<Self> {
         fit.point.body.symmetry().order()?;
         let covariance = covariance_of(unknowns, fit)?;
         let widest = ends.columns.iter().map(|columns| widest(columns, &covariance));
@@ -38,7 +45,7 @@ impl Valley {
             return None;
         }
         let along = covariance.column(unknown) / covariance[(unknown, unknown)].sqrt();
-        let found = [-1.0, 1.0].into_iter().flat_map(|side| unknowns.beside(track, fit, (unknown, &along), side));
+        let found = [-1.0, 1.0].into_iter().flat_map(|side| unknowns.beside(track, fit, (unknown, &along), side, halt));
         let excess = |beside: Beside<Point>| {
             let there = unknowns.ends(track, &beside.place);
             let straight = &along * beside.deviations;

@@ -9,6 +9,7 @@ use nalgebra::{Point2, Vector2};
 
 use super::path::ContactInterval;
 use crate::pushing::dynamics::{Edge, Part};
+use crate::search::Halt;
 
 /// Overlaps and stretches shorter than this are none, m: rounding of outlines printed to the nanometre.
 const LENGTH_NONE_M: f64 = 1e-9;
@@ -19,9 +20,10 @@ struct Line {
     along: Vector2<f64>,
 }
 
-/// Every stretch of the outline that a disk of `radius` (m) can touch, edge by edge.
-pub(super) fn contact_intervals(part: &Part, radius: f64) -> Vec<ContactInterval> {
-    let sides = part.sides().enumerate();
+/// Every stretch of the outline that a disk of `radius` (m) can touch, edge by edge, as far as one got where one should
+/// halt.
+pub(super) fn contact_intervals(part: &Part, radius: f64, halt: &Halt<'_>) -> Vec<ContactInterval> {
+    let sides = part.sides().enumerate().take_while(|_| !halt.is_wished());
     sides.flat_map(|(side, (index, edge))| contact_intervals_of_side(part, side, index, edge, radius)).collect()
 }
 
@@ -90,11 +92,12 @@ fn strip(offset: f64, slope: f64, [low, high]: [f64; 2]) -> Option<[f64; 2]> {
 mod tests {
     use super::*;
     use crate::geometry::SimplePolygon;
+    use crate::search::never;
 
     fn stretches(vertices: &[[f64; 2]], radius: f64) -> Vec<(usize, f64, f64)> {
         let part =
             Part::uniform(SimplePolygon::new(vertices.iter().copied().map(Point2::from).collect::<Vec<_>>()).unwrap());
-        contact_intervals(&part, radius)
+        contact_intervals(&part, radius, &Halt::new(&never))
             .iter()
             .map(|interval| (interval.index, interval.high - interval.low, interval.low - interval.edge.s_min))
             .collect()
@@ -133,5 +136,16 @@ mod tests {
         ];
         assert!(stretches(&notched, 0.01).iter().all(|(edge, ..)| *edge != 2));
         assert!(stretches(&notched, 0.003).iter().any(|(edge, ..)| *edge == 2));
+    }
+
+    /// Each side is held against all others.
+    #[test]
+    fn the_clock_is_looked_at_before_every_side() {
+        let corner = |k: u32| (std::f64::consts::TAU * f64::from(k) / 300.0).sin_cos();
+        let round: Vec<_> = (0..300).map(corner).map(|(sin, cos)| Point2::new(0.03 * cos, 0.03 * sin)).collect();
+        let part = Part::uniform(SimplePolygon::new(round).unwrap());
+        let looks = std::cell::Cell::new(0);
+        let found = contact_intervals(&part, 0.01, &Halt::new(&|| looks.replace(looks.get() + 1) >= 100));
+        assert_eq!((looks.get(), found.len()), (101, 100));
     }
 }

@@ -155,7 +155,7 @@ mod tests {
             let given = Given { known: &known, data: Data::new(&observation), prior };
             let fitting = Fitting::new(given, fineness(2e-3, 1.0), 1e-4, &effort);
             let held = fitting.holding_the_place();
-            let interval = contact_intervals(&part, finger.radius)[0];
+            let interval = contact_intervals(&part, finger.radius, &Halt::new(&never))[0];
             let start_mode = StartMode::all(&known)[0];
             // The least cost at a place, by many steps.
             let least = |s: f64| {

@@ -170,7 +170,7 @@ struct Task<'a, 'p> {
 
 impl<'a, 'p> Task<'a, 'p> {
     fn new(known: &'a Known<'p>, observation: &'a Observation, effort: &'a Effort<'a>) -> Self {
-        let contact_intervals = contact_intervals(known.part, known.finger.radius);
+        let contact_intervals = contact_intervals(known.part, known.finger.radius, effort.halt());
         Self {
             known,
             observation,

@@ -121,7 +121,7 @@ impl<'p> Tracker<'p> {
         let settings = TrackerSettings { window: settings.window.max(2 * VALUES_FIRST), ..settings };
         let fit = Fit { cost: None, degrees_of_freedom: 0, cost_max: 0.0 };
         Self {
-            contact_intervals: contact_intervals(known.part, known.finger.radius),
+            contact_intervals: contact_intervals(known.part, known.finger.radius, &Halt::new(&never)),
             start_modes: StartMode::all(&known),
             known,
             settings,

@@ -1,7 +1,8 @@
 //! Why no pose explains what was felt: a handful of mistakes that people make when they say what they know, each tried.
 //!
 //! A mistake is undone in what is known, and the pose is sought anew. The one that makes a pose fit is likely the one that
-//! was made; that several do is possible, as is none. Tried in this order, up to the first kind of which one fits:
+//! was made; that several do is possible, as is none. Tried in this order, up to the first kind of which one fits (units
+//! first, where the sizes told fit on no table):
 //! - axes: the force has the opposite sign (that on the part instead of that on the finger), or the axes of force and
 //!   motion are turned or mirrored against each other;
 //! - the radius of the finger's disk: half, twice, or whatever between fits best;
@@ -110,8 +111,10 @@ pub fn misfit(known: &KnownFromRest, measured: &WindowedForce, stop: Stop<'_>) -
     let halt = Halt::new(stop);
     let kinds: [&dyn Fn() -> Vec<Tried>; 4] =
         [&|| axes(known), &|| radii(known, measured, &halt), &|| units(known), &|| friction(known)];
+    // What does not fit on a table is most likely told in the wrong unit, and takes long to search.
+    let order = if is_of_a_table(known, 1.0, 1.0) { [0, 1, 2, 3] } else { [2, 0, 1, 3] };
     let mut mistakes = Vec::new();
-    for kind in kinds {
+    for kind in order.map(|kind| kinds[kind]) {
         mistakes = fitting(kind(), known, measured, &halt);
         if !mistakes.is_empty() || halt.is_wished() {
             break;
@@ -240,10 +243,6 @@ fn radii(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt<'_>) -> Ve
 const GOLDEN: f64 = 0.381_966;
 
 fn units(known: &KnownFromRest) -> Vec<Tried> {
-    let centre = known.part.centre_of_mass();
-    let reach = known.part.polygon().vertices().iter().map(|vertex| (vertex - centre).norm()).fold(0.0, f64::max);
-    let travel = travel(known.motion);
-    let fits = |value: f64, [least, most]: [f64; 2]| (least..=most).contains(&value);
     let mut tried = Vec::new();
     for (of, factor) in [Lengths::OfPart, Lengths::OfMotion, Lengths::OfBoth]
         .into_iter()
@@ -251,7 +250,7 @@ fn units(known: &KnownFromRest) -> Vec<Tried> {
     {
         let part = if of == Lengths::OfMotion { 1.0 } else { factor };
         let moved = if of == Lengths::OfPart { 1.0 } else { factor };
-        if !(fits(part * reach, REACH_M) && fits(moved * travel, TRAVEL_M)) {
+        if !is_of_a_table(known, part, moved) {
             continue;
         }
         // In lengths of the part as it was told.
@@ -261,6 +260,14 @@ fn units(known: &KnownFromRest) -> Vec<Tried> {
         tried.push(Tried { radius, mu_g, ..Tried::new(mistake, known, motion) });
     }
     tried
+}
+
+/// Whether a part so many times as large, and a motion so many times as long, fit on a table.
+fn is_of_a_table(known: &KnownFromRest, part: f64, motion: f64) -> bool {
+    let centre = known.part.centre_of_mass();
+    let reach = known.part.polygon().vertices().iter().map(|vertex| (vertex - centre).norm()).fold(0.0, f64::max);
+    let fits = |value: f64, [least, most]: [f64; 2]| (least..=most).contains(&value);
+    fits(part * reach, REACH_M) && fits(motion * travel(known.motion), TRAVEL_M)
 }
 
 /// What one unit is in another, without 1.
@@ -397,7 +404,12 @@ mod tests {
         let Mistake::Unit { of: Lengths::OfPart, factor } = mistakes[0].mistake else { panic!("{mistakes:?}") };
         assert!((factor * 25.4 - 1.0).abs() < 1e-9, "{factor}");
         let inches = changed(&motion, &(Matrix2::identity() / 25.4)).unwrap();
-        let mistakes = found(&told(&part, &inches), &measured).mistakes;
+        let told = told(&part, &inches);
+        // As coarsely as mistakes are tried: a finger that hardly moves keeps the whole search busy for twenty seconds.
+        let as_told = Tried::new(Mistake::Radius(RADIUS_M), &told, inches.clone());
+        let (cost, _) = as_told.least_cost(&told, &measured, &Halt::new(&never)).unwrap();
+        assert!(cost > 10.0 * limit(&measured), "it fits all the same: {cost}");
+        let mistakes = misfit(&told, &measured, &never).found.mistakes;
         let Mistake::Unit { of: Lengths::OfMotion, factor } = mistakes[0].mistake else { panic!("{mistakes:?}") };
         assert!((factor / 25.4 - 1.0).abs() < 1e-9, "{factor}");
     }
