@@ -9,5 +9,6 @@
 pub mod dynamics;
 pub mod estimation;
 pub mod finger_motion;
+pub mod measured_path;
 pub mod observability;
 pub mod pushed_world;

@@ -5,9 +5,10 @@ use nalgebra::{Point2, Vector2};
 use palpate::geometry::SimplePolygon;
 use palpate::pushing::dynamics::Part;
 use palpate::pushing::estimation::from_rest::readings::{
-    self, ForceHypothesis, ForceReading, KnownOfFinger, OutlineErrors,
+    self, ForceHypothesis, ForceReading, KnownOfFinger, MeasuredFinger, OutlineErrors,
 };
 use palpate::pushing::finger_motion::{FingerMotion, Segment};
+use palpate::pushing::measured_path::{MeasuredPath, PLACES_MIN};
 use palpate::{Searched, Stop, never};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -92,14 +93,37 @@ fn mass_or_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Non
     Option::deserialize(deserializer)
 }
 
-/// A motion from rest.
+/// A motion from rest: `centre0` and `segments`, or a measured `path` with its `sigma`.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MotionFields {
-    /// Where the clamp rests until t = 0, m.
-    pub centre0: [f64; 2],
+    /// Where the clamp rests until t = 0, m. With `segments`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub centre0: Option<[f64; 2]>,
     /// One after the other from t = 0 on; after the last the velocity is constant.
-    pub segments: Vec<SegmentFields>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub segments: Option<Vec<SegmentFields>>,
+    /// Instead of `segments`: measured places of the clamp.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub path: Option<PathFields>,
+    /// With `path`: standard deviation of one coordinate, white, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sigma: Option<Positive>,
+    /// With `path`: standard deviation of what its time is early against the force's, s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub clock_offset_sigma: Option<NonNegative>,
+}
+
+/// Measured places of the clamp.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PathFields {
+    /// When each was taken, s, increasing.
+    pub t: Vec<f64>,
+    /// World axes, m.
+    pub x: Vec<f64>,
+    /// m.
+    pub y: Vec<f64>,
 }
 
 /// A stretch of constant acceleration.
@@ -194,6 +218,9 @@ pub struct ForceHypothesisAnswer {
     pub dof: usize,
     /// Among the listed ones, before the push every place of the perimeter being as likely.
     pub probability: f64,
+    /// With `clock_offset_sigma` in the problem: what the path's time is early against the force's, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clock_offset: Option<f64>,
     /// When the finger began to push, s; null for `moving`.
     pub onset: Option<f64>,
 }
@@ -207,12 +234,24 @@ impl Problem for ObserveForce {
     }
 
     fn solve_until(&self, stop: Stop<'_>) -> Result<Searched<ObserveForceAnswer>, SolveError> {
-        let (onset, motion) =
-            self.finger.motion.onset_and_motion().map_err(|error| error.inside("motion").inside("finger"))?;
-        let readings = self.force.readings(onset).map_err(|error| error.inside("force"))?;
+        let carried = self.finger.motion.read().map_err(|error| error.inside("motion").inside("finger"))?;
+        let readings = self.force.readings().map_err(|error| error.inside("force"))?;
         let end = readings.last().map_or(0.0, |reading| reading.time);
-        check_gone((motion.centre(end) - motion.centre(0.0)).norm(), end, size(&self.polygon))
-            .map_err(|message| InvalidInput::at("finger", message))?;
+        // Of a measured one nothing but the readings is asked.
+        let told = match &carried {
+            Carried::Told { onset, motion } => Some((*onset, motion.clone())),
+            Carried::Measured { .. } => None,
+        };
+        let (told_onset, motion) = told.unwrap_or_else(|| (0.0, still()));
+        match &carried {
+            Carried::Told { .. } => {
+                let gone = (motion.centre(end - told_onset) - motion.centre(0.0)).norm();
+                check_gone(gone, end, size(&self.polygon)).map_err(|message| InvalidInput::at("finger", message))?;
+            }
+            Carried::Measured { path, clock_offset_sd } => {
+                covers(path, *clock_offset_sd, &readings).map_err(|error| error.inside("motion").inside("finger"))?;
+            }
+        }
         let part = self.part(&self.polygon)?;
         let of_outline = |polygon: SimplePolygon| self.part(&polygon).unwrap_or_else(|_| part.clone());
         let sigma = self.polygon_sigma.get();
@@ -236,7 +275,23 @@ impl Problem for ObserveForce {
             motion: &motion,
             noise: self.force.sigma.get(),
         };
-        let Searched { found, complete } = readings::estimate_until(&known, &readings, stop);
+        let Searched { found: (onset, found), complete } = match &carried {
+            Carried::Told { onset, .. } => {
+                let since = |reading: &ForceReading| ForceReading { time: reading.time - onset, ..*reading };
+                let readings: Vec<_> = readings.iter().map(since).collect();
+                let Searched { found, complete } = readings::estimate_until(&known, &readings, stop);
+                let found = found.into_iter().map(|found| (None, found)).collect::<Vec<_>>();
+                Searched { found: (Some(*onset), found), complete }
+            }
+            Carried::Measured { path, clock_offset_sd } => {
+                let finger = MeasuredFinger { path, clock_offset_sd: *clock_offset_sd };
+                let Searched { found: (onset, found), complete } =
+                    readings::estimate_measured_until(&known, &finger, &readings, stop);
+                let is_unknown = *clock_offset_sd > 0.0;
+                let found = found.into_iter().map(|(offset, found)| (is_unknown.then_some(offset), found)).collect();
+                Searched { found: (onset, found), complete }
+            }
+        };
         if !complete && found.is_empty() {
             return Err(SolveError::Stopped);
         }
@@ -246,7 +301,12 @@ impl Problem for ObserveForce {
             1 => ObserveForceStatus::Unique,
             _ => ObserveForceStatus::Ambiguous,
         };
-        let hypotheses = found.iter().map(|found| self.hypothesis(found, &known, onset)).collect();
+        let onset = onset.filter(|_| self.start == StartField::AtRest);
+        let answers = found.iter().map(|(clock_offset, found)| ForceHypothesisAnswer {
+            clock_offset: *clock_offset,
+            ..self.hypothesis(found, &known, onset)
+        });
+        let hypotheses = answers.collect();
         Ok(Searched { found: ObserveForceAnswer { status, hypotheses }, complete })
     }
 }
@@ -256,7 +316,7 @@ impl ObserveForce {
         pushed::part(polygon.clone(), self.centre_of_mass, self.inertia_per_mass, self.support.as_ref())
     }
 
-    fn hypothesis(&self, found: &ForceHypothesis, known: &KnownOfFinger, onset: f64) -> ForceHypothesisAnswer {
+    fn hypothesis(&self, found: &ForceHypothesis, known: &KnownOfFinger, onset: Option<f64>) -> ForceHypothesisAnswer {
         let [vx, vy] = found.velocity_end.into();
         ForceHypothesisAnswer {
             edge: found.edge,
@@ -274,60 +334,126 @@ impl ObserveForce {
             cost: found.cost,
             dof: found.degrees_of_freedom,
             probability: found.probability,
-            onset: (self.start == StartField::AtRest).then_some(onset),
+            clock_offset: None,
+            onset,
         }
     }
 }
 
 impl MotionFields {
-    /// When it begins, s, and how it goes on from there.
-    fn onset_and_motion(&self) -> Result<(f64, FingerMotion), InvalidInput> {
-        let is_still = |segment: &&SegmentFields| segment.acceleration.iter().all(|a| *a == 0.0);
-        let still = self.segments.iter().take_while(is_still).count();
-        let onset = self.segments[..still].iter().map(|segment| segment.duration.get()).sum();
-        let moving = self.segments[still..].iter();
-        let segments: Vec<_> = moving
-            .map(|segment| Segment {
-                seconds: segment.duration.get(),
-                acceleration: Vector2::from(segment.acceleration),
-            })
-            .chain([Segment { seconds: f64::from(u32::MAX), acceleration: Vector2::zeros() }])
-            .collect();
-        if segments.len() == 1 {
-            return Err(InvalidInput::at("segments", "has no acceleration: a finger that never moves pushes nothing"));
+    /// As it was told or measured.
+    fn read(&self) -> Result<Carried, InvalidInput> {
+        match (&self.segments, &self.path) {
+            (Some(_), Some(_)) => Err(InvalidInput::exclusive("segments", "path")),
+            (Some(segments), None) => {
+                for (field, is_given) in
+                    [("sigma", self.sigma.is_some()), ("clock_offset_sigma", self.clock_offset_sigma.is_some())]
+                {
+                    if is_given {
+                        return Err(InvalidInput::at(field, "is for a measured `path`: leave it out with `segments`"));
+                    }
+                }
+                let centre = self.centre0.ok_or_else(|| InvalidInput::missing("centre0", "`segments` begin there"))?;
+                let (onset, motion) = told(centre, segments)?;
+                Ok(Carried::Told { onset, motion })
+            }
+            (None, Some(path)) => {
+                if self.centre0.is_some() {
+                    return Err(InvalidInput::at("centre0", "is for `segments`: a `path` says where it begins"));
+                }
+                let sigma = self.sigma.ok_or_else(|| InvalidInput::missing("sigma", "a `path` needs its noise"))?;
+                let path = path.measured(sigma.get()).map_err(|error| error.inside("path"))?;
+                Ok(Carried::Measured { path, clock_offset_sd: self.clock_offset_sigma.map_or(0.0, NonNegative::get) })
+            }
+            (None, None) => Err(InvalidInput::missing("segments", "give `segments` or a measured `path`")),
         }
-        let motion = FingerMotion::new(Point2::from(self.centre0), &segments)
-            .map_err(|error| InvalidInput::at("segments", error.to_string()))?;
-        Ok((onset, motion))
     }
 }
 
+/// How the finger is carried.
+enum Carried {
+    /// From rest, beginning at a time.
+    Told { onset: f64, motion: FingerMotion },
+    /// By measured places.
+    Measured { path: MeasuredPath, clock_offset_sd: f64 },
+}
+
+impl PathFields {
+    fn measured(&self, sigma: f64) -> Result<MeasuredPath, InvalidInput> {
+        check_columns(&self.t, &self.x, &self.y, PLACES_MIN)?;
+        let places = self.x.iter().zip(&self.y).map(|(x, y)| Point2::new(*x, *y)).collect();
+        Ok(MeasuredPath { times: self.t.clone(), places, sigma })
+    }
+}
+
+/// Whether a path is there for all readings, wherever its clock is.
+fn covers(path: &MeasuredPath, clock_offset_sd: f64, readings: &[ForceReading]) -> Result<(), InvalidInput> {
+    let (Some(first), Some(last)) = (path.times.first(), path.times.last()) else { return Ok(()) };
+    let (Some(from), Some(to)) = (readings.first(), readings.last()) else { return Ok(()) };
+    let beyond = OFFSETS_COVERED * clock_offset_sd;
+    if *first <= from.time - beyond && *last >= to.time + beyond {
+        return Ok(());
+    }
+    let message = format!(
+        "runs from {first:?} to {last:?} s, but the force from {:?} to {:?} s: with {OFFSETS_COVERED} `clock_offset_sigma` on either side it must cover that",
+        from.time, to.time
+    );
+    Err(InvalidInput::at(Pointer::from("path").key("t"), message))
+}
+
+/// A path covers the readings by so many standard deviations of its clock.
+const OFFSETS_COVERED: f64 = 3.0;
+
+/// A motion that nobody looks at.
+fn still() -> FingerMotion {
+    let segment = Segment { seconds: 1.0, acceleration: Vector2::new(1.0, 0.0) };
+    FingerMotion::new(Point2::origin(), &[segment]).unwrap_or_else(|_| unreachable!("a constant motion is sound"))
+}
+
+/// When it begins, s, and how it goes on from there.
+fn told(centre0: [f64; 2], all: &[SegmentFields]) -> Result<(f64, FingerMotion), InvalidInput> {
+    let is_still = |segment: &&SegmentFields| segment.acceleration.iter().all(|a| *a == 0.0);
+    let still = all.iter().take_while(is_still).count();
+    let onset = all[..still].iter().map(|segment| segment.duration.get()).sum();
+    let moving = all[still..].iter();
+    let segments: Vec<_> = moving
+        .map(|segment| Segment { seconds: segment.duration.get(), acceleration: Vector2::from(segment.acceleration) })
+        .chain([Segment { seconds: f64::from(u32::MAX), acceleration: Vector2::zeros() }])
+        .collect();
+    if segments.len() == 1 {
+        return Err(InvalidInput::at("segments", "has no acceleration: a finger that never moves pushes nothing"));
+    }
+    let motion = FingerMotion::new(Point2::from(centre0), &segments)
+        .map_err(|error| InvalidInput::at("segments", error.to_string()))?;
+    Ok((onset, motion))
+}
+
 impl ForceFields {
-    /// In time since the onset.
-    fn readings(&self, onset: f64) -> Result<Vec<ForceReading>, InvalidInput> {
-        for (field, values) in [("x", &self.x), ("y", &self.y)] {
-            if values.len() != self.t.len() {
-                let message =
-                    format!("has {} values, but `t` has {}: give one for each time", values.len(), self.t.len());
-                return Err(InvalidInput::at(field, message));
-            }
-        }
-        if self.t.len() < READINGS_MIN {
-            let message = format!("has {} times, at least {READINGS_MIN} are needed", self.t.len());
-            return Err(InvalidInput::at("t", message));
-        }
-        // JSON has no NaN.
-        if let Some(i) = (1..self.t.len()).find(|&i| self.t[i] <= self.t[i - 1]) {
-            let message = format!(
-                "{:?} s is not after the time before it, {:?} s: times must increase",
-                self.t[i],
-                self.t[i - 1]
-            );
-            return Err(InvalidInput::at(Pointer::from("t").index(i), message));
-        }
-        let reading = |((t, x), y): ((&f64, &f64), &f64)| ForceReading { time: t - onset, force: Vector2::new(*x, *y) };
+    fn readings(&self) -> Result<Vec<ForceReading>, InvalidInput> {
+        check_columns(&self.t, &self.x, &self.y, READINGS_MIN)?;
+        let reading = |((t, x), y): ((&f64, &f64), &f64)| ForceReading { time: *t, force: Vector2::new(*x, *y) };
         Ok(self.t.iter().zip(&self.x).zip(&self.y).map(reading).collect())
     }
+}
+
+/// Refuses columns `t`, `x`, `y` of different lengths, of too few rows, or out of time's order.
+fn check_columns(t: &[f64], x: &[f64], y: &[f64], least: usize) -> Result<(), InvalidInput> {
+    for (field, values) in [("x", x), ("y", y)] {
+        if values.len() != t.len() {
+            let message = format!("has {} values, but `t` has {}: give one for each time", values.len(), t.len());
+            return Err(InvalidInput::at(field, message));
+        }
+    }
+    if t.len() < least {
+        let message = format!("has {} times, at least {least} are needed", t.len());
+        return Err(InvalidInput::at("t", message));
+    }
+    // JSON has no NaN.
+    if let Some(i) = (1..t.len()).find(|&i| t[i] <= t[i - 1]) {
+        let message = format!("{:?} s is not after the time before it, {:?} s: times must increase", t[i], t[i - 1]);
+        return Err(InvalidInput::at(Pointer::from("t").index(i), message));
+    }
+    Ok(())
 }
 
 /// Fewest readings: there are up to six unknowns, and two numbers a reading.
@@ -376,6 +502,13 @@ mod tests {
             ("/polygon_sigma", json!(-1), "/polygon_sigma", "≥ 0"),
             ("/finger/effective_mass", json!(-1), "/finger/effective_mass", "≥ 0"),
             ("/finger/motion/segments", json!([]), "/finger/motion/segments", "never moves"),
+            (
+                "/finger/motion/path",
+                json!({"t": [], "x": [], "y": []}),
+                "/finger/motion/segments",
+                "cannot be given together",
+            ),
+            ("/finger/motion/sigma", json!(1e-6), "/finger/motion/sigma", "for a measured `path`"),
             ("/finger/motion/segments/0/duration", json!(0), "/finger/motion/segments/0/duration", "> 0"),
             ("/finger/motion/segments/0/acceleration", json!([1e6, 0]), "/finger", "sizes of the part"),
             ("/start", json!("still"), "/start", "at_rest"),

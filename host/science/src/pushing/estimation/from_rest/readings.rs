@@ -9,10 +9,13 @@
 //! the force is a linear function, nearly: they are found in closed form for every guess (`felt`), the search itself being
 //! done with the outline as told and noise that is larger by what the outline may change.
 //!
-//! Assumes: white noise; the finger at rest at the part until it moves; no bending. Frames: world axes. Units: SI.
+//! The motion is told, or measured by a clock of its own: then the clock's offset is sought too, and what the places leave
+//! open of the motion is part of the covariance.
+//!
+//! Assumes: white noise; bending that moves the disk, but adds nothing to its speed. Frames: world axes. Units: SI.
 //! Errors: none. "No pose explains the readings" and "several do" are answers.
 
-use nalgebra::{DVector, Isometry2, Matrix6, Translation2, Vector2};
+use nalgebra::{DVector, Isometry2, Matrix6, Translation2, Vector2, Vector6};
 
 use super::felt::{Felt, Predicted};
 use super::fit::{OUTLINE_SHARE_OF_SD, Problem, Tried};
@@ -21,6 +24,7 @@ use super::{GATE, distinct, is_one_place, is_possible, leads, misfit_limit, sear
 use crate::geometry::{Pose, SimplePolygon};
 use crate::pushing::dynamics::{Part, State};
 use crate::pushing::finger_motion::{FingerMotion, Leg};
+use crate::pushing::measured_path::{FittedPath, MeasuredPath, Wandering};
 use crate::search::{Halt, Searched, Stop};
 
 /// A force read.
@@ -131,38 +135,284 @@ pub fn estimate_until(
 }
 
 fn halting_estimate(known: &KnownOfFinger, readings: &[ForceReading], halt: &Halt<'_>) -> Vec<ForceHypothesis> {
-    let Some(first) = readings.first() else { return Vec::new() };
-    let (start, from) = if known.is_moving { (CourseStart::Moving, first.time) } else { (CourseStart::Rest, 0.0) };
-    let legs = legs_since(known.motion.legs(known.radius), from);
-    let readings: Vec<_> = readings.iter().map(|it| ForceReading { time: it.time - from, ..*it }).collect();
-    let Some(end) = readings.last().map(|reading| reading.time).filter(|end| *end > 0.0) else { return Vec::new() };
-    let symmetry = symmetry::order(known.part);
-    let sides = known.part.sides();
-    let distinct_sides = sides.len() / symmetry;
-    let edges: Vec<_> = sides.take(distinct_sides).map(|(edge, _)| edge).collect();
-    let course = Course {
-        part: known.part,
-        mu_g: known.mu_g,
-        mu_g_log_sd: known.mu_g_log_sd,
-        mu_c: known.mu_c,
-        outlines: &[],
-        outline_off: &[],
-        start,
-        legs,
-        duration: end,
-    };
-    let of_outline = if known.outline.is_none() { 0.0 } else { OUTLINE_SHARE };
-    let Some(felt) = ReadForce::new(known, &course.legs, &readings, of_outline) else { return Vec::new() };
-    let problem = Problem { course: &course, measured: &felt, mass: known.mass };
-    let tried = search(&problem, &edges, halt);
-    let Some(outline) = &known.outline else {
-        return conclude(concluded(&problem, tried, known, &felt), known.part, symmetry);
-    };
-    let Some(felt) = ReadForce::new(known, &course.legs, &readings, 0.0) else { return Vec::new() };
-    let leads = leads(&tried, OUTLINE_LEADS).into_iter().take_while(|_| !halt.is_wished());
-    let found = leads.filter_map(|lead| with_outline(&course, outline, lead.guess, known, &felt));
+    let (edges, symmetry) = distinct_edges(known.part);
+    let Some(push) = FeltPush::new(known, readings) else { return Vec::new() };
+    let found = push.leads(&edges, usize::MAX, halt).into_iter().take_while(|_| !halt.is_wished());
+    let found = found.filter_map(|lead| push.followed(lead));
     conclude(found.collect(), known.part, symmetry)
 }
+
+/// The edges of which no two look the same, and how many turns take the part to itself.
+fn distinct_edges(part: &Part) -> (Vec<usize>, usize) {
+    let symmetry = symmetry::order(part);
+    let sides = part.sides();
+    let distinct = sides.len() / symmetry;
+    (sides.take(distinct).map(|(edge, _)| edge).collect(), symmetry)
+}
+
+/// A push as it was felt, of a finger that is known to move so.
+struct FeltPush<'a, 'p> {
+    known: &'a KnownOfFinger<'p>,
+    course: Course<'p>,
+    /// With what the outline may change as noise: for the search.
+    roughly: ReadForce,
+    felt: ReadForce,
+}
+
+impl<'a, 'p> FeltPush<'a, 'p> {
+    /// None without readings of the push.
+    fn new(known: &'a KnownOfFinger<'p>, readings: &[ForceReading]) -> Option<Self> {
+        let first = readings.first()?;
+        let (start, from) = if known.is_moving { (CourseStart::Moving, first.time) } else { (CourseStart::Rest, 0.0) };
+        let legs = legs_since(known.motion.legs(known.radius), from);
+        let readings: Vec<_> = readings.iter().map(|it| ForceReading { time: it.time - from, ..*it }).collect();
+        let end = readings.last().map(|reading| reading.time).filter(|end| *end > 0.0)?;
+        let of_outline = if known.outline.is_none() { 0.0 } else { OUTLINE_SHARE };
+        let roughly = ReadForce::new(known, &legs, &readings, of_outline)?;
+        let felt = ReadForce::new(known, &legs, &readings, 0.0)?;
+        let course = Course {
+            part: known.part,
+            mu_g: known.mu_g,
+            mu_g_log_sd: known.mu_g_log_sd,
+            mu_c: known.mu_c,
+            outlines: &[],
+            outline_off: &[],
+            start,
+            legs,
+            duration: end,
+        };
+        Some(Self { known, course, roughly, felt })
+    }
+
+    /// Where the search comes to, the best first: without what the outline takes up.
+    fn leads(&self, edges: &[usize], most: usize, halt: &Halt<'_>) -> Vec<Guess> {
+        let problem = Problem { course: &self.course, measured: &self.roughly, mass: self.known.mass };
+        let mut tried = search(&problem, edges, halt);
+        // Where the finger cannot be, it leads nowhere.
+        tried.retain(|tried| is_possible(&problem, tried));
+        let most = if self.known.outline.is_some() { most.min(OUTLINE_LEADS) } else { most };
+        leads(&tried, most).into_iter().map(|lead| lead.guess).collect()
+    }
+
+    /// The minimum that a guess leads to, with all that is unknown.
+    fn followed(&self, guess: Guess) -> Option<Concluded> {
+        if let Some(outline) = &self.known.outline {
+            return with_outline(&self.course, outline, guess, self.known, &self.felt);
+        }
+        let problem = Problem { course: &self.course, measured: &self.felt, mass: self.known.mass };
+        let tried = problem.descend(problem.try_guess(guess)?, usize::MAX);
+        concluded(&problem, vec![tried], self.known, &self.felt).pop()
+    }
+}
+
+/// A finger whose places were measured, by a clock of its own.
+#[derive(Clone, Copy, Debug)]
+pub struct MeasuredFinger<'a> {
+    /// Of the clamp, in time of the path's clock.
+    pub path: &'a MeasuredPath,
+    /// Standard deviation of what that clock lags behind the force's, s; 0 where it is the same.
+    pub clock_offset_sd: f64,
+}
+
+/// The same as [`estimate_until`] for a finger whose places were measured; readings are in time of their own clock, and
+/// the motion in `known` is left aside. Of each hypothesis with the clock's offset, s, and of all when the push began.
+#[must_use]
+pub fn estimate_measured_until(
+    known: &KnownOfFinger,
+    finger: &MeasuredFinger,
+    readings: &[ForceReading],
+    stop: Stop<'_>,
+) -> Searched<(Option<f64>, Vec<(f64, ForceHypothesis)>)> {
+    let halt = Halt::new(stop);
+    let (edges, symmetry) = distinct_edges(known.part);
+    let onset = if known.is_moving { None } else { force_onset(readings, known.noise) };
+    if onset.is_none() && !known.is_moving {
+        return halt.searched((None, Vec::new()));
+    }
+    let sd = finger.clock_offset_sd;
+    let begins = onset.or_else(|| finger.path.times.first().copied()).and_then(|begins| finger.path.wandering(begins));
+    let Some(wandering) = begins else { return halt.searched((onset, Vec::new())) };
+    let at = |offset: f64| OffsetPush { known, finger, wandering: &wandering, readings, onset, offset };
+    let mut begun: Vec<(f64, f64, Guess)> = Vec::new();
+    for offset in if sd > 0.0 { OFFSETS_TRIED.map(|place| place * sd).to_vec() } else { vec![0.0] } {
+        let leads = at(offset).solved(|push| push.leads(&edges, OFFSET_LEADS, &halt)).unwrap_or_default();
+        let leads = leads.into_iter().take_while(|_| !halt.is_wished());
+        begun.extend(leads.filter_map(|lead| Some((at(offset).followed(lead)?.cost, offset, lead))));
+    }
+    begun.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let least = begun.first().map_or(0.0, |begun| begun.0);
+    begun.retain(|begun| begun.0 <= OFFSET_HOPELESS * least.max(2.0 * readings.len() as f64));
+    let mut found: Vec<(f64, Concluded)> = Vec::new();
+    for (_, offset, guess) in begun.into_iter().take(OFFSET_FOLLOWED).take_while(|_| !halt.is_wished()) {
+        let Some((offset, next)) = best_offset(&at, offset, guess, sd) else { continue };
+        let is_known = |(_, other): &(f64, Concluded)| is_one_place(&other.guess, &other.end, &next.guess, &next.end);
+        match found.iter_mut().find(|other| is_known(other)) {
+            Some(other) if next.cost < other.1.cost => *other = (offset, next),
+            Some(_) => {}
+            None => found.push((offset, next)),
+        }
+    }
+    for (offset, found) in &mut found {
+        found.found.covariance += at(*offset).of_path(found);
+    }
+    let (offsets, found): (Vec<_>, Vec<_>) = found.into_iter().unzip();
+    let costs: Vec<_> = found.iter().map(|found| found.found.cost).collect();
+    let listed = conclude(found, known.part, symmetry);
+    let of = |listed: &ForceHypothesis| {
+        let same = costs.iter().position(|cost| cost.to_bits() == listed.cost.to_bits());
+        same.map_or(0.0, |place| offsets[place])
+    };
+    let listed = listed.into_iter().map(|listed| (of(&listed), listed)).collect();
+    halt.searched((onset, listed))
+}
+
+/// Offsets at which everything is sought, in standard deviations.
+const OFFSETS_TRIED: [f64; 5] = [0.0, -0.8, 0.8, -1.7, 1.7];
+
+/// Minima of each that are followed.
+const OFFSET_LEADS: usize = 8;
+
+/// Minima of all that are followed to their best offset.
+const OFFSET_FOLLOWED: usize = 10;
+
+/// What costs so many times the best there is, or what chance would have it cost, leads nowhere.
+const OFFSET_HOPELESS: f64 = 8.0;
+
+/// First step to a better offset, in standard deviations, and the last, s.
+const OFFSET_STEP: (f64, f64) = (0.2, 1e-4);
+
+/// Trials on the way to the best offset.
+const OFFSET_TRIALS: usize = 24;
+
+/// The offset at which a minimum is lowest, and what it is there with the offset's own uncertainty.
+fn best_offset<'a>(
+    at: &impl Fn(f64) -> OffsetPush<'a>,
+    offset: f64,
+    guess: Guess,
+    sd: f64,
+) -> Option<(f64, Concluded)> {
+    let mut best = at(offset).followed(guess)?;
+    if sd == 0.0 {
+        return Some((offset, best));
+    }
+    let (mut offset, mut step) = (offset, OFFSET_STEP.0 * sd);
+    for _ in 0..OFFSET_TRIALS {
+        let there = [step, -step].map(|by| Some((offset + by, at(offset + by).followed(best.guess)?)));
+        let better = there.into_iter().flatten().min_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
+        match better.filter(|(_, better)| better.cost < best.cost) {
+            Some(better) => (offset, best) = better,
+            None if step < 2.0 * OFFSET_STEP.1 => break,
+            None => step *= 0.4,
+        }
+    }
+    // By differences that raise the cost by about one.
+    let step = (0.05 * sd).max(OFFSET_STEP.1);
+    let sides = [step, -step].map(|by| at(offset + by).followed(best.guess));
+    if let [Some(after), Some(before)] = sides {
+        let curvature = (after.cost + before.cost - 2.0 * best.cost) / (step * step);
+        // The prior alone is that curved.
+        let variance = 2.0 / curvature.max(2.0 / (sd * sd));
+        let slope = end_change(&before.found, &after.found) / (2.0 * step);
+        best.found.covariance += slope * slope.transpose() * variance;
+    }
+    Some((offset, best))
+}
+
+/// How pose and motion at the end differ: x, y, θ, velocity, ω.
+fn end_change(from: &ForceHypothesis, to: &ForceHypothesis) -> Vector6<f64> {
+    let off = to.pose_end.minus(&from.pose_end);
+    let velocity = to.velocity_end - from.velocity_end;
+    Vector6::new(off.x, off.y, off.z, velocity.x, velocity.y, to.end.omega - from.end.omega)
+}
+
+/// Modes of a measured motion whose uncertainty counts.
+const PATH_MODES: usize = 10;
+
+/// A push whose path's clock lags by a known time.
+struct OffsetPush<'a> {
+    known: &'a KnownOfFinger<'a>,
+    finger: &'a MeasuredFinger<'a>,
+    wandering: &'a Wandering,
+    readings: &'a [ForceReading],
+    /// When the force begins; none of a part that moves.
+    onset: Option<f64>,
+    offset: f64,
+}
+
+impl OffsetPush<'_> {
+    /// Something of the push with the motion that goes with this offset.
+    fn with<T>(&self, off: Option<(usize, &DVector<f64>)>, of: impl FnOnce(&FeltPush, &FittedPath) -> T) -> Option<T> {
+        let path = self.finger.path;
+        let onset = self.path_onset()?;
+        let fitted = path.fitted_beside(onset, self.wandering, off)?;
+        let heavy = self.known.mass.unwrap_or_else(|| self.mass_felt()) + self.known.effective_mass;
+        let noise = self.known.noise.hypot(heavy * self.wandering.acceleration_sd);
+        let known = KnownOfFinger { motion: &fitted.motion, noise, ..*self.known };
+        let moved = |reading: &ForceReading| ForceReading { time: reading.time - self.offset - onset, ..*reading };
+        let readings: Vec<_> = self.readings.iter().map(moved).collect();
+        FeltPush::new(&known, &readings).map(|push| of(&push, &fitted))
+    }
+
+    fn solved<T>(&self, of: impl FnOnce(&FeltPush) -> T) -> Option<T> {
+        self.with(None, |push, _| of(push))
+    }
+
+    /// When the finger begins to move, by the path's clock: of a part that moves already since who knows when.
+    fn path_onset(&self) -> Option<f64> {
+        Some(self.onset.map_or(*self.finger.path.times.first()?, |onset| onset - self.offset))
+    }
+
+    /// What the path leaves open of the end of a minimum: how it moves with each mode of the motion.
+    fn of_path(&self, found: &Concluded) -> Matrix6<f64> {
+        let Some(onset) = self.path_onset() else { return Matrix6::zeros() };
+        let modes = self.finger.path.modes(onset, self.wandering, PATH_MODES);
+        let there = |axis: usize, mode: &DVector<f64>| {
+            let there = self.with(Some((axis, mode)), |push, _| push.followed(found.guess))??;
+            let change = end_change(&found.found, &there.found);
+            Some(change * change.transpose())
+        };
+        let changes = [0, 1].into_iter().flat_map(|axis| modes.iter().filter_map(move |mode| there(axis, mode)));
+        changes.sum()
+    }
+
+    /// The minimum that a guess leads to, the path's misfit and the offset's prior included.
+    fn followed(&self, guess: Guess) -> Option<Concluded> {
+        let sd = self.finger.clock_offset_sd;
+        self.with(None, |push, fitted| {
+            let mut found = push.followed(guess)?;
+            let prior = if sd > 0.0 { (self.offset / sd).powi(2) } else { 0.0 };
+            let of_path = to_count(self.wandering.degrees_of_freedom);
+            let freedom = found.found.degrees_of_freedom;
+            found.cost += prior + fitted.misfit;
+            found.found.cost += prior + fitted.misfit;
+            found.found.degrees_of_freedom += of_path;
+            found.cost_max += misfit_limit(freedom + of_path, f64::INFINITY) - misfit_limit(freedom, f64::INFINITY);
+            Some(found)
+        })?
+    }
+
+    /// About the part's mass, from how the plane's friction is felt, kg.
+    fn mass_felt(&self) -> f64 {
+        let felt = self.readings.iter().map(|reading| reading.force.norm()).fold(0.0, f64::max);
+        felt / self.known.mu_g.max(f64::MIN_POSITIVE)
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number of values")]
+fn to_count(values: f64) -> usize {
+    values.max(0.0).round() as usize
+}
+
+/// When the force begins: between the last quiet reading and the first of two that are not; none where it never does.
+fn force_onset(readings: &[ForceReading], noise: f64) -> Option<f64> {
+    let is_loud = |reading: &ForceReading| reading.force.norm() > LOUD * noise;
+    let first = readings.windows(2).position(|two| two.iter().all(is_loud))?;
+    let before = readings[..first].last().map_or(readings[first].time, |quiet| quiet.time);
+    Some(0.5 * (before + readings[first].time))
+}
+
+/// A force of so many standard deviations is one.
+const LOUD: f64 = 6.0;
 
 /// What a guess leads to with the outline found too: what its numbers change of the force is straight only near them, so
 /// that each step begins where the one before came to.
@@ -175,45 +425,37 @@ fn with_outline<'p>(
 ) -> Option<Concluded> {
     let edges = known.part.polygon().vertices().len();
     let mut off = vec![0.0; edges];
-    let mut best: Option<Concluded> = None;
+    let mut last: Option<Concluded> = None;
     for _ in 0..OUTLINE_STEPS {
         let part = outline.moved(known.part, &off)?;
         let one_more = |edge: usize| {
-            let off: Vec<_> = off
-                .iter()
-                .enumerate()
-                .map(|(n, off)| if n == edge { off + OUTLINE_SHARE_OF_SD } else { *off })
-                .collect();
+            let more = |n: usize| if n == edge { OUTLINE_SHARE_OF_SD } else { 0.0 };
+            let off: Vec<_> = off.iter().enumerate().map(|(n, off)| off + more(n)).collect();
             // An edge so short that it vanishes changes nothing.
             outline.moved(known.part, &off).unwrap_or_else(|| part.clone())
         };
         let outlines: Vec<_> = (0..edges).map(one_more).collect();
         let course = Course { part: &part, outlines: &outlines, outline_off: &off, ..course.clone() };
         let problem = Problem { course: &course, measured: felt, mass: known.mass };
-        let Some(begun) = problem.try_guess(guess) else { break };
-        let tried = problem.descend(begun, usize::MAX);
-        let cost = tried.cost;
+        let tried = problem.descend(problem.try_guess(guess)?, usize::MAX);
         guess = tried.guess;
-        let taken = problem.taken_of_outline(&tried);
-        let next = concluded(&problem, vec![tried], known, felt).pop();
-        let is_better = best.as_ref().is_none_or(|best| cost < best.cost - OUTLINE_STEP);
-        let is_done = best.is_some() && !is_better;
-        if is_better {
-            best = next.or(best);
-        }
-        if is_done {
+        let (before, taken) = (last.map(|last| last.cost), problem.taken_of_outline(&tried));
+        // The cost by straight lines; where nothing changes any more, it is the cost.
+        last = Some(concluded(&problem, vec![tried], known, felt).pop()?);
+        let cost = last.as_ref().map(|last| last.cost);
+        if before.zip(cost).is_some_and(|(before, after)| (before - after).abs() < OUTLINE_STEP) {
             break;
         }
         off = taken;
     }
-    best
+    last
 }
 
 /// Steps in which an outline is found.
-const OUTLINE_STEPS: usize = 6;
+const OUTLINE_STEPS: usize = 12;
 
-/// A step that lowers the cost by less is the last.
-const OUTLINE_STEP: f64 = 0.05;
+/// A step that changes the cost by less is the last.
+const OUTLINE_STEP: f64 = 0.01;
 
 /// The legs of a motion in time since a moment, the first being under way then.
 fn legs_since(legs: impl Iterator<Item = Leg>, from: f64) -> Vec<Leg> {
