@@ -88,7 +88,7 @@ fn fuzz_with(target: &str, law: fn(&[u8]), mutations: usize, input_max: usize, t
         eprintln!("{}", path.display());
         law(bytes);
     }
-    let mut search = |draw: Draw, mutations: usize| {
+    let search = |draw: Draw, mutations: usize| {
         let mut random = Random(draw, telling);
         mutated(&corpus, &mut random, mutations, input_max, law);
     };
