@@ -143,7 +143,7 @@ impl Scene {
             }
         }
         // The roomiest first: of regions that say the same, the first is taken.
-        candidates.sort_by(|a, b| b.circle.radius.total_cmp(&a.circle.radius));
+        let candidates = roomiest_first(candidates, &Halt::new(stop))?;
         Some(Self { polygons: polygons.to_vec(), candidates, areas })
     }
 
@@ -220,6 +220,20 @@ impl Scene {
 
 fn nobody_halts<T>() -> T {
     unreachable!("nobody wishes it to halt")
+}
+
+/// Sorted by clearance, the largest first; none where one should halt before.
+fn roomiest_first(candidates: Vec<Candidate>, halt: &Halt<'_>) -> Option<Vec<Candidate>> {
+    let radii = candidates.iter().map(|candidate| candidate.circle.radius).enumerate();
+    let mut order: Vec<(usize, f64)> = radii.collect();
+    halt.sort_by(&mut order, |a, b| b.1.total_cmp(&a.1))?;
+    let (mut looks, mut unsorted) = (halt.now_and_then(), candidates.into_iter().map(Some).collect::<Vec<_>>());
+    let mut sorted = Vec::with_capacity(order.len());
+    for (place, _) in order {
+        looks.goes_on()?;
+        sorted.extend(unsorted[place].take());
+    }
+    Some(sorted)
 }
 
 /// What was chosen, with all that is to be said about it.
