@@ -285,11 +285,12 @@ impl Problem for ObserveForce {
             }
             Carried::Measured { path, clock_offset_sd } => {
                 let finger = MeasuredFinger { path, clock_offset_sd: *clock_offset_sd };
-                let Searched { found: (onset, found), complete } =
+                let Searched { found: estimate, complete } =
                     readings::estimate_measured_until(&known, &finger, &readings, stop);
                 let is_unknown = *clock_offset_sd > 0.0;
-                let found = found.into_iter().map(|(offset, found)| (is_unknown.then_some(offset), found)).collect();
-                Searched { found: (onset, found), complete }
+                let found = estimate.hypotheses.into_iter();
+                let found = found.map(|(offset, found)| (is_unknown.then_some(offset), found)).collect();
+                Searched { found: (estimate.onset, found), complete }
             }
         };
         if !complete && found.is_empty() {

@@ -214,24 +214,35 @@ pub struct MeasuredFinger<'a> {
     pub clock_offset_sd: f64,
 }
 
+/// What readings say of a push of a finger whose places were measured.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MeasuredEstimate {
+    /// When the push began, by the force's clock, s; none of a part that moves already, and where none was felt.
+    pub onset: Option<f64>,
+    /// What explains the readings, the likeliest first, each with what the path's clock then is early, s.
+    pub hypotheses: Vec<(f64, ForceHypothesis)>,
+}
+
 /// The same as [`estimate_until`] for a finger whose places were measured; readings are in time of their own clock, and
-/// the motion in `known` is left aside. Of each hypothesis with the clock's offset, s, and of all when the push began.
+/// the motion in `known` is left aside.
 #[must_use]
 pub fn estimate_measured_until(
     known: &KnownOfFinger,
     finger: &MeasuredFinger,
     readings: &[ForceReading],
     stop: Stop<'_>,
-) -> Searched<(Option<f64>, Vec<(f64, ForceHypothesis)>)> {
+) -> Searched<MeasuredEstimate> {
     let halt = Halt::new(stop);
     let (edges, symmetry) = distinct_edges(known.part);
     let onset = if known.is_moving { None } else { force_onset(readings, known.noise) };
     if onset.is_none() && !known.is_moving {
-        return halt.searched((None, Vec::new()));
+        return halt.searched(MeasuredEstimate::default());
     }
     let sd = finger.clock_offset_sd;
     let begins = onset.or_else(|| finger.path.times.first().copied()).and_then(|begins| finger.path.wandering(begins));
-    let Some(wandering) = begins else { return halt.searched((onset, Vec::new())) };
+    let Some(wandering) = begins else {
+        return halt.searched(MeasuredEstimate { onset, ..MeasuredEstimate::default() });
+    };
     let at = |offset: f64| OffsetPush { known, finger, wandering: &wandering, readings, onset, offset };
     let mut begun: Vec<(f64, f64, Guess)> = Vec::new();
     for offset in if sd > 0.0 { OFFSETS_TRIED.map(|place| place * sd).to_vec() } else { vec![0.0] } {
@@ -262,8 +273,8 @@ pub fn estimate_measured_until(
         let same = costs.iter().position(|cost| cost.to_bits() == listed.cost.to_bits());
         same.map_or(0.0, |place| offsets[place])
     };
-    let listed = listed.into_iter().map(|listed| (of(&listed), listed)).collect();
-    halt.searched((onset, listed))
+    let hypotheses = listed.into_iter().map(|listed| (of(&listed), listed)).collect();
+    halt.searched(MeasuredEstimate { onset, hypotheses })
 }
 
 /// Offsets at which everything is sought, in standard deviations.
