@@ -307,7 +307,10 @@ fn a_session_comes_through_everything_at_once() {
         assert!(injected.restarted > 0 && injected.unplugged > 0, "seed {seed}: {injected:?}");
         // What waits to be handed on is counted already.
         assert!(counts.samples >= samples && counts.missing >= missing, "seed {seed}: {counts:?}");
-        assert!(counts.damaged_frames <= injected.to_host.damaged(), "seed {seed}: {counts:?}, {injected:?}");
+        // An unplug or a restart cuts frames in both directions: the one under way, its rest, and what that is joined to.
+        // How many without them is held exactly by the tests above.
+        let cut = 3 * (injected.unplugged + injected.restarted);
+        assert!(counts.damaged_frames <= injected.to_host.damaged() + cut, "seed {seed}: {counts:?}, {injected:?}");
         assert_eq!(Settings::of(session.hello()), settings);
     }
 }
