@@ -506,7 +506,7 @@ mod tests {
             (
                 "/finger/motion/path",
                 json!({"t": [], "x": [], "y": []}),
-                "/finger/motion/segments",
+                "/finger/motion/path",
                 "cannot be given together",
             ),
             ("/finger/motion/sigma", json!(1e-6), "/finger/motion/sigma", "for a measured `path`"),
