@@ -146,7 +146,8 @@ impl MeasuredPath {
 
     fn steps(&self, onset: f64) -> Option<Steps> {
         let last = *self.times.last()?;
-        if self.times.len() < PLACES_MIN || last <= onset || self.sigma <= 0.0 {
+        let is_told = self.places.len() == self.times.len() && self.times.len() >= PLACES_MIN;
+        if !is_told || last <= onset || self.sigma <= 0.0 {
             return None;
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive, and clamped")]

@@ -255,7 +255,7 @@ pub fn estimate_measured_until(
     begun.retain(|begun| begun.0 <= OFFSET_HOPELESS * least.max(2.0 * readings.len() as f64));
     let mut found: Vec<(f64, Concluded)> = Vec::new();
     for (_, offset, guess) in begun.into_iter().take(OFFSET_FOLLOWED).take_while(|_| !halt.is_wished()) {
-        let Some((offset, next)) = best_offset(&at, offset, guess, sd) else { continue };
+        let Some((offset, next)) = best_offset(&at, offset, guess, sd, &halt) else { continue };
         let is_known = |(_, other): &(f64, Concluded)| is_one_place(&other.guess, &other.end, &next.guess, &next.end);
         match found.iter_mut().find(|other| is_known(other)) {
             Some(other) if next.cost < other.1.cost => *other = (offset, next),
@@ -263,7 +263,7 @@ pub fn estimate_measured_until(
             None => found.push((offset, next)),
         }
     }
-    for (offset, found) in &mut found {
+    for (offset, found) in found.iter_mut().take_while(|_| !halt.is_wished()) {
         found.found.covariance += at(*offset).of_path(found);
     }
     let (offsets, found): (Vec<_>, Vec<_>) = found.into_iter().unzip();
@@ -301,6 +301,7 @@ fn best_offset<'a>(
     offset: f64,
     guess: Guess,
     sd: f64,
+    halt: &Halt<'_>,
 ) -> Option<(f64, Concluded)> {
     let mut best = at(offset).followed(guess)?;
     if sd == 0.0 {
@@ -308,6 +309,9 @@ fn best_offset<'a>(
     }
     let (mut offset, mut step) = (offset, OFFSET_STEP.0 * sd);
     for _ in 0..OFFSET_TRIALS {
+        if halt.is_wished() {
+            break;
+        }
         let there = [step, -step].map(|by| Some((offset + by, at(offset + by).followed(best.guess)?)));
         let better = there.into_iter().flatten().min_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
         match better.filter(|(_, better)| better.cost < best.cost) {
