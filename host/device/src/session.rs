@@ -33,7 +33,7 @@ use palpate_shared::wire::{
 use crate::clock_map::{ClockEstimate, ClockMap};
 use crate::error::{LinkError, Opened};
 use crate::sample_sequence::{Continuity, Sequence};
-use crate::simulated::SimulatedDevice;
+use crate::simulated::{Pace, SimulatedDevice};
 use crate::transport::address::Address;
 use crate::transport::{BAUD, BAUD_FALLBACK, READ_WAIT, Transport};
 use crate::wire_reader::{MessageReader, ReaderCounts};
@@ -236,6 +236,10 @@ pub struct Session {
     options: SessionOptions,
     simulated: Option<Arc<SimulatedDevice>>,
     line: Option<Line>,
+    /// What came from a simulated device that was asked to go on, or asked whether this is all, and is not taken yet.
+    asked_for: VecDeque<Arrival>,
+    /// Whether such a device may have sent more than has arrived.
+    owes: bool,
     baud: u32,
     hello: Hello,
     next_id: u32,
@@ -310,6 +314,8 @@ impl Session {
             options,
             simulated,
             line: Some(greeted.line),
+            asked_for: VecDeque::new(),
+            owes: true,
             baud: greeted.baud,
             wanted: Wanted { settings: Settings::of(&greeted.hello), streaming: false },
             standing: Standing::Known,
@@ -591,6 +597,7 @@ impl Session {
         let Some(line) = self.line.as_mut() else {
             return Err(LinkError::Unplugged { address: self.address.to_string(), reason: "not connected".to_owned() });
         };
+        self.owes = true;
         match line.send(command) {
             // Repeated later, like a command that was lost on the way.
             Err(error) if error.kind() == io::ErrorKind::TimedOut => Ok(()),
@@ -675,12 +682,50 @@ impl Session {
         self.backlog.retain(|incoming| !matches!(incoming, Incoming::Samples(_) | Incoming::Temperature(_)));
     }
 
-    fn receive(&self, wait: Duration) -> Option<Arrival> {
-        match self.line.as_ref()?.receive(wait) {
-            Ok(arrival) => Some(arrival),
-            Err(RecvTimeoutError::Timeout) => None,
-            Err(RecvTimeoutError::Disconnected) => Some(Arrival::Broken("the reading thread ended".to_owned())),
+    fn receive(&mut self, wait: Duration) -> Option<Arrival> {
+        let line = self.line.as_ref()?;
+        match self.simulated.clone().filter(|device| device.pace() == Pace::AsAsked) {
+            Some(device) => self.receive_as_asked(&device),
+            None => line.arrival(wait),
         }
+    }
+
+    /// What a device at its session's pace sent, in order; where there is nothing more, its time goes on for a while.
+    fn receive_as_asked(&mut self, device: &SimulatedDevice) -> Option<Arrival> {
+        if self.asked_for.is_empty() && self.owes {
+            self.take_what_is_owed();
+        }
+        if self.asked_for.is_empty() {
+            match device.let_time_pass() {
+                Ok(_) => self.take_what_is_owed(),
+                Err(gone) => return Some(Arrival::Broken(gone.to_string())),
+            }
+        }
+        self.asked_for.pop_front()
+    }
+
+    /// Takes all that a device has sent whose time stands still: on a line that keeps the order, what comes before the
+    /// answer to a ping.
+    fn take_what_is_owed(&mut self) {
+        let id = CommandId(self.next_id);
+        self.next_id = self.next_id.wrapping_add(1);
+        let Some(line) = self.line.as_mut() else { return };
+        if let Err(error) = line.send(&Command::new(id, Request::Ping)) {
+            self.asked_for.push_back(Arrival::Broken(error.to_string()));
+            return;
+        }
+        self.owes = false;
+        while let Some(arrival) = line.arrival(REPLY_WAIT) {
+            match &arrival {
+                Arrival::Message(message, _) if matches!(&**message, FromDevice::Reply(reply) if reply.id == id) => {
+                    return;
+                }
+                Arrival::Broken(_) => return self.asked_for.push_back(arrival),
+                _ => self.asked_for.push_back(arrival),
+            }
+        }
+        // The ping or its answer was lost on the way, or takes long: it is asked again.
+        self.owes = true;
     }
 
     /// How long samples may stay away.
@@ -830,6 +875,7 @@ impl Session {
     /// Notes that the link is gone; returns the error that says so.
     fn broken(&mut self, reason: String) -> LinkError {
         if let Some(line) = self.line.take() {
+            (self.asked_for, self.owes) = (VecDeque::new(), true);
             let counts = line.reader_counts();
             self.closed_lines = self.closed_lines.and(counts);
             self.counts.disconnections += 1;
@@ -985,6 +1031,15 @@ impl Line {
 
     fn receive(&self, wait: Duration) -> Result<Arrival, RecvTimeoutError> {
         self.arrivals.as_ref().ok_or(RecvTimeoutError::Disconnected)?.recv_timeout(wait)
+    }
+
+    /// What arrives within `wait`.
+    fn arrival(&self, wait: Duration) -> Option<Arrival> {
+        match self.receive(wait) {
+            Ok(arrival) => Some(arrival),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => Some(Arrival::Broken("the reading thread ended".to_owned())),
+        }
     }
 
     fn reader_counts(&self) -> ReaderCounts {

@@ -310,6 +310,37 @@ fn the_demo_reveals_the_truth_and_what_it_keeps_says_the_same() {
     assert!((mass / wanted).ln().abs() < 4.0 * sd && sd < 0.1, "{mass} kg within {sd}, {wanted} wanted");
 }
 
+/// The push that the manual names as one of several poses: what is felt repeats to the digit, so that it always is.
+#[test]
+fn a_demo_that_is_quoted_repeats() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut told = ["once", "again"].map(|name| {
+        let kept = folder.path().join(name);
+        let output = palpate(&["demo", "--straight", "--seed", "21", "--keep"]).arg(&kept).output().unwrap();
+        let said = text(&output.stdout);
+        // Its terminal has another number each time.
+        let said = said.lines().skip(1).collect::<Vec<_>>().join("\n");
+        (said, std::fs::read_to_string(kept.join("forces.csv")).unwrap())
+    });
+    assert_eq!(told[0], told[1]);
+    let said = unfolded(&std::mem::take(&mut told[0].0));
+    assert!(said.contains("poses explain what was felt"), "{said}");
+}
+
+#[test]
+fn the_front_page_shows_what_the_demos_say() {
+    let page = std::fs::read_to_string(palpate_tests::project::folder().join("README.md")).unwrap();
+    let said = text(&palpate(&["demo"]).output().unwrap().stdout);
+    let shown = said.find("The part, in mm").zip(said.find("Nothing here was measured"));
+    let shown = shown.map(|(begin, end)| &said[begin..end]).unwrap_or_else(|| panic!("{said}"));
+    assert!(page.contains(shown), "README.md shows no longer what `palpate demo` says:\n{shown}");
+    let said = text(&palpate(&["demo", "--static"]).output().unwrap().stdout);
+    let block = page.split("```").find(|block| block.contains("Felt with 2 N")).expect("it is there");
+    for line in block.lines().filter(|line| !line.trim().is_empty() && line.trim() != "...") {
+        assert!(said.lines().any(|told| told == line), "README.md: no `{line}` in:\n{said}");
+    }
+}
+
 #[test]
 fn the_demo_says_what_cannot_be_told_apart() {
     let folder = tempfile::tempdir().unwrap();

@@ -4,11 +4,12 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use palpate::finger::Samples;
+use palpate::math::random::Draw;
 use palpate_device::session::{SessionCounts, SessionOptions};
 use palpate_device::simulated::{Config, Line, Pace};
 use palpate_device::{Address, Incoming, LinkError, Session};
 use palpate_shared::frame::{FRAME_MAX, encode};
-use palpate_shared::sim::{Faults, FloatingBus};
+use palpate_shared::sim::{ContactLoad, Faults, FloatingBus, Load};
 use palpate_shared::wire::{Checks, EventKind, PROTOCOL, Refusal, Request, RestartReason, Source, Status};
 use palpate_tests::rig::{self, Towards};
 
@@ -219,6 +220,43 @@ fn every_command_is_answered_while_samples_stream() {
     }
     assert_in_order(&blocks);
     assert_eq!(session.counts().missing, 0, "commands cost no sample");
+}
+
+/// What a host hears that presses, sets the rate and stops between samples, and dawdles at random in between.
+fn heard_at_the_hosts_leisure(line: Line, mut dawdle: impl FnMut()) -> Vec<Samples> {
+    let device = rig::device_of(Config { seed: 21, line, pace: Pace::AsAsked, ..Config::default() });
+    let mut session = rig::session(&device);
+    dawdle();
+    session.set_rate(2000).unwrap();
+    let mut heard = Vec::new();
+    for newtons in [1.0, 2.0] {
+        device.set_load(Load::Static(ContactLoad::frictionless(0.3, newtons))).unwrap();
+        dawdle();
+        session.start().unwrap();
+        dawdle();
+        heard.extend(rig::samples(&mut session, 100));
+        device.set_load(Load::Released).unwrap();
+        dawdle();
+        heard.extend(rig::samples(&mut session, 1500));
+        dawdle();
+        session.stop().unwrap();
+        session.forget_waiting();
+    }
+    heard
+}
+
+/// Samples, their numbers, times and marks: the simulated device's time does not pass but when its host waits for it.
+#[test]
+fn a_device_whose_time_its_host_asks_for_repeats_to_the_digit() {
+    let hasty = heard_at_the_hosts_leisure(Line::Pipe, || ());
+    let mut draw = Draw::new(5);
+    for line in [rig::real_line(), Line::Pipe] {
+        let slow = heard_at_the_hosts_leisure(line, || {
+            std::thread::sleep(Duration::from_secs_f64(draw.uniform(0.0, 0.05)));
+        });
+        let as_text = |blocks: &[Samples]| blocks.iter().map(|block| format!("{block:?}")).collect::<Vec<_>>();
+        assert_eq!(as_text(&slow), as_text(&hasty));
+    }
 }
 
 #[test]

@@ -42,7 +42,7 @@ const AVERAGINGS: [(&str, Averaging); 3] = [
 pub(super) fn run(seed: u64) -> miette::Result<ExitCode> {
     let begun = Instant::now();
     let line = if cfg!(unix) { Line::Pty { link: None } } else { Line::Pipe };
-    let config = Config { seed, pace: Pace::AsRead, line, ..Config::default() };
+    let config = Config { seed, pace: Pace::AsAsked, line, ..Config::default() };
     let hand =
         Arc::new(SimulatedDevice::start(config).into_diagnostic().wrap_err("cannot start the simulated finger")?);
     say!("A simulated finger runs the firmware at {}; the host opens it like any serial port.", hand.address());

@@ -87,12 +87,12 @@ pub enum RigError {
 }
 
 impl Rig {
-    /// A finger with so many times the default one's noise, at its host's pace, and calibrated.
+    /// A finger with so many times the default one's noise, whose time passes as its host asks, and calibrated.
     ///
     /// # Errors
     /// [`RigError`].
     pub fn start(seed: u64, noise: f64, line: Line) -> Result<Self, RigError> {
-        let config = Config { seed, finger: finger(noise), pace: Pace::AsRead, line, ..Config::default() };
+        let config = Config { seed, finger: finger(noise), pace: Pace::AsAsked, line, ..Config::default() };
         let hand = Arc::new(SimulatedDevice::start(config)?);
         let mut session = Session::open_simulated(Arc::clone(&hand), SessionOptions::default())?;
         let fit = calibrate(&mut session, &hand, CALIBRATION_FORCE_N * noise.max(1.0))?;
@@ -141,7 +141,7 @@ impl Rig {
 
     fn rest(&mut self) -> Result<Vec<Reading>, RigError> {
         let released_s = self.hand.set_load(Load::Released)?.truth.time_ns as f64 * 1e-9;
-        // What was sampled before is of no use, and a device at its host's pace may have run seconds ahead.
+        // What was sampled before is of no use.
         self.session.stop()?;
         self.session.forget_waiting();
         self.session.start()?;

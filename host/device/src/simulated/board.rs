@@ -33,6 +33,9 @@ const REST: Duration = Duration::from_micros(200);
 /// Conversions that a device at its host's pace makes between two looks at its line: one block.
 const STRIDE: u64 = 8;
 
+/// Strides that a device makes each time it is asked to go on: an eighth of a second at 4 kHz.
+const ASKED_STRIDES: u32 = 64;
+
 /// How often the sampler looks after its front-end whether or not data come, in µs of device time: as on the board,
 /// whose tick does not wait for the converter either.
 const LOOK_EVERY_US: u32 = IDLE_US;
@@ -62,6 +65,7 @@ pub(super) enum Control {
     LinkFaults(LinkFaults, Sender<SimulatedMoment>),
     Injected(Sender<InjectedOnLink>),
     Now(Sender<SimulatedMoment>),
+    LetTimePass(Sender<SimulatedMoment>),
     Unplug(Sender<SimulatedMoment>),
     PlugIn(Sender<SimulatedMoment>),
     Restart(Sender<SimulatedMoment>),
@@ -97,6 +101,7 @@ pub(super) fn run(config: &Config, outlet: Outlet, orders: &Receiver<Control>, e
             looked_at: DeviceTime(0),
             temperature_at: DeviceTime(0),
             course: None,
+            asked: None,
         };
         if let Some(asked) = asked.take() {
             answer(&asked, board.moment());
@@ -185,6 +190,8 @@ struct Board<'w> {
     temperature_at: DeviceTime,
     /// Forces that act in turn, and the world's time at which they began.
     course: Option<(ForceCourse, u64)>,
+    /// Strides that a session has still asked for, and where to say that they are done.
+    asked: Option<(u32, Sender<SimulatedMoment>)>,
 }
 
 impl Board<'_> {
@@ -231,6 +238,12 @@ impl Board<'_> {
                     }
                     let idle = !heard && self.device.transmit().is_empty();
                     if talk == Talk::HostBusy || idle {
+                        std::thread::sleep(REST);
+                    }
+                }
+                Pace::AsAsked => {
+                    let talk = self.talk(outlet, &mut line);
+                    if talk == Talk::HostBusy || !self.go_on_as_asked() {
                         std::thread::sleep(REST);
                     }
                 }
@@ -285,6 +298,10 @@ impl Board<'_> {
                 outlet.disturb(&noise);
                 sender
             }
+            Control::LetTimePass(sender) => {
+                self.asked = Some((ASKED_STRIDES, sender));
+                return;
+            }
             Control::Now(sender) | Control::Restart(sender) => sender,
             Control::End => return,
         };
@@ -317,6 +334,19 @@ impl Board<'_> {
             self.talk(outlet, line);
         }
         self.talk(outlet, line);
+    }
+
+    /// Makes the next stride that was asked for, or says that all are made; whether there was any.
+    fn go_on_as_asked(&mut self) -> bool {
+        match self.asked.take() {
+            None => return false,
+            Some((0, sender)) => answer(&sender, self.moment()),
+            Some((left, sender)) => {
+                (0..STRIDE).for_each(|_| self.convert());
+                self.asked = Some((left - 1, sender));
+            }
+        }
+        true
     }
 
     /// Lets one conversion happen: the world moves, the interrupt comes, the main loop runs.

@@ -5,9 +5,10 @@
 //! opened like any serial port, or a TCP port. Everything between the force on the disk and those bytes is the
 //! code that runs on a board, or the model of the chip that stands on it.
 //!
-//! Two paces: [`Pace::RealTime`] takes samples when a board would; [`Pace::AsRead`] takes the next ones as soon as
-//! the host has read the last, so that a minute of samples takes a second. Either way the device's clock counts
-//! conversions, and the same seed gives the same samples.
+//! Three paces: [`Pace::RealTime`] takes samples when a board would; [`Pace::AsRead`] takes the next ones as soon as
+//! the host has read the last, so that a minute of samples takes a second; with [`Pace::AsAsked`] the world stands still
+//! but while a session waits for something, so that what a host does repeats to the digit. In each the device's clock
+//! counts conversions, and the same seed gives the same samples.
 //!
 //! The owner of a [`SimulatedDevice`] is the hand that presses: it sets loads and faults, pulls the cable, and
 //! knows the truth.
@@ -42,6 +43,9 @@ pub enum Pace {
     RealTime,
     /// As fast as the host reads.
     AsRead,
+    /// While the [`crate::Session`] of this device waits for what is to come, and at no other time: what its owner orders
+    /// takes effect at the sample up to which the session has asked, however busy the computer is.
+    AsAsked,
 }
 
 /// Where the device's serial line comes out.
@@ -157,6 +161,7 @@ pub struct SimulatedMoment {
 #[derive(Debug)]
 pub struct SimulatedDevice {
     seed: u64,
+    pace: Pace,
     address: Address,
     pipe: Option<Pipe>,
     control: Sender<Control>,
@@ -185,13 +190,13 @@ impl SimulatedDevice {
             }
             Line::Tcp { host } => (Outlet::tcp(host)?, None),
         };
-        let (seed, address) = (config.seed, outlet.address(config.seed));
+        let (seed, pace, address) = (config.seed, config.pace, outlet.address(config.seed));
         let (control, orders) = channel();
         let epoch = Instant::now();
         let thread = std::thread::Builder::new()
             .name("simulated device".to_owned())
             .spawn(move || board::run(&config, outlet, &orders, epoch))?;
-        Ok(Self { seed, address, pipe, control, thread: Some(thread), epoch })
+        Ok(Self { seed, pace, address, pipe, control, thread: Some(thread), epoch })
     }
 
     /// The default finger in this process, in real time.
@@ -206,6 +211,12 @@ impl SimulatedDevice {
     #[must_use]
     pub fn seed(&self) -> u64 {
         self.seed
+    }
+
+    /// How fast its time passes.
+    #[must_use]
+    pub fn pace(&self) -> Pace {
+        self.pace
     }
 
     /// What a host gives as the device's name.
@@ -312,6 +323,12 @@ impl SimulatedDevice {
     /// If the device has ended.
     pub fn disturb(&self, noise: Vec<u8>) -> io::Result<SimulatedMoment> {
         self.ask(|answer| Control::Disturb(noise, answer))
+    }
+
+    /// Lets the time of a device at [`Pace::AsAsked`] go on for a while; returns when what it then had to send is on the
+    /// line.
+    pub(crate) fn let_time_pass(&self) -> io::Result<SimulatedMoment> {
+        self.ask(Control::LetTimePass)
     }
 
     fn ask<T>(&self, order: impl FnOnce(Sender<T>) -> Control) -> io::Result<T> {
