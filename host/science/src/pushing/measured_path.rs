@@ -1,11 +1,12 @@
 //! How a finger moves whose places were measured: a motion from rest whose acceleration wanders smoothly.
 //!
 //! Places are told with white noise, some tens a second. Second differences of them would be noise; so the acceleration
-//! is one of short steps, each near the one before, and which of all such motions fits best follows in closed form. How
-//! fast an acceleration wanders is chosen by the evidence of the places themselves (MacKay 1992).
+//! is one of short steps that wanders: itself, as where a robot jerks, or by its rate, as where it ramps up and down. Which
+//! of all such motions fits best follows in closed form. What wanders, and how fast, is chosen by the evidence of the
+//! places themselves (MacKay 1992).
 //!
-//! Implements: with places y = B a + e, e of variance σ², and steps of a random walk of variance q h, the posterior of a
-//! is normal with precision A = Bᵀ B / σ² + Lᵀ L / (q h); the evidence is that of y.
+//! Implements: with places y = B a + e, e of variance σ², and first differences of a of variance q h, or second ones of
+//! variance q h³, the posterior of a is normal with precision A = Bᵀ B / σ² + Dᵀ D / variance; the evidence is that of y.
 //! Frames: world axes. Units: SI. Errors: none is found where fewer than [`PLACES_MIN`] places are told.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Point2, Vector2};
@@ -24,8 +25,52 @@ const STEPS_MAX: usize = 400;
 /// A velocity of so many standard deviations of one between two places tells which way the finger goes: within 6°.
 const TELLING: f64 = 10.0;
 
-/// How fast an acceleration may wander, (m/s²)²/s: from a robot that creeps to one that jerks.
-const RATES: [f64; 9] = [1e-3, 1e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0, 1000.0];
+/// How an acceleration may wander: from a robot that creeps to one that jerks, and from one that hardly ramps to one whose
+/// ramps are of milliseconds.
+const WAYS: [Way; 22] = [
+    Way::Acceleration(1e-3),
+    Way::Acceleration(1e-2),
+    Way::Acceleration(0.1),
+    Way::Acceleration(0.3),
+    Way::Acceleration(1.0),
+    Way::Acceleration(3.0),
+    Way::Acceleration(10.0),
+    Way::Acceleration(100.0),
+    Way::Acceleration(1000.0),
+    Way::Jerk(1e-2),
+    Way::Jerk(0.1),
+    Way::Jerk(1.0),
+    Way::Jerk(10.0),
+    Way::Jerk(30.0),
+    Way::Jerk(100.0),
+    Way::Jerk(300.0),
+    Way::Jerk(1e3),
+    Way::Jerk(3e3),
+    Way::Jerk(1e4),
+    Way::Jerk(1e5),
+    Way::Jerk(1e6),
+    Way::Jerk(1e7),
+];
+
+/// What of a motion wanders, as a random walk, and how fast.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Way {
+    /// The acceleration, (m/s²)²/s.
+    Acceleration(f64),
+    /// Its rate, (m/s³)²/s.
+    Jerk(f64),
+}
+
+impl Way {
+    /// Weights of a step's acceleration and of those before it in what is as likely small as large, and its variance, for
+    /// steps of a length, s.
+    fn differences(self, length: f64) -> (&'static [f64], f64) {
+        match self {
+            Self::Acceleration(rate) => (&[1.0, -1.0], rate * length),
+            Self::Jerk(rate) => (&[1.0, -2.0, 1.0], rate * length.powi(3)),
+        }
+    }
+}
 
 /// Places of a finger's clamp.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,8 +95,8 @@ pub struct FittedPath {
 /// How smooth a motion is, and how well it is known.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wandering {
-    /// Of its acceleration, (m/s²)²/s.
-    pub rate: f64,
+    /// What wanders, and how fast.
+    pub way: Way,
     /// Standard deviation of the acceleration, each axis, on average, m/s².
     pub acceleration_sd: f64,
     /// Values less those that the motion takes up.
@@ -72,12 +117,12 @@ impl MeasuredPath {
     pub fn wandering(&self, onset: f64) -> Option<Wandering> {
         let steps = self.steps(onset)?;
         let information = steps.of_places.tr_mul(&steps.of_places);
-        let fits = RATES.iter().filter_map(|&rate| Some((rate, self.fitted_with(&steps, &information, rate)?)));
-        let (rate, best) = fits.max_by(|a, b| a.1.evidence.total_cmp(&b.1.evidence))?;
+        let fits = WAYS.iter().filter_map(|&way| Some((way, self.fitted_with(&steps, &information, way)?)));
+        let (way, best) = fits.max_by(|a, b| a.1.evidence.total_cmp(&b.1.evidence))?;
         let inverse = best.precision.inverse();
         let count = inverse.nrows() - 1;
         Some(Wandering {
-            rate,
+            way,
             acceleration_sd: (inverse.diagonal().rows(1, count).sum() / count as f64).max(0.0).sqrt(),
             degrees_of_freedom: 2.0 * (self.times.len() as f64 - (&information * &inverse).trace()),
         })
@@ -100,7 +145,7 @@ impl MeasuredPath {
     ) -> Option<FittedPath> {
         let steps = self.steps(onset)?;
         let information = steps.of_places.tr_mul(&steps.of_places);
-        let Fit { mut found, misfit, .. } = self.fitted_with(&steps, &information, wandering.rate)?;
+        let Fit { mut found, misfit, .. } = self.fitted_with(&steps, &information, wandering.way)?;
         if let Some((axis, off)) = off.filter(|(_, off)| off.len() == found[0].len()) {
             found[axis] += off;
         }
@@ -116,7 +161,7 @@ impl MeasuredPath {
     pub fn modes(&self, onset: f64, wandering: &Wandering, count: usize) -> Vec<DVector<f64>> {
         let Some(steps) = self.steps(onset) else { return Vec::new() };
         let information = steps.of_places.tr_mul(&steps.of_places);
-        let Some(fit) = self.fitted_with(&steps, &information, wandering.rate) else { return Vec::new() };
+        let Some(fit) = self.fitted_with(&steps, &information, wandering.way) else { return Vec::new() };
         let eigen = fit.precision.inverse().symmetric_eigen();
         let mut order: Vec<_> = (0..eigen.eigenvalues.len()).collect();
         order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
@@ -160,16 +205,16 @@ impl MeasuredPath {
         Some(Steps { length, of_places: of_places / self.sigma })
     }
 
-    fn fitted_with(&self, steps: &Steps, information: &DMatrix<f64>, rate: f64) -> Option<Fit> {
+    fn fitted_with(&self, steps: &Steps, information: &DMatrix<f64>, way: Way) -> Option<Fit> {
         let Steps { length, of_places } = steps;
-        let (variance, steps) = (rate * length, of_places.ncols() - 1);
+        let ((weights, variance), steps) = (way.differences(*length), of_places.ncols() - 1);
+        // Before the motion begins there is no acceleration.
+        let of_step =
+            |step: usize| weights.iter().enumerate().take(step).map(move |(back, weight)| (step - back, *weight));
         let mut precision = information.clone();
         for step in 1..=steps {
-            precision[(step, step)] += 1.0 / variance;
-            if step > 1 {
-                precision[(step - 1, step - 1)] += 1.0 / variance;
-                precision[(step, step - 1)] -= 1.0 / variance;
-                precision[(step - 1, step)] -= 1.0 / variance;
+            for (row, one) in of_step(step) {
+                of_step(step).for_each(|(column, other)| precision[(row, column)] += one * other / variance);
             }
         }
         let precision = precision.cholesky()?;
@@ -183,7 +228,7 @@ impl MeasuredPath {
             let mut best = precision.solve(&of_places.tr_mul(&places));
             let rest = &places - of_places * &best;
             misfit += rest.norm_squared();
-            let walk = std::iter::once(best[1]).chain((2..=steps).map(|step| best[step] - best[step - 1]));
+            let walk = (1..=steps).map(|step| of_step(step).map(|(at, weight)| weight * best[at]).sum::<f64>());
             let unlikely = walk.map(|change| change * change).sum::<f64>() / variance;
             evidence -= rest.norm_squared() + unlikely + log_determinant + steps as f64 * variance.ln();
             best[0] += origin[axis];
