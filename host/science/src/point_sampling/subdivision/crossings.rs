@@ -194,12 +194,15 @@ impl Cuts {
         let mut same = None;
         for edge in 0..self.edges.len() {
             let range = self.range(edge);
-            marks[range.clone()].sort_unstable_by(|a, b| self.order(edge, *a, *b));
-            for pair in marks[range].windows(2) {
+            // An edge may cross all others.
+            let mut along = marks[range.clone()].to_vec();
+            halt.sort_by(&mut along, |a, b| self.order(edge, *a, *b))?;
+            for pair in along.windows(2) {
                 if self.order(edge, pair[0], pair[1]).is_eq() && pair[0].node != pair[1].node {
                     same.get_or_insert_with(|| UnionFind::new(self.places.len())).unite(pair[0].node, pair[1].node);
                 }
             }
+            marks[range].copy_from_slice(&along);
             halt.goes_on()?;
         }
         (self.marks, self.same) = (marks, same);
