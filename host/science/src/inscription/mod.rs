@@ -9,6 +9,7 @@
 //! - `exact`: all poses for any number of exact lines ([`poses`]), or why there is a continuum of them.
 //! - `mixed`: lines mixed with points that the outline passes through ([`poses_through`]);
 //! - `noise`: bearings with errors, all modes with their covariances ([`estimate`]);
+//! - `touches`: points felt on the outline, with errors, mixed with lines and free disks ([`touched_poses`]);
 //! - `quality`: how well lines hold a pose, and which poses of a symmetric part look the same;
 //! - `planner`: where to take another view;
 //! - `boundary`: piecewise smooth outlines by their support function; `outline`: any of the outlines ([`Outline`]).
@@ -24,6 +25,7 @@ mod outline;
 mod planner;
 mod quality;
 mod readings;
+mod touches;
 mod triple;
 
 pub use crate::geometry::Pose;
@@ -37,3 +39,6 @@ pub use outline::Outline;
 pub use planner::{PlannedView, expected_view, plan_view};
 pub use quality::{conditioning, congruent_groups, symmetry_order};
 pub use readings::{Bearing, Cone, ConeError, HalfPlane, Side};
+pub use touches::{
+    FeltNormal, Fence, FreeDisk, Touch, TouchEstimate, TouchReadings, touched_poses, touched_poses_until,
+};

@@ -1,4 +1,5 @@
-//! The kind `inscription`: a convex part's pose from supporting lines. See [`palpate::inscription`].
+//! The kind `inscription`: a part's pose from supporting lines, and from touches ([`super::touches`]). See
+//! [`palpate::inscription`].
 
 use nalgebra::Point2;
 use palpate::geometry::ConvexPolygon;
@@ -7,6 +8,7 @@ use palpate::{Searched, Stop, never};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::touches::{FreeFields, TouchFields};
 use crate::solve::fields::{NonNegative, Polygon, PoseFields, Positive, Sigma};
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError};
 
@@ -32,6 +34,12 @@ pub struct Inscription {
     /// Points that the part's outline passes through: probed contacts.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub points: Vec<PointFields>,
+    /// Points that were felt on the outline, with noise; then it may have notches, and lines and cones touch its hull.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub touches: Vec<TouchFields>,
+    /// Disks that the part does not overlap.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub free: Vec<FreeFields>,
     /// Standard deviation of every bearing of a cone, rad.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sigma: Option<Sigma>,
@@ -67,6 +75,9 @@ pub struct HalfPlaneFields {
     pub normal_angle: f64,
     /// Distance of the line from the world's origin along the normal, m.
     pub offset: f64,
+    /// Standard deviation of `offset`, m; without it the line is exact.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sigma: Option<Positive>,
     /// How far the part had moved when this was read, world: the poses are those before.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub displacement: Option<PoseFields>,
@@ -107,15 +118,15 @@ pub struct InscriptionAnswer {
     pub conditioning: Vec<f64>,
     /// Indices of poses, those together in which a symmetric part looks the same.
     pub groups: Vec<Vec<usize>>,
-    /// With `sigma`: the most likely poses, best first; all whose chi2 is inside the 99 % gate.
+    /// With `sigma` or touches: the most likely poses, best first; all whose chi2 is inside the 99 % gate.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub modes: Option<Vec<ModeFields>>,
-    /// With `sigma`: readings less the three unknowns.
+    /// With `sigma` or touches: readings less the three unknowns; with touches negative where there are fewer.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub dof: Option<usize>,
+    pub dof: Option<i64>,
 }
 
-/// A pose that explains bearings with noise.
+/// A pose that explains readings with noise.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct ModeFields {
     /// The most likely pose hereabouts.
@@ -157,6 +168,9 @@ impl Problem for Inscription {
     }
 
     fn solve_until(&self, stop: Stop<'_>) -> Result<Searched<InscriptionAnswer>, SolveError> {
+        if self.is_touched() {
+            return self.solve_touched(stop);
+        }
         let outline = self.outline()?;
         let readings = self.readings()?;
         let (lines, points) = (readings.lines(), self.points());
@@ -191,7 +205,7 @@ impl Problem for Inscription {
             conditioning: exact.iter().map(|pose| outline.conditioning(&lines, &points, pose)).collect(),
             groups: outline.congruent_groups(&exact),
             poses: exact.into_iter().map(PoseFields::from).collect(),
-            dof: estimate.as_ref().map(|estimate| estimate.dof),
+            dof: estimate.as_ref().map(|estimate| i64::try_from(estimate.dof).unwrap_or(i64::MAX)),
             modes: estimate.map(|estimate| estimate.modes.iter().map(ModeFields::from).collect()),
         };
         Ok(Searched { found, complete })
@@ -297,12 +311,7 @@ impl Inscription {
 
     /// What the sensors say, all moved to where the part was at first.
     fn readings(&self) -> Result<NoisyReadings, InvalidInput> {
-        let mut bearings = Vec::with_capacity(2 * self.cones.len());
-        for (index, cone) in self.cones.iter().enumerate() {
-            bearings.extend(cone.bearings().map_err(|error| {
-                InvalidInput::at(Pointer::from("cones").index(index), format!("cone {index}: {error}"))
-            })?);
-        }
+        let bearings = self.bearings()?;
         let fences: Vec<_> = self.half_planes.iter().map(HalfPlaneFields::half_plane).collect();
         if bearings.is_empty() && fences.is_empty() && self.points.is_empty() {
             return Err(InvalidInput::missing(
@@ -311,6 +320,17 @@ impl Inscription {
             ));
         }
         Ok(NoisyReadings { bearings, fences, sigma: self.sigma.map_or(0.0, Sigma::get) })
+    }
+
+    /// The sides of all cones.
+    pub(super) fn bearings(&self) -> Result<Vec<Bearing>, InvalidInput> {
+        let mut bearings = Vec::with_capacity(2 * self.cones.len());
+        for (index, cone) in self.cones.iter().enumerate() {
+            bearings.extend(cone.bearings().map_err(|error| {
+                InvalidInput::at(Pointer::from("cones").index(index), format!("cone {index}: {error}"))
+            })?);
+        }
+        Ok(bearings)
     }
 
     fn underdetermined(&self, continuum: Continuum) -> InscriptionAnswer {
@@ -323,7 +343,7 @@ impl Inscription {
             conditioning: Vec::new(),
             groups: Vec::new(),
             modes: with_sigma.then(Vec::new),
-            dof: with_sigma.then(|| readings.saturating_sub(3)),
+            dof: with_sigma.then(|| i64::try_from(readings.saturating_sub(3)).unwrap_or(i64::MAX)),
         }
     }
 
@@ -360,7 +380,7 @@ impl ConeFields {
 }
 
 impl HalfPlaneFields {
-    fn half_plane(&self) -> HalfPlane {
+    pub(super) fn half_plane(&self) -> HalfPlane {
         let line = HalfPlane::new(self.normal_angle, self.offset);
         self.displacement.map_or(line, |pose| line.moved(&pose.world_from_part().inverse()))
     }

@@ -1,4 +1,4 @@
-//! The kinds of problem, one module each: `inscription` (thesis ch. 2), `point_sampling` and `corner_poses` (ch. 3),
+//! The kinds of problem, one module each: `inscription` with `touches` (thesis ch. 2), `point_sampling` and `corner_poses` (ch. 3),
 //! `support_friction`, `push`, `observe_push`, `observe_force` and `initial_pose` (ch. 5, 6), `roll` and `observe_roll` (ch. 7),
 //! `observability` (of a push or a roll).
 
@@ -14,3 +14,4 @@ pub mod push;
 pub mod pushed;
 pub mod roll;
 pub mod support_friction;
+pub mod touches;

@@ -32,6 +32,7 @@ use crate::math::statistics::chi_square_quantile;
 use crate::search::{Halt, Searched, Stop, never};
 pub use objective::FENCE_SD_RELATIVE;
 pub(super) use objective::{Objective, Placed};
+pub(super) use valley::covering;
 
 /// The true pose is among the modes with this probability.
 pub const GATE: f64 = 0.99;

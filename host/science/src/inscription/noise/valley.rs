@@ -69,7 +69,7 @@ impl Edge {
 
 /// A covariance that exceeds neither of two in any direction less than it must: in the axes that both share, the larger
 /// of each variance.
-fn covering(a: &Matrix3<f64>, b: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+pub(in crate::inscription) fn covering(a: &Matrix3<f64>, b: &Matrix3<f64>) -> Option<Matrix3<f64>> {
     let root = a.cholesky()?.l();
     let inverse = root.try_inverse()?;
     let relative = (inverse * b * inverse.transpose()).symmetric_eigen();
