@@ -25,6 +25,12 @@ const NEWTON_STEPS: usize = 16;
 /// A last step of this share of the slowest foot's speed leaves an error of its square.
 const LAST_STEP: f64 = 1e-7;
 
+/// The same in the variable in which a foot rests smoothly: rounding of the part's motion leaves 1e-8 of it.
+const LAST_SMOOTH_STEP: f64 = 1e-6;
+
+/// A foot so near to the centre of rotation, in sizes of the part, may rest.
+const PIVOT: f64 = 0.5;
+
 /// A misfit below this share of the largest is rounding, however long the step.
 const MISFIT_LEAST: f64 = 1e-15;
 
@@ -75,6 +81,26 @@ pub(super) struct Instant {
     pub(super) load: Vector3<f64>,
     /// Of a contact that moves by 1 into the part: the rate of turning, and the velocity of the part along `t`.
     per_into: [f64; 2],
+    /// A foot about which a sliding part all but turns.
+    pivot: Option<Pivot>,
+}
+
+/// A foot near the centre of rotation.
+#[derive(Clone, Copy, Debug)]
+struct Pivot {
+    foot: Vector2<f64>,
+    /// Its velocity per rate of turning, m.
+    per_turn: Vector2<f64>,
+}
+
+impl Pivot {
+    /// Rate of turning and velocity along `t` of a contact that moves by 1 into the part.
+    fn motion(&self, touching: &Touching) -> [f64; 2] {
+        let arm = touching.at - self.foot;
+        let contact = self.per_turn + Vector2::new(-arm.y, arm.x);
+        let omega = -1.0 / contact.dot(&touching.normal);
+        [omega, omega * contact.dot(&touching.tangent())]
+    }
 }
 
 /// The motion to begin with.
@@ -83,11 +109,12 @@ pub(super) struct Near {
     omega: f64,
     per_into: [f64; 2],
     load: Vector3<f64>,
+    pivot: Option<Pivot>,
 }
 
 impl From<&Instant> for Near {
     fn from(instant: &Instant) -> Self {
-        Self { omega: instant.omega, per_into: instant.per_into, load: instant.load }
+        Self { omega: instant.omega, per_into: instant.per_into, load: instant.load, pivot: instant.pivot }
     }
 }
 
@@ -124,8 +151,17 @@ impl Asked {
     fn begin(&self, near: &Near) -> Trial {
         match self.force {
             None => Trial { omega: near.omega, along: 0.0, load: near.load },
-            Some(_) => Trial { omega: near.per_into[0], along: near.per_into[1], load: near.load },
+            Some(_) => {
+                // A foot at rest stays so: from the same rates of turning it would move.
+                let [omega, along] = near.pivot.map_or(near.per_into, |pivot| pivot.motion(&self.touching));
+                Trial { omega, along, load: near.load }
+            }
         }
+    }
+
+    /// Whether a sliding part is pushed, not pulled: the other force on the same line.
+    fn is_pushed(&self, instant: &Instant) -> bool {
+        self.force.is_none_or(|direction| direction.dot(&instant.force) > 0.0)
     }
 
     fn instant(&self, trial: Trial, loaded: &Loaded, last: Vector3<f64>) -> Instant {
@@ -135,10 +171,15 @@ impl Asked {
         let Trial { omega, along, .. } = trial;
         let (force, load) = (Vector2::new(wrench.x, wrench.y), loaded.load);
         match self.force {
-            None => Instant { omega, slip: 0.0, force, load, per_into: [omega / into, passing / into] },
-            Some(_) => {
-                Instant { omega: into * omega, slip: into * along - passing, force, load, per_into: [omega, along] }
-            }
+            None => Instant { omega, slip: 0.0, force, load, per_into: [omega / into, passing / into], pivot: None },
+            Some(_) => Instant {
+                omega: into * omega,
+                slip: into * along - passing,
+                force,
+                load,
+                per_into: [omega, along],
+                pivot: None,
+            },
         }
     }
 }
@@ -183,45 +224,51 @@ impl Ground {
             let length = d_omega.abs() * self.size + d_along.abs();
             let step = turning * d_omega + along * d_along;
             trial.load = loaded.load;
+            if let Some((pivot, moved)) = self.smooth_step(asked, trial.omega, &twist, &step) {
+                [trial.omega, trial.along] = pivot.motion(&asked.touching);
+                if moved <= LAST_SMOOTH_STEP {
+                    let instant = Instant { pivot: Some(pivot), ..asked.instant(trial, &loaded, step) };
+                    return asked.is_pushed(&instant).then_some(instant);
+                }
+                continue;
+            }
             if length <= LAST_STEP * loaded.slowest.min(1.0) || misfit <= MISFIT_LEAST {
                 trial.omega += d_omega;
                 trial.along += d_along;
                 let instant = asked.instant(trial, &loaded, step);
-                return asked.force.is_none_or(|direction| direction.dot(&instant.force) > 0.0).then_some(instant);
+                return asked.is_pushed(&instant).then_some(instant);
             }
-            let taken = asked.force.filter(|_| self.feet_may_rest());
-            match taken.and_then(|_| self.smooth_step(asked, trial.omega, &twist, &step)) {
-                Some((omega, along)) => (trial.omega, trial.along) = (omega, along),
-                None => {
-                    trial.omega += d_omega;
-                    trial.along += d_along;
-                }
-            }
+            trial.omega += d_omega;
+            trial.along += d_along;
         }
         None
     }
 
-    /// The unknowns after a step in the variable in which a foot comes to rest smoothly.
-    fn smooth_step(&self, asked: &Asked, omega: f64, twist: &Vector3<f64>, step: &Vector3<f64>) -> Option<(f64, f64)> {
+    /// How the foot nearest to the centre of rotation moves after a step in the variable in which it comes to rest
+    /// smoothly, and how far that step goes; none where no foot may rest.
+    fn smooth_step(
+        &self,
+        asked: &Asked,
+        omega: f64,
+        twist: &Vector3<f64>,
+        step: &Vector3<f64>,
+    ) -> Option<(Pivot, f64)> {
+        asked.force.filter(|_| self.feet_may_rest())?;
         let (foot, ring) = self.slowest_foot(twist)?;
         let at_foot = |twist: &Vector3<f64>| Vector2::new(twist.x - twist.z * foot.y, twist.y + twist.z * foot.x);
         let per_turn = at_foot(twist) / omega;
-        if !(per_turn.norm() < self.size) {
+        // Written so that NaN fails.
+        if !(per_turn.norm() < PIVOT * self.size) {
             return None;
         }
         let per_turn_step = (at_foot(step) - per_turn * step.z) / omega;
         let root = per_turn.norm().hypot(ring);
         let in_ring = per_turn / root;
         let place = in_ring + per_turn / self.size;
-        let move_ = (per_turn_step - in_ring * in_ring.dot(&per_turn_step)) / root + per_turn_step / self.size;
-        let per_turn = from_smooth(place + move_, ring, self.size);
-        // The contact goes into the part by 1.
-        let (normal, tangent) = (asked.touching.normal, asked.touching.tangent());
-        let arm = asked.touching.at - foot;
-        let contact = per_turn + Vector2::new(-arm.y, arm.x);
-        let omega_next = -1.0 / contact.dot(&normal);
-        let goes_on = omega_next.is_finite() && omega_next * omega > 0.0;
-        goes_on.then(|| (omega_next, omega_next * contact.dot(&tangent)))
+        let change = (per_turn_step - in_ring * in_ring.dot(&per_turn_step)) / root + per_turn_step / self.size;
+        let pivot = Pivot { foot, per_turn: from_smooth(place + change, ring, self.size) };
+        let goes_on = pivot.motion(&asked.touching)[0] * omega > 0.0;
+        goes_on.then(|| (pivot, change.norm()))
     }
 
     /// The motion by enclosing it, with loads followed from `load`.
@@ -245,7 +292,7 @@ impl Ground {
         let (trial, loaded) = enclosed_zero(&mut |along| look(-along), 0.0, 1.0)?;
         self.newton(asked, trial).or_else(|| {
             let instant = asked.instant(trial, &loaded, Vector3::zeros());
-            (direction.dot(&instant.force) > 0.0).then_some(instant)
+            asked.is_pushed(&instant).then_some(instant)
         })
     }
 
