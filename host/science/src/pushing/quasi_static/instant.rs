@@ -34,6 +34,12 @@ const PIVOT: f64 = 0.5;
 /// A misfit below this share of the largest is rounding, however long the step.
 const MISFIT_LEAST: f64 = 1e-15;
 
+/// A misfit of an enclosed motion above this is no zero but a pole: with height, friction may grow beyond all bounds.
+const MISFIT_MAX: f64 = 1e-6;
+
+/// A foot that would have to be held down by more than this share is not on the way to lifting: the motion is another.
+const LOAD_BELIEVED: f64 = -0.1;
+
 /// Doublings that enclose a zero, beginning with the finger's speed, or a turn of it over the part's size.
 const DOUBLINGS: usize = 60;
 
@@ -185,10 +191,16 @@ impl Asked {
 }
 
 impl Ground {
-    /// The motion that is asked for; looked for from the one nearby, and from nowhere if that fails.
+    /// The motion that is asked for: looked for from the one nearby, then by enclosing it.
     pub(super) fn motion(&self, asked: &Asked, near: Option<&Near>) -> Option<Instant> {
-        let newton = near.and_then(|near| self.newton(asked, asked.begin(near)));
-        newton.or_else(|| self.enclosed(asked, near.map_or(EVEN, |near| near.load))).or_else(|| self.eased_into(asked))
+        let holds = |instant: &Instant| self.load_least(&instant.load) > LOAD_BELIEVED;
+        let newton = near.and_then(|near| self.newton(asked, asked.begin(near))).filter(holds);
+        newton.or_else(|| self.enclosed(asked, near.map_or(EVEN, |near| near.load)).filter(holds))
+    }
+
+    /// The same, followed from an easier motion if nothing else helps.
+    pub(super) fn motion_anew(&self, asked: &Asked, near: Option<&Near>) -> Option<Instant> {
+        self.motion(asked, near).or_else(|| self.eased_into(asked))
     }
 
     fn newton(&self, asked: &Asked, begin: Trial) -> Option<Instant> {
@@ -279,7 +291,8 @@ impl Ground {
             let turning = asked.touching.turning();
             let rest = -turning.dot(&loaded.wrench) / turning.dot(&(loaded.gradient * turning));
             let last = if rest.is_finite() { turning * rest } else { Vector3::zeros() };
-            return Some(asked.instant(trial, &loaded, last));
+            let misfit = turning.dot(&loaded.wrench) / (self.friction * self.size);
+            return (misfit.abs() <= MISFIT_MAX).then(|| asked.instant(trial, &loaded, last));
         };
         let mut omega = 0.0;
         let mut look = |along: f64| {
@@ -292,6 +305,11 @@ impl Ground {
         let (trial, loaded) = enclosed_zero(&mut |along| look(-along), 0.0, 1.0)?;
         self.newton(asked, trial).or_else(|| {
             let instant = asked.instant(trial, &loaded, Vector3::zeros());
+            let off = direction.perp(&instant.force) / self.friction;
+            let moment = asked.touching.turning().dot(&loaded.wrench) / (self.friction * self.size);
+            if off.abs().max(moment.abs()) > MISFIT_MAX {
+                return None;
+            }
             asked.is_pushed(&instant).then_some(instant)
         })
     }
@@ -313,7 +331,7 @@ impl Ground {
     fn eased_into(&self, asked: &Asked) -> Option<Instant> {
         let easy = |share: f64| self.eased(share, RING_EASY);
         let first = easy(0.0).enclosed(asked, EVEN)?;
-        let raised = if self.lift > 0.0 {
+        let raised = if self.is_lifted() {
             follow(first, |share, near| easy(share).newton(asked, asked.begin(&near)))?
         } else {
             first

@@ -34,6 +34,10 @@ const GLIMPSE_LEAST: f64 = 1e-6;
 /// What happens at a stage by less than this is the stage's own error.
 const GLIMPSE: f64 = 1e-9;
 
+/// A motion that cannot be followed farther while the finger goes into the part by less than this is one that it leaves:
+/// where the part would slide along the finger, the part gets ever faster for the little that the finger goes into it.
+const INTO_LOST: f64 = 1e-6;
+
 /// Directions of a path that differ by less than this make no corner, rad: places on a line are rounded.
 const STRAIGHT_RAD: f64 = 1e-9;
 
@@ -365,7 +369,7 @@ impl<'a> Following<'a> {
                 break;
             }
             let before = done;
-            let end = self.push_on(contact, from, direction, &mut done, length, changes > CHANGES_AT_A_PLACE)?;
+            let end = self.push_on(contact, from, direction, &mut done, length, changes)?;
             self.gone = begun + done;
             if end.is_some() {
                 return Ok(end);
@@ -407,16 +411,16 @@ impl<'a> Following<'a> {
     ) -> Option<SlowEnd> {
         let stretch = |mode| self.stretch(centre, direction, mode, place);
         let state = [theta, place.along];
-        let stick = stretch(Mode::Stick).look(state, near);
+        let stick = stretch(Mode::Stick).look_anew(state, near);
         let cone = CONE_ROUNDING * self.ground.friction;
         let found = match &stick {
             Some(look) if look.watched.mode >= -cone => Some((Mode::Stick, *look)),
             Some(look) => {
                 let mode = Mode::Slide(-self.tangential(place, look));
-                stretch(mode).look(state, Some(&Near::from(&look.instant))).map(|look| (mode, look))
+                stretch(mode).look_anew(state, Some(&Near::from(&look.instant))).map(|look| (mode, look))
             }
             None => [1.0, -1.0].into_iter().find_map(|sign| {
-                let look = stretch(Mode::Slide(sign)).look(state, near)?;
+                let look = stretch(Mode::Slide(sign)).look_anew(state, near)?;
                 (look.watched.mode >= 0.0).then_some((Mode::Slide(sign), look))
             }),
         };
@@ -450,9 +454,10 @@ impl<'a> Following<'a> {
         direction: Vector2<f64>,
         done: &mut f64,
         length: f64,
-        settle: bool,
+        changes: usize,
     ) -> Result<Option<SlowEnd>, SlowPushError> {
         let size = self.ground.size;
+        let settle = changes > CHANGES_AT_A_PLACE;
         let mut stretch = self.stretch(from + direction * *done, direction, contact.mode, contact.place);
         let bounds = self.outline.bounds(contact.place);
         let mut state = [contact.theta, contact.place.along];
@@ -471,7 +476,7 @@ impl<'a> Following<'a> {
                 step = 0.5 * tried;
                 if step < STEP_LEAST * size {
                     self.touching(contact, state, &look);
-                    return Ok(Some(SlowEnd::Tip));
+                    return Ok(self.lost(&stretch, state, &look, changes));
                 }
                 continue;
             };
@@ -504,6 +509,26 @@ impl<'a> Following<'a> {
         }
     }
 
+    /// What becomes of a motion that cannot be followed farther.
+    fn lost(
+        &mut self,
+        stretch: &Stretch<'_>,
+        [theta, along]: [f64; 2],
+        look: &Look,
+        changes: usize,
+    ) -> Option<SlowEnd> {
+        let place = Place { along, ..stretch.place };
+        if look.watched.into < INTO_LOST {
+            self.state = State::Free(self.pose(stretch.centre));
+            return None;
+        }
+        // The part may go on in another way; if that leads nowhere, it tips.
+        if changes > 0 {
+            return Some(SlowEnd::Tip);
+        }
+        self.decide(stretch.centre, stretch.direction, place, theta, None)
+    }
+
     fn touching(&mut self, contact: Contact, [theta, along]: [f64; 2], look: &Look) {
         let place = Place { along, ..contact.place };
         self.state = State::Touching(Contact { place, theta, instant: look.instant, ..contact });
@@ -534,7 +559,7 @@ impl<'a> Following<'a> {
                 Mode::Stick => {
                     let mode = Mode::Slide(-self.tangential(place, look));
                     let sliding = self.stretch(stretch.centre, stretch.direction, mode, place);
-                    let Some(look) = sliding.look([theta, along], Some(&near)) else { return Some(SlowEnd::Tip) };
+                    let Some(look) = sliding.look_anew([theta, along], Some(&near)) else { return Some(SlowEnd::Tip) };
                     self.state = State::Touching(Contact { mode, place, theta, instant: look.instant });
                     None
                 }
@@ -577,7 +602,16 @@ impl<'a> Following<'a> {
 
 impl Stretch<'_> {
     /// The rates at a turn and a place, and what may happen.
-    fn look(&self, [theta, along]: [f64; 2], near: Option<&Near>) -> Option<Look> {
+    fn look(&self, state: [f64; 2], near: Option<&Near>) -> Option<Look> {
+        self.look_by(state, |asked| self.ground.motion(asked, near))
+    }
+
+    /// The same, whatever it takes.
+    fn look_anew(&self, state: [f64; 2], near: Option<&Near>) -> Option<Look> {
+        self.look_by(state, |asked| self.ground.motion_anew(asked, near))
+    }
+
+    fn look_by(&self, [theta, along]: [f64; 2], find: impl Fn(&Asked) -> Option<Instant>) -> Option<Look> {
         let place = Place { along, ..self.place };
         let touched = self.outline.touched(place);
         let touching = Touching { at: touched.at - self.ground.centre, normal: touched.normal };
@@ -587,7 +621,7 @@ impl Stretch<'_> {
             Mode::Stick => None,
             Mode::Slide(sign) => Some((-touched.normal - touching.tangent() * (sign * sliding)).normalize()),
         };
-        let instant = self.ground.motion(&Asked { touching, velocity, force }, near)?;
+        let instant = find(&Asked { touching, velocity, force })?;
         let mode = match self.mode {
             Mode::Slide(sign) => sign * instant.slip,
             Mode::Stick => {

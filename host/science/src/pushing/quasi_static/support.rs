@@ -1,16 +1,17 @@
 //! What a part stands on: how the plane resists its motion, and how its load spreads.
 //!
-//! The load is known by `λ = (a, ρ b)`: a foot, or a bit of the face, bears `g·w·max(0, λ·y)` with `y = (1, (p − p̄)/ρ)`
-//! and `ρ` the part's size. Friction of a motion is linear in `λ` as long as the same feet bear load, which is why
-//! [`Ground::loaded`] finds load and force together: of `L λ = (1, (c − p̄ + h F/g)/ρ)` with `L = Σ w y yᵀ` and
-//! `F = P λ` it solves `(L − h E P) λ = (1, (c − p̄)/ρ)` by Newton's method, which is exact once the right feet bear load.
+//! The load is known by `λ = (a, S⁻ᵀ b)`: a foot, or a bit of the face, bears `g·w·max(0, λ·y)` with
+//! `y = (1, S (p − p̄))`; `S` scales by the part's size, or so that feet near one line are spread as others. Friction of a
+//! motion is linear in `λ` as long as the same feet bear load, which is why [`Ground::loaded`] finds load and force
+//! together: of `L λ = (1, S (c − p̄ + h F/g))` with `L = Σ w y yᵀ` and `F = P λ` it solves
+//! `(L − h E S P) λ = (1, S (c − p̄))` by Newton's method, which is exact once the right feet bear load.
 //!
 //! Implements: dissipation `D(v, ω) = Σ µᵢ Nᵢ √(|v + ω × pᵢ|² + e²ω²)` and its gradient, the force on the part.
 //! Assumes: Coulomb friction.
 //! Frames: part axes, origin at the supports' centre `p̄`. Units: SI; forces per weight.
 //! Errors: none; where no load fits, none is found.
 
-use nalgebra::{Matrix3, Point2, Vector2, Vector3};
+use nalgebra::{Cholesky, Matrix2, Matrix3, Point2, Vector2, Vector3};
 
 use super::pressure::Face;
 use crate::geometry::SimplePolygon;
@@ -26,6 +27,9 @@ const LOAD_FOUND: f64 = 1e-13;
 
 /// Feet nearer to one line than this, in sizes of the part, are on it.
 const ON_LINE: f64 = 1e-9;
+
+/// A misfit of this share that no step lessens is rounding.
+const LOAD_ROUNDING: f64 = 1e-12;
 
 /// Looks for a load: three are usual.
 const LOAD_LOOKS: usize = 60;
@@ -180,10 +184,12 @@ pub(super) struct Ground {
     pub(super) centre: Point2<f64>,
     /// The part's size `ρ`, m.
     pub(super) size: f64,
-    /// `(1, (c − p̄)/ρ)`.
+    /// `(1, S (c − p̄))`.
     weight: Vector3<f64>,
-    /// Height of the contact over the part's size.
-    pub(super) lift: f64,
+    /// `h S`.
+    lift: Matrix2<f64>,
+    /// Whether the contact is above the plane.
+    lifts: bool,
     /// The largest coefficient: what forces are compared with.
     pub(super) friction: f64,
     /// Radius of the feet's rings, m.
@@ -225,12 +231,18 @@ impl Ground {
     ) -> Self {
         let centre = support.centre(outline);
         let size = outline.vertices().iter().map(|p| (p - centre).norm()).fold(0.0, f64::max);
-        let offset = centre_of_mass.map_or(Vector2::zeros(), |c| (c - centre) / size);
+        let scale = match support {
+            Support::Feet { feet, .. } => spread(feet, centre),
+            Support::Uniform { .. } => None,
+        };
+        let scale = scale.unwrap_or(Matrix2::identity() / size);
+        let offset = centre_of_mass.map_or(Vector2::zeros(), |c| scale * (c - centre));
         let (kind, ring) = match support {
             Support::Feet { feet, ring_radius } => {
                 let standing = feet.iter().filter(|foot| foot.share > 0.0).map(|foot| {
                     let at = foot.at - centre;
-                    let y = Vector3::new(1.0, at.x / size, at.y / size);
+                    let y = scale * at;
+                    let y = Vector3::new(1.0, y.x, y.y);
                     Standing { at, y, share: foot.share, friction: foot.friction }
                 });
                 (Kind::Feet(standing.collect()), ring_radius.max(RING_LEAST * size))
@@ -248,7 +260,8 @@ impl Ground {
             centre,
             size,
             weight: Vector3::new(1.0, offset.x, offset.y),
-            lift: height / size,
+            lift: scale * height,
+            lifts: height > 0.0,
             friction: support.friction_max(),
             ring,
         }
@@ -256,7 +269,17 @@ impl Ground {
 
     /// The same with a share of the height, and rings not smaller than a share of the part's size.
     pub(super) fn eased(&self, share: f64, ring: f64) -> Self {
-        Self { lift: self.lift * share, ring: self.ring.max(ring * self.size), ..self.clone() }
+        Self {
+            lift: self.lift * share,
+            lifts: self.lifts && share > 0.0,
+            ring: self.ring.max(ring * self.size),
+            ..self.clone()
+        }
+    }
+
+    /// Whether the contact is above the plane.
+    pub(super) fn is_lifted(&self) -> bool {
+        self.lifts
     }
 
     /// Whether rings are so small that a foot may as well rest.
@@ -277,7 +300,7 @@ impl Ground {
     /// Three feet bear what they must, or the part tips; with more, others take over.
     pub(super) fn load_least(&self, load: &Vector3<f64>) -> f64 {
         match &self.kind {
-            Kind::Feet(feet) if self.lift > 0.0 && feet.len() <= 3 => {
+            Kind::Feet(feet) if self.lifts && feet.len() <= 3 => {
                 feet.iter().map(|foot| foot.y.dot(load)).fold(f64::INFINITY, f64::min)
             }
             _ => 1.0,
@@ -288,15 +311,15 @@ impl Ground {
         match &self.kind {
             Kind::Feet(feet) => {
                 let mut resistance = Resistance::nothing();
-                let lifts = self.lift > 0.0 && feet.len() > 3;
+                let spares = self.lifts && feet.len() > 3;
                 for foot in feet {
                     let bears = foot.y.dot(load);
-                    if lifts && bears <= 0.0 {
+                    if spares && bears <= 0.0 {
                         continue;
                     }
                     let friction = foot.share * foot.friction;
                     resistance.add(twist, foot.at, self.ring * self.ring, friction, friction * bears, &foot.y);
-                    if self.lift > 0.0 {
+                    if self.lifts {
                         resistance.weighing += foot.y * (foot.y * foot.share).transpose();
                     }
                 }
@@ -322,7 +345,7 @@ impl Ground {
 
     /// Friction of a motion with its load, looked for from the load `near`; none where no load fits.
     pub(super) fn loaded(&self, twist: &Vector3<f64>, near: &Vector3<f64>) -> Option<Loaded> {
-        if self.lift == 0.0 {
+        if !self.lifts {
             let resistance = self.resistance(twist, &EVEN);
             let wrench = resistance.by_load.column(0).into();
             return Some(Loaded { wrench, gradient: resistance.by_twist, load: EVEN, slowest: resistance.slowest });
@@ -334,13 +357,7 @@ impl Ground {
         for _ in 0..LOAD_LOOKS {
             let step = system.try_inverse()? * self.weight - load;
             if step.norm() <= LOAD_FOUND * (1.0 + load.norm()) {
-                let wrench = resistance.by_load * load;
-                let forces = resistance.by_twist.fixed_rows::<2>(0);
-                // How the load goes with the twist, and friction with the load.
-                let mut pushes = Matrix3::zeros();
-                pushes.fixed_rows_mut::<2>(1).copy_from(&(forces * self.lift));
-                let gradient = resistance.by_twist + resistance.by_load * (system.try_inverse()? * pushes);
-                return Some(Loaded { wrench, gradient, load, slowest: resistance.slowest });
+                return self.found(&resistance, &system, load);
             }
             let mut share = 1.0;
             let mut taken = false;
@@ -357,20 +374,40 @@ impl Ground {
                 share *= 0.5;
             }
             if !taken {
-                return None;
+                // What is left may be rounding.
+                return (misfit <= LOAD_ROUNDING * (1.0 + load.norm()))
+                    .then(|| self.found(&resistance, &system, load))?;
             }
         }
         None
     }
 
-    /// `L − h E P`.
+    /// Friction, and how it changes with the twist, its load with it.
+    fn found(&self, resistance: &Resistance, system: &Matrix3<f64>, load: Vector3<f64>) -> Option<Loaded> {
+        let forces = resistance.by_twist.fixed_rows::<2>(0);
+        let mut pushes = Matrix3::zeros();
+        pushes.fixed_rows_mut::<2>(1).copy_from(&(self.lift * forces));
+        // How the load goes with the twist, and friction with the load.
+        let gradient = resistance.by_twist + resistance.by_load * (system.try_inverse()? * pushes);
+        Some(Loaded { wrench: resistance.by_load * load, gradient, load, slowest: resistance.slowest })
+    }
+
+    /// `L − h E S P`.
     fn system(&self, resistance: &Resistance) -> Matrix3<f64> {
         let mut system = resistance.weighing;
+        let pushes = self.lift * resistance.by_load.fixed_rows::<2>(0);
         for row in 0..2 {
             for column in 0..3 {
-                system[(row + 1, column)] -= self.lift * resistance.by_load[(row, column)];
+                system[(row + 1, column)] -= pushes[(row, column)];
             }
         }
         system
     }
+}
+
+/// What scales places so that feet are spread alike in all directions, 1/m; none for feet on one line.
+fn spread(feet: &[Foot], centre: Point2<f64>) -> Option<Matrix2<f64>> {
+    let weight: f64 = feet.iter().map(|foot| foot.share).sum();
+    let squares = feet.iter().map(|foot| (foot.at - centre) * (foot.at - centre).transpose() * (foot.share / weight));
+    Cholesky::new(squares.sum())?.l().try_inverse()
 }
