@@ -22,6 +22,8 @@ mod outline;
 mod pressure;
 mod run;
 mod support;
+#[cfg(test)]
+mod tests;
 
 pub use outline::Element;
 pub use run::{SlowContact, SlowEnd, SlowMode, SlowPush, SlowPushError, SlowRun, SlowSample};

@@ -186,6 +186,9 @@ pub(super) struct Ground {
     pub(super) size: f64,
     /// `(1, S (c − p̄))`.
     weight: Vector3<f64>,
+    /// `S`, 1/m.
+    #[cfg(test)]
+    scale: Matrix2<f64>,
     /// `h S`.
     lift: Matrix2<f64>,
     /// Whether the contact is above the plane.
@@ -260,6 +263,8 @@ impl Ground {
             centre,
             size,
             weight: Vector3::new(1.0, offset.x, offset.y),
+            #[cfg(test)]
+            scale,
             lift: scale * height,
             lifts: height > 0.0,
             friction: support.friction_max(),
@@ -305,6 +310,13 @@ impl Ground {
             }
             _ => 1.0,
         }
+    }
+
+    /// The load as constant and slope along both axes of the part: 1, 1/m, 1/m.
+    #[cfg(test)]
+    pub(super) fn load_in_metres(&self, load: &Vector3<f64>) -> [f64; 3] {
+        let slope = self.scale.transpose() * Vector2::new(load.y, load.z);
+        [load.x, slope.x, slope.y]
     }
 
     fn resistance(&self, twist: &Vector3<f64>, load: &Vector3<f64>) -> Resistance {
