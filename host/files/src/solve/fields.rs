@@ -92,6 +92,9 @@ pub struct NonNegative(f64);
 schema!(NonNegative, {"type": "number", "minimum": 0});
 
 impl NonNegative {
+    /// A thousandth: a millimetre, where a length is meant.
+    pub(super) const ONE_MILLI: Self = Self(1e-3);
+
     /// The number.
     #[must_use]
     pub fn get(self) -> f64 {
@@ -130,6 +133,9 @@ pub struct Positive(f64);
 schema!(Positive, {"type": "number", "exclusiveMinimum": 0});
 
 impl Positive {
+    /// Half a thousandth: half a millimetre, where a length is meant.
+    pub(super) const HALF_A_MILLI: Self = Self(5e-4);
+
     /// The number.
     #[must_use]
     pub fn get(self) -> f64 {

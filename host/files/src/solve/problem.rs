@@ -21,7 +21,7 @@ use super::{finite, kinds, schema, spelling};
 /// The kinds that `palpate solve` answers.
 pub const KINDS: Registry = Registry::new(&[
     Kind::of::<kinds::support_friction::SupportFrictionProblem>(),
-    Kind::of::<kinds::push::Push>(),
+    Kind::of::<kinds::quasi_static::AnyPush>(),
     Kind::of::<kinds::observe_push::ObservePush>(),
     Kind::of::<kinds::observe_force::ObserveForce>(),
     Kind::of::<kinds::roll::Roll>(),

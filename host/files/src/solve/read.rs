@@ -209,6 +209,26 @@ fn read_tagged<T>(json: Json<'_>, tag: &'static str, variants: &[Variant<T>]) ->
     }
 }
 
+/// Reads an object by what its field `tag` says: `named` without that field if it is `name`, otherwise the whole with
+/// `others`.
+///
+/// # Errors
+/// Those of either.
+pub(super) fn named_or<'de, D: Deserializer<'de>, T>(
+    deserializer: D,
+    tag: &'static str,
+    (name, named): Variant<T>,
+    others: fn(Fields<'_>) -> Result<T, InvalidInput>,
+) -> Result<T, D::Error> {
+    let unread = Unread::deserialize(deserializer)?;
+    let json = unread.json();
+    let is_object = json.shape() == Shape::Object;
+    let chosen = is_object.then(|| json.member(tag)).flatten();
+    let is_named = chosen.is_some_and(|chosen| chosen.shape() == Shape::String && chosen.string() == name);
+    let read = if is_named { named(Fields::without(json, &[tag])) } else { others(Fields::of(json)) };
+    read.map_err(D::Error::custom)
+}
+
 /// Reads what is either a word or something else: `Ok` the word, if it is one of a string, `Err` the other thing.
 ///
 /// # Errors

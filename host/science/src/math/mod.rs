@@ -1,8 +1,8 @@
 //! Mathematics that several rooms share. Nothing here knows of fingers, friction or forces.
 //!
 //! - [`angle`]: wrapping, and the angle of a contact; [`Jet`] (`dual`): numbers that carry their derivatives;
-//! - [`least_squares`]: the one damped descent (Levenberg and Marquardt); [`ode`]: the one Runge–Kutta step; `roots`:
-//!   zeros of a function on an interval;
+//! - [`least_squares`]: the one damped descent (Levenberg and Marquardt); [`ode`]: the one Runge–Kutta step;
+//!   `dormand_prince`: the one error-controlled step; `roots`: zeros of a function on an interval;
 //! - [`Spectrum`] (`spectrum`): rank and unseen directions of a system; [`statistics`]: means, percentiles, quantiles;
 //! - [`random`]: numbers and polygons from a seed; [`BitSet`], [`BitMatrix`] (`bits`): sets of small numbers;
 //! - `arrays`: vectors and matrices as plain arrays in files.
@@ -10,6 +10,7 @@
 pub mod angle;
 pub(crate) mod arrays;
 pub(crate) mod bits;
+pub(crate) mod dormand_prince;
 mod dual;
 pub mod least_squares;
 pub mod ode;

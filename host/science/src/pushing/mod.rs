@@ -1,8 +1,8 @@
 //! Parts that a finger pushes across a plane (thesis ch. 5 and 6).
 //!
-//! [`dynamics`] moves them, [`observability`] says what of their state can be felt, [`estimation`] finds pose and
-//! motion from what is felt. [`finger_motion`] is how the finger goes; [`pushed_world`] plays a push as it would
-//! happen.
+//! [`dynamics`] moves them, [`quasi_static`] where that is so slow that nothing swings; [`observability`] says what of
+//! their state can be felt, [`estimation`] finds pose and motion from what is felt. [`finger_motion`] is how the finger
+//! goes; [`pushed_world`] plays a push as it would happen.
 //!
 //! Frames: world, unless named. Units: SI.
 
@@ -12,3 +12,4 @@ pub mod finger_motion;
 pub mod measured_path;
 pub mod observability;
 pub mod pushed_world;
+pub mod quasi_static;

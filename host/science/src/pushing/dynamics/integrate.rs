@@ -1,8 +1,7 @@
 //! Steps in time: a fixed one for observers, an error-controlled one for truth.
 //!
-//! Implements: the classical Runge–Kutta method of order 4 ([`ode`]); Dormand and Prince's pair of orders 5 and 4 with
-//! its interpolant of order 4 (Hairer, Nørsett, Wanner, *Solving Ordinary Differential Equations I*, 2nd ed., II.5 and
-//! II.6).
+//! Implements: the classical Runge–Kutta method of order 4 ([`ode`]); Dormand and Prince's pair
+//! ([`dormand_prince`](crate::math::dormand_prince)).
 //! Assumes: the contact stays as it is during a step.
 //! Units: SI. Errors: none; a step too large shows in its error estimate.
 
@@ -11,6 +10,7 @@ use std::ops::{Add, Mul};
 use super::contact_model::ContactModel;
 use super::model::{ContactMode, PushModel, State};
 use super::scalar::Scalar;
+use crate::math::dormand_prince::{ERROR, INTERPOLANT, NODES, STAGES, growth, moved};
 use crate::math::ode::{self, Moves};
 
 /// Error of one adaptive step that is accepted, relative to the scales of [`Scale`].
@@ -21,12 +21,6 @@ pub(super) const STEP_TOLERANCE: f64 = 1e-11;
 
 /// Speeds below this, in m/s, count as this in the scale of a step's error: no sensor tells them from rest.
 const SPEED_FLOOR: f64 = 1e-11;
-
-/// Share of the step that the error estimate suggests: a rejected step costs as much as an accepted one.
-const SAFETY: f64 = 0.9;
-
-/// Least and greatest change from one step's length to the next.
-const GROWTH: (f64, f64) = (0.2, 5.0);
 
 /// The rates of a state are kept as another one.
 impl<T: Scalar> Moves<Self> for State<T> {
@@ -89,35 +83,6 @@ impl From<Components> for State {
     }
 }
 
-/// Where the stages of a step are, as shares of its length.
-const NODES: [f64; 7] = [0.0, 0.2, 0.3, 0.8, 8.0 / 9.0, 1.0, 1.0];
-
-/// What each stage starts from; the last row is the step itself, of order 5.
-const STAGES: [[f64; 6]; 7] = [
-    [0.0; 6],
-    [0.2, 0.0, 0.0, 0.0, 0.0, 0.0],
-    [3.0 / 40.0, 9.0 / 40.0, 0.0, 0.0, 0.0, 0.0],
-    [44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0, 0.0, 0.0, 0.0],
-    [19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0, 0.0, 0.0],
-    [9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0, 0.0],
-    [35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0],
-];
-
-/// The step of order 5 minus that of order 4.
-const ERROR: [f64; 7] =
-    [71.0 / 57600.0, 0.0, -71.0 / 16695.0, 71.0 / 1920.0, -17253.0 / 339_200.0, 22.0 / 525.0, -1.0 / 40.0];
-
-/// The fourth-order term of the interpolant.
-const INTERPOLANT: [f64; 7] = [
-    -12_715_105_075.0 / 11_282_082_432.0,
-    0.0,
-    87_487_479_700.0 / 32_700_410_799.0,
-    -10_690_763_975.0 / 1_880_347_072.0,
-    701_980_252_875.0 / 199_316_789_632.0,
-    -1_453_857_185.0 / 822_651_844.0,
-    69_997_945.0 / 29_380_423.0,
-];
-
 /// One step of the pair, with what it takes to look inside it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Step {
@@ -174,20 +139,8 @@ impl Step {
 
     /// The length that the next step, or another try of this one, should have.
     pub(super) fn length_next(&self, error: f64) -> f64 {
-        let growth = SAFETY * error.powf(-0.2);
-        self.length * if growth.is_nan() { GROWTH.0 } else { growth.clamp(GROWTH.0, GROWTH.1) }
+        self.length * growth(error)
     }
-}
-
-/// `start` plus `length` times the weighted slopes.
-fn moved<const N: usize>(start: Components, slopes: &[Components; 7], weights: &[f64; N], length: f64) -> Components {
-    let mut moved = start;
-    for (slope, weight) in slopes.iter().zip(weights).filter(|(_, weight)| **weight != 0.0) {
-        for (component, rate) in moved.iter_mut().zip(slope) {
-            *component += length * weight * rate;
-        }
-    }
-    moved
 }
 
 /// What an error in each component is measured by: 1 rad, the radius of gyration, and the present speeds.
