@@ -16,14 +16,28 @@
 //! [[fence]]               # a line that the part touches: x cos(normal) + y sin(normal) = offset, the part below it
 //! normal = -90
 //! offset = 0
+//! sigma = 0.05            # standard deviation of the offset, in the file's unit (optional: without it the line is exact)
 //!
-//! [[point]]               # a point on the part's outline: a probed contact (optional; not with sigma)
+//! [[point]]               # a point on the part's outline: a probed contact
 //! at = [60, 15]
+//! sigma = 0.05            # of each coordinate, in the file's unit; without it on all points they are exact, and go
+//!                         # with exact readings only
+//! normal = 0              # of the outline there, out of the part, and its standard deviation (optional, both or none)
+//! normal_sigma = 2
+//!
+//! [[free]]                # a disk that the part does not reach into (optional)
+//! centre = [80, 15]
+//! radius = 4
 //! ```
+//!
+//! With a point's or a fence's `sigma`, or a free disk, the part may have notches; lines and cones touch its hull.
 
 use nalgebra::{Isometry2, Point2};
 use palpate::geometry::{ConvexPolygon, NotConvex, PolygonError, SimplePolygon};
-use palpate::inscription::{Bearing, Cone, ConeError, Ellipse, HalfPlane, NoisyReadings, Outline, Rounded};
+use palpate::inscription::{
+    Bearing, Cone, ConeError, Ellipse, FeltNormal, Fence, FreeDisk, HalfPlane, NoisyReadings, Outline, Rounded, Touch,
+    TouchReadings,
+};
 use serde::Deserialize;
 use toml::Value;
 
@@ -53,8 +67,10 @@ pub struct Views {
     pub readings: NoisyReadings,
     /// Points of the outline, moved likewise.
     pub points: Vec<Point2<f64>>,
-    /// Whether the bearings have errors.
+    /// Whether the readings have errors.
     pub noisy: bool,
+    /// All readings as those of a part that was felt, where a point or a fence has errors or a disk is free.
+    pub felt: Option<TouchReadings>,
 }
 
 /// Why a file cannot be used.
@@ -112,6 +128,43 @@ pub enum ViewFileError {
         /// Place of the entry in the file, from 0.
         index: usize,
     },
+    /// A standard deviation of an entry that cannot be.
+    #[error("{what} {index}: {key} = {value:?} must be finite and above 0")]
+    Deviation {
+        /// `fence` or `point`.
+        what: &'static str,
+        /// Place of the entry in the file, from 0.
+        index: usize,
+        /// The key.
+        key: &'static str,
+        /// As given.
+        value: f64,
+    },
+    /// A point that is exact beside others that are not.
+    #[error(
+        "point {index} has no `sigma`, and something else here is known with errors only: give each [[point]] its `sigma`, a length"
+    )]
+    ExactPoint {
+        /// Place of the point in the file, from 0.
+        index: usize,
+    },
+    /// One of two keys that go together.
+    #[error("point {index} has one of `normal` and `normal_sigma`: give both or none")]
+    HalfNormal {
+        /// Place of the point in the file, from 0.
+        index: usize,
+    },
+    /// Exact bearings beside readings with errors.
+    #[error(
+        "[[cone]] beside points or fences with errors needs `sigma`, the standard deviation of each bearing in degrees"
+    )]
+    ExactCones,
+    /// A disk that cannot be.
+    #[error("free {index}: centre and radius must be finite, the radius not below 0")]
+    Free {
+        /// Place of the entry in the file, from 0.
+        index: usize,
+    },
     /// A centre of mass that is no place.
     #[error("centre_of_mass = {value:?} must be finite")]
     CentreOfMass {
@@ -165,6 +218,15 @@ struct ViewKeys {
     fence: Vec<FenceKeys>,
     #[serde(default)]
     point: Vec<PointKeys>,
+    #[serde(default)]
+    free: Vec<FreeKeys>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FreeKeys {
+    centre: Numbers<2>,
+    radius: f64,
 }
 
 #[derive(Deserialize)]
@@ -181,6 +243,7 @@ struct ConeKeys {
 struct FenceKeys {
     normal: f64,
     offset: f64,
+    sigma: Option<f64>,
     moved: Option<Numbers<3>>,
 }
 
@@ -188,6 +251,9 @@ struct FenceKeys {
 #[serde(deny_unknown_fields)]
 struct PointKeys {
     at: Numbers<2>,
+    sigma: Option<f64>,
+    normal: Option<f64>,
+    normal_sigma: Option<f64>,
     moved: Option<Numbers<3>>,
 }
 
@@ -229,6 +295,12 @@ impl NamedPart {
         let together = |what, with, remedy| Err(ViewFileError::Together { what, with, remedy });
         let smooth = !matches!(self.shape, Outline::Polygon(_));
         let notched = ConvexPolygon::new(&self.outline).is_err();
+        if views.felt.is_some() && smooth {
+            return together("touches", "a smooth part", "describe it by many vertices");
+        }
+        if views.felt.is_some() {
+            return Ok(());
+        }
         match (views.noisy, views.points.is_empty()) {
             (true, _) if smooth => together("sigma", "a smooth part", "describe it by many vertices"),
             (false, false) if smooth => together("[[point]]", "a smooth part", "describe it by many vertices"),
@@ -339,15 +411,76 @@ impl Views {
         if bearings.is_empty() && fences.is_empty() && points.is_empty() {
             return Err(ViewFileError::Nothing);
         }
-        if noisy && !points.is_empty() {
+        let sigma = (keys.sigma.unwrap_or(0.0) * degrees).to_radians();
+        let readings = NoisyReadings { bearings, fences, sigma };
+        let felt = keys.is_felt().then(|| keys.felt(&readings, metres, degrees)).transpose()?;
+        if noisy && felt.is_none() && !points.is_empty() {
             return Err(ViewFileError::Together {
                 what: "[[point]]",
                 with: "sigma",
-                remedy: "points are taken to be exact: leave one of them out",
+                remedy: "a point without a `sigma` of its own (a length) is exact: give each its own",
             });
         }
-        let sigma = (keys.sigma.unwrap_or(0.0) * degrees).to_radians();
-        Ok(Self { cones, readings: NoisyReadings { bearings, fences, sigma }, points, noisy })
+        Ok(Self { cones, readings, points, noisy: noisy || felt.is_some(), felt })
+    }
+}
+
+impl ViewKeys {
+    /// Whether something is known with errors that only touches have, or a disk is free.
+    fn is_felt(&self) -> bool {
+        let has_errors = self.point.iter().any(|point| point.sigma.is_some())
+            || self.fence.iter().any(|fence| fence.sigma.is_some());
+        has_errors || !self.free.is_empty()
+    }
+
+    fn felt(&self, readings: &NoisyReadings, metres: f64, degrees: f64) -> Result<TouchReadings, ViewFileError> {
+        if !readings.bearings.is_empty() && self.sigma.is_none() {
+            return Err(ViewFileError::ExactCones);
+        }
+        let touches = self.point.iter().enumerate().map(|(index, point)| point.touch(index, metres, degrees));
+        let fences = self.fence.iter().zip(&readings.fences).enumerate().map(|(index, (fence, line))| {
+            let sigma = fence.sigma.map(|value| deviation("fence", index, "sigma", value)).transpose()?;
+            Ok(Fence { line: *line, sigma: sigma.map(|sigma| sigma * metres) })
+        });
+        let free = self.free.iter().enumerate().map(|(index, disk)| {
+            let numbers = disk.centre.0.iter().chain([&disk.radius]);
+            if !numbers.into_iter().all(|value| value.is_finite()) || disk.radius < 0.0 {
+                return Err(ViewFileError::Free { index });
+            }
+            Ok(FreeDisk { centre: Point2::from(disk.centre.0) * metres, radius: disk.radius * metres })
+        });
+        Ok(TouchReadings {
+            touches: touches.collect::<Result<_, _>>()?,
+            fences: fences.collect::<Result<_, ViewFileError>>()?,
+            bearings: readings.bearings.clone(),
+            bearing_sigma: readings.sigma,
+            free: free.collect::<Result<_, _>>()?,
+        })
+    }
+}
+
+/// A standard deviation that can be.
+fn deviation(what: &'static str, index: usize, key: &'static str, value: f64) -> Result<f64, ViewFileError> {
+    let is_fair = value.is_finite() && value > 0.0;
+    is_fair.then_some(value).ok_or(ViewFileError::Deviation { what, index, key, value })
+}
+
+impl PointKeys {
+    fn touch(&self, index: usize, metres: f64, degrees: f64) -> Result<Touch, ViewFileError> {
+        let sigma = self.sigma.ok_or(ViewFileError::ExactPoint { index })?;
+        let sigma = deviation("point", index, "sigma", sigma)? * metres;
+        let undo = undone(self.moved, metres, degrees).ok_or(ViewFileError::NotFinite { what: "point", index })?;
+        let radians = |angle: f64| (angle * degrees).to_radians();
+        let normal = match (self.normal, self.normal_sigma) {
+            (None, None) => None,
+            (Some(angle), Some(sigma)) if angle.is_finite() => {
+                let sigma = radians(deviation("point", index, "normal_sigma", sigma)?);
+                Some(FeltNormal { angle: radians(angle) + undo.rotation.angle(), sigma })
+            }
+            (Some(_), Some(_)) => return Err(ViewFileError::NotFinite { what: "point", index }),
+            _ => return Err(ViewFileError::HalfNormal { index }),
+        };
+        Ok(Touch { point: undo * (Point2::from(self.at.0) * metres), sigma, normal })
     }
 }
 
@@ -359,6 +492,21 @@ impl Views {
         scaled.readings.bearings.iter_mut().for_each(|bearing| bearing.apex *= factor);
         scaled.readings.fences.iter_mut().for_each(|fence| fence.point *= factor);
         scaled.points.iter_mut().for_each(|point| *point *= factor);
+        if let Some(felt) = &mut scaled.felt {
+            felt.bearings.iter_mut().for_each(|bearing| bearing.apex *= factor);
+            for fence in &mut felt.fences {
+                fence.line.point *= factor;
+                fence.sigma = fence.sigma.map(|sigma| sigma * factor);
+            }
+            for touch in &mut felt.touches {
+                touch.point *= factor;
+                touch.sigma *= factor;
+            }
+            for disk in &mut felt.free {
+                disk.centre *= factor;
+                disk.radius *= factor;
+            }
+        }
         scaled
     }
 
@@ -369,6 +517,18 @@ impl Views {
         Self { readings, noisy: true, ..self.clone() }
     }
 
+    /// The same with points that have errors of this standard deviation, m; none where there is no point, or a cone.
+    #[must_use]
+    pub fn with_point_sigma(&self, sigma: f64) -> Option<Self> {
+        if self.points.is_empty() || self.felt.is_some() || !self.cones.is_empty() {
+            return None;
+        }
+        let touches = self.points.iter().map(|point| Touch { point: *point, sigma, normal: None }).collect();
+        let fences = self.readings.fences.iter().map(|line| Fence { line: *line, sigma: Some(sigma) }).collect();
+        let felt = TouchReadings { touches, fences, ..TouchReadings::default() };
+        Some(Self { noisy: true, felt: Some(felt), ..self.clone() })
+    }
+
     /// The views with one of them left out, each by its name in the file.
     #[must_use]
     pub fn each_left_out(&self) -> Vec<(String, Self)> {
@@ -376,17 +536,26 @@ impl Views {
             let mut left = self.clone();
             // Two bearings a cone.
             left.readings.bearings.drain(2 * index..2 * index + 2);
+            if let Some(felt) = &mut left.felt {
+                felt.bearings.drain(2 * index..2 * index + 2);
+            }
             left.cones.remove(index);
             (format!("cone {index}"), left)
         });
         let fences = (0..self.readings.fences.len()).map(|index| {
             let mut left = self.clone();
             left.readings.fences.remove(index);
+            if let Some(felt) = &mut left.felt {
+                felt.fences.remove(index);
+            }
             (format!("fence {index}"), left)
         });
         let points = (0..self.points.len()).map(|index| {
             let mut left = self.clone();
             left.points.remove(index);
+            if let Some(felt) = &mut left.felt {
+                felt.touches.remove(index);
+            }
             (format!("point {index}"), left)
         });
         cones.chain(fences).chain(points).collect()
@@ -425,6 +594,19 @@ mod tests {
     }
 
     #[test]
+    fn points_with_errors_are_felt_in_the_files_units() {
+        let point = "[[point]]\nat = [60, 15]\nsigma = 0.05\nnormal = 90\nnormal_sigma = 2\nmoved = [10, 0, 90]\n";
+        let views = Views::parse(&format!("{VIEWS}{point}[[free]]\ncentre = [80, 15]\nradius = 4")).unwrap();
+        let felt = views.felt.unwrap();
+        let touch = felt.touches[0];
+        // Felt after the part was moved by 10 mm and turned by a quarter turn.
+        assert!((touch.point - Point2::new(0.015, -0.05)).norm() < 1e-12 && (touch.sigma - 5e-5).abs() < 1e-15);
+        let normal = touch.normal.unwrap();
+        assert!(normal.angle.abs() < 1e-12 && (normal.sigma - 2_f64.to_radians()).abs() < 1e-15);
+        assert!(views.noisy && felt.bearings.len() == 2 && (felt.free[0].radius - 0.004).abs() < 1e-15);
+    }
+
+    #[test]
     fn every_mistake_is_named() {
         let bad = [
             (VIEWS.replace("left = 7", "left = -30"), "cone 0: the cone opens by"),
@@ -442,6 +624,11 @@ mod tests {
             (format!("{VIEWS}moved = [0, inf, 0]"), "cone 0 has a number"),
             (format!("{VIEWS}[[fence]]\nnormal = inf\noffset = 0"), "fence 0 has a number"),
             (VIEWS.to_owned() + "[[point]]\nat = [1, 2]", "[[point]] cannot be used with sigma"),
+            (VIEWS.to_owned() + "[[point]]\nat = [1, 2]\nsigma = 0", "point 0: sigma = 0.0"),
+            (VIEWS.to_owned() + "[[point]]\nat = [1, 2]\nsigma = 1\nnormal = 3", "give both or none"),
+            (VIEWS.to_owned() + "[[free]]\ncentre = [1, 2]\nradius = -1", "free 0"),
+            (VIEWS.replace("sigma = 0.1\n", "") + "[[point]]\nat = [1, 2]\nsigma = 1", "needs `sigma`"),
+            (VIEWS.to_owned() + "[[point]]\nat = [1, 2]\n[[point]]\nat = [1, 2]\nsigma = 1", "point 0 has no `sigma`"),
             (VIEWS.replace("sigma = 0.1\n", "") + "[[point]]\nat = [1, nan]", "point 0 has a number"),
             ("unit = 'mm'".to_owned(), "at least one"),
         ];

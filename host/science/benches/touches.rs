@@ -71,8 +71,11 @@ fn problem(
     index: usize,
 ) -> (SimplePolygon, TouchReadings) {
     let mut draw = Draw::case(corners as u64, index);
-    let part =
-        if index % 2 == 0 { draw.convex_polygon(corners, 0.04) } else { draw.star_polygon(corners, 0.025, 0.045) };
+    let part = if index.is_multiple_of(2) {
+        draw.convex_polygon(corners, 0.04)
+    } else {
+        draw.star_polygon(corners, 0.025, 0.045)
+    };
     let pose = Pose { x: 0.3, y: -0.1, theta: draw.uniform(0.0, TAU) };
     let edges: Vec<_> = part.edges().map(|(a, b)| (pose.isometry() * a, pose.isometry() * b)).collect();
     let touch = |_| {

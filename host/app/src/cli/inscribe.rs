@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use miette::IntoDiagnostic as _;
 use palpate::geometry::{ConvexPolygon, SimplePolygon};
 use palpate::inscription::{
-    Continuum, Inscription, InscriptionEstimate, PlannedView, Pose, PoseMode, estimate, plan_view,
+    Continuum, Inscription, InscriptionEstimate, PlannedView, Pose, PoseMode, TouchReadings, estimate, plan_view,
+    touched_poses,
 };
 use palpate::point_sampling::Circle;
 use palpate_files::sampling_plan::PlanFile;
@@ -39,9 +40,18 @@ from x:
                      # x cos(normal) + y sin(normal) = offset
   normal = -90
   offset = 0
+  sigma = 0.05       # standard deviation of the offset, in the unit above
+                     # (optional: without it the line is exact)
   [[point]]          # a point on the part's outline: a probed contact
-                     # (polygons, without sigma)
+                     # (polygons, also with notches)
   at = [60, 15]
+  sigma = 0.05       # of each coordinate, in the unit above (optional: without
+                     # it on any point, all are exact)
+  normal = 0         # of the outline there, out of the part (optional, with
+  normal_sigma = 2   # its standard deviation)
+  [[free]]           # a disk that the part does not reach into
+  centre = [80, 15]
+  radius = 4
 
 With several part files it also says which part it is. Two views nearly always leave one pose of a part if they
 are exact; with errors a third view is often needed, and the command says where to take it.
@@ -109,7 +119,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let names = names(&arguments.parts);
     let parts = arguments.parts.iter().zip(&names).map(|(path, name)| {
         let part = read(path, |text| {
-            let part = NamedPart::parse(name, text, arguments.hull)?;
+            let part = NamedPart::parse(name, text, arguments.hull || views.felt.is_some())?;
             part.check(&views).map(|()| part)
         });
         part.map(|part| find(part, &views))
@@ -157,6 +167,9 @@ fn find(part: NamedPart, views: &Views) -> Found {
 }
 
 fn outcome(part: &NamedPart, views: &Views) -> Result<Fits, Continuum> {
+    if let Some(felt) = &views.felt {
+        return outcome_felt(part, felt);
+    }
     if views.noisy {
         estimate(&part.convex, &views.readings).map(Fits::Noisy)
     } else {
@@ -167,11 +180,28 @@ fn outcome(part: &NamedPart, views: &Views) -> Result<Fits, Continuum> {
     }
 }
 
+/// Of a part that was felt, with its notches.
+fn outcome_felt(part: &NamedPart, felt: &TouchReadings) -> Result<Fits, Continuum> {
+    if !felt.are_enough() {
+        let lines = felt.fences.len() + felt.bearings.len();
+        return Err(Continuum::TooFewReadings { lines, points: felt.touches.len() });
+    }
+    let found = touched_poses(&part.outline, felt);
+    if found.loose.is_some() {
+        return Err(Continuum::Loose);
+    }
+    let dof = usize::try_from(found.dof).unwrap_or(0);
+    Ok(Fits::Noisy(InscriptionEstimate { modes: found.modes, dof, gate: found.gate }))
+}
+
 /// Units of length, m.
 const UNITS_M: [f64; 4] = [1.0, 1e-2, 1e-3, 0.0254];
 
 /// Errors of bearings that are tried where none was stated, degrees: a good camera's, a poor one's.
 const SIGMAS_DEG: [f64; 2] = [0.1, 1.0];
+
+/// Errors of points that are tried where none was stated, mm: a machine's probe, a finger.
+const SIGMAS_MM: [f64; 3] = [0.01, 0.1, 1.0];
 
 /// What would make a pose fit where none does: a sentence each, of the first kind that does.
 fn why_none(found: &[Found], views: &Views, radians: Option<&Views>) -> Vec<String> {
@@ -192,6 +222,14 @@ fn why_none(found: &[Found], views: &Views, radians: Option<&Views>) -> Vec<Stri
         let exact = "Without `sigma` the readings count as exact";
         return vec![format!(
             "{exact}, and no pose fits exactly; with errors of {sigma}° (`sigma = {sigma}`) one does."
+        )];
+    }
+    let probed =
+        SIGMAS_MM.into_iter().find(|sigma| views.with_point_sigma(sigma * 1e-3).is_some_and(|views| fits(&views)));
+    if let Some(sigma) = probed {
+        return vec![format!(
+            "Points without `sigma` are exact, and no pose fits exactly; with errors of {sigma} mm (`sigma`, a length, at each [[point]] and \
+             [[fence]]) one does."
         )];
     }
     let factors = UNITS_M.into_iter().flat_map(|from| UNITS_M.into_iter().map(move |to| to / from));
@@ -232,7 +270,7 @@ impl Arguments {
     /// The next view of the part that fits best; with exact readings there is nothing to gain.
     fn next_view(&self, found: &[Found], views: &Views) -> Option<PlannedView> {
         let candidates = found.iter().filter_map(|found| match &found.outcome {
-            Ok(Fits::Noisy(estimate)) => {
+            Ok(Fits::Noisy(estimate)) if views.felt.is_none() => {
                 Some((&found.part.convex, estimate.modes.as_slice(), estimate.modes.first()?.chi2))
             }
             _ => None,
@@ -288,7 +326,8 @@ fn in_a_line(found: &Found) -> String {
             [] => format!("{name}: no pose fits"),
             [_] => format!("{name}: one pose"),
             several => {
-                let groups = found.part.shape.congruent_groups(several).len();
+                let is_notched = ConvexPolygon::new(&found.part.outline).is_err();
+                let groups = if is_notched { several.len() } else { found.part.shape.congruent_groups(several).len() };
                 let alike =
                     if groups < several.len() { format!(", {groups} that look different") } else { String::new() };
                 format!("{name}: {} poses{alike}", several.len())

@@ -443,7 +443,7 @@ fn trial(seed: u64, case: usize, sigma_deg: f64, cones: usize) -> Result<Judged,
 }
 
 /// The squared error of a mode, normalised by its covariance; infinite where that is singular.
-fn nees(mode: &PoseMode, truth: &Pose) -> f64 {
+pub(super) fn nees(mode: &PoseMode, truth: &Pose) -> f64 {
     let error = Vector3::new(mode.pose.x - truth.x, mode.pose.y - truth.y, wrap_angle(mode.pose.theta - truth.theta));
     let inverse: Option<Matrix3<f64>> = mode.covariance.try_inverse();
     inverse.map_or(f64::INFINITY, |inverse| (error.transpose() * inverse * error)[0])

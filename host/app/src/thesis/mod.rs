@@ -9,7 +9,7 @@
 //!
 //! By chapter: `inscription` (2), `sampling` (3), `gho` and `initial_pose` (6), `static_contacts` (§6.4), `rolling`
 //! (7); beyond the thesis: `pose` and `plan` (`rivals` decides what is ambiguous), `parts`, `chain` (`demonstration`,
-//! many times), `drawn_pushes`, `drawn_rest` and `drawn_rolls` (is the search to blame?), `invariances`. `cases` runs
+//! many times), `drawn_pushes`, `drawn_rest` and `drawn_rolls` (is the search to blame?), `invariances`, `touches`. `cases` runs
 //! them on all processors, `progress` tells how far they are, `judged` holds what answers state against the truth.
 //!
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
@@ -33,6 +33,7 @@ mod rivals;
 mod rolling;
 mod sampling;
 pub mod static_contacts;
+mod touches;
 
 use std::fmt;
 
@@ -48,6 +49,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     inscription::MORE_CONES,
     inscription::WORST_CASE,
     inscription::NOISE,
+    touches::EXPERIMENT,
     sampling::SPARSE,
     sampling::DENSE,
     gho::KNOWN_EDGE,

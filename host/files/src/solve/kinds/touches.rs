@@ -172,3 +172,84 @@ fn answer(readings: &TouchReadings, estimate: &TouchEstimate) -> InscriptionAnsw
         dof: Some(estimate.dof),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Value, json};
+
+    use super::*;
+    use crate::solve::{Problem as _, read};
+
+    fn answer(problem: Value) -> Result<InscriptionAnswer, String> {
+        let solved = read::<Inscription>(problem).map_err(SolveError::from).and_then(|problem| problem.solve());
+        solved.map_err(|error| match error {
+            SolveError::InvalidInput(error) => error.to_string(),
+            other => panic!("{other}"),
+        })
+    }
+
+    /// An L felt on four of its sides.
+    fn felt() -> Value {
+        let touch = |x: f64, y: f64| json!({"point": [x, y], "sigma": 5e-5});
+        json!({"polygon": [[0, 0], [0.06, 0], [0.06, 0.02], [0.03, 0.02], [0.03, 0.04], [0, 0.04]],
+               "touches": [touch(0.01, 0.0), touch(0.05, 0.0), touch(0.0, 0.03), touch(0.045, 0.02)]})
+    }
+
+    #[test]
+    fn a_notched_part_is_found_by_its_touches() {
+        let answer = answer(felt()).unwrap();
+        assert_eq!((answer.status, answer.dof, answer.poses.len()), (InscriptionStatus::Ok, Some(1), 0));
+        let modes = answer.modes.unwrap();
+        let best = modes[0].pose;
+        assert!(best.x.hypot(best.y) < 1e-9 && modes[0].chi2 < 1e-9, "{modes:?}");
+    }
+
+    #[test]
+    fn a_part_that_moved_between_touches_is_found_where_it_was() {
+        let mut moved = felt();
+        moved["touches"][3] =
+            json!({"point": [0.1, 0.245], "sigma": 5e-5, "displacement": [0.12, 0.2, std::f64::consts::FRAC_PI_2]});
+        let (moved, still) = (answer(moved).unwrap().modes.unwrap(), answer(felt()).unwrap().modes.unwrap());
+        assert_eq!(moved.len(), still.len());
+        assert!(moved.iter().zip(&still).all(|(a, b)| (a.pose.x - b.pose.x).abs() < 1e-9), "{moved:?} {still:?}");
+    }
+
+    #[test]
+    fn too_little_and_too_much_are_answers() {
+        let mut little = felt();
+        little["touches"] = json!([felt()["touches"][0]]);
+        let little = answer(little).unwrap();
+        assert_eq!((little.status, little.dof), (InscriptionStatus::Underdetermined, Some(-2)));
+        let mut covered = felt();
+        covered["free"] = json!([{"centre": [0.015, 0.02], "radius": 0.0}]);
+        let covered = answer(covered).unwrap();
+        assert!(covered.modes.unwrap().iter().all(|mode| mode.pose.x.hypot(mode.pose.y) > 1e-3));
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused_with_its_place() {
+        let cone = json!([{"apex": [-2.0, 0.3], "right": -0.1, "left": 0.3}]);
+        let cases = [
+            ("/touches/0/sigma", json!(0.0), "/touches/0/sigma", "> 0"),
+            ("/touches/0/sigma", json!(null), "/touches/0/sigma", ""),
+            ("/touches/1/normal_angle", json!(1.0), "/touches/1/normal_sigma", "missing"),
+            ("/touches/1/normal_sigma", json!(1.0), "/touches/1/normal_angle", "missing"),
+            ("/touches/1/normal_sigma", json!(-1.0), "/touches/1/normal_sigma", "> 0"),
+            ("/free", json!([{"centre": [0, 0], "radius": -1}]), "/free/0/radius", "≥ 0"),
+            ("/cones", cone, "/sigma", "missing"),
+            ("/half_planes", json!([{"normal_angle": 0, "offset": 0, "sigma": 0}]), "/half_planes/0/sigma", "> 0"),
+            ("/touches", json!([]), "/cones", "at least one"),
+        ];
+        for (place, value, field, wanted) in cases {
+            let mut problem = felt();
+            let (outer, key) = place.rsplit_once('/').unwrap();
+            problem.pointer_mut(outer).unwrap()[key] = value;
+            let message = answer(problem).unwrap_err();
+            assert!(message.contains(field) && message.contains(wanted), "{place}: {message}");
+        }
+        let mut free = felt();
+        free["touches"] = json!([]);
+        free["free"] = json!([{"centre": [0, 0], "radius": 1}]);
+        assert!(answer(free).unwrap_err().contains("/touches"));
+    }
+}

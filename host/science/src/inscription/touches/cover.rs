@@ -21,10 +21,13 @@ use super::terms::{At, Felt, LineKind, Rest, Share, Span};
 const SCOUTS_MAX: usize = 8;
 
 /// Choices of pieces looked at for one box; more are told apart by halving it.
-const CHOICES_MAX: usize = 48;
+const CHOICES_MAX: usize = 24;
+
+/// Where there are too many choices and more than one in so many touches is open, the box is halved at once.
+const OPEN_SHARE: usize = 4;
 
 /// Turns beyond which no parabola is worth a try, rad.
-const TURN_MAX: f64 = 0.4;
+const TURN_MAX: f64 = 0.2;
 
 /// One critical point at most where what is beyond the parabola moves it by no more than this share of the box: such a
 /// bound grows with the square of the box, so Newton's map contracts by twice this.
@@ -136,7 +139,7 @@ impl Patch {
 
 /// One way to hold a term in a box.
 #[derive(Clone, Copy)]
-struct Option_<H> {
+struct Held<H> {
     hold: H,
     share: Share,
     lower: f64,
@@ -328,11 +331,10 @@ impl<'a, 'b> Cover<'a, 'b> {
         let low = |distance: f64| ((distance - room).max(0.0) * felt.weight).powi(2);
         let high = |distance: f64| ((distance + room) * felt.weight).powi(2);
         let mut highest = f64::INFINITY;
-        let count = chain.edges.len();
         for (k, edge) in chain.edges.iter().enumerate() {
             let (along, off) = edge.along_and_off(point);
             let beyond = along - along.clamp(0.0, edge.length);
-            let distance = off.hypot(beyond);
+            let distance = (off * off + beyond * beyond).sqrt();
             let corner = &chain.corners[k];
             let before = chain.before(k);
             let can_begin = along <= room;
@@ -373,7 +375,6 @@ impl<'a, 'b> Cover<'a, 'b> {
                 highest = highest.min(high(to_corner) + ((beyond + span.turn) * weight).powi(2));
             }
         }
-        debug_assert!(count == chain.corners.len(), "an edge begins at each corner");
         // None of those can be the nearest that are farther everywhere than another is anywhere.
         let mut kept = begin;
         for k in begin..self.pieces.len() {
@@ -394,13 +395,13 @@ impl<'a, 'b> Cover<'a, 'b> {
         let mut base = Share::zero();
         let mut hold = Hold::default();
         // Terms that more than one piece can hold: which, and by what.
-        let mut open: Vec<(usize, Vec<Option_<Piece>>)> = Vec::new();
+        let mut open: Vec<(usize, Vec<Held<Piece>>)> = Vec::new();
         for (index, felt) in objective.touches.iter().enumerate() {
             objective.goes_on_at(index)?;
             let pieces = &self.pieces[self.begins[index]..self.begins[index + 1]];
             let least = pieces.first()?.1;
             let fits = |piece: &&(Piece, f64)| piece.1 - least + lower <= self.gate;
-            let option = |(piece, low): &(Piece, f64)| Option_ {
+            let option = |(piece, low): &(Piece, f64)| Held {
                 hold: *piece,
                 share: felt.share(&objective.chain, *piece, at, &spans),
                 lower: low - least,
@@ -413,7 +414,7 @@ impl<'a, 'b> Cover<'a, 'b> {
                 Some(second) => open.push((index, [first, second].into_iter().chain(options).collect())),
             }
         }
-        let mut open_lines: Vec<(usize, Vec<Option_<Support>>)> = Vec::new();
+        let mut open_lines: Vec<(usize, Vec<Held<Support>>)> = Vec::new();
         for line in 0..objective.lines.len() {
             let options = self.supports(line, at, &spans);
             hold.lines.push(options.first()?.hold);
@@ -435,12 +436,17 @@ impl<'a, 'b> Cover<'a, 'b> {
         if line_choices > CHOICES_MAX {
             return Some(Next::Halve(self.widest(patch)));
         }
+        let all = open.iter().try_fold(line_choices, |all: usize, (_, options)| all.checked_mul(options.len()));
+        let is_few = all.is_some_and(|all| all <= CHOICES_MAX);
+        if !is_few && open.len() * OPEN_SHARE > objective.touches.len() {
+            return Some(Next::Halve(self.widest(patch)));
+        }
         // The touches that matter most are told apart; what the others may do is part of the bounds.
-        let blurs = open.iter().map(|(index, options)| Blur::of(&objective.touches[*index], options, &spans));
+        let blurs = open.iter().map(|(_, options)| if is_few { Blur::NONE } else { Blur::of(options, &spans) });
         let mut order: Vec<_> = open.iter().zip(blurs).collect();
         order.sort_by(|a, b| b.1.0[0].place.total_cmp(&a.1.0[0].place));
         let mut choices = line_choices;
-        let mut told_apart = Vec::new();
+        let mut told_apart = Vec::with_capacity(order.len());
         let mut blurred = false;
         for ((index, options), blur) in order {
             if choices * options.len() <= CHOICES_MAX {
@@ -564,36 +570,45 @@ impl<'a, 'b> Cover<'a, 'b> {
             return Verdict::None;
         }
         let (wide, far) = (self.wide(patch), error(&sum.rest[1]));
-        if (0..3).all(|k| far[k] <= CONTRACTS * wide[k]) { Verdict::One(at.stepped(&step)) } else { Verdict::Unknown }
+        if (0..3).all(|k| far[k] <= CONTRACTS * wide[k]) {
+            Verdict::One(at.stepped(&step))
+        } else if self.step_along_axes(patch, sum).is_none() {
+            Verdict::None
+        } else {
+            Verdict::Unknown
+        }
     }
 
     /// The same where the pieces leave the part free along some direction.
     fn verdict_free(&self, patch: &Patch, at: &At, sum: &Share) -> Verdict {
+        self.step_along_axes(patch, sum).map_or(Verdict::None, |step| Verdict::Free(at.stepped(&step)))
+    }
+
+    /// Newton's step, taken along each axis of the curvature by itself, but those that are free; none where one of them
+    /// leads out of the box for certain. That says more than a step along the box's own sides where the curvature is far
+    /// larger along some axes than along others.
+    fn step_along_axes(&self, patch: &Patch, sum: &Share) -> Option<Vector3<f64>> {
         let floor = sum.gauss[(0, 0)].max(sum.gauss[(1, 1)]).max(f64::MIN_POSITIVE);
         let size = self.objective.chain.size;
         let scale = Vector3Scale(Vector3::new(floor.sqrt(), floor.sqrt(), floor.sqrt() * size));
         let axes = scale.scaled(&(sum.gauss + sum.bend)).symmetric_eigen();
         let gradient = sum.gradient.component_div(&scale.0);
         let halfs = patch.halfs();
-        let across = Vector2::new(-patch.axis.y, patch.axis.x);
         let mut step = Vector3::zeros();
         for (value, axis) in axes.eigenvalues.iter().zip(axes.eigenvectors.column_iter()) {
             if value.abs() < FREE {
                 continue;
             }
             let moved = -axis.dot(&gradient) / value;
-            let places = axis.component_mul(&scale.0);
-            let extent = places.xy().dot(&patch.axis).abs() * halfs.x
-                + places.xy().dot(&across).abs() * halfs.y
-                + places.z.abs() * halfs.z;
+            let extent = patch.along(axis.component_mul(&scale.0)).abs().dot(&halfs);
             let rests = axis.component_div(&scale.0);
             let error = (rests.xy().norm() * sum.rest[0].place + rests.z.abs() * sum.rest[0].turn) / value.abs();
             if moved.abs() > ROOM * extent + error {
-                return Verdict::None;
+                return None;
             }
             step += axis * moved;
         }
-        Verdict::Free(at.stepped(&step.component_div(&scale.0)))
+        Some(step.component_div(&scale.0))
     }
 
     /// The same where sides are flush on some lines.
@@ -649,7 +664,7 @@ impl<'a, 'b> Cover<'a, 'b> {
     }
 
     /// What a line can be touched with in a box, outermost first.
-    fn supports(&mut self, line: usize, at: &At, spans: &[Span; 2]) -> Vec<Option_<Support>> {
+    fn supports(&mut self, line: usize, at: &At, spans: &[Span; 2]) -> Vec<Held<Support>> {
         let objective = self.objective;
         let the_line = &objective.lines[line];
         the_line.misses(&objective.hull, at, &mut self.misses);
@@ -679,7 +694,7 @@ impl<'a, 'b> Cover<'a, 'b> {
         corners.sort_by(|a, b| (sense * self.misses[*b]).total_cmp(&(sense * self.misses[*a])));
         let option = |hold: Support| {
             let (Support::Corner(corner) | Support::Flush(corner)) = hold;
-            Option_ { hold, share: objective.line_share(line, corner, at, spans), lower: 0.0 }
+            Held { hold, share: objective.line_share(line, corner, at, spans), lower: 0.0 }
         };
         let mut options: Vec<_> = corners.iter().map(|corner| option(Support::Corner(*corner))).collect();
         if corners.len() > 1 && sense * self.misses[first] > -self.room_of_line(the_line, at, span) {
@@ -694,7 +709,9 @@ impl<'a, 'b> Cover<'a, 'b> {
 struct Blur([Rest; 2]);
 
 impl Blur {
-    fn of(felt: &Felt, options: &[Option_<Piece>], spans: &[Span; 2]) -> Self {
+    const NONE: Self = Self([Rest { place: 0.0, turn: 0.0 }; 2]);
+
+    fn of(options: &[Held<Piece>], spans: &[Span; 2]) -> Self {
         let mut blur = [Rest::default(); 2];
         let near = &options[0].share;
         for option in &options[1..] {
@@ -709,7 +726,6 @@ impl Blur {
                 blur[k].turn = blur[k].turn.max(apart.z.abs() + turn + rest.turn);
             }
         }
-        let _ = felt;
         Self(blur)
     }
 }

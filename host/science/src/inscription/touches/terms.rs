@@ -140,11 +140,6 @@ impl At {
         Vector3::new(place.x, place.y, wrap_angle(self.theta - other.theta))
     }
 
-    pub(super) fn of_pose(pose: &Pose, anchor: Point2<f64>) -> Self {
-        let turned = Self::new(Vector2::zeros(), wrap_angle(pose.theta));
-        Self { place: turned.in_part(anchor - pose.origin()), ..turned }
-    }
-
     /// With theta in [0, 2π).
     pub(super) fn pose(&self, anchor: Point2<f64>) -> Pose {
         let at = anchor - self.in_world(self.place);
