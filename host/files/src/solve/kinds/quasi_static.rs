@@ -371,14 +371,16 @@ impl QuasiStaticPush {
         let length: f64 = path.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum();
         let sizes = length / size(&self.polygon);
         // Written so that NaN is refused.
-        if !(sizes <= PATH_MAX) {
+        let is_short = sizes <= PATH_MAX;
+        if !is_short {
             let message = format!(
                 "is {sizes:.0} sizes of the part long, the limit is {PATH_MAX}: check its unit, or push in several problems"
             );
             return Err(InvalidInput::at(Pointer::from("finger").key("path"), message));
         }
         let steps = length / self.max_step.get();
-        if !(steps <= STEPS_MAX) {
+        let are_few = steps <= STEPS_MAX;
+        if !are_few {
             let message = format!(
                 "steps of {:?} m are {steps:.0} on a path of {length:?} m, the limit is {STEPS_MAX:e}: take longer ones",
                 self.max_step.get()

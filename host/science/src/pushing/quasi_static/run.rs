@@ -503,7 +503,9 @@ impl<'a> Following<'a> {
                 }
                 continue;
             };
-            if !(taken.error <= 1.0) && tried > STEP_LEAST * size {
+            // Written so that NaN is too large.
+            let is_exact = taken.error <= 1.0;
+            if !is_exact && tried > STEP_LEAST * size {
                 step = tried * growth(taken.error);
                 continue;
             }
