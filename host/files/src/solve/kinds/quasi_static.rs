@@ -371,14 +371,16 @@ impl QuasiStaticPush {
         let length: f64 = path.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum();
         let sizes = length / size(&self.polygon);
         // Written so that NaN is refused.
-        if !(sizes <= PATH_MAX) {
+        let is_short = sizes <= PATH_MAX;
+        if !is_short {
             let message = format!(
                 "is {sizes:.0} sizes of the part long, the limit is {PATH_MAX}: check its unit, or push in several problems"
             );
             return Err(InvalidInput::at(Pointer::from("finger").key("path"), message));
         }
         let steps = length / self.max_step.get();
-        if !(steps <= STEPS_MAX) {
+        let are_few = steps <= STEPS_MAX;
+        if !are_few {
             let message = format!(
                 "steps of {:?} m are {steps:.0} on a path of {length:?} m, the limit is {STEPS_MAX:e}: take longer ones",
                 self.max_step.get()
@@ -421,5 +423,95 @@ impl From<&SlowSample> for QuasiStaticSample {
             mode,
             force: contact.map(|contact| <[f64; 2]>::from(contact.force)),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Value, json};
+
+    use super::*;
+    use crate::solve::read;
+
+    /// A block pushed up at its lower edge.
+    fn problem() -> Value {
+        json!({
+            "mode": "quasi_static", "polygon": [[-0.03, -0.02], [0.03, -0.02], [0.03, 0.02], [-0.03, 0.02]], "mu": 0.3,
+            "mu_c": 0.2, "finger": {"radius": 0.004, "path": [[0, -0.026], [0, -0.02]]}, "initial": {"pose": [0, 0, 0]},
+        })
+    }
+
+    fn changed(changes: &Value) -> Value {
+        let mut problem = problem();
+        for (key, value) in changes.as_object().unwrap() {
+            problem[key] = value.clone();
+        }
+        problem
+    }
+
+    fn answer(problem: Value) -> Value {
+        serde_json::to_value(read::<AnyPush>(problem).unwrap().solve().unwrap()).unwrap()
+    }
+
+    #[test]
+    fn a_free_sample_is_null_but_for_its_pose() {
+        let run = answer(problem());
+        let free = json!({
+            "pose": [0.0, 0.0, 0.0], "contact": null, "normal_angle": null, "edge": null, "vertex": null,
+            "mode": "free", "force": null,
+        });
+        assert_eq!(run["samples"][0], free);
+        assert_eq!((&run["samples"][1]["mode"], &run["samples"][1]["edge"]), (&json!("sticking"), &json!(0)));
+        assert_eq!(run["end"]["reason"], "path");
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused_at_its_field() {
+        let feet = |feet: Value| json!({"support": {"feet": feet}});
+        let cases = [
+            (json!({"mu": 0}), "/mu", "nothing resists"),
+            (json!({"g": 0}), "/g", "nothing resists"),
+            (json!({"mu_c_static": 0.1}), "/mu_c_static", "less than `mu_c`"),
+            (json!({"height": -0.01}), "/height", "out of range"),
+            (json!({"max_step": 0}), "/max_step", "out of range"),
+            (json!({"max_step": 1e-12}), "/max_step", "take longer ones"),
+            (json!({"finger": {"radius": 0, "path": [[0, 0]]}}), "/finger/radius", "out of range"),
+            (json!({"finger": {"radius": 0.01, "path": []}}), "/finger/path", "is empty"),
+            (json!({"finger": {"radius": 0.01, "path": [[0, -0.025]]}}), "/finger/path/0", "overlaps"),
+            (json!({"finger": {"radius": 0.01, "path": [[0, -0.1], [0, -1e5]]}}), "/finger/path", "sizes of the part"),
+            (json!({"edge": 0}), "/edge", "edge"),
+            (json!({"inertia_per_mass": 1e-4}), "/inertia_per_mass", "inertia_per_mass"),
+            (feet(json!([])), "/support/feet", "is empty"),
+            (feet(json!([[0, 0]])), "/support/feet/0", "has 2 numbers"),
+            (feet(json!([[0, 0, 2], [0, 0.01, -1]])), "/support/feet/1/2", "negative"),
+            (feet(json!([[0, 0, 1, -0.1]])), "/support/feet/0/3", "negative"),
+            (feet(json!([[0, 0, 0.5]])), "/support/feet", "must sum to 1"),
+            (
+                json!({"height": 0.01, "support": {"feet": [[0, 0, 0.5], [0.01, 0.01, 0.5]]}}),
+                "/support/feet",
+                "on one line",
+            ),
+        ];
+        for (changes, place, message) in cases {
+            let solved = read::<AnyPush>(changed(&changes)).map_err(SolveError::from).and_then(|push| push.solve());
+            let SolveError::InvalidInput(error) = solved.unwrap_err() else { panic!("{changes}") };
+            let told = error.to_string();
+            assert!(told.contains(&format!("{place:?}")) && told.contains(message), "{changes}: {told}");
+        }
+    }
+
+    #[test]
+    fn a_push_in_time_is_read_as_before() {
+        let missing = read::<AnyPush>(json!({"mode": "rolling"})).unwrap_err().to_string();
+        assert!(!missing.contains("path"), "{missing}");
+    }
+
+    #[test]
+    fn a_problem_is_written_as_it_is_read() {
+        let mut own = problem();
+        own.as_object_mut().unwrap().remove("mode");
+        let written = serde_json::to_value(read::<QuasiStaticPush>(own).unwrap()).unwrap();
+        let again = read::<QuasiStaticPush>(written).unwrap();
+        assert_eq!(serde_json::to_value(again.solve_until(&never).unwrap()).unwrap(), answer(problem()));
     }
 }

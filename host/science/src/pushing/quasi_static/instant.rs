@@ -270,7 +270,8 @@ impl Ground {
         let at_foot = |twist: &Vector3<f64>| Vector2::new(twist.x - twist.z * foot.y, twist.y + twist.z * foot.x);
         let per_turn = at_foot(twist) / omega;
         // Written so that NaN fails.
-        if !(per_turn.norm() < PIVOT * self.size) {
+        let is_near = per_turn.norm() < PIVOT * self.size;
+        if !is_near {
             return None;
         }
         let per_turn_step = (at_foot(step) - per_turn * step.z) / omega;
@@ -421,7 +422,8 @@ fn enclosed_zero<T>(look: &mut dyn FnMut(f64) -> Option<(f64, T)>, first: f64, s
             at = middle;
         }
         let tight = (far.0 - near.0).abs() <= 4.0 * f64::EPSILON * near.0.abs().max(far.0.abs()).max(1e-3 * step);
-        if tight || at == near.0 || at == far.0 {
+        let between = near.0.min(far.0) < at && at < near.0.max(far.0);
+        if tight || !between {
             break;
         }
         let (value, came) = look(at)?;

@@ -44,11 +44,17 @@ const STRAIGHT_RAD: f64 = 1e-9;
 /// A force this share beyond its cone still sticks: rounding.
 const CONE_ROUNDING: f64 = 1e-10;
 
+/// Slip this much the wrong way has just begun: the finger's speed is 1.
+const SLIP_ROUNDING: f64 = 1e-6;
+
 /// So many changes at one place are a quarrel of roundings; a short step is then taken in either mode.
 const CHANGES_AT_A_PLACE: usize = 6;
 
 /// Length of such a step, in sizes of the part.
-const SETTLING_STEP: f64 = 1e-8;
+const SETTLING_STEP: f64 = 1e-7;
+
+/// So many such steps on one straight piece of the path are no rounding: no motion lasts.
+const SETTLING_STEPS: usize = 1000;
 
 /// A slow push: all that decides how it goes.
 #[derive(Clone, Debug)]
@@ -352,7 +358,7 @@ impl<'a> Following<'a> {
     ) -> Result<Option<SlowEnd>, SlowPushError> {
         let begun = self.gone;
         let mut done = 0.0;
-        let mut changes = 0;
+        let (mut changes, mut settled) = (0, 0);
         loop {
             let State::Touching(contact) = self.state else {
                 let Some((after, end)) = self.touch(from + direction * done, direction, done, length - done) else {
@@ -374,8 +380,9 @@ impl<'a> Following<'a> {
             if end.is_some() {
                 return Ok(end);
             }
+            settled += usize::from(changes > CHANGES_AT_A_PLACE);
             changes = if done - before > STEP_LEAST * self.ground.size { 0 } else { changes + 1 };
-            if changes > 2 * CHANGES_AT_A_PLACE {
+            if settled > SETTLING_STEPS || changes > 2 * CHANGES_AT_A_PLACE {
                 return Err(SlowPushError::Stuck { length: self.gone });
             }
         }
@@ -415,10 +422,7 @@ impl<'a> Following<'a> {
         let cone = CONE_ROUNDING * self.ground.friction;
         let found = match &stick {
             Some(look) if look.watched.mode >= -cone => Some((Mode::Stick, *look)),
-            Some(look) => {
-                let mode = Mode::Slide(-self.tangential(place, look));
-                stretch(mode).look_anew(state, Some(&Near::from(&look.instant))).map(|look| (mode, look))
-            }
+            Some(look) => self.slide(centre, direction, place, theta, look),
             None => [1.0, -1.0].into_iter().find_map(|sign| {
                 let look = stretch(Mode::Slide(sign)).look_anew(state, near)?;
                 (look.watched.mode >= 0.0).then_some((Mode::Slide(sign), look))
@@ -433,6 +437,25 @@ impl<'a> Following<'a> {
             }
             None => Some(SlowEnd::Tip),
         }
+    }
+
+    /// How it slides where it cannot stick: against the force that sticking would take. Above the plane that may be
+    /// no motion; then the other way is tried.
+    fn slide(
+        &self,
+        centre: Point2<f64>,
+        direction: Vector2<f64>,
+        place: Place,
+        theta: f64,
+        stuck: &Look,
+    ) -> Option<(Mode, Look)> {
+        let against = -self.tangential(place, stuck);
+        let near = Near::from(&stuck.instant);
+        [against, -against].into_iter().find_map(|sign| {
+            let mode = Mode::Slide(sign);
+            let look = self.stretch(centre, direction, mode, place).look_anew([theta, place.along], Some(&near))?;
+            (look.watched.mode >= -SLIP_ROUNDING).then_some((mode, look))
+        })
     }
 
     /// The sign of the force along `t`.
@@ -480,7 +503,9 @@ impl<'a> Following<'a> {
                 }
                 continue;
             };
-            if !(taken.error <= 1.0) && tried > STEP_LEAST * size {
+            // Written so that NaN is too large.
+            let is_exact = taken.error <= 1.0;
+            if !is_exact && tried > STEP_LEAST * size {
                 step = tried * growth(taken.error);
                 continue;
             }
@@ -557,9 +582,8 @@ impl<'a> Following<'a> {
             return match stretch.mode {
                 Mode::Slide(_) => self.decide(stretch.centre, stretch.direction, place, theta, Some(&near)),
                 Mode::Stick => {
-                    let mode = Mode::Slide(-self.tangential(place, look));
-                    let sliding = self.stretch(stretch.centre, stretch.direction, mode, place);
-                    let Some(look) = sliding.look_anew([theta, along], Some(&near)) else { return Some(SlowEnd::Tip) };
+                    let slid = self.slide(stretch.centre, stretch.direction, place, theta, look);
+                    let Some((mode, look)) = slid else { return Some(SlowEnd::Tip) };
                     self.state = State::Touching(Contact { mode, place, theta, instant: look.instant });
                     None
                 }

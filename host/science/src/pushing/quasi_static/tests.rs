@@ -71,7 +71,8 @@ impl World {
             }
             Support::Uniform { friction } => {
                 let (area, pole) = (self.outline.area(), Vector2::new(-twist.y, twist.x) / twist.z);
-                if !(pole.norm() < 0.2) {
+                let is_near = pole.norm() < 0.2;
+                if !is_near {
                     // The speed is smooth: over the triangles from the centre to each edge.
                     let speed = |at: Vector2<f64>| {
                         load(at) * Vector2::new(twist.x - twist.z * at.y, twist.y + twist.z * at.x).norm()
