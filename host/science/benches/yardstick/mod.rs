@@ -3,7 +3,7 @@
 //! Absolute times depend on the machine and on what else it does; the best of many runs depends on it least, and a
 //! ratio to something simple measured beside it carries over to other machines.
 
-#![allow(dead_code, reason = "each benchmark needs one of the two")]
+#![allow(dead_code, reason = "each benchmark needs one of them")]
 #![allow(
     clippy::disallowed_types,
     clippy::disallowed_methods,
@@ -18,6 +18,20 @@ const RUNS: usize = 30;
 /// Seconds that the fastest of [`RUNS`] runs of `work` takes.
 pub(crate) fn best_of_runs(mut work: impl FnMut()) -> f64 {
     let [best] = best_of_turns([&mut work]);
+    best
+}
+
+/// The same of the runs that begin within a time, s: of long work one.
+pub(crate) fn best_of_runs_within(seconds: f64, mut work: impl FnMut()) -> f64 {
+    let (begun, mut best) = (Instant::now(), f64::INFINITY);
+    for _ in 0..RUNS {
+        let run = Instant::now();
+        work();
+        best = best.min(run.elapsed().as_secs_f64());
+        if begun.elapsed().as_secs_f64() > seconds {
+            break;
+        }
+    }
     best
 }
 

@@ -403,7 +403,7 @@ fn enclosed_zero<T>(look: &mut dyn FnMut(f64) -> Option<(f64, T)>, first: f64, s
         if value == 0.0 {
             return Some(came);
         }
-        if value.signum() == way {
+        if value * way > 0.0 {
             far = Some((at, value, came));
             break;
         }
@@ -430,7 +430,7 @@ fn enclosed_zero<T>(look: &mut dyn FnMut(f64) -> Option<(f64, T)>, first: f64, s
         if value == 0.0 {
             return Some(came);
         }
-        if value.signum() == way {
+        if value * way > 0.0 {
             far = (at, value, came);
             (far_weight, near_weight) = (1.0, if kept == 1 { 0.5 * near_weight } else { 1.0 });
             kept = 1;
