@@ -238,7 +238,8 @@ mod tests {
             ("/free", json!([{"centre": [0, 0], "radius": -1}]), "/free/0/radius", "≥ 0"),
             ("/cones", cone, "/sigma", "missing"),
             ("/half_planes", json!([{"normal_angle": 0, "offset": 0, "sigma": 0}]), "/half_planes/0/sigma", "> 0"),
-            ("/touches", json!([]), "/cones", "at least one"),
+            // What only touches its hull has no notches.
+            ("/touches", json!([]), "/polygon/3", "not convex"),
         ];
         for (place, value, field, wanted) in cases {
             let mut problem = felt();
