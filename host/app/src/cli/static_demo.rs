@@ -15,6 +15,7 @@ use palpate_device::simulated::{Config, Line, Pace, SimulatedDevice};
 use crate::advice::Advise as _;
 use crate::thesis::demonstration::{self, CALIBRATION_CONTACTS, CALIBRATION_FORCE_N};
 use crate::thesis::static_contacts::{self, ContactAccuracy, Contacts, worst};
+use crate::width::folded;
 
 /// Contacts that are felt, evenly round the disk and between those of the calibration.
 const FELT_CONTACTS: u32 = 36;
@@ -45,7 +46,7 @@ pub(super) fn run(seed: u64) -> miette::Result<ExitCode> {
     let config = Config { seed, pace: Pace::AsAsked, line, ..Config::default() };
     let hand =
         Arc::new(SimulatedDevice::start(config).into_diagnostic().wrap_err("cannot start the simulated finger")?);
-    say!("A simulated finger runs the firmware at {}; the host opens it like any serial port.", hand.address());
+    say!("A simulated finger runs the firmware at {};\nthe host opens it like any serial port.", hand.address());
     let mut session = Session::open_simulated(Arc::clone(&hand), SessionOptions::default()).advised()?;
     say!("It streams {} samples a second, gain {}.", session.hello().rate_hz, session.hello().gain);
     let fit = demonstration::calibrate(&mut session, &hand, CALIBRATION_FORCE_N).advised()?;
@@ -62,13 +63,14 @@ fn print_calibration(fit: &CalibrationFit) {
     say!("  force [uN] = ({:8.3} {:8.3}) counts", inverse[(0, 0)], inverse[(0, 1)]);
     say!("               ({:8.3} {:8.3})", inverse[(1, 0)], inverse[(1, 1)]);
     if let Some(held) = fit.held_back() {
-        say!(
+        let held_back = format!(
             "  {} contacts held back from the fit: worst error {:+.3} deg at {:.0} deg, rms {:.3} deg",
             held.contacts,
             held.worst_error.to_degrees(),
             held.worst_angle.to_degrees(),
             held.rms_error.to_degrees()
         );
+        say!("{}", folded(&held_back));
     }
 }
 
@@ -86,7 +88,7 @@ fn feel_and_print(session: &mut Session, hand: &SimulatedDevice, fit: &Calibrati
         );
     }
     say!("");
-    say!("All {FELT_CONTACTS} contacts, none of them used for calibration; the worst of them, in degrees:");
+    say!("All {FELT_CONTACTS} contacts, none of them used for calibration; the worst, in degrees:");
     say!("  {:<24} {:>11} {:>10} {:>22}", "", "mean error", "noise sd", "stated 99 % held");
     rows.iter().for_each(|(name, measured)| print_row(name, measured));
     say!("  {:<24} {:>11} {:>10}", "thesis, 1000 readings", "within 1", "below 0.5");
@@ -94,11 +96,12 @@ fn feel_and_print(session: &mut Session, hand: &SimulatedDevice, fit: &Calibrati
     let contacts = Contacts::round_the_disk(FELT_CONTACTS, CALIBRATION_FORCE_N).with_friction(MU_C);
     let measured = static_contacts::feel(session, hand, &fit.calibration, &contacts, &averagings).advised()?;
     say!("");
-    say!(
-        "With friction {MU_C} the force leaves the normal by up to {:.1} deg, which no force sensor can see; the stated",
+    let unseen = format!(
+        "With friction {MU_C} the force leaves the normal by up to {:.1} deg, which no force sensor can see; the stated \
+         interval allows for it:",
         MU_C.atan().to_degrees()
     );
-    say!("interval allows for it:");
+    say!("{}", folded(&unseen));
     AVERAGINGS.iter().zip(measured).for_each(|((name, _), measured)| print_row(&format!("2 N, {name}"), &measured));
     Ok(())
 }
@@ -143,5 +146,5 @@ fn print_ending(session: &Session, begun: Instant) {
         counts.damaged_frames,
         begun.elapsed().as_secs_f64()
     );
-    say!("Nothing here was measured: the finger was simulated. README.md says how to build a real one.");
+    say!("{}", folded("Nothing here was measured: the finger was simulated. README.md says how to build a real one."));
 }

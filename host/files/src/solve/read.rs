@@ -210,7 +210,7 @@ fn read_tagged<T>(json: Json<'_>, tag: &'static str, variants: &[Variant<T>]) ->
 }
 
 /// Reads an object by what its field `tag` says: `named` without that field if it is `name`, otherwise the whole with
-/// `others`.
+/// `others`. What is all but that name is taken for a slip.
 ///
 /// # Errors
 /// Those of either.
@@ -224,8 +224,15 @@ pub(super) fn named_or<'de, D: Deserializer<'de>, T>(
     let json = unread.json();
     let is_object = json.shape() == Shape::Object;
     let chosen = is_object.then(|| json.member(tag)).flatten();
-    let is_named = chosen.is_some_and(|chosen| chosen.shape() == Shape::String && chosen.string() == name);
-    let read = if is_named { named(Fields::without(json, &[tag])) } else { others(Fields::of(json)) };
+    let word = chosen.filter(|chosen| chosen.shape() == Shape::String).map(|chosen| chosen.string());
+    let read = match word {
+        Some(word) if word == name => named(Fields::without(json, &[tag])),
+        // The others would not name this one.
+        Some(word) if spelling::nearest(&word, [name]).is_some() => {
+            Err(InvalidInput::at(tag, format!("`{word}` is none: did you mean `{name}`?")))
+        }
+        _ => others(Fields::of(json)),
+    };
     read.map_err(D::Error::custom)
 }
 

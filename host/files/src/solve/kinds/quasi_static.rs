@@ -470,6 +470,7 @@ mod tests {
         let feet = |feet: Value| json!({"support": {"feet": feet}});
         let cases = [
             (json!({"mu": 0}), "/mu", "nothing resists"),
+            (json!({"mode": "quasistatic"}), "/mode", "did you mean `quasi_static`"),
             (json!({"g": 0}), "/g", "nothing resists"),
             (json!({"mu_c_static": 0.1}), "/mu_c_static", "less than `mu_c`"),
             (json!({"height": -0.01}), "/height", "out of range"),
