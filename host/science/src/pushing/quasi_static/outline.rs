@@ -283,28 +283,35 @@ impl Outline {
     }
 
     /// Where a disk going straight from `centre` along `direction` (length 1) first touches, and after which length, if
-    /// that is less than `length`.
+    /// that is less than `length`: where it goes into the part by more than `into_least`, for grazing is no touch.
     pub(super) fn first_touch(
         &self,
         centre: Point2<f64>,
         direction: Vector2<f64>,
         length: f64,
+        into_least: f64,
     ) -> Option<(f64, Place)> {
         let features = (0..self.sides.len()).flat_map(|k| [Feature::Side(k), Feature::Corner(k)]);
         let touches = features.filter_map(|feature| {
-            let (after, along) = self.touch(feature, centre, direction)?;
+            let (after, along) = self.touch(feature, centre, direction, into_least)?;
             (after < length).then_some((after, Place { feature, along }))
         });
         touches.min_by(|a, b| a.0.total_cmp(&b.0))
     }
 
-    fn touch(&self, feature: Feature, centre: Point2<f64>, direction: Vector2<f64>) -> Option<(f64, f64)> {
+    fn touch(
+        &self,
+        feature: Feature,
+        centre: Point2<f64>,
+        direction: Vector2<f64>,
+        into_least: f64,
+    ) -> Option<(f64, f64)> {
         match feature {
             Feature::Side(k) => {
                 let side = &self.sides[k];
                 let into = -direction.dot(&side.normal);
                 let gap = (centre - side.start).dot(&side.normal) - self.radius;
-                if into <= INTO_LEAST || gap < -2.0 * TOUCHES_M {
+                if into <= into_least || gap < -2.0 * TOUCHES_M {
                     return None;
                 }
                 let after = (gap / into).max(0.0);
@@ -321,7 +328,7 @@ impl Outline {
                 }
                 let after = (closing - (self.radius * self.radius - off * off).sqrt()).max(0.0);
                 let there = from_corner + direction * after;
-                if there.norm() > self.radius + 2.0 * TOUCHES_M || -there.dot(&direction) <= INTO_LEAST * self.radius {
+                if there.norm() > self.radius + 2.0 * TOUCHES_M || -there.dot(&direction) <= into_least * self.radius {
                     return None;
                 }
                 let along = self.radius * before.normal.perp(&there).atan2(before.normal.dot(&there));

@@ -38,6 +38,10 @@ const GLIMPSE: f64 = 1e-9;
 /// where the part would slide along the finger, the part gets ever faster for the little that the finger goes into it.
 const INTO_LOST: f64 = 1e-6;
 
+/// Where the finger goes into the part by no more than this it leaves: a turn of so much is lost, and nearer to none
+/// the motion is one rounding divided by another.
+const INTO_LEAVES: f64 = 1e-9;
+
 /// Directions of a path that differ by less than this make no corner, rad: places on a line are rounded.
 const STRAIGHT_RAD: f64 = 1e-9;
 
@@ -196,7 +200,7 @@ enum State {
 /// What may happen, as numbers that are not negative until it does.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Watched {
-    /// The finger's motion into the part.
+    /// The finger's motion into the part, beyond that with which it leaves.
     into: f64,
     /// What is left before slip begins or stops.
     mode: f64,
@@ -258,6 +262,7 @@ impl SlowPush {
             halt: &halt,
             state: State::Free(self.pose),
             gone: 0.0,
+            into_least: INTO_LEAST,
         };
         run.follow()
     }
@@ -291,6 +296,9 @@ struct Following<'a> {
     halt: &'a Halt<'a>,
     state: State,
     gone: f64,
+    /// By how much the finger has to go into the part for a touch: more, up to the next corner of the path, where it
+    /// has just left with what is lost in rounding.
+    into_least: f64,
 }
 
 impl<'a> Following<'a> {
@@ -313,6 +321,9 @@ impl<'a> Following<'a> {
             let turns =
                 before.is_none_or(|before| before.perp(&direction).atan2(before.dot(&direction)).abs() > STRAIGHT_RAD);
             before = Some(direction);
+            if turns {
+                self.into_least = INTO_LEAST;
+            }
             let mut begun = turns.then(|| self.turn(pair[0], direction)).flatten();
             if samples.is_empty() {
                 // The motion that begins; a finger that touches from the first shows it.
@@ -402,7 +413,8 @@ impl<'a> Following<'a> {
         let isometry = pose.isometry();
         let [centre_part, direction_part] =
             [isometry.inverse_transform_point(&centre).coords, isometry.rotation.inverse() * direction];
-        let (after, place) = self.outline.first_touch(Point2::from(centre_part), direction_part, length)?;
+        let (after, place) =
+            self.outline.first_touch(Point2::from(centre_part), direction_part, length, self.into_least)?;
         let end = self.decide(centre + direction * after, direction, place, pose.theta, None);
         Some((done + after, end))
     }
@@ -435,8 +447,27 @@ impl<'a> Following<'a> {
                 self.state = State::Touching(contact(found));
                 None
             }
-            None => Some(SlowEnd::Tip),
+            None => self.leave_or(SlowEnd::Tip, centre, direction, place, theta),
         }
+    }
+
+    /// Without a motion the finger leaves, if what it goes into the part is lost in rounding; otherwise this ends.
+    fn leave_or(
+        &mut self,
+        end: SlowEnd,
+        centre: Point2<f64>,
+        direction: Vector2<f64>,
+        place: Place,
+        theta: f64,
+    ) -> Option<SlowEnd> {
+        let normal = Rotation2::new(theta) * self.outline.touched(place).normal;
+        if -normal.dot(&direction) >= INTO_LOST {
+            return Some(end);
+        }
+        self.state = State::Free(self.pose_at(centre, place, theta));
+        // Else it would touch again at once.
+        self.into_least = 2.0 * INTO_LOST;
+        None
     }
 
     /// How it slides where it cannot stick: against the force that sticking would take. Above the plane that may be
@@ -485,7 +516,7 @@ impl<'a> Following<'a> {
         let bounds = self.outline.bounds(contact.place);
         let mut state = [contact.theta, contact.place.along];
         let Some(mut look) = stretch.look(state, Some(&Near::from(&contact.instant))) else {
-            return Ok(Some(SlowEnd::Tip));
+            return Ok(self.leave_or(SlowEnd::Tip, stretch.centre, direction, contact.place, contact.theta));
         };
         let mut step = self.push.step_max;
         loop {
@@ -543,13 +574,9 @@ impl<'a> Following<'a> {
         changes: usize,
     ) -> Option<SlowEnd> {
         let place = Place { along, ..stretch.place };
-        if look.watched.into < INTO_LOST {
-            self.state = State::Free(self.pose(stretch.centre));
-            return None;
-        }
         // The part may go on in another way; if that leads nowhere, it tips.
-        if changes > 0 {
-            return Some(SlowEnd::Tip);
+        if changes > 0 || look.watched.into < INTO_LOST {
+            return self.leave_or(SlowEnd::Tip, stretch.centre, stretch.direction, place, theta);
         }
         self.decide(stretch.centre, stretch.direction, place, theta, None)
     }
@@ -575,15 +602,16 @@ impl<'a> Following<'a> {
             return Some(SlowEnd::Tip);
         }
         if watched.into <= least {
-            self.state = State::Free(self.pose(stretch.centre));
-            return None;
+            return self.leave_or(SlowEnd::Tip, stretch.centre, stretch.direction, place, theta);
         }
         if watched.mode <= least {
             return match stretch.mode {
                 Mode::Slide(_) => self.decide(stretch.centre, stretch.direction, place, theta, Some(&near)),
                 Mode::Stick => {
                     let slid = self.slide(stretch.centre, stretch.direction, place, theta, look);
-                    let Some((mode, look)) = slid else { return Some(SlowEnd::Tip) };
+                    let Some((mode, look)) = slid else {
+                        return self.leave_or(SlowEnd::Tip, stretch.centre, stretch.direction, place, theta);
+                    };
                     self.state = State::Touching(Contact { mode, place, theta, instant: look.instant });
                     None
                 }
@@ -598,13 +626,14 @@ impl<'a> Following<'a> {
     fn pose(&self, centre: Point2<f64>) -> Pose {
         match &self.state {
             State::Free(pose) => *pose,
-            State::Touching(contact) => {
-                let touched = self.outline.touched(contact.place);
-                let origin =
-                    centre - Rotation2::new(contact.theta) * (touched.at.coords + touched.normal * self.push.radius);
-                Pose { x: origin.x, y: origin.y, theta: contact.theta }
-            }
+            State::Touching(contact) => self.pose_at(centre, contact.place, contact.theta),
         }
+    }
+
+    fn pose_at(&self, centre: Point2<f64>, place: Place, theta: f64) -> Pose {
+        let touched = self.outline.touched(place);
+        let origin = centre - Rotation2::new(theta) * (touched.at.coords + touched.normal * self.push.radius);
+        Pose { x: origin.x, y: origin.y, theta }
     }
 
     fn sample(&self, centre: Point2<f64>) -> SlowSample {
@@ -654,7 +683,7 @@ impl Stretch<'_> {
             }
         };
         let watched = Watched {
-            into: -touched.normal.dot(&velocity),
+            into: -touched.normal.dot(&velocity) - INTO_LEAVES,
             mode,
             load: self.ground.load_least(&instant.load),
             back: along - self.ends[0],

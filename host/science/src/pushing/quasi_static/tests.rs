@@ -471,3 +471,39 @@ fn the_centres_curve_closes() {
     assert_eq!(place.feature, Feature::Side(0));
     assert!((length - (0.2 + TAU * 0.004)).abs() < 1e-12, "{length}");
 }
+
+/// Where the part would slide along the finger, its motion ends in rounding: the finger leaves, whatever the steps.
+#[test]
+fn a_finger_that_slides_off_leaves_whatever_the_steps() {
+    let vertices = [
+        [-0.03360409301730394, 0.034879543780808646],
+        [-0.012108783046418228, -0.025705961830257387],
+        [0.036382320976296165, 0.0011256358442904568],
+        [0.015008307571371685, 0.03807860953096435],
+    ];
+    let feet = [
+        [0.006920661655758525, 0.00569758612550109, 0.31331927988232905],
+        [-0.013713773084408222, 0.01992230640244103, 0.34308766220949233],
+        [-0.006890435892760727, 0.005538729690897859, 0.34359305790817873],
+    ];
+    let foot = |[x, y, share]: [f64; 3]| Foot { at: Point2::new(x, y), share, friction: 0.22638202718276104 };
+    let path = [[0.09685988661419596, -0.10627141427463287], [0.05961924930237764, 0.004327070943789123]];
+    let [x, y, theta] = [0.04933870134326612, -0.02730757713481978, -2.816409313044792];
+    for step in 1..=8 {
+        let pushed = SlowPush {
+            outline: SimplePolygon::new(vertices.map(Point2::from)).unwrap(),
+            support: Support::Feet { feet: feet.map(foot).to_vec(), ring_radius: 0.0 },
+            height: 0.0,
+            radius: 0.02,
+            contact_friction: [0.529829650399619; 2],
+            path: path.map(Point2::from).to_vec(),
+            pose: Pose { x, y, theta },
+            step_max: 1e-4 * f64::from(step),
+            ..push()
+        };
+        let run = pushed.run(&never).unwrap();
+        assert_eq!(run.end, SlowEnd::Path, "{step}");
+        let last = run.samples.last().unwrap();
+        assert!(last.contact.is_none() && (last.pose.theta + 1.31171442).abs() < 1e-7, "{step}: {last:?}");
+    }
+}
