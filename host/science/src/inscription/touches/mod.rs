@@ -156,9 +156,34 @@ pub fn touched_poses_until(
     let mut estimate = TouchEstimate { modes: Vec::new(), loose: None, dof, gate };
     if readings.are_enough() {
         let objective = objective::Objective::new(outline, readings, gate, &halt);
-        let found = cover::minima(&objective, gate);
+        let found = match loosened(readings, &objective) {
+            None => cover::minima(&objective, gate),
+            Some(loosened) => {
+                let near = objective::Objective::new(outline, &loosened, gate, &halt);
+                cover::minima(&near, gate).settled(&objective, gate)
+            }
+        };
         estimate.modes = found.modes(&objective);
         estimate.loose = found.loose.map(|(at, _)| at.pose(objective.anchor));
     }
     halt.searched(estimate)
+}
+
+/// An exact fence is searched for with this share of the least standard deviation of all else: so stiff a term that the
+/// bounds of a box are lost in it would make the search long.
+const LOOSENED: f64 = 0.01;
+
+/// The same share of the part's size at the most.
+const LOOSENED_RELATIVE: f64 = 1e-5;
+
+/// The same readings with exact fences known a little less exactly, and no disks to keep clear of: its minima lie beside
+/// those that are wanted, by less than a thousandth of a standard deviation. None where no fence is exact.
+fn loosened(readings: &TouchReadings, objective: &objective::Objective<'_>) -> Option<TouchReadings> {
+    readings.fences.iter().find(|fence| fence.sigma.is_none())?;
+    let touches = readings.touches.iter().map(|touch| touch.sigma);
+    let least = touches.chain(readings.fences.iter().filter_map(|fence| fence.sigma)).fold(f64::INFINITY, f64::min);
+    let size = objective.convex.size();
+    let sigma = (LOOSENED * least).clamp(super::FENCE_SD_RELATIVE * size, LOOSENED_RELATIVE * size);
+    let fences = readings.fences.iter().map(|fence| Fence { sigma: fence.sigma.or(Some(sigma)), ..*fence });
+    Some(TouchReadings { fences: fences.collect(), free: Vec::new(), ..readings.clone() })
 }

@@ -63,6 +63,15 @@ impl Found {
         self.minima.iter().any(near)
     }
 
+    /// The minima of another objective beside these.
+    pub(super) fn settled(&self, objective: &Objective<'_>, gate: f64) -> Self {
+        let mut found = Self::default();
+        let places = self.minima.iter().map(|minimum| minimum.at).chain(self.loose.map(|(at, _)| at));
+        // None where it is told to halt.
+        let _ = places.map(|at| objective.settle(&at, gate, &mut found)).collect::<Option<Vec<_>>>();
+        found
+    }
+
     /// Best first.
     pub(super) fn modes(&self, objective: &Objective<'_>) -> Vec<PoseMode> {
         let mut minima = self.minima.clone();

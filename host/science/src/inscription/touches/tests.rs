@@ -245,6 +245,27 @@ fn exact_fences_hold_beside_touches() {
     assert!(estimate.modes.iter().any(is_told), "{estimate:?}");
 }
 
+/// One that every touch but a few leaves free along it: the search does not grow with how exact it is. A rectangle, its
+/// lower side on the fence and three touches: as with a fence known to a micrometre, in as many looks.
+#[test]
+fn an_exact_fence_takes_no_longer_than_one_that_is_nearly_so() {
+    let looks = |sigma: Option<f64>| {
+        let mut readings = felt(&[[0.06, 0.015], [0.03, 0.04], [0.01, 0.04]], 1e-4);
+        readings.fences = vec![Fence { line: HalfPlane::new(-PI / 2.0, 0.0), sigma }];
+        let count = std::cell::Cell::new(0_u32);
+        let stop = || {
+            count.set(count.get() + 1);
+            false
+        };
+        let modes = touched_poses_until(&block(), &readings, &stop).found.modes;
+        assert!(modes.iter().any(|mode| mode.pose.y.abs() < 1e-5), "{modes:?}");
+        (count.get(), modes.len())
+    };
+    let ((exact, modes), (nearly, others)) = (looks(None), looks(Some(1e-6)));
+    assert_eq!(modes, others);
+    assert!(exact < 4 * nearly + 100, "{exact} looks, {nearly} with a micrometre");
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
