@@ -24,7 +24,9 @@ use super::watched_push::MuUncertainty;
 use super::{not_negative, pose, static_demo};
 use crate::advice::Advise as _;
 use crate::thesis::chain::known_of;
-use crate::thesis::demonstration::{CALIBRATION_CONTACTS, CALIBRATION_FORCE_N, Rig, SensedPush, course};
+use crate::thesis::demonstration::{
+    CALIBRATION_CONTACTS, CALIBRATION_FORCE_N, Rig, SensedPush, course, finger_by_design,
+};
 use crate::width::folded;
 
 /// Times since the onset at which the host says what it knows, s; the end of the push comes last.
@@ -96,7 +98,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     })?;
     let mut rig = Rig::start(arguments.seed, arguments.noise, line()).advised()?;
     introduce(&rig, &part, &ranges, CALIBRATION_FORCE_N * arguments.noise.max(1.0));
-    let measured = rig.push(course(&drawn.played)).advised()?;
+    let measured = rig.push(course(&drawn.played, &ranges.motion)).advised()?;
     if let Some(folder) = &arguments.keep {
         arguments.keep_files(folder, &part, &ranges, &Felt { acted: &drawn.played, measured: &measured })?;
     }
@@ -117,10 +119,10 @@ fn line() -> Line {
 
 impl Arguments {
     fn part(&self, draw: &mut Draw) -> miette::Result<(Part, Ranges)> {
-        let Some(path) = &self.part else { return Ok((random_part(draw), Ranges::default())) };
+        let default = Ranges { compliance: finger_by_design().compliance, ..Ranges::default() };
+        let Some(path) = &self.part else { return Ok((random_part(draw), default)) };
         let file = read(path, PolygonFile::parse)?;
         tell_part(path, file.part.polygon().vertices(), file.part.body(), &file.doubts());
-        let default = Ranges::default();
         let mu_c = file.mu_c.map_or(default.mu_c, |mu_c| mu_c..=mu_c);
         Ok((file.part, Ranges { mu: file.mu, mu_c, ..default }))
     }

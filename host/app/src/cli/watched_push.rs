@@ -11,7 +11,7 @@ use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::never;
 use palpate::pushing::estimation::from_rest::onset::PushSense;
 use palpate::pushing::estimation::from_rest::watch::{PushAnswer, PushWatch, RecordedWatch, WatchSettings};
-use palpate::pushing::estimation::from_rest::{KnownFromRest, WindowedForce};
+use palpate::pushing::estimation::from_rest::{CarriedFinger, KnownFromRest, WindowedForce};
 use palpate::pushing::finger_motion::FingerMotion;
 use palpate_files::part::PolygonFile;
 use palpate_files::recordings::csv::{self, RecordedTable};
@@ -72,7 +72,8 @@ impl FeltPushArguments {
     /// What is known of a push from rest of the part in this file, with this motion of the finger.
     pub(super) fn known<'a>(self, file: &'a PolygonFile, motion: &'a FingerMotion) -> KnownFromRest<'a> {
         let (mu_g, mu_g_log_sd) = (file.mu * GRAVITY_ASSUMED, self.mu_uncertainty.log_sd);
-        KnownFromRest { part: &file.part, mu_g, mu_g_log_sd, radius: self.radius_mm * 1e-3, motion }
+        let (radius, finger) = (self.radius_mm * 1e-3, CarriedFinger::RIGID);
+        KnownFromRest { part: &file.part, mu_g, mu_g_log_sd, radius, finger, motion }
     }
 }
 

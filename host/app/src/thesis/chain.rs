@@ -14,7 +14,7 @@ use palpate_device::simulated::Line;
 
 use super::cases::of_each;
 use super::{Cell, Experiment, Table, TableSettings};
-use crate::thesis::demonstration::{Rig, course};
+use crate::thesis::demonstration::{Rig, course, finger_by_design};
 use palpate::gravity::GRAVITY_ASSUMED;
 
 /// Runs one case: None where no push of the part lasts, or the chain broke.
@@ -28,7 +28,8 @@ fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<TrialOutcome, Strin
     };
     let finger_seed = seed.wrapping_mul(1_000_003).wrapping_add(number as u64);
     let duration = ranges.motion.duration();
-    let measured = Rig::start(finger_seed, 1.0, Line::Pipe).and_then(|mut rig| rig.push(course(&drawn.played)));
+    let measured =
+        Rig::start(finger_seed, 1.0, Line::Pipe).and_then(|mut rig| rig.push(course(&drawn.played, &ranges.motion)));
     let measured = measured.map_err(|error| format!("case {number}: {error}"))?;
     let measured =
         measured.sense.windowed_force(duration).ok_or_else(|| format!("case {number}: the push was not felt"))?;
@@ -43,6 +44,7 @@ pub(crate) fn known_of<'a>(ranges: &'a Ranges, part: &'a Part) -> KnownFromRest<
         mu_g: ranges.mu * GRAVITY_ASSUMED,
         mu_g_log_sd: None,
         radius: RADIUS_M,
+        finger: finger_by_design(),
         motion: &ranges.motion,
     }
 }
@@ -74,8 +76,8 @@ fn run(settings: &TableSettings) -> Table {
         "redrawn",
     ]);
     table.definitions = definitions();
-    let turning = Ranges::default();
-    let straight = Ranges { motion: straight_motion(), ..Ranges::default() };
+    let turning = Ranges { compliance: finger_by_design().compliance, ..Ranges::default() };
+    let straight = Ranges { motion: straight_motion(), ..turning.clone() };
     for (name, ranges) in [("with a turn", turning), ("straight", straight)] {
         let outcomes = of_each(settings.cases, |number| case(&ranges, settings.seed, number));
         add(&mut table, name, &outcomes);
@@ -86,7 +88,7 @@ fn run(settings: &TableSettings) -> Table {
 fn definitions() -> Vec<String> {
     let text = [
         "Drawn: two of three parts convex (hull of 8 points in a disk of 5 cm), one a star of 5 to 8 vertices 2.5 to 5.5 cm out; the contact uniform along the outline, its angle within 46 deg of the finger's way, mu_c 0.1 to 0.5, mass 0.2 to 0.8 kg, mu 0.3; starts redrawn where the finger does not fit, or whose contact does not stay on its edge for 0.8 s.",
-        "The finger starts at rest on the part: 0.15 m/s² for 0.3 s, then 0.15 m/s² across for 0.5 s (with a turn), or 0.12 m/s² for 0.8 s (straight). Known to the host: polygon, mu, g, the finger's motion.",
+        "The finger starts at rest on the part: 0.15 m/s² for 0.3 s, then 0.15 m/s² across for 0.5 s (with a turn), or 0.12 m/s² for 0.8 s (straight). Known to the host: polygon, mu, g, the finger's motion, its effective mass of 23 g to 5 %, and that its tip gives way by 36 um/N.",
         "Each case has its own simulated finger with the datasheet's noise and hum, calibrated on 12 contacts of 2 N through its own firmware and wire.",
         "unique, ambiguous, none: one pose listed, several, or none explains the force. wrong: no listed pose is within 5 of its stated standard deviations (or 0.2 mm and 0.17 deg) of the truth. wrong and certain: so, and only one was listed.",
         "Errors at the end of the push: of the centre of mass and of the angle, of the best pose listed; nearest: of the listed one nearest to the truth. listed: mean number of poses. redrawn: mean number of starts drawn in vain.",

@@ -15,12 +15,14 @@ use palpate::finger::calibration::session::CalibrationRunError;
 use palpate::finger::calibration::{self, CalibrationFit, FitError};
 use palpate::finger::contact::{Reading, TareError};
 use palpate::finger::judge::{CountsJudge, Judged};
+use palpate::pushing::estimation::from_rest::CarriedFinger;
 use palpate::pushing::estimation::from_rest::onset::{PushSense, RestNoise};
+use palpate::pushing::finger_motion::FingerMotion;
 use palpate::pushing::pushed_world::{Played, STEP_S};
 use palpate_device::session::SessionOptions;
-use palpate_device::simulated::{Config, ForceCourse, Line, Pace, SimulatedDevice};
+use palpate_device::simulated::{CarriedCourse, Config, Line, Pace, SimulatedDevice};
 use palpate_device::{LinkError, Session};
-use palpate_shared::sim::{BridgesConfig, FingerConfig, Load};
+use palpate_shared::sim::{BeamConfig, BridgesConfig, Carriage, CarriedConfig, CarriedMasses, FingerConfig, Load};
 
 use crate::live::{self, LinkSource, LiveError, SimulatedBench};
 
@@ -115,7 +117,7 @@ impl Rig {
     ///
     /// # Errors
     /// [`RigError`].
-    pub fn push(&mut self, course: ForceCourse) -> Result<SensedPush, RigError> {
+    pub fn push(&mut self, course: CarriedCourse) -> Result<SensedPush, RigError> {
         let (rest, mut readings) = self.rest_noise()?;
         let mut sense = PushSense::new(rest, Some(&self.fit.calibration));
         let duration = course.duration_s();
@@ -162,12 +164,34 @@ impl Rig {
     }
 }
 
-/// The forces of a push for a simulated device to play.
+/// A push for a simulated device to play: the forces on its disk, and how its clamp is moved.
 #[must_use]
-pub fn course(played: &Played) -> ForceCourse {
+pub fn course(played: &Played, motion: &FingerMotion) -> CarriedCourse {
+    carried(STEP_S, played.forces_evenly().into_iter(), motion)
+}
+
+/// Forces on the disk (finger axes, N), each `step_s` after the one before, of a finger that is moved so.
+#[must_use]
+pub fn carried(step_s: f64, forces: impl Iterator<Item = Vector2<f64>>, motion: &FingerMotion) -> CarriedCourse {
     #[expect(clippy::cast_possible_truncation, reason = "the simulation computes in single precision")]
-    let single = |force: Vector2<f64>| [force.x as f32, force.y as f32];
-    ForceCourse::new(STEP_S, played.forces_evenly().into_iter().map(single).collect())
+    let single = |of: Vector2<f64>| [of.x as f32, of.y as f32];
+    let times = (0_u32..).map(|step| f64::from(step) * step_s);
+    let carriage =
+        |(t, force)| Carriage { force: single(force), acceleration: single(motion.acceleration(t + SAME_TIME_S)) };
+    CarriedCourse::new(step_s, times.zip(forces).map(carriage).collect())
+}
+
+/// An acceleration that changes within so little is the later one, s: rounding of sums of segments.
+const SAME_TIME_S: f64 = 1e-9;
+
+/// What the default finger's drawings say of it: its effective mass is known to a twentieth, which is what glue, nuts and
+/// wires weigh.
+#[must_use]
+pub fn finger_by_design() -> CarriedFinger {
+    let beam = BeamConfig::default();
+    let effective_mass = f64::from(CarriedMasses::new(&beam, CarriedConfig::default().density).effective);
+    let compliance = 1.0 / f64::from(beam.tip_stiffness());
+    CarriedFinger { effective_mass, effective_mass_sd: 0.05 * effective_mass, compliance }
 }
 
 /// The default finger with so many times its noise and hum.
