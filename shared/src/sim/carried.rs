@@ -139,17 +139,16 @@ impl CarriedBeam {
     /// the mean over the period of what the gauges feel, as a force on the tip, finger axes, in newtons.
     pub fn advance(&mut self, period_ns: u32, mut carriage: impl FnMut(u32) -> Carriage) -> [f32; 2] {
         self.divide(period_ns);
-        let mut felt = [0.0; 2];
+        let mut sums = [0.0; 2];
         for step in 0..self.steps {
             // Rounding is below a nanosecond.
-            let middle = step * self.step_ns + self.step_ns / 2;
-            let acts = carriage(middle);
-            for i in 0..2 {
-                let field = self.gravity[i] - acts.acceleration[i];
-                felt[i] += self.step_axis(i, acts.force[i], field);
+            let acts = carriage(step * self.step_ns + self.step_ns / 2);
+            for (axis, sum) in sums.iter_mut().enumerate() {
+                let field = self.gravity[axis] - acts.acceleration[axis];
+                *sum += self.step_axis(axis, acts.force[axis], field);
             }
         }
-        felt.map(|sum| sum / self.steps as f32)
+        sums.map(|sum| sum / self.steps as f32)
     }
 
     /// One axis under a force and a field, held over a step; the mean of what the gauges feel.

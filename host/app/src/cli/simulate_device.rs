@@ -14,12 +14,14 @@ use palpate_device::simulated::{
 };
 use palpate_files::motion;
 use palpate_files::recordings::csv;
-use palpate_shared::sim::{Carriage, ContactLoad, Faults, FloatingBus, Load, MICROSTRAIN};
+use palpate_shared::sim::{
+    BridgesConfig, Carriage, CarriedConfig, ContactLoad, Faults, FingerConfig, FloatingBus, Load, MICROSTRAIN,
+};
 
 use super::read::lines_of_stdin;
 use crate::advice::Advise as _;
 use crate::live::interrupt;
-use crate::thesis::demonstration::carried;
+use crate::thesis::demonstration::{carried, in_the_air};
 
 /// Runs a finger without hardware: the firmware on a simulated front-end, behind a pseudo-terminal.
 ///
@@ -55,10 +57,36 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FAULTS", value_parser = link_faults_of)]
     line: Option<LinkFaults>,
 
+    /// Frequency of the mains whose hum the wires pick up, Hz
+    #[arg(long, value_name = "HZ", default_value_t = 50.0, value_parser = mains)]
+    mains_hz: f32,
+
+    /// Part of gravity across the finger, its axes, m/s²: X,Y of a finger that is mounted tilted
+    #[arg(long, value_name = "X,Y", value_parser = gravity, allow_hyphen_values = true, default_value = "0,0")]
+    gravity: [f32; 2],
+
     /// Run until killed, without reading orders
     #[arg(long)]
     detached: bool,
 }
+
+/// A frequency of the mains.
+fn mains(text: &str) -> Result<f32, String> {
+    match number(text)? {
+        hertz if (10.0..=400.0).contains(&hertz) => Ok(hertz),
+        hertz => Err(format!("mains of {hertz} Hz are none; it lies within 10 and 400")),
+    }
+}
+
+/// A part of gravity.
+fn gravity(text: &str) -> Result<[f32; 2], String> {
+    let (x, y) = text.split_once(',').ok_or_else(|| format!("{text:?} is not two numbers with a comma between"))?;
+    let part = |text: &str| at_most(number(text.trim())?, GRAVITY_MAX, "the part of gravity in m/s²");
+    Ok([part(x)?, part(y)?])
+}
+
+/// More of gravity cannot be across a finger, in m/s².
+const GRAVITY_MAX: f32 = 9.9;
 
 /// What can be typed.
 const ORDERS: &str = "\
@@ -97,7 +125,11 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         pace: if arguments.as_read { Pace::AsRead } else { Pace::RealTime },
         line,
         baud: arguments.baud,
-        ..Config::default()
+        finger: FingerConfig {
+            bridges: BridgesConfig { hum_hz: arguments.mains_hz, ..BridgesConfig::default() },
+            ..FingerConfig::default()
+        },
+        carried: CarriedConfig { gravity: arguments.gravity, ..CarriedConfig::default() },
     })
     .advised()
     .wrap_err("cannot start the simulated device")?;
@@ -176,7 +208,7 @@ impl Order {
             ["restart"] => Self::Restart,
             ["release"] => Self::Load(Load::Released),
             ["force", x, y] => Self::Load(Load::Force([force(x)?, force(y)?])),
-            ["carry", ..] => Self::Play(in_the_air(line.trim_start_matches("carry").trim())?),
+            ["carry", ..] => Self::Play(in_the_air(&clamp_motion(line.trim_start_matches("carry").trim())?)),
             ["play", ..] => Self::Play(played(line.trim_start_matches("play").trim())?),
             ["press", angle, force] => Self::Load(Load::Static(contact(angle, force, "0")?)),
             ["press", angle, force, mu] => Self::Load(Load::Static(contact(angle, force, mu)?)),
@@ -264,13 +296,6 @@ fn played(words: &str) -> Result<CarriedCourse, String> {
             CarriedCourse::new(PLAY_STEP_S, forces_of(forces)?.map(single).map(at_rest).collect())
         }
     })
-}
-
-/// A clamp that is moved in the air.
-fn in_the_air(path: &str) -> Result<CarriedCourse, String> {
-    let motion = clamp_motion(path)?;
-    let steps = (0_u32..).map(|step| f64::from(step) * PLAY_STEP_S).take_while(|t| *t <= motion.duration());
-    Ok(carried(PLAY_STEP_S, steps.map(|_| Vector2::zeros()), &motion))
 }
 
 fn clamp_motion(path: &str) -> Result<FingerMotion, String> {

@@ -66,6 +66,9 @@ pub struct CarriedFinger {
 impl CarriedFinger {
     /// One that feels nothing of itself and does not bend, such as a sensor whose readings are free of that already.
     pub const RIGID: Self = Self { effective_mass: 0.0, effective_mass_sd: 0.0, compliance: 0.0 };
+
+    /// One of which nothing is known: about what a disk of steel or a fingertip of plastic with its beam weighs.
+    pub const UNKNOWN: Self = Self { effective_mass: 0.02, effective_mass_sd: 0.02, compliance: 0.0 };
 }
 
 /// Means of the force under the windows, and what whitens them.
