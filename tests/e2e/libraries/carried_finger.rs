@@ -1,8 +1,14 @@
-//! The simulated finger in motion against finite elements: what the gauges feel and where the tip is.
+//! The simulated finger in motion against finite elements: what the gauges feel and where the tip is; and when a sample
+//! of it was taken.
 
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
+use std::time::Duration;
 
-use palpate_shared::sim::{BeamConfig, Carriage, CarriedBeam, CarriedConfig};
+use palpate_device::session::SessionOptions;
+use palpate_device::simulated::{CarriedCourse, Config, Pace, SimulatedDevice};
+use palpate_device::{Incoming, Session};
+use palpate_shared::sim::{BeamConfig, Carriage, CarriedBeam, CarriedConfig, FingerConfig};
 use palpate_tests::beam_oracle::{self, Finger, Moment, STEP_S, Seen};
 
 /// Time over which the simulated finger averages, ns: short, so that averaging itself costs (ω h)²/24 = 1e-5 at 300 Hz.
@@ -139,4 +145,43 @@ fn an_oracle_at_rest_bends_as_beam_theory_says() {
     let expected = finger.length.powi(3) / (3.0 * finger.stiffness);
     assert!((last.tip / expected - 1.0).abs() < 1e-9, "{} {expected}", last.tip);
     assert!((last.gauge_force - 1.0).abs() < 1e-9, "{}", last.gauge_force);
+}
+
+/// How long the force below rises, s, and to what, N.
+const RISE: (f64, f32) = (0.2, 1.0);
+
+/// A sample's time may be off by so much, s: rounding of codes, and straight lines between forces.
+const TIME_ERROR_S: f64 = 2e-6;
+
+#[test]
+fn a_sample_tells_of_the_moment_that_its_filter_weighs_most_at_every_rate() {
+    for rate_hz in [8000, 4000, 2000, 500] {
+        let config = Config {
+            finger: FingerConfig::ideal(),
+            carried: CarriedConfig { density: 0.0, ..CarriedConfig::default() },
+            pace: Pace::AsAsked,
+            ..Config::default()
+        };
+        let hand = Arc::new(SimulatedDevice::start(config).unwrap());
+        let mut session = Session::open_simulated(Arc::clone(&hand), SessionOptions::default()).unwrap();
+        session.set_rate(rate_hz).unwrap();
+        session.start().unwrap();
+        let forces = [0.0, RISE.1].map(|x| Carriage { force: [x, 0.0], ..Carriage::default() });
+        let begun = hand.set_course(CarriedCourse::new(RISE.0, forces.to_vec())).unwrap().truth.time_ns as f64 * 1e-9;
+        // Codes over time while the force rises evenly: a straight line that begins when the force does.
+        let mut points: Vec<[f64; 2]> = Vec::new();
+        while points.last().is_none_or(|[t, _]| *t < begun + RISE.0) {
+            let Some(Incoming::Samples(samples)) = session.next(Duration::from_secs(10)).unwrap() else { continue };
+            let code = |index: usize| f64::from(samples.counts[index][0].0);
+            points.extend((0..samples.counts.len()).map(|index| [samples.measured_time_s(index), code(index)]));
+        }
+        let within = |[t, _]: &&[f64; 2]| (begun + 0.02..begun + RISE.0 - 0.02).contains(t);
+        let rising: Vec<_> = points.iter().filter(within).copied().collect();
+        let mean = |n: usize| rising.iter().map(|point| point[n]).sum::<f64>() / rising.len() as f64;
+        let [t, code] = [mean(0), mean(1)];
+        let slope = rising.iter().map(|p| (p[0] - t) * (p[1] - code)).sum::<f64>()
+            / rising.iter().map(|p| (p[0] - t).powi(2)).sum::<f64>();
+        let starts = t - code / slope;
+        assert!((starts - begun).abs() < TIME_ERROR_S, "{rate_hz} Hz: {:.1} us late", (starts - begun) * 1e6);
+    }
 }

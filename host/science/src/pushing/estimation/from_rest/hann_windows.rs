@@ -1,7 +1,7 @@
 //! The windows under which force is averaged: raised cosines, each 40 ms long and 20 ms after the one before.
 //!
 //! Such a window takes out the hum of the mains at 50 Hz altogether (and at 60 Hz nearly), and the ringing of the
-//! finger's disk at some 190 Hz to a thousandth, so that neither has to be known. Neighbours overlap by half:
+//! finger's disk at some 180 Hz to a thousandth, so that neither has to be known. Neighbours overlap by half:
 //! independent noise has a correlation of 1/6 between them.
 //!
 //! Times are since the onset, s. Errors: none.
