@@ -119,7 +119,8 @@ fn a_push_felt_live_over_a_terminal_names_the_pose() {
     let (folder, played) = (tempfile::tempdir().unwrap(), pushed());
     let table = folder.path().join("forces.csv");
     std::fs::write(&table, forces(&played, 0.0, 0.0)).unwrap();
-    let output = observed_live(folder.path(), &table, &example("part.toml"), &example("motion.toml"));
+    let output =
+        observed_live(folder.path(), &table.display().to_string(), &example("part.toml"), &example("motion.toml"));
     check(&last_answer(&output), &played);
     // Estimates came as the push went on, not only at its end.
     assert!(text(&output.stdout).lines().count() > 3, "{}", text(&output.stdout));
@@ -127,7 +128,7 @@ fn a_push_felt_live_over_a_terminal_names_the_pose() {
 
 /// What `observe` says of forces that a simulated device plays once it is ready.
 #[cfg(unix)]
-fn observed_live(folder: &Path, forces: &Path, part: &Path, motion: &Path) -> Output {
+fn observed_live(folder: &Path, played: &str, part: &Path, motion: &Path) -> Output {
     use std::io::{BufRead as _, BufReader};
 
     let calibrate = palpate(&["calibrate", "-d", &format!("sim:{SEED}"), "--load", "2 N", "--contacts", "6", "--out"])
@@ -150,7 +151,7 @@ fn observed_live(folder: &Path, forces: &Path, part: &Path, motion: &Path) -> Ou
     let mut told = BufReader::new(observer.stderr.take().unwrap()).lines().map_while(Result::ok);
     let ready = told.find(|line| line.contains("ready"));
     assert!(ready.is_some(), "it never got ready");
-    writeln!(orders, "play {}", forces.display()).unwrap();
+    writeln!(orders, "play {played}").unwrap();
     let output = observer.wait_with_output().unwrap();
     let _ = writeln!(orders, "quit");
     let _ = device.wait();
@@ -167,7 +168,9 @@ fn a_push_that_a_demo_kept_can_be_played_and_observed_again() {
     let demo = demo.arg(example("part.toml")).arg("--keep").arg(&kept).output().unwrap();
     let said = unfolded(&text(&demo.stdout));
     let [part, motion, forces] = ["part.toml", "motion.toml", "played.csv"].map(|name| kept.join(name));
-    let answer = last_answer(&observed_live(folder.path(), &forces, &part, &motion));
+    // The finger that feels it again is moved as the first one was.
+    let both = format!("{} {}", forces.display(), motion.display());
+    let answer = last_answer(&observed_live(folder.path(), &both, &part, &motion));
     assert_eq!(answer["status"], "unique", "{answer}");
     // "edge 2, centre of mass at (81.06, 31.04) mm, turned 136.03°; ..."
     let truth = said.split("The truth").nth(1).unwrap();
