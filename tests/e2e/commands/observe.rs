@@ -119,8 +119,8 @@ fn a_push_felt_live_over_a_terminal_names_the_pose() {
     let (folder, played) = (tempfile::tempdir().unwrap(), pushed());
     let table = folder.path().join("forces.csv");
     std::fs::write(&table, forces(&played, 0.0, 0.0)).unwrap();
-    let output =
-        observed_live(folder.path(), &table.display().to_string(), &example("part.toml"), &example("motion.toml"));
+    let both = format!("{} {}", table.display(), example("motion.toml").display());
+    let output = observed_live(folder.path(), &both, &example("part.toml"), &example("motion.toml"));
     check(&last_answer(&output), &played);
     // Estimates came as the push went on, not only at its end.
     assert!(text(&output.stdout).lines().count() > 3, "{}", text(&output.stdout));
