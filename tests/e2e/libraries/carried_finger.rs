@@ -1,6 +1,12 @@
 //! The simulated finger in motion against finite elements: what the gauges feel and where the tip is; and when a sample
 //! of it was taken.
 
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "times to numbers of steps, and to the single precision of the simulation"
+)]
+
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 use std::time::Duration;

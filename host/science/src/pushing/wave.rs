@@ -371,7 +371,6 @@ mod tests {
         let mut draw = Draw::case(3, seed);
         let turn = nalgebra::Rotation2::new(turned);
         let began = 0.7312;
-        let count = ((motion.duration() + 1.5) * RATE_HZ) as u32;
         let mut reading = |n: u32| {
             let t = 100.0 + f64::from(n) / RATE_HZ;
             let since = t - 100.0 - began;
@@ -381,7 +380,8 @@ mod tests {
             let noise = Vector2::new(draw.normal(), draw.normal()) * noise;
             Reading::new(t, constant - a * MASS_KG + noise)
         };
-        (0..count).map(&mut reading).collect()
+        let end = 100.0 + motion.duration() + 1.5;
+        (0..).map(&mut reading).take_while(|reading| reading.t < end).collect()
     }
 
     #[test]
