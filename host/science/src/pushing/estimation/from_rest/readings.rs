@@ -23,6 +23,7 @@ use super::path::{Course, CourseStart, Guess, Path};
 use super::{GATE, distinct, is_one_place, is_possible, leads, misfit_limit, search, symmetry};
 use crate::geometry::{Pose, SimplePolygon};
 use crate::pushing::dynamics::{Part, State};
+use crate::pushing::estimation::hypotheses;
 use crate::pushing::finger_motion::{FingerMotion, Leg};
 use crate::pushing::measured_path::{FittedPath, MeasuredPath, Wandering};
 use crate::search::{Halt, Searched, Stop};
@@ -122,6 +123,14 @@ pub struct ForceHypothesis {
     pub probability: f64,
 }
 
+impl ForceHypothesis {
+    /// Standard deviations at the end: of the centre of mass (m, both directions together) and of the angle (rad).
+    #[must_use]
+    pub fn spread(&self, part: &Part) -> (f64, f64) {
+        hypotheses::spread(part, &self.pose_end, &self.covariance.fixed_view::<3, 3>(0, 0).into_owned())
+    }
+}
+
 /// Everything that explains the readings, the likeliest first.
 #[must_use]
 pub fn estimate_until(
@@ -132,6 +141,28 @@ pub fn estimate_until(
     let halt = Halt::new(stop);
     let found = halting_estimate(known, readings, &halt);
     halt.searched(found)
+}
+
+/// How a push may have begun, to be fitted from: at the onset, or at the first reading of a part that moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Beginning {
+    /// The edge that the finger touches.
+    pub edge: usize,
+    /// There.
+    pub state: State,
+    /// Whether the contact then rolls; of no concern at rest.
+    pub is_rolling: bool,
+    /// µ_c.
+    pub mu_c: f64,
+}
+
+/// What a fit leads to which begins with what is given, and what an explanation of these readings may cost at the most:
+/// what a search is judged by. None where the push cannot have begun so.
+#[must_use]
+pub fn follow(known: &KnownOfFinger, readings: &[ForceReading], from: &Beginning) -> Option<(ForceHypothesis, f64)> {
+    let push = FeltPush::new(known, readings)?;
+    let followed = push.followed(push.guess(from)?)?;
+    Some((followed.found, followed.cost_max + push.felt.before.0))
 }
 
 fn halting_estimate(known: &KnownOfFinger, readings: &[ForceReading], halt: &Halt<'_>) -> Vec<ForceHypothesis> {
@@ -192,6 +223,18 @@ impl<'a, 'p> FeltPush<'a, 'p> {
         tried.retain(|tried| is_possible(&problem, tried));
         let most = if self.known.outline.is_some() { most.min(OUTLINE_LEADS) } else { most };
         leads(&tried, most).into_iter().map(|lead| lead.guess).collect()
+    }
+
+    /// As a guess; none of an edge that the part has not.
+    fn guess(&self, from: &Beginning) -> Option<Guess> {
+        let State { u, s, omega, v_t } = from.state;
+        let at_rest = Guess { edge: from.edge, u, s, mu_c: from.mu_c, ..Guess::AT_REST };
+        if !self.known.is_moving {
+            return Some(at_rest);
+        }
+        let model = self.course.first_model(self.known.part.edge(from.edge).ok()?);
+        let rolling = model.rolling_v_t(-self.course.legs[0].from, &from.state);
+        Some(Guess { omega, slide: if from.is_rolling { 0.0 } else { v_t - rolling }, ..at_rest })
     }
 
     /// The minimum that a guess leads to, with all that is unknown.
