@@ -65,6 +65,8 @@ struct Setting {
     /// Standard deviations of the outline's edges, one of these, m; empty where it is exact.
     outline: &'static [f64],
     is_moving: bool,
+    /// Whether accelerations change smoothly.
+    is_smooth: bool,
     /// Whether the finger's places are measured, by another clock.
     is_measured: bool,
 }
@@ -79,13 +81,14 @@ const KNOWN: Setting = Setting {
     mu_log_sd: 0.0,
     outline: &[],
     is_moving: false,
+    is_smooth: false,
     is_measured: false,
 };
 
 /// Fingers, kg.
 const FINGERS: &[f64] = &[0.005, 0.0207, 0.06];
 
-const ROWS: [Setting; 9] = [
+const ROWS: [Setting; 10] = [
     KNOWN,
     Setting { name: "finger 5 to 60 g", fingers: FINGERS, ..KNOWN },
     Setting { name: "mass unknown", fingers: FINGERS, knows_mass: false, ..KNOWN },
@@ -94,7 +97,8 @@ const ROWS: [Setting; 9] = [
     Setting { name: "outline off", fingers: FINGERS, finger_sd: 0.05, outline: &[1e-4, 2e-4, 5e-4], ..KNOWN },
     Setting { name: "moving", fingers: FINGERS, is_moving: true, ..KNOWN },
     Setting { name: "moving, mass, mu_c unknown", is_moving: true, ..UNKNOWN },
-    Setting { name: "path measured", fingers: FINGERS, is_measured: true, ..KNOWN },
+    Setting { name: "smooth motion", fingers: FINGERS, is_smooth: true, ..KNOWN },
+    Setting { name: "smooth path, measured", fingers: FINGERS, is_smooth: true, is_measured: true, ..KNOWN },
 ];
 
 /// Mass and µ_c unknown.
@@ -232,7 +236,7 @@ impl Case {
             let toward = draw.uniform(-PI, PI);
             segments.push(stretch(draw, toward));
         }
-        if setting.is_measured {
+        if setting.is_smooth {
             segments = ramped(&segments);
         }
         let motion = FingerMotion::new(Point2::origin(), &segments).ok()?;
