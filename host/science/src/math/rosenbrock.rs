@@ -98,12 +98,13 @@ mod tests {
         assert!((order - 3.0).abs() < 0.2, "{coarse:e} {fine:e} {order}");
     }
 
-    /// Of a start that is off nothing is left after a few steps, however stiff; an explicit step would be 1e6 times off.
+    /// Of a start that is off nothing is left after a few steps, however stiff; an explicit step would grow it by the stiffness times its length.
     #[test]
     fn what_is_stiff_settles() {
         for stiffness in [1e3, 1e6, 1e9] {
             let off = follow(stiffness, 10, 0.5).abs();
-            assert!(off < 1e-5, "{stiffness:e}: {off:e}");
+            // A step of 0.1 s has errors of a tenth of its cube.
+            assert!(off < 1e-4, "{stiffness:e}: {off:e}");
         }
     }
 

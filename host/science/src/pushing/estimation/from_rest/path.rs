@@ -241,6 +241,15 @@ pub(super) enum Lost {
     Contact,
 }
 
+/// What of a push may be changed.
+#[derive(Clone, Debug)]
+pub(super) enum Changed {
+    /// The part's outline.
+    Part(Part),
+    /// The finger's motion, as [`Course::legs`].
+    Motion(Vec<Leg>),
+}
+
 /// What every guess shares.
 #[derive(Clone, Debug)]
 pub(super) struct Course<'p> {
@@ -251,11 +260,11 @@ pub(super) struct Course<'p> {
     pub(super) mu_g_log_sd: Option<f64>,
     /// µ_c, where it is known.
     pub(super) mu_c: Option<f64>,
-    /// Where the part's outline is not known exactly: the part with one number of it off by
-    /// `fit::OUTLINE_SHARE_OF_SD`, for each.
-    pub(super) outlines: &'p [Part],
-    /// How many standard deviations each of these numbers is off in `part`, of what it is taken for.
-    pub(super) outline_off: &'p [f64],
+    /// Where outline or motion are not known exactly: what changes with each number of them off by
+    /// `fit::SHARE_OF_SD` more.
+    pub(super) changed: &'p [Changed],
+    /// How many standard deviations each of these numbers is off here, of what it is taken for.
+    pub(super) off: &'p [f64],
     pub(super) start: CourseStart,
     /// In time since the start, at which the first is under way; of a push from rest it begins then.
     pub(super) legs: Vec<Leg>,
@@ -268,9 +277,17 @@ impl<'p> Course<'p> {
         PushModel { part: self.part, edge, mu_g, finger: leg.finger }
     }
 
-    /// The same for a part of another outline.
-    pub(super) fn of_part(&self, part: &'p Part) -> Self {
-        Self { part, outlines: &[], outline_off: &[], ..self.clone() }
+    /// The same with everything known.
+    pub(super) fn sure(&self) -> Self {
+        Self { changed: &[], off: &[], ..self.clone() }
+    }
+
+    /// The same with something changed.
+    pub(super) fn with(&self, changed: &'p Changed) -> Self {
+        match changed {
+            Changed::Part(part) => Self { part, ..self.sure() },
+            Changed::Motion(legs) => Self { legs: legs.clone(), ..self.sure() },
+        }
     }
 
     /// µ g by a guess, m/s².
@@ -553,7 +570,8 @@ impl<'p> PathSimulation<'p> {
         let force = self.force();
         self.path.knots.extend([(self.time, force_before), (self.time, force)]);
         self.path.jumps.push(Jump { time: self.time, by: force - force_before, is_of_finger });
-        if self.path.jumps.len() > CHANGES_MAX { Err(Lost::Contact) } else { Ok(()) }
+        let changes = self.path.jumps.iter().filter(|jump| !jump.is_of_finger).count();
+        if changes > CHANGES_MAX { Err(Lost::Contact) } else { Ok(()) }
     }
 }
 
