@@ -8,6 +8,7 @@ use std::io::Cursor;
 use std::num::NonZeroUsize;
 use std::time::Duration;
 
+use palpate::pushing::tip::locate;
 use palpate_files::body::BodyFile;
 use palpate_files::calibration::{file::CalibrationFile, plan, raw::RawRun};
 use palpate_files::motion;
@@ -15,6 +16,7 @@ use palpate_files::part::{PartFile, PolygonFile};
 use palpate_files::recordings::{csv, mlab};
 use palpate_files::scene::SceneFile;
 use palpate_files::solve::{KINDS, run};
+use palpate_files::touches;
 use palpate_files::views::{NamedPart, Views};
 use serde_json::Value;
 
@@ -94,6 +96,18 @@ pub fn motion(bytes: &[u8]) {
     if let Some(motion) = told(motion::parse(&text(bytes))) {
         let begun = motion.centre(0.0);
         assert!(begun.x.is_finite() && begun.y.is_finite(), "begins at {begun}");
+    }
+}
+
+/// Touches on a block, and the tip that they lead to.
+///
+/// # Panics
+/// If a law is broken.
+pub fn touches(bytes: &[u8]) {
+    if let Some((block, touches)) = told(touches::parse(&text(bytes))) {
+        if let Some(found) = told(locate(&block, &touches)) {
+            assert!(found.rms >= 0.0 && found.touches == touches.len(), "{found:?}");
+        }
     }
 }
 

@@ -21,6 +21,7 @@ pub mod recordings;
 pub mod sampling_plan;
 pub mod scene;
 pub mod solve;
+pub mod touches;
 pub mod views;
 
 /// The examples of the crate's page are compiled and run.

@@ -61,6 +61,22 @@ pub fn parse(text: &str) -> Result<FingerMotion, MotionFileError> {
     Ok(FingerMotion::new(Point2::from(keys.start) * metres, &segments.collect::<Vec<_>>())?)
 }
 
+/// A motion as its file, in metres.
+///
+/// ```
+/// let motion = palpate_files::motion::parse("unit = 'mm'\n[[segment]]\nseconds = 0.5\nacceleration = [100, 0]")?;
+/// assert_eq!(palpate_files::motion::parse(&palpate_files::motion::to_text(&motion))?, motion);
+/// # Ok::<(), palpate_files::motion::MotionFileError>(())
+/// ```
+#[must_use]
+pub fn to_text(motion: &FingerMotion) -> String {
+    let start = motion.centre(0.0);
+    let segments = motion.segments().iter().map(|Segment { seconds, acceleration }| {
+        format!("\n[[segment]]\nseconds = {seconds}\nacceleration = [{}, {}]\n", acceleration.x, acceleration.y)
+    });
+    format!("unit = \"m\"\nstart = [{}, {}]\n{}", start.x, start.y, segments.collect::<String>())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

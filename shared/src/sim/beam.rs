@@ -7,8 +7,9 @@
 //! A step uses the exact solution for a force held over the step, so it is stable and free of integration error for
 //! any step; the mean over the step follows exactly from the same equation.
 //!
-//! Assumes: small deflections, a massless beam (its own mass is about 6 g of the 20 g and would lower the resonance
-//! by some 4 %), one mode, rigid disk and clamp. Frame: finger. Units: SI. Errors: none.
+//! Assumes: a clamp at rest, small deflections, a massless beam and a point for the disk (the beam's 6 g and the disk's
+//! turning lower the resonance by 5 %), one mode, rigid disk and clamp. This is what a board simulates; hosts use
+//! `carried`, which has all of that. Frame: finger. Units: SI. Errors: none.
 
 use super::trig::{phase_of, sin_cos};
 
@@ -87,7 +88,7 @@ impl BeamConfig {
 
 /// The exact solution over one step: the departure from rest at the held force, before to after.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Propagator {
+pub(super) struct Propagator {
     /// Row 1 acts to give the elastic force's departure, row 2 its rate over ω.
     matrix: [[f32; 2]; 2],
     /// ω times the step.
@@ -98,8 +99,11 @@ struct Propagator {
 impl Propagator {
     /// The solution for a step, in seconds.
     fn new(config: &BeamConfig, step_s: f32) -> Self {
-        let zeta = config.damping_ratio;
-        let angle = config.angular_frequency() * step_s;
+        Self::of_mode(config.angular_frequency() * step_s, config.damping_ratio)
+    }
+
+    /// The solution for a step over which the undamped oscillation turns by so many radians.
+    pub(super) fn of_mode(angle: f32, zeta: f32) -> Self {
         let root = libm::sqrtf(1.0 - zeta * zeta);
         let decay = libm::expf(-zeta * angle);
         let (sin, cos) = sin_cos(phase_of(angle * root));
@@ -107,11 +111,16 @@ impl Propagator {
         let matrix = [[decay * (cos + zeta * s), decay * s], [-decay * s, decay * (cos - zeta * s)]];
         Self { matrix, angle, damping_ratio: zeta }
     }
+
+    /// What the undamped oscillation turns by in a step, in radians.
+    pub(super) fn angle(&self) -> f32 {
+        self.angle
+    }
 }
 
 /// One axis of the oscillation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Axis {
+pub(super) struct Axis {
     /// Elastic force, in newtons.
     force: f32,
     /// Its rate over ω, in newtons.
@@ -119,8 +128,23 @@ struct Axis {
 }
 
 impl Axis {
+    /// At rest under a force, in newtons.
+    pub(super) fn at_rest(force: f32) -> Self {
+        Self { force, rate: 0.0 }
+    }
+
+    /// Elastic force, in newtons.
+    pub(super) fn force(&self) -> f32 {
+        self.force
+    }
+
+    /// Its rate over ω, in newtons.
+    pub(super) fn rate(&self) -> f32 {
+        self.rate
+    }
+
     /// Advances one step under a held force; returns the elastic force's mean over the step.
-    fn step(&mut self, held: f32, solution: &Propagator) -> f32 {
+    pub(super) fn step(&mut self, held: f32, solution: &Propagator) -> f32 {
         let [[a, b], [c, d]] = solution.matrix;
         let away = self.force - held;
         let next = Self { force: held + a * away + b * self.rate, rate: c * away + d * self.rate };

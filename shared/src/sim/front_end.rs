@@ -9,6 +9,7 @@
 use super::ads131m02::{Chip, RESET_PULSE_NS};
 use super::beam::{Beam, BeamConfig};
 use super::bridge::{Bridges, BridgesConfig};
+use super::carried::{Carriage, CarriedBeam};
 use super::load::{Load, Loading, RAMP_US, Script};
 use super::noise::{Source, Stream, minus_ln_of_rest};
 use super::thermal::{Thermal, ThermalConfig};
@@ -234,12 +235,6 @@ impl SimulatedFrontEnd {
         self.loading.set_script(script, self.time_us());
     }
 
-    /// Presses with this force (finger frame, N) from now on, without a ramp: what another simulation computes,
-    /// conversion by conversion.
-    pub fn set_force(&mut self, force_finger: [f32; 2]) {
-        self.loading.set_force(force_finger, self.time_us());
-    }
-
     /// What is broken from now on.
     pub fn set_faults(&mut self, faults: Faults) {
         if self.faults.chip_absent.is_some() && faults.chip_absent.is_none() {
@@ -262,11 +257,39 @@ impl SimulatedFrontEnd {
 
     /// Lets one conversion period pass. Returns whether DRDY fell, which on a board is the interrupt.
     pub fn step(&mut self) -> bool {
+        self.begin_period();
+        self.force_finger = self.loading.advance_to(self.time_us());
+        let elastic = self.beam.step(self.force_finger);
+        self.convert(elastic)
+    }
+
+    /// The same of a finger that is carried about: `carriage` says what acts at a simulated time, in nanoseconds. The
+    /// force that it gives acts beside the load.
+    pub fn step_carried(&mut self, finger: &mut CarriedBeam, mut carriage: impl FnMut(u64) -> Carriage) -> bool {
+        self.begin_period();
+        let (began_ns, loading) = (self.time_ns - u64::from(self.period_ns), &mut self.loading);
+        let mut force = self.force_finger;
+        let felt = finger.advance(self.period_ns, |after_ns| {
+            let now_ns = began_ns + u64::from(after_ns);
+            let (load, acts) = (loading.advance_to(now_ns / 1000), carriage(now_ns));
+            force = core::array::from_fn(|i| load[i] + acts.force[i]);
+            Carriage { force, ..acts }
+        });
+        self.force_finger = force;
+        self.convert(felt)
+    }
+
+    /// Time goes on by a period.
+    #[inline(always)]
+    fn begin_period(&mut self) {
         self.follow_rate();
         self.time_ns += u64::from(self.period_ns);
         self.follow_temperature();
-        self.force_finger = self.loading.advance_to(self.time_us());
-        let elastic = self.beam.step(self.force_finger);
+    }
+
+    /// The chip's next conversion, of what the gauges felt on average.
+    #[inline(always)]
+    fn convert(&mut self, elastic: [f32; 2]) -> bool {
         self.drifted += self.faults.drift_per_s * seconds(self.period_ns);
         let volts = self.bridges.step(elastic, self.thermal.above_reference(self.temperature_c), self.drifted);
         let volts = self.break_inputs(volts);

@@ -69,7 +69,7 @@ pub enum Load {
         /// Time it takes, in microseconds.
         duration_us: u32,
     },
-    /// Any force on the disk, in newtons: what another simulation computes. One that is not finite counts as none.
+    /// Any force on the disk, in newtons. One that is not finite counts as none.
     Force([f32; 2]),
 }
 
@@ -193,13 +193,6 @@ impl Loading {
         self.begin(load, now_us);
     }
 
-    /// Replaces the load by a force that is there at once, and drops the rest of any script.
-    pub(super) fn set_force(&mut self, force: [f32; 2], now_us: u64) {
-        self.set_load(Load::Force(force), now_us);
-        self.load_start_us = now_us.saturating_sub(self.ramp_us.into());
-        self.force_before = self.load.force_at(0);
-    }
-
     /// Starts a script; the present load stays until its first step.
     pub(super) fn set_script(&mut self, script: Script, now_us: u64) {
         self.script = script;
@@ -294,16 +287,6 @@ mod tests {
         assert!(!loading.is_ramp_over(20_999));
         assert!((loading.advance_to(21_000)[0] - 4.0).abs() < FORCE_ERROR_N);
         assert!(loading.is_ramp_over(21_000));
-    }
-
-    #[test]
-    fn a_force_without_a_ramp_is_there_at_once() {
-        let mut loading = Loading::new(RAMP_US);
-        for (now_us, force) in [(1000, 4.0), (1250, -2.0), (1_000_000, 1.0)] {
-            loading.set_force([force, 0.5], now_us);
-            let [x, y] = loading.advance_to(now_us);
-            assert!((x - force).abs() < FORCE_ERROR_N && (y - 0.5).abs() < FORCE_ERROR_N, "{x} {y} at {now_us} us");
-        }
     }
 
     #[test]

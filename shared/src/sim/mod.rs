@@ -6,12 +6,13 @@
 //! └──────────────────────────── front_end: one conversion period per step, faults ────────────────────────────┘
 //! ```
 //!
-//! `thermal` is the temperature, `noise` the random numbers, `trig` sine and cosine without a library.
+//! The clamp of a finger that a host simulates is carried about: `carried` stands in the beam's place and takes its
+//! acceleration too ([`SimulatedFrontEnd::step_carried`]). `thermal` is the temperature, `noise` the random numbers, `trig` sine and cosine without a library.
 //!
 //! The firmware's own driver runs against [`SpiPort`] as it runs against the real bus; tests take what they expect
 //! from [`SimulatedFrontEnd::truth`], never from the code under test.
 //!
-//! Modelled: bending strain and the disk's resonance; misaligned gauges, cross-talk, unequal gains, offsets, drift of
+//! Modelled: bending strain, the inertia and weight of beam and disk, and their resonance; misaligned gauges, cross-talk, unequal gains, offsets, drift of
 //! both with a slow temperature; mains hum; the converter's noise (spectrum included), filter, clipping, registers,
 //! frames, CRC, DRDY and its two-deep memory; faults on demand. Not modelled: torsion and axial force, gauge creep and
 //! hysteresis, noise of the excitation, distortion, aliasing, the chip's start-up and bus timing.
@@ -36,6 +37,7 @@
 pub mod ads131m02;
 mod beam;
 mod bridge;
+mod carried;
 mod front_end;
 mod load;
 mod noise;
@@ -45,6 +47,7 @@ mod trig;
 
 pub use beam::BeamConfig;
 pub use bridge::{BridgeConfig, BridgesConfig, MICROSTRAIN};
+pub use carried::{Carriage, CarriedBeam, CarriedConfig, CarriedMasses};
 pub use front_end::{Faults, FingerConfig, FloatingBus, SimulatedFrontEnd, Truth};
 pub use load::{ContactLoad, Load, RAMP_US, STEPS_MAX, Script, ScriptError};
 pub use port::{DataReadyPin, PortBusy, SpiPort, SyncResetPin};

@@ -4,6 +4,7 @@
 
 #![allow(clippy::unwrap_used, reason = "clippy exempts tests, but not their helpers")]
 
+mod carried;
 mod chain;
 mod contact;
 #[cfg(unix)]

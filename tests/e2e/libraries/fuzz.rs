@@ -159,6 +159,11 @@ fn no_text_misleads_the_reader_of_a_view() {
 }
 
 #[test]
+fn no_text_misleads_the_reader_of_touches() {
+    fuzz_text("touches", palpate_tests::fuzz_files::touches);
+}
+
+#[test]
 fn no_text_misleads_the_reader_of_a_motion() {
     fuzz_text("motion", palpate_tests::fuzz_files::motion);
 }

@@ -3,6 +3,7 @@
 
 #![allow(clippy::unwrap_used, reason = "clippy exempts tests, but not their helpers")]
 
+mod carried_finger;
 mod documented;
 mod estimating;
 mod force_recordings;

@@ -360,7 +360,7 @@ impl Arguments {
 }
 
 /// Now, as RFC 3339 in UTC to the second.
-fn now() -> String {
+pub(super) fn now() -> String {
     // A clock before 1970 is not set at all; the epoch says so plainly.
     let seconds = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     rfc3339(seconds)

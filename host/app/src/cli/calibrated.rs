@@ -46,6 +46,21 @@ impl OffsetArguments {
 impl CalibrationArguments {
     /// The calibration that was named, or the newest made with this device; `None` if there is none.
     pub(crate) fn load(&self, session: &Session) -> miette::Result<Option<Calibration>> {
+        let Some((path, file)) = self.load_file(session)? else { return Ok(None) };
+        let named = || format!("cannot use the calibration {}", path.display());
+        Ok(Some(file.calibration().advised().wrap_err_with(named)?))
+    }
+
+    /// The file that was named, without a device.
+    pub(super) fn named(&self) -> miette::Result<(PathBuf, CalibrationFile)> {
+        let path = self.calibration.clone().ok_or_else(|| miette::miette!("name the calibration with -c"))?;
+        let named = || format!("cannot use the calibration {}", path.display());
+        let (file, _) = CalibrationFile::read(&path).advised().wrap_err_with(named)?;
+        Ok((path, file))
+    }
+
+    /// As [`CalibrationArguments::load`], with all that the file says, and its place.
+    fn load_file(&self, session: &Session) -> miette::Result<Option<(PathBuf, CalibrationFile)>> {
         let Some(path) = self.calibration.clone().or_else(|| newest(Path::new("calibration"), &device(session))) else {
             return Ok(None);
         };
@@ -60,12 +75,17 @@ impl CalibrationArguments {
             );
         }
         note!("calibration {}", path.display());
-        Ok(Some(file.calibration().advised().wrap_err_with(named)?))
+        Ok(Some((path, file)))
     }
 
     /// As [`CalibrationArguments::load`], where nothing can be done without.
     pub(crate) fn require(&self, session: &Session) -> miette::Result<Calibration> {
-        self.load(session)?.ok_or_else(|| {
+        self.require_file(session)?.1.calibration().advised()
+    }
+
+    /// The same with all that the file says, and its place.
+    pub(super) fn require_file(&self, session: &Session) -> miette::Result<(PathBuf, CalibrationFile)> {
+        self.load_file(session)?.ok_or_else(|| {
             miette::miette!(
                 help = format!("run `palpate calibrate -d {}` first, or name a file with -c", session.address()),
                 "no calibration for device {} under ./calibration",

@@ -11,8 +11,8 @@ use palpate::pushing::dynamics::Part;
 use palpate::pushing::estimation::Estimate;
 use palpate::pushing::estimation::from_rest::onset::PushSense;
 use palpate::pushing::estimation::from_rest::trial::{Drawn, Ranges, pose_error, random_part, straight_motion};
-use palpate::pushing::estimation::from_rest::{self, KnownFromRest};
-use palpate::pushing::finger_motion::{FingerMotion, Segment};
+use palpate::pushing::estimation::from_rest::{self, CarriedFinger, KnownFromRest};
+use palpate::pushing::finger_motion::FingerMotion;
 use palpate::pushing::pushed_world::{Played, STEP_S};
 use palpate_device::simulated::Line;
 use palpate_files::motion;
@@ -24,7 +24,9 @@ use super::watched_push::MuUncertainty;
 use super::{not_negative, pose, static_demo};
 use crate::advice::Advise as _;
 use crate::thesis::chain::known_of;
-use crate::thesis::demonstration::{CALIBRATION_CONTACTS, CALIBRATION_FORCE_N, Rig, SensedPush, course};
+use crate::thesis::demonstration::{
+    CALIBRATION_CONTACTS, CALIBRATION_FORCE_N, Rig, SensedPush, compliance_by_design, course,
+};
 use crate::width::folded;
 
 /// Times since the onset at which the host says what it knows, s; the end of the push comes last.
@@ -96,12 +98,17 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     })?;
     let mut rig = Rig::start(arguments.seed, arguments.noise, line()).advised()?;
     introduce(&rig, &part, &ranges, CALIBRATION_FORCE_N * arguments.noise.max(1.0));
-    let measured = rig.push(course(&drawn.played)).advised()?;
+    let measured = rig.push(course(&drawn.played, &ranges.motion)).advised()?;
     if let Some(folder) = &arguments.keep {
-        arguments.keep_files(folder, &part, &ranges, &Felt { acted: &drawn.played, measured: &measured })?;
+        arguments.keep_files(
+            folder,
+            &part,
+            &ranges,
+            &Felt { acted: &drawn.played, measured: &measured, finger: rig.finger() },
+        )?;
     }
     // As much as `observe` is told where nothing is said of it.
-    let known = KnownFromRest { mu_g_log_sd: MuUncertainty::UNTOLD.log_sd, ..known_of(&ranges, &part) };
+    let known = KnownFromRest { mu_g_log_sd: MuUncertainty::UNTOLD.log_sd, ..known_of(&ranges, &part, rig.finger()) };
     let Some(estimate) = say_what_is_felt(&known, &measured.sense) else {
         say!("The push was not felt: its force does not stand out of {} times the noise.", arguments.noise);
         return Ok(ExitCode::SUCCESS);
@@ -117,15 +124,16 @@ fn line() -> Line {
 
 impl Arguments {
     fn part(&self, draw: &mut Draw) -> miette::Result<(Part, Ranges)> {
-        let Some(path) = &self.part else { return Ok((random_part(draw), Ranges::default())) };
+        let default = Ranges { compliance: compliance_by_design(), ..Ranges::default() };
+        let Some(path) = &self.part else { return Ok((random_part(draw), default)) };
         let file = read(path, PolygonFile::parse)?;
         tell_part(path, file.part.polygon().vertices(), file.part.body(), &file.doubts());
-        let default = Ranges::default();
         let mu_c = file.mu_c.map_or(default.mu_c, |mu_c| mu_c..=mu_c);
         Ok((file.part, Ranges { mu: file.mu, mu_c, ..default }))
     }
 
     fn keep_files(&self, folder: &Path, part: &Part, ranges: &Ranges, felt: &Felt<'_>) -> miette::Result<()> {
+        let finger = felt.finger;
         let cannot = || format!("cannot keep the push in {}", folder.display());
         let part = match &self.part {
             Some(path) => read_text(path).wrap_err_with(cannot)?,
@@ -133,7 +141,7 @@ impl Arguments {
         };
         let files = [
             ("part.toml", part),
-            ("motion.toml", motion_as_toml(&ranges.motion)),
+            ("motion.toml", motion::to_text(&ranges.motion)),
             ("forces.csv", as_table(felt.measured.readings.iter().map(|reading| (reading.t, reading.force_finger)))),
             ("played.csv", as_table(felt.acted_evenly())),
         ];
@@ -149,8 +157,10 @@ impl Arguments {
             .wrap_err_with(cannot)?;
         let named = |name: &str| folder.join(name).display().to_string();
         let [part, motion, forces] = ["part.toml", "motion.toml", "forces.csv"].map(named);
-        note!("kept; to look again: palpate observe {forces} --part {part} --motion {motion}");
-        note!("to feel it again: `play {}` in palpate simulate-device", named("played.csv"));
+        let mass = finger.effective_mass * 1e3;
+        let mass = format!("--effective-mass-g {mass:.2}");
+        note!("kept; to look again: palpate observe {forces} --part {part} --motion {motion} {mass}");
+        note!("to feel it again: `play {} {motion}` in palpate simulate-device", named("played.csv"));
         Ok(())
     }
 
@@ -169,18 +179,11 @@ fn part_as_toml(part: &Part, mu: f64) -> String {
     format!("unit = \"m\"\nvertices = [{}]\nmu = {mu}\n", vertices.join(", "))
 }
 
-fn motion_as_toml(motion: &FingerMotion) -> String {
-    let start = motion.centre(0.0);
-    let segments = motion.segments().iter().map(|Segment { seconds, acceleration }| {
-        format!("\n[[segment]]\nseconds = {seconds}\nacceleration = [{}, {}]\n", acceleration.x, acceleration.y)
-    });
-    format!("unit = \"m\"\nstart = [{}, {}]\n{}", start.x, start.y, segments.collect::<String>())
-}
-
 /// A push as it was, and as the finger felt it: with its offset, its noise and its hum.
 struct Felt<'a> {
     acted: &'a Played,
     measured: &'a SensedPush,
+    finger: CarriedFinger,
 }
 
 impl Felt<'_> {
@@ -203,6 +206,12 @@ fn introduce(rig: &Rig, part: &Part, ranges: &Ranges, force: f64) {
         format!("; those held back are off by at most {:.2}°", held.worst_error.abs().to_degrees())
     });
     say!("{}", folded(&format!("It was calibrated on {CALIBRATION_CONTACTS} contacts of {force} N{worst}.")));
+    let CarriedFinger { effective_mass, effective_mass_sd, .. } = rig.finger();
+    let [mass, sd] = [effective_mass, effective_mass_sd].map(|mass| mass * 1e3);
+    let waved = format!(
+        "Waved in the air it feels {mass:.2} ± {sd:.2} g of its own, which the host takes out of what it reads."
+    );
+    say!("{}", folded(&waved));
     let vertices: Vec<_> =
         part.polygon().vertices().iter().map(|v| format!("({:.0}, {:.0})", v.x * 1e3, v.y * 1e3)).collect();
     say!("{}", folded(&format!("The part, in mm: {}; µ {} on the table.", vertices.join(" "), ranges.mu)));

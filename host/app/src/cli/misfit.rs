@@ -90,6 +90,7 @@ mod tests {
     use nalgebra::{Point2, Vector2};
     use palpate::geometry::SimplePolygon;
     use palpate::pushing::dynamics::Part;
+    use palpate::pushing::estimation::from_rest::CarriedFinger;
     use palpate::pushing::estimation::from_rest::misfit::LikelyMistake;
     use palpate::pushing::finger_motion::{FingerMotion, Segment};
 
@@ -106,6 +107,7 @@ mod tests {
             mu_g: 0.25 * GRAVITY_ASSUMED,
             mu_g_log_sd: None,
             radius: 0.015,
+            finger: CarriedFinger::RIGID,
             motion: &motion,
         };
         let told = |mistake: Option<Mistake>, onset_angle: f64| {

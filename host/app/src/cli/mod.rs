@@ -34,6 +34,7 @@ mod info;
 mod inscribe;
 mod lacking;
 mod latency;
+mod locate_tip;
 mod misfit;
 mod monitor;
 mod motion_source;
@@ -52,6 +53,7 @@ mod solve;
 mod static_demo;
 mod tables;
 mod watched_push;
+mod wave;
 mod which_part;
 
 use std::f64::consts::PI;
@@ -86,6 +88,8 @@ enum Command {
     Info(info::Arguments),
     Diagnose(diagnose::Arguments),
     Calibrate(calibrate::Arguments),
+    Wave(wave::Arguments),
+    LocateTip(locate_tip::Arguments),
     Monitor(monitor::Arguments),
     Observe(observe::Arguments),
     PlanPush(plan_push::Arguments),
@@ -127,6 +131,8 @@ where
         Command::Info(arguments) => info::run(&arguments),
         Command::Diagnose(arguments) => diagnose::run(&arguments),
         Command::Calibrate(arguments) => calibrate::run(&arguments),
+        Command::Wave(arguments) => wave::run(&arguments),
+        Command::LocateTip(arguments) => locate_tip::run(&arguments),
         Command::Monitor(arguments) => monitor::run(&arguments),
         Command::Observe(arguments) => observe::run(&arguments),
         Command::PlanPush(arguments) => plan_push::run(&arguments),

@@ -1,21 +1,27 @@
 //! `palpate simulate-device`.
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::Duration;
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
+use nalgebra::Vector2;
+use palpate::FingerMotion;
 use palpate_device::simulated::{
-    Config, ForceCourse, Injected, InjectedOnLink, Line, LinkFaults, Pace, SimulatedDevice, SimulatedMoment,
+    CarriedCourse, Config, Injected, InjectedOnLink, Line, LinkFaults, Pace, SimulatedDevice, SimulatedMoment,
 };
+use palpate_files::motion;
 use palpate_files::recordings::csv;
-use palpate_shared::sim::{ContactLoad, Faults, FloatingBus, Load, MICROSTRAIN};
+use palpate_shared::sim::{
+    BridgesConfig, Carriage, CarriedConfig, ContactLoad, Faults, FingerConfig, FloatingBus, Load, MICROSTRAIN,
+};
 
 use super::read::lines_of_stdin;
 use crate::advice::Advise as _;
 use crate::live::interrupt;
+use crate::thesis::demonstration::{carried, in_the_air};
 
 /// Runs a finger without hardware: the firmware on a simulated front-end, behind a pseudo-terminal.
 ///
@@ -51,17 +57,46 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FAULTS", value_parser = link_faults_of)]
     line: Option<LinkFaults>,
 
+    /// Frequency of the mains whose hum the wires pick up, Hz
+    #[arg(long, value_name = "HZ", default_value_t = 50.0, value_parser = mains)]
+    mains_hz: f32,
+
+    /// Part of gravity across the finger, its axes, m/s²: X,Y of a finger that is mounted tilted
+    #[arg(long, value_name = "X,Y", value_parser = gravity, allow_hyphen_values = true, default_value = "0,0")]
+    gravity: [f32; 2],
+
     /// Run until killed, without reading orders
     #[arg(long)]
     detached: bool,
 }
+
+/// A frequency of the mains.
+fn mains(text: &str) -> Result<f32, String> {
+    match number(text)? {
+        hertz if (10.0..=400.0).contains(&hertz) => Ok(hertz),
+        hertz => Err(format!("mains of {hertz} Hz are none; it lies within 10 and 400")),
+    }
+}
+
+/// A part of gravity.
+fn gravity(text: &str) -> Result<[f32; 2], String> {
+    let (x, y) = text.split_once(',').ok_or_else(|| format!("{text:?} is not two numbers with a comma between"))?;
+    let part = |text: &str| at_most(number(text.trim())?, GRAVITY_MAX, "the part of gravity in m/s²");
+    Ok([part(x)?, part(y)?])
+}
+
+/// More of gravity cannot be across a finger, in m/s².
+const GRAVITY_MAX: f32 = 9.9;
 
 /// What can be typed.
 const ORDERS: &str = "\
 press ANGLE FORCE [MU]   press at ANGLE degrees with FORCE newtons, on the edge of the friction cone MU
 sweep FROM TO SECONDS FORCE   move a contact round the disk, angles in degrees
 force X Y                push with this force on the disk, in newtons
-play FILE                push with the forces in a table of t, Fx, Fy: on the disk, in newtons
+play FILE [MOTION]       push with the forces in a table of t, Fx, Fy: on the
+                         disk, in newtons; the clamp moves as a motion file
+                         says meanwhile, or rests
+carry MOTION             move the clamp as a motion file says, in the air
 release                  let go
 wait SECONDS             read the next order after so much of the device's time
 fault WORDS              break the front-end; one or more of: none, absent,
@@ -90,7 +125,11 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         pace: if arguments.as_read { Pace::AsRead } else { Pace::RealTime },
         line,
         baud: arguments.baud,
-        ..Config::default()
+        finger: FingerConfig {
+            bridges: BridgesConfig { hum_hz: arguments.mains_hz, ..BridgesConfig::default() },
+            ..FingerConfig::default()
+        },
+        carried: CarriedConfig { gravity: arguments.gravity, ..CarriedConfig::default() },
     })
     .advised()
     .wrap_err("cannot start the simulated device")?;
@@ -151,7 +190,7 @@ enum Order {
     Restart,
     Truth,
     Wait(f64),
-    Play(ForceCourse),
+    Play(CarriedCourse),
     Help,
     Quit,
 }
@@ -169,7 +208,8 @@ impl Order {
             ["restart"] => Self::Restart,
             ["release"] => Self::Load(Load::Released),
             ["force", x, y] => Self::Load(Load::Force([force(x)?, force(y)?])),
-            ["play", ..] => Self::Play(course(line.trim_start_matches("play").trim())?),
+            ["carry", ..] => Self::Play(in_the_air(&clamp_motion(line.trim_start_matches("carry").trim())?)),
+            ["play", ..] => Self::Play(played(line.trim_start_matches("play").trim())?),
             ["press", angle, force] => Self::Load(Load::Static(contact(angle, force, "0")?)),
             ["press", angle, force, mu] => Self::Load(Load::Static(contact(angle, force, mu)?)),
             ["sweep", from, to, seconds, force] => Self::Load(sweep(from, to, seconds, force)?),
@@ -242,8 +282,45 @@ fn sweep(from_deg: &str, to_deg: &str, seconds: &str, newtons: &str) -> Result<L
 /// Time between forces that are played, s: one conversion.
 const PLAY_STEP_S: f64 = 250e-6;
 
-/// Forces from a file, evenly spaced, from its first time on.
-fn course(path: &str) -> Result<ForceCourse, String> {
+/// A file of forces, and perhaps one of a motion. A path may hold blanks: what is a file as a whole is one.
+fn played(words: &str) -> Result<CarriedCourse, String> {
+    let both = words.rsplit_once(char::is_whitespace).filter(|_| !Path::new(words).exists());
+    let (forces, motion) = match both {
+        Some((forces, motion)) => (forces.trim_end(), Some(clamp_motion(motion)?)),
+        None => (words, None),
+    };
+    Ok(match motion {
+        Some(motion) => carried(PLAY_STEP_S, forces_of(forces)?, &motion),
+        None => {
+            let at_rest = |force| Carriage { force, ..Carriage::default() };
+            CarriedCourse::new(PLAY_STEP_S, forces_of(forces)?.map(single).map(at_rest).collect())
+        }
+    })
+}
+
+fn clamp_motion(path: &str) -> Result<FingerMotion, String> {
+    let text = std::fs::read_to_string(path).map_err(|error| format!("cannot read `{path}`: {error}"))?;
+    let motion = motion::parse(&text).map_err(|error| format!("cannot use `{path}`: {error}"))?;
+    let fastest = motion.segments().iter().map(|segment| segment.acceleration.norm()).fold(0.0, f64::max);
+    if fastest > ACCELERATION_MAX {
+        return Err(format!("`{path}` has {fastest} m/s², and the limit is {ACCELERATION_MAX}"));
+    }
+    if motion.duration() > f64::from(TIME_MAX_S) {
+        return Err(format!("`{path}` lasts {} s, and the limit is {TIME_MAX_S}", motion.duration()));
+    }
+    Ok(motion)
+}
+
+/// Fastest that a clamp may speed up, in m/s²: its own inertia would then bend the beam as 10 N do.
+const ACCELERATION_MAX: f64 = 400.0;
+
+#[expect(clippy::cast_possible_truncation, reason = "the simulation computes in single precision")]
+fn single(force: Vector2<f64>) -> [f32; 2] {
+    [force.x as f32, force.y as f32]
+}
+
+/// Forces from a file, evenly spaced, from its first time on, N.
+fn forces_of(path: &str) -> Result<impl Iterator<Item = Vector2<f64>>, String> {
     let text = std::fs::read_to_string(path).map_err(|error| format!("cannot read `{path}`: {error}"))?;
     let readings = csv::parse(&text).map_err(|error| format!("cannot use `{path}`: {error}"))?.readings;
     let (Some(first), Some(last)) = (readings.first(), readings.last()) else {
@@ -260,20 +337,17 @@ fn course(path: &str) -> Result<ForceCourse, String> {
             large.t
         ));
     }
-    let times = std::iter::successors(Some(0.0), |step| Some(step + 1.0)).map(|step| first.t + step * PLAY_STEP_S);
+    let (first, last) = (*first, *last);
+    let times = (0_u32..).map(move |step| first.t + f64::from(step) * PLAY_STEP_S);
     let mut next = 0;
-    let forces = times.take_while(|t| *t <= last.t + PLAY_STEP_S).map(|t| {
+    Ok(times.take_while(move |t| *t <= last.t + PLAY_STEP_S).map(move |t| {
         while readings.get(next + 1).is_some_and(|reading| reading.t <= t) {
             next += 1;
         }
-        let (from, to) = (&readings[next], readings.get(next + 1).unwrap_or(last));
+        let (from, to) = (&readings[next], readings.get(next + 1).unwrap_or(&last));
         let share = if to.t > from.t { ((t - from.t) / (to.t - from.t)).clamp(0.0, 1.0) } else { 0.0 };
-        let force = from.force_finger.lerp(&to.force_finger, share);
-        #[expect(clippy::cast_possible_truncation, reason = "the simulation computes in single precision")]
-        let single = [force.x as f32, force.y as f32];
-        single
-    });
-    Ok(ForceCourse::new(PLAY_STEP_S, forces.collect()))
+        from.force_finger.lerp(&to.force_finger, share)
+    }))
 }
 
 /// The faults of a front-end as an option has them.
@@ -359,9 +433,9 @@ fn carry_out(device: &SimulatedDevice, order: Order) -> io::Result<String> {
         Order::Load(load) => return device.set_load(load).map(|moment| load_in_words(&load, &moment)),
         Order::Play(course) => {
             // A log that was not tared begins with its offset, which acts like any force.
-            let [x, y] = course.at(0.0).unwrap_or_default();
+            let [x, y] = course.at(0.0).unwrap_or_default().force;
             let seconds = course.duration_s();
-            let what = format!("plays {seconds:.3} s of forces, at first ({x:.4}, {y:.4}) N, then lets go");
+            let what = format!("plays {seconds:.3} s, with forces at first of ({x:.4}, {y:.4}) N, then lets go");
             return device.set_course(course).map(|moment| from_now_on(&moment, &what));
         }
         Order::Faults(faults) => device.set_faults(faults)?,

@@ -11,8 +11,9 @@ use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::never;
 use palpate::pushing::estimation::from_rest::onset::PushSense;
 use palpate::pushing::estimation::from_rest::watch::{PushAnswer, PushWatch, RecordedWatch, WatchSettings};
-use palpate::pushing::estimation::from_rest::{KnownFromRest, WindowedForce};
+use palpate::pushing::estimation::from_rest::{CarriedFinger, KnownFromRest, WindowedForce};
 use palpate::pushing::finger_motion::FingerMotion;
+use palpate_files::calibration::file::CalibrationFile;
 use palpate_files::part::PolygonFile;
 use palpate_files::recordings::csv::{self, RecordedTable};
 
@@ -66,13 +67,76 @@ pub(super) struct FeltPushArguments {
     #[arg(long, value_name = "SHARE", value_parser = MuUncertainty::parse, default_value = "20%")]
     #[arg(allow_hyphen_values = true)]
     mu_uncertainty: MuUncertainty,
+
+    /// What the finger feels of its own mass when it accelerates, in grams: VALUE or VALUE,SIGMA (without SIGMA known to
+    /// 5 %; 0 for forces that are free of it) [default: what `palpate wave` found, or else 20 ± 20 g, found with the rest]
+    #[arg(long, value_name = "G", value_parser = effective_mass)]
+    effective_mass_g: Option<EffectiveMass>,
+
+    /// How far the finger's tip gives way, µm/N [default: the calibration's, or else 0]
+    #[arg(long, value_name = "UM/N", value_parser = super::not_negative, allow_negative_numbers = true)]
+    compliance_um_per_n: Option<f64>,
+}
+
+/// An effective mass as told, kg.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct EffectiveMass {
+    mass: f64,
+    sd: f64,
+}
+
+/// A mass in grams, with or without its standard deviation.
+fn effective_mass(text: &str) -> Result<EffectiveMass, String> {
+    let neither = || format!("{text:?} is neither VALUE nor VALUE,SIGMA in grams, 0 or more");
+    let grams = |text: &str| text.trim().parse::<f64>().ok().filter(|grams| (0.0..=MASS_MAX_G).contains(grams));
+    let (mass, sd) = match text.split_once(',') {
+        Some((mass, sd)) => (grams(mass), grams(sd)),
+        None => (grams(text), grams(text).map(|mass| TOLD_SHARE * mass)),
+    };
+    let (mass, sd) = mass.zip(sd).ok_or_else(neither)?;
+    Ok(EffectiveMass { mass: mass * 1e-3, sd: sd * 1e-3 })
+}
+
+/// How well a mass is taken to be known that is told without more.
+const TOLD_SHARE: f64 = 0.05;
+
+/// No finger is heavier, g.
+const MASS_MAX_G: f64 = 10_000.0;
+
+/// What is known of a push but for the part and the motion.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FeltPush {
+    arguments: FeltPushArguments,
+    finger: CarriedFinger,
 }
 
 impl FeltPushArguments {
+    /// With what a calibration says of the finger, where there is one; what is only taken for it is told.
+    fn with(self, calibration: Option<&CalibrationFile>) -> FeltPush {
+        let mut finger = calibration.map_or(CarriedFinger::UNKNOWN, CalibrationFile::carried);
+        if let Some(EffectiveMass { mass, sd }) = self.effective_mass_g {
+            (finger.effective_mass, finger.effective_mass_sd) = (mass, sd);
+        } else if calibration.is_none_or(|file| file.wave.is_none()) {
+            let [mass, sd] = [finger.effective_mass, finger.effective_mass_sd].map(|mass| mass * 1e3);
+            note!(
+                "the finger's own mass is not known: taken for {mass:.0} ± {sd:.0} g and found with the rest; \
+                 `palpate wave` measures it, --effective-mass-g tells it"
+            );
+        }
+        if let Some(compliance) = self.compliance_um_per_n {
+            finger.compliance = compliance * 1e-6;
+        }
+        FeltPush { arguments: self, finger }
+    }
+}
+
+impl FeltPush {
     /// What is known of a push from rest of the part in this file, with this motion of the finger.
     pub(super) fn known<'a>(self, file: &'a PolygonFile, motion: &'a FingerMotion) -> KnownFromRest<'a> {
-        let (mu_g, mu_g_log_sd) = (file.mu * GRAVITY_ASSUMED, self.mu_uncertainty.log_sd);
-        KnownFromRest { part: &file.part, mu_g, mu_g_log_sd, radius: self.radius_mm * 1e-3, motion }
+        let Self { arguments, finger } = self;
+        let (mu_g, mu_g_log_sd) = (file.mu * GRAVITY_ASSUMED, arguments.mu_uncertainty.log_sd);
+        let radius = arguments.radius_mm * 1e-3;
+        KnownFromRest { part: &file.part, mu_g, mu_g_log_sd, radius, finger, motion }
     }
 }
 
@@ -134,24 +198,25 @@ fn judged_forces(path: &Path) -> miette::Result<Vec<Judged>> {
 pub(super) struct WatchedPush {
     pub(super) watch: PushWatch,
     motion: FingerMotion,
-    felt: FeltPushArguments,
+    felt: FeltPush,
 }
 
 /// What is asked of a push while it goes on: the watch, whenever an estimate is due, with what is known of a part.
-pub(super) type Look<'l> = &'l mut dyn FnMut(&mut PushWatch, FeltPushArguments, &FingerMotion);
+pub(super) type Look<'l> = &'l mut dyn FnMut(&mut PushWatch, FeltPush, &FingerMotion);
 
 impl WatchedPushArguments {
     /// Watches a push to its end; every so many seconds of it `look` is asked.
     pub(super) fn watch(&self, every_s: f64, look: Look<'_>) -> miette::Result<WatchedPush> {
         let settings = WatchSettings { rest_s: self.felt.tare, every_s };
         let mut motion = MotionSource::open(&self.motion)?;
-        let watch = match &self.forces {
+        let (felt, watch) = match &self.forces {
             Some(path) => {
+                let felt = self.felt.with(None);
                 let named = || format!("cannot use the forces {}", path.display());
                 let judged = judged_forces(path)?;
                 motion.read_all()?;
                 let Some(motion) = motion.known() else { return Err(without_motion()) };
-                self.watch_recording(settings, &judged, motion, look).wrap_err_with(named)?
+                (felt, self.watch_recording(settings, &judged, motion, (felt, look)).wrap_err_with(named)?)
             }
             None => self.watch_device(settings, &mut motion, look)?,
         };
@@ -160,7 +225,7 @@ impl WatchedPushArguments {
             tell_contacts(sense, motion.duration());
         }
         lacking::tell("since the push began", &watch.tally());
-        Ok(WatchedPush { watch, motion, felt: self.felt })
+        Ok(WatchedPush { watch, motion, felt })
     }
 
     fn watch_recording(
@@ -168,7 +233,7 @@ impl WatchedPushArguments {
         settings: WatchSettings,
         judged: &[Judged],
         motion: &FingerMotion,
-        look: Look<'_>,
+        (felt, look): (FeltPush, Look<'_>),
     ) -> miette::Result<PushWatch> {
         let RecordedWatch { mut watch, from, push, others } =
             RecordedWatch::new(settings, None, judged, motion).map_err(not_at_rest)?;
@@ -188,7 +253,7 @@ impl WatchedPushArguments {
                 break;
             }
             if watch.is_due(motion) {
-                look(&mut watch, self.felt, motion);
+                look(&mut watch, felt, motion);
             }
         }
         Ok(watch)
@@ -199,10 +264,11 @@ impl WatchedPushArguments {
         settings: WatchSettings,
         motion: &mut MotionSource,
         look: Look<'_>,
-    ) -> miette::Result<PushWatch> {
+    ) -> miette::Result<(FeltPush, PushWatch)> {
         interrupt::listen();
         let mut session = self.device.open(true)?;
-        let calibration = self.calibration.require(&session)?;
+        let (_, file) = self.calibration.require_file(&session)?;
+        let (calibration, felt) = (file.calibration().advised()?, self.felt.with(Some(&file)));
         live::start(&mut session).advised()?;
         note!("{}taring for {} s: no force on the finger", super::simulated_note(&session), self.felt.tare);
         let front_end = live::front_end(session.hello()).advised()?;
@@ -227,7 +293,7 @@ impl WatchedPushArguments {
                 return false;
             }
             if watch.is_due(known) {
-                look(&mut watch, self.felt, known);
+                look(&mut watch, felt, known);
             }
             true
         });
@@ -236,7 +302,7 @@ impl WatchedPushArguments {
         watched.advised()?;
         failed.map_or(Ok(()), Err)?;
         stopped.advised()?;
-        Ok(watch)
+        Ok((felt, watch))
     }
 }
 

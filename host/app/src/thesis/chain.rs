@@ -9,12 +9,12 @@ use palpate::math::statistics::percentile;
 use palpate::pushing::dynamics::Part;
 use palpate::pushing::estimation::Status;
 use palpate::pushing::estimation::from_rest::trial::{RADIUS_M, Ranges, TrialOutcome, random_part, straight_motion};
-use palpate::pushing::estimation::from_rest::{self, KnownFromRest};
+use palpate::pushing::estimation::from_rest::{self, CarriedFinger, KnownFromRest};
 use palpate_device::simulated::Line;
 
 use super::cases::of_each;
 use super::{Cell, Experiment, Table, TableSettings};
-use crate::thesis::demonstration::{Rig, course};
+use crate::thesis::demonstration::{Rig, compliance_by_design, course};
 use palpate::gravity::GRAVITY_ASSUMED;
 
 /// Runs one case: None where no push of the part lasts, or the chain broke.
@@ -28,21 +28,23 @@ fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<TrialOutcome, Strin
     };
     let finger_seed = seed.wrapping_mul(1_000_003).wrapping_add(number as u64);
     let duration = ranges.motion.duration();
-    let measured = Rig::start(finger_seed, 1.0, Line::Pipe).and_then(|mut rig| rig.push(course(&drawn.played)));
-    let measured = measured.map_err(|error| format!("case {number}: {error}"))?;
+    let felt = Rig::start(finger_seed, 1.0, Line::Pipe)
+        .and_then(|mut rig| Ok((rig.push(course(&drawn.played, &ranges.motion))?, rig.finger())));
+    let (measured, finger) = felt.map_err(|error| format!("case {number}: {error}"))?;
     let measured =
         measured.sense.windowed_force(duration).ok_or_else(|| format!("case {number}: the push was not felt"))?;
-    let estimate = from_rest::estimate(&known_of(ranges, &part), &measured);
+    let estimate = from_rest::estimate(&known_of(ranges, &part, finger), &measured);
     Ok(TrialOutcome::new(&part, &drawn, &estimate))
 }
 
 /// What the host knows of a push drawn from these ranges.
-pub(crate) fn known_of<'a>(ranges: &'a Ranges, part: &'a Part) -> KnownFromRest<'a> {
+pub(crate) fn known_of<'a>(ranges: &'a Ranges, part: &'a Part, finger: CarriedFinger) -> KnownFromRest<'a> {
     KnownFromRest {
         part,
         mu_g: ranges.mu * GRAVITY_ASSUMED,
         mu_g_log_sd: None,
         radius: RADIUS_M,
+        finger,
         motion: &ranges.motion,
     }
 }
@@ -74,8 +76,8 @@ fn run(settings: &TableSettings) -> Table {
         "redrawn",
     ]);
     table.definitions = definitions();
-    let turning = Ranges::default();
-    let straight = Ranges { motion: straight_motion(), ..Ranges::default() };
+    let turning = Ranges { compliance: compliance_by_design(), ..Ranges::default() };
+    let straight = Ranges { motion: straight_motion(), ..turning.clone() };
     for (name, ranges) in [("with a turn", turning), ("straight", straight)] {
         let outcomes = of_each(settings.cases, |number| case(&ranges, settings.seed, number));
         add(&mut table, name, &outcomes);
@@ -86,7 +88,7 @@ fn run(settings: &TableSettings) -> Table {
 fn definitions() -> Vec<String> {
     let text = [
         "Drawn: two of three parts convex (hull of 8 points in a disk of 5 cm), one a star of 5 to 8 vertices 2.5 to 5.5 cm out; the contact uniform along the outline, its angle within 46 deg of the finger's way, mu_c 0.1 to 0.5, mass 0.2 to 0.8 kg, mu 0.3; starts redrawn where the finger does not fit, or whose contact does not stay on its edge for 0.8 s.",
-        "The finger starts at rest on the part: 0.15 m/s² for 0.3 s, then 0.15 m/s² across for 0.5 s (with a turn), or 0.12 m/s² for 0.8 s (straight). Known to the host: polygon, mu, g, the finger's motion.",
+        "The finger starts at rest on the part: 0.15 m/s² for 0.3 s, then 0.15 m/s² across for 0.5 s (with a turn), or 0.12 m/s² for 0.8 s (straight). Known to the host: polygon, mu, g, the finger's motion, its effective mass by waving it in the air, and that its tip gives way by 36 um/N.",
         "Each case has its own simulated finger with the datasheet's noise and hum, calibrated on 12 contacts of 2 N through its own firmware and wire.",
         "unique, ambiguous, none: one pose listed, several, or none explains the force. wrong: no listed pose is within 5 of its stated standard deviations (or 0.2 mm and 0.17 deg) of the truth. wrong and certain: so, and only one was listed.",
         "Errors at the end of the push: of the centre of mass and of the angle, of the best pose listed; nearest: of the listed one nearest to the truth. listed: mean number of poses. redrawn: mean number of starts drawn in vain.",

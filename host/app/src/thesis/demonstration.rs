@@ -15,18 +15,24 @@ use palpate::finger::calibration::session::CalibrationRunError;
 use palpate::finger::calibration::{self, CalibrationFit, FitError};
 use palpate::finger::contact::{Reading, TareError};
 use palpate::finger::judge::{CountsJudge, Judged};
+use palpate::pushing::estimation::from_rest::CarriedFinger;
 use palpate::pushing::estimation::from_rest::onset::{PushSense, RestNoise};
+use palpate::pushing::finger_motion::FingerMotion;
 use palpate::pushing::pushed_world::{Played, STEP_S};
+use palpate::pushing::wave::{self, WaveError, WaveFit, swings};
 use palpate_device::session::SessionOptions;
-use palpate_device::simulated::{Config, ForceCourse, Line, Pace, SimulatedDevice};
+use palpate_device::simulated::{CarriedCourse, Config, Line, Pace, SimulatedDevice};
 use palpate_device::{LinkError, Session};
-use palpate_shared::sim::{BridgesConfig, FingerConfig, Load};
+use palpate_shared::sim::{BeamConfig, BridgesConfig, Carriage, FingerConfig, Load};
 
 use crate::live::{self, LinkSource, LiveError, SimulatedBench};
 
 /// Force of the calibration weight, N. A noisier finger takes one as many times heavier, or its directions would be
 /// refused.
 pub const CALIBRATION_FORCE_N: f64 = 2.0;
+
+/// Fastest that the finger is waved, m/s²: it then feels 70 mN of itself.
+pub const WAVE_PEAK: f64 = 3.0;
 
 /// Contacts that the finger is calibrated on, evenly round the disk.
 pub const CALIBRATION_CONTACTS: u32 = 12;
@@ -49,6 +55,7 @@ pub struct Rig {
     hand: Arc<SimulatedDevice>,
     session: Session,
     fit: CalibrationFit,
+    finger: CarriedFinger,
 }
 
 /// A push as the host felt it.
@@ -78,6 +85,9 @@ pub enum RigError {
     /// Its settings cannot be.
     #[error("the simulated finger cannot be calibrated")]
     Settings(#[from] PlanError),
+    /// The wave told nothing of its mass.
+    #[error("the simulated finger's mass cannot be found")]
+    Wave(#[from] WaveError),
     /// The calibration does not fit.
     #[error("the simulated finger's calibration does not fit")]
     Fit(#[from] FitError),
@@ -87,7 +97,7 @@ pub enum RigError {
 }
 
 impl Rig {
-    /// A finger with so many times the default one's noise, whose time passes as its host asks, and calibrated.
+    /// A finger with so many times the default one's noise, whose time passes as its host asks, calibrated and waved.
     ///
     /// # Errors
     /// [`RigError`].
@@ -96,7 +106,26 @@ impl Rig {
         let hand = Arc::new(SimulatedDevice::start(config)?);
         let mut session = Session::open_simulated(Arc::clone(&hand), SessionOptions::default())?;
         let fit = calibrate(&mut session, &hand, CALIBRATION_FORCE_N * noise.max(1.0))?;
-        Ok(Self { hand, session, fit })
+        let finger = CarriedFinger { compliance: compliance_by_design(), ..CarriedFinger::RIGID };
+        let mut rig = Self { hand, session, fit, finger };
+        let mass = rig.wave()?.effective_mass;
+        rig.finger = CarriedFinger { effective_mass: mass.value, effective_mass_sd: mass.sd, ..rig.finger };
+        Ok(rig)
+    }
+
+    /// Waves the finger in the air and finds what it weighs.
+    fn wave(&mut self) -> Result<WaveFit, RigError> {
+        let motion = swings(WAVE_PEAK).map_err(io::Error::other)?;
+        let (_, mut readings) = self.rest_noise()?;
+        let begun_s = self.hand.set_course(in_the_air(&motion))?.truth.time_ns as f64 * 1e-9;
+        readings.extend(self.readings_until(begun_s + motion.duration() + AFTER_S)?);
+        Ok(wave::identify(&readings, &motion)?)
+    }
+
+    /// What is known of the finger: its effective mass from a wave, its compliance from its drawings.
+    #[must_use]
+    pub fn finger(&self) -> CarriedFinger {
+        self.finger
     }
 
     /// What the calibration found.
@@ -115,7 +144,7 @@ impl Rig {
     ///
     /// # Errors
     /// [`RigError`].
-    pub fn push(&mut self, course: ForceCourse) -> Result<SensedPush, RigError> {
+    pub fn push(&mut self, course: CarriedCourse) -> Result<SensedPush, RigError> {
         let (rest, mut readings) = self.rest_noise()?;
         let mut sense = PushSense::new(rest, Some(&self.fit.calibration));
         let duration = course.duration_s();
@@ -162,12 +191,37 @@ impl Rig {
     }
 }
 
-/// The forces of a push for a simulated device to play.
+/// A push for a simulated device to play: the forces on its disk, and how its clamp is moved.
 #[must_use]
-pub fn course(played: &Played) -> ForceCourse {
+pub fn course(played: &Played, motion: &FingerMotion) -> CarriedCourse {
+    carried(STEP_S, played.forces_evenly().into_iter(), motion)
+}
+
+/// Forces on the disk (finger axes, N), each `step_s` after the one before, of a finger that is moved so.
+#[must_use]
+pub fn carried(step_s: f64, forces: impl Iterator<Item = Vector2<f64>>, motion: &FingerMotion) -> CarriedCourse {
     #[expect(clippy::cast_possible_truncation, reason = "the simulation computes in single precision")]
-    let single = |force: Vector2<f64>| [force.x as f32, force.y as f32];
-    ForceCourse::new(STEP_S, played.forces_evenly().into_iter().map(single).collect())
+    let single = |of: Vector2<f64>| [of.x as f32, of.y as f32];
+    let times = (0_u32..).map(|step| f64::from(step) * step_s);
+    let carriage =
+        |(t, force)| Carriage { force: single(force), acceleration: single(motion.acceleration(t + SAME_TIME_S)) };
+    CarriedCourse::new(step_s, times.zip(forces).map(carriage).collect())
+}
+
+/// A finger that nothing touches while it is moved so.
+#[must_use]
+pub fn in_the_air(motion: &FingerMotion) -> CarriedCourse {
+    let steps = (0_u32..).map(|step| f64::from(step) * STEP_S).take_while(|t| *t <= motion.duration());
+    carried(STEP_S, steps.map(|_| Vector2::zeros()), motion)
+}
+
+/// An acceleration that changes within so little is the later one, s: rounding of sums of segments.
+const SAME_TIME_S: f64 = 1e-9;
+
+/// How far the default finger's tip gives way by its drawings, m/N.
+#[must_use]
+pub fn compliance_by_design() -> f64 {
+    1.0 / f64::from(BeamConfig::default().tip_stiffness())
 }
 
 /// The default finger with so many times its noise and hum.

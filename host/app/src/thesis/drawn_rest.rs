@@ -20,7 +20,7 @@ use palpate::math::statistics::mean;
 use palpate::pushing::dynamics::{ContactLaw, ContactMode, EndReason, Part, State};
 use palpate::pushing::estimation::from_rest::onset::{PushSense, RestNoise};
 use palpate::pushing::estimation::from_rest::trial::{is_right_pose, place};
-use palpate::pushing::estimation::from_rest::{self, KnownFromRest, WINDOWS_MIN, WindowedForce};
+use palpate::pushing::estimation::from_rest::{self, CarriedFinger, KnownFromRest, WINDOWS_MIN, WindowedForce};
 use palpate::pushing::estimation::{Estimate, FromForce, GATE, Hypothesis, SAME_END_M, Status};
 use palpate::pushing::finger_motion::{FingerMotion, Segment};
 use palpate::pushing::pushed_world::{Played, PushedWorld};
@@ -273,6 +273,7 @@ impl Case {
             mu_g: self.mu * GRAVITY_ASSUMED,
             mu_g_log_sd: None,
             radius: self.radius,
+            finger: CarriedFinger::RIGID,
             motion: &self.motion,
         }
     }

@@ -7,13 +7,15 @@ use std::time::{Duration, Instant};
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use palpate_firmware_core::sampler::IDLE_US;
 use palpate_firmware_core::{Device, DeviceSettings, Identity, Queues, Sampler, SelectSource, SourceNotPossible};
-use palpate_shared::sim::{Faults, FloatingBus, Load, PortBusy, Script, SimulatedFrontEnd, SpiPort};
+use palpate_shared::sim::{
+    Carriage, CarriedBeam, Faults, FloatingBus, Load, PortBusy, Script, SimulatedFrontEnd, SpiPort,
+};
 use palpate_shared::units::DeviceTime;
 use palpate_shared::wire::{Axis, Bridge, Channel, ClockSource, DeviceId, RestartReason, Source};
 
 use super::outlet::Outlet;
 use super::troubled_outlet::TroubledOutlet;
-use super::{Config, ForceCourse, InjectedOnLink, LinkFaults, Pace, SimulatedMoment};
+use super::{CarriedCourse, Config, InjectedOnLink, LinkFaults, Pace, SimulatedMoment};
 
 /// How often a device in real time wakes: half a block, so that samples are at most this late.
 const TICK: Duration = Duration::from_millis(1);
@@ -60,7 +62,7 @@ const MV_PER_V: f32 = 1e3;
 pub(super) enum Control {
     Load(Load, Sender<SimulatedMoment>),
     Script(Box<Script>, Sender<SimulatedMoment>),
-    Course(ForceCourse, Sender<SimulatedMoment>),
+    Course(CarriedCourse, Sender<SimulatedMoment>),
     Faults(Faults, Sender<SimulatedMoment>),
     LinkFaults(LinkFaults, Sender<SimulatedMoment>),
     Injected(Sender<InjectedOnLink>),
@@ -85,6 +87,7 @@ enum Ended {
 pub(super) fn run(config: &Config, outlet: Outlet, orders: &Receiver<Control>, epoch: Instant) {
     let front_end = RefCell::new(SimulatedFrontEnd::new(config.finger, config.seed));
     front_end.borrow_mut().set_faults(config.faults);
+    let mut finger = CarriedBeam::new(config.finger.beam, config.carried);
     let mut outlet = TroubledOutlet::new(outlet, config.link_faults, config.seed);
     let mut restarts = 0;
     let mut asked: Option<Sender<SimulatedMoment>> = None;
@@ -95,6 +98,7 @@ pub(super) fn run(config: &Config, outlet: Outlet, orders: &Receiver<Control>, e
         let mut board = Board {
             started_ns: front_end.borrow().truth().time_ns,
             front_end: &front_end,
+            finger: &mut finger,
             sampler: Sampler::new(SimulatedOnly::new(&front_end), sampler_end, settings),
             device: Device::new(identity(config, restarts), device_end),
             conversions: 0,
@@ -181,6 +185,8 @@ struct Board<'w> {
     /// World time at which it started.
     started_ns: u64,
     front_end: &'w RefCell<SimulatedFrontEnd>,
+    /// Beam and disk, which go on swinging over a restart.
+    finger: &'w mut CarriedBeam,
     sampler: Sampler<'w, SimulatedOnly<'w>>,
     device: Device<'w, OUTBOX_BYTES>,
     conversions: u64,
@@ -188,8 +194,8 @@ struct Board<'w> {
     looked_at: DeviceTime,
     /// Device time of the last temperature sent.
     temperature_at: DeviceTime,
-    /// Forces that act in turn, and the world's time at which they began.
-    course: Option<(ForceCourse, u64)>,
+    /// What happens to the finger, and the world's time at which that began, in ns.
+    course: Option<(CarriedCourse, u64)>,
     /// Strides that a session has still asked for, and where to say that they are done.
     asked: Option<(u32, Sender<SimulatedMoment>)>,
 }
@@ -267,6 +273,7 @@ impl Board<'_> {
                 sender
             }
             Control::Course(course, sender) => {
+                front_end.set_load(Load::Released);
                 self.course = Some((course, front_end.truth().time_ns));
                 sender
             }
@@ -310,7 +317,8 @@ impl Board<'_> {
     }
 
     fn moment(&self) -> SimulatedMoment {
-        SimulatedMoment { conversion: self.conversions, truth: self.front_end.borrow().truth() }
+        let truth = self.front_end.borrow().truth();
+        SimulatedMoment { conversion: self.conversions, truth, tip_finger: self.finger.tip() }
     }
 
     /// Hands the firmware what the host sent; whether there was anything.
@@ -352,8 +360,7 @@ impl Board<'_> {
     /// Lets one conversion happen: the world moves, the interrupt comes, the main loop runs.
     fn convert(&mut self) {
         self.conversions += 1;
-        self.follow_course();
-        let data_ready = self.front_end.borrow_mut().step();
+        let data_ready = self.follow_course();
         let now = self.now();
         if data_ready {
             self.sampler.data_ready(now);
@@ -370,18 +377,18 @@ impl Board<'_> {
         }
     }
 
-    /// Presses with the force that a course has at the end of the next conversion.
-    fn follow_course(&mut self) {
-        let Some((course, began_ns)) = &self.course else { return };
+    /// Lets the world go on by a conversion, with what a course has happen; whether data are ready.
+    fn follow_course(&mut self) -> bool {
         let mut front_end = self.front_end.borrow_mut();
-        let end_ns = front_end.truth().time_ns + u64::from(front_end.period_ns());
-        match course.at((end_ns - began_ns) as f64 * 1e-9) {
-            Some(force) => front_end.set_force(force),
-            None => {
-                front_end.set_load(Load::Released);
-                self.course = None;
-            }
+        let Some((course, began_ns)) = &self.course else {
+            return front_end.step_carried(self.finger, |_| Carriage::default());
+        };
+        let at = |now_ns: u64| course.at((now_ns - began_ns) as f64 * 1e-9);
+        let data_ready = front_end.step_carried(self.finger, |now_ns| at(now_ns).unwrap_or_default());
+        if at(front_end.truth().time_ns).is_none() {
+            self.course = None;
         }
+        data_ready
     }
 
     /// What the board's temperature sensor does once a second.

@@ -25,7 +25,7 @@ use std::thread::JoinHandle;
 use std::time::Instant;
 
 use board::Control;
-use palpate_shared::sim::{Faults, FingerConfig, Load, Script, Truth};
+use palpate_shared::sim::{Carriage, CarriedConfig, Faults, FingerConfig, Load, RAMP_US, Script, Truth};
 
 use crate::Address;
 pub use board::SimulatedOnly;
@@ -73,6 +73,8 @@ pub struct Config {
     pub seed: u64,
     /// The finger; by default the project's default finger.
     pub finger: FingerConfig,
+    /// Its beam's own mass, and how it is mounted; by default of steel, upright.
+    pub carried: CarriedConfig,
     /// What is broken from the start.
     pub faults: Faults,
     /// What is wrong with the way to the host from the start.
@@ -109,25 +111,28 @@ pub struct InjectedOnLink {
     pub restarted: u64,
 }
 
-/// Forces on the disk that another simulation computed, evenly spaced in time, with straight lines between them.
+/// What happens to a carried finger: forces on its disk, which another simulation computed, and how its clamp
+/// accelerates. Evenly spaced in time, with straight lines between.
 ///
-/// The first acts at once, without a ramp; after the last the finger is released.
+/// The first acts at once, without a ramp. After the last the force is let go within [`RAMP_US`], as any load is, and the
+/// clamp goes on as fast as it is.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ForceCourse {
+pub struct CarriedCourse {
     step_s: f64,
-    forces_finger: Vec<[f32; 2]>,
+    carriages: Vec<Carriage>,
 }
 
-impl ForceCourse {
-    /// Forces on the disk in finger axes, N, each `step_s` seconds after the one before.
+impl CarriedCourse {
+    /// Forces on the disk (N) and accelerations of the clamp (m/s²) in finger axes, each `step_s` seconds after the one
+    /// before.
     #[must_use]
-    pub fn new(step_s: f64, forces_finger: Vec<[f32; 2]>) -> Self {
-        Self { step_s, forces_finger }
+    pub fn new(step_s: f64, carriages: Vec<Carriage>) -> Self {
+        Self { step_s, carriages }
     }
 
-    /// The force at a time since the course began, s; `None` after its end.
+    /// What acts at a time since the course began, s; `None` once it is over.
     #[must_use]
-    pub fn at(&self, t: f64) -> Option<[f32; 2]> {
+    pub fn at(&self, t: f64) -> Option<Carriage> {
         let place = (t / self.step_s).max(0.0);
         #[expect(
             clippy::cast_possible_truncation,
@@ -135,16 +140,30 @@ impl ForceCourse {
             reason = "not negative; large ones saturate"
         )]
         let index = place as usize;
-        let (&from, &to) = (self.forces_finger.get(index)?, self.forces_finger.get(index + 1)?);
+        let Some((from, to)) = self.carriages.get(index).zip(self.carriages.get(index + 1)) else {
+            return self.let_go(t - self.duration_s());
+        };
         #[expect(clippy::cast_possible_truncation, reason = "a share of 1")]
         let share = place.fract() as f32;
-        Some([0, 1].map(|axis| from[axis] + share * (to[axis] - from[axis])))
+        let between = |from: [f32; 2], to: [f32; 2]| [0, 1].map(|axis| from[axis] + share * (to[axis] - from[axis]));
+        Some(Carriage {
+            force: between(from.force, to.force),
+            acceleration: between(from.acceleration, to.acceleration),
+        })
+    }
+
+    /// What acts so many seconds after the last.
+    fn let_go(&self, after_s: f64) -> Option<Carriage> {
+        let left = 1.0 - after_s / (f64::from(RAMP_US) * 1e-6);
+        #[expect(clippy::cast_possible_truncation, reason = "a share of 1")]
+        let force = self.carriages.last()?.force.map(|force| left as f32 * force);
+        (left > 0.0).then_some(Carriage { force, ..Carriage::default() })
     }
 
     /// How long it lasts, s.
     #[must_use]
     pub fn duration_s(&self) -> f64 {
-        self.step_s * self.forces_finger.len().saturating_sub(1) as f64
+        self.step_s * self.carriages.len().saturating_sub(1) as f64
     }
 }
 
@@ -155,6 +174,8 @@ pub struct SimulatedMoment {
     pub conversion: u64,
     /// State of the simulated world then.
     pub truth: Truth,
+    /// Where the tip is, finger axes, from where it is without load and at rest, m.
+    pub tip_finger: [f32; 2],
 }
 
 /// A running simulated device. It ends when this is dropped.
@@ -253,11 +274,11 @@ impl SimulatedDevice {
         self.ask(|answer| Control::Script(Box::new(script), answer))
     }
 
-    /// Starts a course of forces.
+    /// Lets whatever presses go, and starts a course.
     ///
     /// # Errors
     /// If the device has ended.
-    pub fn set_course(&self, course: ForceCourse) -> io::Result<SimulatedMoment> {
+    pub fn set_course(&self, course: CarriedCourse) -> io::Result<SimulatedMoment> {
         self.ask(|answer| Control::Course(course, answer))
     }
 

@@ -27,6 +27,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 
+use super::carried::{ComplianceRecord, TipRecord, WaveRecord};
 use super::raw::{Provenance, ProvenanceError, RawError, RawRun};
 use crate::output::{self, OutputError};
 
@@ -64,6 +65,15 @@ pub struct CalibrationFile {
     /// What the held-back contacts say.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub held_back: Option<HeldBackRecord>,
+    /// What a wave in the air found, where it was waved.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wave: Option<WaveRecord>,
+    /// How far its tip gives way, where that was found or stated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub compliance: Option<ComplianceRecord>,
+    /// Where its disk is on the wrist, where touches found that.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tip: Option<TipRecord>,
     /// The samples it was made from.
     pub raw: RawRecord,
     /// Unloaded readings in the order taken.
@@ -247,6 +257,9 @@ impl CalibrationFile {
             measured_with: provenance.clone(),
             fit: fit.quality,
             held_back: fit.held_back().map(HeldBackRecord::from),
+            wave: None,
+            compliance: None,
+            tip: None,
             raw,
             tare: taken.iter().filter_map(tare).collect(),
             contact: fit.contacts.iter().map(|contact| ContactRecord::new(contact, front_end)).collect(),
@@ -467,6 +480,18 @@ pub fn save_result(
     let record = RawRecord { file: name, sha256: sha256(&bytes) };
     let file = CalibrationFile::new(fit, taken, provenance, &front_end, record);
     let path = path_of(root, provenance, "toml");
+    output::write_new(&path, file.to_text()?.as_bytes())?;
+    Ok(path)
+}
+
+/// Writes a result to which something was added beside the one that it came from, under its own date, and returns the
+/// path. The raw samples stay those of the first.
+///
+/// # Errors
+/// [`CalibrationFileError`]; no file is ever replaced.
+pub fn save_beside(path: &Path, file: &CalibrationFile) -> Result<PathBuf, CalibrationFileError> {
+    file.measured_with.check()?;
+    let path = path.with_file_name(format!("{}.toml", file.measured_with.file_stem()));
     output::write_new(&path, file.to_text()?.as_bytes())?;
     Ok(path)
 }

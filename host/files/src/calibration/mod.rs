@@ -1,6 +1,8 @@
-//! What is kept of a calibration: the plan (`plan`), the raw samples ([`raw`]), the result ([`mod@file`]), and how the
+//! What is kept of a calibration: the plan (`plan`), the raw samples ([`raw`]), the result ([`mod@file`], with
+//! what it says of a finger that is carried in [`carried`]), and how the
 //! result comes from the samples ([`conclusion`]).
 
+pub mod carried;
 pub mod conclusion;
 pub mod file;
 pub mod plan;

@@ -234,7 +234,7 @@ impl CountsJudge {
         let gap = (samples.missing_before > 0).then_some(Judged::Missing(Some(samples.missing_before)));
         let settling = samples.status.contains(Status::SETTLING);
         let judged = samples.counts.iter().enumerate().map(move |(index, &counts)| {
-            let t = samples.device_time_s(index);
+            let t = samples.measured_time_s(index);
             match self.fault(counts, settling) {
                 Some(fault) => Judged::NotMeasured { t, fault },
                 None => Judged::Measured(Reading::new(t, self.inverse * counts_vector(counts))),

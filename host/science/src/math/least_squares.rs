@@ -83,7 +83,7 @@ impl<const N: usize> NormalEquations<N> {
     }
 
     /// The same with some unknowns held where they are, as if they were not there.
-    fn hold(&mut self, held: [bool; N]) {
+    pub(crate) fn hold(&mut self, held: [bool; N]) {
         for i in (0..N).filter(|&i| held[i]) {
             self.curvature.row_mut(i).fill(0.0);
             self.curvature.column_mut(i).fill(0.0);

@@ -169,6 +169,17 @@ impl FingerMotion {
         })
     }
 
+    /// Its acceleration from a time (s) on, m/s². Beyond the end the last one goes on.
+    #[must_use]
+    pub fn acceleration(&self, t: f64) -> Vector2<f64> {
+        let mut ends = self.segments.iter().scan(0.0, |end, segment| {
+            *end += segment.seconds;
+            Some((*end, segment.acceleration))
+        });
+        let now = ends.find(|(end, _)| t < *end).map(|(_, acceleration)| acceleration);
+        now.or_else(|| self.segments.last().map(|last| last.acceleration)).unwrap_or_default()
+    }
+
     /// The disk's centre at a time (s), m. Beyond the end the last acceleration goes on.
     #[must_use]
     pub fn centre(&self, t: f64) -> Point2<f64> {
@@ -206,5 +217,8 @@ mod tests {
         let wanted = Point2::new(0.01 + 0.0125 + 0.0125, 0.02 - 0.2 * 0.25 * 0.25 / 2.0);
         assert!((motion.centre(0.75) - wanted).norm() < ROUNDING_M, "{}", motion.centre(0.75));
         assert!((motion.duration() - 0.75).abs() < ROUNDING_M);
+        for (t, segment) in [(0.0, 0), (0.49, 0), (0.5, 1), (0.7, 1), (2.0, 1)] {
+            assert_eq!(motion.acceleration(t), TURN[segment].acceleration, "{t} s");
+        }
     }
 }

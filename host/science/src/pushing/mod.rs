@@ -2,7 +2,7 @@
 //!
 //! [`dynamics`] moves them, [`quasi_static`] where that is so slow that nothing swings; [`observability`] says what of
 //! their state can be felt, [`estimation`] finds pose and motion from what is felt. [`finger_motion`] is how the finger
-//! goes; [`pushed_world`] plays a push as it would happen.
+//! goes, [`wave`] what it weighs on itself, [`tip`] where its disk is on the wrist; [`pushed_world`] plays a push as it would happen.
 //!
 //! Frames: world, unless named. Units: SI.
 
@@ -13,3 +13,5 @@ pub mod measured_path;
 pub mod observability;
 pub mod pushed_world;
 pub mod quasi_static;
+pub mod tip;
+pub mod wave;

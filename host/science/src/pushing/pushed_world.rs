@@ -133,6 +133,17 @@ impl Played {
         }
     }
 
+    /// The same with a finger whose tip gives way by so much, m/N: its disk, and the part with it, are that much of the
+    /// force behind where the clamp would have them. Bending follows the force at once and stores no motion; what it
+    /// takes at the very start, until friction is overcome, is left out.
+    #[must_use]
+    pub fn bent(mut self, compliance: f64) -> Self {
+        for (sample, force) in self.samples.iter_mut().zip(&self.forces_finger) {
+            sample.position += force * compliance;
+        }
+        self
+    }
+
     /// How long the push lasted, s.
     #[must_use]
     pub fn duration(&self) -> f64 {

@@ -4,6 +4,7 @@
 use nalgebra::{Point2, Vector2};
 use palpate::geometry::SimplePolygon;
 use palpate::pushing::dynamics::Part;
+use palpate::pushing::estimation::from_rest;
 use palpate::pushing::estimation::from_rest::readings::{
     self, ForceHypothesis, ForceReading, KnownOfFinger, MeasuredFinger, OutlineErrors,
 };
@@ -80,9 +81,6 @@ pub struct CarriedFinger {
     /// How the robot moves its clamp: where the disk's centre is without force.
     pub motion: MotionFields,
 }
-
-/// An effective mass of which nothing is known, and its standard deviation, kg: fingers of 5 to 60 g.
-const EFFECTIVE_MASS_PRIOR: (f64, f64) = (0.02, 0.02);
 
 #[expect(clippy::unnecessary_wraps, reason = "serde wants the type of the field")]
 fn no_mass() -> Option<NonNegative> {
@@ -257,9 +255,9 @@ impl Problem for ObserveForce {
         let sigma = self.polygon_sigma.get();
         let outline = (sigma > 0.0).then_some(OutlineErrors { sigma, part: &of_outline });
         let finger = &self.finger;
-        let mass_sd = finger.effective_mass_sigma.get();
+        let (mass_sd, prior) = (finger.effective_mass_sigma.get(), from_rest::CarriedFinger::UNKNOWN);
         let (effective_mass, effective_mass_sd) =
-            finger.effective_mass.map_or(EFFECTIVE_MASS_PRIOR, |mass| (mass.get(), mass_sd));
+            finger.effective_mass.map_or((prior.effective_mass, prior.effective_mass_sd), |mass| (mass.get(), mass_sd));
         let known = KnownOfFinger {
             part: &part,
             outline,

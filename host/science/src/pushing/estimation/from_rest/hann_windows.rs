@@ -1,7 +1,7 @@
 //! The windows under which force is averaged: raised cosines, each 40 ms long and 20 ms after the one before.
 //!
 //! Such a window takes out the hum of the mains at 50 Hz altogether (and at 60 Hz nearly), and the ringing of the
-//! finger's disk at some 190 Hz to a thousandth, so that neither has to be known. Neighbours overlap by half:
+//! finger's disk at some 180 Hz to a thousandth, so that neither has to be known. Neighbours overlap by half:
 //! independent noise has a correlation of 1/6 between them.
 //!
 //! Times are since the onset, s. Errors: none.
@@ -27,7 +27,7 @@ const GRID_POINTS: usize = 8;
 const GRID_HOP: usize = 4;
 
 /// Correlation of neighbouring windows under independent noise.
-pub(super) const NEIGHBOUR_CORRELATION: f64 = 1.0 / 6.0;
+pub(crate) const NEIGHBOUR_CORRELATION: f64 = 1.0 / 6.0;
 
 /// How many windows are over by a time.
 #[must_use]
@@ -48,7 +48,7 @@ pub fn end(window: usize) -> f64 {
 }
 
 /// When a window begins, s.
-pub(super) fn start(window: usize) -> f64 {
+pub(crate) fn start(window: usize) -> f64 {
     f64::from(u32::try_from(window).unwrap_or(u32::MAX)) * HOP_S
 }
 
@@ -59,14 +59,14 @@ pub(crate) fn weight(window: usize, time: f64) -> f64 {
 }
 
 /// The windows of the first `count` that hold a time, with its weight in each.
-pub(super) fn weights_at(time: f64, count: usize) -> impl Iterator<Item = (usize, f64)> {
+pub(crate) fn weights_at(time: f64, count: usize) -> impl Iterator<Item = (usize, f64)> {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "negative times become 0, weight 0")]
     let last = (time / HOP_S) as usize;
     (last.saturating_sub(1)..(last + 1).min(count)).map(move |window| (window, weight(window, time)))
 }
 
 /// Share of a window's weight that is after a time.
-pub(super) fn share_after(window: usize, time: f64) -> f64 {
+pub(crate) fn share_after(window: usize, time: f64) -> f64 {
     let share = ((time - start(window)) / LENGTH_S).clamp(0.0, 1.0);
     1.0 - share + (TAU * share).sin() / TAU
 }

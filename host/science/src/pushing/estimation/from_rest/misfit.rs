@@ -159,7 +159,8 @@ impl Tried {
     /// Least cost of any pose, and µ g there.
     fn least_cost(&self, known: &KnownFromRest, measured: &WindowedForce, halt: &Halt<'_>) -> Option<(f64, f64)> {
         let Self { radius, mu_g, mu_g_log_sd, .. } = *self;
-        let known = KnownFromRest { part: known.part, mu_g, mu_g_log_sd, radius, motion: &self.motion };
+        let known = KnownFromRest { mu_g, mu_g_log_sd, radius, motion: &self.motion, ..*known };
+        let measured = &measured.of_contact(known.motion, known.finger);
         let course = course(&known, measured);
         let problem = Problem { course: &course, measured, mass: None };
         let tried = search(&problem, halt);
@@ -294,6 +295,7 @@ fn friction(known: &KnownFromRest) -> Vec<Tried> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::CarriedFinger;
     use super::*;
     use crate::geometry::SimplePolygon;
     use crate::gravity::GRAVITY_ASSUMED;
@@ -356,7 +358,8 @@ mod tests {
     }
 
     fn told<'a>(part: &'a Part, motion: &'a FingerMotion) -> KnownFromRest<'a> {
-        KnownFromRest { part, mu_g: 0.25 * GRAVITY_ASSUMED, mu_g_log_sd: Some(0.2), radius: RADIUS_M, motion }
+        let (mu_g, finger) = (0.25 * GRAVITY_ASSUMED, CarriedFinger::RIGID);
+        KnownFromRest { part, mu_g, mu_g_log_sd: Some(0.2), radius: RADIUS_M, finger, motion }
     }
 
     #[test]

@@ -41,10 +41,12 @@ mod valley;
 pub mod watch;
 pub mod windowed_force;
 
+use nalgebra::Translation2;
+
 use fit::{EndCovariance, MU_C_MIN, Problem, Tried};
 use path::{Course, CourseStart, Guess};
 use seeds::Cover;
-pub use windowed_force::{CalibrationUncertainty, Uncertainty, WindowedForce};
+pub use windowed_force::{CalibrationUncertainty, CarriedFinger, Uncertainty, WindowedForce};
 
 use super::hypotheses::{Estimate, Fit, FromForce, GATE, Hypothesis, Nearness, Observer, SAME_END_M, joined};
 use super::planning::Present;
@@ -87,6 +89,8 @@ pub struct KnownFromRest<'p> {
     pub mu_g_log_sd: Option<f64>,
     /// Of the finger's disk, m.
     pub radius: f64,
+    /// What the readings contain of the finger's own inertia, and how it bends.
+    pub finger: CarriedFinger,
     /// How the finger moves.
     pub motion: &'p FingerMotion,
 }
@@ -135,10 +139,11 @@ fn halting_estimate(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt
     let symmetry = symmetry::order(known.part);
     let sides = known.part.sides();
     let distinct = sides.len() / symmetry;
+    let measured = &measured.of_contact(known.motion, known.finger);
     let course = course(known, measured);
     let problem = Problem { course: &course, measured, mass: None };
     let edges: Vec<_> = sides.take(distinct).map(|(edge, _)| edge).collect();
-    conclude(&problem, search(&problem, &edges, halt), symmetry)
+    conclude(&problem, search(&problem, &edges, halt), symmetry).bent(known, measured)
 }
 
 /// Minima all over some edges.
@@ -265,11 +270,25 @@ const NEARLY: f64 = 40.0;
 /// excluded then stays excluded.
 #[must_use]
 pub fn follow(known: &KnownFromRest, measured: &WindowedForce, earlier: &Estimate) -> Estimate {
+    let measured = &measured.of_contact(known.motion, known.finger);
     let course = course(known, measured);
     let problem = Problem { course: &course, measured, mass: None };
     let starts = earlier.hypotheses.iter().filter_map(|hypothesis| problem.try_onsets(guess(hypothesis, &course)));
     let starts = starts.collect::<Vec<_>>();
-    conclude(&problem, descend_all(&problem, starts, &Halt::new(&never)), earlier.symmetry)
+    conclude(&problem, descend_all(&problem, starts, &Halt::new(&never)), earlier.symmetry).bent(known, measured)
+}
+
+impl Estimate {
+    /// The same with the finger's disk, and the part with it, where the finger's bending takes them in the end: by the
+    /// compliance times the last force. Until then bending changes nothing that is felt.
+    fn bent(mut self, known: &KnownFromRest, measured: &WindowedForce) -> Self {
+        let last = measured.forces_finger().iter().flatten().next_back().copied().unwrap_or_default();
+        let way = Translation2::from(last * known.finger.compliance);
+        for hypothesis in &mut self.hypotheses {
+            hypothesis.pose_end = (way * hypothesis.pose_end.isometry()).into();
+        }
+        self
+    }
 }
 
 fn course<'p>(known: &KnownFromRest<'p>, measured: &WindowedForce) -> Course<'p> {

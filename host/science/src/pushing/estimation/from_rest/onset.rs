@@ -26,7 +26,7 @@ const ONSET_SIGMAS: f64 = 8.0;
 /// Readings that must stand out; see [`ONSET_SIGMAS`].
 const CONFIRMED: usize = 6;
 
-/// See [`ONSET_SIGMAS`]. The ringing disk comes back to no force once a period, 21 readings of the default finger.
+/// See [`ONSET_SIGMAS`]. The ringing disk comes back to no force once a period, 23 readings of the default finger.
 const ATTEMPTS: usize = 8;
 
 /// Readings kept from before the force leaves the noise, s: the rise begins there.
@@ -41,8 +41,8 @@ const FIRST_S: f64 = 0.04;
 /// Share of the first force whose crossing marks the rise.
 const RISE: f64 = 0.5;
 
-/// From the onset to that crossing, s, where the disk rings: a sixth of a period of the default finger's, 186.5 Hz.
-const RISE_TIME_S: f64 = 0.9e-3;
+/// From the onset to that crossing, s, where the disk rings: a sixth of a period of the default finger's, 177.3 Hz.
+const RISE_TIME_S: f64 = 0.94e-3;
 
 /// Standard deviation of the onset's moment beside that from the time between readings, s: another finger's disk may
 /// ring at half or twice the frequency, a robot takes a millisecond to accelerate.
@@ -53,7 +53,7 @@ const ONSET_SD_S: f64 = 0.3e-3;
 const RINGS: f64 = 0.25;
 
 /// A period of the ringing disk, s: over it the mean of the ringing alone is nothing.
-const RING_PERIOD_S: f64 = 1.0 / 186.5;
+const RING_PERIOD_S: f64 = 1.0 / 177.3;
 
 /// Over so long a stiff sensor's force is averaged to tell whether it is there, s.
 const SHORT_S: f64 = 1e-3;

@@ -81,7 +81,14 @@ fn measured(drawn: &Drawn, draw: &mut Draw, duration: f64) -> WindowedForce {
 
 fn known<'a>(part: &'a Part, ranges: &'a Ranges) -> KnownFromRest<'a> {
     let mu_g = ranges.mu * crate::gravity::GRAVITY_ASSUMED;
-    KnownFromRest { part, mu_g, mu_g_log_sd: None, radius: RADIUS_M, motion: &ranges.motion }
+    KnownFromRest {
+        part,
+        mu_g,
+        mu_g_log_sd: None,
+        radius: RADIUS_M,
+        finger: CarriedFinger::RIGID,
+        motion: &ranges.motion,
+    }
 }
 
 /// A push from rest to the end of the finger's motion.
@@ -299,7 +306,14 @@ fn pushes_that_slip_throughout_or_back_are_found() {
         let world = PushedWorld { part: &part, mu_g, mass, mu_c, radius, motion: &motion, edge, u, s };
         let played = world.play().unwrap();
         assert_eq!(played.end, EndReason::Time, "push {number}");
-        let known = KnownFromRest { part: &part, mu_g, mu_g_log_sd: None, radius, motion: &motion };
+        let known = KnownFromRest {
+            part: &part,
+            mu_g,
+            mu_g_log_sd: None,
+            radius,
+            finger: CarriedFinger::RIGID,
+            motion: &motion,
+        };
         for seed in 0..4 {
             let measured = felt(&played, &mut Draw::case(11, seed), QUIET);
             let course = course(&known, &measured);
@@ -606,7 +620,14 @@ fn on_an_unknown_plane(case: usize, acceleration: f64) -> DrawnPush {
 /// What is said of such a push, with the standard deviation of ln µ or taking µ as known.
 fn estimate_on_it(DrawnPush { part, ranges, drawn, draw }: &DrawnPush, mu_g_log_sd: Option<f64>) -> Estimate {
     let mu_g = Ranges::default().mu * crate::gravity::GRAVITY_ASSUMED;
-    let known = KnownFromRest { part, mu_g, mu_g_log_sd, radius: RADIUS_M, motion: &ranges.motion };
+    let known = KnownFromRest {
+        part,
+        mu_g,
+        mu_g_log_sd,
+        radius: RADIUS_M,
+        finger: CarriedFinger::RIGID,
+        motion: &ranges.motion,
+    };
     estimate(&known, &measured(drawn, &mut draw.clone(), ranges.motion.duration()))
 }
 

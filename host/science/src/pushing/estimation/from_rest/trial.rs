@@ -39,6 +39,8 @@ pub struct Ranges {
     pub mass: RangeInclusive<f64>,
     /// Greatest angle between where the finger goes and the contact's normal, rad.
     pub angle: f64,
+    /// How far the finger's tip gives way, m/N.
+    pub compliance: f64,
     /// How the finger moves.
     pub motion: FingerMotion,
 }
@@ -69,7 +71,7 @@ pub fn straight_motion() -> FingerMotion {
 
 impl Default for Ranges {
     fn default() -> Self {
-        Self { mu: 0.3, mu_c: 0.1..=0.5, mass: 0.2..=0.8, angle: 0.8, motion: default_motion() }
+        Self { mu: 0.3, mu_c: 0.1..=0.5, mass: 0.2..=0.8, angle: 0.8, compliance: 0.0, motion: default_motion() }
     }
 }
 
@@ -124,7 +126,7 @@ impl Ranges {
             let mass = draw.uniform(*self.mass.start(), *self.mass.end());
             let mu_g = self.mu * GRAVITY_ASSUMED;
             let world = PushedWorld { part, mu_g, mass, mu_c, radius: RADIUS_M, motion: &self.motion, edge, u, s };
-            let played = world.play().ok().filter(|played| played.end == EndReason::Time)?;
+            let played = world.play().ok().filter(|played| played.end == EndReason::Time)?.bent(self.compliance);
             Some(Drawn { mu_c, mass, edge, u, s, played, redrawn })
         })
     }

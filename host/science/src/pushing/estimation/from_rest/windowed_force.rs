@@ -20,6 +20,7 @@ use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x4, Matrix4, Vector2};
 use super::felt::{Felt, Predicted};
 use super::hann_windows::{self, HOP_S, LENGTH_S, NEIGHBOUR_CORRELATION};
 use super::path::Path;
+use crate::pushing::finger_motion::FingerMotion;
 
 /// What a prediction may be off by, as a share of the force: the disk's ringing, which a window lets through by 8e-4 at
 /// first, sums over a grid where the times of the readings are not known; both are mostly a quarter of their most. With
@@ -50,6 +51,26 @@ pub struct CalibrationUncertainty {
     pub covariance: Matrix4<f64>,
 }
 
+/// How a carried finger alters what is felt of a contact.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CarriedFinger {
+    /// Of disk, and what of the beam bends with it, kg: where the clamp accelerates by a the gauges read −m a beside the
+    /// contact's force.
+    pub effective_mass: f64,
+    /// Its standard deviation, kg.
+    pub effective_mass_sd: f64,
+    /// How far the disk gives way to a force on it, m/N.
+    pub compliance: f64,
+}
+
+impl CarriedFinger {
+    /// One that feels nothing of itself and does not bend, such as a sensor whose readings are free of that already.
+    pub const RIGID: Self = Self { effective_mass: 0.0, effective_mass_sd: 0.0, compliance: 0.0 };
+
+    /// One of which nothing is known: about what a disk of steel or a fingertip of plastic with its beam weighs.
+    pub const UNKNOWN: Self = Self { effective_mass: 0.02, effective_mass_sd: 0.02, compliance: 0.0 };
+}
+
 /// Means of the force under the windows, and what whitens them.
 #[derive(Clone, Debug)]
 pub struct WindowedForce {
@@ -63,6 +84,8 @@ pub struct WindowedForce {
     freedom: f64,
     onset_sd: f64,
     readings: Option<WindowReadings>,
+    /// What one standard deviation of the finger's effective mass adds to `data`.
+    of_mass: Option<DVector<f64>>,
 }
 
 /// When the readings under the windows were taken.
@@ -114,6 +137,18 @@ impl WindowReadings {
     }
 }
 
+/// Where under a window a mean is taken whose readings' times are not known, as shares of its length: a jump moves it by
+/// a sixteenth of itself at most.
+const MEAN_POINTS: [f64; 16] = {
+    let mut points = [0.0; 16];
+    let mut n = 0;
+    while n < 16 {
+        points[n] = (n as f64 + 0.5) / 16.0;
+        n += 1;
+    }
+    points
+};
+
 /// Few values tell too little of a noise to divide by: fewer count as so many.
 const FREEDOM_MIN: f64 = 4.0;
 
@@ -154,8 +189,9 @@ impl Felt for WindowedForce {
     }
 
     fn predicted(&self, path: &Path, delay: f64) -> Predicted {
+        let beside = self.of_mass.iter().cloned().collect();
         let Some(readings) = &self.readings else {
-            return Predicted::exact(self.whiten(path.windows(self.span())));
+            return Predicted { beside, ..Predicted::exact(self.whiten(path.windows(self.span()))) };
         };
         let mut sums = vec![Vector2::zeros(); self.span()];
         let mut unsure: Vec<(usize, Vec<Vector2<f64>>)> = Vec::new();
@@ -177,7 +213,7 @@ impl Felt for WindowedForce {
             }
         }
         let unsure = unsure.into_iter().map(|(_, sums)| self.whiten(sums.into_iter())).collect();
-        Predicted { unsure, ..Predicted::exact(self.whiten(sums.into_iter())) }
+        Predicted { unsure, beside, ..Predicted::exact(self.whiten(sums.into_iter())) }
     }
 }
 
@@ -231,7 +267,51 @@ impl WindowedForce {
         let data = &whitener * stacked(felt.iter().map(|felt| felt.force), size);
         // Satterthwaite: only the part of the variance that is noise was estimated from so few values, of two axes.
         let freedom = 2.0 * uncertainty.noise_freedom.max(FREEDOM_MIN) / (noise_share * noise_share);
-        Some(Self { forces_finger, data, whitener, freedom, onset_sd: 0.0, readings: None })
+        Some(Self { forces_finger, data, whitener, freedom, onset_sd: 0.0, readings: None, of_mass: None })
+    }
+
+    /// What the contact alone exerted, where these are the readings of a finger of some mass that moved so: with
+    /// m a taken out of −m a, and what of m is not known.
+    ///
+    /// The onset is where it was taken for: a millisecond's error moves the mean of a window by a tenth of m a.
+    #[must_use]
+    pub fn of_contact(&self, motion: &FingerMotion, finger: CarriedFinger) -> Self {
+        if finger.effective_mass == 0.0 && finger.effective_mass_sd == 0.0 {
+            return self.clone();
+        }
+        let accelerations = self.means_of(|t| motion.acceleration(t));
+        let whitened = self.whiten(accelerations.iter().copied());
+        let forces_finger =
+            self.forces_finger.iter().zip(&accelerations).map(|(force, a)| Some((*force)? + a * finger.effective_mass));
+        Self {
+            forces_finger: forces_finger.collect(),
+            data: &self.data + &whitened * finger.effective_mass,
+            of_mass: (finger.effective_mass_sd > 0.0).then(|| whitened * -finger.effective_mass_sd),
+            ..self.clone()
+        }
+    }
+
+    /// Means of a function of the time since the onset under every window, over the readings where their times are known.
+    fn means_of(&self, of: impl Fn(f64) -> Vector2<f64>) -> Vec<Vector2<f64>> {
+        let mut sums = vec![Vector2::zeros(); self.span()];
+        match &self.readings {
+            Some(readings) => {
+                for group in &readings.groups {
+                    for (sum, weight) in sums.iter_mut().skip(group.window).zip(group.weights) {
+                        *sum += of(group.time) * weight;
+                    }
+                }
+            }
+            None => {
+                for (window, sum) in sums.iter_mut().enumerate() {
+                    let points = MEAN_POINTS.map(|share| hann_windows::start(window) + share * LENGTH_S);
+                    let weighed = points.map(|t| (hann_windows::weight(window, t), of(t)));
+                    let total: f64 = weighed.iter().map(|(weight, _)| weight).sum();
+                    *sum = weighed.iter().map(|(weight, value)| value * *weight).sum::<Vector2<f64>>() / total;
+                }
+            }
+        }
+        sums
     }
 
     /// The means of the windows, N; none where too few readings are under one.

@@ -1,0 +1,121 @@
+//! What a result says of a finger that is carried about: what it weighs on itself, how it bends, where its tip is.
+//!
+//! Each is optional: a result of an older program, or of a finger that nobody waved, says nothing of it, and
+//! [`CalibrationFile::carried`] then gives what is taken for it, and [`CalibrationFile::lacks`] what that is.
+//!
+//! Units: grams, micrometres per newton, millimetres and degrees, by name. Errors: none.
+
+use palpate::pushing::estimation::from_rest::CarriedFinger;
+use palpate::pushing::tip::TipFit;
+use palpate::pushing::wave::WaveFit;
+use serde::{Deserialize, Serialize};
+
+use super::file::CalibrationFile;
+
+/// A gram, kg.
+const GRAM: f64 = 1e-3;
+
+/// A micrometre, m.
+const MICROMETRE: f64 = 1e-6;
+
+/// A millimetre, m.
+const MILLIMETRE: f64 = 1e-3;
+
+/// What a wave in the air found.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WaveRecord {
+    /// Effective mass, g.
+    pub effective_mass_g: f64,
+    /// Its standard deviation, g.
+    pub effective_mass_sigma_g: f64,
+    /// Angle of the motion's x axis in finger axes, degrees.
+    pub mounting_deg: f64,
+    /// Its standard deviation, degrees.
+    pub mounting_sigma_deg: f64,
+    /// What the fit leaves of a mean over 40 ms, rms, N.
+    pub left_n: f64,
+    /// Means that were held back from a first fit to judge it.
+    pub held_back: usize,
+    /// What of them was not foretold, rms, N.
+    pub held_back_off_n: f64,
+    /// The inertia that was foretold there, rms, N.
+    pub held_back_inertia_n: f64,
+}
+
+impl From<&WaveFit> for WaveRecord {
+    fn from(fit: &WaveFit) -> Self {
+        Self {
+            effective_mass_g: fit.effective_mass.value / GRAM,
+            effective_mass_sigma_g: fit.effective_mass.sd / GRAM,
+            mounting_deg: fit.mounting.value.to_degrees(),
+            mounting_sigma_deg: fit.mounting.sd.to_degrees(),
+            left_n: fit.left,
+            held_back: fit.held_back.windows,
+            held_back_off_n: fit.held_back.off,
+            held_back_inertia_n: fit.held_back.inertia,
+        }
+    }
+}
+
+/// How far the tip gives way.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ComplianceRecord {
+    /// µm/N.
+    pub um_per_n: f64,
+    /// Its standard deviation, µm/N.
+    pub sigma_um_per_n: f64,
+    /// Loads that it was found from; 0 where it was stated.
+    pub loads: usize,
+}
+
+/// Where the disk's centre is on the wrist.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TipRecord {
+    /// From the wrist's point to the disk's centre, the wrist's axes, mm.
+    pub offset_mm: [f64; 2],
+    /// Standard deviations, mm.
+    pub sigma_mm: [f64; 2],
+    /// What the touches leave, rms, mm.
+    pub rms_mm: f64,
+    /// How many touches there were.
+    pub touches: usize,
+}
+
+impl From<&TipFit> for TipRecord {
+    fn from(fit: &TipFit) -> Self {
+        Self {
+            offset_mm: (fit.offset / MILLIMETRE).into(),
+            sigma_mm: (fit.sd / MILLIMETRE).into(),
+            rms_mm: fit.rms / MILLIMETRE,
+            touches: fit.touches,
+        }
+    }
+}
+
+impl CalibrationFile {
+    /// The finger as it is carried: where nothing is known of its mass a prior, and of its bending none.
+    #[must_use]
+    pub fn carried(&self) -> CarriedFinger {
+        let prior = CarriedFinger::UNKNOWN;
+        let (effective_mass, effective_mass_sd) =
+            self.wave.map_or((prior.effective_mass, prior.effective_mass_sd), |wave| {
+                (wave.effective_mass_g * GRAM, wave.effective_mass_sigma_g * GRAM)
+            });
+        let compliance = self.compliance.map_or(prior.compliance, |found| found.um_per_n * MICROMETRE);
+        CarriedFinger { effective_mass, effective_mass_sd, compliance }
+    }
+
+    /// What the result does not say of a carried finger, in words.
+    #[must_use]
+    pub fn lacks(&self) -> Vec<&'static str> {
+        let parts = [
+            (self.wave.is_none(), "effective mass"),
+            (self.compliance.is_none(), "compliance"),
+            (self.tip.is_none(), "tip's place"),
+        ];
+        parts.into_iter().filter_map(|(is_lacking, name)| is_lacking.then_some(name)).collect()
+    }
+}
