@@ -104,10 +104,10 @@ pub fn motion(bytes: &[u8]) {
 /// # Panics
 /// If a law is broken.
 pub fn touches(bytes: &[u8]) {
-    if let Some((block, touches)) = told(touches::parse(&text(bytes))) {
-        if let Some(found) = told(locate(&block, &touches)) {
-            assert!(found.rms >= 0.0 && found.touches == touches.len(), "{found:?}");
-        }
+    if let Some((block, touches)) = told(touches::parse(&text(bytes)))
+        && let Some(found) = told(locate(&block, &touches))
+    {
+        assert!(found.rms >= 0.0 && found.touches == touches.len(), "{found:?}");
     }
 }
 
