@@ -32,7 +32,7 @@ use crate::geometry::{Pose, SimplePolygon};
 use crate::pushing::dynamics::{Part, State};
 use crate::pushing::estimation::hypotheses;
 use crate::pushing::finger_motion::{FingerMotion, Leg};
-use crate::search::{Halt, Searched, Stop};
+use crate::search::{Halt, Searched, Stop, never};
 
 /// A force read.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -167,7 +167,7 @@ pub struct Beginning {
 #[must_use]
 pub fn follow(known: &KnownOfFinger, readings: &[ForceReading], from: &Beginning) -> Option<(ForceHypothesis, f64)> {
     let push = FeltPush::new(known, readings, None)?;
-    let followed = push.followed(push.guess(from)?)?;
+    let followed = push.followed(push.guess(from)?, &Halt::new(&never))?;
     Some((followed.found, followed.cost_max + push.felt.before().0))
 }
 
@@ -175,7 +175,7 @@ fn halting_estimate(known: &KnownOfFinger, readings: &[ForceReading], halt: &Hal
     let (edges, symmetry) = distinct_edges(known.part);
     let Some(push) = FeltPush::new(known, readings, None) else { return Vec::new() };
     let found = push.leads(&edges, usize::MAX, halt).into_iter().take_while(|_| !halt.is_wished());
-    let found = found.filter_map(|(_, lead)| push.followed(lead));
+    let found = found.filter_map(|(_, lead)| push.followed(lead, halt));
     conclude(found.collect(), known.part, symmetry)
 }
 
@@ -247,9 +247,9 @@ impl<'a, 'p> FeltPush<'a, 'p> {
     }
 
     /// The minimum that a guess leads to, with all that is unknown.
-    fn followed(&self, guess: Guess) -> Option<Concluded> {
+    fn followed(&self, guess: Guess, halt: &Halt<'_>) -> Option<Concluded> {
         if self.known.outline.is_some() || self.path.is_some() {
-            return Some(self.with_numbers(guess)?.0);
+            return Some(self.with_numbers(guess, halt)?.0);
         }
         let problem = Problem { course: &self.course, measured: &self.felt, mass: self.known.mass };
         let tried = problem.descend(problem.try_guess(guess)?, usize::MAX);

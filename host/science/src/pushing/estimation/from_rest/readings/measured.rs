@@ -157,7 +157,7 @@ impl<'a> Measured<'a> {
         let mut found: Vec<(f64, Concluded)> = Vec::new();
         for (_, sds, guess) in begun.into_iter().take(LEADS).take_while(|_| !halt.is_wished()) {
             let followed =
-                self.at(sds, |push| push.with_numbers(guess).map(|(next, off)| (push.offset_of(&off), next)));
+                self.at(sds, |push| push.with_numbers(guess, halt).map(|(next, off)| (push.offset_of(&off), next)));
             let Some(Some((offset, mut next))) = followed else { continue };
             self.count_path(&mut next);
             let is_known =

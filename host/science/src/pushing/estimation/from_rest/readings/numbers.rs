@@ -10,6 +10,7 @@ use super::super::path::{Changed, Course, Guess};
 use super::{Concluded, FeltPush, concluded};
 use crate::pushing::dynamics::Part;
 use crate::pushing::finger_motion::Leg;
+use crate::search::Halt;
 
 /// Fits in which numbers are found.
 const FITS: usize = 12;
@@ -20,11 +21,15 @@ const COST_STEP: f64 = 0.01;
 impl FeltPush<'_, '_> {
     /// The minimum that a guess leads to, and how many standard deviations each number then is off: of the outline edge by
     /// edge, then of the motion.
-    pub(super) fn with_numbers(&self, mut guess: Guess) -> Option<(Concluded, Vec<f64>)> {
+    pub(super) fn with_numbers(&self, mut guess: Guess, halt: &Halt<'_>) -> Option<(Concluded, Vec<f64>)> {
         let mut off = vec![0.0; self.edges()];
         off.extend(self.path.iter().flat_map(|path| path.taken_for()));
         let mut last: Option<Concluded> = None;
         for _ in 0..FITS {
+            // What is not at its minimum is no answer.
+            if halt.is_wished() {
+                return None;
+            }
             let part = self.part(&off)?;
             let legs = self.legs(&off)?;
             let changed: Vec<_> = (0..off.len()).map(|number| self.changed(number, &off, &part, &legs)).collect();
