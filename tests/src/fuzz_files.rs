@@ -104,8 +104,9 @@ pub fn motion(bytes: &[u8]) {
 /// # Panics
 /// If a law is broken.
 pub fn touches(bytes: &[u8]) {
-    let Some((block, touches)) = told(touches::parse(&text(bytes))) else { return };
-    if let Some(found) = told(locate(&block, &touches)) {
+    if let Some((block, touches)) = told(touches::parse(&text(bytes)))
+        && let Some(found) = told(locate(&block, &touches))
+    {
         assert!(found.rms >= 0.0 && found.touches == touches.len(), "{found:?}");
     }
 }

@@ -145,6 +145,7 @@ fn judge(case: &Case) -> JudgedCase {
         squared_error: truth.and_then(|truth| case.squared_error(&estimate.hypotheses[truth])),
         stated: Stated::all(
             &estimate.hypotheses,
+            |hypothesis| hypothesis.probability,
             |a, b| is_near(a, b.side, b.end.s),
             |hypothesis| case.is_truth(hypothesis),
         ),

@@ -177,6 +177,7 @@ fn judge(case: &Case) -> Outcome {
         squared_error: truth.and_then(|truth| case.squared_error(&hypotheses[truth], estimate.time_end)),
         stated: Stated::all(
             hypotheses,
+            |hypothesis| hypothesis.probability,
             |a, b| is_right_pose(&case.part, estimate.symmetry, a, &b.pose_end.isometry()),
             |hypothesis| case.is_truth(hypothesis, &estimate),
         ),
@@ -363,17 +364,17 @@ impl Case {
 }
 
 /// A stretch of the finger's motion, towards an angle.
-fn stretch(draw: &mut Draw, toward: f64) -> Segment {
+pub(super) fn stretch(draw: &mut Draw, toward: f64) -> Segment {
     let (seconds, size) = (draw.uniform(0.2, 0.45), draw.uniform(0.05, 0.35));
     Segment { seconds, acceleration: Vector2::new(toward.cos(), toward.sin()) * size }
 }
 
-/// The force that a sensor reads at a time since the onset, N.
-fn forces(played: &Played, sensor: Sensor) -> impl Fn(f64) -> Vector2<f64> + use<> {
+/// The force on the disk at a time since the onset, N; none before and after the push.
+pub(super) fn rigid_force(played: &Played) -> impl Fn(f64) -> Vector2<f64> + use<> {
     let times: Vec<_> = played.samples.iter().map(|sample| sample.t).collect();
     let values = played.forces_finger.clone();
     let duration = played.duration();
-    let rigid = move |t: f64| {
+    move |t: f64| {
         if t < 0.0 || t > duration {
             return Vector2::zeros();
         }
@@ -382,7 +383,12 @@ fn forces(played: &Played, sensor: Sensor) -> impl Fn(f64) -> Vector2<f64> + use
         let span = times[after] - times[before];
         let share = if span > 0.0 { ((t - times[before]) / span).clamp(0.0, 1.0) } else { 0.0 };
         values[before].lerp(&values[after], share)
-    };
+    }
+}
+
+/// The force that a sensor reads at a time since the onset, N.
+fn forces(played: &Played, sensor: Sensor) -> impl Fn(f64) -> Vector2<f64> + use<> {
+    let (rigid, duration) = (rigid_force(played), played.duration());
     let rung = (sensor == Sensor::Ring).then(|| rung(&rigid, duration + AFTER_S));
     move |t: f64| match &rung {
         None => rigid(t),

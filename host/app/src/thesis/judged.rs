@@ -7,7 +7,7 @@
 //! Units: none. Errors: none; of nothing there is no rate.
 
 use palpate::math::statistics::{chi_square_quantile, mean, normal_quantile};
-use palpate::pushing::estimation::{Hypothesis, Status};
+use palpate::pushing::estimation::Status;
 
 use super::{Cell, Table};
 
@@ -136,17 +136,18 @@ pub(super) struct Stated {
 impl Stated {
     /// Those of an answer. Hypotheses of which one would be right, were the other the truth, make one claim, whatever
     /// the truth is.
-    pub(super) fn all(
-        hypotheses: &[Hypothesis],
-        are_near: impl Fn(&Hypothesis, &Hypothesis) -> bool,
-        is_true: impl Fn(&Hypothesis) -> bool,
+    pub(super) fn all<H>(
+        hypotheses: &[H],
+        probability: impl Fn(&H) -> f64,
+        are_near: impl Fn(&H, &H) -> bool,
+        is_true: impl Fn(&H) -> bool,
     ) -> Vec<Self> {
         let claims = classes(hypotheses.len(), |a, b| {
             let (a, b) = (&hypotheses[a], &hypotheses[b]);
             are_near(a, b) || are_near(b, a)
         });
         let stated = |claim: &Vec<usize>| Self {
-            probability: claim.iter().map(|n| hypotheses[*n].probability).sum(),
+            probability: claim.iter().map(|n| probability(&hypotheses[*n])).sum(),
             is_true: claim.iter().any(|n| is_true(&hypotheses[*n])),
         };
         claims.iter().map(stated).collect()

@@ -17,6 +17,7 @@
 mod cases;
 pub(crate) mod chain;
 pub mod demonstration;
+mod drawn_forces;
 mod drawn_pushes;
 mod drawn_rest;
 mod drawn_rolls;
@@ -65,6 +66,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     drawn_pushes::EXPERIMENT,
     invariances::EXPERIMENT,
     drawn_rest::EXPERIMENT,
+    drawn_forces::EXPERIMENT,
     chain::EXPERIMENT,
     plan::EXPERIMENT,
     parts::EXPERIMENT,

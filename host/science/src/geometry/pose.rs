@@ -32,7 +32,8 @@ impl Pose {
     }
 
     /// How far it is from another: m, m, rad, the turn within half of one.
-    pub(crate) fn minus(&self, other: &Self) -> Vector3<f64> {
+    #[must_use]
+    pub fn minus(&self, other: &Self) -> Vector3<f64> {
         Vector3::new(self.x - other.x, self.y - other.y, wrap_angle(self.theta - other.theta))
     }
 

@@ -2,7 +2,7 @@
 //!
 //! - [`angle`]: wrapping, and the angle of a contact; [`Jet`] (`dual`): numbers that carry their derivatives;
 //! - [`least_squares`]: the one damped descent (Levenberg and Marquardt); [`ode`]: the one Runge–Kutta step;
-//!   `dormand_prince`: the one error-controlled step; `roots`: zeros of a function on an interval;
+//!   `dormand_prince`: the one error-controlled step; `rosenbrock`: the one for what is stiff; `roots`: zeros of a function on an interval;
 //! - [`Spectrum`] (`spectrum`): rank and unseen directions of a system; [`statistics`]: means, percentiles, quantiles;
 //! - [`random`]: numbers and polygons from a seed; [`BitSet`], [`BitMatrix`] (`bits`): sets of small numbers;
 //! - `arrays`: vectors and matrices as plain arrays in files.
@@ -16,6 +16,7 @@ pub mod least_squares;
 pub mod ode;
 pub mod random;
 pub(crate) mod roots;
+pub(crate) mod rosenbrock;
 mod spectrum;
 pub mod statistics;
 

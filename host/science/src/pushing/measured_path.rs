@@ -3,13 +3,13 @@
 //! Places are told with white noise, some tens a second. Second differences of them would be noise; so the acceleration
 //! is one of short steps that wanders: itself, as where a robot jerks, or by its rate, as where it ramps up and down. Which
 //! of all such motions fits best follows in closed form. What wanders, and how fast, is chosen by the evidence of the
-//! places themselves (MacKay 1992).
+//! places themselves (MacKay 1992). What is not known of it is told by the few modes of the motion of which most is felt.
 //!
 //! Implements: with places y = B a + e, e of variance σ², and first differences of a of variance q h, or second ones of
 //! variance q h³, the posterior of a is normal with precision A = Bᵀ B / σ² + Dᵀ D / variance; the evidence is that of y.
 //! Frames: world axes. Units: SI. Errors: none is found where fewer than [`PLACES_MIN`] places are told.
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Point2, Vector2};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Point2, RowDVector, Vector2};
 
 use super::finger_motion::{FingerMotion, Segment};
 
@@ -22,8 +22,11 @@ const STEP_S: f64 = 5e-3;
 /// Most steps.
 const STEPS_MAX: usize = 400;
 
-/// A velocity of so many standard deviations of one between two places tells which way the finger goes: within 6°.
-const TELLING: f64 = 10.0;
+/// Where the way of the finger is known to this, rad, forces are compared with it in earnest.
+pub(in crate::pushing) const TOLD_RAD: f64 = 0.1;
+
+/// Rounds in which modes are found: each leaves of what is not a mode a share of at most the ratio of their effects squared.
+const MODE_ROUNDS: usize = 12;
 
 /// How an acceleration may wander: from a robot that creeps to one that jerks, and from one that hardly ramps to one whose
 /// ramps are of milliseconds.
@@ -83,13 +86,43 @@ pub struct MeasuredPath {
     pub sigma: f64,
 }
 
-/// A motion that fits a path.
+/// The likeliest motion of a path that begins at a time, and what is not known of it.
 #[derive(Clone, Debug)]
 pub struct FittedPath {
-    /// Since it begins.
-    pub motion: FingerMotion,
+    /// Where it begins, m.
+    start: Point2<f64>,
+    /// Of each step, m/s².
+    accelerations: Vec<Vector2<f64>>,
+    /// Of a step, s.
+    length: f64,
+    /// Root of the covariance of a step's acceleration along one axis, m/s²: a column a step, and one of where it begins.
+    root: DMatrix<f64>,
     /// Squared residuals in standard deviations.
     pub misfit: f64,
+    /// Log of the probability of the places, but for a constant, times −2.
+    pub surprise: f64,
+}
+
+/// What forces tell of a motion: how much is felt of a change of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathEffects {
+    /// Readings a second.
+    pub rate: f64,
+    /// Standard deviation of one, per mass of the part, m/s².
+    pub noise: f64,
+    /// µ g of the plane: friction turns with the velocity, m/s².
+    pub mu_g: f64,
+    /// Until when there are readings, since the motion began, s.
+    pub until: f64,
+}
+
+/// What is not known of a motion, by what is felt of it.
+#[derive(Clone, Debug, Default)]
+pub struct PathModes {
+    /// One standard deviation of each: changes of the accelerations, m/s².
+    pub modes: Vec<Vec<Vector2<f64>>>,
+    /// What is felt of all others, standard deviations of all readings together, squared.
+    pub rest: f64,
 }
 
 /// How smooth a motion is, and how well it is known.
@@ -132,61 +165,22 @@ impl MeasuredPath {
     /// after it.
     #[must_use]
     pub fn fitted(&self, onset: f64, wandering: &Wandering) -> Option<FittedPath> {
-        self.fitted_beside(onset, wandering, None)
-    }
-
-    /// The same off by something along an axis, of [`Self::modes`].
-    #[must_use]
-    pub fn fitted_beside(
-        &self,
-        onset: f64,
-        wandering: &Wandering,
-        off: Option<(usize, &DVector<f64>)>,
-    ) -> Option<FittedPath> {
         let steps = self.steps(onset)?;
         let information = steps.of_places.tr_mul(&steps.of_places);
-        let Fit { mut found, misfit, .. } = self.fitted_with(&steps, &information, wandering.way)?;
-        if let Some((axis, off)) = off.filter(|(_, off)| off.len() == found[0].len()) {
-            found[axis] += off;
-        }
-        let [x, y] = found;
-        let accelerations: Vec<_> = (1..x.len()).map(|row| Vector2::new(x[row], y[row])).collect();
-        let (segments, ahead) = self.begun(&accelerations, steps.length);
-        Some(FittedPath { motion: FingerMotion::new(Point2::new(x[0], y[0]) + ahead, &segments).ok()?, misfit })
-    }
-
-    /// What is not known of the accelerations of a motion that begins at a time, s: by its largest modes, each one
-    /// standard deviation, of either axis.
-    #[must_use]
-    pub fn modes(&self, onset: f64, wandering: &Wandering, count: usize) -> Vec<DVector<f64>> {
-        let Some(steps) = self.steps(onset) else { return Vec::new() };
-        let information = steps.of_places.tr_mul(&steps.of_places);
-        let Some(fit) = self.fitted_with(&steps, &information, wandering.way) else { return Vec::new() };
-        let eigen = fit.precision.inverse().symmetric_eigen();
-        let mut order: Vec<_> = (0..eigen.eigenvalues.len()).collect();
-        order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
-        let mode = |&n: &usize| eigen.eigenvectors.column(n) * eigen.eigenvalues[n].max(0.0).sqrt();
-        order.iter().take(count).map(mode).collect()
-    }
-
-    /// Segments of which the first is so long that it tells which way the finger goes, and how much further on a motion
-    /// must begin to be where it is after it.
-    fn begun(&self, accelerations: &[Vector2<f64>], length: f64) -> (Vec<Segment>, Vector2<f64>) {
-        let span = self.times[self.times.len() - 1] - self.times[0];
-        let noise = std::f64::consts::SQRT_2 * self.sigma * (self.times.len() - 1) as f64 / span;
-        let (mut velocity, mut way, mut count) = (Vector2::zeros(), Vector2::zeros(), 0);
-        for acceleration in accelerations {
-            way += velocity * length + acceleration * (0.5 * length * length);
-            velocity += acceleration * length;
-            count += 1;
-            if velocity.norm() > TELLING * noise {
-                break;
-            }
-        }
-        let seconds = length * f64::from(u32::try_from(count).unwrap_or(u32::MAX));
-        let first = Segment { seconds, acceleration: velocity / seconds };
-        let rest = accelerations[count..].iter().map(|&acceleration| Segment { seconds: length, acceleration });
-        (std::iter::once(first).chain(rest).collect(), way - velocity * (0.5 * seconds))
+        let Fit { found: [x, y], precision, misfit, evidence } =
+            self.fitted_with(&steps, &information, wandering.way)?;
+        let accelerations = (1..x.len()).map(|row| Vector2::new(x[row], y[row])).collect();
+        // C = (L Lᵀ)⁻¹, so that L⁻ᵀ is a root of it.
+        let count = x.len();
+        let root = precision.l().tr_solve_lower_triangular(&DMatrix::identity(count, count))?;
+        Some(FittedPath {
+            start: Point2::new(x[0], y[0]),
+            accelerations,
+            length: steps.length,
+            root: root.rows(1, count - 1).into_owned(),
+            misfit,
+            surprise: -evidence,
+        })
     }
 
     fn steps(&self, onset: f64) -> Option<Steps> {
@@ -238,6 +232,123 @@ impl MeasuredPath {
     }
 }
 
+impl FittedPath {
+    /// The motion, its accelerations changed by so much of some modes; none where there is nothing of it.
+    ///
+    /// Until its way is known it goes straight on, to where it then is and as fast: noise alone must not turn it.
+    #[must_use]
+    pub fn motion<'m>(&self, off: impl IntoIterator<Item = (f64, &'m [Vector2<f64>])>) -> Option<FingerMotion> {
+        let mut accelerations = self.accelerations.clone();
+        for (share, mode) in off {
+            accelerations.iter_mut().zip(mode).for_each(|(own, more)| *own += more * share);
+        }
+        let count = self.ways().into_iter().take_while(|(_, sd)| *sd > TOLD_RAD).count();
+        let (begun, rest) = accelerations.split_at((count + 1).min(accelerations.len()));
+        let (mut velocity, mut way) = (Vector2::zeros(), Vector2::zeros());
+        for acceleration in begun {
+            way += velocity * self.length + acceleration * (0.5 * self.length * self.length);
+            velocity += acceleration * self.length;
+        }
+        let seconds = self.length * begun.len() as f64;
+        let first = Segment { seconds, acceleration: velocity / seconds };
+        let rest = rest.iter().map(|&acceleration| Segment { seconds: self.length, acceleration });
+        let segments: Vec<_> = std::iter::once(first).chain(rest).collect();
+        FingerMotion::new(self.start + way - velocity * (0.5 * seconds), &segments).ok()
+    }
+
+    /// At the end of each step, when that is, s, the velocity, m/s, and how uncertain that is along one axis, m/s.
+    fn velocities(&self) -> Vec<(f64, Vector2<f64>, f64)> {
+        let mut velocity = Vector2::zeros();
+        let mut row = RowDVector::zeros(self.root.ncols());
+        let mut time = 0.0;
+        let step = |(index, acceleration): (usize, &Vector2<f64>)| {
+            velocity += acceleration * self.length;
+            row += self.root.row(index) * self.length;
+            time += self.length;
+            (time, velocity, row.norm())
+        };
+        self.accelerations.iter().enumerate().map(step).collect()
+    }
+
+    /// How uncertain the finger's way is at the end of each step, and when that is, s and rad; at most 1.
+    #[must_use]
+    pub fn ways(&self) -> Vec<(f64, f64)> {
+        let way = |(time, velocity, sd): (f64, Vector2<f64>, f64)| (time, (sd / velocity.norm()).min(1.0));
+        self.velocities().into_iter().map(way).collect()
+    }
+
+    /// The modes of what is not known of it, as many as matter and no more than `most`, those first of which most is felt.
+    #[must_use]
+    pub fn modes(&self, effects: &PathEffects, most: usize) -> PathModes {
+        let felt = self.felt(effects);
+        let total = felt.norm_squared();
+        let most = most.min(felt.ncols());
+        // Subspace iteration from smooth columns.
+        let smooth = |row: usize, column: usize| {
+            (std::f64::consts::PI * (row as f64 + 0.5) * (column as f64 + 0.5) / felt.ncols() as f64).cos()
+        };
+        let mut found = DMatrix::from_fn(felt.ncols(), most, smooth);
+        for _ in 0..MODE_ROUNDS {
+            found = felt.tr_mul(&(&felt * found)).qr().q();
+        }
+        let effects = &felt * &found;
+        let eigen = effects.tr_mul(&effects).symmetric_eigen();
+        let mut order: Vec<_> = (0..eigen.eigenvalues.len()).collect();
+        order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+        let told = order.iter().filter(|n| eigen.eigenvalues[**n] > FELT_MIN);
+        let (mut modes, mut rest) = (Vec::new(), total);
+        let columns = self.root.ncols();
+        for &n in told {
+            rest -= eigen.eigenvalues[n];
+            let of = &found * eigen.eigenvectors.column(n);
+            let [x, y] = [0, 1].map(|axis| &self.root * of.rows(axis * columns, columns));
+            modes.push(x.iter().zip(y.iter()).map(|(x, y)| Vector2::new(*x, *y)).collect());
+        }
+        PathModes { modes, rest: rest.max(0.0) }
+    }
+
+    /// What is felt of one standard deviation of everything independent that is not known, in standard deviations of the
+    /// readings: inertia, the turn of friction, and where the finger is at the end.
+    fn felt(&self, effects: &PathEffects) -> DMatrix<f64> {
+        let (steps, columns) = self.root.shape();
+        let scale = (effects.rate * self.length).sqrt() / effects.noise;
+        let mut felt = DMatrix::zeros(3 * steps + 2, 2 * columns);
+        let mut velocity = RowDVector::zeros(columns);
+        let mut place = RowDVector::zeros(columns);
+        for (index, (time, at, sd)) in self.velocities().into_iter().enumerate() {
+            if time > effects.until {
+                break;
+            }
+            let acceleration = self.root.row(index);
+            place += &velocity * self.length + acceleration * (0.5 * self.length * self.length);
+            velocity += acceleration * self.length;
+            for axis in 0..2 {
+                felt.view_mut((3 * index + axis, axis * columns), (1, columns)).copy_from(&(acceleration * scale));
+            }
+            // Before the way is known friction tells nothing of it.
+            let speed = at.norm();
+            if sd <= TOLD_RAD * speed {
+                let turn = Vector2::new(-at.y, at.x) * (effects.mu_g * scale / (speed * speed));
+                for axis in 0..2 {
+                    let row = &velocity * turn[axis];
+                    felt.view_mut((3 * index + 2, axis * columns), (1, columns)).copy_from(&row);
+                }
+            }
+        }
+        for axis in 0..2 {
+            let row = &place / PLACE_FELT_M;
+            felt.view_mut((3 * steps + axis, axis * columns), (1, columns)).copy_from(&row);
+        }
+        felt
+    }
+}
+
+/// A mode of which less is felt does not matter: squared, standard deviations of all readings together.
+const FELT_MIN: f64 = 0.05;
+
+/// So far off at the end a finger counts as much as one standard deviation of all readings, m: poses are told to 10 µm.
+const PLACE_FELT_M: f64 = 1e-5;
+
 /// A fit with one way to wander.
 struct Fit {
     /// By axis: where it begins, then the acceleration of each step.
@@ -283,11 +394,12 @@ mod tests {
             let path = MeasuredPath { times, places, sigma };
             let wandering = path.wandering(onset).unwrap();
             let fitted = path.fitted(onset, &wandering).unwrap();
+            let motion = fitted.motion([]).unwrap();
             let misfit = fitted.misfit / wandering.degrees_of_freedom;
             assert!((0.4..2.0).contains(&misfit), "{misfit} {wandering:?}");
             let mut squares = 0.0;
             let mut from = 0.0;
-            for segment in fitted.motion.segments() {
+            for segment in motion.segments() {
                 let middle = from + 0.5 * segment.seconds;
                 from += segment.seconds;
                 if middle < length {

@@ -10,6 +10,7 @@
 
 use nalgebra::{Isometry2, Vector2};
 
+use crate::math::angle::wrap_angle;
 use crate::pushing::dynamics::{
     ContactLaw, Edge, EdgeEnd, EndReason, ModelError, Part, Push, PushError, PushModel, PushRun, PushRunError, Sample,
     Start,
@@ -149,11 +150,15 @@ impl Played {
         self.samples.last().map_or(0.0, |sample| sample.t)
     }
 
-    /// Pose of the part (part frame to the motion's) at a time, s: that of the nearest state kept.
+    /// Pose of the part (part frame to the motion's) at a time, s, between the states kept; before the first and after the
+    /// last that of these.
     #[must_use]
     pub fn pose(&self, t: f64) -> Option<Isometry2<f64>> {
-        let near = self.samples.iter().min_by(|a, b| (a.t - t).abs().total_cmp(&(b.t - t).abs()))?;
-        Some(Isometry2::new(near.position.coords, near.theta))
+        let after = self.samples.partition_point(|sample| sample.t <= t).min(self.samples.len().checked_sub(1)?);
+        let (from, to) = (&self.samples[after.saturating_sub(1)], &self.samples[after]);
+        let share = share_of(t, from.t, to.t);
+        let angle = from.theta + share * wrap_angle(to.theta - from.theta);
+        Some(Isometry2::new(from.position.coords.lerp(&to.position.coords, share), angle))
     }
 
     /// Force on the disk each [`STEP_S`] from the start to the end, finger axes, N.
@@ -163,14 +168,18 @@ impl Played {
             let t = step * STEP_S;
             let after = self.samples.partition_point(|sample| sample.t <= t).min(self.samples.len() - 1);
             let before = after.saturating_sub(1);
-            let span = self.samples[after].t - self.samples[before].t;
-            let share = if span > 0.0 { ((t - self.samples[before].t) / span).clamp(0.0, 1.0) } else { 0.0 };
+            let share = share_of(t, self.samples[before].t, self.samples[after].t);
             self.forces_finger[before].lerp(&self.forces_finger[after], share)
         };
         let steps = std::iter::successors(Some(0.0), |step| Some(step + 1.0));
         let duration = self.duration();
         steps.take_while(|step| step * STEP_S <= duration + SAME_TIME_S).map(at).collect()
     }
+}
+
+/// How far a time is from one to another, from 0 to 1; 0 where they are the same.
+fn share_of(t: f64, from: f64, to: f64) -> f64 {
+    if to > from { ((t - from) / (to - from)).clamp(0.0, 1.0) } else { 0.0 }
 }
 
 /// Force on the disk, finger axes, N; none where the part jams.

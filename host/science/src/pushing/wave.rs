@@ -371,17 +371,17 @@ mod tests {
         let mut draw = Draw::case(3, seed);
         let turn = nalgebra::Rotation2::new(turned);
         let began = 0.7312;
-        let mut reading = |n: u32| {
-            let t = 100.0 + f64::from(n) / RATE_HZ;
-            let since = t - 100.0 - began;
+        let mut reading = |since_start: f64| {
+            let t = 100.0 + since_start;
+            let since = since_start - began;
             let moves = (0.0..motion.duration()).contains(&since);
             let a = if moves { turn * motion.acceleration(since) } else { Vector2::zeros() };
             let constant = Vector2::new(0.2, -0.1) + Vector2::new(0.001, 0.002) * since;
             let noise = Vector2::new(draw.normal(), draw.normal()) * noise;
             Reading::new(t, constant - a * MASS_KG + noise)
         };
-        let end = 100.0 + motion.duration() + 1.5;
-        (0..).map(&mut reading).take_while(|reading| reading.t < end).collect()
+        let times = (0_u32..).map(|n| f64::from(n) / RATE_HZ);
+        times.take_while(|time| *time < motion.duration() + 1.5).map(&mut reading).collect()
     }
 
     #[test]

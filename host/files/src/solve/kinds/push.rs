@@ -91,6 +91,15 @@ struct SupportFields {
 /// How far the shares of the feet may be from adding up to 1: shares rounded to four decimals pass for a dozen feet.
 const SHARES_SUM_TOLERANCE: f64 = 1e-3;
 
+/// Whether shares of the weight add up to all of it; the field is `feet`.
+pub(super) fn check_shares_sum(sum: f64) -> Result<(), InvalidInput> {
+    if (sum - 1.0).abs() <= SHARES_SUM_TOLERANCE {
+        return Ok(());
+    }
+    let message = format!("the shares of the weight sum to {sum:?}, they must sum to 1: divide each by the sum");
+    Err(InvalidInput::at("feet", message))
+}
+
 impl TryFrom<SupportFields> for Support {
     type Error = InvalidInput;
 
@@ -104,11 +113,7 @@ impl TryFrom<SupportFields> for Support {
             return Err(InvalidInput::at(at(index).index(2), message));
         }
         let sum: f64 = feet.iter().map(|[_, _, share]| share).sum();
-        if (sum - 1.0).abs() > SHARES_SUM_TOLERANCE {
-            let message =
-                format!("the shares of the weight sum to {sum:?}, they must sum to 1: divide each by the sum");
-            return Err(InvalidInput::at("feet", message));
-        }
+        check_shares_sum(sum)?;
         Ok(Self { feet })
     }
 }

@@ -10,7 +10,7 @@ use palpate::{Pose, Searched, Stop, never};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Deserializer, Serialize};
 
-use super::push::{Push, PushAnswer};
+use super::push::{Push, PushAnswer, check_shares_sum};
 use crate::solve::fields::{NonNegative, Polygon, PoseFields, Positive, default_gravity, plane_friction, size};
 use crate::solve::read::named_or;
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError, Variant};
@@ -20,9 +20,6 @@ const PATH_MAX: f64 = 1e4;
 
 /// Steps that a path may take at least: ten times what a path of that length takes with steps that fit its part.
 const STEPS_MAX: f64 = 1e7;
-
-/// How far the shares of the feet may be from adding up to 1: shares rounded to four decimals pass for a dozen feet.
-const SHARES_SUM_TOLERANCE: f64 = 1e-3;
 
 /// A push, in time or so slow that nothing swings.
 #[derive(Clone, Debug, Serialize)]
@@ -222,11 +219,7 @@ impl TryFrom<SlowSupportFields> for SlowSupport {
             }
         }
         let sum: f64 = fields.feet.iter().map(|foot| foot[2]).sum();
-        if (sum - 1.0).abs() > SHARES_SUM_TOLERANCE {
-            let message =
-                format!("the shares of the weight sum to {sum:?}, they must sum to 1: divide each by the sum");
-            return Err(InvalidInput::at("feet", message));
-        }
+        check_shares_sum(sum)?;
         Ok(Self(fields))
     }
 }

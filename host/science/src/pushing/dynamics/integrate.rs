@@ -1,17 +1,21 @@
 //! Steps in time: a fixed one for observers, an error-controlled one for truth.
 //!
 //! Implements: the classical Runge–Kutta method of order 4 ([`ode`]); Dormand and Prince's pair
-//! ([`dormand_prince`](crate::math::dormand_prince)).
+//! ([`dormand_prince`](crate::math::dormand_prince)); a linearly implicit one for what is stiff ([`rosenbrock`]).
 //! Assumes: the contact stays as it is during a step.
 //! Units: SI. Errors: none; a step too large shows in its error estimate.
 
 use std::ops::{Add, Mul};
 
+use nalgebra::{SMatrix, SVector};
+
 use super::contact_model::ContactModel;
 use super::model::{ContactMode, PushModel, State};
 use super::scalar::Scalar;
+use crate::math::Jet;
 use crate::math::dormand_prince::{ERROR, INTERPOLANT, NODES, STAGES, growth, moved};
 use crate::math::ode::{self, Moves};
+use crate::math::rosenbrock::{self, Linearised};
 
 /// Error of one adaptive step that is accepted, relative to the scales of [`Scale`].
 ///
@@ -65,6 +69,54 @@ impl<T: Scalar> PushModel<'_, T> {
     #[must_use]
     pub fn step(&self, contact: &ContactMode<T>, time: f64, state: &State<T>, dt: f64) -> State<T> {
         ode::step(state, dt, |moment, state| self.motion(contact, moment.time(time, dt), state).rates)
+    }
+}
+
+impl PushModel<'_> {
+    /// The state one step of `dt` (s) later of a part so slow that what it turns and slides settles within the step
+    /// ([`rosenbrock`]): where friction forgets speed, v/(µg), much faster than the finger changes its own. None where the
+    /// step has no solution.
+    ///
+    /// No error control, no events.
+    #[must_use]
+    pub(in crate::pushing) fn stiff_step(
+        &self,
+        contact: &ContactMode,
+        time: f64,
+        state: &State,
+        dt: f64,
+    ) -> Option<State> {
+        let at = |share: f64, components: &SVector<f64, 4>| {
+            let state = State::from(Components::from(*components));
+            SVector::from(Components::from(self.motion(contact, time + share * dt, &state).rates))
+        };
+        let stepped =
+            rosenbrock::step(&Components::from(*state).into(), dt, &self.linearised(contact, time, state), at)?;
+        stepped.iter().all(|value| value.is_finite()).then(|| Components::from(stepped).into())
+    }
+
+    /// The rates with their derivatives by the state, and by the time, which only the finger's velocity knows.
+    fn linearised(&self, contact: &ContactMode, time: f64, state: &State) -> Linearised<4> {
+        let mut lifted = self.lifted::<Jet<5>>();
+        let finger = &mut lifted.finger;
+        finger.velocity0 = finger.velocity0.zip_map(&self.finger.acceleration, |velocity, acceleration| Jet {
+            slopes: [0.0, 0.0, 0.0, 0.0, acceleration],
+            ..velocity
+        });
+        let [u, s, omega, v_t] = Components::from(*state);
+        let state = State {
+            u: Jet::variable(u, 0),
+            s: Jet::variable(s, 1),
+            omega: Jet::variable(omega, 2),
+            v_t: Jet::variable(v_t, 3),
+        };
+        let State { u, s, omega, v_t } = lifted.motion(&contact.map(Jet::constant), time, &state).rates;
+        let rates = [u, s, omega, v_t];
+        Linearised {
+            rates: SVector::from(rates.map(|rate| rate.value)),
+            by_state: SMatrix::from_fn(|row, column| rates[row].slopes[column]),
+            by_time: SVector::from(rates.map(|rate| rate.slopes[4])),
+        }
     }
 }
 

@@ -410,6 +410,16 @@ pub struct PushModel<'p, T: nalgebra::Scalar = f64> {
     pub finger: Finger<T>,
 }
 
+impl<'p> PushModel<'p> {
+    /// The same with numbers that can carry derivatives.
+    pub(in crate::pushing) fn lifted<T: Scalar>(&self) -> PushModel<'p, T> {
+        let Finger { radius, centre0, velocity0, acceleration } = self.finger;
+        let finger =
+            Finger { radius, centre0, velocity0: velocity0.map(T::from), acceleration: acceleration.map(T::from) };
+        PushModel { part: self.part, edge: self.edge, mu_g: T::from(self.mu_g), finger }
+    }
+}
+
 /// Why a model cannot be built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ModelError {

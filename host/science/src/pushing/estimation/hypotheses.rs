@@ -264,6 +264,15 @@ impl Estimate {
     }
 }
 
+/// Standard deviations of a pose by the covariance of its x, y, theta: of the centre of mass (m, both directions together)
+/// and of the angle (rad).
+pub(super) fn spread(part: &Part, pose: &Pose, covariance: &Matrix3<f64>) -> (f64, f64) {
+    let arm = pose.isometry().rotation * part.centre_of_mass().coords;
+    let to_centre = Matrix2x3::new(1.0, 0.0, -arm.y, 0.0, 1.0, arm.x);
+    let centre = to_centre * covariance * to_centre.transpose();
+    (centre.trace().max(0.0).sqrt(), covariance[(2, 2)].max(0.0).sqrt())
+}
+
 impl Hypothesis {
     /// What a motion planner starts from, where the pose is known at all: the same at the last value's time.
     #[must_use]
@@ -276,11 +285,7 @@ impl Hypothesis {
     /// where the pose has none.
     #[must_use]
     pub fn spread(&self, part: &Part) -> Option<(f64, f64)> {
-        let covariance = self.covariance?;
-        let arm = self.pose_end.isometry().rotation * part.centre_of_mass().coords;
-        let to_centre = Matrix2x3::new(1.0, 0.0, -arm.y, 0.0, 1.0, arm.x);
-        let centre = to_centre * covariance * to_centre.transpose();
-        Some((centre.trace().max(0.0).sqrt(), covariance[(2, 2)].max(0.0).sqrt()))
+        Some(spread(part, &self.pose_end, &self.covariance?))
     }
 
     /// Covers another explanation too: the mean squares of the errors of its own pose if either may be true.

@@ -10,7 +10,7 @@
 //!
 //! Frames: world. Units: SI. Errors: none; a start without a pushing force is none.
 
-use super::path::{ContactInterval, InitialState, lifted};
+use super::path::{ContactInterval, InitialState};
 use crate::math::Jet;
 use crate::pushing::dynamics::contact_mode::ContactFriction;
 use crate::pushing::dynamics::{ContactMode, PushModel, RestStart, Scalar, Slip, State};
@@ -112,7 +112,7 @@ pub(in crate::pushing::estimation) fn initial_state<T: Variable>(
 ) -> Option<InitialState<T>> {
     let [u, s, omega, along] = [0, 1, 2, 3].map(|index| T::variable(unknowns[index], index));
     let state = State { u, s, omega, v_t: along };
-    let plain = lifted::<T>(&known.model(interval.edge));
+    let plain = known.model(interval.edge).lifted::<T>();
     let model = PushModel { mu_g: mu_g.unwrap_or(plain.mu_g), ..plain };
     // v_T without slip (5.31).
     let rolling = |state: State<T>| State { v_t: model.rolling_v_t(0.0, &state), ..state };
@@ -190,7 +190,7 @@ fn from_rest<T: Variable>(
         let dg = mu_g - mu_g.re();
         (alpha, a_t) = (alpha + dg * by_mu_g[0], a_t + dg * by_mu_g[1]);
     }
-    let state = lifted::<T>(&plain).after_rest([u, s], [alpha, a_t], span);
+    let state = plain.lifted::<T>().after_rest([u, s], [alpha, a_t], span);
     let contact = contact.map(T::from);
     let mu_g = mu_g.unwrap_or_else(|| T::from(plain.mu_g));
     Some(InitialState { time: span, state, contact, rest: Some((u, alpha * 0.5)), mu_g })

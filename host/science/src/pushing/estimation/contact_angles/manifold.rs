@@ -8,7 +8,6 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::path::lifted;
 use crate::math::Jet;
 use crate::pushing::dynamics::contact_mode::ContactFriction;
 use crate::pushing::dynamics::{ContactForce, ContactMode, PushModel, Slip, State};
@@ -82,7 +81,7 @@ fn settled_from(model: &PushModel, touch: Touch, slip: Option<Slip>, time: f64, 
 
 /// Newton's method on the first `K` of ω and v_T.
 fn settle<const K: usize>(model: &PushModel, contact: &ContactMode, time: f64, near: &State) -> Option<Settled> {
-    let dual = lifted::<Jet<K>>(model);
+    let dual = model.lifted::<Jet<K>>();
     let contact = contact.map(Jet::constant);
     // Velocities as the speeds they give the radius of gyration, so that all are alike.
     let radius = model.part.inertia_per_mass().sqrt();

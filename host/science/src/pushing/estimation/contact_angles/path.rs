@@ -135,7 +135,7 @@ pub(in crate::pushing::estimation) fn follow<T: Scalar>(
     see: impl FnMut(usize, Seen<T>),
 ) -> Option<Path<T>> {
     let plain = PushModel { mu_g: initial_state.mu_g.re(), ..known.model(interval.edge) };
-    let model = PushModel { mu_g: initial_state.mu_g, ..lifted(&plain) };
+    let model = PushModel { mu_g: initial_state.mu_g, ..plain.lifted() };
     let constraint_margins = [T::from(f64::INFINITY); CONSTRAINTS];
     let mut simulation = PathSimulation {
         model,
@@ -150,18 +150,6 @@ pub(in crate::pushing::estimation) fn follow<T: Scalar>(
         changes: 0,
     };
     simulation.walk(initial_state)
-}
-
-/// The same model with numbers that can carry derivatives.
-pub(in crate::pushing::estimation) fn lifted<'p, T: Scalar>(plain: &PushModel<'p>) -> PushModel<'p, T> {
-    let crate::pushing::dynamics::Finger { radius, centre0, velocity0, acceleration } = plain.finger;
-    let finger = crate::pushing::dynamics::Finger {
-        radius,
-        centre0,
-        velocity0: velocity0.map(T::from),
-        acceleration: acceleration.map(T::from),
-    };
-    PushModel { part: plain.part, edge: plain.edge, mu_g: T::from(plain.mu_g), finger }
 }
 
 /// The contact without derivatives.

@@ -10,6 +10,7 @@ use std::fmt::Debug;
 use nalgebra::{DMatrix, DVector, Vector2};
 
 use super::path::Path;
+use crate::pushing::finger_motion::Leg;
 
 /// Force that was felt over a push.
 pub(super) trait Felt: Debug {
@@ -28,6 +29,12 @@ pub(super) trait Felt: Debug {
     /// Standard deviation of the onset where it is to be found with the rest, s.
     fn onset_sd(&self) -> Option<f64>;
 
+    /// What the finger's own mass has had read of a motion, in the data's standard deviations; none where it has none, or
+    /// the data do not know of it.
+    fn carried(&self, _legs: &[Leg]) -> Option<DVector<f64>> {
+        None
+    }
+
     /// Onsets to try before a fit, s later than what it was taken for; the first is that.
     fn onsets_tried(&self) -> Vec<f64>;
 }
@@ -38,12 +45,28 @@ pub(super) struct Predicted {
     pub(super) shape: DVector<f64>,
     /// For each jump of the force that a reading fell into, a standard deviation of what may have been felt of it.
     pub(super) unsure: Vec<DVector<f64>>,
-    /// For each number of the part's outline, a standard deviation of what is felt by it.
-    pub(super) outline: Vec<DVector<f64>>,
+    /// For each number of outline and motion, a standard deviation of what is felt by it.
+    pub(super) numbers: Vec<OfNumber>,
     /// How many standard deviations each of them is off already, in what is predicted.
-    pub(super) outline_off: Vec<f64>,
+    pub(super) off: Vec<f64>,
     /// For each number that adds to what is felt whatever the part's mass, a standard deviation of what it adds.
     pub(super) beside: Vec<DVector<f64>>,
+}
+
+/// What is felt of one standard deviation of a number.
+#[derive(Clone, Debug)]
+pub(super) struct OfNumber {
+    /// Per unit mass of the part.
+    pub(super) per_mass: DVector<f64>,
+    /// Of the finger's own mass, where the number is one of its motion.
+    pub(super) carried: Option<DVector<f64>>,
+}
+
+impl OfNumber {
+    fn at(&self, mass: f64) -> DVector<f64> {
+        let per_mass = &self.per_mass * mass;
+        self.carried.as_ref().map_or_else(|| per_mass.clone(), |carried| &per_mass + carried)
+    }
 }
 
 /// A prediction of some mass against what was felt.
@@ -60,7 +83,7 @@ pub(super) struct Compared {
 impl Predicted {
     /// With nothing unsure about it.
     pub(super) const fn exact(shape: DVector<f64>) -> Self {
-        Self { shape, unsure: Vec::new(), outline: Vec::new(), outline_off: Vec::new(), beside: Vec::new() }
+        Self { shape, unsure: Vec::new(), numbers: Vec::new(), off: Vec::new(), beside: Vec::new() }
     }
 
     /// What is unsure about it, for a mass, in standard deviations: jumps, then [`Self::nuisances`].
@@ -69,19 +92,20 @@ impl Predicted {
         (!columns.is_empty()).then(|| DMatrix::from_columns(&columns))
     }
 
-    /// For each number of the outline, then for each that adds whatever the part's mass, a standard deviation of what it
+    /// For each number of outline and motion, then for each that adds whatever the part's mass, a standard deviation of what it
     /// does.
     pub(super) fn nuisances(&self, mass: f64) -> impl Iterator<Item = DVector<f64>> + '_ {
-        self.outline.iter().map(move |sd| sd * mass).chain(self.beside.iter().cloned())
+        self.numbers.iter().map(move |number| number.at(mass)).chain(self.beside.iter().cloned())
     }
 
     /// The mass, where it is not known the best, and the best of all that is unsure, each of which costs its square in
     /// standard deviations.
     pub(super) fn compared(&self, data: &DVector<f64>, known_mass: Option<f64>) -> Compared {
         let plain = known_mass.unwrap_or_else(|| self.shape.dot(data) / self.shape.norm_squared());
-        // What the outline is off already costs as if it were found: δ = z − z₀, and z is sought.
-        let off = self.outline.iter().zip(&self.outline_off);
-        let shifted = off.fold(data.clone(), |data, (column, off)| data + column * (plain * off));
+        // What a number is off already costs as if it were found: δ = z − z₀, and z is sought. The data know of none of
+        // it, so that what the finger carries counts from 0.
+        let off = self.numbers.iter().zip(&self.off);
+        let shifted = off.fold(data.clone(), |data, (number, off)| data + &number.per_mass * (plain * off));
         let data = &shifted;
         // One standard deviation of each, for a mass near the best.
         let Some(unsure) = self.unsure_at(plain) else {

@@ -14,8 +14,8 @@ use nalgebra::{
     Vector6,
 };
 
-use super::felt::{Compared, Felt, Predicted};
-use super::path::{Course, CourseStart, Guess, Path};
+use super::felt::{Compared, Felt, OfNumber, Predicted};
+use super::path::{Changed, Course, CourseStart, Guess, Path};
 use super::valley::Valley;
 use super::windowed_force::ONSET_RANGE;
 use crate::math::least_squares::profile::Held;
@@ -84,9 +84,9 @@ const MU_G: usize = 3;
 /// Column of the onset's delay among the parameters.
 const DELAY: usize = 4;
 
-/// How far a number of the outline is moved to see what it changes, standard deviations: far enough for what rounding
+/// How far a number of outline or motion is moved to see what it changes, standard deviations: far enough for what rounding
 /// and events leave, and near enough that edges do not cross.
-pub(super) const OUTLINE_SHARE_OF_SD: f64 = 0.3;
+pub(super) const SHARE_OF_SD: f64 = 0.3;
 
 /// Column of the angular velocity at the start among the parameters.
 const OMEGA: usize = 5;
@@ -170,8 +170,8 @@ impl<'p> Problem<'_, 'p> {
     fn try_path(&self, guess: Guess, path: Path) -> Option<Tried> {
         let edge = self.course.part.edge(guess.edge).ok()?;
         let mut predicted = self.measured.predicted(&path, guess.delay);
-        predicted.outline = self.of_outlines(&guess, &predicted);
-        predicted.outline_off = self.course.outline_off.to_vec();
+        predicted.numbers = self.of_numbers(&guess, &predicted);
+        predicted.off = self.course.off.to_vec();
         let compared = predicted.compared(self.measured.data(), self.mass);
         let Compared { mass, rest, .. } = compared;
         if mass.is_nan() || mass <= 0.0 {
@@ -186,19 +186,23 @@ impl<'p> Problem<'_, 'p> {
         Some(Tried { guess, path, mass, cost, predicted, rest, penalties })
     }
 
-    /// What each number of the outline changes, one standard deviation off; nothing where that cannot be played.
-    fn of_outlines(&self, guess: &Guess, predicted: &Predicted) -> Vec<DVector<f64>> {
-        let moved = |part| {
-            let path = self.course.of_part(part).play(guess).ok()?;
-            Some((self.measured.predicted(&path, guess.delay).shape - &predicted.shape) / OUTLINE_SHARE_OF_SD)
+    /// What each number of outline and motion changes, one standard deviation off; nothing where that cannot be played.
+    fn of_numbers(&self, guess: &Guess, predicted: &Predicted) -> Vec<OfNumber> {
+        let per_mass = |changed| {
+            let path = self.course.with(changed).play(guess).ok()?;
+            Some((self.measured.predicted(&path, guess.delay).shape - &predicted.shape) / SHARE_OF_SD)
         };
         let none = || DVector::zeros(predicted.shape.len());
-        self.course.outlines.iter().map(|part| moved(part).unwrap_or_else(none)).collect()
-    }
-
-    /// The same push of a part whose outline is known.
-    fn sure(&self) -> Course<'p> {
-        Course { outlines: &[], outline_off: &[], ..self.course.clone() }
+        let carried = |changed: &Changed| match changed {
+            Changed::Part(_) => None,
+            Changed::Motion(legs) => {
+                let [before, after] = [&self.course.legs, legs].map(|legs| self.measured.carried(legs));
+                // The finger's mass takes its part of what is read.
+                before.zip(after).map(|(before, after)| (before - after) / SHARE_OF_SD)
+            }
+        };
+        let of = |changed| OfNumber { per_mass: per_mass(changed).unwrap_or_else(none), carried: carried(changed) };
+        self.course.changed.iter().map(of).collect()
     }
 
     /// Goes down to the nearest minimum.
@@ -257,7 +261,7 @@ impl<'p> Problem<'_, 'p> {
                 slopes[(size + DELAY_PENALTY, DELAY)] = self.unlikely_delay(1.0);
                 continue;
             }
-            let course = self.sure();
+            let course = self.course.sure();
             let sure = Problem { course: &course, measured: self.measured, mass: self.mass };
             let aside =
                 beside(&at.guess, column, difference).find_map(|(step, guess)| Some((step, sure.try_guess(guess)?)));
@@ -398,9 +402,9 @@ impl<'p> Problem<'_, 'p> {
     }
 
     /// Covariance of pose and motion at the end (x, y, θ, velocity of the centre of mass, ω), with everything that is
-    /// not known, outline and what adds to the force included.
+    /// not known, outline, motion and what adds to the force included.
     pub(super) fn motion_covariance(&self, at: &Tried) -> Option<Matrix6<f64>> {
-        let course = self.sure();
+        let course = self.course.sure();
         let end = Self::end_of(&course, &at.guess, &at.path)?;
         let nuisances: Vec<_> = at.predicted.nuisances(at.mass).collect();
         let mut of_end = SMatrix::<f64, 6, PARAMETERS>::zeros();
@@ -413,11 +417,10 @@ impl<'p> Problem<'_, 'p> {
             let (step, there) = beside(&at.guess, column, step).find_map(played)?;
             of_end.set_column(column, &(end.to(&there) / step));
         }
-        for (column, part) in self.course.outlines.iter().enumerate() {
-            let course = course.of_part(part);
+        for (column, changed) in self.course.changed.iter().enumerate() {
+            let course = course.with(changed);
             let there = course.play(&at.guess).ok().and_then(|path| Self::end_of(&course, &at.guess, &path));
-            of_nuisances
-                .set_column(column, &there.map_or_else(SVector::zeros, |there| end.to(&there) / OUTLINE_SHARE_OF_SD));
+            of_nuisances.set_column(column, &there.map_or_else(SVector::zeros, |there| end.to(&there) / SHARE_OF_SD));
         }
         let parameters = self.covariance(at)?;
         let held = parameters.fixed_view::<PARAMETERS, PARAMETERS>(0, 0).into_owned();
@@ -450,9 +453,10 @@ impl<'p> Problem<'_, 'p> {
 }
 
 impl Problem<'_, '_> {
-    /// How many standard deviations each number of the outline is off what it is taken for, of a guess.
-    pub(super) fn taken_of_outline(&self, at: &Tried) -> Vec<f64> {
-        at.predicted.outline.iter().map(|column| column.dot(&at.rest) * at.mass).collect()
+    /// How many standard deviations each number of outline and motion is off what it is taken for, of a guess.
+    pub(super) fn taken_of_numbers(&self, at: &Tried) -> Vec<f64> {
+        let numbers = at.predicted.nuisances(at.mass).take(at.predicted.numbers.len());
+        numbers.map(|column| column.dot(&at.rest)).collect()
     }
 
     /// How many standard deviations what adds to the force whatever the part's mass is off, of a guess.

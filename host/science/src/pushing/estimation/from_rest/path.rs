@@ -21,7 +21,6 @@ use crate::math::Jet;
 use crate::pushing::dynamics::contact_mode::{ContactFriction, jams};
 use crate::pushing::dynamics::mode_change::first_ended;
 use crate::pushing::dynamics::{ContactForce, ContactMode, Edge, Motion, Part, PushModel, State};
-use crate::pushing::estimation::contact_angles::path::lifted;
 use crate::pushing::finger_motion::Leg;
 
 /// The start is followed in closed form for this long, s: a part turns by less than 1e-4 rad meanwhile, even at 10
@@ -33,8 +32,9 @@ const REST_S: f64 = 4e-3;
 /// Poses come out within a micrometre of an error-controlled integration; see the tests.
 const STEP_OF_MEMORY: f64 = 2.0;
 
-/// Shortest step, s, for a part that nearly stops.
-const STEP_MIN_S: f64 = 2e-5;
+/// Where steps would be shorter than this, s, they are implicit and as long as the grid: of a part that hardly moves yet,
+/// or nearly stops, what turns and slides settles meanwhile.
+const STEP_STIFF_S: f64 = 1e-4;
 
 /// How exactly a change of the contact is found, as a share of a step: 25 ns of a step of 5 ms, so that forces are
 /// smooth in the guess.
@@ -241,6 +241,15 @@ pub(super) enum Lost {
     Contact,
 }
 
+/// What of a push may be changed.
+#[derive(Clone, Debug)]
+pub(super) enum Changed {
+    /// The part's outline.
+    Part(Part),
+    /// The finger's motion, as [`Course::legs`].
+    Motion(Vec<Leg>),
+}
+
 /// What every guess shares.
 #[derive(Clone, Debug)]
 pub(super) struct Course<'p> {
@@ -251,11 +260,11 @@ pub(super) struct Course<'p> {
     pub(super) mu_g_log_sd: Option<f64>,
     /// µ_c, where it is known.
     pub(super) mu_c: Option<f64>,
-    /// Where the part's outline is not known exactly: the part with one number of it off by
-    /// `fit::OUTLINE_SHARE_OF_SD`, for each.
-    pub(super) outlines: &'p [Part],
-    /// How many standard deviations each of these numbers is off in `part`, of what it is taken for.
-    pub(super) outline_off: &'p [f64],
+    /// Where outline or motion are not known exactly: what changes with each number of them off by
+    /// `fit::SHARE_OF_SD` more.
+    pub(super) changed: &'p [Changed],
+    /// How many standard deviations each of these numbers is off here, of what it is taken for.
+    pub(super) off: &'p [f64],
     pub(super) start: CourseStart,
     /// In time since the start, at which the first is under way; of a push from rest it begins then.
     pub(super) legs: Vec<Leg>,
@@ -268,9 +277,17 @@ impl<'p> Course<'p> {
         PushModel { part: self.part, edge, mu_g, finger: leg.finger }
     }
 
-    /// The same for a part of another outline.
-    pub(super) fn of_part(&self, part: &'p Part) -> Self {
-        Self { part, outlines: &[], outline_off: &[], ..self.clone() }
+    /// The same with everything known.
+    pub(super) fn sure(&self) -> Self {
+        Self { changed: &[], off: &[], ..self.clone() }
+    }
+
+    /// The same with something changed.
+    pub(super) fn with(&self, changed: &'p Changed) -> Self {
+        match changed {
+            Changed::Part(part) => Self { part, ..self.sure() },
+            Changed::Motion(legs) => Self { legs: legs.clone(), ..self.sure() },
+        }
     }
 
     /// µ g by a guess, m/s².
@@ -289,7 +306,7 @@ impl<'p> Course<'p> {
         let mu_g = self.mu_g_of(guess);
         let model = self.model(edge, &self.legs[0], mu_g);
         let mut simulation = match self.start {
-            CourseStart::Rest => PathSimulation::begin(model, guess)?,
+            CourseStart::Rest => PathSimulation::begin(model, guess, REST_S.min(self.legs[0].to))?,
             CourseStart::Moving => PathSimulation::begin_moving(model, self.legs[0].from, guess)?,
         };
         for (index, leg) in self.legs.iter().enumerate() {
@@ -359,7 +376,8 @@ struct PathSimulation<'p> {
 }
 
 impl<'p> PathSimulation<'p> {
-    fn begin(model: PushModel<'p>, guess: &Guess) -> Result<Self, Lost> {
+    /// From rest, a short time later, s.
+    fn begin(model: PushModel<'p>, guess: &Guess, later: f64) -> Result<Self, Lost> {
         let &Guess { u, s, mu_c, .. } = guess;
         // At rest Coulomb's law decides whether the contact rolls or slips; the force must push.
         let friction = ContactFriction::same(mu_c);
@@ -370,7 +388,7 @@ impl<'p> PathSimulation<'p> {
         }
         // From nothing the force jumps to that of the first accelerations; the state a moment later is α t, a t.
         let force = on_finger(u, start.normal_force, start.tangential_force);
-        let state = model.after_rest([u, s], [start.alpha, start.a_t], REST_S);
+        let state = model.after_rest([u, s], [start.alpha, start.a_t], later);
         let path = Path {
             smooth: vec![Vector2::zeros()],
             jumps: vec![Jump { time: 0.0, by: force, is_of_finger: true }],
@@ -383,7 +401,7 @@ impl<'p> PathSimulation<'p> {
             slipped: contact != ContactMode::Rolling,
             course: ModeCourse::of(&contact),
         };
-        Ok(Self { model, leg_from: 0.0, friction, time: REST_S, state, contact, path })
+        Ok(Self { model, leg_from: 0.0, friction, time: later, state, contact, path })
     }
 
     fn begin_moving(model: PushModel<'p>, leg_from: f64, guess: &Guess) -> Result<Self, Lost> {
@@ -434,8 +452,11 @@ impl<'p> PathSimulation<'p> {
     fn follow(&mut self, until: f64) -> Result<(), Lost> {
         while self.time < until - SAME_TIME_S {
             let grid = hann_windows::GRID_S * as_f64(self.path.smooth.len());
-            let length = self.step_length().min(grid - self.time).min(until - self.time);
-            self.step(length)?;
+            let explicit = STEP_OF_MEMORY / self.fastest_rate();
+            let left = (grid - self.time).min(until - self.time);
+            // An explicit one is cheaper where it reaches as far.
+            let stiff = explicit < STEP_STIFF_S.min(left);
+            self.step(if stiff { left } else { explicit.min(left) }, stiff)?;
             self.note(grid);
         }
         self.path.end = State { v_t: self.v_t(), ..self.state };
@@ -443,15 +464,11 @@ impl<'p> PathSimulation<'p> {
         Ok(())
     }
 
-    fn step_length(&self) -> f64 {
-        (STEP_OF_MEMORY / self.fastest_rate()).max(STEP_MIN_S)
-    }
-
     /// The fastest rate at which turning and sliding settle here, 1/s: the largest eigenvalue of the derivatives of
     /// their accelerations by them. Friction resists a slow part the harder the slower it is, and a contact that slides
     /// near its jam multiplies what it feels.
     fn fastest_rate(&self) -> f64 {
-        let dual = lifted::<Jet<2>>(&self.model);
+        let dual = self.model.lifted::<Jet<2>>();
         let State { u, s, omega, v_t } = self.state;
         let state = State {
             u: Jet::constant(u),
@@ -488,10 +505,13 @@ impl<'p> PathSimulation<'p> {
     }
 
     /// Takes a step, or the part of it that ends in a change of the contact.
-    fn step(&mut self, length: f64) -> Result<(), Lost> {
+    fn step(&mut self, length: f64, stiff: bool) -> Result<(), Lost> {
         let (before, local) = (self.state, self.time - self.leg_from);
         let (model, contact) = (self.model, self.contact);
-        let at = |length: f64| model.step(&contact, local, &before, length);
+        let at = |length: f64| {
+            let settled = stiff.then(|| model.stiff_step(&contact, local, &before, length)).flatten();
+            settled.unwrap_or_else(|| model.step(&contact, local, &before, length))
+        };
         let after = at(length);
         let Margin { left, needed } = self.margin(local + length, &after)?;
         if left >= 0.0 {
@@ -550,7 +570,8 @@ impl<'p> PathSimulation<'p> {
         let force = self.force();
         self.path.knots.extend([(self.time, force_before), (self.time, force)]);
         self.path.jumps.push(Jump { time: self.time, by: force - force_before, is_of_finger });
-        if self.path.jumps.len() > CHANGES_MAX { Err(Lost::Contact) } else { Ok(()) }
+        let changes = self.path.jumps.iter().filter(|jump| !jump.is_of_finger).count();
+        if changes > CHANGES_MAX { Err(Lost::Contact) } else { Ok(()) }
     }
 }
 

@@ -15,17 +15,24 @@
 //! Assumes: white noise; bending that moves the disk, but adds nothing to its speed. Frames: world axes. Units: SI.
 //! Errors: none. "No pose explains the readings" and "several do" are answers.
 
-use nalgebra::{DVector, Isometry2, Matrix6, Translation2, Vector2, Vector6};
+mod measured;
+mod numbers;
+mod read_force;
 
-use super::felt::{Felt, Predicted};
-use super::fit::{OUTLINE_SHARE_OF_SD, Problem, Tried};
-use super::path::{Course, CourseStart, Guess, Path};
+use measured::PathNumbers;
+pub use measured::{MeasuredEstimate, MeasuredFinger, estimate_measured_until};
+use nalgebra::{Isometry2, Matrix6, Translation2, Vector2};
+
+use read_force::{Doubts, ReadForce};
+
+use super::fit::{Problem, Tried};
+use super::path::{Course, CourseStart, Guess};
 use super::{GATE, distinct, is_one_place, is_possible, leads, misfit_limit, search, symmetry};
 use crate::geometry::{Pose, SimplePolygon};
 use crate::pushing::dynamics::{Part, State};
+use crate::pushing::estimation::hypotheses;
 use crate::pushing::finger_motion::{FingerMotion, Leg};
-use crate::pushing::measured_path::{FittedPath, MeasuredPath, Wandering};
-use crate::search::{Halt, Searched, Stop};
+use crate::search::{Halt, Searched, Stop, never};
 
 /// A force read.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -122,6 +129,14 @@ pub struct ForceHypothesis {
     pub probability: f64,
 }
 
+impl ForceHypothesis {
+    /// Standard deviations at the end: of the centre of mass (m, both directions together) and of the angle (rad).
+    #[must_use]
+    pub fn spread(&self, part: &Part) -> (f64, f64) {
+        hypotheses::spread(part, &self.pose_end, &self.covariance.fixed_view::<3, 3>(0, 0).into_owned())
+    }
+}
+
 /// Everything that explains the readings, the likeliest first.
 #[must_use]
 pub fn estimate_until(
@@ -134,11 +149,33 @@ pub fn estimate_until(
     halt.searched(found)
 }
 
+/// How a push may have begun, to be fitted from: at the onset, or at the first reading of a part that moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Beginning {
+    /// The edge that the finger touches.
+    pub edge: usize,
+    /// There.
+    pub state: State,
+    /// Whether the contact then rolls; of no concern at rest.
+    pub is_rolling: bool,
+    /// µ_c.
+    pub mu_c: f64,
+}
+
+/// What a fit leads to which begins with what is given, and what an explanation of these readings may cost at the most:
+/// what a search is judged by. None where the push cannot have begun so.
+#[must_use]
+pub fn follow(known: &KnownOfFinger, readings: &[ForceReading], from: &Beginning) -> Option<(ForceHypothesis, f64)> {
+    let push = FeltPush::new(known, readings, None)?;
+    let followed = push.followed(push.guess(from)?, &Halt::new(&never))?;
+    Some((followed.found, followed.cost_max + push.felt.before().0))
+}
+
 fn halting_estimate(known: &KnownOfFinger, readings: &[ForceReading], halt: &Halt<'_>) -> Vec<ForceHypothesis> {
     let (edges, symmetry) = distinct_edges(known.part);
-    let Some(push) = FeltPush::new(known, readings) else { return Vec::new() };
+    let Some(push) = FeltPush::new(known, readings, None) else { return Vec::new() };
     let found = push.leads(&edges, usize::MAX, halt).into_iter().take_while(|_| !halt.is_wished());
-    let found = found.filter_map(|lead| push.followed(lead));
+    let found = found.filter_map(|(_, lead)| push.followed(lead, halt));
     conclude(found.collect(), known.part, symmetry)
 }
 
@@ -150,54 +187,69 @@ fn distinct_edges(part: &Part) -> (Vec<usize>, usize) {
     (sides.take(distinct).map(|(edge, _)| edge).collect(), symmetry)
 }
 
-/// A push as it was felt, of a finger that is known to move so.
+/// A push as it was felt, of a finger that is taken to move so.
 struct FeltPush<'a, 'p> {
     known: &'a KnownOfFinger<'p>,
     course: Course<'p>,
-    /// With what the outline may change as noise: for the search.
+    /// With what outline and motion may change as noise: for the search.
     roughly: ReadForce,
     felt: ReadForce,
+    path: Option<PathNumbers<'a>>,
 }
 
 impl<'a, 'p> FeltPush<'a, 'p> {
     /// None without readings of the push.
-    fn new(known: &'a KnownOfFinger<'p>, readings: &[ForceReading]) -> Option<Self> {
+    fn new(known: &'a KnownOfFinger<'p>, readings: &[ForceReading], path: Option<PathNumbers<'a>>) -> Option<Self> {
         let first = readings.first()?;
         let (start, from) = if known.is_moving { (CourseStart::Moving, first.time) } else { (CourseStart::Rest, 0.0) };
         let legs = legs_since(known.motion.legs(known.radius), from);
         let readings: Vec<_> = readings.iter().map(|it| ForceReading { time: it.time - from, ..*it }).collect();
         let end = readings.last().map(|reading| reading.time).filter(|end| *end > 0.0)?;
         let of_outline = if known.outline.is_none() { 0.0 } else { OUTLINE_SHARE };
-        let roughly = ReadForce::new(known, &legs, &readings, of_outline)?;
-        let felt = ReadForce::new(known, &legs, &readings, 0.0)?;
+        let roughly = path.as_ref().map_or(Doubts::none(), |path| path.doubts_of_all(from)).and_share(of_outline);
+        let doubts = path.as_ref().map_or(Doubts::none(), |path| path.doubts_of_rest(from));
+        let roughly = ReadForce::new(known, &legs, &readings, &roughly)?;
+        let felt = ReadForce::new(known, &legs, &readings, &doubts)?;
         let course = Course {
             part: known.part,
             mu_g: known.mu_g,
             mu_g_log_sd: known.mu_g_log_sd,
             mu_c: known.mu_c,
-            outlines: &[],
-            outline_off: &[],
+            changed: &[],
+            off: &[],
             start,
             legs,
             duration: end,
         };
-        Some(Self { known, course, roughly, felt })
+        Some(Self { known, course, roughly, felt, path })
     }
 
-    /// Where the search comes to, the best first: without what the outline takes up.
-    fn leads(&self, edges: &[usize], most: usize, halt: &Halt<'_>) -> Vec<Guess> {
+    /// Where the search comes to, the best first, with what it costs there: without what outline and motion take up.
+    fn leads(&self, edges: &[usize], most: usize, halt: &Halt<'_>) -> Vec<(f64, Guess)> {
         let problem = Problem { course: &self.course, measured: &self.roughly, mass: self.known.mass };
         let mut tried = search(&problem, edges, halt);
         // Where the finger cannot be, it leads nowhere.
         tried.retain(|tried| is_possible(&problem, tried));
         let most = if self.known.outline.is_some() { most.min(OUTLINE_LEADS) } else { most };
-        leads(&tried, most).into_iter().map(|lead| lead.guess).collect()
+        leads(&tried, most).into_iter().map(|lead| (lead.cost, lead.guess)).collect()
+    }
+
+    /// As a guess; none of an edge that the part has not.
+    fn guess(&self, from: &Beginning) -> Option<Guess> {
+        let State { u, s, omega, v_t } = from.state;
+        let at_rest = Guess { edge: from.edge, u, s, mu_c: from.mu_c, ..Guess::AT_REST };
+        if !self.known.is_moving {
+            return Some(at_rest);
+        }
+        let model = self.course.first_model(self.known.part.edge(from.edge).ok()?);
+        let rolling = model.rolling_v_t(-self.course.legs[0].from, &from.state);
+        Some(Guess { omega, slide: if from.is_rolling { 0.0 } else { v_t - rolling }, ..at_rest })
     }
 
     /// The minimum that a guess leads to, with all that is unknown.
-    fn followed(&self, guess: Guess) -> Option<Concluded> {
-        if let Some(outline) = &self.known.outline {
-            return with_outline(&self.course, outline, guess, self.known, &self.felt);
+    fn followed(&self, guess: Guess, halt: &Halt<'_>) -> Option<Concluded> {
+        if self.known.outline.is_some() || self.path.is_some() {
+            return Some(self.with_numbers(guess, halt)?.0);
         }
         let problem = Problem { course: &self.course, measured: &self.felt, mass: self.known.mass };
         let tried = problem.descend(problem.try_guess(guess)?, usize::MAX);
@@ -205,395 +257,17 @@ impl<'a, 'p> FeltPush<'a, 'p> {
     }
 }
 
-/// A finger whose places were measured, by a clock of its own.
-#[derive(Clone, Copy, Debug)]
-pub struct MeasuredFinger<'a> {
-    /// Of the clamp, in time of the path's clock.
-    pub path: &'a MeasuredPath,
-    /// Standard deviation of what that clock lags behind the force's, s; 0 where it is the same.
-    pub clock_offset_sd: f64,
-}
-
-/// What readings say of a push of a finger whose places were measured.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct MeasuredEstimate {
-    /// When the push began, by the force's clock, s; none of a part that moves already, and where none was felt.
-    pub onset: Option<f64>,
-    /// What explains the readings, the likeliest first, each with what the path's clock then is early, s.
-    pub hypotheses: Vec<(f64, ForceHypothesis)>,
-}
-
-/// The same as [`estimate_until`] for a finger whose places were measured; readings are in time of their own clock, and
-/// the motion in `known` is left aside.
-#[must_use]
-pub fn estimate_measured_until(
-    known: &KnownOfFinger,
-    finger: &MeasuredFinger,
-    readings: &[ForceReading],
-    stop: Stop<'_>,
-) -> Searched<MeasuredEstimate> {
-    let halt = Halt::new(stop);
-    let (edges, symmetry) = distinct_edges(known.part);
-    let onset = if known.is_moving { None } else { force_onset(readings, known.noise) };
-    if onset.is_none() && !known.is_moving {
-        return halt.searched(MeasuredEstimate::default());
-    }
-    let sd = finger.clock_offset_sd;
-    let begins = onset.or_else(|| finger.path.times.first().copied()).and_then(|begins| finger.path.wandering(begins));
-    let Some(wandering) = begins else {
-        return halt.searched(MeasuredEstimate { onset, ..MeasuredEstimate::default() });
-    };
-    let at = |offset: f64| OffsetPush { known, finger, wandering: &wandering, readings, onset, offset };
-    let mut begun: Vec<(f64, f64, Guess)> = Vec::new();
-    for offset in if sd > 0.0 { OFFSETS_TRIED.map(|place| place * sd).to_vec() } else { vec![0.0] } {
-        let leads = at(offset).solved(|push| push.leads(&edges, OFFSET_LEADS, &halt)).unwrap_or_default();
-        let leads = leads.into_iter().take_while(|_| !halt.is_wished());
-        begun.extend(leads.filter_map(|lead| Some((at(offset).followed(lead)?.cost, offset, lead))));
-    }
-    begun.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let least = begun.first().map_or(0.0, |begun| begun.0);
-    begun.retain(|begun| begun.0 <= OFFSET_HOPELESS * least.max(2.0 * readings.len() as f64));
-    let mut found: Vec<(f64, Concluded)> = Vec::new();
-    for (_, offset, guess) in begun.into_iter().take(OFFSET_FOLLOWED).take_while(|_| !halt.is_wished()) {
-        let Some((offset, next)) = best_offset(&at, offset, guess, sd, &halt) else { continue };
-        let is_known = |(_, other): &(f64, Concluded)| is_one_place(&other.guess, &other.end, &next.guess, &next.end);
-        match found.iter_mut().find(|other| is_known(other)) {
-            Some(other) if next.cost < other.1.cost => *other = (offset, next),
-            Some(_) => {}
-            None => found.push((offset, next)),
-        }
-    }
-    for (offset, found) in found.iter_mut().take_while(|_| !halt.is_wished()) {
-        found.found.covariance += at(*offset).of_path(found);
-    }
-    let (offsets, found): (Vec<_>, Vec<_>) = found.into_iter().unzip();
-    let costs: Vec<_> = found.iter().map(|found| found.found.cost).collect();
-    let listed = conclude(found, known.part, symmetry);
-    let of = |listed: &ForceHypothesis| {
-        let same = costs.iter().position(|cost| cost.to_bits() == listed.cost.to_bits());
-        same.map_or(0.0, |place| offsets[place])
-    };
-    let hypotheses = listed.into_iter().map(|listed| (of(&listed), listed)).collect();
-    halt.searched(MeasuredEstimate { onset, hypotheses })
-}
-
-/// Offsets at which everything is sought, in standard deviations.
-const OFFSETS_TRIED: [f64; 5] = [0.0, -0.8, 0.8, -1.7, 1.7];
-
-/// Minima of each that are followed.
-const OFFSET_LEADS: usize = 8;
-
-/// Minima of all that are followed to their best offset.
-const OFFSET_FOLLOWED: usize = 10;
-
-/// What costs so many times the best there is, or what chance would have it cost, leads nowhere.
-const OFFSET_HOPELESS: f64 = 8.0;
-
-/// First step to a better offset, in standard deviations, and the last, s.
-const OFFSET_STEP: (f64, f64) = (0.2, 1e-4);
-
-/// Trials on the way to the best offset.
-const OFFSET_TRIALS: usize = 24;
-
-/// The offset at which a minimum is lowest, and what it is there with the offset's own uncertainty.
-fn best_offset<'a>(
-    at: &impl Fn(f64) -> OffsetPush<'a>,
-    offset: f64,
-    guess: Guess,
-    sd: f64,
-    halt: &Halt<'_>,
-) -> Option<(f64, Concluded)> {
-    let mut best = at(offset).followed(guess)?;
-    if sd == 0.0 {
-        return Some((offset, best));
-    }
-    let (mut offset, mut step) = (offset, OFFSET_STEP.0 * sd);
-    for _ in 0..OFFSET_TRIALS {
-        if halt.is_wished() {
-            break;
-        }
-        let there = [step, -step].map(|by| Some((offset + by, at(offset + by).followed(best.guess)?)));
-        let better = there.into_iter().flatten().min_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
-        match better.filter(|(_, better)| better.cost < best.cost) {
-            Some(better) => (offset, best) = better,
-            None if step < 2.0 * OFFSET_STEP.1 => break,
-            None => step *= 0.4,
-        }
-    }
-    // By differences that raise the cost by about one.
-    let step = (0.05 * sd).max(OFFSET_STEP.1);
-    let sides = [step, -step].map(|by| at(offset + by).followed(best.guess));
-    if let [Some(after), Some(before)] = sides {
-        let curvature = (after.cost + before.cost - 2.0 * best.cost) / (step * step);
-        // The prior alone is that curved.
-        let variance = 2.0 / curvature.max(2.0 / (sd * sd));
-        let slope = end_change(&before.found, &after.found) / (2.0 * step);
-        best.found.covariance += slope * slope.transpose() * variance;
-    }
-    Some((offset, best))
-}
-
-/// How pose and motion at the end differ: x, y, θ, velocity, ω.
-fn end_change(from: &ForceHypothesis, to: &ForceHypothesis) -> Vector6<f64> {
-    let off = to.pose_end.minus(&from.pose_end);
-    let velocity = to.velocity_end - from.velocity_end;
-    Vector6::new(off.x, off.y, off.z, velocity.x, velocity.y, to.end.omega - from.end.omega)
-}
-
-/// Modes of a measured motion whose uncertainty counts.
-const PATH_MODES: usize = 10;
-
-/// A push whose path's clock lags by a known time.
-struct OffsetPush<'a> {
-    known: &'a KnownOfFinger<'a>,
-    finger: &'a MeasuredFinger<'a>,
-    wandering: &'a Wandering,
-    readings: &'a [ForceReading],
-    /// When the force begins; none of a part that moves.
-    onset: Option<f64>,
-    offset: f64,
-}
-
-impl OffsetPush<'_> {
-    /// Something of the push with the motion that goes with this offset.
-    fn with<T>(&self, off: Option<(usize, &DVector<f64>)>, of: impl FnOnce(&FeltPush, &FittedPath) -> T) -> Option<T> {
-        let path = self.finger.path;
-        let onset = self.path_onset()?;
-        let fitted = path.fitted_beside(onset, self.wandering, off)?;
-        let heavy = self.known.mass.unwrap_or_else(|| self.mass_felt()) + self.known.effective_mass;
-        let noise = self.known.noise.hypot(heavy * self.wandering.acceleration_sd);
-        let known = KnownOfFinger { motion: &fitted.motion, noise, ..*self.known };
-        let moved = |reading: &ForceReading| ForceReading { time: reading.time - self.offset - onset, ..*reading };
-        let readings: Vec<_> = self.readings.iter().map(moved).collect();
-        FeltPush::new(&known, &readings).map(|push| of(&push, &fitted))
-    }
-
-    fn solved<T>(&self, of: impl FnOnce(&FeltPush) -> T) -> Option<T> {
-        self.with(None, |push, _| of(push))
-    }
-
-    /// When the finger begins to move, by the path's clock: of a part that moves already since who knows when.
-    fn path_onset(&self) -> Option<f64> {
-        Some(self.onset.map_or(*self.finger.path.times.first()?, |onset| onset - self.offset))
-    }
-
-    /// What the path leaves open of the end of a minimum: how it moves with each mode of the motion.
-    fn of_path(&self, found: &Concluded) -> Matrix6<f64> {
-        let Some(onset) = self.path_onset() else { return Matrix6::zeros() };
-        let modes = self.finger.path.modes(onset, self.wandering, PATH_MODES);
-        let there = |axis: usize, mode: &DVector<f64>| {
-            let there = self.with(Some((axis, mode)), |push, _| push.followed(found.guess))??;
-            let change = end_change(&found.found, &there.found);
-            Some(change * change.transpose())
-        };
-        let changes = [0, 1].into_iter().flat_map(|axis| modes.iter().filter_map(move |mode| there(axis, mode)));
-        changes.sum()
-    }
-
-    /// The minimum that a guess leads to, the path's misfit and the offset's prior included.
-    fn followed(&self, guess: Guess) -> Option<Concluded> {
-        let sd = self.finger.clock_offset_sd;
-        self.with(None, |push, fitted| {
-            let mut found = push.followed(guess)?;
-            let prior = if sd > 0.0 { (self.offset / sd).powi(2) } else { 0.0 };
-            let of_path = to_count(self.wandering.degrees_of_freedom);
-            let freedom = found.found.degrees_of_freedom;
-            found.cost += prior + fitted.misfit;
-            found.found.cost += prior + fitted.misfit;
-            found.found.degrees_of_freedom += of_path;
-            found.cost_max += misfit_limit(freedom + of_path, f64::INFINITY) - misfit_limit(freedom, f64::INFINITY);
-            Some(found)
-        })?
-    }
-
-    /// About the part's mass, from how the plane's friction is felt, kg.
-    fn mass_felt(&self) -> f64 {
-        let felt = self.readings.iter().map(|reading| reading.force.norm()).fold(0.0, f64::max);
-        felt / self.known.mu_g.max(f64::MIN_POSITIVE)
-    }
-}
-
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number of values")]
-fn to_count(values: f64) -> usize {
-    values.max(0.0).round() as usize
-}
-
-/// When the force begins: between the last quiet reading and the first of two that are not; none where it never does.
-fn force_onset(readings: &[ForceReading], noise: f64) -> Option<f64> {
-    let is_loud = |reading: &ForceReading| reading.force.norm() > LOUD * noise;
-    let first = readings.windows(2).position(|two| two.iter().all(is_loud))?;
-    let before = readings[..first].last().map_or(readings[first].time, |quiet| quiet.time);
-    Some(0.5 * (before + readings[first].time))
-}
-
-/// A force of so many standard deviations is one.
-const LOUD: f64 = 6.0;
-
-/// What a guess leads to with the outline found too: what its numbers change of the force is straight only near them, so
-/// that each step begins where the one before came to.
-fn with_outline<'p>(
-    course: &Course<'p>,
-    outline: &OutlineErrors<'_>,
-    mut guess: Guess,
-    known: &KnownOfFinger,
-    felt: &ReadForce,
-) -> Option<Concluded> {
-    let edges = known.part.polygon().vertices().len();
-    let mut off = vec![0.0; edges];
-    let mut last: Option<Concluded> = None;
-    for _ in 0..OUTLINE_STEPS {
-        let part = outline.moved(known.part, &off)?;
-        let one_more = |edge: usize| {
-            let more = |n: usize| if n == edge { OUTLINE_SHARE_OF_SD } else { 0.0 };
-            let off: Vec<_> = off.iter().enumerate().map(|(n, off)| off + more(n)).collect();
-            // An edge so short that it vanishes changes nothing.
-            outline.moved(known.part, &off).unwrap_or_else(|| part.clone())
-        };
-        let outlines: Vec<_> = (0..edges).map(one_more).collect();
-        let course = Course { part: &part, outlines: &outlines, outline_off: &off, ..course.clone() };
-        let problem = Problem { course: &course, measured: felt, mass: known.mass };
-        let tried = problem.descend(problem.try_guess(guess)?, usize::MAX);
-        guess = tried.guess;
-        let (before, taken) = (last.map(|last| last.cost), problem.taken_of_outline(&tried));
-        // The cost by straight lines; where nothing changes any more, it is the cost.
-        last = Some(concluded(&problem, vec![tried], known, felt).pop()?);
-        let cost = last.as_ref().map(|last| last.cost);
-        if before.zip(cost).is_some_and(|(before, after)| (before - after).abs() < OUTLINE_STEP) {
-            break;
-        }
-        off = taken;
-    }
-    last
-}
-
-/// Steps in which an outline is found.
-const OUTLINE_STEPS: usize = 12;
-
-/// A step that changes the cost by less is the last.
-const OUTLINE_STEP: f64 = 0.01;
-
 /// The legs of a motion in time since a moment, the first being under way then.
 fn legs_since(legs: impl Iterator<Item = Leg>, from: f64) -> Vec<Leg> {
     let moved = legs.map(|leg| Leg { from: leg.from - from, to: leg.to - from, ..leg });
     moved.filter(|leg| leg.to > 0.0).collect()
 }
 
-/// What an outline that is not known exactly changes of the force, as a share, at the most: noise of the search.
-const OUTLINE_SHARE: f64 = 0.02;
-
 /// Minima that are followed with the outline's numbers found too.
 const OUTLINE_LEADS: usize = 12;
 
-/// Readings whose mean is the first force, s: a part that begins to turn does so by a millirad meanwhile.
-const FIRST_S: f64 = 0.01;
-
-/// What a simulated force may be off by, as a share of it.
-const MODEL_SHARE: f64 = 2e-4;
-
-/// A reading this near a change of the finger's acceleration is after it, s.
-const AFTER_S: f64 = 1e-9;
-
-/// A jump of the force at a moment that is not known is spread over no more than this, s.
-const JUMP_S: f64 = 5e-3;
-
-/// Readings since the onset, in standard deviations.
-#[derive(Clone, Debug)]
-struct ReadForce {
-    /// Since the onset, s.
-    times: Vec<f64>,
-    /// Time from one to the next, s.
-    period: f64,
-    /// Of each, N.
-    deviations: Vec<f64>,
-    data: DVector<f64>,
-    /// What one standard deviation of the effective mass adds.
-    of_mass: Option<DVector<f64>>,
-    first: Vector2<f64>,
-    /// Squared readings before the onset, in standard deviations, and how many values they are.
-    before: (f64, usize),
-}
-
-impl ReadForce {
-    /// None without readings after the onset.
-    fn new(known: &KnownOfFinger, legs: &[Leg], readings: &[ForceReading], of_outline: f64) -> Option<Self> {
-        let acceleration = |time: f64| {
-            let leg = legs.iter().rev().find(|leg| leg.from <= time + AFTER_S);
-            leg.map_or_else(Vector2::zeros, |leg| leg.finger.acceleration)
-        };
-        // A reading at the onset itself may be of either side.
-        let (skip, take) = if known.is_moving { (0.0, -AFTER_S) } else { (-AFTER_S, AFTER_S) };
-        let before = &readings[..readings.partition_point(|reading| reading.time < skip)];
-        let after = &readings[readings.partition_point(|reading| reading.time <= take)..];
-        let [first, .., last] = after else { return None };
-        let contact = |reading: &ForceReading| reading.force + known.effective_mass * acceleration(reading.time);
-        let early: Vec<_> =
-            after.iter().take_while(|reading| reading.time <= first.time + FIRST_S).map(contact).collect();
-        let deviations: Vec<_> = after
-            .iter()
-            .map(|reading| known.noise.hypot((MODEL_SHARE + of_outline) * contact(reading).norm()))
-            .collect();
-        let stacked = |of: &dyn Fn(&ForceReading) -> Vector2<f64>| {
-            let values = after.iter().zip(&deviations).flat_map(|(reading, deviation)| {
-                let of = of(reading) / *deviation;
-                [of.x, of.y]
-            });
-            DVector::from_iterator(2 * after.len(), values)
-        };
-        let of_mass = (known.effective_mass_sd > 0.0)
-            .then(|| stacked(&|reading| -known.effective_mass_sd * acceleration(reading.time)));
-        let squares = before.iter().map(|reading| reading.force.norm_squared()).sum::<f64>();
-        Some(Self {
-            times: after.iter().map(|reading| reading.time + AFTER_S).collect(),
-            period: (last.time - first.time) / (after.len() - 1) as f64,
-            data: stacked(&contact),
-            of_mass,
-            first: early.iter().sum::<Vector2<f64>>() / early.len() as f64,
-            before: (squares / known.noise.powi(2), 2 * before.len()),
-            deviations,
-        })
-    }
-}
-
-impl Felt for ReadForce {
-    fn data(&self) -> &DVector<f64> {
-        &self.data
-    }
-
-    fn freedom(&self) -> f64 {
-        f64::INFINITY
-    }
-
-    fn first(&self) -> Vector2<f64> {
-        self.first
-    }
-
-    fn predicted(&self, path: &Path, _delay: f64) -> Predicted {
-        let mut force = path.forces_in_finger_time(self.period.min(JUMP_S));
-        let mut shape = DVector::zeros(self.data.len());
-        let mut unsure: Vec<(usize, DVector<f64>)> = Vec::new();
-        for (row, (&time, deviation)) in self.times.iter().zip(&self.deviations).enumerate() {
-            let mean = force.at(time) / *deviation;
-            shape.fixed_rows_mut::<2>(2 * row).copy_from(&mean);
-            if let Some((jump, sd)) = force.unsure(time) {
-                if unsure.last().is_none_or(|(last, _)| *last != jump) {
-                    unsure.push((jump, DVector::zeros(self.data.len())));
-                }
-                let column = unsure.last_mut().map(|(_, column)| column);
-                column.into_iter().for_each(|column| column.fixed_rows_mut::<2>(2 * row).copy_from(&(sd / *deviation)));
-            }
-        }
-        let unsure = unsure.into_iter().map(|(_, column)| column).collect();
-        Predicted { unsure, beside: self.of_mass.iter().cloned().collect(), ..Predicted::exact(shape) }
-    }
-
-    fn onset_sd(&self) -> Option<f64> {
-        None
-    }
-
-    fn onsets_tried(&self) -> Vec<f64> {
-        vec![0.0]
-    }
-}
+/// What an outline that is not known exactly changes of the force, as a share, at the most: noise of the search.
+const OUTLINE_SHARE: f64 = 0.02;
 
 /// A minimum that may be listed.
 struct Concluded {
@@ -615,7 +289,7 @@ fn concluded(problem: &Problem, mut tried: Vec<Tried>, known: &KnownOfFinger, fe
         let freedom = degrees_of_freedom(problem, &tried, known, felt);
         Some(Concluded {
             cost: tried.cost,
-            cost_max: misfit_limit(freedom, f64::INFINITY) - felt.before.0,
+            cost_max: misfit_limit(freedom, f64::INFINITY) - felt.before().0,
             guess: tried.guess,
             end: tried.path.end,
             found: hypothesis(problem, &tried, known, felt)?,
@@ -653,7 +327,7 @@ fn degrees_of_freedom(problem: &Problem, tried: &Tried, known: &KnownOfFinger, f
     let parameters = 2
         + if known.is_moving { 1 + usize::from(tried.guess.slide != 0.0) } else { 0 }
         + free.into_iter().filter(|free| *free).count();
-    (problem.measured.data().len() + felt.before.1).saturating_sub(parameters)
+    (problem.measured.data().len() + felt.before().1).saturating_sub(parameters)
 }
 
 fn hypothesis(problem: &Problem, tried: &Tried, known: &KnownOfFinger, felt: &ReadForce) -> Option<ForceHypothesis> {
@@ -661,7 +335,7 @@ fn hypothesis(problem: &Problem, tried: &Tried, known: &KnownOfFinger, felt: &Re
     let slipped = path.slipped.then_some(guess.mu_c);
     // The disk is where the finger's bending takes it.
     let bent = |time: f64, pose: &Isometry2<f64>| -> Pose {
-        let force = path.forces_in_finger_time(felt.period).at(time) * *mass;
+        let force = path.forces_in_finger_time(felt.period()).at(time) * *mass;
         (Translation2::from(force * known.compliance) * pose).into()
     };
     Some(ForceHypothesis {
@@ -676,7 +350,7 @@ fn hypothesis(problem: &Problem, tried: &Tried, known: &KnownOfFinger, felt: &Re
         mu_c: known.mu_c.or(slipped),
         mu_g: problem.course.mu_g_of(guess),
         effective_mass: known.effective_mass + known.effective_mass_sd * problem.taken_beside(tried),
-        cost: cost + felt.before.0,
+        cost: cost + felt.before().0,
         degrees_of_freedom: degrees_of_freedom(problem, tried, known, felt),
         probability: problem.spread(tried)?,
     })

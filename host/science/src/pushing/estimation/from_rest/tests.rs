@@ -91,6 +91,21 @@ fn known<'a>(part: &'a Part, ranges: &'a Ranges) -> KnownFromRest<'a> {
     }
 }
 
+/// A push from rest to the end of the finger's motion.
+fn whole_course<'p>(part: &'p Part, mu_g: f64, motion: &FingerMotion, radius: f64) -> Course<'p> {
+    Course {
+        part,
+        mu_g,
+        mu_g_log_sd: None,
+        mu_c: None,
+        changed: &[],
+        off: &[],
+        start: CourseStart::Rest,
+        legs: motion.legs(radius).collect(),
+        duration: motion.duration(),
+    }
+}
+
 /// The path of a guess against the world's own integration: force under every window, and pose at the end.
 fn assert_path_is_the_worlds(case: usize, course: &Course<'_>, guess: &Guess, played: &Played, mass: f64) {
     let path = course.play(guess).unwrap();
@@ -108,19 +123,7 @@ fn assert_path_is_the_worlds(case: usize, course: &Course<'_>, guess: &Guess, pl
 fn a_path_feels_what_the_world_does() {
     for case in 0..20 {
         let (part, ranges, drawn, _) = drawn(case);
-        let legs = ranges.motion.legs(RADIUS_M).collect();
-        let mu_g = known(&part, &ranges).mu_g;
-        let course = Course {
-            part: &part,
-            mu_g,
-            mu_g_log_sd: None,
-            mu_c: None,
-            outlines: &[],
-            outline_off: &[],
-            start: CourseStart::Rest,
-            legs,
-            duration: ranges.motion.duration(),
-        };
+        let course = whole_course(&part, known(&part, &ranges).mu_g, &ranges.motion, RADIUS_M);
         let guess = Guess { edge: drawn.edge, u: drawn.u, s: drawn.s, mu_c: drawn.mu_c, ..Guess::AT_REST };
         assert_path_is_the_worlds(case, &course, &guess, &drawn.played, drawn.mass);
     }
@@ -142,18 +145,7 @@ fn a_path_close_to_its_jam_feels_what_the_world_does() {
     for (case, s) in [-0.0158, -0.0153, -0.0148, -0.0143].into_iter().enumerate() {
         let world = PushedWorld { part: &part, mu_g, mass, mu_c, radius, motion: &motion, edge, u, s };
         let played = world.play().unwrap();
-        let legs = motion.legs(radius).collect();
-        let course = Course {
-            part: &part,
-            mu_g,
-            mu_g_log_sd: None,
-            mu_c: None,
-            outlines: &[],
-            outline_off: &[],
-            start: CourseStart::Rest,
-            legs,
-            duration: motion.duration(),
-        };
+        let course = whole_course(&part, mu_g, &motion, radius);
         let guess = Guess { edge, u, s, mu_c, ..Guess::AT_REST };
         assert_path_is_the_worlds(case, &course, &guess, &played, mass);
     }
@@ -766,8 +758,8 @@ impl FromRest {
                 mu_g: self.model_mu_g,
                 mu_g_log_sd: None,
                 mu_c: None,
-                outlines: &[],
-                outline_off: &[],
+                changed: &[],
+                off: &[],
                 start: CourseStart::Rest,
                 legs,
                 duration,

@@ -204,6 +204,13 @@ impl TrialOutcome {
 }
 
 impl PoseError {
+    /// Whether it is no more than what is stated, given by standard deviations of distance (m) and angle (rad), allows.
+    #[must_use]
+    pub fn is_within(&self, (distance_sd, angle_sd): (f64, f64)) -> bool {
+        self.distance <= (RIGHT_SDS * distance_sd).max(RIGHT.distance)
+            && self.angle <= (RIGHT_SDS * angle_sd).max(RIGHT.angle)
+    }
+
     /// As one length, m: the turn counts at the radius of gyration.
     fn size(&self, part: &Part) -> f64 {
         self.distance + self.angle * part.inertia_per_mass().sqrt()
@@ -218,7 +225,5 @@ pub fn is_right_pose(part: &Part, symmetry: usize, hypothesis: &Hypothesis, trut
 
 /// Whether a pose is right within what it states.
 fn is_right(part: &Part, hypothesis: &Hypothesis, error: &PoseError) -> bool {
-    let Some((distance_sd, angle_sd)) = hypothesis.spread(part) else { return false };
-    error.distance <= (RIGHT_SDS * distance_sd).max(RIGHT.distance)
-        && error.angle <= (RIGHT_SDS * angle_sd).max(RIGHT.angle)
+    hypothesis.spread(part).is_some_and(|spread| error.is_within(spread))
 }

@@ -6,6 +6,7 @@ use crate::geometry::SimplePolygon;
 use crate::gravity::GRAVITY_ASSUMED;
 use crate::math::random::Draw;
 use crate::math::statistics::chi_square_quantile;
+use crate::pushing::measured_path::MeasuredPath;
 use crate::search::never;
 
 /// One reading, each axis, N.
@@ -145,6 +146,45 @@ fn a_finger_without_the_mass_that_it_has_is_never_certain_of_another_pose() {
         let end = readings[readings.len() - 1].time;
         let is_certain_and_wrong = found.len() == 1 && !drawn.is_right(&drawn.part, &found[0], end);
         assert!(!is_certain_and_wrong, "case {case}: {found:#?}");
+    }
+}
+
+/// Places of the clamp take the place of the motion: with noise, by a clock that is off, of a motion with sharp turns.
+#[test]
+fn a_finger_whose_places_were_measured_finds_the_part_and_its_own_clock() {
+    const OFFSET_SD_S: f64 = 5e-3;
+    const SIGMA_M: f64 = 3e-6;
+    for case in 0..3 {
+        let mut draw = Draw::case(27, case);
+        let drawn = Case::draw(&mut draw);
+        let begins = 0.15;
+        let readings = drawn.readings(&mut draw, 0.0).into_iter();
+        let readings: Vec<_> = readings.map(|it| ForceReading { time: it.time + begins, ..it }).collect();
+        let offset = OFFSET_SD_S * draw.normal();
+        let duration = drawn.ranges.motion.duration();
+        let times: Vec<_> = (0..90).map(|n| 0.0117 * f64::from(n)).collect();
+        let mut place = |time: &f64| {
+            let noise = Vector2::new(draw.normal(), draw.normal()) * SIGMA_M;
+            drawn.ranges.motion.centre((time + offset - begins).clamp(0.0, duration)) + noise
+        };
+        let places = times.iter().map(&mut place).collect();
+        // Beyond the motion nobody says that it stops at once.
+        let told = times.iter().take_while(|time| **time + offset < begins + duration).count();
+        let mut path = MeasuredPath { times, places, sigma: SIGMA_M };
+        path.times.truncate(told);
+        path.places.truncate(told);
+        let readings: Vec<_> =
+            readings.into_iter().filter(|reading| reading.time < path.times[told - 1] + offset).collect();
+        let finger = MeasuredFinger { path: &path, clock_offset_sd: OFFSET_SD_S };
+        let known = drawn.known(&drawn.part);
+        let estimate = estimate_measured_until(&known, &finger, &readings, &never).found;
+        let end = readings[readings.len() - 1].time - begins;
+        let right = estimate.hypotheses.iter().find(|(_, found)| drawn.is_right(&drawn.part, found, end));
+        let (found_offset, _) = right.unwrap_or_else(|| panic!("case {case}: {estimate:#?}"));
+        // Far better than the clock was known before.
+        assert!((found_offset - offset).abs() < 0.5 * OFFSET_SD_S, "case {case}: {found_offset} {offset}");
+        // Between the last quiet reading, 10 ms before, and the first of the push.
+        assert!((estimate.onset.unwrap() - begins).abs() < 6e-3, "{:?}", estimate.onset);
     }
 }
 

@@ -1,0 +1,82 @@
+//! A fit with the numbers of outline and motion found too.
+//!
+//! Each number has a prior and is told in its standard deviations. What it changes of the force is straight only near where
+//! it is taken to be: so each fit begins where the one before came to, until nothing changes (Gauss and Newton).
+//!
+//! Units: SI. Errors: none; an outline whose edges cross has no fit.
+
+use super::super::fit::{Problem, SHARE_OF_SD};
+use super::super::path::{Changed, Course, Guess};
+use super::{Concluded, FeltPush, concluded};
+use crate::pushing::dynamics::Part;
+use crate::pushing::finger_motion::Leg;
+use crate::search::Halt;
+
+/// Fits in which numbers are found.
+const FITS: usize = 12;
+
+/// A fit that changes the cost by less is the last.
+const COST_STEP: f64 = 0.01;
+
+impl FeltPush<'_, '_> {
+    /// The minimum that a guess leads to, and how many standard deviations each number then is off: of the outline edge by
+    /// edge, then of the motion.
+    pub(super) fn with_numbers(&self, mut guess: Guess, halt: &Halt<'_>) -> Option<(Concluded, Vec<f64>)> {
+        let mut off = vec![0.0; self.edges()];
+        off.extend(self.path.iter().flat_map(|path| path.taken_for()));
+        let mut last: Option<Concluded> = None;
+        for _ in 0..FITS {
+            // What is not at its minimum is no answer.
+            if halt.is_wished() {
+                return None;
+            }
+            let part = self.part(&off)?;
+            let legs = self.legs(&off)?;
+            let changed: Vec<_> = (0..off.len()).map(|number| self.changed(number, &off, &part, &legs)).collect();
+            let course = Course { part: &part, legs, changed: &changed, off: &off, ..self.course.clone() };
+            let problem = Problem { course: &course, measured: &self.felt, mass: self.known.mass };
+            let tried = problem.descend(problem.try_guess(guess)?, usize::MAX);
+            guess = tried.guess;
+            let (before, taken) = (last.map(|last| last.cost), problem.taken_of_numbers(&tried));
+            // The cost by straight lines; where nothing changes any more, it is the cost.
+            last = Some(concluded(&problem, vec![tried], self.known, &self.felt).pop()?);
+            let after = last.as_ref().map(|last| last.cost);
+            if before.zip(after).is_some_and(|(before, after)| (before - after).abs() < COST_STEP) {
+                break;
+            }
+            off = taken;
+        }
+        Some((last?, off))
+    }
+
+    /// Numbers of the outline.
+    fn edges(&self) -> usize {
+        self.known.outline.map_or(0, |_| self.known.part.polygon().vertices().len())
+    }
+
+    fn part(&self, off: &[f64]) -> Option<Part> {
+        match &self.known.outline {
+            Some(outline) => outline.moved(self.known.part, &off[..self.edges()]),
+            None => Some(self.known.part.clone()),
+        }
+    }
+
+    fn legs(&self, off: &[f64]) -> Option<Vec<Leg>> {
+        match &self.path {
+            Some(path) => path.legs(&off[self.edges()..]),
+            None => Some(self.course.legs.clone()),
+        }
+    }
+
+    /// What there is with one number a little more off.
+    fn changed(&self, number: usize, off: &[f64], part: &Part, legs: &[Leg]) -> Changed {
+        let mut more = off.to_vec();
+        more[number] += SHARE_OF_SD;
+        if number < self.edges() {
+            // An edge so short that it vanishes changes nothing.
+            Changed::Part(self.part(&more).unwrap_or_else(|| part.clone()))
+        } else {
+            Changed::Motion(self.legs(&more).unwrap_or_else(|| legs.to_vec()))
+        }
+    }
+}
