@@ -1,0 +1,235 @@
+//! The tasks that recordings of slow pushes are judged by: what the estimator is told in each, and what it answers.
+//!
+//! - `a`: the pose before, as it was measured; `a_learned`: the same, with what earlier pushes of the log have taught.
+//! - `b1`: a box of ± 10 mm and ± 10°, somewhere about the truth; `b3`: such a box before the push but two, then three
+//!   pushes in a row.
+//! - `c1` to `c4`: the pose unknown before the first, then one to four pushes in a row.
+//! - `d`: a box before the first push of the log, then nothing but the finger's way and its force. Where somebody has
+//!   moved the part between two pushes (the clock says so) it is looked for anew, as in `c`.
+//!
+//! An answer is made before the pose after the push is looked at; of the poses before it sees what its task says. Its
+//! push's numbers rest on nothing later.
+//!
+//! Frames: the robot's = world; poses of the centre of mass. Units: SI. Errors: none.
+
+use palpate::geometry::Pose;
+use palpate::math::random::Draw;
+use palpate::pushing::estimation::slow_pushes::{
+    Before, Cells, Cloud, FilterSettings, Kernel, ParameterBelief, Region, SlowFilter, SlowScene,
+};
+use palpate_files::recordings::slow_pushes::MeasuredPush;
+use serde::Serialize;
+
+/// Half sides of the box in which the start is known: m and rad.
+pub(crate) const BOX: [f64; 2] = [10e-3, 10.0 * std::f64::consts::PI / 180.0];
+
+/// Standard deviations of a measured pose against the finger's frame: m and rad.
+const MEASURED: [f64; 2] = [0.3e-3, 3e-3];
+
+/// Kernel with which cells are counted: m and rad.
+const CELL_KERNEL: [f64; 2] = [1.5e-3, 0.03];
+
+/// The next push begins within this, s, or the part was moved by hand meanwhile.
+const SESSION_GAP_S: f64 = 600.0;
+
+/// Pushes between two starts of task `c`.
+pub(crate) const UNKNOWN_EVERY: usize = 5;
+
+/// A log with its pushes.
+#[derive(Clone, Debug)]
+pub(crate) struct RealLog {
+    /// Its folder's name.
+    pub(crate) name: String,
+    /// In the order of the file.
+    pub(crate) pushes: Vec<MeasuredPush>,
+}
+
+/// What the estimator says of one push in one task.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct Answer {
+    pub(crate) log: String,
+    /// From 1.
+    pub(crate) push: usize,
+    pub(crate) task: &'static str,
+    pub(crate) seed: u64,
+    /// After the push: of the centre of mass, and the part's axes, in the robot's frame: m, m, rad.
+    pub(crate) pose: [f64; 3],
+    /// Whether the truth is in the stated 95 % region.
+    pub(crate) covered: bool,
+    /// Of the ellipsoid of the region's volume: m, m, rad.
+    pub(crate) semi_axes: [f64; 3],
+    /// Cells in the 95 % set.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) cells: Option<usize>,
+    /// Error of the place, m, and of the angle, rad.
+    #[serde(skip)]
+    pub(crate) error: [f64; 2],
+}
+
+/// One log under one seed.
+pub(crate) struct Judge<'a> {
+    pub(crate) log: &'a RealLog,
+    pub(crate) scene: &'a SlowScene,
+    pub(crate) settings: FilterSettings,
+    pub(crate) seed: u64,
+    pub(crate) log_seed: u64,
+}
+
+impl Judge<'_> {
+    /// A generator of its own for each task and push.
+    fn draw(&self, task: u64, push: usize) -> Draw {
+        Draw::case(self.seed ^ (task << 32) ^ self.log_seed, push)
+    }
+
+    fn filter(&self) -> SlowFilter<'_> {
+        SlowFilter { scene: self.scene, settings: self.settings }
+    }
+
+    fn pushes(&self) -> &[MeasuredPush] {
+        &self.log.pushes
+    }
+
+    /// A box of the stated size about a pose that is itself anywhere in it.
+    fn boxed(&self, push: usize) -> Before<'static> {
+        let truth = self.pushes()[push].before;
+        // The same box for all tasks that begin at a push.
+        let mut draw = self.draw(0, push);
+        let [place, angle] = BOX;
+        let pose = Pose {
+            x: truth.x + draw.uniform(-place, place),
+            y: truth.y + draw.uniform(-place, place),
+            theta: truth.theta + draw.uniform(-angle, angle),
+        };
+        Before::Box(pose, place, angle)
+    }
+
+    /// Whether a push goes on where the one before it ended.
+    fn goes_on(&self, push: usize) -> bool {
+        let Some(before) = push.checked_sub(1).map(|before| &self.pushes()[before]) else { return false };
+        let gap = self.pushes()[push].begins - before.ends;
+        (0.0..SESSION_GAP_S).contains(&gap)
+    }
+
+    fn answer(&self, task: &'static str, push: usize, cloud: &Cloud, draw: &mut Draw) -> Answer {
+        let region = Region::of(cloud, Kernel::of(&self.settings), draw);
+        let pose = cloud.median();
+        let semi_axes = region.semi_axes();
+        self.judged(task, push, pose, semi_axes, None, &|truth| region.holds(truth))
+    }
+
+    fn judged(
+        &self,
+        task: &'static str,
+        push: usize,
+        pose: Pose,
+        semi_axes: [f64; 3],
+        cells: Option<usize>,
+        holds: &dyn Fn(&Pose) -> bool,
+    ) -> Answer {
+        let truth = &self.pushes()[push].after;
+        let turn = palpate::math::angle::wrap_angle(pose.theta - truth.theta);
+        Answer {
+            log: self.log.name.clone(),
+            push: self.pushes()[push].index + 1,
+            task,
+            seed: self.seed,
+            pose: [pose.x, pose.y, palpate::math::angle::wrap_angle(pose.theta)],
+            covered: holds(truth),
+            semi_axes,
+            cells,
+            error: [(pose.x - truth.x).hypot(pose.y - truth.y), turn.abs()],
+        }
+    }
+
+    /// Task `a`.
+    pub(crate) fn start_given(&self) -> Vec<Answer> {
+        let [place, angle] = MEASURED;
+        let each = self.pushes().iter().enumerate().map(|(push, measured)| {
+            let mut draw = self.draw(1, push);
+            let before = Before::Measured(measured.before, place, angle);
+            let after = self.filter().push(&before, &measured.felt, &ParameterBelief::default(), &mut draw);
+            self.answer("a", push, &after.cloud, &mut draw)
+        });
+        each.collect()
+    }
+
+    /// Tasks `b1` and `b3`.
+    pub(crate) fn start_in_a_box(&self) -> Vec<Answer> {
+        let mut answers = Vec::new();
+        for first in 0..self.pushes().len() {
+            let mut draw = self.draw(2, first);
+            let mut after = self.filter().push(
+                &self.boxed(first),
+                &self.pushes()[first].felt,
+                &ParameterBelief::default(),
+                &mut draw,
+            );
+            answers.push(self.answer("b1", first, &after.cloud, &mut draw));
+            let last = first + 2;
+            if last >= self.pushes().len() || !(first + 1..=last).all(|push| self.goes_on(push)) {
+                continue;
+            }
+            for push in first + 1..=last {
+                after = self.next(&after.cloud, push, &mut draw);
+            }
+            answers.push(self.answer("b3", last, &after.cloud, &mut draw));
+        }
+        answers
+    }
+
+    fn next(
+        &self,
+        cloud: &Cloud,
+        push: usize,
+        draw: &mut Draw,
+    ) -> palpate::pushing::estimation::slow_pushes::AfterPush {
+        self.filter().push(&Before::After(cloud), &self.pushes()[push].felt, &ParameterBelief::default(), draw)
+    }
+
+    /// Tasks `c1` to `c4`.
+    pub(crate) fn start_unknown(&self) -> Vec<Answer> {
+        const NAMES: [&str; 4] = ["c1", "c2", "c3", "c4"];
+        let [place, angle] = CELL_KERNEL;
+        let kernel = Kernel { place, angle, ..Kernel::of(&self.settings) };
+        let mut answers = Vec::new();
+        let last = |first: usize| first + NAMES.len() - 1;
+        let lasts = |first: &usize| {
+            last(*first) < self.pushes().len() && (first + 1..=last(*first)).all(|push| self.goes_on(push))
+        };
+        for first in (0..self.pushes().len()).step_by(UNKNOWN_EVERY).filter(lasts) {
+            let mut draw = self.draw(3, first);
+            let mut cloud: Option<Cloud> = None;
+            for (number, task) in NAMES.into_iter().enumerate() {
+                let push = first + number;
+                let before = cloud.as_ref().map_or(Before::Anywhere, Before::After);
+                let felt = &self.pushes()[push].felt;
+                let after = self.filter().push(&before, felt, &ParameterBelief::default(), &mut draw);
+                let cells = Cells::of(&after.cloud, &kernel, &mut draw);
+                let region = Region::of(&after.cloud, Kernel::of(&self.settings), &mut draw);
+                let holds = |truth: &Pose| cells.holds(truth);
+                answers.push(self.judged(task, push, cells.pose, region.semi_axes(), Some(cells.count()), &holds));
+                cloud = Some(after.cloud);
+            }
+        }
+        answers
+    }
+
+    /// Task `d`.
+    pub(crate) fn blind(&self) -> Vec<Answer> {
+        let mut draw = self.draw(4, 0);
+        let mut cloud: Option<Cloud> = None;
+        let mut answers = Vec::new();
+        for push in 0..self.pushes().len() {
+            let before = match &cloud {
+                None => self.boxed(push),
+                Some(cloud) if self.goes_on(push) => Before::After(cloud),
+                Some(_) => Before::Anywhere,
+            };
+            let felt = &self.pushes()[push].felt;
+            let after = self.filter().push(&before, felt, &ParameterBelief::default(), &mut draw);
+            answers.push(self.answer("d", push, &after.cloud, &mut draw));
+            cloud = Some(after.cloud);
+        }
+        answers
+    }
+}
