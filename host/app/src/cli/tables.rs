@@ -37,6 +37,9 @@ pub(crate) struct Arguments {
     /// With `real`: work on so many logs at a time [default: one a processor]
     #[arg(long, value_name = "N")]
     jobs: Option<NonZeroUsize>,
+    /// With `real`: fit the set-up's constants anew for each log, from the poses in the others
+    #[arg(long)]
+    leave_one_out: bool,
 }
 
 /// The table that is made of recordings.
@@ -79,7 +82,10 @@ fn real(arguments: &Arguments, folders: &[String]) -> miette::Result<ExitCode> {
             "`real` needs recordings"
         ));
     }
-    let recordings = Recordings::read(&folders).map_err(|error| miette!("{error}"))?;
+    let mut recordings = Recordings::read(&folders).map_err(|error| miette!("{error}"))?;
+    if arguments.leave_one_out {
+        recordings.leave_one_out();
+    }
     report_problems(&folders[0], &recordings.problems);
     let jobs = arguments.jobs.or(std::thread::available_parallelism().ok()).unwrap_or(NonZeroUsize::MIN);
     progress::begin(REAL, recordings.units());
@@ -90,7 +96,7 @@ fn real(arguments: &Arguments, folders: &[String]) -> miette::Result<ExitCode> {
     });
     progress::end();
     if !arguments.json {
-        say!("{}", real::table(&answers, recordings.names()));
+        say!("{}", real::table(&answers, recordings.names(), &recordings.ablation()));
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -11,7 +11,7 @@ use nalgebra::{Point2, Rotation2, Vector2};
 use palpate::finger::contact::offline::RecordingStart;
 use palpate::geometry::Pose;
 use palpate::math::statistics::mean;
-use palpate::pushing::estimation::slow_pushes::{FeltForce, FeltPush, FilterSettings, Onset, Standing};
+use palpate::pushing::estimation::slow_pushes::{FeltForce, FeltPush, FilterSettings, KnownPush, Onset, Standing};
 
 use super::mlab::{BlockPose, Log, LoggedPush, Tip};
 use super::session::{RecordingOptions, RecordingReport, of_log};
@@ -60,12 +60,8 @@ pub struct MeasuredPush {
     pub begins: f64,
     /// Unix time of its last force, s.
     pub ends: f64,
-    /// What the finger felt.
-    pub felt: FeltPush,
-    /// Pose before, of the centre of mass.
-    pub before: Pose,
-    /// Pose after, of the centre of mass.
-    pub after: Pose,
+    /// What the finger felt, and the poses measured before and after.
+    pub known: KnownPush,
 }
 
 /// All pushes of a log that could be read, of a part with this centre of mass (part frame, m).
@@ -77,9 +73,11 @@ pub fn of_pushes(log: &Log, centre_of_mass: Point2<f64>, settings: &FilterSettin
         index: push.index,
         begins: report.t0,
         ends: report.t0 + report.duration,
-        felt: felt(push, report, settings.bin),
-        before: at_centre(&push.before, centre_of_mass),
-        after: at_centre(&push.after, centre_of_mass),
+        known: KnownPush {
+            felt: felt(push, report, settings.bin),
+            before: at_centre(&push.before, centre_of_mass),
+            after: at_centre(&push.after, centre_of_mass),
+        },
     });
     measured.collect()
 }

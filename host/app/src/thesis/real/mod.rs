@@ -15,8 +15,10 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Point2;
 use palpate::geometry::SimplePolygon;
-use palpate::pushing::estimation::slow_pushes::{FilterSettings, SlowConstants, SlowScene, Standing};
-use palpate_files::recordings::slow_pushes::{of_pushes, standing};
+use palpate::pushing::estimation::slow_pushes::{
+    FilterSettings, KnownLog, PushParameters, SlowConstants, SlowScene, Standing, calibrated,
+};
+use palpate_files::recordings::slow_pushes::{MeasuredPush, of_pushes, standing};
 use palpate_files::recordings::{Format, mlab, text};
 
 pub(crate) use self::summary::table;
@@ -30,6 +32,9 @@ const BLOCK_M: [[f64; 2]; 3] = [[0.0, 0.0], [0.15, 0.0], [0.0, 0.15]];
 const CENTRE_OF_MASS_M: [f64; 2] = [0.05, 0.05];
 /// Its mass, kg.
 const MASS_KG: f64 = 1.518;
+
+/// Radius of the fingertip as it was made, m.
+const TIP_RADIUS_M: f64 = 1e-3;
 
 /// Seeds of a table.
 const SEEDS: usize = 5;
@@ -48,9 +53,19 @@ pub(crate) enum RealError {
     Bad { place: PathBuf, message: String },
 }
 
+/// A log, what the part stood on in it, and the model.
+struct Readied {
+    log: RealLog,
+    standing: Standing,
+    scene: SlowScene,
+}
+
+/// The model of a log, changed.
+type Change = dyn Fn(&Readied) -> Option<SlowScene>;
+
 /// Recordings that can be judged, each with the part on what it stood on.
 pub(crate) struct Recordings {
-    logs: Vec<(RealLog, SlowScene)>,
+    logs: Vec<Readied>,
     /// What could not be read, and was left out.
     pub(crate) problems: Vec<String>,
 }
@@ -97,11 +112,70 @@ impl Recordings {
             let stem = file.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
             let pushes = of_pushes(&log, Point2::from(CENTRE_OF_MASS_M), &FilterSettings::STANDARD);
             let log = RealLog { name: if several { format!("{name}/{stem}") } else { name.clone() }, pushes };
-            let scene = scene(standing, SlowConstants::BOARD);
             let message = "feet on one line cannot bear the block".to_owned();
-            self.logs.push((log, scene.ok_or(RealError::Bad { place: folder.to_owned(), message })?));
+            let scene = scene(standing, SlowConstants::BOARD);
+            let scene = scene.ok_or(RealError::Bad { place: folder.to_owned(), message })?;
+            self.logs.push(Readied { log, standing: standing.clone(), scene });
         }
         Ok(())
+    }
+
+    /// Fits the set-up's constants anew for each log, from the others. What no other log tells, a face's pressure among
+    /// feet, stays as it was fitted on the board.
+    pub(crate) fn leave_one_out(&mut self) {
+        let known = |log: &RealLog| log.pushes.iter().map(|push| push.known.clone()).collect::<Vec<_>>();
+        let pushes: Vec<_> = self.logs.iter().map(|log| known(&log.log)).collect();
+        let from = SlowConstants { pressure_rise: SlowConstants::BOARD.pressure_rise, ..SlowConstants::UNFITTED };
+        let fitted = (0..self.logs.len()).map(|left_out| {
+            let others = self.logs.iter().zip(&pushes).enumerate().filter(|(number, _)| *number != left_out);
+            let others: Vec<_> =
+                others.map(|(_, (log, pushes))| KnownLog { standing: &log.standing, pushes }).collect();
+            let outline = SimplePolygon::new(BLOCK_M.map(Point2::from)).ok()?;
+            let centre = Point2::from(CENTRE_OF_MASS_M);
+            let constants = calibrated(&outline, centre, MASS_KG, &others, from, FilterSettings::STANDARD.stride);
+            scene(&self.logs[left_out].standing, constants)
+        });
+        let fitted: Vec<_> = fitted.collect();
+        for (log, scene) in self.logs.iter_mut().zip(fitted) {
+            log.scene = scene.unwrap_or_else(|| log.scene.clone());
+        }
+    }
+
+    /// How far predictions from the pose before are off, with one thing of the model changed at a time: m and rad.
+    pub(crate) fn ablation(&self) -> Vec<(&'static str, Vec<[f64; 2]>)> {
+        let changed = |change: fn(&mut SlowConstants)| {
+            move |log: &Readied| {
+                let mut constants = *log.scene.constants();
+                change(&mut constants);
+                scene(&log.standing, constants)
+            }
+        };
+        let rows: [(&str, Box<Change>); 6] = [
+            ("full model", Box::new(|log| Some(log.scene.clone()))),
+            (
+                "no tip calibration",
+                Box::new(changed(|c| (c.tip_ahead, c.tip_left, c.radius) = (0.0, 0.0, TIP_RADIUS_M))),
+            ),
+            ("ellipsoid", Box::new(|log| Some(log.scene.ellipsoidal()))),
+            ("uniform face", Box::new(changed(|c| c.pressure_rise = 0.0))),
+            ("path as logged", Box::new(changed(|c| c.beyond_log = 0.0))),
+            ("no load transfer", Box::new(changed(|c| c.height = 0.0))),
+        ];
+        let errors = |scene: &Change| {
+            let of_log = |log: &Readied| {
+                let scene = scene(log);
+                let error = move |push: &MeasuredPush| {
+                    let known = &push.known;
+                    let stride = FilterSettings::STANDARD.stride;
+                    let none = PushParameters::default();
+                    let pose = scene.as_ref()?.simulate(&known.felt, &known.before, &none, stride).pose;
+                    Some(tasks::error(&pose, &known.after))
+                };
+                log.log.pushes.iter().filter_map(error).collect::<Vec<_>>()
+            };
+            self.logs.iter().flat_map(of_log).collect()
+        };
+        rows.into_iter().map(|(name, scene)| (name, errors(scene.as_ref()))).collect()
     }
 
     /// All answers of five seeds from `seed` on; `tell` gets them in order as they are made.
@@ -112,7 +186,7 @@ impl Recordings {
             self.units(),
             jobs,
             |unit| {
-                let (log, scene) = &self.logs[unit / per_log];
+                let Readied { log, scene, .. } = &self.logs[unit / per_log];
                 let (seed, task) = (seed + ((unit % per_log) / TASKS.len()) as u64, TASKS[unit % TASKS.len()]);
                 let judge = Judge { log, scene, settings: FilterSettings::STANDARD, seed, log_seed: hash(&log.name) };
                 task(&judge)
@@ -129,13 +203,18 @@ impl Recordings {
 
     /// The logs' names.
     pub(crate) fn names(&self) -> impl Iterator<Item = &str> + Clone {
-        self.logs.iter().map(|(log, _)| log.name.as_str())
+        self.logs.iter().map(|log| log.log.name.as_str())
     }
 }
 
 /// What is asked of each log under each seed.
-const TASKS: [fn(&Judge<'_>) -> Vec<Answer>; 4] =
-    [|judge| judge.start_given(), |judge| judge.start_in_a_box(), |judge| judge.start_unknown(), |judge| judge.blind()];
+const TASKS: [fn(&Judge<'_>) -> Vec<Answer>; 5] = [
+    |judge| judge.start_given(),
+    |judge| judge.start_given_and_learned(),
+    |judge| judge.start_in_a_box(),
+    |judge| judge.start_unknown(),
+    |judge| judge.blind(),
+];
 
 /// The block on what it stands on.
 fn scene(standing: &Standing, constants: SlowConstants) -> Option<SlowScene> {

@@ -13,9 +13,10 @@
 //! Frames: the robot's = world; poses of the centre of mass. Units: SI. Errors: none.
 
 use palpate::geometry::Pose;
+use palpate::math::angle::wrap_angle;
 use palpate::math::random::Draw;
 use palpate::pushing::estimation::slow_pushes::{
-    Before, Cells, Cloud, FilterSettings, Kernel, ParameterBelief, Region, SlowFilter, SlowScene,
+    AfterPush, Before, Cells, Cloud, FilterSettings, Kernel, ParameterBelief, Region, SlowFilter, SlowScene, learned,
 };
 use palpate_files::recordings::slow_pushes::MeasuredPush;
 use serde::Serialize;
@@ -26,8 +27,12 @@ pub(crate) const BOX: [f64; 2] = [10e-3, 10.0 * std::f64::consts::PI / 180.0];
 /// Standard deviations of a measured pose against the finger's frame: m and rad.
 const MEASURED: [f64; 2] = [0.3e-3, 3e-3];
 
-/// Kernel with which cells are counted: m and rad.
-const CELL_KERNEL: [f64; 2] = [1.5e-3, 0.03];
+/// Kernels with which cells are counted, after the first push from anywhere and after the next ones: m and rad. The
+/// first leaves poses millimetres apart.
+const CELL_KERNELS: [[f64; 2]; 2] = [[1.5e-3, 0.03], [0.8e-3, 0.016]];
+
+/// Part of the filter's kernel with which regions are stated: the filter's is wider to keep its cloud alive.
+const STATED: f64 = 0.85;
 
 /// The next push begins within this, s, or the part was moved by hand meanwhile.
 const SESSION_GAP_S: f64 = 600.0;
@@ -66,6 +71,11 @@ pub(crate) struct Answer {
     pub(crate) error: [f64; 2],
 }
 
+/// How far a pose is off: m and rad.
+pub(crate) fn error(pose: &Pose, truth: &Pose) -> [f64; 2] {
+    [(pose.x - truth.x).hypot(pose.y - truth.y), wrap_angle(pose.theta - truth.theta).abs()]
+}
+
 /// One log under one seed.
 pub(crate) struct Judge<'a> {
     pub(crate) log: &'a RealLog,
@@ -91,7 +101,7 @@ impl Judge<'_> {
 
     /// A box of the stated size about a pose that is itself anywhere in it.
     fn boxed(&self, push: usize) -> Before<'static> {
-        let truth = self.pushes()[push].before;
+        let truth = self.pushes()[push].known.before;
         // The same box for all tasks that begin at a push.
         let mut draw = self.draw(0, push);
         let [place, angle] = BOX;
@@ -110,8 +120,14 @@ impl Judge<'_> {
         (0.0..SESSION_GAP_S).contains(&gap)
     }
 
+    /// The kernel of what is stated.
+    fn stated(&self) -> Kernel {
+        let kernel = Kernel::of(&self.settings);
+        Kernel { place: STATED * kernel.place, angle: STATED * kernel.angle, ..kernel }
+    }
+
     fn answer(&self, task: &'static str, push: usize, cloud: &Cloud, draw: &mut Draw) -> Answer {
-        let region = Region::of(cloud, Kernel::of(&self.settings), draw);
+        let region = Region::of(cloud, self.stated(), draw);
         let pose = cloud.median();
         let semi_axes = region.semi_axes();
         self.judged(task, push, pose, semi_axes, None, &|truth| region.holds(truth))
@@ -126,18 +142,17 @@ impl Judge<'_> {
         cells: Option<usize>,
         holds: &dyn Fn(&Pose) -> bool,
     ) -> Answer {
-        let truth = &self.pushes()[push].after;
-        let turn = palpate::math::angle::wrap_angle(pose.theta - truth.theta);
+        let truth = &self.pushes()[push].known.after;
         Answer {
             log: self.log.name.clone(),
             push: self.pushes()[push].index + 1,
             task,
             seed: self.seed,
-            pose: [pose.x, pose.y, palpate::math::angle::wrap_angle(pose.theta)],
+            pose: [pose.x, pose.y, wrap_angle(pose.theta)],
             covered: holds(truth),
             semi_axes,
             cells,
-            error: [(pose.x - truth.x).hypot(pose.y - truth.y), turn.abs()],
+            error: error(&pose, truth),
         }
     }
 
@@ -146,9 +161,24 @@ impl Judge<'_> {
         let [place, angle] = MEASURED;
         let each = self.pushes().iter().enumerate().map(|(push, measured)| {
             let mut draw = self.draw(1, push);
-            let before = Before::Measured(measured.before, place, angle);
-            let after = self.filter().push(&before, &measured.felt, &ParameterBelief::default(), &mut draw);
+            let before = Before::Measured(measured.known.before, place, angle);
+            let after = self.filter().push(&before, &measured.known.felt, &ParameterBelief::default(), &mut draw);
             self.answer("a", push, &after.cloud, &mut draw)
+        });
+        each.collect()
+    }
+
+    /// Task `a_learned`.
+    pub(crate) fn start_given_and_learned(&self) -> Vec<Answer> {
+        let [place, angle] = MEASURED;
+        let known: Vec<_> = self.pushes().iter().map(|push| push.known.clone()).collect();
+        let each = self.pushes().iter().enumerate().map(|(push, measured)| {
+            let mut draw = self.draw(5, push);
+            let (scene, belief) = learned(self.scene, &known[..push], &self.settings);
+            let before = Before::Measured(measured.known.before, place, angle);
+            let filter = SlowFilter { scene: &scene, settings: self.settings };
+            let after = filter.push(&before, &measured.known.felt, &belief, &mut draw);
+            self.answer("a_learned", push, &after.cloud, &mut draw)
         });
         each.collect()
     }
@@ -160,7 +190,7 @@ impl Judge<'_> {
             let mut draw = self.draw(2, first);
             let mut after = self.filter().push(
                 &self.boxed(first),
-                &self.pushes()[first].felt,
+                &self.pushes()[first].known.felt,
                 &ParameterBelief::default(),
                 &mut draw,
             );
@@ -177,20 +207,13 @@ impl Judge<'_> {
         answers
     }
 
-    fn next(
-        &self,
-        cloud: &Cloud,
-        push: usize,
-        draw: &mut Draw,
-    ) -> palpate::pushing::estimation::slow_pushes::AfterPush {
-        self.filter().push(&Before::After(cloud), &self.pushes()[push].felt, &ParameterBelief::default(), draw)
+    fn next(&self, cloud: &Cloud, push: usize, draw: &mut Draw) -> AfterPush {
+        self.filter().push(&Before::After(cloud), &self.pushes()[push].known.felt, &ParameterBelief::default(), draw)
     }
 
     /// Tasks `c1` to `c4`.
     pub(crate) fn start_unknown(&self) -> Vec<Answer> {
         const NAMES: [&str; 4] = ["c1", "c2", "c3", "c4"];
-        let [place, angle] = CELL_KERNEL;
-        let kernel = Kernel { place, angle, ..Kernel::of(&self.settings) };
         let mut answers = Vec::new();
         let last = |first: usize| first + NAMES.len() - 1;
         let lasts = |first: &usize| {
@@ -202,10 +225,12 @@ impl Judge<'_> {
             for (number, task) in NAMES.into_iter().enumerate() {
                 let push = first + number;
                 let before = cloud.as_ref().map_or(Before::Anywhere, Before::After);
-                let felt = &self.pushes()[push].felt;
+                let felt = &self.pushes()[push].known.felt;
                 let after = self.filter().push(&before, felt, &ParameterBelief::default(), &mut draw);
+                let [place, angle] = CELL_KERNELS[number.min(1)];
+                let kernel = Kernel { place, angle, ..self.stated() };
                 let cells = Cells::of(&after.cloud, &kernel, &mut draw);
-                let region = Region::of(&after.cloud, Kernel::of(&self.settings), &mut draw);
+                let region = Region::of(&after.cloud, self.stated(), &mut draw);
                 let holds = |truth: &Pose| cells.holds(truth);
                 answers.push(self.judged(task, push, cells.pose, region.semi_axes(), Some(cells.count()), &holds));
                 cloud = Some(after.cloud);
@@ -225,7 +250,7 @@ impl Judge<'_> {
                 Some(cloud) if self.goes_on(push) => Before::After(cloud),
                 Some(_) => Before::Anywhere,
             };
-            let felt = &self.pushes()[push].felt;
+            let felt = &self.pushes()[push].known.felt;
             let after = self.filter().push(&before, felt, &ParameterBelief::default(), &mut draw);
             answers.push(self.answer("d", push, &after.cloud, &mut draw));
             cloud = Some(after.cloud);

@@ -293,7 +293,11 @@ impl Ground {
         let Kind::Feet(feet) = &self.kind else { return Some(EVEN) };
         let weighing: Matrix3<f64> = feet.iter().map(|foot| foot.y * (foot.y * foot.share).transpose()).sum();
         let lifted = self.lift * force;
-        Some(weighing.try_inverse()? * (self.weight + Vector3::new(0.0, lifted.x, lifted.y)))
+        match weighing.try_inverse() {
+            Some(inverse) => Some(inverse * (self.weight + Vector3::new(0.0, lifted.x, lifted.y))),
+            // On one line, or on one foot, nothing else can be while the push is in the plane.
+            None => (!self.lifts).then_some(EVEN),
+        }
     }
 
     /// The same with a share of the height, and rings not smaller than a share of the part's size.

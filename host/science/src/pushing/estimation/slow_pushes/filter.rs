@@ -74,8 +74,9 @@ pub struct SlowFilter<'a> {
 /// Largest angle of a push of which nothing is known against the normal of what it touches: 80°.
 const ANYWHERE_ANGLE: f64 = 80.0 * std::f64::consts::PI / 180.0;
 
-/// So many times more start poses are tried where the part may be anywhere.
-const ANYWHERE_CANDIDATES: usize = 3;
+/// So many times more poses are tried, simulated and kept where the part may be anywhere: half a metre of outline and
+/// 160° are otherwise a pose every 5 mm and 5°.
+const ANYWHERE: usize = 4;
 
 /// Logarithm of Student's density, without its constant.
 fn student_log(deviation: f64, freedom: f64) -> f64 {
@@ -89,7 +90,11 @@ impl SlowFilter<'_> {
         let settings = &self.settings;
         let starts = self.starts(before, felt, draw);
         let weights: Vec<_> = starts.iter().map(|pose| self.onset_log(felt, pose).exp()).collect();
-        let taken = resampled(&weights, settings.simulated * settings.particles, draw);
+        let particles = match before {
+            Before::Anywhere => ANYWHERE * settings.particles,
+            _ => settings.particles,
+        };
+        let taken = resampled(&weights, settings.simulated * particles, draw);
         let mut ends = Vec::with_capacity(taken.len());
         let mut logs = Vec::with_capacity(taken.len());
         for start in taken {
@@ -101,7 +106,7 @@ impl SlowFilter<'_> {
         let best = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let force_weights: Vec<_> =
             logs.iter().map(|log| if best.is_finite() { (log - best).exp() } else { 1.0 }).collect();
-        let kept = resampled(&force_weights, settings.particles, draw);
+        let kept = resampled(&force_weights, particles, draw);
         AfterPush {
             cloud: Cloud { poses: kept.iter().map(|&i| ends[i].0).collect() },
             effective_onset: effective_number(&weights),
@@ -128,7 +133,7 @@ impl SlowFilter<'_> {
             Before::After(cloud) => {
                 (0..count).map(|i| kernel.drawn(&cloud.poses[i % cloud.poses.len()], draw)).collect()
             }
-            Before::Anywhere => (0..ANYWHERE_CANDIDATES * count).map(|_| self.anywhere(felt, draw)).collect(),
+            Before::Anywhere => (0..ANYWHERE * count).map(|_| self.anywhere(felt, draw)).collect(),
         }
     }
 

@@ -14,12 +14,16 @@ mod cloud;
 mod constants;
 mod felt;
 mod filter;
+mod learning;
 mod region;
 mod scene;
+#[cfg(test)]
+mod tests;
 
 pub use cloud::{Cloud, Kernel};
 pub use constants::{FilterSettings, SlowConstants, Spread};
 pub use felt::{FeltForce, FeltPush, Onset};
 pub use filter::{AfterPush, Before, ParameterBelief, SlowFilter};
+pub use learning::{KnownLog, KnownPush, calibrated, learned};
 pub use region::{CELL, Cells, Region};
 pub use scene::{PushParameters, SimulatedPush, SlowScene, Standing};

@@ -116,6 +116,25 @@ impl SlowScene {
         &self.constants
     }
 
+    /// The same with the tip elsewhere by so much along the tool's axes, m.
+    #[must_use]
+    pub fn with_tip_moved(&self, ahead: f64, left: f64) -> Self {
+        let mut moved = self.clone();
+        moved.constants.tip_ahead += ahead;
+        moved.constants.tip_left += left;
+        moved
+    }
+
+    /// The same with the ellipsoidal limit surface that has these feet's or this face's largest force and moment, which
+    /// no load transfer reaches: a ring about the centre of mass whose radius is the mean distance of the load.
+    #[must_use]
+    pub fn ellipsoidal(&self) -> Self {
+        let ring = self.bearings.iter().map(|bearing| bearing.share * bearing.at.coords.norm()).sum();
+        let bearings = vec![Bearing { at: Point2::origin(), share: 1.0, answers: Vector2::zeros() }];
+        let constants = SlowConstants { height: 0.0, ..self.constants };
+        Self { bearings, ring, constants, ..self.clone() }
+    }
+
     fn resisting(&self, parameters: &PushParameters) -> Option<Resisting> {
         let [first, second] = parameters.contrasts;
         let friction = self.constants.friction * parameters.friction_log.exp();
