@@ -368,7 +368,7 @@ mod tests {
                 pose,
                 step_max: f64::INFINITY,
             };
-            let Ok(run) = exact.run(never()) else { continue };
+            let Ok(run) = exact.run(&never) else { continue };
             if run.end != SlowEnd::Path {
                 continue;
             }
