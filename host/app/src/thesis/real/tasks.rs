@@ -27,9 +27,9 @@ pub(crate) const BOX: [f64; 2] = [10e-3, 10.0 * std::f64::consts::PI / 180.0];
 /// Standard deviations of a measured pose against the finger's frame: m and rad.
 const MEASURED: [f64; 2] = [0.3e-3, 3e-3];
 
-/// Kernels with which cells are counted, after the first push from anywhere and after the next ones: m and rad. The
-/// first leaves poses millimetres apart.
-const CELL_KERNELS: [[f64; 2]; 2] = [[1.5e-3, 0.03], [0.8e-3, 0.016]];
+/// Kernels with which cells are counted after one to four pushes from anywhere, m and rad: the fewer, the farther apart
+/// are the cloud's poses.
+const CELL_KERNELS: [[f64; 2]; 4] = [[1.3e-3, 0.026], [1.2e-3, 0.024], [1.1e-3, 0.022], [0.9e-3, 0.018]];
 
 /// Part of the filter's kernel with which regions are stated: the filter's is wider to keep its cloud alive.
 const STATED: f64 = 0.85;
@@ -227,7 +227,7 @@ impl Judge<'_> {
                 let before = cloud.as_ref().map_or(Before::Anywhere, Before::After);
                 let felt = &self.pushes()[push].known.felt;
                 let after = self.filter().push(&before, felt, &ParameterBelief::default(), &mut draw);
-                let [place, angle] = CELL_KERNELS[number.min(1)];
+                let [place, angle] = CELL_KERNELS[number];
                 let kernel = Kernel { place, angle, ..self.stated() };
                 let cells = Cells::of(&after.cloud, &kernel, &mut draw);
                 let region = Region::of(&after.cloud, self.stated(), &mut draw);
@@ -256,5 +256,101 @@ impl Judge<'_> {
             cloud = Some(after.cloud);
         }
         answers
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Point2, Vector2};
+    use palpate::pushing::estimation::slow_pushes::{
+        FeltForce, FeltPush, KnownPush, Onset, PushParameters, SlowConstants, Standing,
+    };
+
+    use super::*;
+
+    const FEW: FilterSettings = FilterSettings { particles: 60, ..FilterSettings::STANDARD };
+
+    fn scene() -> SlowScene {
+        super::super::scene(&Standing::Face, SlowConstants::BOARD).unwrap()
+    }
+
+    /// A chain of pushes at the part's middle, from all sides.
+    fn chain(scene: &SlowScene, count: u32) -> RealLog {
+        let mut before = Pose { x: 0.2, y: 0.1, theta: 0.3 };
+        let mut pushes = Vec::new();
+        for index in 0..count {
+            let angle = 1.3 * f64::from(index);
+            let direction = Vector2::new(angle.cos(), angle.sin());
+            let origin = Point2::new(before.x, before.y) - direction * 0.06;
+            let mut felt =
+                FeltPush { origin, direction, tool_yaw: angle, end: 0.0, onset: Onset::Unknown, forces: Vec::new() };
+            let touched = scene.first_touch(&felt, &before).unwrap();
+            felt.end = touched + 13e-3;
+            felt.onset = Onset::At(touched);
+            let place = |i: u32| FeltForce { travel: touched + 3e-3 + 1e-3 * f64::from(i), force: Vector2::zeros() };
+            felt.forces = (0..8).map(place).collect();
+            let simulated = scene.simulate(&felt, &before, &PushParameters::default(), FEW.stride);
+            for (felt, force) in felt.forces.iter_mut().zip(&simulated.forces) {
+                felt.force = force.unwrap();
+            }
+            let after = simulated.pose;
+            let begins = 40.0 * f64::from(index);
+            let known = KnownPush { felt, before, after };
+            pushes.push(MeasuredPush { index: index as usize, begins, ends: begins + 7.0, known });
+            before = after;
+        }
+        RealLog { name: "chain".to_owned(), pushes }
+    }
+
+    fn judge<'a>(log: &'a RealLog, scene: &'a SlowScene) -> Judge<'a> {
+        Judge { log, scene, settings: FEW, seed: 1, log_seed: 7 }
+    }
+
+    fn poses(answers: &[Answer]) -> Vec<[f64; 3]> {
+        answers.iter().map(|answer| answer.pose).collect()
+    }
+
+    #[test]
+    fn no_pose_after_the_start_reaches_a_blind_answer() {
+        let scene = scene();
+        let log = chain(&scene, 5);
+        let mut scrambled = log.clone();
+        for (number, push) in scrambled.pushes.iter_mut().enumerate() {
+            push.known.after = Pose { x: -1.0, y: 2.0, theta: 3.0 };
+            if number > 0 {
+                push.known.before = Pose { x: 4.0, y: -2.0, theta: 1.0 };
+            }
+        }
+        let (told, blind) = (judge(&log, &scene).blind(), judge(&scrambled, &scene).blind());
+        assert_eq!(poses(&told), poses(&blind));
+        // And the truth that it is judged by is another.
+        assert!(told.iter().any(|answer| answer.covered) && blind.iter().all(|answer| !answer.covered));
+        let (told, unknown) = (judge(&log, &scene).start_unknown(), judge(&scrambled, &scene).start_unknown());
+        assert_eq!(poses(&told), poses(&unknown));
+        assert_eq!(told.iter().map(|answer| answer.task).collect::<Vec<_>>(), ["c1", "c2", "c3", "c4"]);
+    }
+
+    #[test]
+    fn what_is_learned_comes_from_earlier_pushes_alone() {
+        let scene = scene();
+        let log = chain(&scene, 4);
+        let mut scrambled = log.clone();
+        let last = scrambled.pushes.last_mut().unwrap();
+        last.known.after = Pose { x: -1.0, y: 2.0, theta: 3.0 };
+        let learned = |log: &RealLog| poses(&judge(log, &scene).start_given_and_learned());
+        assert_eq!(learned(&log), learned(&scrambled));
+    }
+
+    #[test]
+    fn a_part_that_was_moved_by_hand_is_looked_for_anew() {
+        let scene = scene();
+        let mut log = chain(&scene, 4);
+        for push in &mut log.pushes[2..] {
+            push.begins += 2.0 * SESSION_GAP_S;
+            push.ends += 2.0 * SESSION_GAP_S;
+        }
+        let answers = judge(&log, &scene).blind();
+        // From anywhere the region is far larger than in a chain.
+        assert!(answers[2].semi_axes[0] > 2.0 * answers[1].semi_axes[0], "{:?}", answers[2].semi_axes);
     }
 }
