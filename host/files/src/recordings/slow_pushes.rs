@@ -111,7 +111,9 @@ impl Way {
         let last = tips[tips.len() - 1];
         let turn = tips.iter().map(|tip| palpate::math::angle::wrap_angle(tip.pose.yaw - last.pose.yaw));
         let yaw = last.pose.yaw + mean(turn).unwrap_or(0.0);
-        let axis = Rotation2::new(yaw) * Vector2::x();
+        // Nearly along the way; the line through all rows says how nearly.
+        let gone = last.pose.position_world - tips[0].pose.position_world;
+        let axis = gone.try_normalize(0.0).unwrap_or_else(|| Rotation2::new(yaw) * Vector2::x());
         let left = Vector2::new(-axis.y, axis.x);
         let from_last = |tip: &Tip| tip.pose.position_world - last.pose.position_world;
         let places: Vec<_> = tips.iter().map(|tip| (from_last(tip).dot(&axis), from_last(tip).dot(&left))).collect();
@@ -159,4 +161,59 @@ fn felt(push: &LoggedPush, report: &RecordingReport, bin: f64) -> FeltPush {
     }
     forces.extend(mean(held.drain(..)).map(|force| FeltForce { travel: middle(stretch), force }));
     FeltPush { origin: way.origin, direction: way.direction, tool_yaw: way.yaw, end, onset, forces }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::mlab::parse;
+    use super::super::synthetic::{log, session};
+    use super::*;
+
+    /// Rows are rounded to 1e-4 mm here; a line through them is as good.
+    const ROUNDING_M: f64 = 1e-6;
+
+    #[test]
+    fn folders_tell_what_the_part_stood_on() {
+        assert_eq!(standing("patch"), Ok(Standing::Face));
+        let feet = [[0.03, 0.03], [0.063_33, 0.043_33], [0.043_33, 0.063_33]].map(Point2::from).to_vec();
+        let Ok(Standing::Feet(found)) = standing("30_63.33_43.33_30_43.33_63.33") else { panic!("three feet") };
+        assert!(found.iter().zip(&feet).all(|(a, b)| (a - b).norm() < 1e-12), "{found:?}");
+        for name in ["", "patches", "1_2_3_4", "1_2_3_4_5", "1_2_x_4_5_6", "1_2_inf_4_5_6"] {
+            assert!(standing(name).is_err(), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_push_is_felt_where_it_was_made() {
+        let parsed = parse(&log(&session(6))).unwrap();
+        let pushes = of_pushes(&parsed, Point2::new(0.05, 0.05), &FilterSettings::STANDARD);
+        assert_eq!(pushes.len(), 6);
+        let felt = &pushes[0].known.felt;
+        // The tip goes along +y at 2.5 mm/s from 1.5 s before it touches the edge on y = 0, its centre 1 mm away.
+        assert!((felt.direction - Vector2::y()).norm() < 1e-9);
+        let Onset::At(onset) = felt.onset else { panic!("{:?}", felt.onset) };
+        let touched = felt.origin + felt.direction * onset;
+        // Force rises within 0.1 s; a reading is 0.025 mm.
+        assert!((touched - Point2::new(0.06, -1e-3)).norm() < 0.1e-3, "{touched}");
+        let last = felt.forces[felt.forces.len() - 2].force;
+        let wanted = 3.0 * Vector2::new(-(0.2_f64.sin()), 0.2_f64.cos());
+        assert!((last - wanted).norm() < 0.02, "{last}");
+        assert!(felt.forces.windows(2).all(|pair| (pair[1].travel - pair[0].travel - 1e-3).abs() < 1e-9));
+        assert!((pushes[0].known.before.x - 0.05).abs() < 1e-9 && (pushes[0].known.before.y - 0.05).abs() < 1e-9);
+    }
+
+    #[test]
+    fn where_a_log_begins_tells_nothing() {
+        let parsed = parse(&log(&session(6))).unwrap();
+        let mut later = parsed.clone();
+        for push in later.pushes.iter_mut().flatten() {
+            // The first millimetre.
+            push.tips.drain(..14);
+        }
+        let felt = |log| of_pushes(log, Point2::new(0.05, 0.05), &FilterSettings::STANDARD).remove(1).known.felt;
+        let (whole, cut) = (felt(&parsed), felt(&later));
+        assert!((whole.origin - cut.origin).norm() < ROUNDING_M && (whole.direction - cut.direction).norm() < 1e-4);
+        let (Onset::At(whole), Onset::At(cut)) = (whole.onset, cut.onset) else { panic!("both touch") };
+        assert!((whole - cut).abs() < ROUNDING_M, "{whole} and {cut}");
+    }
 }
