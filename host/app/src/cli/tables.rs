@@ -1,10 +1,14 @@
 //! `palpate tables`.
 
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use miette::{IntoDiagnostic as _, miette};
 use serde_json::json;
 
+use super::read::report_problems;
+use crate::thesis::real::{self, Recordings};
 use crate::thesis::{self, EXPERIMENTS, Experiment, TableSettings, progress};
 use crate::width::folded;
 
@@ -14,33 +18,47 @@ const CASES_MAX: u64 = 10_000_000;
 /// Runs the thesis's experiments again and prints its numbers beside ours.
 ///
 /// Without a name it lists the experiments. Some take minutes, a few hours: rows are named on standard error as they
-/// are done, and how long the one under way will take.
+/// are done, and how long the one under way will take. `real DIR...` judges the estimator of slow pushes by recordings:
+/// folders of pushing logs, named after the part's feet (`x1_x2_x3_y1_y2_y3` in mm) or `patch`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
-    /// Tables to run: numbers of the thesis's tables, or names from the list
-    #[arg(value_name = "NAME", value_parser = experiment)]
-    experiments: Vec<&'static Experiment>,
+    /// Tables to run: numbers of the thesis's tables, or names from the list; or `real` and folders of recordings
+    #[arg(value_name = "NAME")]
+    names: Vec<String>,
     /// Cases of each row [default: the experiment's own]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=CASES_MAX))]
     cases: Option<u64>,
     /// Seed of everything drawn
     #[arg(long, value_name = "SEED", default_value_t = 1, allow_negative_numbers = true)]
     seed: u64,
-    /// Print one JSON object a table
+    /// Print one JSON object a table; of `real`, one a push and task
     #[arg(long)]
     json: bool,
+    /// With `real`: work on so many logs at a time [default: one a processor]
+    #[arg(long, value_name = "N")]
+    jobs: Option<NonZeroUsize>,
+    /// With `real`: fit the set-up's constants anew for each log, from the poses in the others
+    #[arg(long)]
+    leave_one_out: bool,
 }
 
-fn experiment(name: &str) -> Result<&'static Experiment, String> {
-    let names = || EXPERIMENTS.iter().map(|experiment| experiment.name).collect::<Vec<_>>().join(", ");
-    thesis::find(name).ok_or_else(|| format!("there is no such table; known: {}", names()))
+/// The table that is made of recordings.
+const REAL: &str = "real";
+
+fn experiment(name: &str) -> miette::Result<&'static Experiment> {
+    let names = || EXPERIMENTS.iter().map(|experiment| experiment.name).chain([REAL]).collect::<Vec<_>>().join(", ");
+    thesis::find(name).ok_or_else(|| miette!("there is no table `{name}`; known: {}", names()))
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
-    if arguments.experiments.is_empty() {
+    if let Some((REAL, folders)) = arguments.names.split_first().map(|(first, rest)| (first.as_str(), rest)) {
+        return real(arguments, folders);
+    }
+    if arguments.names.is_empty() {
         list();
     }
-    for experiment in &arguments.experiments {
+    let experiments = arguments.names.iter().map(|name| experiment(name)).collect::<miette::Result<Vec<_>>>()?;
+    for experiment in experiments {
         let settings = arguments.settings(experiment)?;
         progress::begin(experiment.name, settings.cases);
         let table = (experiment.run)(&settings);
@@ -52,6 +70,33 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         } else {
             say!("Table {}: {}\n{table}", experiment.name, experiment.title);
         }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn real(arguments: &Arguments, folders: &[String]) -> miette::Result<ExitCode> {
+    let folders: Vec<_> = folders.iter().map(PathBuf::from).collect();
+    if folders.is_empty() {
+        return Err(miette!(
+            help = "name folders of pushing logs, for example: palpate tables real recordings/mlab_point_push",
+            "`real` needs recordings"
+        ));
+    }
+    let mut recordings = Recordings::read(&folders).map_err(|error| miette!("{error}"))?;
+    if arguments.leave_one_out {
+        recordings.leave_one_out();
+    }
+    report_problems(&folders[0], &recordings.problems);
+    let jobs = arguments.jobs.or(std::thread::available_parallelism().ok()).unwrap_or(NonZeroUsize::MIN);
+    progress::begin(REAL, recordings.units());
+    let answers = recordings.answers(arguments.seed, jobs, |answers| {
+        for line in answers.iter().filter(|_| arguments.json).filter_map(|answer| serde_json::to_string(answer).ok()) {
+            say!("{line}");
+        }
+    });
+    progress::end();
+    if !arguments.json {
+        say!("{}", real::table(&answers, recordings.names(), &recordings.ablation()));
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -73,4 +118,5 @@ fn list() {
         let title = folded(&format!("{:NAMES$}{title} ({cases} cases)", ""));
         say!("{name:<NAMES$}{}", title.trim_start());
     }
+    say!("{REAL:<NAMES$}recorded slow pushes: where the part is, blind (real DIR...)");
 }

@@ -34,8 +34,25 @@ pub(super) fn until_possible<T>(draw: &mut Draw, mut try_draw: impl FnMut(&mut D
 
 /// What comes of each case from 0 to `cases`, in order. Each thread takes the next case when it is done with one.
 pub(super) fn of_each<O: Send>(cases: usize, outcome: impl Fn(usize) -> O + Sync) -> Vec<O> {
+    let threads = std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
+    of_each_in_order(cases, threads, outcome, |_| ())
+}
+
+/// The same on so many threads; `tell` gets each outcome as soon as it and all before it are there.
+pub(super) fn of_each_in_order<O: Send>(
+    cases: usize,
+    threads: NonZeroUsize,
+    outcome: impl Fn(usize) -> O + Sync,
+    tell: impl FnMut(&O) + Send,
+) -> Vec<O> {
+    struct Told<O, T> {
+        outcomes: Vec<Option<O>>,
+        told: usize,
+        done: usize,
+        tell: T,
+    }
     let next = AtomicUsize::new(0);
-    let done = Mutex::new(Vec::with_capacity(cases));
+    let told = Mutex::new(Told { outcomes: (0..cases).map(|_| None).collect(), told: 0, done: 0, tell });
     let work = || {
         loop {
             let number = next.fetch_add(1, Ordering::Relaxed);
@@ -43,17 +60,20 @@ pub(super) fn of_each<O: Send>(cases: usize, outcome: impl Fn(usize) -> O + Sync
                 return;
             }
             let outcome = outcome(number);
-            if let Ok(mut done) = done.lock() {
-                done.push((number, outcome));
-                progress::cases_done(done.len(), cases);
+            if let Ok(mut told) = told.lock() {
+                let Told { outcomes, told, done, tell } = &mut *told;
+                outcomes[number] = Some(outcome);
+                *done += 1;
+                progress::cases_done(*done, cases);
+                while let Some(Some(outcome)) = outcomes.get(*told) {
+                    tell(outcome);
+                    *told += 1;
+                }
             }
         }
     };
-    let threads = std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
-    std::thread::scope(|scope| (0..threads).for_each(|_| drop(scope.spawn(work))));
-    let mut done = done.into_inner().unwrap_or_default();
-    done.sort_by_key(|(number, _)| *number);
-    done.into_iter().map(|(_, outcome)| outcome).collect()
+    std::thread::scope(|scope| (0..threads.get()).for_each(|_| drop(scope.spawn(work))));
+    told.into_inner().map(|told| told.outcomes.into_iter().flatten().collect()).unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -62,6 +82,10 @@ mod tests {
 
     #[test]
     fn outcomes_are_in_the_order_of_their_cases() {
+        let mut told = Vec::new();
+        let two = NonZeroUsize::new(2).unwrap();
+        of_each_in_order(100, two, |number| number, |number| told.push(*number));
+        assert_eq!(told, (0..100).collect::<Vec<_>>());
         assert_eq!(of_each(100, |number| number * number), (0..100).map(|number| number * number).collect::<Vec<_>>());
     }
 }

@@ -30,6 +30,7 @@ mod parts;
 mod plan;
 mod pose;
 pub(crate) mod progress;
+pub(crate) mod real;
 mod rivals;
 mod rolling;
 mod sampling;

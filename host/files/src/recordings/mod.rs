@@ -15,6 +15,7 @@ pub mod csv;
 pub mod mlab;
 pub mod part;
 pub mod session;
+pub mod slow_pushes;
 
 #[cfg(test)]
 pub(crate) mod synthetic;

@@ -29,6 +29,7 @@ mod initial_pose;
 mod observation;
 pub mod planning;
 mod sequence;
+pub mod slow_pushes;
 mod thesis_gho;
 mod which_part;
 

@@ -22,9 +22,6 @@ use super::support::{EVEN, Ground, Loaded};
 /// Newton's steps from a motion nearby: three or four are usual.
 const NEWTON_STEPS: usize = 16;
 
-/// A last step of this share of the slowest foot's speed leaves an error of its square.
-const LAST_STEP: f64 = 1e-7;
-
 /// The same in the variable in which a foot rests smoothly: rounding of the part's motion leaves 1e-8 of it.
 const LAST_SMOOTH_STEP: f64 = 1e-6;
 
@@ -198,6 +195,12 @@ impl Ground {
         newton.or_else(|| self.enclosed(asked, near.map_or(EVEN, |near| near.load)).filter(holds))
     }
 
+    /// The motion under a load that is given, of a ground that holds its load.
+    pub(super) fn motion_under(&self, asked: &Asked, near: Option<&Near>, load: Vector3<f64>) -> Option<Instant> {
+        let newton = near.and_then(|near| self.newton(asked, Trial { load, ..asked.begin(near) }));
+        newton.or_else(|| self.enclosed(asked, load))
+    }
+
     /// The same, followed from an easier motion if nothing else helps.
     pub(super) fn motion_anew(&self, asked: &Asked, near: Option<&Near>) -> Option<Instant> {
         self.motion(asked, near).or_else(|| self.eased_into(asked))
@@ -244,7 +247,7 @@ impl Ground {
                 }
                 continue;
             }
-            if length <= LAST_STEP * loaded.slowest.min(1.0) || misfit <= MISFIT_LEAST {
+            if length <= self.last_step * loaded.slowest.min(1.0) || misfit <= MISFIT_LEAST {
                 trial.omega += d_omega;
                 trial.along += d_along;
                 let instant = asked.instant(trial, &loaded, step);

@@ -17,6 +17,7 @@
 //! Frames: world, unless named. Units: SI; forces are on the part and per mass.
 //! Errors: [`SlowPushError`]. A part that tips, or a finger that meets it twice, ends the run: no errors.
 
+pub(crate) mod coarse;
 mod instant;
 mod outline;
 mod pressure;
