@@ -103,6 +103,7 @@ impl Propagator {
     }
 
     /// The solution for a step over which the undamped oscillation turns by so many radians.
+    #[inline(always)]
     pub(super) fn of_mode(angle: f32, zeta: f32) -> Self {
         let root = libm::sqrtf(1.0 - zeta * zeta);
         let decay = libm::expf(-zeta * angle);
