@@ -55,7 +55,7 @@ impl Samples {
         (self.time_us as f64 + self.period_us * index as f64) * 1e-6
     }
 
-    /// The moment, in device time, that sample `index` tells of, in s: its stamp less [`filter_delay_s`].
+    /// The moment, in device time, that sample `index` tells of, in s: its stamp less what the converter's filter delays.
     #[must_use]
     pub fn measured_time_s(&self, index: usize) -> f64 {
         self.device_time_s(index) - filter_delay_s(self.period_us)

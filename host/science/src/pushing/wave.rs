@@ -6,7 +6,7 @@
 //! tilted [`WaveFit::bias`] takes the weight out, since that is the mass times a part of gravity.
 //!
 //! Implements: least squares of the means under the windows of
-//! [`hann_windows`](crate::pushing::estimation::from_rest::hann_windows), which hum and ringing do not reach:
+//! [`hann_windows`], which hum and ringing do not reach:
 //! F = c + d t − m R(ψ) a(t − t₀), unknown m, ψ, c, d, t₀. The search begins at the best of all t₀ a hundredth of a second
 //! apart. The noise is what the fit leaves. Standard deviations count overlapping windows for what they are worth.
 //! The last third of the motion is held back from a first fit and judges it.

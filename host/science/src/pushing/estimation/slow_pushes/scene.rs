@@ -38,7 +38,7 @@ pub struct PushParameters {
     /// Logarithm of the plane's friction.
     pub friction_log: f64,
     /// Logarithms of the friction of feet against each other (of three: the second's and the third's lead along two
-    /// axes at right angles), or of a face's pressure per [`STATED_AT_M`] along the body's axes.
+    /// axes at right angles), or of a face's pressure per 50 mm along the body's axes.
     pub contrasts: [f64; 2],
     /// Logarithm of the finger's friction.
     pub contact_log: f64,
