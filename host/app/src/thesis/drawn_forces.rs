@@ -260,8 +260,8 @@ impl Case {
         let mut readings = Vec::new();
         for t in times.take_while(|t| *t <= duration) {
             let error = Vector2::new(draw.normal(), draw.normal()) * noise;
-            readings
-                .push(ForceReading { time: t + onset, force: force(t) - acceleration(&motion, t) * finger + error });
+            let carried = if t < 0.0 { Vector2::zeros() } else { motion.acceleration(t) * finger };
+            readings.push(ForceReading { time: t + onset, force: force(t) - carried + error });
         }
         let path = setting.is_measured.then(|| {
             let (sigma, rate) = (2e-6 * 10.0_f64.powf(draw.unit()), any(draw, &[50.0, 100.0, 200.0]));
@@ -386,12 +386,6 @@ fn ramped(segments: &[Segment]) -> Vec<Segment> {
         last = segment.acceleration;
     }
     smooth
-}
-
-/// m/s², right-continuous.
-fn acceleration(motion: &FingerMotion, t: f64) -> Vector2<f64> {
-    let leg = motion.legs(0.0).take_while(|leg| leg.from <= t).last();
-    leg.map_or_else(Vector2::zeros, |leg| leg.finger.acceleration)
 }
 
 /// m/s.

@@ -371,19 +371,8 @@ pub(super) fn stretch(draw: &mut Draw, toward: f64) -> Segment {
 
 /// The force on the disk at a time since the onset, N; none before and after the push.
 pub(super) fn rigid_force(played: &Played) -> impl Fn(f64) -> Vector2<f64> + use<> {
-    let times: Vec<_> = played.samples.iter().map(|sample| sample.t).collect();
-    let values = played.forces_finger.clone();
-    let duration = played.duration();
-    move |t: f64| {
-        if t < 0.0 || t > duration {
-            return Vector2::zeros();
-        }
-        let after = times.partition_point(|time| *time <= t).min(times.len() - 1);
-        let before = after.saturating_sub(1);
-        let span = times[after] - times[before];
-        let share = if span > 0.0 { ((t - times[before]) / span).clamp(0.0, 1.0) } else { 0.0 };
-        values[before].lerp(&values[after], share)
-    }
+    let (played, duration) = (played.clone(), played.duration());
+    move |t: f64| if t < 0.0 || t > duration { Vector2::zeros() } else { played.force_finger(t) }
 }
 
 /// The force that a sensor reads at a time since the onset, N.

@@ -164,16 +164,25 @@ impl Played {
     /// Force on the disk each [`STEP_S`] from the start to the end, finger axes, N.
     #[must_use]
     pub fn forces_evenly(&self) -> Vec<Vector2<f64>> {
-        let at = |step: f64| {
-            let t = step * STEP_S;
-            let after = self.samples.partition_point(|sample| sample.t <= t).min(self.samples.len() - 1);
-            let before = after.saturating_sub(1);
-            let share = share_of(t, self.samples[before].t, self.samples[after].t);
-            self.forces_finger[before].lerp(&self.forces_finger[after], share)
-        };
         let steps = std::iter::successors(Some(0.0), |step| Some(step + 1.0));
         let duration = self.duration();
-        steps.take_while(|step| step * STEP_S <= duration + SAME_TIME_S).map(at).collect()
+        steps
+            .take_while(|step| step * STEP_S <= duration + SAME_TIME_S)
+            .map(|step| self.force_finger(step * STEP_S))
+            .collect()
+    }
+
+    /// Force on the disk at a time, s, between the states kept; before the first and after the last that of these. Finger
+    /// axes, N.
+    ///
+    /// # Panics
+    /// Never of what was played: it has states.
+    #[must_use]
+    pub fn force_finger(&self, t: f64) -> Vector2<f64> {
+        let after = self.samples.partition_point(|sample| sample.t <= t).min(self.samples.len() - 1);
+        let before = after.saturating_sub(1);
+        let share = share_of(t, self.samples[before].t, self.samples[after].t);
+        self.forces_finger[before].lerp(&self.forces_finger[after], share)
     }
 }
 
