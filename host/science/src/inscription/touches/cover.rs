@@ -33,8 +33,9 @@ const TURN_MAX: f64 = 0.2;
 /// bound grows with the square of the box, so Newton's map contracts by twice this.
 const CONTRACTS: f64 = 0.25;
 
-/// A box with a diagonal of fewer standard deviations is so small that a descent from its middle finds what is in it.
-const TINY_SD: f64 = 0.2;
+/// A box with a diagonal of fewer standard deviations is so small that a descent from its middle finds what is in it: no
+/// two minima in it count as two. From farther away a descent can miss the basin of a shallow one.
+const TINY_SD: f64 = super::settle::SAME_SD;
 
 /// Where pieces leave the part free along some direction, boxes are halved down to this share of its size.
 const LOOSE_MIN: f64 = 0.02;

@@ -10,7 +10,7 @@ use crate::inscription::noise::{PoseMode, covering};
 use crate::math::least_squares::{LeastSquaresProblem, LeastSquaresSettings, NormalEquations, minimise};
 
 /// Minima within this many standard deviations of each other are one.
-const SAME_SD: f64 = 1e-2;
+pub(super) const SAME_SD: f64 = 1e-2;
 
 /// Steps of Newton's method; at a minimum that is flat to second order each gains a third only.
 const STEPS_MAX: usize = 200;
@@ -24,8 +24,9 @@ const HOLDS: f64 = 1e-8;
 /// A piece that costs only so much more, as a share of 1 + its cost, might be the nearer one beside the pose.
 const TIE: f64 = 1e-6;
 
-/// Poses beside a minimum where pieces tie: in standard deviations; none may be lower than by `PROBE_DEPTH` of 1 + χ².
-const PROBES_SD: [f64; 3] = [0.1, 0.01, 0.001];
+/// Poses beside a minimum where pieces tie: in standard deviations, no farther than minima that count as one; none may be
+/// lower than by `PROBE_DEPTH` of 1 + χ².
+const PROBES_SD: [f64; 3] = [0.01, 0.001, 0.0001];
 const PROBE_DEPTH: f64 = 1e-9;
 
 /// Directions of full rank: the least eigenvalue of their sum of squares is above this. At a minimum that is flat to
@@ -115,7 +116,7 @@ impl Objective<'_> {
         let scale = Vector3Scale(sum.gauss.diagonal().zip_map(&least, f64::max).map(f64::sqrt));
         let gradient = sum.gradient.component_div(&scale.0);
         let full = scale.scaled(&(sum.gauss + sum.bend));
-        let step = match Cholesky::new(full).filter(|root| root.l_dirty().diagonal().min() > OPEN) {
+        let step = match Cholesky::new(full).filter(|root| root.l_dirty().diagonal().min() > OPEN.sqrt()) {
             Some(root) => -root.solve(&gradient),
             None => {
                 let axes = full.symmetric_eigen();
@@ -365,8 +366,9 @@ pub(super) fn flush_of(hold: &Hold) -> Vec<(usize, usize)> {
     hold.lines.iter().enumerate().filter_map(flush).collect()
 }
 
-/// Curvatures below this share of the others are none.
-const OPEN: f64 = 1e-10;
+/// Curvatures below this share of the others are none: of a direction in which the part is free rounding leaves a
+/// hundredth of it, and a step that trusted that would be any.
+const OPEN: f64 = 1e-14;
 
 /// A descent has stalled between two corners if their misses differ by less, in standard deviations.
 const STALLED_SD: f64 = 1e-2;

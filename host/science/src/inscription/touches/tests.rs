@@ -266,36 +266,56 @@ fn an_exact_fence_takes_no_longer_than_one_that_is_nearly_so() {
     assert!(exact < 4 * nearly + 100, "{exact} looks, {nearly} with a micrometre");
 }
 
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+/// What a case says, and the same world turned, moved and in other units.
+fn in_two_frames(case: &Case, turn: f64, x: f64, factor: f64) -> Result<(), TestCaseError> {
+    let plain = touched_poses(&case.outline, &case.readings);
+    let motion = Isometry2::new([x, -0.3].into(), turn);
+    let mut moved = case.readings.clone();
+    for touch in &mut moved.touches {
+        touch.point = motion * touch.point * factor;
+        touch.sigma *= factor;
+        if let Some(normal) = &mut touch.normal {
+            normal.angle += turn;
+        }
+    }
+    for fence in &mut moved.fences {
+        fence.line = fence.line.moved(&motion);
+        fence.line.point *= factor;
+        fence.sigma = fence.sigma.map(|sigma| sigma * factor);
+    }
+    let outline: Vec<_> = case.outline.vertices().iter().map(|vertex| vertex * factor).collect();
+    let moved = touched_poses(&SimplePolygon::new(outline).unwrap(), &moved);
+    prop_assert_eq!(plain.loose.is_some(), moved.loose.is_some());
+    prop_assert_eq!(plain.modes.len(), moved.modes.len());
+    for mode in &plain.modes {
+        let at = motion * mode.pose.isometry();
+        let there = [at.translation.x * factor, at.translation.y * factor, at.rotation.angle()];
+        prop_assert!(moved.modes.iter().any(|other| apart(other, &there) < 0.02), "{:?} {:?}", plain, moved);
+    }
+    Ok(())
+}
 
-    /// Turned, moved and mirrored worlds, and other units, have the same modes.
+/// Worlds in which a mode was once lost: in a valley that is nearly flat (3), where a free part slides far in one step
+/// (4), and beside a lower one a tenth of a standard deviation away (7 to 9).
+#[test]
+fn shallow_minima_are_found_in_every_frame() {
+    for (seed, index) in [(3, 603), (3, 1065), (4, 861), (7, 509), (7, 2011), (8, 119), (8, 1330), (8, 1693), (9, 1516)]
+    {
+        let case = case(seed, index);
+        let mut draw = Draw::case(seed, index);
+        for _ in 0..4 {
+            in_two_frames(&case, draw.uniform(-3.0, 3.0), draw.uniform(-1.0, 1.0), draw.uniform(0.1, 10.0))
+                .unwrap_or_else(|error| panic!("seed {seed}, case {index}: {error}"));
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Turned and moved worlds, and other units, have the same modes.
     #[test]
-    fn the_frame_does_not_matter(index in 0_usize..1000, turn in -3.0..3.0, x in -1.0..1.0, factor in 0.1..10.0) {
-        let case = case(3, index);
-        let plain = touched_poses(&case.outline, &case.readings);
-        let motion = Isometry2::new([x, -0.3].into(), turn);
-        let mut moved = case.readings.clone();
-        for touch in &mut moved.touches {
-            touch.point = motion * touch.point * factor;
-            touch.sigma *= factor;
-            if let Some(normal) = &mut touch.normal {
-                normal.angle += turn;
-            }
-        }
-        for fence in &mut moved.fences {
-            fence.line = fence.line.moved(&motion);
-            fence.line.point *= factor;
-            fence.sigma = fence.sigma.map(|sigma| sigma * factor);
-        }
-        let outline: Vec<_> = case.outline.vertices().iter().map(|vertex| vertex * factor).collect();
-        let moved = touched_poses(&SimplePolygon::new(outline).unwrap(), &moved);
-        prop_assert_eq!(plain.loose.is_some(), moved.loose.is_some());
-        prop_assert_eq!(plain.modes.len(), moved.modes.len());
-        for mode in &plain.modes {
-            let at = motion * mode.pose.isometry();
-            let there = [at.translation.x * factor, at.translation.y * factor, at.rotation.angle()];
-            prop_assert!(moved.modes.iter().any(|other| apart(other, &there) < 0.02), "{:?} {:?}", plain, moved);
-        }
+    fn the_frame_does_not_matter(index in 0_usize..10_000, turn in -3.0..3.0, x in -1.0..1.0, factor in 0.1..10.0) {
+        in_two_frames(&case(3, index), turn, x, factor)?;
     }
 }
