@@ -1,7 +1,7 @@
 //! What people and programs keep and exchange, for programs without a terminal: descriptions of parts, bodies, scenes,
 //! views and motions; calibrations; force logs; and the JSON Lines of `palpate solve`.
 //!
-//! - what people describe in TOML: [`part`], [`body`], [`motion`], [`views`], [`scene`];
+//! - what people describe in TOML: [`part`], [`body`], [`motion`], [`palm`], [`views`], [`scene`];
 //! - what is kept: [`calibration`] (plan, raw samples, result), [`sampling_plan`];
 //! - what others recorded: [`recordings`];
 //! - what programs exchange: [`solve`];
@@ -16,6 +16,7 @@ pub mod calibration;
 pub mod lines;
 pub mod motion;
 pub mod output;
+pub mod palm;
 pub mod part;
 pub mod recordings;
 pub mod sampling_plan;

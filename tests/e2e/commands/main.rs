@@ -19,6 +19,7 @@ mod observe;
 mod pages;
 mod push;
 mod sample;
+mod shaken_palm;
 mod solve;
 mod solving;
 mod support_friction;

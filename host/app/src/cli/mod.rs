@@ -40,6 +40,7 @@ mod monitor;
 mod motion_source;
 mod observe;
 mod palm;
+mod palm_motion;
 mod plan_push;
 mod plot;
 mod ports;

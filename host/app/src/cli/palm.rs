@@ -5,19 +5,19 @@ use std::process::ExitCode;
 
 use clap::ValueEnum;
 use miette::{IntoDiagnostic as _, WrapErr as _};
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector2;
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::rolling::{
-    BodyKnowledge, Noise, PalmAcceleration, PalmKnowledge, Report, RollEstimate, RollQuestion, RollState, RollTracker,
-    RollVerdict, Spin, Tracked,
+    BodyKnowledge, Noise, PalmKnowledge, Report, RollEstimate, RollQuestion, RollState, RollTracker, RollVerdict, Spin,
+    Tracked,
 };
 use palpate_files::body::BodyFile;
 use palpate_files::solve::kinds::roll::{self, wxyz};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
+use super::palm_motion::{self, PalmMotion, PalmMotionArguments};
 use super::read::{lines_of_stdin, read};
-use super::roll::triple;
 use super::{counted, positive};
 
 const LONG_HELP: &str = "\
@@ -47,7 +47,7 @@ const EXIT_SOME_BAD: u8 = 2;
 
 /// Feels, live, where a body rolling on the palm is and how it moves, from its contacts alone.
 #[derive(Debug, clap::Args)]
-#[command(after_long_help = super::help::flowing(LONG_HELP))]
+#[command(after_long_help = super::help::flowing(&format!("{}\n{LONG_HELP}", palm_motion::FILE_HELP)))]
 pub(crate) struct Arguments {
     /// The body file; several if it may be one of them
     #[arg(value_name = "BODY.toml", required = true)]
@@ -61,11 +61,10 @@ pub(crate) struct Arguments {
     /// Whether the contact lets the body spin about the palm's normal
     #[arg(long, value_enum, default_value_t = SpinChoice::Unknown)]
     spin: SpinChoice,
-    /// The palm's acceleration, constant
-    #[arg(long, value_name = "X,Y,Z", value_parser = triple, default_value = "0,0,0", allow_hyphen_values = true)]
-    palm_m_s2: [f64; 3],
+    #[command(flatten)]
+    palm: PalmMotionArguments,
     /// The palm is tilted or accelerates steadily, nobody knows how
-    #[arg(long, conflicts_with = "palm_m_s2")]
+    #[arg(long, conflicts_with_all = ["palm_m_s2", "palm"])]
     unknown_tilt: bool,
     /// Time to collect before the first answer
     #[arg(long, value_name = "S", value_parser = positive, default_value_t = 0.4)]
@@ -98,7 +97,8 @@ struct Contact {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
-    let mut tracker = RollTracker::new(arguments.question()?, arguments.window_s);
+    let palm = arguments.palm.read()?;
+    let mut tracker = RollTracker::new(arguments.question(&palm)?, arguments.window_s);
     let (mut before, mut last) = (String::new(), None);
     let mut passed_over = 0_u64;
     for line in lines_of_stdin() {
@@ -116,6 +116,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
                 continue;
             }
         };
+        if last.is_none_or(|last| !palm.is_beyond(last)) && palm.is_beyond(t) {
+            palm.tell_beyond(t);
+        }
         last = Some(t);
         let (status, answer) = in_json(&tracker.feel(t, Vector2::from(u)));
         if status != before || index % arguments.every == 0 {
@@ -147,7 +150,7 @@ fn contact(text: &str, last: Option<f64>) -> Result<Contact, String> {
 }
 
 impl Arguments {
-    fn question(&self) -> miette::Result<RollQuestion> {
+    fn question(&self, palm: &PalmMotion) -> miette::Result<RollQuestion> {
         let bodies = self
             .bodies
             .iter()
@@ -162,7 +165,7 @@ impl Arguments {
             },
             palm: match self.unknown_tilt {
                 true => PalmKnowledge::Constant,
-                false => PalmKnowledge::Known(PalmAcceleration::Constant(Vector3::from(self.palm_m_s2))),
+                false => PalmKnowledge::Known(palm.acceleration.clone()),
             },
             g: GRAVITY_ASSUMED,
             noise: match self.grid_mm {

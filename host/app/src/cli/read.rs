@@ -13,6 +13,7 @@ use palpate::pushing::dynamics::Body;
 use palpate_files::body::BodyFileError;
 use palpate_files::lines::{Line, Lines, TEXT_BYTES_MAX, Unusable};
 use palpate_files::motion::MotionFileError;
+use palpate_files::palm::PalmFileError;
 use palpate_files::part::{Doubt, PartFileError};
 use palpate_files::scene::SceneFileError;
 use palpate_files::views::ViewFileError;
@@ -57,6 +58,7 @@ fn kind_of(text: &str) -> Option<&'static str> {
     let has = |names: &[&str]| names.iter().any(|name| keys.contains_key(*name));
     match () {
         () if has(&["segment"]) => Some(MOTION),
+        () if has(&["harmonic", "piece"]) => Some(PALM),
         () if has(&["cone", "fence", "point"]) => Some(VIEWS),
         () if keys.get("shape").is_some_and(toml::Value::is_array) => Some(SCENE),
         () if has(&["shape", "semi_axes"]) => Some(BODY),
@@ -66,6 +68,7 @@ fn kind_of(text: &str) -> Option<&'static str> {
 }
 
 const MOTION: &str = "a motion file";
+const PALM: &str = "a palm's motion";
 const VIEWS: &str = "a view file";
 const SCENE: &str = "a scene";
 const BODY: &str = "a body file";
@@ -78,6 +81,7 @@ fn wanted<E: Error + 'static>(error: &E) -> &'static [&'static str] {
         () if error.is::<PartFileError>() => &[PART],
         () if error.is::<MotionFileError>() => &[MOTION],
         () if error.is::<BodyFileError>() => &[BODY],
+        () if error.is::<PalmFileError>() => &[PALM],
         () if error.is::<SceneFileError>() => &[SCENE],
         // The same error is told of both.
         () if error.is::<ViewFileError>() => &[PART, VIEWS],

@@ -12,6 +12,7 @@ use palpate::rolling::{OnPalm, PalmAcceleration, Roll, RollEndReason, RollRun, R
 use palpate_files::body::BodyFile;
 use palpate_files::solve::kinds::roll::{RollAnswer, wxyz};
 
+use super::palm_motion::{self, PalmMotionArguments};
 use super::plot::PlotArguments;
 use super::read::read;
 use super::{equal_steps, finite, not_negative, positive};
@@ -43,7 +44,7 @@ Exit status: 0, 1 if the roll is impossible or a file cannot be read or written,
 /// Prints where the contact goes, how high the body is and how hard it presses, up to when it would lift off or the
 /// time is up.
 #[derive(Debug, clap::Args)]
-#[command(after_long_help = super::help::flowing(LONG_HELP))]
+#[command(after_long_help = super::help::flowing(&format!("{}\n{LONG_HELP}", palm_motion::FILE_HELP)))]
 pub(crate) struct Arguments {
     /// The body file
     #[arg(value_name = "BODY.toml")]
@@ -57,9 +58,8 @@ pub(crate) struct Arguments {
     /// Whether the contact lets the body spin about the palm's normal
     #[arg(long, value_enum, default_value_t = SpinChoice::Free)]
     spin: SpinChoice,
-    /// The palm's acceleration, constant
-    #[arg(long, value_name = "X,Y,Z", value_parser = triple, default_value = "0,0,0", allow_hyphen_values = true)]
-    palm_m_s2: [f64; 3],
+    #[command(flatten)]
+    palm: PalmMotionArguments,
     /// How long to roll
     #[arg(long, value_name = "S", value_parser = positive, default_value_t = 1.0)]
     time_s: f64,
@@ -100,8 +100,8 @@ const CONTACTS_MAX: f64 = 1e6;
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let file = read(&arguments.body, BodyFile::parse)?;
-    let palm = PalmAcceleration::Constant(Vector3::from(arguments.palm_m_s2));
-    let roll = arguments.roll(&file, &palm)?;
+    let palm = arguments.palm.read()?;
+    let roll = arguments.roll(&file, &palm.acceleration)?;
     let go = |end: f64, steps: f64| {
         let cannot = || format!("cannot roll {}", arguments.body.display());
         roll.run(&equal_steps(end, steps)).into_diagnostic().wrap_err_with(cannot)
@@ -114,6 +114,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     }
     let end = arguments.contacts_hz.map_or(arguments.time_s, |rate| steps / rate);
     let run = go(end, steps)?;
+    palm.tell_beyond(run.end.t);
     arguments
         .plot
         .draw(|| Ok(arguments.figure(&file, &RollRun { end: run.end, ..go(run.end.t, f64::from(SAMPLES))? })))?;
@@ -146,12 +147,7 @@ impl Arguments {
     fn figure(&self, file: &BodyFile, run: &RollRun) -> Figure {
         let name = self.body.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let spin = if self.spin == SpinChoice::Free { "free to spin" } else { "no spin" };
-        let [x, y, z] = self.palm_m_s2;
-        let palm = if x == 0.0 && y == 0.0 && z == 0.0 {
-            "at rest".to_owned()
-        } else {
-            format!("accelerating by {x}, {y}, {z} m/s²")
-        };
+        let palm = self.palm.in_words();
         let subtitles = [format!("{spin}; palm {palm}"), end_in_words(run)];
         let title = format!("Rolling {name}");
         RollPicture { body: &file.body, run, g: GRAVITY_ASSUMED, title: &title, subtitles: &subtitles }.figure()

@@ -16,6 +16,7 @@ pub mod mlab;
 pub mod part;
 pub mod session;
 pub mod slow_pushes;
+pub(crate) mod table;
 
 #[cfg(test)]
 pub(crate) mod synthetic;
@@ -62,7 +63,7 @@ pub enum ReadError {
         line: usize,
         /// The unit as found in the header.
         unit: String,
-        /// What it is a unit of: time or force.
+        /// What it is a unit of: time, force or acceleration.
         quantity: &'static str,
         /// What would be understood.
         known: &'static str,
