@@ -16,6 +16,7 @@ mod inscribe;
 mod newer_firmware;
 mod observability;
 mod observe;
+mod observe_path;
 mod pages;
 mod push;
 mod sample;

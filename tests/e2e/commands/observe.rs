@@ -22,7 +22,7 @@ const SEED: &str = "7";
 /// Largest error of the pose, m and rad: many times what is stated for half a kilogram (some 0.05 mm and 0.1°).
 const POSE_ERROR: (f64, f64) = (5e-4, 0.01);
 
-fn example(name: &str) -> PathBuf {
+pub(super) fn example(name: &str) -> PathBuf {
     project::folder().join("examples").join(name)
 }
 
@@ -32,24 +32,24 @@ fn palpate(arguments: &[&str]) -> Command {
     command
 }
 
-fn text(bytes: &[u8]) -> String {
+pub(super) fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
 /// Prose as it was before it was broken into lines.
-fn unfolded(text: &str) -> String {
+pub(super) fn unfolded(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 /// Nothing is wider than eighty columns.
-fn assert_fits_a_terminal(text: &str) {
+pub(super) fn assert_fits_a_terminal(text: &str) {
     for line in text.lines() {
         assert!(line.chars().count() <= 80, "{} columns: {line}", line.chars().count());
     }
 }
 
 /// The example part, pushed at its edge 3 as the example motion says; half a kilogram.
-fn pushed() -> Played {
+pub(super) fn pushed() -> Played {
     let file = PolygonFile::parse(&std::fs::read_to_string(example("part.toml")).unwrap()).unwrap();
     let motion = palpate_files::motion::parse(&std::fs::read_to_string(example("motion.toml")).unwrap()).unwrap();
     let (part, mu_g) = (&file.part, file.mu * GRAVITY_ASSUMED);
@@ -61,7 +61,7 @@ fn pushed() -> Played {
 }
 
 /// A table of forces: `rest` seconds without, then the push; noise of `sd` N on every value.
-fn forces(played: &Played, rest: f64, sd: f64) -> String {
+pub(super) fn forces(played: &Played, rest: f64, sd: f64) -> String {
     let mut draw = Draw::case(1, 0);
     let mut table = "t [s], Fx [N], Fy [N]\n".to_owned();
     let mut line = |t: f64, x: f64, y: f64| {
@@ -102,7 +102,7 @@ fn last_answer(output: &Output) -> Value {
 }
 
 /// `palpate observe` on the example part.
-fn observe(arguments: &[&str]) -> Command {
+pub(super) fn observe(arguments: &[&str]) -> Command {
     let mut command = palpate(&["observe", "--part"]);
     command
         .arg(example("part.toml"))

@@ -35,6 +35,7 @@ mod inscribe;
 mod lacking;
 mod latency;
 mod locate_tip;
+mod measured_motion;
 mod misfit;
 mod monitor;
 mod motion_source;

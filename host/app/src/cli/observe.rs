@@ -7,6 +7,7 @@ use palpate::never;
 use palpate::pushing::estimation::from_rest::watch::PushAnswer;
 use palpate_files::part::PolygonFile;
 
+use super::measured_motion::{self, MeasuredMotionArguments};
 use super::read::{read, tell_part};
 use super::watched_push::{WatchedPushArguments, too_short};
 use super::{lacking, misfit, pose, positive};
@@ -25,6 +26,9 @@ The motion file is TOML; every length in it is in its `unit`:
 
 With --motion - segments are read from standard input as they come, one JSON object a line, in SI units:
   {\"seconds\": 0.3, \"acceleration\": [0.15, 0]}
+
+Instead of a motion --path gives the disk's places as a robot measured them beside the forces, by a clock of its own: the
+push is then looked at as a whole, up to 1.2 s of it, and what places and clock leave open is part of the uncertainty.
 
 The part file is that of `palpate push`; its mu_c is not needed. Its mu is taken for known to 20 % and found with the
 rest; --mu-uncertainty says how well it is known, or that it is exact. A slow push tells only mu times the mass, and the
@@ -52,6 +56,13 @@ pub(crate) struct Arguments {
     #[command(flatten)]
     push: WatchedPushArguments,
 
+    /// How the finger moves: a motion file as below, or - for segments from standard input
+    #[arg(long, value_name = "MOTION.toml", required_unless_present = "path")]
+    motion: Option<PathBuf>,
+
+    #[command(flatten)]
+    measured: MeasuredMotionArguments,
+
     /// Print an estimate every so many seconds of the push
     #[arg(long, value_name = "S", default_value_t = 0.1, value_parser = positive)]
     every: f64,
@@ -64,8 +75,20 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let file = read(&arguments.part, PolygonFile::parse)?;
     tell_part(&arguments.part, file.part.polygon().vertices(), file.part.body(), &file.doubts());
+    if let (Some(forces), Some(path)) = (&arguments.push.forces, arguments.measured.path()) {
+        let push = measured_motion::observe(&file, forces, path, &arguments.measured, arguments.push.felt)?;
+        if arguments.json {
+            say!("{}", push.as_json(&file, arguments.push.felt));
+        } else {
+            push.print(&file);
+        }
+        return Ok(ExitCode::SUCCESS);
+    }
+    let Some(motion) = &arguments.motion else {
+        unreachable!("required unless there is a path, which requires forces")
+    };
     let mut shown = Shown { json: arguments.json, file: &file, is_headed: false };
-    let mut push = arguments.push.watch(arguments.every, &mut |watch, felt, motion| {
+    let mut push = arguments.push.watch(motion, arguments.every, &mut |watch, felt, motion| {
         if let Some(answer) = watch.look(&felt.known(&file, motion), &never) {
             shown.print(&answer);
         }

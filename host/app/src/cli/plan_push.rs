@@ -11,7 +11,7 @@ use palpate_files::part::PolygonFile;
 use serde_json::{Value, json};
 
 use super::read::{read, tell_part};
-use super::watched_push::WatchedPushArguments;
+use super::watched_push::{MotionArgument, WatchedPushArguments};
 use super::{lacking, misfit, pose, positive};
 use crate::width::folded;
 
@@ -53,6 +53,9 @@ pub(crate) struct Arguments {
     #[command(flatten)]
     push: WatchedPushArguments,
 
+    #[command(flatten)]
+    motion: MotionArgument,
+
     /// How strongly the finger can turn aside or speed up
     #[arg(long, value_name = "MM/S2", value_parser = positive, default_value_t = 150.0)]
     acceleration_mm_s2: f64,
@@ -77,7 +80,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let file = read(&arguments.part, PolygonFile::parse)?;
     tell_part(&arguments.part, file.part.polygon().vertices(), file.part.body(), &file.doubts());
-    let push = arguments.push.watch(f64::INFINITY, &mut |_, _, _| ())?;
+    let push = arguments.push.watch(&arguments.motion.file, f64::INFINITY, &mut |_, _, _| ())?;
     let force = push.force()?;
     let tally = push.watch.tally();
     let known = push.known(&file);

@@ -3,6 +3,7 @@
 use palpate::geometry::Pose;
 use palpate::math::angle::wrap_angle;
 use palpate::pushing::dynamics::Part;
+use palpate::pushing::estimation::from_rest::readings::ForceHypothesis;
 use palpate::pushing::estimation::{Estimate, FromForce, Hypothesis, Status};
 use serde_json::{Value, json};
 
@@ -55,6 +56,30 @@ pub(super) fn lines(part: &Part, estimate: &Estimate) -> Vec<String> {
     lines
 }
 
+/// What each reading of a push has told, a line for each pose.
+pub(super) fn lines_of_readings(part: &Part, felt: f64, found: &[&ForceHypothesis]) -> Vec<String> {
+    let at = format!("{felt:.2}");
+    if found.is_empty() {
+        return vec![format!("{} no pose explains it", row(&[at]))];
+    }
+    let line = |found: &&ForceHypothesis| {
+        let (distance_sd, angle_sd) = found.spread(part);
+        let shown = ShownPose {
+            probability: found.probability,
+            edge: found.edge,
+            pose: found.pose_end,
+            distance_sd,
+            angle_sd,
+            s: found.end.s,
+            mass: found.mass,
+            mu_c: found.mu_c.map_or_else(String::new, |mu_c| format!("{mu_c:.3}")),
+            mu_g: found.mu_g,
+        };
+        shown.line(&at, part)
+    };
+    found.iter().map(line).collect()
+}
+
 fn none(estimate: &Estimate) -> String {
     let cost = estimate.fit.cost.map_or_else(String::new, |cost| {
         format!(": the least misfit is {cost:.0}, chance gives at most {:.0}", estimate.fit.cost_max)
@@ -63,24 +88,54 @@ fn none(estimate: &Estimate) -> String {
 }
 
 fn line(at: &str, part: &Part, hypothesis: &Hypothesis) -> String {
-    let centre = hypothesis.pose_end.isometry() * part.centre_of_mass();
     let (distance_sd, angle_sd) = hypothesis.spread(part).unwrap_or((f64::NAN, f64::NAN));
-    let hundredths = |value: f64| format!("{value:.2}");
-    let thousandths = |value: f64| format!("{value:.3}");
-    row(&[
-        at.to_owned(),
-        thousandths(hypothesis.probability),
-        hypothesis.edge.to_string(),
-        hundredths(centre.x * 1e3),
-        hundredths(centre.y * 1e3),
-        deviation(distance_sd * 1e3),
-        hundredths(hypothesis.pose_end.theta.to_degrees()),
-        deviation(angle_sd.to_degrees()),
-        hundredths(hypothesis.end.s * 1e3),
-        thousandths(hypothesis.from_force.map_or(f64::NAN, |force| force.mass)),
-        hypothesis.from_force.as_ref().map_or_else(String::new, friction),
-        thousandths(hypothesis.mu_g / GRAVITY_ASSUMED),
-    ])
+    let shown = ShownPose {
+        probability: hypothesis.probability,
+        edge: hypothesis.edge,
+        pose: hypothesis.pose_end,
+        distance_sd,
+        angle_sd,
+        s: hypothesis.end.s,
+        mass: hypothesis.from_force.map_or(f64::NAN, |force| force.mass),
+        mu_c: hypothesis.from_force.as_ref().map_or_else(String::new, friction),
+        mu_g: hypothesis.mu_g,
+    };
+    shown.line(at, part)
+}
+
+/// What a person is told of a pose; SI units.
+struct ShownPose {
+    probability: f64,
+    edge: usize,
+    pose: Pose,
+    distance_sd: f64,
+    angle_sd: f64,
+    s: f64,
+    mass: f64,
+    mu_c: String,
+    mu_g: f64,
+}
+
+impl ShownPose {
+    fn line(&self, at: &str, part: &Part) -> String {
+        let centre = self.pose.isometry() * part.centre_of_mass();
+        let hundredths = |value: f64| format!("{value:.2}");
+        let thousandths = |value: f64| format!("{value:.3}");
+        row(&[
+            at.to_owned(),
+            thousandths(self.probability),
+            self.edge.to_string(),
+            hundredths(centre.x * 1e3),
+            hundredths(centre.y * 1e3),
+            deviation(self.distance_sd * 1e3),
+            hundredths(wrap_angle(self.pose.theta).to_degrees()),
+            deviation(self.angle_sd.to_degrees()),
+            hundredths(self.s * 1e3),
+            thousandths(self.mass),
+            self.mu_c.clone(),
+            thousandths(self.mu_g / GRAVITY_ASSUMED),
+        ])
+    }
 }
 
 /// A standard deviation; one of hundreds has no decimals worth a column.
@@ -125,7 +180,7 @@ pub(super) fn in_words(part: &Part, estimate: &Estimate) -> String {
 }
 
 /// Poses less likely than the rest of this are no choice: printed, they have a probability of 0.000.
-const NEARLY_CERTAIN: f64 = 0.9995;
+pub(super) const NEARLY_CERTAIN: f64 = 0.9995;
 
 /// Density of steel, kg/m³.
 const STEEL: f64 = 7850.0;

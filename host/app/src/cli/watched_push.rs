@@ -32,14 +32,10 @@ pub(super) struct WatchedPushArguments {
     /// Forces on the finger from a file instead of a device: a table of t, Fx, Fy, with the finger at rest at its
     /// beginning
     #[arg(value_name = "FORCES", conflicts_with_all = ["device", "baud", "calibration"])]
-    forces: Option<PathBuf>,
-
-    /// How the finger moves: a motion file (see `palpate observe --help`), or - for segments from standard input
-    #[arg(long, value_name = "MOTION.toml")]
-    motion: PathBuf,
+    pub(super) forces: Option<PathBuf>,
 
     #[command(flatten)]
-    felt: FeltPushArguments,
+    pub(super) felt: FeltPushArguments,
 
     #[command(flatten)]
     device: DeviceArguments,
@@ -110,9 +106,32 @@ pub(super) struct FeltPush {
     finger: CarriedFinger,
 }
 
+/// How the finger moves, told.
+#[derive(Debug, clap::Args)]
+pub(super) struct MotionArgument {
+    /// How the finger moves: a motion file (see `palpate observe --help`), or - for segments from standard input
+    #[arg(long = "motion", value_name = "MOTION.toml")]
+    pub(super) file: PathBuf,
+}
+
 impl FeltPushArguments {
+    /// Of the disk, m.
+    pub(super) fn radius(&self) -> f64 {
+        self.radius_mm * 1e-3
+    }
+
+    /// Rest at the beginning, s.
+    pub(super) fn tare(&self) -> f64 {
+        self.tare
+    }
+
+    /// How well the plane's friction is known.
+    pub(super) fn mu_uncertainty(&self) -> MuUncertainty {
+        self.mu_uncertainty
+    }
+
     /// With what a calibration says of the finger, where there is one; what is only taken for it is told.
-    fn with(self, calibration: Option<&CalibrationFile>) -> FeltPush {
+    pub(super) fn with(self, calibration: Option<&CalibrationFile>) -> FeltPush {
         let mut finger = calibration.map_or(CarriedFinger::UNKNOWN, CalibrationFile::carried);
         if let Some(EffectiveMass { mass, sd }) = self.effective_mass_g {
             (finger.effective_mass, finger.effective_mass_sd) = (mass, sd);
@@ -131,11 +150,16 @@ impl FeltPushArguments {
 }
 
 impl FeltPush {
+    /// How the finger alters what is felt.
+    pub(super) fn finger(&self) -> CarriedFinger {
+        self.finger
+    }
+
     /// What is known of a push from rest of the part in this file, with this motion of the finger.
     pub(super) fn known<'a>(self, file: &'a PolygonFile, motion: &'a FingerMotion) -> KnownFromRest<'a> {
         let Self { arguments, finger } = self;
         let (mu_g, mu_g_log_sd) = (file.mu * GRAVITY_ASSUMED, arguments.mu_uncertainty.log_sd);
-        let radius = arguments.radius_mm * 1e-3;
+        let radius = arguments.radius();
         KnownFromRest { part: &file.part, mu_g, mu_g_log_sd, radius, finger, motion }
     }
 }
@@ -205,10 +229,10 @@ pub(super) struct WatchedPush {
 pub(super) type Look<'l> = &'l mut dyn FnMut(&mut PushWatch, FeltPush, &FingerMotion);
 
 impl WatchedPushArguments {
-    /// Watches a push to its end; every so many seconds of it `look` is asked.
-    pub(super) fn watch(&self, every_s: f64, look: Look<'_>) -> miette::Result<WatchedPush> {
+    /// Watches a push to its end, the finger moving as this file says; every so many seconds of it `look` is asked.
+    pub(super) fn watch(&self, motion: &Path, every_s: f64, look: Look<'_>) -> miette::Result<WatchedPush> {
         let settings = WatchSettings { rest_s: self.felt.tare, every_s };
-        let mut motion = MotionSource::open(&self.motion)?;
+        let mut motion = MotionSource::open(motion)?;
         let (felt, watch) = match &self.forces {
             Some(path) => {
                 let felt = self.felt.with(None);
@@ -329,12 +353,16 @@ impl WatchedPush {
         if self.watch.onset_time().is_some() {
             return Ok(());
         }
-        Err(miette::miette!(
-            help =
-                "the force must stand out of the noise by far: is the part too light, or did the finger not touch it?",
-            "no push was felt"
-        ))
+        Err(without_push())
     }
+}
+
+/// Where nothing was felt.
+pub(super) fn without_push() -> miette::Report {
+    miette::miette!(
+        help = "the force must stand out of the noise by far: is the part too light, or did the finger not touch it?",
+        "no push was felt"
+    )
 }
 
 /// Of a push that says nothing.
@@ -367,7 +395,7 @@ fn tell_contacts(sense: &PushSense, duration: f64) {
 }
 
 /// What to tell where the stretch for the tare was no rest.
-fn not_at_rest(error: TareError) -> miette::Report {
+pub(super) fn not_at_rest(error: TareError) -> miette::Report {
     let help = advice::help(&error).unwrap_or_default();
     let help = format!("{help}; if the rest before the push was shorter than the tare, say so with --tare");
     let help = help.trim_start_matches("; ");

@@ -14,7 +14,7 @@ use super::lacking;
 use super::misfit;
 use super::pose;
 use super::read::{read, tell_part};
-use super::watched_push::WatchedPushArguments;
+use super::watched_push::{MotionArgument, WatchedPushArguments};
 
 /// Names which of several known parts a finger has begun to push, and where it is.
 ///
@@ -33,6 +33,9 @@ pub(crate) struct Arguments {
     #[command(flatten)]
     push: WatchedPushArguments,
 
+    #[command(flatten)]
+    motion: MotionArgument,
+
     /// Print one JSON object: SI units, radians
     #[arg(long)]
     json: bool,
@@ -40,7 +43,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let candidates = arguments.candidates()?;
-    let push = arguments.push.watch(f64::INFINITY, &mut |_, _, _| ())?;
+    let push = arguments.push.watch(&arguments.motion.file, f64::INFINITY, &mut |_, _, _| ())?;
     let force = push.force()?;
     let tally = push.watch.tally();
     let known = candidates.iter().map(|candidate| push.known(&candidate.file));

@@ -14,6 +14,7 @@
 pub mod csv;
 pub mod mlab;
 pub mod part;
+pub mod path;
 pub mod session;
 pub mod slow_pushes;
 pub(crate) mod table;
@@ -63,7 +64,7 @@ pub enum ReadError {
         line: usize,
         /// The unit as found in the header.
         unit: String,
-        /// What it is a unit of: time, force or acceleration.
+        /// What it is a unit of: time, force, length or acceleration.
         quantity: &'static str,
         /// What would be understood.
         known: &'static str,

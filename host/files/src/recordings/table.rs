@@ -43,6 +43,12 @@ impl Quantity {
     /// N.
     pub(crate) const FORCE: Self =
         Self { name: "force", units: &[("n", 1.0), ("mn", 1e-3), ("kn", 1e3)], known: "N, mN, kN" };
+    /// m.
+    pub(crate) const LENGTH: Self = Self {
+        name: "length",
+        units: &[("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6), ("µm", 1e-6), ("in", 0.0254)],
+        known: "m, cm, mm, um, in",
+    };
     /// m/s².
     pub(crate) const ACCELERATION: Self = Self {
         name: "acceleration",

@@ -117,6 +117,12 @@ impl FingerMotion {
         if motion.segments.is_empty() { Err(MotionError::Empty) } else { Ok(motion) }
     }
 
+    /// A motion for who asks none of it: the finger's places are measured.
+    #[must_use]
+    pub fn untold() -> Self {
+        Self { start: Point2::origin(), segments: vec![Segment { seconds: 1.0, acceleration: Vector2::x() }] }
+    }
+
     /// Adds a segment at the end.
     ///
     /// # Errors

@@ -240,7 +240,7 @@ impl Problem for ObserveForce {
             Carried::Told { onset, motion } => Some((*onset, motion.clone())),
             Carried::Measured { .. } => None,
         };
-        let (told_onset, motion) = told.unwrap_or_else(|| (0.0, still()));
+        let (told_onset, motion) = told.unwrap_or_else(|| (0.0, FingerMotion::untold()));
         match &carried {
             Carried::Told { .. } => {
                 let gone = (motion.centre(end - told_onset) - motion.centre(0.0)).norm();
@@ -303,7 +303,7 @@ impl Problem for ObserveForce {
         let onset = onset.filter(|_| self.start == StartField::AtRest);
         let answers = found.iter().map(|(clock_offset, found)| ForceHypothesisAnswer {
             clock_offset: *clock_offset,
-            ..self.hypothesis(found, &known, onset)
+            ..ForceHypothesisAnswer::of(found, &known, self.g.get(), onset)
         });
         let hypotheses = answers.collect();
         Ok(Searched { found: ObserveForceAnswer { status, hypotheses }, complete })
@@ -314,10 +314,14 @@ impl ObserveForce {
     fn part(&self, polygon: &SimplePolygon) -> Result<Part, InvalidInput> {
         pushed::part(polygon.clone(), self.centre_of_mass, self.inertia_per_mass, self.support.as_ref())
     }
+}
 
-    fn hypothesis(&self, found: &ForceHypothesis, known: &KnownOfFinger, onset: Option<f64>) -> ForceHypothesisAnswer {
+impl ForceHypothesisAnswer {
+    /// In the words of the interface, under this gravity (m/s²); the clock of the finger's path being the force's.
+    #[must_use]
+    pub fn of(found: &ForceHypothesis, known: &KnownOfFinger, g: f64, onset: Option<f64>) -> Self {
         let [vx, vy] = found.velocity_end.into();
-        ForceHypothesisAnswer {
+        Self {
             edge: found.edge,
             u0: found.start.u,
             s0: found.start.s,
@@ -327,7 +331,7 @@ impl ObserveForce {
             twist_end: [vx, vy, found.end.omega],
             mass: found.mass,
             mu_c: found.mu_c,
-            mu: known.mu_g_log_sd.map(|_| found.mu_g / self.g.get()),
+            mu: known.mu_g_log_sd.map(|_| found.mu_g / g),
             effective_mass: (known.effective_mass_sd > 0.0).then_some(found.effective_mass),
             covariance: found.covariance.transpose().into(),
             cost: found.cost,
@@ -402,12 +406,6 @@ fn covers(path: &MeasuredPath, clock_offset_sd: f64, readings: &[ForceReading]) 
 
 /// A path covers the readings by so many standard deviations of its clock.
 const OFFSETS_COVERED: f64 = 3.0;
-
-/// A motion that nobody looks at.
-fn still() -> FingerMotion {
-    let segment = Segment { seconds: 1.0, acceleration: Vector2::new(1.0, 0.0) };
-    FingerMotion::new(Point2::origin(), &[segment]).unwrap_or_else(|_| unreachable!("a constant motion is sound"))
-}
 
 /// When it begins, s, and how it goes on from there.
 fn told(centre0: [f64; 2], all: &[SegmentFields]) -> Result<(f64, FingerMotion), InvalidInput> {

@@ -18,10 +18,12 @@
 mod measured;
 mod numbers;
 mod read_force;
+mod sensed;
 
 use measured::PathNumbers;
 pub use measured::{MeasuredEstimate, MeasuredFinger, estimate_measured_until};
 use nalgebra::{Isometry2, Matrix6, Translation2, Vector2};
+pub use sensed::{SensedPush, sensed};
 
 use read_force::{Doubts, ReadForce};
 

@@ -1,0 +1,193 @@
+//! A push of a finger whose places were measured instead of told: `palpate observe FORCES --path PATH.csv`.
+
+use std::path::{Path, PathBuf};
+
+use miette::WrapErr as _;
+use palpate::gravity::GRAVITY_ASSUMED;
+use palpate::never;
+use palpate::pushing::estimation::from_rest::readings::{
+    ForceHypothesis, ForceReading, KnownOfFinger, MeasuredEstimate, MeasuredFinger, SensedPush,
+    estimate_measured_until, sensed,
+};
+use palpate::pushing::finger_motion::FingerMotion;
+use palpate::pushing::measured_path::{MeasuredPath, PLACES_MIN};
+use palpate_files::part::PolygonFile;
+use palpate_files::recordings::csv::{self, RecordedTable};
+use palpate_files::recordings::path::{self, RecordedPath};
+use palpate_files::solve::kinds::observe_force::ForceHypothesisAnswer;
+use serde_json::{Value, json};
+
+use super::read::{read, report_problems};
+use super::watched_push::{FeltPushArguments, MuUncertainty, not_at_rest, too_short, without_push};
+use super::{not_negative, pose, positive};
+use crate::width::folded;
+
+/// Measured places of the finger.
+#[derive(Debug, clap::Args)]
+pub(super) struct MeasuredMotionArguments {
+    /// Measured places of the finger instead of a motion: a table of t, x, y in s and m (or as its header says), along
+    /// the finger's axes, where the disk's centre is without force; 20 a second or more, at any times
+    #[arg(long, value_name = "PATH.csv", conflicts_with = "motion", requires = "forces")]
+    path: Option<PathBuf>,
+
+    /// Standard deviation of one measured coordinate
+    #[arg(long, value_name = "MM", value_parser = positive, default_value_t = 0.02, requires = "path")]
+    path_sigma_mm: f64,
+
+    /// By how much the path's clock may be off against the forces', one standard deviation
+    #[arg(long, value_name = "MS", value_parser = not_negative, allow_negative_numbers = true)]
+    #[arg(default_value_t = 10.0, requires = "path")]
+    clock_offset_ms: f64,
+}
+
+impl MeasuredMotionArguments {
+    /// The file of places, if there is one.
+    pub(super) fn path(&self) -> Option<&Path> {
+        self.path.as_deref()
+    }
+
+    fn read(&self, path: &Path) -> miette::Result<MeasuredPath> {
+        let RecordedPath { times, places, problems } = read(path, path::parse)?;
+        report_problems(path, &problems);
+        if times.len() < PLACES_MIN {
+            let help = "measure twenty places a second or more, from before the push to its end";
+            return Err(miette::miette!(
+                help = help,
+                "{} has {} places: {PLACES_MIN} are needed at least",
+                path.display(),
+                times.len()
+            ));
+        }
+        Ok(MeasuredPath { times, places, sigma: self.path_sigma_mm * 1e-3 })
+    }
+}
+
+/// What the forces and the places of a push have told.
+pub(super) struct MeasuredPush {
+    estimate: MeasuredEstimate,
+    /// When the last reading was taken, since the push began, s.
+    felt: f64,
+}
+
+/// A path must be there for so many standard deviations of its clock beyond the forces that are used.
+const OFFSETS_COVERED: f64 = 3.0;
+
+/// The readings for which there are places, wherever the path's clock is.
+fn covered(readings: Vec<ForceReading>, path: &MeasuredPath, offset_sd: f64) -> Vec<ForceReading> {
+    let beyond = OFFSETS_COVERED * offset_sd;
+    let [first, last] = [path.times.first(), path.times.last()].map(|time| time.copied().unwrap_or(f64::NAN));
+    let inside = |reading: &ForceReading| first <= reading.time - beyond && reading.time + beyond <= last;
+    readings.into_iter().filter(inside).collect()
+}
+
+/// Reads forces and places, and seeks what explains them.
+pub(super) fn observe(
+    file: &PolygonFile,
+    forces: &Path,
+    path: &Path,
+    arguments: &MeasuredMotionArguments,
+    felt: FeltPushArguments,
+) -> miette::Result<MeasuredPush> {
+    let measured = arguments.read(path)?;
+    let named = || format!("cannot use the forces {}", forces.display());
+    let RecordedTable { readings, problems, .. } = read(forces, csv::parse)?;
+    report_problems(forces, &problems);
+    let push = sensed(&readings, felt.tare()).map_err(not_at_rest).wrap_err_with(named)?;
+    let SensedPush { readings, noise, lost } = push.ok_or_else(without_push)?;
+    if let Some(lost) = lost {
+        note!("contact was lost at t = {lost:.3} s; what was felt until then counts");
+    }
+    let clock_offset_sd = arguments.clock_offset_ms * 1e-3;
+    let all = readings.len();
+    let readings = covered(readings, &measured, clock_offset_sd);
+    if readings.len() < all {
+        tracing::warn!(
+            "{} of {all} stretches of the force are left out: the path, from {:.3} s to {:.3} s, does not reach {:.0} ms \
+             beyond them, which its clock may be off",
+            all - readings.len(),
+            measured.times[0],
+            measured.times[measured.times.len() - 1],
+            OFFSETS_COVERED * arguments.clock_offset_ms
+        );
+    }
+    let motion = FingerMotion::untold();
+    let known = felt.known_measured(file, &motion, noise);
+    let finger = MeasuredFinger { path: &measured, clock_offset_sd };
+    let estimate = estimate_measured_until(&known, &finger, &readings, &never).found;
+    let (Some(onset), Some(last)) = (estimate.onset, readings.last()) else { return Err(too_short()) };
+    Ok(MeasuredPush { felt: last.time - onset, estimate })
+}
+
+impl FeltPushArguments {
+    /// What is known of a push whose motion was measured.
+    fn known_measured<'a>(self, file: &'a PolygonFile, motion: &'a FingerMotion, noise: f64) -> KnownOfFinger<'a> {
+        let (finger, MuUncertainty { log_sd }) = (self.with(None).finger(), self.mu_uncertainty());
+        KnownOfFinger {
+            part: &file.part,
+            outline: None,
+            mass: None,
+            mu_g: file.mu * GRAVITY_ASSUMED,
+            mu_g_log_sd: log_sd,
+            mu_c: None,
+            radius: self.radius(),
+            effective_mass: finger.effective_mass,
+            effective_mass_sd: finger.effective_mass_sd,
+            is_moving: false,
+            compliance: finger.compliance,
+            motion,
+            noise,
+        }
+    }
+}
+
+impl MeasuredPush {
+    /// For a person: a line for each pose, and what they mean.
+    pub(super) fn print(&self, file: &PolygonFile) {
+        say!("{}", pose::headings());
+        let found: Vec<_> = self.estimate.hypotheses.iter().map(|(_, found)| found).collect();
+        pose::lines_of_readings(&file.part, self.felt, &found).iter().for_each(|line| say!("{line}"));
+        say!("{}\n{}", pose::legend(), folded(&self.in_words()));
+    }
+
+    fn in_words(&self) -> String {
+        let offset = |(offset, _): &(f64, ForceHypothesis)| {
+            format!(
+                " The path's clock is {:.1} ms {} then.",
+                1e3 * offset.abs(),
+                if *offset > 0.0 { "early" } else { "late" }
+            )
+        };
+        match self.estimate.hypotheses.as_slice() {
+            [] => "No pose of this part explains forces and places together: is it this part, on this face? Are the places \
+                   those of the disk's centre along the axes of the force, as exact as --path-sigma-mm says, and by a clock \
+                   as near as --clock-offset-ms? Was the part at rest before?"
+                .to_owned(),
+            [only] => format!("One pose explains forces and places.{}", offset(only)),
+            [best, others @ ..] if best.1.probability >= pose::NEARLY_CERTAIN => format!(
+                "One pose explains forces and places far best; {} more cannot be excluded, with a probability of {:.1e} \
+                 together.{}",
+                others.len(),
+                1.0 - best.1.probability,
+                offset(best)
+            ),
+            [best, others @ ..] => format!(
+                "{} poses explain forces and places and cannot be told apart by them.{}",
+                others.len() + 1,
+                offset(best)
+            ),
+        }
+    }
+
+    /// For a program: SI units and radians, as `palpate solve` answers `observe_force`.
+    pub(super) fn as_json(&self, file: &PolygonFile, arguments: FeltPushArguments) -> Value {
+        let motion = FingerMotion::untold();
+        let known = arguments.known_measured(file, &motion, f64::NAN);
+        let onset = self.estimate.onset;
+        let answers = self.estimate.hypotheses.iter().map(|(offset, found)| ForceHypothesisAnswer {
+            clock_offset: Some(*offset),
+            ..ForceHypothesisAnswer::of(found, &known, GRAVITY_ASSUMED, onset)
+        });
+        let status = ["none", "unique", "ambiguous"][self.estimate.hypotheses.len().min(2)];
+        json!({"t": self.felt, "status": status, "hypotheses": answers.collect::<Vec<_>>()})
+    }
+}

@@ -1,0 +1,95 @@
+//! A push of a finger whose places a robot measured, by a clock of its own: the real binary names the pose and the clock.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use nalgebra::Isometry2;
+use palpate::math::random::Draw;
+use palpate::pushing::pushed_world::Played;
+use serde_json::Value;
+
+use crate::observe::{assert_fits_a_terminal, example, forces, observe, pushed, text, unfolded};
+
+/// Rest before the push, s.
+const REST_S: f64 = 1.2;
+
+/// Noise of the places, m, and of the forces, N.
+const PLACE_SD_M: f64 = 5e-6;
+const FORCE_SD_N: f64 = 2e-3;
+
+/// What the path's clock is early, s.
+const EARLY_S: f64 = 7e-3;
+
+/// Some hundred places a second at uneven times, from before the push to the end of its motion.
+fn places(noise: f64) -> String {
+    let motion = std::fs::read_to_string(example("motion.toml")).unwrap();
+    let motion = palpate_files::motion::parse(&motion).unwrap();
+    let (mut draw, mut table, mut t) = (Draw::case(2, 0), "t [s], x [mm], y [mm]\n".to_owned(), 0.5);
+    while t + EARLY_S < REST_S + motion.duration() {
+        let place = motion.centre((t + EARLY_S - REST_S).max(0.0));
+        let [x, y] = [place.x, place.y].map(|value| 1e3 * (value + noise * draw.normal()));
+        writeln!(table, "{t:.5}, {x:.6}, {y:.6}").unwrap();
+        t += draw.uniform(0.006, 0.012);
+    }
+    table
+}
+
+fn files(folder: &tempfile::TempDir, played: &Played, places: &str) -> [PathBuf; 2] {
+    let [table, path] = ["forces.csv", "path.csv"].map(|name| folder.path().join(name));
+    std::fs::write(&table, forces(played, REST_S, FORCE_SD_N)).unwrap();
+    std::fs::write(&path, places).unwrap();
+    [table, path]
+}
+
+/// What is told of the finger, whose disk has no mass in this world.
+const FINGER: [&str; 4] = ["--effective-mass-g", "0", "--path-sigma-mm", "0.005"];
+
+#[test]
+fn a_push_with_measured_places_names_the_pose_and_the_clock() {
+    let (folder, played) = (tempfile::tempdir().unwrap(), pushed());
+    let [table, path] = files(&folder, &played, &places(PLACE_SD_M));
+    let output = observe(&FINGER).arg("--json").arg(&table).arg("--path").arg(&path).output().unwrap();
+    let answer: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", text(&output.stderr)));
+    let best = &answer["hypotheses"][0];
+    assert!(best["probability"].as_f64().unwrap() > 0.99, "{answer}");
+    let numbers = |value: &Value| value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect::<Vec<_>>();
+    let pose = numbers(&best["pose_end"]);
+    let truth = played.pose(answer["t"].as_f64().unwrap()).unwrap();
+    let found = Isometry2::new([pose[0], pose[1]].into(), pose[2]);
+    let distance = (found.translation.vector - truth.translation.vector).norm();
+    let angle = found.rotation.angle_to(&truth.rotation).abs();
+    assert!(distance < 1e-3 && angle < 0.015, "off by {distance:e} m, {angle:e} rad: {answer}");
+    // Inside its own uncertainty, which is some 0.8° with places to 5 µm and a clock to find.
+    let sd = |k: usize| numbers(&best["covariance"][k])[k].sqrt();
+    assert!(sd(2) < 0.02 && angle < 4.0 * sd(2), "{angle} of {} rad", sd(2));
+    let clock = best["clock_offset"].as_f64().unwrap();
+    assert!((clock - EARLY_S).abs() < 2e-3, "{clock} s");
+    assert!((answer["hypotheses"][0]["onset"].as_f64().unwrap() - REST_S).abs() < 5e-3, "{answer}");
+
+    let shown = observe(&FINGER).arg(&table).arg("--path").arg(&path).output().unwrap();
+    assert_fits_a_terminal(&text(&shown.stdout));
+    let said = unfolded(&text(&shown.stdout));
+    assert!(said.contains("One pose explains forces and places") && said.contains("The path's clock is 7."), "{said}");
+}
+
+#[test]
+fn a_path_that_cannot_be_used_is_named_with_the_reason() {
+    let (folder, played) = (tempfile::tempdir().unwrap(), pushed());
+    let whole = places(0.0);
+    let head = |lines: usize| whole.lines().take(lines).collect::<Vec<_>>().join("\n");
+    let says = |places: &str| {
+        let [table, path] = files(&folder, &played, places);
+        let output = observe(&FINGER).arg(&table).arg("--path").arg(&path).output().unwrap();
+        assert!(!output.status.success() || places.len() > 200);
+        unfolded(&text(&output.stderr))
+    };
+    assert!(says(&head(5)).contains("has 4 places: 8 are needed"), "{}", says(&head(5)));
+    assert!(says("t, x\n0, 1\n").contains("no column for y"));
+    // One that ends in the middle of the push.
+    let short = says(&head(110));
+    assert!(short.contains("are left out: the path, from 0.500 s to"), "{short}");
+    let both = observe(&FINGER).args(["f.csv", "--path", "p.csv", "--motion", "m.toml"]).output().unwrap();
+    assert_eq!(both.status.code(), Some(64), "{}", text(&both.stderr));
+    let live = observe(&["--path", "p.csv"]).output().unwrap();
+    assert_eq!(live.status.code(), Some(64), "{}", text(&live.stderr));
+}
