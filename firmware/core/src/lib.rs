@@ -40,6 +40,10 @@ pub mod settings;
 
 mod clock;
 mod job;
+/// The chips of the tests, for those in the modules too.
+#[cfg(test)]
+#[path = "../tests/rig/chip.rs"]
+mod test_chip;
 
 pub use device::{Device, Identity};
 pub use link::Link;

@@ -6,6 +6,9 @@
 //! - **Staleness.** The chip remembers two conversions. After a missed edge it would stay one behind, so two
 //!   frames are read then and the newer one is taken. The same holds after a damaged frame, which may have
 //!   taken none out; if damage then hides which is the newer one, neither is taken, and one is counted.
+//! - **An edge that is not early is a conversion**, whatever STATUS says of it: whether its bits tell of this
+//!   frame's data or of those that the frame before left is not documented, and both work. Bits that are set
+//!   prove unread data; in the second of two frames in a row, clear ones prove that the first took the last.
 //! - **Gaps in unknown timing.** While the rate changes, time does not tell how many conversions were
 //!   missed, but two in the chip's memory tell that some were: the numbers then leave a gap all the same.
 //! - **Doubt.** Damage may have written a setting. Samples wait until the settings are read back, four frames
@@ -20,6 +23,7 @@
 //! thread); `now` of an edge is taken when it happens. Bounded work: one frame, two after a missed edge or a
 //! damaged frame; a reset takes up to 3 × 16 frames. Errors: none; they become notices and counts.
 
+use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
 use heapless::Deque;
 use palpate_shared::units::{Counts, DeviceTime, Seq};
@@ -102,7 +106,7 @@ enum Fault {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Sample {
     counts: [Counts; 2],
-    /// Whether the codes were unread; `None` where the frame does not say.
+    /// Whether STATUS says that the codes were unread ([`Frame::is_new`]); `None` where the frame does not say.
     is_new: Option<bool>,
 }
 
@@ -152,7 +156,7 @@ pub struct Sampler<'q, Spi> {
     lately: [Stretch; 2],
 }
 
-impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
+impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
     /// Touches nothing yet; the first call of [`Self::idle`] or [`Self::data_ready`] looks for the chip.
     pub fn new(spi: Spi, end: SamplerEnd<'q>, settings: DeviceSettings) -> Self {
         Self {
@@ -223,11 +227,10 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
 
     /// An edge at its time: one frame.
     fn read_in_time(&mut self, now: DeviceTime) {
-        match self.exchange(Share::WithJob) {
-            // A glitch on the line: no conversion, no number.
-            Ok(Sample { is_new: Some(false), .. }) => {}
-            outcome if self.is_too_early(outcome, now) => {}
-            outcome => self.conclude(outcome, 1, now),
+        let outcome = self.exchange(Share::WithJob);
+        // A glitch on the line: no conversion, no number.
+        if !self.is_too_early(outcome, now) {
+            self.conclude(outcome, 1, now);
         }
     }
 
@@ -244,15 +247,13 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
             (_, Ok(Sample { is_new: Some(false), .. })) => (1, true, older),
             // A damaged frame may have left the older one in place, and this would be it.
             (Err(Fault::Damaged { .. }), Ok(_)) => (1, false, older),
-            (Ok(Sample { is_new: Some(true) | None, .. }), Ok(_)) => (2, false, newer),
+            (Ok(_), Ok(_)) => (2, false, newer),
             _ => (1, false, newer),
         };
         self.may_be_behind = matches!(outcome, Err(Fault::Damaged { .. })) && !is_only_one;
-        match outcome {
-            // A glitch on the line, as in `read_in_time`.
-            Ok(Sample { is_new: Some(false), .. }) => return,
-            outcome if self.is_too_early(outcome, now) => return,
-            _ => {}
+        // A glitch on the line, as in `read_in_time`.
+        if self.is_too_early(outcome, now) {
+            return;
         }
         if is_only_one && self.presence == Presence::Present && !self.clock.is_very_late(now) {
             self.clock.edge_of(now, 1);
@@ -265,7 +266,7 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
     fn is_too_early(&self, outcome: Result<Sample, Fault>, now: DeviceTime) -> bool {
         let is_certain = match outcome {
             // A chip that a damaged write set to another rate has new codes, but no conversion of ours.
-            Ok(sample) => sample.is_new.is_some() && !self.is_in_doubt(),
+            Ok(sample) => sample.is_new == Some(true) && !self.is_in_doubt(),
             Err(Fault::Damaged { .. }) => false,
             Err(Fault::LostSettings) => true,
         };
@@ -688,5 +689,15 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
     }
 }
 
+// The tests run on every chip that the datasheet allows; `tests/rig/chip.rs` reads which one from the module's name.
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+#[path = "sampler/tests.rs"]
+mod tests_reset_at_last_clock;
+#[cfg(test)]
+#[path = "sampler/tests.rs"]
+mod tests_status_at_frame_end;
+#[cfg(test)]
+#[path = "sampler/tests.rs"]
+mod tests_status_at_frame_end_reset_at_last_clock;

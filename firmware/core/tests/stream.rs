@@ -4,7 +4,7 @@ mod rig;
 
 use palpate_shared::sim::{Faults, FingerConfig, FloatingBus};
 use palpate_shared::units::DeviceTime;
-use palpate_shared::wire::{EventKind, Outcome, Refusal, Request, Source, Status};
+use palpate_shared::wire::{Checks, EventKind, Outcome, Refusal, Request, Source, Status};
 use rig::{Bench, Rig, World};
 
 /// Bytes of a ping's frame, with an id of three bytes.
@@ -210,6 +210,27 @@ fn a_stuck_data_ready_line_is_reported_once_and_counted() {
         assert_eq!(recovered, EventKind::FrontEndRecovered);
         assert_eq!((rig.wrong_samples(), rig.heard.gaps()), (0, 12_000));
         assert!(rig.unnumbered_conversions().windows(2).all(|pair| pair[0] == pair[1]));
+    });
+}
+
+#[test]
+fn a_chip_whose_clock_stops_is_silent_and_never_data() {
+    streaming(Bench::default(), |rig| {
+        rig.run(100);
+        rig.set_faults(Faults { clock_stopped: true, ..Faults::default() });
+        rig.run(4000);
+        let Outcome::SelfTest(result) = rig.ask(Request::SelfTest) else { panic!("no self-test") };
+        assert!(result.failed == Checks::RATE && !result.checked.contains(Checks::RANGE), "{result:?}");
+        let heard = rig.heard.samples().count();
+        rig.run(1000);
+        assert_eq!(rig.heard.samples().count(), heard);
+        assert!(matches!(rig.heard.faults()[..], [EventKind::FrontEndSilent { .. }]), "{:?}", rig.heard.faults());
+        rig.set_faults(Faults::default());
+        rig.run(4000);
+        stop_and_settle_accounts(rig);
+        assert_eq!(rig.heard.faults().last(), Some(&EventKind::FrontEndRecovered));
+        assert!(rig.heard.samples().count() >= heard + 3000);
+        assert!(rig.heard.gaps() >= 5000, "{}", rig.heard.gaps());
     });
 }
 

@@ -9,6 +9,7 @@ use palpate_shared::sim::{Faults, FingerConfig, FloatingBus, PortBusy, Simulated
 
 use super::*;
 use crate::queues::{DeviceEnd, Queues};
+use crate::test_chip::on_chip_of;
 
 /// What happens to the bytes of a frame on their way.
 type Tamper<'a> = Box<dyn FnMut(&mut [u8]) + 'a>;
@@ -35,6 +36,12 @@ impl SpiDevice for Bus<'_> {
             (self.on_the_way_in)(bytes);
         }
         Ok(())
+    }
+}
+
+impl DelayNs for Bus<'_> {
+    fn delay_ns(&mut self, duration_ns: u32) {
+        self.port.delay_ns(duration_ns);
     }
 }
 
@@ -108,7 +115,7 @@ impl<'a> Setup<'a> {
 
 /// Runs a test on a chip of its own.
 fn setup(test: impl FnOnce(Setup<'_>)) {
-    let front_end = RefCell::new(SimulatedFrontEnd::new(FingerConfig::ideal(), 1));
+    let front_end = RefCell::new(SimulatedFrontEnd::new(on_chip_of(module_path!(), FingerConfig::ideal()), 1));
     let mut queues = Queues::new();
     test(Setup::new(&front_end, &mut queues));
 }

@@ -11,9 +11,12 @@
 //! ```
 #![allow(dead_code, unreachable_pub, reason = "each test and fuzz target uses a part of it")]
 
+pub mod chip;
+
 use std::cell::RefCell;
 use std::collections::HashMap;
 
+use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use palpate_firmware_core::device::Identity;
 use palpate_firmware_core::{Device, DeviceSettings, Queues, Sampler, SelectSource, SourceNotPossible};
@@ -45,9 +48,12 @@ pub struct World {
 
 impl World {
     /// Two front-ends of the same kind with different noise.
+    ///
+    /// The chip on the board behaves as the test's module is called ([`chip`]); the built-in one is known.
     pub fn new(config: FingerConfig, seed: u64) -> Self {
+        let on_board = chip::on_chip_of(module_path!(), config);
         Self {
-            hardware: RefCell::new(SimulatedFrontEnd::new(config, seed)),
+            hardware: RefCell::new(SimulatedFrontEnd::new(on_board, seed)),
             simulation: RefCell::new(SimulatedFrontEnd::new(config, seed.wrapping_add(1))),
             queues: Queues::new(),
         }
@@ -88,6 +94,15 @@ impl SpiDevice for Bus<'_> {
         match &mut self.simulation {
             Some(simulation) if self.is_simulated => simulation.transaction(operations),
             _ => self.hardware.transaction(operations),
+        }
+    }
+}
+
+impl DelayNs for Bus<'_> {
+    fn delay_ns(&mut self, duration_ns: u32) {
+        match &mut self.simulation {
+            Some(simulation) if self.is_simulated => simulation.delay_ns(duration_ns),
+            _ => self.hardware.delay_ns(duration_ns),
         }
     }
 }

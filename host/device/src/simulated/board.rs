@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError};
 use std::time::{Duration, Instant};
 
+use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use palpate_firmware_core::sampler::IDLE_US;
 use palpate_firmware_core::{Device, DeviceSettings, Identity, Queues, Sampler, SelectSource, SourceNotPossible};
@@ -164,6 +165,12 @@ impl ErrorType for SimulatedOnly<'_> {
 impl SpiDevice for SimulatedOnly<'_> {
     fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), PortBusy> {
         self.0.transaction(operations)
+    }
+}
+
+impl DelayNs for SimulatedOnly<'_> {
+    fn delay_ns(&mut self, duration_ns: u32) {
+        self.0.delay_ns(duration_ns);
     }
 }
 
