@@ -80,7 +80,7 @@ const MODE_VALUE: u16 = 1 << 12 | 0b01 << 8 | 1 << 4;
 const CLOCK_BASE: u16 = 0b11 << 8 | 0b10;
 
 /// Bytes of a frame.
-pub const FRAME_BYTES: usize = 12;
+pub const FRAME_BYTES: usize = palpate_shared::wire::RAW_FRAME_BYTES;
 
 /// Pause after a reset, in ns, once with chip select low and once with it high: twice the datasheet's t_REGACQ of 5 µs.
 const AFTER_RESET_NS: u32 = 10_000;
@@ -147,16 +147,34 @@ impl Command {
 
     /// The bytes that go out.
     fn frame(self) -> [u8; FRAME_BYTES] {
-        let mut frame = [0; FRAME_BYTES];
-        [frame[0], frame[1]] = self.word().to_be_bytes();
-        if let Self::Write(_, value) = self {
-            [frame[3], frame[4]] = value.to_be_bytes();
-            [frame[6], frame[7]] = CRC.checksum(&frame[..6]).to_be_bytes();
-        } else {
-            [frame[3], frame[4]] = CRC.checksum(&frame[..3]).to_be_bytes();
-        }
-        frame
+        let value = if let Self::Write(_, value) = self { Some(value) } else { None };
+        frame_of(self.word(), value)
     }
+}
+
+/// The frame of any command word, and of the one value that follows it, if any: with its checksum, in words of 24 bits.
+///
+/// ```
+/// use palpate_firmware_core::ads131m02::frame_of;
+/// assert_eq!(frame_of(0xA000, None), [0xA0, 0x00, 0, 0x71, 0x00, 0, 0, 0, 0, 0, 0, 0]); // read the ID register
+/// ```
+#[must_use]
+pub fn frame_of(command: u16, value: Option<u16>) -> [u8; FRAME_BYTES] {
+    let mut frame = [0; FRAME_BYTES];
+    [frame[0], frame[1]] = command.to_be_bytes();
+    if let Some(value) = value {
+        [frame[3], frame[4]] = value.to_be_bytes();
+        [frame[6], frame[7]] = CRC.checksum(&frame[..6]).to_be_bytes();
+    } else {
+        [frame[3], frame[4]] = CRC.checksum(&frame[..3]).to_be_bytes();
+    }
+    frame
+}
+
+/// Whether a frame that came in, in words of 24 bits, has the checksum of its response and codes.
+#[must_use]
+pub fn has_its_checksum(bytes: &[u8; FRAME_BYTES]) -> bool {
+    CRC.checksum(&bytes[..9]).to_be_bytes() == bytes[9..11]
 }
 
 /// An address where commands have it.
@@ -467,7 +485,7 @@ pub(crate) fn is_mode(word: u16) -> bool {
 fn parse<E>(answers: Command, bytes: [u8; FRAME_BYTES]) -> Result<Frame, Error<E>> {
     let [r0, r1, _, a0, a1, a2, b0, b1, b2, c0, c1, _] = bytes;
     let response = u16::from_be_bytes([r0, r1]);
-    if CRC.checksum(&bytes[..9]) != u16::from_be_bytes([c0, c1]) {
+    if !has_its_checksum(&bytes) {
         return Err(Error::Checksum { response });
     }
     // A checksum over data and their checksum is 0, and stays so over zeros: what a chip sends in words of

@@ -416,6 +416,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
             Request::SetSource { source } => RequestKind::Select(source),
             Request::ReadRegister { address } => RequestKind::ReadRegister(check_address(address)?),
             Request::SelfTest => RequestKind::SelfTest,
+            Request::RawFrame { bytes } => RequestKind::RawFrame(bytes),
         };
         self.ask(kind)
     }
@@ -435,7 +436,9 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     /// Passes a request on to the sampler.
     #[inline(never)]
     fn ask(&mut self, kind: RequestKind) -> Result<Taken, Refusal> {
-        let needs_front_end = !matches!(kind, RequestKind::Stream(false) | RequestKind::Select(_));
+        // Raw frames are there to find out why none answers.
+        let needs_front_end =
+            !matches!(kind, RequestKind::Stream(false) | RequestKind::Select(_) | RequestKind::RawFrame(_));
         if needs_front_end && self.front_end.is_missing {
             return Err(Refusal::NoFrontEnd);
         }
@@ -655,6 +658,7 @@ fn outcome_of(finding: Finding) -> Outcome {
         Finding::Done => Outcome::Done,
         Finding::Register { address, value } => Outcome::Register { address, value },
         Finding::SelfTest(result) => Outcome::SelfTest(result),
+        Finding::RawFrame(bytes) => Outcome::RawFrame { bytes },
         Finding::Refused(refusal) => Outcome::Refused(refusal),
     }
 }

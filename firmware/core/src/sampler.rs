@@ -15,6 +15,8 @@
 //!   later, and count as damaged if those were others, or if more than 16 wait.
 //! - **Settling.** Three conversions after a reset or a change carry [`Status::SETTLING`].
 //! - **Requests** of the main side share the frames that read samples (`job`); no sample is lost to them.
+//! - **Raw frames.** From the first one on the chip is left to the host, so that the next one brings the answer to
+//!   it. [`HANDED_OVER_US`] after the last one, or at the next request that needs the chip, it is initialised anew.
 //! - **Faults.** A chip that forgot its settings gets them again. One that is absent is looked for, and one
 //!   that is silent is reset, every [`RETRY_US`]. No front-end is never data: only frames with a right
 //!   checksum from a chip with the right identity become samples.
@@ -29,7 +31,7 @@ use heapless::Deque;
 use palpate_shared::units::{Counts, DeviceTime, Seq};
 use palpate_shared::wire::{Checks, EventKind, Refusal, SelfTest, Source, Status};
 
-use crate::ads131m02::{Ads131m02, Command, Error, Frame, is_id, is_mode, setting_words};
+use crate::ads131m02::{Ads131m02, Command, Error, FRAME_BYTES, Frame, is_id, is_mode, setting_words};
 use crate::clock::{ConversionClock, WINDOW};
 use crate::job::{Goal, Job, Progress};
 use crate::log::{info, warning};
@@ -46,6 +48,9 @@ pub const RETRY_US: u32 = 200_000;
 
 /// How often [`Sampler::idle`] should be called at least, in µs.
 pub const IDLE_US: u32 = 10_000;
+
+/// Time after the host's last raw frame for which the chip is left to it, in µs.
+pub const HANDED_OVER_US: u32 = 1_000_000;
 
 /// Time without data after which the missing conversions are counted, in µs; well within the clock's wrap.
 const COUNT_SILENCE_US: u32 = 1_000_000;
@@ -91,6 +96,8 @@ enum Presence {
     Present,
     /// It announces no data.
     Silent,
+    /// The host talks to it frame by frame, and nobody else does.
+    HandedOver,
 }
 
 /// Why a frame brought no sample.
@@ -194,8 +201,8 @@ impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
     pub fn data_ready(&mut self, now: DeviceTime) {
         match self.presence {
             Presence::Unknown => return self.look_for_chip(now),
-            // Noise on a line that nothing drives.
-            Presence::Missing => return,
+            // Noise on a line that nothing drives; or not ours to read.
+            Presence::Missing | Presence::HandedOver => return,
             Presence::Present | Presence::Silent => {}
         }
         if self.clock.is_late(now) || self.clock.is_restarted() || self.may_be_behind {
@@ -219,7 +226,8 @@ impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
             Presence::Present if !self.clock.is_quiet_for(SILENT_AFTER_PERIODS, now) => return,
             Presence::Present => self.fall_silent(now),
             Presence::Missing | Presence::Silent if now.since(self.tried) >= RETRY_US => self.look_for_chip(now),
-            Presence::Missing | Presence::Silent => {}
+            Presence::HandedOver if now.since(self.tried) >= HANDED_OVER_US => self.take_back(now),
+            Presence::Missing | Presence::Silent | Presence::HandedOver => {}
         }
         self.count_silence(now);
         self.serve_without_edges(now);
@@ -459,7 +467,12 @@ impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
 
     /// Begins what a request asks for; answers at once what needs no frames.
     fn take_up(&mut self, request: FrontEndRequest, now: DeviceTime) {
+        let is_raw = matches!(request.kind, RequestKind::RawFrame(_));
+        if self.presence == Presence::HandedOver && !is_raw {
+            self.take_back(now);
+        }
         let finding = match request.kind {
+            RequestKind::RawFrame(bytes) => self.exchange_raw(bytes, now),
             RequestKind::Stream(on) => self.stream(on, now),
             RequestKind::Select(source) => self.select(source, now),
             _ if self.presence == Presence::Missing => Finding::Refused(Refusal::NoFrontEnd),
@@ -470,6 +483,22 @@ impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
             }
         };
         self.answer(request.ticket, finding);
+    }
+
+    /// Exchanges a frame for the host, which has the chip to itself from then on.
+    fn exchange_raw(&mut self, bytes: [u8; FRAME_BYTES], now: DeviceTime) -> Finding {
+        if self.streaming {
+            return Finding::Refused(Refusal::Streaming);
+        }
+        self.presence = Presence::HandedOver;
+        self.tried = now;
+        self.chip.exchange_raw(bytes).map_or(Finding::Refused(Refusal::FrontEndSilent), Finding::RawFrame)
+    }
+
+    /// Takes the chip back from the host, and gives it its settings.
+    fn take_back(&mut self, now: DeviceTime) {
+        self.presence = Presence::Unknown;
+        self.look_for_chip(now);
     }
 
     /// Starts or stops streaming.
@@ -599,7 +628,7 @@ impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
             }
             // Its data are still to come.
             Presence::Missing => self.presence = Presence::Silent,
-            Presence::Present | Presence::Silent => return,
+            Presence::Present | Presence::Silent | Presence::HandedOver => return,
         }
         info!("front-end found, id {=u16:x}", id_word);
         self.end.notice(Notice::Found { id_word });

@@ -256,7 +256,9 @@ fn a_pause_within_the_frame_counts_if_the_last_clock_resets() {
         let mut frame = [0; 12];
         [frame[0], frame[1]] = [0x00, 0x11];
         bench.chip.select();
-        frame.map(|byte| bench.chip.exchange(byte));
+        for byte in frame {
+            bench.chip.exchange(byte);
+        }
         assert_eq!(bench.chip.gain(0), if reset_at == ResetMoment::LastClock { 1 } else { 32 });
         bench.chip.wait(PAUSE_NS);
         bench.chip.deselect();
