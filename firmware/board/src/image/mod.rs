@@ -68,9 +68,10 @@ fn main() -> ! {
 
     // Both are there: nothing has run before.
     let (Some(mut core), Some(board)) = (cortex_m::Peripherals::take(), Peripherals::take()) else { halt() };
+    stack::guard(&core.MPU);
     let before = fault::begin(&board.RCC);
     let machine = Machine::detect(&board.DBGMCU);
-    let clock = machine.clock(clock::start(&board.RCC, &board.FLASH), &core.SYST);
+    let clock = machine.clock(clock::start(&board.RCC, &board.FLASH, &board.TIM11), &core.SYST);
     pins::set_up(&board.RCC, &board.GPIOA, &board.GPIOC, &board.SYSCFG, &board.EXTI);
     time::start(&mut core.SYST, &mut core.SCB, clock.core_hz);
     let watchdog = Watchdog::start(board.IWDG, &board.DBGMCU);
@@ -79,7 +80,7 @@ fn main() -> ! {
     let usb = usb::start(registers, &board.RCC, (usb_clock, machine.device_id().0), USB);
     let identity = Identity {
         device: machine.device_id(),
-        board: machine.name(usb.is_some()),
+        board: machine.name(usb.is_some(), clock.crystal),
         clock: clock.source,
         link_baud: clock.link_baud,
         restart: before.reason,
