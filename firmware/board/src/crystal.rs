@@ -39,8 +39,9 @@ pub(crate) enum Crystal {
 }
 
 impl Crystal {
-    /// Of one that makes so many periods while the internal oscillator makes `ticks`.
-    pub(crate) fn measured(Periods(periods): Periods, ticks: u32) -> Self {
+    /// What was counted while it swung, if it does: its periods, and the internal oscillator's ticks meanwhile.
+    pub(crate) fn of(counted: Option<(Periods, u32)>) -> Self {
+        let Some((Periods(periods), ticks)) = counted else { return Self::Absent };
         let khz = (INTERNAL_KHZ * periods).checked_div(ticks).unwrap_or(0);
         let is_near = |mhz: &u8| {
             let nominal_khz = u32::from(*mhz) * 1000;
@@ -67,7 +68,7 @@ mod tests {
             for internal_khz in [14_720, 15_840, 16_000, 16_160, 16_720] {
                 for off in [0, 1, 2] {
                     let ticks = ticks(u32::from(mhz) * 1000, internal_khz) + off - 1;
-                    assert_eq!(Crystal::measured(Periods(992), ticks), Crystal::Usable { mhz }, "{internal_khz} kHz");
+                    assert_eq!(Crystal::of(Some((Periods(992), ticks))), Crystal::Usable { mhz }, "{internal_khz} kHz");
                 }
             }
         }
@@ -77,12 +78,13 @@ mod tests {
     fn other_crystals_are_refused_with_what_was_measured() {
         for khz in [4000, 6000, 10_000, 16_000, 20_000, 24_000, 25_000, 26_000] {
             for internal_khz in [14_720, 16_000, 16_720] {
-                let Crystal::Odd { khz: found } = Crystal::measured(Periods(992), ticks(khz, internal_khz)) else {
+                let Crystal::Odd { khz: found } = Crystal::of(Some((Periods(992), ticks(khz, internal_khz)))) else {
                     panic!("{khz} kHz beside {internal_khz} kHz passes")
                 };
                 assert!(found.abs_diff(khz) <= khz / 10, "{found} for {khz} kHz");
             }
         }
-        assert_eq!(Crystal::measured(Periods(992), 0), Crystal::Odd { khz: 0 });
+        assert_eq!(Crystal::of(Some((Periods(992), 0))), Crystal::Odd { khz: 0 });
+        assert_eq!(Crystal::of(None), Crystal::Absent);
     }
 }

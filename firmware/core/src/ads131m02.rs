@@ -13,13 +13,13 @@
 //! Errors: [`Error`]; nothing panics, nothing waits.
 //!
 //! ```
-//! use palpate_firmware_core::{DeviceSettings, ads131m02::{Ads131m02, Command}};
+//! use palpate_firmware_core::{ConverterClock, DeviceSettings, ads131m02::{Ads131m02, Command}};
 //! # use core::cell::RefCell;
 //! # use palpate_shared::sim::{FingerConfig, SimulatedFrontEnd, SpiPort};
 //! # let front_end = RefCell::new(SimulatedFrontEnd::new(FingerConfig::default(), 1));
 //! # let spi = SpiPort::new(&front_end);
 //! let mut chip = Ads131m02::new(spi);
-//! assert_eq!(chip.init(DeviceSettings::at_start(921_600))? >> 8, 0x22); // two channels
+//! assert_eq!(chip.init(DeviceSettings::at_start(921_600, ConverterClock::NOMINAL))? >> 8, 0x22); // two channels
 //! # front_end.borrow_mut().step();
 //! // At each falling edge of DRDY:
 //! let frame = chip.read_frame(Command::Null)?;

@@ -210,6 +210,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::settings::ConverterClock;
 
     fn at(us: u64) -> DeviceTime {
         DeviceTime(u32::try_from(us % (1 << 32)).unwrap())
@@ -217,7 +218,7 @@ mod tests {
 
     /// A clock at 4 kHz that has seen its first edge at 0 µs.
     fn running() -> ConversionClock {
-        let mut clock = ConversionClock::new(Rate::DEFAULT, at(0));
+        let mut clock = ConversionClock::new(Rate::usual(ConverterClock::NOMINAL), at(0));
         clock.edge(at(0));
         clock
     }
@@ -264,7 +265,7 @@ mod tests {
     #[test]
     fn a_long_gap_is_counted_with_the_measured_period() {
         // 1 % slow: counted with the nominal period, the gap would be 1010 conversions.
-        let mut clock = ConversionClock::new(Rate::DEFAULT, at(0));
+        let mut clock = ConversionClock::new(Rate::usual(ConverterClock::NOMINAL), at(0));
         let edge_at = |n: u64| at(n * 505 / 2);
         for n in 0..3000 {
             clock.edge(edge_at(n));
@@ -300,7 +301,7 @@ mod tests {
             log2 in 0_u32..5, start in any::<u32>(), error_ppm in -10_000_i64..10_000,
             jitter in prop::collection::vec(0_u64..20, 4000), missed in prop::collection::vec(1_usize..4000, 0..20),
         ) {
-            let rate = Rate::from_hz(500 << log2).unwrap();
+            let rate = Rate::from_hz(500 << log2, ConverterClock::NOMINAL).unwrap();
             let period_ns = u64::from(rate.period_ns()) * u64::try_from(1_000_000 + error_ppm).unwrap() / 1_000_000;
             let edge_at = |n: usize| {
                 let late_ns = jitter[n] * period_ns / 100;
@@ -319,7 +320,7 @@ mod tests {
         #[test]
         fn the_period_is_measured(error_ppm in -10_000_i64..10_000, start in any::<u32>()) {
             let period_ns = u64::try_from(250 * (1_000_000 + error_ppm) / 1000).unwrap();
-            let mut clock = ConversionClock::new(Rate::DEFAULT, at(start.into()));
+            let mut clock = ConversionClock::new(Rate::usual(ConverterClock::NOMINAL), at(start.into()));
             for n in 0..3000 {
                 clock.edge(at(u64::from(start) + n * period_ns / 1000));
             }

@@ -49,4 +49,4 @@ pub use device::{Device, Identity};
 pub use link::Link;
 pub use queues::Queues;
 pub use sampler::{Sampler, SelectSource, SourceNotPossible};
-pub use settings::{DeviceSettings, Gain, Rate};
+pub use settings::{ConverterClock, DeviceSettings, Gain, Rate};

@@ -242,6 +242,11 @@ impl SimulatedFrontEnd {
         self.loading.set_script(script, self.time_us());
     }
 
+    /// Gives the converter another clock than its nominal one, in hertz.
+    pub fn set_clock_hz(&mut self, hz: u32) {
+        self.chip.set_clock_hz(hz);
+    }
+
     /// What is broken from now on.
     pub fn set_faults(&mut self, faults: Faults) {
         if self.faults.chip_absent.is_some() && faults.chip_absent.is_none() {

@@ -109,7 +109,7 @@ pub(super) fn start(rcc: &RCC, flash: &FLASH, counter: &TIM11) -> Clock {
     stop_pll(rcc);
     rcc.cr().modify(|_, w| w.hseon().set_bit());
     let swings = within(CRYSTAL_POLLS, || rcc.cr().read().hserdy().bit_is_set());
-    let crystal = if swings { measure(rcc, counter) } else { Crystal::Absent };
+    let crystal = Crystal::of(swings.then(|| measure(rcc, counter)));
     if let Crystal::Odd { khz } = crystal {
         defmt::warn!("a crystal of {=u32} kHz, neither 8 nor 12 MHz; it is not used", khz);
         rcc.cr().modify(|_, w| w.hseon().clear_bit());
@@ -126,8 +126,9 @@ fn stop_pll(rcc: &RCC) {
     rcc.cr().modify(|_, w| w.pllon().clear_bit());
 }
 
-/// Counts the internal oscillator, which the core and with it TIM11 run on, over some periods of the crystal.
-fn measure(rcc: &RCC, counter: &TIM11) -> Crystal {
+/// Counts the internal oscillator, which the core and with it TIM11 run on, over some periods of the crystal: these, and
+/// the ticks, 0 if that went wrong.
+fn measure(rcc: &RCC, counter: &TIM11) -> (Periods, u32) {
     rcc.cfgr().modify(|_, w| w.rtcpre().set(CRYSTAL_DIVIDER));
     rcc.apb2enr().modify(|_, w| w.tim11en().set_bit());
     // Two cycles of its bus until it hears (ES0182, 2.1.13).
@@ -155,7 +156,7 @@ fn measure(rcc: &RCC, counter: &TIM11) -> Crystal {
     counter.cr1().write(|w| w.cen().clear_bit());
     rcc.apb2enr().modify(|_, w| w.tim11en().clear_bit());
     let periods = Periods(u32::from(CRYSTAL_DIVIDER) * EDGES_PER_CAPTURE * CAPTURES);
-    Crystal::measured(periods, if is_whole { ticks } else { 0 })
+    (periods, if is_whole { ticks } else { 0 })
 }
 
 /// Runs the core from the PLL; false, and nothing changed, if that does not lock.

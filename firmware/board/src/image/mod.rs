@@ -33,7 +33,7 @@ use cortex_m_rt::entry;
 use defmt_rtt as _;
 use heapless::spsc::Queue;
 use palpate_firmware_core::device::Order;
-use palpate_firmware_core::{Device, DeviceSettings, Identity, Link, Queues, Sampler};
+use palpate_firmware_core::{ConverterClock, Device, DeviceSettings, Identity, Link, Queues, Sampler};
 use palpate_firmware_usb::unit::{self as usb, Usb};
 use palpate_shared::sim::SimulatedFrontEnd;
 use palpate_shared::wire::{Axis, Bridge, Channel, ClockSource, Health, Source};
@@ -51,6 +51,15 @@ const OUTBOX_BYTES: usize = 4096;
 
 /// Bridge excitation on the board, in mV: `docs/HARDWARE.md` says why not more.
 const EXCITATION_MV: u16 = 2500;
+
+/// The oscillator at the converter: what `PALPATE_CONVERTER_CLOCK_HZ` said when the image was built, or 8.192 MHz.
+const CONVERTER_CLOCK: ConverterClock = match option_env!("PALPATE_CONVERTER_CLOCK_HZ") {
+    None => ConverterClock::NOMINAL,
+    Some(digits) => match u32::from_str_radix(digits, 10) {
+        Ok(hz) => ConverterClock::from_hz(hz).expect("PALPATE_CONVERTER_CLOCK_HZ is not within 7782400 to 8400000"),
+        Err(_) => panic!("PALPATE_CONVERTER_CLOCK_HZ is not a whole number of hertz"),
+    },
+};
 
 /// What the two channels measure.
 const CHANNELS: [Channel; 2] =
@@ -86,6 +95,7 @@ fn main() -> ! {
         restart: before.reason,
         restarts: before.restarts,
         source: Source::Hardware,
+        converter_clock: CONVERTER_CLOCK,
         excitation_mv: EXCITATION_MV,
         channels: CHANNELS,
     };
@@ -94,7 +104,7 @@ fn main() -> ! {
     let (sampler_end, device_end) = QUEUES.split();
     let simulation = settle(SIMULATION, front_end::simulation);
     let bus = Bus::new(board.SPI1, board.GPIOA, simulation);
-    let sampler = Sampler::new(bus, sampler_end, DeviceSettings::at_start(clock.link_baud));
+    let sampler = Sampler::new(bus, sampler_end, DeviceSettings::at_start(clock.link_baud, CONVERTER_CLOCK));
     sampling::start(SAMPLING.write(Sampling::new(sampler, board.EXTI)), &mut core.NVIC);
     let line = line::start(board.USART1, clock.line_divider(), (RECEIVED, TO_SEND), &mut core.NVIC);
     let device = settle(DEVICE, || Device::new(identity, device_end));

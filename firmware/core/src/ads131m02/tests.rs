@@ -8,7 +8,7 @@ use palpate_shared::sim::{Faults, FingerConfig, FloatingBus, SimulatedFrontEnd, 
 use proptest::prelude::*;
 
 use super::*;
-use crate::settings::{Gain, Rate};
+use crate::settings::{ConverterClock, Gain, Rate};
 use crate::test_chip::{behaviour, on_chip_of};
 
 /// The frames of [`Ads131m02::init`] at 4 kHz and gain 32: what goes out, what comes in.
@@ -88,7 +88,7 @@ impl DelayNs for MockBus<'_> {
 }
 
 fn settings(hz: u32, gain: u8) -> DeviceSettings {
-    DeviceSettings { rate: Rate::from_hz(hz).unwrap(), gain: Gain::from_factor(gain).unwrap() }
+    DeviceSettings { rate: Rate::from_hz(hz, ConverterClock::NOMINAL).unwrap(), gain: Gain::from_factor(gain).unwrap() }
 }
 
 #[test]
@@ -244,7 +244,7 @@ fn resets_for_any_mode_are_understood_by_the_chip_model_in_that_mode() {
 fn the_chip_model_takes_every_rate_and_gain() {
     let front_end = RefCell::new(SimulatedFrontEnd::new(on_chip_of(module_path!(), FingerConfig::ideal()), 1));
     let mut chip = Ads131m02::new(SpiPort::new(&front_end));
-    for rate in Rate::all() {
+    for rate in Rate::on(ConverterClock::NOMINAL) {
         for log2 in 0..8 {
             let wanted = DeviceSettings { rate, gain: Gain::from_factor(1 << log2).unwrap() };
             chip.init(wanted).unwrap();
@@ -334,7 +334,7 @@ proptest! {
             fn delay_ns(&mut self, _: u32) {}
         }
         let mut chip = Ads131m02::new(Anything(input.into_iter()));
-        prop_assert!(chip.init(DeviceSettings::at_start(0)).is_err());
+        prop_assert!(chip.init(DeviceSettings::at_start(0, ConverterClock::NOMINAL)).is_err());
     }
 }
 

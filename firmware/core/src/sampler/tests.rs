@@ -9,6 +9,7 @@ use palpate_shared::sim::{Faults, FingerConfig, FloatingBus, PortBusy, Simulated
 
 use super::*;
 use crate::queues::{DeviceEnd, Queues};
+use crate::settings::ConverterClock;
 use crate::test_chip::on_chip_of;
 
 /// What happens to the bytes of a frame on their way.
@@ -69,7 +70,7 @@ impl<'a> Setup<'a> {
         let (end, main) = queues.split();
         let bus =
             Bus { port: SpiPort::new(front_end), on_the_way_out: Box::new(|_| ()), on_the_way_in: Box::new(|_| ()) };
-        let mut sampler = Sampler::new(bus, end, DeviceSettings::at_start(0));
+        let mut sampler = Sampler::new(bus, end, DeviceSettings::at_start(0, ConverterClock::NOMINAL));
         sampler.idle(DeviceTime(0));
         sampler.streaming = true;
         Self { front_end, sampler, main, time: 0 }

@@ -19,7 +19,7 @@ use std::collections::HashMap;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use palpate_firmware_core::device::Identity;
-use palpate_firmware_core::{Device, DeviceSettings, Queues, Sampler, SelectSource, SourceNotPossible};
+use palpate_firmware_core::{ConverterClock, Device, DeviceSettings, Queues, Sampler, SelectSource, SourceNotPossible};
 use palpate_shared::frame::{FRAME_MAX, FrameReader, encode};
 use palpate_shared::sim::{Faults, FingerConfig, PortBusy, SimulatedFrontEnd, SpiPort, SyncResetPin};
 use palpate_shared::units::{Counts, DeviceTime, Seq};
@@ -66,13 +66,20 @@ pub struct Bench {
     pub link_baud: u32,
     /// Whether the firmware has a simulated finger.
     pub has_simulation: bool,
+    /// The converter's clock, as the firmware is told; the chip on the board has it too.
+    pub converter_clock: ConverterClock,
     /// The device's clock at the start.
     pub start: DeviceTime,
 }
 
 impl Default for Bench {
     fn default() -> Self {
-        Self { link_baud: 921_600, has_simulation: true, start: DeviceTime(0) }
+        Self {
+            link_baud: 921_600,
+            has_simulation: true,
+            converter_clock: ConverterClock::NOMINAL,
+            start: DeviceTime(0),
+        }
     }
 }
 
@@ -236,6 +243,7 @@ impl<'w> Rig<'w> {
         let World { hardware, simulation, queues } = world;
         let (hardware, simulation) = (&*hardware, &*simulation);
         let (sampler_end, device_end) = queues.split();
+        hardware.borrow_mut().set_clock_hz(bench.converter_clock.hz());
         let bus = Bus {
             hardware: SpiPort::new(hardware),
             simulation: bench.has_simulation.then(|| SpiPort::new(simulation)),
@@ -245,8 +253,11 @@ impl<'w> Rig<'w> {
         Self {
             hardware,
             simulation,
-            sampler: Sampler::new(bus, sampler_end, DeviceSettings::at_start(bench.link_baud)),
-            device: Device::new(identity(bench.link_baud), device_end),
+            sampler: Sampler::new(bus, sampler_end, DeviceSettings::at_start(bench.link_baud, bench.converter_clock)),
+            device: Device::new(
+                Identity { converter_clock: bench.converter_clock, ..identity(bench.link_baud) },
+                device_end,
+            ),
             heard: Heard::default(),
             link_open: true,
             main_loop_hangs: false,
@@ -439,6 +450,7 @@ pub fn identity(link_baud: u32) -> Identity {
         link_baud,
         restart: RestartReason::PowerOn,
         restarts: 0,
+        converter_clock: ConverterClock::NOMINAL,
         excitation_mv: 2500,
         channels: [channel(Axis::X), channel(Axis::Y)],
         source: Source::Hardware,

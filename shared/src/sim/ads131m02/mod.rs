@@ -59,10 +59,11 @@ use registers::{
 
 use crate::units::Counts;
 
-/// Frequency of the clock pin, in hertz: the chip's nominal 8.192 MHz.
+/// Frequency of the clock pin, in hertz, where no other is set: the chip's nominal 8.192 MHz.
 pub const CLKIN_HZ: u32 = 8_192_000;
 
-/// Nanoseconds that 64 modulator clocks take, exactly; every conversion period is a multiple.
+/// Nanoseconds that 128 cycles of the clock pin (64 of the modulator) take at the nominal frequency, exactly; every
+/// conversion period is a multiple.
 const PERIOD_OF_64_NS: u32 = 15_625;
 
 /// Shortest low time on SYNC/RESET that resets, in nanoseconds: 2048 clocks.
@@ -134,6 +135,8 @@ pub struct Chip {
     behaviour: Behaviour,
     /// Whether unread data were there when the last frame ended.
     ready_at_end: bool,
+    /// Nanoseconds that 64 modulator clocks take.
+    period_of_64_ns: u32,
     /// Time for which a reset still keeps the chip from its bus, in nanoseconds.
     acquiring_ns: u32,
 }
@@ -157,8 +160,16 @@ impl Chip {
             pulse_lost: false,
             behaviour: Behaviour::default(),
             ready_at_end: false,
+            period_of_64_ns: PERIOD_OF_64_NS,
             acquiring_ns: 0,
         }
+    }
+
+    /// Gives the clock pin another frequency, in hertz. Time is counted in whole nanoseconds for 64 clocks of the
+    /// modulator: those of the nominal one and of 8 MHz are.
+    pub fn set_clock_hz(&mut self, hz: u32) {
+        const PRODUCT: u64 = 128 * 1_000_000_000;
+        self.period_of_64_ns = u32::try_from(PRODUCT / u64::from(hz.max(1))).unwrap_or(u32::MAX);
     }
 
     /// Decides what the datasheet leaves open.
@@ -224,16 +235,16 @@ impl Chip {
         1 << self.registers.gain_log2(channel.min(1))
     }
 
-    /// Time of one conversion, in nanoseconds, exactly: 2 OSR / CLKIN.
+    /// Time of one conversion, in nanoseconds: 2 OSR / CLKIN, exactly at the nominal clock.
     #[must_use]
     pub fn period_ns(&self) -> u32 {
-        self.oversampling() / 64 * PERIOD_OF_64_NS
+        self.oversampling() / 64 * self.period_of_64_ns
     }
 
     /// Conversions per second, Hz.
     #[must_use]
     pub fn rate_hz(&self) -> f32 {
-        CLKIN_HZ as f32 / (2 * self.oversampling()) as f32
+        1e9 / self.period_ns() as f32
     }
 
     /// SYNC/RESET was low for less than [`RESET_PULSE_NS`]: restarts the filter and empties the FIFO.
