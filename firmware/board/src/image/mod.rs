@@ -12,7 +12,8 @@
 //! for a packet's way in or out of its unit.
 //!
 //! Start-up: `machine` (chip or emulator), `clock`, `pins`, `handover` (what an interrupt owns from then on); what the
-//! sampler reads: `front_end`; when something goes wrong: `fault`; how much is in use: `meter` (cycles), `stack`.
+//! sampler reads: `front_end`; when something goes wrong: `fault`; how much is in use: `meter` (cycles), `stack`; how warm it
+//! is: `thermometer`.
 
 mod clock;
 mod fault;
@@ -24,6 +25,7 @@ mod meter;
 mod pins;
 mod sampling;
 mod stack;
+mod thermometer;
 mod time;
 
 use core::cell::RefCell;
@@ -44,6 +46,7 @@ use front_end::Bus;
 use line::Line;
 use machine::Machine;
 use sampling::Sampling;
+use thermometer::Thermometer;
 use time::TICKS_PER_S;
 
 /// Bytes for the host that the main loop keeps while the line is busy: 60 blocks, 0.1 s at 4 kHz.
@@ -110,7 +113,9 @@ fn main() -> ! {
     let device = settle(DEVICE, || Device::new(identity, device_end));
     device.accept_orders(before.fault);
     let health = Health { stack_bytes: stack::size(), core_hz: clock.core_hz, ..Health::default() };
-    Main { device, line, usb, watchdog, health, looked_at: time::ticks(), turned_at: (0, 0), order: None }.serve()
+    let thermometer = Thermometer::start(board.ADC1, &board.ADC_COMMON, &board.RCC, machine);
+    Main { device, line, usb, watchdog, thermometer, health, looked_at: time::ticks(), turned_at: (0, 0), order: None }
+        .serve()
 }
 
 /// Makes something large in a place of its own. Not inlined, so that the stack which that takes is free afterwards.
@@ -138,6 +143,8 @@ struct Main {
     line: Line,
     usb: Option<Usb>,
     watchdog: Watchdog,
+    /// `None` where there is nothing to read.
+    thermometer: Option<Thermometer>,
     health: Health,
     /// The tick at which stack and processor were last looked at.
     looked_at: u32,
@@ -212,7 +219,7 @@ impl Main {
         self.obey(ticks);
     }
 
-    /// Looks at the use of stack and processor.
+    /// Looks at the use of stack and processor, and at the temperature.
     fn look(&mut self) {
         self.health = Health {
             stack_used_max: stack::used_max(self.health.stack_used_max),
@@ -223,6 +230,9 @@ impl Main {
             ..self.health
         };
         self.device.report_health(self.health);
+        if let Some(centi_celsius) = self.thermometer.as_mut().and_then(Thermometer::look) {
+            self.device.temperature(centi_celsius, time::now());
+        }
         fault::note_samples(self.device.counters().samples);
     }
 
