@@ -23,6 +23,7 @@
 
 #![forbid(unsafe_code)]
 #![no_std]
+#![cfg_attr(test, allow(clippy::duplicate_mod, reason = "the same tests run on every chip that the datasheet allows"))]
 
 #[cfg(test)]
 extern crate std;

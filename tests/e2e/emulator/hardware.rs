@@ -39,8 +39,8 @@ impl Control {
     fn open(socket: &Path) -> Self {
         for _ in 0..ATTEMPTS {
             if let Ok(orders) = UnixStream::connect(socket) {
-                orders.set_read_timeout(Some(palpate_tests::rig::PATIENCE)).unwrap();
-                let answers = BufReader::new(orders.try_clone().unwrap());
+                orders.set_read_timeout(Some(palpate_tests::rig::PATIENCE)).expect("a socket can be waited for");
+                let answers = BufReader::new(orders.try_clone().expect("a socket has two ends"));
                 return Self { orders, answers };
             }
             std::thread::sleep(Duration::from_millis(100));
@@ -50,10 +50,13 @@ impl Control {
 
     /// Orders something and waits for the line that begins with one of these words, which it gives.
     fn order(&mut self, order: &str, answers: &[&str]) -> String {
-        self.orders.write_all(format!("{order}\n").as_bytes()).unwrap();
+        self.orders.write_all(format!("{order}\n").as_bytes()).expect("the emulator listens");
         loop {
             let mut line = String::new();
-            assert!(self.answers.read_line(&mut line).unwrap() > 0, "the emulator hung up on {order:?}");
+            assert!(
+                self.answers.read_line(&mut line).is_ok_and(|length| length > 0),
+                "the emulator hung up on {order:?}"
+            );
             if answers.iter().any(|answer| line.starts_with(answer)) {
                 return line.trim().to_owned();
             }
@@ -73,9 +76,10 @@ struct Held {
 impl Held {
     fn start() -> Option<Self> {
         let (image, machine) = image()?;
-        let folder = tempfile::tempdir().unwrap();
+        let folder = tempfile::tempdir().expect("a folder");
         let socket = |name: &str| format!("unix:{},server=on,wait=off", folder.path().join(name).display());
-        let port = TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr()).unwrap().port();
+        let port =
+            TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr()).expect("a free port").port();
         let mut command: Command = emulator::command(machine, image, Serial::Tcp { port, wait: false });
         command.args(["-S", "-qtest", &socket("test"), "-qtest-log", "none", "-qmp", &socket("monitor")]);
         let process = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("the emulator starts");
@@ -94,12 +98,10 @@ impl Held {
 
     fn read(&mut self, address: u32) -> u32 {
         let answer = self.test.order(&format!("readl {address:#x}"), &["OK", "FAIL"]);
-        let value = answer.strip_prefix("OK 0x").unwrap_or_else(|| panic!("{address:#010x}: {answer}"));
-        u32::from_str_radix(
-            value.trim_start_matches('0').get(..).filter(|digits| !digits.is_empty()).unwrap_or("0"),
-            16,
-        )
-        .unwrap()
+        // Sixteen digits, whatever is read.
+        let value = answer.strip_prefix("OK 0x").and_then(|digits| u64::from_str_radix(digits, 16).ok());
+        let word = value.and_then(|value| u32::try_from(value).ok());
+        word.unwrap_or_else(|| panic!("{address:#010x}: {answer}"))
     }
 
     fn write(&mut self, address: u32, value: u32) {
