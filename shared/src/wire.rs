@@ -31,7 +31,10 @@ use crate::units::{Counts, DeviceTime, Seq};
 mod decode;
 
 /// The version that this code speaks.
-pub const PROTOCOL: ProtocolVersion = ProtocolVersion { major: 1, minor: 1 };
+pub const PROTOCOL: ProtocolVersion = ProtocolVersion { major: 1, minor: 2 };
+
+/// Bytes of a frame on the front-end's bus, as [`Request::RawFrame`] has it.
+pub const RAW_FRAME_BYTES: usize = 12;
 
 /// Samples in a full block: 2 ms at 4 kHz, and 65 bytes on the line for a typical load.
 pub const BLOCK_SAMPLES: usize = 8;
@@ -367,7 +370,7 @@ pub enum Request {
     SelfTest,
     /// What was counted since start-up.
     Counters,
-    /// What the firmware recorded of its last fault. Since version 1.1, as is all that follows.
+    /// What the firmware recorded of its last fault. Since version 1.1, as are the next three.
     LastFault,
     /// How much stack and processor time the firmware uses.
     Health,
@@ -377,6 +380,15 @@ pub enum Request {
     Fail {
         /// In which way to fail.
         failure: Failure,
+    },
+    /// Exchange one frame with the front-end, byte for byte. Since version 1.2.
+    ///
+    /// Not while streaming. From the first one on the firmware leaves the front-end alone, so that the next one brings
+    /// the answer to it; a second after the last one, or at the next command that needs the front-end, it initialises it
+    /// anew.
+    RawFrame {
+        /// What goes out.
+        bytes: [u8; RAW_FRAME_BYTES],
     },
 }
 
@@ -431,6 +443,11 @@ pub enum Outcome {
     LastFault(Option<Fault>),
     /// What [`Request::Health`] asks for.
     Health(Health),
+    /// What came in with [`Request::RawFrame`]. Since version 1.2.
+    RawFrame {
+        /// As they came, unchecked.
+        bytes: [u8; RAW_FRAME_BYTES],
+    },
 }
 
 /// Why a device did not do what it was asked to.
@@ -475,6 +492,8 @@ pub enum Refusal {
     Busy,
     /// This board cannot do that.
     NotOnThisBoard,
+    /// Not while samples are streamed. Since version 1.2.
+    Streaming,
 }
 
 /// What the self-test found.
@@ -699,7 +718,7 @@ mod tests {
         let reply = |outcome| FromDevice::Reply(Reply { id: CommandId(7), outcome });
         let refused = |refusal| reply(Outcome::Refused(refusal));
         let hello_fields = concat!(
-            "0101000102",
+            "0102000102",
             "70616c706174652d30303031",
             "0a53544d33322d48343035",
             "008345",
@@ -719,7 +738,7 @@ mod tests {
         std::vec![
             (
                 FromDevice::Hello(hello()),
-                "000101000102\
+                "000102000102\
               70616c706174652d303030310a53544d33322d4834303500834500000100a01f20809f49c413000080a038000000"
             ),
             (FromDevice::Block(block()), "01ac02f8c904090201 7e86c206ffffff07"),
@@ -742,7 +761,7 @@ mod tests {
                 "0307041f0883458 30a90a10f",
             ),
             (reply(Outcome::Counters(counters())), "0307050102030405060708090a0b0c"),
-            (refused(Refusal::OtherProtocol { device: PROTOCOL }), "030706000101"),
+            (refused(Refusal::OtherProtocol { device: PROTOCOL }), "030706000102"),
             (refused(Refusal::UnknownRequest), "03070601"),
             (refused(Refusal::RateNotPossible { slowest_hz: 500, fastest_hz: 8000 }), "03070602f403c03e"),
             (refused(Refusal::LinkTooSlow { fastest_hz: 1000 }), "03070603e807"),
@@ -753,6 +772,7 @@ mod tests {
             (refused(Refusal::AddressNotPossible { last: 63 }), "030706083f"),
             (refused(Refusal::Busy), "03070609"),
             (refused(Refusal::NotOnThisBoard), "0307060a"),
+            (refused(Refusal::Streaming), "0307060b"),
             (reply(Outcome::LastFault(None)), "03070700"),
             (reply(Outcome::LastFault(Some(fault()))), "030707 01 00 3c a01f 00 00 00 09 6d61696e2e72733a37"),
             (
@@ -766,6 +786,10 @@ mod tests {
                     sampler_runs: 4,
                 })),
                 "030708 8040 ac02 80f48d50 01 02 03 04"
+            ),
+            (
+                reply(Outcome::RawFrame { bytes: [5, 0, 0, 0, 0, 1, 255, 255, 254, 0x9F, 0xFC, 0] }),
+                "030709 050000 000001 fffffe 9ffc00"
             ),
             (FromDevice::Temperature(Temperature { time: DeviceTime(1), centi_celsius: -250 }), "0401f303"),
         ]
@@ -791,6 +815,10 @@ mod tests {
             (Request::Fail { failure: Failure::Hang }, "01ac020d01"),
             (Request::Fail { failure: Failure::BadAccess }, "01ac020d02"),
             (Request::Fail { failure: Failure::StackOverflow }, "01ac020d03"),
+            (
+                Request::RawFrame { bytes: [0xA0, 0, 0, 0x71, 0, 0, 0, 0, 0, 0, 0, 0] },
+                "01ac020ea00000710000000000000000",
+            ),
         ]
     }
 
@@ -832,20 +860,20 @@ mod tests {
         assert_eq!(Command::from_payload(&[1]), Err(DecodeError::Malformed));
     }
 
-    /// The fields of a version 1.2 device's hello, with these numbers for: front-end, axis and bridge of both channels,
-    /// source, clock, restart reason. Two bytes of a field that 1.1 does not have follow.
+    /// The fields of a version 1.99 device's hello, with these numbers for: front-end, axis and bridge of both channels,
+    /// source, clock, restart reason. Two bytes of a field that this version does not have follow.
     fn newer_hello([kind, axis_0, bridge_0, axis_1, bridge_1, source, clock, restart]: [u8; 8]) -> Text {
         format!(
-            "0102000102 70616c706174652d30303031 0a53544d33322d48343035 {kind:02x}8345 \
+            "0163000102 70616c706174652d30303031 0a53544d33322d48343035 {kind:02x}8345 \
              {axis_0:02x}{bridge_0:02x}{axis_1:02x}{bridge_1:02x} a01f 20 809f49 c413 \
              {source:02x} {clock:02x} 80a038 {restart:02x} 00 00 beef"
         )
     }
 
-    /// Messages of a version 1.2 device that 1.1 cannot read, each with one number beyond the last that 1.1 knows, and
-    /// what 1.1 can tell of them.
+    /// Messages of a version 1.99 device that cannot be read here, each with one number beyond the last that is known,
+    /// and what can be told of them.
     fn newer_golden() -> List<(&'static str, Text, NewerMessage)> {
-        let device = ProtocolVersion { major: 1, minor: 2 };
+        let device = ProtocolVersion { major: 1, minor: 99 };
         let event = NewerMessage::Event;
         let reply = NewerMessage::Reply { id: CommandId(300), device: None };
         let known = std::vec![
@@ -853,11 +881,11 @@ mod tests {
             ("message with a number of two bytes", "ac02 01".to_string(), NewerMessage::Kind { variant: 300 }),
             ("event", "02 8001 05".to_string(), event),
             ("event with fields", "02 8001 05 e807 01".to_string(), event),
-            ("outcome", "03 ac02 09".to_string(), reply),
-            ("outcome with fields", "03 ac02 09 01 02 03".to_string(), reply),
+            ("outcome", "03 ac02 64".to_string(), reply),
+            ("outcome with fields", "03 ac02 64 01 02 03".to_string(), reply),
             ("outcome with a number of two bytes", "03 ac02 8001".to_string(), reply),
-            ("refusal", "03 ac02 06 0b".to_string(), reply),
-            ("refusal with fields", "03 ac02 06 0b c03e 01".to_string(), reply),
+            ("refusal", "03 ac02 06 64".to_string(), reply),
+            ("refusal with fields", "03 ac02 06 64 c03e 01".to_string(), reply),
             ("cause of a fault", "03 ac02 07 01 04 3c a01f 00 00 00 09 6d61696e2e72733a37".to_string(), reply),
         ];
         let words = [
@@ -894,7 +922,7 @@ mod tests {
             let longer = bytes_of(&(hex.replace(' ', "") + "05ff00"));
             assert_eq!(FromDevice::from_payload(&longer), Ok(message), "{hex}");
         }
-        let newer = Hello { protocol: ProtocolVersion { major: 1, minor: 2 }, ..hello() };
+        let newer = Hello { protocol: ProtocolVersion { major: 1, minor: 99 }, ..hello() };
         let payload = bytes_of(&format!("00{}", newer_hello([0, 0, 0, 1, 0, 0, 0, 0])).replace(' ', ""));
         assert_eq!(FromDevice::from_payload(&payload), Ok(FromDevice::Hello(newer)));
     }
@@ -938,8 +966,8 @@ mod tests {
     #[test]
     fn a_newer_hosts_command_is_refused_by_its_id() {
         for (what, hex) in [
-            ("request", "01 ac02 0e"),
-            ("request with fields", "01 ac02 0e 01 02"),
+            ("request", "01 ac02 64"),
+            ("request with fields", "01 ac02 64 01 02"),
             ("source", "01 ac02 05 02"),
             ("way to fail", "01 ac02 0d 04"),
         ] {
@@ -997,7 +1025,7 @@ mod tests {
     #[test]
     fn names_print_as_a_person_reads_them() {
         assert_eq!(hello().device.to_string(), "70616c706174652d30303031");
-        assert_eq!(format!("{} {}", hello().firmware, PROTOCOL), "0.1.2 1.1");
+        assert_eq!(format!("{} {}", hello().firmware, PROTOCOL), "0.1.2 1.2");
     }
 
     proptest! {

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 use palpate_device::simulated::SimulatedOnly;
 use palpate_device::wire_reader::{MessageReader, ReaderCounts};
-use palpate_firmware_core::{Device, DeviceSettings, Identity, Queues, Sampler};
+use palpate_firmware_core::{ConverterClock, Device, DeviceSettings, Identity, Queues, Sampler};
 use palpate_shared::sim::{FingerConfig, SimulatedFrontEnd};
 use palpate_shared::units::DeviceTime;
 use palpate_shared::wire::{
@@ -94,7 +94,11 @@ impl Board {
         let front_end = RefCell::new(SimulatedFrontEnd::new(FingerConfig::default(), 1));
         let mut queues = Queues::new();
         let (sampler_end, device_end) = queues.split();
-        let mut sampler = Sampler::new(SimulatedOnly::new(&front_end), sampler_end, DeviceSettings::at_start(0));
+        let mut sampler = Sampler::new(
+            SimulatedOnly::new(&front_end),
+            sampler_end,
+            DeviceSettings::at_start(0, ConverterClock::NOMINAL),
+        );
         let mut device: Device<'_, 4096> = Device::new(identity(), device_end);
         let (mut reader, mut answered) = (MessageReader::default(), BTreeMap::new());
         // After the last byte the device gets the time to answer: 50 ms.
@@ -134,6 +138,7 @@ fn identity() -> Identity {
         link_baud: 0,
         restart: RestartReason::PowerOn,
         restarts: 0,
+        converter_clock: ConverterClock::NOMINAL,
         excitation_mv: 2500,
         channels: [Axis::X, Axis::Y].map(|axis| Channel { axis, bridge: Bridge::Half }),
         source: Source::Simulated,

@@ -7,17 +7,19 @@
 //! Implements: TI SBAS853A (ADS131M02), sections on frames, commands and registers. SPI mode 1, words of 24
 //! bits, 4 words in a frame: `response | channel 0 | channel 1 | CRC` in, `command | CRC | 0 | 0` out
 //! (`command | value | CRC | 0` for a write). Both CRCs are CRC-16/CCITT with seed FFFF.
-//! Assumes: chip select is driven by the [`SpiDevice`]; 12 bytes take far less than a conversion.
+//! Assumes: chip select is driven by the [`SpiDevice`], which can also wait with chip select high ([`DelayNs`]); 12
+//! bytes take far less than a conversion. Where the datasheet leaves open when the chip does something, both ways will
+//! do: see [`Frame::is_new`] and `reset_transaction`; the tests run on a model of each.
 //! Errors: [`Error`]; nothing panics, nothing waits.
 //!
 //! ```
-//! use palpate_firmware_core::{DeviceSettings, ads131m02::{Ads131m02, Command}};
+//! use palpate_firmware_core::{ConverterClock, DeviceSettings, ads131m02::{Ads131m02, Command}};
 //! # use core::cell::RefCell;
 //! # use palpate_shared::sim::{FingerConfig, SimulatedFrontEnd, SpiPort};
 //! # let front_end = RefCell::new(SimulatedFrontEnd::new(FingerConfig::default(), 1));
 //! # let spi = SpiPort::new(&front_end);
 //! let mut chip = Ads131m02::new(spi);
-//! assert_eq!(chip.init(DeviceSettings::at_start(921_600))? >> 8, 0x22); // two channels
+//! assert_eq!(chip.init(DeviceSettings::at_start(921_600, ConverterClock::NOMINAL))? >> 8, 0x22); // two channels
 //! # front_end.borrow_mut().step();
 //! // At each falling edge of DRDY:
 //! let frame = chip.read_frame(Command::Null)?;
@@ -26,6 +28,7 @@
 //! ```
 
 use crc::{CRC_16_CMS, CRC_16_IBM_3740, Crc, NoTable};
+use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{Operation, SpiDevice};
 use palpate_shared::units::Counts;
 
@@ -77,9 +80,9 @@ const MODE_VALUE: u16 = 1 << 12 | 0b01 << 8 | 1 << 4;
 const CLOCK_BASE: u16 = 0b11 << 8 | 0b10;
 
 /// Bytes of a frame.
-const FRAME_BYTES: usize = 12;
+pub const FRAME_BYTES: usize = palpate_shared::wire::RAW_FRAME_BYTES;
 
-/// Pause after a reset, in ns: twice the datasheet's t_REGACQ of 5 µs.
+/// Pause after a reset, in ns, once with chip select low and once with it high: twice the datasheet's t_REGACQ of 5 µs.
 const AFTER_RESET_NS: u32 = 10_000;
 
 /// Times that [`Ads131m02::init`] goes through its steps before it gives up.
@@ -144,16 +147,34 @@ impl Command {
 
     /// The bytes that go out.
     fn frame(self) -> [u8; FRAME_BYTES] {
-        let mut frame = [0; FRAME_BYTES];
-        [frame[0], frame[1]] = self.word().to_be_bytes();
-        if let Self::Write(_, value) = self {
-            [frame[3], frame[4]] = value.to_be_bytes();
-            [frame[6], frame[7]] = CRC.checksum(&frame[..6]).to_be_bytes();
-        } else {
-            [frame[3], frame[4]] = CRC.checksum(&frame[..3]).to_be_bytes();
-        }
-        frame
+        let value = if let Self::Write(_, value) = self { Some(value) } else { None };
+        frame_of(self.word(), value)
     }
+}
+
+/// The frame of any command word, and of the one value that follows it, if any: with its checksum, in words of 24 bits.
+///
+/// ```
+/// use palpate_firmware_core::ads131m02::frame_of;
+/// assert_eq!(frame_of(0xA000, None), [0xA0, 0x00, 0, 0x71, 0x00, 0, 0, 0, 0, 0, 0, 0]); // read the ID register
+/// ```
+#[must_use]
+pub fn frame_of(command: u16, value: Option<u16>) -> [u8; FRAME_BYTES] {
+    let mut frame = [0; FRAME_BYTES];
+    [frame[0], frame[1]] = command.to_be_bytes();
+    if let Some(value) = value {
+        [frame[3], frame[4]] = value.to_be_bytes();
+        [frame[6], frame[7]] = CRC.checksum(&frame[..6]).to_be_bytes();
+    } else {
+        [frame[3], frame[4]] = CRC.checksum(&frame[..3]).to_be_bytes();
+    }
+    frame
+}
+
+/// Whether a frame that came in, in words of 24 bits, has the checksum of its response and codes.
+#[must_use]
+pub fn has_its_checksum(bytes: &[u8; FRAME_BYTES]) -> bool {
+    CRC.checksum(&bytes[..9]).to_be_bytes() == bytes[9..11]
 }
 
 /// An address where commands have it.
@@ -173,7 +194,10 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Whether the codes had not been read before; not known unless the response is the STATUS register.
+    /// Whether STATUS says that the codes had not been read before; `None` unless the response is STATUS.
+    ///
+    /// Set bits prove unread codes. Clear ones do so only in a frame that follows another at once: a chip may look at
+    /// them when the frame before ends, and then a conversion's own frame has them clear. The datasheet does not say.
     #[must_use]
     pub fn is_new(&self) -> Option<bool> {
         (self.answers == Command::Null).then_some(self.response & STATUS_DATA_READY == STATUS_DATA_READY)
@@ -302,7 +326,7 @@ impl<Spi> Ads131m02<Spi> {
     }
 }
 
-impl<Spi: SpiDevice> Ads131m02<Spi> {
+impl<Spi: SpiDevice + DelayNs> Ads131m02<Spi> {
     /// Exchanges one frame: sends a command, gets the previous one's response and a sample.
     ///
     /// # Errors
@@ -312,6 +336,19 @@ impl<Spi: SpiDevice> Ads131m02<Spi> {
         let mut bytes = command.frame();
         self.spi.transfer_in_place(&mut bytes).map_err(Error::Bus)?;
         parse(answers, bytes)
+    }
+
+    /// Exchanges one frame whose bytes are the caller's, and gives what came in, unchecked.
+    ///
+    /// What it made of the chip is not known afterwards: [`Self::init`] puts that right.
+    ///
+    /// # Errors
+    /// [`Error::Bus`].
+    pub fn exchange_raw(&mut self, mut bytes: [u8; FRAME_BYTES]) -> Result<[u8; FRAME_BYTES], Error<Spi::Error>> {
+        // Whatever comes in response to it was not asked for by this driver.
+        self.previous = Command::Reset;
+        self.spi.transfer_in_place(&mut bytes).map_err(Error::Bus)?;
+        Ok(bytes)
     }
 
     /// Resets the chip, checks that it is the right one, writes its settings and reads them back.
@@ -417,9 +454,14 @@ impl<Spi: SpiDevice> Ads131m02<Spi> {
     }
 
     /// Sends a frame that resets, and pauses.
+    ///
+    /// The reset is "latched at the end of the frame": with its last clock or when chip select rises. So the pause is
+    /// made twice, before that rise and after it.
     fn reset_transaction(&mut self, bytes: &mut [u8]) -> Result<(), Error<Spi::Error>> {
         let mut operations = [Operation::TransferInPlace(bytes), Operation::DelayNs(AFTER_RESET_NS)];
-        self.spi.transaction(&mut operations).map_err(Error::Bus)
+        let result = self.spi.transaction(&mut operations).map_err(Error::Bus);
+        self.spi.delay_ns(AFTER_RESET_NS);
+        result
     }
 }
 
@@ -443,7 +485,7 @@ pub(crate) fn is_mode(word: u16) -> bool {
 fn parse<E>(answers: Command, bytes: [u8; FRAME_BYTES]) -> Result<Frame, Error<E>> {
     let [r0, r1, _, a0, a1, a2, b0, b1, b2, c0, c1, _] = bytes;
     let response = u16::from_be_bytes([r0, r1]);
-    if CRC.checksum(&bytes[..9]) != u16::from_be_bytes([c0, c1]) {
+    if !has_its_checksum(&bytes) {
         return Err(Error::Checksum { response });
     }
     // A checksum over data and their checksum is 0, and stays so over zeros: what a chip sends in words of
@@ -461,5 +503,15 @@ fn code([high, middle, low]: [u8; 3]) -> Counts {
     Counts(i32::from_be_bytes([high, middle, low, 0]) >> 8)
 }
 
+// The tests run on every chip that the datasheet allows; `tests/rig/chip.rs` reads which one from the module's name.
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+#[path = "ads131m02/tests.rs"]
+mod tests_reset_at_last_clock;
+#[cfg(test)]
+#[path = "ads131m02/tests.rs"]
+mod tests_status_at_frame_end;
+#[cfg(test)]
+#[path = "ads131m02/tests.rs"]
+mod tests_status_at_frame_end_reset_at_last_clock;

@@ -21,6 +21,10 @@ const TRUST_INVERSE: u32 = 20;
 /// The self-test's tolerance: 1/20, as the wire format documents it.
 const AS_SET_INVERSE: u32 = 20;
 
+/// What of a period the estimate of a conversion's true time may go on with each edge, as its inverse: a quarter, so that
+/// it keeps up with clocks that are 25 % slow, and one edge served most of a period late hardly moves it.
+const PHASE_SLACK_INVERSE: u64 = 4;
+
 /// Nanoseconds in a microsecond.
 const NS_PER_US: u64 = 1000;
 
@@ -55,6 +59,8 @@ pub(crate) struct ConversionClock {
     period_ns: u32,
     /// The last conversion counted.
     last: DeviceTime,
+    /// When that conversion happened at the latest, by the edges before it: an edge may be served late, never early.
+    phase: DeviceTime,
     /// The next edge is one conversion, whenever it comes.
     restarted: bool,
     window: Window,
@@ -66,7 +72,7 @@ impl ConversionClock {
     /// Conversions at this rate that begin now.
     pub(crate) fn new(rate: Rate, now: DeviceTime) -> Self {
         let (period_ns, window) = (rate.period_ns(), Window::new(now));
-        Self { rate, period_ns, last: now, restarted: true, window, measured_ns: None }
+        Self { rate, period_ns, last: now, phase: now, restarted: true, window, measured_ns: None }
     }
 
     /// Time since the last conversion counted, in µs.
@@ -99,15 +105,21 @@ impl ConversionClock {
         !self.restarted && self.half_periods(now) > 5
     }
 
-    /// Whether an edge now would come less than half a period after the last.
+    /// Whether an edge now would come less than half a period after the last conversion, which may have happened
+    /// before its edge was served.
     pub(crate) fn is_early(&self, now: DeviceTime) -> bool {
-        !self.restarted && self.half_periods(now) < 1
+        !self.restarted && self.half_periods_of(now.since(self.phase)) < 1
     }
 
     /// Half periods since the last conversion, rounded up where it is not exact; saturates at 6.
     fn half_periods(&self, now: DeviceTime) -> u32 {
+        self.half_periods_of(self.quiet_us(now))
+    }
+
+    /// The same of any time, in µs.
+    fn half_periods_of(&self, elapsed_us: u32) -> u32 {
         // Six half periods are 6 ms at most: beyond a second the product would not fit.
-        let elapsed_ns = self.quiet_us(now).min(1_000_000) * 1000;
+        let elapsed_ns = elapsed_us.min(1_000_000) * 1000;
         if elapsed_ns < self.period_ns / 2 { 0 } else { elapsed_ns.div_ceil(self.period_ns / 2).min(6) }
     }
 
@@ -119,6 +131,7 @@ impl ConversionClock {
 
     /// Counts an edge that is known to be so many conversions after the last.
     pub(crate) fn edge_of(&mut self, now: DeviceTime, conversions: u32) -> u32 {
+        self.phase = self.phase_at(now, conversions);
         self.restarted = false;
         self.last = now;
         self.window.edges += 1;
@@ -129,6 +142,17 @@ impl ConversionClock {
         conversions
     }
 
+    /// When the conversion of an edge at `now` happened at the latest, so many after the last: no later than by
+    /// [`PHASE_SLACK_INVERSE`] of a period than due, which lets a chip's clock be that much slower than set. No earlier
+    /// than a period before, or there would have been another.
+    fn phase_at(&self, now: DeviceTime, conversions: u32) -> DeviceTime {
+        let period_us = u64::from(self.period_ns) / NS_PER_US;
+        let due_us = period_us * u64::from(conversions) + period_us / PHASE_SLACK_INVERSE;
+        let late_us = u64::from(now.since(self.phase)).saturating_sub(due_us).min(period_us);
+        let late_us = if self.restarted { 0 } else { u32::try_from(late_us).unwrap_or(0) };
+        DeviceTime(now.0.wrapping_sub(late_us))
+    }
+
     /// Counts the conversions that must have happened unseen, so that a long silence never outlasts the
     /// clock; leaves the newest one to the next edge.
     pub(crate) fn skip(&mut self, now: DeviceTime) -> u32 {
@@ -136,6 +160,7 @@ impl ConversionClock {
         let skipped_us = u64::from(skipped) * u64::from(self.period_ns) / NS_PER_US;
         // No more than the time since `last`, which is 32 bits.
         self.last.0 = self.last.0.wrapping_add(u32::try_from(skipped_us).unwrap_or(u32::MAX));
+        self.phase = self.last;
         self.window = Window::new(self.last);
         self.window.whole = false;
         skipped
@@ -185,6 +210,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::settings::ConverterClock;
 
     fn at(us: u64) -> DeviceTime {
         DeviceTime(u32::try_from(us % (1 << 32)).unwrap())
@@ -192,7 +218,7 @@ mod tests {
 
     /// A clock at 4 kHz that has seen its first edge at 0 µs.
     fn running() -> ConversionClock {
-        let mut clock = ConversionClock::new(Rate::DEFAULT, at(0));
+        let mut clock = ConversionClock::new(Rate::usual(ConverterClock::NOMINAL), at(0));
         clock.edge(at(0));
         clock
     }
@@ -209,9 +235,37 @@ mod tests {
     }
 
     #[test]
+    fn an_edge_after_one_served_late_is_not_early() {
+        // Served late by so much, once or twice; the next edge is punctual.
+        for late_us in [0, 60, 140, 249] {
+            let mut clock = running();
+            clock.edge_of(at(250 + late_us), 1);
+            assert!(!clock.is_early(at(500)), "{late_us} µs late");
+            clock.edge_of(at(500), 1);
+            assert!(clock.is_early(at(624)) && !clock.is_early(at(750)), "{late_us} µs late");
+        }
+        let mut clock = running();
+        clock.edge_of(at(250 + 75), 1);
+        clock.edge_of(at(500 + 175), 1);
+        assert!(!clock.is_early(at(750)));
+    }
+
+    #[test]
+    fn glitches_are_early_on_a_clock_that_is_a_fifth_slow_or_fast() {
+        for period_us in [200, 300] {
+            let mut clock = running();
+            for n in 1..500 {
+                assert!(!clock.is_early(at(n * period_us)), "edge {n} every {period_us} µs");
+                clock.edge_of(at(n * period_us), 1);
+                assert!(clock.is_early(at(n * period_us + 60)), "glitch {n} every {period_us} µs");
+            }
+        }
+    }
+
+    #[test]
     fn a_long_gap_is_counted_with_the_measured_period() {
         // 1 % slow: counted with the nominal period, the gap would be 1010 conversions.
-        let mut clock = ConversionClock::new(Rate::DEFAULT, at(0));
+        let mut clock = ConversionClock::new(Rate::usual(ConverterClock::NOMINAL), at(0));
         let edge_at = |n: u64| at(n * 505 / 2);
         for n in 0..3000 {
             clock.edge(edge_at(n));
@@ -247,7 +301,7 @@ mod tests {
             log2 in 0_u32..5, start in any::<u32>(), error_ppm in -10_000_i64..10_000,
             jitter in prop::collection::vec(0_u64..20, 4000), missed in prop::collection::vec(1_usize..4000, 0..20),
         ) {
-            let rate = Rate::from_hz(500 << log2).unwrap();
+            let rate = Rate::from_hz(500 << log2, ConverterClock::NOMINAL).unwrap();
             let period_ns = u64::from(rate.period_ns()) * u64::try_from(1_000_000 + error_ppm).unwrap() / 1_000_000;
             let edge_at = |n: usize| {
                 let late_ns = jitter[n] * period_ns / 100;
@@ -266,7 +320,7 @@ mod tests {
         #[test]
         fn the_period_is_measured(error_ppm in -10_000_i64..10_000, start in any::<u32>()) {
             let period_ns = u64::try_from(250 * (1_000_000 + error_ppm) / 1000).unwrap();
-            let mut clock = ConversionClock::new(Rate::DEFAULT, at(start.into()));
+            let mut clock = ConversionClock::new(Rate::usual(ConverterClock::NOMINAL), at(start.into()));
             for n in 0..3000 {
                 clock.edge(at(u64::from(start) + n * period_ns / 1000));
             }

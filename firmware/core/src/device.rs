@@ -29,7 +29,7 @@ use crate::link::{Link, Links};
 use crate::log::{info, warning};
 use crate::outbox::Outbox;
 use crate::queues::{DeviceEnd, Finding, FrontEndRequest, Notice, READINGS, RequestKind, SamplerState, Tally};
-use crate::settings::{DeviceSettings, Gain, Rate};
+use crate::settings::{ConverterClock, DeviceSettings, Gain, Rate};
 
 /// Version of this firmware.
 pub const FIRMWARE: FirmwareVersion = FirmwareVersion {
@@ -83,6 +83,8 @@ pub struct Identity {
     pub restart: RestartReason,
     /// Starts since power-on, this one not counted.
     pub restarts: u16,
+    /// The clock that the converter gets.
+    pub converter_clock: ConverterClock,
     /// Bridge excitation, in mV.
     pub excitation_mv: u16,
     /// What the two channels measure.
@@ -208,7 +210,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     /// A device that has just started.
     #[must_use]
     pub fn new(identity: Identity, end: DeviceEnd<'q>) -> Self {
-        let settings = DeviceSettings::at_start(identity.link_baud);
+        let settings = DeviceSettings::at_start(identity.link_baud, identity.converter_clock);
         let state = SamplerState { settings, source: identity.source, streaming: false };
         let mut outbox = Outbox::new();
         outbox.push_delimiter();
@@ -416,6 +418,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
             Request::SetSource { source } => RequestKind::Select(source),
             Request::ReadRegister { address } => RequestKind::ReadRegister(check_address(address)?),
             Request::SelfTest => RequestKind::SelfTest,
+            Request::RawFrame { bytes } => RequestKind::RawFrame(bytes),
         };
         self.ask(kind)
     }
@@ -435,7 +438,9 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     /// Passes a request on to the sampler.
     #[inline(never)]
     fn ask(&mut self, kind: RequestKind) -> Result<Taken, Refusal> {
-        let needs_front_end = !matches!(kind, RequestKind::Stream(false) | RequestKind::Select(_));
+        // Raw frames are there to find out why none answers.
+        let needs_front_end =
+            !matches!(kind, RequestKind::Stream(false) | RequestKind::Select(_) | RequestKind::RawFrame(_));
         if needs_front_end && self.front_end.is_missing {
             return Err(Refusal::NoFrontEnd);
         }
@@ -455,8 +460,9 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
 
     /// The present settings with another rate.
     fn with_rate(&self, rate_hz: u32) -> Result<DeviceSettings, Refusal> {
-        let (slowest_hz, fastest_hz) = (Rate::SLOWEST.hz(), Rate::FASTEST.hz());
-        let rate = Rate::from_hz(rate_hz).ok_or(Refusal::RateNotPossible { slowest_hz, fastest_hz })?;
+        let clock = self.identity.converter_clock;
+        let (slowest_hz, fastest_hz) = (Rate::slowest(clock).hz(), Rate::fastest(clock).hz());
+        let rate = Rate::from_hz(rate_hz, clock).ok_or(Refusal::RateNotPossible { slowest_hz, fastest_hz })?;
         self.check_line(rate)?;
         Ok(DeviceSettings { rate, ..self.front_end.state.settings })
     }
@@ -471,7 +477,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     /// Whether the serial line carries a rate; the refusal says 0 Hz if it carries none.
     fn check_line(&self, rate: Rate) -> Result<(), Refusal> {
         let link_baud = self.link_baud();
-        let fastest_hz = Rate::fastest_on_line(link_baud).map_or(0, Rate::hz);
+        let fastest_hz = Rate::fastest_on_line(link_baud, self.identity.converter_clock).map_or(0, Rate::hz);
         if rate.fits_line(link_baud) { Ok(()) } else { Err(Refusal::LinkTooSlow { fastest_hz }) }
     }
 
@@ -655,6 +661,7 @@ fn outcome_of(finding: Finding) -> Outcome {
         Finding::Done => Outcome::Done,
         Finding::Register { address, value } => Outcome::Register { address, value },
         Finding::SelfTest(result) => Outcome::SelfTest(result),
+        Finding::RawFrame(bytes) => Outcome::RawFrame { bytes },
         Finding::Refused(refusal) => Outcome::Refused(refusal),
     }
 }

@@ -76,7 +76,7 @@ impl Job {
             RequestKind::Apply(settings) => Goal::Apply { settings, changes_rate: settings.rate != present.rate },
             RequestKind::ReadRegister(address) => Goal::Read(address),
             RequestKind::SelfTest => Goal::SelfTest,
-            RequestKind::Stream(_) | RequestKind::Select(_) => return None,
+            RequestKind::Stream(_) | RequestKind::Select(_) | RequestKind::RawFrame(_) => return None,
         };
         Some(Self::new(Some(request.ticket), goal))
     }

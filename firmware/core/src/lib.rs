@@ -23,6 +23,7 @@
 
 #![forbid(unsafe_code)]
 #![no_std]
+#![cfg_attr(test, allow(clippy::duplicate_mod, reason = "the same tests run on every chip that the datasheet allows"))]
 
 #[cfg(test)]
 extern crate std;
@@ -40,9 +41,13 @@ pub mod settings;
 
 mod clock;
 mod job;
+/// The chips of the tests, for those in the modules too.
+#[cfg(test)]
+#[path = "../tests/rig/chip.rs"]
+mod test_chip;
 
 pub use device::{Device, Identity};
 pub use link::Link;
 pub use queues::Queues;
 pub use sampler::{Sampler, SelectSource, SourceNotPossible};
-pub use settings::{DeviceSettings, Gain, Rate};
+pub use settings::{ConverterClock, DeviceSettings, Gain, Rate};

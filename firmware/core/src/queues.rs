@@ -14,7 +14,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use heapless::spsc::{Consumer, Producer, Queue};
 use palpate_shared::units::{Counts, DeviceTime, Seq};
-use palpate_shared::wire::{EventKind, Refusal, SelfTest, Source, Status};
+use palpate_shared::wire::{EventKind, RAW_FRAME_BYTES, Refusal, SelfTest, Source, Status};
 
 use crate::settings::DeviceSettings;
 
@@ -53,6 +53,7 @@ pub(crate) enum RequestKind {
     Select(Source),
     ReadRegister(u8),
     SelfTest,
+    RawFrame([u8; RAW_FRAME_BYTES]),
 }
 
 /// A request with the number that its answer will carry.
@@ -68,6 +69,7 @@ pub(crate) enum Finding {
     Done,
     Register { address: u8, value: u16 },
     SelfTest(SelfTest),
+    RawFrame([u8; RAW_FRAME_BYTES]),
     Refused(Refusal),
 }
 

@@ -6,12 +6,17 @@
 //! - **Staleness.** The chip remembers two conversions. After a missed edge it would stay one behind, so two
 //!   frames are read then and the newer one is taken. The same holds after a damaged frame, which may have
 //!   taken none out; if damage then hides which is the newer one, neither is taken, and one is counted.
+//! - **An edge that is not early is a conversion**, whatever STATUS says of it: whether its bits tell of this
+//!   frame's data or of those that the frame before left is not documented, and both work. Bits that are set
+//!   prove unread data; in the second of two frames in a row, clear ones prove that the first took the last.
 //! - **Gaps in unknown timing.** While the rate changes, time does not tell how many conversions were
 //!   missed, but two in the chip's memory tell that some were: the numbers then leave a gap all the same.
 //! - **Doubt.** Damage may have written a setting. Samples wait until the settings are read back, four frames
 //!   later, and count as damaged if those were others, or if more than 16 wait.
 //! - **Settling.** Three conversions after a reset or a change carry [`Status::SETTLING`].
 //! - **Requests** of the main side share the frames that read samples (`job`); no sample is lost to them.
+//! - **Raw frames.** From the first one on the chip is left to the host, so that the next one brings the answer to
+//!   it. [`HANDED_OVER_US`] after the last one, or at the next request that needs the chip, it is initialised anew.
 //! - **Faults.** A chip that forgot its settings gets them again. One that is absent is looked for, and one
 //!   that is silent is reset, every [`RETRY_US`]. No front-end is never data: only frames with a right
 //!   checksum from a chip with the right identity become samples.
@@ -20,12 +25,13 @@
 //! thread); `now` of an edge is taken when it happens. Bounded work: one frame, two after a missed edge or a
 //! damaged frame; a reset takes up to 3 × 16 frames. Errors: none; they become notices and counts.
 
+use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::SpiDevice;
 use heapless::Deque;
 use palpate_shared::units::{Counts, DeviceTime, Seq};
 use palpate_shared::wire::{Checks, EventKind, Refusal, SelfTest, Source, Status};
 
-use crate::ads131m02::{Ads131m02, Command, Error, Frame, is_id, is_mode, setting_words};
+use crate::ads131m02::{Ads131m02, Command, Error, FRAME_BYTES, Frame, is_id, is_mode, setting_words};
 use crate::clock::{ConversionClock, WINDOW};
 use crate::job::{Goal, Job, Progress};
 use crate::log::{info, warning};
@@ -42,6 +48,9 @@ pub const RETRY_US: u32 = 200_000;
 
 /// How often [`Sampler::idle`] should be called at least, in µs.
 pub const IDLE_US: u32 = 10_000;
+
+/// Time after the host's last raw frame for which the chip is left to it, in µs.
+pub const HANDED_OVER_US: u32 = 1_000_000;
 
 /// Time without data after which the missing conversions are counted, in µs; well within the clock's wrap.
 const COUNT_SILENCE_US: u32 = 1_000_000;
@@ -87,6 +96,8 @@ enum Presence {
     Present,
     /// It announces no data.
     Silent,
+    /// The host talks to it frame by frame, and nobody else does.
+    HandedOver,
 }
 
 /// Why a frame brought no sample.
@@ -102,7 +113,7 @@ enum Fault {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Sample {
     counts: [Counts; 2],
-    /// Whether the codes were unread; `None` where the frame does not say.
+    /// Whether STATUS says that the codes were unread ([`Frame::is_new`]); `None` where the frame does not say.
     is_new: Option<bool>,
 }
 
@@ -152,7 +163,7 @@ pub struct Sampler<'q, Spi> {
     lately: [Stretch; 2],
 }
 
-impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
+impl<'q, Spi: SpiDevice + DelayNs + SelectSource> Sampler<'q, Spi> {
     /// Touches nothing yet; the first call of [`Self::idle`] or [`Self::data_ready`] looks for the chip.
     pub fn new(spi: Spi, end: SamplerEnd<'q>, settings: DeviceSettings) -> Self {
         Self {
@@ -190,8 +201,8 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
     pub fn data_ready(&mut self, now: DeviceTime) {
         match self.presence {
             Presence::Unknown => return self.look_for_chip(now),
-            // Noise on a line that nothing drives.
-            Presence::Missing => return,
+            // Noise on a line that nothing drives; or not ours to read.
+            Presence::Missing | Presence::HandedOver => return,
             Presence::Present | Presence::Silent => {}
         }
         if self.clock.is_late(now) || self.clock.is_restarted() || self.may_be_behind {
@@ -215,7 +226,8 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
             Presence::Present if !self.clock.is_quiet_for(SILENT_AFTER_PERIODS, now) => return,
             Presence::Present => self.fall_silent(now),
             Presence::Missing | Presence::Silent if now.since(self.tried) >= RETRY_US => self.look_for_chip(now),
-            Presence::Missing | Presence::Silent => {}
+            Presence::HandedOver if now.since(self.tried) >= HANDED_OVER_US => self.take_back(now),
+            Presence::Missing | Presence::Silent | Presence::HandedOver => {}
         }
         self.count_silence(now);
         self.serve_without_edges(now);
@@ -223,11 +235,10 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
 
     /// An edge at its time: one frame.
     fn read_in_time(&mut self, now: DeviceTime) {
-        match self.exchange(Share::WithJob) {
-            // A glitch on the line: no conversion, no number.
-            Ok(Sample { is_new: Some(false), .. }) => {}
-            outcome if self.is_too_early(outcome, now) => {}
-            outcome => self.conclude(outcome, 1, now),
+        let outcome = self.exchange(Share::WithJob);
+        // A glitch on the line: no conversion, no number.
+        if !self.is_too_early(outcome, now) {
+            self.conclude(outcome, 1, now);
         }
     }
 
@@ -244,15 +255,13 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
             (_, Ok(Sample { is_new: Some(false), .. })) => (1, true, older),
             // A damaged frame may have left the older one in place, and this would be it.
             (Err(Fault::Damaged { .. }), Ok(_)) => (1, false, older),
-            (Ok(Sample { is_new: Some(true) | None, .. }), Ok(_)) => (2, false, newer),
+            (Ok(_), Ok(_)) => (2, false, newer),
             _ => (1, false, newer),
         };
         self.may_be_behind = matches!(outcome, Err(Fault::Damaged { .. })) && !is_only_one;
-        match outcome {
-            // A glitch on the line, as in `read_in_time`.
-            Ok(Sample { is_new: Some(false), .. }) => return,
-            outcome if self.is_too_early(outcome, now) => return,
-            _ => {}
+        // A glitch on the line, as in `read_in_time`.
+        if self.is_too_early(outcome, now) {
+            return;
         }
         if is_only_one && self.presence == Presence::Present && !self.clock.is_very_late(now) {
             self.clock.edge_of(now, 1);
@@ -265,7 +274,7 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
     fn is_too_early(&self, outcome: Result<Sample, Fault>, now: DeviceTime) -> bool {
         let is_certain = match outcome {
             // A chip that a damaged write set to another rate has new codes, but no conversion of ours.
-            Ok(sample) => sample.is_new.is_some() && !self.is_in_doubt(),
+            Ok(sample) => sample.is_new == Some(true) && !self.is_in_doubt(),
             Err(Fault::Damaged { .. }) => false,
             Err(Fault::LostSettings) => true,
         };
@@ -458,7 +467,12 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
 
     /// Begins what a request asks for; answers at once what needs no frames.
     fn take_up(&mut self, request: FrontEndRequest, now: DeviceTime) {
+        let is_raw = matches!(request.kind, RequestKind::RawFrame(_));
+        if self.presence == Presence::HandedOver && !is_raw {
+            self.take_back(now);
+        }
         let finding = match request.kind {
+            RequestKind::RawFrame(bytes) => self.exchange_raw(bytes, now),
             RequestKind::Stream(on) => self.stream(on, now),
             RequestKind::Select(source) => self.select(source, now),
             _ if self.presence == Presence::Missing => Finding::Refused(Refusal::NoFrontEnd),
@@ -469,6 +483,22 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
             }
         };
         self.answer(request.ticket, finding);
+    }
+
+    /// Exchanges a frame for the host, which has the chip to itself from then on.
+    fn exchange_raw(&mut self, bytes: [u8; FRAME_BYTES], now: DeviceTime) -> Finding {
+        if self.streaming {
+            return Finding::Refused(Refusal::Streaming);
+        }
+        self.presence = Presence::HandedOver;
+        self.tried = now;
+        self.chip.exchange_raw(bytes).map_or(Finding::Refused(Refusal::FrontEndSilent), Finding::RawFrame)
+    }
+
+    /// Takes the chip back from the host, and gives it its settings.
+    fn take_back(&mut self, now: DeviceTime) {
+        self.presence = Presence::Unknown;
+        self.look_for_chip(now);
     }
 
     /// Starts or stops streaming.
@@ -598,7 +628,7 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
             }
             // Its data are still to come.
             Presence::Missing => self.presence = Presence::Silent,
-            Presence::Present | Presence::Silent => return,
+            Presence::Present | Presence::Silent | Presence::HandedOver => return,
         }
         info!("front-end found, id {=u16:x}", id_word);
         self.end.notice(Notice::Found { id_word });
@@ -688,5 +718,15 @@ impl<'q, Spi: SpiDevice + SelectSource> Sampler<'q, Spi> {
     }
 }
 
+// The tests run on every chip that the datasheet allows; `tests/rig/chip.rs` reads which one from the module's name.
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+#[path = "sampler/tests.rs"]
+mod tests_reset_at_last_clock;
+#[cfg(test)]
+#[path = "sampler/tests.rs"]
+mod tests_status_at_frame_end;
+#[cfg(test)]
+#[path = "sampler/tests.rs"]
+mod tests_status_at_frame_end_reset_at_last_clock;

@@ -23,54 +23,116 @@ const LINE_BITS_PER_BYTE: u32 = 10;
 /// With it 921600 baud carries 8 kHz (92 % of the line in the worst case) and 115200 baud 1 kHz.
 pub(crate) const HEADROOM_INVERSE: u32 = 20;
 
-/// Slowest rate, in Hz.
-const SLOWEST_HZ: u32 = 500;
+/// Oversampling ratio of the slowest rate.
+const SLOWEST_OVERSAMPLING: u32 = 8192;
 
 /// Fastest rate as a power of two above the slowest.
 const FASTEST_LOG2: u8 = 4;
 
-/// A sample rate of the front-end at its nominal clock of 8.192 MHz.
+/// Nanoseconds in a second.
+const NS_PER_S: u64 = 1_000_000_000;
+
+/// The clock at the converter's CLKIN pin. All rates are divided from it.
 ///
 /// ```
-/// use palpate_firmware_core::Rate;
-/// assert_eq!(Rate::from_hz(4000).map(Rate::period_ns), Some(250_000));
-/// assert_eq!(Rate::from_hz(3000), None);
+/// use palpate_firmware_core::{ConverterClock, Rate};
+/// let crystals = ConverterClock::from_hz(8_000_000).expect("near enough to nominal");
+/// assert_eq!(Rate::on(crystals).map(Rate::hz).collect::<Vec<_>>(), [7813, 3906, 1953, 977, 488]);
+/// assert_eq!(ConverterClock::from_hz(4_096_000), None);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct ConverterClock {
+    hz: u32,
+}
+
+impl ConverterClock {
+    /// 8.192 MHz, which gives round rates.
+    pub const NOMINAL: Self = Self { hz: 8_192_000 };
+
+    /// Slowest clock, in Hz: 5 % below nominal, as far as the steps of the built-in simulation follow it.
+    const SLOWEST_HZ: u32 = 7_782_400;
+
+    /// Fastest clock that the converter takes, in Hz (SBAS950B, "Recommended operating conditions", high resolution).
+    const FASTEST_HZ: u32 = 8_400_000;
+
+    /// A clock of so many hertz; `None` beyond 7.7824 to 8.4 MHz.
+    #[must_use]
+    pub const fn from_hz(hz: u32) -> Option<Self> {
+        if Self::SLOWEST_HZ <= hz && hz <= Self::FASTEST_HZ { Some(Self { hz }) } else { None }
+    }
+
+    /// Its frequency, in Hz.
+    #[must_use]
+    pub const fn hz(self) -> u32 {
+        self.hz
+    }
+}
+
+/// A sample rate of the front-end.
+///
+/// ```
+/// use palpate_firmware_core::{ConverterClock, Rate};
+/// assert_eq!(Rate::from_hz(4000, ConverterClock::NOMINAL).map(Rate::period_ns), Some(250_000));
+/// assert_eq!(Rate::from_hz(3000, ConverterClock::NOMINAL), None);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Rate {
-    /// Power of two above [`SLOWEST_HZ`], at most [`FASTEST_LOG2`].
+    /// Power of two above the slowest, at most [`FASTEST_LOG2`].
     log2: u8,
+    clock: ConverterClock,
 }
 
 impl Rate {
-    /// 500 Hz, the slowest.
-    pub const SLOWEST: Self = Self { log2: 0 };
-    /// 4 kHz: what a device starts with, where its line carries it.
-    pub const DEFAULT: Self = Self { log2: 3 };
-    /// 8 kHz, the fastest.
-    pub const FASTEST: Self = Self { log2: FASTEST_LOG2 };
+    /// 4 kHz or near it: what a device starts with, where its line carries it.
+    const DEFAULT_LOG2: u8 = 3;
 
-    /// Every rate, fastest first.
-    pub fn all() -> impl Iterator<Item = Self> {
-        (0..=FASTEST_LOG2).rev().map(|log2| Self { log2 })
+    /// Every rate that this clock gives, fastest first.
+    pub fn on(clock: ConverterClock) -> impl Iterator<Item = Self> {
+        (0..=FASTEST_LOG2).rev().map(move |log2| Self { log2, clock })
     }
 
-    /// The rate of `hz` samples a second, if the front-end has it.
+    /// The slowest rate that this clock gives: 500 Hz at the nominal one.
     #[must_use]
-    pub fn from_hz(hz: u32) -> Option<Self> {
-        Self::all().find(|rate| rate.hz() == hz)
+    pub const fn slowest(clock: ConverterClock) -> Self {
+        Self { log2: 0, clock }
     }
 
-    /// Samples a second, Hz.
+    /// The fastest rate that this clock gives: 8 kHz at the nominal one.
+    #[must_use]
+    pub const fn fastest(clock: ConverterClock) -> Self {
+        Self { log2: FASTEST_LOG2, clock }
+    }
+
+    /// The rate that a device with this clock starts with, where its line carries it: 4 kHz at the nominal one.
+    #[must_use]
+    pub const fn usual(clock: ConverterClock) -> Self {
+        Self { log2: Self::DEFAULT_LOG2, clock }
+    }
+
+    /// The rate of `hz` samples a second, rounded to whole ones, if this clock gives it.
+    #[must_use]
+    pub fn from_hz(hz: u32, clock: ConverterClock) -> Option<Self> {
+        Self::on(clock).find(|rate| rate.hz() == hz)
+    }
+
+    /// Cycles of the converter's clock for each sample.
+    const fn cycles(self) -> u32 {
+        2 * (SLOWEST_OVERSAMPLING >> self.log2)
+    }
+
+    /// Samples a second, Hz, rounded.
     #[must_use]
     pub const fn hz(self) -> u32 {
-        SLOWEST_HZ << self.log2
+        (self.clock.hz + self.cycles() / 2) / self.cycles()
     }
 
-    /// Time between samples, in ns; exact for every rate.
+    /// Time between samples, in ns, rounded; exact for every rate of the nominal clock.
     #[must_use]
-    pub const fn period_ns(self) -> u32 {
-        (1_000_000_000 / SLOWEST_HZ) >> self.log2
+    pub fn period_ns(self) -> u32 {
+        let product = u64::from(self.cycles()) * NS_PER_S;
+        let hz = u64::from(self.clock.hz);
+        // 2.1 ms at most.
+        u32::try_from((product + hz / 2) / hz).unwrap_or(u32::MAX)
     }
 
     /// The oversampling ratio's code in the CLOCK register: 2 for 512 (8 kHz) to 6 for 8192 (500 Hz).
@@ -90,8 +152,8 @@ impl Rate {
 
     /// The fastest rate that a line of so many baud carries, if it carries any.
     #[must_use]
-    pub fn fastest_on_line(link_baud: u32) -> Option<Self> {
-        Self::all().find(|rate| rate.fits_line(link_baud))
+    pub fn fastest_on_line(link_baud: u32, clock: ConverterClock) -> Option<Self> {
+        Self::on(clock).find(|rate| rate.fits_line(link_baud))
     }
 }
 
@@ -137,10 +199,11 @@ pub struct DeviceSettings {
 }
 
 impl DeviceSettings {
-    /// What a device starts with: gain 32, and 4 kHz or the fastest rate below it that the line carries.
+    /// What a device starts with: gain 32, and 4 kHz (or what its converter's clock makes of it) or the fastest rate
+    /// below it that the line carries.
     #[must_use]
-    pub fn at_start(link_baud: u32) -> Self {
-        let rate = Rate::fastest_on_line(link_baud).unwrap_or(Rate::SLOWEST).min(Rate::DEFAULT);
+    pub fn at_start(link_baud: u32, clock: ConverterClock) -> Self {
+        let rate = Rate::fastest_on_line(link_baud, clock).unwrap_or(Rate::slowest(clock)).min(Rate::usual(clock));
         Self { rate, gain: Gain::DEFAULT }
     }
 }
@@ -166,13 +229,27 @@ mod tests {
     fn rates_have_the_datasheets_oversampling_codes() {
         // f_CLKIN / 2 / OSR with 8.192 MHz; CLOCK bits 4:2 are 0 for 128, doubling.
         for (hz, ratio) in [(8000, 512), (4000, 1024), (2000, 2048), (1000, 4096), (500, 8192)] {
-            let rate = Rate::from_hz(hz).unwrap();
+            let rate = Rate::from_hz(hz, ConverterClock::NOMINAL).unwrap();
             assert_eq!((rate.hz(), 8_192_000 / 2 / ratio), (hz, hz));
             assert_eq!(128_u32 << rate.oversampling_code(), ratio);
             assert_eq!(u64::from(rate.period_ns()) * u64::from(hz), 1_000_000_000);
         }
         for hz in [0, 1, 250, 499, 3999, 16_000, u32::MAX] {
-            assert_eq!(Rate::from_hz(hz), None, "{hz}");
+            assert_eq!(Rate::from_hz(hz, ConverterClock::NOMINAL), None, "{hz}");
+        }
+    }
+
+    #[test]
+    fn rates_follow_the_converters_clock() {
+        // By hand, at 8 MHz: 2 · 1024 cycles of 125 ns.
+        let clock = ConverterClock::from_hz(8_000_000).unwrap();
+        let rate = Rate::usual(clock);
+        assert_eq!((rate.hz(), rate.period_ns(), rate.oversampling_code()), (3906, 256_000, 3));
+        assert_eq!((Rate::slowest(clock).hz(), Rate::fastest(clock).hz()), (488, 7813));
+        assert_eq!((Rate::from_hz(3906, clock), Rate::from_hz(4000, clock)), (Some(rate), None));
+        assert_eq!(DeviceSettings::at_start(921_600, clock).rate, rate);
+        for hz in [0, 4_096_000, 7_782_399, 8_400_001, 16_000_000, u32::MAX] {
+            assert_eq!(ConverterClock::from_hz(hz), None, "{hz}");
         }
     }
 
@@ -186,11 +263,11 @@ mod tests {
     #[test]
     fn lines_carry_what_their_bits_allow() {
         // By hand: 85 bytes · 10 bits · rate / 8 · 1.05.
-        let fastest = |baud| Rate::fastest_on_line(baud).map(Rate::hz);
+        let fastest = |baud| Rate::fastest_on_line(baud, ConverterClock::NOMINAL).map(Rate::hz);
         assert_eq!([0, 892_500, 921_600, 892_499].map(fastest), [Some(8000), Some(8000), Some(8000), Some(4000)]);
         assert_eq!([115_200, 57_600, 9600, 1].map(fastest), [Some(1000), Some(500), None, None]);
         assert_eq!(
-            [0, 921_600, 115_200, 9600].map(|baud| DeviceSettings::at_start(baud).rate.hz()),
+            [0, 921_600, 115_200, 9600].map(|baud| DeviceSettings::at_start(baud, ConverterClock::NOMINAL).rate.hz()),
             [4000, 4000, 1000, 500]
         );
     }

@@ -2,8 +2,9 @@
 
 mod rig;
 
+use palpate_firmware_core::ads131m02::frame_of;
 use palpate_shared::frame::{DELIMITER, FRAME_MAX, encode};
-use palpate_shared::sim::{Faults, FingerConfig, FloatingBus};
+use palpate_shared::sim::{Faults, FingerConfig, FloatingBus, StatusLatch};
 use palpate_shared::units::DeviceTime;
 use palpate_shared::wire::{
     Checks, Command, CommandId, FrameBuffer, FromDevice, Outcome, PROTOCOL, Refusal, Request, SelfTest, Source, Status,
@@ -515,5 +516,97 @@ fn a_front_end_that_comes_back_while_the_main_loop_stands_still_is_known_to_be_b
         rig.main_loop_hangs = false;
         rig.run_us(10_000);
         assert_eq!(rig.ask(Request::Start), Outcome::Done);
+    });
+}
+
+/// A command's frame, as the driver would send it.
+fn raw(command: u16, value: Option<u16>) -> Request {
+    Request::RawFrame { bytes: frame_of(command, value) }
+}
+
+/// The response in the frame that a raw one brings.
+fn response_to(rig: &mut Rig<'_>, request: Request) -> u16 {
+    let Outcome::RawFrame { bytes } = rig.ask(request) else { panic!("no frame came in") };
+    u16::from_be_bytes([bytes[0], bytes[1]])
+}
+
+#[test]
+fn raw_frames_bring_the_answers_to_each_other() {
+    started(Bench::default(), |rig| {
+        response_to(rig, raw(0xA000, None));
+        assert_eq!(response_to(rig, raw(0x6200, Some(0x0011))), 0x2282, "the ID register");
+        // However long the host takes, within a second.
+        rig.run_us(900_000);
+        assert_eq!(response_to(rig, raw(0xA200, None)), 0x4200, "GAIN1 written");
+        assert_eq!(response_to(rig, raw(0x0000, None)), 0x0011, "GAIN1");
+        assert_eq!(rig.device.counters().samples, 0);
+    });
+}
+
+#[test]
+fn a_second_after_the_last_raw_frame_the_front_end_has_its_settings_again() {
+    started(Bench::default(), |rig| {
+        response_to(rig, raw(0x0011, None));
+        rig.run_us(990_000);
+        assert_eq!(rig.front_end().borrow().chip().gain(0), 1);
+        rig.run_us(20_000);
+        assert_eq!(rig.front_end().borrow().chip().gain(0), 32);
+        assert_eq!(rig.heard.faults(), []);
+        assert_eq!(rig.ask(Request::Start), Outcome::Done);
+        rig.run(100);
+        assert_eq!((rig.heard.gaps(), rig.wrong_samples()), (0, 0));
+        assert!(rig.heard.samples().count() > 80);
+    });
+}
+
+#[test]
+fn a_command_that_needs_the_front_end_takes_it_back_from_the_host() {
+    let gain = Request::ReadRegister { address: 4 };
+    for request in [Request::Start, Request::SelfTest, gain, Request::SetSource { source: Source::Hardware }] {
+        started(Bench::default(), |rig| {
+            response_to(rig, raw(0x0011, None));
+            assert!(!matches!(rig.ask(request), Outcome::Refused(_)), "{request:?}");
+            assert_eq!(rig.front_end().borrow().chip().gain(0), 32, "{request:?}");
+        });
+    }
+}
+
+#[test]
+fn no_raw_frame_disturbs_a_stream() {
+    started(Bench::default(), |rig| {
+        assert_eq!(rig.ask(Request::Start), Outcome::Done);
+        assert_eq!(rig.ask(raw(0x0011, None)), refused(Refusal::Streaming));
+        rig.run(100);
+        assert_eq!(rig.ask(Request::Stop), Outcome::Done);
+        assert_eq!((rig.heard.gaps(), rig.wrong_samples(), rig.heard.faults()), (0, 0, vec![]));
+    });
+}
+
+#[test]
+fn raw_frames_show_what_an_empty_socket_reads() {
+    for floating in [FloatingBus::High, FloatingBus::Low] {
+        let mut world = World::new(FingerConfig::default(), 1);
+        let mut rig = Rig::new(&mut world, Bench::default());
+        rig.set_faults(Faults { chip_absent: Some(floating), ..Faults::default() });
+        rig.run_us(100_000);
+        assert_eq!(rig.ask(raw(0, None)), Outcome::RawFrame { bytes: [floating.byte(); 12] });
+        assert_eq!(rig.ask(Request::Start), refused(Refusal::NoFrontEnd));
+        rig.set_faults(Faults::default());
+        rig.run_us(1_300_000);
+        assert_eq!(rig.ask(Request::Start), Outcome::Done);
+    }
+}
+
+/// What the first board shall be asked: `docs/HARDWARE.md`.
+#[test]
+fn the_status_register_of_a_running_device_tells_when_the_chip_latches_it() {
+    started(Bench::default(), |rig| {
+        rig.run(100);
+        let Outcome::Register { value, .. } = rig.ask(Request::ReadRegister { address: 1 }) else { panic!("no value") };
+        let unread = match rig::chip::behaviour(module_path!()).status_latch {
+            StatusLatch::FrameStart => 0b11,
+            StatusLatch::FrameEnd => 0b00,
+        };
+        assert_eq!(value & 0b11, unread);
     });
 }

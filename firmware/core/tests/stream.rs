@@ -2,9 +2,10 @@
 
 mod rig;
 
+use palpate_firmware_core::ConverterClock;
 use palpate_shared::sim::{Faults, FingerConfig, FloatingBus};
 use palpate_shared::units::DeviceTime;
-use palpate_shared::wire::{EventKind, Outcome, Refusal, Request, Source, Status};
+use palpate_shared::wire::{Checks, EventKind, Outcome, Refusal, Request, Source, Status};
 use rig::{Bench, Rig, World};
 
 /// Bytes of a ping's frame, with an id of three bytes.
@@ -58,6 +59,27 @@ fn every_rate_streams_without_loss() {
             stop_and_settle_accounts(rig);
             assert_eq!((rig.heard.gaps(), rig.wrong_samples()), (0, 0), "{rate_hz} Hz");
             assert_eq!(rig.front_end().borrow().period_ns(), 1_000_000_000 / rate_hz);
+        });
+    }
+}
+
+#[test]
+fn every_rate_of_another_converter_clock_streams_without_loss() {
+    let converter_clock = ConverterClock::from_hz(8_000_000).expect("within the range");
+    // By hand: 2 · 512 cycles of 125 ns, and doubled four times.
+    for (rate_hz, period_ns) in [(7813, 128_000), (3906, 256_000), (1953, 512_000), (977, 1_024_000), (488, 2_048_000)]
+    {
+        streaming(Bench { converter_clock, ..Bench::default() }, |rig| {
+            assert_eq!(rig.ask(Request::SetRate { rate_hz }), Outcome::Done);
+            rig.run(2000);
+            let Outcome::SelfTest(result) = rig.ask(Request::SelfTest) else { panic!("no self-test") };
+            assert!(result.failed == Checks::default() && result.checked.contains(Checks::RATE), "{result:?}");
+            assert!(result.period_ns.abs_diff(period_ns) <= period_ns / 1000, "{result:?}");
+            stop_and_settle_accounts(rig);
+            assert_eq!((rig.heard.gaps(), rig.wrong_samples(), rig.heard.faults()), (0, 0, vec![]), "{rate_hz} Hz");
+            assert_eq!(rig.front_end().borrow().period_ns(), period_ns);
+            let refusal = Refusal::RateNotPossible { slowest_hz: 488, fastest_hz: 7813 };
+            assert_eq!(rig.ask(Request::SetRate { rate_hz: 4000 }), Outcome::Refused(refusal));
         });
     }
 }
@@ -210,6 +232,27 @@ fn a_stuck_data_ready_line_is_reported_once_and_counted() {
         assert_eq!(recovered, EventKind::FrontEndRecovered);
         assert_eq!((rig.wrong_samples(), rig.heard.gaps()), (0, 12_000));
         assert!(rig.unnumbered_conversions().windows(2).all(|pair| pair[0] == pair[1]));
+    });
+}
+
+#[test]
+fn a_chip_whose_clock_stops_is_silent_and_never_data() {
+    streaming(Bench::default(), |rig| {
+        rig.run(100);
+        rig.set_faults(Faults { clock_stopped: true, ..Faults::default() });
+        rig.run(4000);
+        let Outcome::SelfTest(result) = rig.ask(Request::SelfTest) else { panic!("no self-test") };
+        assert!(result.failed == Checks::RATE && !result.checked.contains(Checks::RANGE), "{result:?}");
+        let heard = rig.heard.samples().count();
+        rig.run(1000);
+        assert_eq!(rig.heard.samples().count(), heard);
+        assert!(matches!(rig.heard.faults()[..], [EventKind::FrontEndSilent { .. }]), "{:?}", rig.heard.faults());
+        rig.set_faults(Faults::default());
+        rig.run(4000);
+        stop_and_settle_accounts(rig);
+        assert_eq!(rig.heard.faults().last(), Some(&EventKind::FrontEndRecovered));
+        assert!(rig.heard.samples().count() >= heard + 3000);
+        assert!(rig.heard.gaps() >= 5000, "{}", rig.heard.gaps());
     });
 }
 

@@ -6,9 +6,10 @@ use std::cell::RefCell;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::thread;
 
+use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use palpate_firmware_core::queues::SamplerEnd;
-use palpate_firmware_core::{Device, DeviceSettings, Queues, Sampler, SelectSource, SourceNotPossible};
+use palpate_firmware_core::{ConverterClock, Device, DeviceSettings, Queues, Sampler, SelectSource, SourceNotPossible};
 use palpate_shared::frame::{FRAME_MAX, FrameReader, encode};
 use palpate_shared::sim::{FingerConfig, PortBusy, SimulatedFrontEnd, SpiPort};
 use palpate_shared::units::{DeviceTime, Seq};
@@ -29,6 +30,12 @@ impl SpiDevice for Bus<'_> {
     }
 }
 
+impl DelayNs for Bus<'_> {
+    fn delay_ns(&mut self, duration_ns: u32) {
+        self.0.delay_ns(duration_ns);
+    }
+}
+
 impl SelectSource for Bus<'_> {
     fn select(&mut self, _: Source) -> Result<(), SourceNotPossible> {
         Err(SourceNotPossible)
@@ -41,8 +48,10 @@ impl SelectSource for Bus<'_> {
 
 /// The interrupt side: conversions as fast as they go, until told to end.
 fn sample(end: SamplerEnd<'_>, time_us: &AtomicU32, over: &AtomicBool) {
-    let front_end = RefCell::new(SimulatedFrontEnd::new(FingerConfig::ideal(), 1));
-    let mut sampler = Sampler::new(Bus(SpiPort::new(&front_end)), end, DeviceSettings::at_start(0));
+    let finger = rig::chip::on_chip_of(module_path!(), FingerConfig::ideal());
+    let front_end = RefCell::new(SimulatedFrontEnd::new(finger, 1));
+    let mut sampler =
+        Sampler::new(Bus(SpiPort::new(&front_end)), end, DeviceSettings::at_start(0, ConverterClock::NOMINAL));
     while !over.load(Ordering::Acquire) {
         let now = DeviceTime(time_us.fetch_add(250, Ordering::AcqRel).wrapping_add(250));
         if front_end.borrow_mut().step() {

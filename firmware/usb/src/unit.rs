@@ -90,6 +90,9 @@ pub fn start(
     memory: &'static mut Memory,
 ) -> Option<Usb> {
     rcc.ahb2enr().modify(|_, w| w.otgfsen().set_bit());
+    // Two cycles of its bus until it hears (ES0182, 2.1.13): what is asked before may read 0, as if it were not there.
+    let _ = rcc.ahb2enr().read();
+    cortex_m::asm::dsb();
     let answers = answers(&registers.0);
     if !answers || !clock.is_precise {
         defmt::info!("no USB: its unit answers {=bool}, the crystal runs {=bool}", answers, clock.is_precise);

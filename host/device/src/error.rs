@@ -236,6 +236,7 @@ fn in_words(refusal: Refusal) -> String {
         Refusal::AddressNotPossible { last } => format!("the last register is {last:#04x}"),
         Refusal::Busy => "it is busy with an earlier command".to_owned(),
         Refusal::NotOnThisBoard => "this kind of board cannot do that".to_owned(),
+        Refusal::Streaming => "it streams samples".to_owned(),
     }
 }
 

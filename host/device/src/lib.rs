@@ -5,6 +5,8 @@
 //! maps the device's time to the host's, and [`session`] puts them together: handshake, commands that are repeated
 //! until answered, and reconnection when the cable comes back.
 //!
+//! [`raw_frame`] is for a person at a board that was never run before.
+//!
 //! [`simulated`] is a device without hardware that all of this talks to as to a real one; [`error`] is what can go
 //! wrong on the way.
 //!
@@ -15,6 +17,7 @@
 
 pub mod clock_map;
 pub mod error;
+pub mod raw_frame;
 pub mod sample_sequence;
 pub mod session;
 pub mod simulated;

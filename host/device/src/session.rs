@@ -27,7 +27,7 @@ use palpate_shared::frame::{DELIMITER, FRAME_MAX, encode};
 use palpate_shared::units::{Counts, Seq};
 use palpate_shared::wire::{
     Block, Command, CommandId, Counters, Event, Failure, Fault, FromDevice, Health, Hello, NewerMessage, Outcome,
-    PROTOCOL, ProtocolVersion, Refusal, Reply, Request, SelfTest, Source, Status, Temperature,
+    PROTOCOL, ProtocolVersion, RAW_FRAME_BYTES, Refusal, Reply, Request, SelfTest, Source, Status, Temperature,
 };
 
 use crate::clock_map::{ClockEstimate, ClockMap};
@@ -559,6 +559,19 @@ impl Session {
         match self.request(Request::Health)? {
             Outcome::Health(health) => Ok(health),
             _ => Err(LinkError::WrongAnswer { request: in_words(Request::Health) }),
+        }
+    }
+
+    /// Exchanges one frame with the front-end, byte for byte, and gives what came in. The device then leaves its front-end
+    /// alone until a second has passed or another command needs it, so that the next frame brings the answer to this one.
+    ///
+    /// # Errors
+    /// As [`Session::request`]; refused while samples are streamed, and by firmware that speaks a protocol before 1.2.
+    pub fn raw_frame(&mut self, bytes: [u8; RAW_FRAME_BYTES]) -> Result<[u8; RAW_FRAME_BYTES], LinkError> {
+        let request = Request::RawFrame { bytes };
+        match self.request(request)? {
+            Outcome::RawFrame { bytes } => Ok(bytes),
+            _ => Err(LinkError::WrongAnswer { request: in_words(request) }),
         }
     }
 
@@ -1226,5 +1239,6 @@ fn in_words(request: Request) -> String {
         Request::Fail { failure: Failure::Hang } => "to hang".to_owned(),
         Request::Fail { failure: Failure::BadAccess } => "to read where no memory is".to_owned(),
         Request::Fail { failure: Failure::StackOverflow } => "to overflow its stack".to_owned(),
+        Request::RawFrame { .. } => "to exchange a frame with its front-end".to_owned(),
     }
 }

@@ -6,7 +6,7 @@
 //!
 //! Units: SI, nanoseconds for simulated time. Errors: none; what goes wrong is simulated (see [`Faults`]).
 
-use super::ads131m02::{Chip, RESET_PULSE_NS};
+use super::ads131m02::{Behaviour, Chip, RESET_PULSE_NS};
 use super::beam::{Beam, BeamConfig};
 use super::bridge::{Bridges, BridgesConfig};
 use super::carried::{Carriage, CarriedBeam};
@@ -31,6 +31,8 @@ pub struct FingerConfig {
     pub thermal: ThermalConfig,
     /// The converter's noise as a multiple of the datasheet's; 0 is none.
     pub converter_noise: f32,
+    /// What the converter does where its datasheet is silent.
+    pub converter: Behaviour,
     /// Time for one load to give way to the next, in microseconds.
     pub ramp_us: u32,
 }
@@ -42,6 +44,7 @@ impl Default for FingerConfig {
             bridges: BridgesConfig::default(),
             thermal: ThermalConfig::default(),
             converter_noise: 1.0,
+            converter: Behaviour::default(),
             ramp_us: RAMP_US,
         }
     }
@@ -56,6 +59,7 @@ impl FingerConfig {
             bridges: BridgesConfig::ideal(),
             thermal: ThermalConfig { swing_k: 0.0, ..ThermalConfig::default() },
             converter_noise: 0.0,
+            converter: Behaviour::default(),
             ramp_us: 0,
         }
     }
@@ -90,6 +94,8 @@ pub struct Faults {
     pub bit_error_rate: f32,
     /// DRDY stays high although the chip converts.
     pub data_ready_stuck: bool,
+    /// The converter's clock stands still: its bus answers, and nothing is converted.
+    pub clock_stopped: bool,
     /// Bridges with a broken gauge: they sit at their rail and are noisy.
     pub open_gauge: [bool; 2],
     /// Channels driven past full scale.
@@ -205,6 +211,7 @@ impl SimulatedFrontEnd {
     pub fn new(config: FingerConfig, seed: u64) -> Self {
         let mut chip = Chip::new(seed);
         chip.set_noise_factor(config.converter_noise);
+        chip.set_behaviour(config.converter);
         let period_ns = chip.period_ns();
         let thermal = Thermal::new(config.thermal, seed);
         Self {
@@ -233,6 +240,11 @@ impl SimulatedFrontEnd {
     /// Starts a script; its times count from now.
     pub fn set_script(&mut self, script: Script) {
         self.loading.set_script(script, self.time_us());
+    }
+
+    /// Gives the converter another clock than its nominal one, in hertz.
+    pub fn set_clock_hz(&mut self, hz: u32) {
+        self.chip.set_clock_hz(hz);
     }
 
     /// What is broken from now on.
@@ -293,7 +305,7 @@ impl SimulatedFrontEnd {
         self.drifted += self.faults.drift_per_s * seconds(self.period_ns);
         let volts = self.bridges.step(elastic, self.thermal.above_reference(self.temperature_c), self.drifted);
         let volts = self.break_inputs(volts);
-        self.chip.convert(volts) && self.is_data_ready_wired()
+        !self.faults.clock_stopped && self.chip.convert(volts) && self.is_data_ready_wired()
     }
 
     /// Whether DRDY is low.
@@ -358,6 +370,11 @@ impl SimulatedFrontEnd {
     /// Chip select rises: the frame ends.
     pub(super) fn deselect(&mut self) {
         self.chip.deselect();
+    }
+
+    /// Time passes on the bus, in nanoseconds; the world stands still.
+    pub(super) fn wait(&mut self, duration_ns: u32) {
+        self.chip.wait(duration_ns);
     }
 
     /// Simulated time in microseconds.

@@ -15,7 +15,8 @@
 //! Modelled: bending strain, the inertia and weight of beam and disk, and their resonance; misaligned gauges, cross-talk, unequal gains, offsets, drift of
 //! both with a slow temperature; mains hum; the converter's noise (spectrum included), filter, clipping, registers,
 //! frames, CRC, DRDY and its two-deep memory; faults on demand. Not modelled: torsion and axial force, gauge creep and
-//! hysteresis, noise of the excitation, distortion, aliasing, the chip's start-up and bus timing.
+//! hysteresis, noise of the excitation, distortion, aliasing, the chip's start-up, and its bus timing
+//! but for the pause after a reset.
 //!
 //! Arithmetic is `f32` throughout, time is counted in integers, nothing is allocated: the same code runs on a
 //! Cortex-M4F and for hours. The same seed gives the same bytes; each source of noise has its own stream, so that
@@ -45,6 +46,7 @@ mod port;
 mod thermal;
 mod trig;
 
+pub use ads131m02::{Behaviour, ResetMoment, StatusLatch};
 pub use beam::BeamConfig;
 pub use bridge::{BridgeConfig, BridgesConfig, MICROSTRAIN};
 pub use carried::{Carriage, CarriedBeam, CarriedConfig, CarriedMasses};

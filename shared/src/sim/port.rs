@@ -23,6 +23,7 @@
 
 use core::cell::RefCell;
 
+use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::{self, InputPin, OutputPin};
 use embedded_hal::spi::{self, Operation, SpiDevice};
 
@@ -69,7 +70,7 @@ impl spi::ErrorType for SpiPort<'_> {
 }
 
 impl SpiDevice for SpiPort<'_> {
-    /// One frame. The host sends zeros where it only reads; delays take no simulated time.
+    /// One frame. The host sends zeros where it only reads; delays pass on the bus and not in the world.
     fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), PortBusy> {
         let mut front_end = self.0.try_borrow_mut().map_err(|_| PortBusy)?;
         front_end.select();
@@ -90,7 +91,16 @@ fn operate(front_end: &mut SimulatedFrontEnd, operation: &mut Operation<'_, u8>)
         }),
         Operation::TransferInPlace(bytes) => bytes.iter_mut().for_each(|byte| *byte = front_end.exchange(*byte)),
         Operation::Transfer(read, write) => transfer(front_end, read, write),
-        Operation::DelayNs(_) => {}
+        Operation::DelayNs(duration_ns) => front_end.wait(*duration_ns),
+    }
+}
+
+/// Waits between frames, chip select high; nothing passes while the front-end is borrowed elsewhere.
+impl DelayNs for SpiPort<'_> {
+    fn delay_ns(&mut self, duration_ns: u32) {
+        if let Ok(mut front_end) = self.0.try_borrow_mut() {
+            front_end.wait(duration_ns);
+        }
     }
 }
 

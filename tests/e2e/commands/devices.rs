@@ -212,6 +212,23 @@ fn info_tells_who_the_device_is_and_that_it_is_simulated() {
 }
 
 #[test]
+fn info_exchanges_raw_frames_with_the_converter() {
+    let device = Terminal::simulate_device(&["--seed", "9"]);
+    let ask_id = ["--raw-frame", "a000", "--raw-frame", "000000 cc9c00 000000 000000"];
+    let output = run(&[&["info", "-d", &device.path], &ask_id[..]].concat());
+    let said = text(&output.stdout);
+    assert!(output.status.success(), "{said}{}", text(&output.stderr));
+    for wanted in ["frame out      a00000 710000 000000 000000", "response 0x2282, codes", "checksum right"] {
+        assert!(said.contains(wanted), "`{wanted}` in:\n{said}");
+    }
+    let json = run(&[&["info", "--json", "-d", &device.path], &ask_id[..]].concat());
+    let about: Value = serde_json::from_slice(&json.stdout).unwrap();
+    let second = &about["raw_frames"][1];
+    assert_eq!((second["response"].as_u64(), second["checksum_fits"].as_bool()), (Some(0x2282), Some(true)), "{about}");
+    assert_eq!(run(&["info", "--raw-frame", "a0"]).status.code(), Some(EXIT_USAGE));
+}
+
+#[test]
 fn diagnose_passes_a_good_finger_and_fails_one_with_a_broken_gauge() {
     let mut device = Terminal::simulate_device(&["--as-read"]);
     let good = run(&["diagnose", "-d", &device.path, "--seconds", "4"]);

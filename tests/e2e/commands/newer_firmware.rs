@@ -12,8 +12,8 @@ use palpate_shared::units::{Counts, DeviceTime, Seq};
 use palpate_shared::wire::{
     Axis, BLOCK_SAMPLES, Block, Bridge, Channel, Checks, ClockSource, Command, CommandId, CommandRead, Counters,
     DecodeError, DeviceId, Event, EventKind, Failure, Fault, FaultCause, FirmwareVersion, FromDevice, FrontEnd,
-    FrontEndKind, Health, Hello, NewerMessage, Outcome, PROTOCOL, ProtocolVersion, Refusal, Reply, Request,
-    RestartReason, SelfTest, Source, Status, Temperature,
+    FrontEndKind, Health, Hello, NewerMessage, Outcome, PROTOCOL, ProtocolVersion, RAW_FRAME_BYTES, Refusal, Reply,
+    Request, RestartReason, SelfTest, Source, Status, Temperature,
 };
 use palpate_tests::newer::{frame_of, numbers_in_command, numbers_in_message, payload_of, with_newer};
 use palpate_tests::rig::{self, Peer};
@@ -274,7 +274,8 @@ fn refusals() -> impl Strategy<Value = Refusal> {
                 Refusal::NoFrontEnd,
                 Refusal::FrontEndSilent,
                 Refusal::Busy,
-                Refusal::NotOnThisBoard
+                Refusal::NotOnThisBoard,
+                Refusal::Streaming
             ][..]
         ),
     ]
@@ -303,6 +304,7 @@ fn outcomes() -> impl Strategy<Value = Outcome> {
         refusals().prop_map(Outcome::Refused),
         prop::option::of(faults()).prop_map(Outcome::LastFault),
         any::<u32>().prop_map(|core_hz| Outcome::Health(Health { core_hz, ..Health::default() })),
+        any::<[u8; RAW_FRAME_BYTES]>().prop_map(|bytes| Outcome::RawFrame { bytes }),
     ]
 }
 
@@ -337,6 +339,7 @@ fn requests() -> impl Strategy<Value = Request> {
         any::<u8>().prop_map(|address| Request::ReadRegister { address }),
         select(&[Source::Hardware, Source::Simulated][..]).prop_map(|source| Request::SetSource { source }),
         select(ways).prop_map(|failure| Request::Fail { failure }),
+        any::<[u8; RAW_FRAME_BYTES]>().prop_map(|bytes| Request::RawFrame { bytes }),
         select(&[Request::Hello, Request::Start, Request::Ping, Request::Health][..]),
     ]
 }

@@ -3,8 +3,8 @@
 //! - A panic records its place, a processor fault its registers; both restart at once.
 //! - A main loop that stands still for [`HANG_TICKS`] is ended by SysTick, which records that. Should SysTick stand
 //!   still as well, the independent watchdog resets the chip after [`WATCHDOG_MS`]; only the processor's flag tells.
-//! - The stack lies at the bottom of the RAM (`memory.x`), so what overflows it faults. The fault handler begins with
-//!   a stack of its own choosing, since the one there was is full.
+//! - The stack lies at the bottom of the RAM (`memory.x`), above a guard (`stack`), so what overflows it faults. The
+//!   fault handler begins with a stack of its own choosing, since the one there was is full.
 //!
 //! Registers: RM0090, sections 7.3.21 (RCC_CSR) and 21.4 (IWDG); ARMv7-M manual, B1.5.6 (frame) and B3.2.15 (CFSR).
 
@@ -246,8 +246,10 @@ extern "C" fn HardFault() -> ! {
 extern "C" fn processor_fault(frame: *const u32) -> ! {
     // SAFETY: a read of a register that is always there.
     #[expect(unsafe_code, reason = "the fault handler owns nothing")]
-    let fault_status = unsafe { (*SCB::PTR).cfsr.read() };
-    let overflow = fault_status & STACKING_FAILED != 0 || !stack::holds_frame(frame as u32);
+    let (fault_status, address) = unsafe { ((*SCB::PTR).cfsr.read(), (*SCB::PTR).mmfar.read()) };
+    let overflow = fault_status & STACKING_FAILED != 0
+        || stack::is_guard(fault_status, address)
+        || !stack::holds_frame(frame as u32);
     let known = fault(if overflow { FaultCause::StackOverflow } else { FaultCause::Processor });
     let [return_address, program_counter] = if overflow {
         [0; 2]

@@ -6,6 +6,7 @@
 use core::cell::RefCell;
 use core::f32::consts::TAU;
 
+use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 use palpate_firmware_core::{SelectSource, SourceNotPossible};
 use palpate_shared::sim::{ContactLoad, FingerConfig, Load, SimulatedFrontEnd, SpiPort};
@@ -88,8 +89,8 @@ impl ChipBus {
                 }
                 Ok(())
             }),
-            Operation::DelayNs(ns) => {
-                cortex_m::asm::delay(ns.div_ceil(NS_PER_US).saturating_mul(CYCLES_PER_US));
+            Operation::DelayNs(duration_ns) => {
+                delay(*duration_ns);
                 Ok(())
             }
         }
@@ -103,6 +104,11 @@ impl ChipBus {
         self.port.bsrr().write(|w| w.bs4().set_bit());
         result
     }
+}
+
+/// Waits so long at least: a slower core waits longer.
+fn delay(duration_ns: u32) {
+    cortex_m::asm::delay(duration_ns.div_ceil(NS_PER_US).saturating_mul(CYCLES_PER_US));
 }
 
 /// The simulated finger. It is large: it belongs into a variable that is there for good, not onto the stack.
@@ -177,6 +183,16 @@ impl SpiDevice for Bus {
             meter::SIMULATION.measure(|| port.transaction(operations).map_err(|_| BusTimeout))
         } else {
             self.chip.transaction(operations)
+        }
+    }
+}
+
+impl DelayNs for Bus {
+    fn delay_ns(&mut self, duration_ns: u32) {
+        if self.is_simulated {
+            SpiPort::new(self.simulation).delay_ns(duration_ns);
+        } else {
+            delay(duration_ns);
         }
     }
 }

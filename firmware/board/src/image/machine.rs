@@ -9,6 +9,7 @@ use palpate_shared::wire::{ClockSource, DeviceId};
 use stm32f4::stm32f405::DBGMCU;
 
 use super::clock::Clock;
+use crate::crystal::Crystal;
 
 /// The factory-programmed unique number, 96 bits (RM0090, section 39.1).
 const UNIQUE_NUMBER: *const [u8; 12] = 0x1FFF_7A10 as *const _;
@@ -35,12 +36,14 @@ impl Machine {
         if debug_unit.idcode().read().bits() == 0 { Self::Emulator } else { Self::Chip }
     }
 
-    /// The board's name, and whether it can be talked to over USB.
-    pub(super) const fn name(self, has_usb: bool) -> &'static str {
-        match (self, has_usb) {
-            (Self::Chip, true) => "STM32-H405 with USB",
-            (Self::Chip, false) => "STM32-H405, no USB",
-            (Self::Emulator, _) => "STM32-H405, emulated",
+    /// The board's name, and whether it can be talked to over USB, or why not. At most 24 characters.
+    pub(super) const fn name(self, has_usb: bool, crystal: Crystal) -> &'static str {
+        match (self, has_usb, crystal) {
+            (Self::Chip, true, Crystal::Usable { mhz: 12 }) => "STM32F405 with USB",
+            (Self::Chip, true, _) => "STM32-H405 with USB",
+            (Self::Chip, false, Crystal::Odd { .. }) => "STM32F405, odd crystal",
+            (Self::Chip, false, _) => "STM32-H405, no USB",
+            (Self::Emulator, ..) => "STM32-H405, emulated",
         }
     }
 

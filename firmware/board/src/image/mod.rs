@@ -12,7 +12,8 @@
 //! for a packet's way in or out of its unit.
 //!
 //! Start-up: `machine` (chip or emulator), `clock`, `pins`, `handover` (what an interrupt owns from then on); what the
-//! sampler reads: `front_end`; when something goes wrong: `fault`; how much is in use: `meter` (cycles), `stack`.
+//! sampler reads: `front_end`; when something goes wrong: `fault`; how much is in use: `meter` (cycles), `stack`; how warm it
+//! is: `thermometer`.
 
 mod clock;
 mod fault;
@@ -24,6 +25,7 @@ mod meter;
 mod pins;
 mod sampling;
 mod stack;
+mod thermometer;
 mod time;
 
 use core::cell::RefCell;
@@ -33,7 +35,7 @@ use cortex_m_rt::entry;
 use defmt_rtt as _;
 use heapless::spsc::Queue;
 use palpate_firmware_core::device::Order;
-use palpate_firmware_core::{Device, DeviceSettings, Identity, Link, Queues, Sampler};
+use palpate_firmware_core::{ConverterClock, Device, DeviceSettings, Identity, Link, Queues, Sampler};
 use palpate_firmware_usb::unit::{self as usb, Usb};
 use palpate_shared::sim::SimulatedFrontEnd;
 use palpate_shared::wire::{Axis, Bridge, Channel, ClockSource, Health, Source};
@@ -44,6 +46,7 @@ use front_end::Bus;
 use line::Line;
 use machine::Machine;
 use sampling::Sampling;
+use thermometer::Thermometer;
 use time::TICKS_PER_S;
 
 /// Bytes for the host that the main loop keeps while the line is busy: 60 blocks, 0.1 s at 4 kHz.
@@ -51,6 +54,15 @@ const OUTBOX_BYTES: usize = 4096;
 
 /// Bridge excitation on the board, in mV: `docs/HARDWARE.md` says why not more.
 const EXCITATION_MV: u16 = 2500;
+
+/// The oscillator at the converter: what `PALPATE_CONVERTER_CLOCK_HZ` said when the image was built, or 8.192 MHz.
+const CONVERTER_CLOCK: ConverterClock = match option_env!("PALPATE_CONVERTER_CLOCK_HZ") {
+    None => ConverterClock::NOMINAL,
+    Some(digits) => match u32::from_str_radix(digits, 10) {
+        Ok(hz) => ConverterClock::from_hz(hz).expect("PALPATE_CONVERTER_CLOCK_HZ is not within 7782400 to 8400000"),
+        Err(_) => panic!("PALPATE_CONVERTER_CLOCK_HZ is not a whole number of hertz"),
+    },
+};
 
 /// What the two channels measure.
 const CHANNELS: [Channel; 2] =
@@ -68,9 +80,10 @@ fn main() -> ! {
 
     // Both are there: nothing has run before.
     let (Some(mut core), Some(board)) = (cortex_m::Peripherals::take(), Peripherals::take()) else { halt() };
+    stack::guard(&core.MPU);
     let before = fault::begin(&board.RCC);
     let machine = Machine::detect(&board.DBGMCU);
-    let clock = machine.clock(clock::start(&board.RCC, &board.FLASH), &core.SYST);
+    let clock = machine.clock(clock::start(&board.RCC, &board.FLASH, &board.TIM11), &core.SYST);
     pins::set_up(&board.RCC, &board.GPIOA, &board.GPIOC, &board.SYSCFG, &board.EXTI);
     time::start(&mut core.SYST, &mut core.SCB, clock.core_hz);
     let watchdog = Watchdog::start(board.IWDG, &board.DBGMCU);
@@ -79,12 +92,13 @@ fn main() -> ! {
     let usb = usb::start(registers, &board.RCC, (usb_clock, machine.device_id().0), USB);
     let identity = Identity {
         device: machine.device_id(),
-        board: machine.name(usb.is_some()),
+        board: machine.name(usb.is_some(), clock.crystal),
         clock: clock.source,
         link_baud: clock.link_baud,
         restart: before.reason,
         restarts: before.restarts,
         source: Source::Hardware,
+        converter_clock: CONVERTER_CLOCK,
         excitation_mv: EXCITATION_MV,
         channels: CHANNELS,
     };
@@ -93,13 +107,15 @@ fn main() -> ! {
     let (sampler_end, device_end) = QUEUES.split();
     let simulation = settle(SIMULATION, front_end::simulation);
     let bus = Bus::new(board.SPI1, board.GPIOA, simulation);
-    let sampler = Sampler::new(bus, sampler_end, DeviceSettings::at_start(clock.link_baud));
+    let sampler = Sampler::new(bus, sampler_end, DeviceSettings::at_start(clock.link_baud, CONVERTER_CLOCK));
     sampling::start(SAMPLING.write(Sampling::new(sampler, board.EXTI)), &mut core.NVIC);
     let line = line::start(board.USART1, clock.line_divider(), (RECEIVED, TO_SEND), &mut core.NVIC);
     let device = settle(DEVICE, || Device::new(identity, device_end));
     device.accept_orders(before.fault);
     let health = Health { stack_bytes: stack::size(), core_hz: clock.core_hz, ..Health::default() };
-    Main { device, line, usb, watchdog, health, looked_at: time::ticks(), turned_at: (0, 0), order: None }.serve()
+    let thermometer = Thermometer::start(board.ADC1, &board.ADC_COMMON, &board.RCC, machine);
+    Main { device, line, usb, watchdog, thermometer, health, looked_at: time::ticks(), turned_at: (0, 0), order: None }
+        .serve()
 }
 
 /// Makes something large in a place of its own. Not inlined, so that the stack which that takes is free afterwards.
@@ -127,6 +143,8 @@ struct Main {
     line: Line,
     usb: Option<Usb>,
     watchdog: Watchdog,
+    /// `None` where there is nothing to read.
+    thermometer: Option<Thermometer>,
     health: Health,
     /// The tick at which stack and processor were last looked at.
     looked_at: u32,
@@ -201,7 +219,7 @@ impl Main {
         self.obey(ticks);
     }
 
-    /// Looks at the use of stack and processor.
+    /// Looks at the use of stack and processor, and at the temperature.
     fn look(&mut self) {
         self.health = Health {
             stack_used_max: stack::used_max(self.health.stack_used_max),
@@ -212,6 +230,9 @@ impl Main {
             ..self.health
         };
         self.device.report_health(self.health);
+        if let Some(centi_celsius) = self.thermometer.as_mut().and_then(Thermometer::look) {
+            self.device.temperature(centi_celsius, time::now());
+        }
         fault::note_samples(self.device.counters().samples);
     }
 

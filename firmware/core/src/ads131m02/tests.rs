@@ -1,14 +1,15 @@
 //! The driver against bytes worked out by hand, and against the chip model.
 
-use core::cell::RefCell;
+use core::cell::{Cell, RefCell};
 use std::vec::Vec;
 
 use embedded_hal_mock::eh1::spi::{Mock, Transaction};
-use palpate_shared::sim::{Faults, FingerConfig, FloatingBus, SimulatedFrontEnd, SpiPort};
+use palpate_shared::sim::{Faults, FingerConfig, FloatingBus, SimulatedFrontEnd, SpiPort, StatusLatch};
 use proptest::prelude::*;
 
 use super::*;
-use crate::settings::{Gain, Rate};
+use crate::settings::{ConverterClock, Gain, Rate};
+use crate::test_chip::{behaviour, on_chip_of};
 
 /// The frames of [`Ads131m02::init`] at 4 kHz and gain 32: what goes out, what comes in.
 ///
@@ -58,16 +59,47 @@ fn init_transactions() -> Vec<Transaction<u8>> {
     all
 }
 
+/// A bus that the mock plays, and the time that was waited with chip select high, in ns.
+struct MockBus<'a> {
+    spi: Mock<u8>,
+    waited_ns: &'a Cell<u32>,
+}
+
+impl<'a> MockBus<'a> {
+    fn new(spi: &Mock<u8>, waited_ns: &'a Cell<u32>) -> Self {
+        Self { spi: spi.clone(), waited_ns }
+    }
+}
+
+impl embedded_hal::spi::ErrorType for MockBus<'_> {
+    type Error = embedded_hal::spi::ErrorKind;
+}
+
+impl SpiDevice for MockBus<'_> {
+    fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), Self::Error> {
+        self.spi.transaction(operations)
+    }
+}
+
+impl DelayNs for MockBus<'_> {
+    fn delay_ns(&mut self, duration_ns: u32) {
+        self.waited_ns.set(self.waited_ns.get() + duration_ns);
+    }
+}
+
 fn settings(hz: u32, gain: u8) -> DeviceSettings {
-    DeviceSettings { rate: Rate::from_hz(hz).unwrap(), gain: Gain::from_factor(gain).unwrap() }
+    DeviceSettings { rate: Rate::from_hz(hz, ConverterClock::NOMINAL).unwrap(), gain: Gain::from_factor(gain).unwrap() }
 }
 
 #[test]
 fn initialisation_puts_these_bytes_on_the_bus() {
     let mut mock = Mock::new(&init_transactions());
-    let mut chip = Ads131m02::new(mock.clone());
+    let waited_ns = Cell::new(0);
+    let mut chip = Ads131m02::new(MockBus::new(&mock, &waited_ns));
     assert_eq!(chip.init(settings(4000, 32)), Ok(0x2282));
     mock.done();
+    // t_REGACQ is 5 µs; whether it begins with the reset's last clock or as chip select rises is not said.
+    assert_eq!(waited_ns.get(), 10_000);
 }
 
 #[test]
@@ -78,7 +110,8 @@ fn a_frame_brings_both_codes_and_the_response_to_the_frame_before() {
         exchange("000000cc9c00000000000000", "0103007fffff80000091ed00"),
     ];
     let mut mock = Mock::new(&frames.concat());
-    let mut chip = Ads131m02::new(mock.clone());
+    let waited_ns = Cell::new(0);
+    let mut chip = Ads131m02::new(MockBus::new(&mock, &waited_ns));
     let first = Frame { answers: Command::Null, response: 0x0103, counts: [Counts(1), Counts(-1)] };
     assert_eq!(chip.read_frame(Command::Read(0x3E)), Ok(first));
     let second = chip.read_frame(Command::Null).unwrap();
@@ -127,7 +160,8 @@ fn responses_that_do_not_fit_tell_of_lost_settings() {
 fn a_frame_with_a_wrong_checksum_brings_nothing() {
     // The last bit of channel 1 differs from the frame above.
     let mut mock = Mock::new(&exchange("000000cc9c00000000000000", "010300000001fffffe9ffc00"));
-    let mut chip = Ads131m02::new(mock.clone());
+    let waited_ns = Cell::new(0);
+    let mut chip = Ads131m02::new(MockBus::new(&mock, &waited_ns));
     assert_eq!(chip.read_frame(Command::Null), Err(Error::Checksum { response: 0x0103 }));
     mock.done();
 }
@@ -148,7 +182,7 @@ fn damaged_frames_pass_no_more_often_than_the_checksum_allows() {
     let rates = [0.02, 0.05, 0.5];
     let frames = 100_000;
     for (seed, bit_error_rate) in (1..).zip(rates) {
-        let front_end = RefCell::new(SimulatedFrontEnd::new(FingerConfig::default(), seed));
+        let front_end = RefCell::new(SimulatedFrontEnd::new(on_chip_of(module_path!(), FingerConfig::default()), seed));
         let mut chip = Ads131m02::new(SpiPort::new(&front_end));
         let (mut refused, mut wrong) = (0, 0);
         for n in 0..frames {
@@ -195,7 +229,7 @@ fn a_chip_that_sends_words_of_another_length_is_noticed() {
 #[test]
 fn resets_for_any_mode_are_understood_by_the_chip_model_in_that_mode() {
     for (word_length, crc_type) in [(0, 1), (0, 0), (2, 1), (2, 0), (3, 0), (1, 1), (1, 0)] {
-        let front_end = RefCell::new(SimulatedFrontEnd::new(FingerConfig::ideal(), 1));
+        let front_end = RefCell::new(SimulatedFrontEnd::new(on_chip_of(module_path!(), FingerConfig::ideal()), 1));
         let mut chip = Ads131m02::new(SpiPort::new(&front_end));
         chip.init(settings(4000, 32)).unwrap();
         // Input CRC on, and a word length and CRC that this driver never uses.
@@ -208,9 +242,9 @@ fn resets_for_any_mode_are_understood_by_the_chip_model_in_that_mode() {
 
 #[test]
 fn the_chip_model_takes_every_rate_and_gain() {
-    let front_end = RefCell::new(SimulatedFrontEnd::new(FingerConfig::ideal(), 1));
+    let front_end = RefCell::new(SimulatedFrontEnd::new(on_chip_of(module_path!(), FingerConfig::ideal()), 1));
     let mut chip = Ads131m02::new(SpiPort::new(&front_end));
-    for rate in Rate::all() {
+    for rate in Rate::on(ConverterClock::NOMINAL) {
         for log2 in 0..8 {
             let wanted = DeviceSettings { rate, gain: Gain::from_factor(1 << log2).unwrap() };
             chip.init(wanted).unwrap();
@@ -223,7 +257,7 @@ fn the_chip_model_takes_every_rate_and_gain() {
 
 #[test]
 fn after_initialisation_each_edge_brings_the_conversion_that_it_announces() {
-    let front_end = RefCell::new(SimulatedFrontEnd::new(FingerConfig::default(), 1));
+    let front_end = RefCell::new(SimulatedFrontEnd::new(on_chip_of(module_path!(), FingerConfig::default()), 1));
     let mut chip = Ads131m02::new(SpiPort::new(&front_end));
     for _ in 0..5 {
         front_end.borrow_mut().step(); // unread conversions pile up
@@ -232,7 +266,8 @@ fn after_initialisation_each_edge_brings_the_conversion_that_it_announces() {
     for _ in 0..20 {
         assert!(front_end.borrow_mut().step());
         let frame = chip.read_frame(Command::Null).unwrap();
-        assert_eq!(frame.is_new(), Some(true));
+        let tells_of_this_frame = behaviour(module_path!()).status_latch == StatusLatch::FrameStart;
+        assert_eq!(frame.is_new(), Some(tells_of_this_frame));
         // Had an older one been in the chip's memory, this one would still be there.
         assert!(!front_end.borrow().is_data_ready());
     }
@@ -241,7 +276,7 @@ fn after_initialisation_each_edge_brings_the_conversion_that_it_announces() {
 #[test]
 fn an_empty_socket_is_told_from_a_chip() {
     for (floating, word) in [(FloatingBus::High, 0xFFFF), (FloatingBus::Low, 0)] {
-        let front_end = RefCell::new(SimulatedFrontEnd::new(FingerConfig::ideal(), 1));
+        let front_end = RefCell::new(SimulatedFrontEnd::new(on_chip_of(module_path!(), FingerConfig::ideal()), 1));
         front_end.borrow_mut().set_faults(Faults { chip_absent: Some(floating), ..Faults::default() });
         let mut chip = Ads131m02::new(SpiPort::new(&front_end));
         assert_eq!(chip.init(settings(4000, 32)), Err(Error::Checksum { response: word }));
@@ -250,7 +285,7 @@ fn an_empty_socket_is_told_from_a_chip() {
 
 #[test]
 fn a_locked_chip_is_initialised_all_the_same() {
-    let front_end = RefCell::new(SimulatedFrontEnd::new(FingerConfig::ideal(), 1));
+    let front_end = RefCell::new(SimulatedFrontEnd::new(on_chip_of(module_path!(), FingerConfig::ideal()), 1));
     let mut spi = SpiPort::new(&front_end);
     spi.write(&bytes("055500000000000000000000")).unwrap(); // LOCK; input CRC is off after power-up
     let mut chip = Ads131m02::new(spi);
@@ -295,8 +330,11 @@ proptest! {
                 Ok(())
             }
         }
+        impl DelayNs for Anything {
+            fn delay_ns(&mut self, _: u32) {}
+        }
         let mut chip = Ads131m02::new(Anything(input.into_iter()));
-        prop_assert!(chip.init(DeviceSettings::at_start(0)).is_err());
+        prop_assert!(chip.init(DeviceSettings::at_start(0, ConverterClock::NOMINAL)).is_err());
     }
 }
 

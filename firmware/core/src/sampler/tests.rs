@@ -9,6 +9,8 @@ use palpate_shared::sim::{Faults, FingerConfig, FloatingBus, PortBusy, Simulated
 
 use super::*;
 use crate::queues::{DeviceEnd, Queues};
+use crate::settings::ConverterClock;
+use crate::test_chip::on_chip_of;
 
 /// What happens to the bytes of a frame on their way.
 type Tamper<'a> = Box<dyn FnMut(&mut [u8]) + 'a>;
@@ -38,6 +40,12 @@ impl SpiDevice for Bus<'_> {
     }
 }
 
+impl DelayNs for Bus<'_> {
+    fn delay_ns(&mut self, duration_ns: u32) {
+        self.port.delay_ns(duration_ns);
+    }
+}
+
 impl SelectSource for Bus<'_> {
     fn select(&mut self, _: Source) -> Result<(), SourceNotPossible> {
         Err(SourceNotPossible)
@@ -62,7 +70,7 @@ impl<'a> Setup<'a> {
         let (end, main) = queues.split();
         let bus =
             Bus { port: SpiPort::new(front_end), on_the_way_out: Box::new(|_| ()), on_the_way_in: Box::new(|_| ()) };
-        let mut sampler = Sampler::new(bus, end, DeviceSettings::at_start(0));
+        let mut sampler = Sampler::new(bus, end, DeviceSettings::at_start(0, ConverterClock::NOMINAL));
         sampler.idle(DeviceTime(0));
         sampler.streaming = true;
         Self { front_end, sampler, main, time: 0 }
@@ -108,7 +116,7 @@ impl<'a> Setup<'a> {
 
 /// Runs a test on a chip of its own.
 fn setup(test: impl FnOnce(Setup<'_>)) {
-    let front_end = RefCell::new(SimulatedFrontEnd::new(FingerConfig::ideal(), 1));
+    let front_end = RefCell::new(SimulatedFrontEnd::new(on_chip_of(module_path!(), FingerConfig::ideal()), 1));
     let mut queues = Queues::new();
     test(Setup::new(&front_end, &mut queues));
 }

@@ -11,12 +11,15 @@
 //! ```
 #![allow(dead_code, unreachable_pub, reason = "each test and fuzz target uses a part of it")]
 
+pub mod chip;
+
 use std::cell::RefCell;
 use std::collections::HashMap;
 
+use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use palpate_firmware_core::device::Identity;
-use palpate_firmware_core::{Device, DeviceSettings, Queues, Sampler, SelectSource, SourceNotPossible};
+use palpate_firmware_core::{ConverterClock, Device, DeviceSettings, Queues, Sampler, SelectSource, SourceNotPossible};
 use palpate_shared::frame::{FRAME_MAX, FrameReader, encode};
 use palpate_shared::sim::{Faults, FingerConfig, PortBusy, SimulatedFrontEnd, SpiPort, SyncResetPin};
 use palpate_shared::units::{Counts, DeviceTime, Seq};
@@ -45,9 +48,12 @@ pub struct World {
 
 impl World {
     /// Two front-ends of the same kind with different noise.
+    ///
+    /// The chip on the board behaves as the test's module is called ([`chip`]); the built-in one is known.
     pub fn new(config: FingerConfig, seed: u64) -> Self {
+        let on_board = chip::on_chip_of(module_path!(), config);
         Self {
-            hardware: RefCell::new(SimulatedFrontEnd::new(config, seed)),
+            hardware: RefCell::new(SimulatedFrontEnd::new(on_board, seed)),
             simulation: RefCell::new(SimulatedFrontEnd::new(config, seed.wrapping_add(1))),
             queues: Queues::new(),
         }
@@ -60,13 +66,20 @@ pub struct Bench {
     pub link_baud: u32,
     /// Whether the firmware has a simulated finger.
     pub has_simulation: bool,
+    /// The converter's clock, as the firmware is told; the chip on the board has it too.
+    pub converter_clock: ConverterClock,
     /// The device's clock at the start.
     pub start: DeviceTime,
 }
 
 impl Default for Bench {
     fn default() -> Self {
-        Self { link_baud: 921_600, has_simulation: true, start: DeviceTime(0) }
+        Self {
+            link_baud: 921_600,
+            has_simulation: true,
+            converter_clock: ConverterClock::NOMINAL,
+            start: DeviceTime(0),
+        }
     }
 }
 
@@ -88,6 +101,15 @@ impl SpiDevice for Bus<'_> {
         match &mut self.simulation {
             Some(simulation) if self.is_simulated => simulation.transaction(operations),
             _ => self.hardware.transaction(operations),
+        }
+    }
+}
+
+impl DelayNs for Bus<'_> {
+    fn delay_ns(&mut self, duration_ns: u32) {
+        match &mut self.simulation {
+            Some(simulation) if self.is_simulated => simulation.delay_ns(duration_ns),
+            _ => self.hardware.delay_ns(duration_ns),
         }
     }
 }
@@ -221,6 +243,7 @@ impl<'w> Rig<'w> {
         let World { hardware, simulation, queues } = world;
         let (hardware, simulation) = (&*hardware, &*simulation);
         let (sampler_end, device_end) = queues.split();
+        hardware.borrow_mut().set_clock_hz(bench.converter_clock.hz());
         let bus = Bus {
             hardware: SpiPort::new(hardware),
             simulation: bench.has_simulation.then(|| SpiPort::new(simulation)),
@@ -230,8 +253,11 @@ impl<'w> Rig<'w> {
         Self {
             hardware,
             simulation,
-            sampler: Sampler::new(bus, sampler_end, DeviceSettings::at_start(bench.link_baud)),
-            device: Device::new(identity(bench.link_baud), device_end),
+            sampler: Sampler::new(bus, sampler_end, DeviceSettings::at_start(bench.link_baud, bench.converter_clock)),
+            device: Device::new(
+                Identity { converter_clock: bench.converter_clock, ..identity(bench.link_baud) },
+                device_end,
+            ),
             heard: Heard::default(),
             link_open: true,
             main_loop_hangs: false,
@@ -424,6 +450,7 @@ pub fn identity(link_baud: u32) -> Identity {
         link_baud,
         restart: RestartReason::PowerOn,
         restarts: 0,
+        converter_clock: ConverterClock::NOMINAL,
         excitation_mv: 2500,
         channels: [channel(Axis::X), channel(Axis::Y)],
         source: Source::Hardware,

@@ -98,6 +98,7 @@ fn refused(refusal: Refusal) -> &'static str {
         }
         Refusal::Busy => "try again",
         Refusal::NotOnThisBoard => "a board with palpate's own firmware image can; see docs/HARDWARE.md",
+        Refusal::Streaming => "stop the stream first",
     }
 }
 
@@ -235,6 +236,7 @@ mod tests {
             ),
             (Refusal::Busy, "try again"),
             (Refusal::NotOnThisBoard, "a board with palpate's own firmware image can; see docs/HARDWARE.md"),
+            (Refusal::Streaming, "stop the stream first"),
         ];
         for (refusal, wanted) in cases {
             let error = LinkError::Refused { request: "it".to_owned(), refusal };

@@ -96,7 +96,7 @@ fn observe(
     let after = session.counts();
     let (counts, saturated) = rest.into_counts();
     let hello = session.hello();
-    let oversampling = CLKIN_HZ / 2 / hello.rate_hz.max(1);
+    let oversampling = oversampling(hello.rate_hz);
     let observation = ObservedAtRest {
         counts,
         saturated,
@@ -110,6 +110,15 @@ fn observe(
         newtons_per_count,
     };
     Ok((observation, latency))
+}
+
+/// The oversampling ratio that gives a rate: the power of two that is nearest, since the converter's clock may be
+/// somewhat other than nominal.
+fn oversampling(rate_hz: u32) -> u32 {
+    let at_nominal = CLKIN_HZ / 2 / rate_hz.max(1);
+    // Nearest as a ratio, to the half of a power: 1048 is 1024, as at 8 MHz.
+    let half_power_up = at_nominal.saturating_mul(17) / 12;
+    1 << half_power_up.max(1).ilog2()
 }
 
 fn print_finding(finding: &Finding) {
@@ -156,4 +165,16 @@ fn as_json(session: &Session, figures: &Figures, findings: &[Finding]) -> String
         "findings": findings,
     })
     .to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::oversampling;
+
+    #[test]
+    fn a_converter_on_a_clock_of_8_mhz_has_the_same_ratios() {
+        for (rate_hz, ratio) in [(8000, 512), (7813, 512), (4000, 1024), (3906, 1024), (500, 8192), (488, 8192)] {
+            assert_eq!(oversampling(rate_hz), ratio, "{rate_hz} Hz");
+        }
+    }
 }

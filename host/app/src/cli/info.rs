@@ -3,10 +3,11 @@
 use std::process::ExitCode;
 use std::time::Duration;
 
+use palpate_device::raw_frame::{self, Received};
 use palpate_device::{LinkError, Session};
 use palpate_shared::wire::{
     BLOCK_SAMPLES, Checks, ClockSource, Counters, Fault, FaultCause, FirmwareVersion, FrontEndKind, Health, Hello,
-    RestartReason, SelfTest, Source,
+    RAW_FRAME_BYTES, RestartReason, SelfTest, Source,
 };
 
 use super::device::DeviceArguments;
@@ -25,6 +26,11 @@ pub(crate) struct Arguments {
     /// Also read this register of the front-end (repeatable; decimal or 0x hexadecimal)
     #[arg(long = "register", value_name = "ADDRESS", value_parser = parse_address)]
     registers: Vec<u8>,
+
+    /// Last of all, exchange this frame with the front-end (repeatable; 4 hexadecimal digits of a command word, 8 with
+    /// its value, or all 24 digits)
+    #[arg(long = "raw-frame", value_name = "HEX", value_parser = raw_frame::parse)]
+    raw_frames: Vec<[u8; RAW_FRAME_BYTES]>,
 
     /// Print one JSON object instead
     #[arg(long)]
@@ -52,7 +58,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
             })
             .advised()?;
     }
-    let about = About::of(&mut session, &arguments.registers).advised()?;
+    let about = About::of(&mut session, &arguments.registers, &arguments.raw_frames).advised()?;
     if arguments.json {
         say!("{}", about.as_json(&session));
     } else {
@@ -71,17 +77,26 @@ struct About {
     /// The last fault and the use of the board, from devices that know them: simulated ones and older firmware do not.
     board: Option<(Option<Fault>, Health)>,
     registers: Vec<(u8, Result<u16, LinkError>)>,
+    raw_frames: Vec<RawExchange>,
+}
+
+/// A frame that went out, and the one that came in.
+struct RawExchange {
+    sent: [u8; RAW_FRAME_BYTES],
+    received: [u8; RAW_FRAME_BYTES],
 }
 
 impl About {
-    fn of(session: &mut Session, registers: &[u8]) -> Result<Self, LinkError> {
+    fn of(session: &mut Session, registers: &[u8], raw_frames: &[[u8; RAW_FRAME_BYTES]]) -> Result<Self, LinkError> {
         let round_trips = (0..PINGS).map(|_| session.ping()).collect::<Result<Vec<_>, _>>()?;
         let self_test = session.self_test();
         let counters = session.device_counters()?;
         let board = session.last_fault().ok().zip(session.health().ok());
         let registers = registers.iter().map(|&address| (address, session.read_register(address))).collect();
         let round_trip = round_trips.into_iter().min().unwrap_or_default();
-        Ok(Self { round_trip, self_test, counters, board, registers })
+        let exchange = |&sent| session.raw_frame(sent).map(|received| RawExchange { sent, received });
+        let raw_frames = raw_frames.iter().map(exchange).collect::<Result<_, _>>()?;
+        Ok(Self { round_trip, self_test, counters, board, registers, raw_frames })
     }
 
     fn print(&self, session: &Session) {
@@ -99,6 +114,13 @@ impl About {
         for (address, value) in &self.registers {
             let value = value.as_ref().map_or_else(ToString::to_string, |value| format!("{value:#06x}"));
             row(&format!("register {address:#04x}"), &value);
+        }
+        for RawExchange { sent, received } in &self.raw_frames {
+            let Received { response, counts: [first, second], is_sound } = Received::of(*received);
+            let checksum = if is_sound { "right" } else { "WRONG" };
+            row("frame out", &hex(*sent));
+            row("frame in", &hex(*received));
+            row("", &format!("response {response:#06x}, codes {first} and {second}, checksum {checksum}"));
         }
     }
 
@@ -119,6 +141,7 @@ impl About {
             "last_fault": self.board.as_ref().and_then(|(fault, _)| fault.as_ref()),
             "health": self.board.as_ref().map(|(_, health)| health),
             "registers": self.registers.iter().map(register_as_json).collect::<Vec<_>>(),
+            "raw_frames": self.raw_frames.iter().map(raw_frame_as_json).collect::<Vec<_>>(),
         })
     }
 }
@@ -128,6 +151,19 @@ fn register_as_json((address, value): &(u8, Result<u16, LinkError>)) -> serde_js
         Ok(value) => serde_json::json!({ "address": address, "value": value }),
         Err(error) => serde_json::json!({ "address": address, "error": error.to_string() }),
     }
+}
+
+fn raw_frame_as_json(RawExchange { sent, received }: &RawExchange) -> serde_json::Value {
+    let Received { response, counts, is_sound } = Received::of(*received);
+    serde_json::json!({
+        "out": hex(*sent), "in": hex(*received), "response": response, "counts": counts, "checksum_fits": is_sound,
+    })
+}
+
+/// A frame's four words of three bytes.
+fn hex(frame: [u8; RAW_FRAME_BYTES]) -> String {
+    let word = |word: &[u8]| word.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
+    frame.chunks(3).map(word).collect::<Vec<_>>().join(" ")
 }
 
 fn row(name: &str, value: &str) {

@@ -288,7 +288,7 @@ fn unix_time(session: &Session, device_s: f64) -> Option<f64> {
 }
 
 /// A line for a program: s, rad, and force in `unit` (`N`, or the calibration's relative unit). `t` is on the device's
-/// clock, `unix_time` on the host's; `contact` is null where nothing was measured; `missing_before` counts since the
+/// clock, `unix_time` on the host's; `temperature_c` is the board's, null where it has told none; `contact` is null where nothing was measured; `missing_before` counts since the
 /// line before, `samples` since the tare.
 fn as_json(session: &Session, line: &MonitorLine, unit: &str) -> Value {
     let sensed = &line.sensed;
@@ -301,6 +301,7 @@ fn as_json(session: &Session, line: &MonitorLine, unit: &str) -> Value {
         "unix_time": unix_time(session, t),
         "simulated": session.is_simulated(),
         "unit": unit,
+        "temperature_c": session.temperature_c(),
         "missing_before": line.since_last.missing,
         "samples": lacking::as_json(&line.since_start),
     });

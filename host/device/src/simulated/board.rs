@@ -4,9 +4,12 @@ use std::cell::RefCell;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError};
 use std::time::{Duration, Instant};
 
+use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 use palpate_firmware_core::sampler::IDLE_US;
-use palpate_firmware_core::{Device, DeviceSettings, Identity, Queues, Sampler, SelectSource, SourceNotPossible};
+use palpate_firmware_core::{
+    ConverterClock, Device, DeviceSettings, Identity, Queues, Sampler, SelectSource, SourceNotPossible,
+};
 use palpate_shared::sim::{
     Carriage, CarriedBeam, Faults, FloatingBus, Load, PortBusy, Script, SimulatedFrontEnd, SpiPort,
 };
@@ -94,7 +97,7 @@ pub(super) fn run(config: &Config, outlet: Outlet, orders: &Receiver<Control>, e
     loop {
         let mut queues = Queues::new();
         let (sampler_end, device_end) = queues.split();
-        let settings = DeviceSettings::at_start(config.baud.unwrap_or(0));
+        let settings = DeviceSettings::at_start(config.baud.unwrap_or(0), ConverterClock::NOMINAL);
         let mut board = Board {
             started_ns: front_end.borrow().truth().time_ns,
             front_end: &front_end,
@@ -139,6 +142,7 @@ fn identity(config: &Config, restarts: u16) -> Identity {
         link_baud: config.baud.unwrap_or(0),
         restart: if restarts == 0 { RestartReason::PowerOn } else { RestartReason::Requested },
         restarts,
+        converter_clock: ConverterClock::NOMINAL,
         excitation_mv,
         channels: [Axis::X, Axis::Y].map(|axis| Channel { axis, bridge: Bridge::Half }),
         source: Source::Simulated,
@@ -164,6 +168,12 @@ impl ErrorType for SimulatedOnly<'_> {
 impl SpiDevice for SimulatedOnly<'_> {
     fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), PortBusy> {
         self.0.transaction(operations)
+    }
+}
+
+impl DelayNs for SimulatedOnly<'_> {
+    fn delay_ns(&mut self, duration_ns: u32) {
+        self.0.delay_ns(duration_ns);
     }
 }
 

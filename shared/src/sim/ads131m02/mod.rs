@@ -19,12 +19,15 @@
 //! - DRDY: low while unread data are there (it pulses high before each new fall); with MODE.DRDY_FMT a short pulse,
 //!   every second one missing while data are not read.
 //!
+//! Where the text is silent and a driver might come to rely on either, [`Behaviour`] says which way the model goes; a
+//! driver has to work with all of them: when STATUS is latched, at which moment a frame's RESET takes place.
+//!
 //! Where the text is silent the model does this: CRC_ERR and F_RESYNC clear once STATUS is output; a change of OSR,
 //! turbo or gain resynchronises but keeps the FIFO; the CRC of the settings runs over addresses 02 to 12 and is 0
 //! while MODE.REG_CRC_EN is 0; a frame cut before its input CRC counts as a CRC error; WREG that writes no register
 //! replies as if m were −1 in seven bits.
 //!
-//! Not modelled: start-up times (t_POR, t_REGACQ), SPI clock limits and time-out, power modes, channel phase,
+//! Not modelled: the start-up time t_POR, SPI clock limits and time-out, power modes, channel phase,
 //! DC block, global chop, current detection, corrupted settings (REG_MAP stays 0).
 //! Units: volts, nanoseconds. Errors: none; a chip has no way to report one but STATUS.
 //!
@@ -39,10 +42,12 @@
 //! assert_eq!(frame[0], 0x22); // two channels
 //! ```
 
+mod behaviour;
 mod converter;
 mod frame;
 pub mod registers;
 
+pub use behaviour::{Behaviour, ResetMoment, StatusLatch};
 pub use converter::{noise_rms, volts_per_count};
 
 use converter::Converter;
@@ -54,10 +59,11 @@ use registers::{
 
 use crate::units::Counts;
 
-/// Frequency of the clock pin, in hertz: the chip's nominal 8.192 MHz.
+/// Frequency of the clock pin, in hertz, where no other is set: the chip's nominal 8.192 MHz.
 pub const CLKIN_HZ: u32 = 8_192_000;
 
-/// Nanoseconds that 64 modulator clocks take, exactly; every conversion period is a multiple.
+/// Nanoseconds that 128 cycles of the clock pin (64 of the modulator) take at the nominal frequency, exactly; every
+/// conversion period is a multiple.
 const PERIOD_OF_64_NS: u32 = 15_625;
 
 /// Shortest low time on SYNC/RESET that resets, in nanoseconds: 2048 clocks.
@@ -126,6 +132,13 @@ pub struct Chip {
     resynchronised: bool,
     /// With DRDY_FMT set: the next pulse is lost because the last data were not read.
     pulse_lost: bool,
+    behaviour: Behaviour,
+    /// Whether unread data were there when the last frame ended.
+    ready_at_end: bool,
+    /// Nanoseconds that 64 modulator clocks take.
+    period_of_64_ns: u32,
+    /// Time for which a reset still keeps the chip from its bus, in nanoseconds.
+    acquiring_ns: u32,
 }
 
 impl Chip {
@@ -145,7 +158,28 @@ impl Chip {
             crc_error: false,
             resynchronised: false,
             pulse_lost: false,
+            behaviour: Behaviour::default(),
+            ready_at_end: false,
+            period_of_64_ns: PERIOD_OF_64_NS,
+            acquiring_ns: 0,
         }
+    }
+
+    /// Gives the clock pin another frequency, in hertz. Time is counted in whole nanoseconds for 64 clocks of the
+    /// modulator: those of the nominal one and of 8 MHz are.
+    pub fn set_clock_hz(&mut self, hz: u32) {
+        const PRODUCT: u64 = 128 * 1_000_000_000;
+        self.period_of_64_ns = u32::try_from(PRODUCT / u64::from(hz.max(1))).unwrap_or(u32::MAX);
+    }
+
+    /// Decides what the datasheet leaves open.
+    pub fn set_behaviour(&mut self, behaviour: Behaviour) {
+        self.behaviour = behaviour;
+    }
+
+    /// Time passes on the bus; that of conversions is counted by [`Chip::convert`].
+    pub fn wait(&mut self, duration_ns: u32) {
+        self.acquiring_ns = self.acquiring_ns.saturating_sub(duration_ns);
     }
 
     /// Multiplies the converter's noise, which is the datasheet's at first; 0 switches it off.
@@ -162,6 +196,8 @@ impl Chip {
     ///
     /// Returns whether DRDY fell.
     pub fn convert(&mut self, volts: [f32; 2]) -> bool {
+        // The shortest period is longer than any start-up of the registers.
+        self.acquiring_ns = 0;
         if !self.is_converting() {
             return false;
         }
@@ -199,16 +235,16 @@ impl Chip {
         1 << self.registers.gain_log2(channel.min(1))
     }
 
-    /// Time of one conversion, in nanoseconds, exactly: 2 OSR / CLKIN.
+    /// Time of one conversion, in nanoseconds: 2 OSR / CLKIN, exactly at the nominal clock.
     #[must_use]
     pub fn period_ns(&self) -> u32 {
-        self.oversampling() / 64 * PERIOD_OF_64_NS
+        self.oversampling() / 64 * self.period_of_64_ns
     }
 
     /// Conversions per second, Hz.
     #[must_use]
     pub fn rate_hz(&self) -> f32 {
-        CLKIN_HZ as f32 / (2 * self.oversampling()) as f32
+        1e9 / self.period_ns() as f32
     }
 
     /// SYNC/RESET was low for less than [`RESET_PULSE_NS`]: restarts the filter and empties the FIFO.
@@ -223,12 +259,13 @@ impl Chip {
         self.frame = None;
     }
 
-    /// Chip select falls: a frame begins.
+    /// Chip select falls: a frame begins, unless the chip still starts up after a reset.
     pub fn select(&mut self) {
-        self.frame = Some(Frame::new(&self.registers, self.fifo.slots[0]));
+        self.frame = (self.acquiring_ns == 0).then(|| Frame::new(&self.registers, self.fifo.slots[0]));
     }
 
-    /// Eight clocks in a frame: a byte in, a byte out. Without [`Chip::select`] the bus floats high.
+    /// Eight clocks in a frame: a byte in, a byte out. Without [`Chip::select`] the bus floats high, and so it does
+    /// while the chip starts up.
     pub fn exchange(&mut self, byte: u8) -> u8 {
         let Some(mut frame) = self.frame.take() else { return 0xFF };
         if let Some(word) = frame.word_to_load() {
@@ -238,7 +275,11 @@ impl Chip {
         if let Received::Data { command: Command::Write { address, .. }, index, word } = received {
             frame.written += u16::from(self.write(u16::from(address) + index, word));
         }
-        self.frame = Some(frame);
+        if self.behaviour.reset_at == ResetMoment::LastClock && self.resets_now(&frame) {
+            self.reset();
+        } else {
+            self.frame = Some(frame);
+        }
         out
     }
 
@@ -252,6 +293,7 @@ impl Chip {
             self.fifo.pop();
         }
         self.reply = self.execute(&frame);
+        self.ready_at_end = self.fifo.unread > 0;
     }
 
     /// A whole frame, in place: what goes in is replaced by what comes out.
@@ -318,7 +360,10 @@ impl Chip {
     /// The STATUS word. CRC_TYPE, RESET and WLENGTH stand where they stand in MODE.
     fn status(&self) -> u16 {
         let flag = |on: bool, bit: u16| if on { bit } else { 0 };
-        let ready = self.fifo.unread > 0;
+        let ready = match self.behaviour.status_latch {
+            StatusLatch::FrameStart => self.fifo.unread > 0,
+            StatusLatch::FrameEnd => self.ready_at_end,
+        };
         self.registers.read(MODE) & 0x0F00
             | flag(self.locked, STATUS_LOCK)
             | flag(self.resynchronised, STATUS_F_RESYNC)
@@ -368,7 +413,16 @@ impl Chip {
         }
     }
 
-    /// Everything as after power-up.
+    /// Whether the frame is a whole one that resets, with what must be right for that.
+    fn resets_now(&self, frame: &Frame) -> bool {
+        frame.command == Some(Command::Reset)
+            && frame.words() >= FRAME_WORDS
+            && (!frame.crc_expected || frame.crc_is_right == Some(true))
+            && self.has_data_in_frame()
+            && !self.locked
+    }
+
+    /// Everything as after power-up, but that the bus has to wait.
     fn reset(&mut self) -> Reply {
         self.registers = Registers::new();
         self.converter.reset(&self.registers);
@@ -377,6 +431,8 @@ impl Chip {
         self.standby = false;
         self.crc_error = false;
         self.resynchronised = false;
+        self.ready_at_end = false;
+        self.acquiring_ns = self.behaviour.register_acquisition_ns;
         self.reply = Reply::Word(RESET_DONE);
         self.reply
     }

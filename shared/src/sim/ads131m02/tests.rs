@@ -17,6 +17,8 @@ const MODE_DEFAULT: u16 = 0x0510;
 const CLOCK_DEFAULT: u16 = 0x030E;
 /// Volts that give a round part of full scale at gain 1.
 const HALF_SCALE_V: f32 = 0.6;
+/// Pause between frames, longer than t_REGACQ, in nanoseconds.
+const PAUSE_NS: u32 = 10_000;
 /// Code of half full scale.
 const HALF_SCALE: i32 = 0x40_0000;
 
@@ -64,6 +66,7 @@ impl Bench {
         let mut bytes: Vec<u8> =
             words.iter().flat_map(|word| [word.to_be_bytes()[0], word.to_be_bytes()[1], 0]).collect();
         bytes.resize(3 * length, 0);
+        self.chip.wait(PAUSE_NS);
         self.chip.transfer(&mut bytes);
         bytes.chunks(3).map(|b| u32::from_be_bytes([0, b[0], b[1], b[2]])).collect()
     }
@@ -224,6 +227,62 @@ fn reset_needs_a_full_frame() {
     assert_eq!(bench.chip.gain(0), 1);
 }
 
+/// A chip that behaves so, with input CRCs off and its start-up behind it.
+fn settled_as(status_latch: StatusLatch, reset_at: ResetMoment) -> Bench {
+    let mut bench = Bench::settled();
+    bench.chip.set_behaviour(Behaviour { status_latch, reset_at, ..Behaviour::default() });
+    bench
+}
+
+#[test]
+fn for_5_us_after_a_reset_frames_are_ignored() {
+    for reset_at in [ResetMoment::ChipSelectRise, ResetMoment::LastClock] {
+        for (wait_ns, answer) in [(0, [0xFF, 0xFF]), (4999, [0xFF, 0xFF]), (5000, [0xFF, 0x22])] {
+            let mut bench = settled_as(StatusLatch::FrameStart, reset_at);
+            bench.send(&[0x0011]);
+            bench.chip.wait(wait_ns);
+            let mut frame = [0; 12];
+            bench.chip.transfer(&mut frame);
+            assert_eq!(frame[..2], answer, "{reset_at:?}, {wait_ns} ns");
+        }
+    }
+}
+
+#[test]
+fn a_pause_within_the_frame_counts_if_the_last_clock_resets() {
+    for (reset_at, answer) in [(ResetMoment::ChipSelectRise, [0xFF, 0xFF]), (ResetMoment::LastClock, [0xFF, 0x22])] {
+        let mut bench = settled_as(StatusLatch::FrameStart, reset_at);
+        bench.set(GAIN1, 0x0055);
+        let mut frame = [0; 12];
+        [frame[0], frame[1]] = [0x00, 0x11];
+        bench.chip.select();
+        for byte in frame {
+            bench.chip.exchange(byte);
+        }
+        assert_eq!(bench.chip.gain(0), if reset_at == ResetMoment::LastClock { 1 } else { 32 });
+        bench.chip.wait(PAUSE_NS);
+        bench.chip.deselect();
+        frame = [0; 12];
+        bench.chip.transfer(&mut frame);
+        assert_eq!((frame[..2].to_vec(), bench.chip.gain(0)), (answer.to_vec(), 1), "{reset_at:?}");
+    }
+}
+
+#[test]
+fn status_tells_of_unread_data_when_it_is_latched() {
+    // By hand: nothing unread; one conversion, its frame; then two conversions, and a frame for each.
+    for (status_latch, bits) in [(StatusLatch::FrameStart, [0, 3, 3, 3, 0]), (StatusLatch::FrameEnd, [0, 0, 0, 3, 0])] {
+        let mut bench = settled_as(status_latch, ResetMoment::ChipSelectRise);
+        let mut read = |conversions: usize| {
+            for _ in 0..conversions {
+                bench.chip.convert([0.0; 2]);
+            }
+            response(&bench.send(&[0])) & (STATUS_DRDY0 | STATUS_DRDY1)
+        };
+        assert_eq!([0, 1, 2, 0, 0].map(&mut read), bits, "{status_latch:?}");
+    }
+}
+
 #[test]
 fn the_reset_flag_goes_when_mode_is_written_with_0_and_cannot_be_set() {
     let mut bench = Bench::settled();
@@ -292,6 +351,7 @@ proptest! {
             chip.transfer(&mut frame);
         }
         chip.reset_pulse();
+        chip.wait(PAUSE_NS);
         let mut frame = [0; 12];
         chip.transfer(&mut frame);
         prop_assert_eq!(&frame[..2], &[0xFF, 0x22]);

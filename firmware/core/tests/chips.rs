@@ -1,0 +1,43 @@
+//! The whole suite again, on chips that behave otherwise where the datasheet is silent; `rig/chip.rs` reads which one
+//! from the modules' names. The suite itself runs on a chip that looks at STATUS as a frame starts, and resets as chip
+//! select rises.
+#![allow(clippy::duplicate_mod, reason = "that is what this file is for")]
+
+#[path = "commands.rs"]
+mod commands_status_at_frame_end;
+#[path = "conservation.rs"]
+mod conservation_status_at_frame_end;
+#[path = "links.rs"]
+mod links_status_at_frame_end;
+#[path = "orders.rs"]
+mod orders_status_at_frame_end;
+#[path = "stream.rs"]
+mod stream_status_at_frame_end;
+#[path = "threads.rs"]
+mod threads_status_at_frame_end;
+
+#[path = "commands.rs"]
+mod commands_reset_at_last_clock;
+#[path = "conservation.rs"]
+mod conservation_reset_at_last_clock;
+#[path = "links.rs"]
+mod links_reset_at_last_clock;
+#[path = "orders.rs"]
+mod orders_reset_at_last_clock;
+#[path = "stream.rs"]
+mod stream_reset_at_last_clock;
+#[path = "threads.rs"]
+mod threads_reset_at_last_clock;
+
+#[path = "commands.rs"]
+mod commands_status_at_frame_end_reset_at_last_clock;
+#[path = "conservation.rs"]
+mod conservation_status_at_frame_end_reset_at_last_clock;
+#[path = "links.rs"]
+mod links_status_at_frame_end_reset_at_last_clock;
+#[path = "orders.rs"]
+mod orders_status_at_frame_end_reset_at_last_clock;
+#[path = "stream.rs"]
+mod stream_status_at_frame_end_reset_at_last_clock;
+#[path = "threads.rs"]
+mod threads_status_at_frame_end_reset_at_last_clock;
