@@ -11,6 +11,7 @@ mod contact;
 mod devices;
 mod gho;
 mod help;
+mod import;
 mod initial_pose;
 mod inscribe;
 mod newer_firmware;
