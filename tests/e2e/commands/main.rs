@@ -19,6 +19,7 @@ mod observability;
 mod observe;
 mod pages;
 mod push;
+mod real;
 mod sample;
 mod solve;
 mod solving;
