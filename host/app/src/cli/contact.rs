@@ -221,14 +221,14 @@ fn options(arguments: &Arguments, is_log: bool) -> RecordingOptions {
     }
 }
 
-fn read_part(file: &Path) -> miette::Result<RecordedPart> {
+pub(super) fn read_part(file: &Path) -> miette::Result<RecordedPart> {
     let bytes = fs::read(file).into_diagnostic().wrap_err_with(|| format!("cannot read {}", file.display()))?;
     let text = text(&bytes).map_err(|error| miette!("{}: {error}", file.display()))?;
     RecordedPart::parse(&text).map_err(|error| miette!("{}: {error}", file.display()))
 }
 
 /// The only `obj_geo_*.txt` in the log's folder or, failing that, the one above.
-fn outline_near(log: &Path) -> Option<PathBuf> {
+pub(super) fn outline_near(log: &Path) -> Option<PathBuf> {
     let folder = log.parent()?;
     [folder.to_owned(), folder.join("..")].iter().find_map(|folder| {
         let is_outline = |path: &PathBuf| {

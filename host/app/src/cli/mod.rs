@@ -30,6 +30,7 @@ mod demo;
 mod device;
 mod diagnose;
 mod help;
+mod import;
 mod info;
 mod inscribe;
 mod lacking;
@@ -97,6 +98,7 @@ enum Command {
     PlanPush(plan_push::Arguments),
     WhichPart(which_part::Arguments),
     Contact(contact::Arguments),
+    Import(import::Arguments),
     Push(push::Arguments),
     Inscribe(inscribe::Arguments),
     Sample(sample::Arguments),
@@ -140,6 +142,7 @@ where
         Command::PlanPush(arguments) => plan_push::run(&arguments),
         Command::WhichPart(arguments) => which_part::run(&arguments),
         Command::Contact(arguments) => contact::run(&arguments),
+        Command::Import(arguments) => import::run(&arguments),
         Command::Push(arguments) => push::run(&arguments),
         Command::Inscribe(arguments) => inscribe::run(&arguments),
         Command::Sample(arguments) => sample::run(&arguments),

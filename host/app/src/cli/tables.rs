@@ -8,7 +8,7 @@ use miette::{IntoDiagnostic as _, miette};
 use serde_json::json;
 
 use super::read::report_problems;
-use crate::thesis::real::{self, Recordings};
+use crate::thesis::real::{self, Recordings, Seeds};
 use crate::thesis::{self, EXPERIMENTS, Experiment, TableSettings, progress};
 use crate::width::folded;
 
@@ -37,6 +37,9 @@ pub(crate) struct Arguments {
     /// With `real`: work on so many logs at a time [default: one a processor]
     #[arg(long, value_name = "N")]
     jobs: Option<NonZeroUsize>,
+    /// With `real`: draw everything with so many seeds, from --seed on; the table shows the worst
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..=100))]
+    seeds: u16,
     /// With `real`: fit the set-up's constants anew for each log, from the poses in the others
     #[arg(long)]
     leave_one_out: bool,
@@ -88,8 +91,9 @@ fn real(arguments: &Arguments, folders: &[String]) -> miette::Result<ExitCode> {
     }
     report_problems(&folders[0], &recordings.problems);
     let jobs = arguments.jobs.or(std::thread::available_parallelism().ok()).unwrap_or(NonZeroUsize::MIN);
-    progress::begin(REAL, recordings.units());
-    let answers = recordings.answers(arguments.seed, jobs, |answers| {
+    let seeds = Seeds { first: arguments.seed, count: usize::from(arguments.seeds) };
+    progress::begin(REAL, recordings.units(seeds));
+    let answers = recordings.answers(seeds, jobs, |answers| {
         for line in answers.iter().filter(|_| arguments.json).filter_map(|answer| serde_json::to_string(answer).ok()) {
             say!("{line}");
         }

@@ -50,6 +50,12 @@ impl RecordedPart {
         Ok(Self { vertices })
     }
 
+    /// The vertices, part frame, m, counter-clockwise.
+    #[must_use]
+    pub fn vertices(&self) -> &[Vector2<f64>] {
+        &self.vertices
+    }
+
     /// Reads an outline.
     ///
     /// # Errors

@@ -1,7 +1,7 @@
 //! Slow pushes that were recorded: how well the estimator of slow pushes finds the part.
 //!
 //! Folders of pushing logs are read ([`palpate_files::recordings::slow_pushes`]); what the part stood on is in each
-//! folder's name. `tasks` says what the estimator is told and lets it answer; here the answers are counted: five seeds,
+//! folder's name. `tasks` says what the estimator is told and lets it answer; here the answers are counted: several seeds,
 //! of which the worst is shown, beside the bars.
 //!
 //! Units: as the columns' headings say. Errors: [`RealError`].
@@ -36,11 +36,12 @@ const MASS_KG: f64 = 1.518;
 /// Radius of the fingertip as it was made, m.
 const TIP_RADIUS_M: f64 = 1e-3;
 
-/// Seeds of a table.
-const SEEDS: usize = 5;
-
-/// Pieces of work for each log.
-const PER_LOG: usize = SEEDS * TASKS.len();
+/// What is drawn: everything once for each of so many seeds, one after the other.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Seeds {
+    pub(crate) first: u64,
+    pub(crate) count: usize,
+}
 
 /// Why recordings give no table.
 #[derive(Debug, thiserror::Error)]
@@ -178,16 +179,20 @@ impl Recordings {
         rows.into_iter().map(|(name, scene)| (name, errors(scene.as_ref()))).collect()
     }
 
-    /// All answers of five seeds from `seed` on; `tell` gets them in order as they are made.
-    pub(crate) fn answers(&self, seed: u64, jobs: NonZeroUsize, tell: impl FnMut(&[Answer]) + Send) -> Vec<Answer> {
-        let per_log = PER_LOG;
-        let mut tell = tell;
+    /// All answers of so many seeds; `tell` gets them in order as they are made.
+    pub(crate) fn answers(
+        &self,
+        seeds: Seeds,
+        jobs: NonZeroUsize,
+        mut tell: impl FnMut(&[Answer]) + Send,
+    ) -> Vec<Answer> {
+        let per_log = seeds.count * TASKS.len();
         let answered = cases::of_each_in_order(
-            self.units(),
+            self.units(seeds),
             jobs,
             |unit| {
                 let Readied { log, scene, .. } = &self.logs[unit / per_log];
-                let (seed, task) = (seed + ((unit % per_log) / TASKS.len()) as u64, TASKS[unit % TASKS.len()]);
+                let (seed, task) = (seeds.first + ((unit % per_log) / TASKS.len()) as u64, TASKS[unit % TASKS.len()]);
                 let judge = Judge { log, scene, settings: FilterSettings::STANDARD, seed, log_seed: hash(&log.name) };
                 task(&judge)
             },
@@ -197,8 +202,8 @@ impl Recordings {
     }
 
     /// Pieces of work.
-    pub(crate) fn units(&self) -> usize {
-        self.logs.len() * PER_LOG
+    pub(crate) fn units(&self, seeds: Seeds) -> usize {
+        self.logs.len() * seeds.count * TASKS.len()
     }
 
     /// The logs' names.

@@ -70,7 +70,7 @@ pub(crate) fn table<'a>(
     ]);
     table.definitions = vec![
         "a: the start pose is given; a_learned: with what earlier pushes of the log taught; b1, b3: a start within 10 mm and 10 degrees, one push, three in a row; c1 to c4: no start, one to four pushes in a row; d: 50 pushes in a row from a start within 10 mm and 10 degrees, blind, from the sixth on.".to_owned(),
-        "mm, deg: median error of the centre of mass and of the angle; covered: truths within the stated 95 % region. Of five seeds the worst.".to_owned(),
+        "mm, deg: median error of the centre of mass and of the angle; covered: truths within the stated 95 % region. Of the seeds the worst.".to_owned(),
         "prediction: from the pose before, without any force, and with one thing of the model changed.".to_owned(),
         "semi-axis: of the ellipsoid of the region's volume with as many mm as degrees; cells: 5 mm x 5 mm x 5 degrees, in the 95 % set.".to_owned(),
     ];

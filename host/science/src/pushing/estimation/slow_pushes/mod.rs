@@ -6,7 +6,8 @@
 //! holds a few millimetres.
 //!
 //! In reading order: `constants`, all numbers and where they come from; `felt`, what a push tells; `scene`, part and
-//! model; `filter`, the estimator; `cloud` and `region`, what it states; `learning`, constants from pushes.
+//! model; `filter`, the estimator; `cloud` and `region`, what it states; `learning`, constants from pushes;
+//! `tip_gaps`, the finger's place without a model of pushing.
 //!
 //! Frames: world; poses are of the centre of mass. Units: SI.
 
@@ -19,6 +20,7 @@ mod region;
 mod scene;
 #[cfg(test)]
 mod tests;
+mod tip_gaps;
 
 pub use cloud::{Cloud, Kernel};
 pub use constants::{FilterSettings, SlowConstants, Spread};
@@ -27,3 +29,4 @@ pub use filter::{AfterPush, Before, ParameterBelief, SlowFilter};
 pub use learning::{KnownLog, KnownPush, calibrated, learned};
 pub use region::{CELL, Cells, Region};
 pub use scene::{PushParameters, SimulatedPush, SlowScene, Standing};
+pub use tip_gaps::{Found, TipFromGaps, TipGapsError, tip_from_gaps};
