@@ -75,8 +75,12 @@ pub struct SlowFilter<'a> {
 const ANYWHERE_ANGLE: f64 = 80.0 * std::f64::consts::PI / 180.0;
 
 /// So many times more poses are tried, simulated and kept where the part may be anywhere: half a metre of outline and
-/// 160° are otherwise a pose every 5 mm and 5°.
-const ANYWHERE: usize = 4;
+/// 160° are otherwise a pose every 5 mm and 5°. Each push after that keeps half as many, down to the usual number.
+const ANYWHERE: usize = 2;
+
+/// Start poses are drawn so many times at most. Of a cloud that is centimetres wide one in a hundred meets the onset; fewer
+/// than that are an onset that nothing explains.
+const DRAWS_MAX: usize = 11;
 
 /// Logarithm of Student's density, without its constant.
 fn student_log(deviation: f64, freedom: f64) -> f64 {
@@ -88,12 +92,12 @@ impl SlowFilter<'_> {
     #[must_use]
     pub fn push(&self, before: &Before<'_>, felt: &FeltPush, belief: &ParameterBelief, draw: &mut Draw) -> AfterPush {
         let settings = &self.settings;
-        let starts = self.starts(before, felt, draw);
-        let weights: Vec<_> = starts.iter().map(|pose| self.onset_log(felt, pose).exp()).collect();
         let particles = match before {
             Before::Anywhere => ANYWHERE * settings.particles,
-            _ => settings.particles,
+            Before::After(cloud) => settings.particles.max(cloud.poses.len() / 2),
+            Before::Measured(..) | Before::Box(..) => settings.particles,
         };
+        let (starts, weights) = self.met(before, felt, particles, draw);
         let taken = resampled(&weights, settings.simulated * particles, draw);
         let mut ends = Vec::with_capacity(taken.len());
         let mut logs = Vec::with_capacity(taken.len());
@@ -113,6 +117,20 @@ impl SlowFilter<'_> {
             effective_force: effective_number(&force_weights),
             parameters: kept.iter().map(|&i| ends[i].1).collect(),
         }
+    }
+
+    /// Start poses with their weights, given the onset: drawn until they are worth as many as are kept.
+    fn met(&self, before: &Before<'_>, felt: &FeltPush, particles: usize, draw: &mut Draw) -> (Vec<Pose>, Vec<f64>) {
+        let (mut starts, mut weights) = (Vec::new(), Vec::new());
+        for _ in 0..DRAWS_MAX {
+            let more = self.starts(before, felt, draw);
+            weights.extend(more.iter().map(|pose| self.onset_log(felt, pose).exp()));
+            starts.extend(more);
+            if effective_number(&weights) >= particles as f64 {
+                break;
+            }
+        }
+        (starts, weights)
     }
 
     fn starts(&self, before: &Before<'_>, felt: &FeltPush, draw: &mut Draw) -> Vec<Pose> {

@@ -6,7 +6,7 @@
 
 use std::collections::HashMap;
 
-use super::cloud::{Cloud, Kernel, middle};
+use super::cloud::{Cloud, Kernel};
 use crate::geometry::Pose;
 use crate::math::angle::wrap_angle;
 use crate::math::random::Draw;
@@ -80,7 +80,7 @@ fn density(cloud: &Cloud, kernel: &Kernel, pose: &Pose) -> f64 {
 pub struct Cells {
     /// Numbers of cells along x, y and the angle.
     held: HashMap<[i64; 3], ()>,
-    /// The middle of the heap about the fullest cell.
+    /// The middle of the largest heap.
     pub pose: Pose,
 }
 
@@ -113,7 +113,7 @@ impl Cells {
             held.insert(*cell, ());
             reached += *count as f64;
         }
-        Self { held, pose: heap(cloud) }
+        Self { held, pose: cloud.middle() }
     }
 
     /// How many they are.
@@ -127,19 +127,4 @@ impl Cells {
     pub fn holds(&self, pose: &Pose) -> bool {
         self.held.contains_key(&cell(pose))
     }
-}
-
-/// The middle of the largest heap: of the poses near that which has most near it.
-fn heap(cloud: &Cloud) -> Pose {
-    // Three cells wide.
-    let near = |a: &Pose, b: &Pose| {
-        let off = a.minus(b);
-        off.x.hypot(off.y) < 2.0 * CELL[0] && off.z.abs() < 2.0 * CELL[1]
-    };
-    let every = cloud.poses.len().div_ceil(LOOKED_UP / 4);
-    let neighbours = |pose: &Pose| cloud.poses.iter().filter(|other| near(pose, other)).count();
-    let best = cloud.poses.iter().step_by(every).max_by_key(|pose| neighbours(pose)).copied();
-    let Some(best) = best else { return middle(&cloud.poses) };
-    let heap: Vec<_> = cloud.poses.iter().filter(|other| near(&best, other)).copied().collect();
-    middle(&heap)
 }

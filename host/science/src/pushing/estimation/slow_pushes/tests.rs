@@ -54,7 +54,7 @@ fn a_chain_of_pushes_finds_a_part_that_lay_in_a_box() {
         pose = after;
     }
     let cloud = cloud.unwrap();
-    let found = cloud.median();
+    let found = cloud.middle();
     let (off, turn) = ((found.x - pose.x).hypot(found.y - pose.y), wrap_angle(found.theta - pose.theta).abs());
     // What a chain of real pushes leaves in nine of ten cases.
     assert!(off < 3e-3 && turn < 0.045, "{off} m, {turn} rad");
@@ -100,11 +100,56 @@ fn turning_the_world_turns_the_push() {
 fn a_part_that_lies_anywhere_touches_where_it_was_felt() {
     let scene = scene();
     let (felt, after) = pushed(&scene, &Pose { x: 0.0, y: 0.0, theta: 0.0 }, 0.4, 0.01);
-    let filter = SlowFilter { scene: &scene, settings: FEW };
+    // Half a metre of outline and 160° want more.
+    let settings = FilterSettings { particles: 2 * FEW.particles, ..FEW };
+    let filter = SlowFilter { scene: &scene, settings };
     let result = filter.push(&Before::Anywhere, &felt, &ParameterBelief::default(), &mut Draw::new(5));
     let cells = Cells::of(&result.cloud, &Kernel { place: 1.5e-3, angle: 0.03, ..Kernel::of(&FEW) }, &mut Draw::new(6));
     // Many edges and angles remain, the truth among them.
     assert!(cells.count() > 100 && cells.holds(&after), "{} cells", cells.count());
+}
+
+#[test]
+fn what_is_known_widely_is_searched_until_enough_meets_the_onset() {
+    let scene = scene();
+    let filter = SlowFilter { scene: &scene, settings: FEW };
+    let pose = Pose { x: 0.0, y: 0.0, theta: 0.0 };
+    let (felt, _) = pushed(&scene, &pose, 0.4, 0.01);
+    let belief = ParameterBelief::default();
+    // One in a hundred poses of such a box meets it: the candidates of one draw are not enough.
+    let found = filter.push(&Before::Box(pose, 50e-3, 0.5), &felt, &belief, &mut Draw::new(12));
+    assert!(found.effective_onset >= FEW.particles as f64, "effective number {}", found.effective_onset);
+    // What no pose explains ends too.
+    let never = FeltPush { onset: Onset::At(felt.end + 1.0), ..felt.clone() };
+    let unexplained = filter.push(&Before::Measured(pose, 3e-4, 3e-3), &never, &belief, &mut Draw::new(12));
+    assert_eq!(unexplained.cloud.poses.len(), FEW.particles);
+}
+
+#[test]
+fn a_cloud_from_anywhere_is_thinned_by_halves() {
+    let scene = scene();
+    let few = FilterSettings { particles: 50, ..FEW };
+    let filter = SlowFilter { scene: &scene, settings: few };
+    let (felt, _) = pushed(&scene, &Pose { x: 0.0, y: 0.0, theta: 0.0 }, 0.4, 0.01);
+    let mut draw = Draw::new(12);
+    let mut cloud = filter.push(&Before::Anywhere, &felt, &ParameterBelief::default(), &mut draw).cloud;
+    let mut kept = vec![cloud.poses.len()];
+    for _ in 0..2 {
+        cloud = filter.push(&Before::After(&cloud), &felt, &ParameterBelief::default(), &mut draw).cloud;
+        kept.push(cloud.poses.len());
+    }
+    assert_eq!(kept, [100, 50, 50]);
+}
+
+#[test]
+fn the_middle_of_two_heaps_is_that_of_the_larger() {
+    let at = |x: f64, theta: f64| Pose { x, y: 0.1, theta };
+    // Across the cut of the angle.
+    let larger = [at(0.0, 3.1), at(1e-3, -3.1), at(2e-3, 3.1), at(3e-3, -3.1)];
+    let cloud = Cloud { poses: larger.into_iter().chain([at(0.2, 1.0); 3]).collect() };
+    let middle = cloud.middle();
+    assert!((middle.x - 1.5e-3).abs() < 1e-12 && (middle.y - 0.1).abs() < 1e-12, "{middle:?}");
+    assert!(wrap_angle(middle.theta - std::f64::consts::PI).abs() < 1e-9, "{middle:?}");
 }
 
 #[test]
