@@ -7,7 +7,7 @@
 //!
 //! [`raw_frame`] is for a person at a board that was never run before.
 //!
-//! [`simulated`] is a device without hardware that all of this talks to as to a real one; [`error`] is what can go
+//! [`robot`] is the link to what moves the finger, [`simulated`] a device without hardware that all of this talks to as to a real one; [`error`] is what can go
 //! wrong on the way.
 //!
 //! This is the rim: threads, clocks and I/O live here and nowhere further in. What depends on the operating
@@ -18,6 +18,7 @@
 pub mod clock_map;
 pub mod error;
 pub mod raw_frame;
+pub mod robot;
 pub mod sample_sequence;
 pub mod session;
 pub mod simulated;

@@ -130,6 +130,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
             ..FingerConfig::default()
         },
         carried: CarriedConfig { gravity: arguments.gravity, ..CarriedConfig::default() },
+        carried_by: None,
     })
     .advised()
     .wrap_err("cannot start the simulated device")?;

@@ -10,13 +10,12 @@ use palpate_firmware_core::sampler::IDLE_US;
 use palpate_firmware_core::{
     ConverterClock, Device, DeviceSettings, Identity, Queues, Sampler, SelectSource, SourceNotPossible,
 };
-use palpate_shared::sim::{
-    Carriage, CarriedBeam, Faults, FloatingBus, Load, PortBusy, Script, SimulatedFrontEnd, SpiPort,
-};
+use palpate_shared::sim::{CarriedBeam, Faults, FloatingBus, Load, PortBusy, Script, SimulatedFrontEnd, SpiPort};
 use palpate_shared::units::DeviceTime;
 use palpate_shared::wire::{Axis, Bridge, Channel, ClockSource, DeviceId, RestartReason, Source};
 
 use super::outlet::Outlet;
+use super::robot::SimulatedRobot;
 use super::troubled_outlet::TroubledOutlet;
 use super::{CarriedCourse, Config, InjectedOnLink, LinkFaults, Pace, SimulatedMoment};
 
@@ -108,6 +107,7 @@ pub(super) fn run(config: &Config, outlet: Outlet, orders: &Receiver<Control>, e
             looked_at: DeviceTime(0),
             temperature_at: DeviceTime(0),
             course: None,
+            robot: config.carried_by.clone(),
             asked: None,
         };
         if let Some(asked) = asked.take() {
@@ -206,6 +206,8 @@ struct Board<'w> {
     temperature_at: DeviceTime,
     /// What happens to the finger, and the world's time at which that began, in ns.
     course: Option<(CarriedCourse, u64)>,
+    /// Who carries the finger while no course does.
+    robot: Option<SimulatedRobot>,
     /// Strides that a session has still asked for, and where to say that they are done.
     asked: Option<(u32, Sender<SimulatedMoment>)>,
 }
@@ -316,7 +318,8 @@ impl Board<'_> {
                 sender
             }
             Control::LetTimePass(sender) => {
-                self.asked = Some((ASKED_STRIDES, sender));
+                // A robot is to hear of each block before the next.
+                self.asked = Some((if self.robot.is_some() { 1 } else { ASKED_STRIDES }, sender));
                 return;
             }
             Control::Now(sender) | Control::Restart(sender) => sender,
@@ -391,7 +394,9 @@ impl Board<'_> {
     fn follow_course(&mut self) -> bool {
         let mut front_end = self.front_end.borrow_mut();
         let Some((course, began_ns)) = &self.course else {
-            return front_end.step_carried(self.finger, |_| Carriage::default());
+            let robot = self.robot.as_ref();
+            let acts = |now_ns: u64| robot.map(|robot| robot.go_on_to(now_ns as f64 * 1e-9)).unwrap_or_default();
+            return front_end.step_carried(self.finger, acts);
         };
         let at = |now_ns: u64| course.at((now_ns - began_ns) as f64 * 1e-9);
         let data_ready = front_end.step_carried(self.finger, |now_ns| at(now_ns).unwrap_or_default());

@@ -10,12 +10,15 @@
 //! but while a session waits for something, so that what a host does repeats to the digit. In each the device's clock
 //! counts conversions, and the same seed gives the same samples.
 //!
+//! A finger may be carried by a simulated [`robot`], which meets a part.
+//!
 //! The owner of a [`SimulatedDevice`] is the hand that presses: it sets loads and faults, pulls the cable, and
 //! knows the truth.
 
 mod board;
 mod line_faults;
 mod outlet;
+pub mod robot;
 mod troubled_outlet;
 
 use std::io;
@@ -79,6 +82,8 @@ pub struct Config {
     pub faults: Faults,
     /// What is wrong with the way to the host from the start.
     pub link_faults: LinkFaults,
+    /// Who carries it, and to what: time goes on in that world as conversions are made.
+    pub carried_by: Option<robot::SimulatedRobot>,
     /// How fast time passes.
     pub pace: Pace,
     /// Where the line comes out.
@@ -202,14 +207,7 @@ impl SimulatedDevice {
                 let pipe = Pipe::default();
                 (Outlet::pipe(pipe.clone()), Some(pipe))
             }
-            #[cfg(unix)]
-            Line::Pty { link } => (Outlet::pty(link.clone())?, None),
-            #[cfg(not(unix))]
-            Line::Pty { .. } => {
-                let reason = "this system has no pseudo-terminals; use sim: or tcp:";
-                return Err(io::Error::new(io::ErrorKind::Unsupported, reason));
-            }
-            Line::Tcp { host } => (Outlet::tcp(host)?, None),
+            line => (Outlet::at(line)?, None),
         };
         let (seed, pace, address) = (config.seed, config.pace, outlet.address(config.seed));
         let (control, orders) = channel();

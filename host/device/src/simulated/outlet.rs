@@ -43,6 +43,21 @@ impl Outlet {
         Ok(outlet)
     }
 
+    /// Where a line comes out that is no pipe in this process.
+    pub(super) fn at(line: &super::Line) -> io::Result<Self> {
+        match line {
+            super::Line::Pipe => Ok(Self::pipe(Pipe::default())),
+            #[cfg(unix)]
+            super::Line::Pty { link } => Self::pty(link.clone()),
+            #[cfg(not(unix))]
+            super::Line::Pty { .. } => {
+                let reason = "this system has no pseudo-terminals; use sim: or tcp:";
+                Err(io::Error::new(ErrorKind::Unsupported, reason))
+            }
+            super::Line::Tcp { host } => Self::tcp(host),
+        }
+    }
+
     /// A TCP port that one host at a time can connect to.
     pub(super) fn tcp(host: &str) -> io::Result<Self> {
         let listener = TcpListener::bind(host)?;

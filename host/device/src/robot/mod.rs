@@ -1,0 +1,247 @@
+//! The robot that moves the finger: its lines, the link to it, and what a lost one means.
+//!
+//! A thread reads the link and keeps what came, newest last; orders go out on the caller's thread. A robot that says
+//! nothing for [`ROBOT_SILENCE`] is lost, for then nobody knows where the finger is.
+//!
+//! In reading order: [`protocol`], the lines; [`RobotLink`]. `simulated::robot` is a robot without hardware.
+//! Units: SI. Errors: [`RobotError`].
+
+pub mod protocol;
+
+use std::collections::VecDeque;
+use std::io::{ErrorKind, Read as _, Write as _};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use protocol::{LineCutter, RobotLine, RobotLineError, RobotOrder, RobotPlace};
+use thiserror::Error;
+
+use crate::clock_map::{ClockEstimate, ClockMap};
+use crate::error::LinkError;
+use crate::simulated::robot::SimulatedRobot;
+use crate::transport::{Address, BAUD_FALLBACK, Transport};
+
+/// A robot that tells no place for so long is lost. It is to tell twenty a second; a busy computer pauses less.
+pub const ROBOT_SILENCE: Duration = Duration::from_millis(500);
+
+/// Places that are kept for whoever asks: four seconds of a robot that tells a thousand a second.
+const PLACES_KEPT: usize = 4096;
+
+/// Why the finger cannot be moved.
+#[derive(Debug, Error)]
+pub enum RobotError {
+    /// The link cannot be opened.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// Nothing came for too long.
+    #[error("the robot at {address} has told no place for {} ms", silence.as_millis())]
+    Silent {
+        /// What it was opened as.
+        address: String,
+        /// For how long.
+        silence: Duration,
+    },
+    /// The link broke.
+    #[error("the link to the robot at {address} broke: {reason}")]
+    Broken {
+        /// What it was opened as.
+        address: String,
+        /// In the operating system's words.
+        reason: String,
+    },
+    /// The robot says so.
+    #[error("the robot says: {0}")]
+    Refused(String),
+    /// What comes is not what a robot says.
+    #[error(transparent)]
+    NotARobot(#[from] RobotLineError),
+}
+
+/// What has come and was not yet taken.
+#[derive(Debug)]
+struct Heard {
+    places: VecDeque<(RobotPlace, Instant)>,
+    clock: ClockMap,
+    last: Instant,
+    /// The first thing that went wrong.
+    wrong: Option<RobotError>,
+}
+
+/// A link to a robot.
+#[derive(Debug)]
+pub struct RobotLink {
+    address: String,
+    epoch: Instant,
+    out: Out,
+    heard: Arc<Mutex<Heard>>,
+    ended: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// Where orders go.
+#[derive(Debug)]
+enum Out {
+    Line(Transport),
+    /// In this process: its time is that of its world, and so are its places.
+    Simulated(SimulatedRobot),
+}
+
+fn held<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl RobotLink {
+    /// Opens a robot at a serial port or a TCP port, and asks it where it is. `epoch` is the host's time 0, as of the
+    /// finger's session.
+    ///
+    /// # Errors
+    /// [`RobotError::Link`]; [`RobotError::Silent`] if it does not say where it is, [`RobotError::NotARobot`] if it says
+    /// something else.
+    pub fn open(address: &Address, epoch: Instant) -> Result<Self, RobotError> {
+        let mut transport = Transport::open(address, BAUD_FALLBACK, None)?;
+        let broken =
+            |error: std::io::Error| RobotError::Broken { address: address.to_string(), reason: error.to_string() };
+        let reading = transport.second().map_err(broken)?;
+        writeln!(transport, "{}", RobotOrder::Where).map_err(broken)?;
+        let now = Instant::now();
+        let heard = Heard { places: VecDeque::new(), clock: ClockMap::default(), last: now, wrong: None };
+        let (heard, ended) = (Arc::new(Mutex::new(heard)), Arc::new(AtomicBool::new(false)));
+        let thread = {
+            let (heard, ended, address) = (Arc::clone(&heard), Arc::clone(&ended), address.to_string());
+            let read = move || listen(reading, &heard, &ended, &address, epoch);
+            std::thread::Builder::new().name("robot".to_owned()).spawn(read).map_err(broken)?
+        };
+        let out = Out::Line(transport);
+        let mut link = Self { address: address.to_string(), epoch, out, heard, ended, thread: Some(thread) };
+        link.place()?;
+        Ok(link)
+    }
+
+    /// The robot of a simulated world in this process.
+    #[must_use]
+    pub fn simulated(robot: SimulatedRobot, epoch: Instant) -> Self {
+        let heard = Heard { places: VecDeque::new(), clock: ClockMap::default(), last: epoch, wrong: None };
+        let (heard, ended) = (Arc::new(Mutex::new(heard)), Arc::new(AtomicBool::new(false)));
+        Self { address: "sim:".to_owned(), epoch, out: Out::Simulated(robot), heard, ended, thread: None }
+    }
+
+    /// Gives an order.
+    ///
+    /// # Errors
+    /// [`RobotError::Broken`].
+    pub fn order(&mut self, order: RobotOrder) -> Result<(), RobotError> {
+        match &mut self.out {
+            Out::Simulated(robot) => {
+                robot.order(order);
+                Ok(())
+            }
+            Out::Line(transport) => writeln!(transport, "{order}")
+                .map_err(|error| RobotError::Broken { address: self.address.clone(), reason: error.to_string() }),
+        }
+    }
+
+    /// The places that came since this was last asked, with the host's time of their arrival; of a robot in this process
+    /// that of the world.
+    ///
+    /// # Errors
+    /// What went wrong with the robot or the link to it: [`RobotError`].
+    pub fn places(&mut self) -> Result<Vec<(RobotPlace, Instant)>, RobotError> {
+        if let Out::Simulated(robot) = &self.out {
+            return Ok(robot.told().into_iter().map(|place| (place, self.epoch)).collect());
+        }
+        let mut heard = held(&self.heard);
+        if let Some(wrong) = heard.wrong.take() {
+            return Err(wrong);
+        }
+        let silence = heard.last.elapsed();
+        if silence > ROBOT_SILENCE {
+            return Err(RobotError::Silent { address: self.address.clone(), silence });
+        }
+        Ok(heard.places.drain(..).collect())
+    }
+
+    /// Waits for the next place.
+    ///
+    /// # Errors
+    /// As [`RobotLink::places`].
+    pub fn place(&mut self) -> Result<RobotPlace, RobotError> {
+        if let Out::Simulated(robot) = &self.out {
+            return Ok(robot.place());
+        }
+        loop {
+            if let Some((place, _)) = self.places()?.pop() {
+                return Ok(place);
+            }
+            std::thread::sleep(POLL);
+        }
+    }
+
+    /// The robot's clock on the host's, from arrivals: late by the least delay of the link. None for a robot in this
+    /// process, whose clock is known.
+    #[must_use]
+    pub fn clock(&self) -> Option<ClockEstimate> {
+        held(&self.heard).clock.estimate()
+    }
+
+    /// The robot in this process, if it is one.
+    #[must_use]
+    pub fn as_simulated(&self) -> Option<&SimulatedRobot> {
+        match &self.out {
+            Out::Simulated(robot) => Some(robot),
+            Out::Line(_) => None,
+        }
+    }
+}
+
+/// How often a caller that waits for a place looks.
+const POLL: Duration = Duration::from_millis(2);
+
+impl Drop for RobotLink {
+    fn drop(&mut self) {
+        self.ended.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// The reading thread.
+fn listen(mut transport: Transport, heard: &Mutex<Heard>, ended: &AtomicBool, address: &str, epoch: Instant) {
+    let (mut cutter, mut buffer) = (LineCutter::default(), [0; 1024]);
+    while !ended.load(Ordering::Relaxed) {
+        let length = match transport.read(&mut buffer) {
+            Ok(length) => length,
+            Err(error) if error.kind() == ErrorKind::TimedOut => continue,
+            Err(error) => {
+                let reason = error.to_string();
+                held(heard).wrong.get_or_insert(RobotError::Broken { address: address.to_owned(), reason });
+                return;
+            }
+        };
+        let now = Instant::now();
+        let mut heard = held(heard);
+        cutter.take(&buffer[..length], |line| match line.and_then(RobotLine::parse) {
+            Ok(RobotLine::Place(place)) => {
+                heard.last = now;
+                heard.clock.arrived(place.t, now.saturating_duration_since(epoch).as_secs_f64());
+                if heard.places.len() == PLACES_KEPT {
+                    heard.places.pop_front();
+                }
+                heard.places.push_back((place, now));
+            }
+            Ok(RobotLine::Error(words)) => drop(heard.wrong.get_or_insert(RobotError::Refused(words))),
+            // A line that was begun before the link was opened is cut.
+            Err(_) if heard.places.is_empty() && heard.last <= now && !heard.seen() => {}
+            Err(error) => drop(heard.wrong.get_or_insert(error.into())),
+        });
+    }
+}
+
+impl Heard {
+    /// Whether any place has come.
+    fn seen(&self) -> bool {
+        self.clock.estimate().is_some()
+    }
+}
