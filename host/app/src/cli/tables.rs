@@ -34,7 +34,7 @@ pub(crate) struct Arguments {
     /// Print one JSON object a table; of `real`, one a push and task
     #[arg(long)]
     json: bool,
-    /// With `real`: work on so many logs at a time [default: one a processor]
+    /// With `real` and `touch`: work on so many logs or cases at a time [default: one a processor]
     #[arg(long, value_name = "N")]
     jobs: Option<NonZeroUsize>,
     /// With `real`: draw everything with so many seeds, from --seed on; the table shows the worst
@@ -109,7 +109,7 @@ impl Arguments {
     fn settings(&self, experiment: &Experiment) -> miette::Result<TableSettings> {
         let cases = self.cases.map(usize::try_from).transpose();
         let cases = cases.map_err(|_| miette!("--cases is too large for this machine"))?.unwrap_or(experiment.cases);
-        Ok(TableSettings { cases, seed: self.seed })
+        Ok(TableSettings { cases, seed: self.seed, jobs: self.jobs })
     }
 }
 

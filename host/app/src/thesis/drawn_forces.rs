@@ -400,7 +400,7 @@ mod tests {
     /// One push a row: of sixty, some rows have one that is missed, as docs/RELIABILITY.md tells.
     #[test]
     fn of_a_few_forces_the_search_misses_none() {
-        let table = run(&TableSettings { cases: 1, seed: 7 });
+        let table = run(&TableSettings { cases: 1, seed: 7, jobs: None });
         assert_eq!(table.rows().count(), ROWS.len());
         let missed: Vec<_> = table.failures.iter().filter(|failure| failure.contains("the search missed it")).collect();
         assert!(missed.is_empty(), "{missed:?}");

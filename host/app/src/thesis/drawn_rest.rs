@@ -420,7 +420,7 @@ mod tests {
 
     #[test]
     fn of_a_few_pushes_from_rest_the_search_misses_none() {
-        let table = run(&TableSettings { cases: 4, seed: 1 });
+        let table = run(&TableSettings { cases: 4, seed: 1, jobs: None });
         assert_eq!(table.rows().count(), ROWS.len());
         let missed: Vec<_> = table.failures.iter().filter(|failure| failure.contains("the search missed it")).collect();
         assert!(missed.is_empty(), "{missed:?}");

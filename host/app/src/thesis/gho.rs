@@ -410,7 +410,7 @@ mod tests {
     use super::*;
 
     /// Few cases, so that the tests stay quick; the full tables are `palpate tables 6.1 6.2`.
-    const SETTINGS: TableSettings = TableSettings { cases: 12, seed: 1 };
+    const SETTINGS: TableSettings = TableSettings { cases: 12, seed: 1, jobs: None };
 
     fn share(cell: &Cell) -> f64 {
         match cell {

@@ -453,7 +453,7 @@ pub(super) fn nees(mode: &PoseMode, truth: &Pose) -> f64 {
 mod tests {
     use super::*;
 
-    const SETTINGS: TableSettings = TableSettings { cases: 300, seed: 1 };
+    const SETTINGS: TableSettings = TableSettings { cases: 300, seed: 1, jobs: None };
 
     fn numbers(table: &Table, column: usize) -> Vec<f64> {
         let number = |cell: &Cell| if let Cell::Number((value, _)) = cell { *value } else { f64::NAN };

@@ -9,7 +9,7 @@
 //!
 //! By chapter: `inscription` (2), `sampling` (3), `gho` and `initial_pose` (6), `static_contacts` (§6.4), `rolling`
 //! (7); beyond the thesis: `pose` and `plan` (`rivals` decides what is ambiguous), `parts`, `chain` (`demonstration`,
-//! many times), `drawn_pushes`, `drawn_rest` and `drawn_rolls` (is the search to blame?), `invariances`, `touches`. `cases` runs
+//! many times), `drawn_pushes`, `drawn_rest` and `drawn_rolls` (is the search to blame?), `invariances`, `touches`, `touch`. `cases` runs
 //! them on all processors, `progress` tells how far they are, `judged` holds what answers state against the truth.
 //!
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
@@ -35,9 +35,11 @@ mod rivals;
 mod rolling;
 mod sampling;
 pub mod static_contacts;
+mod touch;
 mod touches;
 
 use std::fmt;
+use std::num::NonZeroUsize;
 
 use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
@@ -52,6 +54,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     inscription::WORST_CASE,
     inscription::NOISE,
     touches::EXPERIMENT,
+    touch::EXPERIMENT,
     sampling::SPARSE,
     sampling::DENSE,
     gho::KNOWN_EDGE,
@@ -98,6 +101,15 @@ pub struct TableSettings {
     pub cases: usize,
     /// Seed of everything drawn.
     pub seed: u64,
+    /// Cases at a time; none for one a processor.
+    pub jobs: Option<NonZeroUsize>,
+}
+
+impl TableSettings {
+    /// Threads for cases.
+    fn jobs(&self) -> NonZeroUsize {
+        self.jobs.or(std::thread::available_parallelism().ok()).unwrap_or(NonZeroUsize::MIN)
+    }
 }
 
 /// What came of an experiment.

@@ -9,6 +9,7 @@
 pub mod calibration;
 pub mod contact;
 pub mod diagnosis;
+pub mod force_guard;
 pub mod judge;
 pub mod monitor;
 pub mod rest;

@@ -25,6 +25,13 @@ pub fn distance_to_segment(point: Point2<f64>, start: Point2<f64>, end: Point2<f
     (to_point - along * share).norm()
 }
 
+/// Whether a ray from a point along x crosses an edge: so it does an odd number of times from inside a polygon. Points on
+/// the outline fall on either side; [`crate::point_sampling::contains`] decides them.
+pub(crate) fn is_crossed_by_ray(point: Point2<f64>, start: Point2<f64>, end: Point2<f64>) -> bool {
+    (start.y > point.y) != (end.y > point.y)
+        && point.x < start.x + (point.y - start.y) / (end.y - start.y) * (end.x - start.x)
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;

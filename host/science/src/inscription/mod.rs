@@ -10,6 +10,7 @@
 //! - `mixed`: lines mixed with points that the outline passes through ([`poses_through`]);
 //! - `noise`: bearings with errors, all modes with their covariances ([`estimate`]);
 //! - `touches`: points felt on the outline, with errors, mixed with lines and free disks ([`touched_poses`]);
+//! - `next_touch`: which approaches of a finger find a part, and when it is found ([`TouchSearch`]);
 //! - `quality`: how well lines hold a pose, and which poses of a symmetric part look the same;
 //! - `planner`: where to take another view;
 //! - `boundary`: piecewise smooth outlines by their support function; `outline`: any of the outlines ([`Outline`]).
@@ -20,6 +21,7 @@
 mod boundary;
 mod exact;
 mod mixed;
+mod next_touch;
 mod noise;
 mod outline;
 mod planner;
@@ -32,6 +34,10 @@ pub use crate::geometry::Pose;
 pub use boundary::{Boundary, Ellipse, Rounded, boundary_poses};
 pub use exact::{Continuum, Inscription, MISS_MAX_RELATIVE, determined, misses, nearest_misses, poses};
 pub use mixed::poses_through;
+pub use next_touch::{
+    Approach, FingerTouch, Met, NextTouch, PressedFinger, TRUSTED_SD, TouchSearch, TouchTask, TouchTolerance,
+    TouchVerdict, outlines_apart, way_round,
+};
 pub use noise::{
     FENCE_SD_RELATIVE, GATE, InscriptionEstimate, NoisyReadings, PoseMode, estimate, estimate_until, view,
 };

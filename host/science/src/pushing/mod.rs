@@ -2,10 +2,12 @@
 //!
 //! [`dynamics`] moves them, [`quasi_static`] where that is so slow that nothing swings; [`observability`] says what of
 //! their state can be felt, [`estimation`] finds pose and motion from what is felt. [`finger_motion`] is how the finger
-//! goes, [`wave`] what it weighs on itself, [`tip`] where its disk is on the wrist; [`pushed_world`] plays a push as it would happen.
+//! goes, [`wave`] what it weighs on itself, [`tip`] where its disk is on the wrist; [`pushed_world`] plays a push as it would
+//! happen, [`touched_world`] a touch; [`approach_speed`] is how fast the finger may go to a part.
 //!
 //! Frames: world, unless named. Units: SI.
 
+pub mod approach_speed;
 pub mod dynamics;
 pub mod estimation;
 pub mod finger_motion;
@@ -14,4 +16,5 @@ pub mod observability;
 pub mod pushed_world;
 pub mod quasi_static;
 pub mod tip;
+pub mod touched_world;
 pub mod wave;

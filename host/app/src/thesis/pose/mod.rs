@@ -261,7 +261,7 @@ mod tests {
     use super::*;
 
     /// A short run of each table; the full ones are `palpate tables pose pose-friction force --cases 1000`.
-    const SHORT: TableSettings = TableSettings { cases: 6, seed: 1 };
+    const SHORT: TableSettings = TableSettings { cases: 6, seed: 1, jobs: None };
 
     #[test]
     fn random_poses_are_named() {

@@ -13,8 +13,8 @@
 use nalgebra::{Point2, Rotation2, Vector2, Vector3};
 
 use super::instant::{Asked, Instant, Near, Touching};
-use super::outline::{Outline, Place};
 use super::support::{Ground, Support};
+use crate::geometry::disk_curve::{DiskCurve, Place};
 use crate::geometry::{Pose, SimplePolygon};
 
 /// Share of the slowest foot's speed in the last step to a motion: its square is left, far less than a coarse step's
@@ -32,7 +32,7 @@ const STRETCHES: usize = 200;
 #[derive(Clone, Debug)]
 pub(crate) struct PushedOutline {
     polygon: SimplePolygon,
-    outline: Outline,
+    outline: DiskCurve,
     radius: f64,
 }
 
@@ -103,7 +103,7 @@ struct Contact {
 
 impl PushedOutline {
     pub(crate) fn new(polygon: SimplePolygon, radius: f64) -> Self {
-        let outline = Outline::new(&polygon, radius);
+        let outline = DiskCurve::new(&polygon, radius);
         Self { polygon, outline, radius }
     }
 

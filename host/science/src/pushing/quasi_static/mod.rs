@@ -8,7 +8,6 @@
 //! - `support`: what the part stands on, how that resists a motion, and how the load spreads; `pressure`: of a face whose
 //!   pressure rises along one direction;
 //! - `instant`: motion and force at one instant;
-//! - `outline`: where the finger's centre can be while it touches;
 //! - `run`: [`SlowPush`], along the finger's path, with all that happens on the way.
 //!
 //! Implements: `docs/NOTATION.md`, quasi-static pushing; maximal dissipation and the limit surface after Goyal, Ruina
@@ -19,13 +18,12 @@
 
 pub(crate) mod coarse;
 mod instant;
-mod outline;
 mod pressure;
 mod run;
 mod support;
 #[cfg(test)]
 mod tests;
 
-pub use outline::Element;
+pub use crate::geometry::Element;
 pub use run::{SlowContact, SlowEnd, SlowMode, SlowPush, SlowPushError, SlowRun, SlowSample};
 pub use support::{Foot, Support};

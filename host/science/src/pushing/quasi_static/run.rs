@@ -1,7 +1,7 @@
 //! A slow push along the finger's path.
 //!
 //! While it touches, the part's turn `θ` and the place `ζ` of the disk's centre on its curve about the outline
-//! ([`outline`](super::outline)) say where the part is, for the disk's centre is known. Per length of the finger's way
+//! (`geometry::disk_curve`) say where the part is, for the disk's centre is known. Per length of the finger's way
 //! they change by `θ' = ω` and `ζ' = −slip − r ω`, on sides and about corners alike. Steps are error-controlled and end
 //! where something happens: slip begins or stops, the finger leaves, the centre's curve bends or crosses itself, a foot
 //! lifts that cannot be spared.
@@ -11,8 +11,8 @@
 use nalgebra::{Point2, Rotation2, Vector2};
 
 use super::instant::{Asked, Instant, Near, Touching};
-use super::outline::{Element, INTO_LEAST, Outline, Place, TOUCHES_M};
 use super::support::{Ground, Support};
+use crate::geometry::disk_curve::{DiskCurve, Element, INTO_LEAST, Place, TOUCHES_M};
 use crate::geometry::{Pose, SimplePolygon};
 use crate::math::dormand_prince::{ERROR, NODES, STAGES, growth, moved};
 use crate::point_sampling::contains;
@@ -238,7 +238,7 @@ struct Step {
 struct Stretch<'a> {
     push: &'a SlowPush,
     ground: &'a Ground,
-    outline: &'a Outline,
+    outline: &'a DiskCurve,
     centre: Point2<f64>,
     direction: Vector2<f64>,
     mode: Mode,
@@ -254,7 +254,7 @@ impl SlowPush {
     pub fn run(&self, stop: Stop<'_>) -> Result<SlowRun, SlowPushError> {
         let halt = Halt::new(stop);
         let ground = self.checked()?;
-        let outline = Outline::new(&self.outline, self.radius);
+        let outline = DiskCurve::new(&self.outline, self.radius);
         let mut run = Following {
             push: self,
             ground: &ground,
@@ -277,7 +277,7 @@ impl SlowPush {
             return Err(SlowPushError::FeetOnALine);
         }
         let centre = self.pose.isometry().inverse_transform_point(&self.path[0]);
-        let outline = Outline::new(&self.outline, self.radius);
+        let outline = DiskCurve::new(&self.outline, self.radius);
         let distance = outline.distance(centre);
         let inside = contains(&self.outline, centre) == Some(true);
         let depth = self.radius + if inside { distance } else { -distance };
@@ -292,7 +292,7 @@ impl SlowPush {
 struct Following<'a> {
     push: &'a SlowPush,
     ground: &'a Ground,
-    outline: &'a Outline,
+    outline: &'a DiskCurve,
     halt: &'a Halt<'a>,
     state: State,
     gone: f64,
@@ -592,7 +592,7 @@ impl<'a> Following<'a> {
         stretch: &Stretch<'_>,
         [theta, along]: [f64; 2],
         look: &Look,
-        bounds: &[super::outline::Bound; 2],
+        bounds: &[crate::geometry::disk_curve::Bound; 2],
     ) -> Option<SlowEnd> {
         let watched = look.watched;
         let least = watched.least();

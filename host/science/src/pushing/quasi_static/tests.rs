@@ -6,9 +6,9 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::{Point2, Rotation2, Vector2, Vector3};
 
 use super::instant::{Asked, Instant, Touching};
-use super::outline::{Feature, Outline, Place};
 use super::support::{EVEN, Ground};
 use super::*;
+use crate::geometry::disk_curve::{DiskCurve, Feature, Place};
 use crate::geometry::{Pose, SimplePolygon};
 use crate::math::random::Draw;
 use crate::search::never;
@@ -457,7 +457,7 @@ fn what_nothing_resists_is_refused() {
 /// The disk's centre goes once round the part along sides and about corners.
 #[test]
 fn the_centres_curve_closes() {
-    let outline = Outline::new(&block(), 0.004);
+    let outline = DiskCurve::new(&block(), 0.004);
     let mut place = Place { feature: Feature::Side(0), along: 0.0 };
     let mut length = 0.0;
     for _ in 0..8 {

@@ -1,4 +1,4 @@
-//! The outline as the finger's disk feels it: where its centre can be while it touches.
+//! The outline as a finger's disk feels it: where its centre can be while it touches.
 //!
 //! While it touches, the centre is on the curve at distance `r` from the outline: straight beside a side, an arc about
 //! a convex corner. A place on it is a feature and a length `ζ` along it, counter-clockwise. The curve crosses itself
@@ -9,23 +9,23 @@
 
 use nalgebra::{Point2, Vector2};
 
-use crate::geometry::{SimplePolygon, corners_to_rounding, distance_to_segment};
+use super::{SimplePolygon, corners_to_rounding, distance_to_segment, is_crossed_by_ray};
 
 /// A disk overlaps a second point of the outline from this depth on, m: a tenth of what counts as touching.
 const MEETS_FROM_M: f64 = 1e-10;
 
 /// Depth up to which a disk touches rather than overlaps, m.
-pub(super) const TOUCHES_M: f64 = 1e-9;
+pub(crate) const TOUCHES_M: f64 = 1e-9;
 
 /// So far beyond its end a feature may be met, m: where two of them join, rounding must not leave a gap.
 const JOINT_M: f64 = 1e-12;
 
 /// The least component of a finger's motion, length 1, into a part: rounding of directions is a hundred times less.
-pub(super) const INTO_LEAST: f64 = 1e-12;
+pub(crate) const INTO_LEAST: f64 = 1e-12;
 
 /// What of the outline is touched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Feature {
+pub(crate) enum Feature {
     /// A side, by its number.
     Side(usize),
     /// The corner at which the side of this number begins.
@@ -34,25 +34,25 @@ pub(super) enum Feature {
 
 /// A place of the disk's centre while it touches.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Place {
-    pub(super) feature: Feature,
+pub(crate) struct Place {
+    pub(crate) feature: Feature,
     /// Along the centre's curve, from where the feature begins, m.
-    pub(super) along: f64,
+    pub(crate) along: f64,
 }
 
 /// A point of the outline and the outward normal there.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Touched {
-    pub(super) at: Point2<f64>,
-    pub(super) normal: Vector2<f64>,
+pub(crate) struct Touched {
+    pub(crate) at: Point2<f64>,
+    pub(crate) normal: Vector2<f64>,
 }
 
 /// An end of a feature, for the disk.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Bound {
-    pub(super) along: f64,
+pub(crate) struct Bound {
+    pub(crate) along: f64,
     /// What comes after it; none where the disk meets a second point of the outline.
-    pub(super) next: Option<Place>,
+    pub(crate) next: Option<Place>,
 }
 
 /// Edge or vertex of the outline as it was given.
@@ -90,13 +90,13 @@ impl Side {
 
 /// An outline and the radius of the disk that touches it.
 #[derive(Clone, Debug)]
-pub(super) struct Outline {
+pub(crate) struct DiskCurve {
     sides: Vec<Side>,
     radius: f64,
 }
 
-impl Outline {
-    pub(super) fn new(polygon: &SimplePolygon, radius: f64) -> Self {
+impl DiskCurve {
+    pub(crate) fn new(polygon: &SimplePolygon, radius: f64) -> Self {
         let vertices = polygon.vertices();
         let corners = corners_to_rounding(vertices);
         let side = |k: usize| {
@@ -132,7 +132,7 @@ impl Outline {
     }
 
     /// The touched point: beyond the feature's ends as if it went on.
-    pub(super) fn touched(&self, place: Place) -> Touched {
+    pub(crate) fn touched(&self, place: Place) -> Touched {
         match place.feature {
             Feature::Side(k) => {
                 let side = &self.sides[k];
@@ -153,7 +153,7 @@ impl Outline {
     }
 
     /// The length of a feature's part of the centre's curve, m.
-    fn length(&self, feature: Feature) -> f64 {
+    pub(crate) fn length(&self, feature: Feature) -> f64 {
         match feature {
             Feature::Side(k) => self.sides[k].length,
             Feature::Corner(k) => self.radius * self.sides[k].turn,
@@ -161,7 +161,7 @@ impl Outline {
     }
 
     /// The edge that holds a place, ends included, otherwise the vertex.
-    pub(super) fn element(&self, place: Place) -> Element {
+    pub(crate) fn element(&self, place: Place) -> Element {
         match place.feature {
             Feature::Side(k) => {
                 let vertices = &self.sides[k].vertices;
@@ -180,7 +180,7 @@ impl Outline {
     }
 
     /// How far the disk can go either way on a feature, from a place on it.
-    pub(super) fn bounds(&self, place: Place) -> [Bound; 2] {
+    pub(crate) fn bounds(&self, place: Place) -> [Bound; 2] {
         let length = self.length(place.feature);
         let on_side = |k: usize, along: f64| Some(Place { feature: Feature::Side(k), along });
         let on_corner =
@@ -284,7 +284,7 @@ impl Outline {
 
     /// Where a disk going straight from `centre` along `direction` (length 1) first touches, and after which length, if
     /// that is less than `length`: where it goes into the part by more than `into_least`, for grazing is no touch.
-    pub(super) fn first_touch(
+    pub(crate) fn first_touch(
         &self,
         centre: Point2<f64>,
         direction: Vector2<f64>,
@@ -337,8 +337,34 @@ impl Outline {
         }
     }
 
+    /// The features on which the disk may be.
+    pub(crate) fn features(&self) -> impl Iterator<Item = Feature> + '_ {
+        let corners = (0..self.sides.len()).filter(|&k| self.sides[k].turn > 0.0 && self.radius > 0.0);
+        (0..self.sides.len()).map(Feature::Side).chain(corners.map(Feature::Corner))
+    }
+
+    /// Of the disk, m.
+    pub(crate) fn radius(&self) -> f64 {
+        self.radius
+    }
+
+    /// The distance of a point from the part, negative inside, and the nearest point of the outline.
+    pub(crate) fn signed_distance(&self, point: Point2<f64>) -> (f64, Point2<f64>) {
+        let (mut distance, mut nearest, mut is_inside) = (f64::INFINITY, point, false);
+        for side in &self.sides {
+            let (start, end) = (side.start, side.end());
+            let along = (point - start).dot(&side.direction).clamp(0.0, side.length);
+            let at = start + side.direction * along;
+            if (point - at).norm() < distance {
+                (distance, nearest) = ((point - at).norm(), at);
+            }
+            is_inside ^= is_crossed_by_ray(point, start, end);
+        }
+        (if is_inside { -distance } else { distance }, nearest)
+    }
+
     /// The distance of a point from the outline, m.
-    pub(super) fn distance(&self, point: Point2<f64>) -> f64 {
+    pub(crate) fn distance(&self, point: Point2<f64>) -> f64 {
         self.sides.iter().map(|side| side.distance(point)).fold(f64::INFINITY, f64::min)
     }
 }
