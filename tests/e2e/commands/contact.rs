@@ -91,6 +91,43 @@ fn the_series_goes_to_a_table_that_can_be_read_back() {
 }
 
 #[test]
+fn of_a_table_the_friction_is_unknown_unless_it_is_told() {
+    let folder = folder_with_table();
+    let told = |more: &[&str]| {
+        let output = contact(folder.path(), &[&["good.csv", "--tare", "0:0.9", "--json", "--series"], more].concat());
+        let value: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        (value["friction"].clone(), value["series"][299]["touch"]["u_half_width"].as_f64().unwrap())
+    };
+    let ((none, noise), (given, wide)) = (told(&[]), told(&["--mu-c", "0.3"]));
+    assert_eq!((&none["from"], &none["slid"]), (&"unknown".into(), &0.into()));
+    assert_eq!((&given["from"], &given["mu_c"]), (&"given".into(), &0.3.into()));
+    assert!((wide - noise - 0.3_f64.atan()).abs() < 1e-9, "{wide} and {noise}");
+}
+
+/// The recordings are not part of the project: where they are absent, nothing is checked, and that is said.
+#[test]
+fn of_a_pushing_log_the_friction_is_found_and_the_intervals_hold_it() {
+    let Some(logs) = palpate_tests::force_logs::logs() else {
+        eprintln!("NOT CHECKED: ../shared/data/mlab_point_push is absent, so no friction was found in a recording");
+        return;
+    };
+    let log = logs[0].1.to_str().unwrap();
+    let output = contact(Path::new("."), &[log, "--json"]);
+    let lines = String::from_utf8(output.stdout).unwrap();
+    let reports: Vec<serde_json::Value> = lines.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let friction = &reports[0]["friction"];
+    assert_eq!(friction["from"], "slips", "{friction}");
+    let number = |name: &str| friction[name]["value"].as_f64().unwrap();
+    // Slips and forces outside of palpate: 0.42 ± 0.05 from push to push, up to 0.6 before it gives way.
+    assert!((0.37..0.47).contains(&number("mu_c")) && (0.5..0.7).contains(&number("edge")), "{friction}");
+    let sum = |name: &str| reports.iter().filter_map(|report| report["edge"][name].as_f64()).sum::<f64>();
+    let share = sum("within_stated") / sum("samples");
+    assert!((0.90..=0.99).contains(&share), "{share}");
+    let printed = String::from_utf8(contact(Path::new("."), &[log]).stdout).unwrap();
+    assert!(printed.contains("pushes that slid") && printed.contains("95 % interval"), "{printed}");
+}
+
+#[test]
 fn settings_out_of_range_are_named() {
     let folder = folder_with_table();
     let output = contact(folder.path(), &["good.csv", "--tare", "0:0.9", "--mu-c=-1"]);

@@ -9,13 +9,14 @@ use std::str::FromStr;
 use clap::ValueEnum;
 use miette::{Context, IntoDiagnostic, miette};
 use nalgebra::Matrix2;
+use palpate::finger::contact::friction::{FrictionUnknown, SlidingFriction};
 use palpate::finger::contact::offline::{BiasOrigin, RecordingStart};
 use palpate::finger::contact::{Averaging, ContactSettings};
 use palpate_files::recordings::part::RecordedPart;
 use palpate_files::recordings::session::{
     self, CONE_DEG, COVERAGE, RecordingOptions, RecordingReport, RecordingSummary, START_FORCE_N,
 };
-use palpate_files::recordings::{Format, RecordingProblem, csv, mlab, text};
+use palpate_files::recordings::{Format, RecordingProblem, csv, friction, mlab, text};
 use serde::Serialize;
 
 use super::read::report_problems;
@@ -54,9 +55,10 @@ pub(crate) struct Arguments {
     /// found by comparing pushes with their neighbours in time; a single table has none.
     #[arg(long, value_name = "T0:T1")]
     tare: Option<Span>,
-    /// Friction coefficient between finger and part.
-    #[arg(long, value_name = "MU", default_value_t = 0.0, allow_negative_numbers = true, value_parser = super::not_negative)]
-    mu_c: f64,
+    /// Friction coefficient between finger and part, at most. Without it that of a pushing log is found from the pushes
+    /// in which the finger slid along an edge, with what it scatters; a table's intervals then hold noise alone.
+    #[arg(long, value_name = "MU", allow_negative_numbers = true, value_parser = super::not_negative)]
+    mu_c: Option<f64>,
     /// Polar angle in finger axes that shall read 0.
     #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_negative_numbers = true, value_parser = super::finite)]
     mounting_deg: f64,
@@ -149,7 +151,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         all.extend(measured.reports);
     }
     if !arguments.json && arguments.files.len() > 1 {
-        print_summary(&RecordingSummary::of(&all), false, arguments).or_else(ignore_closed_pipe).into_diagnostic()?;
+        print_summary(&RecordingSummary::of(&all), None, arguments).or_else(ignore_closed_pipe).into_diagnostic()?;
     }
     Ok(if some_bad { ExitCode::from(EXIT_SOME_BAD) } else { ExitCode::SUCCESS })
 }
@@ -164,6 +166,50 @@ struct FileReports {
     reports: Vec<RecordingReport>,
     problems: Vec<String>,
     force_unit: &'static str,
+    friction: Friction,
+}
+
+/// What is known of the friction between finger and part.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[serde(tag = "from", rename_all = "snake_case")]
+enum Friction {
+    /// As `--mu-c` says.
+    Given { mu_c: f64 },
+    /// From pushes that slid.
+    Slips {
+        #[serde(flatten)]
+        found: SlidingFriction,
+    },
+    /// Nothing: intervals hold noise alone.
+    Unknown {
+        /// Pushes that slid, where that could be seen.
+        slid: usize,
+    },
+}
+
+impl Friction {
+    /// The coefficient within which the normal is taken to be.
+    fn cone(&self) -> f64 {
+        match self {
+            Self::Given { mu_c } => *mu_c,
+            Self::Slips { found } => found.cone(),
+            Self::Unknown { .. } => 0.0,
+        }
+    }
+}
+
+impl std::fmt::Display for Friction {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Given { mu_c } => write!(f, "mu_c {mu_c}, as told"),
+            Self::Slips { found: SlidingFriction { mu_c, edge, slid } } => write!(
+                f,
+                "mu_c {:.3} ± {:.3} from {slid} pushes that slid; 95 % of them below {:.2} ± {:.2}",
+                mu_c.value, mu_c.sd, edge.value, edge.sd
+            ),
+            Self::Unknown { slid } => write!(f, "mu_c unknown, taken as 0: {}", FrictionUnknown { slid: *slid }),
+        }
+    }
 }
 
 impl FileReports {
@@ -188,25 +234,35 @@ fn feel_log(file: &Path, text: &str, arguments: &Arguments) -> miette::Result<Fi
     let log = mlab::parse(text).map_err(|error| miette!("{error}"))?;
     let part = arguments.part.clone().or_else(|| outline_near(file));
     let options = RecordingOptions { part: part.as_deref().map(read_part).transpose()?, ..options(arguments, true) };
-    let reports = session::of_log(&log, &options).map_err(|error| miette!("{error}"))?;
+    let mut reports = session::of_log(&log, &options).map_err(|error| miette!("{error}"))?;
+    let friction = match (arguments.mu_c, friction::of_reports(&reports)) {
+        (Some(mu_c), _) => Friction::Given { mu_c },
+        (None, Ok(found)) => Friction::Slips { found },
+        (None, Err(FrictionUnknown { slid })) => Friction::Unknown { slid },
+    };
+    if arguments.mu_c.is_none() {
+        friction::widen(&mut reports, friction.cone());
+    }
     let mut problems: Vec<String> = log.bad().map(ToString::to_string).collect();
     if log.declared != log.pushes.len() {
         problems.push(format!("{} pushes announced, {} found", log.declared, log.pushes.len()));
     }
-    Ok(FileReports { reports, problems, force_unit: "N" })
+    Ok(FileReports { reports, problems, force_unit: "N", friction })
 }
 
 fn feel_table(text: &str, arguments: &Arguments) -> miette::Result<FileReports> {
     let table = csv::parse(text).map_err(|error| miette!("{error}"))?;
     let report = session::of_table(&table, &options(arguments, false)).map_err(|error| miette!("{error}"))?;
     let problems = table.problems.iter().map(RecordingProblem::to_string).collect();
-    Ok(FileReports { reports: vec![report], problems, force_unit: if table.force_in_newtons { "N" } else { "units" } })
+    let friction = arguments.mu_c.map_or(Friction::Unknown { slid: 0 }, |mu_c| Friction::Given { mu_c });
+    let force_unit = if table.force_in_newtons { "N" } else { "units" };
+    Ok(FileReports { reports: vec![report], problems, force_unit, friction })
 }
 
 fn options(arguments: &Arguments, is_log: bool) -> RecordingOptions {
     let settings = ContactSettings {
         mounting_angle: arguments.mounting_deg.to_radians(),
-        contact_friction: arguments.mu_c,
+        contact_friction: arguments.mu_c.unwrap_or(0.0),
         averaging: arguments.average_ms.map_or(Averaging::Off, |ms| Averaging::Seconds(ms * 1e-3)),
         ..ContactSettings::default()
     };
@@ -244,10 +300,7 @@ pub(super) fn outline_near(log: &Path) -> Option<PathBuf> {
 
 fn print(file: &Path, measured: &FileReports, arguments: &Arguments) -> io::Result<()> {
     if arguments.json {
-        return measured
-            .reports
-            .iter()
-            .try_for_each(|report| print_json(file, measured.force_unit, report, arguments.series));
+        return measured.reports.iter().try_for_each(|report| print_json(file, measured, report, arguments.series));
     }
     let mut out = io::stdout().lock();
     writeln!(out, "{} (forces in {})", file.display(), measured.force_unit)?;
@@ -261,7 +314,7 @@ fn print(file: &Path, measured: &FileReports, arguments: &Arguments) -> io::Resu
     }
     drop(out);
     if measured.reports.len() > 1 {
-        print_summary(&RecordingSummary::of(&measured.reports), true, arguments)
+        print_summary(&RecordingSummary::of(&measured.reports), Some(&measured.friction), arguments)
     } else {
         Ok(())
     }
@@ -271,16 +324,20 @@ fn print(file: &Path, measured: &FileReports, arguments: &Arguments) -> io::Resu
 struct JsonReport<'a> {
     file: &'a Path,
     force_unit: &'a str,
+    friction: &'a Friction,
     #[serde(flatten)]
     report: &'a RecordingReport,
     #[serde(skip_serializing_if = "Option::is_none")]
     series: Option<&'a [session::Row]>,
 }
 
-fn print_json(file: &Path, force_unit: &str, report: &RecordingReport, with_series: bool) -> io::Result<()> {
+fn print_json(file: &Path, measured: &FileReports, report: &RecordingReport, with_series: bool) -> io::Result<()> {
     let series = with_series.then_some(report.series.as_slice());
     let mut out = io::stdout().lock();
-    serde_json::to_writer(&mut out, &JsonReport { file, force_unit, report, series })?;
+    serde_json::to_writer(
+        &mut out,
+        &JsonReport { file, force_unit: measured.force_unit, friction: &measured.friction, report, series },
+    )?;
     writeln!(out)
 }
 
@@ -333,7 +390,9 @@ fn percent(part: usize, whole: usize) -> String {
     format!("{:.1} %", 100.0 * part as f64 / whole.max(1) as f64)
 }
 
-fn print_summary(summary: &RecordingSummary, is_one_file: bool, arguments: &Arguments) -> io::Result<()> {
+/// Sums up one file, of which this is known of the friction, or all.
+fn print_summary(summary: &RecordingSummary, friction: Option<&Friction>, arguments: &Arguments) -> io::Result<()> {
+    let is_one_file = friction.is_some();
     let of = if is_one_file { "this file" } else { "all files" };
     let mut out = io::stdout().lock();
     let list = |numbers: &[usize]| numbers.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
@@ -365,7 +424,10 @@ fn print_summary(summary: &RecordingSummary, is_one_file: bool, arguments: &Argu
         writeln!(out, "  readings in contact with a known edge: {n}")?;
         writeln!(out, "    within ±{cone}° of its inward normal: {}", percent(summary.edge_within_cone, n))?;
         let (stated, coverage) = (percent(summary.edge_within_stated, n), COVERAGE * 100.0);
-        writeln!(out, "    normal in the stated {coverage:.0} % interval (mu_c = {}): {stated}", arguments.mu_c)?;
+        if let Some(friction) = friction {
+            writeln!(out, "    {friction}")?;
+        }
+        writeln!(out, "    normal in the stated {coverage:.0} % interval: {stated}")?;
         let gap = summary.gap_end_mean.unwrap_or(f64::NAN) * 1e3;
         writeln!(out, "    tip's centre from the edge at the end: mean {gap:.2} mm")?;
     }

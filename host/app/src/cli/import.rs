@@ -9,8 +9,9 @@ use miette::{Context as _, IntoDiagnostic as _, miette};
 use nalgebra::Point2;
 use palpate::geometry::SimplePolygon;
 use palpate::pushing::estimation::slow_pushes::{
-    FilterSettings, Found, KnownPush, SlowConstants, Standing, TipFromGaps, tip_from_gaps,
+    FilterSettings, KnownPush, SlowConstants, Standing, TipFromGaps, tip_from_gaps,
 };
+use palpate::pushing::wave::Measured;
 use palpate_files::output::write_new;
 use palpate_files::recordings::export::{self, Pushed};
 use palpate_files::recordings::mlab::{self, Log};
@@ -279,7 +280,7 @@ fn in_words(found: &Result<TipFromGaps, String>) {
             return;
         }
     };
-    let mm = |found: Found| format!("{:.2} ± {:.2} mm", found.value * 1e3, found.sd * 1e3);
+    let mm = |found: Measured| format!("{:.2} ± {:.2} mm", found.value * 1e3, found.sd * 1e3);
     say!("  disk     {} ahead, {} left of the logged point", mm(tip.ahead), mm(tip.left));
     say!("  end      {} beyond the last logged point", mm(tip.beyond_log));
     let [left, out, raw] = [tip.rms, tip.rms_left_out, tip.rms_uncalibrated].map(|rms| rms * 1e3);
@@ -291,7 +292,7 @@ fn as_json(found: &Result<TipFromGaps, String>) -> Value {
         Ok(tip) => tip,
         Err(why) => return json!({"unknown": why}),
     };
-    let number = |found: Found| json!({"value": found.value, "sd": found.sd});
+    let number = |found: Measured| json!({"value": found.value, "sd": found.sd});
     json!({
         "ahead": number(tip.ahead), "left": number(tip.left), "beyond_log": number(tip.beyond_log),
         "rms": tip.rms, "rms_left_out": tip.rms_left_out, "rms_uncalibrated": tip.rms_uncalibrated, "gaps": tip.gaps,

@@ -14,7 +14,7 @@ use palpate::pushing::measured_path::{MeasuredPath, PLACES_MIN};
 use palpate_files::part::PolygonFile;
 use palpate_files::recordings::csv::{self, RecordedTable};
 use palpate_files::recordings::path::{self, RecordedPath};
-use palpate_files::solve::kinds::observe_force::ForceHypothesisAnswer;
+use palpate_files::solve::kinds::observe_force::{ForceHypothesisAnswer, OFFSETS_COVERED};
 use serde_json::{Value, json};
 
 use super::read::{read, report_problems};
@@ -65,12 +65,11 @@ impl MeasuredMotionArguments {
 /// What the forces and the places of a push have told.
 pub(super) struct MeasuredPush {
     estimate: MeasuredEstimate,
+    /// The same in the words of `palpate solve`.
+    answers: Vec<ForceHypothesisAnswer>,
     /// When the last reading was taken, since the push began, s.
     felt: f64,
 }
-
-/// A path must be there for so many standard deviations of its clock beyond the forces that are used.
-const OFFSETS_COVERED: f64 = 3.0;
 
 /// The readings for which there are places, wherever the path's clock is.
 fn covered(readings: Vec<ForceReading>, path: &MeasuredPath, offset_sd: f64) -> Vec<ForceReading> {
@@ -115,7 +114,12 @@ pub(super) fn observe(
     let finger = MeasuredFinger { path: &measured, clock_offset_sd };
     let estimate = estimate_measured_until(&known, &finger, &readings, &never).found;
     let (Some(onset), Some(last)) = (estimate.onset, readings.last()) else { return Err(too_short()) };
-    Ok(MeasuredPush { felt: last.time - onset, estimate })
+    let answer = |(offset, found): &(f64, ForceHypothesis)| ForceHypothesisAnswer {
+        clock_offset: Some(*offset),
+        ..ForceHypothesisAnswer::of(found, &known, GRAVITY_ASSUMED, Some(onset))
+    };
+    let answers = estimate.hypotheses.iter().map(answer).collect();
+    Ok(MeasuredPush { felt: last.time - onset, answers, estimate })
 }
 
 impl FeltPushArguments {
@@ -179,15 +183,8 @@ impl MeasuredPush {
     }
 
     /// For a program: SI units and radians, as `palpate solve` answers `observe_force`.
-    pub(super) fn as_json(&self, file: &PolygonFile, arguments: FeltPushArguments) -> Value {
-        let motion = FingerMotion::untold();
-        let known = arguments.known_measured(file, &motion, f64::NAN);
-        let onset = self.estimate.onset;
-        let answers = self.estimate.hypotheses.iter().map(|(offset, found)| ForceHypothesisAnswer {
-            clock_offset: Some(*offset),
-            ..ForceHypothesisAnswer::of(found, &known, GRAVITY_ASSUMED, onset)
-        });
-        let status = ["none", "unique", "ambiguous"][self.estimate.hypotheses.len().min(2)];
-        json!({"t": self.felt, "status": status, "hypotheses": answers.collect::<Vec<_>>()})
+    pub(super) fn as_json(&self) -> Value {
+        let status = ["none", "unique", "ambiguous"][self.answers.len().min(2)];
+        json!({"t": self.felt, "status": status, "hypotheses": self.answers})
     }
 }

@@ -78,7 +78,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     if let (Some(forces), Some(path)) = (&arguments.push.forces, arguments.measured.path()) {
         let push = measured_motion::observe(&file, forces, path, &arguments.measured, arguments.push.felt)?;
         if arguments.json {
-            say!("{}", push.as_json(&file, arguments.push.felt));
+            say!("{}", push.as_json());
         } else {
             push.print(&file);
         }

@@ -4,7 +4,8 @@
 //! Manipulation Lab, with the block's and the fingertip's poses. Files come from others, so nothing in one is trusted:
 //! what cannot be read is reported with its place and skipped, and the rest is read.
 //!
-//! [`session`] runs [`palpate::finger::contact`] over what was read; [`part`] is the outline of what was pushed; [`export`]
+//! [`session`] runs [`palpate::finger::contact`] over what was read, [`friction`] finds what it needs to know of the
+//! contact; [`part`] is the outline of what was pushed; [`export`]
 //! writes the pushes of a log as tables.
 //!
 //! Frames: as in the file (`sensor` axes, robot frame = `world`). Units: SI; files' millimetres are converted on
@@ -14,6 +15,7 @@
 
 pub mod csv;
 pub mod export;
+pub mod friction;
 pub mod mlab;
 pub mod part;
 pub mod path;

@@ -87,6 +87,13 @@ impl RecordedPart {
         along.y.atan2(along.x) + FRAC_PI_2
     }
 
+    /// Where on an edge a point in the part's frame is: its way along the edge from the edge's first vertex, m.
+    #[must_use]
+    pub fn along(&self, edge: usize, point_part: &Vector2<f64>) -> f64 {
+        let (start, end) = self.edge(edge);
+        (point_part - start).dot(&(end - start).normalize())
+    }
+
     /// The edge nearest to a point in the part's frame.
     #[must_use]
     pub fn nearest(&self, point_part: &Vector2<f64>) -> Nearest {

@@ -154,6 +154,9 @@ pub struct EdgeSummary {
     pub gap_onset: Option<f64>,
     /// The same at the end (pose after), m.
     pub gap_end: f64,
+    /// Way of the tip along that edge from the onset (pose before) to the end (pose after), m: counter-clockwise about
+    /// the part is positive. `None` if the onset was not seen.
+    pub slip: Option<f64>,
 }
 
 /// One reading with what was felt of it.
@@ -415,23 +418,37 @@ impl<'a> Scene<'a> {
         self.part.nearest(&pose.from_world(&tip_at(&self.push.tips, t).position_world)).distance
     }
 
+    /// Where along an edge the tip is, m.
+    fn along(&self, edge: usize, t: f64, pose: &BlockPose) -> f64 {
+        self.part.along(edge, &pose.from_world(&tip_at(&self.push.tips, t).position_world))
+    }
+
     fn summarise(&self, series: &[Row], cone: f64) -> Option<EdgeSummary> {
         let touches: Vec<RowTouch> = series.iter().filter_map(|row| row.touch).collect();
         let edges: Vec<usize> = touches.iter().filter_map(|touch| touch.edge).collect();
         let angles: Vec<f64> = touches.iter().filter_map(|touch| touch.angle_to_normal).collect();
         let times = |edge: &&usize| edges.iter().filter(|other| other == edge).count();
-        let stated = |touch: &&RowTouch| touch.angle_to_normal.is_some_and(|a| a.abs() <= touch.u_half_width);
+        let edge = *edges.iter().max_by_key(times)?;
+        let [first, last] = [(self.t_start, &self.push.before), (self.t_end, &self.push.after)]
+            .map(|(t, pose)| self.along(edge, t, pose));
         Some(EdgeSummary {
-            edge: *edges.iter().max_by_key(times)?,
+            edge,
             samples: angles.len(),
             within_cone: angles.iter().filter(|angle| angle.abs() <= cone).count(),
-            within_stated: touches.iter().filter(stated).count(),
+            within_stated: within_stated(series),
             angle_median: median(angles.iter().copied())?,
             angle_worst: angles.iter().fold(0.0, |worst: f64, angle| worst.max(angle.abs())),
             gap_onset: self.seen.then(|| self.gap(self.t_start, &self.push.before)),
             gap_end: self.gap(self.t_end, &self.push.after),
+            slip: self.seen.then_some(last - first),
         })
     }
+}
+
+/// Readings whose stated interval holds the inward normal.
+pub(super) fn within_stated(series: &[Row]) -> usize {
+    let holds = |touch: &RowTouch| touch.angle_to_normal.is_some_and(|angle| angle.abs() <= touch.u_half_width);
+    series.iter().filter(|row| row.touch.as_ref().is_some_and(holds)).count()
 }
 
 /// All reports of a session in a few numbers.

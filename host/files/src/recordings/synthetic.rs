@@ -26,12 +26,14 @@ pub(crate) struct PushSpec {
     /// Yaw of tool and part in the world, rad.
     pub(crate) yaw: f64,
     pub(crate) noise: f64,
+    /// Way of the tip along the edge over the push, mm.
+    pub(crate) slide: f64,
 }
 
 impl Default for PushSpec {
     fn default() -> Self {
         let bias = [0.03, -0.08];
-        Self { t0: 0.0, bias, onset: 1.5, friction: 0.2, force: 3.0, yaw: 0.0, noise: 0.004 }
+        Self { t0: 0.0, bias, onset: 1.5, friction: 0.2, force: 3.0, yaw: 0.0, noise: 0.004, slide: 0.0 }
     }
 }
 
@@ -88,7 +90,7 @@ impl PushSpec {
         writeln!(text, "{}", 200)?;
         for i in 0..200 {
             let t = f64::from(i) * 0.03;
-            let tip = Vector2::new(60.0, -1.0 + 2.5 * (t - self.onset));
+            let tip = Vector2::new(60.0 + self.slide * t / DURATION, -1.0 + 2.5 * (t - self.onset));
             writeln!(text, "{:.6} {}", self.t0 + t, self.pose(tip))?;
         }
         Ok(())

@@ -6,7 +6,7 @@
 //!
 //! Implements: by the ellipsoid that stands for the limit surface (`dynamics::support`), a force whose line passes the
 //! support's centre at `d` moves the part from `µ m g / √(1 + (d/ρ)²)` on, with `ρ` the mean distance of the support from its
-//! centre. The exact surface may lie inside it by [`ELLIPSOID_SHARE`].
+//! centre. The exact surface may lie inside it by `ELLIPSOID_SHARE`.
 //! Units: SI. Errors: none.
 
 use nalgebra::Point2;

@@ -405,7 +405,7 @@ fn covers(path: &MeasuredPath, clock_offset_sd: f64, readings: &[ForceReading]) 
 }
 
 /// A path covers the readings by so many standard deviations of its clock.
-const OFFSETS_COVERED: f64 = 3.0;
+pub const OFFSETS_COVERED: f64 = 3.0;
 
 /// When it begins, s, and how it goes on from there.
 fn told(centre0: [f64; 2], all: &[SegmentFields]) -> Result<(f64, FingerMotion), InvalidInput> {

@@ -8,7 +8,8 @@
 //!             average                       tare, noise              detector          direction
 //! ```
 //!
-//! Beside them, [`offline`] finds the bias of recordings that nobody tared, and `arrays` writes vectors and matrices to
+//! Beside them, [`offline`] finds the bias of recordings that nobody tared, [`friction`] the friction of the contact where
+//! pushes slid along known edges, and `arrays` writes vectors and matrices to
 //! files.
 //!
 //! Implements: the contact direction from the bending force on the finger, thesis §6.4 (sensor implementation); the
@@ -45,6 +46,7 @@
 pub mod average;
 pub mod detector;
 pub mod direction;
+pub mod friction;
 pub mod noise;
 pub mod offline;
 pub mod tare;

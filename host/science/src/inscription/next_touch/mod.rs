@@ -4,7 +4,7 @@
 //! radius from the outline, with a normal within the friction angle of the force that was felt; or it passes, and then
 //! the part is nowhere on its way. Of the part only its outline is known, and a rectangle that holds it.
 //!
-//! - Before the first touch poses are tried that spread evenly over the rectangle and all turns (`cells`, [`spread`]).
+//! - Before the first touch poses are tried that spread evenly over the rectangle and all turns (`cells`).
 //! - The first touch leaves a surface of poses: where on the outline, and which turn. It is covered by cells; a cell is
 //!   dropped where a bound on its motion shows that some touch or some way passed cannot be there ([`cells`]).
 //! - What is left falls into groups; in each, least squares finds the pose and its covariance ([`fit`]).

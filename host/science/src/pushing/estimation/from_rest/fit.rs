@@ -8,10 +8,10 @@
 //! Units: SI. Errors: none; a guess that cannot be played through has no fit.
 
 use std::f64::consts::{PI, TAU};
+use std::ops::AddAssign as _;
 
 use nalgebra::{
-    DMatrix, DVector, Isometry2, Matrix3, Matrix4, Matrix6, Matrix6xX, SMatrix, SVector, Vector2, Vector3, Vector4,
-    Vector6,
+    DMatrix, DVector, Isometry2, Matrix3, Matrix4, Matrix6, SMatrix, SVector, Vector2, Vector3, Vector4, Vector6,
 };
 
 use super::felt::{Compared, Felt, OfNumber, Predicted};
@@ -20,6 +20,7 @@ use super::valley::Valley;
 use super::windowed_force::ONSET_RANGE;
 use crate::math::least_squares::profile::Held;
 use crate::math::least_squares::{self, Damping, Enough, Floor, LeastSquaresSettings, NormalEquations, minimise};
+use crate::math::unscented::Gaussian;
 use crate::pushing::dynamics::State;
 use crate::pushing::estimation::observation::MU_G_LOG_MAX;
 
@@ -84,6 +85,22 @@ const MU_G: usize = 3;
 /// Column of the onset's delay among the parameters.
 const DELAY: usize = 4;
 
+/// Numbers of a push under way: u, s, ω, how it slides, µ_c, ln of µ g over what it is taken for, ln of the mass, and by how
+/// much the finger's effective mass is off what it is taken for.
+pub(super) const BELIEF: usize = 8;
+/// Where among them the angular velocity is.
+pub(super) const BELIEF_OMEGA: usize = 2;
+/// By how much v_T is off that of a part that rolls.
+pub(super) const BELIEF_SLIDE: usize = 3;
+/// µ_c.
+pub(super) const BELIEF_MU_C: usize = 4;
+/// ln(µ g).
+pub(super) const BELIEF_MU_G: usize = 5;
+/// ln m.
+pub(super) const BELIEF_MASS: usize = 6;
+/// The finger's effective mass.
+pub(super) const BELIEF_FINGER: usize = 7;
+
 /// How far a number of outline or motion is moved to see what it changes, standard deviations: far enough for what rounding
 /// and events leave, and near enough that edges do not cross.
 pub(super) const SHARE_OF_SD: f64 = 0.3;
@@ -101,7 +118,7 @@ pub(super) const OMEGA_MAX: f64 = 10.0;
 pub(super) const SLIDE_MAX: f64 = 0.2;
 
 /// What slides slower rolls, m/s.
-const SLIDE_MIN: f64 = 1e-6;
+pub(super) const SLIDE_MIN: f64 = 1e-6;
 
 /// What adds to the cost beside the residuals: a contact beyond its edge, friction beyond reason, the plane's prior, the
 /// onset's.
@@ -301,6 +318,11 @@ impl<'p> Problem<'_, 'p> {
     /// Covariance of the guess's parameters. Those that no slope tells of, since they make no difference or are held,
     /// count as known.
     fn covariance(&self, at: &Tried) -> Option<DMatrix<f64>> {
+        self.covariance_near(at, f64::INFINITY)
+    }
+
+    /// The same where the contact angle at the start is known so well beside, rad.
+    fn covariance_near(&self, at: &Tried, u_sd: f64) -> Option<DMatrix<f64>> {
         let slopes = self.slopes(at);
         let mut normal = self.curvature(at, &slopes);
         // What slopes say nothing about is still within its range: a contact that slips for a moment tells little of
@@ -308,6 +330,7 @@ impl<'p> Problem<'_, 'p> {
         for (i, deviation) in self.ranges(at).into_iter().enumerate() {
             normal[(i, i)] += if normal[(i, i)] > 0.0 { 1.0 / (deviation * deviation) } else { 0.0 };
         }
+        normal[(0, 0)] += u_sd.powi(-2);
         let silent: Vec<_> = (0..normal.nrows()).filter(|&i| normal[(i, i)] <= 0.0).collect();
         silent.iter().for_each(|&i| normal[(i, i)] = 1.0);
         let mut covariance = normal.cholesky()?.inverse();
@@ -406,42 +429,13 @@ impl<'p> Problem<'_, 'p> {
     pub(super) fn motion_covariance(&self, at: &Tried) -> Option<Matrix6<f64>> {
         let course = self.course.sure();
         let end = Self::end_of(&course, &at.guess, &at.path)?;
-        let nuisances: Vec<_> = at.predicted.nuisances(at.mass).collect();
-        let mut of_end = SMatrix::<f64, 6, PARAMETERS>::zeros();
-        let mut of_nuisances = Matrix6xX::zeros(nuisances.len());
-        for (column, step) in self.differences().into_iter().enumerate() {
-            if column == DELAY || !self.is_free(at, column) {
-                continue;
-            }
-            let played = |(step, guess)| Some((step, Self::end_of(&course, &guess, &course.play(&guess).ok()?)?));
-            let (step, there) = beside(&at.guess, column, step).find_map(played)?;
-            of_end.set_column(column, &(end.to(&there) / step));
-        }
-        for (column, changed) in self.course.changed.iter().enumerate() {
-            let course = course.with(changed);
-            let there = course.play(&at.guess).ok().and_then(|path| Self::end_of(&course, &at.guess, &path));
-            of_nuisances.set_column(column, &there.map_or_else(SVector::zeros, |there| end.to(&there) / SHARE_OF_SD));
-        }
+        let to = |course: &Course<'p>, guess: &Guess, path: &Path| Some(end.to(&Self::end_of(course, guess, path)?));
         let parameters = self.covariance(at)?;
-        let held = parameters.fixed_view::<PARAMETERS, PARAMETERS>(0, 0).into_owned();
-        // J C Jᵀ, nuisances eliminated: what they are for given parameters, and what that leaves open.
-        let mut slopes = of_end;
-        let mut open = Matrix6::zeros();
-        if !nuisances.is_empty() {
-            let by_parameters = self.slopes(at);
-            let nuisances = DMatrix::from_columns(&nuisances);
-            let own = nuisances.tr_mul(&nuisances) + DMatrix::identity(nuisances.ncols(), nuisances.ncols());
-            let own = own.cholesky()?;
-            // Residuals are data less prediction: the nuisances' slopes have the other sign.
-            let across = nuisances.tr_mul(&by_parameters.view((0, 0), (nuisances.nrows(), PARAMETERS)));
-            slopes += &of_nuisances * own.solve(&across);
-            open = &of_nuisances * own.solve(&of_nuisances.transpose());
-        }
-        let mut covariance = slopes * held * slopes.transpose() + open;
-        if nuisances.is_empty() {
+        let OfEnd { of_end, mut covariance } = self.of_end(at, to, &SMatrix::zeros(), None, &parameters)?;
+        if at.predicted.nuisances(at.mass).next().is_none() {
             let state = self.end_slopes(at)?.state;
             if let Some(valley) = Valley::through(self, at, &parameters, &state) {
-                let straight = of_end * valley.straight.fixed_rows::<PARAMETERS>(0);
+                let straight = of_end * valley.straight;
                 covariance = valley.covered(covariance, straight, |side| {
                     let there = Self::end_of(&course, &side.end.guess, &side.end.path)?;
                     Some(end.to(&there) / side.sds)
@@ -450,6 +444,90 @@ impl<'p> Problem<'_, 'p> {
         }
         Some(covariance)
     }
+
+    /// State and unknown numbers at the end, as one who follows the push goes on from them.
+    /// For the contact angle at the start within so much of what it is there, rad.
+    pub(super) fn belief_at_end(&self, at: &Tried, effective_mass_sd: f64, u_sd: f64) -> Option<Gaussian<BELIEF>> {
+        let course = self.course.sure();
+        let end = Self::followed_of(&course, &at.guess, &at.path)?;
+        let to = |course: &Course<'p>, guess: &Guess, path: &Path| {
+            let after = Self::followed_of(course, guess, path)? - end;
+            Some(SVector::from_fn(|row, _| if row < 4 { after[row] } else { 0.0 }))
+        };
+        let mut own = SMatrix::<f64, BELIEF, COLUMNS>::zeros();
+        own[(BELIEF_MU_C, MU_C)] = 1.0;
+        own[(BELIEF_MU_G, MU_G)] = 1.0;
+        own[(BELIEF_MASS, PARAMETERS)] = 1.0;
+        let mut mean = SVector::<f64, BELIEF>::zeros();
+        mean.fixed_rows_mut::<4>(0).copy_from(&end);
+        mean[BELIEF_MU_C] = at.guess.mu_c;
+        mean[BELIEF_MU_G] = at.guess.mu_g_log;
+        mean[BELIEF_MASS] = at.mass.ln();
+        mean[BELIEF_FINGER] = effective_mass_sd * self.taken_beside(at);
+        let of_beside = SVector::from_fn(|row, _| if row == BELIEF_FINGER { effective_mass_sd } else { 0.0 });
+        let parameters = self.covariance_near(at, u_sd)?;
+        let covariance = self.of_end(at, to, &own, Some(of_beside), &parameters)?.covariance;
+        Some(Gaussian { mean, covariance })
+    }
+
+    /// u, s, ω and how it slides at the end.
+    fn followed_of(course: &Course<'p>, guess: &Guess, path: &Path) -> Option<Vector4<f64>> {
+        Some(Vector4::new(path.end.u, path.end.s, path.end.omega, course.slide_at_end(guess, path)?))
+    }
+
+    /// How what is said of the end follows the parameters, and its covariance with everything that is not known: `to` is how
+    /// that of another push differs, `own` what follows the parameters whatever the push does, `of_beside` the same for
+    /// a standard deviation of what adds to the force.
+    fn of_end<const N: usize>(
+        &self,
+        at: &Tried,
+        to: impl Fn(&Course<'p>, &Guess, &Path) -> Option<SVector<f64, N>>,
+        own: &SMatrix<f64, N, COLUMNS>,
+        of_beside: Option<SVector<f64, N>>,
+        parameters: &DMatrix<f64>,
+    ) -> Option<OfEnd<N>> {
+        let course = self.course.sure();
+        let nuisances: Vec<_> = at.predicted.nuisances(at.mass).collect();
+        let mut of_end = *own;
+        for (column, step) in self.differences().into_iter().enumerate() {
+            if column == DELAY || !self.is_free(at, column) {
+                continue;
+            }
+            let played = |(step, guess)| Some((step, to(&course, &guess, &course.play(&guess).ok()?)?));
+            let (step, there) = beside(&at.guess, column, step).find_map(played)?;
+            of_end.column_mut(column).add_assign(&(there / step));
+        }
+        let parameters = parameters.fixed_view::<COLUMNS, COLUMNS>(0, 0).into_owned();
+        if nuisances.is_empty() {
+            return Some(OfEnd { of_end, covariance: of_end * parameters * of_end.transpose() });
+        }
+        let mut of_nuisances = vec![SVector::<f64, N>::zeros(); nuisances.len()];
+        for (changed, of_nuisance) in self.course.changed.iter().zip(&mut of_nuisances) {
+            let course = course.with(changed);
+            let there = course.play(&at.guess).ok().and_then(|path| to(&course, &at.guess, &path));
+            *of_nuisance = there.map_or_else(SVector::zeros, |there| there / SHARE_OF_SD);
+        }
+        let beside = of_nuisances.iter_mut().skip(self.course.changed.len()).zip(of_beside);
+        beside.for_each(|(of_nuisance, of_beside)| *of_nuisance = of_beside);
+        // J C Jᵀ, nuisances eliminated: what they are for given parameters, and what that leaves open.
+        let by_parameters = self.slopes(at);
+        let columns = DMatrix::from_columns(&nuisances);
+        let curvature = columns.tr_mul(&columns) + DMatrix::identity(columns.ncols(), columns.ncols());
+        let curvature = curvature.cholesky()?;
+        let of_nuisances = DMatrix::from_fn(N, of_nuisances.len(), |row, column| of_nuisances[column][row]);
+        // Residuals are data less prediction: the nuisances' slopes have the other sign.
+        let across = columns.tr_mul(&by_parameters.rows(0, columns.nrows()));
+        let slopes = of_end + (&of_nuisances * curvature.solve(&across)).fixed_view::<N, COLUMNS>(0, 0);
+        let open = &of_nuisances * curvature.solve(&of_nuisances.transpose());
+        Some(OfEnd { of_end, covariance: slopes * parameters * slopes.transpose() + open.fixed_view::<N, N>(0, 0) })
+    }
+}
+
+/// What is said of the end.
+struct OfEnd<const N: usize> {
+    /// Its derivatives by the parameters and the mass's logarithm, all else being what it is taken for.
+    of_end: SMatrix<f64, N, COLUMNS>,
+    covariance: SMatrix<f64, N, N>,
 }
 
 impl Problem<'_, '_> {
@@ -467,7 +545,12 @@ impl Problem<'_, '_> {
 
     /// Square root of the determinant of the covariance of contact angle and place at the start.
     pub(super) fn spread(&self, at: &Tried) -> Option<f64> {
-        Some(self.covariance(at)?.fixed_view::<2, 2>(0, 0).determinant().max(0.0).sqrt())
+        self.spread_near(at, f64::INFINITY)
+    }
+
+    /// The same where the contact angle is known so well beside, rad.
+    pub(super) fn spread_near(&self, at: &Tried, u_sd: f64) -> Option<f64> {
+        Some(self.covariance_near(at, u_sd)?.fixed_view::<2, 2>(0, 0).determinant().max(0.0).sqrt())
     }
 }
 

@@ -340,7 +340,28 @@ impl<'p> Course<'p> {
         Some(model.velocity(&path.contact, self.duration - leg.from, &path.end))
     }
 
-    /// The same at the start.
+    /// By how much v_T at the end of a path is off that of a part that rolls, m/s.
+    pub(super) fn slide_at_end(&self, guess: &Guess, path: &Path) -> Option<f64> {
+        if path.contact == ContactMode::Rolling {
+            return Some(0.0);
+        }
+        let edge = self.part.edge(guess.edge).ok()?;
+        let leg = self.legs.iter().rev().find(|leg| leg.from < self.duration - SAME_TIME_S)?;
+        let model = self.model(edge, leg, self.mu_g_of(guess));
+        Some(path.end.v_t - model.rolling_v_t(self.duration - leg.from, &path.end))
+    }
+
+    /// Pose of the part frame and velocity of the centre of mass (m/s) of a part that moves, at the start.
+    pub(super) fn motion_of(&self, guess: &Guess, contact: &ContactMode) -> Option<(Isometry2<f64>, Vector2<f64>)> {
+        let edge = self.part.edge(guess.edge).ok()?;
+        let model = self.model(edge, &self.legs[0], self.mu_g_of(guess));
+        let time = -self.legs[0].from;
+        let mut state = State { u: guess.u, s: guess.s, omega: guess.omega, v_t: 0.0 };
+        state.v_t = model.rolling_v_t(time, &state) + guess.slide;
+        Some((pose(&model, time, &state), model.velocity(contact, time, &state)))
+    }
+
+    /// Pose of the part frame in the motion's frame at the start.
     pub(super) fn pose_at_start(&self, guess: &Guess) -> Option<Isometry2<f64>> {
         let edge = self.part.edge(guess.edge).ok()?;
         let state = State { u: guess.u, s: guess.s, omega: guess.omega, v_t: 0.0 };

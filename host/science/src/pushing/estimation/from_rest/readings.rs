@@ -19,19 +19,24 @@ mod measured;
 mod numbers;
 mod read_force;
 mod sensed;
+mod tracker;
+
+use std::f64::consts::TAU;
 
 use measured::PathNumbers;
 pub use measured::{MeasuredEstimate, MeasuredFinger, estimate_measured_until};
-use nalgebra::{Isometry2, Matrix6, Translation2, Vector2};
+use nalgebra::{Isometry2, Matrix6, Translation2, UnitComplex, Vector2};
 pub use sensed::{SensedPush, sensed};
+pub use tracker::{ForceTracker, Found, SearchTask, TrackedHypothesis, TrackerState};
 
 use read_force::{Doubts, ReadForce};
 
-use super::fit::{Problem, Tried};
+use super::fit::{BELIEF, Problem, Tried};
 use super::path::{Course, CourseStart, Guess};
 use super::{GATE, distinct, is_one_place, is_possible, leads, misfit_limit, search, symmetry};
 use crate::geometry::{Pose, SimplePolygon};
-use crate::pushing::dynamics::{Part, State};
+use crate::math::unscented::Gaussian;
+use crate::pushing::dynamics::{ContactMode, Part, State};
 use crate::pushing::estimation::hypotheses;
 use crate::pushing::finger_motion::{FingerMotion, Leg};
 use crate::search::{Halt, Searched, Stop, never};
@@ -74,6 +79,28 @@ pub struct KnownOfFinger<'p> {
     pub motion: &'p FingerMotion,
     /// Standard deviation of one reading, each axis, N.
     pub noise: f64,
+}
+
+impl<'p> KnownOfFinger<'p> {
+    /// A part at rest of unknown mass and µ_c, and a stiff finger without a mass of its own: the rest is to be filled in.
+    #[must_use]
+    pub const fn new(part: &'p Part, mu_g: f64, radius: f64, motion: &'p FingerMotion, noise: f64) -> Self {
+        Self {
+            part,
+            outline: None,
+            mass: None,
+            mu_g,
+            mu_g_log_sd: None,
+            mu_c: None,
+            radius,
+            effective_mass: 0.0,
+            effective_mass_sd: 0.0,
+            is_moving: false,
+            compliance: 0.0,
+            motion,
+            noise,
+        }
+    }
 }
 
 /// What is not known of an outline.
@@ -174,11 +201,8 @@ pub fn follow(known: &KnownOfFinger, readings: &[ForceReading], from: &Beginning
 }
 
 fn halting_estimate(known: &KnownOfFinger, readings: &[ForceReading], halt: &Halt<'_>) -> Vec<ForceHypothesis> {
-    let (edges, symmetry) = distinct_edges(known.part);
     let Some(push) = FeltPush::new(known, readings, None) else { return Vec::new() };
-    let found = push.leads(&edges, usize::MAX, halt).into_iter().take_while(|_| !halt.is_wished());
-    let found = found.filter_map(|(_, lead)| push.followed(lead, halt));
-    conclude(found.collect(), known.part, symmetry)
+    conclude(push.all(halt), known.part, symmetry::order(known.part))
 }
 
 /// The edges of which no two look the same, and how many turns take the part to itself.
@@ -226,6 +250,13 @@ impl<'a, 'p> FeltPush<'a, 'p> {
         Some(Self { known, course, roughly, felt, path })
     }
 
+    /// Every minimum found.
+    fn all(&self, halt: &Halt<'_>) -> Vec<Concluded> {
+        let (edges, _) = distinct_edges(self.known.part);
+        let found = self.leads(&edges, usize::MAX, halt).into_iter().take_while(|_| !halt.is_wished());
+        found.filter_map(|(_, lead)| self.followed(lead, halt)).collect()
+    }
+
     /// Where the search comes to, the best first, with what it costs there: without what outline and motion take up.
     fn leads(&self, edges: &[usize], most: usize, halt: &Halt<'_>) -> Vec<(f64, Guess)> {
         let problem = Problem { course: &self.course, measured: &self.roughly, mass: self.known.mass };
@@ -259,6 +290,50 @@ impl<'a, 'p> FeltPush<'a, 'p> {
     }
 }
 
+/// A minimum along which the contact angle is told poorly is looked at this far apart, in standard deviations of the pieces
+/// that stand for it: their sum is then smooth.
+const PIECES_APART: f64 = 1.2;
+
+/// Pieces to each side at the most.
+const PIECES_MAX: usize = 30;
+
+/// Steps of the fit of a piece, which begins beside one.
+const PIECE_STEPS: usize = 6;
+
+impl FeltPush<'_, '_> {
+    /// A minimum in pieces along its valley, each of a contact angle at the start within `u_sd` (rad), with its share of the
+    /// minimum's weight: everything else is found anew for each. None where its numbers are not those of a search.
+    fn pieces(&self, of: &Concluded, u_sd: f64) -> Option<Vec<(f64, AtEnd)>> {
+        if self.known.outline.is_some() || self.path.is_some() {
+            return None;
+        }
+        let problem = Problem { course: &self.course, measured: &self.felt, mass: self.known.mass };
+        let middle = problem.try_guess(of.guess)?;
+        let apart = PIECES_APART * u_sd;
+        // What as many pieces of a straight valley add up to is the minimum's own weight.
+        let unit = apart / (u_sd * TAU.sqrt() * problem.spread(&middle)?);
+        let piece = |tried: &Tried| {
+            let weight = unit * problem.spread_near(tried, u_sd)? * (0.5 * (middle.cost - tried.cost)).exp();
+            Some((weight, AtEnd::of(&problem, tried, self.known, u_sd)?))
+        };
+        let mut pieces = vec![piece(&middle)?];
+        for way in [apart, -apart] {
+            let mut last = middle.clone();
+            for _ in 0..PIECES_MAX {
+                let beside = Guess { u: last.guess.u + way, ..last.guess };
+                let Some(tried) = problem.try_guess(beside) else { break };
+                let tried = problem.fitted_beside(0, tried, PIECE_STEPS);
+                if tried.cost > middle.cost + GATE {
+                    break;
+                }
+                pieces.extend(is_possible(&problem, &tried).then(|| piece(&tried)).flatten());
+                last = tried;
+            }
+        }
+        Some(pieces)
+    }
+}
+
 /// The legs of a motion in time since a moment, the first being under way then.
 fn legs_since(legs: impl Iterator<Item = Leg>, from: f64) -> Vec<Leg> {
     let moved = legs.map(|leg| Leg { from: leg.from - from, to: leg.to - from, ..leg });
@@ -279,6 +354,31 @@ struct Concluded {
     guess: Guess,
     end: State,
     found: ForceHypothesis,
+    /// Where one goes on from who follows the push.
+    at_end: AtEnd,
+}
+
+/// A push at the last reading.
+#[derive(Clone, Copy, Debug)]
+struct AtEnd {
+    belief: Gaussian<BELIEF>,
+    contact: ContactMode,
+    /// Whether the contact has slipped at any time.
+    slipped: bool,
+    /// The friction that rolling has taken.
+    friction_needed: f64,
+}
+
+impl AtEnd {
+    /// For the contact angle at the start within so much of what it is there, rad.
+    fn of(problem: &Problem, tried: &Tried, known: &KnownOfFinger, u_sd: f64) -> Option<Self> {
+        Some(Self {
+            belief: problem.belief_at_end(tried, known.effective_mass_sd, u_sd)?,
+            contact: tried.path.contact,
+            slipped: tried.path.slipped,
+            friction_needed: tried.path.friction_needed,
+        })
+    }
 }
 
 /// The minima at which the finger can be, with what they say; their probabilities are not yet of one sum.
@@ -295,32 +395,36 @@ fn concluded(problem: &Problem, mut tried: Vec<Tried>, known: &KnownOfFinger, fe
             guess: tried.guess,
             end: tried.path.end,
             found: hypothesis(problem, &tried, known, felt)?,
+            at_end: AtEnd::of(problem, &tried, known, f64::INFINITY)?,
         })
     };
     listed.filter_map(concluded).collect()
 }
 
 /// The list of what cannot be excluded.
-fn conclude(mut concluded: Vec<Concluded>, part: &Part, symmetry: usize) -> Vec<ForceHypothesis> {
-    concluded.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let Some(least) = concluded.first().filter(|best| best.cost <= best.cost_max).map(|best| best.cost) else {
-        return Vec::new();
-    };
-    let mut listed: Vec<Concluded> = Vec::new();
-    for next in concluded.into_iter().take_while(|next| next.cost <= least + GATE) {
-        if !listed.iter().any(|other| is_one_place(&other.guess, &other.end, &next.guess, &next.end)) {
-            listed.push(next);
-        }
-    }
-    let found = listed.into_iter().map(|Concluded { cost, found, .. }| ForceHypothesis {
-        probability: found.probability * (-0.5 * (cost - least)).exp(),
-        ..found
-    });
+fn conclude(concluded: Vec<Concluded>, part: &Part, symmetry: usize) -> Vec<ForceHypothesis> {
+    let found = listed(concluded).into_iter().map(|concluded| concluded.found);
     let mut hypotheses: Vec<_> = found.flat_map(|found| turned(found, part, symmetry)).collect();
     let total: f64 = hypotheses.iter().map(|hypothesis| hypothesis.probability).sum();
     hypotheses.iter_mut().for_each(|hypothesis| hypothesis.probability /= total);
     hypotheses.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     hypotheses
+}
+
+/// What explains the readings, each place once, its probability being what it is relative to the others.
+fn listed(mut concluded: Vec<Concluded>) -> Vec<Concluded> {
+    concluded.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    let Some(least) = concluded.first().filter(|best| best.cost <= best.cost_max).map(|best| best.cost) else {
+        return Vec::new();
+    };
+    let mut listed: Vec<Concluded> = Vec::new();
+    for mut next in concluded.into_iter().take_while(|next| next.cost <= least + GATE) {
+        if !listed.iter().any(|other| is_one_place(&other.guess, &other.end, &next.guess, &next.end)) {
+            next.found.probability *= (-0.5 * (next.cost - least)).exp();
+            listed.push(next);
+        }
+    }
+    listed
 }
 
 fn degrees_of_freedom(problem: &Problem, tried: &Tried, known: &KnownOfFinger, felt: &ReadForce) -> usize {
@@ -360,41 +464,40 @@ fn hypothesis(problem: &Problem, tried: &Tried, known: &KnownOfFinger, felt: &Re
 
 /// The same on every turn of the part that nobody can tell apart.
 fn turned(found: ForceHypothesis, part: &Part, symmetry: usize) -> Vec<ForceHypothesis> {
+    let turned = |(edge, about): (usize, Isometry2<f64>)| {
+        let moved = |pose: &Pose| -> Pose { (pose.isometry() * about).into() };
+        let pose_end = moved(&found.pose_end);
+        let covariance = turned_covariance(&found.covariance, &found.pose_end, &pose_end, part);
+        ForceHypothesis { edge, pose_start: moved(&found.pose_start), pose_end, covariance, ..found.clone() }
+    };
+    turns(part, found.edge, found.end.s, symmetry).into_iter().map(turned).collect()
+}
+
+/// The edges that look like one, and how a part turned to touch there instead lies in its own frame as it was.
+fn turns(part: &Part, edge: usize, s: f64, symmetry: usize) -> Vec<(usize, Isometry2<f64>)> {
     let sides: Vec<_> = part.sides().collect();
-    let Some(place) = sides.iter().position(|(side, _)| *side == part.side(found.edge)) else { return vec![found] };
+    let Some(place) = sides.iter().position(|(side, _)| *side == part.side(edge)) else {
+        return vec![(edge, Isometry2::identity())];
+    };
     let normal = |place: usize| sides[place % sides.len()].1.normal;
     let turn = |shift: usize| {
         let to = (place + shift * sides.len() / symmetry) % sides.len();
-        let angle = nalgebra::Rotation2::rotation_between(&normal(to), &normal(place));
+        let rotation = UnitComplex::rotation_between(&normal(to), &normal(place));
         // About the centre of mass, of the part first.
         let centre = part.centre_of_mass();
-        let moved = |pose: &Pose| -> Pose {
-            let world = pose.isometry();
-            let rotation = nalgebra::UnitComplex::from(angle);
-            let about = nalgebra::Isometry2::from_parts((centre - rotation * centre).into(), rotation);
-            (world * about).into()
-        };
-        let edge = part.edge_at(sides[to].0, found.end.s);
-        let covariance = turned_covariance(&found, &moved(&found.pose_end), part);
-        ForceHypothesis {
-            edge,
-            pose_start: moved(&found.pose_start),
-            pose_end: moved(&found.pose_end),
-            covariance,
-            ..found.clone()
-        }
+        (part.edge_at(sides[to].0, s), Isometry2::from_parts((centre - rotation * centre).into(), rotation))
     };
     (0..symmetry).map(turn).collect()
 }
 
 /// The covariance about another pose of the frame: that of the centre of mass is the same.
-fn turned_covariance(found: &ForceHypothesis, to: &Pose, part: &Part) -> Matrix6<f64> {
+fn turned_covariance(covariance: &Matrix6<f64>, from: &Pose, to: &Pose, part: &Part) -> Matrix6<f64> {
     let arm = |pose: &Pose| pose.isometry().rotation * part.centre_of_mass().coords;
-    let change = arm(&found.pose_end) - arm(to);
+    let change = arm(from) - arm(to);
     // x_frame = x_centre − arm, and an arm turns by θ: the difference of the arms adds.
     let mut by = Matrix6::identity();
     (by[(0, 2)], by[(1, 2)]) = (-change.y, change.x);
-    by * found.covariance * by.transpose()
+    by * covariance * by.transpose()
 }
 
 #[cfg(test)]

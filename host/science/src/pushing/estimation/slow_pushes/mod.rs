@@ -29,4 +29,4 @@ pub use filter::{AfterPush, Before, ParameterBelief, SlowFilter};
 pub use learning::{KnownLog, KnownPush, calibrated, learned};
 pub use region::{CELL, Cells, Region};
 pub use scene::{PushParameters, SimulatedPush, SlowScene, Standing};
-pub use tip_gaps::{Found, TipFromGaps, TipGapsError, tip_from_gaps};
+pub use tip_gaps::{TipFromGaps, TipGapsError, tip_from_gaps};

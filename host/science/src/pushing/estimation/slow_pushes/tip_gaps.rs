@@ -18,6 +18,7 @@ use nalgebra::{DMatrix, DVector, Point2, Rotation2, Vector2};
 use super::felt::Onset;
 use super::learning::KnownPush;
 use crate::geometry::{Pose, SimplePolygon};
+use crate::pushing::wave::Measured;
 
 /// Numbers of the tip: ahead, left, beyond.
 const TIP: usize = 3;
@@ -56,24 +57,15 @@ const OPEN_M: f64 = 2e-3;
 /// Weights settle to a part in some thousands in so many rounds.
 const ROUNDS: usize = 30;
 
-/// A number with its standard deviation.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Found {
-    /// The number.
-    pub value: f64,
-    /// Its standard deviation.
-    pub sd: f64,
-}
-
 /// Where the disk is, as gaps tell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TipFromGaps {
     /// The disk's centre ahead of the logged point along the tool's x axis, m; holds for the radius given.
-    pub ahead: Found,
+    pub ahead: Measured,
     /// The disk's centre to the left of it, along the tool's y axis, m.
-    pub left: Found,
+    pub left: Measured,
     /// By how much farther along its way the finger is at the end than where the log ends, against the onset, m.
-    pub beyond_log: Found,
+    pub beyond_log: Measured,
     /// What the gaps leave, rms, m.
     pub rms: f64,
     /// What they leave where each tenth of a log is judged by the fit to the others, rms, m.
@@ -160,7 +152,7 @@ pub fn tip_from_gaps(outline: &SimplePolygon, radius: f64, logs: &[&[KnownPush]]
     let number = |n: usize| {
         let mean = parts.iter().map(|part| part[n]).sum::<f64>() / count;
         let spread: f64 = parts.iter().map(|part| (part[n] - mean).powi(2)).sum();
-        Found { value: whole[n], sd: ((count - 1.0) / count * spread).sqrt() }
+        Measured { value: whole[n], sd: ((count - 1.0) / count * spread).sqrt() }
     };
     let sd = (0..TIP).map(|n| number(n).sd).fold(0.0, f64::max);
     if sd > OPEN_M || !sd.is_finite() {

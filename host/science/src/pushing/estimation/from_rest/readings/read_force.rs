@@ -13,13 +13,13 @@ use crate::pushing::finger_motion::Leg;
 const FIRST_S: f64 = 0.01;
 
 /// What a simulated force may be off by, as a share of it.
-const MODEL_SHARE: f64 = 2e-4;
+pub(super) const MODEL_SHARE: f64 = 2e-4;
 
 /// A reading this near a change of the finger's acceleration is after it, s.
 const AFTER_S: f64 = 1e-9;
 
 /// A jump of the force at a moment that is not known is spread over no more than this, s.
-const JUMP_S: f64 = 5e-3;
+pub(super) const JUMP_S: f64 = 5e-3;
 
 /// What readings may be off beside their noise.
 #[derive(Clone, Debug)]

@@ -19,21 +19,21 @@ const FINGER_KG: f64 = 0.03;
 const RIGHT: PoseError = PoseError { distance: 2e-4, angle: 3e-3 };
 
 /// A part, what it is told to be, and a push of it.
-struct Case {
-    part: Part,
+pub(super) struct Case {
+    pub(super) part: Part,
     ranges: Ranges,
-    drawn: Drawn,
+    pub(super) drawn: Drawn,
 }
 
 impl Case {
     /// One in which no reading coincides with a jump that the finger makes.
-    fn draw(draw: &mut Draw) -> Self {
+    pub(super) fn draw(draw: &mut Draw) -> Self {
         let ranges = Ranges::default();
         let part = random_part(draw);
         ranges.draw(draw, &part).map_or_else(|| Self::draw(draw), |drawn| Self { part, ranges: ranges.clone(), drawn })
     }
 
-    fn known<'a>(&'a self, part: &'a Part) -> KnownOfFinger<'a> {
+    pub(super) fn known<'a>(&'a self, part: &'a Part) -> KnownOfFinger<'a> {
         KnownOfFinger {
             part,
             outline: None,
@@ -52,7 +52,7 @@ impl Case {
     }
 
     /// What a finger of [`FINGER_KG`] reads, a value each few milliseconds, from a time on.
-    fn readings(&self, draw: &mut Draw, from: f64) -> Vec<ForceReading> {
+    pub(super) fn readings(&self, draw: &mut Draw, from: f64) -> Vec<ForceReading> {
         let legs: Vec<_> = self.ranges.motion.legs(RADIUS_M).collect();
         let Drawn { played, .. } = &self.drawn;
         let before = [-0.02, -0.01]
@@ -247,7 +247,7 @@ fn a_covariance_turns_with_its_pose() {
         degrees_of_freedom: 1,
         probability: 1.0,
     };
-    let there = turned_covariance(&found, &turned, &block);
+    let there = turned_covariance(&found.covariance, &found.pose_end, &turned, &block);
     let expected = by * covariance.fixed_view::<3, 3>(0, 0) * by.transpose();
     let off = there.fixed_view::<3, 3>(0, 0) - expected;
     // Differences of a step of 1e-6 are off by as much.

@@ -1,0 +1,82 @@
+//! Following a push by force, 100 readings a second, mass and µ_c unknown. Run with `cargo bench --bench force_tracker`.
+//!
+//! The bars, of a reading that at most five hypotheses are taken to: 1 ms in the median, 10 ms of 99 in 100; one thread.
+//! Searches are made between readings, as another thread would.
+
+#![allow(
+    clippy::disallowed_types,
+    clippy::disallowed_methods,
+    reason = "a benchmark reads the clock; the library does not"
+)]
+
+mod yardstick;
+
+use std::time::Instant;
+
+use nalgebra::Vector2;
+use palpate::math::random::Draw;
+use palpate::math::statistics::percentile;
+use palpate::never;
+use palpate::pushing::estimation::from_rest::readings::{ForceReading, ForceTracker, KnownOfFinger, TrackerState};
+use palpate::pushing::estimation::from_rest::trial::{RADIUS_M, Ranges, random_part};
+use yardstick::best_of_runs;
+
+/// Pushes.
+const PUSHES: usize = 12;
+
+/// Readings a second.
+const RATE_HZ: f64 = 100.0;
+
+/// Of a reading, each axis, N.
+const NOISE_N: f64 = 2e-3;
+
+/// Hypotheses up to which the bars hold.
+const FEW: usize = 5;
+
+fn main() {
+    let ranges = Ranges::default();
+    let mut few = Vec::new();
+    let mut many = Vec::new();
+    let mut searches = Vec::new();
+    for number in 0..PUSHES {
+        let mut draw = Draw::case(9, number);
+        let part = random_part(&mut draw);
+        let Some(drawn) = ranges.draw(&mut draw, &part) else { continue };
+        let known = KnownOfFinger::new(&part, ranges.mu * 9.81, RADIUS_M, &ranges.motion, NOISE_N);
+        let mut tracker = ForceTracker::new(&known);
+        let times =
+            (1_u32..).map(|index| f64::from(index) / RATE_HZ).take_while(|time| *time < drawn.played.duration());
+        for time in times {
+            let noise = Vector2::new(draw.normal(), draw.normal()) * NOISE_N;
+            let reading = ForceReading { time, force: drawn.played.force_finger(time) + noise };
+            let begun = Instant::now();
+            tracker.take(&known, reading);
+            let told = tracker.hypotheses(&known).len();
+            let took = begun.elapsed().as_secs_f64();
+            if tracker.state() == TrackerState::Following {
+                if told <= FEW { few.push(took) } else { many.push(took) }
+            }
+            if let Some(task) = tracker.search_due() {
+                let begun = Instant::now();
+                let found = task.run(&known, &never);
+                searches.push(begun.elapsed().as_secs_f64());
+                tracker.adopt(&known, found);
+            }
+        }
+    }
+    // A yardstick of some floating-point work.
+    let mut sum = 0.0;
+    let yardstick = best_of_runs(|| sum += (0..10_000_u32).map(|index| f64::from(index).sin()).sum::<f64>());
+    println!("{PUSHES} pushes; yardstick (10,000 sines) {:.3} ms; {sum:.0}", 1e3 * yardstick);
+    for (name, times) in [("at most five hypotheses", &mut few), ("more", &mut many), ("a search", &mut searches)] {
+        let [median, most] = [50, 99].map(|share| percentile(times.iter().copied(), share).unwrap_or(f64::NAN));
+        println!(
+            "{name}: {} times, median {:.2} ms ({:.1} yardsticks), of 99 in 100 {:.2} ms ({:.1} yardsticks)",
+            times.len(),
+            1e3 * median,
+            median / yardstick,
+            1e3 * most,
+            most / yardstick,
+        );
+    }
+}

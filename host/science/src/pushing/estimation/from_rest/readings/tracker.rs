@@ -1,0 +1,457 @@
+//! Follows a push while it goes on, by force: one reading in, every hypothesis a step further out.
+//!
+//! What is possible is searched for as [`super::estimate_until`] does, in the first readings of a contact and again in more of
+//! them; each answer is then followed from reading to reading (`followed`), which costs a few short simulations. A search
+//! takes as long as it takes: it is handed out as a [`SearchTask`] that may run elsewhere while the last hypotheses are
+//! followed, and what it finds is taken on to now a few readings at a time. Where nothing explains the readings any more, what
+//! was read lately is searched, of a part that moves already; so does a tracker that begins in the middle of a push.
+//!
+//! Assumes: readings in the order of time, white noise; an outline that is not known exactly counts as noise here. Frames:
+//! world axes. Units: SI. Errors: none; "nothing explains the readings" is an answer.
+
+mod followed;
+#[cfg(test)]
+mod tests;
+
+use nalgebra::{Isometry2, Matrix6, Vector2, Vector6};
+
+use followed::{Followed, Stretch};
+
+use super::{FeltPush, ForceReading, KnownOfFinger, listed, turned_covariance, turns};
+use crate::geometry::Pose;
+use crate::math::angle::wrap_angle;
+use crate::math::statistics::chi_square_quantile;
+use crate::math::unscented::Gaussian;
+use crate::pushing::dynamics::ContactMode;
+use crate::pushing::estimation::from_rest::symmetry;
+use crate::search::{Halt, Stop};
+
+/// What the first searches of a contact go by, s since it was first read: the first answer soon, and again when a finger
+/// that turns aside has told more.
+const SEARCHES_S: [f64; 3] = [0.25, 0.5, 0.9];
+
+/// What a search goes by that begins in the middle, s: what happened before is forgotten in less.
+const RECENT_S: f64 = 0.5;
+
+/// From a search that found nothing to the next, s.
+const AGAIN_S: f64 = 0.25;
+
+/// Readings kept, s: what the longest search goes by, and what comes while it runs.
+const KEPT_S: f64 = 4.0;
+
+/// Readings by which the hypotheses of a search are taken nearer to now with every new one.
+const CAUGHT_UP_EACH: usize = 6;
+
+/// Fewer readings tell no push.
+const READINGS_MIN: usize = 12;
+
+/// Hypotheses at the most: at 30 µs each a step takes 8 ms.
+const HYPOTHESES_MAX: usize = 256;
+
+/// One whose probability is this share of the best one's is followed no further.
+const NEGLIGIBLE: f64 = 1e-5;
+
+/// Nearer than this two hypotheses are one: rad, m, rad/s.
+const SAME: [f64; 3] = [2e-3, 1e-4, 0.05];
+
+/// Readings by which the best hypothesis is judged.
+const JUDGED: usize = 25;
+
+/// Chance has them misfit so once in so many times.
+const JUDGED_CHANCE: f64 = 1e-9;
+
+/// A force of so many standard deviations is one.
+const LOUD: f64 = 6.0;
+
+/// A contact that begins so long after the finger's motion is one of a moving finger, s.
+const FROM_REST_S: f64 = 0.05;
+
+/// For so long a moving finger that meets a part says nothing that the model of a push explains, s.
+const IMPACT_S: f64 = 0.02;
+
+/// So many readings in a row without force say that the contact is lost.
+const QUIET_IN_A_ROW: usize = 5;
+
+/// What a tracker is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TrackerState {
+    /// Nothing is felt, or no longer.
+    NoContact,
+    /// What is felt is not explained yet, or no longer.
+    Searching,
+    /// Hypotheses are followed, and are behind the readings.
+    CatchingUp,
+    /// They are at the last reading.
+    Following,
+}
+
+/// Pose and motion of a part at the last reading that it was followed to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrackedHypothesis {
+    /// The edge that holds the contact.
+    pub edge: usize,
+    /// Of the part.
+    pub pose: Pose,
+    /// Of its centre of mass, m/s.
+    pub velocity: Vector2<f64>,
+    /// rad/s.
+    pub omega: f64,
+    /// Of x, y, theta of the pose, the velocity, and ω.
+    pub covariance: Matrix6<f64>,
+    /// Rolling or sliding.
+    pub contact: ContactMode,
+    /// kg.
+    pub mass: f64,
+    /// Standard deviation of its logarithm.
+    pub mass_log_sd: f64,
+    /// None where it is unknown and the contact never slipped.
+    pub mu_c: Option<f64>,
+    /// Among the hypotheses.
+    pub probability: f64,
+}
+
+/// A search that is to be made, wherever there is time for it.
+#[derive(Clone, Debug)]
+pub struct SearchTask {
+    readings: Vec<ForceReading>,
+    is_moving: bool,
+}
+
+/// What a search found.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// At the last reading that it went by.
+    followed: Vec<Followed>,
+    /// That, s.
+    time: f64,
+}
+
+impl SearchTask {
+    /// Searches. What it is stopped before it has found is missing.
+    #[must_use]
+    pub fn run(&self, known: &KnownOfFinger, stop: Stop<'_>) -> Found {
+        let known = KnownOfFinger { is_moving: self.is_moving, ..*known };
+        let halt = Halt::new(stop);
+        let time = self.readings.last().map_or(f64::NEG_INFINITY, |reading| reading.time);
+        let Some(push) = FeltPush::new(&known, &self.readings, None) else {
+            return Found { followed: Vec::new(), time };
+        };
+        let concluded = listed(push.all(&halt));
+        let followed = concluded.iter().take_while(|_| !halt.is_wished());
+        let followed = followed.flat_map(|found| Followed::all_of(found, &push, time)).collect();
+        Found { followed: kept(followed), time }
+    }
+}
+
+/// Follows a push by force.
+///
+/// ```
+/// use nalgebra::{Point2, Vector2};
+/// use palpate::geometry::SimplePolygon;
+/// use palpate::pushing::dynamics::Part;
+/// use palpate::pushing::estimation::from_rest::readings::{ForceReading, ForceTracker, KnownOfFinger, TrackerState};
+/// use palpate::pushing::finger_motion::{FingerMotion, Segment};
+/// use palpate::pushing::pushed_world::PushedWorld;
+/// use palpate::never;
+///
+/// let wedge = SimplePolygon::new([[-0.03, -0.02], [0.03, -0.02], [0.02, 0.025], [-0.03, 0.01]].map(Point2::from))?;
+/// let part = Part::uniform(wedge);
+/// let ahead = Segment { seconds: 0.3, acceleration: Vector2::new(0.02, 0.15) };
+/// let aside = Segment { seconds: 0.5, acceleration: Vector2::new(0.15, 0.0) };
+/// let motion = FingerMotion::new(Point2::origin(), &[ahead, aside])?;
+/// let (mu_g, mass, mu_c, radius) = (0.3 * 9.81, 0.2, 0.3, 0.01);
+/// let played = PushedWorld { part: &part, mu_g, mass, mu_c, radius, motion: &motion, edge: 0, u: 1.6, s: 0.012 }.play()?;
+///
+/// let mut known = KnownOfFinger::new(&part, mu_g, radius, &motion, 2e-3);
+/// (known.mass, known.mu_c) = (Some(mass), Some(mu_c));
+/// let mut tracker = ForceTracker::new(&known);
+/// for reading in (1..79).map(f64::from).map(|k| ForceReading { time: 0.01 * k, force: played.force_finger(0.01 * k) }) {
+///     tracker.take(&known, reading);
+///     if let Some(task) = tracker.search_due() {
+///         tracker.adopt(&known, task.run(&known, &never));
+///     }
+/// }
+/// assert_eq!(tracker.state(), TrackerState::Following);
+/// let best = &tracker.hypotheses(&known)[0];
+/// let truth = played.pose(tracker.time()).ok_or("it ended early")?;
+/// assert!((best.pose.isometry().translation.vector - truth.translation.vector).norm() < 1e-3); // m
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct ForceTracker {
+    /// Of the contact, the oldest first.
+    readings: Vec<ForceReading>,
+    /// When the contact was first read, s.
+    begun: Option<f64>,
+    /// Whether what is searched begins from rest.
+    from_rest: bool,
+    /// Readings without force until now.
+    quiet: usize,
+    /// Searches of this contact that were begun, and when the next is due, s.
+    searches: usize,
+    next_search: Option<f64>,
+    is_searching: bool,
+    hypotheses: Vec<Followed>,
+    /// Those of a search, on their way to now.
+    arriving: Vec<Followed>,
+    /// Misfits of the best one at the last readings.
+    misfits: Vec<f64>,
+    symmetry: usize,
+}
+
+impl ForceTracker {
+    /// Waits for a contact: where nothing was felt of late, of a part at rest when the finger begins to move; where
+    /// [`KnownOfFinger::is_moving`] says so, of one that may move already.
+    #[must_use]
+    pub fn new(known: &KnownOfFinger) -> Self {
+        Self {
+            readings: Vec::new(),
+            begun: None,
+            from_rest: !known.is_moving,
+            quiet: 0,
+            searches: 0,
+            next_search: None,
+            is_searching: false,
+            hypotheses: Vec::new(),
+            arriving: Vec::new(),
+            misfits: Vec::new(),
+            symmetry: symmetry::order(known.part),
+        }
+    }
+
+    /// Takes a reading; `known` has the motion at least up to it.
+    pub fn take(&mut self, known: &KnownOfFinger, reading: ForceReading) {
+        // What the finger's own mass has had read is no contact.
+        let acceleration = known.motion.acceleration(reading.time);
+        let contact = reading.force + acceleration * known.effective_mass;
+        let is_loud = contact.norm() > LOUD * known.noise.hypot(known.effective_mass_sd * acceleration.norm());
+        self.quiet = if is_loud { 0 } else { self.quiet + 1 };
+        if self.quiet >= QUIET_IN_A_ROW && self.begun.is_some() {
+            self.lose();
+        }
+        if self.begun.is_none() {
+            if !is_loud {
+                return;
+            }
+            self.begun = Some(reading.time);
+            self.next_search = Some(reading.time + SEARCHES_S[0]);
+            // A finger that begins at the part feels it at once.
+            self.from_rest &= reading.time < FROM_REST_S;
+        }
+        if !self.from_rest && self.begun.is_some_and(|begun| reading.time < begun + IMPACT_S) {
+            return;
+        }
+        self.readings.push(reading);
+        let old = self.readings.partition_point(|kept| kept.time < reading.time - KEPT_S);
+        if old > 0 {
+            self.readings.drain(..old);
+            // What is left began in the middle.
+            self.from_rest = false;
+        }
+        // Without force it is not known yet whether the contact is lost.
+        if is_loud {
+            self.catch_up(known);
+            self.judge();
+        }
+    }
+
+    /// The contact is lost: the part stays where it was, and what comes next is another contact.
+    fn lose(&mut self) {
+        self.readings.clear();
+        (self.begun, self.from_rest, self.next_search) = (None, false, None);
+        self.searches = 0;
+        self.hypotheses.clear();
+        self.arriving.clear();
+        self.misfits.clear();
+    }
+
+    /// A search that is due; its outcome is to be given to [`Self::adopt`].
+    pub fn search_due(&mut self) -> Option<SearchTask> {
+        let now = self.readings.last()?.time;
+        self.next_search.filter(|due| now >= *due && !self.is_searching && self.readings.len() >= READINGS_MIN)?;
+        self.is_searching = true;
+        self.searches += 1;
+        let later = self.begun.zip(SEARCHES_S.get(self.searches)).map(|(begun, later)| begun + later);
+        self.next_search = later.filter(|later| *later > now);
+        let is_moving = !self.from_rest;
+        let first = if is_moving { self.readings.partition_point(|reading| reading.time < now - RECENT_S) } else { 0 };
+        Some(SearchTask { readings: self.readings[first..].to_vec(), is_moving })
+    }
+
+    /// Takes what a search found instead of what was followed.
+    pub fn adopt(&mut self, known: &KnownOfFinger, found: Found) {
+        self.is_searching = false;
+        // The contact may have been lost meanwhile.
+        let Some(begun) = self.begun.filter(|begun| found.time >= *begun) else { return };
+        if found.followed.is_empty() {
+            let now = self.readings.last().map_or(begun, |reading| reading.time);
+            let again = now + AGAIN_S;
+            self.next_search = Some(self.next_search.map_or(again, |next| next.min(again)));
+            // What began from rest may have been no such push.
+            self.from_rest &= self.searches < SEARCHES_S.len();
+            return;
+        }
+        self.arriving = found.followed;
+        self.catch_up(known);
+    }
+
+    /// Takes hypotheses on to the last reading, those of a search a few readings at a time.
+    fn catch_up(&mut self, known: &KnownOfFinger) {
+        let hypotheses = std::mem::take(&mut self.hypotheses);
+        self.hypotheses = self.follow(known, hypotheses, usize::MAX);
+        if !self.arriving.is_empty() {
+            let arriving = std::mem::take(&mut self.arriving);
+            self.arriving = self.follow(known, arriving, CAUGHT_UP_EACH);
+            if self.is_at_last(&self.arriving) {
+                self.hypotheses = std::mem::take(&mut self.arriving);
+                self.misfits.clear();
+            }
+        }
+    }
+
+    fn is_at_last(&self, hypotheses: &[Followed]) -> bool {
+        hypotheses.first().zip(self.readings.last()).is_some_and(|(first, last)| first.time >= last.time)
+    }
+
+    fn follow(&self, known: &KnownOfFinger, mut hypotheses: Vec<Followed>, most: usize) -> Vec<Followed> {
+        let Some(from) = hypotheses.first().map(|first| first.time) else { return hypotheses };
+        let next = self.readings.partition_point(|reading| reading.time <= from);
+        for reading in self.readings[next..].iter().take(most) {
+            let Some(time) = hypotheses.first().map(|first| first.time) else { break };
+            let Some(stretch) = Stretch::new(known, time, reading.time) else { break };
+            let followed: Vec<_> = hypotheses.iter().filter_map(|it| it.follow(&stretch, reading)).collect();
+            let slipped: Vec<_> = followed.iter().flat_map(|it| it.slipped(known)).collect();
+            hypotheses = kept(followed.into_iter().chain(slipped).collect());
+        }
+        hypotheses
+    }
+
+    /// Whether the best hypothesis explains the last readings; if not, none does, and it is searched again.
+    fn judge(&mut self) {
+        if self.searches == 0 {
+            return;
+        }
+        if let Some(best) = self.hypotheses.first() {
+            self.misfits.push(best.misfit);
+            let old = self.misfits.len().saturating_sub(JUDGED);
+            self.misfits.drain(..old);
+            // Two degrees of freedom each.
+            let most = chi_square_quantile(1.0 - JUDGED_CHANCE, 2 * self.misfits.len());
+            if self.misfits.iter().sum::<f64>() > most {
+                self.hypotheses.clear();
+                self.misfits.clear();
+            }
+        }
+        if self.hypotheses.is_empty() && self.arriving.is_empty() && self.next_search.is_none() && !self.is_searching {
+            self.from_rest = false;
+            self.next_search = self.readings.last().map(|reading| reading.time + AGAIN_S);
+        }
+    }
+
+    /// What it is doing.
+    #[must_use]
+    pub fn state(&self) -> TrackerState {
+        match (self.begun, self.hypotheses.is_empty(), self.arriving.is_empty()) {
+            (None, ..) => TrackerState::NoContact,
+            (_, false, _) => TrackerState::Following,
+            (_, true, false) => TrackerState::CatchingUp,
+            (_, true, true) => TrackerState::Searching,
+        }
+    }
+
+    /// The reading that the hypotheses are at, or else the last one, s; before the first, −∞.
+    #[must_use]
+    pub fn time(&self) -> f64 {
+        let followed = self.shown().first().map(|first| first.time);
+        followed.or(self.readings.last().map(|last| last.time)).unwrap_or(f64::NEG_INFINITY)
+    }
+
+    fn shown(&self) -> &[Followed] {
+        if self.hypotheses.is_empty() { &self.arriving } else { &self.hypotheses }
+    }
+
+    /// What may be, the likeliest first, at [`Self::time`]: each turn of a symmetric part that nobody can tell apart too.
+    #[must_use]
+    pub fn hypotheses(&self, known: &KnownOfFinger) -> Vec<TrackedHypothesis> {
+        let shown = self.shown();
+        let most = shown.first().map_or(0.0, |best| best.log_weight);
+        let mut clusters: Vec<Cluster> = Vec::new();
+        for it in shown {
+            let Some(motion) = it.motion(known) else { continue };
+            let member = (it, motion, (it.log_weight - most).exp());
+            match clusters.iter_mut().find(|cluster| cluster.has_near(it)) {
+                Some(cluster) => cluster.members.push(member),
+                None => clusters.push(Cluster { members: vec![member] }),
+            }
+        }
+        let total: f64 = clusters.iter().map(Cluster::weight).sum();
+        let mut told: Vec<_> = clusters.iter().flat_map(|cluster| self.told(known, cluster, total)).collect();
+        told.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+        told
+    }
+
+    fn told(&self, known: &KnownOfFinger, cluster: &Cluster, total: f64) -> Vec<TrackedHypothesis> {
+        let (best, _, _) = &cluster.members[0];
+        let Gaussian { mean, covariance } = cluster.joined();
+        let pose = Pose { x: mean[0], y: mean[1], theta: wrap_angle(mean[2]) };
+        let turned = turns(known.part, best.edge(known), best.place(), self.symmetry).into_iter();
+        let told = |(edge, about): (usize, Isometry2<f64>)| {
+            let turned: Pose = (pose.isometry() * about).into();
+            TrackedHypothesis {
+                edge,
+                covariance: turned_covariance(&covariance, &pose, &turned, known.part),
+                pose: turned,
+                velocity: Vector2::new(mean[3], mean[4]),
+                omega: mean[5],
+                contact: best.contact(),
+                mass: best.mass(),
+                mass_log_sd: best.mass_log_sd(),
+                mu_c: best.mu_c(),
+                probability: cluster.weight() / (total * self.symmetry as f64),
+            }
+        };
+        turned.map(told).collect()
+    }
+}
+
+/// Hypotheses that are pieces of one, the likeliest first, with how the part moves by each and what it weighs.
+struct Cluster<'a> {
+    members: Vec<(&'a Followed, Gaussian<6>, f64)>,
+}
+
+impl Cluster<'_> {
+    fn has_near(&self, it: &Followed) -> bool {
+        self.members.iter().any(|(member, ..)| member.is_beside(it))
+    }
+
+    fn weight(&self) -> f64 {
+        self.members.iter().map(|(.., weight)| weight).sum()
+    }
+
+    /// Mean and covariance of all.
+    fn joined(&self) -> Gaussian<6> {
+        let total = self.weight();
+        let share = |weight: f64| weight / total;
+        let mean: Vector6<f64> = self.members.iter().map(|(_, of, weight)| of.mean * share(*weight)).sum();
+        let covariance = self.members.iter().map(|(_, of, weight)| {
+            let off = of.mean - mean;
+            (of.covariance + off * off.transpose()) * share(*weight)
+        });
+        Gaussian { mean, covariance: covariance.sum() }
+    }
+}
+
+/// The likeliest first, without those that say what a better one says, or that hardly can be.
+fn kept(mut hypotheses: Vec<Followed>) -> Vec<Followed> {
+    hypotheses.sort_by(|a, b| b.log_weight.total_cmp(&a.log_weight));
+    let least = hypotheses.first().map_or(f64::NEG_INFINITY, |best| best.log_weight + NEGLIGIBLE.ln());
+    let mut kept: Vec<Followed> = Vec::new();
+    for next in hypotheses.into_iter().take_while(|next| next.log_weight >= least) {
+        match kept.iter_mut().find(|other| other.is_one_with(&next, &SAME)) {
+            Some(other) => other.log_weight += (next.log_weight - other.log_weight).exp().ln_1p(),
+            None => kept.push(next),
+        }
+    }
+    kept.truncate(HYPOTHESES_MAX);
+    kept
+}
