@@ -76,6 +76,9 @@ fn own(error: &(dyn Error + 'static)) -> Option<String> {
             _ => None,
         };
     }
+    if let Some(error) = error.downcast_ref() {
+        return crate::cli::touch_advice(error);
+    }
     match error.downcast_ref()? {
         ExperimentError::Live(error) => help(error),
         ExperimentError::NotFelt { .. } => {

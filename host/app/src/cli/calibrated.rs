@@ -33,6 +33,11 @@ pub(crate) struct OffsetArguments {
 }
 
 impl OffsetArguments {
+    /// Whether a tare is to be held against anything.
+    pub(super) fn is_checked(self) -> bool {
+        !self.tare_anyway
+    }
+
     /// What the tare is to be held against.
     pub(super) fn expected<'a>(
         self,
@@ -57,6 +62,16 @@ impl CalibrationArguments {
         let named = || format!("cannot use the calibration {}", path.display());
         let (file, _) = CalibrationFile::read(&path).advised().wrap_err_with(named)?;
         Ok((path, file))
+    }
+
+    /// The calibration that was named, if one was, without a device.
+    pub(super) fn named_calibration(&self) -> miette::Result<Option<Calibration>> {
+        if self.calibration.is_none() {
+            return Ok(None);
+        }
+        let (path, file) = self.named()?;
+        let named = || format!("cannot use the calibration {}", path.display());
+        Ok(Some(file.calibration().advised().wrap_err_with(named)?))
     }
 
     /// As [`CalibrationArguments::load`], with all that the file says, and its place.

@@ -52,12 +52,17 @@ mod read;
 mod roll;
 mod sample;
 mod simulate_device;
+mod simulate_robot;
 mod solve;
 mod static_demo;
 mod tables;
+mod touch;
+mod touch_world;
 mod watched_push;
 mod wave;
 mod which_part;
+
+pub(crate) use touch::advice as touch_advice;
 
 use std::f64::consts::PI;
 use std::io::Write as _;
@@ -102,12 +107,14 @@ enum Command {
     Push(push::Arguments),
     Inscribe(inscribe::Arguments),
     Sample(sample::Arguments),
+    Touch(touch::Arguments),
     Corner(corner::Arguments),
     Roll(roll::Arguments),
     Palm(palm::Arguments),
     Tables(tables::Arguments),
     Solve(solve::Arguments),
     SimulateDevice(simulate_device::Arguments),
+    SimulateRobot(simulate_robot::Arguments),
 }
 
 /// Runs the command named on the command line and returns the process's exit status.
@@ -146,12 +153,14 @@ where
         Command::Push(arguments) => push::run(&arguments),
         Command::Inscribe(arguments) => inscribe::run(&arguments),
         Command::Sample(arguments) => sample::run(&arguments),
+        Command::Touch(arguments) => touch::run(&arguments),
         Command::Corner(arguments) => corner::run(&arguments),
         Command::Roll(arguments) => roll::run(&arguments),
         Command::Palm(arguments) => palm::run(&arguments),
         Command::Tables(arguments) => tables::run(&arguments),
         Command::Solve(arguments) => solve::run(&arguments),
         Command::SimulateDevice(arguments) => simulate_device::run(&arguments),
+        Command::SimulateRobot(arguments) => simulate_robot::run(&arguments),
     };
     match outcome {
         Ok(status) => status,

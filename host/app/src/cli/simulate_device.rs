@@ -165,7 +165,7 @@ const LISTEN_WAIT: Duration = Duration::from_millis(100);
 const ORDERS_WAITING: usize = 64;
 
 /// Lines of standard input or why they are none, read by a thread of their own.
-fn lines_of_input() -> miette::Result<Receiver<Result<String, String>>> {
+pub(super) fn lines_of_input() -> miette::Result<Receiver<Result<String, String>>> {
     let (sender, receiver) = sync_channel(ORDERS_WAITING);
     let read = move || {
         for (_, line) in lines_of_stdin().map_while(Result::ok) {

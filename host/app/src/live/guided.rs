@@ -1,26 +1,17 @@
 //! A finger that a robot carries: what both say, and the stop where a force is too large or nobody knows it.
 //!
-//! Every block of samples is judged as it comes. The first reading above the limit, a sample that is no measurement or never
+//! Every block of samples is judged as it comes ([`super::listening`]). The first reading above the limit, a sample that is no measurement or never
 //! came, a device that falls silent and a robot that is lost each send `stop` before anything else is done.
 //!
 //! Frames: the finger's axes, which are the robot's. Units: SI. Errors: [`GuidedError`].
 
-use std::time::Duration;
-
 use nalgebra::{Point2, Vector2};
-use palpate::finger::contact::ContactEstimate;
-use palpate::finger::force_guard::{ForceGuard, ForceStop};
-use palpate::finger::judge::CountsJudge;
-use palpate::finger::sense::{FingerSense, Sensed};
 use palpate_device::robot::protocol::{RobotOrder, RobotPlace};
 use palpate_device::robot::{RobotError, RobotLink};
-use palpate_device::{Incoming, LinkError, Session};
 use thiserror::Error;
 
 use super::interrupt;
-
-/// How long one wait for samples lasts: a robot that is lost is noticed that much later at most.
-const WAIT: Duration = Duration::from_millis(10);
+use super::listening::{ListenError, ListeningFinger};
 
 /// A robot stands where its places of this long are one, s of its own time.
 const STANDS_S: f64 = 0.06;
@@ -37,15 +28,9 @@ pub enum GuidedError {
     /// The robot or the link to it.
     #[error(transparent)]
     Robot(#[from] RobotError),
-    /// The link to the finger.
+    /// The force, or that nobody knows it.
     #[error(transparent)]
-    Link(#[from] LinkError),
-    /// The force.
-    #[error("the robot was stopped: {0}")]
-    Force(ForceStop),
-    /// No more samples.
-    #[error("the robot was stopped: the finger sends no samples any more ({0})")]
-    NoSamples(String),
+    Finger(#[from] ListenError),
     /// A robot that does not come to where it was sent.
     #[error("the robot was stopped: it is {off_mm:.2} mm from where it was sent, {late_s:.0} s after it was due")]
     NotThere {
@@ -53,6 +38,12 @@ pub enum GuidedError {
         off_mm: f64,
         /// Its own time beyond what the way takes, s.
         late_s: f64,
+    },
+    /// A robot that does not stop.
+    #[error("the robot was told to stop, and {after_s:.1} s later its places still differ")]
+    DoesNotStand {
+        /// Its own time since the order, s.
+        after_s: f64,
     },
     /// By the person.
     #[error("interrupted; the robot was stopped")]
@@ -62,15 +53,11 @@ pub enum GuidedError {
 /// A finger on a robot.
 #[derive(Debug)]
 pub struct GuidedFinger {
-    session: Session,
-    judge: CountsJudge,
-    sense: FingerSense,
-    guard: ForceGuard,
+    finger: ListeningFinger,
     robot: RobotLink,
     /// Standard deviation of each coordinate that the robot tells, m.
     place_sd: f64,
     places: Vec<RobotPlace>,
-    touch: Option<ContactEstimate>,
     stop_told: bool,
 }
 
@@ -81,6 +68,8 @@ pub enum Went {
     There,
     /// Something is touched, and it stands.
     Touched(Stand),
+    /// Something was touched, and is not any more.
+    CameFree,
 }
 
 /// A robot and a finger that stand.
@@ -95,28 +84,23 @@ pub struct Stand {
 }
 
 impl GuidedFinger {
-    /// A tared finger and its robot, with a limit for the force.
+    /// A finger and its robot, each of whose coordinates has this standard deviation (m).
     #[must_use]
-    pub fn new(
-        session: Session,
-        judge: CountsJudge,
-        sense: FingerSense,
-        robot: RobotLink,
-        place_sd: f64,
-        force_limit: f64,
-    ) -> Self {
-        let guard = ForceGuard::new(force_limit, sense.tare().bias);
-        Self { session, judge, sense, guard, robot, place_sd, places: Vec::new(), touch: None, stop_told: false }
+    pub fn new(finger: ListeningFinger, robot: RobotLink, place_sd: f64) -> Self {
+        Self { finger, robot, place_sd, places: Vec::new(), stop_told: false }
     }
 
-    /// Where the robot last said that it is.
+    /// Standard deviation of each coordinate that the robot tells, m.
+    #[must_use]
+    pub fn place_sd(&self) -> f64 {
+        self.place_sd
+    }
+
+    /// Where the robot says that it is.
     ///
     /// # Errors
     /// [`GuidedError::Robot`].
     pub fn place(&mut self) -> Result<Point2<f64>, GuidedError> {
-        if let Some(place) = self.places.last() {
-            return Ok(place.at);
-        }
         Ok(self.robot.place()?.at)
     }
 
@@ -124,12 +108,6 @@ impl GuidedFinger {
     #[must_use]
     pub fn robot(&self) -> &RobotLink {
         &self.robot
-    }
-
-    /// The session with the finger.
-    #[must_use]
-    pub fn session(&self) -> &Session {
-        &self.session
     }
 
     /// Goes straight to a place (m) with a speed (m/s). With `until_touched` a touch ends it; without, what the finger
@@ -153,6 +131,7 @@ impl GuidedFinger {
     }
 
     fn try_going(&mut self, to: Point2<f64>, speed: f64, until_touched: bool) -> Result<Went, GuidedError> {
+        self.finger.listen()?;
         let from = self.place()?;
         self.places.clear();
         self.stop_told = false;
@@ -161,9 +140,9 @@ impl GuidedFinger {
         let mut begun = None;
         loop {
             self.take()?;
-            if until_touched && self.touch.is_some() {
+            if until_touched && self.finger.touch().is_some() {
                 self.stop();
-                return self.stand_touching().map(Went::Touched);
+                return self.stand_touching();
             }
             let Some(last) = self.places.last() else { continue };
             let since = last.t - *begun.get_or_insert(last.t);
@@ -177,27 +156,37 @@ impl GuidedFinger {
         }
     }
 
-    /// Waits until the robot stands, and tells place and force there; nothing is touched any more where the finger came
-    /// free again, and then the force is what it last was.
-    fn stand_touching(&mut self) -> Result<Stand, GuidedError> {
-        self.places.clear();
-        while !self.stands() {
-            self.take()?;
-        }
+    /// Waits until the robot stands, and tells place and force there.
+    fn stand_touching(&mut self) -> Result<Went, GuidedError> {
+        self.wait_until_standing()?;
         // Once more, for all that is told is then of a finger that stands.
+        let (mut force, mut readings, mut angle_sd) = (Vector2::zeros(), 0.0, 0.0_f64);
         self.places.clear();
-        let (mut force, mut readings, mut angle_sd) = (Vector2::zeros(), 0.0, 0.0);
         while !self.stands() {
             self.take()?;
-            if let Some(touch) = &self.touch {
-                force += touch.force_finger;
-                readings += 1.0;
-                angle_sd = touch.u_sd;
-            }
+            let Some(touch) = self.finger.touch() else { return Ok(Went::CameFree) };
+            force += touch.force_finger;
+            readings += 1.0;
+            angle_sd = angle_sd.max(touch.u_sd);
         }
         let places = self.places.iter().map(|place| place.at.coords);
         let place = Point2::from(places.sum::<Vector2<f64>>() / self.places.len() as f64);
-        Ok(Stand { place, force: if readings > 0.0 { force / readings } else { force }, angle_sd })
+        Ok(Went::Touched(Stand { place, force: force / readings, angle_sd }))
+    }
+
+    fn wait_until_standing(&mut self) -> Result<(), GuidedError> {
+        self.places.clear();
+        loop {
+            self.take()?;
+            if self.stands() {
+                return Ok(());
+            }
+            if let Some((first, last)) = self.places.first().zip(self.places.last())
+                && last.t - first.t > LATE_S
+            {
+                return Err(GuidedError::DoesNotStand { after_s: last.t - first.t });
+            }
+        }
     }
 
     /// Whether the places of the last while are one.
@@ -213,29 +202,7 @@ impl GuidedFinger {
         if interrupt::requested() {
             return Err(GuidedError::Interrupted);
         }
-        let incoming = self.session.next(WAIT)?;
-        match &incoming {
-            Some(Incoming::Samples(samples)) => {
-                let judged: Vec<_> = self.judge.judge(samples).collect();
-                if let Some(stop) = judged.iter().find_map(|item| self.guard.take(item)) {
-                    self.stop();
-                    return Err(GuidedError::Force(stop));
-                }
-                for sensed in self.sense.feel(judged) {
-                    if let Sensed::Contact(reading) = sensed {
-                        self.touch = reading.contact.touch().copied();
-                    }
-                }
-            }
-            Some(Incoming::Silent { after }) => {
-                return Err(GuidedError::NoSamples(format!("none for {:.2} s", after.as_secs_f64())));
-            }
-            Some(Incoming::Disconnected { reason }) => return Err(GuidedError::NoSamples(reason.clone())),
-            Some(Incoming::Restarted(_) | Incoming::Reconnected { .. }) => {
-                return Err(GuidedError::NoSamples("the device started anew, or its link did".to_owned()));
-            }
-            Some(Incoming::Event(_) | Incoming::Temperature(_)) | None => {}
-        }
+        self.finger.take()?;
         let places = self.robot.places()?;
         self.places.extend(places.into_iter().map(|(place, _)| place));
         Ok(())

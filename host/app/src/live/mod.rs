@@ -1,8 +1,11 @@
 //! Taking stretches of samples from a session: the rim of everything that measures for a while.
 //!
-//! `interrupt`: the wish to stop; `person`: prompts and answers at the bench.
+//! `listening`: a finger that is moved, block by block; `guided`: one that a robot carries; `interrupt`: the wish to stop;
+//! `person`: prompts and answers at the bench.
 
+pub mod guided;
 pub mod interrupt;
+pub mod listening;
 pub mod person;
 #[cfg(test)]
 mod run_tests;

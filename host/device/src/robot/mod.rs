@@ -200,6 +200,8 @@ const POLL: Duration = Duration::from_millis(2);
 
 impl Drop for RobotLink {
     fn drop(&mut self) {
+        // Nobody looks after the robot any more; a link that is broken cannot carry it.
+        let _ = self.order(RobotOrder::Stop);
         self.ended.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();

@@ -2,11 +2,11 @@
 //! motion.
 //!
 //! It goes straight, speeds up and brakes with a stated acceleration, and its place is the mean of that over
-//! acceleration/jerk, which bounds the jerk. Orders act, and places are told, after a latency; places are stamped by a clock of
+//! acceleration/jerk, which bounds the jerk (twice that from speeding up straight to braking). Orders act, and places are told, after a latency; places are stamped by a clock of
 //! its own, which begins elsewhere and runs a little fast. In each step the disk meets the part or does not
 //! ([`TouchedWorld::press`]): the finger feels that force, and what friction does not hold moves the part.
 //!
-//! The world's time is that of the simulated finger which it carries ([`super::Config::world`]); without one a server
+//! The world's time is that of the simulated finger which it carries ([`super::Config::carried_by`]); without one a server
 //! lets it pass as on the clock.
 //!
 //! Frames: world, whose axes are the finger's. Units: SI. Errors: none; what cannot be pushed stays.
@@ -95,6 +95,8 @@ pub struct RobotTruth {
     pub force_max: f64,
     /// Of the part.
     pub pose: Pose,
+    /// World time at which the last order to stop acted, s.
+    pub stopped: Option<f64>,
 }
 
 /// Straight ways with bounded acceleration and jerk.
@@ -197,6 +199,7 @@ struct Scene {
     next_report: f64,
     force: Vector2<f64>,
     force_max: f64,
+    stopped: Option<f64>,
     draw: Draw,
 }
 
@@ -217,8 +220,10 @@ impl Scene {
         while self.orders.front().is_some_and(|(due, _)| *due <= now) {
             if let Some((_, order)) = self.orders.pop_front() {
                 self.drive.order(order);
-                if order == RobotOrder::Where {
-                    self.report();
+                match order {
+                    RobotOrder::Where => self.report(),
+                    RobotOrder::Stop => self.stopped = Some(now),
+                    RobotOrder::Move { .. } => {}
                 }
             }
         }
@@ -277,6 +282,7 @@ impl SimulatedRobot {
             next_report: 0.0,
             force: Vector2::zeros(),
             force_max: 0.0,
+            stopped: None,
             draw: Draw::new(config.seed),
         })))
     }
@@ -324,6 +330,7 @@ impl SimulatedRobot {
             force: scene.force,
             force_max: scene.force_max,
             pose: scene.world.pose,
+            stopped: scene.stopped,
         }
     }
 
@@ -404,3 +411,6 @@ impl Drop for RobotServer {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

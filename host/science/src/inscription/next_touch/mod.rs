@@ -276,6 +276,13 @@ impl TouchSearch {
         plan::next(self)
     }
 
+    /// Standard deviations of a pose: of the outline's centroid in its worst direction (m), and of the turn (rad).
+    #[must_use]
+    pub fn deviations(&self, mode: &PoseMode) -> [f64; 2] {
+        let (distance, angle) = fit::deviations(&self.task, &mode.pose, &mode.covariance);
+        [distance, angle]
+    }
+
     /// How far a pose is from being known well enough: at most 1 where it is.
     fn excess(&self, pose: &Pose, covariance: &nalgebra::Matrix3<f64>) -> f64 {
         let (distance, angle) = fit::deviations(&self.task, pose, covariance);

@@ -1,0 +1,138 @@
+//! Finger, robot and simulated world from the command line.
+
+use std::sync::Arc;
+
+use miette::{IntoDiagnostic as _, WrapErr as _};
+use nalgebra::Point2;
+use palpate::finger::calibration::Calibration;
+use palpate::finger::contact::{Averaging, ContactSettings, Thresholds};
+use palpate::finger::judge::CountsJudge;
+use palpate::finger::sense::{self, FingerSense};
+use palpate::math::random::Draw;
+use palpate::pushing::touched_world::TouchedWorld;
+use palpate_device::robot::RobotLink;
+use palpate_device::session::SessionOptions;
+use palpate_device::simulated::robot::{RobotConfig, SimulatedRobot};
+use palpate_device::simulated::{Config, Line, Pace, SimulatedDevice};
+use palpate_device::{Address, Session};
+use palpate_files::part::PolygonFile;
+
+use super::carriers::{AVERAGE_S, Carrier, PersonCarrier, RobotCarrier, Speeds};
+use super::{Arguments, MotionArguments};
+use crate::advice::Advise as _;
+use crate::cli::simulate_device::lines_of_input;
+use crate::cli::touch_world::{MU_C, anywhere, simulated};
+use crate::live;
+use crate::live::guided::GuidedFinger;
+use crate::live::interrupt;
+use crate::live::listening::ListeningFinger;
+use crate::thesis::demonstration::Rig;
+
+/// A simulated finger on a simulated robot, whose time passes as the host asks.
+pub(crate) struct RobotWorld {
+    pub(crate) robot: SimulatedRobot,
+    pub(crate) session: Session,
+    pub(crate) calibration: Calibration,
+}
+
+/// The calibration of the simulated finger of a seed, taken by it beforehand.
+pub(crate) fn calibrated_in_place(seed: u64) -> miette::Result<Calibration> {
+    Ok(Rig::start(seed, 1.0, Line::Pipe).advised()?.fit().calibration.clone())
+}
+
+impl RobotWorld {
+    /// A world with a finger of this seed.
+    pub(crate) fn new(
+        world: TouchedWorld,
+        start: Point2<f64>,
+        seed: u64,
+        calibration: Option<Calibration>,
+    ) -> miette::Result<Self> {
+        let calibration = calibration.map_or_else(|| calibrated_in_place(seed), Ok)?;
+        let robot = SimulatedRobot::new(RobotConfig { start, seed, ..RobotConfig::default() }, world);
+        let config = Config { seed, pace: Pace::AsAsked, carried_by: Some(robot.clone()), ..Config::default() };
+        let device = SimulatedDevice::start(config).advised().wrap_err("cannot start the simulated finger")?;
+        let session = Session::open_simulated(Arc::new(device), SessionOptions::default()).advised()?;
+        Ok(Self { robot, session, calibration })
+    }
+}
+
+impl MotionArguments {
+    /// A finger that has been tared.
+    pub(crate) fn listening(
+        &self,
+        mut session: Session,
+        calibration: Calibration,
+        tare_s: f64,
+        is_checked: bool,
+    ) -> miette::Result<ListeningFinger> {
+        let front_end = live::front_end(session.hello()).advised()?;
+        let settings = ContactSettings {
+            averaging: Averaging::Seconds(AVERAGE_S),
+            bias_walk: sense::bias_walk(&calibration, &front_end),
+            thresholds: Thresholds { force_min: 0.5 * self.touch_force, ..Thresholds::default() },
+            ..ContactSettings::default()
+        };
+        live::start(&mut session).advised()?;
+        let mut judge = CountsJudge::new(&calibration);
+        note!("{}taring for {tare_s} s: keep the finger free", crate::cli::simulated_note(&session));
+        let offset = is_checked.then_some((&calibration, &front_end));
+        let tare = live::tare(&mut session, &mut judge, tare_s, &settings, offset, crate::cli::tell).advised()?;
+        let sense = FingerSense::new(Some(calibration), tare, &settings).into_diagnostic()?;
+        Ok(ListeningFinger::new(session, judge, sense, self.touch_force, self.force_limit))
+    }
+
+    /// A finger on a robot.
+    pub(crate) fn guided(&self, finger: ListeningFinger, robot: RobotLink, speeds: Speeds) -> RobotCarrier {
+        RobotCarrier::new(GuidedFinger::new(finger, robot, self.place_sd_mm * 1e-3), speeds)
+    }
+}
+
+impl Arguments {
+    /// Whoever moves the finger.
+    pub(super) fn carrier(&self, file: &PolygonFile, speeds: &Speeds) -> miette::Result<Box<dyn Carrier>> {
+        interrupt::listen();
+        let robot: Option<Address> = self.motion.robot.as_deref().map(str::parse).transpose().advised()?;
+        if let Some(Address::Simulated { .. }) = robot {
+            return self.simulated(file, speeds);
+        }
+        if self.simulated_pose.is_some() {
+            return Err(miette::miette!(help = "with --robot sim: it is", "no part is simulated here"));
+        }
+        let session = self.device.open(false)?;
+        let calibration = self.calibration.require(&session)?;
+        let epoch = session.epoch();
+        // A robot that is not there is said before a tare is taken.
+        let robot = robot.map(|address| RobotLink::open(&address, epoch)).transpose();
+        let robot = robot.map_err(|error| crate::advice::report(super::carriers::CarryError::Guided(error.into())))?;
+        let finger = self.motion.listening(session, calibration, self.tare, self.offset.is_checked())?;
+        Ok(match robot {
+            Some(robot) => Box::new(self.motion.guided(finger, robot, *speeds)),
+            None => Box::new(PersonCarrier::new(finger, *speeds, lines_of_input()?)),
+        })
+    }
+
+    fn simulated(&self, file: &PolygonFile, speeds: &Speeds) -> miette::Result<Box<dyn Carrier>> {
+        let Address::Simulated { seed } = self.device.address()? else {
+            return Err(miette::miette!(
+                help = "-d sim: is one; or name the real robot",
+                "a simulated robot carries a simulated finger only"
+            ));
+        };
+        let outline = file.part.polygon().clone();
+        let pose = match self.simulated_pose {
+            Some(pose) => pose,
+            None => anywhere(&outline, self.area_mm, &mut Draw::new(seed))?,
+        };
+        let friction = [file.mu, file.mu_c.unwrap_or(MU_C)];
+        let world = simulated(outline, friction, self.mass_kg.unwrap_or(MASS), pose);
+        let RobotWorld { robot, session, calibration } =
+            RobotWorld::new(world, self.start(), seed, self.calibration.named_calibration()?)?;
+        let epoch = session.epoch();
+        let finger = self.motion.listening(session, calibration, self.tare, self.offset.is_checked())?;
+        Ok(Box::new(self.motion.guided(finger, RobotLink::simulated(robot, epoch), *speeds)))
+    }
+}
+
+/// Of a simulated part of which nothing is said, kg.
+const MASS: f64 = 1.0;
