@@ -21,11 +21,13 @@ mod observe_path;
 mod pages;
 mod push;
 mod real;
+mod robot;
 mod sample;
 mod shaken_palm;
 mod solve;
 mod solving;
 mod support_friction;
+mod touch;
 mod warnings;
 mod width;
 

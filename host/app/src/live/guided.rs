@@ -90,10 +90,10 @@ impl GuidedFinger {
         Self { finger, robot, place_sd, places: Vec::new(), stop_told: false }
     }
 
-    /// Standard deviation of each coordinate that the robot tells, m.
+    /// The finger, let go of by the robot.
     #[must_use]
-    pub fn place_sd(&self) -> f64 {
-        self.place_sd
+    pub fn into_finger(self) -> ListeningFinger {
+        self.finger
     }
 
     /// Where the robot says that it is.

@@ -34,6 +34,9 @@ const HOST_PATIENCE: Duration = Duration::from_secs(2);
 /// How long a device that has nothing to do, or whose host does not read, rests.
 const REST: Duration = Duration::from_micros(200);
 
+/// The same for one that is carried, whose host asks for each block.
+const REST_CARRIED: Duration = Duration::from_micros(20);
+
 /// Conversions that a device at its host's pace makes between two looks at its line: one block.
 const STRIDE: u64 = 8;
 
@@ -228,9 +231,12 @@ impl Board<'_> {
         loop {
             loop {
                 match orders.try_recv() {
-                    Ok(Control::Restart(sender)) => return Ended::Restart(Some(sender)),
-                    Ok(Control::End) | Err(TryRecvError::Disconnected) => return Ended::ForGood,
-                    Ok(order) => self.obey(order, outlet),
+                    Ok(order) => {
+                        if let Some(ended) = self.carry_out(order, outlet) {
+                            return ended;
+                        }
+                    }
+                    Err(TryRecvError::Disconnected) => return Ended::ForGood,
                     Err(TryRecvError::Empty) => break,
                 }
             }
@@ -261,10 +267,26 @@ impl Board<'_> {
                 }
                 Pace::AsAsked => {
                     let talk = self.talk(outlet, &mut line);
-                    if talk == Talk::HostBusy || !self.go_on_as_asked() {
-                        std::thread::sleep(REST);
+                    // Whoever asks is not kept waiting; bytes of a host that only writes are.
+                    if (talk == Talk::HostBusy || !self.go_on_as_asked())
+                        && let Ok(order) = orders.recv_timeout(if self.robot.is_some() { REST_CARRIED } else { REST })
+                        && let Some(ended) = self.carry_out(order, outlet)
+                    {
+                        return ended;
                     }
                 }
+            }
+        }
+    }
+
+    /// Carries out an order; how the board's run ends, if it does.
+    fn carry_out(&mut self, order: Control, outlet: &mut TroubledOutlet) -> Option<Ended> {
+        match order {
+            Control::Restart(sender) => Some(Ended::Restart(Some(sender))),
+            Control::End => Some(Ended::ForGood),
+            order => {
+                self.obey(order, outlet);
+                None
             }
         }
     }

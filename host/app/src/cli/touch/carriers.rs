@@ -208,11 +208,6 @@ impl RobotCarrier {
         Self { finger, speeds, has_begun: false }
     }
 
-    /// The robot that it goes by.
-    pub(crate) fn finger(&self) -> &GuidedFinger {
-        &self.finger
-    }
-
     /// To a place where nothing may be.
     fn travel(&mut self, to: Point2<f64>) -> Result<(), CarryError> {
         match self.finger.go(to, self.speeds.travel, true)? {

@@ -21,7 +21,6 @@ use super::{not_negative, positive};
 use crate::advice::Advise as _;
 pub(crate) use carriers::advice;
 use carriers::{Carrier, Speeds};
-pub(super) use setup::{RobotWorld, calibrated_in_place};
 use told::Told;
 
 const LONG_HELP: &str = "\
@@ -133,8 +132,8 @@ pub(super) struct MotionArguments {
     #[arg(long, value_name = "MM", default_value_t = 0.03, value_parser = positive)]
     place_sd_mm: f64,
 
-    /// From an order to stop to the robot's braking
-    #[arg(long, value_name = "MS", default_value_t = 10.0, value_parser = not_negative)]
+    /// From an order to stop to the robot's braking, with half of the time in which its deceleration rises
+    #[arg(long, value_name = "MS", default_value_t = 15.0, value_parser = not_negative)]
     robot_latency_ms: f64,
 
     /// With which it brakes
@@ -145,7 +144,7 @@ pub(super) struct MotionArguments {
     #[arg(long, value_name = "MU", value_parser = not_negative)]
     mu_c_max: Option<f64>,
 
-    /// How far the finger's tip gives way, µm/N [default: the calibration's, or that of the finger's drawings]
+    /// How far the finger's tip gives way, µm/N [default: that of the finger's drawings]
     #[arg(long, value_name = "UM/N", value_parser = not_negative)]
     compliance_um_per_n: Option<f64>,
 }
@@ -205,14 +204,6 @@ pub(super) fn locate(
         told.met(search, number, &next, &met);
     }
     unreachable!("approaches are counted to the end")
-}
-
-/// The pose that is left, if it is one.
-pub(super) fn found(search: &TouchSearch) -> Option<Pose> {
-    match search.verdict() {
-        TouchVerdict::One(mode) => Some(mode.pose),
-        _ => None,
-    }
 }
 
 /// Whether something was touched.

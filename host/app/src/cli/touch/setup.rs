@@ -1,6 +1,7 @@
 //! Finger, robot and simulated world from the command line.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use nalgebra::Point2;
@@ -17,7 +18,7 @@ use palpate_device::simulated::{Config, Line, Pace, SimulatedDevice};
 use palpate_device::{Address, Session};
 use palpate_files::part::PolygonFile;
 
-use super::carriers::{AVERAGE_S, Carrier, PersonCarrier, RobotCarrier, Speeds};
+use super::carriers::{AVERAGE_S, Carrier, CarryError, PersonCarrier, RobotCarrier, Speeds};
 use super::{Arguments, MotionArguments};
 use crate::advice::Advise as _;
 use crate::cli::simulate_device::lines_of_input;
@@ -99,12 +100,11 @@ impl Arguments {
         if self.simulated_pose.is_some() {
             return Err(miette::miette!(help = "with --robot sim: it is", "no part is simulated here"));
         }
+        // A robot that is not there is said before anything is asked of the finger.
+        let robot = robot.map(|address| RobotLink::open(&address, Instant::now())).transpose();
+        let robot = robot.map_err(|error| CarryError::Guided(error.into())).advised()?;
         let session = self.device.open(false)?;
         let calibration = self.calibration.require(&session)?;
-        let epoch = session.epoch();
-        // A robot that is not there is said before a tare is taken.
-        let robot = robot.map(|address| RobotLink::open(&address, epoch)).transpose();
-        let robot = robot.map_err(|error| crate::advice::report(super::carriers::CarryError::Guided(error.into())))?;
         let finger = self.motion.listening(session, calibration, self.tare, self.offset.is_checked())?;
         Ok(match robot {
             Some(robot) => Box::new(self.motion.guided(finger, robot, *speeds)),

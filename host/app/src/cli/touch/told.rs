@@ -67,7 +67,10 @@ impl Told {
         }
         if is_touch(met) || !search.touches().is_empty() {
             let modes = modes(&verdict);
-            say!("  {} found so far", counted(modes.len(), "pose"));
+            match modes.len() {
+                0 => say!("  the poses that are left are not told apart yet"),
+                count => say!("  {} left", counted(count, "pose")),
+            }
             self.poses(search, modes);
         }
     }

@@ -1,0 +1,206 @@
+//! `palpate touch` as a person uses it: on a simulated part, in this process and over lines, and what it says when it cannot.
+
+use std::io::{BufRead as _, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+
+use palpate_tests::rig::peer_that_says;
+use serde_json::Value;
+
+use crate::PALPATE;
+
+const PART: &str = "unit = 'mm'\nvertices = [[0, 0], [60, 0], [60, 25], [35, 45], [0, 30]]\nmu = 0.3\nmu_c = 0.25\n";
+
+const SQUARE: &str = "unit = 'mm'\nvertices = [[0, 0], [40, 0], [40, 40], [0, 40]]\nmu = 0.3\nmu_c = 0.25\n";
+
+/// Within which a pose is asked for: those of the command's own defaults.
+const TOLERANCE_M: f64 = 2e-4;
+const TOLERANCE_DEG: f64 = 0.3;
+
+fn part(folder: &Path, text: &str) -> PathBuf {
+    let path = folder.join("part.toml");
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+fn palpate(arguments: &[&str]) -> Command {
+    let mut command = Command::new(PALPATE);
+    command.args(arguments).env_remove("PALPATE_DEVICE").env_remove("PALPATE_CALIBRATION").stdin(Stdio::null());
+    command
+}
+
+fn touch(part: &Path, arguments: &[&str]) -> Output {
+    palpate(&["touch", "--part", part.to_str().unwrap()]).args(arguments).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+fn last_object(output: &Output) -> Value {
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    serde_json::from_str(said.lines().last().unwrap()).unwrap_or_else(|error| panic!("{error}: {said}"))
+}
+
+#[test]
+fn a_simulated_part_is_found_within_the_tolerance() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = part(folder.path(), PART);
+    let simulated = ["-d", "sim:3", "--robot", "sim:", "--simulated-pose", "90,70,40", "--mass-kg", "1", "--json"];
+    let output = touch(&file, &[&simulated[..], &["--area-mm", "0,0,160,160"]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let end = last_object(&output);
+    assert_eq!(end["verdict"], "one", "{end}");
+    let pose = &end["poses"][0];
+    let [x, y, theta] = ["x", "y", "theta"].map(|key| pose[key].as_f64().unwrap());
+    // The file's origin, a lever from the centroid, where 0.3° are as much again.
+    let off = (x - 0.09).hypot(y - 0.07);
+    let turn = (theta.to_degrees() - 40.0 + 180.0).rem_euclid(360.0) - 180.0;
+    assert!(off <= 2.0 * TOLERANCE_M && turn.abs() <= TOLERANCE_DEG, "off by {off} m and {turn}°");
+    assert!(text(&output.stderr).contains("SIMULATED"));
+    // One object for each approach, with what it met and what is left.
+    let lines = String::from_utf8_lossy(&output.stdout).into_owned();
+    let approaches: Vec<Value> = lines.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(approaches.len() as u64, end["approaches"].as_u64().unwrap() + 1);
+    let touches = approaches.iter().filter(|object| object["touch"].is_object()).count();
+    assert_eq!(touches as u64, end["touches"].as_u64().unwrap());
+}
+
+#[test]
+fn of_a_square_it_says_that_touch_cannot_tell_its_turns() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = part(folder.path(), SQUARE);
+    let output = touch(&file, &["-d", "sim:4", "--robot", "sim:", "--area-mm", "0,0,120,120", "--mass-kg", "2"]);
+    let said = text(&output.stdout);
+    assert_eq!(output.status.code(), Some(0), "{said}{}", text(&output.stderr));
+    assert!(said.contains("Touch cannot tell these poses apart") && said.contains("4 poses left"), "{said}");
+}
+
+#[test]
+fn a_touch_outside_of_the_area_ends_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = part(folder.path(), PART);
+    let arguments = ["-d", "sim:5", "--robot", "sim:", "--area-mm", "0,0,100,100", "--mass-kg", "2"];
+    // Where the robot passes on its way round: it begins at (-25, -25) mm and the first approach is anywhere.
+    for pose in ["--simulated-pose=-70,20,0", "--simulated-pose=20,-60,0"] {
+        let output = touch(&file, &[&arguments[..], &[pose]].concat());
+        if output.status.code() == Some(1) {
+            let said = text(&output.stderr);
+            assert!(said.contains("outside of where the part is said to be") && said.contains("--area-mm"), "{said}");
+            return;
+        }
+    }
+    panic!("the finger passed neither");
+}
+
+#[test]
+fn what_cannot_be_begun_says_why() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = part(folder.path(), PART);
+    let area = ["--area-mm", "0,0,160,160", "-d", "sim:1"];
+    let with = |arguments: &[&str]| {
+        let output = touch(&file, &[&area[..], arguments].concat());
+        assert_eq!(output.status.code(), Some(1), "{}", text(&output.stdout));
+        text(&output.stderr)
+    };
+    let silent = peer_that_says(b"0.1 0 0\nrubbish\n".to_vec());
+    let said = with(&["--mass-kg", "1", "--robot", &format!("tcp:{silent}")]);
+    assert!(said.contains("rubbish") && said.contains("docs/ROBOT.md"), "{said}");
+    let lost = peer_that_says(Vec::new());
+    let said = with(&["--mass-kg", "1", "--robot", &format!("tcp:{lost}")]);
+    assert!(said.contains("has told no place for") && said.contains("is the robot's program running"), "{said}");
+    let said = with(&["--robot", "sim:"]);
+    assert!(said.contains("--mass-kg") && said.contains("--speed-mm-s"), "{said}");
+    let said = with(&["--robot", "sim:", "--mass-kg", "0.001"]);
+    assert!(said.contains("no speed is safe") && said.contains("--touch-force"), "{said}");
+    let said = with(&["--robot", "sim:", "--speed-mm-s", "200"]);
+    assert!(said.contains("above the limit of 5 N"), "{said}");
+    let said = with(&["--mass-kg", "1", "--simulated-pose", "0,0,0"]);
+    assert!(said.contains("no part is simulated"), "{said}");
+    let small = touch(&file, &["-d", "sim:1", "--robot", "sim:", "--mass-kg", "1", "--area-mm", "0,0,30,30"]);
+    assert!(text(&small.stderr).contains("does not fit"), "{}", text(&small.stderr));
+    // A file of another kind.
+    let motion = folder.path().join("motion.toml");
+    std::fs::write(&motion, "unit = 'mm'\n[[segment]]\nseconds = 1\nacceleration = [1, 0]\n").unwrap();
+    let wrong = touch(&motion, &[&area[..], &["--robot", "sim:", "--mass-kg", "1"]].concat());
+    let said = text(&wrong.stderr);
+    assert!(wrong.status.code() == Some(1) && said.contains("motion file") && said.contains("part file"), "{said}");
+    for wrong in [&["--area-mm", "0,0,1"][..], &["--area-mm", "0,0,0,5"], &["--force-limit", "0"]] {
+        let output = touch(&file, &[&["--mass-kg", "1"], wrong].concat());
+        assert_eq!(output.status.code(), Some(64), "{wrong:?}: {}", text(&output.stderr));
+    }
+}
+
+/// A simulated robot in a terminal of its own.
+struct Terminal {
+    child: Child,
+    robot: String,
+    finger: String,
+}
+
+impl Terminal {
+    fn simulate_robot(arguments: &[&str]) -> Self {
+        let mut child =
+            palpate(&["simulate-robot"]).args(arguments).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map(Result::unwrap);
+        let [robot, finger] = [lines.next().unwrap(), lines.next().unwrap()];
+        Self { child, robot, finger }
+    }
+}
+
+impl Drop for Terminal {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// The calibration of the simulated finger of a seed.
+fn calibration(folder: &Path, seed: u64) -> PathBuf {
+    let output = palpate(&["calibrate", "-d", &format!("sim:{seed}"), "--load", "2 N", "--contacts", "8", "--out"])
+        .arg(folder)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    PathBuf::from(said.lines().find_map(|line| line.strip_prefix("written")).unwrap().trim())
+}
+
+#[test]
+#[cfg(unix)]
+fn over_lines_in_real_time_a_part_is_found_and_another_is_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let calibration = calibration(folder.path(), 6);
+    let file = part(folder.path(), PART);
+    let lies = ["--pose", "50,20,30", "--mass-kg", "20", "--start-mm=-30,-30", "--seed", "6"];
+    // The part that is there, and one that is told for it.
+    let told = folder.path().join("told.toml");
+    std::fs::write(&told, SQUARE.replace("40", "33")).unwrap();
+    for (told, is_right) in [(&file, true), (&told, false)] {
+        let robot = Terminal::simulate_robot(&[&lies[..], &["--part", file.to_str().unwrap()]].concat());
+        let output = touch(
+            told,
+            &[
+                &["-d", &robot.finger, "--robot", &robot.robot, "-c", calibration.to_str().unwrap()][..],
+                &["--area-mm", "0,0,100,100", "--mass-kg", "20", "--travel-mm-s", "100", "--json"],
+            ]
+            .concat(),
+        );
+        let said = text(&output.stderr);
+        if is_right {
+            let end = last_object(&output);
+            assert_eq!(end["verdict"], "one", "{end}\n{said}");
+            let pose = &end["poses"][0];
+            let [x, y] = ["x", "y"].map(|key| pose[key].as_f64().unwrap());
+            assert!((x - 0.05).hypot(y - 0.02) <= 2.0 * TOLERANCE_M, "{end}");
+        } else {
+            // It shows as touches that no pose explains, or as one before any pose that is left.
+            let is_named = match output.status.code() {
+                Some(2) => last_object(&output)["verdict"] == "none",
+                Some(1) => said.contains("the part was moved, or it is another"),
+                _ => false,
+            };
+            assert!(is_named, "{:?}: {said}\n{}", output.status, text(&output.stdout));
+        }
+    }
+}
