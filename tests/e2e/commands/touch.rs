@@ -39,7 +39,8 @@ fn text(bytes: &[u8]) -> String {
 
 fn last_object(output: &Output) -> Value {
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
-    serde_json::from_str(said.lines().last().unwrap()).unwrap_or_else(|error| panic!("{error}: {said}"))
+    let last = said.lines().last().unwrap_or_else(|| panic!("nothing: {}", text(&output.stderr)));
+    serde_json::from_str(last).unwrap_or_else(|error| panic!("{error}: {said}"))
 }
 
 #[test]
@@ -77,10 +78,22 @@ fn of_a_square_it_says_that_touch_cannot_tell_its_turns() {
 }
 
 #[test]
+fn the_demonstration_finds_its_part_and_reveals_the_truth() {
+    let output = palpate(&["demo", "--touch", "--seed", "2"]).output().unwrap();
+    let said = text(&output.stdout);
+    assert_eq!(output.status.code(), Some(0), "{said}{}", text(&output.stderr));
+    let off = said.split_once("nowhere more than ").unwrap().1.split_once(" mm").unwrap().0;
+    assert!(off.parse::<f64>().unwrap() <= 0.5 && said.contains("Nothing here was measured"), "{said}");
+}
+
+#[test]
 fn a_touch_outside_of_the_area_ends_it() {
     let folder = tempfile::tempdir().unwrap();
     let file = part(folder.path(), PART);
-    let arguments = ["-d", "sim:5", "--robot", "sim:", "--area-mm", "0,0,100,100", "--mass-kg", "2"];
+    // Slowly, so that it presses with less than the limit.
+    let slowly = ["--travel-mm-s", "10", "--force-limit", "15"];
+    let arguments =
+        [&["-d", "sim:5", "--robot", "sim:", "--area-mm", "0,0,100,100", "--mass-kg", "2"][..], &slowly].concat();
     // Where the robot passes on its way round: it begins at (-25, -25) mm and the first approach is anywhere.
     for pose in ["--simulated-pose=-70,20,0", "--simulated-pose=20,-60,0"] {
         let output = touch(&file, &[&arguments[..], &[pose]].concat());
@@ -111,7 +124,7 @@ fn what_cannot_be_begun_says_why() {
     assert!(said.contains("has told no place for") && said.contains("is the robot's program running"), "{said}");
     let said = with(&["--robot", "sim:"]);
     assert!(said.contains("--mass-kg") && said.contains("--speed-mm-s"), "{said}");
-    let said = with(&["--robot", "sim:", "--mass-kg", "0.001"]);
+    let said = with(&["--robot", "sim:", "--mass-kg", "0.001", "--motion-max-mm", "0.001"]);
     assert!(said.contains("no speed is safe") && said.contains("--touch-force"), "{said}");
     let said = with(&["--robot", "sim:", "--speed-mm-s", "200"]);
     assert!(said.contains("above the limit of 5 N"), "{said}");

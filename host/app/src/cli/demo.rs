@@ -21,7 +21,7 @@ use palpate_files::part::PolygonFile;
 
 use super::read::{read, read_text, tell_part};
 use super::watched_push::MuUncertainty;
-use super::{not_negative, pose, static_demo};
+use super::{not_negative, pose, static_demo, touch};
 use crate::advice::Advise as _;
 use crate::thesis::chain::known_of;
 use crate::thesis::demonstration::{
@@ -72,6 +72,10 @@ pub(crate) struct Arguments {
     /// Feel contacts round the disk that do not move, as the thesis did, and compare with its figures
     #[arg(long = "static")]
     static_contacts: bool,
+
+    /// Find a part by touch with a simulated robot
+    #[arg(long, conflicts_with_all = ["static_contacts", "part", "motion", "straight", "noise", "keep"])]
+    touch: bool,
 }
 
 fn noise(text: &str) -> Result<f64, String> {
@@ -83,6 +87,9 @@ fn noise(text: &str) -> Result<f64, String> {
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     if arguments.static_contacts {
         return static_demo::run(arguments.seed);
+    }
+    if arguments.touch {
+        return touch::demo::run(arguments.seed);
     }
     let mut draw = Draw::case(arguments.seed, 0);
     let (part, mut ranges) = arguments.part(&mut draw)?;

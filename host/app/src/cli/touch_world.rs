@@ -117,7 +117,7 @@ pub(super) fn simulated(outline: SimplePolygon, [mu, mu_c]: [f64; 2], mass: f64,
 }
 
 /// Of the simulated finger's disk, m.
-const RADIUS: f64 = 0.015;
+pub(super) const RADIUS: f64 = 0.015;
 
 /// A pose in which all of the part is in the area.
 pub(super) fn anywhere(outline: &SimplePolygon, Area([low, high]): Area, draw: &mut Draw) -> miette::Result<Pose> {

@@ -385,7 +385,12 @@ impl Board<'_> {
             None => return false,
             Some((0, sender)) => answer(&sender, self.moment()),
             Some((left, sender)) => {
-                (0..STRIDE).for_each(|_| self.convert());
+                // A robot is to hear of a block as soon as it is whole.
+                let mut made = 0;
+                while made < STRIDE && (self.robot.is_none() || self.device.transmit().is_empty()) {
+                    self.convert();
+                    made += 1;
+                }
                 self.asked = Some((left - 1, sender));
             }
         }

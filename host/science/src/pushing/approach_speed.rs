@@ -113,11 +113,18 @@ impl ApproachLimits {
     /// ```
     #[must_use]
     pub fn safe_speed(&self, holding: &Holding, motion_max: f64, speed_max: f64) -> Option<SafeSpeed> {
-        let room = motion_max + (holding.least_moving_force() - self.threshold) / self.stiffness;
+        let speed = self.speed_for(motion_max + holding.least_moving_force() / self.stiffness)?;
+        Some(self.at_speed(speed.min(speed_max), holding))
+    }
+
+    /// The speed after which the clamp goes on by so much (m); none where already the force that is felt takes it.
+    #[must_use]
+    pub fn speed_for(&self, overtravel: f64) -> Option<f64> {
+        let room = overtravel - self.threshold / self.stiffness;
         // Of v τ + v²/2a = room the positive root, in the form that does not cancel.
         let (latency, deceleration) = (self.latency, self.deceleration);
         let speed = 2.0 * room / (latency + (latency * latency + 2.0 * room.max(0.0) / deceleration).sqrt());
-        (room > 0.0).then(|| self.at_speed(speed.min(speed_max), holding))
+        (room > 0.0).then_some(speed)
     }
 }
 

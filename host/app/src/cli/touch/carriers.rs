@@ -94,6 +94,9 @@ pub(super) const AVERAGE_S: f64 = 4e-3;
 /// Fastest approach, m/s.
 const SPEED_MAX: f64 = 0.02;
 
+/// A touch presses with no more than this share of the force limit: it rings a little.
+const LIMIT_SHARE: f64 = 0.7;
+
 /// Friction between finger and part at most, where nothing is said of it.
 const MU_C_MAX: f64 = 0.5;
 
@@ -113,7 +116,10 @@ impl Speeds {
         let motion_max = motion.motion_max_mm * 1e-3;
         let safe = match (motion.speed_mm_s, &holding) {
             (Some(speed), Some(holding)) => Some(limits.at_speed(speed * 1e-3, holding)),
-            (None, Some(holding)) => limits.safe_speed(holding, motion_max, SPEED_MAX),
+            // Nor so fast that the limit ends what is a touch.
+            (None, Some(holding)) => limits
+                .speed_for(LIMIT_SHARE * motion.force_limit / limits.stiffness)
+                .and_then(|fastest| limits.safe_speed(holding, motion_max, fastest.min(SPEED_MAX))),
             (_, None) => None,
         };
         let (approach, force) = match (safe, motion.speed_mm_s) {

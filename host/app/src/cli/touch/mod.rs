@@ -1,8 +1,9 @@
 //! `palpate touch`.
 //!
-//! `setup`: finger, robot and world from the command line; `carriers`: who moves the finger; `told`: what is printed.
+//! `demo`: the same as a demonstration; `setup`: finger, robot and world from the command line; `carriers`: who moves the finger; `told`: what is printed.
 
 mod carriers;
+pub(super) mod demo;
 mod setup;
 mod told;
 

@@ -164,13 +164,23 @@ impl Cells {
     }
 
     /// Drops what readings exclude, and divides the rest until it is small enough for their number.
-    pub(super) fn refine(&mut self, task: &TouchTask, curve: &DiskCurve, touches: &[FingerTouch], passed: &[Way]) {
+    /// After ways that met nothing since the last touch (`barren`) cells are smaller by a factor of two each: coarse ones hide
+    /// what such a way excludes.
+    pub(super) fn refine(
+        &mut self,
+        task: &TouchTask,
+        curve: &DiskCurve,
+        touches: &[FingerTouch],
+        passed: &[Way],
+        barren: i32,
+    ) {
         let sigma = touches.iter().map(|touch| touch.sigma).fold(f64::INFINITY, f64::min);
         let width = match touches.len() {
             0 | 1 => WIDTH_OF_ONE,
             2 => WIDTH_OF_TWO,
             _ => WIDTH_SD * sigma,
         };
+        let width = (width * 0.5_f64.powi(barren)).max(WIDTH_SD * sigma);
         let size = farthest(task);
         let readings = Readings { task, touches, passed, first_sigma: self.first_sigma };
         let mut todo = std::mem::take(&mut self.cells);
@@ -180,7 +190,10 @@ impl Cells {
             let mut next = Vec::with_capacity(todo.len());
             for cell in &todo {
                 let middle = self.middle(cell, task, curve, size);
-                if readings.exclude(&middle, &|x| self.reach_at(cell, x, task.radius), cell.turn_half(task.radius)) {
+                // Where a way is inside of the disk's curve it is no farther than this from the first touch.
+                let far = cell.reach(size + 2.0 * task.radius, task.radius);
+                let reach_at = |x| self.reach_at(cell, x, task.radius);
+                if readings.exclude(&middle, &reach_at, far, cell.turn_half(task.radius)) {
                     continue;
                 }
                 if middle.reach <= width {
@@ -262,8 +275,9 @@ struct Readings<'a> {
 }
 
 impl Readings<'_> {
-    /// Whether no pose of a cell can be, with how far points move in it, and how far it turns.
-    fn exclude(&self, middle: &Middle, reach_at: &dyn Fn(Point2<f64>) -> f64, turn: f64) -> bool {
+    /// Whether no pose of a cell can be, with how far points move in it, also those `far` ones near which a way could meet the
+    /// part, and how far it turns.
+    fn exclude(&self, middle: &Middle, reach_at: &dyn Fn(Point2<f64>) -> f64, far: f64, turn: f64) -> bool {
         let to_part = middle.pose.isometry().inverse();
         let [low, high] = self.task.area;
         let beyond = middle.reach + TRUSTED_SD * self.first_sigma;
@@ -277,7 +291,8 @@ impl Readings<'_> {
                 !self.can_touch(&to_part, middle.pose.theta, touch, off, turn)
             })
             || self.passed.iter().any(|way| {
-                let off = reach_at(way.from).max(reach_at(way.to)) + way.slack + TRUSTED_SD * self.first_sigma;
+                let reach = reach_at(way.from).max(reach_at(way.to)).min(far);
+                let off = reach + way.slack + TRUSTED_SD * self.first_sigma;
                 clearance(&self.task.outline, &to_part, way) < self.task.radius - off
             })
     }

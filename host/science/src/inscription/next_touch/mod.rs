@@ -184,6 +184,8 @@ pub struct TouchSearch {
     curve: DiskCurve,
     touches: Vec<FingerTouch>,
     passed: Vec<Way>,
+    /// Ways that met nothing since the last touch.
+    barren: i32,
     belief: Belief,
 }
 
@@ -202,7 +204,7 @@ impl TouchSearch {
     pub fn new(task: TouchTask) -> Self {
         let curve = DiskCurve::new(&task.outline, task.radius);
         let belief = Belief::Spread(cells::spread(&task, &[]));
-        Self { task, curve, touches: Vec::new(), passed: Vec::new(), belief }
+        Self { task, curve, touches: Vec::new(), passed: Vec::new(), barren: 0, belief }
     }
 
     /// What was told beforehand.
@@ -224,12 +226,14 @@ impl TouchSearch {
             Met::Nothing => {
                 let end = approach.at(approach.length);
                 self.passed.push(Way { from: approach.from, to: end, slack });
+                self.barren += 1;
             }
             Met::Part(touch) => {
                 // The disk came to where it touches without meeting anything.
                 let slack = slack.max(TRUSTED_SD * touch.sigma);
                 self.passed.push(Way { from: approach.from, to: touch.centre, slack });
                 self.touches.push(*touch);
+                self.barren = 0;
             }
         }
         self.belief = match std::mem::replace(&mut self.belief, Belief::Spread(Vec::new())) {
@@ -242,7 +246,7 @@ impl TouchSearch {
     }
 
     fn covered(&self, mut cells: Cells) -> Belief {
-        cells.refine(&self.task, &self.curve, &self.touches, &self.passed);
+        cells.refine(&self.task, &self.curve, &self.touches, &self.passed, self.barren);
         let modes = fit::modes(&self.task, &self.curve, &self.touches, &cells);
         Belief::Covered { cells, modes }
     }

@@ -196,3 +196,26 @@ fn a_beam_that_bends_is_taken_into_account() {
     assert!((touch.sigma - 4.77e-6).abs() < 1e-8 && (touch.force_angle - PI).abs() < 1e-12, "{touch:?}");
     assert!((touch.half_width - 0.24).abs() < 1e-12);
 }
+
+#[test]
+fn an_approach_that_meets_nothing_is_not_proposed_again() {
+    // Found on a simulated robot: two touches, then a line that passes a corner by 0.8 mm.
+    let corners = [[0.0, 0.0], [0.06, 0.0], [0.06, 0.025], [0.035, 0.045], [0.0, 0.03]];
+    let outline = SimplePolygon::new(corners.map(Point2::from)).unwrap();
+    let area = [Point2::origin(), Point2::new(0.1, 0.1)];
+    let mut search = TouchSearch::new(TouchTask { outline, radius: 0.015, area, tolerance: TouchTolerance::default() });
+    let approach = |from: [f64; 2], to: [f64; 2]| {
+        let (from, to) = (Point2::from(from) * 1e-3, Point2::from(to) * 1e-3);
+        Approach { from, direction: (to - from).normalize(), length: (to - from).norm() }
+    };
+    let touch = |centre: [f64; 2], angle_deg: f64| {
+        let (force_angle, half_width) = (angle_deg.to_radians(), 14.7_f64.to_radians());
+        Met::Part(FingerTouch { centre: Point2::from(centre) * 1e-3, sigma: 3.1e-5, force_angle, half_width })
+    };
+    search.take(&approach([116.9, -17.0], [61.4, 117.0]), &touch([97.44, 30.07], -67.5));
+    search.take(&approach([47.3, -17.0], [11.4, 117.0]), &touch([40.45, 8.39], -115.2));
+    let passes = search.next().unwrap().approach;
+    search.take(&passes, &Met::Nothing);
+    let next = search.next().unwrap().approach;
+    assert!((next.from - passes.from).norm() + (next.direction - passes.direction).norm() > 1e-3, "{next:?}");
+}
