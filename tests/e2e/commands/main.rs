@@ -17,6 +17,7 @@ mod inscribe;
 mod newer_firmware;
 mod observability;
 mod observe;
+mod observe_follow;
 mod observe_path;
 mod pages;
 mod push;

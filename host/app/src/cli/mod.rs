@@ -29,6 +29,7 @@ mod corner;
 mod demo;
 mod device;
 mod diagnose;
+mod follow;
 mod help;
 mod import;
 mod info;

@@ -14,7 +14,7 @@ use super::lacking;
 use super::misfit;
 use super::pose;
 use super::read::{read, tell_part};
-use super::watched_push::{MotionArgument, WatchedPushArguments};
+use super::watched_push::{MotionArgument, WatchedPushArguments, Watching};
 
 /// Names which of several known parts a finger has begun to push, and where it is.
 ///
@@ -43,7 +43,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let candidates = arguments.candidates()?;
-    let push = arguments.push.watch(&arguments.motion.file, f64::INFINITY, &mut |_, _, _| ())?;
+    let push = arguments.push.watch(&arguments.motion.file, Watching::TO_ITS_END, &mut |push| push.until_over())?;
     let force = push.force()?;
     let tally = push.watch.tally();
     let known = candidates.iter().map(|candidate| push.known(&candidate.file));
