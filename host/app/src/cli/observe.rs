@@ -11,6 +11,7 @@ use super::measured_motion::{self, MeasuredMotionArguments};
 use super::read::{read, tell_part};
 use super::watched_push::{WatchedPushArguments, too_short};
 use super::{lacking, misfit, pose, positive};
+use crate::recording;
 
 const LONG_HELP: &str = "\
 The finger first rests, touching nothing or the part without force, while the tare is taken; then it begins to push. The
@@ -73,6 +74,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
+    arguments.push.begin_recording()?;
     let file = read(&arguments.part, PolygonFile::parse)?;
     tell_part(&arguments.part, file.part.polygon().vertices(), file.part.body(), &file.doubts());
     if let (Some(forces), Some(path)) = (&arguments.push.forces, arguments.measured.path()) {
@@ -115,6 +117,7 @@ struct Shown<'a> {
 impl Shown<'_> {
     fn print(&mut self, answer: &PushAnswer) {
         let PushAnswer { estimate, since_onset } = answer;
+        recording::believed(0, estimate);
         if self.json {
             let mut told = pose::as_json(estimate);
             told["samples"] = lacking::as_json(since_onset);

@@ -25,13 +25,14 @@ use super::{lacking, positive};
 use crate::advice::{self, Advise as _};
 use crate::live;
 use crate::live::interrupt;
+use crate::recording;
 
 /// Where a push comes from.
 #[derive(Debug, clap::Args)]
 pub(super) struct WatchedPushArguments {
     /// Forces on the finger from a file instead of a device: a table of t, Fx, Fy, with the finger at rest at its
     /// beginning
-    #[arg(value_name = "FORCES", conflicts_with_all = ["device", "baud", "calibration"])]
+    #[arg(value_name = "FORCES", conflicts_with_all = ["device", "baud", "calibration", "record", "speed"])]
     pub(super) forces: Option<PathBuf>,
 
     #[command(flatten)]
@@ -229,10 +230,15 @@ pub(super) struct WatchedPush {
 pub(super) type Look<'l> = &'l mut dyn FnMut(&mut PushWatch, FeltPush, &FingerMotion);
 
 impl WatchedPushArguments {
+    /// Begins the recording that is asked for, before the files of the command are read.
+    pub(super) fn begin_recording(&self) -> miette::Result<()> {
+        self.device.begin_recording()
+    }
+
     /// Watches a push to its end, the finger moving as this file says; every so many seconds of it `look` is asked.
     pub(super) fn watch(&self, motion: &Path, every_s: f64, look: Look<'_>) -> miette::Result<WatchedPush> {
         let settings = WatchSettings { rest_s: self.felt.tare, every_s };
-        let mut motion = MotionSource::open(motion)?;
+        let mut motion = MotionSource::open(motion, self.device.is_recording())?;
         let (felt, watch) = match &self.forces {
             Some(path) => {
                 let felt = self.felt.with(None);
@@ -301,11 +307,13 @@ impl WatchedPushArguments {
         let mut watch = if is_checked { watch.behind(front_end) } else { watch };
         let mut judge = CountsJudge::new(&calibration);
         let mut failed = None;
-        let watched = live::judged(&mut session, &mut judge, |_, incoming, judged| {
+        recording::tared(calibration.unit().symbol(), None);
+        let watched = live::judged(&mut session, &mut judge, |session, incoming, judged| {
             super::tell(incoming);
             let was_resting = watch.sense().is_none();
-            let taken = watch.take(judged).map_err(not_at_rest).and_then(|()| motion.take());
-            if was_resting && watch.sense().is_some() {
+            let taken = watch.take(judged).map_err(not_at_rest).and_then(|()| motion.take(session));
+            if let Some(sense) = watch.sense().filter(|_| was_resting) {
+                recording::tared(calibration.unit().symbol(), Some(sense.rest().bias));
                 note!("ready: push");
             }
             if let Err(error) = taken {

@@ -232,6 +232,12 @@ impl PushSense {
         }
     }
 
+    /// What it reads without force.
+    #[must_use]
+    pub fn rest(&self) -> &RestNoise {
+        &self.rest
+    }
+
     /// Takes a reading, bias included.
     pub fn push(&mut self, reading: &Reading) {
         self.now = reading.t;
