@@ -22,6 +22,7 @@ mod observe_path;
 mod pages;
 mod push;
 mod real;
+mod recording;
 mod sample;
 mod shaken_palm;
 mod solve;

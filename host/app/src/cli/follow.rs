@@ -1,5 +1,6 @@
 //! `palpate observe --method follow`: pose and motion at each reading, while the push goes on.
 
+use std::collections::VecDeque;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::process::ExitCode;
@@ -15,12 +16,15 @@ use palpate::pushing::estimation::from_rest::readings::{
     ForceTracker, Found, KnownOfFinger, MotionClock, PushFollower, SearchTask, TrackedHypothesis, TrackerState,
 };
 use palpate::pushing::finger_motion::FingerMotion;
+use palpate_device::Session;
+use palpate_device::trace::Input;
 use palpate_files::part::PolygonFile;
 use serde_json::{Value, json};
 
 use super::lacking;
 use super::pose::{columns, deviation};
 use super::watched_push::{FeltPush, Ongoing, Watched, WatchedPushArguments, Watching};
+use crate::recording::{self, Believed};
 use crate::width::folded;
 
 /// Poses of one reading that a person is shown; a program gets them all.
@@ -40,13 +44,25 @@ pub(super) struct Following<'f> {
     pub(super) clock: Option<MotionClock>,
 }
 
+/// What a recording calls the searches that a run made beside, and their lines: where one was begun, and where it was done. A
+/// replay goes by them, since how long a search takes is the machine's affair.
+const SEARCH: &str = "search";
+const BEGUN: &str = "begun";
+const FOUND: &str = "found";
+
+fn note(session: &mut Session, line: &str) {
+    session.note_input(Input { source: SEARCH.to_owned(), line: Some(line.to_owned()) });
+}
+
 /// A push that is followed.
 struct Follow<'f, 'scope, 'env> {
     following: &'f Following<'env>,
     follower: PushFollower,
-    /// Where searches run beside; none where what is felt waits for them.
-    scope: Option<&'scope Scope<'scope, 'env>>,
+    /// Where searches run beside.
+    scope: &'scope Scope<'scope, 'env>,
     pending: Option<Receiver<Found>>,
+    /// What a recording says of the searches of its run and was not needed yet.
+    told: VecDeque<String>,
     /// Whether nobody waits for a search any more.
     stop: &'env AtomicBool,
     /// When something was printed last, s since the motion began.
@@ -60,13 +76,12 @@ impl Following<'_> {
         let stop = AtomicBool::new(false);
         let watching = Watching { every_s: f64::INFINITY, watched: Watched::Everything };
         let pushed = std::thread::scope(|scope| {
-            // A recording waits until a search is done: its answers do not depend on the machine's speed.
-            let scope = push.forces.is_none().then_some(scope);
             let mut follow = Follow {
                 following: self,
                 follower: PushFollower::new(self.clock),
                 scope,
                 pending: None,
+                told: VecDeque::new(),
                 stop: &stop,
                 last: f64::NEG_INFINITY,
                 is_headed: false,
@@ -91,14 +106,18 @@ where
         let (file, motion, felt) = (self.following.file, ongoing.motion, ongoing.felt);
         // The noise is that of the readings, which the follower knows.
         let known = felt.known_of_finger(file, motion, 0.0);
-        while let Some(time) = self.follower.next(&known, ongoing.watch) {
-            if let Some(found) = self.found()? {
+        if let Some(session) = &mut ongoing.session {
+            self.told.extend(session.recorded_inputs(SEARCH).into_iter().flatten());
+            if let Some(found) = self.found(session)? {
                 self.follower.adopt(&known, found);
             }
+        }
+        while let Some(time) = self.follower.next(&known, ongoing.watch) {
             if let Some(task) = self.follower.search_due() {
-                match self.scope {
-                    None => self.search_here(&known, &task),
-                    Some(scope) => self.search_beside(scope, task, felt, motion)?,
+                let is_beside = ongoing.session.as_mut().is_some_and(|session| self.is_beside(session));
+                match is_beside {
+                    true => self.search_beside(task, felt, motion)?,
+                    false => self.search_here(&known, &task),
                 }
             }
             if time >= self.last + self.following.every_s {
@@ -139,11 +158,38 @@ where
         self.follower.adopt(known, found);
     }
 
-    /// What a search beside has found meanwhile.
-    fn found(&mut self) -> miette::Result<Option<Found>> {
+    /// Whether a search is made beside: always live, and in a recording where the recorded run made it so. What else is
+    /// made of a recording waits for it, as a file does.
+    fn is_beside(&mut self, session: &mut Session) -> bool {
+        if session.is_recorded() {
+            let is_told = self.told.front().is_some_and(|line| line == BEGUN);
+            if is_told {
+                self.told.pop_front();
+            }
+            return is_told;
+        }
+        note(session, BEGUN);
+        true
+    }
+
+    /// What a search beside has found meanwhile; in a recording, at the place where the recorded run had it.
+    fn found(&mut self, session: &mut Session) -> miette::Result<Option<Found>> {
         let Some(pending) = &self.pending else { return Ok(None) };
-        match pending.try_recv() {
+        let found = if session.is_recorded() {
+            if self.told.front().is_some_and(|line| line == FOUND) {
+                self.told.pop_front();
+                pending.recv().map_err(|_| TryRecvError::Disconnected)
+            } else {
+                Err(TryRecvError::Empty)
+            }
+        } else {
+            pending.try_recv()
+        };
+        match found {
             Ok(found) => {
+                if !session.is_recorded() {
+                    note(session, FOUND);
+                }
                 self.pending = None;
                 Ok(Some(found))
             }
@@ -153,14 +199,9 @@ where
     }
 
     /// Searches beside, with the motion as far as it is told now.
-    fn search_beside(
-        &mut self,
-        scope: &'scope Scope<'scope, 'env>,
-        task: SearchTask,
-        felt: FeltPush,
-        motion: &FingerMotion,
-    ) -> miette::Result<()> {
+    fn search_beside(&mut self, task: SearchTask, felt: FeltPush, motion: &FingerMotion) -> miette::Result<()> {
         let (sender, receiver) = channel();
+        let scope = self.scope;
         let (file, stop, motion, follower) = (self.following.file, self.stop, motion.clone(), self.follower.clone());
         let search = move || {
             let known = follower.known(&felt.known_of_finger(file, &motion, 0.0));
@@ -185,6 +226,13 @@ impl Follow<'_, '_, '_> {
             hypotheses: self.follower.hypotheses(known),
             part: known.part,
         };
+        let believed = told.hypotheses.iter().map(|it| Believed {
+            probability: it.probability,
+            edge: it.edge,
+            pose: it.pose,
+            covariance: Some(it.covariance.fixed_view::<3, 3>(0, 0).into_owned()),
+        });
+        recording::believed(0, told.at, believed);
         if self.following.json {
             let mut object = told.as_json();
             object["samples"] = lacking::as_json(&ongoing.watch.tally());

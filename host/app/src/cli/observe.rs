@@ -13,6 +13,7 @@ use super::measured_motion::{self, MeasuredMotionArguments};
 use super::read::{read, tell_part};
 use super::watched_push::{Ongoing, Watched, WatchedPushArguments, Watching, too_short};
 use super::{lacking, misfit, pose, positive};
+use crate::recording::{self, Believed};
 
 const LONG_HELP: &str = "\
 The finger first rests, touching nothing or the part without force, while the tare is taken; then it begins to push. The
@@ -105,6 +106,7 @@ enum Method {
 const EVERY_S: f64 = 0.1;
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
+    arguments.push.begin_recording()?;
     let file = read(&arguments.part, PolygonFile::parse)?;
     tell_part(&arguments.part, file.part.polygon().vertices(), file.part.body(), &file.doubts());
     if let (Some(forces), Some(path)) = (&arguments.push.forces, arguments.measured.path()) {
@@ -159,6 +161,7 @@ struct Shown<'a> {
 impl Shown<'_> {
     fn print(&mut self, answer: &PushAnswer) {
         let PushAnswer { estimate, since_onset } = answer;
+        recording::believed(0, estimate.time_end, estimate.hypotheses.iter().map(Believed::from));
         if self.json {
             let mut told = pose::as_json(estimate);
             told["samples"] = lacking::as_json(since_onset);

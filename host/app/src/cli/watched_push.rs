@@ -15,6 +15,7 @@ use palpate::pushing::estimation::from_rest::readings::KnownOfFinger;
 use palpate::pushing::estimation::from_rest::watch::{PushAnswer, PushWatch, RecordedWatch, WatchSettings};
 use palpate::pushing::estimation::from_rest::{CarriedFinger, KnownFromRest, WindowedForce};
 use palpate::pushing::finger_motion::FingerMotion;
+use palpate_device::Session;
 use palpate_files::calibration::file::CalibrationFile;
 use palpate_files::part::PolygonFile;
 use palpate_files::recordings::csv::{self, RecordedTable};
@@ -27,13 +28,14 @@ use super::{lacking, positive};
 use crate::advice::{self, Advise as _};
 use crate::live;
 use crate::live::interrupt;
+use crate::recording;
 
 /// Where a push comes from.
 #[derive(Debug, clap::Args)]
 pub(super) struct WatchedPushArguments {
     /// Forces on the finger from a file instead of a device: a table of t, Fx, Fy, with the finger at rest at its
     /// beginning
-    #[arg(value_name = "FORCES", conflicts_with_all = ["device", "baud", "calibration"])]
+    #[arg(value_name = "FORCES", conflicts_with_all = ["device", "baud", "calibration", "record", "speed"])]
     pub(super) forces: Option<PathBuf>,
 
     #[command(flatten)]
@@ -238,6 +240,8 @@ pub(super) struct Ongoing<'w> {
     /// As far as it is told.
     pub(super) motion: &'w FingerMotion,
     is_told_to_its_end: bool,
+    /// Of the device; none where it is a file of forces.
+    pub(super) session: Option<&'w mut Session>,
 }
 
 impl Ongoing<'_> {
@@ -284,10 +288,15 @@ impl Watching {
 }
 
 impl WatchedPushArguments {
+    /// Begins the recording that is asked for, before the files of the command are read.
+    pub(super) fn begin_recording(&self) -> miette::Result<()> {
+        self.device.begin_recording()
+    }
+
     /// Watches a push, the finger moving as this file says, until `look` has seen enough.
     pub(super) fn watch(&self, motion: &Path, watching: Watching, look: Look<'_>) -> miette::Result<WatchedPush> {
         let settings = WatchSettings { rest_s: self.felt.tare, every_s: watching.every_s };
-        let mut motion = MotionSource::open(motion)?;
+        let mut motion = MotionSource::open(motion, self.device.is_recording())?;
         let (felt, watch) = match &self.forces {
             Some(path) => {
                 let felt = self.felt.with(None);
@@ -327,19 +336,27 @@ impl WatchedPushArguments {
         let mut watch = if is_checked { watch.behind(front_end) } else { watch };
         let mut judge = CountsJudge::new(&calibration);
         let mut failed = None;
-        let mut take = |watch: &mut PushWatch, judged: Vec<Judged>| {
+        recording::tared(calibration.unit().symbol(), None);
+        let mut take = |watch: &mut PushWatch, session: &mut Session, judged: Vec<Judged>| {
             let was_resting = watch.sense().is_none();
             watch.take(judged).map_err(not_at_rest)?;
-            motion.take()?;
-            if was_resting && watch.sense().is_some() {
+            motion.take(session)?;
+            if let Some(sense) = watch.sense().filter(|_| was_resting) {
+                recording::tared(calibration.unit().symbol(), Some(sense.rest().bias));
                 note!("ready: push");
             }
             let Some(known) = motion.known() else { return Ok(ControlFlow::Continue(())) };
-            look(&mut Ongoing { watch, felt, motion: known, is_told_to_its_end: motion.is_complete() })
+            look(&mut Ongoing {
+                watch,
+                felt,
+                motion: known,
+                is_told_to_its_end: motion.is_complete(),
+                session: Some(session),
+            })
         };
-        let watched = live::judged(&mut session, &mut judge, |_, incoming, judged| {
+        let watched = live::judged(&mut session, &mut judge, |session, incoming, judged| {
             super::tell(incoming);
-            let taken = take(&mut watch, judged);
+            let taken = take(&mut watch, session, judged);
             let goes_on = matches!(taken, Ok(ControlFlow::Continue(())));
             failed = taken.err();
             goes_on
@@ -377,7 +394,7 @@ fn watch_recording(
     }
     for item in &judged[from..] {
         watch.take([*item]).map_err(not_at_rest)?;
-        if look(&mut Ongoing { watch: &mut watch, felt, motion, is_told_to_its_end: true })?.is_break() {
+        if look(&mut Ongoing { watch: &mut watch, felt, motion, is_told_to_its_end: true, session: None })?.is_break() {
             break;
         }
     }
