@@ -4,6 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
+use palpate::math::random::Draw;
 use palpate_files::mcap::{Content, McapError, Reader};
 use palpate_tests::project;
 
@@ -135,6 +136,49 @@ fn a_run_that_is_killed_leaves_a_whole_file_with_all_but_the_last_second() {
         whole += u64::from(ended.is_ok());
     }
     assert!(whole + 1 >= KILLS, "{whole} of {KILLS} are whole");
+}
+
+/// Draws damages of a recording; whatever is undamaged is read from what comes back, and what is lost is told.
+#[test]
+fn a_damaged_recording_comes_back_but_for_the_damage() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    ok(&palpate(folder, &["record", "run.mcap", "-d", "sim:7", "--seconds", "6"]));
+    let whole = fs::read(folder.join("run.mcap")).unwrap();
+    let (all, _) = topics(&folder.join("run.mcap"));
+    assert!(ok(&palpate(folder, &["recover", "run.mcap"])).contains(&format!("{} messages", all.len())));
+    assert_eq!(topics(&folder.join("run.recovered.mcap")).0, all);
+    for case in 0..20 {
+        let mut draw = Draw::case(21, case);
+        let mut damaged = whole.clone();
+        for _ in 0..=draw.index(3) {
+            let at = draw.index(damaged.len());
+            match draw.index(3) {
+                0 => damaged[at] ^= 1 << draw.index(8),
+                1 => damaged.truncate(at.max(whole.len() / 4)),
+                _ => drop(damaged.drain(at..(at + 1 + draw.index(5000)).min(damaged.len() - 1).max(at))),
+            }
+        }
+        let (name, out) = (format!("{case}.mcap"), format!("{case}.recovered.mcap"));
+        fs::write(folder.join(&name), &damaged).unwrap();
+        let output = palpate(folder, &["recover", &name]);
+        assert!(matches!(output.status.code(), Some(0 | 3)), "case {case}: {}", text(&output.stderr));
+        let (back, ended) = topics(&folder.join(&out));
+        ended.unwrap();
+        // No more than was there, in order.
+        let mut rest = all.iter();
+        assert!(back.iter().all(|message| rest.any(|other| other == message)), "case {case}");
+        // Six chunks, and at most three hits.
+        assert!(back.len() * 5 > all.len(), "case {case}: {} of {}", back.len(), all.len());
+        let said = text(&output.stdout);
+        assert!(back.len() == all.len() || said.contains("damaged: bytes") || said.contains("missing"), "{said}");
+    }
+    let output = palpate(folder, &["recover", "run.mcap"]);
+    assert!(text(&output.stderr).contains("never overwritten"), "{}", text(&output.stderr));
+    fs::write(folder.join("part.toml"), "unit = 'mm'").unwrap();
+    let output = palpate(folder, &["recover", "part.toml"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("no part of its 11 bytes is whole"), "{}", text(&output.stderr));
 }
 
 /// Whether stock Python reads a recording, where Python has the `mcap` package.

@@ -47,6 +47,7 @@ mod pose;
 mod push;
 mod read;
 mod record;
+mod recover;
 mod replay;
 mod roll;
 mod sample;
@@ -96,6 +97,7 @@ enum Command {
     Monitor(monitor::Arguments),
     Record(record::Arguments),
     Replay(replay::Arguments),
+    Recover(recover::Arguments),
     Observe(observe::Arguments),
     PlanPush(plan_push::Arguments),
     WhichPart(which_part::Arguments),
@@ -144,6 +146,7 @@ where
         Command::Monitor(arguments) => monitor::run(&arguments),
         Command::Record(arguments) => record::run(&arguments),
         Command::Replay(arguments) => replay::run(&arguments),
+        Command::Recover(arguments) => recover::run(&arguments),
         Command::Observe(arguments) => observe::run(&arguments),
         Command::PlanPush(arguments) => plan_push::run(&arguments),
         Command::WhichPart(arguments) => which_part::run(&arguments),

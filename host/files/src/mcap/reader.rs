@@ -7,7 +7,7 @@ use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::Path;
 
-use super::record::{Fields, HEAD_BYTES, MAGIC, op, split};
+use super::record::{Fields, HEAD_BYTES, MAGIC, checked_texts, op, split};
 use super::writer::{Channel, LZ4};
 
 /// Longest record that is read, bytes: a chunk of a second takes well under a megabyte.
@@ -213,7 +213,8 @@ impl<R: Read> Reader<R> {
             op::METADATA => {
                 let mut fields = Fields(content);
                 let name = fields.text().map(str::to_owned);
-                let found = name.zip(fields.texts()).map(|(name, texts)| Content::Metadata { name, texts });
+                let texts = fields.texts().and_then(checked_texts);
+                let found = name.zip(texts).map(|(name, texts)| Content::Metadata { name, texts });
                 found.ok_or(damaged("the metadata")).map(Some)
             }
             _ => Ok(None),
@@ -244,26 +245,26 @@ fn message(content: &[u8]) -> Option<Content> {
 }
 
 /// An attachment whose checksum fits.
-fn attachment(content: &[u8]) -> Option<Content> {
+pub(super) fn attachment(content: &[u8]) -> Option<Content> {
     let (covered, crc) = content.split_at_checked(content.len().checked_sub(4)?)?;
     let mut fields = Fields(covered);
     fields.bytes(16)?;
     let (name, media_type) = (fields.text()?.to_owned(), fields.text()?.to_owned());
     let length = usize::try_from(fields.u64()?).ok()?;
-    let data = fields.bytes(length)?.to_vec();
+    let data = fields.bytes(length).filter(|_| fields.0.is_empty())?.to_vec();
     let told = Fields(crc).u32()?;
     (told == 0 || told == crc32fast::hash(covered)).then_some(Content::Attachment { name, media_type, data })
 }
 
 /// The records of a chunk, whose checksum fits.
-fn unpacked(content: &[u8], at: u64) -> Result<Vec<u8>, McapError> {
+pub(super) fn unpacked(content: &[u8], at: u64) -> Result<Vec<u8>, McapError> {
     let damaged = || McapError::Damaged { what: "the chunk", at };
     let mut fields = Fields(content);
     fields.bytes(16).ok_or_else(damaged)?;
     let (length, crc) = fields.u64().zip(fields.u32()).ok_or_else(damaged)?;
     let compression = fields.text().ok_or_else(damaged)?;
     let packed_bytes = fields.u64().and_then(|bytes| usize::try_from(bytes).ok()).ok_or_else(damaged)?;
-    let packed = fields.bytes(packed_bytes).ok_or_else(damaged)?;
+    let packed = fields.bytes(packed_bytes).filter(|_| fields.0.is_empty()).ok_or_else(damaged)?;
     let mut records = Vec::new();
     match compression {
         "" => records.extend_from_slice(packed),

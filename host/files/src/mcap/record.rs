@@ -131,6 +131,29 @@ impl<'a> Fields<'a> {
     }
 }
 
+/// Texts say their own checksum under this name, since the format has none for them.
+const CRC_OF_TEXTS: &str = "crc32";
+
+/// The checksum of texts, that of their own left out.
+fn crc_of_texts(texts: &BTreeMap<String, String>) -> String {
+    let others = texts.iter().filter(|(name, _)| *name != CRC_OF_TEXTS);
+    let all = others.fold(Built::default(), |all, (name, value)| all.text(name).text(value));
+    format!("{:08x}", crc32fast::hash(all.content()))
+}
+
+/// The texts with their checksum.
+pub(super) fn with_checksum(texts: &BTreeMap<String, String>) -> BTreeMap<String, String> {
+    let mut all = texts.clone();
+    all.insert(CRC_OF_TEXTS.to_owned(), crc_of_texts(texts));
+    all
+}
+
+/// The texts, if they are as their checksum says; without one they are believed.
+pub(super) fn checked_texts(mut texts: BTreeMap<String, String>) -> Option<BTreeMap<String, String>> {
+    let wanted = crc_of_texts(&texts);
+    texts.remove(CRC_OF_TEXTS).is_none_or(|told| told == wanted).then_some(texts)
+}
+
 /// The first record of `bytes` and what is behind it; `None` where it is not whole.
 pub(super) fn split(bytes: &[u8]) -> Option<(u8, &[u8], &[u8])> {
     let (&opcode, rest) = bytes.split_first()?;

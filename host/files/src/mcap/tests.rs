@@ -170,3 +170,92 @@ fn an_existing_file_stays_as_it_is() {
     assert_eq!(Writer::create(&path, "test").unwrap_err().kind(), std::io::ErrorKind::AlreadyExists);
     assert_eq!(fs::read_to_string(&path).unwrap(), "mine");
 }
+
+/// Numbers of the messages that come back; each is as it was written.
+fn recovered(recovery: &Recovery) -> Vec<u64> {
+    let number = |message: &RecoveredMessage| {
+        let k = message.log_time_ns - 1_000;
+        assert_eq!((&message.data, message.publish_time_ns), (&text(k), 2_000 + k));
+        assert_eq!(message.channel.topic, if k.is_multiple_of(3) { "/b" } else { "/a" });
+        k
+    };
+    recovery.messages().map(number).collect()
+}
+
+/// Where the chunks of a file stand, with the numbers of their messages.
+fn chunks(file: &[u8]) -> Vec<(std::ops::Range<usize>, Vec<u64>)> {
+    let (mut rest, mut chunks) = (&file[MAGIC.len()..], Vec::new());
+    while let Some((opcode, content, behind)) = split(rest) {
+        let from = file.len() - rest.len();
+        if opcode == op::CHUNK {
+            let mut fields = Fields(content);
+            let (first, last) = (fields.u64().unwrap() - 1_000, fields.u64().unwrap() - 1_000);
+            chunks.push((from..file.len() - behind.len(), (first..=last).collect()));
+        }
+        rest = behind;
+    }
+    chunks
+}
+
+/// What must be found of a file: every chunk for which `is_whole` says so of its place.
+fn wanted(file: &[u8], is_whole: impl Fn(&std::ops::Range<usize>) -> bool) -> Vec<u64> {
+    chunks(file).into_iter().filter(|(place, _)| is_whole(place)).flat_map(|(_, numbers)| numbers).collect()
+}
+
+#[test]
+fn a_whole_file_comes_back_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    for (flushes, state) in (0..).zip(written(&folder.path().join("run.mcap"))) {
+        let recovery = Recovery::of(&state);
+        assert!(recovery.is_whole(), "{:?}", recovery.damages);
+        assert_eq!(recovered(&recovery), (0..flushes * MESSAGES).collect::<Vec<_>>());
+        assert_eq!(recovery.missing(), BTreeMap::new());
+        let (all, _) = read(&state);
+        let beside = recovery.found.iter().filter(|found| matches!(found, Recovered::Beside(_))).count();
+        assert_eq!(beside, all.iter().filter(|content| !matches!(content, Content::Message { .. })).count());
+    }
+}
+
+#[test]
+fn every_whole_chunk_of_a_cut_file_comes_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = written(&folder.path().join("run.mcap")).pop().unwrap();
+    for length in 0..whole.len() {
+        let recovery = Recovery::of(&whole[..length]);
+        assert_eq!(recovered(&recovery), wanted(&whole, |place| place.end <= length), "{length} bytes");
+        assert!(length == 0 || !recovery.is_whole(), "{length} bytes: the end is missing");
+    }
+}
+
+#[test]
+fn every_chunk_that_a_flipped_byte_is_not_in_comes_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = written(&folder.path().join("run.mcap")).pop().unwrap();
+    let all = wanted(&whole, |_| true);
+    for at in 0..whole.len() {
+        for bits in [0x01, 0x11, 0x80] {
+            let mut damaged = whole.clone();
+            damaged[at] ^= bits;
+            let recovery = Recovery::of(&damaged);
+            let back = recovered(&recovery);
+            let wanted = wanted(&whole, |place| !place.contains(&at));
+            // A chunk's own span of times is under no checksum: its messages are whole all the same.
+            let is_all = back.len() == all.len();
+            assert!(is_all || back == wanted, "byte {at}, bits {bits:#x}: {back:?}");
+            assert!(is_all || !recovery.is_whole(), "byte {at}: the loss is stated");
+        }
+    }
+}
+
+#[test]
+fn what_is_missing_between_chunks_is_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut damaged = written(&folder.path().join("run.mcap")).pop().unwrap();
+    let (place, numbers) = chunks(&damaged)[2].clone();
+    damaged[place.start + 40] ^= 1;
+    let recovery = Recovery::of(&damaged);
+    assert_eq!(recovery.missing().values().sum::<u64>(), numbers.len() as u64);
+    let [damage] = &recovery.damages[..] else { panic!("{:?}", recovery.damages) };
+    assert!(damage.bytes.start <= place.start && damage.bytes.end >= place.end, "{damage:?}");
+    assert_eq!(damage.between_ns, (Some(1_000 + numbers[0] - 1), Some(1_000 + numbers[numbers.len() - 1] + 1)));
+}

@@ -12,7 +12,7 @@ use std::fs::File;
 use std::io::{self, Seek as _, SeekFrom, Write as _};
 use std::path::Path;
 
-use super::record::{Built, MAGIC, length_u32, op};
+use super::record::{Built, MAGIC, length_u32, op, with_checksum};
 
 /// Name of the compression in the format.
 pub(super) const LZ4: &str = "lz4";
@@ -167,7 +167,7 @@ impl Writer {
 
     /// Adds texts by their names, of which the file knows after the next flush.
     pub fn metadata(&mut self, name: &str, texts: &BTreeMap<String, String>) {
-        let record = Built::default().text(name).texts(texts).record(op::METADATA);
+        let record = Built::default().text(name).texts(&with_checksum(texts)).record(op::METADATA);
         self.write_beside(op::METADATA_INDEX, &record, Built::default().text(name));
     }
 
