@@ -13,7 +13,7 @@ use crate::live::{self, interrupt};
 use crate::recording;
 
 const LONG_HELP: &str = "\
-The file is MCAP, complete after every flush (about once a second), so that neither a crash nor a full disk costs more than
+The file is MCAP, complete after every flush (twice a second), so that neither a crash nor a full disk costs more than
 the last second. It plays as a device:
   palpate monitor -d file:run.mcap --json
 

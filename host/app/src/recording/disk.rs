@@ -11,8 +11,8 @@ use palpate_files::mcap::{ChannelId, Writer};
 
 use super::channels::Kind;
 
-/// Between two flushes: less than a second with what writing takes, which is what may be lost.
-const FLUSH_EVERY: Duration = Duration::from_millis(800);
+/// Between two flushes: with what writing takes on a busy machine less than a second, which is what may be lost.
+const FLUSH_EVERY: Duration = Duration::from_millis(500);
 
 /// As many bytes are flushed at once, however soon.
 const FLUSH_BYTES: usize = 4 << 20;
