@@ -21,6 +21,8 @@ pub enum Opened {
     Simulation,
     /// What opened as a port, but cannot be read and written in threads of their own.
     Line,
+    /// A recording, whose entries have to be given.
+    Recording,
 }
 
 /// Why a device cannot be reached or does not do what it was asked to.
@@ -152,6 +154,13 @@ pub enum LinkError {
         times: u32,
         /// From the first time to giving up.
         within: Duration,
+    },
+
+    /// A recording does not have the answer to a command.
+    #[error("the recording has no answer to a device asked {}", asked(request))]
+    NotRecorded {
+        /// The command in words.
+        request: String,
     },
 
     /// The answer does not belong to the question.

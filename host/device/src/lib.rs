@@ -3,7 +3,8 @@
 //! [`transport::address`] says what a device may be called, [`transport`] moves bytes to and from it, [`wire_reader`]
 //! turns bytes into messages and never loses its place, [`sample_sequence`] counts every missing sample, [`clock_map`]
 //! maps the device's time to the host's, and [`session`] puts them together: handshake, commands that are repeated
-//! until answered, and reconnection when the cable comes back.
+//! until answered, and reconnection when the cable comes back. [`trace`] is what a session goes by, for a recording, which
+//! is a device like any other.
 //!
 //! [`raw_frame`] is for a person at a board that was never run before.
 //!
@@ -17,14 +18,18 @@
 
 pub mod clock_map;
 pub mod error;
+mod link;
 pub mod raw_frame;
 pub mod robot;
 pub mod sample_sequence;
 pub mod session;
 pub mod simulated;
+mod tape;
+pub mod trace;
 pub mod transport;
 pub mod wire_reader;
 
 pub use error::{LinkError, Opened};
 pub use session::{Incoming, Session};
+pub use tape::PlaySpeed;
 pub use transport::Address;

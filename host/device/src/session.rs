@@ -1,9 +1,8 @@
 //! A conversation with one device: handshake, commands, samples in order, reconnection.
 //!
-//! A thread reads the link without pause and stamps what comes with its time of arrival, so that neither a slow
-//! consumer nor the operating system's small buffers lose samples. Commands go out on the caller's thread and
-//! are repeated with the same id until the reply comes; what arrives meanwhile is kept in order. A reply that only a
-//! newer version can read is a reply: the command is not repeated, and the error says what to update.
+//! What comes is stamped with its time of arrival, however late it is taken (`link`). Commands go out on the caller's
+//! thread and are repeated with the same id until the reply comes; what arrives meanwhile is kept in order. A reply that
+//! only a newer version can read is a reply: the command is not repeated, and the error says what to update.
 //!
 //! When the link breaks, [`Session::next`] reopens it, restores the settings and goes on; the gap is counted in
 //! samples like any other, unless the device itself restarted and began to count anew.
@@ -11,19 +10,18 @@
 //! A session has the settings that it was opened with until it sets others, and gives them back to a device that
 //! restarted or that another host has set otherwise. What such a device sends before it has them is dropped and counted
 //! as missing; if it does not take them, the session ends with [`LinkError::OtherSettings`].
+//!
+//! Whatever decides what a session hands on, it notes for a recorder ([`crate::trace`]): the bytes, and what it made of its
+//! clock. A session of such notes ([`Session::open_recorded`]) takes its decisions from them and hands on the same.
 
 use std::collections::VecDeque;
 use std::fmt;
 use std::hash::{BuildHasher, RandomState};
-use std::io::{self, Read, Write};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::JoinHandle;
+use std::io;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use palpate::finger::Samples;
-use palpate_shared::frame::{DELIMITER, FRAME_MAX, encode};
 use palpate_shared::units::{Counts, Seq};
 use palpate_shared::wire::{
     Block, Command, CommandId, Counters, Event, Failure, Fault, FromDevice, Health, Hello, NewerMessage, Outcome,
@@ -32,11 +30,13 @@ use palpate_shared::wire::{
 
 use crate::clock_map::{ClockEstimate, ClockMap};
 use crate::error::{LinkError, Opened};
+use crate::link::{Heard, Link, gone};
 use crate::sample_sequence::{Continuity, Sequence};
 use crate::simulated::{Pace, SimulatedDevice};
+use crate::tape::{PlaySpeed, Tape};
+use crate::trace::{Entry, Input, LinkEvent, Recorder, Stamp, nanoseconds};
 use crate::transport::address::Address;
-use crate::transport::{BAUD, BAUD_FALLBACK, READ_WAIT, Transport};
-use crate::wire_reader::{MessageReader, ReaderCounts};
+use crate::transport::{BAUD, BAUD_FALLBACK, READ_WAIT};
 
 /// How long to wait for a reply before the command is repeated. A reply takes a few milliseconds over a serial
 /// line, and up to a second through an emulator's.
@@ -50,10 +50,6 @@ const HANDSHAKE_TRIES: u32 = 4;
 
 /// How long to wait between attempts to reopen a link that broke.
 const REOPEN_WAIT: Duration = Duration::from_millis(100);
-
-/// Messages that wait for a slow consumer before the reading thread stops reading: four seconds of blocks at 4 kHz.
-/// What then comes is lost, and counted, on the device; memory stays bounded.
-const WAITING_MAX: usize = 2048;
 
 /// A stream is told to be silent after this ...
 const SILENCE: Duration = Duration::from_millis(100);
@@ -201,43 +197,17 @@ enum Numbers {
     Unknown,
 }
 
-/// A message with its time of arrival, or the end of the link.
-#[derive(Debug)]
-enum Arrival {
-    Message(Box<FromDevice>, Instant),
-    /// A message that only a newer version can read.
-    Newer(NewerMessage, Instant),
-    Broken(String),
-}
-
-/// What the reading thread shares with the session.
-#[derive(Debug, Default)]
-struct Shared {
-    stop: AtomicBool,
-    /// When the line was last looked at and held nothing. A thread that had no time to look has not found silence.
-    found_nothing: Mutex<Option<Instant>>,
-    counts: Mutex<(ReaderCounts, Option<ProtocolVersion>)>,
-}
-
-/// An open transport with its reading thread.
-#[derive(Debug)]
-struct Line {
-    transport: Transport,
-    /// `None` only while it is being closed: the thread must not wait for room that nobody makes.
-    arrivals: Option<Receiver<Arrival>>,
-    shared: Arc<Shared>,
-    thread: Option<JoinHandle<()>>,
-}
-
 /// A conversation with one device.
 #[derive(Debug)]
 pub struct Session {
     address: Address,
     options: SessionOptions,
     simulated: Option<Arc<SimulatedDevice>>,
-    line: Option<Line>,
+    link: Link,
+    /// What a recorded program took in beside the link, and this one has not yet.
+    inputs: Vec<Input>,
     /// What came from a simulated device that was asked to go on, or asked whether this is all, and is not taken yet.
-    asked_for: VecDeque<Arrival>,
+    asked_for: VecDeque<Heard>,
     /// Whether such a device may have sent more than has arrived.
     owes: bool,
     baud: u32,
@@ -247,13 +217,15 @@ pub struct Session {
     standing: Standing,
     /// How often the device was found anew: a restoration that this overtakes is void.
     findings: u64,
-    backlog: VecDeque<Incoming>,
+    /// What is to be handed on, and when it came.
+    backlog: VecDeque<(Incoming, Instant)>,
+    /// When what was handed on last came.
+    arrival: Instant,
+    /// The newest block's arrival, on both of the computer's clocks.
+    wall: Option<Stamp>,
     sequence: Sequence,
     clock: ClockMap,
-    epoch: Instant,
     counts: SessionCounts,
-    /// Reader counts of lines that were closed.
-    closed_lines: ReaderCounts,
     down_since: Option<Instant>,
     last_heard: Instant,
     /// When samples last came, or were asked for.
@@ -280,15 +252,45 @@ impl Session {
     /// [`LinkError`]: the port cannot be opened, nobody answers, or the device speaks another protocol or says in its
     /// hello what only a newer version knows.
     pub fn open(address: &Address, options: SessionOptions) -> Result<Self, LinkError> {
+        Self::open_noted(address, options, None)
+    }
+
+    /// The same, with everything that it goes by noted for `recorder`.
+    ///
+    /// # Errors
+    /// As [`Session::open`].
+    pub fn open_noted(
+        address: &Address,
+        options: SessionOptions,
+        recorder: Option<Box<dyn Recorder>>,
+    ) -> Result<Self, LinkError> {
+        let cannot = |what, source| LinkError::Open { address: address.to_string(), what, source };
         let simulated = match address {
             Address::Simulated { seed } => {
-                let cannot_start =
-                    |source| LinkError::Open { address: address.to_string(), what: Opened::Simulation, source };
-                Some(Arc::new(SimulatedDevice::start_default(*seed).map_err(cannot_start)?))
+                let started = SimulatedDevice::start_default(*seed);
+                Some(Arc::new(started.map_err(|source| cannot(Opened::Simulation, source))?))
             }
+            Address::Recording(_) => return Err(cannot(Opened::Recording, io::ErrorKind::Unsupported.into())),
             _ => None,
         };
-        Self::open_with(address, options, simulated)
+        Self::open_with(address, options, simulated, Link::live(Instant::now(), recorder))
+    }
+
+    /// Opens what another session went by. `scanned` and `entries` are the same entries, from the beginning: the first are
+    /// gone through at once.
+    ///
+    /// # Errors
+    /// As [`Session::open`]; [`LinkError::Unplugged`] where no device answers in the recording.
+    pub fn open_recorded(
+        address: &Address,
+        options: SessionOptions,
+        scanned: impl Iterator<Item = Entry>,
+        entries: Box<dyn Iterator<Item = Entry> + Send>,
+        speed: PlaySpeed,
+        recorder: Option<Box<dyn Recorder>>,
+    ) -> Result<Self, LinkError> {
+        let link = Link::taped(Instant::now(), Tape::new(scanned, entries, speed), recorder);
+        Self::open_with(address, options, None, link)
     }
 
     /// Opens a simulated device that the caller has set up, through whatever line it has.
@@ -296,24 +298,26 @@ impl Session {
     /// # Errors
     /// As [`Session::open`].
     pub fn open_simulated(device: Arc<SimulatedDevice>, options: SessionOptions) -> Result<Self, LinkError> {
-        Self::open_with(&device.address().clone(), options, Some(device))
+        Self::open_with(&device.address().clone(), options, Some(device), Link::live(Instant::now(), None))
     }
 
     fn open_with(
         address: &Address,
         options: SessionOptions,
         simulated: Option<Arc<SimulatedDevice>>,
+        mut link: Link,
     ) -> Result<Self, LinkError> {
-        let epoch = Instant::now();
+        let epoch = link.epoch();
         // A first id that no earlier host is likely to have used; see `CommandId`.
         #[expect(clippy::cast_possible_truncation, reason = "any 32 bits will do")]
         let mut next_id = RandomState::new().hash_one(epoch) as u32;
-        let greeted = greet(address, &options, simulated.as_deref(), &mut next_id)?;
+        let greeted = greet(&mut link, address, &options, simulated.as_deref(), &mut next_id)?;
         let mut session = Self {
             address: address.clone(),
             options,
             simulated,
-            line: Some(greeted.line),
+            link,
+            inputs: Vec::new(),
             asked_for: VecDeque::new(),
             owes: true,
             baud: greeted.baud,
@@ -323,11 +327,11 @@ impl Session {
             hello: greeted.hello,
             next_id,
             backlog: VecDeque::new(),
+            arrival: epoch,
+            wall: None,
             sequence: Sequence::default(),
             clock: ClockMap::default(),
-            epoch,
             counts: SessionCounts::default(),
-            closed_lines: ReaderCounts::default(),
             down_since: None,
             last_heard: epoch,
             last_samples: epoch,
@@ -378,13 +382,13 @@ impl Session {
     /// What was counted so far.
     #[must_use]
     pub fn counts(&self) -> SessionCounts {
-        let open = self.line.as_ref().map(Line::reader_counts).unwrap_or_default();
+        let read = self.link.counts();
         SessionCounts {
             samples: self.sequence.received() - self.sequence.repeated(),
             missing: self.sequence.missing(),
             repeated: self.sequence.repeated(),
-            damaged_frames: self.closed_lines.unusable() + open.unusable() + self.sequence.strays(),
-            unknown_messages: self.closed_lines.unknown + open.unknown,
+            damaged_frames: read.unusable() + self.sequence.strays(),
+            unknown_messages: read.unknown,
             ..self.counts
         }
     }
@@ -398,7 +402,78 @@ impl Session {
     /// Zero of the host times that [`Session::clock`] gives.
     #[must_use]
     pub fn epoch(&self) -> Instant {
-        self.epoch
+        self.link.epoch()
+    }
+
+    /// Now, on the clock of [`Session::epoch`]: in a recording, where it is played to.
+    #[must_use]
+    pub fn now(&self) -> Instant {
+        self.link.now()
+    }
+
+    /// When what [`Session::next`] handed on last came from the link.
+    #[must_use]
+    pub fn arrival(&self) -> Instant {
+        self.arrival
+    }
+
+    /// A moment on the device's clock as Unix time, in s: by [`Session::clock`], and by this computer's clocks when the
+    /// newest block came. `None` before the first.
+    #[must_use]
+    pub fn unix_time_s(&self, device_s: f64) -> Option<f64> {
+        let (clock, wall) = (self.clock()?, self.wall?);
+        let epoch_unix_ns = i128::from(wall.unix_ns) - i128::from(wall.since(self.epoch()));
+        Some(epoch_unix_ns as f64 * 1e-9 + clock.host_time(device_s))
+    }
+
+    /// Unix time at which the newest block came, ns; `None` before the first.
+    #[must_use]
+    pub fn unix_time_of_arrival_ns(&self) -> Option<u64> {
+        self.wall.map(|wall| wall.unix_ns)
+    }
+
+    /// When the device's clock showed so many seconds: exactly for a simulated device in real time that has not started
+    /// anew, otherwise by [`Session::clock`].
+    #[must_use]
+    pub fn moment(&self, device_s: f64) -> Option<Instant> {
+        match (self.link.simulated_epoch(), self.clock()) {
+            (Some(epoch), _) if self.counts.restarts == 0 => Some(epoch + Duration::from_secs_f64(device_s)),
+            (_, Some(clock)) => Some(self.epoch() + Duration::from_secs_f64(clock.host_time(device_s).max(0.0))),
+            (_, None) => None,
+        }
+    }
+
+    /// Whether this is a recording that is played.
+    #[must_use]
+    pub fn is_recorded(&self) -> bool {
+        self.link.is_taped()
+    }
+
+    /// Whether a recording has no more to give: it was played to its end, or to where somebody stopped its program.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        self.link.is_over()
+    }
+
+    /// Notes that the person at the keyboard wishes the program to stop: a recording ends here.
+    pub fn note_interruption(&mut self) {
+        self.link.note(LinkEvent::Interrupted);
+    }
+
+    /// Notes what the program takes in beside the link, at its place among the samples.
+    pub fn note_input(&mut self, input: Input) {
+        self.link.note_input(input);
+    }
+
+    /// What the recorded program took in by this place beside the link from one source, line by line, `None` where it
+    /// ended; nothing on a live link. What is of other sources waits for who asks for it.
+    pub fn recorded_inputs(&mut self, source: &str) -> Vec<Option<String>> {
+        let inputs = self.link.recorded_inputs();
+        inputs.iter().for_each(|input| self.link.note_input(input.clone()));
+        self.inputs.extend(inputs);
+        let (wanted, rest): (Vec<_>, Vec<_>) = self.inputs.drain(..).partition(|input| input.source == source);
+        self.inputs = rest;
+        wanted.into_iter().map(|input| input.line).collect()
     }
 }
 
@@ -413,7 +488,7 @@ impl Session {
     pub fn request(&mut self, request: Request) -> Result<Outcome, LinkError> {
         let id = CommandId(self.next_id);
         self.next_id = self.next_id.wrapping_add(1);
-        let (begun, command) = (Instant::now(), Command::new(id, request));
+        let (begun, command) = (self.now(), Command::new(id, request));
         for attempt in 0..TRIES {
             if attempt > 0 {
                 self.counts.commands_repeated += 1;
@@ -426,11 +501,16 @@ impl Session {
                 return Ok(outcome);
             }
         }
-        Err(LinkError::Unanswered { request: in_words(request), times: TRIES, within: begun.elapsed() })
+        Err(LinkError::Unanswered {
+            request: in_words(request),
+            times: TRIES,
+            within: self.now().saturating_duration_since(begun),
+        })
     }
 
     /// What the device has done by request, a restart does not undo.
     fn take_note(&mut self, request: Request) {
+        let now = self.now();
         let settings = &mut self.wanted.settings;
         match request {
             Request::SetRate { rate_hz } => settings.rate_hz = rate_hz,
@@ -438,7 +518,7 @@ impl Session {
             Request::SetSource { source } => settings.source = source,
             Request::Start => {
                 self.wanted.streaming = true;
-                self.samples_came(Instant::now());
+                self.samples_came(now);
             }
             Request::Stop => self.wanted.streaming = false,
             _ => {}
@@ -463,7 +543,7 @@ impl Session {
         match self.request(Request::Counters) {
             Ok(Outcome::Counters(counters)) => self.sequence.expect(Seq(counters.samples)),
             // Then the first block tells.
-            Ok(_) | Err(LinkError::Refused { .. } | LinkError::NewerAnswer { .. }) => {}
+            Ok(_) | Err(LinkError::Refused { .. } | LinkError::NewerAnswer { .. } | LinkError::NotRecorded { .. }) => {}
             Err(error) => return Err(error),
         }
         Ok(())
@@ -585,17 +665,29 @@ impl Session {
 
     /// Measures the round trip to the device, and with it the offset between the clocks.
     ///
+    /// In a recording that has no ping here nothing is measured, and the round trip is 0.
+    ///
     /// # Errors
     /// As [`Session::request`].
     pub fn ping(&mut self) -> Result<Duration, LinkError> {
-        let sent = Instant::now();
-        let Outcome::Pong { time } = self.request(Request::Ping)? else {
-            return Err(LinkError::WrongAnswer { request: in_words(Request::Ping) });
+        let sent = self.now();
+        let time = match self.request(Request::Ping) {
+            Ok(Outcome::Pong { time }) => time,
+            Ok(_) => return Err(LinkError::WrongAnswer { request: in_words(Request::Ping) }),
+            Err(LinkError::NotRecorded { .. }) => return Ok(Duration::ZERO),
+            Err(error) => return Err(error),
         };
-        let received = Instant::now();
-        let device_s = self.sequence.unwrap_time(time) as f64 * 1e-6;
-        self.clock.ping(self.seconds(sent), device_s, self.seconds(received));
-        Ok(received - sent)
+        let received = self.now();
+        let since = |at: Instant| nanoseconds(at.saturating_duration_since(self.epoch()));
+        let measured = LinkEvent::Pinged { sent_ns: since(sent), received_ns: since(received) };
+        let measured = self.link.recorded(|event| matches!(event, LinkEvent::Pinged { .. })).unwrap_or(measured);
+        if let LinkEvent::Pinged { sent_ns, received_ns } = measured {
+            let [sent, received] = [sent_ns, received_ns].map(|ns| Duration::from_nanos(ns).as_secs_f64());
+            let device_s = self.sequence.unwrap_time(time) as f64 * 1e-6;
+            self.clock.ping(sent, device_s, received);
+        }
+        self.link.note(measured);
+        Ok(received.saturating_duration_since(sent))
     }
 
     fn refresh_hello(&mut self) -> Result<(), LinkError> {
@@ -607,13 +699,16 @@ impl Session {
     }
 
     fn send(&mut self, command: &Command) -> Result<(), LinkError> {
-        let Some(line) = self.line.as_mut() else {
-            return Err(LinkError::Unplugged { address: self.address.to_string(), reason: "not connected".to_owned() });
-        };
+        if !self.link.is_open() {
+            return Err(gone(&self.address, "not connected".to_owned()));
+        }
         self.owes = true;
-        match line.send(command) {
+        match self.link.send(command) {
             // Repeated later, like a command that was lost on the way.
             Err(error) if error.kind() == io::ErrorKind::TimedOut => Ok(()),
+            Err(error) if self.link.is_taped() && error.kind() == io::ErrorKind::Unsupported => {
+                Err(LinkError::NotRecorded { request: in_words(command.request) })
+            }
             Err(error) => Err(self.broken(error.to_string())),
             Ok(()) => Ok(()),
         }
@@ -625,16 +720,21 @@ impl Session {
         loop {
             let wait = deadline.saturating_duration_since(Instant::now());
             match self.receive(wait) {
-                None => return Ok(None),
-                Some(Arrival::Broken(reason)) => return Err(self.broken(reason)),
-                Some(Arrival::Message(message, at)) => match *message {
+                Heard::Nothing | Heard::Over | Heard::Recorded(LinkEvent::NoReply) => {
+                    self.link.note(LinkEvent::NoReply);
+                    return Ok(None);
+                }
+                // Of a program that did something else.
+                Heard::Recorded(_) => {}
+                Heard::Broken(reason) => return Err(self.broken(reason)),
+                Heard::Message(message, came) => match *message {
                     FromDevice::Reply(reply) if reply.id == command.id => return Ok(Some(reply.outcome)),
-                    message => self.take_in(message, at),
+                    message => self.take_in(message, came),
                 },
-                Some(Arrival::Newer(NewerMessage::Reply { id, device }, _)) if id == command.id => {
+                Heard::Newer(NewerMessage::Reply { id, device }, _) if id == command.id => {
                     return Err(newer_answer(command, device, Some(self.hello.protocol)));
                 }
-                Some(Arrival::Newer(newer, at)) => self.take_in_newer(newer, at),
+                Heard::Newer(newer, came) => self.take_in_newer(newer, came),
             }
         }
     }
@@ -654,37 +754,45 @@ impl Session {
             if let Some(error) = self.pending_error.take() {
                 return Err(error);
             }
-            if let Some(incoming) = self.backlog.pop_front() {
+            if let Some((incoming, came)) = self.backlog.pop_front() {
+                self.arrival = came;
                 if matches!(incoming, Incoming::Restarted(_)) && !self.restore()? {
                     // Told once it is restored: the device is gone again, or started once more.
                     continue;
                 }
                 return Ok(Some(incoming));
             }
-            if self.line.is_none() {
+            if self.link.is_over() {
+                return Ok(None);
+            }
+            if !self.link.is_open() {
                 self.reopen()?;
             } else if self.standing == Standing::CountsAnew {
                 self.ask_after_numbers()?;
             } else {
                 let left = deadline.saturating_duration_since(Instant::now());
                 match self.receive(left.min(QUIET).min(self.until_silence())) {
-                    Some(Arrival::Message(message, at)) => self.take_in(*message, at),
-                    Some(Arrival::Newer(newer, at)) => self.take_in_newer(newer, at),
-                    None if self.is_silent() => {
-                        self.silence_told = true;
-                        self.backlog.push_back(Incoming::Silent { after: self.last_samples.elapsed() });
+                    Heard::Message(message, came) => self.take_in(*message, came),
+                    Heard::Newer(newer, came) => self.take_in_newer(newer, came),
+                    Heard::Nothing if self.is_silent() => self.tell_silence(self.last_samples.elapsed()),
+                    Heard::Nothing if self.wanted.streaming && self.last_heard.elapsed() > QUIET => {
+                        self.ask_after_stream()?;
                     }
-                    None if self.wanted.streaming && self.last_heard.elapsed() > QUIET => self.ask_after_stream()?,
-                    Some(Arrival::Broken(reason)) => {
+                    Heard::Recorded(LinkEvent::Silent { after_ns }) => {
+                        self.tell_silence(Duration::from_nanos(after_ns));
+                    }
+                    Heard::Recorded(LinkEvent::StreamAsked) => self.ask_after_stream()?,
+                    Heard::Broken(reason) => {
                         let error = self.broken(reason);
                         if !self.options.reconnect {
                             return Err(error);
                         }
                     }
-                    None => {}
+                    Heard::Nothing | Heard::Over | Heard::Recorded(_) => {}
                 }
             }
-            if self.backlog.is_empty() && Instant::now() >= deadline {
+            if self.backlog.is_empty() && self.is_time_up(deadline) {
+                self.link.note(LinkEvent::Idle);
                 return Ok(None);
             }
         }
@@ -692,29 +800,50 @@ impl Session {
 
     /// Drops samples that have arrived and were not yet handed on; events and changes of the link stay.
     pub fn forget_waiting(&mut self) {
-        self.backlog.retain(|incoming| !matches!(incoming, Incoming::Samples(_) | Incoming::Temperature(_)));
+        self.backlog.retain(|(incoming, _)| !matches!(incoming, Incoming::Samples(_) | Incoming::Temperature(_)));
     }
 
-    fn receive(&mut self, wait: Duration) -> Option<Arrival> {
-        let line = self.line.as_ref()?;
+    /// Whether nothing is handed on this time: on a tape, where nothing was.
+    fn is_time_up(&mut self, deadline: Instant) -> bool {
+        if self.link.is_taped() {
+            return self.link.recorded(|event| *event == LinkEvent::Idle).is_some();
+        }
+        Instant::now() >= deadline
+    }
+
+    fn tell_silence(&mut self, after: Duration) {
+        self.link.note(LinkEvent::Silent { after_ns: nanoseconds(after) });
+        self.silence_told = true;
+        self.hand_on(Incoming::Silent { after });
+    }
+
+    /// Puts something behind what is to be handed on, which came now.
+    fn hand_on(&mut self, incoming: Incoming) {
+        self.backlog.push_back((incoming, self.link.now()));
+    }
+
+    fn receive(&mut self, wait: Duration) -> Heard {
+        if !self.link.is_open() {
+            return Heard::Nothing;
+        }
         match self.simulated.clone().filter(|device| device.pace() == Pace::AsAsked) {
             Some(device) => self.receive_as_asked(&device),
-            None => line.arrival(wait),
+            None => self.link.receive(wait),
         }
     }
 
     /// What a device at its session's pace sent, in order; where there is nothing more, its time goes on for a while.
-    fn receive_as_asked(&mut self, device: &SimulatedDevice) -> Option<Arrival> {
+    fn receive_as_asked(&mut self, device: &SimulatedDevice) -> Heard {
         if self.asked_for.is_empty() && self.owes {
             self.take_what_is_owed();
         }
         if self.asked_for.is_empty() {
             match device.let_time_pass() {
                 Ok(_) => self.take_what_is_owed(),
-                Err(gone) => return Some(Arrival::Broken(gone.to_string())),
+                Err(gone) => return Heard::Broken(gone.to_string()),
             }
         }
-        self.asked_for.pop_front()
+        self.asked_for.pop_front().unwrap_or(Heard::Nothing)
     }
 
     /// Takes all that a device has sent whose time stands still: on a line that keeps the order, what comes before the
@@ -722,19 +851,23 @@ impl Session {
     fn take_what_is_owed(&mut self) {
         let id = CommandId(self.next_id);
         self.next_id = self.next_id.wrapping_add(1);
-        let Some(line) = self.line.as_mut() else { return };
-        if let Err(error) = line.send(&Command::new(id, Request::Ping)) {
-            self.asked_for.push_back(Arrival::Broken(error.to_string()));
+        if !self.link.is_open() {
+            return;
+        }
+        if let Err(error) = self.link.send(&Command::new(id, Request::Ping)) {
+            self.asked_for.push_back(Heard::Broken(error.to_string()));
             return;
         }
         self.owes = false;
-        while let Some(arrival) = line.arrival(REPLY_WAIT) {
-            match &arrival {
-                Arrival::Message(message, _) if matches!(&**message, FromDevice::Reply(reply) if reply.id == id) => {
+        loop {
+            let heard = self.link.receive(REPLY_WAIT);
+            match &heard {
+                Heard::Nothing => break,
+                Heard::Message(message, _) if matches!(&**message, FromDevice::Reply(reply) if reply.id == id) => {
                     return;
                 }
-                Arrival::Broken(_) => return self.asked_for.push_back(arrival),
-                _ => self.asked_for.push_back(arrival),
+                Heard::Broken(_) => return self.asked_for.push_back(heard),
+                _ => self.asked_for.push_back(heard),
             }
         }
         // The ping or its answer was lost on the way, or takes long: it is asked again.
@@ -748,7 +881,7 @@ impl Session {
 
     /// Whether samples are due and the line was found empty for too long.
     fn is_silent(&self) -> bool {
-        let found_nothing = self.line.as_ref().and_then(Line::found_nothing);
+        let found_nothing = self.link.found_nothing();
         let is_empty =
             found_nothing.is_some_and(|at| at.saturating_duration_since(self.last_samples) >= self.silence());
         self.wanted.streaming && !self.silence_told && self.standing == Standing::Known && is_empty
@@ -764,7 +897,8 @@ impl Session {
 
     /// Finds out why the stream is silent: a device that does not stream any more has started anew.
     fn ask_after_stream(&mut self) -> Result<(), LinkError> {
-        self.last_heard = Instant::now();
+        self.link.note(LinkEvent::StreamAsked);
+        self.last_heard = self.now();
         match self.request(Request::Hello) {
             Ok(Outcome::Hello(hello)) if !self.is_as_left(&hello) => self.restarted(hello, Numbers::Unknown),
             // It is there, or gone: either shows by itself.
@@ -794,14 +928,14 @@ impl Session {
     }
 
     /// Puts a message where it belongs.
-    fn take_in(&mut self, message: FromDevice, at: Instant) {
-        self.last_heard = at;
+    fn take_in(&mut self, message: FromDevice, came: Stamp) {
+        self.last_heard = came.at;
         match message {
-            FromDevice::Block(block) => self.take_block(block, at),
-            FromDevice::Event(event) => self.backlog.push_back(Incoming::Event(event)),
+            FromDevice::Block(block) => self.take_block(block, came),
+            FromDevice::Event(event) => self.backlog.push_back((Incoming::Event(event), came.at)),
             FromDevice::Temperature(temperature) => {
                 self.temperature_c = Some(f64::from(temperature.centi_celsius) / 100.0);
-                self.backlog.push_back(Incoming::Temperature(temperature));
+                self.backlog.push_back((Incoming::Temperature(temperature), came.at));
             }
             FromDevice::Hello(hello) => self.restarted(hello, Numbers::FromZero),
             // The reply to a command that was answered before: the first answer was slow, not lost.
@@ -810,8 +944,8 @@ impl Session {
     }
 
     /// Takes note of a message that only a newer version can read. The reading thread has counted it.
-    fn take_in_newer(&mut self, newer: NewerMessage, at: Instant) {
-        self.last_heard = at;
+    fn take_in_newer(&mut self, newer: NewerMessage, came: Stamp) {
+        self.last_heard = came.at;
         match newer {
             // What it is now cannot be told, so neither can what its samples mean.
             NewerMessage::Hello { device } => self.pending_error = Some(LinkError::newer_hello(device)),
@@ -820,7 +954,7 @@ impl Session {
         }
     }
 
-    fn take_block(&mut self, block: Block, at: Instant) {
+    fn take_block(&mut self, block: Block, came: Stamp) {
         if self.standing != Standing::Known {
             // What its samples mean is not known. They will be missing.
             return;
@@ -837,7 +971,7 @@ impl Session {
             }
         };
         self.last_status = block.status;
-        self.samples_came(at);
+        self.samples_came(came.at);
         let counts: Vec<[Counts; 2]> = block.samples.into_iter().skip(repeated).collect();
         if counts.is_empty() {
             return;
@@ -851,8 +985,10 @@ impl Session {
             counts,
         };
         self.block = Duration::from_secs_f64(samples.counts.len() as f64 / f64::from(rate_hz));
-        self.clock.arrived(samples.device_time_s(samples.counts.len() - 1), self.seconds(at));
-        self.backlog.push_back(Incoming::Samples(samples));
+        let since_epoch = came.at.saturating_duration_since(self.epoch());
+        self.clock.arrived(samples.device_time_s(samples.counts.len() - 1), since_epoch.as_secs_f64());
+        self.wall = Some(came);
+        self.backlog.push_back((Incoming::Samples(samples), came.at));
     }
 
     /// Samples came, or are asked for anew.
@@ -882,26 +1018,25 @@ impl Session {
         }
         self.clock.restart();
         self.hello = hello.clone();
-        self.backlog.push_back(Incoming::Restarted(hello));
+        self.hand_on(Incoming::Restarted(hello));
     }
 
     /// Notes that the link is gone; returns the error that says so.
     fn broken(&mut self, reason: String) -> LinkError {
-        if let Some(line) = self.line.take() {
+        if self.link.close() {
             (self.asked_for, self.owes) = (VecDeque::new(), true);
-            let counts = line.reader_counts();
-            self.closed_lines = self.closed_lines.and(counts);
             self.counts.disconnections += 1;
-            self.down_since = Some(Instant::now());
-            self.backlog.push_back(Incoming::Disconnected { reason: reason.clone() });
+            self.down_since = Some(self.now());
+            self.hand_on(Incoming::Disconnected { reason: reason.clone() });
         }
-        LinkError::Unplugged { address: self.address.to_string(), reason }
+        gone(&self.address, reason)
     }
 
     /// Tries once to open the link again. Not being able to is no error: the cable may come back.
     fn reopen(&mut self) -> Result<(), LinkError> {
         let options = SessionOptions { baud: Some(self.baud), ..self.options.clone() };
-        let greeted = match greet(&self.address, &options, self.simulated.as_deref(), &mut self.next_id) {
+        let simulated = self.simulated.as_deref();
+        let greeted = match greet(&mut self.link, &self.address, &options, simulated, &mut self.next_id) {
             Ok(greeted) => greeted,
             // To ask again would bring the same answer.
             Err(
@@ -910,18 +1045,25 @@ impl Session {
             ) => return Err(error),
             Err(error) => {
                 tracing::debug!("{}: still down: {error}", self.address);
+                self.link.abandon();
                 self.tell_still_down(&error);
-                std::thread::sleep(REOPEN_WAIT);
+                if !self.link.is_taped() {
+                    std::thread::sleep(REOPEN_WAIT);
+                }
                 return Ok(());
             }
         };
-        let after = self.down_since.take().map(|since| since.elapsed()).unwrap_or_default();
+        let after = self.down_since.take().map(|since| self.now().saturating_duration_since(since));
+        let after = match self.link.recorded(|event| matches!(event, LinkEvent::Reconnected { .. })) {
+            Some(LinkEvent::Reconnected { after_ns }) => Duration::from_nanos(after_ns),
+            _ => after.unwrap_or_default(),
+        };
+        self.link.note(LinkEvent::Reconnected { after_ns: nanoseconds(after) });
         let (began_anew, is_told) = (!self.is_as_left(&greeted.hello), self.standing == Standing::Unrestored);
         let countable = !began_anew && after <= COUNTABLE_GAP;
-        self.line = Some(greeted.line);
-        self.samples_came(Instant::now());
+        self.samples_came(self.now());
         self.still_down.clear();
-        self.backlog.push_back(Incoming::Reconnected { after, countable });
+        self.hand_on(Incoming::Reconnected { after, countable });
         if began_anew {
             // `next` restores the settings when it hands this on. A restart that was noticed before is the same one.
             self.counts.restarts += u64::from(!is_told);
@@ -937,22 +1079,33 @@ impl Session {
 
     /// Says why the link cannot be opened again, once for each reason.
     fn tell_still_down(&mut self, error: &LinkError) {
+        if let Some(LinkEvent::NotOpened { reason, is_told }) =
+            self.link.recorded(|event| matches!(event, LinkEvent::NotOpened { .. }))
+        {
+            return self.take_still_down(reason, is_told);
+        }
         let reason = error.to_string();
         // That nothing is there is what a pulled cable looks like, and was told when the link broke.
         let expected =
             matches!(error, LinkError::NoSuchPort { .. } | LinkError::Unplugged { .. } | LinkError::Open { .. });
-        if !expected && reason != self.still_down {
-            self.backlog.push_back(Incoming::Disconnected { reason: reason.clone() });
+        let is_told = !expected && reason != self.still_down;
+        self.take_still_down(reason, is_told);
+    }
+
+    fn take_still_down(&mut self, reason: String, is_told: bool) {
+        self.link.note(LinkEvent::NotOpened { reason: reason.clone(), is_told });
+        if is_told {
+            self.hand_on(Incoming::Disconnected { reason: reason.clone() });
         }
         self.still_down = reason;
     }
 
     /// Takes in what arrived during the greeting, except a hello that was sent unasked: it tells of a start-up
     /// that the greeting has already dealt with.
-    fn take_early(&mut self, early: Vec<(FromDevice, Instant)>) {
-        for (message, at) in early {
+    fn take_early(&mut self, early: Vec<(FromDevice, Stamp)>) {
+        for (message, came) in early {
             if !matches!(message, FromDevice::Hello(_)) {
-                self.take_in(message, at);
+                self.take_in(message, came);
             }
         }
     }
@@ -1012,10 +1165,6 @@ impl Session {
         }
         if self.wanted.streaming { self.expect_first_number() } else { Ok(()) }
     }
-
-    fn seconds(&self, at: Instant) -> f64 {
-        at.saturating_duration_since(self.epoch).as_secs_f64()
-    }
 }
 
 /// Whether calibration and tare of a device hold for another hello.
@@ -1023,105 +1172,17 @@ fn is_same_finger(a: &Hello, b: &Hello) -> bool {
     (a.device, a.excitation_mv, a.full_scale_uv, a.channels) == (b.device, b.excitation_mv, b.full_scale_uv, b.channels)
 }
 
-impl Line {
-    fn start(transport: Transport) -> io::Result<Self> {
-        let shared = Arc::new(Shared::default());
-        let (sender, arrivals) = sync_channel(WAITING_MAX);
-        let (mut reading_end, for_thread) = (transport.second()?, Arc::clone(&shared));
-        let thread = std::thread::Builder::new()
-            .name("palpate link".to_owned())
-            .spawn(move || read_until_stopped(&mut reading_end, &for_thread, &sender))?;
-        Ok(Self { transport, arrivals: Some(arrivals), shared, thread: Some(thread) })
-    }
-
-    fn send(&mut self, command: &Command) -> io::Result<()> {
-        let mut buffer = [0; FRAME_MAX + 1];
-        let frame = encode(command, &mut buffer).map_err(|_| io::ErrorKind::InvalidInput)?;
-        // The leading delimiter ends whatever noise the device may have received before.
-        self.transport.write_all(&[&[DELIMITER], frame].concat())?;
-        self.transport.flush()
-    }
-
-    fn receive(&self, wait: Duration) -> Result<Arrival, RecvTimeoutError> {
-        self.arrivals.as_ref().ok_or(RecvTimeoutError::Disconnected)?.recv_timeout(wait)
-    }
-
-    /// What arrives within `wait`.
-    fn arrival(&self, wait: Duration) -> Option<Arrival> {
-        match self.receive(wait) {
-            Ok(arrival) => Some(arrival),
-            Err(RecvTimeoutError::Timeout) => None,
-            Err(RecvTimeoutError::Disconnected) => Some(Arrival::Broken("the reading thread ended".to_owned())),
-        }
-    }
-
-    fn reader_counts(&self) -> ReaderCounts {
-        self.shared.counts.lock().unwrap_or_else(PoisonError::into_inner).0
-    }
-
-    fn found_nothing(&self) -> Option<Instant> {
-        *self.shared.found_nothing.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn other_protocol(&self) -> Option<ProtocolVersion> {
-        self.shared.counts.lock().unwrap_or_else(PoisonError::into_inner).1
-    }
-}
-
-impl Drop for Line {
-    fn drop(&mut self) {
-        self.shared.stop.store(true, Ordering::Relaxed);
-        self.arrivals = None;
-        if let Some(thread) = self.thread.take() {
-            // A panic in the thread has been reported by it.
-            let _ = thread.join();
-        }
-    }
-}
-
-/// The reading thread: bytes in, stamped messages out.
-fn read_until_stopped(transport: &mut Transport, shared: &Shared, sender: &SyncSender<Arrival>) {
-    let mut reader = MessageReader::default();
-    let mut buffer = vec![0; 65_536];
-    while !shared.stop.load(Ordering::Relaxed) {
-        match transport.read(&mut buffer) {
-            Ok(length) => {
-                let at = Instant::now();
-                let arrival = |read| match read {
-                    Ok(message) => Arrival::Message(Box::new(message), at),
-                    Err(newer) => Arrival::Newer(newer, at),
-                };
-                let mut wanted = true;
-                reader.read_each(&buffer[..length], |read| wanted &= sender.send(arrival(read)).is_ok());
-                *shared.counts.lock().unwrap_or_else(PoisonError::into_inner) =
-                    (reader.counts(), reader.other_protocol());
-                if !wanted {
-                    return;
-                }
-            }
-            Err(error) if error.kind() == io::ErrorKind::TimedOut => {
-                *shared.found_nothing.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
-            }
-            Err(error) => {
-                // The session may be gone already; then nobody needs to know.
-                let _ = sender.send(Arrival::Broken(error.to_string()));
-                return;
-            }
-        }
-    }
-}
-
 /// An open link whose device has answered.
 struct Greeted {
-    line: Line,
     baud: u32,
     hello: Hello,
     /// What arrived before the answer.
-    early: Vec<(FromDevice, Instant)>,
+    early: Vec<(FromDevice, Stamp)>,
 }
 
 /// Opens the link and asks the device who it is, at each speed in turn.
 fn greet(
+    link: &mut Link,
     address: &Address,
     options: &SessionOptions,
     simulated: Option<&SimulatedDevice>,
@@ -1131,19 +1192,16 @@ fn greet(
         (Address::Serial(_), None) => vec![BAUD, BAUD_FALLBACK],
         (_, baud) => vec![baud.unwrap_or(BAUD)],
     };
-    let mut damaged = 0;
-    for &baud in &speeds {
+    let (mut damaged, mut tried) = (0, 0);
+    while let Some(&baud) = speeds.get(tried).or(speeds.last().filter(|_| link.opens_next())) {
         tracing::debug!("{address}: asking who is there at {baud} baud");
-        let transport = Transport::open(address, baud, simulated.map(SimulatedDevice::connect))?;
-        let mut line = Line::start(transport).map_err(|source| LinkError::Open {
-            address: address.to_string(),
-            what: Opened::Line,
-            source,
-        })?;
-        if let Some((hello, early)) = ask_who(&mut line, address, next_id)? {
-            return Ok(Greeted { line, baud, hello, early });
+        let baud = link.open(address, baud, simulated)?;
+        if let Some((hello, early)) = ask_who(link, address, next_id)? {
+            return Ok(Greeted { baud, hello, early });
         }
-        damaged += line.reader_counts().unusable();
+        damaged += link.unusable_since_opened();
+        link.abandon();
+        tried += 1;
     }
     let bauds = match address {
         Address::Serial(_) => speeds.iter().map(u32::to_string).collect::<Vec<_>>().join(" or "),
@@ -1153,36 +1211,39 @@ fn greet(
 }
 
 /// What a greeting brought: the device's hello, and what arrived before it.
-type Greeting = (Hello, Vec<(FromDevice, Instant)>);
+type Greeting = (Hello, Vec<(FromDevice, Stamp)>);
 
 /// Sends the handshake until it is answered; `None` if it never is.
-fn ask_who(line: &mut Line, address: &Address, next_id: &mut u32) -> Result<Option<Greeting>, LinkError> {
+fn ask_who(link: &mut Link, address: &Address, next_id: &mut u32) -> Result<Option<Greeting>, LinkError> {
     let command = Command::new(CommandId(*next_id), Request::Hello);
     *next_id = next_id.wrapping_add(1);
-    let gone = |reason: String| LinkError::Unplugged { address: address.to_string(), reason };
     let mut early = Vec::new();
     for _ in 0..HANDSHAKE_TRIES {
-        line.send(&command).map_err(|error| gone(error.to_string()))?;
+        link.send(&command).map_err(|error| gone(address, error.to_string()))?;
         let deadline = Instant::now() + REPLY_WAIT;
         loop {
-            match line.receive(deadline.saturating_duration_since(Instant::now())) {
-                Ok(Arrival::Message(message, at)) => match *message {
+            match link.receive(deadline.saturating_duration_since(Instant::now())) {
+                Heard::Message(message, came) => match *message {
                     FromDevice::Reply(Reply { id, outcome }) if id == command.id => {
                         return greeting(outcome).map(|hello| Some((hello, early)));
                     }
-                    message => early.push((message, at)),
+                    message => early.push((message, came)),
                 },
-                Ok(Arrival::Newer(NewerMessage::Reply { id, device }, _)) if id == command.id => {
+                Heard::Newer(NewerMessage::Reply { id, device }, _) if id == command.id => {
                     return Err(newer_answer(&command, device, None));
                 }
                 // A hello that was sent unasked is what the answer will say too.
-                Ok(Arrival::Newer(..)) => {}
-                Ok(Arrival::Broken(reason)) => return Err(gone(reason)),
-                Err(RecvTimeoutError::Disconnected) => return Err(gone("the reading thread ended".to_owned())),
-                Err(RecvTimeoutError::Timeout) => break,
+                Heard::Newer(..) => {}
+                Heard::Broken(reason) => return Err(gone(address, reason)),
+                Heard::Over => return Err(gone(address, "the recording ends before the device answers".to_owned())),
+                Heard::Nothing | Heard::Recorded(LinkEvent::NoReply) => {
+                    link.note(LinkEvent::NoReply);
+                    break;
+                }
+                Heard::Recorded(_) => {}
             }
         }
-        if let Some(device) = line.other_protocol() {
+        if let Some(device) = link.other_protocol() {
             return Err(LinkError::other_protocol(device));
         }
     }

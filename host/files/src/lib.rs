@@ -3,7 +3,7 @@
 //!
 //! - what people describe in TOML: [`part`], [`body`], [`motion`], [`palm`], [`views`], [`scene`];
 //! - what is kept: [`calibration`] (plan, raw samples, result), [`sampling_plan`];
-//! - what others recorded: [`recordings`];
+//! - what others recorded: [`recordings`]; the container of our own recordings: [`mcap`];
 //! - what programs exchange: [`solve`];
 //! - [`lines`]: streams of lines that may go on for ever; [`output`]: how any of it reaches the disk.
 //!
@@ -14,6 +14,7 @@
 pub mod body;
 pub mod calibration;
 pub mod lines;
+pub mod mcap;
 pub mod motion;
 pub mod output;
 pub mod palm;

@@ -120,7 +120,7 @@ fn a_push_felt_live_over_a_terminal_names_the_pose() {
     let table = folder.path().join("forces.csv");
     std::fs::write(&table, forces(&played, 0.0, 0.0)).unwrap();
     let both = format!("{} {}", table.display(), example("motion.toml").display());
-    let output = observed_live(folder.path(), &both, &example("part.toml"), &example("motion.toml"));
+    let output = observed_live(folder.path(), &both, &example("part.toml"), &example("motion.toml"), &[]);
     check(&last_answer(&output), &played);
     // Estimates came as the push went on, not only at its end.
     assert!(text(&output.stdout).lines().count() > 3, "{}", text(&output.stdout));
@@ -128,7 +128,7 @@ fn a_push_felt_live_over_a_terminal_names_the_pose() {
 
 /// What `observe` says of forces that a simulated device plays once it is ready.
 #[cfg(unix)]
-fn observed_live(folder: &Path, played: &str, part: &Path, motion: &Path) -> Output {
+pub(super) fn observed_live(folder: &Path, played: &str, part: &Path, motion: &Path, more: &[&Path]) -> Output {
     use std::io::{BufRead as _, BufReader};
 
     let calibrate = palpate(&["calibrate", "-d", &format!("sim:{SEED}"), "--load", "2 N", "--contacts", "6", "--out"])
@@ -146,7 +146,8 @@ fn observed_live(folder: &Path, played: &str, part: &Path, motion: &Path) -> Out
         (device.stdin.take().unwrap(), BufReader::new(device.stdout.take().unwrap()).lines());
     let path = answers.next().unwrap().unwrap();
     let mut command = palpate(&["observe", "--json", "-d", &path, "-c", calibration.trim(), "--part"]);
-    command.arg(part).arg("--motion").arg(motion).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command.arg(part).arg("--motion").arg(motion).args(more);
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut observer = command.spawn().unwrap();
     let mut told = BufReader::new(observer.stderr.take().unwrap()).lines().map_while(Result::ok);
     let ready = told.find(|line| line.contains("ready"));
@@ -170,7 +171,7 @@ fn a_push_that_a_demo_kept_can_be_played_and_observed_again() {
     let [part, motion, forces] = ["part.toml", "motion.toml", "played.csv"].map(|name| kept.join(name));
     // The finger that feels it again is moved as the first one was.
     let both = format!("{} {}", forces.display(), motion.display());
-    let answer = last_answer(&observed_live(folder.path(), &both, &part, &motion));
+    let answer = last_answer(&observed_live(folder.path(), &both, &part, &motion, &[]));
     assert_eq!(answer["status"], "unique", "{answer}");
     // "edge 2, centre of mass at (81.06, 31.04) mm, turned 136.03°; ..."
     let truth = said.split("The truth").nth(1).unwrap();

@@ -132,7 +132,8 @@ fn above_the_force_limit_the_robot_is_told_to_stop_within_a_block_and_its_latenc
 #[test]
 fn samples_that_are_lost_or_measure_nothing_stop_the_robot() {
     let lost = LinkFaults { line: LineFaults { drop: 0.02, ..LineFaults::default() }, ..LinkFaults::default() };
-    let breaks: [(&str, &dyn Fn(&SimulatedDevice)); 2] = [
+    type Break<'b> = (&'b str, &'b dyn Fn(&SimulatedDevice));
+    let breaks: [Break<'_>; 2] = [
         ("lost", &|device| _ = device.set_link_faults(lost).unwrap()),
         ("saturated", &|device| {
             _ = device.set_faults(Faults { saturated: [true, false], ..Faults::default() }).unwrap()

@@ -13,7 +13,7 @@ pub(super) fn about(error: &(dyn Error + 'static)) -> Option<String> {
     }
     Some(match error.downcast_ref()? {
         LinkError::Address { .. } => {
-            "a device is a serial port's path, tcp:HOST:PORT, or sim:SEED; `palpate ports` lists the serial ports"
+            "a device is a serial port's path, tcp:HOST:PORT, sim:SEED, or file:RUN.mcap; `palpate ports` lists the serial ports"
                 .to_owned()
         }
         LinkError::Listing { .. } => "name the port with --device, for example --device /dev/ttyACM0".to_owned(),
@@ -55,6 +55,9 @@ pub(super) fn about(error: &(dyn Error + 'static)) -> Option<String> {
             "the cable, or a device that hangs: `palpate diagnose` tells which; unplug it and plug it in again"
                 .to_owned()
         }
+        LinkError::NotRecorded { .. } => {
+            "the recorded command did not ask this: run one that asks the device for no more than that did".to_owned()
+        }
         LinkError::WrongAnswer { .. } => {
             "this is a bug in the firmware; please report it with the output of `palpate info`".to_owned()
         }
@@ -80,6 +83,7 @@ fn opening(what: Opened) -> &'static str {
         Opened::SimulationNotStarted => "start the simulated device first",
         Opened::Simulation => "the simulation could not start",
         Opened::Line => "the port opens but cannot be used",
+        Opened::Recording => "it has to be read first",
     }
 }
 
@@ -146,7 +150,7 @@ mod tests {
         let cases = [
             (
                 LinkError::Address { text: "x".to_owned(), reason: "no" },
-                "a device is a serial port's path, tcp:HOST:PORT, or sim:SEED; `palpate ports` lists the serial ports",
+                "a device is a serial port's path, tcp:HOST:PORT, sim:SEED, or file:RUN.mcap; `palpate ports` lists the serial ports",
             ),
             (
                 LinkError::Listing { reason: "no".to_owned() },

@@ -14,6 +14,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::advice::Advise as _;
 use crate::live;
+use crate::recording;
+use crate::recording::play::Attached;
 
 /// Which calibration to use.
 #[derive(Clone, Debug, clap::Args)]
@@ -76,6 +78,10 @@ impl CalibrationArguments {
 
     /// As [`CalibrationArguments::load`], with all that the file says, and its place.
     fn load_file(&self, session: &Session) -> miette::Result<Option<(PathBuf, CalibrationFile)>> {
+        let recorded = if session.is_recorded() { recording::play::attachment("calibration") } else { None };
+        if let (None, Some(recorded)) = (&self.calibration, recorded) {
+            return Self::recorded(session, &recorded).map(Some);
+        }
         let Some(path) = self.calibration.clone().or_else(|| newest(Path::new("calibration"), &device(session))) else {
             return Ok(None);
         };
@@ -90,7 +96,23 @@ impl CalibrationArguments {
             );
         }
         note!("calibration {}", path.display());
+        if let Ok(bytes) = fs::read(&path) {
+            recording::attach("calibration", &path, &bytes);
+        }
         Ok(Some((path, file)))
+    }
+
+    /// The calibration that came with the recording that is played.
+    fn recorded(session: &Session, recorded: &Attached) -> miette::Result<(PathBuf, CalibrationFile)> {
+        let path = PathBuf::from(&recorded.name);
+        let named = || format!("cannot use the calibration {} of the recording", path.display());
+        let text = String::from_utf8_lossy(&recorded.data);
+        let file = CalibrationFile::from_text(&text).advised().wrap_err_with(named)?;
+        let front_end = live::front_end(session.hello()).advised()?;
+        file.check_device(&device(session), &front_end).advised().wrap_err_with(named)?;
+        note!("calibration {}, from the recording", path.display());
+        recording::attach("calibration", &path, &recorded.data);
+        Ok((path, file))
     }
 
     /// As [`CalibrationArguments::load`], where nothing can be done without.
@@ -155,6 +177,13 @@ impl KeptTare {
         Self { format: TARE_FORMAT, device: device(session), gain, rate_hz, unit, tare }
     }
 
+    /// Attaches the tare to the recording, if there is one.
+    pub(crate) fn attach(&self) {
+        if let Ok(text) = toml::to_string(self) {
+            recording::attach("tare", Path::new("tare.toml"), text.as_bytes());
+        }
+    }
+
     /// Writes the tare to a file.
     pub(crate) fn save(&self, path: &Path) -> miette::Result<()> {
         let named = || format!("cannot keep the tare in {}", path.display());
@@ -169,6 +198,9 @@ impl KeptTare {
 
     /// Reads one, if it belongs to the connected device as it is set now.
     pub(crate) fn load(path: &Path, session: &Session, unit: &str) -> miette::Result<Tare> {
+        if let Ok(bytes) = fs::read(path) {
+            recording::attach("tare", path, &bytes);
+        }
         Self::read(path)
             .and_then(|kept| kept.check(&Self::new(session, unit, kept.tare)))
             .wrap_err_with(|| format!("cannot use the tare {}", path.display()))

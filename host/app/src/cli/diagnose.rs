@@ -15,6 +15,7 @@ use super::latency::Latency;
 use crate::advice::{Advise as _, remedy};
 use crate::live;
 use crate::live::interrupt;
+use crate::recording;
 use crate::width::folded;
 
 /// Is the finger well? Ten seconds at rest, then five lines.
@@ -39,6 +40,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     interrupt::listen();
+    arguments.device.begin_recording()?;
     let mut session = arguments.device.open(true)?;
     let newtons_per_count = newtons_per_count(&session, &arguments.calibration)?;
     note!(
@@ -84,6 +86,7 @@ fn observe(
     let mut latency = Latency::default();
     let mut rest = RestSamples::new(seconds);
     live::stream(session, |session, incoming| {
+        recording::taken(session, incoming, &[]);
         let Incoming::Samples(samples) = incoming else {
             super::tell(incoming);
             return true;

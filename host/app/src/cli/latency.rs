@@ -1,6 +1,6 @@
 //! From the moment a sample was taken to the moment its angle is known.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use palpate::finger::Samples;
 use palpate::math::statistics::percentile;
@@ -16,30 +16,27 @@ const DELAYS_MAX: usize = 1_000_000;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Latency {
     delays_s: Vec<f64>,
+    /// Delays of the earliest and latest arrival, s.
+    arrivals_s: Option<(f64, f64)>,
 }
 
 impl Latency {
     /// Takes in that what these samples tell was known at `known`.
     pub(crate) fn take(&mut self, session: &Session, samples: &Samples, known: Instant) {
-        if self.delays_s.len() == DELAYS_MAX {
-            return;
-        }
         let last_s = samples.device_time_s(samples.counts.len().saturating_sub(1));
-        let taken = match (session.simulated(), session.clock()) {
-            (Some(device), _) if session.counts().restarts == 0 => device.epoch() + Duration::from_secs_f64(last_s),
-            (_, Some(clock)) => session.epoch() + Duration::from_secs_f64(clock.host_time(last_s).max(0.0)),
-            (_, None) => return,
-        };
-        self.delays_s.push(known.saturating_duration_since(taken).as_secs_f64());
+        let Some(taken) = session.moment(last_s) else { return };
+        let arrival_s = session.arrival().saturating_duration_since(taken).as_secs_f64();
+        let (earliest, latest) = self.arrivals_s.unwrap_or((arrival_s, arrival_s));
+        self.arrivals_s = Some((earliest.min(arrival_s), latest.max(arrival_s)));
+        // When a recording is looked at says nothing.
+        if self.delays_s.len() < DELAYS_MAX && !session.is_recorded() {
+            self.delays_s.push(known.saturating_duration_since(taken).as_secs_f64());
+        }
     }
 
-    /// How much later the latest came than the earliest, s; 0 without samples.
+    /// How much later the latest arrived than the earliest, s; 0 without samples.
     pub(crate) fn spread_s(&self) -> f64 {
-        let (earliest, latest) = self
-            .delays_s
-            .iter()
-            .fold((f64::INFINITY, 0.0_f64), |(low, high), &delay| (low.min(delay), high.max(delay)));
-        (latest - earliest).max(0.0)
+        self.arrivals_s.map_or(0.0, |(earliest, latest)| latest - earliest)
     }
 
     /// Median, 99th percentile and maximum; `None` without samples.

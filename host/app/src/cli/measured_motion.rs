@@ -6,8 +6,7 @@ use miette::WrapErr as _;
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::never;
 use palpate::pushing::estimation::from_rest::readings::{
-    ForceHypothesis, ForceReading, KnownOfFinger, MeasuredEstimate, MeasuredFinger, SensedPush,
-    estimate_measured_until, sensed,
+    ForceHypothesis, ForceReading, MeasuredEstimate, MeasuredFinger, SensedPush, estimate_measured_until, sensed,
 };
 use palpate::pushing::finger_motion::FingerMotion;
 use palpate::pushing::measured_path::{MeasuredPath, PLACES_MIN};
@@ -18,7 +17,7 @@ use palpate_files::solve::kinds::observe_force::{ForceHypothesisAnswer, OFFSETS_
 use serde_json::{Value, json};
 
 use super::read::{read, report_problems};
-use super::watched_push::{FeltPushArguments, MuUncertainty, not_at_rest, too_short, without_push};
+use super::watched_push::{FeltPushArguments, not_at_rest, too_short, without_push};
 use super::{not_negative, pose, positive};
 use crate::width::folded;
 
@@ -110,7 +109,7 @@ pub(super) fn observe(
         );
     }
     let motion = FingerMotion::untold();
-    let known = felt.known_measured(file, &motion, noise);
+    let known = felt.with(None).known_of_finger(file, &motion, noise);
     let finger = MeasuredFinger { path: &measured, clock_offset_sd };
     let estimate = estimate_measured_until(&known, &finger, &readings, &never).found;
     let (Some(onset), Some(last)) = (estimate.onset, readings.last()) else { return Err(too_short()) };
@@ -120,28 +119,6 @@ pub(super) fn observe(
     };
     let answers = estimate.hypotheses.iter().map(answer).collect();
     Ok(MeasuredPush { felt: last.time - onset, answers, estimate })
-}
-
-impl FeltPushArguments {
-    /// What is known of a push whose motion was measured.
-    fn known_measured<'a>(self, file: &'a PolygonFile, motion: &'a FingerMotion, noise: f64) -> KnownOfFinger<'a> {
-        let (finger, MuUncertainty { log_sd }) = (self.with(None).finger(), self.mu_uncertainty());
-        KnownOfFinger {
-            part: &file.part,
-            outline: None,
-            mass: None,
-            mu_g: file.mu * GRAVITY_ASSUMED,
-            mu_g_log_sd: log_sd,
-            mu_c: None,
-            radius: self.radius(),
-            effective_mass: finger.effective_mass,
-            effective_mass_sd: finger.effective_mass_sd,
-            is_moving: false,
-            compliance: finger.compliance,
-            motion,
-            noise,
-        }
-    }
 }
 
 impl MeasuredPush {

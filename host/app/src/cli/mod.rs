@@ -15,11 +15,7 @@ macro_rules! eprintln {
 
 /// A line on standard error for the person at the terminal, which `--quiet` leaves out.
 macro_rules! note {
-    ($($argument:tt)*) => {
-        if $crate::messages::notes_wanted() {
-            eprintln!($($argument)*);
-        }
-    };
+    ($($argument:tt)*) => { $crate::cli::note_down(format_args!($($argument)*)) };
 }
 
 mod calibrate;
@@ -29,6 +25,7 @@ mod corner;
 mod demo;
 mod device;
 mod diagnose;
+mod follow;
 mod help;
 mod import;
 mod info;
@@ -49,6 +46,9 @@ mod ports;
 mod pose;
 mod push;
 mod read;
+mod record;
+mod recover;
+mod replay;
 mod roll;
 mod sample;
 mod simulate_device;
@@ -74,6 +74,7 @@ use palpate_device::{Incoming, Session};
 
 use crate::live;
 use crate::messages::{self, Loudness};
+use crate::recording::{self, LogLevel};
 
 /// Exit status for a wrong command line (`EX_USAGE` of BSD's sysexits; fixed by the `solve` interface).
 const EXIT_USAGE: u8 = 64;
@@ -99,6 +100,9 @@ enum Command {
     Wave(wave::Arguments),
     LocateTip(locate_tip::Arguments),
     Monitor(monitor::Arguments),
+    Record(record::Arguments),
+    Replay(replay::Arguments),
+    Recover(recover::Arguments),
     Observe(observe::Arguments),
     PlanPush(plan_push::Arguments),
     WhichPart(which_part::Arguments),
@@ -125,7 +129,9 @@ where
     I: IntoIterator<Item = T>,
     T: Into<std::ffi::OsString> + Clone,
 {
-    let arguments = match Arguments::try_parse_from(arguments) {
+    let words: Vec<std::ffi::OsString> = arguments.into_iter().map(Into::into).collect();
+    recording::remember_command_line(&words);
+    let arguments = match Arguments::try_parse_from(words) {
         Ok(arguments) => arguments,
         Err(error) => {
             let failed = error.use_stderr();
@@ -145,6 +151,9 @@ where
         Command::Wave(arguments) => wave::run(&arguments),
         Command::LocateTip(arguments) => locate_tip::run(&arguments),
         Command::Monitor(arguments) => monitor::run(&arguments),
+        Command::Record(arguments) => record::run(&arguments),
+        Command::Replay(arguments) => replay::run(&arguments),
+        Command::Recover(arguments) => recover::run(&arguments),
         Command::Observe(arguments) => observe::run(&arguments),
         Command::PlanPush(arguments) => plan_push::run(&arguments),
         Command::WhichPart(arguments) => which_part::run(&arguments),
@@ -162,12 +171,22 @@ where
         Command::SimulateDevice(arguments) => simulate_device::run(&arguments),
         Command::SimulateRobot(arguments) => simulate_robot::run(&arguments),
     };
-    match outcome {
-        Ok(status) => status,
-        Err(report) => {
-            eprintln!("{report:?}");
-            ExitCode::FAILURE
-        }
+    let status = outcome.unwrap_or_else(|report| {
+        eprintln!("{report:?}");
+        recording::log(LogLevel::Error, &report.to_string());
+        ExitCode::FAILURE
+    });
+    recording::end();
+    status
+}
+
+/// A note: for the person, and for the recording.
+fn note_down(text: std::fmt::Arguments<'_>) {
+    if messages::notes_wanted() {
+        eprintln!("{text}");
+    }
+    if recording::is_active() {
+        recording::log(LogLevel::Info, &text.to_string());
     }
 }
 
@@ -194,9 +213,13 @@ fn write_out(text: std::fmt::Arguments<'_>) {
     let mut out = std::io::stdout().lock();
     match out.write_fmt(text).and_then(|()| out.flush()) {
         Ok(()) => {}
-        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => std::process::exit(EXIT_BROKEN_PIPE),
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => {
+            recording::end();
+            std::process::exit(EXIT_BROKEN_PIPE)
+        }
         Err(error) => {
             eprintln!("cannot write the output: {error}");
+            recording::end();
             std::process::exit(1);
         }
     }

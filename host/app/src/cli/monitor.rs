@@ -2,7 +2,7 @@
 
 use std::io::{self, Write as _};
 use std::process::ExitCode;
-use std::time::{Instant, SystemTime};
+use std::time::Instant;
 
 use miette::IntoDiagnostic as _;
 use palpate::finger::contact::{Averaging, Contact, ContactReading, ContactSettings, Tare, detector};
@@ -19,6 +19,7 @@ use super::latency::Latency;
 use crate::advice::{self, Advise as _};
 use crate::live::interrupt;
 use crate::live::{self, LiveError};
+use crate::recording;
 
 /// Shows live what the finger feels: one line a reading.
 ///
@@ -82,6 +83,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     interrupt::listen();
+    arguments.device.begin_recording()?;
     let mut session = arguments.device.open(true)?;
     let calibration = arguments.calibration.require(&session)?;
     let front_end = live::front_end(session.hello()).advised()?;
@@ -100,10 +102,14 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         }
     };
     report_tare(&tare, unit);
+    let kept = KeptTare::new(&session, unit, tare);
+    kept.attach();
     if let Some(file) = &arguments.keep_tare {
-        KeptTare::new(&session, unit, tare).save(file)?;
+        kept.save(file)?;
     }
     let finger = FingerSense::new(Some(calibration), tare, &settings).into_diagnostic()?;
+    recording::tared(unit, Some(tare.bias));
+    recording::sensing(&finger);
     let period_s = if arguments.print_hz > 0.0 { arguments.print_hz.recip() } else { 0.0 };
     let mut shown = Shown { arguments, unit, monitor: ContactMonitor::new(finger, period_s), judge };
     let watched = shown.show(&mut session);
@@ -134,6 +140,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let tally = shown.monitor.tally();
     lacking::tell("since the tare", &tally);
     if !is_read {
+        recording::end();
         std::process::exit(super::EXIT_BROKEN_PIPE);
     }
     Ok(lacking::status(&tally))
@@ -280,13 +287,6 @@ fn reading_in_words(reading: &ContactReading, unit: &str) -> String {
     }
 }
 
-/// A moment on the device's clock as Unix time, in s, by the clock map.
-fn unix_time(session: &Session, device_s: f64) -> Option<f64> {
-    let host_s = session.clock()?.host_time(device_s);
-    let since_epoch = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).ok()?.as_secs_f64();
-    Some(since_epoch - session.epoch().elapsed().as_secs_f64() + host_s)
-}
-
 /// A line for a program: s, rad, and force in `unit` (`N`, or the calibration's relative unit). `t` is on the device's
 /// clock, `unix_time` on the host's; `temperature_c` is the board's, null where it has told none; `contact` is null where nothing was measured; `missing_before` counts since the
 /// line before, `samples` since the tare.
@@ -298,7 +298,7 @@ fn as_json(session: &Session, line: &MonitorLine, unit: &str) -> Value {
     };
     let mut told = json!({
         "t": t,
-        "unix_time": unix_time(session, t),
+        "unix_time": session.unix_time_s(t),
         "simulated": session.is_simulated(),
         "unit": unit,
         "temperature_c": session.temperature_c(),

@@ -6,7 +6,8 @@ use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use nalgebra::Point2;
 use palpate::pushing::finger_motion::{FingerMotion, Segment};
-use palpate_files::lines::Unusable;
+use palpate_device::Session;
+use palpate_device::trace::Input;
 use palpate_files::motion::{self, MotionFileError};
 
 use super::read::{lines_of_stdin, read};
@@ -15,41 +16,77 @@ use super::read::{lines_of_stdin, read};
 #[derive(Debug)]
 pub(super) enum MotionSource {
     Whole(FingerMotion),
-    Streamed { lines: Receiver<Result<Segment, MotionFileError>>, motion: Option<FingerMotion>, open: bool },
+    Streamed { lines: Told, motion: Option<FingerMotion>, open: bool },
 }
 
+/// Where lines come from.
+#[derive(Debug)]
+pub(super) enum Told {
+    /// Standard input: number and text of each.
+    Now(Receiver<Result<(u64, String), String>>),
+    /// A recording has them at their places among the samples, so many so far.
+    Before(u64),
+}
+
+/// What lines of a motion are called in a recording.
+const MOTION: &str = "motion";
+
 impl MotionSource {
-    /// Reads a motion file, or begins to listen to standard input.
-    pub(super) fn open(path: &Path) -> miette::Result<Self> {
+    /// Reads a motion file, or begins to listen to standard input; in a recording, to what was told there.
+    pub(super) fn open(path: &Path, is_recorded: bool) -> miette::Result<Self> {
         if path != Path::new("-") {
             return Ok(Self::Whole(read(path, motion::parse)?));
+        }
+        if is_recorded {
+            return Ok(Self::Streamed { lines: Told::Before(0), motion: None, open: true });
         }
         let (sender, lines) = channel();
         let reader = move || {
             for line in lines_of_stdin() {
-                let segment = match line {
+                let told = match line {
                     Ok((_, Ok(text))) if text.trim().is_empty() => continue,
-                    Ok((number, text)) => segment(text).map_err(|why| format!("line {number}: {why}")),
+                    Ok((number, text)) => {
+                        text.map(|text| (number, text)).map_err(|why| format!("line {number}: {why}"))
+                    }
                     Err(error) => Err(error.to_string()),
                 };
-                let segment = segment.map_err(MotionFileError::Text);
-                if sender.send(segment).is_err() {
+                if sender.send(told).is_err() {
                     return;
                 }
             }
         };
         std::thread::Builder::new().name("motion".to_owned()).spawn(reader).into_diagnostic()?;
-        Ok(Self::Streamed { lines, motion: None, open: true })
+        Ok(Self::Streamed { lines: Told::Now(lines), motion: None, open: true })
     }
 
-    /// Takes the segments that have come.
-    pub(super) fn take(&mut self) -> miette::Result<()> {
-        let Self::Streamed { lines, motion, open } = self else { return Ok(()) };
+    /// Takes the segments that have come, and has them noted at their place among the samples.
+    pub(super) fn take(&mut self, session: &mut Session) -> miette::Result<()> {
+        let Self::Streamed { lines, motion, open: open @ true } = self else { return Ok(()) };
+        let lines = match lines {
+            Told::Now(lines) => lines,
+            Told::Before(taken) => {
+                for line in session.recorded_inputs(MOTION) {
+                    *taken += 1;
+                    match line {
+                        Some(line) => add(motion, Ok((*taken, line)))?,
+                        None => *open = false,
+                    }
+                }
+                return Ok(());
+            }
+        };
+        let mut note = |line: Option<String>| session.note_input(Input { source: MOTION.to_owned(), line });
         loop {
             match lines.try_recv() {
-                Ok(segment) => add(motion, segment)?,
+                Ok(told) => {
+                    if let Ok((_, line)) = &told {
+                        note(Some(line.clone()));
+                    }
+                    add(motion, told)?;
+                }
                 Err(TryRecvError::Empty) => return Ok(()),
                 Err(TryRecvError::Disconnected) => {
+                    note(None);
                     *open = false;
                     return Ok(());
                 }
@@ -60,8 +97,8 @@ impl MotionSource {
     /// Waits for all segments: the forces are there already.
     pub(super) fn read_all(&mut self) -> miette::Result<()> {
         let Self::Streamed { lines, motion, open } = self else { return Ok(()) };
-        for segment in lines.iter() {
-            add(motion, segment)?;
+        if let Told::Now(lines) = lines {
+            lines.iter().try_for_each(|told| add(motion, told))?;
         }
         *open = false;
         Ok(())
@@ -89,13 +126,12 @@ impl MotionSource {
     }
 }
 
-/// The segment of a line.
-fn segment(line: Result<String, Unusable>) -> Result<Segment, String> {
-    let text = line.map_err(|why| why.to_string())?;
-    serde_json::from_str(&text).map_err(|error| error.to_string())
-}
-
-fn add(motion: &mut Option<FingerMotion>, segment: Result<Segment, MotionFileError>) -> miette::Result<()> {
+/// Adds the segment of a line, of which the number is told too.
+fn add(motion: &mut Option<FingerMotion>, told: Result<(u64, String), String>) -> miette::Result<()> {
+    let parsed = |(number, text): (u64, String)| {
+        serde_json::from_str::<Segment>(&text).map_err(|error| format!("line {number}: {error}"))
+    };
+    let segment = told.and_then(parsed).map_err(MotionFileError::Text);
     let added = segment.and_then(|segment| match motion {
         Some(motion) => Ok(motion.append(segment)?),
         None => Ok(FingerMotion::new(Point2::origin(), &[segment]).map(|first| *motion = Some(first))?),

@@ -4,13 +4,16 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use palpate::never;
+use palpate::pushing::estimation::from_rest::readings::MotionClock;
 use palpate::pushing::estimation::from_rest::watch::PushAnswer;
 use palpate_files::part::PolygonFile;
 
+use super::follow::Following;
 use super::measured_motion::{self, MeasuredMotionArguments};
 use super::read::{read, tell_part};
-use super::watched_push::{WatchedPushArguments, too_short};
+use super::watched_push::{Ongoing, Watched, WatchedPushArguments, Watching, too_short};
 use super::{lacking, misfit, pose, positive};
+use crate::recording::{self, Believed};
 
 const LONG_HELP: &str = "\
 The finger first rests, touching nothing or the part without force, while the tare is taken; then it begins to push. The
@@ -29,6 +32,9 @@ With --motion - segments are read from standard input as they come, one JSON obj
 
 Instead of a motion --path gives the disk's places as a robot measured them beside the forces, by a clock of its own: the
 push is then looked at as a whole, up to 1.2 s of it, and what places and clock leave open is part of the uncertainty.
+
+With --method follow pose and motion are told at each reading: what explains the first readings is searched beside, and then
+followed. A push that has told too little is said to be ambiguous until the finger turns aside.
 
 The part file is that of `palpate push`; its mu_c is not needed. Its mu is taken for known to 20 % and found with the
 rest; --mu-uncertainty says how well it is known, or that it is exact. A slow push tells only mu times the mass, and the
@@ -63,16 +69,44 @@ pub(crate) struct Arguments {
     #[command(flatten)]
     measured: MeasuredMotionArguments,
 
-    /// Print an estimate every so many seconds of the push
-    #[arg(long, value_name = "S", default_value_t = 0.1, value_parser = positive)]
-    every: f64,
+    /// How the push is observed
+    #[arg(long, value_enum, default_value_t)]
+    method: Method,
+
+    /// When the finger's motion began, on the clock of the forces: then it may be on its way when it meets the part, and
+    /// mind another contact before [default: where force is first felt, finger and part being at rest in contact]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = super::finite, requires = "forces")]
+    motion_begins: Option<f64>,
+
+    /// How well that is known, one standard deviation
+    #[arg(long, value_name = "MS", value_parser = super::not_negative, allow_negative_numbers = true)]
+    #[arg(default_value_t = 1.0, requires = "motion_begins")]
+    motion_begins_sigma_ms: f64,
+
+    /// Print an estimate every so many seconds of the push [default: 0.1; each reading with --method follow --json]
+    #[arg(long, value_name = "S", value_parser = positive)]
+    every: Option<f64>,
 
     /// Print one JSON object a line: SI units, radians
     #[arg(long)]
     json: bool,
 }
 
+/// How a push is observed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+enum Method {
+    /// All that was felt from rest until now explained at once: the pose, a few times a second
+    #[default]
+    Search,
+    /// Followed from reading to reading, 125 times a second: pose, velocity and turning, through lost contacts too
+    Follow,
+}
+
+/// Between two estimates that a person reads, s.
+const EVERY_S: f64 = 0.1;
+
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
+    arguments.push.begin_recording()?;
     let file = read(&arguments.part, PolygonFile::parse)?;
     tell_part(&arguments.part, file.part.polygon().vertices(), file.part.body(), &file.doubts());
     if let (Some(forces), Some(path)) = (&arguments.push.forces, arguments.measured.path()) {
@@ -87,11 +121,23 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let Some(motion) = &arguments.motion else {
         unreachable!("required unless there is a path, which requires forces")
     };
+    let every_s = arguments.every.unwrap_or(EVERY_S);
+    if arguments.method == Method::Follow {
+        let every_s = if arguments.json { arguments.every.unwrap_or(0.0) } else { every_s };
+        let sd = arguments.motion_begins_sigma_ms * 1e-3;
+        let clock = arguments.motion_begins.map(|begins| MotionClock { begins, sd });
+        return Following { file: &file, every_s, json: arguments.json, clock }.run(&arguments.push, motion);
+    }
     let mut shown = Shown { json: arguments.json, file: &file, is_headed: false };
-    let mut push = arguments.push.watch(motion, arguments.every, &mut |watch, felt, motion| {
-        if let Some(answer) = watch.look(&felt.known(&file, motion), &never) {
+    let watching = Watching { every_s, watched: Watched::Push };
+    let mut push = arguments.push.watch(motion, watching, &mut |ongoing| {
+        let Ongoing { watch, felt, motion, .. } = ongoing;
+        if watch.is_due(motion)
+            && let Some(answer) = watch.look(&felt.known(&file, motion), &never)
+        {
             shown.print(&answer);
         }
+        ongoing.until_over()
     })?;
     push.was_felt()?;
     let answer = push.conclude(&file).ok_or_else(too_short)?;
@@ -115,6 +161,7 @@ struct Shown<'a> {
 impl Shown<'_> {
     fn print(&mut self, answer: &PushAnswer) {
         let PushAnswer { estimate, since_onset } = answer;
+        recording::believed(0, estimate.time_end, estimate.hypotheses.iter().map(Believed::from));
         if self.json {
             let mut told = pose::as_json(estimate);
             told["samples"] = lacking::as_json(since_onset);

@@ -11,7 +11,7 @@ use palpate_files::part::PolygonFile;
 use serde_json::{Value, json};
 
 use super::read::{read, tell_part};
-use super::watched_push::{MotionArgument, WatchedPushArguments};
+use super::watched_push::{MotionArgument, WatchedPushArguments, Watching};
 use super::{lacking, misfit, pose, positive};
 use crate::width::folded;
 
@@ -80,7 +80,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let file = read(&arguments.part, PolygonFile::parse)?;
     tell_part(&arguments.part, file.part.polygon().vertices(), file.part.body(), &file.doubts());
-    let push = arguments.push.watch(&arguments.motion.file, f64::INFINITY, &mut |_, _, _| ())?;
+    let push = arguments.push.watch(&arguments.motion.file, Watching::TO_ITS_END, &mut |push| push.until_over())?;
     let force = push.force()?;
     let tally = push.watch.tally();
     let known = push.known(&file);

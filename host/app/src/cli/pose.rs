@@ -19,8 +19,12 @@ const SHOWN: usize = 5;
 const WIDTHS: [usize; 12] = [5, 6, 5, 8, 8, 6, 8, 6, 7, 6, 7, 6];
 
 /// Cells in their columns, with a blank between them at least.
+pub(super) fn columns<S: AsRef<str>>(cells: &[S], widths: &[usize]) -> String {
+    cells.iter().zip(widths).map(|(cell, width)| format!("{:>width$}", format!(" {}", cell.as_ref()))).collect()
+}
+
 fn row<S: AsRef<str>>(cells: &[S]) -> String {
-    cells.iter().zip(WIDTHS).map(|(cell, width)| format!("{:>width$}", format!(" {}", cell.as_ref()))).collect()
+    columns(cells, &WIDTHS)
 }
 
 /// Above the lines of [`lines`].
@@ -139,7 +143,7 @@ impl ShownPose {
 }
 
 /// A standard deviation; one of hundreds has no decimals worth a column.
-fn deviation(value: f64) -> String {
+pub(super) fn deviation(value: f64) -> String {
     if value < 99.995 { format!("{value:.2}") } else { format!("{value:.0}") }
 }
 

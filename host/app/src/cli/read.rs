@@ -18,6 +18,8 @@ use palpate_files::part::{Doubt, PartFileError};
 use palpate_files::scene::SceneFileError;
 use palpate_files::views::ViewFileError;
 
+use crate::recording;
+
 /// Most problems of a file that are printed; their number always is.
 const PROBLEMS_SHOWN: usize = 10;
 
@@ -38,6 +40,7 @@ where
 {
     let cannot = || format!("cannot use {}", path.display());
     let text = read_text(path).wrap_err_with(cannot)?;
+    recording::attach(kind_of(&text).map_or("file", role), path, text.as_bytes());
     parse(&text)
         .map_err(|error| {
             let kind = kind_of(&text).filter(|kind| !wanted(&error).is_empty() && !wanted(&error).contains(kind));
@@ -64,6 +67,17 @@ fn kind_of(text: &str) -> Option<&'static str> {
         () if has(&["shape", "semi_axes"]) => Some(BODY),
         () if has(&["vertices", "ellipse"]) => Some(PART),
         () => None,
+    }
+}
+
+/// What a kind of file is called in a recording.
+fn role(kind: &'static str) -> &'static str {
+    match kind {
+        MOTION => "motion",
+        PALM => "palm",
+        PART => "part",
+        BODY => "body",
+        _ => "file",
     }
 }
 

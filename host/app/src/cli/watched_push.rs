@@ -2,6 +2,7 @@
 //!
 //! Either way samples go through the same judge and the same [`PushWatch`].
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use miette::WrapErr as _;
@@ -10,9 +11,11 @@ use palpate::finger::judge::{CountsJudge, ForceJudge, Judged};
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::never;
 use palpate::pushing::estimation::from_rest::onset::PushSense;
+use palpate::pushing::estimation::from_rest::readings::KnownOfFinger;
 use palpate::pushing::estimation::from_rest::watch::{PushAnswer, PushWatch, RecordedWatch, WatchSettings};
 use palpate::pushing::estimation::from_rest::{CarriedFinger, KnownFromRest, WindowedForce};
 use palpate::pushing::finger_motion::FingerMotion;
+use palpate_device::Session;
 use palpate_files::calibration::file::CalibrationFile;
 use palpate_files::part::PolygonFile;
 use palpate_files::recordings::csv::{self, RecordedTable};
@@ -25,13 +28,14 @@ use super::{lacking, positive};
 use crate::advice::{self, Advise as _};
 use crate::live;
 use crate::live::interrupt;
+use crate::recording;
 
 /// Where a push comes from.
 #[derive(Debug, clap::Args)]
 pub(super) struct WatchedPushArguments {
     /// Forces on the finger from a file instead of a device: a table of t, Fx, Fy, with the finger at rest at its
     /// beginning
-    #[arg(value_name = "FORCES", conflicts_with_all = ["device", "baud", "calibration"])]
+    #[arg(value_name = "FORCES", conflicts_with_all = ["device", "baud", "calibration", "record", "speed"])]
     pub(super) forces: Option<PathBuf>,
 
     #[command(flatten)]
@@ -125,11 +129,6 @@ impl FeltPushArguments {
         self.tare
     }
 
-    /// How well the plane's friction is known.
-    pub(super) fn mu_uncertainty(&self) -> MuUncertainty {
-        self.mu_uncertainty
-    }
-
     /// With what a calibration says of the finger, where there is one; what is only taken for it is told.
     pub(super) fn with(self, calibration: Option<&CalibrationFile>) -> FeltPush {
         let mut finger = calibration.map_or(CarriedFinger::UNKNOWN, CalibrationFile::carried);
@@ -150,17 +149,26 @@ impl FeltPushArguments {
 }
 
 impl FeltPush {
-    /// How the finger alters what is felt.
-    pub(super) fn finger(&self) -> CarriedFinger {
-        self.finger
-    }
-
     /// What is known of a push from rest of the part in this file, with this motion of the finger.
     pub(super) fn known<'a>(self, file: &'a PolygonFile, motion: &'a FingerMotion) -> KnownFromRest<'a> {
         let Self { arguments, finger } = self;
         let (mu_g, mu_g_log_sd) = (file.mu * GRAVITY_ASSUMED, arguments.mu_uncertainty.log_sd);
         let radius = arguments.radius();
         KnownFromRest { part: &file.part, mu_g, mu_g_log_sd, radius, finger, motion }
+    }
+
+    /// The same for readings of which each has this noise, N.
+    pub(super) fn known_of_finger<'a>(
+        self,
+        file: &'a PolygonFile,
+        motion: &'a FingerMotion,
+        noise: f64,
+    ) -> KnownOfFinger<'a> {
+        let CarriedFinger { effective_mass, effective_mass_sd, compliance } = self.finger;
+        let (mu_g, radius) = (file.mu * GRAVITY_ASSUMED, self.arguments.radius());
+        let known = KnownOfFinger::new(&file.part, mu_g, radius, motion, noise);
+        let mu_g_log_sd = self.arguments.mu_uncertainty.log_sd;
+        KnownOfFinger { mu_g_log_sd, effective_mass, effective_mass_sd, compliance, ..known }
     }
 }
 
@@ -225,14 +233,70 @@ pub(super) struct WatchedPush {
     felt: FeltPush,
 }
 
-/// What is asked of a push while it goes on: the watch, whenever an estimate is due, with what is known of a part.
-pub(super) type Look<'l> = &'l mut dyn FnMut(&mut PushWatch, FeltPush, &FingerMotion);
+/// A push while it goes on.
+pub(super) struct Ongoing<'w> {
+    pub(super) watch: &'w mut PushWatch,
+    pub(super) felt: FeltPush,
+    /// As far as it is told.
+    pub(super) motion: &'w FingerMotion,
+    is_told_to_its_end: bool,
+    /// Of the device; none where it is a file of forces.
+    pub(super) session: Option<&'w mut Session>,
+}
+
+impl Ongoing<'_> {
+    /// Whether nothing more is to come of a push from rest.
+    pub(super) fn is_over(&self) -> bool {
+        self.watch.is_over(self.motion, self.is_told_to_its_end)
+    }
+
+    /// Whether the finger's motion is over that began then, on the clock of what is felt, s.
+    pub(super) fn is_motion_over(&self, begun: f64) -> bool {
+        let now = self.watch.sense().map_or(f64::NEG_INFINITY, PushSense::now);
+        self.is_told_to_its_end && now >= begun + self.motion.duration()
+    }
+
+    /// Goes on until nothing more is to come.
+    pub(super) fn until_over(&mut self) -> miette::Result<ControlFlow<()>> {
+        Ok(if self.is_over() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+    }
+}
+
+/// What is asked of a push whenever something came: whether to go on.
+pub(super) type Look<'l> = &'l mut dyn FnMut(&mut Ongoing<'_>) -> miette::Result<ControlFlow<()>>;
+
+/// What of a recording is watched.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Watched {
+    /// The rest, and the contact that lasts as long as the finger's motion, or else the longest.
+    Push,
+    /// Everything after the rest.
+    Everything,
+}
+
+/// How a push is watched.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Watching {
+    /// An estimate is due every so many seconds.
+    pub(super) every_s: f64,
+    pub(super) watched: Watched,
+}
+
+impl Watching {
+    /// A push that is looked at when it is over.
+    pub(super) const TO_ITS_END: Self = Self { every_s: f64::INFINITY, watched: Watched::Push };
+}
 
 impl WatchedPushArguments {
-    /// Watches a push to its end, the finger moving as this file says; every so many seconds of it `look` is asked.
-    pub(super) fn watch(&self, motion: &Path, every_s: f64, look: Look<'_>) -> miette::Result<WatchedPush> {
-        let settings = WatchSettings { rest_s: self.felt.tare, every_s };
-        let mut motion = MotionSource::open(motion)?;
+    /// Begins the recording that is asked for, before the files of the command are read.
+    pub(super) fn begin_recording(&self) -> miette::Result<()> {
+        self.device.begin_recording()
+    }
+
+    /// Watches a push, the finger moving as this file says, until `look` has seen enough.
+    pub(super) fn watch(&self, motion: &Path, watching: Watching, look: Look<'_>) -> miette::Result<WatchedPush> {
+        let settings = WatchSettings { rest_s: self.felt.tare, every_s: watching.every_s };
+        let mut motion = MotionSource::open(motion, self.device.is_recording())?;
         let (felt, watch) = match &self.forces {
             Some(path) => {
                 let felt = self.felt.with(None);
@@ -240,7 +304,9 @@ impl WatchedPushArguments {
                 let judged = judged_forces(path)?;
                 motion.read_all()?;
                 let Some(motion) = motion.known() else { return Err(without_motion()) };
-                (felt, self.watch_recording(settings, &judged, motion, (felt, look)).wrap_err_with(named)?)
+                let watch = RecordedWatch::new(settings, None, &judged, motion).map_err(not_at_rest);
+                let watch = watch.wrap_err_with(named)?;
+                (felt, watch_recording(watch, watching.watched, (&judged, motion, felt), look).wrap_err_with(named)?)
             }
             None => self.watch_device(settings, &mut motion, look)?,
         };
@@ -250,37 +316,6 @@ impl WatchedPushArguments {
         }
         lacking::tell("since the push began", &watch.tally());
         Ok(WatchedPush { watch, motion, felt })
-    }
-
-    fn watch_recording(
-        &self,
-        settings: WatchSettings,
-        judged: &[Judged],
-        motion: &FingerMotion,
-        (felt, look): (FeltPush, Look<'_>),
-    ) -> miette::Result<PushWatch> {
-        let RecordedWatch { mut watch, from, push, others } =
-            RecordedWatch::new(settings, None, judged, motion).map_err(not_at_rest)?;
-        if let Some(push) = push {
-            for other in others {
-                note!(
-                    "a contact from t = {:.3} s to {:.3} s is not taken for the push, which begins at t = {:.3} s",
-                    other.from,
-                    other.to,
-                    push.from
-                );
-            }
-        }
-        for item in &judged[from..] {
-            watch.take([*item]).map_err(not_at_rest)?;
-            if watch.is_over(motion, true) {
-                break;
-            }
-            if watch.is_due(motion) {
-                look(&mut watch, felt, motion);
-            }
-        }
-        Ok(watch)
     }
 
     fn watch_device(
@@ -301,25 +336,30 @@ impl WatchedPushArguments {
         let mut watch = if is_checked { watch.behind(front_end) } else { watch };
         let mut judge = CountsJudge::new(&calibration);
         let mut failed = None;
-        let watched = live::judged(&mut session, &mut judge, |_, incoming, judged| {
-            super::tell(incoming);
+        recording::tared(calibration.unit().symbol(), None);
+        let mut take = |watch: &mut PushWatch, session: &mut Session, judged: Vec<Judged>| {
             let was_resting = watch.sense().is_none();
-            let taken = watch.take(judged).map_err(not_at_rest).and_then(|()| motion.take());
-            if was_resting && watch.sense().is_some() {
+            watch.take(judged).map_err(not_at_rest)?;
+            motion.take(session)?;
+            if let Some(sense) = watch.sense().filter(|_| was_resting) {
+                recording::tared(calibration.unit().symbol(), Some(sense.rest().bias));
                 note!("ready: push");
             }
-            if let Err(error) = taken {
-                failed = Some(error);
-                return false;
-            }
-            let Some(known) = motion.known() else { return true };
-            if watch.is_over(known, motion.is_complete()) {
-                return false;
-            }
-            if watch.is_due(known) {
-                look(&mut watch, felt, known);
-            }
-            true
+            let Some(known) = motion.known() else { return Ok(ControlFlow::Continue(())) };
+            look(&mut Ongoing {
+                watch,
+                felt,
+                motion: known,
+                is_told_to_its_end: motion.is_complete(),
+                session: Some(session),
+            })
+        };
+        let watched = live::judged(&mut session, &mut judge, |session, incoming, judged| {
+            super::tell(incoming);
+            let taken = take(&mut watch, session, judged);
+            let goes_on = matches!(taken, Ok(ControlFlow::Continue(())));
+            failed = taken.err();
+            goes_on
         });
         // Whatever ended it, nobody listens any more.
         let stopped = session.stop();
@@ -328,6 +368,37 @@ impl WatchedPushArguments {
         stopped.advised()?;
         Ok((felt, watch))
     }
+}
+
+/// Watches what is left of a recording after its rest.
+fn watch_recording(
+    recorded: RecordedWatch,
+    watched: Watched,
+    (judged, motion, felt): (&[Judged], &FingerMotion, FeltPush),
+    look: Look<'_>,
+) -> miette::Result<PushWatch> {
+    let RecordedWatch { mut watch, rested, from, push, others } = recorded;
+    let from = match watched {
+        Watched::Push => from,
+        Watched::Everything => rested,
+    };
+    if let Some(push) = push.filter(|_| watched == Watched::Push) {
+        for other in others {
+            note!(
+                "a contact from t = {:.3} s to {:.3} s is not taken for the push, which begins at t = {:.3} s",
+                other.from,
+                other.to,
+                push.from
+            );
+        }
+    }
+    for item in &judged[from..] {
+        watch.take([*item]).map_err(not_at_rest)?;
+        if look(&mut Ongoing { watch: &mut watch, felt, motion, is_told_to_its_end: true, session: None })?.is_break() {
+            break;
+        }
+    }
+    Ok(watch)
 }
 
 impl WatchedPush {

@@ -33,7 +33,7 @@ use crate::thesis::demonstration::in_the_air;
 #[derive(Debug, clap::Args)]
 pub(crate) struct Arguments {
     /// Forces on the finger from a file instead of a device: a table of t, Fx, Fy in newtons; needs -c
-    #[arg(value_name = "FORCES", conflicts_with_all = ["device", "baud"], requires = "calibration")]
+    #[arg(value_name = "FORCES", conflicts_with_all = ["device", "baud", "record", "speed"], requires = "calibration")]
     forces: Option<PathBuf>,
 
     /// How the finger moves: a motion file, as for `palpate observe` [default: five swings along each axis]

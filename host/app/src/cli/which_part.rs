@@ -14,7 +14,8 @@ use super::lacking;
 use super::misfit;
 use super::pose;
 use super::read::{read, tell_part};
-use super::watched_push::{MotionArgument, WatchedPushArguments};
+use super::watched_push::{MotionArgument, WatchedPushArguments, Watching};
+use crate::recording::{self, Believed};
 
 /// Names which of several known parts a finger has begun to push, and where it is.
 ///
@@ -42,12 +43,20 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
+    arguments.push.begin_recording()?;
     let candidates = arguments.candidates()?;
-    let push = arguments.push.watch(&arguments.motion.file, f64::INFINITY, &mut |_, _, _| ())?;
+    let push = arguments.push.watch(&arguments.motion.file, Watching::TO_ITS_END, &mut |push| push.until_over())?;
     let force = push.force()?;
     let tally = push.watch.tally();
     let known = candidates.iter().map(|candidate| push.known(&candidate.file));
     let ranked = estimation::which_part(known.map(|known| (known.part, known.estimate(&force))));
+    ranked.iter().for_each(|ranked| {
+        recording::believed(
+            ranked.part,
+            ranked.estimate.time_end,
+            ranked.estimate.hypotheses.iter().map(Believed::from),
+        )
+    });
     if arguments.json {
         let mut told = as_json(&candidates, &ranked);
         told["samples"] = lacking::as_json(&tally);

@@ -10,7 +10,7 @@ pub mod person;
 #[cfg(test)]
 mod run_tests;
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use palpate::finger::calibration::dwell::Refusal;
 use palpate::finger::calibration::plan::{PlannedContact, Step};
@@ -26,6 +26,8 @@ use palpate_device::{Incoming, LinkError, Session};
 use palpate_shared::sim::{ContactLoad, Load};
 use palpate_shared::wire::{EventKind, Hello};
 use thiserror::Error;
+
+use crate::recording;
 
 /// Gauge factor of metal foil gauges, which the board cannot know.
 pub const GAUGE_FACTOR: f64 = 2.0;
@@ -92,29 +94,30 @@ pub fn front_end(hello: &Hello) -> Result<FrontEnd, FrontEndError> {
     })
 }
 
-/// Hands what comes to `take`, in order, until that returns `false` or the user interrupts.
+/// Hands what comes to `take`, in order, until that returns `false`, the user interrupts or a recording is over.
 ///
 /// # Errors
 /// [`LiveError::Link`], [`LiveError::Silent`].
-pub fn stream(session: &mut Session, mut take: impl FnMut(&Session, &Incoming) -> bool) -> Result<(), LiveError> {
-    let mut last_heard = Instant::now();
+pub fn stream(session: &mut Session, mut take: impl FnMut(&mut Session, &Incoming) -> bool) -> Result<(), LiveError> {
+    let mut last_heard = session.now();
     let mut last_event = None;
     let mut connected = true;
     loop {
         if interrupt::requested() {
+            session.note_interruption();
             return Ok(());
         }
         match session.next(Duration::from_millis(100))? {
             Some(incoming) => {
                 match &incoming {
-                    Incoming::Samples(_) => last_heard = Instant::now(),
+                    Incoming::Samples(_) => last_heard = session.now(),
                     // Lost samples are a consequence; what came before is the cause.
                     Incoming::Event(event) if !matches!(event.kind, EventKind::SamplesLost { .. }) => {
                         last_event = Some(event.kind);
                     }
                     Incoming::Disconnected { .. } => connected = false,
                     Incoming::Reconnected { .. } | Incoming::Restarted(_) => {
-                        (connected, last_heard) = (true, Instant::now());
+                        (connected, last_heard) = (true, session.now());
                     }
                     Incoming::Event(_) | Incoming::Temperature(_) | Incoming::Silent { .. } => {}
                 }
@@ -122,8 +125,11 @@ pub fn stream(session: &mut Session, mut take: impl FnMut(&Session, &Incoming) -
                     return Ok(());
                 }
             }
+            None if session.is_over() => return Ok(()),
             // A pulled cable may stay out as long as it likes; a device that is there must talk.
-            None if connected && last_heard.elapsed() > SILENCE => return Err(LiveError::Silent { last_event }),
+            None if connected && session.now().saturating_duration_since(last_heard) > SILENCE => {
+                return Err(LiveError::Silent { last_event });
+            }
             None => {}
         }
     }
@@ -149,7 +155,7 @@ pub fn start(session: &mut Session) -> Result<(), LiveError> {
 pub fn judged(
     session: &mut Session,
     judge: &mut CountsJudge,
-    mut take: impl FnMut(&Session, &Incoming, Vec<Judged>) -> bool,
+    mut take: impl FnMut(&mut Session, &Incoming, Vec<Judged>) -> bool,
 ) -> Result<(), LiveError> {
     stream(session, |session, incoming| {
         let judged = match incoming {
@@ -158,6 +164,7 @@ pub fn judged(
             Incoming::Reconnected { countable: false, .. } => vec![Judged::Missing(None)],
             _ => Vec::new(),
         };
+        recording::taken(session, incoming, &judged);
         take(session, incoming, judged)
     })
 }
@@ -167,8 +174,9 @@ pub fn judged(
 /// # Errors
 /// [`LinkError`] if the link fails.
 pub fn temperature(session: &mut Session) -> Result<Option<f64>, LinkError> {
-    let begun = Instant::now();
-    while session.temperature_c().is_none() && begun.elapsed() < TEMPERATURE_WAIT {
+    let begun = session.now();
+    let has_time = |session: &Session| session.now().saturating_duration_since(begun) < TEMPERATURE_WAIT;
+    while session.temperature_c().is_none() && has_time(session) && !session.is_over() {
         session.next(Duration::from_millis(50))?;
     }
     Ok(session.temperature_c())

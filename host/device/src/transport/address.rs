@@ -19,6 +19,8 @@ pub enum Address {
         /// Seed of everything random in the simulation.
         seed: u64,
     },
+    /// What another session went by, kept in a file: `file:RUN.mcap`.
+    Recording(String),
 }
 
 impl FromStr for Address {
@@ -31,6 +33,12 @@ impl FromStr for Address {
             return seed
                 .map(|seed| Self::Simulated { seed })
                 .map_err(|_| wrong("what follows `sim:` is a seed, a whole number"));
+        }
+        if let Some(path) = text.strip_prefix("file:") {
+            return match path {
+                "" => Err(wrong("what follows `file:` is the path of a recording")),
+                path => Ok(Self::Recording(path.to_owned())),
+            };
         }
         if let Some(host) = text.strip_prefix("tcp:") {
             return match host.rsplit_once(':') {
@@ -48,6 +56,7 @@ impl fmt::Display for Address {
             Self::Serial(path) => f.write_str(path),
             Self::Tcp(host) => write!(f, "tcp:{host}"),
             Self::Simulated { seed } => write!(f, "sim:{seed}"),
+            Self::Recording(path) => write!(f, "file:{path}"),
         }
     }
 }
@@ -115,7 +124,8 @@ mod tests {
 
     #[test]
     fn names_are_read_as_they_are_printed() {
-        for text in ["/dev/ttyACM0", "COM3", "tcp:localhost:7800", "tcp:[::1]:7800", "sim:0", "sim:42"] {
+        for text in ["/dev/ttyACM0", "COM3", "tcp:localhost:7800", "tcp:[::1]:7800", "sim:0", "sim:42", "file:run.mcap"]
+        {
             assert_eq!(text.parse::<Address>().unwrap().to_string(), text);
         }
         assert_eq!("sim:".parse::<Address>().unwrap(), Address::Simulated { seed: 0 });
@@ -123,7 +133,7 @@ mod tests {
 
     #[test]
     fn a_name_that_cannot_be_meant_says_what_is_wrong() {
-        for text in ["", "tcp:", "tcp:localhost", "tcp::80", "tcp:h:99999", "sim:blue"] {
+        for text in ["", "tcp:", "tcp:localhost", "tcp::80", "tcp:h:99999", "sim:blue", "file:"] {
             let message = text.parse::<Address>().unwrap_err().to_string();
             assert!(message.contains(&format!("`{text}`")), "{message}");
         }

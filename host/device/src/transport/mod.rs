@@ -65,6 +65,11 @@ impl Transport {
                 what: Opened::SimulationNotStarted,
                 source: io::ErrorKind::NotConnected.into(),
             }),
+            (Address::Recording(_), _) => Err(LinkError::Open {
+                address: address.to_string(),
+                what: Opened::Recording,
+                source: io::ErrorKind::Unsupported.into(),
+            }),
         }
     }
 

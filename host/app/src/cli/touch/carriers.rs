@@ -3,6 +3,7 @@
 use std::sync::mpsc::{Receiver, TryRecvError};
 
 use nalgebra::{Point2, Vector2};
+use palpate::finger::force_guard::ForceStop;
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::inscription::{Approach, Met, NextTouch, PressedFinger, TRUSTED_SD, TouchTask, way_round};
 use palpate::pushing::approach_speed::{ApproachLimits, Holding};
@@ -247,13 +248,15 @@ impl Carrier for RobotCarrier {
         }
         let free = next.free_travel - BEFORE_M;
         if is_bounded && free > 0.0 {
-            match self.finger.go(approach.at(free), self.speeds.travel, true)? {
-                Went::There => {}
-                Went::Touched(Stand { place: at, .. }) => return Err(self.early(at, approach, next.free_travel)),
-                Went::CameFree => {
-                    let at = self.finger.place()?;
-                    return Err(self.early(at, approach, next.free_travel));
+            let early = |at: Point2<f64>| early(at, approach, next.free_travel);
+            match self.finger.go(approach.at(free), self.speeds.travel, true) {
+                Ok(Went::There) => {}
+                Ok(Went::Touched(Stand { place: at, .. })) => return Err(early(at)),
+                // At this speed a touch is above the limit at once: what stands there is the news.
+                Ok(Went::CameFree) | Err(GuidedError::Finger(ListenError::Force(ForceStop::Above { .. }))) => {
+                    return Err(early(self.finger.place()?));
                 }
+                Err(error) => return Err(error.into()),
             }
         }
         for _ in 0..TRIES {
@@ -280,11 +283,10 @@ impl Carrier for RobotCarrier {
     }
 }
 
-impl RobotCarrier {
-    fn early(&self, at: Point2<f64>, approach: &Approach, free: f64) -> CarryError {
-        let travel = (at - approach.from).dot(&approach.direction);
-        CarryError::Early { at, early_mm: (free - travel) * 1e3 }
-    }
+/// A touch where every pose that is left has the way free so far (m).
+fn early(at: Point2<f64>, approach: &Approach, free: f64) -> CarryError {
+    let travel = (at - approach.from).dot(&approach.direction);
+    CarryError::Early { at, early_mm: (free - travel) * 1e3 }
 }
 
 /// A person.

@@ -299,13 +299,18 @@ impl Following<'_> {
         self.contact.mode = mode;
     }
 
-    fn motion(&self, mode: Mode, velocity: Vector2<f64>) -> Option<Instant> {
+    /// Where the finger touches.
+    fn touching(&self) -> Touching {
         let touched = self.push.outline.touched(self.contact.place);
-        let touching = Touching { at: touched.at - self.resisting.ground.centre, normal: touched.normal };
+        Touching { at: touched.at - self.resisting.ground.centre, normal: touched.normal }
+    }
+
+    fn motion(&self, mode: Mode, velocity: Vector2<f64>) -> Option<Instant> {
+        let touching = self.touching();
         let [sliding, _] = self.resisting.contact_friction;
         let force = match mode {
             Mode::Stick => None,
-            Mode::Slide(sign) => Some((-touched.normal - touching.tangent() * (sign * sliding)).normalize()),
+            Mode::Slide(sign) => Some((-touching.normal - touching.tangent() * (sign * sliding)).normalize()),
         };
         let asked = Asked { touching, velocity, force };
         self.resisting.ground.motion_under(&asked, self.contact.near.as_ref(), self.contact.load)

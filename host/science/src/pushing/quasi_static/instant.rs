@@ -115,6 +115,9 @@ pub(super) struct Near {
     pivot: Option<Pivot>,
 }
 
+/// Of an ellipsoid that resists like a support of this size: its largest moment over its largest force, in sizes.
+const ROUGH_RADIUS: f64 = 0.4;
+
 impl From<&Instant> for Near {
     fn from(instant: &Instant) -> Self {
         Self { omega: instant.omega, per_into: instant.per_into, load: instant.load, pivot: instant.pivot }
@@ -162,6 +165,21 @@ impl Asked {
         }
     }
 
+    /// Roughly how a part of this size moves, by the ellipsoid that its friction resembles; none if that is pulled.
+    fn rough(&self, size: f64, load: Vector3<f64>) -> Option<Trial> {
+        let (at, tangent) = (self.touching.at, self.touching.tangent());
+        let square = (ROUGH_RADIUS * size).powi(2);
+        let Some(direction) = self.force else {
+            let omega = at.perp(&self.velocity) / (at.norm_squared() + square);
+            return Some(Trial { omega, along: 0.0, load });
+        };
+        // Twists are as wrenches, but for the radius.
+        let omega = at.perp(&direction) / square;
+        let at_contact = direction + omega * Vector2::new(-at.y, at.x);
+        let into = -at_contact.dot(&self.touching.normal);
+        (into > 0.0).then(|| Trial { omega: omega / into, along: at_contact.dot(&tangent) / into, load })
+    }
+
     /// Whether a sliding part is pushed, not pulled: the other force on the same line.
     fn is_pushed(&self, instant: &Instant) -> bool {
         self.force.is_none_or(|direction| direction.dot(&instant.force) > 0.0)
@@ -195,9 +213,11 @@ impl Ground {
         newton.or_else(|| self.enclosed(asked, near.map_or(EVEN, |near| near.load)).filter(holds))
     }
 
-    /// The motion under a load that is given, of a ground that holds its load.
+    /// The motion under a load that is given, of a ground that holds its load: from the one nearby, from a rough one, or
+    /// by enclosing it.
     pub(super) fn motion_under(&self, asked: &Asked, near: Option<&Near>, load: Vector3<f64>) -> Option<Instant> {
         let newton = near.and_then(|near| self.newton(asked, Trial { load, ..asked.begin(near) }));
+        let newton = newton.or_else(|| self.newton(asked, asked.rough(self.size, load)?));
         newton.or_else(|| self.enclosed(asked, load))
     }
 

@@ -17,6 +17,7 @@
 //! Errors: [`SlowPushError`]. A part that tips, or a finger that meets it twice, ends the run: no errors.
 
 pub(crate) mod coarse;
+mod held;
 mod instant;
 mod pressure;
 mod run;

@@ -13,6 +13,7 @@
 
 use nalgebra::{Cholesky, Matrix2, Matrix3, Point2, Vector2, Vector3};
 
+use super::held::{HeldFeet, HeldFoot};
 use super::pressure::Face;
 use crate::geometry::SimplePolygon;
 use crate::pushing::dynamics::support::{SupportFriction, Twist};
@@ -179,6 +180,23 @@ struct Standing {
     friction: f64,
 }
 
+/// What a load weighs, `Σ w y yᵀ`, if all feet bear.
+fn weighing(feet: &[Standing]) -> Matrix3<f64> {
+    feet.iter().map(|foot| foot.y * (foot.y * foot.share).transpose()).sum()
+}
+
+/// What resists motions under loads that are given.
+#[derive(Clone, Debug)]
+enum Held {
+    Feet {
+        feet: HeldFeet,
+        /// The inverse of what a load weighs; none for feet on one line.
+        spread: Option<Matrix3<f64>>,
+    },
+    /// As it resists others.
+    Face,
+}
+
 /// A support ready to resist.
 #[derive(Clone, Debug)]
 pub(super) struct Ground {
@@ -200,8 +218,8 @@ pub(super) struct Ground {
     pub(super) friction: f64,
     /// Radius of the feet's rings, m.
     ring: f64,
-    /// Whether a motion is found under the load it is looked for from, and not under that which its own force makes.
-    holds_load: bool,
+    /// Set where a motion is found under the load it is looked for from, and not under that which its own force makes.
+    held: Option<Held>,
     /// A last step of this share of the slowest foot's speed ends the search for a motion; its error is the square.
     pub(super) last_step: f64,
 }
@@ -276,14 +294,24 @@ impl Ground {
             lifts: height > 0.0,
             friction: support.friction_max(),
             ring,
-            holds_load: false,
+            held: None,
             last_step: LAST_STEP,
         }
     }
 
     /// The same for coarse steps: the load is that of the step before, and motions are found to `last_step`.
     pub(super) fn coarse(self, last_step: f64) -> Self {
-        Self { holds_load: true, last_step, ..self }
+        let held = match &self.kind {
+            Kind::Feet(feet) => {
+                let foot = |foot: &Standing| HeldFoot { at: foot.at, y: foot.y, friction: foot.share * foot.friction };
+                Held::Feet {
+                    feet: HeldFeet::new(feet.iter().map(foot), self.ring),
+                    spread: weighing(feet).try_inverse(),
+                }
+            }
+            Kind::Even(_) | Kind::Face(_) => Held::Face,
+        };
+        Self { held: Some(held), last_step, ..self }
     }
 
     /// The load under a force (per weight) on the contact; none for feet on one line.
@@ -291,9 +319,12 @@ impl Ground {
     /// Feet that would have to be held down bear nothing in [`Ground::loaded`]; what they would bear is not spread anew.
     pub(super) fn load_under(&self, force: Vector2<f64>) -> Option<Vector3<f64>> {
         let Kind::Feet(feet) = &self.kind else { return Some(EVEN) };
-        let weighing: Matrix3<f64> = feet.iter().map(|foot| foot.y * (foot.y * foot.share).transpose()).sum();
         let lifted = self.lift * force;
-        match weighing.try_inverse() {
+        let spread = match &self.held {
+            Some(Held::Feet { spread, .. }) => *spread,
+            Some(Held::Face) | None => weighing(feet).try_inverse(),
+        };
+        match spread {
             Some(inverse) => Some(inverse * (self.weight + Vector3::new(0.0, lifted.x, lifted.y))),
             // On one line, or on one foot, nothing else can be while the push is in the plane.
             None => (!self.lifts).then_some(EVEN),
@@ -306,6 +337,8 @@ impl Ground {
             lift: self.lift * share,
             lifts: self.lifts && share > 0.0,
             ring: self.ring.max(ring * self.size),
+            // Made for other rings.
+            held: None,
             ..self.clone()
         }
     }
@@ -385,8 +418,10 @@ impl Ground {
 
     /// Friction of a motion with its load, looked for from the load `near`; none where no load fits.
     pub(super) fn loaded(&self, twist: &Vector3<f64>, near: &Vector3<f64>) -> Option<Loaded> {
-        if self.holds_load {
-            return Some(self.held(twist, near));
+        match &self.held {
+            Some(Held::Feet { feet, .. }) => return Some(feet.loaded(twist, near)),
+            Some(Held::Face) => return Some(self.under(twist, near)),
+            None => {}
         }
         if !self.lifts {
             let resistance = self.resistance(twist, &EVEN);
@@ -426,42 +461,10 @@ impl Ground {
     }
 
     /// Friction of a motion under a given load.
-    fn held(&self, twist: &Vector3<f64>, load: &Vector3<f64>) -> Loaded {
-        let Kind::Feet(feet) = &self.kind else {
-            let resistance = self.resistance(twist, load);
-            let wrench = resistance.by_load * load;
-            return Loaded { wrench, gradient: resistance.by_twist, load: *load, slowest: resistance.slowest };
-        };
-        // The same sums as `Resistance::add`, without what only a load that follows needs.
-        let ring_squared = self.ring * self.ring;
-        let [mut x, mut y, mut moment] = [0.0; 3];
-        let [mut xx, mut xy, mut yy, mut xm, mut ym, mut mm] = [0.0; 6];
-        let mut slowest_squared = f64::INFINITY;
-        for foot in feet {
-            let bears = foot.share * foot.friction * foot.y.dot(load).max(0.0);
-            let at = foot.at;
-            let (u, v) = (twist.x - twist.z * at.y, twist.y + twist.z * at.x);
-            let speed_squared = u * u + v * v + ring_squared * twist.z * twist.z;
-            slowest_squared = slowest_squared.min(speed_squared);
-            let per_speed = bears / speed_squared.sqrt();
-            let turned = at.x * v - at.y * u + ring_squared * twist.z;
-            x += per_speed * u;
-            y += per_speed * v;
-            moment += per_speed * turned;
-            let bend = per_speed / speed_squared;
-            xx += per_speed - bend * u * u;
-            xy -= bend * u * v;
-            yy += per_speed - bend * v * v;
-            xm -= per_speed * at.y + bend * u * turned;
-            ym += per_speed * at.x - bend * v * turned;
-            mm += per_speed * (at.norm_squared() + ring_squared) - bend * turned * turned;
-        }
-        Loaded {
-            wrench: Vector3::new(x, y, moment),
-            gradient: Matrix3::new(xx, xy, xm, xy, yy, ym, xm, ym, mm),
-            load: *load,
-            slowest: slowest_squared.sqrt(),
-        }
+    fn under(&self, twist: &Vector3<f64>, load: &Vector3<f64>) -> Loaded {
+        let resistance = self.resistance(twist, load);
+        let wrench = resistance.by_load * load;
+        Loaded { wrench, gradient: resistance.by_twist, load: *load, slowest: resistance.slowest }
     }
 
     /// Friction, and how it changes with the twist, its load with it.

@@ -352,6 +352,21 @@ impl PushSense {
         self.now
     }
 
+    /// What it reads at rest.
+    #[must_use]
+    pub fn rest(&self) -> &RestNoise {
+        &self.rest
+    }
+
+    /// What was read since the push began, tared, with times since then.
+    #[must_use]
+    pub fn readings(&self) -> &[Reading] {
+        match &self.stage {
+            Stage::Pushing(windows) => &windows.readings,
+            Stage::Waiting | Stage::Rising => &[],
+        }
+    }
+
     /// When the push began, s.
     #[must_use]
     pub fn onset_time(&self) -> Option<f64> {

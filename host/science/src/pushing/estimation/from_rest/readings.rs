@@ -15,6 +15,7 @@
 //! Assumes: white noise; bending that moves the disk, but adds nothing to its speed. Frames: world axes. Units: SI.
 //! Errors: none. "No pose explains the readings" and "several do" are answers.
 
+mod follower;
 mod measured;
 mod numbers;
 mod read_force;
@@ -23,6 +24,7 @@ mod tracker;
 
 use std::f64::consts::TAU;
 
+pub use follower::{MotionClock, PushFollower};
 use measured::PathNumbers;
 pub use measured::{MeasuredEstimate, MeasuredFinger, estimate_measured_until};
 use nalgebra::{Isometry2, Matrix6, Translation2, UnitComplex, Vector2};

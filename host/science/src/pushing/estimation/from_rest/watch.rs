@@ -14,7 +14,7 @@ use std::collections::VecDeque;
 use super::onset::{PushSense, RestNoise, Touch};
 use super::{Estimate, KnownFromRest, WINDOWS_MIN, WindowedForce, estimate_until, follow, hann_windows};
 use crate::finger::calibration::{Calibration, FrontEnd};
-use crate::finger::contact::TareError;
+use crate::finger::contact::{Reading, TareError};
 use crate::finger::judge::{Judged, Tally};
 use crate::finger::rest::{RestStretch, check_offset};
 use crate::pushing::finger_motion::FingerMotion;
@@ -54,6 +54,8 @@ pub struct PushWatch {
     /// Where the tare is held against the calibration's offset.
     front_end: Option<FrontEnd>,
     stage: Stage,
+    /// What was read at rest, once that is over.
+    rest: Vec<Reading>,
     tally: Tally,
     /// The tally at times before the push is felt to have begun, s.
     marks: VecDeque<(f64, Tally)>,
@@ -82,6 +84,7 @@ impl PushWatch {
             calibration: calibration.cloned(),
             front_end: None,
             stage: Stage::Resting(RestStretch::new(settings.rest_s)),
+            rest: Vec::new(),
             tally: Tally::default(),
             marks: VecDeque::new(),
             at_onset: None,
@@ -135,6 +138,7 @@ impl PushWatch {
             check_offset(&noise.bias, calibration, front_end)?;
         }
         let sense = PushSense::new(noise, self.calibration.as_ref());
+        self.rest = rest.readings().to_vec();
         self.stage = Stage::Sensing(Box::new(sense));
         Ok(())
     }
@@ -165,6 +169,12 @@ impl PushWatch {
             Stage::Sensing(sense) => Some(sense),
             Stage::Resting(_) => None,
         }
+    }
+
+    /// What was read at rest, in order of time; nothing before that is over.
+    #[must_use]
+    pub fn rest(&self) -> &[Reading] {
+        &self.rest
     }
 
     /// When the push began, s.
@@ -245,6 +255,8 @@ impl PushWatch {
 pub struct RecordedWatch {
     /// The tared finger, which has taken the rest.
     pub watch: PushWatch,
+    /// The first item of the recording after the rest.
+    pub rested: usize,
     /// From which item of the recording on the push is to be watched.
     pub from: usize,
     /// The contact that is the push; none where nothing was felt.
@@ -293,7 +305,13 @@ impl RecordedWatch {
         let others = contacts.iter().enumerate().filter(|(number, _)| Some(*number) != taken);
         let others = others.map(|(_, contact)| contact.touch).collect();
         let taken = taken.map(|taken| &contacts[taken]);
-        Ok(Self { watch, from: taken.map_or(rested, |taken| taken.from), push: taken.map(|taken| taken.touch), others })
+        Ok(Self {
+            watch,
+            rested,
+            from: taken.map_or(rested, |taken| taken.from),
+            push: taken.map(|taken| taken.touch),
+            others,
+        })
     }
 }
 

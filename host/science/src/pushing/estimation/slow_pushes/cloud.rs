@@ -60,10 +60,16 @@ impl Kernel {
         let square = (x * x + y * y) / (self.place * self.place) + (theta / self.angle).powi(2);
         let peak = 1.0 / (TAU.powf(1.5) * self.place * self.place * self.angle);
         let wide = self.tail_width * self.tail_width;
-        peak * ((1.0 - self.tail_share) * (-0.5 * square).exp()
-            + self.tail_share * (-0.5 * square / wide).exp() / (wide * self.tail_width))
+        // Most poses of a cloud are far from most others, and exponentials are what a density takes.
+        let bell = |square: f64| if square < FAR_SQUARE { (-0.5 * square).exp() } else { 0.0 };
+        peak * ((1.0 - self.tail_share) * bell(square)
+            + self.tail_share * bell(square / wide) / (wide * self.tail_width))
     }
 }
+
+/// Squared distance, in standard deviations, from which a kernel counts as 0: a sum of thousands then lacks less than
+/// rounding takes from one that is near.
+const FAR_SQUARE: f64 = 90.0;
 
 /// Poses within this of each other along the plane, m, and in angle, rad, are of one heap: what a chain of pushes leaves
 /// of a part is within.

@@ -6,6 +6,9 @@
 //! followed, and what it finds is taken on to now a few readings at a time. Where nothing explains the readings any more, what
 //! was read lately is searched, of a part that moves already; so does a tracker that begins in the middle of a push.
 //!
+//! Before a push from rest is searched the force must have bent from a line, and where more places explain it than can be
+//! followed, none is: a straight push tells too little. That is an answer too ([`TrackerState::Ambiguous`]).
+//!
 //! Assumes: readings in the order of time, white noise; an outline that is not known exactly counts as noise here. Frames:
 //! world axes. Units: SI. Errors: none; "nothing explains the readings" is an answer.
 
@@ -13,17 +16,19 @@ mod followed;
 #[cfg(test)]
 mod tests;
 
-use nalgebra::{Isometry2, Matrix6, Vector2, Vector6};
+use nalgebra::{Isometry2, Matrix6, SVector, Vector2, Vector6};
 
 use followed::{Followed, Stretch};
 
 use super::{FeltPush, ForceReading, KnownOfFinger, listed, turned_covariance, turns};
 use crate::geometry::Pose;
 use crate::math::angle::wrap_angle;
+use crate::math::least_squares::NormalEquations;
 use crate::math::statistics::chi_square_quantile;
 use crate::math::unscented::Gaussian;
-use crate::pushing::dynamics::ContactMode;
+use crate::pushing::dynamics::{ContactMode, Part};
 use crate::pushing::estimation::from_rest::symmetry;
+use crate::pushing::estimation::hypotheses;
 use crate::search::{Halt, Stop};
 
 /// What the first searches of a contact go by, s since it was first read: the first answer soon, and again when a finger
@@ -33,8 +38,18 @@ const SEARCHES_S: [f64; 3] = [0.25, 0.5, 0.9];
 /// What a search goes by that begins in the middle, s: what happened before is forgotten in less.
 const RECENT_S: f64 = 0.5;
 
-/// From a search that found nothing to the next, s.
+/// From a search that found nothing, or too much, to the next, s.
 const AGAIN_S: f64 = 0.25;
+
+/// More explanations are samples of a continuum: none of them may be where the part is. They are not followed.
+const EXPLANATIONS_MAX: usize = 40;
+
+/// Force that goes on as a line tells hardly more than four numbers, and a push has as many unknowns: it is searched so long
+/// after a line has failed, s, or at the last time that searches are due.
+const AFTER_LINE_S: f64 = 0.1;
+
+/// Chance has a line fail once in so many times.
+const LINE_CHANCE: f64 = 1e-4;
 
 /// Readings kept, s: what the longest search goes by, and what comes while it runs.
 const KEPT_S: f64 = 4.0;
@@ -79,6 +94,8 @@ pub enum TrackerState {
     NoContact,
     /// What is felt is not explained yet, or no longer.
     Searching,
+    /// So many poses explain it that they cannot be followed: the finger is to turn aside, or to go on.
+    Ambiguous,
     /// Hypotheses are followed, and are behind the readings.
     CatchingUp,
     /// They are at the last reading.
@@ -110,6 +127,14 @@ pub struct TrackedHypothesis {
     pub probability: f64,
 }
 
+impl TrackedHypothesis {
+    /// Standard deviations: of the centre of mass (m, both directions together) and of the angle (rad).
+    #[must_use]
+    pub fn spread(&self, part: &Part) -> (f64, f64) {
+        hypotheses::spread(part, &self.pose, &self.covariance.fixed_view::<3, 3>(0, 0).into_owned())
+    }
+}
+
 /// A search that is to be made, wherever there is time for it.
 #[derive(Clone, Debug)]
 pub struct SearchTask {
@@ -120,7 +145,9 @@ pub struct SearchTask {
 /// What a search found.
 #[derive(Clone, Debug)]
 pub struct Found {
-    /// At the last reading that it went by.
+    /// How many places explain what was read.
+    explanations: usize,
+    /// At the last reading that it went by; nothing where there are too many to follow.
     followed: Vec<Followed>,
     /// That, s.
     time: f64,
@@ -134,12 +161,14 @@ impl SearchTask {
         let halt = Halt::new(stop);
         let time = self.readings.last().map_or(f64::NEG_INFINITY, |reading| reading.time);
         let Some(push) = FeltPush::new(&known, &self.readings, None) else {
-            return Found { followed: Vec::new(), time };
+            return Found { explanations: 0, followed: Vec::new(), time };
         };
         let concluded = listed(push.all(&halt));
-        let followed = concluded.iter().take_while(|_| !halt.is_wished());
+        let explanations = concluded.len();
+        let few = if explanations <= EXPLANATIONS_MAX { &concluded[..] } else { &[] };
+        let followed = few.iter().take_while(|_| !halt.is_wished());
         let followed = followed.flat_map(|found| Followed::all_of(found, &push, time)).collect();
-        Found { followed: kept(followed), time }
+        Found { explanations, followed: kept(followed), time }
     }
 }
 
@@ -191,6 +220,10 @@ pub struct ForceTracker {
     searches: usize,
     next_search: Option<f64>,
     is_searching: bool,
+    /// When the readings of a push from rest were first more than a line, s.
+    bent: Option<f64>,
+    /// What the last search found that is not followed.
+    explanations: usize,
     hypotheses: Vec<Followed>,
     /// Those of a search, on their way to now.
     arriving: Vec<Followed>,
@@ -212,6 +245,8 @@ impl ForceTracker {
             searches: 0,
             next_search: None,
             is_searching: false,
+            bent: None,
+            explanations: 0,
             hypotheses: Vec::new(),
             arriving: Vec::new(),
             misfits: Vec::new(),
@@ -248,6 +283,10 @@ impl ForceTracker {
             // What is left began in the middle.
             self.from_rest = false;
         }
+        if self.from_rest && self.bent.is_none() && self.searches < SEARCHES_S.len() && !is_line(known, &self.readings)
+        {
+            self.bent = Some(reading.time);
+        }
         // Without force it is not known yet whether the contact is lost.
         if is_loud {
             self.catch_up(known);
@@ -258,8 +297,8 @@ impl ForceTracker {
     /// The contact is lost: the part stays where it was, and what comes next is another contact.
     fn lose(&mut self) {
         self.readings.clear();
-        (self.begun, self.from_rest, self.next_search) = (None, false, None);
-        self.searches = 0;
+        (self.begun, self.from_rest, self.next_search, self.bent) = (None, false, None, None);
+        (self.searches, self.explanations) = (0, 0);
         self.hypotheses.clear();
         self.arriving.clear();
         self.misfits.clear();
@@ -268,7 +307,20 @@ impl ForceTracker {
     /// A search that is due; its outcome is to be given to [`Self::adopt`].
     pub fn search_due(&mut self) -> Option<SearchTask> {
         let now = self.readings.last()?.time;
-        self.next_search.filter(|due| now >= *due && !self.is_searching && self.readings.len() >= READINGS_MIN)?;
+        let due = self.next_search.filter(|due| now >= *due && !self.is_searching)?;
+        let latest = self.begun? + SEARCHES_S[SEARCHES_S.len() - 1];
+        let told =
+            if self.from_rest { self.bent.map_or(latest, |bent| (bent + AFTER_LINE_S).min(latest)) } else { due };
+        (now >= told).then(|| self.search())?
+    }
+
+    /// A search of what is felt by now, whether due or not: for the end of a push that is not followed.
+    pub fn search_now(&mut self) -> Option<SearchTask> {
+        (!self.is_searching && self.hypotheses.is_empty() && self.arriving.is_empty()).then(|| self.search())?
+    }
+
+    fn search(&mut self) -> Option<SearchTask> {
+        let now = self.readings.last().filter(|_| self.readings.len() >= READINGS_MIN)?.time;
         self.is_searching = true;
         self.searches += 1;
         let later = self.begun.zip(SEARCHES_S.get(self.searches)).map(|(begun, later)| begun + later);
@@ -278,19 +330,28 @@ impl ForceTracker {
         Some(SearchTask { readings: self.readings[first..].to_vec(), is_moving })
     }
 
+    /// Takes all hypotheses on to the last reading, however long it takes: for the end of a push.
+    pub fn finish(&mut self, known: &KnownOfFinger) {
+        while !self.arriving.is_empty() {
+            self.catch_up(known);
+        }
+    }
+
     /// Takes what a search found instead of what was followed.
     pub fn adopt(&mut self, known: &KnownOfFinger, found: Found) {
         self.is_searching = false;
         // The contact may have been lost meanwhile.
         let Some(begun) = self.begun.filter(|begun| found.time >= *begun) else { return };
+        self.explanations = found.explanations;
         if found.followed.is_empty() {
             let now = self.readings.last().map_or(begun, |reading| reading.time);
             let again = now + AGAIN_S;
             self.next_search = Some(self.next_search.map_or(again, |next| next.min(again)));
-            // What began from rest may have been no such push.
-            self.from_rest &= self.searches < SEARCHES_S.len();
+            // What began from rest, and nothing explains, may have been no such push.
+            self.from_rest &= found.explanations > 0 || self.searches < SEARCHES_S.len();
             return;
         }
+        self.explanations = 0;
         self.arriving = found.followed;
         self.catch_up(known);
     }
@@ -355,8 +416,21 @@ impl ForceTracker {
             (None, ..) => TrackerState::NoContact,
             (_, false, _) => TrackerState::Following,
             (_, true, false) => TrackerState::CatchingUp,
+            (_, true, true) if self.explanations > 0 => TrackerState::Ambiguous,
             (_, true, true) => TrackerState::Searching,
         }
+    }
+
+    /// How many places explain what the last search went by, where they are [`TrackerState::Ambiguous`].
+    #[must_use]
+    pub fn explanations(&self) -> usize {
+        self.explanations
+    }
+
+    /// The last reading of the contact, s; before the first, −∞.
+    #[must_use]
+    pub fn last(&self) -> f64 {
+        self.readings.last().map_or(f64::NEG_INFINITY, |last| last.time)
     }
 
     /// The reading that the hypotheses are at, or else the last one, s; before the first, −∞.
@@ -439,6 +513,27 @@ impl Cluster<'_> {
         });
         Gaussian { mean, covariance: covariance.sum() }
     }
+}
+
+/// Whether each axis of the force, free of the finger's own mass, is a line.
+fn is_line(known: &KnownOfFinger, readings: &[ForceReading]) -> bool {
+    let Some(first) = readings.first() else { return true };
+    let freedom = 2 * readings.len().saturating_sub(2);
+    if freedom == 0 {
+        return true;
+    }
+    let misfit = |axis: usize| {
+        let mut equations = NormalEquations::<2>::zero();
+        for reading in readings {
+            let acceleration = known.motion.acceleration(reading.time);
+            let force = (reading.force + acceleration * known.effective_mass)[axis];
+            let sd = known.noise.hypot(known.effective_mass_sd * acceleration[axis]);
+            equations.add(-force / sd, SVector::from([1.0, reading.time - first.time]) / sd);
+        }
+        let gained = equations.gauss_newton_step().map(|step| equations.predicted_reduction(&step));
+        gained.map_or(0.0, |gained| equations.cost - gained)
+    };
+    misfit(0) + misfit(1) < chi_square_quantile(1.0 - LINE_CHANCE, freedom)
 }
 
 /// The likeliest first, without those that say what a better one says, or that hardly can be.

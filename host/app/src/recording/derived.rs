@@ -1,0 +1,225 @@
+//! What is made of the samples, beside them in the recording: a message for each block, or for each sample where all is
+//! asked for.
+//!
+//! Frames: `finger` for forces, `world` for poses, which is the frame of the finger's motion. Units: SI; forces in the
+//! calibration's unit, which the channel names.
+
+use std::time::{Duration, Instant};
+
+use nalgebra::{Matrix3, Vector2};
+use palpate::finger::contact::{Contact, Reading};
+use palpate::finger::judge::Judged;
+use palpate::finger::sense::{FingerSense, Sensed};
+use palpate::geometry::Pose;
+use palpate::pushing::estimation::Hypothesis;
+use palpate_device::{Incoming, Session};
+use serde_json::json;
+
+use super::cdr::Cdr;
+use super::channels::Kind;
+use super::disk::Item;
+use super::{Recording, active};
+
+/// Between two messages of what was counted.
+const COUNTERS_EVERY: Duration = Duration::from_secs(1);
+
+const FINGER: &str = "finger";
+const WORLD: &str = "world";
+const PART: &str = "part";
+
+/// What the messages are made with.
+#[derive(Debug)]
+pub(super) struct Derived {
+    is_full: bool,
+    bias: Option<Vector2<f64>>,
+    sense: Option<FingerSense>,
+    counted: Option<Instant>,
+    /// Unix time of what the session went by last, ns.
+    pub(super) newest_ns: u64,
+}
+
+impl Derived {
+    pub(super) fn new(is_full: bool) -> Self {
+        Self { is_full, bias: None, sense: None, counted: None, newest_ns: 0 }
+    }
+}
+
+/// From now on forces are in `unit`, and less this tare where there is one.
+pub(crate) fn tared(unit: &'static str, bias: Option<Vector2<f64>>) {
+    let Some(recording) = &mut *active() else { return };
+    recording.disk.put(Item::UnitOfForce(unit));
+    recording.derived.bias = bias;
+}
+
+/// From now on contacts are felt with this finger.
+pub(crate) fn sensing(finger: &FingerSense) {
+    if let Some(recording) = &mut *active() {
+        recording.derived.sense = Some(finger.clone());
+    }
+}
+
+/// Takes what came, and what was made of it.
+pub(crate) fn taken(session: &Session, incoming: &Incoming, judged: &[Judged]) {
+    if let Some(recording) = &mut *active() {
+        recording.take(session, incoming, judged);
+    }
+}
+
+/// Where a part may be.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Believed {
+    pub(crate) probability: f64,
+    /// In contact.
+    pub(crate) edge: usize,
+    pub(crate) pose: Pose,
+    /// Of x, y, theta.
+    pub(crate) covariance: Option<Matrix3<f64>>,
+}
+
+impl From<&Hypothesis> for Believed {
+    fn from(hypothesis: &Hypothesis) -> Self {
+        let &Hypothesis { probability, edge, pose_end: pose, covariance, .. } = hypothesis;
+        Self { probability, edge, pose, covariance }
+    }
+}
+
+/// Takes where the part may be, number `part` of those that were named, so long after the push began, s; the likeliest first.
+pub(crate) fn believed(part: usize, felt_s: f64, hypotheses: impl IntoIterator<Item = Believed>) {
+    if let Some(recording) = &mut *active() {
+        let hypotheses: Vec<_> = hypotheses.into_iter().collect();
+        recording.believe(recording.derived.newest_ns, part, felt_s, &hypotheses);
+    }
+}
+
+/// Unix time of a moment on the device's clock, or of the newest arrival, ns.
+fn unix_ns(session: &Session, device_s: Option<f64>) -> u64 {
+    let newest = session.unix_time_of_arrival_ns().unwrap_or_else(|| palpate_device::trace::Stamp::now().unix_ns);
+    let Some(seconds) = device_s.and_then(|t| session.unix_time_s(t)) else { return newest };
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a time after 1970, below 2⁶⁴ ns")]
+    let ns = (seconds * 1e9) as u64;
+    ns
+}
+
+impl Recording {
+    fn put(&mut self, kind: Kind, unix_ns: u64, cdr: Cdr) {
+        self.disk.put(Item::Message { kind, unix_ns, data: cdr.finish() });
+    }
+
+    fn take(&mut self, session: &Session, incoming: &Incoming, judged: &[Judged]) {
+        let readings: Vec<Reading> = judged.iter().filter_map(|item| item.reading()).collect();
+        if self.derived.is_full {
+            readings.iter().for_each(|reading| self.force(session, reading));
+        } else if let Some(mean) = mean(&readings) {
+            self.force(session, &mean);
+        }
+        if let Some(sense) = &mut self.derived.sense {
+            let mut sensed = sense.feel(judged.iter().copied());
+            if !self.derived.is_full {
+                sensed.drain(..sensed.len().saturating_sub(1));
+            }
+            sensed.iter().for_each(|sensed| self.contact(session, sensed));
+        }
+        let now = session.arrival();
+        let is_due = self.derived.counted.is_none_or(|at| now.saturating_duration_since(at) >= COUNTERS_EVERY);
+        if is_due && matches!(incoming, Incoming::Samples(_)) {
+            self.derived.counted = Some(now);
+            self.count(session);
+        }
+    }
+
+    fn force(&mut self, session: &Session, reading: &Reading) {
+        let at = unix_ns(session, Some(reading.t));
+        let wrench =
+            |force: Vector2<f64>| Cdr::new().header(at, FINGER).f64s([force.x, force.y, 0.0]).f64s([0.0, 0.0, 0.0]);
+        self.put(Kind::WrenchRaw, at, wrench(reading.force_finger));
+        if let Some(bias) = self.derived.bias {
+            self.put(Kind::Wrench, at, wrench(reading.force_finger - bias));
+        }
+    }
+
+    fn contact(&mut self, session: &Session, sensed: &Sensed) {
+        let t = match sensed {
+            Sensed::Contact(reading) => reading.t,
+            Sensed::NotMeasured { t, .. } => *t,
+        };
+        let at = unix_ns(session, Some(t));
+        let nothing = [f64::NAN; 6];
+        let (is_measured, is_touching, numbers) = match sensed {
+            Sensed::NotMeasured { .. } => (false, false, nothing),
+            Sensed::Contact(reading) => match &reading.contact {
+                Contact::Free { force_finger: force, .. } => {
+                    (true, false, [f64::NAN, f64::NAN, f64::NAN, force.x, force.y, f64::NAN])
+                }
+                Contact::Touching(touch) => {
+                    let force = touch.force_finger;
+                    let angles = [touch.u, touch.u_sd, touch.friction_half_angle];
+                    let [u, u_sd, friction] = angles;
+                    (true, true, [u, u_sd, friction, force.x, force.y, touch.magnitude_sd])
+                }
+            },
+        };
+        let contact = Cdr::new().header(at, FINGER).f64(t).bool(is_measured).bool(is_touching).f64s(numbers);
+        self.put(Kind::Contact, at, contact);
+    }
+
+    fn count(&mut self, session: &Session) {
+        let counts = session.counts();
+        let told = json!({
+            "samples": counts.samples,
+            "missing": counts.missing,
+            "repeated": counts.repeated,
+            "damaged_frames": counts.damaged_frames,
+            "unknown_messages": counts.unknown_messages,
+            "commands_repeated": counts.commands_repeated,
+            "disconnections": counts.disconnections,
+            "restarts": counts.restarts,
+            "temperature_c": session.temperature_c(),
+        });
+        let (unix_ns, data) = (unix_ns(session, None), told.to_string().into_bytes());
+        self.disk.put(Item::Message { kind: Kind::Counters, unix_ns, data });
+    }
+
+    fn believe(&mut self, at: u64, part: usize, felt_s: f64, hypotheses: &[Believed]) {
+        let belief = Cdr::new().header(at, WORLD).f64(felt_s).u32(u32::try_from(part).unwrap_or(u32::MAX));
+        let belief = belief.sequence(hypotheses, |cdr, hypothesis| {
+            let pose = hypothesis.pose;
+            let edge = u32::try_from(hypothesis.edge).unwrap_or(u32::MAX);
+            let covariance = (0..9).map(|place| entry(hypothesis, place / 3, place % 3));
+            cdr.f64(hypothesis.probability).u32(edge).f64s([pose.x, pose.y, pose.theta]).f64s(covariance)
+        });
+        self.put(Kind::Belief, at, belief);
+        let Some(best) = hypotheses.first() else { return };
+        let pose = best.pose;
+        let (sin, cos) = (0.5 * pose.theta).sin_cos();
+        // Of x, y, z and the turns about them: what a plane leaves open is 0.
+        let covariance = (0..36).map(|place| match [place / 6, place % 6].map(plane) {
+            [Some(row), Some(column)] => entry(best, row, column),
+            _ => 0.0,
+        });
+        let stamped = Cdr::new().header(at, WORLD).f64s([pose.x, pose.y, 0.0]).f64s([0.0, 0.0, sin, cos]);
+        self.put(Kind::Pose, at, stamped.f64s(covariance));
+        let transforms = Cdr::new().sequence(&[()], |cdr, ()| {
+            cdr.header(at, WORLD).text(PART).f64s([pose.x, pose.y, 0.0]).f64s([0.0, 0.0, sin, cos])
+        });
+        self.put(Kind::Transforms, at, transforms);
+    }
+}
+
+/// Of the covariance of x, y, theta; NaN where it is not known.
+fn entry(hypothesis: &Believed, row: usize, column: usize) -> f64 {
+    hypothesis.covariance.map_or(f64::NAN, |covariance| covariance[(row, column)])
+}
+
+/// Which of x, y, theta a coordinate in space is.
+fn plane(coordinate: usize) -> Option<usize> {
+    [0, 1, 5].iter().position(|&of_plane| of_plane == coordinate)
+}
+
+/// The mean of a block's readings, at the mean of their times.
+fn mean(readings: &[Reading]) -> Option<Reading> {
+    let count = readings.len() as f64;
+    let first = readings.first()?.t;
+    let t = first + readings.iter().map(|reading| reading.t - first).sum::<f64>() / count;
+    let force = readings.iter().map(|reading| reading.force_finger).sum::<Vector2<f64>>() / count;
+    Some(Reading::new(t, force))
+}
