@@ -83,6 +83,7 @@ fn the_demonstration_finds_its_part_and_reveals_the_truth() {
     let output = palpate(&["demo", "--touch", "--seed", "2"]).output().unwrap();
     let said = text(&output.stdout);
     assert_eq!(output.status.code(), Some(0), "{said}{}", text(&output.stderr));
+    crate::observe::assert_fits_a_terminal(&String::from_utf8_lossy(&output.stdout));
     let off = said.split_once("nowhere more than ").unwrap().1.split_once(" mm").unwrap().0;
     assert!(off.parse::<f64>().unwrap() <= 0.5 && said.contains("Nothing here was measured"), "{said}");
 }

@@ -343,7 +343,8 @@ fn legend() -> String {
     folded(
         "felt: time since the finger began to move. p: probability. edge: the one in contact, as in the part file, from 0. \
          x, y, turned: the part's centre of mass, and how far the part is turned. ±: one standard deviation, of the \
-         distance and of the angle. vx, vy, turning: velocity of the centre of mass, and how fast the part turns.",
+         distance and of the angle. vx, vy, turning: velocity of the centre of mass, and how fast the part turns. \
+         mass: of the part.",
     )
 }
 

@@ -22,7 +22,7 @@ The commands that take samples record themselves with --record, which also keeps
 
 /// Keeps everything that a device sends in a file, to be played later.
 ///
-/// Exit status: 0, 1 if something cannot be used, 64 wrong command line.
+/// Exit status: 0, 1 if something cannot be used or the recording ended before its time, 64 wrong command line.
 #[derive(Debug, clap::Args)]
 #[command(after_long_help = super::help::flowing(LONG_HELP))]
 pub(crate) struct Arguments {
@@ -57,6 +57,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let (seconds, mut until_s) = (arguments.seconds.unwrap_or(f64::INFINITY), None);
     let mut is_wanted = |incoming: &Incoming| {
         super::tell(incoming);
+        if !recording::goes_on() {
+            return false;
+        }
         let Incoming::Samples(samples) = incoming else { return true };
         let end_s = samples.device_time_s(samples.counts.len());
         let begun_s = samples.device_time_s(0);
@@ -79,5 +82,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     stopped.advised()?;
     let counts = session.counts();
     note!("{} samples, {} missing, {} damaged frames", counts.samples, counts.missing, counts.damaged_frames);
-    Ok(ExitCode::SUCCESS)
+    if recording::goes_on() {
+        Ok(ExitCode::SUCCESS)
+    } else {
+        Err(miette::miette!("the recording ended before its time"))
+    }
 }

@@ -78,6 +78,11 @@ impl Disk {
         }
     }
 
+    /// Whether items are still written, as far as is known.
+    pub(super) fn goes_on(&self) -> bool {
+        self.items.is_some()
+    }
+
     /// Waits until all is written, and says how much that is.
     pub(super) fn end(mut self) {
         self.items = None;

@@ -97,6 +97,11 @@ pub(crate) fn is_active() -> bool {
     active().is_some()
 }
 
+/// Whether what is recorded is still being written.
+pub(crate) fn goes_on() -> bool {
+    active().as_ref().is_some_and(|recording| recording.disk.goes_on())
+}
+
 /// Ends the recording, if there is one: all of it is on the disk then, and it is told how much.
 pub(crate) fn end() {
     let Some(recording) = active().take() else { return };

@@ -80,8 +80,8 @@ impl Ringing {
     ///
     /// let reading = |k: u32| {
     ///     let t = 250e-6 * f64::from(k); // s
-    ///     let rung = 1.0 - (-24.0 * t).exp() * (1114.0 * t).cos();
-    ///     Reading::new(t, Vector2::new(-0.8 - 0.1 * t, 0.3) * rung)
+    ///     let rung = (-24.0 * t).exp() * (1114.0 * t).cos();
+    ///     Reading::new(t, Vector2::new(-0.8 - 0.1 * t, 0.3) + Vector2::new(0.8, -0.3) * rung)
     /// };
     /// let readings: Vec<_> = (0..240).map(reading).collect();
     /// let ringing = Ringing::found_in(&readings).unwrap();

@@ -68,12 +68,13 @@ pub(crate) fn run(seed: u64) -> miette::Result<ExitCode> {
     let status = locate(&mut search, &mut carrier, &Told { json: false }, APPROACHES_MAX)?;
     let truth = robot.truth();
     let moved = outlines_apart(&outline, &pose, &truth.pose);
-    say!(
+    let told = format!(
         "The truth: {}; the touches moved it by {:.3} mm, and the finger pressed with {:.2} N at most.",
         in_words(&file, &truth.pose),
         moved * 1e3,
         truth.force_max
     );
+    say!("{}", folded(&told));
     if let TouchVerdict::One(mode) = search.verdict() {
         let off = outlines_apart(&outline, &mode.pose, &truth.pose);
         say!("The outline that was found is nowhere more than {:.3} mm from the true one.", off * 1e3);

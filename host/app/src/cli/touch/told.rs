@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 
 use super::is_touch;
 use crate::cli::{counted, turn_deg};
+use crate::width::folded;
 
 /// Poses that a person is shown; a program gets them all.
 const SHOWN: usize = 6;
@@ -28,7 +29,7 @@ impl Told {
         }
         let approach = &next.approach;
         say!(
-            "approach {number}: from {} mm towards {} mm; it meets the part with {:.0} %, {:.0} % of what is left stay on average",
+            "approach {number}: from {} mm towards {} mm\n  it meets the part with {:.0} %; {:.0} % of what is left stay on average",
             mm(approach.from),
             mm(approach.at(approach.length)),
             next.meets * 1e2,
@@ -57,7 +58,7 @@ impl Told {
         match met {
             Met::Nothing => say!("  nothing there"),
             Met::Part(touch) => say!(
-                "  touched: the disk's centre at ({:.2}, {:.2}) ± {:.3} mm, normal at {:.1}° ± {:.1}°",
+                "  touched: disk at ({:.2}, {:.2}) ± {:.3} mm, normal at {:.1}° ± {:.1}°",
                 touch.centre.x * 1e3,
                 touch.centre.y * 1e3,
                 touch.sigma * 1e3,
@@ -105,16 +106,18 @@ impl Told {
             touches
         );
         match verdict {
-            TouchVerdict::One(mode) => say!("The part is at {}, {after}.", in_words(search, mode)),
+            TouchVerdict::One(mode) => {
+                say!("{}", folded(&format!("The part is at {}, {after}.", in_words(search, mode))));
+            }
             TouchVerdict::Alike(_) => {
-                say!(
-                    "Touch cannot tell these poses apart, {after}: in each the outline is the same within the tolerance."
-                );
+                let same = "in each the outline is the same within the tolerance";
+                say!("{}", folded(&format!("Touch cannot tell these poses apart, {after}: {same}.")));
                 self.poses(search, modes);
             }
-            TouchVerdict::NoPose => say!(
-                "No pose of this part fits what was felt, {after}: it was moved, it is another, or it is not all within --area-mm."
-            ),
+            TouchVerdict::NoPose => {
+                let why = "it was moved, it is another, or it is not all within --area-mm";
+                say!("{}", folded(&format!("No pose of this part fits what was felt, {after}: {why}.")));
+            }
             TouchVerdict::Open { .. } => {
                 say!("Not decided {after}.");
                 self.poses(search, modes);
