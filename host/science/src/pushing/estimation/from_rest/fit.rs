@@ -187,7 +187,7 @@ impl<'p> Problem<'_, 'p> {
     fn try_path(&self, guess: Guess, path: Path) -> Option<Tried> {
         let edge = self.course.part.edge(guess.edge).ok()?;
         let mut predicted = self.measured.predicted(&path, guess.delay);
-        predicted.numbers = self.of_numbers(&guess, &predicted);
+        predicted.numbers = self.of_numbers(&guess, &path, &predicted);
         predicted.off = self.course.off.to_vec();
         let compared = predicted.compared(self.measured.data(), self.mass);
         let Compared { mass, rest, .. } = compared;
@@ -204,14 +204,19 @@ impl<'p> Problem<'_, 'p> {
     }
 
     /// What each number of outline and motion changes, one standard deviation off; nothing where that cannot be played.
-    fn of_numbers(&self, guess: &Guess, predicted: &Predicted) -> Vec<OfNumber> {
-        let per_mass = |changed| {
+    fn of_numbers(&self, guess: &Guess, path: &Path, predicted: &Predicted) -> Vec<OfNumber> {
+        let per_mass = |changed: &'p Changed| {
+            if let Changed::Friction(along) = changed
+                && !(path.slipped && along.differs_within(&self.course.friction_along, path.s_span))
+            {
+                return None;
+            }
             let path = self.course.with(changed).play(guess).ok()?;
             Some((self.measured.predicted(&path, guess.delay).shape - &predicted.shape) / SHARE_OF_SD)
         };
         let none = || DVector::zeros(predicted.shape.len());
         let carried = |changed: &Changed| match changed {
-            Changed::Part(_) => None,
+            Changed::Part(_) | Changed::Friction(_) => None,
             Changed::Motion(legs) => {
                 let [before, after] = [&self.course.legs, legs].map(|legs| self.measured.carried(legs));
                 // The finger's mass takes its part of what is read.

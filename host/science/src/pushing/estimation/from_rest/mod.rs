@@ -28,10 +28,12 @@
 
 mod felt;
 mod fit;
+mod friction_along;
 pub mod hann_windows;
 pub mod misfit;
 mod moving_seeds;
 pub mod onset;
+mod part_errors;
 mod path;
 pub mod readings;
 mod seeds;
@@ -44,6 +46,7 @@ pub mod windowed_force;
 use nalgebra::Translation2;
 
 use fit::{EndCovariance, MU_C_MIN, Problem, Tried};
+use friction_along::FrictionAlong;
 use path::{Course, CourseStart, Guess};
 use seeds::Cover;
 pub use windowed_force::{CalibrationUncertainty, CarriedFinger, Uncertainty, WindowedForce};
@@ -297,6 +300,7 @@ fn course<'p>(known: &KnownFromRest<'p>, measured: &WindowedForce) -> Course<'p>
         mu_g: known.mu_g,
         mu_g_log_sd: known.mu_g_log_sd,
         mu_c: None,
+        friction_along: FrictionAlong::default(),
         changed: &[],
         off: &[],
         start: CourseStart::Rest,

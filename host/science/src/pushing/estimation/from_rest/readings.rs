@@ -3,11 +3,11 @@
 //! The sensor sits between the robot and the finger. What it reads is the force of the contact on the disk less what the
 //! finger's own effective mass takes, −m a. The motion and the readings share one clock, so that the moment of the onset
 //! is known: it is when the finger begins to move. Unknown may be the part's mass, µ_c, and, each with a prior, µ of the
-//! plane, the finger's effective mass and the part's outline: an offset of every edge along its normal.
+//! plane, the finger's effective mass, and of the part its outline, where its mass is and where it presses ([`PartErrors`]).
 //!
-//! The search is that of [`super`]; readings take the place of windows. Effective mass and outline are numbers of which
-//! the force is a linear function, nearly: they are found in closed form for every guess (`felt`), the search itself being
-//! done with the outline as told and noise that is larger by what the outline may change.
+//! The search is that of [`super`]; readings take the place of windows. Effective mass and what is not
+//! known of the part are numbers of which the force is a linear function, nearly: they are found in closed form for every
+//! guess (`felt`), the search itself being done with the part as told and noise that is larger by what they may change.
 //!
 //! The motion is told, or measured by a clock of its own: then the clock's offset is sought too, and what the places leave
 //! open of the motion is part of the covariance.
@@ -34,9 +34,11 @@ pub use tracker::{ForceTracker, Found, SearchTask, TrackedHypothesis, TrackerSta
 use read_force::{Doubts, ReadForce};
 
 use super::fit::{BELIEF, Problem, Tried};
+pub use super::part_errors::PartErrors;
+use super::friction_along::FrictionAlong;
 use super::path::{Course, CourseStart, Guess};
 use super::{GATE, distinct, is_one_place, is_possible, leads, misfit_limit, search, symmetry};
-use crate::geometry::{Pose, SimplePolygon};
+use crate::geometry::Pose;
 use crate::math::unscented::Gaussian;
 use crate::pushing::dynamics::{ContactMode, Part, State};
 use crate::pushing::estimation::hypotheses;
@@ -57,16 +59,18 @@ pub struct ForceReading {
 pub struct KnownOfFinger<'p> {
     /// The part on its plane.
     pub part: &'p Part,
-    /// What is not known of its outline; none where that is exact.
-    pub outline: Option<OutlineErrors<'p>>,
+    /// What is not known of it; none where all is.
+    pub errors: Option<PartErrors<'p>>,
     /// The part's mass, kg, where it is known.
     pub mass: Option<f64>,
     /// µ g of the plane, m/s².
     pub mu_g: f64,
     /// Standard deviation of ln(µ g); none where it is known.
     pub mu_g_log_sd: Option<f64>,
-    /// µ_c, where it is known.
+    /// µ_c, where it is known: where it wanders along an edge, its mean.
     pub mu_c: Option<f64>,
+    /// Standard deviation of ln µ_c along an edge, from one place to another 5 mm away; 0 where it is the same everywhere.
+    pub mu_c_wander_log_sd: f64,
     /// Of the finger's disk, m.
     pub radius: f64,
     /// Of the finger, as the sensor feels it accelerate, kg.
@@ -89,11 +93,12 @@ impl<'p> KnownOfFinger<'p> {
     pub const fn new(part: &'p Part, mu_g: f64, radius: f64, motion: &'p FingerMotion, noise: f64) -> Self {
         Self {
             part,
-            outline: None,
+            errors: None,
             mass: None,
             mu_g,
             mu_g_log_sd: None,
             mu_c: None,
+            mu_c_wander_log_sd: 0.0,
             radius,
             effective_mass: 0.0,
             effective_mass_sd: 0.0,
@@ -105,25 +110,10 @@ impl<'p> KnownOfFinger<'p> {
     }
 }
 
-/// What is not known of an outline.
-#[derive(Clone, Copy)]
-pub struct OutlineErrors<'p> {
-    /// Standard deviation of the offset of each edge's line along its normal, independent, m.
-    pub sigma: f64,
-    /// The part whose outline this is.
-    pub part: &'p dyn Fn(SimplePolygon) -> Part,
-}
-
-impl std::fmt::Debug for OutlineErrors<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("OutlineErrors").field("sigma", &self.sigma).finish_non_exhaustive()
-    }
-}
-
-impl OutlineErrors<'_> {
-    /// The part with each edge so many standard deviations further out; none where edges then cross.
-    fn moved(&self, part: &Part, off: &[f64]) -> Option<Part> {
-        part.polygon().with_edges_moved(|edge| off[edge] * self.sigma).map(self.part)
+impl KnownOfFinger<'_> {
+    /// Whether more is unknown than a search finds: numbers of the part, or of the friction along its edges.
+    fn has_numbers(&self) -> bool {
+        self.errors.is_some() || self.mu_c_wander_log_sd > 0.0
     }
 }
 
@@ -233,8 +223,9 @@ impl<'a, 'p> FeltPush<'a, 'p> {
         let legs = legs_since(known.motion.legs(known.radius), from);
         let readings: Vec<_> = readings.iter().map(|it| ForceReading { time: it.time - from, ..*it }).collect();
         let end = readings.last().map(|reading| reading.time).filter(|end| *end > 0.0)?;
-        let of_outline = if known.outline.is_none() { 0.0 } else { OUTLINE_SHARE };
-        let roughly = path.as_ref().map_or(Doubts::none(), |path| path.doubts_of_all(from)).and_share(of_outline);
+        let of_part = known.errors.map_or(0.0, |errors| errors.share(known.part));
+        let of_part = of_part.hypot(WANDER_SHARE * known.mu_c_wander_log_sd);
+        let roughly = path.as_ref().map_or(Doubts::none(), |path| path.doubts_of_all(from)).and_share(of_part);
         let doubts = path.as_ref().map_or(Doubts::none(), |path| path.doubts_of_rest(from));
         let roughly = ReadForce::new(known, &legs, &readings, &roughly)?;
         let felt = ReadForce::new(known, &legs, &readings, &doubts)?;
@@ -243,6 +234,7 @@ impl<'a, 'p> FeltPush<'a, 'p> {
             mu_g: known.mu_g,
             mu_g_log_sd: known.mu_g_log_sd,
             mu_c: known.mu_c,
+            friction_along: FrictionAlong::default(),
             changed: &[],
             off: &[],
             start,
@@ -265,7 +257,7 @@ impl<'a, 'p> FeltPush<'a, 'p> {
         let mut tried = search(&problem, edges, halt);
         // Where the finger cannot be, it leads nowhere.
         tried.retain(|tried| is_possible(&problem, tried));
-        let most = if self.known.outline.is_some() { most.min(OUTLINE_LEADS) } else { most };
+        let most = if self.known.has_numbers() { most.min(NUMBERED_LEADS) } else { most };
         leads(&tried, most).into_iter().map(|lead| (lead.cost, lead.guess)).collect()
     }
 
@@ -283,7 +275,7 @@ impl<'a, 'p> FeltPush<'a, 'p> {
 
     /// The minimum that a guess leads to, with all that is unknown.
     fn followed(&self, guess: Guess, halt: &Halt<'_>) -> Option<Concluded> {
-        if self.known.outline.is_some() || self.path.is_some() {
+        if self.known.has_numbers() || self.path.is_some() {
             return Some(self.with_numbers(guess, halt)?.0);
         }
         let problem = Problem { course: &self.course, measured: &self.felt, mass: self.known.mass };
@@ -306,7 +298,7 @@ impl FeltPush<'_, '_> {
     /// A minimum in pieces along its valley, each of a contact angle at the start within `u_sd` (rad), with its share of the
     /// minimum's weight: everything else is found anew for each. None where its numbers are not those of a search.
     fn pieces(&self, of: &Concluded, u_sd: f64) -> Option<Vec<(f64, AtEnd)>> {
-        if self.known.outline.is_some() || self.path.is_some() {
+        if self.known.has_numbers() || self.path.is_some() {
             return None;
         }
         let problem = Problem { course: &self.course, measured: &self.felt, mass: self.known.mass };
@@ -342,11 +334,12 @@ fn legs_since(legs: impl Iterator<Item = Leg>, from: f64) -> Vec<Leg> {
     moved.filter(|leg| leg.to > 0.0).collect()
 }
 
-/// Minima that are followed with the outline's numbers found too.
-const OUTLINE_LEADS: usize = 12;
+/// What a µ_c that wanders changes of the force, as a share of its logarithm: that of its tangential part, at a third of the
+/// normal one.
+const WANDER_SHARE: f64 = 0.3;
 
-/// What an outline that is not known exactly changes of the force, as a share, at the most: noise of the search.
-const OUTLINE_SHARE: f64 = 0.02;
+/// Minima that are followed with the part's numbers found too.
+const NUMBERED_LEADS: usize = 12;
 
 /// A minimum that may be listed.
 struct Concluded {

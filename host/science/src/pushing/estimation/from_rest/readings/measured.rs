@@ -330,6 +330,7 @@ impl PathNumbers<'_> {
 impl FeltPush<'_, '_> {
     /// The offset that goes with numbers of outline and motion, s.
     fn offset_of(&self, off: &[f64]) -> f64 {
-        self.path.as_ref().map_or(0.0, |path| path.offset(&off[off.len() - path.taken_for().len()..]))
+        let after_part = |path: &PathNumbers<'_>| path.offset(&off[self.of_part()..][..path.taken_for().len()]);
+        self.path.as_ref().map_or(0.0, after_part)
     }
 }

@@ -1,4 +1,4 @@
-//! A fit with the numbers of outline and motion found too.
+//! A fit with the numbers of part and motion found too.
 //!
 //! Each number has a prior and is told in its standard deviations. What it changes of the force is straight only near where
 //! it is taken to be: so each fit begins where the one before came to, until nothing changes (Gauss and Newton).
@@ -6,6 +6,7 @@
 //! Units: SI. Errors: none; an outline whose edges cross has no fit.
 
 use super::super::fit::{Problem, SHARE_OF_SD};
+use super::super::friction_along::FrictionAlong;
 use super::super::path::{Changed, Course, Guess};
 use super::{Concluded, FeltPush, concluded};
 use crate::pushing::dynamics::Part;
@@ -19,11 +20,13 @@ const FITS: usize = 12;
 const COST_STEP: f64 = 0.01;
 
 impl FeltPush<'_, '_> {
-    /// The minimum that a guess leads to, and how many standard deviations each number then is off: of the outline edge by
-    /// edge, then of the motion.
+    /// The minimum that a guess leads to, and how many standard deviations each number then is off: of the part, then of the
+    /// motion, then of the friction along the edge.
     pub(super) fn with_numbers(&self, mut guess: Guess, halt: &Halt<'_>) -> Option<(Concluded, Vec<f64>)> {
-        let mut off = vec![0.0; self.edges()];
+        let mut off = vec![0.0; self.of_part()];
         off.extend(self.path.iter().flat_map(|path| path.taken_for()));
+        let of_friction = self.friction_along(guess)?;
+        off.extend(std::iter::repeat_n(0.0, of_friction.count()));
         let mut last: Option<Concluded> = None;
         for _ in 0..FITS {
             // What is not at its minimum is no answer.
@@ -32,8 +35,11 @@ impl FeltPush<'_, '_> {
             }
             let part = self.part(&off)?;
             let legs = self.legs(&off)?;
-            let changed: Vec<_> = (0..off.len()).map(|number| self.changed(number, &off, &part, &legs)).collect();
-            let course = Course { part: &part, legs, changed: &changed, off: &off, ..self.course.clone() };
+            let friction_along = self.friction(&of_friction, &off);
+            let changed: Vec<_> =
+                (0..off.len()).map(|number| self.changed(number, &off, &part, &legs, &of_friction)).collect();
+            let course =
+                Course { part: &part, legs, friction_along, changed: &changed, off: &off, ..self.course.clone() };
             let problem = Problem { course: &course, measured: &self.felt, mass: self.known.mass };
             let tried = problem.descend(problem.try_guess(guess)?, usize::MAX);
             guess = tried.guess;
@@ -49,30 +55,45 @@ impl FeltPush<'_, '_> {
         Some((last?, off))
     }
 
-    /// Numbers of the outline.
-    fn edges(&self) -> usize {
-        self.known.outline.map_or(0, |_| self.known.part.polygon().vertices().len())
+    /// Numbers of the part.
+    pub(super) fn of_part(&self) -> usize {
+        self.known.errors.map_or(0, |errors| errors.count(self.known.part))
     }
 
     fn part(&self, off: &[f64]) -> Option<Part> {
-        match &self.known.outline {
-            Some(outline) => outline.moved(self.known.part, &off[..self.edges()]),
+        match &self.known.errors {
+            Some(errors) => errors.moved(self.known.part, &off[..self.of_part()]),
             None => Some(self.known.part.clone()),
         }
     }
 
     fn legs(&self, off: &[f64]) -> Option<Vec<Leg>> {
         match &self.path {
-            Some(path) => path.legs(&off[self.edges()..]),
+            Some(path) => path.legs(&off[self.of_part()..][..path.taken_for().len()]),
             None => Some(self.course.legs.clone()),
         }
     }
 
+    /// Knots of the friction along a guess's edge; none where it is the same everywhere.
+    fn friction_along(&self, guess: Guess) -> Option<FrictionAlong> {
+        let edge = self.known.part.edge(guess.edge).ok()?;
+        let wanders = self.known.mu_c_wander_log_sd > 0.0;
+        Some(if wanders { FrictionAlong::constant(&edge) } else { FrictionAlong::default() })
+    }
+
+    /// The friction along the edge that goes with numbers.
+    fn friction(&self, knots: &FrictionAlong, off: &[f64]) -> FrictionAlong {
+        let of_friction = &off[off.len() - knots.count()..];
+        knots.with_logs(of_friction.iter().map(|off| off * self.known.mu_c_wander_log_sd))
+    }
+
     /// What there is with one number a little more off.
-    fn changed(&self, number: usize, off: &[f64], part: &Part, legs: &[Leg]) -> Changed {
+    fn changed(&self, number: usize, off: &[f64], part: &Part, legs: &[Leg], knots: &FrictionAlong) -> Changed {
         let mut more = off.to_vec();
         more[number] += SHARE_OF_SD;
-        if number < self.edges() {
+        if number + knots.count() >= off.len() {
+            Changed::Friction(self.friction(knots, &more))
+        } else if number < self.of_part() {
             // An edge so short that it vanishes changes nothing.
             Changed::Part(self.part(&more).unwrap_or_else(|| part.clone()))
         } else {
