@@ -301,7 +301,8 @@ fn balanced(places: &[Point2<f64>], weights: &[f64], middle: Point2<f64>) -> Opt
     let mut tilt = Vector2::zeros();
     for _ in 0..BALANCE_STEPS {
         let tilted = |tilt: Vector2<f64>| {
-            let shares = places.iter().zip(weights).map(move |(place, weight)| weight * tilt.dot(&(place - middle)).exp());
+            let shares =
+                places.iter().zip(weights).map(move |(place, weight)| weight * tilt.dot(&(place - middle)).exp());
             shares.collect::<Vec<_>>()
         };
         let shares = tilted(tilt);

@@ -281,7 +281,11 @@ impl Problem for ObserveForce {
             outline_sigma: self.polygon_sigma.get(),
             part: &of_outline,
             centre_of_mass_sigma: self.centre_of_mass_sigma.get(),
-            pressure_log_sd: if matches!(self.support, Some(SupportField::Unknown(_))) { PartErrors::PRESSURE_UNKNOWN } else { 0.0 },
+            pressure_log_sd: if matches!(self.support, Some(SupportField::Unknown(_))) {
+                PartErrors::PRESSURE_UNKNOWN
+            } else {
+                0.0
+            },
         };
         let finger = &self.finger;
         let (mass_sd, prior) = (finger.effective_mass_sigma.get(), from_rest::CarriedFinger::UNKNOWN);

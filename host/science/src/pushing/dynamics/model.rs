@@ -60,7 +60,12 @@ impl Part {
     /// What pressure resists by turning and along each axis is changed by a stretch as by any pressure that lies as much
     /// nearer to its middle, or further from it.
     #[must_use]
-    pub fn redistributed(&self, mass_moved: Vector2<f64>, pressure_moved: Vector2<f64>, stretch: &Matrix2<f64>) -> Self {
+    pub fn redistributed(
+        &self,
+        mass_moved: Vector2<f64>,
+        pressure_moved: Vector2<f64>,
+        stretch: &Matrix2<f64>,
+    ) -> Self {
         let mass = Mass { centre_of_mass: self.centre_of_mass() + mass_moved, ..self.body.mass() };
         let middle = self.body.centre_of_pressure();
         let moved = |at: Point2<f64>| middle + stretch * (at - middle) + pressure_moved;

@@ -11,7 +11,8 @@ use std::f64::consts::{PI, TAU};
 use std::ops::AddAssign as _;
 
 use nalgebra::{
-    DMatrix, DVector, Isometry2, Matrix3, Matrix4, Matrix6, SMatrix, SVector, Vector2, Vector3, Vector4, Vector6,
+    DMatrix, DVector, Isometry2, Matrix2, Matrix3, Matrix4, Matrix6, SMatrix, SVector, Vector2, Vector3, Vector4,
+    Vector6,
 };
 
 use super::felt::{Compared, Felt, OfNumber, Predicted};
@@ -104,6 +105,15 @@ pub(super) const BELIEF_FINGER: usize = 7;
 /// How far a number of outline or motion is moved to see what it changes, standard deviations: far enough for what rounding
 /// and events leave, and near enough that edges do not cross.
 pub(super) const SHARE_OF_SD: f64 = 0.3;
+
+/// Numbers of pose and motion at the end: x, y, θ, velocity of the centre of mass, ω.
+const MOTION: usize = 6;
+
+/// The same with contact angle and place there.
+const SAID: usize = MOTION + 2;
+
+/// Differences of contact angle (rad) and place (m) that stand for second derivatives of a pose.
+const SECOND_DIFFERENCES: [f64; 2] = [1e-3, 1e-4];
 
 /// Column of the angular velocity at the start among the parameters.
 const OMEGA: usize = 5;
@@ -434,20 +444,52 @@ impl<'p> Problem<'_, 'p> {
     pub(super) fn motion_covariance(&self, at: &Tried) -> Option<Matrix6<f64>> {
         let course = self.course.sure();
         let end = Self::end_of(&course, &at.guess, &at.path)?;
-        let to = |course: &Course<'p>, guess: &Guess, path: &Path| Some(end.to(&Self::end_of(course, guess, path)?));
+        let to = |course: &Course<'p>, guess: &Guess, path: &Path| {
+            let said = end.to(&Self::end_of(course, guess, path)?);
+            let contact = Vector2::new(path.end.u - at.path.end.u, path.end.s - at.path.end.s);
+            Some(SVector::<f64, SAID>::from_fn(|row, _| if row < MOTION { said[row] } else { contact[row - MOTION] }))
+        };
         let parameters = self.covariance(at)?;
-        let OfEnd { of_end, mut covariance } = self.of_end(at, to, &SMatrix::zeros(), None, &parameters)?;
+        let OfEnd { of_end, covariance } = self.of_end(at, to, &SMatrix::zeros(), None, &parameters)?;
         if at.predicted.nuisances(at.mass).next().is_none() {
             let state = self.end_slopes(at)?.state;
             if let Some(valley) = Valley::through(self, at, &parameters, &state) {
                 let straight = of_end * valley.straight;
-                covariance = valley.covered(covariance, straight, |side| {
-                    let there = Self::end_of(&course, &side.end.guess, &side.end.path)?;
-                    Some(end.to(&there) / side.sds)
+                let covered = valley.covered(covariance, straight, |side| {
+                    Some(to(&course, &side.end.guess, &side.end.path)? / side.sds)
                 });
+                return Some(covered.fixed_view::<MOTION, MOTION>(0, 0).into_owned());
             }
         }
+        let contact = covariance.fixed_view::<2, 2>(MOTION, MOTION).into_owned();
+        let mut covariance = covariance.fixed_view::<MOTION, MOTION>(0, 0).into_owned();
+        let bent = self.bent_away(at, &contact)?;
+        covariance.fixed_view_mut::<3, 3>(0, 0).add_assign(&bent);
         Some(covariance)
+    }
+
+    /// Second moments of what slopes leave out of the pose at the end (x, y, θ), for a covariance of contact angle and
+    /// place there: poses with one edge in contact lie on a surface that bends, and what is hardly known is far along it.
+    fn bent_away(&self, at: &Tried, contact: &Matrix2<f64>) -> Option<Matrix3<f64>> {
+        let course = self.course.sure();
+        let there = |u: f64, s: f64| {
+            let end = State { u: at.path.end.u + u, s: at.path.end.s + s, ..at.path.end };
+            course.pose_of_end(&at.guess, &end)
+        };
+        let here = there(0.0, 0.0)?;
+        let to = |u: f64, s: f64| Some(difference(&here, &there(u, s)?));
+        let [h_u, h_s] = SECOND_DIFFERENCES;
+        let second_u = (to(h_u, 0.0)? + to(-h_u, 0.0)?) / (h_u * h_u);
+        let both = (to(h_u, h_s)? + to(-h_u, -h_s)? - to(h_u, -h_s)? - to(-h_u, h_s)?) / (4.0 * h_u * h_s);
+        // Straight along the edge: nothing of second order by s alone.
+        let (uu, us, ss) = (contact[(0, 0)], contact[(0, 1)], contact[(1, 1)]);
+        // x = ½ a u² + b u s of a normal (u, s): E[u⁴] = 3 uu², E[u³ s] = 3 uu us, E[u² s²] = uu ss + 2 us².
+        let product = |a: &Vector3<f64>, b: &Vector3<f64>| a * b.transpose();
+        Some(
+            product(&second_u, &second_u) * (0.75 * uu * uu)
+                + (product(&second_u, &both) + product(&both, &second_u)) * (1.5 * uu * us)
+                + product(&both, &both) * (uu * ss + 2.0 * us * us),
+        )
     }
 
     /// State and unknown numbers at the end, as one who follows the push goes on from them.

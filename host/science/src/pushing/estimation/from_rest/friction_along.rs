@@ -49,9 +49,12 @@ impl FrictionAlong {
     }
 
     /// Whether it differs from another where a contact was, s in m.
+    #[expect(clippy::float_cmp, reason = "what was not moved is the same to the bit")]
     pub(super) fn differs_within(&self, other: &Self, [low, high]: [f64; 2]) -> bool {
         let knots = self.logs.iter().zip(&other.logs).enumerate().filter(|(_, (log, other))| log != other);
-        knots.map(|(knot, _)| self.from + self.apart * knot as f64).any(|at| (low - at < self.apart) && (at - high < self.apart))
+        knots
+            .map(|(knot, _)| self.from + self.apart * knot as f64)
+            .any(|at| (low - at < self.apart) && (at - high < self.apart))
     }
 
     /// µ_c at a place over that of the guess; beyond the ends that of the nearest knot.

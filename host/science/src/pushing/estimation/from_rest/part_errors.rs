@@ -96,7 +96,8 @@ impl PartErrors<'_> {
         } else {
             (self.part)(part.polygon().with_edges_moved(|edge| of_edges[edge] * self.outline_sigma)?)
         };
-        let (of_mass, of_pressure) = if self.centre_of_mass_sigma > 0.0 { off.split_at(OF_MASS) } else { (&[][..], off) };
+        let (of_mass, of_pressure) =
+            if self.centre_of_mass_sigma > 0.0 { off.split_at(OF_MASS) } else { (&[][..], off) };
         let mass = match *of_mass {
             [x, y] => Vector2::new(x, y) * self.centre_of_mass_sigma,
             _ => Vector2::zeros(),

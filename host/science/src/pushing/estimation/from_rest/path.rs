@@ -315,9 +315,7 @@ impl<'p> Course<'p> {
             CourseStart::Rest => {
                 PathSimulation::begin(model, guess, &self.friction_along, REST_S.min(self.legs[0].to))?
             }
-            CourseStart::Moving => {
-                PathSimulation::begin_moving(model, self.legs[0].from, guess, &self.friction_along)?
-            }
+            CourseStart::Moving => PathSimulation::begin_moving(model, self.legs[0].from, guess, &self.friction_along)?,
         };
         for (index, leg) in self.legs.iter().enumerate() {
             if leg.from >= self.duration - SAME_TIME_S {
@@ -336,10 +334,15 @@ impl<'p> Course<'p> {
 
     /// Pose of the part frame in the motion's frame at the end of a path that began with this guess.
     pub(super) fn pose_at_end(&self, guess: &Guess, path: &Path) -> Option<Isometry2<f64>> {
+        self.pose_of_end(guess, &path.end)
+    }
+
+    /// The same where the path has ended so.
+    pub(super) fn pose_of_end(&self, guess: &Guess, end: &State) -> Option<Isometry2<f64>> {
         let edge = self.part.edge(guess.edge).ok()?;
         let leg = self.legs.iter().rev().find(|leg| leg.from < self.duration - SAME_TIME_S)?;
         let model = self.model(edge, leg, self.mu_g_of(guess));
-        Some(pose(&model, self.duration - leg.from, &path.end))
+        Some(pose(&model, self.duration - leg.from, end))
     }
 
     /// Velocity of the centre of mass at the end of a path that began with this guess, m/s.

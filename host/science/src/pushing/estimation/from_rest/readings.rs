@@ -34,8 +34,8 @@ pub use tracker::{ForceTracker, Found, SearchTask, TrackedHypothesis, TrackerSta
 use read_force::{Doubts, ReadForce};
 
 use super::fit::{BELIEF, Problem, Tried};
-pub use super::part_errors::PartErrors;
 use super::friction_along::FrictionAlong;
+pub use super::part_errors::PartErrors;
 use super::path::{Course, CourseStart, Guess};
 use super::{GATE, distinct, is_one_place, is_possible, leads, misfit_limit, search, symmetry};
 use crate::geometry::Pose;

@@ -760,7 +760,7 @@ impl FromRest {
                 mu_g_log_sd: None,
                 mu_c: None,
                 friction_along: FrictionAlong::default(),
-            changed: &[],
+                changed: &[],
                 off: &[],
                 start: CourseStart::Rest,
                 legs,
