@@ -450,16 +450,17 @@ impl<'p> Problem<'_, 'p> {
             Some(SVector::<f64, SAID>::from_fn(|row, _| if row < MOTION { said[row] } else { contact[row - MOTION] }))
         };
         let parameters = self.covariance(at)?;
-        let OfEnd { of_end, covariance } = self.of_end(at, to, &SMatrix::zeros(), None, &parameters)?;
-        if at.predicted.nuisances(at.mass).next().is_none() {
-            let state = self.end_slopes(at)?.state;
-            if let Some(valley) = Valley::through(self, at, &parameters, &state) {
-                let straight = of_end * valley.straight;
-                let covered = valley.covered(covariance, straight, |side| {
-                    Some(to(&course, &side.end.guess, &side.end.path)? / side.sds)
-                });
-                return Some(covered.fixed_view::<MOTION, MOTION>(0, 0).into_owned());
-            }
+        let OfEnd { slopes, of_nuisances, covariance } = self.of_end(at, to, &SMatrix::zeros(), None, &parameters)?;
+        let state = self.end_slopes(at)?.state;
+        if let Some(valley) = Valley::through(self, at, &parameters, &state) {
+            let taken = self.taken_of_nuisances(at);
+            let covered = valley.covered(covariance, slopes * valley.straight, |side| {
+                // Along the valley the numbers are found anew, too.
+                let more = DVector::from_vec(self.taken_of_nuisances(&side.end)) - DVector::from_column_slice(&taken);
+                let of_numbers = (&of_nuisances * more).fixed_view::<SAID, 1>(0, 0).into_owned();
+                Some((to(&course, &side.end.guess, &side.end.path)? + of_numbers) / side.sds)
+            });
+            return Some(covered.fixed_view::<MOTION, MOTION>(0, 0).into_owned());
         }
         let contact = covariance.fixed_view::<2, 2>(MOTION, MOTION).into_owned();
         let mut covariance = covariance.fixed_view::<MOTION, MOTION>(0, 0).into_owned();
@@ -546,7 +547,8 @@ impl<'p> Problem<'_, 'p> {
         }
         let parameters = parameters.fixed_view::<COLUMNS, COLUMNS>(0, 0).into_owned();
         if nuisances.is_empty() {
-            return Some(OfEnd { of_end, covariance: of_end * parameters * of_end.transpose() });
+            let covariance = of_end * parameters * of_end.transpose();
+            return Some(OfEnd { slopes: of_end, of_nuisances: DMatrix::zeros(N, 0), covariance });
         }
         let mut of_nuisances = vec![SVector::<f64, N>::zeros(); nuisances.len()];
         for (changed, of_nuisance) in self.course.changed.iter().zip(&mut of_nuisances) {
@@ -566,27 +568,36 @@ impl<'p> Problem<'_, 'p> {
         let across = columns.tr_mul(&by_parameters.rows(0, columns.nrows()));
         let slopes = of_end + (&of_nuisances * curvature.solve(&across)).fixed_view::<N, COLUMNS>(0, 0);
         let open = &of_nuisances * curvature.solve(&of_nuisances.transpose());
-        Some(OfEnd { of_end, covariance: slopes * parameters * slopes.transpose() + open.fixed_view::<N, N>(0, 0) })
+        let covariance = slopes * parameters * slopes.transpose() + open.fixed_view::<N, N>(0, 0);
+        Some(OfEnd { slopes, of_nuisances, covariance })
     }
 }
 
 /// What is said of the end.
 struct OfEnd<const N: usize> {
-    /// Its derivatives by the parameters and the mass's logarithm, all else being what it is taken for.
-    of_end: SMatrix<f64, N, COLUMNS>,
+    /// Its derivatives by the parameters and the mass's logarithm, all else being the best for these.
+    slopes: SMatrix<f64, N, COLUMNS>,
+    /// By a standard deviation of each of [`Predicted::nuisances`].
+    of_nuisances: DMatrix<f64>,
     covariance: SMatrix<f64, N, N>,
 }
 
 impl Problem<'_, '_> {
     /// How many standard deviations each number of outline and motion is off what it is taken for, of a guess.
     pub(super) fn taken_of_numbers(&self, at: &Tried) -> Vec<f64> {
-        let numbers = at.predicted.nuisances(at.mass).take(at.predicted.numbers.len());
-        numbers.map(|column| column.dot(&at.rest)).collect()
+        let mut taken = self.taken_of_nuisances(at);
+        taken.truncate(at.predicted.numbers.len());
+        taken
+    }
+
+    /// How many standard deviations each of [`Predicted::nuisances`] is off, of a guess.
+    fn taken_of_nuisances(&self, at: &Tried) -> Vec<f64> {
+        // What remains of a residual is whitened by it: a column's share of the rest is what was taken.
+        at.predicted.nuisances(at.mass).map(|column| column.dot(&at.rest)).collect()
     }
 
     /// How many standard deviations what adds to the force whatever the part's mass is off, of a guess.
     pub(super) fn taken_beside(&self, at: &Tried) -> f64 {
-        // What remains of a residual is whitened by it: the column's share of the rest is what was taken.
         at.predicted.beside.first().map_or(0.0, |column| column.dot(&at.rest))
     }
 

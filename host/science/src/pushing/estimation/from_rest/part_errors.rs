@@ -41,9 +41,13 @@ pub struct PartErrors<'p> {
 
 impl PartErrors<'_> {
     /// For [`Self::pressure_log_sd`]: a part that stands on anything. A plate that bears at its rim is as one stretched by
-    /// 1.5 (0.4 in the logarithm), one that bears within half its size as one by 0.5 (−0.7); drawn at random, pressures are
-    /// within 0.2 of a uniform one two times in three (`palpate tables model-error`).
-    pub const PRESSURE_UNKNOWN: f64 = 0.2;
+    /// 1.5 (0.4 in the logarithm), one that bears within half its size as one by 0.5 (−0.7); of 6 to 24 feet anywhere under
+    /// it with weights within a factor of e two times in three, logarithms are that far from 0.
+    pub const PRESSURE_UNKNOWN: f64 = 0.4;
+
+    /// What a stretch leaves of a pressure that is not known, as a share of the friction: root mean square over twists, for
+    /// those feet.
+    const PRESSURE_LEFT_SHARE: f64 = 0.05;
 }
 
 impl<'p> PartErrors<'p> {
@@ -86,6 +90,11 @@ impl PartErrors<'_> {
         let of_outline = if self.outline_sigma > 0.0 { OUTLINE_SHARE } else { 0.0 };
         let of_mass = self.centre_of_mass_sigma / part.inertia_per_mass().sqrt();
         of_outline.hypot(0.5 * of_mass).hypot(PRESSURE_SHARE * self.pressure_log_sd)
+    }
+
+    /// What the numbers cannot say of the force, as a share of it.
+    pub(super) fn left_share(&self) -> f64 {
+        if self.pressure_log_sd > 0.0 { Self::PRESSURE_LEFT_SHARE } else { 0.0 }
     }
 
     /// The part with each number so many standard deviations off; none where edges then cross.

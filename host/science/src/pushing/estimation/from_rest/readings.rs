@@ -226,7 +226,8 @@ impl<'a, 'p> FeltPush<'a, 'p> {
         let of_part = known.errors.map_or(0.0, |errors| errors.share(known.part));
         let of_part = of_part.hypot(WANDER_SHARE * known.mu_c_wander_log_sd);
         let roughly = path.as_ref().map_or(Doubts::none(), |path| path.doubts_of_all(from)).and_share(of_part);
-        let doubts = path.as_ref().map_or(Doubts::none(), |path| path.doubts_of_rest(from));
+        let drift = known.errors.map_or(0.0, |errors| errors.left_share());
+        let doubts = path.as_ref().map_or(Doubts::none(), |path| path.doubts_of_rest(from)).and_drift(drift);
         let roughly = ReadForce::new(known, &legs, &readings, &roughly)?;
         let felt = ReadForce::new(known, &legs, &readings, &doubts)?;
         let course = Course {

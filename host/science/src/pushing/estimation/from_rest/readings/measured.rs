@@ -308,7 +308,7 @@ impl PathNumbers<'_> {
         let heavy = known.mass.unwrap_or_else(|| mass_felt(known, readings)) + known.effective_mass;
         let shares = self.shares(from);
         let share = shares.last().map_or(0.0, |(_, share)| *share);
-        Doubts { added: heavy * wandering.acceleration_sd, shares, share }
+        Doubts { added: heavy * wandering.acceleration_sd, shares, share, drift: 0.0 }
     }
 
     /// What is left of that once the numbers are found.
@@ -316,7 +316,7 @@ impl PathNumbers<'_> {
         let Measured { known, readings, modes, .. } = self.measured;
         let values = 2.0 * readings.len() as f64;
         let shares = self.shares(from).into_iter().take_while(|(_, share)| *share > TOLD_RAD).collect();
-        Doubts { added: known.noise * (modes.rest / values).sqrt(), shares, share: 0.0 }
+        Doubts { added: known.noise * (modes.rest / values).sqrt(), shares, share: 0.0, drift: 0.0 }
     }
 
     /// How uncertain the finger's way is, rad, until when.

@@ -16,6 +16,10 @@ use crate::search::Halt;
 /// Fits in which numbers are found.
 const FITS: usize = 12;
 
+/// Of them those that take what the numbers change for noise, too: a part far from what it is told to be leads to its
+/// minimum only so.
+const FITS_ROUGHLY: usize = 4;
+
 /// A fit that changes the cost by less is the last.
 const COST_STEP: f64 = 0.01;
 
@@ -27,8 +31,8 @@ impl FeltPush<'_, '_> {
         off.extend(self.path.iter().flat_map(|path| path.taken_for()));
         let of_friction = self.friction_along(guess)?;
         off.extend(std::iter::repeat_n(0.0, of_friction.count()));
-        let mut last: Option<Concluded> = None;
-        for _ in 0..FITS {
+        let (mut before, mut is_rough) = (f64::INFINITY, self.known.errors.is_some());
+        for fit in 1..=FITS {
             // What is not at its minimum is no answer.
             if halt.is_wished() {
                 return None;
@@ -40,19 +44,24 @@ impl FeltPush<'_, '_> {
                 (0..off.len()).map(|number| self.changed(number, &off, &part, &legs, &of_friction)).collect();
             let course =
                 Course { part: &part, legs, friction_along, changed: &changed, off: &off, ..self.course.clone() };
-            let problem = Problem { course: &course, measured: &self.felt, mass: self.known.mass };
+            let measured = if is_rough { &self.roughly } else { &self.felt };
+            let problem = Problem { course: &course, measured, mass: self.known.mass };
             let tried = problem.descend(problem.try_guess(guess)?, usize::MAX);
             guess = tried.guess;
-            let (before, taken) = (last.map(|last| last.cost), problem.taken_of_numbers(&tried));
             // The cost by straight lines; where nothing changes any more, it is the cost.
-            last = Some(concluded(&problem, vec![tried], self.known, &self.felt).pop()?);
-            let after = last.as_ref().map(|last| last.cost);
-            if before.zip(after).is_some_and(|(before, after)| (before - after).abs() < COST_STEP) {
-                break;
+            let is_still = (before - tried.cost).abs() < COST_STEP;
+            before = tried.cost;
+            let taken = problem.taken_of_numbers(&tried);
+            if !is_rough && (is_still || fit == FITS) {
+                let found = concluded(&problem, vec![tried], self.known, &self.felt).pop()?;
+                return Some((found, if is_still { off } else { taken }));
             }
             off = taken;
+            if is_rough && (is_still || fit >= FITS_ROUGHLY) {
+                (before, is_rough) = (f64::INFINITY, false);
+            }
         }
-        Some((last?, off))
+        None
     }
 
     /// Numbers of the part.
