@@ -272,6 +272,7 @@ impl Case {
     fn known(&self) -> KnownFromRest<'_> {
         KnownFromRest {
             part: &self.part,
+            errors: None,
             mu_g: self.mu * GRAVITY_ASSUMED,
             mu_g_log_sd: None,
             radius: self.radius,

@@ -20,6 +20,9 @@ const REGION: f64 = 0.95;
 /// Claims that a tenth needs before it is compared: with fewer nothing can stand out.
 const TENTH_MIN: usize = 20;
 
+/// Squared errors above this are told by case: of few degrees of freedom, chance has one in a thousand cases above 16.
+const FAR_OUTSIDE: f64 = 25.0;
+
 /// Standard deviations on either side of a mean that hold [`CONFIDENCE`].
 fn deviations() -> f64 {
     normal_quantile(0.5 + 0.5 * CONFIDENCE)
@@ -46,6 +49,12 @@ impl JudgedCase {
     /// What is wrong with the answer, in words; none where the truth is in it.
     pub(super) fn failure(&self) -> Option<String> {
         let what = match self.status {
+            _ if self.squared_error.is_some_and(|error| error > FAR_OUTSIDE) => {
+                return Some(format!(
+                    "stated too narrowly, squared error {:.0}",
+                    self.squared_error.unwrap_or_default()
+                ));
+            }
             _ if self.has_truth => return None,
             None => "no push was felt",
             Some(Status::Unique) => "wrong single answer",

@@ -12,9 +12,8 @@ use palpate::math::random::Draw;
 use palpate::math::statistics::chi_square_quantile;
 use palpate::point_sampling::contains;
 use palpate::pushing::dynamics::{ContactMode, EndReason, Part, State};
-use palpate::pushing::estimation::from_rest::readings::{
-    Beginning, ForceHypothesis, ForceReading, KnownOfFinger, PartErrors,
-};
+use palpate::pushing::estimation::from_rest::PartErrors;
+use palpate::pushing::estimation::from_rest::readings::{Beginning, ForceHypothesis, ForceReading, KnownOfFinger};
 use palpate::pushing::estimation::from_rest::trial::{PoseError, place, pose_error};
 use palpate::pushing::finger_motion::{FingerMotion, Segment};
 use palpate::pushing::measured_path::MeasuredPath;
@@ -141,7 +140,7 @@ impl Case {
         })
     }
 
-    pub(super) fn known<'a>(&'a self, errors: Option<PartErrors<'a>>) -> KnownOfFinger<'a> {
+    pub(super) fn known(&self, errors: Option<PartErrors>) -> KnownOfFinger<'_> {
         let Setting { knows_mass, knows_mu_c, finger_sd, mu_log_sd, is_moving, .. } = self.setting;
         KnownOfFinger {
             part: &self.told,

@@ -13,9 +13,9 @@ mod case;
 use std::time::Instant;
 
 use palpate::never;
-use palpate::pushing::dynamics::Part;
+use palpate::pushing::estimation::from_rest::PartErrors;
 use palpate::pushing::estimation::from_rest::readings::{
-    ForceHypothesis, MeasuredFinger, PartErrors, estimate_measured_until, estimate_until, follow,
+    ForceHypothesis, MeasuredFinger, estimate_measured_until, estimate_until, follow,
 };
 use palpate::pushing::estimation::from_rest::trial::pose_error;
 use palpate::pushing::estimation::{GATE, Status};
@@ -159,11 +159,10 @@ fn definitions() -> Vec<String> {
 
 fn judge(case: &Case) -> (JudgedCase, String) {
     let begun = Instant::now();
-    let uniform = Part::uniform;
     let setting = &case.setting;
     let errors = PartErrors {
         outline_sigma: case.outline_sd,
-        part: &uniform,
+        mass_follows_outline: true,
         centre_of_mass_sigma: setting.centre_off * 0.5_f64.sqrt(),
         pressure_log_sd: if setting.is_pressure_drawn { PartErrors::PRESSURE_UNKNOWN } else { 0.0 },
     };

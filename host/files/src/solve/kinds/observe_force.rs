@@ -5,8 +5,9 @@ use nalgebra::{Point2, Vector2};
 use palpate::geometry::SimplePolygon;
 use palpate::pushing::dynamics::Part;
 use palpate::pushing::estimation::from_rest;
+use palpate::pushing::estimation::from_rest::PartErrors;
 use palpate::pushing::estimation::from_rest::readings::{
-    self, ForceHypothesis, ForceReading, KnownOfFinger, MeasuredFinger, PartErrors,
+    self, ForceHypothesis, ForceReading, KnownOfFinger, MeasuredFinger,
 };
 use palpate::pushing::finger_motion::{FingerMotion, Segment};
 use palpate::pushing::measured_path::{MeasuredPath, PLACES_MIN};
@@ -276,10 +277,9 @@ impl Problem for ObserveForce {
             }
         }
         let part = self.part(&self.polygon)?;
-        let of_outline = |polygon: SimplePolygon| self.part(&polygon).unwrap_or_else(|_| part.clone());
         let errors = PartErrors {
             outline_sigma: self.polygon_sigma.get(),
-            part: &of_outline,
+            mass_follows_outline: self.centre_of_mass.is_none(),
             centre_of_mass_sigma: self.centre_of_mass_sigma.get(),
             pressure_log_sd: if matches!(self.support, Some(SupportField::Unknown(_))) {
                 PartErrors::PRESSURE_UNKNOWN

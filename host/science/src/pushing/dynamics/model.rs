@@ -54,6 +54,18 @@ impl Part {
         Self::of(polygon, Body::on_feet(feet, mass))
     }
 
+    /// The same with another outline, of which the edges mostly are where they were: a base that bears everywhere follows it,
+    /// feet stay; the mass becomes that of a uniform plate, or stays.
+    #[must_use]
+    pub fn with_outline(&self, polygon: SimplePolygon, mass_follows: bool) -> Self {
+        let mass = if mass_follows { Mass::uniform(&polygon) } else { self.body.mass() };
+        let body = self.body.feet().map_or_else(
+            || Body::uniform(SupportFriction::uniform(&polygon), mass),
+            |feet| Body::on_feet(&feet.collect::<Vec<_>>(), mass),
+        );
+        Self::of(polygon, body)
+    }
+
     /// The same outline with its mass and the middle of its pressure moved (m), and its pressure stretched about that
     /// middle: feet move, a base that bears everywhere bears over what its outline is stretched to.
     ///

@@ -10,7 +10,6 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-use crate::geometry::SimplePolygon;
 use crate::pushing::dynamics::Part;
 
 /// Numbers of the centre of mass.
@@ -27,19 +26,23 @@ const OUTLINE_SHARE: f64 = 0.02;
 const PRESSURE_SHARE: f64 = 0.2;
 
 /// What is not known of a part.
-#[derive(Clone, Copy)]
-pub struct PartErrors<'p> {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PartErrors {
     /// Standard deviation of the offset of each edge's line along its normal, independent, m; 0 of an exact outline.
     pub outline_sigma: f64,
-    /// The part whose outline this is: area, mass and support may follow the outline.
-    pub part: &'p dyn Fn(SimplePolygon) -> Part,
+    /// Whether the part's mass is that of a uniform plate with this outline, whatever the outline; otherwise it stays.
+    pub mass_follows_outline: bool,
     /// Standard deviation of the centre of mass, each coordinate, m; 0 of one that is known.
     pub centre_of_mass_sigma: f64,
     /// Standard deviation of the logarithm of the stretch that stands for the pressure; 0 of one that is known.
     pub pressure_log_sd: f64,
 }
 
-impl PartErrors<'_> {
+impl PartErrors {
+    /// A part that is known.
+    pub const NONE: Self =
+        Self { outline_sigma: 0.0, mass_follows_outline: true, centre_of_mass_sigma: 0.0, pressure_log_sd: 0.0 };
+
     /// For [`Self::pressure_log_sd`]: a part that stands on anything. A plate that bears at its rim is as one stretched by
     /// 1.5 (0.4 in the logarithm), one that bears within half its size as one by 0.5 (−0.7); of 6 to 24 feet anywhere under
     /// it with weights within a factor of e two times in three, logarithms are that far from 0.
@@ -50,31 +53,13 @@ impl PartErrors<'_> {
     const PRESSURE_LEFT_SHARE: f64 = 0.05;
 }
 
-impl<'p> PartErrors<'p> {
-    /// A part that is known, made of its outline so: the rest is to be filled in.
-    #[must_use]
-    pub const fn none(part: &'p dyn Fn(SimplePolygon) -> Part) -> Self {
-        Self { outline_sigma: 0.0, part, centre_of_mass_sigma: 0.0, pressure_log_sd: 0.0 }
-    }
-
+impl PartErrors {
     /// The same, if there is anything that is not known.
     #[must_use]
     pub fn if_any(self) -> Option<Self> {
         [self.outline_sigma, self.centre_of_mass_sigma, self.pressure_log_sd].iter().any(|sd| *sd > 0.0).then_some(self)
     }
-}
 
-impl std::fmt::Debug for PartErrors<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("PartErrors")
-            .field("outline_sigma", &self.outline_sigma)
-            .field("centre_of_mass_sigma", &self.centre_of_mass_sigma)
-            .field("pressure_log_sd", &self.pressure_log_sd)
-            .finish_non_exhaustive()
-    }
-}
-
-impl PartErrors<'_> {
     fn edges(&self, part: &Part) -> usize {
         if self.outline_sigma > 0.0 { part.polygon().vertices().len() } else { 0 }
     }
@@ -103,7 +88,8 @@ impl PartErrors<'_> {
         let moved = if of_edges.is_empty() {
             part.clone()
         } else {
-            (self.part)(part.polygon().with_edges_moved(|edge| of_edges[edge] * self.outline_sigma)?)
+            let outline = part.polygon().with_edges_moved(|edge| of_edges[edge] * self.outline_sigma)?;
+            part.with_outline(outline, self.mass_follows_outline)
         };
         let (of_mass, of_pressure) =
             if self.centre_of_mass_sigma > 0.0 { off.split_at(OF_MASS) } else { (&[][..], off) };

@@ -17,7 +17,6 @@
 
 mod follower;
 mod measured;
-mod numbers;
 mod read_force;
 mod sensed;
 mod tracker;
@@ -33,9 +32,11 @@ pub use tracker::{ForceTracker, Found, SearchTask, TrackedHypothesis, TrackerSta
 
 use read_force::{Doubts, ReadForce};
 
-use super::fit::{BELIEF, Problem, Tried};
+use super::end::BELIEF;
+use super::fit::{Problem, Tried};
 use super::friction_along::FrictionAlong;
-pub use super::part_errors::PartErrors;
+use super::numbers::{MotionNumbers, NUMBERED_LEADS, NumberedMinimum, Unknown};
+use super::part_errors::PartErrors;
 use super::path::{Course, CourseStart, Guess};
 use super::{GATE, distinct, is_one_place, is_possible, leads, misfit_limit, search, symmetry};
 use crate::geometry::Pose;
@@ -60,7 +61,7 @@ pub struct KnownOfFinger<'p> {
     /// The part on its plane.
     pub part: &'p Part,
     /// What is not known of it; none where all is.
-    pub errors: Option<PartErrors<'p>>,
+    pub errors: Option<PartErrors>,
     /// The part's mass, kg, where it is known.
     pub mass: Option<f64>,
     /// µ g of the plane, m/s².
@@ -285,6 +286,37 @@ impl<'a, 'p> FeltPush<'a, 'p> {
     }
 }
 
+impl<'p> FeltPush<'_, 'p> {
+    /// The minimum that a guess leads to with the numbers of part and motion found, and how many standard deviations each of
+    /// them then is off.
+    fn with_numbers(&self, guess: Guess, halt: &Halt<'_>) -> Option<(Concluded, Vec<f64>)> {
+        let explains = |tried: &Tried| {
+            let problem = Problem { course: &self.course, measured: &self.felt, mass: self.known.mass };
+            tried.cost <= cost_max(degrees_of_freedom(&problem, tried, self.known, &self.felt), &self.felt)
+        };
+        let NumberedMinimum { tried, numbered, taken } =
+            self.unknown().found(guess, &self.felt, &self.roughly, explains, halt)?;
+        let course = numbered.course(&self.course);
+        let problem = Problem { course: &course, measured: &self.felt, mass: self.known.mass };
+        Some((concluded(&problem, vec![tried], self.known, &self.felt).pop()?, taken))
+    }
+
+    fn unknown(&self) -> Unknown<'_, 'p> {
+        Unknown {
+            course: &self.course,
+            mass: self.known.mass,
+            errors: self.known.errors,
+            motion: self.path.as_ref().map(|path| path as &dyn MotionNumbers),
+            mu_c_wander_log_sd: self.known.mu_c_wander_log_sd,
+        }
+    }
+}
+
+/// What an explanation of so many degrees of freedom may cost after the onset.
+fn cost_max(freedom: usize, felt: &ReadForce) -> f64 {
+    misfit_limit(freedom, f64::INFINITY) - felt.before().0
+}
+
 /// A minimum along which the contact angle is told poorly is looked at this far apart, in standard deviations of the pieces
 /// that stand for it: their sum is then smooth.
 const PIECES_APART: f64 = 1.2;
@@ -339,9 +371,6 @@ fn legs_since(legs: impl Iterator<Item = Leg>, from: f64) -> Vec<Leg> {
 /// normal one.
 const WANDER_SHARE: f64 = 0.3;
 
-/// Minima that are followed with the part's numbers found too.
-const NUMBERED_LEADS: usize = 12;
-
 /// A minimum that may be listed.
 struct Concluded {
     /// Of the readings after the onset.
@@ -382,12 +411,12 @@ fn concluded(problem: &Problem, mut tried: Vec<Tried>, known: &KnownOfFinger, fe
     tried.retain(|tried| is_possible(problem, tried));
     tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let Some(least) = tried.first().map(|tried| tried.cost) else { return Vec::new() };
-    let listed = leads(&distinct(tried, least + GATE), usize::MAX).into_iter();
+    let listed = leads(&distinct(tried, least + GATE, |tried| tried), usize::MAX).into_iter();
     let concluded = |tried: Tried| {
         let freedom = degrees_of_freedom(problem, &tried, known, felt);
         Some(Concluded {
             cost: tried.cost,
-            cost_max: misfit_limit(freedom, f64::INFINITY) - felt.before().0,
+            cost_max: cost_max(freedom, felt),
             guess: tried.guess,
             end: tried.path.end,
             found: hypothesis(problem, &tried, known, felt)?,
@@ -447,7 +476,7 @@ fn hypothesis(problem: &Problem, tried: &Tried, known: &KnownOfFinger, felt: &Re
         pose_start: bent(if known.is_moving { 0.0 } else { -1.0 }, &problem.course.pose_at_start(guess)?),
         pose_end: bent(problem.course.duration, &problem.course.pose_at_end(guess, path)?),
         velocity_end: problem.course.velocity_at_end(guess, path)?,
-        covariance: problem.motion_covariance(tried)?,
+        covariance: problem.end_covariance(tried)?.motion,
         mass: *mass,
         mu_c: known.mu_c.or(slipped),
         mu_g: problem.course.mu_g_of(guess),

@@ -83,6 +83,7 @@ fn known<'a>(part: &'a Part, ranges: &'a Ranges) -> KnownFromRest<'a> {
     let mu_g = ranges.mu * crate::gravity::GRAVITY_ASSUMED;
     KnownFromRest {
         part,
+        errors: None,
         mu_g,
         mu_g_log_sd: None,
         radius: RADIUS_M,
@@ -309,6 +310,7 @@ fn pushes_that_slip_throughout_or_back_are_found() {
         assert_eq!(played.end, EndReason::Time, "push {number}");
         let known = KnownFromRest {
             part: &part,
+            errors: None,
             mu_g,
             mu_g_log_sd: None,
             radius,
@@ -623,6 +625,7 @@ fn estimate_on_it(DrawnPush { part, ranges, drawn, draw }: &DrawnPush, mu_g_log_
     let mu_g = Ranges::default().mu * crate::gravity::GRAVITY_ASSUMED;
     let known = KnownFromRest {
         part,
+        errors: None,
         mu_g,
         mu_g_log_sd,
         radius: RADIUS_M,

@@ -4,7 +4,7 @@
 
 use nalgebra::{DVector, Vector2};
 
-use super::super::felt::{Felt, Predicted};
+use super::super::felt::{Felt, Predicted, drift_weights};
 use super::super::path::Path;
 use super::{ForceReading, KnownOfFinger};
 use crate::pushing::finger_motion::Leg;
@@ -30,13 +30,9 @@ pub(super) struct Doubts {
     pub(super) shares: Vec<(f64, f64)>,
     /// After them.
     pub(super) share: f64,
-    /// The share of the force by which all that is simulated may be off, and slowly: by another one after [`DRIFT_S`].
+    /// The share of the force by which all that is simulated may be off, and slowly: see [`drift_weights`].
     pub(super) drift: f64,
 }
-
-/// What a model is off by changes from one to another within so long, s: as the part turns, other places of its support
-/// carry most of the friction.
-const DRIFT_S: f64 = 0.1;
 
 impl Doubts {
     pub(super) const fn none() -> Self {
@@ -109,13 +105,7 @@ impl ReadForce {
             beside.push(stacked(&|reading| -known.effective_mass_sd * acceleration(reading.time)));
         }
         if doubts.drift > 0.0 {
-            let knots = ((last.time - first.time) / DRIFT_S).ceil().max(1.0);
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the knots of a push are few")]
-            let all = knots as usize;
-            let apart = (last.time - first.time) / knots;
-            for knot in 0..=all {
-                // Linear from knot to knot.
-                let weight = |time: f64| (1.0 - ((time - first.time) / apart - knot as f64).abs()).max(0.0);
+            for weight in drift_weights(first.time, last.time) {
                 let size = |reading: &ForceReading| doubts.drift * weight(reading.time) * contact(reading).norm();
                 beside.push(stacked(&|reading| Vector2::new(size(reading), 0.0)));
                 beside.push(stacked(&|reading| Vector2::new(0.0, size(reading))));

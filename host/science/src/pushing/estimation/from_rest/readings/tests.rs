@@ -129,7 +129,7 @@ fn an_outline_that_is_off_by_tenths_of_a_millimetre_hides_no_pose_once_that_is_s
         // An edge may be shorter than it is off.
         let Some(told) = outline.with_edges_moved(|edge| off[edge]).map(Part::uniform) else { continue };
         judged += 1;
-        let errors = Some(PartErrors { outline_sigma: OFF_M, ..PartErrors::none(&Part::uniform) });
+        let errors = Some(PartErrors { outline_sigma: OFF_M, ..PartErrors::NONE });
         let known = KnownOfFinger { errors, ..drawn.known(&told) };
         drawn.assert_found(&told, &known, &readings, case);
     }

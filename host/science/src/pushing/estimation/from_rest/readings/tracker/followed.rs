@@ -14,10 +14,10 @@ use std::f64::consts::PI;
 
 use nalgebra::{Matrix2, SVector, Vector2, Vector6};
 
-use super::super::super::fit::{
-    BELIEF, BELIEF_FINGER, BELIEF_MASS, BELIEF_MU_C, BELIEF_MU_G, BELIEF_OMEGA, BELIEF_SLIDE, MU_C_MAX, MU_C_MIN,
-    OMEGA_MAX, SLIDE_MAX, SLIDE_MIN,
+use super::super::super::end::{
+    BELIEF, BELIEF_FINGER, BELIEF_MASS, BELIEF_MU_C, BELIEF_MU_G, BELIEF_OMEGA, BELIEF_SLIDE,
 };
+use super::super::super::fit::{MU_C_MAX, MU_C_MIN, OMEGA_MAX, SLIDE_MAX, SLIDE_MIN};
 use super::super::super::friction_along::FrictionAlong;
 use super::super::super::path::{Course, CourseStart, Guess, Path};
 use super::super::read_force::{JUMP_S, MODEL_SHARE};
