@@ -91,15 +91,16 @@ impl<'p> Problem<'_, 'p> {
         // What the surface of poses bends by along all directions but the valley's, which is followed there.
         let mut straight = said;
         if let Some(valley) = Valley::through(self, at, &parameters, &of_end.of_state()) {
-            all = valley.covered(all, valley.straight, |side| Some(side.parameters));
+            all = valley.covered(all, valley.straight, |place| Some(place.parameters));
             let taken = self.taken_of_nuisances(at);
             let along = of_end.slopes * valley.straight;
             straight -= along * along.transpose();
-            said = valley.covered(said, along, |side| {
+            said = valley.covered(said, along, |place| {
                 // Along the valley the numbers are found anew, too.
-                let more = DVector::from_vec(self.taken_of_nuisances(&side.end)) - DVector::from_column_slice(&taken);
+                let there = &place.there;
+                let more = DVector::from_vec(self.taken_of_nuisances(there)) - DVector::from_column_slice(&taken);
                 let of_numbers = (&of_end.of_nuisances * more).fixed_view::<SAID, 1>(0, 0).into_owned();
-                Some((to(&course, &side.end.guess, &side.end.path)? + of_numbers) / side.sds)
+                Some(to(&course, &there.guess, &there.path)? + of_numbers)
             });
         }
         let [u, s, ..] = STATE;

@@ -432,12 +432,15 @@ fn what_is_stated_reaches_along_a_valley_that_bends() {
         let stated = problem.end_covariance(&found).unwrap().state.fixed_view::<2, 2>(0, 0).into_owned();
         let Some(valley) = problem.valley(&found) else { continue };
         bent += 1;
-        for side in valley.sides.iter().flatten() {
-            let off = Vector2::new(side.end.path.end.u - found.path.end.u, side.end.path.end.s - found.path.end.s);
-            let square = (off.transpose() * stated.try_inverse().unwrap() * off)[0];
-            // Each end makes half of the variance along it: at most twice the square of 1.96 or of what its cost says.
-            let most = 2.0 * side.sds * side.sds;
-            assert!(square <= most * 1.001, "case {case}: {square}, at most {most}");
+        for place in &valley.places {
+            // Within the 95 % interval by its cost.
+            if place.there.cost > found.cost + 3.84 {
+                continue;
+            }
+            let [at, there] = [&found, &place.there].map(|tried| Vector2::new(tried.path.end.u, tried.path.end.s));
+            let square = ((there - at).transpose() * stated.try_inverse().unwrap() * (there - at))[0];
+            // Each end makes a quarter of the variance along it; what lies between them leaves their line little.
+            assert!(square <= 4.0 * 3.84, "case {case}: {square}");
         }
     }
     assert!(bent > 0, "no valley bends");

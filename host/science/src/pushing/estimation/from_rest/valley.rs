@@ -2,12 +2,13 @@
 //!
 //! Where the contact slips little, its friction is hardly felt: places, angles and frictions that explain the force
 //! nearly as well lie on a curve, and the ellipsoid that slopes give at its lowest point leaves the curve soon. So the
-//! valley is followed: the unknown that the least certain direction of the end depends on most is held to either side
-//! of its best value, all others are fitted again (the profile of the likelihood), until the cost has risen by what the
-//! ends of a 95 % interval cost. Where the two ends are what the slopes say, nothing changes. Where not, the ends found
-//! take the place of that direction in the covariance.
+//! valley is walked: the unknown that the least certain direction of the end depends on most is moved step by step to
+//! either side of its best value, all others are fitted again (the profile of the likelihood), until the cost has risen by
+//! what the ends of a 95 % interval cost and more. Where it is straight as far as slopes say, nothing changes. Where not, half of
+//! what takes the place of that direction in the covariance is the second moments of the places walked over, each as likely
+//! as its cost says, and half what the ends of the interval say: so these are within what is stated.
 //!
-//! Units: SI. Errors: none; where an end is not found, the slopes' word stands.
+//! Units: SI. Errors: none; where nothing can be walked, the slopes' word stands.
 
 use nalgebra::{DMatrix, Matrix2, SMatrix, SVector, Vector4};
 
@@ -20,36 +21,52 @@ const RISE_95: f64 = 3.841;
 /// The same in standard deviations.
 const SDS_95: f64 = 1.96;
 
-/// An end whose cost rose by so much more or less than meant is one, and is scaled by what remains: a tenth of an end's
-/// distance.
-const RISE_SLACK: f64 = 0.8;
+/// What costs so much more is no longer walked over: it weighs a hundredth.
+const RISE_LAST: f64 = 9.0;
 
 /// A valley is straight where costs rise as slopes say within this, and ends are off by no more than this share.
 const STRAIGHT: (f64, f64) = (0.6, 0.15);
 
-/// Refits to find an end.
-const TRIALS: usize = 4;
+/// A walk's first step, in the standard deviations that slopes say.
+const STEP_FIRST: f64 = 0.5;
 
-/// From one of them to the next the distance changes by no more than this factor.
-const FACTOR: f64 = 2.5;
+/// The longest, and the shortest before the walk is given up.
+const STEPS_SDS: [f64; 2] = [1.0, 0.02];
+
+/// A step that takes the contact angle further is too long, rad: forces of a part that turns do not follow.
+const STEP_RAD: f64 = 0.12;
+
+/// By which a step grows that went well, and shrinks that did not.
+const GROWS: f64 = 1.6;
+const SHRINKS: f64 = 0.4;
+
+/// A step along which the cost rises by more has left the valley: the next is shorter.
+const RISE_OF_STEP: f64 = 2.5;
+
+/// Places walked over to each side at the most.
+const PLACES_MAX: usize = 24;
+
+/// Steps tried for them.
+const TRIALS: usize = 60;
 
 /// Steps of a refit: it begins near the floor of the valley.
-const STEPS: usize = 2;
+const STEPS: usize = 4;
 
-/// One standard deviation along a valley, to one side: of the parameters with the mass's logarithm, and of the end.
-pub(super) struct Side {
+/// A place in a valley.
+pub(super) struct Place {
+    /// By how much parameters and the mass's logarithm differ from the lowest point's.
     pub(super) parameters: SVector<f64, COLUMNS>,
-    pub(super) end: Tried,
-    /// How many standard deviations away the end is.
-    pub(super) sds: f64,
+    pub(super) there: Tried,
+    /// How likely, those of a valley and its lowest point being of one sum.
+    pub(super) weight: f64,
 }
 
 /// A valley that bends.
 pub(super) struct Valley {
     /// What slopes say of its direction: one standard deviation.
     pub(super) straight: SVector<f64, COLUMNS>,
-    /// Its two ends, where they were found.
-    pub(super) sides: [Option<Side>; 2],
+    /// Places in it beside the lowest point.
+    pub(super) places: Vec<Place>,
 }
 
 impl Valley {
@@ -68,20 +85,27 @@ impl Valley {
         if [1.0, -1.0].iter().all(|&side| walk.is_straight(side, state)) {
             return None;
         }
-        Some(Self { straight, sides: [1.0, -1.0].map(|side| walk.end(side)) })
+        let [up, down] = [1.0, -1.0].map(|side| walk.to_side(side));
+        let mut line: Vec<_> = down.into_iter().rev().map(|(along, there)| (-along, Some(there))).collect();
+        line.push((0.0, None));
+        line.extend(up.into_iter().map(|(along, there)| (along, Some(there))));
+        if line.len() == 1 {
+            return None;
+        }
+        Some(Self { straight, places: walk.weighed(line) })
     }
 
-    /// A covariance whose share of this direction is what the ends say: from the direction and the change to either end,
-    /// both of one standard deviation.
+    /// A covariance whose share of this direction is what the places say: from the direction, of one standard deviation, and
+    /// the change to each place.
     pub(super) fn covered<const N: usize>(
         &self,
         covariance: SMatrix<f64, N, N>,
         straight: SVector<f64, N>,
-        change: impl Fn(&Side) -> Option<SVector<f64, N>>,
+        change: impl Fn(&Place) -> Option<SVector<f64, N>>,
     ) -> SMatrix<f64, N, N> {
-        let sides = self.sides.iter().map(|side| side.as_ref().and_then(&change).unwrap_or(straight));
-        let squares = sides.map(|side| side * side.transpose() * 0.5).sum::<SMatrix<f64, N, N>>();
-        covariance - straight * straight.transpose() + squares
+        let changes = self.places.iter().filter_map(|place| Some((place.weight, change(place)?)));
+        let squares = changes.map(|(weight, change)| change * change.transpose() * weight);
+        covariance - straight * straight.transpose() + squares.sum::<SMatrix<f64, N, N>>()
     }
 }
 
@@ -124,39 +148,73 @@ impl Walk<'_, '_> {
         (there.cost - self.at.cost - RISE_95).abs() < STRAIGHT.0 && length(&off) < STRAIGHT.1 * length(&wanted)
     }
 
-    /// The end of the 95 % interval to one side.
-    fn end(&self, side: f64) -> Option<Side> {
-        let (mut sds, mut from, mut direction, mut nearest) = (SDS_95, self.at.clone(), self.straight, None);
-        let mut at = 0.0;
+    /// Places to one side, each with how far the unknown that is held is there, in standard deviations.
+    fn to_side(&self, side: f64) -> Vec<(f64, Tried)> {
+        let mut places: Vec<(f64, Tried)> = Vec::new();
+        let longest = STEPS_SDS[0].min(STEP_RAD / self.straight[0].abs().max(f64::MIN_POSITIVE));
+        let (mut step, mut direction) = (STEP_FIRST.min(longest), self.straight);
         for _ in 0..TRIALS {
-            let Some(begun) = self.beside(&from, &direction, side * (sds - at)) else {
-                // Nothing can be played there: half as far.
-                sds = at + 0.5 * (sds - at);
-                continue;
-            };
-            let there = self.problem.fitted_beside(self.held, begun, STEPS);
-            let rise = (there.cost - self.at.cost).max(0.0);
-            let off = (rise - RISE_95).abs();
-            if nearest.as_ref().is_none_or(|(least, _, _)| off < *least) {
-                nearest = Some((off, rise, there.clone()));
+            let (at, from) = places.last().map_or((0.0, self.at), |(at, from)| (*at, from));
+            let begun = self.beside(from, &direction, side * step);
+            let there = begun.map(|begun| self.problem.fitted_beside(self.held, begun, STEPS));
+            let rise = |tried: &Tried| (tried.cost - self.at.cost).max(0.0);
+            let last = rise(from);
+            match there.filter(|there| there.guess != from.guess && rise(there) < last + RISE_OF_STEP) {
+                Some(there) => {
+                    direction = self.change(from, &there) / (side * step);
+                    let is_last = rise(&there) > RISE_LAST;
+                    places.push((at + step, there));
+                    // Along the line through the last two.
+                    let longest = STEPS_SDS[0].min(STEP_RAD / direction[0].abs().max(f64::MIN_POSITIVE));
+                    step = (GROWS * step).min(longest);
+                    if is_last || places.len() == PLACES_MAX {
+                        break;
+                    }
+                }
+                None => step *= SHRINKS,
             }
-            if off < RISE_SLACK || there.guess == from.guess {
+            if step < STEPS_SDS[1] {
                 break;
             }
-            // Along the line from the minimum through what was found.
-            direction = self.change(&there) / (side * sds);
-            let factor = (RISE_95 / rise.max(1e-6)).sqrt().clamp(1.0 / FACTOR, FACTOR);
-            (from, at) = (there, sds);
-            sds *= factor;
         }
-        let (_, rise, end) = nearest?;
-        // A limit of the parameters ends the interval where it is.
-        let sds = if rise > RISE_95 { rise.sqrt() } else { SDS_95 };
-        Some(Side { parameters: self.change(&end) / sds, end, sds })
+        places
     }
 
-    fn change(&self, to: &Tried) -> SVector<f64, COLUMNS> {
-        let [from, to] = [self.at, to].map(|tried| {
+    /// Places in a row with their weights: each stands for half the way to its neighbours. Without the lowest point.
+    fn weighed(&self, line: Vec<(f64, Option<Tried>)>) -> Vec<Place> {
+        let along: Vec<_> = line.iter().map(|(along, _)| *along).collect();
+        let last = along.len() - 1;
+        let raw = |(index, (_, there)): (usize, &(f64, Option<Tried>))| {
+            let rise = there.as_ref().map_or(0.0, |there| there.cost - self.at.cost);
+            0.5 * (along[(index + 1).min(last)] - along[index.saturating_sub(1)]) * (-0.5 * rise).exp()
+        };
+        let weights: Vec<_> = line.iter().enumerate().map(raw).collect();
+        let sum: f64 = weights.iter().sum();
+        let ends = self.ends(&line);
+        let places = line.into_iter().zip(weights).enumerate().filter_map(|(index, ((_, there), weight))| {
+            let there = there?;
+            let of_end = ends.iter().flatten().filter(|(end, _)| *end == index).map(|(_, sds)| 0.5 / (sds * sds));
+            let weight = 0.5 * weight / sum + 0.5 * of_end.sum::<f64>();
+            Some(Place { parameters: self.change(self.at, &there), there, weight })
+        });
+        places.collect()
+    }
+
+    /// The ends of the 95 % interval of places in a row, with how many standard deviations away they are.
+    fn ends(&self, line: &[(f64, Option<Tried>)]) -> [Option<(usize, f64)>; 2] {
+        let of = |index: usize| line[index].1.as_ref().map(|there| (index, (there.cost - self.at.cost).max(0.0)));
+        let lowest = line.iter().position(|(_, there)| there.is_none()).unwrap_or_default();
+        let off = |rise: f64| (rise - RISE_95).abs();
+        let nearest = |places: std::ops::Range<usize>| {
+            let (index, rise) = places.filter_map(of).min_by(|a, b| off(a.1).total_cmp(&off(b.1)))?;
+            // A limit of the parameters ends the interval where it is.
+            Some((index, rise.sqrt().max(SDS_95)))
+        };
+        [nearest(0..lowest), nearest(lowest + 1..line.len())]
+    }
+
+    fn change(&self, from: &Tried, to: &Tried) -> SVector<f64, COLUMNS> {
+        let [from, to] = [from, to].map(|tried| {
             let guess = tried.guess;
             let mu_c = if guess.mu_c.is_finite() { guess.mu_c } else { 0.0 };
             let Guess { u, s, mu_g_log, delay, omega, slide, .. } = guess;
