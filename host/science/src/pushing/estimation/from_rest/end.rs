@@ -78,8 +78,8 @@ pub(super) struct EndCovariance {
 
 impl<'p> Problem<'_, 'p> {
     /// What is uncertain at the end, everything that is not known included: parameters, part, motion, and what adds to the
-    /// force.
-    pub(super) fn end_covariance(&self, at: &Tried) -> Option<EndCovariance> {
+    /// force. A valley that bends is walked along if wished: it takes as long as the fit.
+    pub(super) fn end_covariance(&self, at: &Tried, is_walked: bool) -> Option<EndCovariance> {
         let course = self.course.sure();
         let end = End::of(&course, &at.guess, &at.path)?;
         let to = |course: &Course<'p>, guess: &Guess, path: &Path| Some(end.to(&End::of(course, guess, path)?));
@@ -90,7 +90,8 @@ impl<'p> Problem<'_, 'p> {
         let mut said = of_end.covariance;
         // What the surface of poses bends by along all directions but the valley's, which is followed there.
         let mut straight = said;
-        if let Some(valley) = Valley::through(self, at, &parameters, &of_end.of_state()) {
+        let valley = if is_walked { Valley::through(self, at, &parameters, &of_end.of_state()) } else { None };
+        if let Some(valley) = valley {
             all = valley.covered(all, valley.straight, |place| Some(place.parameters));
             let taken = self.taken_of_nuisances(at);
             let along = of_end.slopes * valley.straight;

@@ -200,9 +200,9 @@ impl PartUnknown<'_, '_> {
             with_problem(found, &mut |problem| is = is_possible(problem, &found.tried));
             is
         });
-        let said = |found: &NumberedMinimum, best: f64, excess: f64| {
+        let said = |found: &NumberedMinimum, best: f64, excess: f64, is_walked: bool| {
             let mut said = None;
-            with_problem(found, &mut |problem| said = hypothesis(problem, &found.tried, best, excess));
+            with_problem(found, &mut |problem| said = hypothesis(problem, &found.tried, best, excess, is_walked));
             said
         };
         conclude_of(&Problem { course: self.course, measured, mass: None }, found, |found| &found.tried, said, symmetry)
@@ -419,10 +419,14 @@ fn least_cost(tried: &[Tried]) -> f64 {
     tried.iter().map(|tried| tried.cost).fold(f64::INFINITY, f64::min)
 }
 
+/// Of more minima than these together the valleys are not walked along: they are samples of one, and stand for it all.
+const WALKED_MAX: usize = 12;
+
 /// The list of what cannot be excluded.
 fn conclude(problem: &Problem, mut tried: Vec<Tried>, symmetry: usize) -> Estimate {
     tried.retain(|tried| is_possible(problem, tried));
-    let said = |tried: &Tried, best: f64, excess: f64| hypothesis(problem, tried, best, excess);
+    let said =
+        |tried: &Tried, best: f64, excess: f64, is_walked: bool| hypothesis(problem, tried, best, excess, is_walked);
     conclude_of(problem, tried, |tried| tried, said, symmetry)
 }
 
@@ -432,7 +436,7 @@ fn conclude_of<M>(
     problem: &Problem,
     mut minima: Vec<M>,
     tried: impl Fn(&M) -> &Tried,
-    said: impl Fn(&M, f64, f64) -> Option<Hypothesis>,
+    said: impl Fn(&M, f64, f64, bool) -> Option<Hypothesis>,
     symmetry: usize,
 ) -> Estimate {
     let duration = problem.course.duration;
@@ -445,8 +449,11 @@ fn conclude_of<M>(
         Some(best) if best <= cost_max => distinct(minima, best + GATE * excess, &tried),
         _ => Vec::new(),
     };
-    let mut hypotheses: Vec<_> =
-        listed.iter().filter_map(|minimum| said(minimum, best.unwrap_or(tried(minimum).cost), excess)).collect();
+    let is_walked = listed.len() <= WALKED_MAX;
+    let mut hypotheses: Vec<_> = listed
+        .iter()
+        .filter_map(|minimum| said(minimum, best.unwrap_or(tried(minimum).cost), excess, is_walked))
+        .collect();
     let total: f64 = hypotheses.iter().map(|hypothesis| hypothesis.probability).sum();
     hypotheses.iter_mut().for_each(|hypothesis| hypothesis.probability /= total);
     let mut hypotheses = joined(hypotheses, SAME_PLACE);
@@ -499,8 +506,8 @@ fn guess(hypothesis: &Hypothesis, course: &Course) -> Guess {
     Guess { edge: hypothesis.side, u: hypothesis.start.u, s: hypothesis.start.s, mu_c, mu_g_log, ..Guess::AT_REST }
 }
 
-fn hypothesis(problem: &Problem, tried: &Tried, best: f64, excess: f64) -> Option<Hypothesis> {
-    let at_end = problem.end_covariance(tried)?;
+fn hypothesis(problem: &Problem, tried: &Tried, best: f64, excess: f64, is_walked: bool) -> Option<Hypothesis> {
+    let at_end = problem.end_covariance(tried, is_walked)?;
     let EndCovariance { pose: covariance, state: state_covariance, spread, .. } = at_end;
     let Tried { guess, path, mass, cost, .. } = tried;
     let mu_c = path.slipped.then_some(guess.mu_c);

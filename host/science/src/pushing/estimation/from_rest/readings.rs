@@ -38,7 +38,7 @@ use super::friction_along::FrictionAlong;
 use super::numbers::{MotionNumbers, NUMBERED_LEADS, NumberedMinimum, Unknown};
 use super::part_errors::PartErrors;
 use super::path::{Course, CourseStart, Guess};
-use super::{GATE, distinct, is_one_place, is_possible, leads, misfit_limit, search, symmetry};
+use super::{GATE, WALKED_MAX, is_one_place, is_possible, leads, misfit_limit, search, symmetry};
 use crate::geometry::Pose;
 use crate::math::unscented::Gaussian;
 use crate::pushing::dynamics::{ContactMode, Part, State};
@@ -189,7 +189,7 @@ pub struct Beginning {
 #[must_use]
 pub fn follow(known: &KnownOfFinger, readings: &[ForceReading], from: &Beginning) -> Option<(ForceHypothesis, f64)> {
     let push = FeltPush::new(known, readings, None)?;
-    let followed = push.followed(push.guess(from)?, &Halt::new(&never))?;
+    let followed = push.followed(push.guess(from)?, true, &Halt::new(&never))?;
     Some((followed.found, followed.cost_max + push.felt.before().0))
 }
 
@@ -249,8 +249,10 @@ impl<'a, 'p> FeltPush<'a, 'p> {
     /// Every minimum found.
     fn all(&self, halt: &Halt<'_>) -> Vec<Concluded> {
         let (edges, _) = distinct_edges(self.known.part);
-        let found = self.leads(&edges, usize::MAX, halt).into_iter().take_while(|_| !halt.is_wished());
-        found.filter_map(|(_, lead)| self.followed(lead, halt)).collect()
+        let leads = self.leads(&edges, usize::MAX, halt);
+        let is_walked = leads.len() <= WALKED_MAX;
+        let wanted = leads.into_iter().take_while(|_| !halt.is_wished());
+        wanted.filter_map(|(_, lead)| self.followed(lead, is_walked, halt)).collect()
     }
 
     /// Where the search comes to, the best first, with what it costs there: without what outline and motion take up.
@@ -276,20 +278,20 @@ impl<'a, 'p> FeltPush<'a, 'p> {
     }
 
     /// The minimum that a guess leads to, with all that is unknown.
-    fn followed(&self, guess: Guess, halt: &Halt<'_>) -> Option<Concluded> {
+    fn followed(&self, guess: Guess, is_walked: bool, halt: &Halt<'_>) -> Option<Concluded> {
         if self.known.has_numbers() || self.path.is_some() {
-            return Some(self.with_numbers(guess, halt)?.0);
+            return Some(self.with_numbers(guess, is_walked, halt)?.0);
         }
         let problem = Problem { course: &self.course, measured: &self.felt, mass: self.known.mass };
         let tried = problem.descend(problem.try_guess(guess)?, usize::MAX);
-        concluded(&problem, vec![tried], self.known, &self.felt).pop()
+        concluded(&problem, &tried, self.known, &self.felt, is_walked)
     }
 }
 
 impl<'p> FeltPush<'_, 'p> {
     /// The minimum that a guess leads to with the numbers of part and motion found, and how many standard deviations each of
     /// them then is off.
-    fn with_numbers(&self, guess: Guess, halt: &Halt<'_>) -> Option<(Concluded, Vec<f64>)> {
+    fn with_numbers(&self, guess: Guess, is_walked: bool, halt: &Halt<'_>) -> Option<(Concluded, Vec<f64>)> {
         let explains = |tried: &Tried| {
             let problem = Problem { course: &self.course, measured: &self.felt, mass: self.known.mass };
             tried.cost <= cost_max(degrees_of_freedom(&problem, tried, self.known, &self.felt), &self.felt)
@@ -298,7 +300,7 @@ impl<'p> FeltPush<'_, 'p> {
             self.unknown().found(guess, &self.felt, &self.roughly, explains, halt)?;
         let course = numbered.course(&self.course);
         let problem = Problem { course: &course, measured: &self.felt, mass: self.known.mass };
-        Some((concluded(&problem, vec![tried], self.known, &self.felt).pop()?, taken))
+        Some((concluded(&problem, &tried, self.known, &self.felt, is_walked)?, taken))
     }
 
     fn unknown(&self) -> Unknown<'_, 'p> {
@@ -406,24 +408,26 @@ impl AtEnd {
     }
 }
 
-/// The minima at which the finger can be, with what they say; their probabilities are not yet of one sum.
-fn concluded(problem: &Problem, mut tried: Vec<Tried>, known: &KnownOfFinger, felt: &ReadForce) -> Vec<Concluded> {
-    tried.retain(|tried| is_possible(problem, tried));
-    tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let Some(least) = tried.first().map(|tried| tried.cost) else { return Vec::new() };
-    let listed = leads(&distinct(tried, least + GATE, |tried| tried), usize::MAX).into_iter();
-    let concluded = |tried: Tried| {
-        let freedom = degrees_of_freedom(problem, &tried, known, felt);
-        Some(Concluded {
-            cost: tried.cost,
-            cost_max: cost_max(freedom, felt),
-            guess: tried.guess,
-            end: tried.path.end,
-            found: hypothesis(problem, &tried, known, felt)?,
-            at_end: AtEnd::of(problem, &tried, known, f64::INFINITY)?,
-        })
-    };
-    listed.filter_map(concluded).collect()
+/// A minimum with what it says, its probability being what it is relative to others; none where the finger cannot be there.
+fn concluded(
+    problem: &Problem,
+    tried: &Tried,
+    known: &KnownOfFinger,
+    felt: &ReadForce,
+    is_walked: bool,
+) -> Option<Concluded> {
+    if !is_possible(problem, tried) {
+        return None;
+    }
+    let freedom = degrees_of_freedom(problem, tried, known, felt);
+    Some(Concluded {
+        cost: tried.cost,
+        cost_max: cost_max(freedom, felt),
+        guess: tried.guess,
+        end: tried.path.end,
+        found: hypothesis(problem, tried, known, felt, is_walked)?,
+        at_end: AtEnd::of(problem, tried, known, f64::INFINITY)?,
+    })
 }
 
 /// The list of what cannot be excluded.
@@ -461,7 +465,13 @@ fn degrees_of_freedom(problem: &Problem, tried: &Tried, known: &KnownOfFinger, f
     (problem.measured.data().len() + felt.before().1).saturating_sub(parameters)
 }
 
-fn hypothesis(problem: &Problem, tried: &Tried, known: &KnownOfFinger, felt: &ReadForce) -> Option<ForceHypothesis> {
+fn hypothesis(
+    problem: &Problem,
+    tried: &Tried,
+    known: &KnownOfFinger,
+    felt: &ReadForce,
+    is_walked: bool,
+) -> Option<ForceHypothesis> {
     let Tried { guess, path, mass, cost, .. } = tried;
     let slipped = path.slipped.then_some(guess.mu_c);
     // The disk is where the finger's bending takes it.
@@ -476,7 +486,7 @@ fn hypothesis(problem: &Problem, tried: &Tried, known: &KnownOfFinger, felt: &Re
         pose_start: bent(if known.is_moving { 0.0 } else { -1.0 }, &problem.course.pose_at_start(guess)?),
         pose_end: bent(problem.course.duration, &problem.course.pose_at_end(guess, path)?),
         velocity_end: problem.course.velocity_at_end(guess, path)?,
-        covariance: problem.end_covariance(tried)?.motion,
+        covariance: problem.end_covariance(tried, is_walked)?.motion,
         mass: *mass,
         mu_c: known.mu_c.or(slipped),
         mu_g: problem.course.mu_g_of(guess),

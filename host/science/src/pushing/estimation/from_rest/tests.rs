@@ -172,8 +172,9 @@ fn the_truth_is_among_the_answers_and_mostly_the_only_one() {
 /// says.
 #[test]
 fn a_straight_push_is_no_less_certain_than_its_cost() {
-    /// A pose off by so much is felt, whatever the slopes say, m and rad: some ten times what is stated of most.
-    const FELT: (f64, f64) = (0.01, 0.35);
+    /// A pose off by so much is felt, whatever the slopes say, m and rad: some ten times what is stated of most. Of valleys
+    /// whose cost rises slowly at first, what all their places say together is a little more than their ends do (0.35).
+    const FELT: (f64, f64) = (0.01, 0.4);
     for case in 0..24 {
         let (part, ranges, drawn, mut draw) =
             drawn_from(Ranges { motion: straight_motion(), ..Ranges::default() }, case);
@@ -429,7 +430,7 @@ fn what_is_stated_reaches_along_a_valley_that_bends() {
         let problem = Problem { course: &course, measured: &measured, mass: None };
         let guess = Guess { edge: drawn.edge, u: drawn.u, s: drawn.s, mu_c: drawn.mu_c, ..Guess::AT_REST };
         let found = problem.descend(problem.try_guess(guess).unwrap(), usize::MAX);
-        let stated = problem.end_covariance(&found).unwrap().state.fixed_view::<2, 2>(0, 0).into_owned();
+        let stated = problem.end_covariance(&found, true).unwrap().state.fixed_view::<2, 2>(0, 0).into_owned();
         let Some(valley) = problem.valley(&found) else { continue };
         bent += 1;
         for place in &valley.places {

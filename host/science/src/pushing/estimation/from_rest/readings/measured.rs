@@ -157,8 +157,9 @@ impl<'a> Measured<'a> {
         begun.retain(|begun| begun.0 <= HOPELESS * least.max(2.0 * self.readings.len() as f64));
         let mut found: Vec<(f64, Concluded)> = Vec::new();
         for (_, sds, guess) in begun.into_iter().take(LEADS).take_while(|_| !halt.is_wished()) {
-            let followed =
-                self.at(sds, |push| push.with_numbers(guess, halt).map(|(next, taken)| (push.offset_of(&taken), next)));
+            let followed = self.at(sds, |push| {
+                push.with_numbers(guess, true, halt).map(|(next, taken)| (push.offset_of(&taken), next))
+            });
             let Some(Some((offset, mut next))) = followed else { continue };
             self.count_path(&mut next);
             let is_known =
