@@ -22,6 +22,9 @@ const PANELS: (u16, u16) = (72, 20);
 /// From so many columns on the disk has half of them; below, what the numbers leave.
 const NUMBERS_COLUMNS: u16 = 46;
 
+/// Rows for what was told, where alarms do not need more.
+const TOLD_ROWS: u16 = 3;
+
 /// Lines that a contact takes.
 const CONTACT_LINES: usize = 4;
 
@@ -46,7 +49,10 @@ pub(super) fn draw(frame: &mut Frame<'_>, state: &State) {
         frame.render_widget(keys_line(), keys);
         return;
     }
-    let rows = [1, 0, 4, 3, 1].map(|rows| if rows == 0 { Constraint::Min(0) } else { Constraint::Length(rows) });
+    // However many alarms there are, all are seen.
+    let told_rows = u16::try_from(alarms.len()).unwrap_or(u16::MAX).max(TOLD_ROWS);
+    let rows =
+        [1, 0, 4, told_rows, 1].map(|rows| if rows == 0 { Constraint::Min(0) } else { Constraint::Length(rows) });
     let [head, body, force, told, keys] = Layout::vertical(rows).areas(area);
     frame.render_widget(header(state), head);
     let numbers = NUMBERS_COLUMNS.max(area.width / 2).min(NUMBERS_COLUMNS + 20);
@@ -59,11 +65,28 @@ pub(super) fn draw(frame: &mut Frame<'_>, state: &State) {
     lines.extend(link_lines(state));
     frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(" contact ")), numbers);
     draw_force(frame, force, state);
-    let newest = state.told.iter().rev().take(usize::from(told.height).saturating_sub(alarms.len()));
-    let told_lines = newest.collect::<Vec<_>>().into_iter().rev().map(|line| Line::raw(format!(" {line}")));
-    let lines: Vec<_> = alarms.iter().map(|alarm| alarm_line(alarm)).chain(told_lines).collect();
+    let told_lines: Vec<_> = state.told.iter().flat_map(|line| folded(line, told.width)).collect();
+    let room = usize::from(told.height).saturating_sub(alarms.len());
+    let newest = told_lines.into_iter().rev().take(room).collect::<Vec<_>>().into_iter().rev();
+    let lines: Vec<_> = alarms.iter().map(|alarm| alarm_line(alarm)).chain(newest).collect();
     frame.render_widget(Paragraph::new(lines), told);
     frame.render_widget(keys_line(), keys);
+}
+
+/// A text in lines of so many columns, broken between words; longer words are cut by the edge.
+fn folded(text: &str, columns: u16) -> Vec<Line<'static>> {
+    let mut lines = vec![String::new()];
+    for word in text.split_whitespace() {
+        let line = lines.last().map_or(0, |line| line.chars().count());
+        if line > 0 && line + 1 + word.chars().count() > usize::from(columns) {
+            lines.push("  ".to_owned());
+        }
+        if let Some(line) = lines.last_mut() {
+            line.push(' ');
+            line.push_str(word);
+        }
+    }
+    lines.into_iter().map(Line::raw).collect()
 }
 
 fn heading(text: String) -> Line<'static> {
@@ -150,11 +173,13 @@ fn link_lines(state: &State) -> Vec<Line<'static>> {
     let rate = state.bridges.map_or("-".to_owned(), |bridges| format!("{:.0}", bridges.rate_hz));
     let temperature = state.temperature_c.map_or(String::new(), |celsius| format!(", {celsius:.1} °C"));
     let counts = &state.counts;
-    let mut lines = vec![Line::raw(format!("{rate} of {} samples/s{temperature}", state.finger.rate_hz))];
-    let (missing, damaged, breaks) = (counts.missing, counts.damaged_frames, counts.disconnections);
-    let lacking = format!("{missing} missing, {damaged} damaged");
-    let lacking = if breaks > 0 { format!("{lacking}, {breaks} breaks") } else { lacking };
-    lines.push(Line::raw(format!("{} samples: {lacking}", counts.samples)));
+    let breaks = match counts.disconnections {
+        0 => String::new(),
+        times => format!(", breaks: {times}"),
+    };
+    let mut lines = vec![Line::raw(format!("{rate} of {} samples/s{temperature}{breaks}", state.finger.rate_hz))];
+    let (missing, damaged) = (counts.missing, counts.damaged_frames);
+    lines.push(Line::raw(format!("{} samples: {missing} missing, {damaged} damaged", counts.samples)));
     let tare = match (state.is_taring, state.tare) {
         (true, _) => "TARING: keep the finger free".to_owned(),
         (false, None) => "not tared".to_owned(),

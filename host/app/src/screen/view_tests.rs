@@ -113,6 +113,7 @@ fn what_goes_wrong_is_on_every_screen() {
     state.take_line(&line(Sensed::NotMeasured { t: 18.1, fault }));
     state.link = Link::Lost { reason: "unplugged".to_owned() };
     state.recording.iter_mut().for_each(|recording| recording.goes_on = false);
+    state.counts.disconnections = 1;
     check("alarms_80x24.txt", &drawn(&state, 80, 24));
     for (columns, rows) in [(80, 24), (44, 12), (140, 45)] {
         let text = drawn(&state, columns, rows);
@@ -121,6 +122,29 @@ fn what_goes_wrong_is_on_every_screen() {
             assert!(text.contains(alarm), "{columns} × {rows} without {alarm}:\n{text}");
         }
     }
+}
+
+#[test]
+fn more_alarms_than_there_is_room_for_take_it() {
+    let mut state = pressed();
+    state.link = Link::Silent;
+    state.loss = Some((18.0, 7));
+    state.recording.iter_mut().for_each(|recording| recording.goes_on = false);
+    state.bridges.iter_mut().for_each(|bridges| bridges.range = [0.9, 0.95]);
+    let text = drawn(&state, 80, 24);
+    assert_eq!(state.alarms().len(), 5);
+    assert!(state.alarms().iter().all(|alarm| text.contains(alarm)), "{text}");
+}
+
+#[test]
+fn what_was_told_is_broken_between_words_and_its_end_is_seen() {
+    let mut state = pressed();
+    let tare = "tare (3.7806, -2.5761) N from 4000 samples; noise of one reading (0.0017, 0.0016) N";
+    state.told.push(tare.to_owned());
+    let text = drawn(&state, 80, 24);
+    let shown: Vec<_> = text.lines().filter(|line| line.contains("tare (") || line.contains("0.0016")).collect();
+    let words = shown.iter().flat_map(|line| line.split_whitespace()).collect::<Vec<_>>().join(" ");
+    assert_eq!((shown.len(), words.as_str()), (2, tare), "{text}");
 }
 
 #[test]
