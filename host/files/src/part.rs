@@ -21,6 +21,14 @@
 //! feet = [[5, 5, 1], [85, 5, 1], [45, 45, 2]]
 //! ```
 //!
+//! Nothing of a part is known exactly. What is said of that widens what is told of its pose:
+//!
+//! ```toml
+//! outline_sigma = 0.3           # standard deviation of each edge's line along its normal (optional)
+//! centre_of_mass_sigma = 2      # of each coordinate (optional)
+//! support = "unknown"           # it presses on the table anyhow, instead of uniformly (optional)
+//! ```
+//!
 //! An elliptic part has, instead of `vertices`, `ellipse = {a = 40, b = 25}`: its semi-axes along x and y, its middle
 //! at the origin.
 //!
@@ -33,6 +41,7 @@ use nalgebra::Point2;
 use palpate::geometry::{PolygonError, SimplePolygon, bounding_box, convex_hull, distance_to_segment};
 use palpate::pushing::dynamics::support::SupportFriction;
 use palpate::pushing::dynamics::{Body, Mass, Part};
+use palpate::pushing::estimation::from_rest::PartErrors;
 use serde::Deserialize;
 
 /// A part that a person has described.
@@ -44,6 +53,8 @@ pub struct PartFile {
     pub mu: f64,
     /// µ_c between part and finger, if the file says.
     pub mu_c: Option<f64>,
+    /// What is not known of the part.
+    pub errors: PartErrors,
     /// The unit in which the person thinks.
     pub unit: Unit,
 }
@@ -171,7 +182,24 @@ struct Keys {
     feet: Option<Vec<Numbers<3>>>,
     centre_of_mass: Option<Numbers<2>>,
     radius_of_gyration: Option<f64>,
-    support: Option<Vec<SupportKeys>>,
+    support: Option<SupportField>,
+    outline_sigma: Option<f64>,
+    centre_of_mass_sigma: Option<f64>,
+}
+
+/// The value of `support`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged, expecting = "expected \"unknown\", or a list of [[support]], each with a name and maybe feet")]
+enum SupportField {
+    Unknown(Unknown),
+    List(Vec<SupportKeys>),
+}
+
+/// The word for a support of which nothing is known.
+#[derive(Clone, Copy, Debug, Deserialize)]
+enum Unknown {
+    #[serde(rename = "unknown")]
+    Word,
 }
 
 /// What a part may stand on.
@@ -273,6 +301,17 @@ pub enum PartFileError {
     SupportList {
         /// What is wrong with the list, in words.
         what: &'static str,
+    },
+    /// A support of which nothing is known, with feet that are.
+    #[error("support = \"unknown\" beside feet: leave one of them out")]
+    UnknownFeet,
+    /// A standard deviation that cannot be.
+    #[error("{key} = {value:?} must be finite and not negative")]
+    Deviation {
+        /// Key of the standard deviation.
+        key: &'static str,
+        /// As given, in the unit of the file.
+        value: f64,
     },
     /// A support that cannot be.
     #[error("support {name:?}: {error}")]
@@ -454,7 +493,7 @@ impl PartFile {
     }
 
     fn of(keys: &Keys) -> Result<Self, PartFileError> {
-        if let Some(supports) = &keys.support {
+        if let Some(SupportField::List(supports)) = &keys.support {
             return Err(PartFileError::Supports { count: supports.len() });
         }
         let mu = friction("mu", keys.mu)?;
@@ -465,7 +504,7 @@ impl PartFile {
             (None, None) => return Err(PartFileError::OneOutline { what: "no outline" }),
             (Some(_), Some(_)) => return Err(PartFileError::OneOutline { what: "two outlines" }),
         };
-        Ok(Self { part, mu, mu_c, unit: keys.unit })
+        Ok(Self { part, mu, mu_c, errors: keys.errors()?, unit: keys.unit })
     }
 }
 
@@ -478,6 +517,8 @@ pub struct PolygonFile {
     pub mu: f64,
     /// µ_c between part and finger, if the file says.
     pub mu_c: Option<f64>,
+    /// What is not known of the part.
+    pub errors: PartErrors,
     /// The unit in which the person thinks.
     pub unit: Unit,
 }
@@ -518,7 +559,9 @@ impl PolygonFile {
     /// [`PartFileError`], also for an elliptic part, a µ of 0 and an empty list.
     pub fn parse_supports(text: &str) -> Result<Vec<(Option<String>, Self)>, PartFileError> {
         let keys = Keys::parse(text)?;
-        let Some(supports) = &keys.support else { return Ok(vec![(None, Self::of(PartFile::of(&keys)?)?)]) };
+        let Some(SupportField::List(supports)) = &keys.support else {
+            return Ok(vec![(None, Self::of(PartFile::of(&keys)?)?)]);
+        };
         match (supports.is_empty(), &keys.feet) {
             (true, _) => return Err(PartFileError::SupportList { what: "support is empty" }),
             (_, Some(_)) => return Err(PartFileError::SupportList { what: "feet and supports" }),
@@ -535,10 +578,10 @@ impl PolygonFile {
         supports.iter().map(of).collect()
     }
 
-    fn of(PartFile { part, mu, mu_c, unit }: PartFile) -> Result<Self, PartFileError> {
+    fn of(PartFile { part, mu, mu_c, errors, unit }: PartFile) -> Result<Self, PartFileError> {
         match part {
             DescribedPart::Polygon(_) if mu == 0.0 => Err(PartFileError::NothingResists),
-            DescribedPart::Polygon(part) => Ok(Self { part, mu, mu_c, unit }),
+            DescribedPart::Polygon(part) => Ok(Self { part, mu, mu_c, errors, unit }),
             DescribedPart::Ellipse { .. } => Err(PartFileError::NotAPolygon),
         }
     }
@@ -572,6 +615,24 @@ fn shares(feet: &[Numbers<3>], metres: f64) -> Result<Vec<(Point2<f64>, f64)>, P
 impl Keys {
     fn parse(text: &str) -> Result<Self, PartFileError> {
         toml::from_str(text).map_err(|error| PartFileError::Toml(error.to_string()))
+    }
+
+    /// What is said not to be known.
+    fn errors(&self) -> Result<PartErrors, PartFileError> {
+        let deviation = |key: &'static str, value: Option<f64>| match value.unwrap_or(0.0) {
+            value if value.is_finite() && value >= 0.0 => Ok(value * self.unit.metres()),
+            value => Err(PartFileError::Deviation { key, value }),
+        };
+        let is_unknown = matches!(self.support, Some(SupportField::Unknown(Unknown::Word)));
+        if is_unknown && self.feet.is_some() {
+            return Err(PartFileError::UnknownFeet);
+        }
+        Ok(PartErrors {
+            outline_sigma: deviation("outline_sigma", self.outline_sigma)?,
+            mass_follows_outline: self.centre_of_mass.is_none(),
+            centre_of_mass_sigma: deviation("centre_of_mass_sigma", self.centre_of_mass_sigma)?,
+            pressure_log_sd: if is_unknown { PartErrors::PRESSURE_UNKNOWN } else { 0.0 },
+        })
     }
 
     fn polygon(&self, vertices: &[Numbers<2>]) -> Result<DescribedPart, PartFileError> {
@@ -677,7 +738,8 @@ mod tests {
 
     #[test]
     fn without_more_keys_a_part_is_a_uniform_plate() {
-        let PartFile { part, mu, mu_c, unit } = PartFile::parse(BLOCK).unwrap();
+        let PartFile { part, mu, mu_c, unit, errors } = PartFile::parse(BLOCK).unwrap();
+        assert_eq!(errors, PartErrors::NONE);
         assert_eq!((mu, mu_c, unit), (0.3, None, Unit::Millimetre));
         assert!((part.centre_of_mass() - Point2::new(0.03, 0.02)).norm() < ROUNDING);
         let inertia = (0.06_f64.powi(2) + 0.04_f64.powi(2)) / 12.0;
@@ -709,6 +771,22 @@ mod tests {
         assert!(part.outline().iter().all(on_it) && part.polygon().is_none());
         let refused = PolygonFile::parse("unit = 'mm'\nellipse = {a = 40, b = 30}\nmu = 0.3").unwrap_err();
         assert_eq!(refused, PartFileError::NotAPolygon);
+    }
+
+    #[test]
+    fn what_is_not_known_is_read_in_the_files_unit() {
+        let text = format!("{BLOCK}outline_sigma = 0.3\ncentre_of_mass_sigma = 2\nsupport = 'unknown'");
+        let errors = PolygonFile::parse(&text).unwrap().errors;
+        assert!(
+            (errors.outline_sigma - 3e-4).abs() < ROUNDING && (errors.centre_of_mass_sigma - 2e-3).abs() < ROUNDING
+        );
+        assert!(errors.mass_follows_outline && errors.pressure_log_sd == PartErrors::PRESSURE_UNKNOWN);
+        let given = PartFile::parse(&format!("{BLOCK}centre_of_mass = [30, 20]\nradius_of_gyration = 20")).unwrap();
+        assert!(!given.errors.mass_follows_outline);
+        let refused = |more: &str| PartFile::parse(&format!("{BLOCK}{more}")).unwrap_err().to_string();
+        assert!(refused("outline_sigma = -1").contains("outline_sigma = -1.0 must be finite and not negative"));
+        assert!(refused("support = 'unknown'\nfeet = [[5, 5, 1], [55, 5, 1], [30, 35, 2]]").contains("leave one"));
+        assert!(refused("support = 'anything'").contains("expected \"unknown\", or a list"));
     }
 
     #[test]

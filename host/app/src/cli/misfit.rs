@@ -103,6 +103,7 @@ mod tests {
         let ahead = Segment { seconds: 0.5, acceleration: Vector2::new(0.1, 0.0) };
         let motion = FingerMotion::new(Point2::origin(), &[ahead]).unwrap();
         let known = KnownFromRest {
+            errors: None,
             part: &part,
             mu_g: 0.25 * GRAVITY_ASSUMED,
             mu_g_log_sd: None,

@@ -154,7 +154,7 @@ impl FeltPush {
         let Self { arguments, finger } = self;
         let (mu_g, mu_g_log_sd) = (file.mu * GRAVITY_ASSUMED, arguments.mu_uncertainty.log_sd);
         let radius = arguments.radius();
-        KnownFromRest { part: &file.part, mu_g, mu_g_log_sd, radius, finger, motion }
+        KnownFromRest { part: &file.part, errors: file.errors.if_any(), mu_g, mu_g_log_sd, radius, finger, motion }
     }
 
     /// The same for readings of which each has this noise, N.
@@ -168,7 +168,14 @@ impl FeltPush {
         let (mu_g, radius) = (file.mu * GRAVITY_ASSUMED, self.arguments.radius());
         let known = KnownOfFinger::new(&file.part, mu_g, radius, motion, noise);
         let mu_g_log_sd = self.arguments.mu_uncertainty.log_sd;
-        KnownOfFinger { mu_g_log_sd, effective_mass, effective_mass_sd, compliance, ..known }
+        KnownOfFinger {
+            errors: file.errors.if_any(),
+            mu_g_log_sd,
+            effective_mass,
+            effective_mass_sd,
+            compliance,
+            ..known
+        }
     }
 }
 

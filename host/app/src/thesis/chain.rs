@@ -41,6 +41,7 @@ fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<TrialOutcome, Strin
 pub(crate) fn known_of<'a>(ranges: &'a Ranges, part: &'a Part, finger: CarriedFinger) -> KnownFromRest<'a> {
     KnownFromRest {
         part,
+        errors: None,
         mu_g: ranges.mu * GRAVITY_ASSUMED,
         mu_g_log_sd: None,
         radius: RADIUS_M,

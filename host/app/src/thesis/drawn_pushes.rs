@@ -143,6 +143,7 @@ fn judge(case: &Case) -> JudgedCase {
         has_truth: truth.is_some(),
         is_missed: truth.is_none() && case.is_missed_by(&estimate),
         squared_error: truth.and_then(|truth| case.squared_error(&estimate.hypotheses[truth])),
+        is_covered: None,
         stated: Stated::all(
             &estimate.hypotheses,
             |hypothesis| hypothesis.probability,

@@ -159,6 +159,7 @@ fn judge(case: &Case) -> Outcome {
             has_truth: false,
             is_missed: false,
             squared_error: None,
+            is_covered: None,
             stated: Vec::new(),
             milliseconds: begun.elapsed().as_secs_f64() * 1e3,
         };
@@ -175,6 +176,7 @@ fn judge(case: &Case) -> Outcome {
         has_truth: truth.is_some(),
         is_missed: truth.is_none() && is_missed(&estimate, &refitted),
         squared_error: truth.and_then(|truth| case.squared_error(&hypotheses[truth], estimate.time_end)),
+        is_covered: None,
         stated: Stated::all(
             hypotheses,
             |hypothesis| hypothesis.probability,
@@ -270,6 +272,7 @@ impl Case {
     fn known(&self) -> KnownFromRest<'_> {
         KnownFromRest {
             part: &self.part,
+            errors: None,
             mu_g: self.mu * GRAVITY_ASSUMED,
             mu_g_log_sd: None,
             radius: self.radius,

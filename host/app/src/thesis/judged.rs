@@ -20,6 +20,9 @@ const REGION: f64 = 0.95;
 /// Claims that a tenth needs before it is compared: with fewer nothing can stand out.
 const TENTH_MIN: usize = 20;
 
+/// Squared errors above this are told by case: of few degrees of freedom, chance has one in a thousand cases above 16.
+const FAR_OUTSIDE: f64 = 25.0;
+
 /// Standard deviations on either side of a mean that hold [`CONFIDENCE`].
 fn deviations() -> f64 {
     normal_quantile(0.5 + 0.5 * CONFIDENCE)
@@ -36,6 +39,8 @@ pub(super) struct JudgedCase {
     pub(super) is_missed: bool,
     /// Squared error of the truth's hypothesis in its own standard deviations.
     pub(super) squared_error: Option<f64>,
+    /// Whether the truth is in the 95 % region of all that is listed, by probability, where that is judged.
+    pub(super) is_covered: Option<bool>,
     pub(super) stated: Vec<Stated>,
     pub(super) milliseconds: f64,
 }
@@ -44,6 +49,12 @@ impl JudgedCase {
     /// What is wrong with the answer, in words; none where the truth is in it.
     pub(super) fn failure(&self) -> Option<String> {
         let what = match self.status {
+            _ if self.squared_error.is_some_and(|error| error > FAR_OUTSIDE) => {
+                return Some(format!(
+                    "stated too narrowly, squared error {:.0}",
+                    self.squared_error.unwrap_or_default()
+                ));
+            }
             _ if self.has_truth => return None,
             None => "no push was felt",
             Some(Status::Unique) => "wrong single answer",
@@ -55,7 +66,7 @@ impl JudgedCase {
 }
 
 /// Headings of [`cells`], after the row's name.
-pub(super) const COLUMNS: [&str; 12] = [
+pub(super) const COLUMNS: [&str; 13] = [
     "cases",
     "one pose",
     "wrong single",
@@ -65,6 +76,7 @@ pub(super) const COLUMNS: [&str; 12] = [
     ERRORS[0],
     ERRORS[1],
     ERRORS[2],
+    "in all's 95 %",
     "tenths off",
     "mean ms",
     "longest ms",
@@ -78,6 +90,8 @@ pub(super) fn cells(row: &str, outcomes: &[&JudgedCase], freedom: usize, table: 
     let stated: Vec<_> = outcomes.iter().flat_map(|outcome| outcome.stated.iter().copied()).collect();
     let squared: Vec<_> = outcomes.iter().filter_map(|outcome| outcome.squared_error).collect();
     let [nees, by_chance, within] = errors(&squared, freedom);
+    let covers: Vec<_> = outcomes.iter().filter_map(|outcome| outcome.is_covered).collect();
+    let covered = rate(covers.iter().filter(|covers| **covers).count(), covers.len());
     let times = || outcomes.iter().map(|outcome| outcome.milliseconds);
     let longest = times().enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
     vec![
@@ -91,6 +105,7 @@ pub(super) fn cells(row: &str, outcomes: &[&JudgedCase], freedom: usize, table: 
         nees,
         by_chance,
         within,
+        covered,
         tenths(row, &stated, table),
         mean(times()).map_or(Cell::Empty, |mean| Cell::number(mean, 1)),
         longest.map_or(Cell::Empty, |(case, longest)| format!("{longest:.0} (case {case})").into()),
@@ -201,7 +216,7 @@ fn tenths(row: &str, stated: &[Stated], table: &mut Table) -> Cell {
 pub(super) fn definitions() -> [String; 3] {
     [
         "In brackets, and as \"by chance\": intervals of 99 %.".to_owned(),
-        "NEES: mean squared error of the truth's hypothesis in its own covariance; within 95 %: how often it is in the stated region.".to_owned(),
+        "NEES: mean squared error of the truth's hypothesis in its own covariance; within 95 %: how often it is in the stated region; in all's 95 %: how often it is where what all hypotheses say together is densest, and 95 % of it.".to_owned(),
         "tenths off: of the tenths of stated probabilities (with 20 claims or more), those that are true too often or too rarely; hypotheses of which one would count as right, were the other the truth, are one claim.".to_owned(),
     ]
 }

@@ -71,6 +71,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     invariances::EXPERIMENT,
     drawn_rest::EXPERIMENT,
     drawn_forces::EXPERIMENT,
+    drawn_forces::MODEL_ERROR,
     chain::EXPERIMENT,
     plan::EXPERIMENT,
     parts::EXPERIMENT,

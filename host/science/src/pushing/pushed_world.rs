@@ -15,11 +15,14 @@ use crate::pushing::dynamics::{
     ContactLaw, Edge, EdgeEnd, EndReason, ModelError, Part, Push, PushError, PushModel, PushRun, PushRunError, Sample,
     Start,
 };
-use crate::pushing::finger_motion::{FingerMotion, Leg};
+use crate::pushing::finger_motion::{FingerMotion, Leg, Segment};
 
 /// Time between two states that are kept, s: the time of one conversion. A force that jumps, where sliding stops or the
 /// finger's acceleration changes, comes late or early by no more than the converter would have it.
 pub const STEP_S: f64 = 250e-6;
+
+/// How long a µ_c that wanders along an edge stays what it is, s: a contact slides by a tenth of a millimetre meanwhile.
+pub const WANDER_STEP_S: f64 = 2e-3;
 
 /// A part, a finger, and how they touch.
 ///
@@ -91,11 +94,35 @@ impl PushedWorld<'_> {
     /// # Errors
     /// [`WorldError`].
     pub fn play(&self) -> Result<Played, WorldError> {
+        self.play_legs(self.motion, |_| 1.0)
+    }
+
+    /// The same with a µ_c that is so many times as much at a place on the edge, m: kept over each [`WANDER_STEP_S`].
+    ///
+    /// # Errors
+    /// [`WorldError`].
+    ///
+    /// # Panics
+    /// Never: a motion in pieces is one.
+    pub fn play_along(&self, factor: impl Fn(f64) -> f64) -> Result<Played, WorldError> {
+        let pieces = self.motion.segments().iter().flat_map(|segment| {
+            let pieces = (segment.seconds / WANDER_STEP_S).ceil().max(1.0);
+            let piece = Segment { seconds: segment.seconds / pieces, ..*segment };
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pieces of a push")]
+            std::iter::repeat_n(piece, pieces as usize)
+        });
+        let motion = FingerMotion::new(self.motion.centre(0.0), &pieces.collect::<Vec<_>>());
+        self.play_legs(&motion.expect("pieces of a motion are one"), factor)
+    }
+
+    fn play_legs(&self, motion: &FingerMotion, factor: impl Fn(f64) -> f64) -> Result<Played, WorldError> {
         let edge = self.part.edge(self.edge)?;
         let mut start = Start::Rest { u: self.u, s: self.s };
+        let mut s = self.s;
         let mut played = Played { samples: Vec::new(), forces_finger: Vec::new(), end: EndReason::Time };
-        for leg in self.motion.legs(self.radius) {
-            let run = self.run(edge, &leg, start)?;
+        for leg in motion.legs(self.radius) {
+            let run = self.run(edge, &leg, start, self.mu_c * factor(s))?;
+            s = run.last.state.s;
             start = Start::Moving(run.last.state);
             played.take(&run, &leg, self.mass);
             if run.end.reason != EndReason::Time {
@@ -106,9 +133,9 @@ impl PushedWorld<'_> {
         Ok(played)
     }
 
-    fn run(&self, edge: Edge, leg: &Leg, start: Start) -> Result<PushRun, WorldError> {
+    fn run(&self, edge: Edge, leg: &Leg, start: Start, mu_c: f64) -> Result<PushRun, WorldError> {
         let model = PushModel { part: self.part, edge, mu_g: self.mu_g, finger: leg.finger };
-        let law = ContactLaw::Coulomb { friction: self.mu_c };
+        let law = ContactLaw::Coulomb { friction: mu_c };
         Ok(Push::new(model, law, start, EdgeEnd::Stop)?.run(&times(leg))?)
     }
 }

@@ -14,9 +14,9 @@ use super::world::{Case, Kind, Sense, Setting};
 use super::{NOISY, PUSHES, SIGMA_RAD};
 use crate::thesis::{Cell, Experiment, Table, TableSettings, cases};
 
-/// What `palpate tables model-error` runs.
+/// What `palpate tables model-error-angles` runs.
 pub(in crate::thesis) const EXPERIMENT: Experiment = Experiment {
-    name: "model-error",
+    name: "model-error-angles",
     title: "pose of a pushed part where friction, outline or some of the angles are wrong",
     cases: 200,
     run,

@@ -5,8 +5,9 @@ use nalgebra::{Point2, Vector2};
 use palpate::geometry::SimplePolygon;
 use palpate::pushing::dynamics::Part;
 use palpate::pushing::estimation::from_rest;
+use palpate::pushing::estimation::from_rest::PartErrors;
 use palpate::pushing::estimation::from_rest::readings::{
-    self, ForceHypothesis, ForceReading, KnownOfFinger, MeasuredFinger, OutlineErrors,
+    self, ForceHypothesis, ForceReading, KnownOfFinger, MeasuredFinger,
 };
 use palpate::pushing::finger_motion::{FingerMotion, Segment};
 use palpate::pushing::measured_path::{MeasuredPath, PLACES_MIN};
@@ -39,21 +40,28 @@ pub struct ObserveForce {
     /// Gravity, m/s².
     #[serde(default = "default_gravity")]
     pub g: NonNegative,
-    /// Where the weight rests; uniform over the polygon where not given.
+    /// Where the weight rests; uniform over the polygon where not given. "unknown": anywhere under the part, most likely
+    /// about as uniform.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub support: Option<Support>,
+    pub support: Option<SupportField>,
     /// Part frame, m; the area centroid where not given. Together with `inertia_per_mass`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub centre_of_mass: Option<[f64; 2]>,
     /// Moment of inertia about `centre_of_mass` over the mass, m².
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub inertia_per_mass: Option<Positive>,
+    /// Standard deviation of the centre of mass, each coordinate, m.
+    #[serde(default)]
+    pub centre_of_mass_sigma: NonNegative,
     /// Of the part, kg; unknown where not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mass: Option<Positive>,
     /// Friction between finger and part; unknown, from 0 to 1, where not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mu_c: Option<NonNegative>,
+    /// Standard deviation of ln(mu_c) along an edge, from one place to another 5 mm away; 0 where it is the same everywhere.
+    #[serde(default)]
+    pub mu_c_wander_sigma_log: NonNegative,
     /// The finger, how it bends and how it moves.
     pub finger: CarriedFinger,
     /// What its sensor reads.
@@ -61,6 +69,24 @@ pub struct ObserveForce {
     /// The part when the force begins.
     #[serde(default)]
     pub start: StartField,
+}
+
+/// Where a part's weight rests, as far as that is known.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum SupportField {
+    /// On feet.
+    Known(Support),
+    /// Nobody knows.
+    Unknown(UnknownSupport),
+}
+
+/// The word for a support that is not known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum UnknownSupport {
+    /// Anywhere under the part.
+    Unknown,
 }
 
 /// A disk on a finger that a robot carries.
@@ -251,20 +277,28 @@ impl Problem for ObserveForce {
             }
         }
         let part = self.part(&self.polygon)?;
-        let of_outline = |polygon: SimplePolygon| self.part(&polygon).unwrap_or_else(|_| part.clone());
-        let sigma = self.polygon_sigma.get();
-        let outline = (sigma > 0.0).then_some(OutlineErrors { sigma, part: &of_outline });
+        let errors = PartErrors {
+            outline_sigma: self.polygon_sigma.get(),
+            mass_follows_outline: self.centre_of_mass.is_none(),
+            centre_of_mass_sigma: self.centre_of_mass_sigma.get(),
+            pressure_log_sd: if matches!(self.support, Some(SupportField::Unknown(_))) {
+                PartErrors::PRESSURE_UNKNOWN
+            } else {
+                0.0
+            },
+        };
         let finger = &self.finger;
         let (mass_sd, prior) = (finger.effective_mass_sigma.get(), from_rest::CarriedFinger::UNKNOWN);
         let (effective_mass, effective_mass_sd) =
             finger.effective_mass.map_or((prior.effective_mass, prior.effective_mass_sd), |mass| (mass.get(), mass_sd));
         let known = KnownOfFinger {
             part: &part,
-            outline,
+            errors: errors.if_any(),
             mass: self.mass.map(Positive::get),
             mu_g: self.mu.get() * self.g.get(),
             mu_g_log_sd: (self.mu_sigma_log.get() > 0.0).then_some(self.mu_sigma_log.get()),
             mu_c: self.mu_c.map(NonNegative::get),
+            mu_c_wander_log_sd: self.mu_c_wander_sigma_log.get(),
             radius: finger.radius.get(),
             is_moving: self.start == StartField::Moving,
             compliance: finger.compliance.get(),
@@ -312,7 +346,11 @@ impl Problem for ObserveForce {
 
 impl ObserveForce {
     fn part(&self, polygon: &SimplePolygon) -> Result<Part, InvalidInput> {
-        pushed::part(polygon.clone(), self.centre_of_mass, self.inertia_per_mass, self.support.as_ref())
+        let support = match &self.support {
+            Some(SupportField::Known(support)) => Some(support),
+            Some(SupportField::Unknown(_)) | None => None,
+        };
+        pushed::part(polygon.clone(), self.centre_of_mass, self.inertia_per_mass, support)
     }
 }
 

@@ -122,6 +122,26 @@ impl Body {
         }
     }
 
+    /// Where it stands, part frame, m, and the share of the weight there; none of a base that bears everywhere.
+    pub(super) fn feet(&self) -> Option<impl Iterator<Item = (Point2<f64>, f64)> + '_> {
+        match &self.support {
+            Support::Uniform(_) => None,
+            Support::Feet(feet) => Some(feet.iter().map(|foot| (self.centre_of_mass() + foot.at, foot.share))),
+        }
+    }
+
+    /// The point about which the pressure has no moment, part frame, m.
+    #[must_use]
+    pub fn centre_of_pressure(&self) -> Point2<f64> {
+        self.centre_of_mass() + self.support().centre_of_pressure().coords
+    }
+
+    /// Where its mass is.
+    #[must_use]
+    pub fn mass(&self) -> Mass {
+        self.mass
+    }
+
     /// The centre of mass, part frame, m.
     #[must_use]
     pub fn centre_of_mass(&self) -> Point2<f64> {

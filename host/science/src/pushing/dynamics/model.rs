@@ -7,7 +7,7 @@
 //! its counter-clockwise direction; origin at the centre of mass), `world`. Units: SI, per unit mass where named so.
 //! Errors: [`ModelError`] for an edge that the polygon does not have.
 
-use nalgebra::{Point2, Vector2};
+use nalgebra::{Matrix2, Point2, Vector2};
 
 use super::body::{Body, Mass};
 use super::scalar::Scalar;
@@ -52,6 +52,45 @@ impl Part {
     #[must_use]
     pub fn on_feet(polygon: SimplePolygon, feet: &[(Point2<f64>, f64)], mass: Mass) -> Self {
         Self::of(polygon, Body::on_feet(feet, mass))
+    }
+
+    /// The same with another outline, of which the edges mostly are where they were: a base that bears everywhere follows it,
+    /// feet stay; the mass becomes that of a uniform plate, or stays.
+    #[must_use]
+    pub fn with_outline(&self, polygon: SimplePolygon, mass_follows: bool) -> Self {
+        let mass = if mass_follows { Mass::uniform(&polygon) } else { self.body.mass() };
+        let body = self.body.feet().map_or_else(
+            || Body::uniform(SupportFriction::uniform(&polygon), mass),
+            |feet| Body::on_feet(&feet.collect::<Vec<_>>(), mass),
+        );
+        Self::of(polygon, body)
+    }
+
+    /// The same outline with its mass and the middle of its pressure moved (m), and its pressure stretched about that
+    /// middle: feet move, a base that bears everywhere bears over what its outline is stretched to.
+    ///
+    /// What pressure resists by turning and along each axis is changed by a stretch as by any pressure that lies as much
+    /// nearer to its middle, or further from it.
+    #[must_use]
+    pub fn redistributed(
+        &self,
+        mass_moved: Vector2<f64>,
+        pressure_moved: Vector2<f64>,
+        stretch: &Matrix2<f64>,
+    ) -> Self {
+        let mass = Mass { centre_of_mass: self.centre_of_mass() + mass_moved, ..self.body.mass() };
+        let middle = self.body.centre_of_pressure();
+        let moved = |at: Point2<f64>| middle + stretch * (at - middle) + pressure_moved;
+        let body = self.body.feet().map_or_else(
+            || {
+                let vertices = self.polygon.vertices().iter().map(|vertex| moved(*vertex));
+                // A stretch keeps what crosses and what does not; one that loses all to rounding changes nothing.
+                let base = SimplePolygon::new(vertices.collect::<Vec<_>>()).unwrap_or_else(|_| self.polygon.clone());
+                Body::uniform(SupportFriction::uniform(&base), mass)
+            },
+            |feet| Body::on_feet(&feet.map(|(at, share)| (moved(at), share)).collect::<Vec<_>>(), mass),
+        );
+        Self::of(self.polygon.clone(), body)
     }
 
     fn of(polygon: SimplePolygon, body: Body) -> Self {

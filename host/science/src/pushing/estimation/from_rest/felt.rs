@@ -39,6 +39,20 @@ pub(super) trait Felt: Debug {
     fn onsets_tried(&self) -> Vec<f64>;
 }
 
+/// What a model is off by changes from one to another within so long, s: as the part turns, other places of its support
+/// carry most of the friction.
+const DRIFT_S: f64 = 0.1;
+
+/// Functions of time, from one moment to another, of which any that changes slowly is a sum: linear from knot to knot.
+pub(super) fn drift_weights(from: f64, to: f64) -> impl Iterator<Item = impl Fn(f64) -> f64> {
+    let apart = ((to - from) / DRIFT_S).ceil().max(1.0);
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the knots of a push are few")]
+    let last = apart as usize;
+    let weight =
+        move |knot: usize| move |time: f64| (1.0 - ((time - from) / (to - from) * apart - knot as f64).abs()).max(0.0);
+    (0..=last).map(weight)
+}
+
 /// What a guess would have felt, whitened, per unit mass of the part.
 #[derive(Clone, Debug)]
 pub(super) struct Predicted {

@@ -8,19 +8,14 @@
 //! Units: SI. Errors: none; a guess that cannot be played through has no fit.
 
 use std::f64::consts::{PI, TAU};
-use std::ops::AddAssign as _;
 
-use nalgebra::{
-    DMatrix, DVector, Isometry2, Matrix3, Matrix4, Matrix6, SMatrix, SVector, Vector2, Vector3, Vector4, Vector6,
-};
+use nalgebra::{DMatrix, DVector, SVector, Vector2, Vector4};
 
 use super::felt::{Compared, Felt, OfNumber, Predicted};
 use super::path::{Changed, Course, CourseStart, Guess, Path};
-use super::valley::Valley;
 use super::windowed_force::ONSET_RANGE;
 use crate::math::least_squares::profile::Held;
 use crate::math::least_squares::{self, Damping, Enough, Floor, LeastSquaresSettings, NormalEquations, minimise};
-use crate::math::unscented::Gaussian;
 use crate::pushing::dynamics::State;
 use crate::pushing::estimation::observation::MU_G_LOG_MAX;
 
@@ -41,9 +36,6 @@ const FRICTION_SLACK: f64 = 0.01;
 
 /// Steps of a fit.
 const STEPS_MAX: usize = 30;
-
-/// The friction that rolling needs is stated so many of its standard deviations below the best fit's.
-const NEEDED_SDS: f64 = 3.0;
 
 /// A step that lowers the cost by less ends the fit: a fiftieth of what one standard deviation does.
 const COST_STEP: f64 = 0.02;
@@ -78,28 +70,12 @@ pub(super) const PARAMETERS: usize = 7;
 pub(super) const COLUMNS: usize = PARAMETERS + 1;
 
 /// Where among them the friction of the contact is, and that of the plane.
-const MU_C: usize = 2;
+pub(super) const MU_C: usize = 2;
 /// Column of ln(µ g) among the parameters.
-const MU_G: usize = 3;
+pub(super) const MU_G: usize = 3;
 
 /// Column of the onset's delay among the parameters.
-const DELAY: usize = 4;
-
-/// Numbers of a push under way: u, s, ω, how it slides, µ_c, ln of µ g over what it is taken for, ln of the mass, and by how
-/// much the finger's effective mass is off what it is taken for.
-pub(super) const BELIEF: usize = 8;
-/// Where among them the angular velocity is.
-pub(super) const BELIEF_OMEGA: usize = 2;
-/// By how much v_T is off that of a part that rolls.
-pub(super) const BELIEF_SLIDE: usize = 3;
-/// µ_c.
-pub(super) const BELIEF_MU_C: usize = 4;
-/// ln(µ g).
-pub(super) const BELIEF_MU_G: usize = 5;
-/// ln m.
-pub(super) const BELIEF_MASS: usize = 6;
-/// The finger's effective mass.
-pub(super) const BELIEF_FINGER: usize = 7;
+pub(super) const DELAY: usize = 4;
 
 /// How far a number of outline or motion is moved to see what it changes, standard deviations: far enough for what rounding
 /// and events leave, and near enough that edges do not cross.
@@ -146,7 +122,7 @@ pub(super) struct Tried {
     /// Squared whitened residuals and penalties.
     pub(super) cost: f64,
     /// Whitened force per unit mass, and what is unsure about it.
-    predicted: Predicted,
+    pub(super) predicted: Predicted,
     /// What is felt and not explained, standard deviations.
     rest: DVector<f64>,
     /// What is asked too much.
@@ -187,7 +163,7 @@ impl<'p> Problem<'_, 'p> {
     fn try_path(&self, guess: Guess, path: Path) -> Option<Tried> {
         let edge = self.course.part.edge(guess.edge).ok()?;
         let mut predicted = self.measured.predicted(&path, guess.delay);
-        predicted.numbers = self.of_numbers(&guess, &predicted);
+        predicted.numbers = self.of_numbers(&guess, &path, &predicted);
         predicted.off = self.course.off.to_vec();
         let compared = predicted.compared(self.measured.data(), self.mass);
         let Compared { mass, rest, .. } = compared;
@@ -204,14 +180,19 @@ impl<'p> Problem<'_, 'p> {
     }
 
     /// What each number of outline and motion changes, one standard deviation off; nothing where that cannot be played.
-    fn of_numbers(&self, guess: &Guess, predicted: &Predicted) -> Vec<OfNumber> {
-        let per_mass = |changed| {
+    fn of_numbers(&self, guess: &Guess, path: &Path, predicted: &Predicted) -> Vec<OfNumber> {
+        let per_mass = |changed: &'p Changed| {
+            if let Changed::Friction(along) = changed
+                && !(path.slipped && along.differs_within(&self.course.friction_along, path.s_span))
+            {
+                return None;
+            }
             let path = self.course.with(changed).play(guess).ok()?;
             Some((self.measured.predicted(&path, guess.delay).shape - &predicted.shape) / SHARE_OF_SD)
         };
         let none = || DVector::zeros(predicted.shape.len());
         let carried = |changed: &Changed| match changed {
-            Changed::Part(_) => None,
+            Changed::Part(_) | Changed::Friction(_) => None,
             Changed::Motion(legs) => {
                 let [before, after] = [&self.course.legs, legs].map(|legs| self.measured.carried(legs));
                 // The finger's mass takes its part of what is read.
@@ -240,14 +221,14 @@ impl<'p> Problem<'_, 'p> {
         minimise(&Held { problem: self, unknown: held }, start, &settings, |_| false).place
     }
 
-    fn differences(&self) -> [f64; PARAMETERS] {
+    pub(super) fn differences(&self) -> [f64; PARAMETERS] {
         let [u, s, mu_c, mu_g_log, delay, omega, slide] = DIFFERENCES;
         let arm = self.course.part.inertia_per_mass().sqrt();
         [u, s * arm, mu_c, mu_g_log, delay, omega, slide * arm]
     }
 
     /// Whether a parameter is to be found, and changes anything.
-    fn is_free(&self, at: &Tried, parameter: usize) -> bool {
+    pub(super) fn is_free(&self, at: &Tried, parameter: usize) -> bool {
         match parameter {
             MU_C => at.path.slipped && self.course.mu_c.is_none(),
             MU_G => self.course.mu_g_log_sd.is_some(),
@@ -259,7 +240,7 @@ impl<'p> Problem<'_, 'p> {
     }
 
     /// Derivatives of the whitened residuals, penalties included, by the parameters and the mass's logarithm.
-    fn slopes(&self, at: &Tried) -> DMatrix<f64> {
+    pub(super) fn slopes(&self, at: &Tried) -> DMatrix<f64> {
         let size = at.predicted.shape.len();
         let mut slopes = DMatrix::zeros(size + PENALTIES, COLUMNS);
         if self.mass.is_none() {
@@ -317,12 +298,12 @@ impl<'p> Problem<'_, 'p> {
 
     /// Covariance of the guess's parameters. Those that no slope tells of, since they make no difference or are held,
     /// count as known.
-    fn covariance(&self, at: &Tried) -> Option<DMatrix<f64>> {
+    pub(super) fn covariance(&self, at: &Tried) -> Option<DMatrix<f64>> {
         self.covariance_near(at, f64::INFINITY)
     }
 
     /// The same where the contact angle at the start is known so well beside, rad.
-    fn covariance_near(&self, at: &Tried, u_sd: f64) -> Option<DMatrix<f64>> {
+    pub(super) fn covariance_near(&self, at: &Tried, u_sd: f64) -> Option<DMatrix<f64>> {
         let slopes = self.slopes(at);
         let mut normal = self.curvature(at, &slopes);
         // What slopes say nothing about is still within its range: a contact that slips for a moment tells little of
@@ -338,13 +319,6 @@ impl<'p> Problem<'_, 'p> {
         Some(covariance)
     }
 
-    /// The valley of a minimum, where it bends.
-    #[cfg(test)]
-    pub(super) fn valley(&self, at: &Tried) -> Option<Valley> {
-        let slopes = self.end_slopes(at)?;
-        Valley::through(self, at, &self.covariance(at)?, &slopes.state)
-    }
-
     /// Contact angles and places so many standard deviations from a minimum, all round it.
     pub(super) fn border(&self, at: &Tried, sds: f64) -> Option<[[f64; 2]; BORDER_PLACES]> {
         let covariance = self.covariance(at)?.fixed_view::<2, 2>(0, 0).into_owned();
@@ -356,190 +330,24 @@ impl<'p> Problem<'_, 'p> {
         };
         Some(std::array::from_fn(place))
     }
-
-    /// How the end follows the parameters, by differences to the side that can be played.
-    fn end_slopes(&self, at: &Tried) -> Option<EndSlopes> {
-        let end = self.course.pose_at_end(&at.guess, &at.path)?;
-        let mut pose = SMatrix::<f64, 3, PARAMETERS>::zeros();
-        let mut state = SMatrix::<f64, 4, PARAMETERS>::zeros();
-        let mut needed = SVector::<f64, PARAMETERS>::zeros();
-        for (column, step) in self.differences().into_iter().enumerate() {
-            // The end is a time of the motion: when it began elsewhere changes nothing of it.
-            if column == DELAY || !self.is_free(at, column) {
-                continue;
-            }
-            let played = |(step, guess)| Some((step, guess, self.course.play(&guess).ok()?));
-            let (step, guess, path) = beside(&at.guess, column, step).find_map(played)?;
-            pose.set_column(column, &(difference(&end, &self.course.pose_at_end(&guess, &path)?) / step));
-            state.set_column(column, &((vector(&path.end) - vector(&at.path.end)) / step));
-            needed[column] = (path.friction_needed - at.path.friction_needed) / step;
-        }
-        Some(EndSlopes { pose, state, needed })
-    }
-
-    /// What is uncertain at the end.
-    pub(super) fn end_covariance(&self, at: &Tried) -> Option<EndCovariance> {
-        let parameters = self.covariance(at)?;
-        let end = self.course.pose_at_end(&at.guess, &at.path)?;
-        let EndSlopes { pose, state, needed } = self.end_slopes(at)?;
-        let valley = Valley::through(self, at, &parameters, &state);
-        let mut all = parameters.fixed_view::<COLUMNS, COLUMNS>(0, 0).into_owned();
-        let held = all.fixed_view::<PARAMETERS, PARAMETERS>(0, 0).into_owned();
-        // J C Jᵀ.
-        let mut pose_covariance = pose * held * pose.transpose();
-        let mut state_covariance = state * held * state.transpose();
-        let needed_sd = (needed.transpose() * held * needed)[0].max(0.0).sqrt();
-        if let Some(valley) = valley {
-            let straight = valley.straight.fixed_rows::<PARAMETERS>(0).into_owned();
-            all = valley.covered(all, valley.straight, |side| Some(side.parameters));
-            state_covariance = valley.covered(state_covariance, state * straight, |side| {
-                Some((vector(&side.end.path.end) - vector(&at.path.end)) / side.sds)
-            });
-            pose_covariance = valley.covered(pose_covariance, pose * straight, |side| {
-                let there = self.course.pose_at_end(&side.end.guess, &side.end.path)?;
-                Some(difference(&end, &there) / side.sds)
-            });
-        }
-        let deviation = |parameter: usize| all[(parameter, parameter)].max(0.0).sqrt();
-        let (mu_g_log_sd, mass_log_sd) = (deviation(MU_G), deviation(PARAMETERS));
-        // Variance of ln(µ g) + ln m, which a slow push feels as one number.
-        let weight_variance = deviation(MU_G).powi(2) + deviation(PARAMETERS).powi(2) + 2.0 * all[(MU_G, PARAMETERS)];
-        Some(EndCovariance {
-            mu_c_sd: at.path.slipped.then(|| deviation(MU_C)),
-            friction_needed: (at.path.friction_needed - NEEDED_SDS * needed_sd).max(0.0),
-            mu_g_log_sd,
-            mass_log_sd,
-            resistance_log_sd: weight_variance.max(0.0).sqrt(),
-            pose: pose_covariance,
-            state: state_covariance,
-            spread: all.fixed_view::<2, 2>(0, 0).determinant().max(0.0).sqrt(),
-        })
-    }
-}
-
-impl<'p> Problem<'_, 'p> {
-    /// The end of a push of a part: x, y, θ of its frame, velocity of its centre of mass, ω.
-    fn end_of(course: &Course<'p>, guess: &Guess, path: &Path) -> Option<End> {
-        let pose = course.pose_at_end(guess, path)?;
-        Some(End { pose, velocity: course.velocity_at_end(guess, path)?, omega: path.end.omega })
-    }
-
-    /// Covariance of pose and motion at the end (x, y, θ, velocity of the centre of mass, ω), with everything that is
-    /// not known, outline, motion and what adds to the force included.
-    pub(super) fn motion_covariance(&self, at: &Tried) -> Option<Matrix6<f64>> {
-        let course = self.course.sure();
-        let end = Self::end_of(&course, &at.guess, &at.path)?;
-        let to = |course: &Course<'p>, guess: &Guess, path: &Path| Some(end.to(&Self::end_of(course, guess, path)?));
-        let parameters = self.covariance(at)?;
-        let OfEnd { of_end, mut covariance } = self.of_end(at, to, &SMatrix::zeros(), None, &parameters)?;
-        if at.predicted.nuisances(at.mass).next().is_none() {
-            let state = self.end_slopes(at)?.state;
-            if let Some(valley) = Valley::through(self, at, &parameters, &state) {
-                let straight = of_end * valley.straight;
-                covariance = valley.covered(covariance, straight, |side| {
-                    let there = Self::end_of(&course, &side.end.guess, &side.end.path)?;
-                    Some(end.to(&there) / side.sds)
-                });
-            }
-        }
-        Some(covariance)
-    }
-
-    /// State and unknown numbers at the end, as one who follows the push goes on from them.
-    /// For the contact angle at the start within so much of what it is there, rad.
-    pub(super) fn belief_at_end(&self, at: &Tried, effective_mass_sd: f64, u_sd: f64) -> Option<Gaussian<BELIEF>> {
-        let course = self.course.sure();
-        let end = Self::followed_of(&course, &at.guess, &at.path)?;
-        let to = |course: &Course<'p>, guess: &Guess, path: &Path| {
-            let after = Self::followed_of(course, guess, path)? - end;
-            Some(SVector::from_fn(|row, _| if row < 4 { after[row] } else { 0.0 }))
-        };
-        let mut own = SMatrix::<f64, BELIEF, COLUMNS>::zeros();
-        own[(BELIEF_MU_C, MU_C)] = 1.0;
-        own[(BELIEF_MU_G, MU_G)] = 1.0;
-        own[(BELIEF_MASS, PARAMETERS)] = 1.0;
-        let mut mean = SVector::<f64, BELIEF>::zeros();
-        mean.fixed_rows_mut::<4>(0).copy_from(&end);
-        mean[BELIEF_MU_C] = at.guess.mu_c;
-        mean[BELIEF_MU_G] = at.guess.mu_g_log;
-        mean[BELIEF_MASS] = at.mass.ln();
-        mean[BELIEF_FINGER] = effective_mass_sd * self.taken_beside(at);
-        let of_beside = SVector::from_fn(|row, _| if row == BELIEF_FINGER { effective_mass_sd } else { 0.0 });
-        let parameters = self.covariance_near(at, u_sd)?;
-        let covariance = self.of_end(at, to, &own, Some(of_beside), &parameters)?.covariance;
-        Some(Gaussian { mean, covariance })
-    }
-
-    /// u, s, ω and how it slides at the end.
-    fn followed_of(course: &Course<'p>, guess: &Guess, path: &Path) -> Option<Vector4<f64>> {
-        Some(Vector4::new(path.end.u, path.end.s, path.end.omega, course.slide_at_end(guess, path)?))
-    }
-
-    /// How what is said of the end follows the parameters, and its covariance with everything that is not known: `to` is how
-    /// that of another push differs, `own` what follows the parameters whatever the push does, `of_beside` the same for
-    /// a standard deviation of what adds to the force.
-    fn of_end<const N: usize>(
-        &self,
-        at: &Tried,
-        to: impl Fn(&Course<'p>, &Guess, &Path) -> Option<SVector<f64, N>>,
-        own: &SMatrix<f64, N, COLUMNS>,
-        of_beside: Option<SVector<f64, N>>,
-        parameters: &DMatrix<f64>,
-    ) -> Option<OfEnd<N>> {
-        let course = self.course.sure();
-        let nuisances: Vec<_> = at.predicted.nuisances(at.mass).collect();
-        let mut of_end = *own;
-        for (column, step) in self.differences().into_iter().enumerate() {
-            if column == DELAY || !self.is_free(at, column) {
-                continue;
-            }
-            let played = |(step, guess)| Some((step, to(&course, &guess, &course.play(&guess).ok()?)?));
-            let (step, there) = beside(&at.guess, column, step).find_map(played)?;
-            of_end.column_mut(column).add_assign(&(there / step));
-        }
-        let parameters = parameters.fixed_view::<COLUMNS, COLUMNS>(0, 0).into_owned();
-        if nuisances.is_empty() {
-            return Some(OfEnd { of_end, covariance: of_end * parameters * of_end.transpose() });
-        }
-        let mut of_nuisances = vec![SVector::<f64, N>::zeros(); nuisances.len()];
-        for (changed, of_nuisance) in self.course.changed.iter().zip(&mut of_nuisances) {
-            let course = course.with(changed);
-            let there = course.play(&at.guess).ok().and_then(|path| to(&course, &at.guess, &path));
-            *of_nuisance = there.map_or_else(SVector::zeros, |there| there / SHARE_OF_SD);
-        }
-        let beside = of_nuisances.iter_mut().skip(self.course.changed.len()).zip(of_beside);
-        beside.for_each(|(of_nuisance, of_beside)| *of_nuisance = of_beside);
-        // J C Jᵀ, nuisances eliminated: what they are for given parameters, and what that leaves open.
-        let by_parameters = self.slopes(at);
-        let columns = DMatrix::from_columns(&nuisances);
-        let curvature = columns.tr_mul(&columns) + DMatrix::identity(columns.ncols(), columns.ncols());
-        let curvature = curvature.cholesky()?;
-        let of_nuisances = DMatrix::from_fn(N, of_nuisances.len(), |row, column| of_nuisances[column][row]);
-        // Residuals are data less prediction: the nuisances' slopes have the other sign.
-        let across = columns.tr_mul(&by_parameters.rows(0, columns.nrows()));
-        let slopes = of_end + (&of_nuisances * curvature.solve(&across)).fixed_view::<N, COLUMNS>(0, 0);
-        let open = &of_nuisances * curvature.solve(&of_nuisances.transpose());
-        Some(OfEnd { of_end, covariance: slopes * parameters * slopes.transpose() + open.fixed_view::<N, N>(0, 0) })
-    }
-}
-
-/// What is said of the end.
-struct OfEnd<const N: usize> {
-    /// Its derivatives by the parameters and the mass's logarithm, all else being what it is taken for.
-    of_end: SMatrix<f64, N, COLUMNS>,
-    covariance: SMatrix<f64, N, N>,
 }
 
 impl Problem<'_, '_> {
     /// How many standard deviations each number of outline and motion is off what it is taken for, of a guess.
     pub(super) fn taken_of_numbers(&self, at: &Tried) -> Vec<f64> {
-        let numbers = at.predicted.nuisances(at.mass).take(at.predicted.numbers.len());
-        numbers.map(|column| column.dot(&at.rest)).collect()
+        let mut taken = self.taken_of_nuisances(at);
+        taken.truncate(at.predicted.numbers.len());
+        taken
+    }
+
+    /// How many standard deviations each of [`Predicted::nuisances`] is off, of a guess.
+    pub(super) fn taken_of_nuisances(&self, at: &Tried) -> Vec<f64> {
+        // What remains of a residual is whitened by it: a column's share of the rest is what was taken.
+        at.predicted.nuisances(at.mass).map(|column| column.dot(&at.rest)).collect()
     }
 
     /// How many standard deviations what adds to the force whatever the part's mass is off, of a guess.
     pub(super) fn taken_beside(&self, at: &Tried) -> f64 {
-        // What remains of a residual is whitened by it: the column's share of the rest is what was taken.
         at.predicted.beside.first().map_or(0.0, |column| column.dot(&at.rest))
     }
 
@@ -552,32 +360,6 @@ impl Problem<'_, '_> {
     pub(super) fn spread_near(&self, at: &Tried, u_sd: f64) -> Option<f64> {
         Some(self.covariance_near(at, u_sd)?.fixed_view::<2, 2>(0, 0).determinant().max(0.0).sqrt())
     }
-}
-
-/// Pose and motion at the end.
-struct End {
-    pose: Isometry2<f64>,
-    velocity: Vector2<f64>,
-    omega: f64,
-}
-
-impl End {
-    /// How another differs: x, y, θ, velocity, ω.
-    fn to(&self, other: &Self) -> Vector6<f64> {
-        let pose = difference(&self.pose, &other.pose);
-        let velocity = other.velocity - self.velocity;
-        Vector6::new(pose.x, pose.y, pose.z, velocity.x, velocity.y, other.omega - self.omega)
-    }
-}
-
-/// Derivatives of what is said of the end by the parameters.
-struct EndSlopes {
-    /// Of x, y, θ.
-    pose: SMatrix<f64, 3, PARAMETERS>,
-    /// Of u, s, ω, v_T.
-    state: SMatrix<f64, 4, PARAMETERS>,
-    /// Of the friction that rolling takes.
-    needed: SVector<f64, PARAMETERS>,
 }
 
 impl least_squares::LeastSquaresProblem<COLUMNS> for Problem<'_, '_> {
@@ -608,39 +390,13 @@ impl least_squares::LeastSquaresProblem<COLUMNS> for Problem<'_, '_> {
     }
 }
 
-/// What is uncertain at the end of a fit.
-pub(super) struct EndCovariance {
-    /// Of x, y, θ.
-    pub(super) pose: Matrix3<f64>,
-    /// Of u, s, ω, v_T.
-    pub(super) state: Matrix4<f64>,
-    /// Square root of the determinant for contact angle and place at the start.
-    pub(super) spread: f64,
-    /// Standard deviation of µ_c, where the contact slipped.
-    pub(super) mu_c_sd: Option<f64>,
-    /// Friction that rolling took, at the least.
-    pub(super) friction_needed: f64,
-    /// Standard deviation of ln(µ g); 0 where it is known.
-    pub(super) mu_g_log_sd: f64,
-    /// Of the mass's logarithm.
-    pub(super) mass_log_sd: f64,
-    /// Of the logarithm of their product.
-    pub(super) resistance_log_sd: f64,
-}
-
 pub(super) fn vector(state: &State) -> Vector4<f64> {
     Vector4::new(state.u, state.s, state.omega, state.v_t)
 }
 
-/// From one pose to another: x, y, θ.
-pub(super) fn difference(from: &Isometry2<f64>, to: &Isometry2<f64>) -> Vector3<f64> {
-    let shift = to.translation.vector - from.translation.vector;
-    Vector3::new(shift.x, shift.y, from.rotation.angle_to(&to.rotation))
-}
-
 /// A guess with one parameter changed by a difference, or the other way: at a limit, or where nothing can be played,
 /// that will do.
-fn beside(guess: &Guess, parameter: usize, difference: f64) -> impl Iterator<Item = (f64, Guess)> {
+pub(super) fn beside(guess: &Guess, parameter: usize, difference: f64) -> impl Iterator<Item = (f64, Guess)> {
     let guess = *guess;
     let changed = [difference, -difference].into_iter().map(move |step| (step, moved(&guess, parameter, step)));
     changed.filter(move |(_, changed)| *changed != guess)

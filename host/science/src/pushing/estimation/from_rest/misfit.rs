@@ -359,7 +359,7 @@ mod tests {
 
     fn told<'a>(part: &'a Part, motion: &'a FingerMotion) -> KnownFromRest<'a> {
         let (mu_g, finger) = (0.25 * GRAVITY_ASSUMED, CarriedFinger::RIGID);
-        KnownFromRest { part, mu_g, mu_g_log_sd: Some(0.2), radius: RADIUS_M, finger, motion }
+        KnownFromRest { part, errors: None, mu_g, mu_g_log_sd: Some(0.2), radius: RADIUS_M, finger, motion }
     }
 
     #[test]

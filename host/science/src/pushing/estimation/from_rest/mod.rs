@@ -26,12 +26,16 @@
 //! Frames: finger axes, with the origin of the motion's file; force is the force on the finger's disk. Units: SI.
 //! Errors: none. "No pose explains the force" and "several do" are answers.
 
+mod end;
 mod felt;
 mod fit;
+mod friction_along;
 pub mod hann_windows;
 pub mod misfit;
 mod moving_seeds;
+mod numbers;
 pub mod onset;
+mod part_errors;
 mod path;
 pub mod readings;
 mod seeds;
@@ -43,7 +47,12 @@ pub mod windowed_force;
 
 use nalgebra::Translation2;
 
-use fit::{EndCovariance, MU_C_MIN, Problem, Tried};
+use end::EndCovariance;
+use felt::Felt as _;
+use fit::{MU_C_MIN, Problem, Tried};
+use friction_along::FrictionAlong;
+use numbers::{NUMBERED_LEADS, NumberedMinimum, Unknown};
+pub use part_errors::PartErrors;
 use path::{Course, CourseStart, Guess};
 use seeds::Cover;
 pub use windowed_force::{CalibrationUncertainty, CarriedFinger, Uncertainty, WindowedForce};
@@ -83,6 +92,8 @@ pub const WINDOWS_MIN: usize = 4;
 pub struct KnownFromRest<'p> {
     /// The part on its plane.
     pub part: &'p Part,
+    /// What is not known of it; none where all is.
+    pub errors: Option<PartErrors>,
     /// µ g of the plane, m/s².
     pub mu_g: f64,
     /// Standard deviation of ln(µ g): 0.2 where it is known to a fifth; none where it is known.
@@ -139,11 +150,63 @@ fn halting_estimate(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt
     let symmetry = symmetry::order(known.part);
     let sides = known.part.sides();
     let distinct = sides.len() / symmetry;
+    let edges: Vec<_> = sides.take(distinct).map(|(edge, _)| edge).collect();
     let measured = &measured.of_contact(known.motion, known.finger);
     let course = course(known, measured);
-    let problem = Problem { course: &course, measured, mass: None };
-    let edges: Vec<_> = sides.take(distinct).map(|(edge, _)| edge).collect();
-    conclude(&problem, search(&problem, &edges, halt), symmetry).bent(known, measured)
+    let Some(errors) = known.errors else {
+        let problem = Problem { course: &course, measured, mass: None };
+        return conclude(&problem, search(&problem, &edges, halt), symmetry).bent(known, measured);
+    };
+    let roughly = measured.roughly(errors.share(known.part));
+    let problem = Problem { course: &course, measured: &roughly, mass: None };
+    let mut tried = search(&problem, &edges, halt);
+    tried.retain(|tried| is_possible(&problem, tried));
+    let leads = leads(&tried, NUMBERED_LEADS).into_iter().map(|lead| lead.guess);
+    let part_unknown = PartUnknown { errors, course: &course, roughly: &roughly, measured };
+    part_unknown.estimate(leads, symmetry, halt).bent(known, measured)
+}
+
+/// A push of a part of which not all is known.
+struct PartUnknown<'a, 'p> {
+    errors: PartErrors,
+    course: &'a Course<'p>,
+    /// With what is not known taken for noise.
+    roughly: &'a WindowedForce,
+    measured: &'a WindowedForce,
+}
+
+impl PartUnknown<'_, '_> {
+    /// What guesses lead to with the part's numbers found too.
+    fn estimate(&self, guesses: impl Iterator<Item = Guess>, symmetry: usize, halt: &Halt<'_>) -> Estimate {
+        let measured = &self.measured.and_drift(self.errors.left_share());
+        let unknown = Unknown {
+            course: self.course,
+            mass: None,
+            errors: Some(self.errors),
+            motion: None,
+            mu_c_wander_log_sd: 0.0,
+        };
+        let limit = misfit_limit(measured.data().len(), measured.freedom());
+        let explains = |tried: &Tried| tried.cost <= limit;
+        let wanted = guesses.take_while(|_| !halt.is_wished());
+        let mut found: Vec<_> =
+            wanted.filter_map(|guess| unknown.found(guess, measured, self.roughly, explains, halt)).collect();
+        let with_problem = |found: &NumberedMinimum, of: &mut dyn FnMut(&Problem)| {
+            let course = found.numbered.course(self.course);
+            of(&Problem { course: &course, measured, mass: None });
+        };
+        found.retain(|found| {
+            let mut is = false;
+            with_problem(found, &mut |problem| is = is_possible(problem, &found.tried));
+            is
+        });
+        let said = |found: &NumberedMinimum, best: f64, excess: f64| {
+            let mut said = None;
+            with_problem(found, &mut |problem| said = hypothesis(problem, &found.tried, best, excess));
+            said
+        };
+        conclude_of(&Problem { course: self.course, measured, mass: None }, found, |found| &found.tried, said, symmetry)
+    }
 }
 
 /// Minima all over some edges.
@@ -272,6 +335,12 @@ const NEARLY: f64 = 40.0;
 pub fn follow(known: &KnownFromRest, measured: &WindowedForce, earlier: &Estimate) -> Estimate {
     let measured = &measured.of_contact(known.motion, known.finger);
     let course = course(known, measured);
+    if let Some(errors) = known.errors {
+        let roughly = &measured.roughly(errors.share(known.part));
+        let guesses = earlier.hypotheses.iter().map(|hypothesis| guess(hypothesis, &course));
+        let part_unknown = PartUnknown { errors, course: &course, roughly, measured };
+        return part_unknown.estimate(guesses, earlier.symmetry, &Halt::new(&never)).bent(known, measured);
+    }
     let problem = Problem { course: &course, measured, mass: None };
     let starts = earlier.hypotheses.iter().filter_map(|hypothesis| problem.try_onsets(guess(hypothesis, &course)));
     let starts = starts.collect::<Vec<_>>();
@@ -297,6 +366,7 @@ fn course<'p>(known: &KnownFromRest<'p>, measured: &WindowedForce) -> Course<'p>
         mu_g: known.mu_g,
         mu_g_log_sd: known.mu_g_log_sd,
         mu_c: None,
+        friction_along: FrictionAlong::default(),
         changed: &[],
         off: &[],
         start: CourseStart::Rest,
@@ -351,19 +421,32 @@ fn least_cost(tried: &[Tried]) -> f64 {
 
 /// The list of what cannot be excluded.
 fn conclude(problem: &Problem, mut tried: Vec<Tried>, symmetry: usize) -> Estimate {
+    tried.retain(|tried| is_possible(problem, tried));
+    let said = |tried: &Tried, best: f64, excess: f64| hypothesis(problem, tried, best, excess);
+    conclude_of(problem, tried, |tried| tried, said, symmetry)
+}
+
+/// The same of minima at which the finger can be, each with its own way to say what it means for a least cost and an excess
+/// of noise.
+fn conclude_of<M>(
+    problem: &Problem,
+    mut minima: Vec<M>,
+    tried: impl Fn(&M) -> &Tried,
+    said: impl Fn(&M, f64, f64) -> Option<Hypothesis>,
+    symmetry: usize,
+) -> Estimate {
     let duration = problem.course.duration;
     let (values, freedom) = (problem.measured.data().len(), problem.measured.freedom());
     let cost_max = misfit_limit(values, freedom);
-    tried.retain(|tried| is_possible(problem, tried));
-    tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    let best = tried.first().map(|tried| tried.cost);
+    minima.sort_by(|a, b| tried(a).cost.total_cmp(&tried(b).cost));
+    let best = minima.first().map(|minimum| tried(minimum).cost);
     let excess = best.map_or(1.0, |best| excess_noise(best, values, freedom));
     let listed: Vec<_> = match best {
-        Some(best) if best <= cost_max => distinct(tried, best + GATE * excess),
+        Some(best) if best <= cost_max => distinct(minima, best + GATE * excess, &tried),
         _ => Vec::new(),
     };
     let mut hypotheses: Vec<_> =
-        listed.iter().filter_map(|tried| hypothesis(problem, tried, best.unwrap_or(tried.cost), excess)).collect();
+        listed.iter().filter_map(|minimum| said(minimum, best.unwrap_or(tried(minimum).cost), excess)).collect();
     let total: f64 = hypotheses.iter().map(|hypothesis| hypothesis.probability).sum();
     hypotheses.iter_mut().for_each(|hypothesis| hypothesis.probability /= total);
     let mut hypotheses = joined(hypotheses, SAME_PLACE);
@@ -393,11 +476,11 @@ fn is_possible(problem: &Problem, tried: &Tried) -> bool {
 const POSSIBLE_SDS: f64 = 3.0;
 
 /// The minima up to a cost, each once: several fits end in the same.
-fn distinct(tried: Vec<Tried>, cost_max: f64) -> Vec<Tried> {
-    let mut kept: Vec<Tried> = Vec::new();
-    for tried in tried.into_iter().take_while(|tried| tried.cost <= cost_max) {
-        if !kept.iter().any(|other| is_same(other, &tried)) {
-            kept.push(tried);
+fn distinct<M>(minima: Vec<M>, cost_max: f64, tried: impl Fn(&M) -> &Tried) -> Vec<M> {
+    let mut kept: Vec<M> = Vec::new();
+    for minimum in minima.into_iter().take_while(|minimum| tried(minimum).cost <= cost_max) {
+        if !kept.iter().any(|other| is_same(tried(other), tried(&minimum))) {
+            kept.push(minimum);
         }
     }
     kept

@@ -16,6 +16,7 @@
 
 use nalgebra::{Isometry2, Rotation2, Vector2};
 
+use super::friction_along::FrictionAlong;
 use super::hann_windows;
 use crate::math::Jet;
 use crate::pushing::dynamics::contact_mode::{ContactFriction, jams};
@@ -244,8 +245,10 @@ pub(super) enum Lost {
 /// What of a push may be changed.
 #[derive(Clone, Debug)]
 pub(super) enum Changed {
-    /// The part's outline.
+    /// The part: its outline, where its mass is, or its pressure.
     Part(Part),
+    /// µ_c along the edge.
+    Friction(FrictionAlong),
     /// The finger's motion, as [`Course::legs`].
     Motion(Vec<Leg>),
 }
@@ -260,7 +263,9 @@ pub(super) struct Course<'p> {
     pub(super) mu_g_log_sd: Option<f64>,
     /// µ_c, where it is known.
     pub(super) mu_c: Option<f64>,
-    /// Where outline or motion are not known exactly: what changes with each number of them off by
+    /// How that differs from place to place of the edge of a guess.
+    pub(super) friction_along: FrictionAlong,
+    /// Where part, motion or friction along the edge are not known exactly: what changes with each number of them off by
     /// `fit::SHARE_OF_SD` more.
     pub(super) changed: &'p [Changed],
     /// How many standard deviations each of these numbers is off here, of what it is taken for.
@@ -286,6 +291,7 @@ impl<'p> Course<'p> {
     pub(super) fn with(&self, changed: &'p Changed) -> Self {
         match changed {
             Changed::Part(part) => Self { part, ..self.sure() },
+            Changed::Friction(along) => Self { friction_along: along.clone(), ..self.sure() },
             Changed::Motion(legs) => Self { legs: legs.clone(), ..self.sure() },
         }
     }
@@ -306,8 +312,10 @@ impl<'p> Course<'p> {
         let mu_g = self.mu_g_of(guess);
         let model = self.model(edge, &self.legs[0], mu_g);
         let mut simulation = match self.start {
-            CourseStart::Rest => PathSimulation::begin(model, guess, REST_S.min(self.legs[0].to))?,
-            CourseStart::Moving => PathSimulation::begin_moving(model, self.legs[0].from, guess)?,
+            CourseStart::Rest => {
+                PathSimulation::begin(model, guess, &self.friction_along, REST_S.min(self.legs[0].to))?
+            }
+            CourseStart::Moving => PathSimulation::begin_moving(model, self.legs[0].from, guess, &self.friction_along)?,
         };
         for (index, leg) in self.legs.iter().enumerate() {
             if leg.from >= self.duration - SAME_TIME_S {
@@ -326,10 +334,15 @@ impl<'p> Course<'p> {
 
     /// Pose of the part frame in the motion's frame at the end of a path that began with this guess.
     pub(super) fn pose_at_end(&self, guess: &Guess, path: &Path) -> Option<Isometry2<f64>> {
+        self.pose_of_end(guess, &path.end)
+    }
+
+    /// The same where the path has ended so.
+    pub(super) fn pose_of_end(&self, guess: &Guess, end: &State) -> Option<Isometry2<f64>> {
         let edge = self.part.edge(guess.edge).ok()?;
         let leg = self.legs.iter().rev().find(|leg| leg.from < self.duration - SAME_TIME_S)?;
         let model = self.model(edge, leg, self.mu_g_of(guess));
-        Some(pose(&model, self.duration - leg.from, &path.end))
+        Some(pose(&model, self.duration - leg.from, end))
     }
 
     /// Velocity of the centre of mass at the end of a path that began with this guess, m/s.
@@ -386,22 +399,23 @@ struct Margin {
 }
 
 /// A push under way.
-struct PathSimulation<'p> {
+struct PathSimulation<'a, 'p> {
     model: PushModel<'p>,
     leg_from: f64,
-    friction: ContactFriction,
+    mu_c: f64,
+    along: &'a FrictionAlong,
     time: f64,
     state: State,
     contact: ContactMode,
     path: Path,
 }
 
-impl<'p> PathSimulation<'p> {
+impl<'a, 'p> PathSimulation<'a, 'p> {
     /// From rest, a short time later, s.
-    fn begin(model: PushModel<'p>, guess: &Guess, later: f64) -> Result<Self, Lost> {
+    fn begin(model: PushModel<'p>, guess: &Guess, along: &'a FrictionAlong, later: f64) -> Result<Self, Lost> {
         let &Guess { u, s, mu_c, .. } = guess;
         // At rest Coulomb's law decides whether the contact rolls or slips; the force must push.
-        let friction = ContactFriction::same(mu_c);
+        let friction = ContactFriction::same(mu_c * along.factor(s));
         let start = |contact: &ContactMode| model.rest_start(contact, u, s);
         let (contact, start) = friction.begun(0.0, start).map_err(|_| Lost::Start)?;
         if !start.force().pushes() || is_jammed(&model, &contact, s) {
@@ -422,12 +436,17 @@ impl<'p> PathSimulation<'p> {
             slipped: contact != ContactMode::Rolling,
             course: ModeCourse::of(&contact),
         };
-        Ok(Self { model, leg_from: 0.0, friction, time: later, state, contact, path })
+        Ok(Self { model, leg_from: 0.0, mu_c, along, time: later, state, contact, path })
     }
 
-    fn begin_moving(model: PushModel<'p>, leg_from: f64, guess: &Guess) -> Result<Self, Lost> {
+    fn begin_moving(
+        model: PushModel<'p>,
+        leg_from: f64,
+        guess: &Guess,
+        along: &'a FrictionAlong,
+    ) -> Result<Self, Lost> {
         let &Guess { u, s, mu_c, omega, slide, .. } = guess;
-        let friction = ContactFriction::same(mu_c);
+        let friction = ContactFriction::same(mu_c * along.factor(s));
         let mut state = State { u, s, omega, v_t: 0.0 };
         let rolling_v_t = model.rolling_v_t(-leg_from, &state);
         state.v_t = rolling_v_t + slide;
@@ -457,7 +476,26 @@ impl<'p> PathSimulation<'p> {
             slipped: contact != ContactMode::Rolling,
             course: ModeCourse::of(&contact),
         };
-        Ok(Self { model, leg_from, friction, time: 0.0, state, contact, path })
+        Ok(Self { model, leg_from, mu_c, along, time: 0.0, state, contact, path })
+    }
+
+    /// The friction at a place on the edge, m.
+    fn friction(&self, s: f64) -> ContactFriction {
+        ContactFriction::same(self.mu_c * self.along.factor(s))
+    }
+
+    /// A contact as it is at a place on the edge, m.
+    fn contact_at(&self, s: f64) -> ContactMode {
+        match self.contact {
+            ContactMode::Sliding { slip, .. } => self.friction(s).slides(slip),
+            other => other,
+        }
+    }
+
+    /// A contact as it is on the way over a step, s: that of its middle.
+    fn contact_over(&self, length: f64) -> ContactMode {
+        let is_one = self.along.is_constant() || self.contact == ContactMode::Rolling;
+        if is_one { self.contact } else { self.contact_at(self.state.s + 0.5 * length * self.motion().rates.s) }
     }
 
     fn motion(&self) -> Motion {
@@ -528,7 +566,7 @@ impl<'p> PathSimulation<'p> {
     /// Takes a step, or the part of it that ends in a change of the contact.
     fn step(&mut self, length: f64, stiff: bool) -> Result<(), Lost> {
         let (before, local) = (self.state, self.time - self.leg_from);
-        let (model, contact) = (self.model, self.contact);
+        let (model, contact) = (self.model, self.contact_over(length));
         let at = |length: f64| {
             let settled = stiff.then(|| model.stiff_step(&contact, local, &before, length)).flatten();
             settled.unwrap_or_else(|| model.step(&contact, local, &before, length))
@@ -538,11 +576,13 @@ impl<'p> PathSimulation<'p> {
         if left >= 0.0 {
             self.path.friction_needed = self.path.friction_needed.max(needed);
             (self.state, self.time) = (after, self.time + length);
+            self.contact = self.contact_at(after.s);
             return Ok(());
         }
         let ended = |length: f64| !self.margin(local + length, &at(length)).is_ok_and(|margin| margin.left >= 0.0);
         let change = first_ended(ended, length, CHANGE_SHARE * length);
         (self.state, self.time) = (at(change), self.time + change);
+        self.contact = self.contact_at(self.state.s);
         self.change()
     }
 
@@ -551,7 +591,7 @@ impl<'p> PathSimulation<'p> {
         if !motion.force().pushes() || is_jammed(&self.model, &self.contact, state.s) {
             return Err(Lost::Contact);
         }
-        let left = self.friction.left(&self.contact, || self.model.slip(local, state), || motion.force());
+        let left = self.friction(state.s).left(&self.contact, || self.model.slip(local, state), || motion.force());
         let needed = if self.contact == ContactMode::Rolling { needed(&motion.force()) } else { 0.0 };
         Ok(Margin { left, needed })
     }
@@ -562,7 +602,7 @@ impl<'p> PathSimulation<'p> {
         let local = self.time - self.leg_from;
         self.state.v_t = self.model.rolling_v_t(local, &self.state);
         let rolling = self.model.motion(&ContactMode::Rolling, local, &self.state);
-        self.contact = self.friction.after(&self.contact, &rolling.force());
+        self.contact = self.friction(self.state.s).after(&self.contact, &rolling.force());
         self.jump(force_before, false)
     }
 
@@ -572,7 +612,7 @@ impl<'p> PathSimulation<'p> {
         (self.model, self.leg_from) = (model, leg_from);
         if self.contact == ContactMode::Rolling {
             self.state.v_t = self.v_t();
-            self.contact = self.friction.without_slip(&self.motion().force());
+            self.contact = self.friction(self.state.s).without_slip(&self.motion().force());
         }
         self.jump(force_before, true)
     }

@@ -3,11 +3,11 @@
 //! The sensor sits between the robot and the finger. What it reads is the force of the contact on the disk less what the
 //! finger's own effective mass takes, −m a. The motion and the readings share one clock, so that the moment of the onset
 //! is known: it is when the finger begins to move. Unknown may be the part's mass, µ_c, and, each with a prior, µ of the
-//! plane, the finger's effective mass and the part's outline: an offset of every edge along its normal.
+//! plane, the finger's effective mass, and of the part its outline, where its mass is and where it presses ([`PartErrors`]).
 //!
-//! The search is that of [`super`]; readings take the place of windows. Effective mass and outline are numbers of which
-//! the force is a linear function, nearly: they are found in closed form for every guess (`felt`), the search itself being
-//! done with the outline as told and noise that is larger by what the outline may change.
+//! The search is that of [`super`]; readings take the place of windows. Effective mass and what is not
+//! known of the part are numbers of which the force is a linear function, nearly: they are found in closed form for every
+//! guess (`felt`), the search itself being done with the part as told and noise that is larger by what they may change.
 //!
 //! The motion is told, or measured by a clock of its own: then the clock's offset is sought too, and what the places leave
 //! open of the motion is part of the covariance.
@@ -17,7 +17,6 @@
 
 mod follower;
 mod measured;
-mod numbers;
 mod read_force;
 mod sensed;
 mod tracker;
@@ -33,10 +32,14 @@ pub use tracker::{ForceTracker, Found, SearchTask, TrackedHypothesis, TrackerSta
 
 use read_force::{Doubts, ReadForce};
 
-use super::fit::{BELIEF, Problem, Tried};
+use super::end::BELIEF;
+use super::fit::{Problem, Tried};
+use super::friction_along::FrictionAlong;
+use super::numbers::{MotionNumbers, NUMBERED_LEADS, NumberedMinimum, Unknown};
+use super::part_errors::PartErrors;
 use super::path::{Course, CourseStart, Guess};
 use super::{GATE, distinct, is_one_place, is_possible, leads, misfit_limit, search, symmetry};
-use crate::geometry::{Pose, SimplePolygon};
+use crate::geometry::Pose;
 use crate::math::unscented::Gaussian;
 use crate::pushing::dynamics::{ContactMode, Part, State};
 use crate::pushing::estimation::hypotheses;
@@ -57,16 +60,18 @@ pub struct ForceReading {
 pub struct KnownOfFinger<'p> {
     /// The part on its plane.
     pub part: &'p Part,
-    /// What is not known of its outline; none where that is exact.
-    pub outline: Option<OutlineErrors<'p>>,
+    /// What is not known of it; none where all is.
+    pub errors: Option<PartErrors>,
     /// The part's mass, kg, where it is known.
     pub mass: Option<f64>,
     /// µ g of the plane, m/s².
     pub mu_g: f64,
     /// Standard deviation of ln(µ g); none where it is known.
     pub mu_g_log_sd: Option<f64>,
-    /// µ_c, where it is known.
+    /// µ_c, where it is known: where it wanders along an edge, its mean.
     pub mu_c: Option<f64>,
+    /// Standard deviation of ln µ_c along an edge, from one place to another 5 mm away; 0 where it is the same everywhere.
+    pub mu_c_wander_log_sd: f64,
     /// Of the finger's disk, m.
     pub radius: f64,
     /// Of the finger, as the sensor feels it accelerate, kg.
@@ -89,11 +94,12 @@ impl<'p> KnownOfFinger<'p> {
     pub const fn new(part: &'p Part, mu_g: f64, radius: f64, motion: &'p FingerMotion, noise: f64) -> Self {
         Self {
             part,
-            outline: None,
+            errors: None,
             mass: None,
             mu_g,
             mu_g_log_sd: None,
             mu_c: None,
+            mu_c_wander_log_sd: 0.0,
             radius,
             effective_mass: 0.0,
             effective_mass_sd: 0.0,
@@ -105,25 +111,10 @@ impl<'p> KnownOfFinger<'p> {
     }
 }
 
-/// What is not known of an outline.
-#[derive(Clone, Copy)]
-pub struct OutlineErrors<'p> {
-    /// Standard deviation of the offset of each edge's line along its normal, independent, m.
-    pub sigma: f64,
-    /// The part whose outline this is.
-    pub part: &'p dyn Fn(SimplePolygon) -> Part,
-}
-
-impl std::fmt::Debug for OutlineErrors<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("OutlineErrors").field("sigma", &self.sigma).finish_non_exhaustive()
-    }
-}
-
-impl OutlineErrors<'_> {
-    /// The part with each edge so many standard deviations further out; none where edges then cross.
-    fn moved(&self, part: &Part, off: &[f64]) -> Option<Part> {
-        part.polygon().with_edges_moved(|edge| off[edge] * self.sigma).map(self.part)
+impl KnownOfFinger<'_> {
+    /// Whether more is unknown than a search finds: numbers of the part, or of the friction along its edges.
+    fn has_numbers(&self) -> bool {
+        self.errors.is_some() || self.mu_c_wander_log_sd > 0.0
     }
 }
 
@@ -233,9 +224,11 @@ impl<'a, 'p> FeltPush<'a, 'p> {
         let legs = legs_since(known.motion.legs(known.radius), from);
         let readings: Vec<_> = readings.iter().map(|it| ForceReading { time: it.time - from, ..*it }).collect();
         let end = readings.last().map(|reading| reading.time).filter(|end| *end > 0.0)?;
-        let of_outline = if known.outline.is_none() { 0.0 } else { OUTLINE_SHARE };
-        let roughly = path.as_ref().map_or(Doubts::none(), |path| path.doubts_of_all(from)).and_share(of_outline);
-        let doubts = path.as_ref().map_or(Doubts::none(), |path| path.doubts_of_rest(from));
+        let of_part = known.errors.map_or(0.0, |errors| errors.share(known.part));
+        let of_part = of_part.hypot(WANDER_SHARE * known.mu_c_wander_log_sd);
+        let roughly = path.as_ref().map_or(Doubts::none(), |path| path.doubts_of_all(from)).and_share(of_part);
+        let drift = known.errors.map_or(0.0, |errors| errors.left_share());
+        let doubts = path.as_ref().map_or(Doubts::none(), |path| path.doubts_of_rest(from)).and_drift(drift);
         let roughly = ReadForce::new(known, &legs, &readings, &roughly)?;
         let felt = ReadForce::new(known, &legs, &readings, &doubts)?;
         let course = Course {
@@ -243,6 +236,7 @@ impl<'a, 'p> FeltPush<'a, 'p> {
             mu_g: known.mu_g,
             mu_g_log_sd: known.mu_g_log_sd,
             mu_c: known.mu_c,
+            friction_along: FrictionAlong::default(),
             changed: &[],
             off: &[],
             start,
@@ -265,7 +259,7 @@ impl<'a, 'p> FeltPush<'a, 'p> {
         let mut tried = search(&problem, edges, halt);
         // Where the finger cannot be, it leads nowhere.
         tried.retain(|tried| is_possible(&problem, tried));
-        let most = if self.known.outline.is_some() { most.min(OUTLINE_LEADS) } else { most };
+        let most = if self.known.has_numbers() { most.min(NUMBERED_LEADS) } else { most };
         leads(&tried, most).into_iter().map(|lead| (lead.cost, lead.guess)).collect()
     }
 
@@ -283,13 +277,44 @@ impl<'a, 'p> FeltPush<'a, 'p> {
 
     /// The minimum that a guess leads to, with all that is unknown.
     fn followed(&self, guess: Guess, halt: &Halt<'_>) -> Option<Concluded> {
-        if self.known.outline.is_some() || self.path.is_some() {
+        if self.known.has_numbers() || self.path.is_some() {
             return Some(self.with_numbers(guess, halt)?.0);
         }
         let problem = Problem { course: &self.course, measured: &self.felt, mass: self.known.mass };
         let tried = problem.descend(problem.try_guess(guess)?, usize::MAX);
         concluded(&problem, vec![tried], self.known, &self.felt).pop()
     }
+}
+
+impl<'p> FeltPush<'_, 'p> {
+    /// The minimum that a guess leads to with the numbers of part and motion found, and how many standard deviations each of
+    /// them then is off.
+    fn with_numbers(&self, guess: Guess, halt: &Halt<'_>) -> Option<(Concluded, Vec<f64>)> {
+        let explains = |tried: &Tried| {
+            let problem = Problem { course: &self.course, measured: &self.felt, mass: self.known.mass };
+            tried.cost <= cost_max(degrees_of_freedom(&problem, tried, self.known, &self.felt), &self.felt)
+        };
+        let NumberedMinimum { tried, numbered, taken } =
+            self.unknown().found(guess, &self.felt, &self.roughly, explains, halt)?;
+        let course = numbered.course(&self.course);
+        let problem = Problem { course: &course, measured: &self.felt, mass: self.known.mass };
+        Some((concluded(&problem, vec![tried], self.known, &self.felt).pop()?, taken))
+    }
+
+    fn unknown(&self) -> Unknown<'_, 'p> {
+        Unknown {
+            course: &self.course,
+            mass: self.known.mass,
+            errors: self.known.errors,
+            motion: self.path.as_ref().map(|path| path as &dyn MotionNumbers),
+            mu_c_wander_log_sd: self.known.mu_c_wander_log_sd,
+        }
+    }
+}
+
+/// What an explanation of so many degrees of freedom may cost after the onset.
+fn cost_max(freedom: usize, felt: &ReadForce) -> f64 {
+    misfit_limit(freedom, f64::INFINITY) - felt.before().0
 }
 
 /// A minimum along which the contact angle is told poorly is looked at this far apart, in standard deviations of the pieces
@@ -306,7 +331,7 @@ impl FeltPush<'_, '_> {
     /// A minimum in pieces along its valley, each of a contact angle at the start within `u_sd` (rad), with its share of the
     /// minimum's weight: everything else is found anew for each. None where its numbers are not those of a search.
     fn pieces(&self, of: &Concluded, u_sd: f64) -> Option<Vec<(f64, AtEnd)>> {
-        if self.known.outline.is_some() || self.path.is_some() {
+        if self.known.has_numbers() || self.path.is_some() {
             return None;
         }
         let problem = Problem { course: &self.course, measured: &self.felt, mass: self.known.mass };
@@ -342,11 +367,9 @@ fn legs_since(legs: impl Iterator<Item = Leg>, from: f64) -> Vec<Leg> {
     moved.filter(|leg| leg.to > 0.0).collect()
 }
 
-/// Minima that are followed with the outline's numbers found too.
-const OUTLINE_LEADS: usize = 12;
-
-/// What an outline that is not known exactly changes of the force, as a share, at the most: noise of the search.
-const OUTLINE_SHARE: f64 = 0.02;
+/// What a µ_c that wanders changes of the force, as a share of its logarithm: that of its tangential part, at a third of the
+/// normal one.
+const WANDER_SHARE: f64 = 0.3;
 
 /// A minimum that may be listed.
 struct Concluded {
@@ -388,12 +411,12 @@ fn concluded(problem: &Problem, mut tried: Vec<Tried>, known: &KnownOfFinger, fe
     tried.retain(|tried| is_possible(problem, tried));
     tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     let Some(least) = tried.first().map(|tried| tried.cost) else { return Vec::new() };
-    let listed = leads(&distinct(tried, least + GATE), usize::MAX).into_iter();
+    let listed = leads(&distinct(tried, least + GATE, |tried| tried), usize::MAX).into_iter();
     let concluded = |tried: Tried| {
         let freedom = degrees_of_freedom(problem, &tried, known, felt);
         Some(Concluded {
             cost: tried.cost,
-            cost_max: misfit_limit(freedom, f64::INFINITY) - felt.before().0,
+            cost_max: cost_max(freedom, felt),
             guess: tried.guess,
             end: tried.path.end,
             found: hypothesis(problem, &tried, known, felt)?,
@@ -453,7 +476,7 @@ fn hypothesis(problem: &Problem, tried: &Tried, known: &KnownOfFinger, felt: &Re
         pose_start: bent(if known.is_moving { 0.0 } else { -1.0 }, &problem.course.pose_at_start(guess)?),
         pose_end: bent(problem.course.duration, &problem.course.pose_at_end(guess, path)?),
         velocity_end: problem.course.velocity_at_end(guess, path)?,
-        covariance: problem.motion_covariance(tried)?,
+        covariance: problem.end_covariance(tried)?.motion,
         mass: *mass,
         mu_c: known.mu_c.or(slipped),
         mu_g: problem.course.mu_g_of(guess),

@@ -83,6 +83,7 @@ fn known<'a>(part: &'a Part, ranges: &'a Ranges) -> KnownFromRest<'a> {
     let mu_g = ranges.mu * crate::gravity::GRAVITY_ASSUMED;
     KnownFromRest {
         part,
+        errors: None,
         mu_g,
         mu_g_log_sd: None,
         radius: RADIUS_M,
@@ -98,6 +99,7 @@ fn whole_course<'p>(part: &'p Part, mu_g: f64, motion: &FingerMotion, radius: f6
         mu_g,
         mu_g_log_sd: None,
         mu_c: None,
+        friction_along: FrictionAlong::default(),
         changed: &[],
         off: &[],
         start: CourseStart::Rest,
@@ -308,6 +310,7 @@ fn pushes_that_slip_throughout_or_back_are_found() {
         assert_eq!(played.end, EndReason::Time, "push {number}");
         let known = KnownFromRest {
             part: &part,
+            errors: None,
             mu_g,
             mu_g_log_sd: None,
             radius,
@@ -622,6 +625,7 @@ fn estimate_on_it(DrawnPush { part, ranges, drawn, draw }: &DrawnPush, mu_g_log_
     let mu_g = Ranges::default().mu * crate::gravity::GRAVITY_ASSUMED;
     let known = KnownFromRest {
         part,
+        errors: None,
         mu_g,
         mu_g_log_sd,
         radius: RADIUS_M,
@@ -758,6 +762,7 @@ impl FromRest {
                 mu_g: self.model_mu_g,
                 mu_g_log_sd: None,
                 mu_c: None,
+                friction_along: FrictionAlong::default(),
                 changed: &[],
                 off: &[],
                 start: CourseStart::Rest,

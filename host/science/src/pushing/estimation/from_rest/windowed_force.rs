@@ -17,7 +17,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x4, Matrix4, Vector2};
 
-use super::felt::{Felt, Predicted};
+use super::felt::{Felt, Predicted, drift_weights};
 use super::hann_windows::{self, HOP_S, LENGTH_S, NEIGHBOUR_CORRELATION};
 use super::path::Path;
 use crate::pushing::finger_motion::FingerMotion;
@@ -84,8 +84,9 @@ pub struct WindowedForce {
     freedom: f64,
     onset_sd: f64,
     readings: Option<WindowReadings>,
-    /// What one standard deviation of the finger's effective mass adds to `data`.
-    of_mass: Option<DVector<f64>>,
+    /// What one standard deviation of the finger's effective mass adds to `data`, where it has one; then of each thing that the
+    /// model is off by.
+    beside: Vec<DVector<f64>>,
 }
 
 /// When the readings under the windows were taken.
@@ -189,7 +190,7 @@ impl Felt for WindowedForce {
     }
 
     fn predicted(&self, path: &Path, delay: f64) -> Predicted {
-        let beside = self.of_mass.iter().cloned().collect();
+        let beside = self.beside.clone();
         let Some(readings) = &self.readings else {
             return Predicted { beside, ..Predicted::exact(self.whiten(path.windows(self.span()))) };
         };
@@ -267,7 +268,7 @@ impl WindowedForce {
         let data = &whitener * stacked(felt.iter().map(|felt| felt.force), size);
         // Satterthwaite: only the part of the variance that is noise was estimated from so few values, of two axes.
         let freedom = 2.0 * uncertainty.noise_freedom.max(FREEDOM_MIN) / (noise_share * noise_share);
-        Some(Self { forces_finger, data, whitener, freedom, onset_sd: 0.0, readings: None, of_mass: None })
+        Some(Self { forces_finger, data, whitener, freedom, onset_sd: 0.0, readings: None, beside: Vec::new() })
     }
 
     /// What the contact alone exerted, where these are the readings of a finger of some mass that moved so: with
@@ -286,9 +287,40 @@ impl WindowedForce {
         Self {
             forces_finger: forces_finger.collect(),
             data: &self.data + &whitened * finger.effective_mass,
-            of_mass: (finger.effective_mass_sd > 0.0).then(|| whitened * -finger.effective_mass_sd),
+            beside: (finger.effective_mass_sd > 0.0)
+                .then(|| whitened * -finger.effective_mass_sd)
+                .into_iter()
+                .collect(),
             ..self.clone()
         }
+    }
+
+    /// The same for a search that does not find what a model is off by: noise is more by a share of the force.
+    pub(super) fn roughly(&self, share: f64) -> Self {
+        let deviations = (self.data.norm_squared() / self.data.len() as f64).sqrt();
+        let noise = (share * deviations).hypot(1.0);
+        Self {
+            data: &self.data / noise,
+            whitener: &self.whitener / noise,
+            beside: self.beside.iter().map(|beside| beside / noise).collect(),
+            ..self.clone()
+        }
+    }
+
+    /// The same with a model that is off by a share of the force, slowly.
+    pub(super) fn and_drift(&self, share: f64) -> Self {
+        let mut drifting = self.clone();
+        if share > 0.0 {
+            let forces = || self.forces_finger.iter().flatten();
+            let mean_square = forces().map(Vector2::norm_squared).sum::<f64>() / forces().count() as f64;
+            let size = share * mean_square.sqrt();
+            for weight in drift_weights(0.0, hann_windows::end(self.span() - 1)) {
+                for axis in [Vector2::x(), Vector2::y()] {
+                    drifting.beside.push(self.whiten(self.means_of(|t| axis * (size * weight(t))).into_iter()));
+                }
+            }
+        }
+        drifting
     }
 
     /// Means of a function of the time since the onset under every window, over the readings where their times are known.

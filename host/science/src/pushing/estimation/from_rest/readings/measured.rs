@@ -6,12 +6,13 @@
 //! that way is known.
 //!
 //! Implements: the offset's posterior from the evidence of the places for each onset; modes by
-//! [`FittedPath::modes`]; all as [`super::numbers`].
+//! [`FittedPath::modes`]; all as [`super::super::numbers`].
 //! Frames: world axes. Units: SI; readings in time of the force's clock, places in that of the path's; path time + offset =
 //! force time. Errors: none; a path too short to tell a motion explains nothing.
 
 use std::cell::RefCell;
 
+use super::super::numbers::MotionNumbers;
 use super::super::path::Guess;
 use super::super::{is_one_place, misfit_limit};
 use super::read_force::Doubts;
@@ -157,7 +158,7 @@ impl<'a> Measured<'a> {
         let mut found: Vec<(f64, Concluded)> = Vec::new();
         for (_, sds, guess) in begun.into_iter().take(LEADS).take_while(|_| !halt.is_wished()) {
             let followed =
-                self.at(sds, |push| push.with_numbers(guess, halt).map(|(next, off)| (push.offset_of(&off), next)));
+                self.at(sds, |push| push.with_numbers(guess, halt).map(|(next, taken)| (push.offset_of(&taken), next)));
             let Some(Some((offset, mut next))) = followed else { continue };
             self.count_path(&mut next);
             let is_known =
@@ -263,26 +264,14 @@ pub(super) struct PathNumbers<'a> {
     last: RefCell<Option<(u64, FittedPath)>>,
 }
 
-impl PathNumbers<'_> {
-    fn seeks_offset(&self) -> bool {
-        self.measured.offset.sd > OFFSET_SURE_S
-    }
-
-    /// What each number is taken for before anything is found.
-    pub(super) fn taken_for(&self) -> Vec<f64> {
+impl MotionNumbers for PathNumbers<'_> {
+    fn taken_for(&self) -> Vec<f64> {
         let modes = std::iter::repeat_n(0.0, self.measured.modes.modes.len());
         modes.chain(self.seeks_offset().then_some(self.sds)).collect()
     }
 
-    /// The offset that goes with numbers, s.
-    fn offset(&self, off: &[f64]) -> f64 {
-        let Offset { best, sd } = self.measured.offset;
-        let sds = if self.seeks_offset() { off.last().copied().unwrap_or(self.sds) } else { self.sds };
-        best + sds * sd
-    }
-
-    /// The motion that goes with numbers, in time since the push began, or since the first reading of a part that moves.
-    pub(super) fn legs(&self, off: &[f64]) -> Option<Vec<Leg>> {
+    /// In time since the push began, or since the first reading of a part that moves.
+    fn legs(&self, off: &[f64]) -> Option<Vec<Leg>> {
         let Measured { known, path, readings, onset, wandering, modes, .. } = self.measured;
         let offset = self.offset(off);
         let begins = path_onset(path, *onset, offset)?;
@@ -300,6 +289,19 @@ impl PathNumbers<'_> {
         let from = if known.is_moving { readings.first()?.time - offset - begins } else { 0.0 };
         Some(legs_since(motion.legs(known.radius), from))
     }
+}
+
+impl PathNumbers<'_> {
+    fn seeks_offset(&self) -> bool {
+        self.measured.offset.sd > OFFSET_SURE_S
+    }
+
+    /// The offset that goes with numbers, s.
+    fn offset(&self, off: &[f64]) -> f64 {
+        let Offset { best, sd } = self.measured.offset;
+        let sds = if self.seeks_offset() { off.last().copied().unwrap_or(self.sds) } else { self.sds };
+        best + sds * sd
+    }
 
     /// What the motion leaves open of each reading: for a search that finds none of the numbers. A start so long after the
     /// motion's, s.
@@ -308,7 +310,7 @@ impl PathNumbers<'_> {
         let heavy = known.mass.unwrap_or_else(|| mass_felt(known, readings)) + known.effective_mass;
         let shares = self.shares(from);
         let share = shares.last().map_or(0.0, |(_, share)| *share);
-        Doubts { added: heavy * wandering.acceleration_sd, shares, share }
+        Doubts { added: heavy * wandering.acceleration_sd, shares, share, drift: 0.0 }
     }
 
     /// What is left of that once the numbers are found.
@@ -316,7 +318,7 @@ impl PathNumbers<'_> {
         let Measured { known, readings, modes, .. } = self.measured;
         let values = 2.0 * readings.len() as f64;
         let shares = self.shares(from).into_iter().take_while(|(_, share)| *share > TOLD_RAD).collect();
-        Doubts { added: known.noise * (modes.rest / values).sqrt(), shares, share: 0.0 }
+        Doubts { added: known.noise * (modes.rest / values).sqrt(), shares, share: 0.0, drift: 0.0 }
     }
 
     /// How uncertain the finger's way is, rad, until when.
@@ -330,6 +332,8 @@ impl PathNumbers<'_> {
 impl FeltPush<'_, '_> {
     /// The offset that goes with numbers of outline and motion, s.
     fn offset_of(&self, off: &[f64]) -> f64 {
-        self.path.as_ref().map_or(0.0, |path| path.offset(&off[off.len() - path.taken_for().len()..]))
+        let after_part =
+            |path: &PathNumbers<'_>| path.offset(&off[self.unknown().of_part()..][..path.taken_for().len()]);
+        self.path.as_ref().map_or(0.0, after_part)
     }
 }

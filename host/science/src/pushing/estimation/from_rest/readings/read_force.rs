@@ -4,7 +4,7 @@
 
 use nalgebra::{DVector, Vector2};
 
-use super::super::felt::{Felt, Predicted};
+use super::super::felt::{Felt, Predicted, drift_weights};
 use super::super::path::Path;
 use super::{ForceReading, KnownOfFinger};
 use crate::pushing::finger_motion::Leg;
@@ -30,17 +30,24 @@ pub(super) struct Doubts {
     pub(super) shares: Vec<(f64, f64)>,
     /// After them.
     pub(super) share: f64,
+    /// The share of the force by which all that is simulated may be off, and slowly: see [`drift_weights`].
+    pub(super) drift: f64,
 }
 
 impl Doubts {
     pub(super) const fn none() -> Self {
-        Self { added: 0.0, shares: Vec::new(), share: 0.0 }
+        Self { added: 0.0, shares: Vec::new(), share: 0.0, drift: 0.0 }
     }
 
     /// The same with a share of the force more.
     pub(super) fn and_share(mut self, more: f64) -> Self {
         self.shares.iter_mut().for_each(|(_, share)| *share += more);
         Self { share: self.share + more, ..self }
+    }
+
+    /// The same with a model that is off by a share of the force, slowly.
+    pub(super) fn and_drift(self, drift: f64) -> Self {
+        Self { drift, ..self }
     }
 
     fn share_at(&self, time: f64) -> f64 {
@@ -58,8 +65,8 @@ pub(super) struct ReadForce {
     /// Of each, N.
     deviations: Vec<f64>,
     data: DVector<f64>,
-    /// What one standard deviation of the effective mass adds.
-    of_mass: Option<DVector<f64>>,
+    /// What one standard deviation of the effective mass adds, where it has one; then of each thing that the model is off by.
+    beside: Vec<DVector<f64>>,
     first: Vector2<f64>,
     /// Squared readings before the onset, in standard deviations, and how many values they are.
     before: (f64, usize),
@@ -93,14 +100,23 @@ impl ReadForce {
             });
             DVector::from_iterator(2 * after.len(), values)
         };
-        let of_mass = (known.effective_mass_sd > 0.0)
-            .then(|| stacked(&|reading| -known.effective_mass_sd * acceleration(reading.time)));
+        let mut beside = Vec::new();
+        if known.effective_mass_sd > 0.0 {
+            beside.push(stacked(&|reading| -known.effective_mass_sd * acceleration(reading.time)));
+        }
+        if doubts.drift > 0.0 {
+            for weight in drift_weights(first.time, last.time) {
+                let size = |reading: &ForceReading| doubts.drift * weight(reading.time) * contact(reading).norm();
+                beside.push(stacked(&|reading| Vector2::new(size(reading), 0.0)));
+                beside.push(stacked(&|reading| Vector2::new(0.0, size(reading))));
+            }
+        }
         let squares = before.iter().map(|reading| reading.force.norm_squared()).sum::<f64>();
         Some(Self {
             times: after.iter().map(|reading| reading.time + AFTER_S).collect(),
             period: (last.time - first.time) / (after.len() - 1) as f64,
             data: stacked(&contact),
-            of_mass,
+            beside,
             first: early.iter().sum::<Vector2<f64>>() / early.len() as f64,
             before: (squares / known.noise.powi(2), 2 * before.len()),
             deviations,
@@ -154,7 +170,7 @@ impl Felt for ReadForce {
             }
         }
         let unsure = unsure.into_iter().map(|(_, column)| column).collect();
-        Predicted { unsure, beside: self.of_mass.iter().cloned().collect(), ..Predicted::exact(shape) }
+        Predicted { unsure, beside: self.beside.clone(), ..Predicted::exact(shape) }
     }
 
     fn carried(&self, legs: &[Leg]) -> Option<DVector<f64>> {

@@ -36,7 +36,8 @@ impl Case {
     pub(super) fn known<'a>(&'a self, part: &'a Part) -> KnownOfFinger<'a> {
         KnownOfFinger {
             part,
-            outline: None,
+            errors: None,
+            mu_c_wander_log_sd: 0.0,
             mass: Some(self.drawn.mass),
             mu_g: self.ranges.mu * GRAVITY_ASSUMED,
             mu_g_log_sd: None,
@@ -128,8 +129,8 @@ fn an_outline_that_is_off_by_tenths_of_a_millimetre_hides_no_pose_once_that_is_s
         // An edge may be shorter than it is off.
         let Some(told) = outline.with_edges_moved(|edge| off[edge]).map(Part::uniform) else { continue };
         judged += 1;
-        let outline = Some(OutlineErrors { sigma: OFF_M, part: &Part::uniform });
-        let known = KnownOfFinger { outline, ..drawn.known(&told) };
+        let errors = Some(PartErrors { outline_sigma: OFF_M, ..PartErrors::NONE });
+        let known = KnownOfFinger { errors, ..drawn.known(&told) };
         drawn.assert_found(&told, &known, &readings, case);
     }
     assert!(judged >= 2);

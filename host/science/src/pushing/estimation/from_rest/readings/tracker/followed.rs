@@ -14,13 +14,14 @@ use std::f64::consts::PI;
 
 use nalgebra::{Matrix2, SVector, Vector2, Vector6};
 
-use super::super::super::fit::{
-    BELIEF, BELIEF_FINGER, BELIEF_MASS, BELIEF_MU_C, BELIEF_MU_G, BELIEF_OMEGA, BELIEF_SLIDE, MU_C_MAX, MU_C_MIN,
-    OMEGA_MAX, SLIDE_MAX, SLIDE_MIN,
+use super::super::super::end::{
+    BELIEF, BELIEF_FINGER, BELIEF_MASS, BELIEF_MU_C, BELIEF_MU_G, BELIEF_OMEGA, BELIEF_SLIDE,
 };
+use super::super::super::fit::{MU_C_MAX, MU_C_MIN, OMEGA_MAX, SLIDE_MAX, SLIDE_MIN};
+use super::super::super::friction_along::FrictionAlong;
 use super::super::super::path::{Course, CourseStart, Guess, Path};
 use super::super::read_force::{JUMP_S, MODEL_SHARE};
-use super::super::{AtEnd, Concluded, FeltPush, ForceReading, KnownOfFinger, OUTLINE_SHARE, PIECES_APART};
+use super::super::{AtEnd, Concluded, FeltPush, ForceReading, KnownOfFinger, PIECES_APART};
 use crate::math::unscented::{Gaussian, Measured, measured};
 use crate::pushing::dynamics::ContactMode;
 use crate::pushing::estimation::observation::MU_G_LOG_MAX;
@@ -123,6 +124,7 @@ impl<'a> Stretch<'a> {
             mu_g: known.mu_g,
             mu_g_log_sd: known.mu_g_log_sd,
             mu_c: known.mu_c,
+            friction_along: FrictionAlong::default(),
             changed: &[],
             off: &[],
             start: CourseStart::Moving,
@@ -133,8 +135,8 @@ impl<'a> Stretch<'a> {
     }
 
     fn noise(&self, force: &Vector2<f64>) -> f64 {
-        let of_outline = if self.known.outline.is_none() { 0.0 } else { OUTLINE_SHARE };
-        self.known.noise.hypot((MODEL_SHARE + of_outline) * force.norm())
+        let of_part = self.known.errors.map_or(0.0, |errors| errors.share(self.known.part));
+        self.known.noise.hypot((MODEL_SHARE + of_part) * force.norm())
     }
 }
 
@@ -442,6 +444,7 @@ impl Followed {
             mu_g: known.mu_g,
             mu_g_log_sd: None,
             mu_c: None,
+            friction_along: FrictionAlong::default(),
             changed: &[],
             off: &[],
             start: CourseStart::Moving,
