@@ -2,7 +2,8 @@
 //!
 //! In reading order: `cli` (one file a command), [`live`] (samples from a session, the person at the bench), [`pictures`],
 //! [`push_scenario`] (a push as the command line says it), [`thesis`] (its experiments, run again), [`advice`] (what to do
-//! about an error), `messages` (what standard error is told), `recording` (a run kept, and played), `width` (prose on terminals).
+//! about an error), `messages` (what standard error is told), `recording` (a run kept, and played), `screen` (a finger
+//! watched full screen), `width` (prose on terminals).
 
 #![forbid(unsafe_code)]
 
@@ -13,6 +14,7 @@ mod messages;
 pub mod pictures;
 pub mod push_scenario;
 mod recording;
+mod screen;
 pub mod thesis;
 mod width;
 

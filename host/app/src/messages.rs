@@ -3,10 +3,12 @@
 //! Everything here goes to standard error; standard output belongs to the answers. `-v` and `-q` decide how much is
 //! told, then the variable `RUST_LOG`, else warnings and errors are. Errors: none. What cannot be written is not told.
 
+use std::collections::VecDeque;
 use std::env;
 use std::fmt;
-use std::io::{self, IsTerminal as _};
+use std::io::{self, IsTerminal as _, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use tracing::level_filters::LevelFilter;
 use tracing::{Event, Level, Subscriber};
@@ -17,6 +19,12 @@ use tracing_subscriber::registry::LookupSpan;
 
 /// Levels for each part of the program, as `tracing` and `env_logger` read them: `debug`, `palpate_device=trace,warn`.
 const FILTER_VARIABLE: &str = "RUST_LOG";
+
+/// Lines that are held back while a screen stands where they would be written; none where they are written at once.
+static HELD: Mutex<Option<VecDeque<String>>> = Mutex::new(None);
+
+/// Most lines held back: the oldest go first, as they would from a terminal.
+const HELD_MAX: usize = 200;
 
 /// Whether notes are left out; see [`notes_wanted`].
 static QUIET: AtomicBool = AtomicBool::new(false);
@@ -56,7 +64,7 @@ pub(crate) fn listen(loudness: Loudness) {
     let colours = io::stderr().is_terminal() && env::var_os("NO_COLOR").is_none_or(|set| set.is_empty());
     let subscriber = tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_writer(io::stderr)
+        .with_writer(|| StandardError)
         .with_ansi(colours)
         // Otherwise a standard error that nobody reads any more would end the program.
         .log_internal_errors(false)
@@ -72,6 +80,74 @@ pub(crate) fn listen(loudness: Loudness) {
 /// Whether a person wants to read notes: where a picture went, that the finger is being tared.
 pub(crate) fn notes_wanted() -> bool {
     !QUIET.load(Ordering::Relaxed)
+}
+
+fn held_lines() -> MutexGuard<'static, Option<VecDeque<String>>> {
+    HELD.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// From now on nothing is written to standard error: a screen is where it would show.
+pub(crate) fn hold() {
+    held_lines().get_or_insert_default();
+}
+
+/// Writes what was held back, and from now on everything at once.
+pub(crate) fn release() {
+    let lines = held_lines().take();
+    for line in lines.into_iter().flatten() {
+        // Whether or not anybody reads it.
+        let _ = writeln!(io::stderr(), "{line}");
+    }
+}
+
+/// The last so many lines that are held back, the newest at the end.
+pub(crate) fn held(count: usize) -> Vec<String> {
+    let held = held_lines();
+    let lines = held.iter().flatten();
+    let all = lines.clone().count();
+    lines.skip(all.saturating_sub(count)).cloned().collect()
+}
+
+/// Tells a person a line, where notes are wanted.
+pub(crate) fn note(text: fmt::Arguments<'_>) {
+    if notes_wanted() {
+        // Whether or not anybody reads it.
+        let _ = writeln!(StandardError, "{text}");
+    }
+}
+
+/// Standard error, or the lines that are held back in its place.
+struct StandardError;
+
+impl Write for StandardError {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.write_all(bytes).map(|()| bytes.len())
+    }
+
+    fn write_all(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let mut held = held_lines();
+        let Some(lines) = held.as_mut() else { return io::stderr().write_all(bytes) };
+        let text = String::from_utf8_lossy(bytes);
+        lines.extend(text.lines().map(without_colours));
+        lines.drain(..lines.len().saturating_sub(HELD_MAX));
+        Ok(())
+    }
+
+    /// As one piece: what is written to a terminal or held back is a line.
+    fn write_fmt(&mut self, text: fmt::Arguments<'_>) -> io::Result<()> {
+        self.write_all(text.to_string().as_bytes())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        io::stderr().flush()
+    }
+}
+
+/// A line without the sequences that set a terminal's colours.
+fn without_colours(line: &str) -> String {
+    let mut pieces = line.split("\u{1b}[");
+    let first = pieces.next().unwrap_or_default().to_owned();
+    pieces.fold(first, |text, piece| text + piece.split_once('m').map_or(piece, |(_, rest)| rest))
 }
 
 /// What is to be told, and what is wrong with the variable if it cannot be read.
@@ -141,6 +217,11 @@ mod tests {
         assert_eq!(told(loudness(0, true), "debug"), "error");
         let louder = [1, 2, 3, 9].map(|times| told(loudness(times, false), "error"));
         assert_eq!(louder, ["info", "debug", "trace", "trace"]);
+    }
+
+    #[test]
+    fn lines_without_their_colours_are_what_was_to_be_read() {
+        assert_eq!(without_colours("\u{1b}[1;33mwarning\u{1b}[0m: a [b] m"), "warning: a [b] m");
     }
 
     #[test]

@@ -25,6 +25,8 @@ mod real;
 mod recording;
 mod robot;
 mod sample;
+#[cfg(unix)]
+mod screen;
 mod shaken_palm;
 mod solve;
 mod solving;

@@ -13,19 +13,19 @@ use crate::observe::text;
 #[cfg(unix)]
 use crate::observe::{example, forces, observed_live, pushed};
 
-fn palpate(folder: &Path, arguments: &[&str]) -> Output {
+pub(crate) fn palpate(folder: &Path, arguments: &[&str]) -> Output {
     let mut command = Command::new(PALPATE);
     command.args(arguments).current_dir(folder).stdin(Stdio::null());
     command.env_remove("PALPATE_DEVICE").env_remove("PALPATE_CALIBRATION").output().unwrap()
 }
 
-fn ok(output: &Output) -> String {
+pub(crate) fn ok(output: &Output) -> String {
     assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));
     text(&output.stdout)
 }
 
 /// A calibration of simulated finger 7 in this folder.
-fn calibrated(folder: &Path) -> String {
+pub(crate) fn calibrated(folder: &Path) -> String {
     let words = ["calibrate", "-d", "sim:7", "--load", "2 N", "--contacts", "6", "--out", "."];
     let report = ok(&palpate(folder, &words));
     let path = report.lines().find_map(|line| line.strip_prefix("written"));

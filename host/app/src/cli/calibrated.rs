@@ -177,10 +177,13 @@ impl KeptTare {
         Self { format: TARE_FORMAT, device: device(session), gain, rate_hz, unit, tare }
     }
 
+    /// Its name in recordings.
+    pub(super) const ATTACHED: &str = "tare.toml";
+
     /// Attaches the tare to the recording, if there is one.
     pub(crate) fn attach(&self) {
         if let Ok(text) = toml::to_string(self) {
-            recording::attach("tare", Path::new("tare.toml"), text.as_bytes());
+            recording::attach("tare", Path::new(Self::ATTACHED), text.as_bytes());
         }
     }
 

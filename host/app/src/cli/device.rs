@@ -71,6 +71,11 @@ impl DeviceArguments {
         self.choice.device.as_ref().is_some_and(|name| matches!(name.parse(), Ok(Address::Recording(_))))
     }
 
+    /// Whether a recording is to be played at a speed, and not as fast as it is read.
+    pub(crate) fn has_speed(&self) -> bool {
+        self.choice.speed.is_some()
+    }
+
     /// The address that was given, or that of the only device there is.
     pub(crate) fn address(&self) -> miette::Result<Address> {
         self.choice.address()

@@ -182,9 +182,7 @@ where
 
 /// A note: for the person, and for the recording.
 fn note_down(text: std::fmt::Arguments<'_>) {
-    if messages::notes_wanted() {
-        eprintln!("{text}");
-    }
+    messages::note(text);
     if recording::is_active() {
         recording::log(LogLevel::Info, &text.to_string());
     }

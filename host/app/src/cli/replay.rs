@@ -67,14 +67,21 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
 
 /// The words of a command without [`LEFT_OUT`] and `--full`, which go with a device and a recording of its own.
 fn without_device(words: &[String]) -> Vec<String> {
+    without(words, &LEFT_OUT, &["--full"])
+}
+
+/// The words of a command without these options, which have values, and these, which have none.
+pub(super) fn without(words: &[String], options: &[&str], flags: &[&str]) -> Vec<String> {
     let mut kept = Vec::new();
     let mut words = words.iter();
     while let Some(word) = words.next() {
         let is_short = |option: &&str| !option.starts_with("--") && word.starts_with(*option);
         let with_value = |option: &&str| word.starts_with(&format!("{option}="));
-        if LEFT_OUT.contains(&word.as_str()) {
+        if options.contains(&word.as_str()) {
             words.next();
-        } else if word != "--full" && !LEFT_OUT.iter().any(|option| is_short(option) || with_value(option)) {
+        } else if !flags.contains(&word.as_str())
+            && !options.iter().any(|option| is_short(option) || with_value(option))
+        {
             kept.push(word.clone());
         }
     }

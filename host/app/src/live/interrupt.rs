@@ -7,6 +7,8 @@ use std::io::Write as _;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, Once, PoisonError};
 
+use crate::screen::terminal;
+
 static REQUESTED: AtomicBool = AtomicBool::new(false);
 
 /// What an interruption says as it ends the process; none where it is a wish.
@@ -27,6 +29,7 @@ pub fn listen() {
                 std::process::exit(INTERRUPTED);
             }
             if REQUESTED.swap(true, Ordering::Relaxed) {
+                terminal::restore();
                 std::process::exit(INTERRUPTED);
             }
         });
@@ -44,6 +47,11 @@ pub fn end_saying(words: String) {
 
 /// Exit status of a process that an interruption ended: what shells give for a signal 2.
 const INTERRUPTED: i32 = 130;
+
+/// The wish to stop, from somewhere else than a signal.
+pub fn request() {
+    REQUESTED.store(true, Ordering::Relaxed);
+}
 
 /// Whether the user wants the program to stop.
 #[must_use]

@@ -1,7 +1,7 @@
 //! The thread that writes a recording, so that a slow disk never keeps a session from its samples.
 
 use std::collections::BTreeMap;
-use std::io::{self, Write as _};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::thread::{self, JoinHandle};
@@ -61,6 +61,11 @@ impl Disk {
         Ok(Self { path: path.to_owned(), items: Some(items), thread: Some(thread) })
     }
 
+    /// The file.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Has an item written, after those before.
     pub(super) fn put(&mut self, item: Item) {
         let Some(items) = &self.items else { return };
@@ -90,10 +95,7 @@ impl Disk {
         let size = self.thread.take().and_then(|thread| thread.join().ok()).flatten();
         if let Some(bytes) = size {
             // Not to the recording, which has ended.
-            if crate::messages::notes_wanted() {
-                // Whether or not anybody reads it.
-                let _ = writeln!(io::stderr(), "recorded {:.2} MB in {}", bytes as f64 * 1e-6, self.path.display());
-            }
+            crate::messages::note(format_args!("recorded {:.2} MB in {}", bytes as f64 * 1e-6, self.path.display()));
         }
     }
 }

@@ -15,7 +15,7 @@ pub(crate) mod play;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
@@ -46,7 +46,7 @@ const ATTACHED_BYTES_MAX: usize = 64 << 20;
 static ACTIVE: Mutex<Option<Recording>> = Mutex::new(None);
 
 /// The words of the command that is run.
-static COMMAND_LINE: Mutex<Vec<String>> = Mutex::new(Vec::new());
+static COMMAND_LINE: Mutex<Vec<OsString>> = Mutex::new(Vec::new());
 
 /// A recording that is being written.
 #[derive(Debug)]
@@ -61,12 +61,21 @@ fn active() -> MutexGuard<'static, Option<Recording>> {
 
 /// Keeps the command line, for the recording that it may ask for.
 pub(crate) fn remember_command_line(words: &[OsString]) {
-    let words = words.iter().map(|word| word.to_string_lossy().into_owned()).collect();
-    *COMMAND_LINE.lock().unwrap_or_else(PoisonError::into_inner) = words;
+    *COMMAND_LINE.lock().unwrap_or_else(PoisonError::into_inner) = words.to_vec();
+}
+
+/// The words of the command that is run.
+pub(crate) fn command_line() -> Vec<OsString> {
+    COMMAND_LINE.lock().unwrap_or_else(PoisonError::into_inner).clone()
 }
 
 /// Begins a recording in a file that does not exist yet.
 pub(crate) fn begin(path: &Path, is_full: bool) -> miette::Result<()> {
+    begin_as(path, is_full, &command_line())
+}
+
+/// The same of a run that these words play again.
+pub(crate) fn begin_as(path: &Path, is_full: bool, words: &[OsString]) -> miette::Result<()> {
     let version = env!("CARGO_PKG_VERSION");
     let mut writer = Writer::create(path, &format!("palpate {version}"))
         .map_err(|error| match error.kind() {
@@ -76,7 +85,7 @@ pub(crate) fn begin(path: &Path, is_full: bool) -> miette::Result<()> {
             _ => miette::miette!("{error}"),
         })
         .wrap_err_with(|| format!("cannot record in {}", path.display()))?;
-    let words = COMMAND_LINE.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    let words: Vec<_> = words.iter().map(|word| word.to_string_lossy()).collect();
     let folder = std::env::current_dir().map(|folder| folder.display().to_string()).unwrap_or_default();
     let run = BTreeMap::from([
         ("format".to_owned(), FORMAT.to_owned()),
@@ -90,6 +99,11 @@ pub(crate) fn begin(path: &Path, is_full: bool) -> miette::Result<()> {
     let disk = Disk::start(writer, path).into_diagnostic()?;
     *active() = Some(Recording { disk, derived: derived::Derived::new(is_full) });
     Ok(())
+}
+
+/// The file of the recording that is being written.
+pub(crate) fn file() -> Option<PathBuf> {
+    active().as_ref().map(|recording| recording.disk.path().to_owned())
 }
 
 /// Whether a recording is being written.

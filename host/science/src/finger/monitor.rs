@@ -53,6 +53,12 @@ impl ContactMonitor {
         self.tally
     }
 
+    /// Goes on with another tare. What was counted stays.
+    pub fn set_sense(&mut self, sense: FingerSense) {
+        self.sense = sense;
+        self.next_s = f64::NEG_INFINITY;
+    }
+
     fn take_item(&mut self, item: Judged) -> Option<MonitorLine> {
         self.tally.add(&item);
         let sensed = self.sense.feel([item]).pop()?;

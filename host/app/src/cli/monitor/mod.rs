@@ -1,0 +1,227 @@
+//! `palpate monitor`.
+
+mod lines;
+mod watch;
+
+use std::process::ExitCode;
+
+use miette::IntoDiagnostic as _;
+use palpate::finger::contact::{Averaging, ContactSettings, Tare};
+use palpate::finger::judge::CountsJudge;
+use palpate::finger::sense;
+use palpate_device::Session;
+
+use super::calibrated::{CalibrationArguments, KeptTare, OffsetArguments};
+use super::device::DeviceArguments;
+use super::lacking;
+use crate::advice::Advise as _;
+use crate::live::{self, interrupt};
+use crate::recording;
+use crate::screen::state::{Finger, Recorded, State};
+use crate::screen::terminal::{self, Screen};
+use watch::{Ended, Tared, Watch};
+
+/// Shows live what the finger feels: full screen on a terminal, one line a reading elsewhere.
+///
+/// On the screen: the disk with the contact, force, strain of both bridges, noise, losses, alarms. Its keys: t takes a
+/// new tare, r begins and ends a recording, m sets a mark in it, q quits. --plain prints lines instead.
+///
+/// Begins with a tare, for which the finger must be free: it is refused if it was not. With --tare-file the kept
+/// one is used instead.
+///
+/// Exit status: 0, 1 if something cannot be used, 3 if samples were no measurements (saturated, stuck, settling) or the
+/// device started anew, 64 wrong command line.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    device: DeviceArguments,
+
+    #[command(flatten)]
+    calibration: CalibrationArguments,
+
+    #[command(flatten)]
+    offset: OffsetArguments,
+
+    /// Take the tare over so many seconds at the start
+    #[arg(long, default_value_t = 1.0, value_name = "S", allow_negative_numbers = true, value_parser = super::stretch)]
+    tare: f64,
+
+    /// Use the tare kept in this file instead of taking one
+    #[arg(long, value_name = "FILE", conflicts_with = "tare")]
+    tare_file: Option<std::path::PathBuf>,
+
+    /// Keep the tare in this file
+    #[arg(long, value_name = "FILE")]
+    keep_tare: Option<std::path::PathBuf>,
+
+    /// Average over so many milliseconds: 20 is a mains period at 50 Hz, 0 is every sample by itself. A kept tare
+    /// brings its own
+    #[arg(long, default_value_t = 20.0, conflicts_with = "tare_file", value_name = "MS", allow_negative_numbers = true, value_parser = super::not_negative)]
+    average_ms: f64,
+
+    /// Print so many lines a second; 0 prints every reading
+    #[arg(long, default_value_t = 10.0, value_name = "HZ", allow_negative_numbers = true, value_parser = super::not_negative)]
+    print_hz: f64,
+
+    /// Friction coefficient between finger and part
+    #[arg(long, default_value_t = 0.0, value_name = "MU", allow_negative_numbers = true, value_parser = super::not_negative)]
+    mu_c: f64,
+
+    /// Polar angle in finger axes that shall read 0, in degrees
+    #[arg(long, default_value_t = 0.0, value_name = "DEG", allow_negative_numbers = true, value_parser = super::finite)]
+    mounting_deg: f64,
+
+    /// Stop after so many seconds [default: until Ctrl-C]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = super::positive)]
+    seconds: Option<f64>,
+
+    /// Print lines on a terminal too
+    #[arg(long)]
+    plain: bool,
+
+    /// Print one JSON object a line
+    #[arg(long)]
+    json: bool,
+
+    /// Say at the end how long samples took to become angles
+    #[arg(long)]
+    latency: bool,
+}
+
+/// The screen is told of readings at this rate, Hz: twice as often as it is drawn.
+const SCREEN_HZ: f64 = 30.0;
+
+pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
+    interrupt::listen();
+    arguments.device.begin_recording()?;
+    let mut session = arguments.device.open(true)?;
+    let calibration = arguments.calibration.require(&session)?;
+    let front_end = live::front_end(session.hello()).advised()?;
+    let settings = ContactSettings { bias_walk: sense::bias_walk(&calibration, &front_end), ..settings(arguments) };
+    settings.check().into_diagnostic()?;
+    live::start(&mut session).advised()?;
+    session.ping().advised()?;
+    let unit = calibration.unit().symbol();
+    let mut judge = CountsJudge::new(&calibration);
+    let kept = match &arguments.tare_file {
+        Some(file) => Some(KeptTare::load(file, &session, unit)?),
+        None => None,
+    };
+    // Only now: what went wrong before is told on the terminal as it is.
+    let screen =
+        if arguments.is_screen() { Some(shown(&session, unit, front_end.microstrain_per_count())?) } else { None };
+    let tare = match kept {
+        Some(kept) => kept,
+        None => {
+            note!("{}taring for {} s: keep the finger free", super::simulated_note(&session), arguments.tare);
+            let offset = arguments.offset.expected(&calibration, &front_end);
+            live::tare(&mut session, &mut judge, arguments.tare, &settings, offset, super::tell).advised()?
+        }
+    };
+    report_tare(&tare, unit);
+    let kept = KeptTare::new(&session, unit, tare);
+    kept.attach();
+    if let Some(file) = &arguments.keep_tare {
+        kept.save(file)?;
+    }
+    let tared = Tared::new(calibration, front_end, settings, tare)?;
+    let mut watch = Watch::new(arguments, tared, judge, screen)?;
+    let is_read = loop {
+        let watched = watch.watch(&mut session);
+        // Whatever ended it, nobody listens any more.
+        let stopped = session.stop();
+        let ended = watched?;
+        stopped.advised()?;
+        match ended {
+            Ended::Over => break true,
+            Ended::NobodyReads => break false,
+            Ended::ToRecord => session = watch.recorded_from_here(session)?,
+        }
+    };
+    let lacked = watch.tally();
+    // What is told from here on is for the terminal as it was.
+    drop(watch);
+    tell_counts(&session);
+    lacking::tell("since the tare", &lacked);
+    if !is_read {
+        recording::end();
+        std::process::exit(super::EXIT_BROKEN_PIPE);
+    }
+    Ok(lacking::status(&lacked))
+}
+
+/// A screen for this device, before anything is felt.
+fn shown(session: &Session, unit: &'static str, microstrain_per_count: f64) -> miette::Result<Screen> {
+    let hello = session.hello();
+    let finger = Finger {
+        device: hello.device.to_string(),
+        address: session.address().to_string(),
+        is_simulated: session.is_simulated(),
+        rate_hz: hello.rate_hz,
+        unit,
+        microstrain_per_count,
+    };
+    let recording = recording::file().map(|file| Recorded {
+        file: file.display().to_string(),
+        since: 0.0,
+        marks: 0,
+        goes_on: true,
+    });
+    let state = State { finger, is_taring: true, recording, ..State::default() };
+    Screen::start(state).into_diagnostic()
+}
+
+fn tell_counts(session: &Session) {
+    let counts = session.counts();
+    let newer = match counts.unknown_messages {
+        0 => String::new(),
+        skipped => format!(", {skipped} messages skipped that only a newer palpate can read"),
+    };
+    let lost_link = match counts.disconnections {
+        0 => String::new(),
+        times => format!(", {times} disconnections"),
+    };
+    let restarts = match counts.restarts {
+        0 => String::new(),
+        times => format!(", {times} restarts of the device (what it lost in them has no numbers)"),
+    };
+    note!(
+        "{} samples, {} missing, {} repeated, {} damaged frames{newer}{lost_link}{restarts}",
+        counts.samples,
+        counts.missing,
+        counts.repeated,
+        counts.damaged_frames
+    );
+}
+
+impl Arguments {
+    /// Whether to show a screen: on a terminal, and of a recording only if it is played at some speed.
+    fn is_screen(&self) -> bool {
+        let is_played = self.device.is_recording() && !self.device.has_speed();
+        !self.plain && !self.json && !is_played && terminal::is_there()
+    }
+}
+
+fn settings(arguments: &Arguments) -> ContactSettings {
+    ContactSettings {
+        mounting_angle: arguments.mounting_deg.to_radians(),
+        contact_friction: arguments.mu_c,
+        averaging: if arguments.average_ms > 0.0 {
+            Averaging::Seconds(arguments.average_ms * 1e-3)
+        } else {
+            Averaging::Off
+        },
+        ..ContactSettings::default()
+    }
+}
+
+fn report_tare(tare: &Tare, unit: &str) {
+    note!(
+        "tare ({:.4}, {:.4}) {unit} from {} samples; noise of one reading ({:.4}, {:.4}) {unit}",
+        tare.bias.x,
+        tare.bias.y,
+        tare.samples,
+        tare.sample_covariance[(0, 0)].sqrt(),
+        tare.sample_covariance[(1, 1)].sqrt(),
+    );
+}
