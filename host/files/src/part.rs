@@ -313,6 +313,20 @@ pub enum PartFileError {
         /// As given, in the unit of the file.
         value: f64,
     },
+    /// A standard deviation of a part that would be another one.
+    #[error(
+        "{key} = {value:?} {unit} is more than a part of this size can be off, {limit:.3} {unit}: is it in the file's unit?"
+    )]
+    DeviationTooLarge {
+        /// Key of the standard deviation.
+        key: &'static str,
+        /// As given, in the unit of the file.
+        value: f64,
+        /// The largest that is taken, in the same unit.
+        limit: f64,
+        /// That unit.
+        unit: &'static str,
+    },
     /// A support that cannot be.
     #[error("support {name:?}: {error}")]
     Support {
@@ -504,7 +518,8 @@ impl PartFile {
             (None, None) => return Err(PartFileError::OneOutline { what: "no outline" }),
             (Some(_), Some(_)) => return Err(PartFileError::OneOutline { what: "two outlines" }),
         };
-        Ok(Self { part, mu, mu_c, errors: keys.errors()?, unit: keys.unit })
+        let errors = keys.errors(part.body().inertia_per_mass().sqrt())?;
+        Ok(Self { part, mu, mu_c, errors, unit: keys.unit })
     }
 }
 
@@ -599,6 +614,13 @@ fn friction(key: &'static str, value: f64) -> Result<f64, PartFileError> {
 /// above is in per cent or in degrees.
 pub const FRICTION_MAX: f64 = 10.0;
 
+/// Largest standard deviation of an outline's edges, as a share of the part's radius of gyration: a part so far off is
+/// another part.
+const OUTLINE_SIGMA_MAX: f64 = 0.1;
+
+/// The same of each coordinate of the centre of mass: a third of a plate's half length.
+const CENTRE_OF_MASS_SIGMA_MAX: f64 = 0.5;
+
 /// Feet in m with their shares of the weight.
 fn shares(feet: &[Numbers<3>], metres: f64) -> Result<Vec<(Point2<f64>, f64)>, PartFileError> {
     if feet.is_empty() {
@@ -617,20 +639,28 @@ impl Keys {
         toml::from_str(text).map_err(|error| PartFileError::Toml(error.to_string()))
     }
 
-    /// What is said not to be known.
-    fn errors(&self) -> Result<PartErrors, PartFileError> {
-        let deviation = |key: &'static str, value: Option<f64>| match value.unwrap_or(0.0) {
-            value if value.is_finite() && value >= 0.0 => Ok(value * self.unit.metres()),
-            value => Err(PartFileError::Deviation { key, value }),
+    /// What is said not to be known of a part with this radius of gyration, m.
+    fn errors(&self, radius_of_gyration: f64) -> Result<PartErrors, PartFileError> {
+        let size = radius_of_gyration / self.unit.metres();
+        let deviation = |key: &'static str, value: Option<f64>, share: f64| match value.unwrap_or(0.0) {
+            value if !(value.is_finite() && value >= 0.0) => Err(PartFileError::Deviation { key, value }),
+            value if value > share * size => {
+                Err(PartFileError::DeviationTooLarge { key, value, limit: share * size, unit: self.unit.name() })
+            }
+            value => Ok(value * self.unit.metres()),
         };
         let is_unknown = matches!(self.support, Some(SupportField::Unknown(Unknown::Word)));
         if is_unknown && self.feet.is_some() {
             return Err(PartFileError::UnknownFeet);
         }
         Ok(PartErrors {
-            outline_sigma: deviation("outline_sigma", self.outline_sigma)?,
+            outline_sigma: deviation("outline_sigma", self.outline_sigma, OUTLINE_SIGMA_MAX)?,
             mass_follows_outline: self.centre_of_mass.is_none(),
-            centre_of_mass_sigma: deviation("centre_of_mass_sigma", self.centre_of_mass_sigma)?,
+            centre_of_mass_sigma: deviation(
+                "centre_of_mass_sigma",
+                self.centre_of_mass_sigma,
+                CENTRE_OF_MASS_SIGMA_MAX,
+            )?,
             pressure_log_sd: if is_unknown { PartErrors::PRESSURE_UNKNOWN } else { 0.0 },
         })
     }
@@ -785,6 +815,10 @@ mod tests {
         assert!(!given.errors.mass_follows_outline);
         let refused = |more: &str| PartFile::parse(&format!("{BLOCK}{more}")).unwrap_err().to_string();
         assert!(refused("outline_sigma = -1").contains("outline_sigma = -1.0 must be finite and not negative"));
+        // A tenth and half of √(60² + 40²)/√12 mm.
+        assert!(refused("outline_sigma = 3").contains("outline_sigma = 3.0 mm is more than"));
+        assert!(refused("outline_sigma = 3").contains("2.082 mm: is it in the file's unit?"));
+        assert!(refused("centre_of_mass_sigma = 11").contains("10.408 mm"));
         assert!(refused("support = 'unknown'\nfeet = [[5, 5, 1], [55, 5, 1], [30, 35, 2]]").contains("leave one"));
         assert!(refused("support = 'anything'").contains("expected \"unknown\", or a list"));
     }

@@ -38,7 +38,9 @@ followed. A push that has told too little is said to be ambiguous until the fing
 
 The part file is that of `palpate push`; its mu_c is not needed. Its mu is taken for known to 20 % and found with the
 rest; --mu-uncertainty says how well it is known, or that it is exact. A slow push tells only mu times the mass, and the
-answer says so.
+answer says so. What else is not known exactly the file may say: outline_sigma and centre_of_mass_sigma (one standard
+deviation, in its unit) and support = \"unknown\"; then the answer is the less certain, and takes longer. --method follow
+takes the part as it is told.
 
 The forces' file is a table of t, Fx, Fy: force on the finger's disk along its axes, in newtons.
 

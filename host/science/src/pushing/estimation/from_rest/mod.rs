@@ -158,10 +158,14 @@ fn halting_estimate(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt
         return conclude(&problem, search(&problem, &edges, halt), symmetry).bent(known, measured);
     };
     let roughly = measured.roughly(errors.share(known.part));
-    let problem = Problem { course: &course, measured: &roughly, mass: None };
-    let mut tried = search(&problem, &edges, halt);
-    tried.retain(|tried| is_possible(&problem, tried));
-    let leads = leads(&tried, NUMBERED_LEADS).into_iter().map(|lead| lead.guess);
+    // What is known nearly leads to its minimum by itself; what is far from what is told only where that counts as noise.
+    let found = |measured: &WindowedForce| {
+        let problem = Problem { course: &course, measured, mass: None };
+        let mut tried = search(&problem, &edges, halt);
+        tried.retain(|tried| is_possible(&problem, tried));
+        leads(&tried, NUMBERED_LEADS).into_iter().map(|lead| lead.guess)
+    };
+    let leads = found(measured).chain(found(&roughly));
     let part_unknown = PartUnknown { errors, course: &course, roughly: &roughly, measured };
     part_unknown.estimate(leads, symmetry, halt).bent(known, measured)
 }
