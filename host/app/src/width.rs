@@ -7,16 +7,21 @@ pub(crate) const COLUMNS: usize = 80;
 
 /// Prose with its lines broken between words. Breaks that are there stay, and what goes on begins under its beginning.
 pub(crate) fn folded(text: &str) -> String {
-    text.lines().map(fold_line).collect::<Vec<_>>().join("\n")
+    folded_to(text, COLUMNS)
 }
 
-fn fold_line(line: &str) -> String {
+/// The same for another width.
+pub(crate) fn folded_to(text: &str, columns: usize) -> String {
+    text.lines().map(|line| fold_line(line, columns)).collect::<Vec<_>>().join("\n")
+}
+
+fn fold_line(line: &str, columns: usize) -> String {
     let indent = line.chars().take_while(|c| *c == ' ').count();
     let margin = " ".repeat(indent);
     let (mut text, mut width) = (margin.clone(), indent);
     for word in line.split(' ').filter(|word| !word.is_empty()) {
         let length = word.chars().count();
-        if width > indent && width + 1 + length > COLUMNS {
+        if width > indent && width + 1 + length > columns {
             text = text + "\n" + &margin;
             width = indent;
         }

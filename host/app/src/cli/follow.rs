@@ -22,8 +22,11 @@ use palpate_files::part::PolygonFile;
 use serde_json::{Value, json};
 
 use super::lacking;
+use super::observed_plot::{FollowedHistory, Heading};
+use super::plot::PlotArguments;
 use super::pose::{columns, deviation};
-use super::watched_push::{FeltPush, Ongoing, Watched, WatchedPushArguments, Watching};
+use super::watched_push::{FeltPush, Ongoing, Watched, WatchedPushArguments, Watching, too_short};
+use crate::pictures::plot::Figure;
 use crate::recording::{self, Believed};
 use crate::width::folded;
 
@@ -42,6 +45,8 @@ pub(super) struct Following<'f> {
     pub(super) json: bool,
     /// When the finger's motion began, where it is told.
     pub(super) clock: Option<MotionClock>,
+    /// Title of the picture, where one is asked for.
+    pub(super) plot: Option<String>,
 }
 
 /// What a recording calls the searches that a run made beside, and their lines: where one was begun, and where it was done. A
@@ -68,14 +73,23 @@ struct Follow<'f, 'scope, 'env> {
     /// When something was printed last, s since the motion began.
     last: f64,
     is_headed: bool,
+    /// For a picture, where one is asked for.
+    history: Option<FollowedHistory>,
+    /// What a picture of it shows.
+    figure: Option<Figure>,
 }
 
 impl Following<'_> {
     /// Follows a push to the end of the finger's motion.
-    pub(super) fn run(&self, push: &WatchedPushArguments, motion: &Path) -> miette::Result<ExitCode> {
+    pub(super) fn run(
+        &self,
+        push: &WatchedPushArguments,
+        motion: &Path,
+        plot: &PlotArguments,
+    ) -> miette::Result<ExitCode> {
         let stop = AtomicBool::new(false);
         let watching = Watching { every_s: f64::INFINITY, watched: Watched::Everything };
-        let pushed = std::thread::scope(|scope| {
+        let (pushed, figure) = std::thread::scope(|scope| {
             let mut follow = Follow {
                 following: self,
                 follower: PushFollower::new(self.clock),
@@ -85,14 +99,20 @@ impl Following<'_> {
                 stop: &stop,
                 last: f64::NEG_INFINITY,
                 is_headed: false,
+                history: self.plot.as_ref().map(|_| FollowedHistory::default()),
+                figure: None,
             };
             let watched = push.watch(motion, watching, &mut |ongoing| follow.look(ongoing));
             stop.store(true, Ordering::Relaxed);
-            watched
+            watched.map(|watched| (watched, follow.figure))
         })?;
         pushed.was_felt()?;
         if !self.json {
             say!("{}", legend());
+        }
+        if plot.is_asked() {
+            let Some(figure) = figure else { return Err(too_short()) };
+            plot.draw(|| Ok(figure))?;
         }
         Ok(lacking::status(&pushed.watch.tally()))
     }
@@ -119,6 +139,11 @@ where
                     true => self.search_beside(task, felt, motion)?,
                     false => self.search_here(&known, &task),
                 }
+            }
+            if let (Some(history), Some(tracker)) = (&mut self.history, self.follower.tracker())
+                && tracker.state() == TrackerState::Following
+            {
+                history.take(tracker.time(), &self.follower.hypotheses(&known), tracker.misfit());
             }
             if time >= self.last + self.following.every_s {
                 self.last = time;
@@ -150,7 +175,29 @@ where
         if pending.is_some() || task.is_some() || self.last < last {
             self.print(known, last, ongoing);
         }
+        self.draw(known, ongoing);
         Ok(())
+    }
+
+    /// What a picture shows of it, where one is asked for.
+    fn draw(&mut self, known: &KnownOfFinger<'_>, ongoing: &Ongoing<'_>) {
+        let (Some(history), Some(title)) = (&mut self.history, &self.following.plot) else { return };
+        let (Some(tracker), Some(sense)) = (self.follower.tracker(), ongoing.watch.sense()) else { return };
+        let hypotheses = self.follower.hypotheses(known);
+        if history.trail.last().is_none_or(|(time, _)| *time < tracker.time()) {
+            history.take(tracker.time(), &hypotheses, tracker.misfit());
+        }
+        let words = match hypotheses.as_slice() {
+            [] => "No pose was followed to the end.".to_owned(),
+            [_] => "One pose explains what was felt to the end.".to_owned(),
+            several => format!("{} poses explain what was felt to the end.", several.len()),
+        };
+        let onset = sense.onset_time().unwrap_or(0.0);
+        let before_onset = self.following.clock.map_or(0.0, |clock| onset - clock.begins);
+        let heading = Heading { title: title.clone(), words };
+        let readings = (sense.readings(), before_onset);
+        let part = (known.part, known.radius);
+        self.figure = Some(history.figure(part, known.motion, readings, known.effective_mass, &heading));
     }
 
     fn search_here(&mut self, known: &KnownOfFinger<'_>, task: &SearchTask) {

@@ -5,20 +5,24 @@ use std::path::{Path, PathBuf};
 use miette::WrapErr as _;
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::never;
+use palpate::pushing::dynamics::State;
 use palpate::pushing::estimation::from_rest::readings::{
     ForceHypothesis, ForceReading, MeasuredEstimate, MeasuredFinger, SensedPush, estimate_measured_until, sensed,
 };
 use palpate::pushing::finger_motion::FingerMotion;
 use palpate::pushing::measured_path::{MeasuredPath, PLACES_MIN};
+use palpate::pushing::pushed_world::PushedWorld;
 use palpate_files::part::PolygonFile;
 use palpate_files::recordings::csv::{self, RecordedTable};
 use palpate_files::recordings::path::{self, RecordedPath};
 use palpate_files::solve::kinds::observe_force::{ForceHypothesisAnswer, OFFSETS_COVERED};
 use serde_json::{Value, json};
 
+use super::observed_plot::{self, Heading};
 use super::read::{read, report_problems};
 use super::watched_push::{FeltPushArguments, not_at_rest, too_short, without_push};
 use super::{not_negative, pose, positive};
+use crate::pictures::plot::Figure;
 use crate::width::folded;
 
 /// Measured places of the finger.
@@ -68,6 +72,10 @@ pub(super) struct MeasuredPush {
     answers: Vec<ForceHypothesisAnswer>,
     /// When the last reading was taken, since the push began, s.
     felt: f64,
+    /// What was felt since then.
+    readings: Vec<ForceReading>,
+    path: MeasuredPath,
+    radius: f64,
 }
 
 /// The readings for which there are places, wherever the path's clock is.
@@ -118,7 +126,10 @@ pub(super) fn observe(
         ..ForceHypothesisAnswer::of(found, &known, GRAVITY_ASSUMED, Some(onset))
     };
     let answers = estimate.hypotheses.iter().map(answer).collect();
-    Ok(MeasuredPush { felt: last.time - onset, answers, estimate })
+    let since_onset = |it: &ForceReading| ForceReading { time: it.time - onset, ..*it };
+    let felt = last.time - onset;
+    let readings = readings.iter().map(since_onset).filter(|reading| reading.time >= 0.0).collect();
+    Ok(MeasuredPush { felt, readings, answers, estimate, radius: known.radius, path: measured })
 }
 
 impl MeasuredPush {
@@ -157,6 +168,31 @@ impl MeasuredPush {
                 offset(best)
             ),
         }
+    }
+
+    /// What the places say of the finger's motion since the push began, at the clock's offset of the likeliest pose.
+    fn motion(&self) -> Option<FingerMotion> {
+        let offset = self.estimate.hypotheses.first().map_or(0.0, |(offset, _)| *offset);
+        let begun = self.estimate.onset? - offset;
+        let fitted = self.path.fitted(begun, &self.path.wandering(begun)?)?;
+        fitted.motion([])
+    }
+
+    /// A picture of it.
+    pub(super) fn figure(&self, file: &PolygonFile, title: String) -> Figure {
+        let motion = self.motion().unwrap_or_else(FingerMotion::untold);
+        let hypotheses: Vec<_> = self.estimate.hypotheses.iter().map(|(_, found)| found).collect();
+        let played = hypotheses.first().and_then(|best| {
+            let (part, State { u, s, .. }) = (&file.part, best.start);
+            let ForceHypothesis { mu_g, mass, .. } = **best;
+            // A contact that never slipped sticks.
+            let mu_c = best.mu_c.unwrap_or(1.0);
+            let (radius, edge) = (self.radius, part.side(best.edge));
+            PushedWorld { part, mu_g, mass, mu_c, radius, motion: &motion, edge, u, s }.play().ok()
+        });
+        let heading = Heading { title, words: self.in_words() };
+        let part = (&file.part, self.radius);
+        observed_plot::measured(part, &motion, &self.readings, &hypotheses, played.as_ref(), &heading)
     }
 
     /// For a program: SI units and radians, as `palpate solve` answers `observe_force`.

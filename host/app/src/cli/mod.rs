@@ -38,6 +38,7 @@ mod misfit;
 mod monitor;
 mod motion_source;
 mod observe;
+mod observed_plot;
 mod palm;
 mod palm_motion;
 mod plan_push;

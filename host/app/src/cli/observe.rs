@@ -9,6 +9,8 @@ use palpate::pushing::estimation::from_rest::watch::PushAnswer;
 use palpate_files::part::PolygonFile;
 
 use super::follow::Following;
+use super::observed_plot::{self, Heading};
+use super::plot::PlotArguments;
 use super::measured_motion::{self, MeasuredMotionArguments};
 use super::read::{read, tell_part};
 use super::watched_push::{Ongoing, Watched, WatchedPushArguments, Watching, too_short};
@@ -92,6 +94,9 @@ pub(crate) struct Arguments {
     /// Print one JSON object a line: SI units, radians
     #[arg(long)]
     json: bool,
+
+    #[command(flatten)]
+    plot: PlotArguments,
 }
 
 /// How a push is observed.
@@ -118,6 +123,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         } else {
             push.print(&file);
         }
+        arguments.plot.draw(|| Ok(push.figure(&file, arguments.title())))?;
         return Ok(ExitCode::SUCCESS);
     }
     let Some(motion) = &arguments.motion else {
@@ -128,7 +134,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         let every_s = if arguments.json { arguments.every.unwrap_or(0.0) } else { every_s };
         let sd = arguments.motion_begins_sigma_ms * 1e-3;
         let clock = arguments.motion_begins.map(|begins| MotionClock { begins, sd });
-        return Following { file: &file, every_s, json: arguments.json, clock }.run(&arguments.push, motion);
+        let plot = arguments.plot.is_asked().then(|| arguments.title());
+        let following = Following { file: &file, every_s, json: arguments.json, clock, plot };
+        return following.run(&arguments.push, motion, &arguments.plot);
     }
     let mut shown = Shown { json: arguments.json, file: &file, is_headed: false };
     let watching = Watching { every_s, watched: Watched::Push };
@@ -150,7 +158,23 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
             say!("{}", misfit::explain(&push.known(&file), &push.force()?));
         }
     }
+    arguments.plot.draw(|| {
+        let words = pose::in_words(&file.part, &answer.estimate);
+        let heading = Heading { title: arguments.title(), words };
+        Ok(observed_plot::searched(&push.known(&file), &push.force()?, &answer.estimate, &heading))
+    })?;
     Ok(lacking::status(&answer.since_onset))
+}
+
+impl Arguments {
+    /// Of a picture: what was pushed, and what was felt of it.
+    fn title(&self) -> String {
+        let part = self.part.display();
+        match &self.push.forces {
+            Some(forces) => format!("{part}, pushed as in {}", forces.display()),
+            None => format!("{part}, pushed"),
+        }
+    }
 }
 
 /// What was printed so far.

@@ -24,6 +24,11 @@ pub(crate) fn picture_file(name: &str) -> Result<PathBuf, String> {
 }
 
 impl PlotArguments {
+    /// Whether a picture was asked for.
+    pub(crate) fn is_asked(&self) -> bool {
+        self.plot.is_some()
+    }
+
     /// Draws the figure, if a picture was asked for.
     pub(crate) fn draw(&self, figure: impl FnOnce() -> miette::Result<Figure>) -> miette::Result<()> {
         self.plot.as_deref().map_or(Ok(()), |path| draw_to(path, &figure()?))

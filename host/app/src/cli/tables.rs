@@ -1,13 +1,16 @@
 //! `palpate tables`.
 
+use std::fs;
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use miette::{IntoDiagnostic as _, miette};
+use miette::{IntoDiagnostic as _, WrapErr as _, miette};
 use serde_json::json;
 
+use super::plot::draw_to;
 use super::read::report_problems;
+use crate::pictures::plot::Figure;
 use crate::thesis::real::{self, Recordings, Seeds};
 use crate::thesis::{self, EXPERIMENTS, Experiment, TableSettings, progress};
 use crate::width::folded;
@@ -43,7 +46,13 @@ pub(crate) struct Arguments {
     /// With `real`: fit the set-up's constants anew for each log, from the poses in the others
     #[arg(long)]
     leave_one_out: bool,
+    /// With `6`: draw figures 6.1 to 6.4 of the thesis into this folder
+    #[arg(long, value_name = "DIR")]
+    plot: Option<PathBuf>,
 }
+
+/// The table that has figures.
+const FIGURES: &str = "6";
 
 /// The table that is made of recordings.
 const REAL: &str = "real";
@@ -54,6 +63,7 @@ fn experiment(name: &str) -> miette::Result<&'static Experiment> {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
+    arguments.check_figures()?;
     if let Some((REAL, folders)) = arguments.names.split_first().map(|(first, rest)| (first.as_str(), rest)) {
         return real(arguments, folders);
     }
@@ -72,6 +82,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
             say!("{}", serde_json::to_string(&object).into_diagnostic()?);
         } else {
             say!("Table {}: {}\n{table}", experiment.name, experiment.title);
+        }
+        if let (Some(folder), Some(figures)) = (&arguments.plot, thesis::figures(experiment, &settings)) {
+            draw(folder, &figures)?;
         }
     }
     Ok(ExitCode::SUCCESS)
@@ -105,7 +118,25 @@ fn real(arguments: &Arguments, folders: &[String]) -> miette::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Draws each figure into the folder.
+fn draw(folder: &Path, figures: &[(String, Figure)]) -> miette::Result<()> {
+    fs::create_dir_all(folder).into_diagnostic().wrap_err_with(|| format!("cannot draw into {}", folder.display()))?;
+    figures.iter().try_for_each(|(name, figure)| draw_to(&folder.join(format!("{name}.svg")), figure))
+}
+
 impl Arguments {
+    /// Whether there is a table with figures, where they are asked for.
+    fn check_figures(&self) -> miette::Result<()> {
+        let is_without = self.names.iter().find(|name| *name != FIGURES);
+        let help = "palpate tables 6 --plot DIR";
+        match is_without {
+            _ if self.plot.is_none() => Ok(()),
+            Some(name) => Err(miette!(help = help, "table {name} has no figures")),
+            None if self.names.is_empty() => Err(miette!(help = help, "--plot needs the table that has figures")),
+            None => Ok(()),
+        }
+    }
+
     fn settings(&self, experiment: &Experiment) -> miette::Result<TableSettings> {
         let cases = self.cases.map(usize::try_from).transpose();
         let cases = cases.map_err(|_| miette!("--cases is too large for this machine"))?.unwrap_or(experiment.cases);

@@ -2,6 +2,8 @@
 
 pub mod inscription;
 pub mod limit_surface;
+pub mod observed;
+pub mod observer;
 pub mod plot;
 pub mod point_sampling;
 pub mod push;

@@ -6,6 +6,8 @@
 //!
 //! Units: SI inside; the table's headings say theirs. Errors: none.
 
+mod figures;
+
 use std::f64::consts::PI;
 
 use nalgebra::{Point2, Vector2};
@@ -15,6 +17,8 @@ use palpate::math::random::Draw;
 use palpate::math::statistics;
 use palpate::pushing::dynamics::{ContactLaw, ContactMode, EdgeEnd, Finger, Part, Push, PushModel, Start, State};
 use palpate::pushing::estimation::{Gho, GhoSettings};
+
+pub(super) use figures::{EXPERIMENT as FIGURES, figures};
 
 use super::{Cell, Experiment, Table, TableSettings};
 

@@ -44,6 +44,7 @@ use std::num::NonZeroUsize;
 use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
+use crate::pictures::plot::Figure;
 use crate::width::{COLUMNS, folded};
 
 /// The experiments, in the order of the thesis.
@@ -57,6 +58,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     touch::EXPERIMENT,
     sampling::SPARSE,
     sampling::DENSE,
+    gho::FIGURES,
     gho::KNOWN_EDGE,
     gho::UNKNOWN_EDGE,
     gho::SIDE_BY_SIDE,
@@ -292,6 +294,12 @@ fn line(cells: &[Cell], widths: &[usize], block: &[usize]) -> String {
 #[must_use]
 pub fn find(name: &str) -> Option<&'static Experiment> {
     EXPERIMENTS.iter().find(|experiment| experiment.name == name)
+}
+
+/// The figures of an experiment, with their names; none where it has none.
+#[must_use]
+pub fn figures(experiment: &Experiment, settings: &TableSettings) -> Option<Vec<(String, Figure)>> {
+    (experiment.name == gho::FIGURES.name).then(|| gho::figures(settings))
 }
 
 /// Rows as JSON objects with the headings as keys.

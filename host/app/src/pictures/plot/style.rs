@@ -36,6 +36,14 @@ impl Colour {
     /// Okabe and Ito's sky blue.
     pub const SKY_BLUE: Self = Self { rgb: [86, 180, 233] };
 
+    /// The same with so much of its ink, from 0, which is white, to 1.
+    #[must_use]
+    pub fn faded(self, ink: f64) -> Self {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and 255")]
+        let faded = |part: u8| (255.0 - (255.0 - f64::from(part)) * ink.clamp(0.0, 1.0)).round() as u8;
+        Self { rgb: self.rgb.map(faded) }
+    }
+
     /// Colours for series that have none of their own, in the order in which to use them.
     pub const SERIES: [Self; 6] =
         [Self::BLUE, Self::VERMILLION, Self::GREEN, Self::PURPLE, Self::ORANGE, Self::SKY_BLUE];

@@ -129,6 +129,13 @@ pub(super) struct Tried {
     penalties: [f64; PENALTIES],
 }
 
+impl Tried {
+    /// What is felt and not explained, standard deviations.
+    pub(super) fn rest(&self) -> &DVector<f64> {
+        &self.rest
+    }
+}
+
 impl<'p> Problem<'_, 'p> {
     /// Plays a guess through.
     pub(super) fn try_guess(&self, guess: Guess) -> Option<Tried> {

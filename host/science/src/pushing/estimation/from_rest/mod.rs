@@ -13,6 +13,7 @@
 //! - `path`: what a guess would feel; `seeds`: guesses to begin with; `fit`: going down from each to a minimum;
 //! - `valley`: how far a minimum reaches where its valley bends;
 //! - `symmetry`: turns of the part that nobody can tell apart;
+//! - `explained`: what an answer leaves of what was felt;
 //! - [`misfit`]: what may have been told wrong where no pose fits;
 //! - [`watch`]: a push from its first sample to the answer, live or recorded;
 //! - [`trial`]: random pushes and a judge.
@@ -27,6 +28,7 @@
 //! Errors: none. "No pose explains the force" and "several do" are answers.
 
 mod end;
+mod explained;
 mod felt;
 mod fit;
 mod friction_along;
@@ -48,6 +50,7 @@ pub mod windowed_force;
 use nalgebra::Translation2;
 
 use end::EndCovariance;
+pub use explained::ExplainedForce;
 use felt::Felt as _;
 use fit::{MU_C_MIN, Problem, Tried};
 use friction_along::FrictionAlong;

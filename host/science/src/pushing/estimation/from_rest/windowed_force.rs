@@ -364,6 +364,21 @@ impl WindowedForce {
         self.forces_finger.len()
     }
 
+    /// What the whitened values are of the windows that have a mean, N.
+    pub(super) fn in_newtons(&self, whitened: &DVector<f64>) -> Vec<Vector2<f64>> {
+        // The diagonal of a whitener is positive.
+        let plain = self.whitener.solve_lower_triangular(whitened).unwrap_or_else(|| whitened.clone());
+        plain.as_slice().chunks(2).map(|pair| Vector2::new(pair[0], pair[1])).collect()
+    }
+
+    /// Standard deviation of each mean along each axis, N.
+    pub(super) fn deviations(&self) -> Vec<Vector2<f64>> {
+        let size = self.data.len();
+        let lower = self.whitener.solve_lower_triangular(&DMatrix::identity(size, size));
+        let of_row = |row: usize| lower.as_ref().map_or(0.0, |lower| lower.row(row).norm());
+        (0..size / 2).map(|window| Vector2::new(of_row(2 * window), of_row(2 * window + 1))).collect()
+    }
+
     /// Predicted means of all windows (N), those that were felt times L⁻¹, in standard deviations.
     pub(super) fn whiten(&self, forces: impl Iterator<Item = Vector2<f64>>) -> DVector<f64> {
         let felt = forces.zip(&self.forces_finger).filter(|(_, felt)| felt.is_some());

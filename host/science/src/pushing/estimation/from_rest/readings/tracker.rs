@@ -440,6 +440,13 @@ impl ForceTracker {
         followed.or(self.readings.last().map(|last| last.time)).unwrap_or(f64::NEG_INFINITY)
     }
 
+    /// Squared deviations by which the likeliest hypothesis misses the last reading, of two degrees of freedom; none where
+    /// none is at it. What is far beyond chance counts as a limit.
+    #[must_use]
+    pub fn misfit(&self) -> Option<f64> {
+        self.hypotheses.first().map(|best| best.misfit)
+    }
+
     fn shown(&self) -> &[Followed] {
         if self.hypotheses.is_empty() { &self.arriving } else { &self.hypotheses }
     }
