@@ -9,6 +9,7 @@ mod chain;
 mod contact;
 #[cfg(unix)]
 mod devices;
+mod friction;
 mod gho;
 mod help;
 mod import;

@@ -48,6 +48,14 @@ pub(super) fn assert_fits_a_terminal(text: &str) {
     }
 }
 
+/// A picture was drawn that shows these words.
+pub(super) fn assert_names(picture: &Path, words: &[&str]) {
+    let svg = std::fs::read_to_string(picture).unwrap_or_else(|error| panic!("{}: {error}", picture.display()));
+    for word in words {
+        assert!(svg.contains(&format!("aria-label=\"{word}\"")), "{word} is not in {}", picture.display());
+    }
+}
+
 /// The example part, pushed at its edge 3 as the example motion says; half a kilogram.
 pub(super) fn pushed() -> Played {
     let file = PolygonFile::parse(&std::fs::read_to_string(example("part.toml")).unwrap()).unwrap();
@@ -84,7 +92,7 @@ pub(super) fn forces(played: &Played, rest: f64, sd: f64) -> String {
 }
 
 /// Checks the only pose that an answer lists.
-fn check(answer: &Value, played: &Played) {
+pub(super) fn check(answer: &Value, played: &Played) {
     assert_eq!(answer["status"], "unique", "{answer}");
     let pose: Vec<f64> =
         answer["hypotheses"][0]["pose_end"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
@@ -95,7 +103,7 @@ fn check(answer: &Value, played: &Played) {
     assert!(distance < POSE_ERROR.0 && angle < POSE_ERROR.1, "off by {distance:e} m, {angle:e} rad: {answer}");
 }
 
-fn last_answer(output: &Output) -> Value {
+pub(super) fn last_answer(output: &Output) -> Value {
     let said = text(&output.stdout);
     assert!(output.status.success(), "{said}{}", text(&output.stderr));
     serde_json::from_str(said.lines().last().unwrap()).unwrap()
@@ -120,8 +128,11 @@ fn a_push_felt_live_over_a_terminal_names_the_pose() {
     let table = folder.path().join("forces.csv");
     std::fs::write(&table, forces(&played, 0.0, 0.0)).unwrap();
     let both = format!("{} {}", table.display(), example("motion.toml").display());
-    let output = observed_live(folder.path(), &both, &example("part.toml"), &example("motion.toml"), &[]);
+    let picture = folder.path().join("push.svg");
+    let plot = [Path::new("--plot"), &picture];
+    let output = observed_live(folder.path(), &both, &example("part.toml"), &example("motion.toml"), &plot);
     check(&last_answer(&output), &played);
+    assert_names(&picture, &["x, explained", "Felt and not explained, with two standard deviations", "0.8 s"]);
     // Estimates came as the push went on, not only at its end.
     assert!(text(&output.stdout).lines().count() > 3, "{}", text(&output.stdout));
 }
@@ -129,6 +140,13 @@ fn a_push_felt_live_over_a_terminal_names_the_pose() {
 /// What `observe` says of forces that a simulated device plays once it is ready.
 #[cfg(unix)]
 pub(super) fn observed_live(folder: &Path, played: &str, part: &Path, motion: &Path, more: &[&Path]) -> Output {
+    let of_push = [Path::new("observe"), Path::new("--json"), Path::new("--part"), part, Path::new("--motion"), motion];
+    felt_live(folder, played, &[&of_push, more].concat())
+}
+
+/// What a command that watches a push says of forces that a simulated device plays once it is ready.
+#[cfg(unix)]
+pub(super) fn felt_live(folder: &Path, played: &str, words: &[&Path]) -> Output {
     use std::io::{BufRead as _, BufReader};
 
     let calibrate = palpate(&["calibrate", "-d", &format!("sim:{SEED}"), "--load", "2 N", "--contacts", "6", "--out"])
@@ -145,15 +163,18 @@ pub(super) fn observed_live(folder: &Path, played: &str, part: &Path, motion: &P
     let (mut orders, mut answers) =
         (device.stdin.take().unwrap(), BufReader::new(device.stdout.take().unwrap()).lines());
     let path = answers.next().unwrap().unwrap();
-    let mut command = palpate(&["observe", "--json", "-d", &path, "-c", calibration.trim(), "--part"]);
-    command.arg(part).arg("--motion").arg(motion).args(more);
+    let mut command = palpate(&[]);
+    command.args(words).args(["-d", &path, "-c", calibration.trim()]);
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut observer = command.spawn().unwrap();
     let mut told = BufReader::new(observer.stderr.take().unwrap()).lines().map_while(Result::ok);
     let ready = told.find(|line| line.contains("ready"));
     assert!(ready.is_some(), "it never got ready");
+    // What else it says is read, or it would wait for that.
+    let rest = std::thread::spawn(move || told.collect::<Vec<_>>().join("\n"));
     writeln!(orders, "play {played}").unwrap();
-    let output = observer.wait_with_output().unwrap();
+    let mut output = observer.wait_with_output().unwrap();
+    output.stderr = rest.join().unwrap().into_bytes();
     let _ = writeln!(orders, "quit");
     let _ = device.wait();
     output

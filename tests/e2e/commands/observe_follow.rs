@@ -11,7 +11,7 @@ use serde_json::Value;
 
 #[cfg(unix)]
 use crate::observe::observed_live;
-use crate::observe::{assert_fits_a_terminal, example, forces, observe, pushed, text};
+use crate::observe::{assert_fits_a_terminal, assert_names, example, forces, observe, pushed, text};
 
 /// Rest before the push, s, and noise of a value, N.
 const REST_S: f64 = 1.2;
@@ -89,7 +89,9 @@ fn a_push_in_a_file_is_followed_from_reading_to_reading() {
     // The same again, to the last digit.
     assert_eq!(follow(&["--json"]).stdout, output.stdout);
 
-    let shown = text(&follow(&[]).stdout);
+    let picture = folder.path().join("push.svg");
+    let shown = text(&follow(&["--plot", picture.to_str().unwrap()]).stdout);
+    assert_names(&picture, &["Misfit of each reading, by the likeliest", "its centre of mass", "y, felt"]);
     assert_fits_a_terminal(&shown);
     assert!(shown.contains("searching") && shown.contains("turning"), "{shown}");
 

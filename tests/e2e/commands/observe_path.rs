@@ -8,7 +8,7 @@ use palpate::math::random::Draw;
 use palpate::pushing::pushed_world::Played;
 use serde_json::Value;
 
-use crate::observe::{assert_fits_a_terminal, example, forces, observe, pushed, text, unfolded};
+use crate::observe::{assert_fits_a_terminal, assert_names, example, forces, observe, pushed, text, unfolded};
 
 /// Rest before the push, s.
 const REST_S: f64 = 1.2;
@@ -66,7 +66,9 @@ fn a_push_with_measured_places_names_the_pose_and_the_clock() {
     assert!((clock - EARLY_S).abs() < 2e-3, "{clock} s");
     assert!((answer["hypotheses"][0]["onset"].as_f64().unwrap() - REST_S).abs() < 5e-3, "{answer}");
 
-    let shown = observe(&FINGER).arg(&table).arg("--path").arg(&path).output().unwrap();
+    let picture = folder.path().join("push.svg");
+    let shown = observe(&FINGER).arg(&table).arg("--path").arg(&path).arg("--plot").arg(&picture).output().unwrap();
+    assert_names(&picture, &["x, felt", "its centre of mass"]);
     assert_fits_a_terminal(&text(&shown.stdout));
     let said = unfolded(&text(&shown.stdout));
     assert!(said.contains("One pose explains forces and places") && said.contains("The path's clock is 7."), "{said}");

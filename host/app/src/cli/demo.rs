@@ -1,10 +1,9 @@
 //! `palpate demo`.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use miette::{IntoDiagnostic as _, WrapErr as _};
+use miette::WrapErr as _;
 use nalgebra::Vector2;
 use palpate::math::random::Draw;
 use palpate::pushing::dynamics::Part;
@@ -16,11 +15,11 @@ use palpate::pushing::finger_motion::FingerMotion;
 use palpate::pushing::pushed_world::{Played, STEP_S};
 use palpate_device::simulated::Line;
 use palpate_files::motion;
-use palpate_files::output;
 use palpate_files::part::PolygonFile;
 
 use super::read::{read, read_text, tell_part};
 use super::watched_push::MuUncertainty;
+use super::kept_push::{self, as_table};
 use super::{not_negative, pose, static_demo, touch};
 use crate::advice::Advise as _;
 use crate::thesis::chain::known_of;
@@ -152,16 +151,8 @@ impl Arguments {
             ("forces.csv", as_table(felt.measured.readings.iter().map(|reading| (reading.t, reading.force_finger)))),
             ("played.csv", as_table(felt.acted_evenly())),
         ];
-        if let Some((name, _)) = files.iter().find(|(name, _)| folder.join(name).exists()) {
-            let help = "name a new folder, or move the file away";
-            return Err(miette::miette!(help = help, "there is a {name} already")).wrap_err_with(cannot);
-        }
-        fs::create_dir_all(folder).into_diagnostic().wrap_err_with(cannot)?;
-        files
-            .iter()
-            .try_for_each(|(name, text)| output::write_new(&folder.join(name), text.as_bytes()))
-            .into_diagnostic()
-            .wrap_err_with(cannot)?;
+        let files: Vec<_> = files.iter().map(|(name, text)| (*name, text.as_str())).collect();
+        kept_push::write_new(folder, &files)?;
         let named = |name: &str| folder.join(name).display().to_string();
         let [part, motion, forces] = ["part.toml", "motion.toml", "forces.csv"].map(named);
         let mass = finger.effective_mass * 1e3;
@@ -199,11 +190,6 @@ impl Felt<'_> {
         let times = (0_u32..).map(|step| f64::from(step) * STEP_S);
         times.zip(self.acted.forces_evenly())
     }
-}
-
-fn as_table(forces: impl Iterator<Item = (f64, Vector2<f64>)>) -> String {
-    let rows = forces.map(|(t, force)| format!("{t:.6}, {:.6}, {:.6}\n", force.x, force.y));
-    "t [s], Fx [N], Fy [N]\n".to_owned() + &rows.collect::<String>()
 }
 
 fn introduce(rig: &Rig, part: &Part, ranges: &Ranges, force: f64) {

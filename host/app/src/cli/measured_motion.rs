@@ -29,7 +29,7 @@ use crate::width::folded;
 #[derive(Debug, clap::Args)]
 pub(super) struct MeasuredMotionArguments {
     /// Measured places of the finger instead of a motion: a table of t, x, y in s and m (or as its header says), along
-    /// the finger's axes, where the disk's centre is without force; 20 a second or more, at any times
+    /// the finger's axes (the robot's, with --mounting-deg), where the disk's centre is without force; 20 a second or more, at any times
     #[arg(long, value_name = "PATH.csv", conflicts_with = "motion", requires = "forces")]
     path: Option<PathBuf>,
 
@@ -98,6 +98,7 @@ pub(super) fn observe(
     let named = || format!("cannot use the forces {}", forces.display());
     let RecordedTable { readings, problems, .. } = read(forces, csv::parse)?;
     report_problems(forces, &problems);
+    let readings: Vec<_> = readings.iter().map(|reading| reading.mounted(felt.mounting())).collect();
     let push = sensed(&readings, felt.tare()).map_err(not_at_rest).wrap_err_with(named)?;
     let SensedPush { readings, noise, lost } = push.ok_or_else(without_push)?;
     if let Some(lost) = lost {

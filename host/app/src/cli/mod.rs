@@ -26,9 +26,11 @@ mod demo;
 mod device;
 mod diagnose;
 mod follow;
+mod friction;
 mod help;
 mod import;
 mod info;
+mod kept_push;
 mod inscribe;
 mod lacking;
 mod latency;
@@ -107,6 +109,7 @@ enum Command {
     Observe(observe::Arguments),
     PlanPush(plan_push::Arguments),
     WhichPart(which_part::Arguments),
+    Friction(friction::Arguments),
     Contact(contact::Arguments),
     Import(import::Arguments),
     Push(push::Arguments),
@@ -158,6 +161,7 @@ where
         Command::Observe(arguments) => observe::run(&arguments),
         Command::PlanPush(arguments) => plan_push::run(&arguments),
         Command::WhichPart(arguments) => which_part::run(&arguments),
+        Command::Friction(arguments) => friction::run(&arguments),
         Command::Contact(arguments) => contact::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
         Command::Push(arguments) => push::run(&arguments),

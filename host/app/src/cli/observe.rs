@@ -27,7 +27,8 @@ The motion file is TOML; every length in it is in its `unit`:
                            # (optional): where poses count from
   [[segment]]              # one after the other
   seconds = 0.3
-  acceleration = [150, 0]  # mm/s² along the finger's axes: those of the force
+  acceleration = [150, 0]  # mm/s² along the finger's axes, those of the force;
+                           # with --mounting-deg along the robot's
 
 With --motion - segments are read from standard input as they come, one JSON object a line, in SI units:
   {\"seconds\": 0.3, \"acceleration\": [0.15, 0]}

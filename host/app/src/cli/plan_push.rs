@@ -13,6 +13,7 @@ use serde_json::{Value, json};
 use super::read::{read, tell_part};
 use super::watched_push::{MotionArgument, WatchedPushArguments, Watching};
 use super::{lacking, misfit, pose, positive};
+use crate::recording::{self, Believed};
 use crate::width::folded;
 
 /// One value a hundredth of a second, s.
@@ -78,6 +79,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
+    arguments.push.begin_recording()?;
     let file = read(&arguments.part, PolygonFile::parse)?;
     tell_part(&arguments.part, file.part.polygon().vertices(), file.part.body(), &file.doubts());
     let push = arguments.push.watch(&arguments.motion.file, Watching::TO_ITS_END, &mut |push| push.until_over())?;
@@ -85,6 +87,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let tally = push.watch.tally();
     let known = push.known(&file);
     let estimate = from_rest::estimate(&known, &force);
+    recording::believed(0, estimate.time_end, estimate.hypotheses.iter().map(Believed::from));
     let present = known.present(&estimate);
     let plan = Plan { estimate: &estimate, present, motions: arguments.motions(&present)? };
     let prospects = plan.prospects(arguments);

@@ -6,6 +6,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use miette::WrapErr as _;
+use nalgebra::Rotation2;
 use palpate::finger::contact::TareError;
 use palpate::finger::judge::{CountsJudge, ForceJudge, Judged};
 use palpate::gravity::GRAVITY_ASSUMED;
@@ -22,6 +23,7 @@ use palpate_files::recordings::csv::{self, RecordedTable};
 
 use super::calibrated::{CalibrationArguments, OffsetArguments};
 use super::device::DeviceArguments;
+use super::kept_push::KeptPush;
 use super::motion_source::MotionSource;
 use super::read::{read, report_problems};
 use super::{lacking, positive};
@@ -31,7 +33,7 @@ use crate::live::interrupt;
 use crate::recording;
 
 /// Where a push comes from.
-#[derive(Debug, clap::Args)]
+#[derive(Clone, Debug, clap::Args)]
 pub(super) struct WatchedPushArguments {
     /// Forces on the finger from a file instead of a device: a table of t, Fx, Fy, with the finger at rest at its
     /// beginning
@@ -40,6 +42,10 @@ pub(super) struct WatchedPushArguments {
 
     #[command(flatten)]
     pub(super) felt: FeltPushArguments,
+
+    /// Keep what is felt in this folder: forces.csv, rest included, and motion.toml, to be looked at again
+    #[arg(long, value_name = "DIR", conflicts_with = "forces")]
+    keep: Option<PathBuf>,
 
     #[command(flatten)]
     device: DeviceArguments,
@@ -63,10 +69,14 @@ pub(super) struct FeltPushArguments {
     tare: f64,
 
     /// How well the part file's mu is known: 20% as one standard deviation, x2 for within a factor of two (two of
-    /// them), or exact. Unless it is exact, mu is found too
-    #[arg(long, value_name = "SHARE", value_parser = MuUncertainty::parse, default_value = "20%")]
-    #[arg(allow_hyphen_values = true)]
-    mu_uncertainty: MuUncertainty,
+    /// them), or exact. Unless it is exact, mu is found too [default: 20%; of `palpate friction` x3]
+    #[arg(long, value_name = "SHARE", value_parser = MuUncertainty::parse, allow_hyphen_values = true)]
+    mu_uncertainty: Option<MuUncertainty>,
+
+    /// At which angle the robot's x axis lies in the finger's, in degrees, as `palpate wave` says ("mounted"): the motion is
+    /// told and the pose named along the robot's axes then [default: 0, the finger's own]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = super::finite)]
+    mounting_deg: Option<f64>,
 
     /// What the finger feels of its own mass when it accelerates, in grams: VALUE or VALUE,SIGMA (without SIGMA known to
     /// 5 %; 0 for forces that are free of it) [default: what `palpate wave` found, or else 20 ± 20 g, found with the rest]
@@ -96,6 +106,12 @@ fn effective_mass(text: &str) -> Result<EffectiveMass, String> {
     let (mass, sd) = mass.zip(sd).ok_or_else(neither)?;
     Ok(EffectiveMass { mass: mass * 1e-3, sd: sd * 1e-3 })
 }
+
+/// Axes that differ by less than this are one, degrees: of a push of 2 cm the end is a third of a millimetre off.
+const ALIGNED_DEG: f64 = 1.0;
+
+/// And a difference counts that is so many times what it may be off.
+const ALIGNED_SDS: f64 = 3.0;
 
 /// How well a mass is taken to be known that is told without more.
 const TOLD_SHARE: f64 = 0.05;
@@ -129,9 +145,38 @@ impl FeltPushArguments {
         self.tare
     }
 
+    /// Where the robot's x axis lies in the finger's, rad.
+    pub(super) fn mounting(&self) -> f64 {
+        self.mounting_deg.unwrap_or(0.0).to_radians()
+    }
+
+    /// Whether the friction of the plane is told as exact.
+    pub(super) fn mu_is_exact(&self) -> bool {
+        self.mu_uncertainty.is_some_and(|told| told.log_sd.is_none())
+    }
+
+    /// How well the friction of the plane is known.
+    fn mu_g_log_sd(&self) -> Option<f64> {
+        self.mu_uncertainty.unwrap_or(MuUncertainty::UNTOLD).log_sd
+    }
+
+    /// Says so where the calibration knows that the axes differ and nobody has.
+    fn tell_mounting(&self, calibration: &CalibrationFile) {
+        let Some(wave) = calibration.wave.filter(|_| self.mounting_deg.is_none()) else { return };
+        if wave.mounting_deg.abs() > ALIGNED_DEG.max(ALIGNED_SDS * wave.mounting_sigma_deg) {
+            tracing::warn!(
+                "the calibration has the robot's x axis at {:+.1}° in the finger's: if the motion is told along the robot's \
+                 axes, say --mounting-deg {:.1}; if along the finger's, --mounting-deg 0",
+                wave.mounting_deg,
+                wave.mounting_deg
+            );
+        }
+    }
+
     /// With what a calibration says of the finger, where there is one; what is only taken for it is told.
     pub(super) fn with(self, calibration: Option<&CalibrationFile>) -> FeltPush {
         let mut finger = calibration.map_or(CarriedFinger::UNKNOWN, CalibrationFile::carried);
+        calibration.into_iter().for_each(|file| self.tell_mounting(file));
         if let Some(EffectiveMass { mass, sd }) = self.effective_mass_g {
             (finger.effective_mass, finger.effective_mass_sd) = (mass, sd);
         } else if calibration.is_none_or(|file| file.wave.is_none()) {
@@ -149,10 +194,24 @@ impl FeltPushArguments {
 }
 
 impl FeltPush {
+    /// What is known of the finger, as options of a command line.
+    fn told(&self) -> String {
+        let CarriedFinger { effective_mass, effective_mass_sd, compliance } = self.finger;
+        let [mass, sd] = [effective_mass, effective_mass_sd].map(|mass| mass * 1e3);
+        let mut told = format!(" --effective-mass-g {mass:.3},{sd:.3}");
+        if compliance > 0.0 {
+            told += &format!(" --compliance-um-per-n {:.2}", compliance * 1e6);
+        }
+        if let Some(degrees) = self.arguments.mounting_deg {
+            told += &format!(" --mounting-deg {degrees}");
+        }
+        told
+    }
+
     /// What is known of a push from rest of the part in this file, with this motion of the finger.
     pub(super) fn known<'a>(self, file: &'a PolygonFile, motion: &'a FingerMotion) -> KnownFromRest<'a> {
         let Self { arguments, finger } = self;
-        let (mu_g, mu_g_log_sd) = (file.mu * GRAVITY_ASSUMED, arguments.mu_uncertainty.log_sd);
+        let (mu_g, mu_g_log_sd) = (file.mu * GRAVITY_ASSUMED, arguments.mu_g_log_sd());
         let radius = arguments.radius();
         KnownFromRest { part: &file.part, errors: file.errors.if_any(), mu_g, mu_g_log_sd, radius, finger, motion }
     }
@@ -167,7 +226,7 @@ impl FeltPush {
         let CarriedFinger { effective_mass, effective_mass_sd, compliance } = self.finger;
         let (mu_g, radius) = (file.mu * GRAVITY_ASSUMED, self.arguments.radius());
         let known = KnownOfFinger::new(&file.part, mu_g, radius, motion, noise);
-        let mu_g_log_sd = self.arguments.mu_uncertainty.log_sd;
+        let mu_g_log_sd = self.arguments.mu_g_log_sd();
         KnownOfFinger {
             errors: file.errors.if_any(),
             mu_g_log_sd,
@@ -191,6 +250,10 @@ impl MuUncertainty {
     /// place to place and from day to day. Taken for exact, a µ that is 20 % off turns a pose by degrees, with an
     /// uncertainty stated in tenths of one.
     pub(super) const UNTOLD: Self = Self { log_sd: Some(0.2) };
+
+    /// Where it is to be measured: within a factor of three, two standard deviations. Dry plastics, wood, paper and metals are
+    /// between 0.1 and 0.9.
+    pub(super) const UNMEASURED: Self = Self { log_sd: Some(0.55) };
 
     pub(super) fn parse(text: &str) -> Result<Self, String> {
         match text {
@@ -300,6 +363,12 @@ impl WatchedPushArguments {
         self.device.begin_recording()
     }
 
+    /// The same, of which the friction of the plane is known so well where nothing is said of it.
+    pub(super) fn with_mu_uncertainty(&self, untold: MuUncertainty) -> Self {
+        let mu_uncertainty = self.felt.mu_uncertainty.or(Some(untold));
+        Self { felt: FeltPushArguments { mu_uncertainty, ..self.felt }, ..self.clone() }
+    }
+
     /// Watches a push, the finger moving as this file says, until `look` has seen enough.
     pub(super) fn watch(&self, motion: &Path, watching: Watching, look: Look<'_>) -> miette::Result<WatchedPush> {
         let settings = WatchSettings { rest_s: self.felt.tare, every_s: watching.every_s };
@@ -308,7 +377,8 @@ impl WatchedPushArguments {
             Some(path) => {
                 let felt = self.felt.with(None);
                 let named = || format!("cannot use the forces {}", path.display());
-                let judged = judged_forces(path)?;
+                let judged: Vec<_> =
+                    judged_forces(path)?.into_iter().map(|it| it.mounted(self.felt.mounting())).collect();
                 motion.read_all()?;
                 let Some(motion) = motion.known() else { return Err(without_motion()) };
                 let watch = RecordedWatch::new(settings, None, &judged, motion).map_err(not_at_rest);
@@ -332,6 +402,7 @@ impl WatchedPushArguments {
         look: Look<'_>,
     ) -> miette::Result<(FeltPush, PushWatch)> {
         interrupt::listen();
+        let mut kept = self.keep.as_deref().map(KeptPush::begin).transpose()?;
         let mut session = self.device.open(true)?;
         let (_, file) = self.calibration.require_file(&session)?;
         let (calibration, felt) = (file.calibration().advised()?, self.felt.with(Some(&file)));
@@ -339,17 +410,22 @@ impl WatchedPushArguments {
         note!("{}taring for {} s: no force on the finger", super::simulated_note(&session), self.felt.tare);
         let front_end = live::front_end(session.hello()).advised()?;
         let is_checked = self.offset.expected(&calibration, &front_end).is_some();
-        let watch = PushWatch::new(settings, Some(&calibration));
+        let mounting = self.felt.mounting();
+        let watch = PushWatch::new(settings, Some(&calibration.mounted(mounting)));
         let mut watch = if is_checked { watch.behind(front_end) } else { watch };
         let mut judge = CountsJudge::new(&calibration);
         let mut failed = None;
         recording::tared(calibration.unit().symbol(), None);
         let mut take = |watch: &mut PushWatch, session: &mut Session, judged: Vec<Judged>| {
             let was_resting = watch.sense().is_none();
-            watch.take(judged).map_err(not_at_rest)?;
+            if let Some(kept) = &mut kept {
+                kept.take(&judged, was_resting, watch.onset_time().is_some());
+            }
+            watch.take(judged.into_iter().map(|it| it.mounted(mounting))).map_err(not_at_rest)?;
             motion.take(session)?;
             if let Some(sense) = watch.sense().filter(|_| was_resting) {
-                recording::tared(calibration.unit().symbol(), Some(sense.rest().bias));
+                let bias = Rotation2::new(mounting) * sense.rest().bias;
+                recording::tared(calibration.unit().symbol(), Some(bias));
                 note!("ready: push");
             }
             let Some(known) = motion.known() else { return Ok(ControlFlow::Continue(())) };
@@ -370,6 +446,9 @@ impl WatchedPushArguments {
         });
         // Whatever ended it, nobody listens any more.
         let stopped = session.stop();
+        if let (Some(kept), Some(motion)) = (&kept, motion.known()) {
+            kept.save(motion, &felt.told())?;
+        }
         watched.advised()?;
         failed.map_or(Ok(()), Err)?;
         stopped.advised()?;

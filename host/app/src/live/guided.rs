@@ -3,7 +3,7 @@
 //! Every block of samples is judged as it comes ([`super::listening`]). The first reading above the limit, a sample that is no measurement or never
 //! came, a device that falls silent and a robot that is lost each send `stop` before anything else is done.
 //!
-//! Frames: the finger's axes, which are the robot's. Units: SI. Errors: [`GuidedError`].
+//! Frames: the robot's axes, along which the finger's calibration is to give its forces. Units: SI. Errors: [`GuidedError`].
 
 use nalgebra::{Point2, Vector2};
 use palpate_device::robot::protocol::{RobotOrder, RobotPlace};

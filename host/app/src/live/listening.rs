@@ -2,7 +2,7 @@
 //!
 //! A touch begins at a force and lasts until less than half of it is felt.
 //!
-//! Frames: finger axes. Units: SI. Errors: [`ListenError`]; whoever moves the finger stops at each of them.
+//! Frames: those of the calibration. Units: SI. Errors: [`ListenError`]; whoever moves the finger stops at each of them.
 
 use std::time::{Duration, Instant};
 

@@ -17,11 +17,11 @@ use crate::pictures::plot::{Chart, Colour, Dash, Figure, Key, PlotScene, Stroke,
 /// Poses that are drawn at the most: a hundredth ink each beyond.
 const POSES_MAX: usize = 60;
 
-/// Poses as likely as this have their probability written beside them.
-const WRITTEN: f64 = 0.005;
+/// Poses as likely as this have their probability written beside them, and so many at the most.
+const WRITTEN: (f64, usize) = (0.05, 5);
 
 /// Opacity of a pose that is certain, and least one.
-const OPACITY: [f64; 2] = [0.40, 0.03];
+const OPACITY: [f64; 2] = [0.40, 0.004];
 
 /// Least share of its colour that an outline keeps: of one that is unlikely.
 const INK_MIN: f64 = 0.15;
@@ -135,8 +135,8 @@ impl ObservedPicture<'_> {
         }
         self.likeliest(&mut scene);
         self.fingers(&mut scene);
-        let written = |possible: &&PossiblePose| self.poses.len() > 1 && possible.probability >= WRITTEN;
-        for possible in self.poses.iter().take(POSES_MAX).filter(written) {
+        let written = |possible: &&PossiblePose| self.poses.len() > 1 && possible.probability >= WRITTEN.0;
+        for possible in self.poses.iter().take(WRITTEN.1).filter(written) {
             let away = self.away_from_finger(self.centre(&possible.pose));
             scene.label(self.centre(&possible.pose), away, format!("p {:.2}", possible.probability), PART);
         }

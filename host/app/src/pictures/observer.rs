@@ -133,7 +133,7 @@ impl ObserverPicture<'_> {
         chart.curve("truth", &over_time(&|moment| moment.truth), Stroke::solid(TRUTH, 1.8));
         let dashed = Stroke::solid(ESTIMATE, 1.8).with(Dash::Dashed);
         chart.curve("estimate", &over_time(&|moment| moment.estimate), dashed);
-        chart.instant(self.one, "one from here on");
+        chart.instant(self.one, "together from here on");
         chart
     }
 }

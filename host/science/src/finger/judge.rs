@@ -96,6 +96,15 @@ impl Judged {
         }
     }
 
+    /// The same along axes of which x lies at this angle in the finger's, rad: those of the robot that carries it.
+    #[must_use]
+    pub fn mounted(self, mounting: f64) -> Self {
+        match self {
+            Self::Measured(reading) => Self::Measured(reading.mounted(mounting)),
+            other => other,
+        }
+    }
+
     /// The reading, where it is one.
     #[must_use]
     pub fn reading(self) -> Option<Reading> {

@@ -109,6 +109,10 @@ pub(super) struct MotionArguments {
     #[arg(long, value_name = "ADDRESS")]
     robot: Option<String>,
 
+    /// At which angle the robot's x axis lies in the finger's, in degrees, as `palpate wave` says ("mounted")
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true, value_parser = crate::cli::finite)]
+    mounting_deg: f64,
+
     /// Stop the robot at the first reading above this force
     #[arg(long, value_name = "N", default_value_t = 5.0, value_parser = positive)]
     force_limit: f64,

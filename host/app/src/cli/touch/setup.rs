@@ -68,6 +68,8 @@ impl MotionArguments {
         is_checked: bool,
     ) -> miette::Result<ListeningFinger> {
         let front_end = live::front_end(session.hello()).advised()?;
+        // From here on forces are along the robot's axes.
+        let calibration = calibration.mounted(self.mounting_deg.to_radians());
         let settings = ContactSettings {
             averaging: Averaging::Seconds(AVERAGE_S),
             bias_walk: sense::bias_walk(&calibration, &front_end),

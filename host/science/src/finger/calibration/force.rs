@@ -11,7 +11,7 @@
 //! Units: newtons if a load was known, otherwise the calibration's own relative unit; radians; counts.
 //! Errors: a calibration that cannot be inverted or has no proper covariance is refused when it is built.
 
-use nalgebra::{Matrix2, Matrix2x4, SMatrix, Vector2};
+use nalgebra::{Matrix2, Matrix2x4, Rotation2, SMatrix, Vector2};
 use thiserror::Error;
 
 use crate::math::angle::{contact_angle, direction_variance};
@@ -153,6 +153,18 @@ impl Calibration {
             return Err(CalibrationError::Covariance);
         }
         Ok(Self { parts, inverse })
+    }
+
+    /// The same for forces along axes of which x lies at this angle in the finger's, rad: those of the robot that carries it.
+    #[must_use]
+    pub fn mounted(&self, mounting: f64) -> Self {
+        // F_finger = R F, hence B R; its rows turn with it, and the offset is in counts.
+        let turn = *Rotation2::new(mounting).matrix();
+        let mut by = ParameterCovariance::identity();
+        [0, 2].into_iter().for_each(|row| by.fixed_view_mut::<2, 2>(row, row).copy_from(&turn.transpose()));
+        let covariance = by * self.parts.covariance * by.transpose();
+        let parts = CalibrationParts { matrix: self.parts.matrix * turn, covariance, ..self.parts };
+        Self { parts, inverse: turn.transpose() * self.inverse }
     }
 
     /// The numbers it was built from.
@@ -307,6 +319,21 @@ mod tests {
             let force = Vector2::new(x, y);
             let back = calibration.force_finger(default_matrix() * force, &NO_TARE);
             prop_assert!((back - force).norm() < 1e-12, "got {back}, wanted {force}");
+        }
+
+        /// Counts of a force say the same force along turned axes, and its covariance turns with it.
+        #[test]
+        fn a_mounted_calibration_gives_forces_along_the_robots_axes(x in -9.0..9.0, y in -9.0..9.0, mounting in -3.1..3.1_f64) {
+            let calibration = Calibration::new(parts(default_matrix())).unwrap();
+            let mounted = calibration.mounted(mounting);
+            let (force, turn) = (Vector2::new(x, y), Rotation2::new(-mounting));
+            let counts = default_matrix() * force;
+            let along = mounted.force_finger(counts, &NO_TARE);
+            prop_assert!((along - turn * force).norm() < 1e-12, "{along}");
+            let (own, turned) = (calibration.systematic(force), mounted.systematic(along));
+            let wanted = turn.matrix() * own * turn.matrix().transpose();
+            prop_assert!((turned - wanted).amax() <= 1e-12 * own.amax(), "{turned} {wanted}");
+            prop_assert!(Calibration::new(*mounted.parts()).is_ok());
         }
 
         #[test]

@@ -54,7 +54,7 @@ pub mod tare;
 #[cfg(test)]
 pub(crate) mod test_noise;
 
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::{Matrix2, Rotation2, Vector2};
 use serde::{Deserialize, Serialize};
 
 pub use average::{Averaging, MovingAverage};
@@ -78,6 +78,21 @@ impl Reading {
     #[must_use]
     pub fn new(t: f64, force_finger: Vector2<f64>) -> Self {
         Self { t, force_finger }
+    }
+
+    /// The same along axes of which x lies at this angle in the finger's, rad: those of the robot that carries it.
+    ///
+    /// ```
+    /// use nalgebra::Vector2;
+    /// use palpate::finger::contact::Reading;
+    ///
+    /// // The robot's x axis is the finger's y axis.
+    /// let felt = Reading::new(0.0, Vector2::new(0.0, 2.0)).mounted(90.0_f64.to_radians()); // N
+    /// assert!((felt.force_finger - Vector2::new(2.0, 0.0)).norm() < 1e-12);
+    /// ```
+    #[must_use]
+    pub fn mounted(self, mounting: f64) -> Self {
+        Self { force_finger: Rotation2::new(-mounting) * self.force_finger, ..self }
     }
 
     fn is_finite(&self) -> bool {

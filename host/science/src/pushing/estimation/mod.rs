@@ -23,6 +23,7 @@
 //! Frames: world, unless named. Units: SI.
 
 mod contact_angles;
+pub mod friction;
 pub mod from_rest;
 mod hypotheses;
 mod initial_pose;
