@@ -113,7 +113,7 @@ fn live_pushes_are_planned_on_and_kept() {
     std::fs::write(&table, forces(&played, 0.0, 0.0)).unwrap();
     let [part, motion] = ["part.toml", "motion.toml"].map(example);
     let both = format!("{} {}", table.display(), motion.display());
-    for (command, best) in [("plan-push", "/estimate"), ("which-part", "/parts/0")] {
+    for (command, best) in [("plan-push", "/estimate"), ("which-part", "/parts/0/estimate")] {
         let kept = folder.path().join(command);
         let words = ["--json", "--part"].map(Path::new);
         let mut all = vec![Path::new(command), words[0], words[1], &part, Path::new("--motion"), &motion];

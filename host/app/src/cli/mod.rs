@@ -40,6 +40,7 @@ mod misfit;
 mod monitor;
 mod motion_source;
 mod observe;
+mod observe_gho;
 mod observed_plot;
 mod palm;
 mod palm_motion;

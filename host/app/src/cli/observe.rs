@@ -9,6 +9,7 @@ use palpate::pushing::estimation::from_rest::watch::PushAnswer;
 use palpate_files::part::PolygonFile;
 
 use super::follow::Following;
+use super::observe_gho::{GhoArguments, GhoPush};
 use super::observed_plot::{self, Heading};
 use super::plot::PlotArguments;
 use super::measured_motion::{self, MeasuredMotionArguments};
@@ -35,6 +36,9 @@ With --motion - segments are read from standard input as they come, one JSON obj
 
 Instead of a motion --path gives the disk's places as a robot measured them beside the forces, by a clock of its own: the
 push is then looked at as a whole, up to 1.2 s of it, and what places and clock leave open is part of the uncertainty.
+
+With --method gho the thesis's observers follow the contact angle, which is taken for the direction opposite to the force: for who
+wants to see chapter 5 run. They give no uncertainty, and say what they assume.
 
 With --method follow pose and motion are told at each reading: what explains the first readings is searched beside, and then
 followed. A push that has told too little is said to be ambiguous until the finger turns aside.
@@ -78,6 +82,9 @@ pub(crate) struct Arguments {
     #[arg(long, value_enum, default_value_t)]
     method: Method,
 
+    #[command(flatten)]
+    gho: GhoArguments,
+
     /// When the finger's motion began, on the clock of the forces: then it may be on its way when it meets the part, and
     /// mind another contact before [default: where force is first felt, finger and part being at rest in contact]
     #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = super::finite, requires = "forces")]
@@ -108,6 +115,9 @@ enum Method {
     Search,
     /// Followed from reading to reading, 125 times a second: pose, velocity and turning, through lost contacts too
     Follow,
+    /// The thesis's own observers, after Gauthier, Hammouri and Othman, one an edge: by the contact angle alone, without
+    /// uncertainty
+    Gho,
 }
 
 /// Between two estimates that a person reads, s.
@@ -115,9 +125,17 @@ const EVERY_S: f64 = 0.1;
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     arguments.push.begin_recording()?;
+    if arguments.gho.is_given() && arguments.method != Method::Gho {
+        let help = "say --method gho, or leave --contact, --zeta, --correction-s, --edge and --initial-estimate out";
+        return Err(miette::miette!(help = help, "the thesis's observers are told how to observe, and not asked for"));
+    }
     let file = read(&arguments.part, PolygonFile::parse)?;
     tell_part(&arguments.part, file.part.polygon().vertices(), file.part.body(), &file.doubts());
     if let (Some(forces), Some(path)) = (&arguments.push.forces, arguments.measured.path()) {
+        if arguments.method != Method::Search {
+            let help = "leave --method out, or tell the motion with --motion";
+            return Err(miette::miette!(help = help, "with --path a push is looked at as a whole"));
+        }
         let push = measured_motion::observe(&file, forces, path, &arguments.measured, arguments.push.felt)?;
         if arguments.json {
             say!("{}", push.as_json());
@@ -138,6 +156,11 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         let plot = arguments.plot.is_asked().then(|| arguments.title());
         let following = Following { file: &file, every_s, json: arguments.json, clock, plot };
         return following.run(&arguments.push, motion, &arguments.plot);
+    }
+    if arguments.method == Method::Gho {
+        let every_s = if arguments.json { arguments.every.unwrap_or(0.0) } else { every_s };
+        let push = GhoPush { file: &file, arguments: arguments.gho, every_s, json: arguments.json };
+        return push.run(&arguments.push, motion, &arguments.plot, || arguments.title());
     }
     let mut shown = Shown { json: arguments.json, file: &file, is_headed: false };
     let watching = Watching { every_s, watched: Watched::Push };

@@ -127,6 +127,29 @@ pub(super) fn measured(
     picture.figure()
 }
 
+/// A push of which one pose was followed, without any uncertainty.
+pub(super) fn trailed(
+    (part, radius): (&Part, f64),
+    motion: &FingerMotion,
+    trail: &[(f64, Pose)],
+    felt: &[(f64, Vector2<f64>)],
+    heading: &Heading,
+) -> Figure {
+    let last = trail.last();
+    let picture = ObservedPicture {
+        part,
+        radius,
+        finger: finger(motion, last.map_or(0.0, |(time, _)| *time)),
+        poses: last.map(|(_, pose)| PossiblePose { probability: 1.0, pose: *pose, covariance: None }).into_iter().collect(),
+        trail: trail.to_vec(),
+        force: unexplained(felt),
+        misfits: None,
+        title: heading.title.clone(),
+        subtitles: heading.lines(),
+    };
+    picture.figure()
+}
+
 /// What was told of a push that was followed, reading by reading.
 #[derive(Clone, Debug, Default)]
 pub(super) struct FollowedHistory {

@@ -194,6 +194,16 @@ impl FeltPushArguments {
 }
 
 impl FeltPush {
+    /// Of the finger's disk, m.
+    pub(super) fn radius(&self) -> f64 {
+        self.arguments.radius()
+    }
+
+    /// The finger as it is carried.
+    pub(super) fn carried(&self) -> CarriedFinger {
+        self.finger
+    }
+
     /// What is known of the finger, as options of a command line.
     fn told(&self) -> String {
         let CarriedFinger { effective_mass, effective_mass_sd, compliance } = self.finger;

@@ -41,5 +41,5 @@ pub use initial_pose::{
 };
 pub use observation::{Channel, Known, Measured, Observation, Prior, Touch};
 pub use sequence::{Agreement, PoseBelief, Slack, in_sequence};
-pub use thesis_gho::{Gho, GhoBank, GhoRun, GhoSettings};
+pub use thesis_gho::{Gho, GhoBank, GhoFollower, GhoKnown, GhoRun, GhoSettings, GhoStart, GhoTold};
 pub use which_part::{PartEstimate, mixed, none_of_these, which_part};

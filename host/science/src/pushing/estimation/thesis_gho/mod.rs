@@ -8,7 +8,8 @@
 //! frictionless, or sliding   x̂' = f(x̂) + inputs − (∂χ/∂x)⁻¹ (4ζ, 6ζ², 4ζ³, ζ⁴) (û − u)       x = (u, s, ω, v_T)
 //! ```
 //!
-//! This module is one observer, on one edge; `bank` runs one for each edge that may be in contact.
+//! This module is one observer, on one edge; `bank` runs one for each edge that may be in contact, `follower` as the finger feels,
+//! reading by reading.
 //!
 //! Implements: thesis §4.2.2, (5.29), (5.40) and §5.4.2, with the misprints put right: s₁₁ = +1/ζ in (4.9), a plus
 //! before the finger's acceleration, everything at the estimate, a minus before the correction. The thesis multiplies u
@@ -20,12 +21,14 @@
 //! Frames: world. Units: SI. Errors: none; an estimate that has diverged ends a trace.
 
 mod bank;
+mod follower;
 #[cfg(test)]
 mod tests;
 
 use std::f64::consts::{PI, TAU};
 
 pub use bank::{GhoBank, GhoRun};
+pub use follower::{GhoFollower, GhoKnown, GhoStart, GhoTold};
 use nalgebra::{Const, Matrix3, Matrix4, RowVector4, SMatrix, Vector2, Vector3, Vector4};
 
 use crate::math::angle::wrap_angle;
