@@ -7,33 +7,55 @@
 use palpate::math::random::Draw;
 use palpate::math::statistics::percentile;
 use palpate::pushing::dynamics::Part;
-use palpate::pushing::estimation::Status;
-use palpate::pushing::estimation::from_rest::trial::{RADIUS_M, Ranges, TrialOutcome, random_part, straight_motion};
+use palpate::pushing::estimation::from_rest::trial::{
+    Drawn, RADIUS_M, Ranges, TrialOutcome, random_part, straight_motion,
+};
 use palpate::pushing::estimation::from_rest::{self, CarriedFinger, KnownFromRest};
+use palpate::pushing::estimation::{Estimate, Status};
 use palpate_device::simulated::Line;
 
 use super::cases::of_each;
 use super::{Cell, Experiment, Table, TableSettings};
-use crate::thesis::demonstration::{Rig, compliance_by_design, course};
+use crate::thesis::demonstration::{Rig, RigError, compliance_by_design, course};
 use palpate::gravity::GRAVITY_ASSUMED;
 
-/// Runs one case: None where no push of the part lasts, or the chain broke.
-fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<TrialOutcome, String> {
+/// A part drawn for a case, and how it was pushed.
+pub(super) fn drawn(ranges: &Ranges, seed: u64, number: usize) -> (Part, Drawn) {
     let mut draw = Draw::case(seed, number);
-    let (part, drawn) = loop {
+    loop {
         let part = random_part(&mut draw);
         if let Some(drawn) = ranges.draw(&mut draw, &part) {
-            break (part, drawn);
+            return (part, drawn);
         }
-    };
-    let finger_seed = seed.wrapping_mul(1_000_003).wrapping_add(number as u64);
+    }
+}
+
+/// The seed of a case's finger.
+pub(super) fn finger_seed(seed: u64, number: usize) -> u64 {
+    seed.wrapping_mul(1_000_003).wrapping_add(number as u64)
+}
+
+/// What the host makes of a push, felt with a finger of so much noise and weight; the error where the chain broke.
+pub(super) fn felt(
+    rig: Result<Rig, RigError>,
+    ranges: &Ranges,
+    part: &Part,
+    drawn: &Drawn,
+    number: usize,
+) -> Result<Estimate, String> {
     let duration = ranges.motion.duration();
-    let felt = Rig::start(finger_seed, 1.0, Line::Pipe)
-        .and_then(|mut rig| Ok((rig.push(course(&drawn.played, &ranges.motion))?, rig.finger())));
+    let felt = rig.and_then(|mut rig| Ok((rig.push(course(&drawn.played, &ranges.motion))?, rig.finger())));
     let (measured, finger) = felt.map_err(|error| format!("case {number}: {error}"))?;
     let measured =
         measured.sense.windowed_force(duration).ok_or_else(|| format!("case {number}: the push was not felt"))?;
-    let estimate = from_rest::estimate(&known_of(ranges, &part, finger), &measured);
+    Ok(from_rest::estimate(&known_of(ranges, part, finger), &measured))
+}
+
+/// Runs one case; the error where the chain broke.
+fn case(ranges: &Ranges, seed: u64, number: usize) -> Result<TrialOutcome, String> {
+    let (part, drawn) = drawn(ranges, seed, number);
+    let rig = Rig::start(finger_seed(seed, number), 1.0, Line::Pipe);
+    let estimate = felt(rig, ranges, &part, &drawn, number)?;
     Ok(TrialOutcome::new(&part, &drawn, &estimate))
 }
 

@@ -102,10 +102,18 @@ impl Rig {
     /// # Errors
     /// [`RigError`].
     pub fn start(seed: u64, noise: f64, line: Line) -> Result<Self, RigError> {
-        let config = Config { seed, finger: finger(noise), pace: Pace::AsAsked, line, ..Config::default() };
+        Self::of(seed, finger(noise), CALIBRATION_FORCE_N * noise.max(1.0), line)
+    }
+
+    /// The same with a finger of its own, calibrated with a weight of so many newtons.
+    ///
+    /// # Errors
+    /// [`RigError`].
+    pub fn of(seed: u64, finger: FingerConfig, calibration_force: f64, line: Line) -> Result<Self, RigError> {
+        let config = Config { seed, finger, pace: Pace::AsAsked, line, ..Config::default() };
         let hand = Arc::new(SimulatedDevice::start(config)?);
         let mut session = Session::open_simulated(Arc::clone(&hand), SessionOptions::default())?;
-        let fit = calibrate(&mut session, &hand, CALIBRATION_FORCE_N * noise.max(1.0))?;
+        let fit = calibrate(&mut session, &hand, calibration_force)?;
         let finger = CarriedFinger { compliance: compliance_by_design(), ..CarriedFinger::RIGID };
         let mut rig = Self { hand, session, fit, finger };
         let mass = rig.wave()?.effective_mass;
@@ -168,7 +176,8 @@ impl Rig {
         Ok((RestNoise::estimate(&readings)?, readings))
     }
 
-    fn rest(&mut self) -> Result<Vec<Reading>, RigError> {
+    /// Readings of the released finger, once it is still.
+    pub(super) fn rest(&mut self) -> Result<Vec<Reading>, RigError> {
         let released_s = self.hand.set_load(Load::Released)?.truth.time_ns as f64 * 1e-9;
         // What was sampled before is of no use.
         self.session.stop()?;
@@ -225,7 +234,8 @@ pub fn compliance_by_design() -> f64 {
 }
 
 /// The default finger with so many times its noise and hum.
-fn finger(noise: f64) -> FingerConfig {
+#[must_use]
+pub fn finger(noise: f64) -> FingerConfig {
     #[expect(clippy::cast_possible_truncation, reason = "the simulation computes in single precision")]
     let noise = noise as f32;
     let default = FingerConfig::default();

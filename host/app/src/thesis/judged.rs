@@ -6,6 +6,7 @@
 //! independent draws. All intervals are of 99 %.
 //! Units: none. Errors: none; of nothing there is no rate.
 
+use nalgebra::{Matrix3, Vector3};
 use palpate::math::statistics::{chi_square_quantile, mean, normal_quantile};
 use palpate::pushing::estimation::Status;
 
@@ -178,6 +179,52 @@ fn classes(count: usize, are_near: impl Fn(usize, usize) -> bool) -> Vec<Vec<usi
         classes.push(class);
     }
     classes
+}
+
+/// What a hypothesis says of a pose, held against the truth.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PoseClaim {
+    probability: f64,
+    /// Squared error, in deviations of [`PoseClaim::FREEDOM`] degrees of freedom.
+    pub(super) squared: f64,
+    /// Of one standard deviation of the region: the product of its two largest extents, of any unit.
+    size: f64,
+}
+
+impl PoseClaim {
+    /// Errors are told as those of so many degrees of freedom: a pose on an exact contact has two.
+    pub(super) const FREEDOM: usize = 2;
+
+    /// An exact contact leaves a covariance singular: what the simulations are off by, m and rad.
+    const SLACK: (f64, f64) = (5e-6, 5e-5);
+
+    /// Directions whose variance is this many times the slack's count as free.
+    const FREE: f64 = 10.0;
+
+    /// Of a pose that is off by so much (m, m, rad) and its stated covariance.
+    pub(super) fn new(probability: f64, off: &Vector3<f64>, covariance: &Matrix3<f64>) -> Self {
+        let slack = Vector3::new(Self::SLACK.0, Self::SLACK.0, Self::SLACK.1);
+        let scale = Matrix3::from_diagonal(&slack.map(|sd| 1.0 / sd));
+        // In slacks, so that what is free shows in the eigenvalues.
+        let covariance = scale * covariance * scale;
+        let mut extents = covariance.symmetric_eigenvalues().map(|value| value.max(0.0) + 1.0);
+        extents.as_mut_slice().sort_by(|a, b| b.total_cmp(a));
+        let free = extents.iter().filter(|value| **value > Self::FREE + 1.0).count().max(1);
+        let off = scale * off;
+        let squared =
+            (covariance + Matrix3::identity()).try_inverse().map_or(f64::INFINITY, |inverse| off.dot(&(inverse * off)));
+        let scaled = squared * chi_square_quantile(REGION, Self::FREEDOM) / chi_square_quantile(REGION, free);
+        Self { probability, squared: scaled, size: (extents[0] * extents[1]).sqrt() }
+    }
+
+    /// Whether the truth is within the 95 % region of all claims together: the places of highest density that hold as much.
+    pub(super) fn cover(claims: &[Self]) -> bool {
+        let density = |claim: &Self| claim.probability / claim.size;
+        let at_truth = claims.iter().map(|claim| density(claim) * (-0.5 * claim.squared).exp()).fold(0.0, f64::max);
+        // Of a normal density over two dimensions all but the share at_truth/most is denser.
+        let denser = |claim: &Self| claim.probability * (1.0 - at_truth / density(claim)).max(0.0);
+        !claims.is_empty() && claims.iter().map(denser).sum::<f64>() <= REGION
+    }
 }
 
 /// How many tenths of the stated probabilities are not true as often as they say, of those that can be compared; each

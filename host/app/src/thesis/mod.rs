@@ -5,17 +5,18 @@
 //! [`Experiment`] beside it, and list that in [`EXPERIMENTS`]. It says in
 //! `definitions` what was drawn and what counts as a success, and lists every case that failed, so that each can be
 //! looked at by itself: case `k` of a seed is always the same problem, whatever the number of cases.
-//! Only in `chain` a simulated device runs beside the host, and when it is pushed differs by milliseconds from run to run.
+//! Only in `chain` and `chain_masses` a simulated device runs beside the host, and when it is pushed differs by milliseconds from run to run.
 //!
 //! By chapter: `inscription` (2), `sampling` (3), `gho` and `initial_pose` (6), `static_contacts` (§6.4), `rolling`
 //! (7); beyond the thesis: `pose` and `plan` (`rivals` decides what is ambiguous), `parts`, `chain` (`demonstration`,
-//! many times), `drawn_pushes`, `drawn_rest` and `drawn_rolls` (is the search to blame?), `invariances`, `touches`, `touch`. `cases` runs
+//! many times) and `chain_masses`, `drawn_pushes`, `drawn_rest` and `drawn_rolls` (is the search to blame?), `invariances`, `touches`, `touch`. `cases` runs
 //! them on all processors, `progress` tells how far they are, `judged` holds what answers state against the truth.
 //!
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
 
 mod cases;
 pub(crate) mod chain;
+mod chain_masses;
 pub mod demonstration;
 mod drawn_forces;
 mod drawn_pushes;
@@ -75,6 +76,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     drawn_forces::EXPERIMENT,
     drawn_forces::MODEL_ERROR,
     chain::EXPERIMENT,
+    chain_masses::EXPERIMENT,
     plan::EXPERIMENT,
     parts::EXPERIMENT,
     rolling::ATTITUDE,

@@ -5,11 +5,10 @@
 
 use std::f64::consts::{PI, TAU};
 
-use nalgebra::{Matrix2, Matrix3, Point2, Vector2, Vector3};
+use nalgebra::{Matrix2, Point2, Vector2};
 use palpate::geometry::{Pose, SimplePolygon, bounding_box};
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::math::random::Draw;
-use palpate::math::statistics::chi_square_quantile;
 use palpate::point_sampling::contains;
 use palpate::pushing::dynamics::{ContactMode, EndReason, Part, State};
 use palpate::pushing::estimation::from_rest::PartErrors;
@@ -22,16 +21,8 @@ use palpate::pushing::pushed_world::{Played, PushedWorld};
 use super::super::cases;
 use super::super::drawn_pushes::part;
 use super::super::drawn_rest::{rigid_force, stretch};
-use super::{FREEDOM, Setting};
-
-/// An exact contact leaves a covariance singular: what the simulations are off by, m and rad.
-const SLACK: (f64, f64) = (5e-6, 5e-5);
-
-/// What a stated region is to hold.
-const REGION: f64 = 0.95;
-
-/// Directions whose variance is this many times the slack's count as free.
-const FREE: f64 = 10.0;
+use super::super::judged::PoseClaim;
+use super::Setting;
 
 /// A push that was felt.
 pub(super) struct Case {
@@ -182,39 +173,18 @@ impl Case {
 
     /// Of the pose at the last reading, in deviations of [`FREEDOM`] degrees of freedom.
     pub(super) fn squared_error(&self, found: &ForceHypothesis) -> f64 {
-        self.squared_error_and_size(found).0
+        self.claim(found).squared
     }
 
-    /// The same, and the size of one standard deviation of the region: the product of its two largest extents, of any unit.
-    fn squared_error_and_size(&self, found: &ForceHypothesis) -> (f64, f64) {
+    fn claim(&self, found: &ForceHypothesis) -> PoseClaim {
         let truth: Pose = self.played.pose(self.end()).unwrap_or_else(nalgebra::Isometry2::identity).into();
-        let off = found.pose_end.minus(&truth);
-        let slack = Vector3::new(SLACK.0, SLACK.0, SLACK.1);
-        let scale = Matrix3::from_diagonal(&slack.map(|sd| 1.0 / sd));
-        // In slacks, so that what is free shows in the eigenvalues.
-        let covariance = scale * found.covariance.fixed_view::<3, 3>(0, 0) * scale;
-        let mut extents = covariance.symmetric_eigenvalues().map(|value| value.max(0.0) + 1.0);
-        extents.as_mut_slice().sort_by(|a, b| b.total_cmp(a));
-        let free = extents.iter().filter(|value| **value > FREE + 1.0).count().max(1);
-        let off = scale * off;
-        let squared =
-            (covariance + Matrix3::identity()).try_inverse().map_or(f64::INFINITY, |inverse| off.dot(&(inverse * off)));
-        let scaled = squared * chi_square_quantile(0.95, FREEDOM) / chi_square_quantile(0.95, free);
-        (scaled, (extents[0] * extents[1]).sqrt())
+        let covariance = found.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+        PoseClaim::new(found.probability, &found.pose_end.minus(&truth), &covariance)
     }
 
-    /// Whether the truth is within the 95 % region of all hypotheses, by probability: the places of highest density that hold
-    /// as much.
+    /// Whether the truth is within the 95 % region of all hypotheses, by probability.
     pub(super) fn is_covered(&self, found: &[ForceHypothesis]) -> bool {
-        let densities = found.iter().map(|found| {
-            let (squared, size) = self.squared_error_and_size(found);
-            (found.probability, found.probability / size, squared)
-        });
-        let densities: Vec<_> = densities.collect();
-        let at_truth = densities.iter().map(|(_, most, squared)| most * (-0.5 * squared).exp()).fold(0.0, f64::max);
-        // Of a normal density over two dimensions all but the share at_truth/most is denser.
-        let denser = |&(probability, most, _): &(f64, f64, f64)| probability * (1.0 - at_truth / most).max(0.0);
-        !found.is_empty() && densities.iter().map(denser).sum::<f64>() <= REGION
+        PoseClaim::cover(&found.iter().map(|found| self.claim(found)).collect::<Vec<_>>())
     }
 
     /// What was drawn, in a line.

@@ -21,7 +21,7 @@ use palpate::pushing::estimation::from_rest::trial::pose_error;
 use palpate::pushing::estimation::{GATE, Status};
 
 use self::case::Case;
-use super::judged::{self, JudgedCase, Stated};
+use super::judged::{self, JudgedCase, PoseClaim, Stated};
 use super::{Experiment, Table, TableSettings, cases};
 
 /// The table.
@@ -39,9 +39,6 @@ pub(super) const MODEL_ERROR: Experiment = Experiment {
     cases: 100,
     run: |settings| run(settings, &MODEL_ERRORS),
 };
-
-/// Errors are told as those of so many degrees of freedom: a pose on an exact contact has two.
-const FREEDOM: usize = 2;
 
 /// What is unknown in a row, and how.
 #[derive(Clone, Copy, Debug)]
@@ -139,7 +136,7 @@ fn run(settings: &TableSettings, rows: &[Setting]) -> Table {
             table.failures.extend(failure);
         }
         let judged: Vec<_> = outcomes.iter().map(|(judged, _)| judged).collect();
-        let cells = judged::cells(setting.name, &judged, FREEDOM, &mut table);
+        let cells = judged::cells(setting.name, &judged, PoseClaim::FREEDOM, &mut table);
         table.push(cells);
     }
     table
