@@ -4,10 +4,12 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use palpate::gravity::GRAVITY_ASSUMED;
+use palpate::pushing::pushed_world::PushedWorld;
 use serde_json::Value;
 
 use crate::PALPATE;
-use crate::observe::{assert_fits_a_terminal, check, example, forces, last_answer, observe, pushed, text, unfolded};
+use crate::observe::{assert_fits_a_terminal, assert_names, check, example, forces, last_answer, observe, pushed, text, unfolded};
 
 /// What the push of [`pushed`] was made with: µ_c and mass (kg); µ is the example part's.
 const MU_C: f64 = 0.25;
@@ -137,5 +139,72 @@ fn live_pushes_are_planned_on_and_kept() {
         let [live, again] = [poses(&answer), poses(&again)];
         let near = live.iter().zip(&again).all(|(a, b)| (a - b).abs() < 3e-4);
         assert!(near, "{command}: {live:?} {again:?}");
+    }
+}
+
+/// What is not known of the finger's bending and of its place is stated with the rest: exactly that much.
+#[test]
+fn an_uncertain_finger_makes_the_pose_as_uncertain() {
+    let (folder, played) = (tempfile::tempdir().unwrap(), pushed());
+    let table = folder.path().join("forces.csv");
+    std::fs::write(&table, forces(&played, REST_S, NOISE_N)).unwrap();
+    let seen = |told: &[&str]| {
+        let mut command = observe(&["--json", "--effective-mass-g", "0"]);
+        last_answer(&command.args(told).arg("--motion").arg(example("motion.toml")).arg(&table).output().unwrap())
+    };
+    let covariance = |answer: &Value, row: usize, column: usize| {
+        answer["hypotheses"][0]["covariance"][row][column].as_f64().unwrap_or_else(|| panic!("{answer}"))
+    };
+    let sure = seen(&["--compliance-um-per-n", "36,0"]);
+    let unsure = seen(&["--compliance-um-per-n", "36,20", "--tip-sigma-mm", "0.1"]);
+    // Means of the last 40 ms, of a force that changes by a fifth a second.
+    let force = played.force_finger(sure["t"].as_f64().unwrap() - 0.02);
+    for (row, column) in [(0, 0), (0, 1), (1, 1), (0, 2), (2, 2)] {
+        let axis = |index: usize| if index < 2 { 20e-6 * force[index] } else { 0.0 };
+        let place = if row == column && row < 2 { 1e-8 } else { 0.0 };
+        let wanted = place + axis(row) * axis(column);
+        let got = covariance(&unsure, row, column) - covariance(&sure, row, column);
+        assert!((got - wanted).abs() < 0.05 * wanted.abs() + 1e-12, "{row}, {column}: {got:e}, {wanted:e}");
+    }
+}
+
+/// Without friction at the finger the force points along the normal, and the thesis's observer that begins near the truth
+/// follows the part; it says what it assumes.
+#[test]
+fn the_thesis_observer_follows_a_part_that_slides_without_friction() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = palpate_files::part::PolygonFile::parse(&std::fs::read_to_string(example("part.toml")).unwrap()).unwrap();
+    let motion = palpate_files::motion::parse(&std::fs::read_to_string(example("motion.toml")).unwrap()).unwrap();
+    let (part, mu_g) = (&file.part, file.mu * GRAVITY_ASSUMED);
+    let (edge, u, s) = (3, 0.1, -0.004);
+    let world = PushedWorld { part, mu_g, mass: 0.5, mu_c: 1e-3, radius: 0.015, motion: &motion, edge, u, s };
+    let played = world.play().unwrap();
+    let table = folder.path().join("forces.csv");
+    std::fs::write(&table, forces(&played, REST_S, 1e-3)).unwrap();
+    let follow = |arguments: &[&str]| {
+        let mut command = observe(&["--method", "gho", "--effective-mass-g", "0"]);
+        command.args(arguments).arg("--motion").arg(example("motion.toml")).arg(&table).output().unwrap()
+    };
+    let answer = last_answer(&follow(&["--json", "--edge", "3", "--initial-estimate", "5.7,2"]));
+    let best = &answer["hypotheses"][0];
+    let truth = played.pose(answer["t"].as_f64().unwrap()).unwrap();
+    let number = |value: &Value| value.as_f64().unwrap();
+    let off = (number(&best["pose"][0]) - truth.translation.x).hypot(number(&best["pose"][1]) - truth.translation.y);
+    assert!(off < 2e-3, "off by {off} m: {answer}");
+    assert!(best["probability"].is_null() && best["covariance"].is_null(), "{best}");
+    assert!(answer["assumed"][0].as_str().unwrap().contains("without friction"), "{answer}");
+
+    let picture = folder.path().join("gho.svg");
+    let shown = text(&follow(&["--plot", picture.to_str().unwrap()]).stdout);
+    assert_fits_a_terminal(&shown);
+    let said = unfolded(&shown);
+    assert!(said.contains("give no uncertainty") && said.contains("missed") && said.contains("and 2 more"), "{said}");
+    assert_names(&picture, &["x, felt"]);
+    for (arguments, says) in
+        [(["--edge", "9", "--method", "gho"], "no edge 9"), (["--zeta", "5", "--method", "search"], "not asked for")]
+    {
+        let mut command = observe(&arguments);
+        let output = command.arg("--motion").arg(example("motion.toml")).arg(&table).output().unwrap();
+        assert!(text(&output.stderr).contains(says), "{}", text(&output.stderr));
     }
 }

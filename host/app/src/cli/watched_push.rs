@@ -17,6 +17,7 @@ use palpate::pushing::estimation::from_rest::watch::{PushAnswer, PushWatch, Reco
 use palpate::pushing::estimation::from_rest::{CarriedFinger, KnownFromRest, WindowedForce};
 use palpate::pushing::finger_motion::FingerMotion;
 use palpate_device::Session;
+use palpate_files::calibration::carried::ComplianceRecord;
 use palpate_files::calibration::file::CalibrationFile;
 use palpate_files::part::PolygonFile;
 use palpate_files::recordings::csv::{self, RecordedTable};
@@ -83,9 +84,15 @@ pub(super) struct FeltPushArguments {
     #[arg(long, value_name = "G", value_parser = effective_mass)]
     effective_mass_g: Option<EffectiveMass>,
 
-    /// How far the finger's tip gives way, µm/N [default: the calibration's, or else 0]
-    #[arg(long, value_name = "UM/N", value_parser = super::not_negative, allow_negative_numbers = true)]
-    compliance_um_per_n: Option<f64>,
+    /// How far the finger's tip gives way, µm/N: VALUE or VALUE,SIGMA (without SIGMA known to a tenth) [default: the
+    /// calibration's, or else 0]
+    #[arg(long, value_name = "UM/N", value_parser = super::wave::compliance, allow_hyphen_values = true)]
+    compliance_um_per_n: Option<ComplianceRecord>,
+
+    /// How well it is known where the disk is on the robot, one standard deviation of each coordinate: what `palpate
+    /// locate-tip` stated [default: the calibration's, or else 0, poses counting from the disk]
+    #[arg(long, value_name = "MM", value_parser = super::not_negative, allow_negative_numbers = true)]
+    tip_sigma_mm: Option<f64>,
 }
 
 /// An effective mass as told, kg.
@@ -187,7 +194,18 @@ impl FeltPushArguments {
             );
         }
         if let Some(compliance) = self.compliance_um_per_n {
-            finger.compliance = compliance * 1e-6;
+            [finger.compliance, finger.compliance_sd] =
+                [compliance.um_per_n, compliance.sigma_um_per_n].map(|value| value * 1e-6);
+        }
+        if let Some(sigma_mm) = self.tip_sigma_mm {
+            finger.place_sd = sigma_mm * 1e-3;
+        }
+        if finger.place_sd > 0.0 {
+            note!("the tip's place is known to {:.3} mm, which every pose states with the rest", finger.place_sd * 1e3);
+        }
+        if finger.compliance > 0.0 {
+            let [um_per_n, sd] = [finger.compliance, finger.compliance_sd].map(|value| value * 1e6);
+            note!("the tip gives way by {um_per_n:.1} ± {sd:.1} µm/N: so does the pose, as uncertainly");
         }
         FeltPush { arguments: self, finger }
     }
@@ -206,11 +224,14 @@ impl FeltPush {
 
     /// What is known of the finger, as options of a command line.
     fn told(&self) -> String {
-        let CarriedFinger { effective_mass, effective_mass_sd, compliance } = self.finger;
+        let CarriedFinger { effective_mass, effective_mass_sd, compliance, compliance_sd, place_sd } = self.finger;
         let [mass, sd] = [effective_mass, effective_mass_sd].map(|mass| mass * 1e3);
         let mut told = format!(" --effective-mass-g {mass:.3},{sd:.3}");
         if compliance > 0.0 {
-            told += &format!(" --compliance-um-per-n {:.2}", compliance * 1e6);
+            told += &format!(" --compliance-um-per-n {:.2},{:.2}", compliance * 1e6, compliance_sd * 1e6);
+        }
+        if place_sd > 0.0 {
+            told += &format!(" --tip-sigma-mm {:.4}", place_sd * 1e3);
         }
         if let Some(degrees) = self.arguments.mounting_deg {
             told += &format!(" --mounting-deg {degrees}");
@@ -233,7 +254,7 @@ impl FeltPush {
         motion: &'a FingerMotion,
         noise: f64,
     ) -> KnownOfFinger<'a> {
-        let CarriedFinger { effective_mass, effective_mass_sd, compliance } = self.finger;
+        let CarriedFinger { effective_mass, effective_mass_sd, compliance, compliance_sd, place_sd } = self.finger;
         let (mu_g, radius) = (file.mu * GRAVITY_ASSUMED, self.arguments.radius());
         let known = KnownOfFinger::new(&file.part, mu_g, radius, motion, noise);
         let mu_g_log_sd = self.arguments.mu_g_log_sd();
@@ -243,6 +264,8 @@ impl FeltPush {
             effective_mass,
             effective_mass_sd,
             compliance,
+            compliance_sd,
+            place_sd,
             ..known
         }
     }

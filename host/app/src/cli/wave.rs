@@ -93,7 +93,7 @@ fn two(text: &str, between: char) -> Option<[f64; 2]> {
 }
 
 /// A stated compliance.
-fn compliance(text: &str) -> Result<ComplianceRecord, String> {
+pub(super) fn compliance(text: &str) -> Result<ComplianceRecord, String> {
     let whole = || text.trim().parse::<f64>().ok().map(|value| [value, STATED_SHARE * value]);
     let [um_per_n, sigma_um_per_n] =
         two(text, ',').or_else(whole).ok_or_else(|| format!("{text:?} is neither VALUE nor VALUE,SIGMA"))?;

@@ -104,8 +104,12 @@ impl CalibrationFile {
             self.wave.map_or((prior.effective_mass, prior.effective_mass_sd), |wave| {
                 (wave.effective_mass_g * GRAM, wave.effective_mass_sigma_g * GRAM)
             });
-        let compliance = self.compliance.map_or(prior.compliance, |found| found.um_per_n * MICROMETRE);
-        CarriedFinger { effective_mass, effective_mass_sd, compliance }
+        let [compliance, compliance_sd] = self.compliance.map_or([prior.compliance, prior.compliance_sd], |found| {
+            [found.um_per_n, found.sigma_um_per_n].map(|value| value * MICROMETRE)
+        });
+        // The wrist may be turned anyhow: the larger of the two in every direction.
+        let place_sd = self.tip.map_or(prior.place_sd, |tip| tip.sigma_mm[0].max(tip.sigma_mm[1]) * MILLIMETRE);
+        CarriedFinger { effective_mass, effective_mass_sd, compliance, compliance_sd, place_sd }
     }
 
     /// What the result does not say of a carried finger, in words.

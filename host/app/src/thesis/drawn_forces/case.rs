@@ -146,6 +146,8 @@ impl Case {
             effective_mass_sd: finger_sd * self.finger,
             is_moving,
             compliance: 0.0,
+            compliance_sd: 0.0,
+            place_sd: 0.0,
             motion: &self.motion,
             noise: self.noise,
         }

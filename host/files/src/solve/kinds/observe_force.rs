@@ -302,6 +302,8 @@ impl Problem for ObserveForce {
             radius: finger.radius.get(),
             is_moving: self.start == StartField::Moving,
             compliance: finger.compliance.get(),
+            compliance_sd: 0.0,
+            place_sd: 0.0,
             effective_mass,
             effective_mass_sd,
             motion: &motion,

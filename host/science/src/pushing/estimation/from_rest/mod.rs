@@ -356,12 +356,18 @@ pub fn follow(known: &KnownFromRest, measured: &WindowedForce, earlier: &Estimat
 
 impl Estimate {
     /// The same with the finger's disk, and the part with it, where the finger's bending takes them in the end: by the
-    /// compliance times the last force. Until then bending changes nothing that is felt.
+    /// compliance times the last force; what is not known of that, and of the disk's place, is added to the covariance. Until then
+    /// bending changes nothing that is felt.
     fn bent(mut self, known: &KnownFromRest, measured: &WindowedForce) -> Self {
         let last = measured.forces_finger().iter().flatten().next_back().copied().unwrap_or_default();
         let way = Translation2::from(last * known.finger.compliance);
+        let unsure = known.finger.place_covariance(last);
         for hypothesis in &mut self.hypotheses {
             hypothesis.pose_end = (way * hypothesis.pose_end.isometry()).into();
+            if let Some(covariance) = &mut hypothesis.covariance {
+                let mut place = covariance.fixed_view_mut::<2, 2>(0, 0);
+                place += unsure;
+            }
         }
         self
     }

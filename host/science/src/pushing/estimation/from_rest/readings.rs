@@ -22,11 +22,12 @@ mod sensed;
 mod tracker;
 
 use std::f64::consts::TAU;
+use std::ops::AddAssign as _;
 
 pub use follower::{MotionClock, PushFollower};
 use measured::PathNumbers;
 pub use measured::{MeasuredEstimate, MeasuredFinger, estimate_measured_until};
-use nalgebra::{Isometry2, Matrix6, Translation2, UnitComplex, Vector2};
+use nalgebra::{Isometry2, Matrix2, Matrix6, Translation2, UnitComplex, Vector2};
 pub use sensed::{SensedPush, sensed};
 pub use tracker::{ForceTracker, Found, SearchTask, TrackedHypothesis, TrackerState};
 
@@ -38,6 +39,7 @@ use super::friction_along::FrictionAlong;
 use super::numbers::{MotionNumbers, NUMBERED_LEADS, NumberedMinimum, Unknown};
 use super::part_errors::PartErrors;
 use super::path::{Course, CourseStart, Guess};
+use super::windowed_force::place_covariance;
 use super::{GATE, WALKED_MAX, is_one_place, is_possible, leads, misfit_limit, search, symmetry};
 use crate::geometry::Pose;
 use crate::math::unscented::Gaussian;
@@ -82,6 +84,10 @@ pub struct KnownOfFinger<'p> {
     pub is_moving: bool,
     /// How far the disk gives way to a force on it, m/N.
     pub compliance: f64,
+    /// Its standard deviation, m/N.
+    pub compliance_sd: f64,
+    /// Standard deviation of each coordinate of where the disk is on its robot, m.
+    pub place_sd: f64,
     /// How the finger moves, from rest.
     pub motion: &'p FingerMotion,
     /// Standard deviation of one reading, each axis, N.
@@ -105,6 +111,8 @@ impl<'p> KnownOfFinger<'p> {
             effective_mass_sd: 0.0,
             is_moving: false,
             compliance: 0.0,
+            compliance_sd: 0.0,
+            place_sd: 0.0,
             motion,
             noise,
         }
@@ -112,6 +120,11 @@ impl<'p> KnownOfFinger<'p> {
 }
 
 impl KnownOfFinger<'_> {
+    /// What is not known of where the disk is under a force (N), m².
+    fn place_covariance(&self, force: Vector2<f64>) -> Matrix2<f64> {
+        place_covariance(self.place_sd, self.compliance_sd, force)
+    }
+
     /// Whether more is unknown than a search finds: numbers of the part, or of the friction along its edges.
     fn has_numbers(&self) -> bool {
         self.errors.is_some() || self.mu_c_wander_log_sd > 0.0
@@ -479,6 +492,9 @@ fn hypothesis(
         let force = path.forces_in_finger_time(felt.period()).at(time) * *mass;
         (Translation2::from(force * known.compliance) * pose).into()
     };
+    let mut covariance = problem.end_covariance(tried, is_walked)?.motion;
+    let last = path.forces_in_finger_time(felt.period()).at(problem.course.duration) * *mass;
+    covariance.fixed_view_mut::<2, 2>(0, 0).add_assign(&known.place_covariance(last));
     Some(ForceHypothesis {
         edge: problem.course.part.edge_at(guess.edge, path.end.s),
         start: State { u: guess.u, s: guess.s, omega: guess.omega, v_t: 0.0 },
@@ -486,7 +502,7 @@ fn hypothesis(
         pose_start: bent(if known.is_moving { 0.0 } else { -1.0 }, &problem.course.pose_at_start(guess)?),
         pose_end: bent(problem.course.duration, &problem.course.pose_at_end(guess, path)?),
         velocity_end: problem.course.velocity_at_end(guess, path)?,
-        covariance: problem.end_covariance(tried, is_walked)?.motion,
+        covariance,
         mass: *mass,
         mu_c: known.mu_c.or(slipped),
         mu_g: problem.course.mu_g_of(guess),

@@ -61,14 +61,32 @@ pub struct CarriedFinger {
     pub effective_mass_sd: f64,
     /// How far the disk gives way to a force on it, m/N.
     pub compliance: f64,
+    /// Its standard deviation, m/N.
+    pub compliance_sd: f64,
+    /// Standard deviation of each coordinate of where the disk is on its robot, m.
+    pub place_sd: f64,
 }
 
 impl CarriedFinger {
     /// One that feels nothing of itself and does not bend, such as a sensor whose readings are free of that already.
-    pub const RIGID: Self = Self { effective_mass: 0.0, effective_mass_sd: 0.0, compliance: 0.0 };
+    pub const RIGID: Self =
+        Self { effective_mass: 0.0, effective_mass_sd: 0.0, compliance: 0.0, compliance_sd: 0.0, place_sd: 0.0 };
 
     /// One of which nothing is known: about what a disk of steel or a fingertip of plastic with its beam weighs.
-    pub const UNKNOWN: Self = Self { effective_mass: 0.02, effective_mass_sd: 0.02, compliance: 0.0 };
+    pub const UNKNOWN: Self = Self { effective_mass: 0.02, effective_mass_sd: 0.02, ..Self::RIGID };
+
+    /// What is not known of where the disk is under a force (N): covariance of its place, and of a part's beside it, m².
+    #[must_use]
+    pub fn place_covariance(&self, force_finger: Vector2<f64>) -> Matrix2<f64> {
+        place_covariance(self.place_sd, self.compliance_sd, force_finger)
+    }
+}
+
+/// Covariance of the place of a disk that is known to `place_sd` (m) without force, and gives way to one (N) by what is known to
+/// `compliance_sd` (m/N); m².
+pub(super) fn place_covariance(place_sd: f64, compliance_sd: f64, force_finger: Vector2<f64>) -> Matrix2<f64> {
+    let way = force_finger * compliance_sd;
+    Matrix2::identity() * place_sd.powi(2) + way * way.transpose()
 }
 
 /// Means of the force under the windows, and what whitens them.

@@ -196,7 +196,8 @@ impl GhoFollower {
                 state: it.estimate,
                 pose: pose(&model, it.estimate.u, self.time, &it.estimate),
                 velocity: model.velocity(&known.contact, self.time, &it.estimate),
-                missed: (squares / it.misses.len().max(1) as f64).sqrt(),
+                // A sum of nothing is −0.
+                missed: (squares / it.misses.len().max(1) as f64).sqrt() + 0.0,
             })
         };
         let mut all: Vec<_> = self.observers.iter().filter_map(told).collect();

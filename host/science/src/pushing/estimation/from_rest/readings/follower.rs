@@ -8,6 +8,8 @@
 //!
 //! Frames: world axes. Units: SI. Errors: none.
 
+use std::ops::AddAssign as _;
+
 use nalgebra::{Vector2, Vector6};
 
 use super::tracker::{ForceTracker, Found, SearchTask, TrackedHypothesis};
@@ -254,6 +256,9 @@ impl PushFollower {
         let time = tracker.time();
         let leg = known.motion.legs(known.radius).take_while(|leg| leg.from <= time).last();
         let mut hypotheses = tracker.hypotheses(&self.known(known));
+        let last = push.last.map_or_else(Vector2::zeros, |last| last.force);
+        let unsure = known.place_covariance(last);
+        hypotheses.iter_mut().for_each(|it| it.covariance.fixed_view_mut::<2, 2>(0, 0).add_assign(&unsure));
         if let Some(leg) = leg {
             // The disk is elsewhere on its path, at another speed, and the part with it.
             let (velocity, acceleration) = (leg.finger.velocity(time - leg.from), leg.finger.acceleration);
