@@ -46,7 +46,7 @@ fn a_finger_is_calibrated_waved_and_touched_and_one_file_says_it_all() {
     let wave = ["wave", "-d", "sim:", "-c", matrix.to_str().unwrap(), "--date", "2026-01-02T00:00:00Z"];
     let waved = written(here, &said(&palpate(here, &[&wave[..], &pressed[..]].concat())));
     let (second, _) = CalibrationFile::read(&waved).unwrap();
-    let wave = second.wave.unwrap();
+    let wave = second.wave.clone().unwrap();
     let allowed = 5.0 * wave.effective_mass_sigma_g + SCALE * MASS_G;
     assert!((wave.effective_mass_g - MASS_G).abs() < allowed, "{wave:?}");
     assert!(wave.effective_mass_sigma_g < 0.02 * MASS_G && wave.held_back > 20, "{wave:?}");
@@ -66,5 +66,34 @@ fn a_finger_is_calibrated_waved_and_touched_and_one_file_says_it_all() {
     let (third, _) = CalibrationFile::read(&written(here, &located)).unwrap();
     let tip = third.tip.unwrap();
     assert!((tip.offset_mm[0] - 5.0).abs() < 1e-6 && (tip.offset_mm[1] - 2.0).abs() < 1e-6, "{tip:?}");
-    assert_eq!((third.wave, third.lacks()), (second.wave, Vec::new()));
+    assert_eq!((&third.wave, third.lacks()), (&second.wave, Vec::new()));
+
+    // What was felt is kept as counts, and says the same again.
+    let raw = waved.with_file_name(&wave.raw.as_ref().unwrap().file);
+    let again = ["wave", "--from-raw", raw.to_str().unwrap(), "-c", waved.to_str().unwrap(), "--date"];
+    let again = said(&palpate(here, &[&again[..], &["2026-01-04T00:00:00Z"]].concat()));
+    let (fourth, _) = CalibrationFile::read(&written(here, &again)).unwrap();
+    assert_eq!((fourth.wave, fourth.compliance), (second.wave, second.compliance));
+}
+
+#[test]
+fn a_calibration_with_a_wave_is_one_file_with_the_samples_of_both() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let line = ["calibrate", "-d", "sim:3", "--load", "2 N", "--contacts", "6", "--wave", "--date", "2026-01-01T00:00:00Z"];
+    let (file, _) = CalibrationFile::read(&written(here, &said(&palpate(here, &line)))).unwrap();
+    let wave = file.wave.clone().unwrap();
+    assert!((wave.effective_mass_g - MASS_G).abs() < 5.0 * wave.effective_mass_sigma_g + SCALE * MASS_G, "{wave:?}");
+    assert_eq!(file.lacks(), ["compliance", "tip's place"]);
+    let mut names: Vec<_> = std::fs::read_dir(here.join("calibration/finger-a"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    assert_eq!(names, ["2026-01-01T000000Z.csv", "2026-01-01T000000Z.toml", "2026-01-01T000000Z.wave.csv"]);
+    // A weight that nobody weighed gives no newtons: the calibration stands, the wave is refused with its reason.
+    let line = ["calibrate", "-d", "sim:3", "--contacts", "6", "--wave", "--finger", "b"];
+    let output = palpate(here, &line);
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(1) && told.contains("is written, but has no wave"), "{told}");
 }

@@ -7,17 +7,26 @@ use std::process::ExitCode;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use miette::{IntoDiagnostic, WrapErr};
+use nalgebra::Vector2;
+use palpate::FingerMotion;
 use palpate::finger::calibration::dwell::Refusal;
 use palpate::finger::calibration::plan::{CalibrationPlan, Step, TareMode};
 use palpate::finger::calibration::session::{Bench, CalibrationRun, Ending, SampleSource, StepSummary, Taken};
 use palpate::finger::calibration::{FrontEndSettings, Load, session};
+use palpate::pushing::wave::swings;
 use palpate_files::calibration::conclusion::{Conclusion, HELD_BACK_ERROR_MAX_DEG, conclude};
-use palpate_files::calibration::file::{CalibrationFileError, save_raw, save_result, save_unfinished};
+use palpate_device::Session;
+use palpate_files::calibration::carried::WaveRecord;
+use palpate_files::calibration::file::{
+    CalibrationFile, CalibrationFileError, save_completed, save_raw, save_result, save_unfinished,
+};
 use palpate_files::calibration::plan::from_toml;
 use palpate_files::calibration::raw::{Provenance, RawRun};
+use palpate_files::motion;
 
 use super::device::DeviceArguments;
-use super::read::read_text;
+use super::read::{read, read_text};
+use super::wave;
 use crate::advice::{self, Advise as _};
 use crate::live::person::Person;
 use crate::live::{self, GAUGE_FACTOR, LinkSource, SimulatedBench, interrupt};
@@ -68,6 +77,15 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "DEG", default_value_t = HELD_BACK_ERROR_MAX_DEG)]
     max_error_deg: f64,
 
+    /// Wave the finger too once it is calibrated, as `palpate wave` does: what it weighs on itself goes into the result. The
+    /// motion is that of `palpate wave --print-motion`, or --wave-motion
+    #[arg(long, conflicts_with = "from_raw")]
+    wave: bool,
+
+    /// How the finger is waved: a motion file, as for `palpate observe` [default: five swings along each axis]
+    #[arg(long, value_name = "MOTION.toml", requires = "wave")]
+    wave_motion: Option<PathBuf>,
+
     /// Gauge factor from the gauges' data sheet
     #[arg(long, value_name = "GF", default_value_t = GAUGE_FACTOR)]
     gauge_factor: f64,
@@ -113,6 +131,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         super::write_out(format_args!("{}", toml::to_string(&plan).into_diagnostic()?));
         return Ok(ExitCode::SUCCESS);
     }
+    let wave = arguments.wave_motion()?;
     let mut link = arguments.device.open(true)?;
     if link.is_simulated() {
         note!("{}", super::simulated_note(&link).trim_end());
@@ -131,7 +150,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         full_scale_v: f64::from(hello.full_scale_uv) * 1e-6,
         temperature_c,
     };
-    match hand {
+    let written = match hand {
         Some(hand) => {
             note!("a simulated hand sets every angle exactly: a reduced chi² near 0 is right for it");
             calibrate(arguments, &plan, device, &mut SimulatedBench::new(&hand, SIMULATED_FORCE_N, tell_step))
@@ -140,8 +159,44 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
             let mut person = Person::new(io::stdin().lock(), io::stderr(), |refusal| advice::help(refusal));
             calibrate(arguments, &plan, device, &mut person)
         }
+    }?;
+    let Some(path) = written else { return Ok(ExitCode::FAILURE) };
+    if let Some(motion) = wave {
+        add_wave(&mut link, &path, &motion).wrap_err_with(|| {
+            format!("{} is written, but has no wave: palpate wave -c {0} adds it", path.display())
+        })?;
     }
+    Ok(ExitCode::SUCCESS)
 }
+
+/// The last step: the finger is waved in the air, and what it weighs on itself goes into the result.
+fn add_wave(link: &mut Session, path: &Path, motion: &FingerMotion) -> miette::Result<()> {
+    let (mut file, _) = CalibrationFile::read(path).advised()?;
+    if link.simulated().is_none() {
+        note!(
+            "the wave: put the finger on its robot, free in the air. Press Enter, then let the robot make the motion within \
+             {WAVE_WAIT_S} s; s and Enter leaves it out"
+        );
+        let mut answer = String::new();
+        let read = io::stdin().read_line(&mut answer).into_diagnostic()?;
+        if read == 0 || answer.trim().eq_ignore_ascii_case("s") {
+            note!("the finger was not waved: palpate wave -c {} does it later", path.display());
+            return Ok(());
+        }
+        link.forget_waiting();
+    }
+    let waved = wave::take(link, &file, motion, WAVE_WAIT_S)?;
+    let kept = wave::keep(path, &file, motion, waved.samples)?;
+    let fit = wave::identified(&file, &waved.readings, motion)?;
+    wave::report(&fit, Vector2::zeros());
+    file.wave = Some(WaveRecord { raw: Some(kept), ..WaveRecord::from(&fit) });
+    save_completed(path, &file).advised()?;
+    say!("added    the wave, to {}", path.display());
+    Ok(())
+}
+
+/// In this time a wave is to begin, s.
+const WAVE_WAIT_S: f64 = 5.0;
 
 /// Force with which a simulated hand presses where the plan leaves it open, N.
 const SIMULATED_FORCE_N: f64 = 2.0;
@@ -154,13 +209,13 @@ fn tell_step(step: &Step, outcome: Result<&StepSummary, &Refusal>) {
     }
 }
 
-/// Takes the plan's contacts on any bench, fits, judges and writes.
+/// Takes the plan's contacts on any bench, fits, judges and writes; where the result is, or none where it was stopped.
 pub(crate) fn calibrate(
     arguments: &Arguments,
     plan: &CalibrationPlan,
     device: Device<'_>,
     bench: &mut dyn Bench,
-) -> miette::Result<ExitCode> {
+) -> miette::Result<Option<PathBuf>> {
     let mut provenance = Provenance {
         device: device.name,
         finger: arguments.finger.clone(),
@@ -194,7 +249,7 @@ pub(crate) fn calibrate(
             keep_if_wished(arguments, &raw)?;
             unfinished.remove();
             note!("stopped after {} of {} steps; no calibration written", raw.dwells.len(), run.len());
-            Ok(ExitCode::FAILURE)
+            Ok(None)
         }
         Err(error) => Err(match &unfinished.kept {
             Some(_) => advice::report(error).wrap_err(unfinished.in_words()),
@@ -296,14 +351,14 @@ fn check_writable(folder: &Path) -> miette::Result<()> {
         .map_err(|error| error.context("choose another folder with --out"))
 }
 
-fn conclude_and_write(arguments: &Arguments, raw: &RawRun, raw_path: &Path) -> miette::Result<ExitCode> {
+fn conclude_and_write(arguments: &Arguments, raw: &RawRun, raw_path: &Path) -> miette::Result<Option<PathBuf>> {
     let conclusion = conclude(raw)
         .advised()
         .and_then(|conclusion| judge(arguments, conclusion))
         .wrap_err_with(|| format!("no calibration; the samples are kept in {}", raw_path.display()))?;
     let path = save_result(&arguments.out, &conclusion.fit, &conclusion.taken, &raw.provenance, raw_path).advised()?;
     say!("written  {}\nsamples  {}", path.display(), raw_path.display());
-    Ok(ExitCode::SUCCESS)
+    Ok(Some(path))
 }
 
 /// Fits a raw file again. The result goes beside it, under its own date unless another is given.
@@ -349,6 +404,15 @@ fn keep_if_wished(arguments: &Arguments, raw: &RawRun) -> miette::Result<()> {
 }
 
 impl Arguments {
+    /// How the finger is waved, where it is.
+    fn wave_motion(&self) -> miette::Result<Option<FingerMotion>> {
+        match (&self.wave_motion, self.wave) {
+            (Some(path), _) => read(path, motion::parse).map(Some),
+            (None, true) => swings(wave::PEAK).into_diagnostic().map(Some),
+            (None, false) => Ok(None),
+        }
+    }
+
     fn plan(&self) -> miette::Result<CalibrationPlan> {
         let Some(path) = &self.plan else {
             let tare = if self.tare_once { TareMode::Once } else { TareMode::Each };
@@ -386,7 +450,7 @@ mod tests {
     use clap::Parser;
     use palpate::finger::Samples;
     use palpate::finger::calibration::session::{BenchError, Delivered, SourceError, Wish};
-    use palpate_files::calibration::file::{CalibrationFile, RawState};
+    use palpate_files::calibration::file::RawState;
     use palpate_shared::units::Counts;
     use palpate_shared::wire::Status;
 
@@ -489,7 +553,7 @@ mod tests {
         }
     }
 
-    fn go(line: &[&str], mut hand: Hand) -> miette::Result<ExitCode> {
+    fn go(line: &[&str], mut hand: Hand) -> miette::Result<Option<PathBuf>> {
         let arguments = arguments(line);
         let device = Device {
             source: &mut Ideal { force: hand.force.clone(), seq: 0 },

@@ -169,7 +169,7 @@ impl FeltPushArguments {
 
     /// Says so where the calibration knows that the axes differ and nobody has.
     fn tell_mounting(&self, calibration: &CalibrationFile) {
-        let Some(wave) = calibration.wave.filter(|_| self.mounting_deg.is_none()) else { return };
+        let Some(wave) = calibration.wave.as_ref().filter(|_| self.mounting_deg.is_none()) else { return };
         if wave.mounting_deg.abs() > ALIGNED_DEG.max(ALIGNED_SDS * wave.mounting_sigma_deg) {
             tracing::warn!(
                 "the calibration has the robot's x axis at {:+.1}° in the finger's: if the motion is told along the robot's \

@@ -1,18 +1,20 @@
 //! `palpate wave`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use nalgebra::Vector2;
 use palpate::FingerMotion;
 use palpate::finger::calibration::ForceUnit;
+use palpate::finger::calibration::dwell::RawSample;
 use palpate::finger::contact::Reading;
 use palpate::finger::judge::{CountsJudge, Judged};
 use palpate::pushing::wave::{WaveFit, identify, swings};
-use palpate_device::Session;
+use palpate_device::{Incoming, Session};
 use palpate_files::calibration::carried::{ComplianceRecord, WaveRecord};
-use palpate_files::calibration::file::{CalibrationFile, save_beside};
+use palpate_files::calibration::file::{CalibrationFile, RawRecord, save_beside, save_raw_wave};
+use palpate_files::calibration::raw_wave::{RawWave, samples_of};
 use palpate_files::motion;
 use palpate_files::recordings::csv::{self, RecordedTable};
 
@@ -35,6 +37,11 @@ pub(crate) struct Arguments {
     /// Forces on the finger from a file instead of a device: a table of t, Fx, Fy in newtons; needs -c
     #[arg(value_name = "FORCES", conflicts_with_all = ["device", "baud", "record", "speed"], requires = "calibration")]
     forces: Option<PathBuf>,
+
+    /// Identify kept raw samples of a wave again (DATE.wave.csv, which has its motion) instead of taking new ones; needs -c
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["forces", "motion", "device", "baud", "record", "speed"])]
+    #[arg(requires = "calibration")]
+    from_raw: Option<PathBuf>,
 
     /// How the finger moves: a motion file, as for `palpate observe` [default: five swings along each axis]
     #[arg(long, value_name = "MOTION.toml")]
@@ -79,7 +86,7 @@ pub(crate) struct Arguments {
 }
 
 /// Fastest acceleration of the swings where nothing is said of it, m/s²: 3 cm to the side, and 70 mN of a finger of 23 g.
-const PEAK: f64 = 3.0;
+pub(super) const PEAK: f64 = 3.0;
 
 /// Two numbers with a comma between.
 fn pair(text: &str) -> Result<[f64; 2], String> {
@@ -112,31 +119,37 @@ fn pressed(text: &str) -> Result<[f64; 2], String> {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
-    let motion = arguments.motion()?;
+    let raw = arguments.from_raw.as_deref().map(|path| read(path, RawWave::from_text)).transpose()?;
+    let motion = raw.as_ref().map_or_else(|| arguments.motion(), |raw| Ok(raw.motion.clone()))?;
     if arguments.print_motion {
         super::write_out(format_args!("{}", motion::to_text(&motion)));
         return Ok(ExitCode::SUCCESS);
     }
-    let (path, mut file, readings) = match &arguments.forces {
-        Some(forces) => {
+    let (path, mut file, waved) = match (&arguments.forces, &raw) {
+        (Some(forces), _) => {
             let RecordedTable { readings, problems, .. } = read(forces, csv::parse)?;
             report_problems(forces, &problems);
             let (path, file) = arguments.calibration.named()?;
-            (path, file, readings)
+            (path, file, Waved { readings, samples: Vec::new() })
         }
-        None => arguments.record(&motion)?,
+        (None, Some(raw)) => {
+            let (path, file) = arguments.calibration.named()?;
+            let readings = judged_again(raw, &file)?;
+            (path, file, Waved { readings, samples: Vec::new() })
+        }
+        (None, None) => arguments.record(&motion)?,
     };
-    if file.unit != ForceUnit::Newton {
-        return Err(miette::miette!(
-            help = "calibrate with a weight that was weighed, such as --load \"204 g\"",
-            "the calibration's force is relative, and a mass needs newtons"
-        ));
-    }
-    let fit = identify(&readings, &motion)
-        .into_diagnostic()
-        .wrap_err("the wave does not tell the finger's mass; nothing was written")?;
+    file.measured_with.date = arguments.date.clone().unwrap_or_else(calibrate::now);
+    let kept = match (&arguments.from_raw, waved.samples.is_empty()) {
+        // It lies where it lay.
+        (Some(from), _) => file.wave.as_ref().and_then(|wave| wave.raw.clone()).filter(|raw| from.ends_with(&raw.file)),
+        (None, true) => None,
+        (None, false) => Some(keep(&path, &file, &motion, waved.samples)?),
+    };
+    let fit = identified(&file, &waved.readings, &motion)
+        .wrap_err("the wave does not tell the finger's mass; no calibration was written")?;
     report(&fit, arguments.gravity.into());
-    file.wave = Some(WaveRecord::from(&fit));
+    file.wave = Some(WaveRecord { raw: kept, ..WaveRecord::from(&fit) });
     if let Some(compliance) = arguments.compliance()? {
         say!(
             "compliance       {:.2} ± {:.2} µm/N{}",
@@ -146,7 +159,6 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         );
         file.compliance = Some(compliance);
     }
-    file.measured_with.date = arguments.date.clone().unwrap_or_else(calibrate::now);
     let written = save_beside(&path, &file).advised()?;
     for lacking in file.lacks() {
         note!("the calibration does not have the {lacking} yet");
@@ -164,23 +176,12 @@ impl Arguments {
     }
 
     /// The calibration, and what its finger feels while it is waved.
-    fn record(&self, motion: &FingerMotion) -> miette::Result<(PathBuf, CalibrationFile, Vec<Reading>)> {
+    fn record(&self, motion: &FingerMotion) -> miette::Result<(PathBuf, CalibrationFile, Waved)> {
         interrupt::listen();
         let mut session = self.device.open(true)?;
         let (path, file) = self.calibration.require_file(&session)?;
-        let calibration = file.calibration().advised()?;
-        live::start(&mut session).advised()?;
-        let seconds = motion.duration() + self.wait;
-        match session.simulated().cloned() {
-            Some(hand) => {
-                note!("{}[simulated hand] waves the finger", super::simulated_note(&session));
-                hand.set_course(in_the_air(motion)).into_diagnostic()?;
-            }
-            None => note!("recording for {seconds:.1} s: begin the motion within {:.1} s, in the air", self.wait),
-        }
-        let readings = readings(&mut session, &mut CountsJudge::new(&calibration), seconds)?;
-        session.stop().advised()?;
-        Ok((path, file, readings))
+        let waved = take(&mut session, &file, motion, self.wait)?;
+        Ok((path, file, waved))
     }
 
     /// The compliance that was stated, or a line through what was pressed.
@@ -207,22 +208,87 @@ impl Arguments {
     }
 }
 
-/// Readings of so many seconds.
-fn readings(session: &mut Session, judge: &mut CountsJudge, seconds: f64) -> miette::Result<Vec<Reading>> {
-    let (mut readings, mut first) = (Vec::new(), None);
-    live::judged(session, judge, |_, incoming, judged| {
+/// What a finger felt that was waved.
+pub(super) struct Waved {
+    pub(super) readings: Vec<Reading>,
+    /// The same as counts; none of forces from a file.
+    pub(super) samples: Vec<RawSample>,
+}
+
+/// What a finger feels while it is waved: by the hand of a device simulated here, or within so many seconds by a robot.
+pub(super) fn take(
+    session: &mut Session,
+    file: &CalibrationFile,
+    motion: &FingerMotion,
+    wait_s: f64,
+) -> miette::Result<Waved> {
+    let mut judge = CountsJudge::new(&file.calibration().advised()?);
+    live::start(session).advised()?;
+    let seconds = motion.duration() + wait_s;
+    match session.simulated().cloned() {
+        Some(hand) => {
+            note!("{}[simulated hand] waves the finger", super::simulated_note(session));
+            hand.set_course(in_the_air(motion)).into_diagnostic()?;
+        }
+        None => note!("recording for {seconds:.1} s: begin the motion within {wait_s:.1} s, in the air"),
+    }
+    let (mut waved, mut first) = (Waved { readings: Vec::new(), samples: Vec::new() }, None);
+    live::judged(session, &mut judge, |_, incoming, judged| {
         super::tell(incoming);
+        if let Incoming::Samples(block) = incoming {
+            waved.samples.extend(samples_of(block));
+        }
         let now = judged.last().and_then(Judged::time);
-        readings.extend(judged.into_iter().filter_map(Judged::reading));
+        waved.readings.extend(judged.into_iter().filter_map(Judged::reading));
         first = first.or(now);
         now.zip(first).is_none_or(|(now, first)| now < first + seconds)
     })
     .advised()?;
-    Ok(readings)
+    session.stop().advised()?;
+    Ok(waved)
+}
+
+/// Keeps a wave's raw samples beside the calibration, under its date.
+pub(super) fn keep(
+    path: &Path,
+    file: &CalibrationFile,
+    motion: &FingerMotion,
+    samples: Vec<RawSample>,
+) -> miette::Result<RawRecord> {
+    let wave = RawWave { provenance: file.measured_with.clone(), motion: motion.clone(), samples };
+    let kept = save_raw_wave(path, &wave).advised()?;
+    say!("samples          {}", path.with_file_name(&kept.file).display());
+    Ok(kept)
+}
+
+/// Readings of kept samples by a calibration.
+fn judged_again(raw: &RawWave, file: &CalibrationFile) -> miette::Result<Vec<Reading>> {
+    let told = [(&raw.provenance.device, &file.measured_with.device), (&raw.provenance.finger, &file.measured_with.finger)];
+    if let Some((of_wave, of_calibration)) = told.into_iter().find(|(a, b)| a != b) {
+        let help = "name a calibration of the finger that was waved";
+        return Err(miette::miette!(help = help, "the wave is of {of_wave}, the calibration of {of_calibration}"));
+    }
+    let mut judge = CountsJudge::new(&file.calibration().advised()?);
+    Ok(raw.blocks().iter().flat_map(|block| judge.judge(block).filter_map(Judged::reading).collect::<Vec<_>>()).collect())
+}
+
+/// The finger's mass by a wave.
+pub(super) fn identified(
+    file: &CalibrationFile,
+    readings: &[Reading],
+    motion: &FingerMotion,
+) -> miette::Result<WaveFit> {
+    if file.unit != ForceUnit::Newton {
+        return Err(miette::miette!(
+            help = "calibrate with a weight that was weighed, such as --load \"204 g\"",
+            "the calibration's force is relative, and a mass needs newtons"
+        ));
+    }
+    identify(readings, motion).into_diagnostic()
 }
 
 /// What was found, for a person to judge.
-fn report(fit: &WaveFit, gravity: Vector2<f64>) {
+pub(super) fn report(fit: &WaveFit, gravity: Vector2<f64>) {
     let grams = |mass: f64| mass * 1e3;
     say!("effective mass   {:.3} ± {:.3} g", grams(fit.effective_mass.value), grams(fit.effective_mass.sd));
     say!(

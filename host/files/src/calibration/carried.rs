@@ -10,7 +10,7 @@ use palpate::pushing::tip::TipFit;
 use palpate::pushing::wave::WaveFit;
 use serde::{Deserialize, Serialize};
 
-use super::file::CalibrationFile;
+use super::file::{CalibrationFile, RawRecord};
 
 /// A gram, kg.
 const GRAM: f64 = 1e-3;
@@ -22,7 +22,7 @@ const MICROMETRE: f64 = 1e-6;
 const MILLIMETRE: f64 = 1e-3;
 
 /// What a wave in the air found.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WaveRecord {
     /// Effective mass, g.
@@ -41,6 +41,9 @@ pub struct WaveRecord {
     pub held_back_off_n: f64,
     /// The inertia that was foretold there, rms, N.
     pub held_back_inertia_n: f64,
+    /// The samples that it was found from, where they were kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub raw: Option<RawRecord>,
 }
 
 impl From<&WaveFit> for WaveRecord {
@@ -54,6 +57,7 @@ impl From<&WaveFit> for WaveRecord {
             held_back: fit.held_back.windows,
             held_back_off_n: fit.held_back.off,
             held_back_inertia_n: fit.held_back.inertia,
+            raw: None,
         }
     }
 }
@@ -101,7 +105,7 @@ impl CalibrationFile {
     pub fn carried(&self) -> CarriedFinger {
         let prior = CarriedFinger::UNKNOWN;
         let (effective_mass, effective_mass_sd) =
-            self.wave.map_or((prior.effective_mass, prior.effective_mass_sd), |wave| {
+            self.wave.as_ref().map_or((prior.effective_mass, prior.effective_mass_sd), |wave| {
                 (wave.effective_mass_g * GRAM, wave.effective_mass_sigma_g * GRAM)
             });
         let [compliance, compliance_sd] = self.compliance.map_or([prior.compliance, prior.compliance_sd], |found| {

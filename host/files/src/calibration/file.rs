@@ -29,6 +29,7 @@ use thiserror::Error;
 
 use super::carried::{ComplianceRecord, TipRecord, WaveRecord};
 use super::raw::{Provenance, ProvenanceError, RawError, RawRun};
+use super::raw_wave::RawWave;
 use crate::output::{self, OutputError};
 
 /// Format of result files.
@@ -494,6 +495,27 @@ pub fn save_beside(path: &Path, file: &CalibrationFile) -> Result<PathBuf, Calib
     let path = path.with_file_name(format!("{}.toml", file.measured_with.file_stem()));
     output::write_new(&path, file.to_text()?.as_bytes())?;
     Ok(path)
+}
+
+/// Writes the raw samples of a wave to `<date>.wave.csv` beside a result, and returns what the result is to say of them.
+///
+/// # Errors
+/// [`CalibrationFileError`]; no file is ever replaced, and none is left half written.
+pub fn save_raw_wave(path: &Path, wave: &RawWave) -> Result<RawRecord, CalibrationFileError> {
+    wave.provenance.check()?;
+    let name = format!("{}.wave.csv", wave.provenance.file_stem());
+    let text = wave.to_text()?;
+    output::write_new(&path.with_file_name(&name), text.as_bytes())?;
+    Ok(RawRecord { file: name, sha256: sha256(text.as_bytes()) })
+}
+
+/// Writes a result anew to which a step of the same run was added.
+///
+/// # Errors
+/// [`CalibrationFileError`]; what was there before stays until the new file is whole.
+pub fn save_completed(path: &Path, file: &CalibrationFile) -> Result<(), CalibrationFileError> {
+    file.measured_with.check()?;
+    Ok(output::replace(path, file.to_text()?.as_bytes())?)
 }
 
 fn path_of(root: &Path, provenance: &Provenance, extension: &str) -> PathBuf {

@@ -197,8 +197,7 @@ impl RawRun {
             dwell: self.dwells.iter().map(|(step, _)| *step).collect(),
         };
         let header = toml::to_string(&header).map_err(|error| RawError::Header(error.to_string()))?;
-        let comment = |line: &str| if line.is_empty() { "#\n".to_owned() } else { format!("# {line}\n") };
-        let mut text: String = header.lines().map(comment).collect();
+        let mut text = comment(&header);
         text.push_str(COLUMNS);
         text.push('\n');
         for (number, (_, samples)) in (1_usize..).zip(&self.dwells) {
@@ -237,15 +236,26 @@ impl RawRun {
     }
 }
 
-fn parse_header(lines: &[&str]) -> Result<Header, RawError> {
+/// Text in comment lines.
+pub(super) fn comment(text: &str) -> String {
+    let comment = |line: &str| if line.is_empty() { "#\n".to_owned() } else { format!("# {line}\n") };
+    text.lines().map(comment).collect()
+}
+
+/// The TOML table in comment lines, if it is of this format.
+pub(super) fn table_of(lines: &[&str], format: u32) -> Result<toml::Table, RawError> {
     let uncommented = |line: &&str| format!("{}\n", line.trim_start_matches('#'));
     let text: String = lines.iter().map(uncommented).collect();
     let table: toml::Table = text.parse().map_err(|error: toml::de::Error| RawError::Header(error.to_string()))?;
     match table.get("format").and_then(toml::Value::as_integer).map(u32::try_from) {
-        Some(Ok(RAW_FORMAT)) => {}
-        Some(Ok(format)) => return Err(RawError::Format(format)),
-        _ => return Err(RawError::Header("no format number".to_owned())),
+        Some(Ok(told)) if told == format => Ok(table),
+        Some(Ok(told)) => Err(RawError::Format(told)),
+        _ => Err(RawError::Header("no format number".to_owned())),
     }
+}
+
+fn parse_header(lines: &[&str]) -> Result<Header, RawError> {
+    let table = table_of(lines, RAW_FORMAT)?;
     table.try_into().map_err(|error: toml::de::Error| RawError::Header(error.to_string()))
 }
 
@@ -256,11 +266,11 @@ fn parse_sample(line: &str) -> Result<(usize, RawSample), String> {
     Ok((number(dwell)?, sample))
 }
 
-fn number<T: std::str::FromStr>(field: &str) -> Result<T, String> {
+pub(super) fn number<T: std::str::FromStr>(field: &str) -> Result<T, String> {
     field.parse().map_err(|_| format!("\"{field}\" is not a whole number"))
 }
 
-fn code(field: &str) -> Result<Counts, String> {
+pub(super) fn code(field: &str) -> Result<Counts, String> {
     let counts = Counts(number(field)?);
     let in_range = (Counts::MIN..=Counts::MAX).contains(&counts);
     if in_range { Ok(counts) } else { Err(format!("{field} is not a 24 bit code")) }
