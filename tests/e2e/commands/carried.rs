@@ -80,7 +80,8 @@ fn a_finger_is_calibrated_waved_and_touched_and_one_file_says_it_all() {
 fn a_calibration_with_a_wave_is_one_file_with_the_samples_of_both() {
     let folder = tempfile::tempdir().unwrap();
     let here = folder.path();
-    let line = ["calibrate", "-d", "sim:3", "--load", "2 N", "--contacts", "6", "--wave", "--date", "2026-01-01T00:00:00Z"];
+    let line =
+        ["calibrate", "-d", "sim:3", "--load", "2 N", "--contacts", "6", "--wave", "--date", "2026-01-01T00:00:00Z"];
     let (file, _) = CalibrationFile::read(&written(here, &said(&palpate(here, &line)))).unwrap();
     let wave = file.wave.clone().unwrap();
     assert!((wave.effective_mass_g - MASS_G).abs() < 5.0 * wave.effective_mass_sigma_g + SCALE * MASS_G, "{wave:?}");

@@ -9,7 +9,9 @@ use palpate::pushing::pushed_world::PushedWorld;
 use serde_json::Value;
 
 use crate::PALPATE;
-use crate::observe::{assert_fits_a_terminal, assert_names, check, example, forces, last_answer, observe, pushed, text, unfolded};
+use crate::observe::{
+    assert_fits_a_terminal, assert_names, check, example, forces, last_answer, observe, pushed, text, unfolded,
+};
 
 /// What the push of [`pushed`] was made with: µ_c and mass (kg); µ is the example part's.
 const MU_C: f64 = 0.25;
@@ -131,7 +133,8 @@ fn live_pushes_are_planned_on_and_kept() {
         again.args([command, "--json", "--part"]).arg(&part).arg("--motion").arg(kept.join("motion.toml"));
         let again = last_answer(&again.args(options).arg(kept.join("forces.csv")).output().unwrap());
         let poses = |answer: &Value| -> Vec<f64> {
-            let hypotheses = answer.pointer(best).unwrap_or_else(|| panic!("{answer}"))["hypotheses"].as_array().unwrap();
+            let hypotheses =
+                answer.pointer(best).unwrap_or_else(|| panic!("{answer}"))["hypotheses"].as_array().unwrap();
             let pose = hypotheses[0]["pose_end"].as_array().unwrap();
             pose.iter().map(|value| value.as_f64().unwrap()).collect()
         };
@@ -173,7 +176,8 @@ fn an_uncertain_finger_makes_the_pose_as_uncertain() {
 #[test]
 fn the_thesis_observer_follows_a_part_that_slides_without_friction() {
     let folder = tempfile::tempdir().unwrap();
-    let file = palpate_files::part::PolygonFile::parse(&std::fs::read_to_string(example("part.toml")).unwrap()).unwrap();
+    let file =
+        palpate_files::part::PolygonFile::parse(&std::fs::read_to_string(example("part.toml")).unwrap()).unwrap();
     let motion = palpate_files::motion::parse(&std::fs::read_to_string(example("motion.toml")).unwrap()).unwrap();
     let (part, mu_g) = (&file.part, file.mu * GRAVITY_ASSUMED);
     let (edge, u, s) = (3, 0.1, -0.004);

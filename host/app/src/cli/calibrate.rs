@@ -14,9 +14,9 @@ use palpate::finger::calibration::plan::{CalibrationPlan, Step, TareMode};
 use palpate::finger::calibration::session::{Bench, CalibrationRun, Ending, SampleSource, StepSummary, Taken};
 use palpate::finger::calibration::{FrontEndSettings, Load, session};
 use palpate::pushing::wave::swings;
-use palpate_files::calibration::conclusion::{Conclusion, HELD_BACK_ERROR_MAX_DEG, conclude};
 use palpate_device::Session;
 use palpate_files::calibration::carried::WaveRecord;
+use palpate_files::calibration::conclusion::{Conclusion, HELD_BACK_ERROR_MAX_DEG, conclude};
 use palpate_files::calibration::file::{
     CalibrationFile, CalibrationFileError, save_completed, save_raw, save_result, save_unfinished,
 };
@@ -162,9 +162,8 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     }?;
     let Some(path) = written else { return Ok(ExitCode::FAILURE) };
     if let Some(motion) = wave {
-        add_wave(&mut link, &path, &motion).wrap_err_with(|| {
-            format!("{} is written, but has no wave: palpate wave -c {0} adds it", path.display())
-        })?;
+        add_wave(&mut link, &path, &motion)
+            .wrap_err_with(|| format!("{} is written, but has no wave: palpate wave -c {0} adds it", path.display()))?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -17,9 +17,9 @@ use palpate_device::simulated::Line;
 use palpate_files::motion;
 use palpate_files::part::PolygonFile;
 
+use super::kept_push::{self, as_table};
 use super::read::{read, read_text, tell_part};
 use super::watched_push::MuUncertainty;
-use super::kept_push::{self, as_table};
 use super::{not_negative, pose, static_demo, touch};
 use crate::advice::Advise as _;
 use crate::thesis::chain::known_of;

@@ -115,7 +115,11 @@ fn unexplained(estimate: &Estimate, weighed: Option<Told>, explain: impl FnOnce(
 fn lines(told: &FrictionTold) -> Vec<String> {
     let line = |name: &str, told: &Told, scale: f64, unit: &str| {
         let [low, high] = told.interval().map(|value| value * scale);
-        format!("{name} = {:<8.4} # ± {:.1} %, 95 %: {low:.4} to {high:.4}{unit}", told.value * scale, 100.0 * told.log_sd)
+        format!(
+            "{name} = {:<8.4} # ± {:.1} %, 95 %: {low:.4} to {high:.4}{unit}",
+            told.value * scale,
+            100.0 * told.log_sd
+        )
     };
     let mu_c = match &told.mu_c {
         ContactFrictionTold::Slipped(mu_c) => line("mu_c", mu_c, 1.0, ""),
@@ -155,8 +159,7 @@ fn in_words(told: &FrictionTold, estimate: &Estimate, is_weighed: bool) -> Strin
 }
 
 fn as_json(told: &FrictionTold, estimate: &Estimate) -> Value {
-    let quantity =
-        |told: &Told| json!({"value": told.value, "log_sd": told.log_sd, "interval_95": told.interval()});
+    let quantity = |told: &Told| json!({"value": told.value, "log_sd": told.log_sd, "interval_95": told.interval()});
     let mu_c = match &told.mu_c {
         ContactFrictionTold::Slipped(mu_c) => quantity(mu_c),
         ContactFrictionTold::AtLeast(least) => json!({"at_least": least}),

@@ -9,10 +9,10 @@ use palpate::pushing::estimation::from_rest::watch::PushAnswer;
 use palpate_files::part::PolygonFile;
 
 use super::follow::Following;
+use super::measured_motion::{self, MeasuredMotionArguments};
 use super::observe_gho::{GhoArguments, GhoPush};
 use super::observed_plot::{self, Heading};
 use super::plot::PlotArguments;
-use super::measured_motion::{self, MeasuredMotionArguments};
 use super::read::{read, tell_part};
 use super::watched_push::{Ongoing, Watched, WatchedPushArguments, Watching, too_short};
 use super::{lacking, misfit, pose, positive};

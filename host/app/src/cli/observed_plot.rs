@@ -5,10 +5,10 @@ use palpate::finger::contact::Reading;
 use palpate::geometry::Pose;
 use palpate::math::statistics::chi_square_quantile;
 use palpate::pushing::dynamics::Part;
+use palpate::pushing::estimation::Estimate;
 use palpate::pushing::estimation::Hypothesis;
 use palpate::pushing::estimation::from_rest::readings::{ForceHypothesis, ForceReading, TrackedHypothesis};
 use palpate::pushing::estimation::from_rest::{ExplainedForce, KnownFromRest, WindowedForce};
-use palpate::pushing::estimation::Estimate;
 use palpate::pushing::finger_motion::FingerMotion;
 use palpate::pushing::pushed_world::Played;
 
@@ -66,11 +66,8 @@ pub(super) fn searched(
 ) -> Figure {
     let end = estimate.time_end;
     let best = estimate.hypotheses.first();
-    let possible = |it: &Hypothesis| PossiblePose {
-        probability: it.probability,
-        pose: it.pose_end,
-        covariance: it.covariance,
-    };
+    let possible =
+        |it: &Hypothesis| PossiblePose { probability: it.probability, pose: it.pose_end, covariance: it.covariance };
     let explained = best.map(|best| known.explained(force, best)).unwrap_or_default();
     let shown = |it: &ExplainedForce| ShownForce { time: it.time, felt: it.felt, left: Some([it.left, it.sd]) };
     let force = if explained.is_empty() {
@@ -140,7 +137,10 @@ pub(super) fn trailed(
         part,
         radius,
         finger: finger(motion, last.map_or(0.0, |(time, _)| *time)),
-        poses: last.map(|(_, pose)| PossiblePose { probability: 1.0, pose: *pose, covariance: None }).into_iter().collect(),
+        poses: last
+            .map(|(_, pose)| PossiblePose { probability: 1.0, pose: *pose, covariance: None })
+            .into_iter()
+            .collect(),
         trail: trail.to_vec(),
         force: unexplained(felt),
         misfits: None,

@@ -114,6 +114,10 @@ fn effective_mass(text: &str) -> Result<EffectiveMass, String> {
     Ok(EffectiveMass { mass: mass * 1e-3, sd: sd * 1e-3 })
 }
 
+/// What the scale of a force may be off by since it was calibrated, as a share: gauges and bridge drift by 300 ppm/K, and a room
+/// is some 5 K warmer or colder another day. The part's mass takes it up.
+const SCALE_SD: f64 = 0.0015;
+
 /// Axes that differ by less than this are one, degrees: of a push of 2 cm the end is a third of a millimetre off.
 const ALIGNED_DEG: f64 = 1.0;
 
@@ -444,7 +448,7 @@ impl WatchedPushArguments {
         let front_end = live::front_end(session.hello()).advised()?;
         let is_checked = self.offset.expected(&calibration, &front_end).is_some();
         let mounting = self.felt.mounting();
-        let watch = PushWatch::new(settings, Some(&calibration.mounted(mounting)));
+        let watch = PushWatch::new(settings, Some(&calibration.mounted(mounting).with_scale_sd(SCALE_SD)));
         let mut watch = if is_checked { watch.behind(front_end) } else { watch };
         let mut judge = CountsJudge::new(&calibration);
         let mut failed = None;

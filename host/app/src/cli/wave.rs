@@ -263,13 +263,18 @@ pub(super) fn keep(
 
 /// Readings of kept samples by a calibration.
 fn judged_again(raw: &RawWave, file: &CalibrationFile) -> miette::Result<Vec<Reading>> {
-    let told = [(&raw.provenance.device, &file.measured_with.device), (&raw.provenance.finger, &file.measured_with.finger)];
+    let told =
+        [(&raw.provenance.device, &file.measured_with.device), (&raw.provenance.finger, &file.measured_with.finger)];
     if let Some((of_wave, of_calibration)) = told.into_iter().find(|(a, b)| a != b) {
         let help = "name a calibration of the finger that was waved";
         return Err(miette::miette!(help = help, "the wave is of {of_wave}, the calibration of {of_calibration}"));
     }
     let mut judge = CountsJudge::new(&file.calibration().advised()?);
-    Ok(raw.blocks().iter().flat_map(|block| judge.judge(block).filter_map(Judged::reading).collect::<Vec<_>>()).collect())
+    Ok(raw
+        .blocks()
+        .iter()
+        .flat_map(|block| judge.judge(block).filter_map(Judged::reading).collect::<Vec<_>>())
+        .collect())
 }
 
 /// The finger's mass by a wave.

@@ -264,7 +264,9 @@ mod tests {
     use super::*;
 
     fn block() -> Part {
-        Part::uniform(SimplePolygon::new([[0.0, 0.0], [0.06, 0.0], [0.06, 0.04], [0.0, 0.04]].map(Point2::from)).unwrap())
+        Part::uniform(
+            SimplePolygon::new([[0.0, 0.0], [0.06, 0.0], [0.06, 0.04], [0.0, 0.04]].map(Point2::from)).unwrap(),
+        )
     }
 
     fn picture(part: &Part, poses: usize) -> ObservedPicture<'_> {

@@ -63,7 +63,8 @@ impl ObserverPicture<'_> {
     #[must_use]
     pub fn scenes(&self, title: String, subtitles: &[String]) -> Figure {
         let actual = self.scene("(a) what happens", TRUTH, |moment| (moment.pose, moment.truth.u));
-        let believed = self.scene("(b) what the observer believes", ESTIMATE, |moment| (moment.believed, moment.estimate.u));
+        let believed =
+            self.scene("(b) what the observer believes", ESTIMATE, |moment| (moment.believed, moment.estimate.u));
         let figure = headed(title, SCENES, subtitles);
         figure.column(1.0, vec![actual.into()]).column(1.0, vec![believed.into()])
     }

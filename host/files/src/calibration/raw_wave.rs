@@ -111,15 +111,18 @@ impl RawWave {
             Some((_, line)) if line == COLUMNS => {}
             _ => return Err(RawError::Line { line: heading.len() + 1, what: format!("not \"{COLUMNS}\"") }),
         }
-        let sample = |(index, line): (usize, &str)| {
-            parse_sample(line).map_err(|what| RawError::Line { line: index + 1, what })
-        };
+        let sample =
+            |(index, line): (usize, &str)| parse_sample(line).map_err(|what| RawError::Line { line: index + 1, what });
         let samples: Vec<_> = lines.map(sample).collect::<Result<_, _>>()?;
         if let Some(place) = samples.windows(2).position(|pair| pair[1].seq <= pair[0].seq) {
             let what = "its sample number is not above the one before".to_owned();
             return Err(RawError::Line { line: heading.len() + place + 3, what });
         }
-        if samples.is_empty() { Err(RawError::NoSamples(1)) } else { Ok(Self { provenance: measured_with, motion, samples }) }
+        if samples.is_empty() {
+            Err(RawError::NoSamples(1))
+        } else {
+            Ok(Self { provenance: measured_with, motion, samples })
+        }
     }
 }
 
@@ -171,7 +174,11 @@ mod tests {
     fn what_is_wrong_is_named_with_its_line() {
         let text = wave().to_text().unwrap();
         let says = |text: &str| RawWave::from_text(text).unwrap_err().to_string();
-        assert!(says(&text.replace("\n3,750,", "\n2,750,")).contains("not above"), "{}", says(&text.replace("\n3,750,", "\n2,750,")));
+        assert!(
+            says(&text.replace("\n3,750,", "\n2,750,")).contains("not above"),
+            "{}",
+            says(&text.replace("\n3,750,", "\n2,750,"))
+        );
         assert!(says(&text.replace("\n3,750,", "\n3,x,")).contains("\"x\" is not a whole number"));
         assert!(says(&text.replace("format = 1", "format = 9")).contains("format 9"));
         assert!(says(text.split_once("seq").unwrap().0).contains("not \"seq"));

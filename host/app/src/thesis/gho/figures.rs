@@ -245,17 +245,31 @@ impl Printed {
         };
         let of_scene = [
             setting.clone(),
-            format!("Left what happens, right what the observer believes, which feels only where on the disk the contact is (dots), every 0.1 s. See the part on the"),
-            format!("right begin {apart:.2} cm along its edge from where it is, slip along until {one:.2} s, and from then on move as the left one does."),
+            format!(
+                "Left what happens, right what the observer believes, which feels only where on the disk the contact is (dots), every 0.1 s. See the part on the"
+            ),
+            format!(
+                "right begin {apart:.2} cm along its edge from where it is, slip along until {one:.2} s, and from then on move as the left one does."
+            ),
         ];
         let of_states = [
             setting,
-            format!("Truth (lines) and estimate (dashed). See u, which is felt, come together at once, ω{} soon after, and the place s last: from {one:.2} s on nothing", if is_rolling { "" } else { " and vT" }),
-            "tells them apart. Where the estimate of s runs along the end of the edge it was set back to it.".to_owned(),
+            format!(
+                "Truth (lines) and estimate (dashed). See u, which is felt, come together at once, ω{} soon after, and the place s last: from {one:.2} s on nothing",
+                if is_rolling { "" } else { " and vT" }
+            ),
+            "tells them apart. Where the estimate of s runs along the end of the edge it was set back to it."
+                .to_owned(),
         ];
         [
-            (format!("figure-{scene}"), picture.scenes(format!("Figure {scene}: the observer follows a {part}"), &of_scene)),
-            (format!("figure-{states}"), picture.states(format!("Figure {states}: states and estimates of figure {scene}"), &of_states)),
+            (
+                format!("figure-{scene}"),
+                picture.scenes(format!("Figure {scene}: the observer follows a {part}"), &of_scene),
+            ),
+            (
+                format!("figure-{states}"),
+                picture.states(format!("Figure {states}: states and estimates of figure {scene}"), &of_states),
+            ),
         ]
     }
 }

@@ -11,7 +11,7 @@
 //! Units: newtons if a load was known, otherwise the calibration's own relative unit; radians; counts.
 //! Errors: a calibration that cannot be inverted or has no proper covariance is refused when it is built.
 
-use nalgebra::{Matrix2, Matrix2x4, Rotation2, SMatrix, Vector2};
+use nalgebra::{Matrix2, Matrix2x4, Rotation2, SMatrix, Vector2, Vector4};
 use thiserror::Error;
 
 use crate::math::angle::{contact_angle, direction_variance};
@@ -165,6 +165,17 @@ impl Calibration {
         let covariance = by * self.parts.covariance * by.transpose();
         let parts = CalibrationParts { matrix: self.parts.matrix * turn, covariance, ..self.parts };
         Self { parts, inverse: turn.transpose() * self.inverse }
+    }
+
+    /// The same with a scale that is uncertain too, by this share (standard deviation): all gauges drift alike.
+    #[must_use]
+    pub fn with_scale_sd(&self, share: f64) -> Self {
+        let matrix = &self.parts.matrix;
+        let entries = Vector4::new(matrix[(0, 0)], matrix[(0, 1)], matrix[(1, 0)], matrix[(1, 1)]) * share;
+        let mut parts = self.parts;
+        let mut block = parts.covariance.fixed_view_mut::<4, 4>(0, 0);
+        block += entries * entries.transpose();
+        Self { parts, inverse: self.inverse }
     }
 
     /// The numbers it was built from.
@@ -334,6 +345,15 @@ mod tests {
             let wanted = turn.matrix() * own * turn.matrix().transpose();
             prop_assert!((turned - wanted).amax() <= 1e-12 * own.amax(), "{turned} {wanted}");
             prop_assert!(Calibration::new(*mounted.parts()).is_ok());
+        }
+
+        /// A scale that drifts makes the force longer or shorter, and does not turn it.
+        #[test]
+        fn an_uncertain_scale_is_one_along_the_force(x in 0.5..9.0, y in -9.0..9.0) {
+            let calibration = Calibration::new(parts(default_matrix())).unwrap();
+            let force = Vector2::new(x, y);
+            let more = calibration.with_scale_sd(0.01).systematic(force) - calibration.systematic(force);
+            prop_assert!((more - force * force.transpose() * 1e-4).amax() < 1e-9, "{more}");
         }
 
         #[test]

@@ -146,7 +146,12 @@ mod tests {
     use crate::pushing::estimation::{Fit, FromForce};
 
     /// µ and mass, their deviations and that of the product; µ_c where it slipped.
-    fn hypothesis(probability: f64, [mu, mass]: [f64; 2], [mu_sd, mass_sd, both]: [f64; 3], mu_c: Option<f64>) -> Hypothesis {
+    fn hypothesis(
+        probability: f64,
+        [mu, mass]: [f64; 2],
+        [mu_sd, mass_sd, both]: [f64; 3],
+        mu_c: Option<f64>,
+    ) -> Hypothesis {
         let state = State { u: 0.1, s: 0.01, omega: 0.0, v_t: 0.0 };
         let pose = Pose { x: 0.0, y: 0.0, theta: 0.0 };
         Hypothesis {

@@ -146,7 +146,8 @@ mod tests {
         assert!((worst.time - (0.24 + 0.02)).abs() < 1e-9 && worst.left.x > 0.01, "{worst:?}");
 
         let (played, truth) = (known.played(best).unwrap(), &drawn.played);
-        let off = |t: f64| (played.pose(t).unwrap().translation.vector - truth.pose(t).unwrap().translation.vector).norm();
+        let off =
+            |t: f64| (played.pose(t).unwrap().translation.vector - truth.pose(t).unwrap().translation.vector).norm();
         assert!(off(0.1) < 2e-3 && off(0.7) < 2e-3, "{} m, {} m", off(0.1), off(0.7));
     }
 }

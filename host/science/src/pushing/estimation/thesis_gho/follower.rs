@@ -167,7 +167,8 @@ impl GhoFollower {
 
     fn begin(&mut self, known: &GhoKnown, time: f64, angle: f64) {
         (self.begun, self.time, self.angle) = (Some((time, angle)), time, angle);
-        let edges = known.part.sides().filter(|(edge, _)| self.start.edge.is_none_or(|told| known.part.side(told) == *edge));
+        let edges =
+            known.part.sides().filter(|(edge, _)| self.start.edge.is_none_or(|told| known.part.side(told) == *edge));
         let GhoStart { u, s, omega, v_t, .. } = self.start;
         let begin = |(edge, line): (usize, crate::pushing::dynamics::Edge)| {
             let s = s.unwrap_or(0.5 * (line.s_min + line.s_max)).clamp(line.s_min, line.s_max);
@@ -239,7 +240,14 @@ impl GhoKnown<'_> {
 impl OnEdge {
     /// A step with the contact angles at its ends; false where it diverges. The correction goes by the time since the
     /// observers began, the second of the times.
-    fn step(&mut self, known: &GhoKnown, settings: GhoSettings, (time, since): (f64, f64), felt: [f64; 2], dt: f64) -> bool {
+    fn step(
+        &mut self,
+        known: &GhoKnown,
+        settings: GhoSettings,
+        (time, since): (f64, f64),
+        felt: [f64; 2],
+        dt: f64,
+    ) -> bool {
         // The middle of the step says which segment it is in.
         let Some(model) = known.model(self.edge, time + 0.5 * dt) else { return false };
         let corrects = settings.corrects(since);
@@ -292,7 +300,13 @@ mod tests {
         world.play().unwrap()
     }
 
-    fn followed(part: &Part, motion: &FingerMotion, played: &Played, contact: ContactMode, start: GhoStart) -> Vec<GhoTold> {
+    fn followed(
+        part: &Part,
+        motion: &FingerMotion,
+        played: &Played,
+        contact: ContactMode,
+        start: GhoStart,
+    ) -> Vec<GhoTold> {
         let known = GhoKnown { part, mu_g: MU_G, radius: RADIUS, motion, contact };
         let mut follower = GhoFollower::new(start, GhoSettings::new(10.0));
         for sample in played.samples.iter().step_by(40) {
@@ -329,7 +343,8 @@ mod tests {
     #[test]
     fn nothing_is_believed_of_a_finger_that_hardly_moves() {
         let (part, motion) = (part(), motion());
-        let known = GhoKnown { part: &part, mu_g: MU_G, radius: RADIUS, motion: &motion, contact: ContactMode::Rolling };
+        let known =
+            GhoKnown { part: &part, mu_g: MU_G, radius: RADIUS, motion: &motion, contact: ContactMode::Rolling };
         let mut follower = GhoFollower::new(GhoStart::default(), GhoSettings::new(10.0));
         follower.take(&known, 0.01, 1.6);
         assert!(follower.told(&known).is_empty() && follower.begun().is_none());
@@ -342,7 +357,8 @@ mod tests {
     #[test]
     fn fingers_of_segments_are_those_of_the_motion() {
         let (part, motion) = (part(), motion());
-        let known = GhoKnown { part: &part, mu_g: MU_G, radius: RADIUS, motion: &motion, contact: ContactMode::Rolling };
+        let known =
+            GhoKnown { part: &part, mu_g: MU_G, radius: RADIUS, motion: &motion, contact: ContactMode::Rolling };
         for t in [0.0, 0.1, 0.39, 0.41, 0.7, 0.8] {
             let off = known.finger(t).centre(t) - motion.centre(t);
             assert!(off.norm() < 1e-15, "{t}: {off}");
