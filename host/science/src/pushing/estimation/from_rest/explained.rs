@@ -70,10 +70,9 @@ impl KnownFromRest<'_> {
         let tried = problem.descend(tried, usize::MAX);
         let lefts = measured.in_newtons(tried.rest());
         let windows = measured.forces_finger().iter().enumerate().filter_map(|(window, felt)| Some((window, (*felt)?)));
-        let explained = |(((window, felt), left), sd): (((usize, Vector2<f64>), Vector2<f64>), Vector2<f64>)| {
-            ExplainedForce { time: middle(window), felt, left, sd }
-        };
-        windows.zip(lefts).zip(measured.deviations()).map(explained).collect()
+        let left_and_sd = lefts.into_iter().zip(measured.deviations());
+        let explained = windows.zip(left_and_sd);
+        explained.map(|((window, felt), (left, sd))| ExplainedForce { time: middle(window), felt, left, sd }).collect()
     }
 }
 

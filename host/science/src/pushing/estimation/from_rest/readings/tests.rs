@@ -47,6 +47,8 @@ impl Case {
             effective_mass_sd: 0.0,
             is_moving: false,
             compliance: 0.0,
+            compliance_sd: 0.0,
+            place_sd: 0.0,
             motion: &self.ranges.motion,
             noise: NOISE_N,
         }
