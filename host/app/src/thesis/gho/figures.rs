@@ -221,7 +221,7 @@ impl Printed {
         };
         let moments: Vec<_> = (0..=self.steps).map(moment).collect();
         let mut snapshots: Vec<_> = (0..=self.steps).step_by(SNAPSHOT).collect();
-        if self.steps % SNAPSHOT > 0 {
+        if !self.steps.is_multiple_of(SNAPSHOT) {
             snapshots.push(self.steps);
         }
         let is_rolling = self.contact == ContactMode::Rolling;
@@ -245,9 +245,7 @@ impl Printed {
         };
         let of_scene = [
             setting.clone(),
-            format!(
-                "Left what happens, right what the observer believes, which feels only where on the disk the contact is (dots), every 0.1 s. See the part on the"
-            ),
+            "Left what happens, right what the observer believes, which feels only where on the disk the contact is (dots), every 0.1 s. See the part on the".to_owned(),
             format!(
                 "right begin {apart:.2} cm along its edge from where it is, slip along until {one:.2} s, and from then on move as the left one does."
             ),
