@@ -9,11 +9,12 @@
 //!
 //! By chapter: `inscription` (2), `sampling` (3), `gho` and `initial_pose` (6), `static_contacts` (§6.4), `rolling`
 //! (7); beyond the thesis: `pose` and `plan` (`rivals` decides what is ambiguous), `parts`, `chain` (`demonstration`,
-//! many times) and `chain_masses`, `drawn_pushes`, `drawn_rest` and `drawn_rolls` (is the search to blame?), `invariances`, `touches`, `touch`. `cases` runs
+//! many times) and `chain_masses`, `carried` (planning and telling parts apart through it), `drawn_pushes`, `drawn_rest` and `drawn_rolls` (is the search to blame?), `invariances`, `touches`, `touch`. `cases` runs
 //! them on all processors, `progress` tells how far they are, `judged` holds what answers state against the truth.
 //!
 //! Units: as the columns' headings say. Errors: none, a case that cannot be solved is a row of the count of failures.
 
+mod carried;
 mod cases;
 pub(crate) mod chain;
 mod chain_masses;
@@ -78,7 +79,9 @@ pub const EXPERIMENTS: &[Experiment] = &[
     chain::EXPERIMENT,
     chain_masses::EXPERIMENT,
     plan::EXPERIMENT,
+    carried::PLAN,
     parts::EXPERIMENT,
+    carried::PARTS,
     rolling::ATTITUDE,
     rolling::SEMI_AXES,
     rolling::WHICH,

@@ -15,7 +15,7 @@ use super::{Cell, Experiment, Table, TableSettings};
 const VALUES: u32 = 81;
 
 /// A part is certain, or excluded, if what speaks against it, or for it, is less probable than this.
-const DOUBT: f64 = 0.01;
+pub(super) const DOUBT: f64 = 0.01;
 
 /// How many parts are known, and how the finger accelerates, m/s².
 const ROWS: [(&str, usize, [f64; 2]); 4] = [
@@ -31,19 +31,19 @@ pub(super) const EXPERIMENT: Experiment =
 
 /// What came of a case.
 #[derive(Clone, Debug, Default)]
-struct Outcome {
+pub(super) struct Outcome {
     /// The probability of the part that was pushed.
-    truth: f64,
+    pub(super) truth: f64,
     /// The largest of another one.
-    other: f64,
+    pub(super) other: f64,
 }
 
 impl Outcome {
-    fn is_first(&self) -> bool {
+    pub(super) fn is_first(&self) -> bool {
         self.truth > self.other
     }
 
-    fn is_certain(&self) -> bool {
+    pub(super) fn is_certain(&self) -> bool {
         self.truth.max(self.other) > 1.0 - DOUBT
     }
 }
