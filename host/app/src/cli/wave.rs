@@ -17,6 +17,7 @@ use palpate_files::calibration::file::{CalibrationFile, RawRecord, save_beside, 
 use palpate_files::calibration::raw_wave::{RawWave, samples_of};
 use palpate_files::motion;
 use palpate_files::recordings::csv::{self, RecordedTable};
+use palpate_shared::sim::Load;
 
 use super::calibrated::CalibrationArguments;
 use super::device::DeviceArguments;
@@ -208,6 +209,9 @@ impl Arguments {
     }
 }
 
+/// A finger that is let go of has rung out after so long, s: by 1/e in 43 ms.
+const RUNG_OUT_S: f64 = 0.5;
+
 /// What a finger felt that was waved.
 pub(super) struct Waved {
     pub(super) readings: Vec<Reading>,
@@ -223,6 +227,19 @@ pub(super) fn take(
     wait_s: f64,
 ) -> miette::Result<Waved> {
     let mut judge = CountsJudge::new(&file.calibration().advised()?);
+    if let Some(hand) = session.simulated() {
+        hand.set_load(Load::Released).into_diagnostic()?;
+        live::start(session).advised()?;
+        let mut first = None;
+        live::judged(session, &mut judge, |_, _, judged| {
+            let now = judged.last().and_then(Judged::time);
+            first = first.or(now);
+            now.zip(first).is_none_or(|(now, first)| now < first + RUNG_OUT_S)
+        })
+        .advised()?;
+        session.stop().advised()?;
+        session.forget_waiting();
+    }
     live::start(session).advised()?;
     let seconds = motion.duration() + wait_s;
     match session.simulated().cloned() {
