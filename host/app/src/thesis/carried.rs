@@ -55,7 +55,7 @@ fn felt(rig: &mut Rig, played: &Played, motion: &FingerMotion, until: f64) -> Re
 
 /// How many parts are known, and whether the finger turns.
 const PART_ROWS: [(&str, usize, bool); 3] =
-    [("2, straight", 2, false), ("2, with a turn", 2, true), ("10, with a turn", 10, true)];
+    [("2, straight", 2, false), ("2, with a turn", 2, true), ("5, with a turn", 5, true)];
 
 fn parts(settings: &TableSettings) -> Table {
     let mut table = Table::new(["parts, push", "cases", "named", "not excluded", "certain", "wrong and certain"]);
