@@ -23,7 +23,7 @@ use palpate_shared::wire::{
     RestartReason, Source, Temperature,
 };
 
-use crate::ads131m02::register;
+use crate::ads131m::register;
 use crate::block::BlockBuilder;
 use crate::link::{Link, Links};
 use crate::log::{info, warning};

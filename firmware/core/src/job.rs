@@ -4,7 +4,7 @@
 //! that says that the command came damaged, sends the job back to that step; after [`FAILURES_MAX`] of
 //! these it gives up.
 
-use crate::ads131m02::{Command, may_be_refusal, register, setting_words};
+use crate::ads131m::{Command, may_be_refusal, register, setting_words};
 use crate::queues::{FrontEndRequest, RequestKind};
 use crate::settings::{DeviceSettings, Rate};
 

@@ -8,7 +8,7 @@
 //!             ▲──── requests ──────────────────────────────────────────────────── ┘
 //! ```
 //!
-//! - [`ads131m02`]: driver of the analogue front-end, over `embedded-hal`;
+//! - [`ads131m`]: driver of the analogue front-end, over `embedded-hal`;
 //! - [`settings`]: rates and gains, and which rate a serial line carries;
 //! - [`sampler`]: reads a frame at each data-ready edge, numbers it (`clock`: how many conversions have passed), serves
 //!   requests in the same frames (`job`);
@@ -30,7 +30,7 @@ extern crate std;
 
 mod log;
 
-pub mod ads131m02;
+pub mod ads131m;
 pub mod block;
 pub mod device;
 pub mod link;

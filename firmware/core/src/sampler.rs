@@ -31,7 +31,7 @@ use heapless::Deque;
 use palpate_shared::units::{Counts, DeviceTime, Seq};
 use palpate_shared::wire::{Checks, EventKind, Refusal, SelfTest, Source, Status};
 
-use crate::ads131m02::{Ads131m02, Command, Error, FRAME_BYTES, Frame, is_id, is_mode, setting_words};
+use crate::ads131m::{Ads131m02, Command, Error, FRAME_BYTES, Frame, is_id, is_mode, setting_words};
 use crate::clock::{ConversionClock, WINDOW};
 use crate::job::{Goal, Job, Progress};
 use crate::log::{info, warning};

@@ -2,7 +2,7 @@
 
 mod rig;
 
-use palpate_firmware_core::ads131m02::frame_of;
+use palpate_firmware_core::ads131m::frame_of;
 use palpate_shared::frame::{DELIMITER, FRAME_MAX, encode};
 use palpate_shared::sim::{Faults, FingerConfig, FloatingBus, StatusLatch};
 use palpate_shared::units::DeviceTime;

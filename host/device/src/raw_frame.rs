@@ -12,7 +12,7 @@
 //! # Ok::<(), palpate_device::raw_frame::NotAFrame>(())
 //! ```
 
-use palpate_firmware_core::ads131m02::{frame_of, has_its_checksum};
+use palpate_firmware_core::ads131m::{frame_of, has_its_checksum};
 use palpate_shared::wire::RAW_FRAME_BYTES;
 
 /// A text that names no frame.

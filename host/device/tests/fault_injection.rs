@@ -187,6 +187,7 @@ fn front_end_faults(draw: &mut Draw) -> Faults {
         open_gauge: [draw.index(6) == 0, draw.index(6) == 0],
         drift_per_s: single(draw.uniform(-10.0, 10.0)) * MICROSTRAIN,
         hum_peak_to_peak: single(draw.uniform(0.0, 20.0)) * MICROSTRAIN,
+        excitation_change: single(draw.uniform(-0.05, 0.05)),
         // It makes no conversions that could be held against what was counted.
         clock_stopped: false,
     }

@@ -13,7 +13,7 @@
 //! gains of 8 and above at AVDD = 3.3 V; at 3.3 V excitation it would not be.
 //! Frame: finger. Units: SI; strain as a plain ratio. Errors: none.
 
-use super::ads131m02::volts_per_count;
+use super::ads131m::volts_per_count;
 use super::noise::{Source, Stream};
 use super::trig::{phase_of, sin_cos};
 

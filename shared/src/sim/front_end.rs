@@ -6,7 +6,7 @@
 //!
 //! Units: SI, nanoseconds for simulated time. Errors: none; what goes wrong is simulated (see [`Faults`]).
 
-use super::ads131m02::{Behaviour, Chip, RESET_PULSE_NS};
+use super::ads131m::{Behaviour, Channels, Chip, RESET_PULSE_NS};
 use super::beam::{Beam, BeamConfig};
 use super::bridge::{Bridges, BridgesConfig};
 use super::carried::{Carriage, CarriedBeam};
@@ -20,6 +20,15 @@ const SATURATING_V: f32 = 2.4;
 /// Conversions between two looks at the temperature, less one: it moves by 0.2 mK a second at most.
 const THERMAL_EVERY: u32 = 0xFF;
 
+/// Part of the excitation that channel 2 gets.
+const EXCITATION_PART: f32 = 0.4;
+/// Resistor in series with the NTC, in Ω.
+const NTC_SERIES_OHM: f32 = 39_000.0;
+/// The NTC at 25 °C, in Ω.
+const NTC_OHM: f32 = 10_000.0;
+/// Its B value, in K.
+const NTC_B_K: f32 = 3950.0;
+
 /// Everything that describes a simulated finger. The default is the project's default finger.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FingerConfig {
@@ -31,6 +40,8 @@ pub struct FingerConfig {
     pub thermal: ThermalConfig,
     /// The converter's noise as a multiple of the datasheet's; 0 is none.
     pub converter_noise: f32,
+    /// How many channels the converter has. Four: the ADS131M04, with excitation and NTC on channels 2 and 3.
+    pub channels: Channels,
     /// What the converter does where its datasheet is silent.
     pub converter: Behaviour,
     /// Time for one load to give way to the next, in microseconds.
@@ -44,6 +55,7 @@ impl Default for FingerConfig {
             bridges: BridgesConfig::default(),
             thermal: ThermalConfig::default(),
             converter_noise: 1.0,
+            channels: Channels::default(),
             converter: Behaviour::default(),
             ramp_us: RAMP_US,
         }
@@ -59,6 +71,7 @@ impl FingerConfig {
             bridges: BridgesConfig::ideal(),
             thermal: ThermalConfig { swing_k: 0.0, ..ThermalConfig::default() },
             converter_noise: 0.0,
+            channels: Channels::default(),
             converter: Behaviour::default(),
             ramp_us: 0,
         }
@@ -96,6 +109,8 @@ pub struct Faults {
     pub data_ready_stuck: bool,
     /// The converter's clock stands still: its bus answers, and nothing is converted.
     pub clock_stopped: bool,
+    /// Change of the excitation as a ratio: −0.01 lowers it by 1 %, and all voltages of bridges and NTC with it.
+    pub excitation_change: f32,
     /// Bridges with a broken gauge: they sit at their rail and are noisy.
     pub open_gauge: [bool; 2],
     /// Channels driven past full scale.
@@ -195,6 +210,11 @@ pub struct SimulatedFrontEnd {
     chip: Chip,
     faults: Faults,
     bit_errors: BitErrors,
+    channels: Channels,
+    /// Excitation without faults, in volts.
+    excitation_v: f32,
+    /// Voltage on channel 3 as part of the excitation, by the NTC at the present temperature.
+    ntc_part: f32,
     /// Offset that the bridges have gained by a fault, as strain.
     drifted: f32,
     sync_pin: SyncPin,
@@ -209,7 +229,7 @@ impl SimulatedFrontEnd {
     /// A released finger and a chip just powered up. The same seed gives the same bytes.
     #[must_use]
     pub fn new(config: FingerConfig, seed: u64) -> Self {
-        let mut chip = Chip::new(seed);
+        let mut chip = Chip::with(config.channels, seed);
         chip.set_noise_factor(config.converter_noise);
         chip.set_behaviour(config.converter);
         let period_ns = chip.period_ns();
@@ -217,18 +237,21 @@ impl SimulatedFrontEnd {
         Self {
             beam: Beam::new(config.beam, seconds(period_ns)),
             bridges: Bridges::new(config.bridges, config.beam.strain_per_newton(), period_ns, seed),
-            temperature_c: thermal.at(0),
-            thermal,
             loading: Loading::new(config.ramp_us),
             chip,
             faults: Faults::default(),
             bit_errors: BitErrors::new(seed),
+            channels: config.channels,
+            excitation_v: config.bridges.excitation_v,
+            ntc_part: ntc_part(thermal.at(0)),
             drifted: 0.0,
             sync_pin: SyncPin::High,
             time_ns: 0,
             conversions: 0,
             period_ns,
             force_finger: [0.0; 2],
+            temperature_c: thermal.at(0),
+            thermal,
         }
     }
 
@@ -304,8 +327,19 @@ impl SimulatedFrontEnd {
     fn convert(&mut self, elastic: [f32; 2]) -> bool {
         self.drifted += self.faults.drift_per_s * seconds(self.period_ns);
         let volts = self.bridges.step(elastic, self.thermal.above_reference(self.temperature_c), self.drifted);
-        let volts = self.break_inputs(volts);
-        !self.faults.clock_stopped && self.chip.convert(volts) && self.is_data_ready_wired()
+        let volts = self.break_inputs(volts.map(|v| v * (1.0 + self.faults.excitation_change)));
+        if self.faults.clock_stopped {
+            return false;
+        }
+        let fell = match self.channels {
+            Channels::Two => self.chip.convert(volts),
+            Channels::Four => {
+                let [excitation_v, ntc_v] = self.slow_volts();
+                let [x, y] = volts;
+                self.chip.convert([x, y, excitation_v, ntc_v])
+            }
+        };
+        fell && self.is_data_ready_wired()
     }
 
     /// Whether DRDY is low.
@@ -400,8 +434,17 @@ impl SimulatedFrontEnd {
     fn follow_temperature(&mut self) {
         if self.conversions & THERMAL_EVERY == 0 {
             self.temperature_c = self.thermal.at(self.time_ns);
+            if self.channels == Channels::Four {
+                self.ntc_part = ntc_part(self.temperature_c);
+            }
         }
         self.conversions = self.conversions.wrapping_add(1);
+    }
+
+    /// What channels 2 and 3 have: parts of the excitation.
+    fn slow_volts(&self) -> [f32; 2] {
+        let excitation_v = self.excitation_v * (1.0 + self.faults.excitation_change);
+        [EXCITATION_PART, self.ntc_part].map(|part| part * excitation_v)
     }
 
     /// What the chip's pins have, given what sound bridges would have.
@@ -416,6 +459,12 @@ impl SimulatedFrontEnd {
             (false, false) => volts[i],
         })
     }
+}
+
+/// Part of the excitation that an NTC of 10 kΩ (B = 3950 K) below 39 kΩ leaves at a temperature in °C, by the B equation.
+fn ntc_part(temperature_c: f32) -> f32 {
+    let ohm = NTC_OHM * libm::expf(NTC_B_K * (1.0 / (temperature_c + 273.15) - 1.0 / 298.15));
+    ohm / (ohm + NTC_SERIES_OHM)
 }
 
 /// Nanoseconds as seconds, s.

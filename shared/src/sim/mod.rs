@@ -1,7 +1,7 @@
 //! The simulated finger, from a force on its disk to bytes on its SPI bus.
 //!
 //! ```text
-//! load ──force on the disk──▶ beam ──elastic force──▶ bridge ──volts──▶ ads131m02 ──bytes──▶ port (SpiDevice, pins)
+//! load ──force on the disk──▶ beam ──elastic force──▶ bridge ──volts──▶ ads131m ──bytes──▶ port (SpiDevice, pins)
 //!                                     temperature ──▶   ▲ hum             ▲ noise
 //! └──────────────────────────── front_end: one conversion period per step, faults ────────────────────────────┘
 //! ```
@@ -35,7 +35,7 @@
 //! assert!((microstrain + 98.3).abs() < 0.1); // −95.5, 3 % gain error, a little cross-talk
 //! ```
 
-pub mod ads131m02;
+pub mod ads131m;
 mod beam;
 mod bridge;
 mod carried;
@@ -46,7 +46,7 @@ mod port;
 mod thermal;
 mod trig;
 
-pub use ads131m02::{Behaviour, ResetMoment, StatusLatch};
+pub use ads131m::{Behaviour, Channels, ResetMoment, StatusLatch};
 pub use beam::BeamConfig;
 pub use bridge::{BridgeConfig, BridgesConfig, MICROSTRAIN};
 pub use carried::{Carriage, CarriedBeam, CarriedConfig, CarriedMasses};

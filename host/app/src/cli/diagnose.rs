@@ -7,7 +7,7 @@ use nalgebra::Matrix2;
 use palpate::finger::calibration::ForceUnit;
 use palpate::finger::diagnosis::{self, Figures, Finding, ObservedAtRest, RestSamples, Verdict};
 use palpate_device::{Incoming, Session};
-use palpate_shared::sim::ads131m02::{CLKIN_HZ, noise_rms};
+use palpate_shared::sim::ads131m::{CLKIN_HZ, noise_rms};
 
 use super::calibrated::CalibrationArguments;
 use super::device::DeviceArguments;

@@ -8,7 +8,7 @@ use embedded_hal::spi::{Operation, SpiDevice};
 use proptest::prelude::*;
 
 use super::*;
-use crate::sim::ads131m02::registers::{CLOCK, GAIN1};
+use crate::sim::ads131m::registers::{CLOCK, GAIN1};
 use crate::sim::{ContactLoad, DataReadyPin, MICROSTRAIN, PortBusy, SpiPort, SyncResetPin};
 
 /// Bytes in a frame of four 24-bit words.
@@ -471,4 +471,36 @@ fn drdy_is_low_while_data_wait() {
     assert!(pin.is_high().unwrap());
     front_end.borrow_mut().step();
     assert!(pin.is_low().unwrap());
+}
+
+#[test]
+fn four_channels_have_excitation_and_ntc_on_the_upper_two() {
+    let config = FingerConfig { channels: Channels::Four, ..FingerConfig::ideal() };
+    let mut front_end = SimulatedFrontEnd::new(config, 1);
+    front_end.set_load(Load::Force([1.0, 0.0]));
+    let mut read = |excitation_change| {
+        front_end.set_faults(Faults { excitation_change, ..Faults::default() });
+        let mut bytes = [0; 18];
+        for _ in 0..4 {
+            front_end.step();
+            front_end.select();
+            bytes = [0; 18].map(|byte: u8| front_end.exchange(byte));
+            front_end.deselect();
+        }
+        [3, 6, 9, 12].map(|at| f64::from(i32::from_be_bytes([bytes[at], bytes[at + 1], bytes[at + 2], 0]) >> 8))
+    };
+    let before = read(0.0);
+    // 0.4 of 2.5 V. At the mean of 23 °C the NTC has 10 kΩ · exp(3950 K · (1/296.15 K − 1/298.15 K)) = 10.936 kΩ,
+    // which is 0.21900 of the whole, 0.54750 V.
+    let volts = |code: f64| code * 1.2 / 8_388_608.0;
+    assert!((volts(before[2]) - 1.0).abs() < 1e-6, "{}", volts(before[2]));
+    assert!((volts(before[3]) - 0.547_50).abs() < 2e-5, "{}", volts(before[3]));
+    // The excitation sinks by 1 %: all follow, and what they say together does not.
+    let after = read(-0.01);
+    assert!((after[2] / before[2] - 0.99).abs() < 1e-6);
+    for channel in [0, 3] {
+        let (was, is) = (before[channel] / before[2], after[channel] / after[2]);
+        // The bridge has 850 codes at gain 1: half a code each time is one in a thousand.
+        assert!((is / was - 1.0).abs() < 1.2e-3, "channel {channel}: {was} and {is}");
+    }
 }

@@ -173,7 +173,7 @@ impl Case {
         pose_error(&self.told, 1, pose, &truth)
     }
 
-    /// Of the pose at the last reading, in deviations of [`FREEDOM`] degrees of freedom.
+    /// Of the pose at the last reading, in deviations of [`PoseClaim::FREEDOM`] degrees of freedom.
     pub(super) fn squared_error(&self, found: &ForceHypothesis) -> f64 {
         self.claim(found).squared
     }

@@ -5,6 +5,52 @@
 //! "latched at the end of the frame", not whether that is the last clock or the rise of chip select (SBAS950B, 8.5.1.10.2).
 //! Errors: none.
 
+/// How many channels the chip has: which one of its family it is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Channels {
+    /// The ADS131M02.
+    #[default]
+    Two,
+    /// The ADS131M04.
+    Four,
+}
+
+impl Channels {
+    /// Their number.
+    #[must_use]
+    pub const fn count(self) -> usize {
+        self.number() as usize
+    }
+
+    /// Their number, as it stands in the chip's words.
+    pub(super) const fn number(self) -> u16 {
+        match self {
+            Self::Two => 2,
+            Self::Four => 4,
+        }
+    }
+
+    /// A bit for each.
+    pub(super) const fn bits(self) -> u16 {
+        (1 << self.number()) - 1
+    }
+
+    /// The response after a reset: FF, and their number.
+    pub(super) const fn reset_done(self) -> u16 {
+        0xFF20 | self.number()
+    }
+
+    /// Words after which all of them are shifted out.
+    pub(super) const fn data_words(self) -> u16 {
+        self.number() + 1
+    }
+
+    /// Words in a frame without register data: response, channels, CRC.
+    pub(super) const fn frame_words(self) -> u16 {
+        self.number() + 2
+    }
+}
+
 /// When a frame's STATUS word is put together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum StatusLatch {

@@ -1,10 +1,13 @@
 //! The chip's registers: addresses, reset values, what can be written.
 //!
-//! Implements: register map of the ADS131M02 (SBAS853A); addresses and reset values checked against the maps
-//! of its siblings ADS131M03 (SBAS889A, table 8-12) and AMC131M02 (SBASA56, table 8-13).
+//! Implements: register map of the ADS131M02 (SBAS853A) and, with two more channels, of the ADS131M04 as the maker's header
+//! for the family has it (ads131m0x.h, 2019); addresses and reset values checked against the maps of the siblings
+//! ADS131M03 (SBAS889A, table 8-12) and AMC131M02 (SBASA56, table 8-13).
 //! Errors: none. Reading an address that does not exist gives 0; writing one changes nothing and says so.
 
-/// Identity: 0x22 (two channels) in the high byte, reserved in the low byte. Read-only.
+use super::Channels;
+
+/// Identity: 2 and the number of channels in the high byte, reserved in the low byte. Read-only.
 pub const ID: u8 = 0x00;
 /// Status word, with a flag for each thing to know. Read-only.
 pub const STATUS: u8 = 0x01;
@@ -12,18 +15,18 @@ pub const STATUS: u8 = 0x01;
 pub const MODE: u8 = 0x02;
 /// Channel enables, oversampling ratio, power mode.
 pub const CLOCK: u8 = 0x03;
-/// Gain of both channels.
+/// Gain of all channels.
 pub const GAIN1: u8 = 0x04;
 /// Global chop and current detection (stored, without effect in this model).
 pub const CFG: u8 = 0x06;
 /// First of five registers of channel 0: CFG, OCAL_MSB, OCAL_LSB, GCAL_MSB, GCAL_LSB.
 pub const CH0_CFG: u8 = 0x09;
-/// First of five registers of channel 1.
+/// First of five registers of channel 1; those of channels 2 and 3 follow.
 pub const CH1_CFG: u8 = 0x0E;
 /// CRC over the settings. Read-only.
 pub const REGMAP_CRC: u8 = 0x3E;
 
-/// Identity word. The reserved low byte is not zero, so that a driver that compares it fails in a test.
+/// Identity word of the chip with two channels. The reserved low byte is not zero, so that a driver that compares it fails in a test.
 pub const ID_VALUE: u16 = 0x2282;
 
 /// STATUS: the interface is locked.
@@ -53,14 +56,22 @@ pub const MODE_DRDY_FMT: u16 = 1;
 /// CLOCK: turbo, oversampling ratio 64.
 pub const CLOCK_TBM: u16 = 1 << 5;
 
-/// Number of addresses from 0 to the last register of channel 1.
-const COUNT: usize = 0x13;
+/// Most channels that a chip has.
+pub(super) const CHANNELS_MAX: usize = 4;
+
+/// Number of addresses from 0 to the last register of channel 3.
+const COUNT: usize = 0x1D;
+
+/// Addresses of one channel.
+const CHANNEL_COUNT: usize = 5;
 
 /// Values after a reset, by address.
 const RESET_VALUES: [u16; COUNT] = [
     ID_VALUE, 0x0500, 0x0510, 0x030E, 0x0000, 0x0000, 0x0600, 0x0000, 0x0000, // ID … THRSHLD_LSB
     0x0000, 0x0000, 0x0000, 0x8000, 0x0000, // channel 0
     0x0000, 0x0000, 0x0000, 0x8000, 0x0000, // channel 1
+    0x0000, 0x0000, 0x0000, 0x8000, 0x0000, // channel 2
+    0x0000, 0x0000, 0x0000, 0x8000, 0x0000, // channel 3
 ];
 
 /// Bits that can be written, by address; the reserved ones read as after a reset.
@@ -68,21 +79,47 @@ const WRITABLE: [u16; COUNT] = [
     0x0000, 0x0000, 0x3F1F, 0x033F, 0x0077, 0x0000, 0x1FFF, 0xFFFF, 0xFF0F, // ID … THRSHLD_LSB
     0xFFC7, 0xFFFF, 0xFF00, 0xFFFF, 0xFF00, // channel 0
     0xFFC7, 0xFFFF, 0xFF00, 0xFFFF, 0xFF00, // channel 1
+    0xFFC7, 0xFFFF, 0xFF00, 0xFFFF, 0xFF00, // channel 2
+    0xFFC7, 0xFFFF, 0xFF00, 0xFFFF, 0xFF00, // channel 3
 ];
 
 /// The stored registers. STATUS and REGMAP_CRC are not stored: the chip makes them when they are read.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Registers([u16; COUNT]);
+pub(super) struct Registers {
+    words: [u16; COUNT],
+    /// Addresses that this chip has.
+    count: usize,
+    /// A bit for each channel.
+    channels: u16,
+}
 
 impl Registers {
     /// The registers after a reset.
-    pub(super) const fn new() -> Self {
-        Self(RESET_VALUES)
+    pub(super) fn new(channels: Channels) -> Self {
+        let mut registers = Self {
+            words: RESET_VALUES,
+            count: COUNT - CHANNEL_COUNT * (CHANNELS_MAX - channels.count()),
+            channels: channels.bits(),
+        };
+        registers.words[usize::from(ID)] = ID_VALUE & 0xF0FF | channels.number() << 8;
+        registers.words[usize::from(CLOCK)] |= channels.bits() << 8;
+        registers
+    }
+
+    /// The bits that can be written at an address, if there is such an address.
+    fn writable(&self, address: u8) -> Option<u16> {
+        let mask = WRITABLE.get(..self.count)?.get(usize::from(address)).copied()?;
+        Some(match address {
+            CLOCK => mask | self.channels << 8,
+            GAIN1 if self.channels > 0b11 => mask | 0x7700,
+            _ => mask,
+        })
     }
 
     /// The word at an address, 0 where there is none.
     pub(super) fn read(&self, address: u8) -> u16 {
-        self.0.get(usize::from(address)).copied().unwrap_or(0)
+        let words = self.words.get(..self.count).unwrap_or_default();
+        words.get(usize::from(address)).copied().unwrap_or(0)
     }
 
     /// Stores a word and tells whether there was anything to write at that address.
@@ -90,7 +127,8 @@ impl Registers {
     /// MODE's RESET bit can only be cleared.
     pub(super) fn write(&mut self, address: u8, value: u16) -> bool {
         let index = usize::from(address);
-        let (Some(word), Some(&mask)) = (self.0.get_mut(index), WRITABLE.get(index)) else { return false };
+        let Some(mask) = self.writable(address) else { return false };
+        let Some(word) = self.words.get_mut(index) else { return false };
         let wanted = if address == MODE { value & (*word | !MODE_RESET) } else { value };
         *word = (*word & !mask) | (wanted & mask);
         mask != 0
@@ -98,7 +136,7 @@ impl Registers {
 
     /// Words in the order of their addresses from MODE on, over which the CRC of the settings is taken.
     pub(super) fn settings(&self) -> &[u16] {
-        &self.0[usize::from(MODE)..]
+        self.words.get(usize::from(MODE)..self.count).unwrap_or_default()
     }
 
     /// Whether a bit of MODE is set.
@@ -144,6 +182,7 @@ impl Registers {
 
     /// One of a channel's five registers.
     fn channel(&self, channel: usize, index: u8) -> u16 {
-        self.read(index + if channel == 0 { CH0_CFG } else { CH1_CFG })
+        let first = [CH0_CFG, CH1_CFG, CH1_CFG + 5, CH1_CFG + 10];
+        self.read(index + first[channel.min(CHANNELS_MAX - 1)])
     }
 }

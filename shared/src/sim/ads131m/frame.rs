@@ -7,7 +7,7 @@
 //! first, 16-bit contents left-aligned; word length and CRC settings hold from the start of a frame to its end.
 //! Errors: none; a frame may end anywhere.
 
-use super::registers::{MODE, MODE_CRC_TYPE, MODE_RX_CRC_EN, MODE_WLENGTH, Registers};
+use super::registers::{CHANNELS_MAX, MODE, MODE_CRC_TYPE, MODE_RX_CRC_EN, MODE_WLENGTH, Registers};
 use crate::units::Counts;
 
 /// Start value of both CRCs.
@@ -102,7 +102,7 @@ pub(super) enum Received {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Frame {
     /// The codes this frame gives out.
-    pub(super) codes: [Counts; 2],
+    pub(super) codes: [Counts; CHANNELS_MAX],
     /// The command, once its word is in.
     pub(super) command: Option<Command>,
     /// Registers written so far.
@@ -128,7 +128,7 @@ pub(super) struct Frame {
 
 impl Frame {
     /// A frame that begins under these settings and gives out these codes.
-    pub(super) fn new(registers: &Registers, codes: [Counts; 2]) -> Self {
+    pub(super) fn new(registers: &Registers, codes: [Counts; CHANNELS_MAX]) -> Self {
         let length = (registers.read(MODE) & MODE_WLENGTH) >> 8;
         Self {
             codes,

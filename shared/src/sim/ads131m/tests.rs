@@ -896,3 +896,68 @@ fn a_saturated_code_sits_still_in_the_noise() {
     settled_codes(&mut bench, [2.0, -2.0]);
     assert!((0..1000).all(|_| bench.sample([2.0, -2.0]) == [0x7F_FFFF, -0x80_0000]));
 }
+
+// The chip with four channels
+
+/// A chip of four channels after one reset, and one frame of six words with these bytes going out; what comes in, in hex.
+fn four_channels(chip: &mut Chip, words: &[u16]) -> std::string::String {
+    let mut bytes: Vec<u8> = words.iter().flat_map(|word| [word.to_be_bytes()[0], word.to_be_bytes()[1], 0]).collect();
+    bytes.resize(18, 0);
+    chip.wait(PAUSE_NS);
+    chip.transfer(&mut bytes);
+    bytes.iter().map(|byte| std::format!("{byte:02x}")).collect()
+}
+
+#[test]
+fn four_channels_have_frames_of_six_words() {
+    // Contents by hand from the family's description; CRCs by Python's `binascii.crc_hqx(bytes, 0xFFFF)`.
+    let mut chip = Chip::with(Channels::Four, 1);
+    chip.set_noise_factor(0.0);
+    assert_eq!(four_channels(&mut chip, &[read(ID, 1)]), "ff2400000000000000000000000000dcfe00");
+    assert_eq!(four_channels(&mut chip, &[read(CLOCK, 1)]), "248200000000000000000000000000e9d900");
+    assert_eq!(four_channels(&mut chip, &[write(GAIN1, 1), 0x7777]), "0f0e00000000000000000000000000f11d00");
+    four_channels(&mut chip, &[read(GAIN1, 1)]);
+    assert_eq!(four_channels(&mut chip, &[write(GAIN1, 1), 0]), "777700000000000000000000000000cf4200");
+    chip.sync_pulse();
+    four_channels(&mut chip, &[0]);
+    four_channels(&mut chip, &[0]);
+    // A half, a quarter, minus a half, an eighth of the range, once the filter has settled.
+    for _ in 0..3 {
+        chip.convert([0.6, 0.3, -0.6, 0.15]);
+    }
+    // Three conversions, of which the memory holds two: the older one goes first.
+    four_channels(&mut chip, &[0]);
+    assert_eq!(four_channels(&mut chip, &[0]), "050f00400000200000c00000100000670f00");
+}
+
+#[test]
+fn data_of_four_channels_are_read_once_all_of_them_are_out() {
+    let mut chip = Chip::with(Channels::Four, 1);
+    four_channels(&mut chip, &[0]);
+    chip.sync_pulse();
+    chip.convert([0.1; 4]);
+    chip.transfer(&mut [0; 12]);
+    assert!(chip.is_data_ready(), "after three channels");
+    chip.transfer(&mut [0; 15]);
+    assert!(!chip.is_data_ready(), "after four");
+}
+
+#[test]
+fn a_reset_of_four_channels_needs_six_words() {
+    let mut chip = Chip::with(Channels::Four, 1);
+    four_channels(&mut chip, &[write(GAIN1, 1), 0x1234]);
+    chip.transfer(&mut [0, 0x11, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
+    assert_eq!([chip.peek(GAIN1.into()), u16::from(chip.gain(3))], [0x1234, 2]);
+    four_channels(&mut chip, &[0x0011]);
+    assert_eq!(chip.peek(GAIN1.into()), 0);
+    assert!(four_channels(&mut chip, &[0]).starts_with("ff24"));
+}
+
+#[test]
+fn only_four_channels_have_registers_for_channels_2_and_3() {
+    for (channels, last, gain) in [(Channels::Two, 0, 0x0077), (Channels::Four, 0x8000, 0x7777)] {
+        let mut chip = Chip::with(channels, 1);
+        four_channels(&mut chip, &[write(GAIN1, 1), 0xFFFF]);
+        assert_eq!((chip.peek(GAIN1.into()), chip.peek(0x1B)), (gain, last), "{channels:?}");
+    }
+}

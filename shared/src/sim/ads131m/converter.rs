@@ -17,7 +17,7 @@
 //! detection. The fast filter's larger noise is not modelled.
 //! Units: volts at the chip's pins. Errors: none.
 
-use super::registers::Registers;
+use super::registers::{CHANNELS_MAX, Registers};
 use crate::sim::noise::{Source, Stream};
 use crate::units::Counts;
 
@@ -47,7 +47,7 @@ const SINC3_OVERSAMPLING_MAX: u32 = 1024;
 /// Volts in one code at a gain.
 ///
 /// ```
-/// use palpate_shared::sim::ads131m02::volts_per_count;
+/// use palpate_shared::sim::ads131m::volts_per_count;
 /// assert!((volts_per_count(32) - 4.47e-9).abs() < 0.01e-9);
 /// ```
 #[must_use]
@@ -62,7 +62,7 @@ pub fn volts_per_count(gain: u8) -> f32 {
 /// the faster ones: below OSR 512 the real chip is noisier, as its quantisation noise is not modelled.
 ///
 /// ```
-/// use palpate_shared::sim::ads131m02::noise_rms;
+/// use palpate_shared::sim::ads131m::noise_rms;
 /// assert!((noise_rms(32, 1024) - 1.20e-6).abs() < 1e-9);
 /// ```
 #[must_use]
@@ -113,13 +113,13 @@ fn filter_weights(oversampling: u32) -> [f32; 3] {
     [1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0]
 }
 
-/// Both channels' filters and noise.
+/// All channels' filters and noise.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Converter {
     /// Input of the previous and the one before period, by channel, in parts of full scale.
-    inputs: [[f32; 2]; 2],
+    inputs: [[f32; 2]; CHANNELS_MAX],
     /// White numbers of the previous two conversions, by channel.
-    whites: [[f32; 2]; 2],
+    whites: [[f32; 2]; CHANNELS_MAX],
     filter: [f32; 3],
     shape: NoiseShape,
     /// Conversions that the fast filter still makes.
@@ -133,8 +133,8 @@ impl Converter {
     /// A converter just powered up; its noise follows from the seed.
     pub(super) fn new(seed: u64) -> Self {
         Self {
-            inputs: [[0.0; 2]; 2],
-            whites: [[0.0; 2]; 2],
+            inputs: [[0.0; 2]; CHANNELS_MAX],
+            whites: [[0.0; 2]; CHANNELS_MAX],
             filter: filter_weights(SINC3_OVERSAMPLING_MAX),
             shape: NoiseShape::new(SINC3_OVERSAMPLING_MAX),
             fast_left: 2,
@@ -150,7 +150,7 @@ impl Converter {
 
     /// Empties the filter, which then takes three conversions to settle.
     pub(super) fn resynchronise(&mut self, registers: &Registers) {
-        self.inputs = [[0.0; 2]; 2];
+        self.inputs = [[0.0; 2]; CHANNELS_MAX];
         self.fast_left = 0;
         self.filter = filter_weights(registers.oversampling());
         self.shape = NoiseShape::new(registers.oversampling());
@@ -163,13 +163,19 @@ impl Converter {
     }
 
     /// The codes after one more conversion period over which the pins had these voltages on average.
-    pub(super) fn convert(&mut self, volts: [f32; 2], registers: &Registers) -> [Counts; 2] {
-        let whites = self.noise.normal_pair();
-        let codes = core::array::from_fn(|channel| {
+    pub(super) fn convert<const N: usize>(&mut self, volts: [f32; N], registers: &Registers) -> [Counts; CHANNELS_MAX] {
+        let mut codes = [Counts(0); CHANNELS_MAX];
+        let mut whites = [0.0; 2];
+        for (channel, code_out) in codes.iter_mut().enumerate().take(N) {
+            if channel % 2 == 0 {
+                whites = self.noise.normal_pair();
+            }
             let input = input(volts[channel], channel, registers);
-            let part = self.filter(input, channel) + self.noise(whites[channel], channel, registers);
-            if registers.is_enabled(channel) { code(part, channel, registers) } else { Counts(0) }
-        });
+            let part = self.filter(input, channel) + self.noise(whites[channel % 2], channel, registers);
+            if registers.is_enabled(channel) {
+                *code_out = code(part, channel, registers);
+            }
+        }
         self.fast_left = self.fast_left.saturating_sub(1);
         codes
     }

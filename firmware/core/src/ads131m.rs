@@ -13,7 +13,7 @@
 //! Errors: [`Error`]; nothing panics, nothing waits.
 //!
 //! ```
-//! use palpate_firmware_core::{ConverterClock, DeviceSettings, ads131m02::{Ads131m02, Command}};
+//! use palpate_firmware_core::{ConverterClock, DeviceSettings, ads131m::{Ads131m02, Command}};
 //! # use core::cell::RefCell;
 //! # use palpate_shared::sim::{FingerConfig, SimulatedFrontEnd, SpiPort};
 //! # let front_end = RefCell::new(SimulatedFrontEnd::new(FingerConfig::default(), 1));
@@ -24,7 +24,7 @@
 //! // At each falling edge of DRDY:
 //! let frame = chip.read_frame(Command::Null)?;
 //! assert!(frame.counts[0].0.abs() < 8_388_608);
-//! # Ok::<(), palpate_firmware_core::ads131m02::Error<palpate_shared::sim::PortBusy>>(())
+//! # Ok::<(), palpate_firmware_core::ads131m::Error<palpate_shared::sim::PortBusy>>(())
 //! ```
 
 use crc::{CRC_16_CMS, CRC_16_IBM_3740, Crc, NoTable};
@@ -155,7 +155,7 @@ impl Command {
 /// The frame of any command word, and of the one value that follows it, if any: with its checksum, in words of 24 bits.
 ///
 /// ```
-/// use palpate_firmware_core::ads131m02::frame_of;
+/// use palpate_firmware_core::ads131m::frame_of;
 /// assert_eq!(frame_of(0xA000, None), [0xA0, 0x00, 0, 0x71, 0x00, 0, 0, 0, 0, 0, 0, 0]); // read the ID register
 /// ```
 #[must_use]
@@ -507,11 +507,11 @@ fn code([high, middle, low]: [u8; 3]) -> Counts {
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
-#[path = "ads131m02/tests.rs"]
+#[path = "ads131m/tests.rs"]
 mod tests_reset_at_last_clock;
 #[cfg(test)]
-#[path = "ads131m02/tests.rs"]
+#[path = "ads131m/tests.rs"]
 mod tests_status_at_frame_end;
 #[cfg(test)]
-#[path = "ads131m02/tests.rs"]
+#[path = "ads131m/tests.rs"]
 mod tests_status_at_frame_end_reset_at_last_clock;

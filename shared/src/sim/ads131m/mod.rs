@@ -1,4 +1,5 @@
-//! The ADS131M02: two simultaneous 24-bit ΔΣ converters behind an SPI bus, as the bus sees them.
+//! The ADS131M02 and its sibling of four channels, the ADS131M04: simultaneous 24-bit ΔΣ converters behind an SPI bus,
+//! as the bus sees them. What is said of two channels below holds for four, in frames of six words.
 //!
 //! A state machine with two inputs: [`Chip::convert`] tells it that one conversion period has passed and what the
 //! pins had on average, and [`Chip::select`], [`Chip::exchange`], [`Chip::deselect`] are the bus, byte for byte.
@@ -32,7 +33,7 @@
 //! Units: volts, nanoseconds. Errors: none; a chip has no way to report one but STATUS.
 //!
 //! ```
-//! use palpate_shared::sim::ads131m02::Chip;
+//! use palpate_shared::sim::ads131m::Chip;
 //! let mut chip = Chip::new(1);
 //! let mut frame = [0xA0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]; // RREG of ID; its answer comes in the next frame
 //! chip.transfer(&mut frame);
@@ -47,14 +48,14 @@ mod converter;
 mod frame;
 pub mod registers;
 
-pub use behaviour::{Behaviour, ResetMoment, StatusLatch};
+pub use behaviour::{Behaviour, Channels, ResetMoment, StatusLatch};
 pub use converter::{noise_rms, volts_per_count};
 
 use converter::Converter;
 use frame::{Command, Frame, Received, crc16_of_words, polynomial};
 use registers::{
-    CLOCK, GAIN1, MODE, MODE_DRDY_FMT, MODE_REG_CRC_EN, REGMAP_CRC, Registers, STATUS, STATUS_CRC_ERR, STATUS_DRDY0,
-    STATUS_DRDY1, STATUS_F_RESYNC, STATUS_LOCK,
+    CHANNELS_MAX, CLOCK, GAIN1, MODE, MODE_DRDY_FMT, MODE_REG_CRC_EN, REGMAP_CRC, Registers, STATUS, STATUS_CRC_ERR,
+    STATUS_F_RESYNC, STATUS_LOCK,
 };
 
 use crate::units::Counts;
@@ -68,15 +69,6 @@ const PERIOD_OF_64_NS: u32 = 15_625;
 
 /// Shortest low time on SYNC/RESET that resets, in nanoseconds: 2048 clocks.
 pub const RESET_PULSE_NS: u64 = 250_000;
-
-/// The response after a reset: FF, and the number of channels.
-const RESET_DONE: u16 = 0xFF22;
-
-/// Words in a frame without register data: response, two channels, CRC.
-const FRAME_WORDS: u16 = 4;
-
-/// Words after which both channels are shifted out.
-const DATA_WORDS: u16 = 3;
 
 /// What the next frame begins with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,13 +85,13 @@ enum Reply {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Fifo {
     /// Oldest first; the first one is what a frame gives out, even after it was read.
-    slots: [[Counts; 2]; 2],
+    slots: [[Counts; CHANNELS_MAX]; 2],
     unread: u8,
 }
 
 impl Fifo {
     /// Adds a conversion; the oldest makes room.
-    fn push(&mut self, codes: [Counts; 2]) {
+    fn push(&mut self, codes: [Counts; CHANNELS_MAX]) {
         self.slots = match self.unread {
             0 => [codes, codes],
             1 => [self.slots[0], codes],
@@ -118,11 +110,12 @@ impl Fifo {
 /// The converter chip, seen from its pins.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chip {
+    channels: Channels,
     registers: Registers,
     converter: Converter,
     fifo: Fifo,
     /// The conversion last made, for a converter that is stuck.
-    last: [Counts; 2],
+    last: [Counts; CHANNELS_MAX],
     stuck: bool,
     frame: Option<Frame>,
     reply: Reply,
@@ -142,17 +135,24 @@ pub struct Chip {
 }
 
 impl Chip {
-    /// A chip just powered up. The seed determines its noise.
+    /// A chip of two channels just powered up. The seed determines its noise.
     #[must_use]
     pub fn new(seed: u64) -> Self {
+        Self::with(Channels::Two, seed)
+    }
+
+    /// A chip of so many channels, likewise.
+    #[must_use]
+    pub fn with(channels: Channels, seed: u64) -> Self {
         Self {
-            registers: Registers::new(),
+            channels,
+            registers: Registers::new(channels),
             converter: Converter::new(seed),
             fifo: Fifo::default(),
-            last: [Counts(0); 2],
+            last: [Counts(0); CHANNELS_MAX],
             stuck: false,
             frame: None,
-            reply: Reply::Word(RESET_DONE),
+            reply: Reply::Word(channels.reset_done()),
             locked: false,
             standby: false,
             crc_error: false,
@@ -192,10 +192,11 @@ impl Chip {
         self.stuck = stuck;
     }
 
-    /// One conversion period has passed, in which the pins had these voltages on average, by channel.
+    /// One conversion period has passed, in which the pins had these voltages on average, by channel; those that are
+    /// not told stay 0.
     ///
     /// Returns whether DRDY fell.
-    pub fn convert(&mut self, volts: [f32; 2]) -> bool {
+    pub fn convert<const N: usize>(&mut self, volts: [f32; N]) -> bool {
         // The shortest period is longer than any start-up of the registers.
         self.acquiring_ns = 0;
         if !self.is_converting() {
@@ -220,7 +221,7 @@ impl Chip {
     /// Whether conversions run: not in standby, and a channel enabled.
     #[must_use]
     pub fn is_converting(&self) -> bool {
-        !self.standby && (self.registers.is_enabled(0) || self.registers.is_enabled(1))
+        !self.standby && ((0..self.channels.count()).any(|channel| self.registers.is_enabled(channel)))
     }
 
     /// Oversampling ratio that CLOCK asks for.
@@ -229,10 +230,10 @@ impl Chip {
         self.registers.oversampling()
     }
 
-    /// Gain of a channel, 1 to 128. Channels other than 0 count as 1.
+    /// Gain of a channel, 1 to 128. Channels that there are not count as the last.
     #[must_use]
     pub fn gain(&self, channel: usize) -> u8 {
-        1 << self.registers.gain_log2(channel.min(1))
+        1 << self.registers.gain_log2(channel.min(self.channels.count() - 1))
     }
 
     /// Time of one conversion, in nanoseconds: 2 OSR / CLKIN, exactly at the nominal clock.
@@ -289,7 +290,7 @@ impl Chip {
         if frame.is_empty() {
             return;
         }
-        if self.has_data_in_frame() && frame.words() >= DATA_WORDS {
+        if self.has_data_in_frame() && frame.words() >= self.channels.data_words() {
             self.fifo.pop();
         }
         self.reply = self.execute(&frame);
@@ -309,7 +310,7 @@ impl Chip {
     fn load(&mut self, frame: &mut Frame, place: u16) {
         let crc_place = match self.reply {
             Reply::Registers { count, .. } => u16::from(count) + 1,
-            _ => FRAME_WORDS - 1,
+            _ => self.channels.frame_words() - 1,
         };
         match (place, self.reply) {
             (0, reply) => frame.load(self.response(reply)),
@@ -368,8 +369,7 @@ impl Chip {
             | flag(self.locked, STATUS_LOCK)
             | flag(self.resynchronised, STATUS_F_RESYNC)
             | flag(self.crc_error, STATUS_CRC_ERR)
-            | flag(ready && self.registers.is_enabled(1), STATUS_DRDY1)
-            | flag(ready && self.registers.is_enabled(0), STATUS_DRDY0)
+            | if ready { self.registers.read(CLOCK) >> 8 & self.channels.bits() } else { 0 }
     }
 
     /// Writes one word of a WREG command and tells whether there was a register to write.
@@ -399,7 +399,7 @@ impl Chip {
         }
         match command {
             Command::Null | Command::Unknown => status,
-            Command::Reset if frame.words() < FRAME_WORDS => Reply::Word(0x0011),
+            Command::Reset if frame.words() < self.channels.frame_words() => Reply::Word(0x0011),
             Command::Reset => self.reset(),
             Command::Standby => self.set_standby(true),
             Command::Wakeup => self.set_standby(false),
@@ -416,7 +416,7 @@ impl Chip {
     /// Whether the frame is a whole one that resets, with what must be right for that.
     fn resets_now(&self, frame: &Frame) -> bool {
         frame.command == Some(Command::Reset)
-            && frame.words() >= FRAME_WORDS
+            && frame.words() >= self.channels.frame_words()
             && (!frame.crc_expected || frame.crc_is_right == Some(true))
             && self.has_data_in_frame()
             && !self.locked
@@ -424,7 +424,7 @@ impl Chip {
 
     /// Everything as after power-up, but that the bus has to wait.
     fn reset(&mut self) -> Reply {
-        self.registers = Registers::new();
+        self.registers = Registers::new(self.channels);
         self.converter.reset(&self.registers);
         self.fifo = Fifo::default();
         self.locked = false;
@@ -433,7 +433,7 @@ impl Chip {
         self.resynchronised = false;
         self.ready_at_end = false;
         self.acquiring_ns = self.behaviour.register_acquisition_ns;
-        self.reply = Reply::Word(RESET_DONE);
+        self.reply = Reply::Word(self.channels.reset_done());
         self.reply
     }
 
