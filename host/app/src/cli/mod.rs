@@ -32,6 +32,7 @@ mod info;
 mod inscribe;
 mod lacking;
 mod latency;
+mod library;
 mod locate_tip;
 mod measured_motion;
 mod misfit;
