@@ -34,6 +34,7 @@ mod inscribe;
 mod kept_push;
 mod lacking;
 mod latency;
+mod library;
 mod locate_tip;
 mod measured_motion;
 mod misfit;

@@ -10,7 +10,8 @@
 //! - `mixed`: lines mixed with points that the outline passes through ([`poses_through`]);
 //! - `noise`: bearings with errors, all modes with their covariances ([`estimate`]);
 //! - `touches`: points felt on the outline, with errors, mixed with lines and free disks ([`touched_poses`]);
-//! - `next_touch`: which approaches of a finger find a part, and when it is found ([`TouchSearch`]);
+//! - `next_touch`: which approaches of a finger find a part, and when it is found ([`TouchSearch`]), also which of several
+//!   it is ([`PartsSearch`]);
 //! - `quality`: how well lines hold a pose, and which poses of a symmetric part look the same;
 //! - `planner`: where to take another view;
 //! - `boundary`: piecewise smooth outlines by their support function; `outline`: any of the outlines ([`Outline`]).
@@ -35,8 +36,8 @@ pub use boundary::{Boundary, Ellipse, Rounded, boundary_poses};
 pub use exact::{Continuum, Inscription, MISS_MAX_RELATIVE, determined, misses, nearest_misses, poses};
 pub use mixed::poses_through;
 pub use next_touch::{
-    Approach, FingerTouch, Met, NextTouch, PressedFinger, TRUSTED_SD, TouchSearch, TouchTask, TouchTolerance,
-    TouchVerdict, outlines_apart, way_round,
+    Approach, FingerTouch, Met, NextTouch, PartLeft, PartsSearch, PartsVerdict, PressedFinger, TRUSTED_SD, TouchSearch,
+    TouchTask, TouchTolerance, TouchVerdict, outlines_apart, shapes_apart, way_round,
 };
 pub use noise::{
     FENCE_SD_RELATIVE, GATE, InscriptionEstimate, NoisyReadings, PoseMode, estimate, estimate_until, view,

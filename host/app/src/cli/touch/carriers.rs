@@ -5,13 +5,13 @@ use std::sync::mpsc::{Receiver, TryRecvError};
 use nalgebra::{Point2, Vector2};
 use palpate::finger::force_guard::ForceStop;
 use palpate::gravity::GRAVITY_ASSUMED;
-use palpate::inscription::{Approach, Met, NextTouch, PressedFinger, TRUSTED_SD, TouchTask, way_round};
+use palpate::inscription::{Approach, Met, NextTouch, PressedFinger, TRUSTED_SD, way_round};
 use palpate::pushing::approach_speed::{ApproachLimits, Holding};
 use palpate_device::robot::RobotError;
 use palpate_files::part::PolygonFile;
 use thiserror::Error;
 
-use super::MotionArguments;
+use super::{Ground, MotionArguments};
 use crate::live::guided::{GuidedError, GuidedFinger, Stand, Went};
 use crate::live::interrupt;
 use crate::live::listening::{ListenError, ListeningFinger};
@@ -65,7 +65,7 @@ pub(crate) enum CarryError {
 /// Who moves the finger.
 pub(crate) trait Carrier {
     /// Makes an approach. `is_bounded`: what is told of free travel rests on bounds.
-    fn make(&mut self, task: &TouchTask, next: &NextTouch, is_bounded: bool) -> Result<Met, CarryError>;
+    fn make(&mut self, task: Ground, next: &NextTouch, is_bounded: bool) -> Result<Met, CarryError>;
 }
 
 /// How fast the finger comes, and what a touch then means.
@@ -105,7 +105,8 @@ const MU_C_MAX: f64 = 0.5;
 const COMPLIANCE_LOG_SD: f64 = 0.1;
 
 impl Speeds {
-    pub(crate) fn of(motion: &MotionArguments, file: &PolygonFile, mass: Option<f64>) -> miette::Result<Self> {
+    /// For a part that may be any of these.
+    pub(crate) fn of(motion: &MotionArguments, files: &[PolygonFile], mass: Option<f64>) -> miette::Result<Self> {
         let compliance = motion.compliance_um_per_n.map_or_else(compliance_by_design, |um| um * 1e-6);
         let limits = ApproachLimits {
             stiffness: 1.0 / compliance.max(f64::MIN_POSITIVE),
@@ -113,7 +114,11 @@ impl Speeds {
             latency: motion.robot_latency_ms * 1e-3 + FELT_AFTER_S,
             deceleration: motion.robot_deceleration,
         };
-        let holding = mass.map(|mass| Holding::of_part(&file.part, file.mu * mass * GRAVITY_ASSUMED));
+        let held =
+            |mass: f64| files.iter().map(move |file| Holding::of_part(&file.part, file.mu * mass * GRAVITY_ASSUMED));
+        // The part that is moved most easily counts.
+        let holding =
+            mass.and_then(|mass| held(mass).min_by(|a, b| a.least_moving_force().total_cmp(&b.least_moving_force())));
         let motion_max = motion.motion_max_mm * 1e-3;
         let safe = match (motion.speed_mm_s, &holding) {
             (Some(speed), Some(holding)) => Some(limits.at_speed(speed * 1e-3, holding)),
@@ -136,6 +141,8 @@ impl Speeds {
                 motion.force_limit
             ));
         }
+        // Of parts whose files say different things, the largest; none where one says nothing.
+        let mu_c = files.iter().map(|file| file.mu_c).reduce(|a, b| Some(a?.max(b?))).flatten();
         Ok(Self {
             approach,
             travel: motion.travel_mm_s * 1e-3,
@@ -144,7 +151,7 @@ impl Speeds {
             is_told: motion.speed_mm_s.is_some(),
             compliance,
             place_sd: motion.place_sd_mm * 1e-3,
-            friction_angle: motion.mu_c_max.or(file.mu_c).unwrap_or(MU_C_MAX).atan(),
+            friction_angle: motion.mu_c_max.or(mu_c).unwrap_or(MU_C_MAX).atan(),
         })
     }
 
@@ -233,7 +240,7 @@ fn outside([low, high]: [Point2<f64>; 2], place: Point2<f64>) -> f64 {
 }
 
 impl Carrier for RobotCarrier {
-    fn make(&mut self, task: &TouchTask, next: &NextTouch, is_bounded: bool) -> Result<Met, CarryError> {
+    fn make(&mut self, task: Ground, next: &NextTouch, is_bounded: bool) -> Result<Met, CarryError> {
         let around = Vector2::repeat(task.radius + AROUND_M);
         let round = [task.area[0] - around, task.area[1] + around];
         let approach = &next.approach;
@@ -316,7 +323,7 @@ impl PersonCarrier {
 }
 
 impl Carrier for PersonCarrier {
-    fn make(&mut self, _: &TouchTask, next: &NextTouch, _: bool) -> Result<Met, CarryError> {
+    fn make(&mut self, _: Ground, next: &NextTouch, _: bool) -> Result<Met, CarryError> {
         let Approach { from, .. } = next.approach;
         let to = next.approach.at(next.approach.length);
         let [from, to] = [from, to].map(|place| place.coords * 1e3);

@@ -56,7 +56,7 @@ pub(crate) fn run(seed: u64) -> miette::Result<ExitCode> {
              feels a touch, and plans the next line. Where the finger presses more than friction holds, the part yields."
         )
     );
-    let speeds = Speeds::of(&motion, &file, Some(MASS))?;
+    let speeds = Speeds::of(&motion, std::slice::from_ref(&file), Some(MASS))?;
     speeds.tell();
     let start = area[0] - nalgebra::Vector2::repeat(RADIUS + super::START_M);
     let RobotWorld { robot, session, calibration } = RobotWorld::new(world, start, seed, None)?;
@@ -65,7 +65,7 @@ pub(crate) fn run(seed: u64) -> miette::Result<ExitCode> {
     let mut carrier = motion.guided(finger, RobotLink::simulated(robot.clone(), epoch), speeds);
     let tolerance = TouchTolerance::default();
     let mut search = TouchSearch::new(TouchTask { outline: outline.clone(), radius: RADIUS, area, tolerance });
-    let status = locate(&mut search, &mut carrier, &Told { json: false }, APPROACHES_MAX)?;
+    let status = locate(&mut search, &mut carrier, Told { json: false }, APPROACHES_MAX)?;
     let truth = robot.truth();
     let moved = outlines_apart(&outline, &pose, &truth.pose);
     let told = format!(

@@ -12,17 +12,18 @@ use std::process::ExitCode;
 
 use nalgebra::Point2;
 use palpate::geometry::Pose;
-use palpate::inscription::{Met, TouchSearch, TouchTask, TouchTolerance, TouchVerdict};
+use palpate::inscription::{Met, NextTouch, PartsSearch, TouchSearch, TouchTask, TouchTolerance};
 use palpate_files::part::PolygonFile;
 
 use super::calibrated::{CalibrationArguments, OffsetArguments};
 use super::device::DeviceArguments;
+use super::library::read_library;
 use super::touch_world::{Area, area_mm, pose_mm, read_part};
 use super::{not_negative, positive};
 use crate::advice::Advise as _;
 pub(crate) use carriers::advice;
 use carriers::{Carrier, Speeds};
-use told::Told;
+use told::{SoughtPart, Told};
 
 const LONG_HELP: &str = "\
 The finger is moved along straight lines across the area in which the part lies. Where it touches it stops, and is drawn
@@ -33,14 +34,11 @@ does, and types where the disk's centre is.
 How fast the finger may come so that friction holds the part follows from --mass-kg and the file's mu, unless --speed-mm-s says
 it. -d sim:SEED --robot sim: plays all of it on a simulated part.
 
+With --library DIR it says which of the parts of a folder it is, or none of these: what is left in the end is confirmed by touches
+far from the others.
+
 Exit status: 0 if one pose is left, or several that no touch can tell apart; 1 if something cannot be used or was lost; 2 if no
-pose fits what was felt; 3 if too many approaches left it open; 64 wrong command line.";
-
-/// Exit status where no pose fits.
-const EXIT_NO_POSE: u8 = 2;
-
-/// Exit status where the approaches did not decide.
-const EXIT_OPEN: u8 = 3;
+pose of any part fits what was felt; 3 if too many approaches left it open; 64 wrong command line.";
 
 /// Finds where a known part lies by touching it.
 ///
@@ -61,8 +59,12 @@ pub(crate) struct Arguments {
     motion: MotionArguments,
 
     /// The part file
-    #[arg(long, value_name = "PART.toml")]
-    part: PathBuf,
+    #[arg(long, value_name = "PART.toml", required_unless_present = "library")]
+    part: Option<PathBuf>,
+
+    /// A folder of part files: says which of them it is, or that it is none of these
+    #[arg(long, value_name = "DIR", conflicts_with = "part")]
+    library: Option<PathBuf>,
 
     /// Where all of the part is: two corners of a rectangle in the robot's frame, in mm
     #[arg(long, value_name = "X,Y,X,Y", value_parser = area_mm, allow_hyphen_values = true)]
@@ -99,6 +101,10 @@ pub(crate) struct Arguments {
     /// With --robot sim: where the simulated part lies: X,Y of its file's origin and its turn [default: by the seed]
     #[arg(long, value_name = "X_MM,Y_MM,DEG", value_parser = pose_mm, allow_hyphen_values = true)]
     simulated_pose: Option<Pose>,
+
+    /// With --robot sim: and --library: which of its parts lies there [default: the first]
+    #[arg(long, value_name = "NAME", requires = "library")]
+    simulated_part: Option<String>,
 }
 
 /// How the finger is moved, and what it may do.
@@ -155,20 +161,47 @@ pub(super) struct MotionArguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
-    let file = read_part(&arguments.part)?;
-    let speeds = Speeds::of(&arguments.motion, &file, arguments.mass_kg)?;
     let told = Told { json: arguments.json };
+    let named = match (&arguments.part, &arguments.library) {
+        (Some(part), _) => vec![(part.display().to_string(), read_part(part)?)],
+        (None, Some(folder)) => read_library(folder)?,
+        (None, None) => unreachable!("one of them is required"),
+    };
+    let (names, files): (Vec<_>, Vec<_>) = named.into_iter().unzip();
+    let speeds = Speeds::of(&arguments.motion, &files, arguments.mass_kg)?;
     speeds.tell();
-    let mut carrier = arguments.carrier(&file, &speeds)?;
-    let mut search = TouchSearch::new(arguments.task(&file));
-    locate(&mut search, carrier.as_mut(), &told, arguments.approaches_max)
+    let there = arguments.there(&names)?;
+    let mut carrier = arguments.carrier(&files[there], &speeds)?;
+    let mut sought: Box<dyn Sought> = if arguments.library.is_some() {
+        let outlines: Vec<_> = files.iter().map(|file| file.part.polygon().clone()).collect();
+        let Area(area) = arguments.area_mm;
+        let search = PartsSearch::new(&outlines, arguments.radius_mm * 1e-3, area, arguments.tolerance());
+        Box::new(SoughtPart::new(search, names))
+    } else {
+        Box::new(TouchSearch::new(arguments.task(&files[there])))
+    };
+    locate(sought.as_mut(), carrier.as_mut(), told, arguments.approaches_max)
 }
 
 impl Arguments {
+    fn tolerance(&self) -> TouchTolerance {
+        TouchTolerance { distance: self.tolerance_mm * 1e-3, angle: self.tolerance_deg.to_radians() }
+    }
+
     fn task(&self, file: &PolygonFile) -> TouchTask {
-        let tolerance = TouchTolerance { distance: self.tolerance_mm * 1e-3, angle: self.tolerance_deg.to_radians() };
         let outline = file.part.polygon().clone();
-        TouchTask { outline, radius: self.radius_mm * 1e-3, area: self.area_mm.0, tolerance }
+        TouchTask { outline, radius: self.radius_mm * 1e-3, area: self.area_mm.0, tolerance: self.tolerance() }
+    }
+
+    /// The number of the part that lies in the simulated world.
+    fn there(&self, names: &[String]) -> miette::Result<usize> {
+        let Some(wanted) = &self.simulated_part else { return Ok(0) };
+        names.iter().position(|name| name == wanted).ok_or_else(|| {
+            miette::miette!(
+                help = "name a file of --library without its folder and ending",
+                "no part is called {wanted}"
+            )
+        })
     }
 
     /// Where the robot of a simulated world begins: beside the area.
@@ -181,37 +214,47 @@ impl Arguments {
 /// A simulated robot begins so far beyond where it could touch, m.
 const START_M: f64 = 0.01;
 
-/// Touches until the pose is known, or it is known that touch cannot tell.
+/// Where the finger may touch something.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ground {
+    /// Of the finger's disk, m.
+    radius: f64,
+    /// All of the part is in this rectangle, m.
+    area: [Point2<f64>; 2],
+}
+
+/// What is sought by touch: the pose of a part, which part it is, the outline of an unknown one.
+pub(super) trait Sought {
+    fn ground(&self) -> Ground;
+    /// The approach to make; none where it is over.
+    fn next(&self) -> Option<NextTouch>;
+    fn take(&mut self, next: &NextTouch, met: &Met);
+    /// Whether the finger met anything yet.
+    fn has_touched(&self) -> bool;
+    /// What is left, with its key.
+    fn left_json(&self) -> (&'static str, serde_json::Value);
+    fn say_left(&self);
+    /// Says how it ended; the exit status.
+    fn end(&self, told: Told, approaches: usize, is_given_up: bool) -> miette::Result<u8>;
+}
+
+/// Touches until what is sought is known, or it is known that touch cannot tell.
 pub(super) fn locate(
-    search: &mut TouchSearch,
+    sought: &mut dyn Sought,
     carrier: &mut dyn Carrier,
-    told: &Told,
+    told: Told,
     approaches_max: usize,
 ) -> miette::Result<ExitCode> {
     for number in 1.. {
-        let verdict = search.verdict();
-        let next = match &verdict {
-            TouchVerdict::Open { .. } if number <= approaches_max => search.next(),
-            _ => None,
-        };
-        let Some(next) = next else {
-            told.end(search, &verdict, number - 1);
-            return Ok(ExitCode::from(match verdict {
-                TouchVerdict::One(_) | TouchVerdict::Alike(_) => 0,
-                TouchVerdict::Open { .. } if number > approaches_max => EXIT_OPEN,
-                TouchVerdict::Open { .. } | TouchVerdict::NoPose => EXIT_NO_POSE,
-            }));
+        let next = sought.next();
+        let is_given_up = next.is_some() && number > approaches_max;
+        let Some(next) = next.filter(|_| !is_given_up) else {
+            return sought.end(told, number - 1, is_given_up).map(ExitCode::from);
         };
         told.next(number, &next);
-        let is_bounded = !search.touches().is_empty();
-        let met = carrier.make(search.task(), &next, is_bounded).advised()?;
-        search.take(&next.approach, &met);
-        told.met(search, number, &next, &met);
+        let met = carrier.make(sought.ground(), &next, sought.has_touched()).advised()?;
+        sought.take(&next, &met);
+        told.met(sought, number, &next, &met);
     }
     unreachable!("approaches are counted to the end")
-}
-
-/// Whether something was touched.
-fn is_touch(met: &Met) -> bool {
-    matches!(met, Met::Part(_))
 }

@@ -1,10 +1,10 @@
 //! What `palpate touch` prints: lines for a person, objects for programs.
 
 use nalgebra::Point2;
-use palpate::inscription::{Met, NextTouch, PoseMode, TouchSearch, TouchVerdict};
+use palpate::inscription::{Met, NextTouch, PartLeft, PartsSearch, PartsVerdict, PoseMode, TouchSearch, TouchVerdict};
 use serde_json::{Value, json};
 
-use super::is_touch;
+use super::{Ground, Sought};
 use crate::cli::{counted, turn_deg};
 use crate::width::folded;
 
@@ -20,6 +20,12 @@ pub(crate) struct Told {
 fn mm(place: Point2<f64>) -> String {
     format!("({:.1}, {:.1})", place.x * 1e3, place.y * 1e3)
 }
+
+/// Exit status where nothing that is known fits.
+const EXIT_NOTHING: u8 = 2;
+
+/// Exit status where the approaches did not decide.
+const EXIT_OPEN: u8 = 3;
 
 impl Told {
     /// The approach that is made now.
@@ -38,21 +44,19 @@ impl Told {
     }
 
     /// What came of it.
-    pub(super) fn met(self, search: &TouchSearch, number: usize, next: &NextTouch, met: &Met) {
-        let verdict = search.verdict();
+    pub(super) fn met(self, sought: &dyn Sought, number: usize, next: &NextTouch, met: &Met) {
         if self.json {
             let approach = &next.approach;
             let end = approach.at(approach.length);
-            say!(
-                "{}",
-                json!({
-                    "approach": number,
-                    "from": [approach.from.x, approach.from.y],
-                    "towards": [end.x, end.y],
-                    "touch": touch_json(met),
-                    "poses": poses_json(search, modes(&verdict)),
-                })
-            );
+            let mut object = json!({
+                "approach": number,
+                "from": [approach.from.x, approach.from.y],
+                "towards": [end.x, end.y],
+                "touch": touch_json(met),
+            });
+            let (key, left) = sought.left_json();
+            object[key] = left;
+            say!("{object}");
             return;
         }
         match met {
@@ -66,53 +70,87 @@ impl Told {
                 touch.half_width.to_degrees()
             ),
         }
-        if is_touch(met) || !search.touches().is_empty() {
-            let modes = modes(&verdict);
-            match modes.len() {
-                0 => say!("  the poses that are left are not told apart yet"),
-                count => say!("  {} left", counted(count, "pose")),
-            }
-            self.poses(search, modes);
+        if sought.has_touched() {
+            sought.say_left();
         }
     }
+}
 
-    fn poses(self, search: &TouchSearch, modes: &[PoseMode]) {
-        for mode in modes.iter().take(SHOWN) {
-            say!("    {}", in_words(search, mode));
-        }
-        if modes.len() > SHOWN {
-            say!("    and {} more", modes.len() - SHOWN);
-        }
+pub(super) fn say_poses(search: &TouchSearch, modes: &[PoseMode], indent: &str) {
+    for mode in modes.iter().take(SHOWN) {
+        say!("{indent}{}", in_words(search, mode));
+    }
+    if modes.len() > SHOWN {
+        say!("{indent}and {} more", modes.len() - SHOWN);
+    }
+}
+
+/// How many approaches there were.
+pub(super) fn after(approaches: usize, touches: usize) -> String {
+    let made = if approaches == 1 { "1 approach".to_owned() } else { format!("{approaches} approaches") };
+    format!("after {made}, {touches} of which met the part")
+}
+
+impl Sought for TouchSearch {
+    fn ground(&self) -> Ground {
+        Ground { radius: self.task().radius, area: self.task().area }
     }
 
-    /// How it ended.
-    pub(super) fn end(self, search: &TouchSearch, verdict: &TouchVerdict, approaches: usize) {
-        let touches = search.touches().len();
-        let modes = modes(verdict);
-        if self.json {
+    fn next(&self) -> Option<NextTouch> {
+        matches!(self.verdict(), TouchVerdict::Open { .. }).then(|| self.next()).flatten()
+    }
+
+    fn take(&mut self, next: &NextTouch, met: &Met) {
+        self.take(&next.approach, met);
+    }
+
+    fn has_touched(&self) -> bool {
+        !self.touches().is_empty()
+    }
+
+    fn left_json(&self) -> (&'static str, Value) {
+        ("poses", poses_json(self, modes(&self.verdict())).into())
+    }
+
+    fn say_left(&self) {
+        let verdict = self.verdict();
+        let modes = modes(&verdict);
+        match modes.len() {
+            0 => say!("  the poses that are left are not told apart yet"),
+            count => say!("  {} left", counted(count, "pose")),
+        }
+        say_poses(self, modes, "    ");
+    }
+
+    fn end(&self, told: Told, approaches: usize, is_given_up: bool) -> miette::Result<u8> {
+        let verdict = self.verdict();
+        let touches = self.touches().len();
+        let modes = modes(&verdict);
+        let status = match verdict {
+            TouchVerdict::One(_) | TouchVerdict::Alike(_) => 0,
+            TouchVerdict::Open { .. } if is_given_up => EXIT_OPEN,
+            TouchVerdict::Open { .. } | TouchVerdict::NoPose => EXIT_NOTHING,
+        };
+        if told.json {
             let verdict = match verdict {
                 TouchVerdict::One(_) => "one",
                 TouchVerdict::Alike(_) => "alike",
                 TouchVerdict::NoPose => "none",
                 TouchVerdict::Open { .. } => "open",
             };
-            let poses = poses_json(search, modes);
+            let poses = poses_json(self, modes);
             say!("{}", json!({ "verdict": verdict, "approaches": approaches, "touches": touches, "poses": poses }));
-            return;
+            return Ok(status);
         }
-        let after = format!(
-            "after {}, {} of which met the part",
-            if approaches == 1 { "1 approach".to_owned() } else { format!("{approaches} approaches") },
-            touches
-        );
+        let after = after(approaches, touches);
         match verdict {
             TouchVerdict::One(mode) => {
-                say!("{}", folded(&format!("The part is at {}, {after}.", in_words(search, mode))));
+                say!("{}", folded(&format!("The part is at {}, {after}.", in_words(self, &mode))));
             }
             TouchVerdict::Alike(_) => {
                 let same = "in each the outline is the same within the tolerance";
                 say!("{}", folded(&format!("Touch cannot tell these poses apart, {after}: {same}.")));
-                self.poses(search, modes);
+                say_poses(self, modes, "    ");
             }
             TouchVerdict::NoPose => {
                 let why = "it was moved, it is another, or it is not all within --area-mm";
@@ -120,9 +158,120 @@ impl Told {
             }
             TouchVerdict::Open { .. } => {
                 say!("Not decided {after}.");
-                self.poses(search, modes);
+                say_poses(self, modes, "    ");
             }
         }
+        Ok(status)
+    }
+}
+
+/// Which of the parts of a library lies there.
+pub(super) struct SoughtPart {
+    pub(super) search: PartsSearch,
+    pub(super) names: Vec<String>,
+    touches: usize,
+}
+
+impl SoughtPart {
+    pub(super) fn new(search: PartsSearch, names: Vec<String>) -> Self {
+        Self { search, names, touches: 0 }
+    }
+
+    fn say_parts(&self, left: &[PartLeft]) {
+        for left in left.iter().take(SHOWN) {
+            say!("    {}", self.names[left.part]);
+            say_poses(self.search.part(left.part), &left.modes, "      ");
+        }
+        if left.len() > SHOWN {
+            say!("    and {}", counted(left.len() - SHOWN, "more part"));
+        }
+    }
+
+    fn parts_json(&self, left: &[PartLeft]) -> Vec<Value> {
+        let part = |left: &PartLeft| {
+            let poses = poses_json(self.search.part(left.part), &left.modes);
+            json!({ "part": self.names[left.part], "poses": poses })
+        };
+        left.iter().map(part).collect()
+    }
+}
+
+impl Sought for SoughtPart {
+    fn ground(&self) -> Ground {
+        let task = self.search.part(0).task();
+        Ground { radius: task.radius, area: task.area }
+    }
+
+    fn next(&self) -> Option<NextTouch> {
+        matches!(self.search.verdict(), PartsVerdict::Open(_)).then(|| self.search.next()).flatten()
+    }
+
+    fn take(&mut self, next: &NextTouch, met: &Met) {
+        self.touches += usize::from(matches!(met, Met::Part(_)));
+        self.search.take(&next.approach, met);
+    }
+
+    fn has_touched(&self) -> bool {
+        self.touches > 0
+    }
+
+    fn left_json(&self) -> (&'static str, Value) {
+        let left = self.search.parts_left();
+        // Of hundreds the number is enough.
+        let parts = if left <= SHOWN { self.parts_json(parts(&self.search.verdict())) } else { Vec::new() };
+        ("left", json!({ "count": left, "parts": parts }))
+    }
+
+    fn say_left(&self) {
+        say!("  {} left of {}", counted(self.search.parts_left(), "part"), self.names.len());
+        if self.search.parts_left() <= SHOWN {
+            self.say_parts(parts(&self.search.verdict()));
+        }
+    }
+
+    fn end(&self, told: Told, approaches: usize, is_given_up: bool) -> miette::Result<u8> {
+        let verdict = self.search.verdict();
+        let status = match verdict {
+            PartsVerdict::One(_) | PartsVerdict::Alike(_) => 0,
+            PartsVerdict::Open(_) if is_given_up => EXIT_OPEN,
+            PartsVerdict::Open(_) | PartsVerdict::NoneOfThese => EXIT_NOTHING,
+        };
+        let left = parts(&verdict);
+        if told.json {
+            let name = match verdict {
+                PartsVerdict::One(_) => "one",
+                PartsVerdict::Alike(_) => "alike",
+                PartsVerdict::NoneOfThese => "none",
+                PartsVerdict::Open(_) => "open",
+            };
+            let parts = self.parts_json(left);
+            say!("{}", json!({ "verdict": name, "approaches": approaches, "touches": self.touches, "parts": parts }));
+            return Ok(status);
+        }
+        let after = after(approaches, self.touches);
+        let sentence = match &verdict {
+            PartsVerdict::One(_) => format!("It is this part, {after}:"),
+            PartsVerdict::Alike(_) => format!("Touch cannot tell these parts apart, {after}:"),
+            PartsVerdict::NoneOfThese => {
+                format!(
+                    "It is none of the {} parts, {after}; or it was moved, or is not all within --area-mm.",
+                    self.names.len()
+                )
+            }
+            PartsVerdict::Open(_) => format!("Not decided {after}."),
+        };
+        say!("{}", folded(&sentence));
+        self.say_parts(left);
+        Ok(status)
+    }
+}
+
+/// The parts that are told.
+fn parts(verdict: &PartsVerdict) -> &[PartLeft] {
+    match verdict {
+        PartsVerdict::One(left) => std::slice::from_ref(left),
+        PartsVerdict::Alike(left) | PartsVerdict::Open(left) => left,
+        PartsVerdict::NoneOfThese => &[],
     }
 }
 

@@ -20,10 +20,10 @@ use crate::geometry::{Pose, SimplePolygon, bounding_box, distance_to_segment, is
 use crate::math::angle::wrap_angle;
 
 /// Poses that stand for all before the first touch.
-const SPREAD: u32 = 1500;
+pub(super) const SPREAD: u32 = 1500;
 
-/// Poses that are tried for that: parts that fill their rectangle, or ways that leave little of it.
-const SPREAD_TRIES: u32 = 200_000;
+/// For each of them so many are tried: parts that fill their rectangle, or ways that leave little of it.
+const SPREAD_TRIES: u32 = 133;
 
 /// The additive recurrence that spreads points evenly over a cube, in fractions of 1: powers of the inverse of the real
 /// root of x⁴ = x + 1 (M. Roberts, 2018).
@@ -71,8 +71,8 @@ pub(super) struct Cells {
     is_fine: bool,
 }
 
-/// Poses in the rectangle, evenly spread, that no way passes through.
-pub(super) fn spread(task: &TouchTask, passed: &[Way]) -> Vec<Pose> {
+/// So many poses in the rectangle, evenly spread, that no way passes through.
+pub(super) fn spread(task: &TouchTask, passed: &[Way], count: u32) -> Vec<Pose> {
     let [low, high] = task.area;
     let span = high - low;
     let at = |index: u32| {
@@ -93,8 +93,8 @@ pub(super) fn spread(task: &TouchTask, passed: &[Way]) -> Vec<Pose> {
         let to_part = pose.isometry().inverse();
         passed.iter().all(|way| clearance(&task.outline, &to_part, way) >= task.radius - way.slack)
     };
-    let tried = (0..SPREAD_TRIES).filter_map(at).filter(|(_, is_inside)| *is_inside).map(|(pose, _)| pose);
-    tried.filter(fits).take(SPREAD as usize).collect()
+    let tried = (0..SPREAD_TRIES * count).filter_map(at).filter(|(_, is_inside)| *is_inside).map(|(pose, _)| pose);
+    tried.filter(fits).take(count as usize).collect()
 }
 
 /// The distance of a way from the part, 0 where it leads through.
@@ -153,14 +153,20 @@ impl Cells {
         self.is_fine
     }
 
-    /// The cells' middles.
+    pub(super) fn len(&self) -> usize {
+        self.cells.len()
+    }
+
+    /// The cells' middles: after so many that are skipped, one of so many.
     pub(super) fn middles<'a>(
         &'a self,
         task: &'a TouchTask,
         curve: &'a DiskCurve,
+        skipped: usize,
+        stride: usize,
     ) -> impl Iterator<Item = Middle> + 'a {
         let size = farthest(task);
-        self.cells.iter().map(move |cell| self.middle(cell, task, curve, size))
+        self.cells.iter().skip(skipped).step_by(stride).map(move |cell| self.middle(cell, task, curve, size))
     }
 
     /// Drops what readings exclude, and divides the rest until it is small enough for their number.

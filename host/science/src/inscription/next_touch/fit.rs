@@ -78,7 +78,7 @@ pub(super) fn modes(task: &TouchTask, curve: &DiskCurve, touches: &[FingerTouch]
     if !cells.is_fine() {
         return Vec::new();
     }
-    let middles: Vec<_> = cells.middles(task, curve).collect();
+    let middles: Vec<_> = cells.middles(task, curve, 0, 1).collect();
     let problem = Touches { curve, touches };
     let gate = chi_square_quantile(GATE, touches.len().saturating_sub(3).max(1));
     let size = task.outline.vertices().iter().map(|vertex| vertex.coords.norm()).fold(0.0, f64::max);

@@ -8,6 +8,7 @@
 //! - The first touch leaves a surface of poses: where on the outline, and which turn. It is covered by cells; a cell is
 //!   dropped where a bound on its motion shows that some touch or some way passed cannot be there ([`cells`]).
 //! - What is left falls into groups; in each, least squares finds the pose and its covariance ([`fit`]).
+//! - Of several parts each has its own cover; one whose cover is empty is not it ([`PartsSearch`]).
 //! - The next approach is the line after which the least is expected to be left ([`plan`]). How fast it may go follows
 //!   from what holds the part in place ([`crate::pushing::approach_speed`]); between approaches the finger goes round the
 //!   rectangle ([`way_round`]).
@@ -21,6 +22,7 @@
 
 mod cells;
 mod fit;
+mod parts;
 mod plan;
 mod route;
 #[cfg(test)]
@@ -32,6 +34,7 @@ use super::noise::PoseMode;
 use crate::geometry::disk_curve::DiskCurve;
 use crate::geometry::{Pose, SimplePolygon, distance_to_segment};
 use cells::{Cells, Way};
+pub use parts::{PartLeft, PartsSearch, PartsVerdict};
 pub use plan::NextTouch;
 pub use route::way_round;
 
@@ -186,6 +189,8 @@ pub struct TouchSearch {
     passed: Vec<Way>,
     /// Ways that met nothing since the last touch.
     barren: i32,
+    /// Before the first touch so many poses stand for all.
+    spread: u32,
     belief: Belief,
 }
 
@@ -202,9 +207,31 @@ impl TouchSearch {
     /// Nothing was touched yet.
     #[must_use]
     pub fn new(task: TouchTask) -> Self {
+        Self::with_spread(task, cells::SPREAD)
+    }
+
+    /// The same, where so many poses stand for all before the first touch.
+    fn with_spread(task: TouchTask, spread: u32) -> Self {
         let curve = DiskCurve::new(&task.outline, task.radius);
-        let belief = Belief::Spread(cells::spread(&task, &[]));
-        Self { task, curve, touches: Vec::new(), passed: Vec::new(), barren: 0, belief }
+        let belief = Belief::Spread(cells::spread(&task, &[], spread));
+        Self { task, curve, touches: Vec::new(), passed: Vec::new(), barren: 0, spread, belief }
+    }
+
+    /// How many poses stand for what is left.
+    fn left(&self) -> usize {
+        match &self.belief {
+            Belief::Spread(poses) => poses.len(),
+            Belief::Covered { cells, modes } if modes.is_empty() => cells.len(),
+            Belief::Covered { modes, .. } => modes.len(),
+        }
+    }
+
+    /// The poses found so far, best first.
+    fn modes(&self) -> &[PoseMode] {
+        match &self.belief {
+            Belief::Spread(_) => &[],
+            Belief::Covered { modes, .. } => modes,
+        }
     }
 
     /// What was told beforehand.
@@ -240,7 +267,7 @@ impl TouchSearch {
             Belief::Covered { cells, .. } => self.covered(cells),
             Belief::Spread(_) => match self.touches.first() {
                 Some(first) => self.covered(Cells::about(&self.task, &self.curve, first)),
-                None => Belief::Spread(cells::spread(&self.task, &self.passed)),
+                None => Belief::Spread(cells::spread(&self.task, &self.passed, self.spread)),
             },
         };
     }
@@ -277,7 +304,7 @@ impl TouchSearch {
     /// The approach after which the least is expected to be left; none where no pose is.
     #[must_use]
     pub fn next(&self) -> Option<NextTouch> {
-        plan::next(self)
+        plan::next(&[self])
     }
 
     /// Standard deviations of a pose: of the outline's centroid in its worst direction (m), and of the turn (rad).
@@ -303,13 +330,19 @@ impl TouchSearch {
 /// How far the outlines of a part in two poses are apart at most, from corners of either, m.
 #[must_use]
 pub fn outlines_apart(outline: &SimplePolygon, a: &Pose, b: &Pose) -> f64 {
-    let one_way = |a: &Pose, b: &Pose| {
-        let between = b.isometry().inverse() * a.isometry();
+    shapes_apart((outline, a), (outline, b))
+}
+
+/// How far two outlines in their poses are apart at most, from corners of either, m.
+#[must_use]
+pub fn shapes_apart(a: (&SimplePolygon, &Pose), b: (&SimplePolygon, &Pose)) -> f64 {
+    let one_way = |(a, at): (&SimplePolygon, &Pose), (b, other_at): (&SimplePolygon, &Pose)| {
+        let between = other_at.isometry().inverse() * at.isometry();
         let to_outline = |corner: &Point2<f64>| {
             let corner = between * corner;
-            outline.edges().map(|(start, end)| distance_to_segment(corner, start, end)).fold(f64::INFINITY, f64::min)
+            b.edges().map(|(start, end)| distance_to_segment(corner, start, end)).fold(f64::INFINITY, f64::min)
         };
-        outline.vertices().iter().map(to_outline).fold(0.0, f64::max)
+        a.vertices().iter().map(to_outline).fold(0.0, f64::max)
     };
     one_way(a, b).max(one_way(b, a))
 }

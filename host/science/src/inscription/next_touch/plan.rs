@@ -14,7 +14,7 @@ use std::f64::consts::TAU;
 use nalgebra::{Matrix3, Point2, Rotation2, Vector2};
 
 use super::super::noise::PoseMode;
-use super::{Approach, Belief, TRUSTED_SD, TouchSearch, fit};
+use super::{Approach, Belief, TRUSTED_SD, TouchSearch, TouchTask, fit};
 use crate::geometry::Pose;
 use crate::math::angle::wrap_angle;
 
@@ -67,7 +67,9 @@ pub struct NextTouch {
 
 /// A pose that may be.
 #[derive(Clone, Copy, Debug)]
-struct Possible {
+struct Possible<'a> {
+    /// That of its part.
+    search: &'a TouchSearch,
     pose: Pose,
     /// How far points of the part may be from there, m.
     reach: f64,
@@ -77,6 +79,8 @@ struct Possible {
 #[derive(Clone, Copy, Debug)]
 struct Foreseen {
     travel: f64,
+    /// By how much of its way the finger goes into the outline.
+    into: f64,
     /// Polar angle of the outward normal.
     normal: f64,
     /// How well the travel is known, m.
@@ -94,17 +98,18 @@ struct Rated {
 }
 
 struct Plan<'a> {
-    search: &'a TouchSearch,
-    possible: Vec<Possible>,
-    best: Option<PoseMode>,
+    task: &'a TouchTask,
+    possible: Vec<Possible<'a>>,
+    /// The pose that fits best, and the search of its part.
+    best: Option<(&'a TouchSearch, PoseMode)>,
     sigma: f64,
     /// Normals that differ by less may be one.
     normals: f64,
 }
 
-/// The best approach; none where no pose is left.
-pub(super) fn next(search: &TouchSearch) -> Option<NextTouch> {
-    let plan = Plan::new(search);
+/// The best approach for parts that were felt by the same touches, any of which it may be; none where no pose is left.
+pub(super) fn next(searches: &[&TouchSearch]) -> Option<NextTouch> {
+    let plan = Plan::new(searches)?;
     let mut rated = Vec::new();
     for k in 0..DIRECTIONS {
         let angle = TAU * f64::from(k) / f64::from(DIRECTIONS);
@@ -123,35 +128,96 @@ pub(super) fn next(search: &TouchSearch) -> Option<NextTouch> {
     refined.min_by(|a, b| a.loss.total_cmp(&b.loss)).map(|rated| rated.next)
 }
 
+/// The approach that meets the pose of a search that fits best farthest from all that was touched, and stops there: another
+/// part would not be where it is foreseen. None where there is no such pose.
+pub(super) fn confirm(search: &TouchSearch) -> Option<NextTouch> {
+    let plan = Plan::new(&[search])?;
+    let (_, best) = plan.best?;
+    let possible = Possible { search, pose: best.pose, reach: 0.0 };
+    let mut farthest: Option<(f64, NextTouch)> = None;
+    for k in 0..DIRECTIONS {
+        let angle = TAU * f64::from(k) / f64::from(DIRECTIONS);
+        let [low, high] = plan.breadth(angle)?;
+        for k in 0..OFFSETS {
+            let offset = low + (high - low) * (f64::from(k) + 0.5) / f64::from(OFFSETS);
+            let approach = plan.line(angle, offset);
+            let Some(met) = plan.foresee(&possible, &approach).filter(|met| met.into >= GRAZING) else { continue };
+            let centre = approach.at(met.travel);
+            let apart = search.touches.iter().map(|touch| (touch.centre - centre).norm()).fold(f64::INFINITY, f64::min);
+            if farthest.is_none_or(|(most, _)| apart > most) {
+                farthest = Some((apart, plan.rate(angle, offset).next));
+            }
+        }
+    }
+    farthest.map(|(_, next)| next)
+}
+
+/// The line through a place, from outside of all that a part in a rectangle may fill to beyond it, for a disk of this
+/// radius (m).
+pub(super) fn across(
+    [low, high]: [Point2<f64>; 2],
+    radius: f64,
+    foot: Point2<f64>,
+    direction: Vector2<f64>,
+) -> Approach {
+    let around = Vector2::repeat(radius + MARGIN_M);
+    let [low, high] = [low - around, high + around];
+    // From the foot to where each pair of sides is crossed.
+    let mut span = [f64::NEG_INFINITY, f64::INFINITY];
+    for axis in 0..2 {
+        let (from, way) = (foot[axis], direction[axis]);
+        if way != 0.0 {
+            let crossed = [(low[axis] - from) / way, (high[axis] - from) / way];
+            span = [span[0].max(crossed[0].min(crossed[1])), span[1].min(crossed[0].max(crossed[1]))];
+        }
+    }
+    let length = (span[1] - span[0]).max(0.0);
+    Approach { from: foot + direction * span[0], direction, length }
+}
+
 impl<'a> Plan<'a> {
-    fn new(search: &'a TouchSearch) -> Self {
-        let strided = |count: usize| count.div_ceil(POSES).max(1);
-        let (possible, best): (Vec<_>, _) = match &search.belief {
-            Belief::Spread(poses) => {
-                let poses = poses.iter().step_by(strided(poses.len()));
-                (poses.map(|pose| Possible { pose: *pose, reach: SPREAD_M }).collect(), None)
+    /// None where there is no part.
+    fn new(searches: &[&'a TouchSearch]) -> Option<Self> {
+        let first = *searches.first()?;
+        let known = |search: &TouchSearch| matches!(&search.belief, Belief::Covered { modes, .. } if !modes.is_empty());
+        // Poses that are known stand for themselves; cells and drawn poses only where there are none.
+        let count: usize = searches.iter().map(|search| search.left()).sum();
+        let stride = count.div_ceil(POSES).max(1);
+        let mut possible = Vec::new();
+        let mut before = 0;
+        for &search in searches {
+            // Every `stride`-th of the poses of all parts together.
+            let skipped = (stride - before % stride) % stride;
+            before += search.left();
+            let add = |pose, reach| Possible { search, pose, reach };
+            match &search.belief {
+                Belief::Spread(poses) => {
+                    possible.extend(poses.iter().skip(skipped).step_by(stride).map(|&pose| add(pose, SPREAD_M)));
+                }
+                Belief::Covered { modes, .. } if !modes.is_empty() => {
+                    let within = |mode: &PoseMode| {
+                        let (distance, _) = fit::deviations(&search.task, &mode.pose, &mode.covariance);
+                        add(mode.pose, distance.min(GRAZING_M))
+                    };
+                    possible.extend(modes.iter().skip(skipped).step_by(stride).map(within));
+                }
+                Belief::Covered { cells, .. } => {
+                    let middles = cells.middles(&search.task, &search.curve, skipped, stride);
+                    possible.extend(middles.map(|middle| add(middle.pose, middle.reach)));
+                }
             }
-            Belief::Covered { modes, .. } if !modes.is_empty() => {
-                let within = |mode: &PoseMode| {
-                    let (distance, _) = fit::deviations(&search.task, &mode.pose, &mode.covariance);
-                    Possible { pose: mode.pose, reach: distance.min(GRAZING_M) }
-                };
-                (modes.iter().take(POSES).map(within).collect(), modes.first().copied())
-            }
-            Belief::Covered { cells, .. } => {
-                let middles: Vec<_> = cells.middles(&search.task, &search.curve).collect();
-                let middles = middles.iter().step_by(strided(middles.len()));
-                (middles.map(|middle| Possible { pose: middle.pose, reach: middle.reach }).collect(), None)
-            }
-        };
-        let sigma = search.touches.iter().map(|touch| touch.sigma).fold(0.0, f64::max);
-        let normals = search.touches.iter().map(|touch| 2.0 * touch.half_width).fold(0.0, f64::max);
-        let (sigma, normals) = if search.touches.is_empty() { (SIGMA_FIRST, NORMAL_FIRST) } else { (sigma, normals) };
-        Self { search, possible, best, sigma, normals }
+        }
+        let best = searches.iter().filter(|search| known(search));
+        let best = best.filter_map(|&search| Some((search, search.modes().first().copied()?)));
+        let best = best.min_by(|a, b| a.1.chi2.total_cmp(&b.1.chi2));
+        let sigma = first.touches.iter().map(|touch| touch.sigma).fold(0.0, f64::max);
+        let normals = first.touches.iter().map(|touch| 2.0 * touch.half_width).fold(0.0, f64::max);
+        let (sigma, normals) = if first.touches.is_empty() { (SIGMA_FIRST, NORMAL_FIRST) } else { (sigma, normals) };
+        Some(Self { task: &first.task, possible, best, sigma, normals })
     }
 
     fn middle(&self) -> Point2<f64> {
-        let [low, high] = self.search.task.area;
+        let [low, high] = self.task.area;
         nalgebra::center(&low, &high)
     }
 
@@ -159,13 +225,13 @@ impl<'a> Plan<'a> {
     fn breadth(&self, angle: f64) -> Option<[f64; 2]> {
         let left = Vector2::new(-angle.sin(), angle.cos());
         let middle = self.middle();
-        let vertices = self.search.task.outline.vertices();
         let aside = self.possible.iter().flat_map(|possible| {
             let isometry = possible.pose.isometry();
+            let vertices = possible.search.task.outline.vertices();
             vertices.iter().map(move |vertex| (isometry * vertex - middle).dot(&left))
         });
         let [low, high] = aside.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)]);
-        let radius = self.search.task.radius;
+        let radius = self.task.radius;
         (low <= high).then_some([low - radius, high + radius])
     }
 
@@ -173,20 +239,7 @@ impl<'a> Plan<'a> {
     fn line(&self, angle: f64, offset: f64) -> Approach {
         let direction = Vector2::new(angle.cos(), angle.sin());
         let foot = self.middle() + Vector2::new(-direction.y, direction.x) * offset;
-        let [low, high] = self.search.task.area;
-        let around = self.search.task.radius + MARGIN_M;
-        let [low, high] = [low - Vector2::repeat(around), high + Vector2::repeat(around)];
-        // From the foot to where each pair of sides is crossed.
-        let mut span = [f64::NEG_INFINITY, f64::INFINITY];
-        for axis in 0..2 {
-            let (from, way) = (foot[axis], direction[axis]);
-            if way != 0.0 {
-                let crossed = [(low[axis] - from) / way, (high[axis] - from) / way];
-                span = [span[0].max(crossed[0].min(crossed[1])), span[1].min(crossed[0].max(crossed[1]))];
-            }
-        }
-        let length = (span[1] - span[0]).max(0.0);
-        Approach { from: foot + direction * span[0], direction, length }
+        across(self.task.area, self.task.radius, foot, direction)
     }
 
     fn rate(&self, angle: f64, offset: f64) -> Rated {
@@ -210,16 +263,17 @@ impl<'a> Plan<'a> {
         self.possible.iter().map(|possible| possible.reach).fold(MARGIN_M, f64::max)
     }
 
-    fn foresee(&self, possible: &Possible, approach: &Approach) -> Option<Foreseen> {
+    fn foresee(&self, possible: &Possible<'_>, approach: &Approach) -> Option<Foreseen> {
         let turn = Rotation2::new(-possible.pose.theta);
         let centre = Point2::from(turn * (approach.from - possible.pose.origin()));
         let way = turn * approach.direction;
-        let (travel, place) = self.search.curve.first_touch(centre, way, approach.length, 0.0)?;
-        let normal = self.search.curve.touched(place).normal;
+        let curve = &possible.search.curve;
+        let (travel, place) = curve.first_touch(centre, way, approach.length, 0.0)?;
+        let normal = curve.touched(place).normal;
         let into = -normal.dot(&way);
         let width = if into < GRAZING { GRAZING_M } else { (TRUSTED_SD * self.sigma).hypot(possible.reach) / into };
         let normal = turn.inverse() * normal;
-        Some(Foreseen { travel, normal: normal.y.atan2(normal.x), width })
+        Some(Foreseen { travel, into, normal: normal.y.atan2(normal.x), width })
     }
 
     /// How alike two outcomes are, 0 to 1.
@@ -238,12 +292,12 @@ impl<'a> Plan<'a> {
 
     /// How far the best pose would be from being known well enough, from 0 to 1.
     fn bluntness(&self, approach: &Approach) -> f64 {
-        let Some(best) = &self.best else { return 0.0 };
+        let Some((search, best)) = &self.best else { return 0.0 };
         let turn = Rotation2::new(-best.pose.theta);
         let centre = Point2::from(turn * (approach.from - best.pose.origin()));
         let way = turn * approach.direction;
-        let added = self.search.curve.first_touch(centre, way, approach.length, 0.0).and_then(|(_, place)| {
-            let touched = self.search.curve.touched(place);
+        let added = search.curve.first_touch(centre, way, approach.length, 0.0).and_then(|(_, place)| {
+            let touched = search.curve.touched(place);
             if -touched.normal.dot(&way) < GRAZING {
                 return None;
             }
@@ -255,7 +309,7 @@ impl<'a> Plan<'a> {
         let after = (information + added.unwrap_or_else(Matrix3::zeros)).try_inverse();
         // What is not known at all is as far as can be; between, less is better even where it is enough.
         after.map_or(1.0, |after| {
-            let excess = self.search.excess(&best.pose, &after);
+            let excess = search.excess(&best.pose, &after);
             excess / (1.0 + excess)
         })
     }

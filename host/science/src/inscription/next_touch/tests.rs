@@ -85,7 +85,11 @@ fn the_true_pose_stays_in_the_cover_whatever_is_touched() {
             let size = 0.08;
             let holds =
                 |middle: Middle| apart(&middle.pose, &truth, size) <= 4.0 * middle.reach + 10.0 * TRUSTED_SD * SIGMA;
-            assert!(cells.middles(&task, &search.curve).any(holds), "case {case}, {} touches", search.touches.len());
+            assert!(
+                cells.middles(&task, &search.curve, 0, 1).any(holds),
+                "case {case}, {} touches",
+                search.touches.len()
+            );
         }
     }
 }
@@ -218,4 +222,56 @@ fn an_approach_that_meets_nothing_is_not_proposed_again() {
     search.take(&passes, &Met::Nothing);
     let next = search.next().unwrap().approach;
     assert!((next.from - passes.from).norm() + (next.direction - passes.direction).norm() > 1e-3, "{next:?}");
+}
+
+/// Touches until it is decided; how it ended, and the number of approaches.
+fn which(draw: &mut Draw, parts: &[SimplePolygon], there: &SimplePolygon, truth: &Pose) -> (PartsVerdict, usize) {
+    let task = task(there.clone(), 0.015);
+    let mut search = PartsSearch::new(parts, task.radius, task.area, task.tolerance);
+    for approaches in 0..40 {
+        match (search.verdict(), search.next()) {
+            (PartsVerdict::Open(_), Some(next)) => {
+                let met = met(draw, &task, truth, &next.approach);
+                search.take(&next.approach, &met);
+            }
+            (verdict, _) => return (verdict, approaches),
+        }
+    }
+    (search.verdict(), 40)
+}
+
+#[test]
+fn of_many_parts_the_right_one_is_named_and_a_stranger_is_none() {
+    let mut draw = Draw::case(33, 0);
+    let mut part = |_| {
+        let corners = 4 + draw.index(5);
+        if draw.chance(0.5) { draw.convex_polygon(corners, 0.05) } else { draw.star_polygon(corners, 0.02, 0.05) }
+    };
+    let all: Vec<_> = (0..45).map(&mut part).collect();
+    let (parts, strangers) = all.split_at(40);
+    for case in 0..10 {
+        let mut draw = Draw::case(34, case);
+        let there = if case % 2 == 0 { &parts[case] } else { &strangers[case / 2] };
+        let truth = inside(&mut draw, there);
+        let (verdict, _) = which(&mut draw, parts, there, &truth);
+        if case % 2 == 1 {
+            assert_eq!(verdict, PartsVerdict::NoneOfThese, "case {case}");
+            continue;
+        }
+        let PartsVerdict::One(left) = verdict else { panic!("case {case}: {verdict:?}") };
+        assert_eq!(left.part, case);
+        let off = |mode: &PoseMode| outlines_apart(there, &mode.pose, &truth);
+        assert!(left.modes.iter().map(off).fold(f64::INFINITY, f64::min) < 5e-4, "case {case}");
+    }
+}
+
+#[test]
+fn the_same_part_twice_is_said_to_be_alike() {
+    let wedge = SimplePolygon::new([[0.0, 0.0], [0.06, 0.0], [0.02, 0.04]].map(Point2::from)).unwrap();
+    let moved = SimplePolygon::new([[0.01, 0.0], [0.07, 0.0], [0.03, 0.04]].map(Point2::from)).unwrap();
+    let mut draw = Draw::case(35, 0);
+    let truth = inside(&mut draw, &wedge);
+    let (verdict, _) = which(&mut draw, &[wedge.clone(), moved], &wedge, &truth);
+    let PartsVerdict::Alike(left) = verdict else { panic!("{verdict:?}") };
+    assert_eq!(left.iter().map(|left| left.part).collect::<Vec<_>>(), [0, 1]);
 }
