@@ -20,6 +20,7 @@ macro_rules! note {
 
 mod calibrate;
 mod calibrated;
+mod completions;
 mod contact;
 mod corner;
 mod demo;
@@ -36,6 +37,7 @@ mod lacking;
 mod latency;
 mod library;
 mod locate_tip;
+mod man;
 mod measured_motion;
 mod misfit;
 mod monitor;
@@ -125,6 +127,8 @@ enum Command {
     Solve(solve::Arguments),
     SimulateDevice(simulate_device::Arguments),
     SimulateRobot(simulate_robot::Arguments),
+    Completions(completions::Arguments),
+    Man(man::Arguments),
 }
 
 /// Runs the command named on the command line and returns the process's exit status.
@@ -177,6 +181,8 @@ where
         Command::Solve(arguments) => solve::run(&arguments),
         Command::SimulateDevice(arguments) => simulate_device::run(&arguments),
         Command::SimulateRobot(arguments) => simulate_robot::run(&arguments),
+        Command::Completions(arguments) => completions::run(&arguments),
+        Command::Man(arguments) => man::run(&arguments),
     };
     let status = outcome.unwrap_or_else(|report| {
         eprintln!("{report:?}");
@@ -321,5 +327,20 @@ mod tests {
         for _ in 0..2 {
             assert_eq!(run(["palpate", "tables", "-q"]), ExitCode::SUCCESS);
         }
+    }
+
+    #[test]
+    fn every_command_has_a_page_and_every_shell_knows_it() {
+        use clap_complete::Shell;
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(run(["palpate".as_ref(), "man".as_ref(), folder.path().as_os_str()]), ExitCode::SUCCESS);
+        let scripts = [Shell::Bash, Shell::Zsh, Shell::Fish].map(completions::script);
+        for command in Arguments::command().get_subcommands() {
+            let name = command.get_name();
+            let page = std::fs::read_to_string(folder.path().join(format!("palpate-{name}.1"))).unwrap();
+            assert!(page.contains(".SH SYNOPSIS"), "{name}: {page}");
+            assert!(scripts.iter().all(|script| script.contains(name)), "{name}");
+        }
+        assert!(folder.path().join("palpate.1").exists());
     }
 }
