@@ -17,7 +17,7 @@ use palpate_device::simulated::Line;
 use palpate_files::motion;
 use palpate_files::part::PolygonFile;
 
-use super::kept_push::{self, as_table};
+use super::kept_push::{self, FORCES, MOTION, as_table};
 use super::read::{read, read_text, tell_part};
 use super::watched_push::MuUncertainty;
 use super::{not_negative, pose, static_demo, touch};
@@ -147,14 +147,14 @@ impl Arguments {
         };
         let files = [
             ("part.toml", part),
-            ("motion.toml", motion::to_text(&ranges.motion)),
-            ("forces.csv", as_table(felt.measured.readings.iter().map(|reading| (reading.t, reading.force_finger)))),
+            (MOTION, motion::to_text(&ranges.motion)),
+            (FORCES, as_table(felt.measured.readings.iter().map(|reading| (reading.t, reading.force_finger)))),
             ("played.csv", as_table(felt.acted_evenly())),
         ];
         let files: Vec<_> = files.iter().map(|(name, text)| (*name, text.as_str())).collect();
         kept_push::write_new(folder, &files)?;
         let named = |name: &str| folder.join(name).display().to_string();
-        let [part, motion, forces] = ["part.toml", "motion.toml", "forces.csv"].map(named);
+        let [part, motion, forces] = ["part.toml", MOTION, FORCES].map(named);
         let mass = finger.effective_mass * 1e3;
         let mass = format!("--effective-mass-g {mass:.2}");
         note!("kept; to look again: palpate observe {forces} --part {part} --motion {motion} {mass}");

@@ -57,6 +57,26 @@ fn trail(played: &Played, end: f64) -> Vec<(f64, Pose)> {
     moments(end.min(played.duration())).filter_map(|t| Some((t, played.pose(t)?.into()))).collect()
 }
 
+/// A picture of the finger's way alone, up to a time (s): poses and forces are still to be put in.
+fn unfilled<'p>(
+    (part, radius): (&'p Part, f64),
+    motion: &FingerMotion,
+    end: f64,
+    heading: &Heading,
+) -> ObservedPicture<'p> {
+    ObservedPicture {
+        part,
+        radius,
+        finger: finger(motion, end),
+        poses: Vec::new(),
+        trail: Vec::new(),
+        force: Vec::new(),
+        misfits: None,
+        title: heading.title.clone(),
+        subtitles: heading.lines(),
+    }
+}
+
 /// A push of which all that was felt from rest on was explained at once.
 pub(super) fn searched(
     known: &KnownFromRest<'_>,
@@ -76,15 +96,10 @@ pub(super) fn searched(
         explained.iter().map(shown).collect()
     };
     let picture = ObservedPicture {
-        part: known.part,
-        radius: known.radius,
-        finger: finger(known.motion, end),
         poses: estimate.hypotheses.iter().map(possible).collect(),
         trail: best.and_then(|best| known.played(best)).map(|played| trail(&played, end)).unwrap_or_default(),
         force,
-        misfits: None,
-        title: heading.title.clone(),
-        subtitles: heading.lines(),
+        ..unfilled((known.part, known.radius), known.motion, end, heading)
     };
     picture.figure()
 }
@@ -95,7 +110,7 @@ fn unexplained(forces: &[(f64, Vector2<f64>)]) -> Vec<ShownForce> {
 
 /// A push of a finger whose places were measured; `motion` is what they say, from the onset on.
 pub(super) fn measured(
-    (part, radius): (&Part, f64),
+    part: (&Part, f64),
     motion: &FingerMotion,
     readings: &[ForceReading],
     hypotheses: &[&ForceHypothesis],
@@ -111,22 +126,17 @@ pub(super) fn measured(
     let effective_mass = hypotheses.first().map_or(0.0, |best| best.effective_mass);
     let of_contact = |it: &ForceReading| (it.time, it.force + motion.acceleration(it.time) * effective_mass);
     let picture = ObservedPicture {
-        part,
-        radius,
-        finger: finger(motion, end),
         poses: hypotheses.iter().map(possible).collect(),
         trail: played.map(|played| trail(played, end)).unwrap_or_default(),
         force: unexplained(&readings.iter().map(of_contact).collect::<Vec<_>>()),
-        misfits: None,
-        title: heading.title.clone(),
-        subtitles: heading.lines(),
+        ..unfilled(part, motion, end, heading)
     };
     picture.figure()
 }
 
 /// A push of which one pose was followed, without any uncertainty.
 pub(super) fn trailed(
-    (part, radius): (&Part, f64),
+    part: (&Part, f64),
     motion: &FingerMotion,
     trail: &[(f64, Pose)],
     felt: &[(f64, Vector2<f64>)],
@@ -134,18 +144,13 @@ pub(super) fn trailed(
 ) -> Figure {
     let last = trail.last();
     let picture = ObservedPicture {
-        part,
-        radius,
-        finger: finger(motion, last.map_or(0.0, |(time, _)| *time)),
         poses: last
             .map(|(_, pose)| PossiblePose { probability: 1.0, pose: *pose, covariance: None })
             .into_iter()
             .collect(),
         trail: trail.to_vec(),
         force: unexplained(felt),
-        misfits: None,
-        title: heading.title.clone(),
-        subtitles: heading.lines(),
+        ..unfilled(part, motion, last.map_or(0.0, |(time, _)| *time), heading)
     };
     picture.figure()
 }
@@ -178,7 +183,7 @@ impl FollowedHistory {
     /// Draws it, with the readings of the finger (times since the onset, s) that begins to move so long before it.
     pub(super) fn figure(
         &self,
-        (part, radius): (&Part, f64),
+        part: (&Part, f64),
         motion: &FingerMotion,
         (readings, before_onset): (&[Reading], f64),
         effective_mass: f64,
@@ -190,15 +195,11 @@ impl FollowedHistory {
         let of_contact = felt.map(|(t, force)| (t, force + motion.acceleration(t) * effective_mass));
         let usual_max = chi_square_quantile(USUAL, 2);
         let picture = ObservedPicture {
-            part,
-            radius,
-            finger: finger(motion, self.trail.last().map_or(end, |(time, _)| *time)),
             poses: self.last.clone(),
             trail: self.trail.clone(),
             force: unexplained(&of_contact.collect::<Vec<_>>()),
             misfits: Some(Misfits { over_time: self.misfits.clone(), usual_max }),
-            title: heading.title.clone(),
-            subtitles: heading.lines(),
+            ..unfilled(part, motion, self.trail.last().map_or(end, |(time, _)| *time), heading)
         };
         picture.figure()
     }

@@ -51,8 +51,7 @@ impl InscribePicture<'_> {
     /// Draws the picture, with its own size.
     #[must_use]
     pub fn figure(&self) -> Figure {
-        let figure = Figure::new(self.title, PAGE[0], PAGE[1]);
-        let figure = self.subtitles.iter().fold(figure, |figure, line| figure.subtitle(line.clone()));
+        let figure = Figure::new(self.title, PAGE[0], PAGE[1]).subtitles(self.subtitles);
         figure.column(1.0, vec![self.scene().into()])
     }
 

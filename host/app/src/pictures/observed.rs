@@ -108,7 +108,6 @@ impl ObservedPicture<'_> {
     #[must_use]
     pub fn figure(&self) -> Figure {
         let figure = Figure::new(self.title.as_str(), PAGE[0], PAGE[1] + 20.0 * self.subtitles.len() as f64);
-        let figure = self.subtitles.iter().fold(figure, |figure, line| figure.subtitle(line.clone()));
         let mut charts = vec![self.force_chart().into()];
         if self.force.iter().any(|force| force.left.is_some()) {
             charts.push(self.left_chart().into());
@@ -116,7 +115,7 @@ impl ObservedPicture<'_> {
         if let Some(misfits) = &self.misfits {
             charts.push(misfits.chart().into());
         }
-        figure.column(1.15, vec![self.scene().into()]).column(1.0, charts)
+        figure.subtitles(&self.subtitles).column(1.15, vec![self.scene().into()]).column(1.0, charts)
     }
 
     /// How many of the poses are not drawn, being the least likely.

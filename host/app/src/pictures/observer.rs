@@ -140,8 +140,7 @@ impl ObserverPicture<'_> {
 }
 
 fn headed(title: String, [width, height]: [f64; 2], subtitles: &[String]) -> Figure {
-    let figure = Figure::new(title, width, height + LINE * subtitles.len() as f64);
-    subtitles.iter().fold(figure, |figure, line| figure.subtitle(line.clone()))
+    Figure::new(title, width, height + LINE * subtitles.len() as f64).subtitles(subtitles)
 }
 
 fn part_style(colour: Colour, number: usize, last: usize) -> Style {

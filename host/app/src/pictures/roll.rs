@@ -46,8 +46,7 @@ impl RollPicture<'_> {
     /// Draws the picture, with its own size.
     #[must_use]
     pub fn figure(&self) -> Figure {
-        let figure = Figure::new(self.title, PAGE[0], PAGE[1]);
-        let figure = self.subtitles.iter().fold(figure, |figure, line| figure.subtitle(line.clone()));
+        let figure = Figure::new(self.title, PAGE[0], PAGE[1]).subtitles(self.subtitles);
         let charts = [self.height_chart(), self.force_chart(), self.turning_chart()];
         figure.column(1.25, vec![self.scene().into()]).column(1.0, charts.map(Into::into).into())
     }

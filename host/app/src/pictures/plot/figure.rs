@@ -49,6 +49,12 @@ impl Figure {
         self
     }
 
+    /// The figure with these lines below its title.
+    #[must_use]
+    pub fn subtitles(self, lines: &[String]) -> Self {
+        lines.iter().fold(self, |figure, line| figure.subtitle(line.as_str()))
+    }
+
     /// The figure with a column to the right of those it has: its share of the width, and its panels from the top down.
     #[must_use]
     pub fn column(mut self, share: f64, panels: Vec<Box<dyn Panel>>) -> Self {
