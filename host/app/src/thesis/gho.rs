@@ -59,9 +59,6 @@ const LASTING: usize = 100;
 /// Negligible differences, the thesis does not give its own: 0.5° in u, 1 mm in s, 0.05 rad/s, 2 mm/s.
 const NEGLIGIBLE: State = State { u: PI / 360.0, s: 1e-3, omega: 0.05, v_t: 2e-3 };
 
-/// Beyond these an estimate is set back to them: rad/s and m/s.
-const RANGES: (f64, f64) = (10.0, 0.2);
-
 /// ζ of the thesis, 1/s.
 const ZETA: f64 = 10.0;
 
@@ -156,21 +153,18 @@ impl Case {
     fn observed(&self, attempt: Attempt, corrected: usize) -> Vec<State> {
         let Some(model) = self.model(attempt.edge) else { return Vec::new() };
         let observer = Gho { model, contact: self.contact, settings: GhoSettings::new(attempt.zeta) };
-        let alone =
-            Gho { settings: GhoSettings { correction_on: 0.0, correction_off: 1.0, ..observer.settings }, ..observer };
         let mut estimates = vec![attempt.start];
         for (index, pair) in self.truth.windows(2).enumerate() {
-            let by = if index < corrected { &observer } else { &alone };
-            let next = by.step(STEP * index as f64, &estimates[index], [pair[0].u, pair[1].u], STEP);
+            let (time, estimate) = (STEP * index as f64, &estimates[index]);
+            let next = if index < corrected {
+                observer.step(time, estimate, [pair[0].u, pair[1].u], STEP)
+            } else {
+                observer.step_towards(time, estimate, None, STEP)
+            };
             if ![next.u, next.s, next.omega, next.v_t].into_iter().all(f64::is_finite) {
                 break;
             }
-            estimates.push(State {
-                u: next.u,
-                s: next.s.clamp(model.edge.s_min, model.edge.s_max),
-                omega: next.omega.clamp(-RANGES.0, RANGES.0),
-                v_t: next.v_t.clamp(-RANGES.1, RANGES.1),
-            });
+            estimates.push(observer.set_back(&next));
         }
         estimates
     }

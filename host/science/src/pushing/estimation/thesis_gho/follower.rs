@@ -31,9 +31,6 @@ const COMPARED: usize = 20;
 /// Longest step, s: the thesis's.
 const STEP_S: f64 = 0.01;
 
-/// A part that turns faster than this, rad/s, or slides faster, m/s, does not: the estimate is set back.
-const RANGES: (f64, f64) = (10.0, 0.2);
-
 /// What is known of the push.
 #[derive(Clone, Copy, Debug)]
 pub struct GhoKnown<'p> {
@@ -250,20 +247,12 @@ impl OnEdge {
     ) -> bool {
         // The middle of the step says which segment it is in.
         let Some(model) = known.model(self.edge, time + 0.5 * dt) else { return false };
-        let corrects = settings.corrects(since);
-        let always = GhoSettings { correction_on: 1.0, correction_off: 0.0, ..settings };
-        let never = GhoSettings { correction_on: 0.0, correction_off: 1.0, ..settings };
-        let observer = Gho { model, contact: known.contact, settings: if corrects { always } else { never } };
-        let next = observer.step(time, &self.estimate, felt, dt);
+        let observer = Gho { model, contact: known.contact, settings };
+        let next = observer.step_towards(time, &self.estimate, settings.corrects(since).then_some(felt), dt);
         if observer.has_diverged(&next) {
             return false;
         }
-        self.estimate = State {
-            u: next.u,
-            s: next.s.clamp(model.edge.s_min, model.edge.s_max),
-            omega: next.omega.clamp(-RANGES.0, RANGES.0),
-            v_t: next.v_t.clamp(-RANGES.1, RANGES.1),
-        };
+        self.estimate = observer.set_back(&next);
         true
     }
 }

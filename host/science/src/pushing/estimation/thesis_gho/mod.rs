@@ -48,6 +48,9 @@ const CLOCK_ROUNDING: f64 = 1e-9;
 /// rad/s, m/s. No part that a finger pushes comes near; an observer that came back from there was not seen.
 const DIVERGED: f64 = 1e3;
 
+/// A part that turns faster than this, rad/s, or slides faster, m/s, does not: the estimate is set back.
+const RANGES: (f64, f64) = (10.0, 0.2);
+
 /// How an observer corrects itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GhoSettings {
@@ -161,13 +164,30 @@ impl Gho<'_> {
 
     /// The estimate `dt` (s) after `time`, with the contact angles at both ends of the step, rad.
     #[must_use]
-    pub fn step(&self, time: f64, estimate: &State, [from, to]: [f64; 2], dt: f64) -> State {
-        let corrects = self.settings.corrects(time);
+    pub fn step(&self, time: f64, estimate: &State, angles: [f64; 2], dt: f64) -> State {
+        self.step_towards(time, estimate, self.settings.corrects(time).then_some(angles), dt)
+    }
+
+    /// The same with the correction on where there are angles, whatever the settings say, and off where there are none.
+    #[must_use]
+    pub fn step_towards(&self, time: f64, estimate: &State, angles: Option<[f64; 2]>, dt: f64) -> State {
         let next = ode::step(&vector(estimate), dt, |moment, x| {
-            let angle = corrects.then_some(from + moment.share() * (to - from));
+            let angle = angles.map(|[from, to]| from + moment.share() * (to - from));
             self.rates(moment.time(time, dt), x, angle)
         });
         self.complete(time + dt, &state(&next))
+    }
+
+    /// An estimate set back to its range, as for Tables 6.1 and 6.2: the edge, and [`RANGES`].
+    #[must_use]
+    pub fn set_back(&self, estimate: &State) -> State {
+        let edge = &self.model.edge;
+        State {
+            u: estimate.u,
+            s: estimate.s.clamp(edge.s_min, edge.s_max),
+            omega: estimate.omega.clamp(-RANGES.0, RANGES.0),
+            v_t: estimate.v_t.clamp(-RANGES.1, RANGES.1),
+        }
     }
 
     /// In rolling, v_T follows from the other states.
