@@ -37,7 +37,7 @@ pub(crate) struct Arguments {
     /// Print one JSON object a table; of `real`, one a push and task
     #[arg(long)]
     json: bool,
-    /// With `real` and `touch`: work on so many logs or cases at a time [default: one a processor]
+    /// With `real`, `touch` and `chain-masses`: work on so many logs or cases at a time [default: one a processor]
     #[arg(long, value_name = "N")]
     jobs: Option<NonZeroUsize>,
     /// With `real`: draw everything with so many seeds, from --seed on; the table shows the worst

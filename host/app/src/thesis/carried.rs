@@ -15,15 +15,16 @@ use palpate::pushing::estimation::from_rest::trial::{
 };
 use palpate::pushing::estimation::from_rest::{self, WindowedForce};
 use palpate::pushing::estimation::planning::{self, PlannedMotion, Sampling, SensedAngle};
-use palpate::pushing::estimation::{Hypothesis, Observer as _, Status, which_part};
+use palpate::pushing::estimation::{Hypothesis, Observer as _, which_part};
 use palpate::pushing::finger_motion::{FingerMotion, Segment};
 use palpate::pushing::pushed_world::{Played, PushedWorld};
 use palpate_device::simulated::Line;
 
 use super::cases::of_each;
-use super::chain::{drawn, finger_seed, known_of};
+use super::chain::{STATUSES, drawn, finger_seed, known_of, statuses};
 use super::demonstration::{Rig, RigError, compliance_by_design, course};
-use super::parts::{DOUBT, Outcome as PartOutcome};
+use super::parts::{self, DOUBT, Outcome as PartOutcome};
+use super::plan::{DT_S, SIGMA_RAD};
 use super::{Cell, Experiment, Table, TableSettings};
 
 /// What `palpate tables plan-chain` runs.
@@ -39,7 +40,7 @@ pub(super) const PARTS: Experiment = Experiment {
     name: "parts-chain",
     title: "the same as `parts` by the force on a carried finger, through the whole chain",
     cases: 100,
-    run: parts,
+    run: which_parts,
 };
 
 /// Ranges of the chain, with another motion of the finger.
@@ -57,28 +58,19 @@ fn felt(rig: &mut Rig, played: &Played, motion: &FingerMotion, until: f64) -> Re
 const PART_ROWS: [(&str, usize, bool); 3] =
     [("2, straight", 2, false), ("2, with a turn", 2, true), ("5, with a turn", 5, true)];
 
-fn parts(settings: &TableSettings) -> Table {
-    let mut table = Table::new(["parts, push", "cases", "named", "not excluded", "certain", "wrong and certain"]);
+fn which_parts(settings: &TableSettings) -> Table {
+    let mut table = Table::new(parts::COLUMNS);
     table.definitions = [
         "Pushed as in the table `chain`: a random part from rest, with a turn or straight, felt by a finger of its own with the datasheet's noise and hum, calibrated and waved. The other parts are drawn alike. Known: all parts, the finger's motion, mu, the finger's mass and bending. Any edge of any part may have been touched, anywhere; mass and mu_c are found.".to_owned(),
-        format!("named: the part that was pushed is the likeliest. not excluded: its probability is above {DOUBT}. certain: that of some part is above {}.", 1.0 - DOUBT),
+        parts::in_words(),
     ]
     .to_vec();
     for (name, count, turns) in PART_ROWS {
         let ranges = if turns { ranges(Ranges::default().motion) } else { ranges(straight_motion()) };
         let outcomes = of_each(settings.cases, |number| part_outcome(&ranges, settings.seed, number, count));
         let sound: Vec<_> = outcomes.iter().filter_map(|outcome| outcome.as_ref().ok()).collect();
-        let share = |is: &dyn Fn(&PartOutcome) -> bool| {
-            Cell::share(sound.iter().filter(|outcome| is(outcome)).count(), outcomes.len())
-        };
-        table.push([
-            name.into(),
-            Cell::count(outcomes.len()),
-            share(&PartOutcome::is_first),
-            share(&|outcome| outcome.truth > DOUBT),
-            share(&PartOutcome::is_certain),
-            share(&|outcome| outcome.is_certain() && !outcome.is_first()),
-        ]);
+        let cells = [name.into(), Cell::count(outcomes.len())];
+        table.push(cells.into_iter().chain(PartOutcome::shares(&sound, outcomes.len())));
         table.failures.extend(outcomes.iter().enumerate().filter_map(|(number, outcome)| match outcome {
             Ok(outcome) if outcome.truth > DOUBT => None,
             Ok(_) => Some(format!("{name}, case {number}: the part that was pushed is excluded")),
@@ -111,9 +103,8 @@ const BEGINNING: Segment = Segment { seconds: 0.3, acceleration: Vector2::new(0.
 /// How long the finger goes on, s, and how strongly it may turn, m/s².
 const THEN: (f64, f64) = (0.5, 0.15);
 
-/// What is felt of the force's direction in a hundredth of a second: s, rad.
-const SAMPLING: Sampling =
-    Sampling { sensed: SensedAngle::ForceDirection, dt: 0.01, sigma: 0.112 / 180.0 * std::f64::consts::PI };
+/// What is felt of the force's direction in a hundredth of a second, as of the contact angle in the table `plan`.
+const SAMPLING: Sampling = Sampling { sensed: SensedAngle::ForceDirection, dt: DT_S, sigma: SIGMA_RAD };
 
 /// What came of a push that goes straight on, and of one that goes on as planned.
 struct Planned {
@@ -124,16 +115,8 @@ struct Planned {
 }
 
 fn plan(settings: &TableSettings) -> Table {
-    let mut table = Table::new([
-        "after a straight beginning",
-        "cases",
-        "unique",
-        "ambiguous",
-        "none",
-        "wrong",
-        "wrong and certain",
-        "listed",
-    ]);
+    let columns = ["after a straight beginning", "cases"].into_iter().chain(STATUSES);
+    let mut table = Table::new(columns.chain(["listed"]));
     table.definitions = [
         format!("Drawn and felt as in the table `chain`. The finger pushes straight with {} m/s² for {} s; from the poses that are left the planner chooses among its motions of {} m/s² for {} s, from the directions of the force at 100 Hz with 0.112 deg of noise. straight on: {} m/s² ahead, from the same start.", BEGINNING.acceleration.x, BEGINNING.seconds, THEN.1, THEN.0, BEGINNING.acceleration.x),
         "unique, ambiguous, none, wrong, wrong and certain, listed: as in the table `chain`, at the end of the push, or where the contact ends.".to_owned(),
@@ -144,17 +127,9 @@ fn plan(settings: &TableSettings) -> Table {
     let sound: Vec<_> = outcomes.iter().filter_map(|outcome| outcome.as_ref().ok()).collect();
     let mut push = |name: &str, of: &[&TrialOutcome]| {
         let all = of.len();
-        let share = |is: &dyn Fn(&TrialOutcome) -> bool| Cell::share(of.iter().filter(|it| is(it)).count(), all);
-        table.push([
-            name.into(),
-            Cell::count(all),
-            share(&|it| it.status == Status::Unique),
-            share(&|it| it.status == Status::Ambiguous),
-            share(&|it| it.status == Status::Unexplained),
-            share(&|it| !it.holds_truth),
-            share(&|it| !it.holds_truth && it.status == Status::Unique),
-            Cell::number(of.iter().map(|it| it.listed).sum::<usize>() as f64 / (all as f64).max(1.0), 2),
-        ]);
+        let listed = of.iter().map(|it| it.listed).sum::<usize>() as f64 / (all as f64).max(1.0);
+        let cells = [name.into(), Cell::count(all)].into_iter().chain(statuses(of, all));
+        table.push(cells.chain([Cell::number(listed, 2)]));
     };
     push("straight on", &sound.iter().map(|it| &it.straight).collect::<Vec<_>>());
     push("as the planner says", &sound.iter().map(|it| &it.planned).collect::<Vec<_>>());

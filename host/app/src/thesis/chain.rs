@@ -82,14 +82,8 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 
 /// Draws, simulates and judges all cases.
 fn run(settings: &TableSettings) -> Table {
-    let mut table = Table::new([
-        "finger's path",
-        "cases",
-        "unique",
-        "ambiguous",
-        "none",
-        "wrong",
-        "wrong and certain",
+    let columns = ["finger's path", "cases"].into_iter().chain(STATUSES);
+    let mut table = Table::new(columns.chain([
         "median mm",
         "95 % mm",
         "median deg",
@@ -97,7 +91,7 @@ fn run(settings: &TableSettings) -> Table {
         "nearest 95 % mm",
         "listed",
         "redrawn",
-    ]);
+    ]));
     table.definitions = definitions();
     let turning = Ranges { compliance: compliance_by_design(), ..Ranges::default() };
     let straight = Ranges { motion: straight_motion(), ..turning.clone() };
@@ -119,10 +113,24 @@ fn definitions() -> Vec<String> {
     text.map(str::to_owned).to_vec()
 }
 
+/// Headings of [`statuses`].
+pub(super) const STATUSES: [&str; 5] = ["unique", "ambiguous", "none", "wrong", "wrong and certain"];
+
+/// How often answers named one pose, several or none, and a wrong one: of so many cases.
+pub(super) fn statuses(outcomes: &[&TrialOutcome], all: usize) -> [Cell; 5] {
+    let share = |pick: &dyn Fn(&TrialOutcome) -> bool| Cell::share(outcomes.iter().filter(|it| pick(it)).count(), all);
+    [
+        share(&|outcome| outcome.status == Status::Unique),
+        share(&|outcome| outcome.status == Status::Ambiguous),
+        share(&|outcome| outcome.status == Status::Unexplained),
+        share(&|outcome| !outcome.holds_truth),
+        share(&|outcome| !outcome.holds_truth && outcome.status == Status::Unique),
+    ]
+}
+
 fn add(table: &mut Table, name: &str, outcomes: &[Result<TrialOutcome, String>]) {
     let sound: Vec<_> = outcomes.iter().filter_map(|outcome| outcome.as_ref().ok()).collect();
     let all = outcomes.len();
-    let share = |pick: &dyn Fn(&&TrialOutcome) -> bool| Cell::share(sound.iter().copied().filter(pick).count(), all);
     let errors =
         |of: fn(&TrialOutcome) -> Option<f64>| sound.iter().filter_map(|outcome| of(outcome)).collect::<Vec<_>>();
     let millimetres = errors(|outcome| outcome.best.map(|error| error.distance * 1e3));
@@ -134,14 +142,8 @@ fn add(table: &mut Table, name: &str, outcomes: &[Result<TrialOutcome, String>])
     let listed = sound.iter().map(|outcome| outcome.listed).sum::<usize>();
     let redrawn = sound.iter().map(|outcome| outcome.redrawn).sum::<usize>();
     let mean = |sum: usize, of: usize| sum as f64 / (of as f64).max(1.0);
-    table.push([
-        name.into(),
-        Cell::count(all),
-        share(&|outcome| outcome.status == Status::Unique),
-        share(&|outcome| outcome.status == Status::Ambiguous),
-        share(&|outcome| outcome.status == Status::Unexplained),
-        share(&|outcome| !outcome.holds_truth),
-        share(&|outcome| !outcome.holds_truth && outcome.status == Status::Unique),
+    let cells = [name.into(), Cell::count(all)].into_iter().chain(statuses(&sound, all));
+    table.push(cells.chain([
         at(&millimetres, 50),
         at(&millimetres, 95),
         at(&degrees, 50),
@@ -149,7 +151,7 @@ fn add(table: &mut Table, name: &str, outcomes: &[Result<TrialOutcome, String>])
         at(&nearest, 95),
         Cell::number(mean(listed, all), 2),
         Cell::number(mean(redrawn, all), 1),
-    ]);
+    ]));
     table.failures.extend(outcomes.iter().enumerate().filter_map(|(number, outcome)| match outcome {
         Ok(outcome) if outcome.holds_truth => None,
         Ok(outcome) => Some(format!("{name}, case {number}: {outcome:?}")),

@@ -102,18 +102,18 @@ impl Rig {
     /// # Errors
     /// [`RigError`].
     pub fn start(seed: u64, noise: f64, line: Line) -> Result<Self, RigError> {
-        Self::of(seed, finger(noise), CALIBRATION_FORCE_N * noise.max(1.0), line)
+        Self::of(seed, finger(noise), noise, line)
     }
 
-    /// The same with a finger of its own, calibrated with a weight of so many newtons.
+    /// The same with another finger that has so many times the default one's noise.
     ///
     /// # Errors
     /// [`RigError`].
-    pub fn of(seed: u64, finger: FingerConfig, calibration_force: f64, line: Line) -> Result<Self, RigError> {
+    pub fn of(seed: u64, finger: FingerConfig, noise: f64, line: Line) -> Result<Self, RigError> {
         let config = Config { seed, finger, pace: Pace::AsAsked, line, ..Config::default() };
         let hand = Arc::new(SimulatedDevice::start(config)?);
         let mut session = Session::open_simulated(Arc::clone(&hand), SessionOptions::default())?;
-        let fit = calibrate(&mut session, &hand, calibration_force)?;
+        let fit = calibrate(&mut session, &hand, CALIBRATION_FORCE_N * noise.max(1.0))?;
         let finger = CarriedFinger { compliance: compliance_by_design(), ..CarriedFinger::RIGID };
         let mut rig = Self { hand, session, fit, finger };
         let mass = rig.wave()?.effective_mass;

@@ -46,25 +46,40 @@ impl Outcome {
     pub(super) fn is_certain(&self) -> bool {
         self.truth.max(self.other) > 1.0 - DOUBT
     }
+
+    /// How often parts were named, not excluded, certain, and wrong though certain: of so many cases.
+    pub(super) fn shares(outcomes: &[&Self], all: usize) -> [Cell; 4] {
+        let share =
+            |is: &dyn Fn(&Self) -> bool| Cell::share(outcomes.iter().filter(|outcome| is(outcome)).count(), all);
+        [
+            share(&Self::is_first),
+            share(&|outcome| outcome.truth > DOUBT),
+            share(&Self::is_certain),
+            share(&|outcome| outcome.is_certain() && !outcome.is_first()),
+        ]
+    }
+}
+
+/// Headings of a row's name, of its cases, and of [`Outcome::shares`].
+pub(super) const COLUMNS: [&str; 6] = ["parts, push", "cases", "named", "not excluded", "certain", "wrong and certain"];
+
+/// What they mean.
+pub(super) fn in_words() -> String {
+    format!(
+        "named: the part that was pushed is the likeliest. not excluded: its probability is above {DOUBT}. certain: that of some part is above {}.",
+        1.0 - DOUBT
+    )
 }
 
 /// Draws, simulates and judges all cases.
 fn run(settings: &TableSettings) -> Table {
-    let mut table = Table::new(["parts, push", "cases", "named", "not excluded", "certain", "wrong and certain"]);
+    let mut table = Table::new(COLUMNS);
     table.definitions = definitions();
     for (name, parts, acceleration) in ROWS {
         let outcomes: Vec<Outcome> = outcomes(settings, |seed, number| outcome(seed, number, parts, acceleration));
-        let share = |is: fn(&Outcome) -> bool| {
-            Cell::share(outcomes.iter().filter(|outcome| is(outcome)).count(), outcomes.len())
-        };
-        table.push([
-            name.into(),
-            Cell::count(outcomes.len()),
-            share(Outcome::is_first),
-            share(|outcome| outcome.truth > DOUBT),
-            share(Outcome::is_certain),
-            share(|outcome| outcome.is_certain() && !outcome.is_first()),
-        ]);
+        let cells = [name.into(), Cell::count(outcomes.len())];
+        let shares = Outcome::shares(&outcomes.iter().collect::<Vec<_>>(), outcomes.len());
+        table.push(cells.into_iter().chain(shares));
         let wrong = outcomes.iter().enumerate().filter(|(_, outcome)| outcome.truth <= DOUBT);
         table
             .failures
@@ -77,7 +92,7 @@ fn definitions() -> Vec<String> {
     let text = [
         "Rolling contact, mu 0.3, disk of 1 cm at 5 cm/s, for 0.8 s straight on or accelerating sideways by 8 cm/s2; parts and starts as in the table `plan`, drawn anew until the contact lasts.".to_owned(),
         format!("Felt: contact angles at 100 Hz with {:.3} deg of noise. Known: all parts, the finger's motion, mu. Any edge of any part may have been touched, anywhere.", SIGMA_RAD.to_degrees()),
-        format!("named: the part that was pushed is the likeliest. not excluded: its probability is above {DOUBT}. certain: that of some part is above {}.", 1.0 - DOUBT),
+        in_words(),
     ];
     text.to_vec()
 }
