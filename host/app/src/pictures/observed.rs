@@ -8,9 +8,10 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{Matrix2, Matrix2x3, Matrix3, Point2, Vector2};
+use nalgebra::{Matrix3, Point2, Vector2};
 use palpate::geometry::Pose;
 use palpate::pushing::dynamics::Part;
+use palpate::pushing::estimation::centre_covariance;
 
 use crate::pictures::plot::{Chart, Colour, Dash, Figure, Key, PlotScene, Stroke, Style};
 
@@ -180,9 +181,7 @@ impl ObservedPicture<'_> {
 
     /// 95 % of where the centre of mass may be, by a pose's covariance.
     fn region(&self, pose: &Pose, covariance: &Matrix3<f64>) -> Vec<Point2<f64>> {
-        let arm = pose.isometry().rotation * self.part.centre_of_mass().coords;
-        let to_centre = Matrix2x3::new(1.0, 0.0, -arm.y, 0.0, 1.0, arm.x);
-        let of_centre: Matrix2<f64> = to_centre * covariance * to_centre.transpose();
+        let of_centre = centre_covariance(self.part, pose, covariance);
         let Some(lower) = of_centre.cholesky().map(|root| root.unpack()) else { return Vec::new() };
         let at = |k: u32| {
             let (sin, cos) = (TAU * f64::from(k) / f64::from(ELLIPSE_POINTS)).sin_cos();

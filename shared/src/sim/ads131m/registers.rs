@@ -63,7 +63,10 @@ pub(super) const CHANNELS_MAX: usize = 4;
 const COUNT: usize = 0x1D;
 
 /// Addresses of one channel.
-const CHANNEL_COUNT: usize = 5;
+const CHANNEL_COUNT: u8 = CH1_CFG - CH0_CFG;
+
+/// The first address of each channel.
+const CHANNEL_FIRST: [u8; CHANNELS_MAX] = [CH0_CFG, CH1_CFG, CH0_CFG + 2 * CHANNEL_COUNT, CH0_CFG + 3 * CHANNEL_COUNT];
 
 /// Values after a reset, by address.
 const RESET_VALUES: [u16; COUNT] = [
@@ -98,7 +101,7 @@ impl Registers {
     pub(super) fn new(channels: Channels) -> Self {
         let mut registers = Self {
             words: RESET_VALUES,
-            count: COUNT - CHANNEL_COUNT * (CHANNELS_MAX - channels.count()),
+            count: COUNT - usize::from(CHANNEL_COUNT) * (CHANNELS_MAX - channels.count()),
             channels: channels.bits(),
         };
         registers.words[usize::from(ID)] = ID_VALUE & 0xF0FF | channels.number() << 8;
@@ -182,7 +185,7 @@ impl Registers {
 
     /// One of a channel's five registers.
     fn channel(&self, channel: usize, index: u8) -> u16 {
-        let first = [CH0_CFG, CH1_CFG, CH1_CFG + 5, CH1_CFG + 10];
-        self.read(index + first[channel.min(CHANNELS_MAX - 1)])
+        let first = CHANNEL_FIRST[channel.min(CHANNELS_MAX - 1)];
+        self.read(index + first)
     }
 }

@@ -165,7 +165,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let named = match (&arguments.part, &arguments.library) {
         (Some(part), _) => vec![(part.display().to_string(), read_part(part)?)],
         (None, Some(folder)) => read_library(folder)?,
-        (None, None) => unreachable!("one of them is required"),
+        (None, None) => return Err(miette::miette!("say which part it is: --part PART.toml or --library DIR")),
     };
     let (names, files): (Vec<_>, Vec<_>) = named.into_iter().unzip();
     let speeds = Speeds::of(&arguments.motion, &files, arguments.mass_kg)?;

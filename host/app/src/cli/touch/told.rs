@@ -76,7 +76,7 @@ impl Told {
     }
 }
 
-pub(super) fn say_poses(search: &TouchSearch, modes: &[PoseMode], indent: &str) {
+fn say_poses(search: &TouchSearch, modes: &[PoseMode], indent: &str) {
     for mode in modes.iter().take(SHOWN) {
         say!("{indent}{}", in_words(search, mode));
     }
@@ -86,7 +86,7 @@ pub(super) fn say_poses(search: &TouchSearch, modes: &[PoseMode], indent: &str) 
 }
 
 /// How many approaches there were.
-pub(super) fn after(approaches: usize, touches: usize) -> String {
+fn after(approaches: usize, touches: usize) -> String {
     let made = if approaches == 1 { "1 approach".to_owned() } else { format!("{approaches} approaches") };
     format!("after {made}, {touches} of which met the part")
 }
@@ -167,8 +167,8 @@ impl Sought for TouchSearch {
 
 /// Which of the parts of a library lies there.
 pub(super) struct SoughtPart {
-    pub(super) search: PartsSearch,
-    pub(super) names: Vec<String>,
+    search: PartsSearch,
+    names: Vec<String>,
     touches: usize,
 }
 

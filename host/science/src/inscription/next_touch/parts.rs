@@ -125,7 +125,12 @@ impl PartsSearch {
     /// The one part that is left, if its poses are known.
     fn decided(&self) -> Option<usize> {
         let [part] = *self.left.as_slice() else { return None };
-        matches!(self.searches[part].verdict(), TouchVerdict::One(_) | TouchVerdict::Alike(_)).then_some(part)
+        self.is_found(part).then_some(part)
+    }
+
+    /// Whether a part's poses are known: one, or several that no touch tells apart.
+    fn is_found(&self, part: usize) -> bool {
+        matches!(self.searches[part].verdict(), TouchVerdict::One(_) | TouchVerdict::Alike(_))
     }
 
     /// What is known by now.
@@ -152,12 +157,10 @@ impl PartsSearch {
 
     /// Whether all poses of two parts are known, and their outlines the same in them.
     fn are_alike(&self, a: &PartLeft, b: &PartLeft) -> bool {
-        let is_known =
-            |part: usize| matches!(self.searches[part].verdict(), TouchVerdict::One(_) | TouchVerdict::Alike(_));
         let placed = |left: &PartLeft| left.modes.first().map(|mode| (&self.searches[left.part].task, mode.pose));
         let (Some((task, at)), Some((other, other_at))) = (placed(a), placed(b)) else { return false };
-        is_known(a.part)
-            && is_known(b.part)
+        self.is_found(a.part)
+            && self.is_found(b.part)
             && super::shapes_apart((&task.outline, &at), (&other.outline, &other_at)) <= task.tolerance.distance
     }
 

@@ -7,7 +7,7 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::{Matrix2x3, Matrix3, Matrix4, Point2, Rotation2, Vector2, Vector4};
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, Matrix4, Point2, Rotation2, Vector2, Vector4};
 
 use crate::geometry::Pose;
 use crate::math::angle::wrap_angle;
@@ -264,12 +264,18 @@ impl Estimate {
     }
 }
 
+/// Covariance of the centre of mass (world axes, m²) by that of a pose's x, y, theta.
+#[must_use]
+pub fn centre_covariance(part: &Part, pose: &Pose, covariance: &Matrix3<f64>) -> Matrix2<f64> {
+    let arm = pose.isometry().rotation * part.centre_of_mass().coords;
+    let to_centre = Matrix2x3::new(1.0, 0.0, -arm.y, 0.0, 1.0, arm.x);
+    to_centre * covariance * to_centre.transpose()
+}
+
 /// Standard deviations of a pose by the covariance of its x, y, theta: of the centre of mass (m, both directions together)
 /// and of the angle (rad).
 pub(super) fn spread(part: &Part, pose: &Pose, covariance: &Matrix3<f64>) -> (f64, f64) {
-    let arm = pose.isometry().rotation * part.centre_of_mass().coords;
-    let to_centre = Matrix2x3::new(1.0, 0.0, -arm.y, 0.0, 1.0, arm.x);
-    let centre = to_centre * covariance * to_centre.transpose();
+    let centre = centre_covariance(part, pose, covariance);
     (centre.trace().max(0.0).sqrt(), covariance[(2, 2)].max(0.0).sqrt())
 }
 

@@ -35,7 +35,9 @@ mod thesis_gho;
 mod which_part;
 
 pub use contact_angles::{Tracker, TrackerSettings, estimate, estimate_until};
-pub use hypotheses::{Belief, Estimate, Fit, FromForce, GATE, Hypothesis, Nearness, Observer, SAME_END_M, Status};
+pub use hypotheses::{
+    Belief, Estimate, Fit, FromForce, GATE, Hypothesis, Nearness, Observer, SAME_END_M, Status, centre_covariance,
+};
 pub use initial_pose::{
     Contacts, InitialPoseError, Object, RestingPose, RestingPoses, RestingPush, Table, TimedContact,
 };

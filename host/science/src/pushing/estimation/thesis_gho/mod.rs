@@ -178,7 +178,7 @@ impl Gho<'_> {
         self.complete(time + dt, &state(&next))
     }
 
-    /// An estimate set back to its range, as for Tables 6.1 and 6.2: the edge, and [`RANGES`].
+    /// An estimate set back to its range, as for Tables 6.1 and 6.2: the edge, 10 rad/s and 0.2 m/s.
     #[must_use]
     pub fn set_back(&self, estimate: &State) -> State {
         let edge = &self.model.edge;
