@@ -523,7 +523,8 @@ impl PartFile {
     }
 }
 
-/// A described part that is a polygon and that friction holds: for what finds an edge by how the part resists.
+/// A described part that friction holds: for what finds where it is touched by how it resists. A polygon, but where an
+/// ellipse is asked for too.
 #[derive(Clone, Debug)]
 pub struct PolygonFile {
     /// Outline, support and mass.
@@ -551,6 +552,14 @@ impl PolygonFile {
     /// [`PartFileError`], also for an elliptic part and for a µ of 0.
     pub fn parse(text: &str) -> Result<Self, PartFileError> {
         Self::of(PartFile::parse(text)?)
+    }
+
+    /// The same of an elliptic part too: for what asks [`Part::touched`] instead of edges.
+    ///
+    /// # Errors
+    /// [`PartFileError`], also for a µ of 0.
+    pub fn parse_curved(text: &str) -> Result<Self, PartFileError> {
+        Self::of_any(PartFile::parse(text)?)
     }
 
     /// Reads the text of a file that may list several supports: the part on each, with the support's name. A file
@@ -598,6 +607,17 @@ impl PolygonFile {
             DescribedPart::Polygon(_) if mu == 0.0 => Err(PartFileError::NothingResists),
             DescribedPart::Polygon(part) => Ok(Self { part, mu, mu_c, errors, unit }),
             DescribedPart::Ellipse { .. } => Err(PartFileError::NotAPolygon),
+        }
+    }
+
+    /// A part of any outline that has been described.
+    fn of_any(PartFile { part, mu, mu_c, errors, unit }: PartFile) -> Result<Self, PartFileError> {
+        match part {
+            _ if mu == 0.0 => Err(PartFileError::NothingResists),
+            DescribedPart::Polygon(part) => Ok(Self { part, mu, mu_c, errors, unit }),
+            DescribedPart::Ellipse { semi_axes, body } => {
+                Ok(Self { part: Part::elliptic(semi_axes, body), mu, mu_c, errors, unit })
+            }
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use miette::WrapErr as _;
+use miette::{IntoDiagnostic as _, WrapErr as _};
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::never;
 use palpate::pushing::dynamics::State;
@@ -11,6 +11,7 @@ use palpate::pushing::estimation::from_rest::readings::{
 };
 use palpate::pushing::finger_motion::FingerMotion;
 use palpate::pushing::measured_path::{MeasuredPath, PLACES_MIN};
+use palpate::pushing::measured_turn::MeasuredTurn;
 use palpate::pushing::pushed_world::PushedWorld;
 use palpate_files::part::PolygonFile;
 use palpate_files::recordings::csv::{self, RecordedTable};
@@ -28,7 +29,8 @@ use crate::width::folded;
 /// Measured places of the finger.
 #[derive(Debug, clap::Args)]
 pub(super) struct MeasuredMotionArguments {
-    /// Measured places of the finger instead of a motion: a table of t, x, y in s and m (or as its header says), along
+    /// Measured places of the finger instead of a motion: a table of t, x, y in s and m, and phi in rad where the wrist
+    /// turns the disk about its centre and the sensor with it (or as its header says), along
     /// the finger's axes (the robot's, with --mounting-deg), where the disk's centre is without force; 20 a second or more, at any times
     #[arg(long, value_name = "PATH.csv", conflicts_with = "motion", requires = "forces")]
     path: Option<PathBuf>,
@@ -49,8 +51,8 @@ impl MeasuredMotionArguments {
         self.path.as_deref()
     }
 
-    fn read(&self, path: &Path) -> miette::Result<MeasuredPath> {
-        let RecordedPath { times, places, problems } = read(path, path::parse)?;
+    fn read(&self, path: &Path) -> miette::Result<(MeasuredPath, Option<MeasuredTurn>)> {
+        let RecordedPath { times, places, angles, problems } = read(path, path::parse)?;
         report_problems(path, &problems);
         if times.len() < PLACES_MIN {
             let help = "measure twenty places a second or more, from before the push to its end";
@@ -61,7 +63,12 @@ impl MeasuredMotionArguments {
                 times.len()
             ));
         }
-        Ok(MeasuredPath { times, places, sigma: self.path_sigma_mm * 1e-3 })
+        let turn = angles.map(|angles| {
+            let named = || format!("cannot use phi of {}", path.display());
+            MeasuredTurn::new(&times, &angles).into_diagnostic().wrap_err_with(named)
+        });
+        let turn = turn.transpose()?;
+        Ok((MeasuredPath { times, places, sigma: self.path_sigma_mm * 1e-3 }, turn))
     }
 }
 
@@ -76,6 +83,8 @@ pub(super) struct MeasuredPush {
     readings: Vec<ForceReading>,
     path: MeasuredPath,
     radius: f64,
+    /// Whether the push can be played for the picture: a disk that does not turn, and edges.
+    is_played: bool,
 }
 
 /// The readings for which there are places, wherever the path's clock is.
@@ -94,7 +103,10 @@ pub(super) fn observe(
     arguments: &MeasuredMotionArguments,
     felt: FeltPushArguments,
 ) -> miette::Result<MeasuredPush> {
-    let measured = arguments.read(path)?;
+    let (measured, turn) = arguments.read(path)?;
+    if turn.is_some() {
+        felt.check_disk()?;
+    }
     let named = || format!("cannot use the forces {}", forces.display());
     let RecordedTable { readings, problems, .. } = read(forces, csv::parse)?;
     report_problems(forces, &problems);
@@ -119,7 +131,7 @@ pub(super) fn observe(
     }
     let motion = FingerMotion::untold();
     let known = felt.with(None).known_of_finger(file, &motion, noise);
-    let finger = MeasuredFinger { path: &measured, clock_offset_sd };
+    let finger = MeasuredFinger { path: &measured, turn: turn.as_ref(), clock_offset_sd };
     let estimate = estimate_measured_until(&known, &finger, &readings, &never).found;
     let (Some(onset), Some(last)) = (estimate.onset, readings.last()) else { return Err(too_short()) };
     let answer = |(offset, found): &(f64, ForceHypothesis)| ForceHypothesisAnswer {
@@ -130,7 +142,8 @@ pub(super) fn observe(
     let since_onset = |it: &ForceReading| ForceReading { time: it.time - onset, ..*it };
     let felt = last.time - onset;
     let readings = readings.iter().map(since_onset).filter(|reading| reading.time >= 0.0).collect();
-    Ok(MeasuredPush { felt, readings, answers, estimate, radius: known.radius, path: measured })
+    let is_played = turn.is_none() && known.shape.is_none();
+    Ok(MeasuredPush { is_played, felt, readings, answers, estimate, radius: known.radius, path: measured })
 }
 
 impl MeasuredPush {
@@ -183,7 +196,7 @@ impl MeasuredPush {
     pub(super) fn figure(&self, file: &PolygonFile, title: String) -> Figure {
         let motion = self.motion().unwrap_or_else(FingerMotion::untold);
         let hypotheses: Vec<_> = self.estimate.hypotheses.iter().map(|(_, found)| found).collect();
-        let played = hypotheses.first().and_then(|best| {
+        let played = hypotheses.first().filter(|_| self.is_played).and_then(|best| {
             let (part, State { u, s, .. }) = (&file.part, best.start);
             let ForceHypothesis { mu_g, mass, .. } = **best;
             // A contact that never slipped sticks.

@@ -108,6 +108,7 @@ mod tests {
             mu_g: 0.25 * GRAVITY_ASSUMED,
             mu_g_log_sd: None,
             radius: 0.015,
+            shape: None,
             finger: CarriedFinger::RIGID,
             motion: &motion,
         };

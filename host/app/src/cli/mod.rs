@@ -58,6 +58,7 @@ mod recover;
 mod replay;
 mod roll;
 mod sample;
+mod semi_axes;
 mod simulate_device;
 mod simulate_robot;
 mod solve;

@@ -49,6 +49,9 @@ answer says so. What else is not known exactly the file may say: outline_sigma a
 deviation, in its unit) and support = \"unknown\"; then the answer is the less certain, and takes longer. --method follow
 takes the part as it is told.
 
+An elliptic part is found too, and by an elliptic finger (--semi-axes-mm); --method follow and gho know edges and disks only. A
+disk's angle nobody can feel: it is told as anything.
+
 The forces' file is a table of t, Fx, Fy: force on the finger's disk along its axes, in newtons.
 
 Finger and part start at rest here: that is what makes the force alone enough. For a push of which the beginning is not
@@ -129,7 +132,12 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         let help = "say --method gho, or leave --contact, --zeta, --correction-s, --edge and --initial-estimate out";
         return Err(miette::miette!(help = help, "the thesis's observers are told how to observe, and not asked for"));
     }
-    let file = read(&arguments.part, PolygonFile::parse)?;
+    let file = if arguments.method == Method::Search {
+        read(&arguments.part, PolygonFile::parse_curved)?
+    } else {
+        arguments.push.felt.check_disk()?;
+        read(&arguments.part, PolygonFile::parse)?
+    };
     tell_part(&arguments.part, file.part.polygon().vertices(), file.part.body(), &file.doubts());
     if let (Some(forces), Some(path)) = (&arguments.push.forces, arguments.measured.path()) {
         if arguments.method != Method::Search {

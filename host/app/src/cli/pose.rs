@@ -40,7 +40,7 @@ pub(super) fn legend() -> String {
         "felt: up to this time since the push began. p: probability. edge: the one in contact, as in the part file, from 0. \
          x, y, turned: the part's centre of mass, and how far the part is turned. ±: one standard deviation, of the \
          distance and of the angle. at: where on its edge the contact is, counter-clockwise from where the centre of \
-         mass stands over it. µ_c: friction at the finger, ≥ where nothing slipped. µ: friction of the plane.",
+         mass stands over it; on an ellipse the eccentric angle there. µ_c: friction at the finger, ≥ where nothing slipped. µ: friction of the plane.",
     )
 }
 
@@ -67,7 +67,8 @@ pub(super) fn lines_of_readings(part: &Part, felt: f64, found: &[&ForceHypothesi
         return vec![format!("{} no pose explains it", row(&[at]))];
     }
     let line = |found: &&ForceHypothesis| {
-        let (distance_sd, angle_sd) = found.spread(part);
+        let told = if found.is_continuum { (f64::NAN, f64::NAN) } else { found.spread(part) };
+        let (distance_sd, angle_sd) = told;
         let shown = ShownPose {
             probability: found.probability,
             edge: found.edge,
@@ -123,18 +124,19 @@ struct ShownPose {
 impl ShownPose {
     fn line(&self, at: &str, part: &Part) -> String {
         let centre = self.pose.isometry() * part.centre_of_mass();
+        let is_round = part.semi_axes().is_some();
         let hundredths = |value: f64| format!("{value:.2}");
         let thousandths = |value: f64| format!("{value:.3}");
         row(&[
             at.to_owned(),
             thousandths(self.probability),
-            self.edge.to_string(),
+            if is_round { "–".to_owned() } else { self.edge.to_string() },
             hundredths(centre.x * 1e3),
             hundredths(centre.y * 1e3),
             deviation(self.distance_sd * 1e3),
             hundredths(wrap_angle(self.pose.theta).to_degrees()),
             deviation(self.angle_sd.to_degrees()),
-            hundredths(self.s * 1e3),
+            if is_round { format!("{:.1}°", self.s.to_degrees()) } else { hundredths(self.s * 1e3) },
             thousandths(self.mass),
             self.mu_c.clone(),
             thousandths(self.mu_g / GRAVITY_ASSUMED),
@@ -144,7 +146,13 @@ impl ShownPose {
 
 /// A standard deviation; one of hundreds has no decimals worth a column.
 pub(super) fn deviation(value: f64) -> String {
-    if value < 99.995 { format!("{value:.2}") } else { format!("{value:.0}") }
+    if value.is_nan() {
+        "–".to_owned()
+    } else if value < 99.995 {
+        format!("{value:.2}")
+    } else {
+        format!("{value:.0}")
+    }
 }
 
 fn friction(force: &FromForce) -> String {
@@ -173,6 +181,9 @@ pub(super) fn in_words(part: &Part, estimate: &Estimate) -> String {
     };
     words += &friction_in_words(estimate);
     words += &mass_in_doubt(part, estimate);
+    if estimate.hypotheses.iter().any(|hypothesis| hypothesis.covariance.is_none()) {
+        words += " The part is a disk, and how it is turned cannot be felt: the angle told stands for all.";
+    }
     if estimate.symmetry > 1 && !estimate.hypotheses.is_empty() {
         words += &format!(
             " The part looks the same in {} orientations: each pose stands for as many, turned by {:.0}° about the centre of mass.",

@@ -13,6 +13,7 @@ use palpate_files::solve::kinds::push::{InitialAcceleration, Meeting, PushAnswer
 
 use super::plot::{PlotArguments, draw_to, picture_file};
 use super::read::{read, tell_part};
+use super::semi_axes::SemiAxes;
 use super::{equal_steps, finite, not_negative, positive};
 use crate::pictures::limit_surface;
 use crate::pictures::plot::Figure;
@@ -70,7 +71,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "MM", value_parser = positive, default_value_t = 15.0)]
     radius_mm: f64,
     /// Semi-axes of an elliptic finger along x and y
-    #[arg(long, value_name = "MM,MM", value_parser = semi_axes, default_value = "20,10")]
+    #[arg(long, value_name = "MM,MM", value_parser = SemiAxes::parse, default_value = "20,10")]
     semi_axes_mm: SemiAxes,
     /// The finger's speed at the start; 0 starts from rest
     #[arg(long, value_name = "MM/S", value_parser = not_negative, allow_negative_numbers = true, default_value_t = 0.0)]
@@ -132,17 +133,6 @@ enum FingerChoice {
     Ellipse,
     /// Everything below a line along x; touches elliptic parts from below (--around-deg -90)
     Line,
-}
-
-/// The value of `--semi-axes-mm`.
-#[derive(Clone, Copy, Debug)]
-struct SemiAxes([f64; 2]);
-
-fn semi_axes(text: &str) -> Result<SemiAxes, String> {
-    let Some((a, b)) = text.split_once(',') else {
-        return Err(format!("`{text}` is not two lengths: write for example 20,10"));
-    };
-    Ok(SemiAxes([positive(a)?, positive(b)?]))
 }
 
 /// The value of `--then`.
@@ -236,7 +226,7 @@ impl Arguments {
     fn shape(&self) -> FingerShape {
         match self.finger {
             FingerChoice::Disk => FingerShape::Disk { radius: self.radius_mm * 1e-3 },
-            FingerChoice::Ellipse => FingerShape::Ellipse { semi_axes: self.semi_axes_mm.0.map(|mm| mm * 1e-3) },
+            FingerChoice::Ellipse => self.semi_axes_mm.shape(),
             FingerChoice::Line => FingerShape::Line,
         }
     }

@@ -11,6 +11,7 @@ use palpate::finger::contact::TareError;
 use palpate::finger::judge::{CountsJudge, ForceJudge, Judged};
 use palpate::gravity::GRAVITY_ASSUMED;
 use palpate::never;
+use palpate::pushing::dynamics::FingerShape;
 use palpate::pushing::estimation::from_rest::onset::PushSense;
 use palpate::pushing::estimation::from_rest::readings::KnownOfFinger;
 use palpate::pushing::estimation::from_rest::watch::{PushAnswer, PushWatch, RecordedWatch, WatchSettings};
@@ -27,6 +28,7 @@ use super::device::DeviceArguments;
 use super::kept_push::KeptPush;
 use super::motion_source::MotionSource;
 use super::read::{read, report_problems};
+use super::semi_axes::SemiAxes;
 use super::{lacking, positive};
 use crate::advice::{self, Advise as _};
 use crate::live;
@@ -64,6 +66,10 @@ pub(super) struct FeltPushArguments {
     /// Radius of the finger's disk
     #[arg(long, value_name = "MM", value_parser = positive, default_value_t = 15.0)]
     radius_mm: f64,
+
+    /// Semi-axes of a finger that is an ellipse and no disk, along the x and y of the motion
+    #[arg(long, value_name = "MM,MM", value_parser = SemiAxes::parse, conflicts_with = "radius_mm")]
+    semi_axes_mm: Option<SemiAxes>,
 
     /// Take the tare over so many seconds at rest, at the beginning
     #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true, value_parser = super::stretch)]
@@ -149,6 +155,22 @@ impl FeltPushArguments {
     /// Of the disk, m.
     pub(super) fn radius(&self) -> f64 {
         self.radius_mm * 1e-3
+    }
+
+    /// The outline of a finger that is no disk.
+    pub(super) fn shape(&self) -> Option<FingerShape> {
+        self.semi_axes_mm.map(SemiAxes::shape)
+    }
+
+    /// Refuses a finger that is no disk, for what knows only disks.
+    pub(super) fn check_disk(&self) -> miette::Result<()> {
+        match self.semi_axes_mm {
+            None => Ok(()),
+            Some(_) => Err(miette::miette!(
+                help = "leave --semi-axes-mm out, or use `palpate observe` without --method",
+                "this works with a finger's disk only, not with an ellipse"
+            )),
+        }
     }
 
     /// Rest at the beginning, s.
@@ -248,7 +270,17 @@ impl FeltPush {
         let Self { arguments, finger } = self;
         let (mu_g, mu_g_log_sd) = (file.mu * GRAVITY_ASSUMED, arguments.mu_g_log_sd());
         let radius = arguments.radius();
-        KnownFromRest { part: &file.part, errors: file.errors.if_any(), mu_g, mu_g_log_sd, radius, finger, motion }
+        let shape = arguments.shape();
+        KnownFromRest {
+            part: &file.part,
+            errors: file.errors.if_any(),
+            mu_g,
+            mu_g_log_sd,
+            radius,
+            shape,
+            finger,
+            motion,
+        }
     }
 
     /// The same for readings of which each has this noise, N.
@@ -263,6 +295,7 @@ impl FeltPush {
         let known = KnownOfFinger::new(&file.part, mu_g, radius, motion, noise);
         let mu_g_log_sd = self.arguments.mu_g_log_sd();
         KnownOfFinger {
+            shape: self.arguments.shape(),
             errors: file.errors.if_any(),
             mu_g_log_sd,
             effective_mass,

@@ -67,6 +67,7 @@ pub(crate) fn known_of<'a>(ranges: &'a Ranges, part: &'a Part, finger: CarriedFi
         mu_g: ranges.mu * GRAVITY_ASSUMED,
         mu_g_log_sd: None,
         radius: RADIUS_M,
+        shape: None,
         finger,
         motion: &ranges.motion,
     }

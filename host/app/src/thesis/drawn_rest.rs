@@ -276,6 +276,7 @@ impl Case {
             mu_g: self.mu * GRAVITY_ASSUMED,
             mu_g_log_sd: None,
             radius: self.radius,
+            shape: None,
             finger: CarriedFinger::RIGID,
             motion: &self.motion,
         }

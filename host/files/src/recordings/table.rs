@@ -49,6 +49,17 @@ impl Quantity {
         units: &[("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6), ("µm", 1e-6), ("in", 0.0254)],
         known: "m, cm, mm, um, in",
     };
+    /// rad.
+    pub(crate) const ANGLE: Self = Self {
+        name: "angle",
+        units: &[
+            ("rad", 1.0),
+            ("mrad", 1e-3),
+            ("deg", std::f64::consts::PI / 180.0),
+            ("°", std::f64::consts::PI / 180.0),
+        ],
+        known: "rad, mrad, deg",
+    };
     /// m/s².
     pub(crate) const ACCELERATION: Self = Self {
         name: "acceleration",
@@ -99,6 +110,16 @@ pub(crate) fn parse<const N: usize>(text: &str, wanted: &[Column; N]) -> Result<
         None if rows.is_empty() => Err(ReadError::Empty),
         _ => Ok(Table { rows, problems, has_unit: columns.has_unit }),
     }
+}
+
+/// Whether a table has a column: by its header, or, without one, by having so many and that one.
+pub(crate) fn offers(text: &str, column: &Column, place: usize) -> bool {
+    let Some(first) = text.lines().map(content).find(|line| !line.is_empty()) else { return false };
+    let fields = Separator::of(first).split(first);
+    if fields.iter().any(|field| field.parse::<f64>().is_ok()) {
+        return fields.len() == place + 1;
+    }
+    headings(&fields).iter().any(|(name, _)| column.names.contains(&name.as_str()))
 }
 
 /// A line without its comment.

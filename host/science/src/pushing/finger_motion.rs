@@ -52,6 +52,31 @@ pub struct Leg {
     pub to: f64,
     /// The finger, in time since `from`.
     pub finger: Finger,
+    /// How it turns about the disk's centre, and the sensor with it, in time since `from`.
+    pub turn: LegTurn,
+}
+
+/// How a finger turns meanwhile; by default it does not.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LegTurn {
+    /// From the world's axes to the sensor's at the beginning, rad.
+    pub angle0: f64,
+    /// Its rate then, rad/s.
+    pub rate0: f64,
+    /// Of the rate, rad/s².
+    pub acceleration: f64,
+}
+
+impl LegTurn {
+    /// Whether the sensor's axes stay as they are.
+    pub(in crate::pushing) fn is_still(&self) -> bool {
+        self.rate0 == 0.0 && self.acceleration == 0.0
+    }
+
+    /// The turn at a time (s) since the beginning, rad.
+    pub(in crate::pushing) fn angle(&self, time: f64) -> f64 {
+        self.angle0 + self.rate0 * time + 0.5 * self.acceleration * time * time
+    }
 }
 
 /// Why a motion is none.
@@ -169,7 +194,7 @@ impl FingerMotion {
         let (mut from, mut centre, mut velocity) = (0.0, self.start, Vector2::zeros());
         self.segments.iter().map(move |&Segment { seconds, acceleration }| {
             let finger = Finger { radius, centre0: centre, velocity0: velocity, acceleration };
-            let leg = Leg { from, to: from + seconds, finger };
+            let leg = Leg { from, to: from + seconds, finger, turn: LegTurn::default() };
             (from, centre, velocity) = (leg.to, finger.centre(seconds), finger.velocity(seconds));
             leg
         })

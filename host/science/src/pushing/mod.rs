@@ -12,6 +12,7 @@ pub mod dynamics;
 pub mod estimation;
 pub mod finger_motion;
 pub mod measured_path;
+pub mod measured_turn;
 pub mod observability;
 pub mod pushed_world;
 pub mod quasi_static;

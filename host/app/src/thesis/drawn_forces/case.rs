@@ -142,6 +142,7 @@ impl Case {
             mu_c: knows_mu_c.then_some(self.mu_c),
             mu_c_wander_log_sd: self.setting.wander,
             radius: self.radius,
+            shape: None,
             effective_mass: self.finger_told,
             effective_mass_sd: finger_sd * self.finger,
             is_moving,

@@ -167,7 +167,7 @@ fn judge(case: &Case) -> (JudgedCase, String) {
     let found: Vec<_> = match &case.path {
         None => estimate_until(&known, &case.readings, &never).found,
         Some((path, clock_offset_sd, _)) => {
-            let finger = MeasuredFinger { path, clock_offset_sd: *clock_offset_sd };
+            let finger = MeasuredFinger { path, turn: None, clock_offset_sd: *clock_offset_sd };
             let found = estimate_measured_until(&known, &finger, &case.readings, &never).found.hypotheses;
             found.into_iter().map(|(_, found)| found).collect()
         }

@@ -2,8 +2,8 @@
 //! [`palpate::pushing::estimation::from_rest::readings`].
 
 use nalgebra::{Point2, Vector2};
-use palpate::geometry::SimplePolygon;
-use palpate::pushing::dynamics::Part;
+use palpate::pushing::dynamics::support::SupportFriction;
+use palpate::pushing::dynamics::{Body, FingerShape, Mass, Part, ShapeError};
 use palpate::pushing::estimation::from_rest;
 use palpate::pushing::estimation::from_rest::PartErrors;
 use palpate::pushing::estimation::from_rest::readings::{
@@ -11,24 +11,28 @@ use palpate::pushing::estimation::from_rest::readings::{
 };
 use palpate::pushing::finger_motion::{FingerMotion, Segment};
 use palpate::pushing::measured_path::{MeasuredPath, PLACES_MIN};
+use palpate::pushing::measured_turn::MeasuredTurn;
 use palpate::{Searched, Stop, never};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
+use super::initial_pose::{EllipseObject, PolygonObject, PushedObject};
 use super::push::Support;
 use super::pushed;
-use crate::solve::fields::{
-    NonNegative, Polygon, PoseFields, Positive, check_gone, default_gravity, plane_friction, size,
-};
+use crate::solve::fields::{NonNegative, Polygon, PoseFields, Positive, check_gone, default_gravity, plane_friction};
 use crate::solve::{InvalidInput, Pointer, Problem, SolveError};
 
 /// A part that a carried finger begins to push, or is pushing: where is it, and how does it move?
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ObserveForce {
-    /// The part's outline.
-    pub polygon: Polygon,
-    /// Standard deviation of the offset of each edge's line along its normal, m, independent.
+    /// The part's outline; or `object`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub polygon: Option<Polygon>,
+    /// Instead of `polygon`: the part's outline as `initial_pose` has it, an ellipse too.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub object: Option<PushedObject>,
+    /// Standard deviation of the offset of each edge's line along its normal, or of an ellipse's semi-axes, m, independent.
     #[serde(default)]
     pub polygon_sigma: NonNegative,
     /// Friction between part and plane.
@@ -93,8 +97,19 @@ pub enum UnknownSupport {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CarriedFinger {
-    /// Of the disk, m.
-    pub radius: NonNegative,
+    /// A disk, if nothing else is said: with `radius`, an ellipse with `a` and `b`, its axes the world's, or a straight line
+    /// along the world's x with the part above it.
+    #[serde(default, rename = "type")]
+    pub outline: FingerOutline,
+    /// Of a disk, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub radius: Option<NonNegative>,
+    /// Of an ellipse: semi-axis along x, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub a: Option<Positive>,
+    /// Of an ellipse: semi-axis along y, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub b: Option<Positive>,
     /// What the sensor feels of the finger's own inertia, kg; null where it is unknown: then 0.02 ± 0.02.
     #[serde(default = "no_mass", deserialize_with = "mass_or_null")]
     pub effective_mass: Option<NonNegative>,
@@ -106,6 +121,47 @@ pub struct CarriedFinger {
     pub compliance: NonNegative,
     /// How the robot moves its clamp: where the disk's centre is without force.
     pub motion: MotionFields,
+}
+
+/// Outline of a finger.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FingerOutline {
+    /// A disk.
+    #[default]
+    Disk,
+    /// An ellipse.
+    Ellipse,
+    /// A straight edge.
+    Line,
+}
+
+impl CarriedFinger {
+    /// The disk's radius, m, and the outline where it is no disk.
+    fn shape(&self) -> Result<(f64, Option<FingerShape>), InvalidInput> {
+        let given = [("radius", self.radius.is_some()), ("a", self.a.is_some()), ("b", self.b.is_some())];
+        let (needed, of): (&[&str], _) = match self.outline {
+            FingerOutline::Disk => (&["radius"], "a disk"),
+            FingerOutline::Ellipse => (&["a", "b"], "an ellipse"),
+            FingerOutline::Line => (&[], "a line"),
+        };
+        for (field, is_given) in given {
+            match (needed.contains(&field), is_given) {
+                (true, false) => return Err(InvalidInput::missing(field, &format!("{of} needs it"))),
+                (false, true) => {
+                    return Err(InvalidInput::at(field, format!("is not of {of}: leave it out, or change `type`")));
+                }
+                _ => {}
+            }
+        }
+        Ok(match (self.outline, self.radius, self.a, self.b) {
+            (FingerOutline::Line, ..) => (0.0, Some(FingerShape::Line)),
+            (FingerOutline::Ellipse, _, Some(a), Some(b)) => {
+                (0.0, Some(FingerShape::Ellipse { semi_axes: [a.get(), b.get()] }))
+            }
+            (_, radius, ..) => (radius.map_or(0.0, NonNegative::get), None),
+        })
+    }
 }
 
 #[expect(clippy::unnecessary_wraps, reason = "serde wants the type of the field")]
@@ -148,6 +204,10 @@ pub struct PathFields {
     pub x: Vec<f64>,
     /// m.
     pub y: Vec<f64>,
+    /// From the world's axes to the sensor's, rad, whole turns aside: the disk turns about its centre, and the force's axes
+    /// with it. They stay as the world's where not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub phi: Option<Vec<f64>>,
 }
 
 /// A stretch of constant acceleration.
@@ -210,15 +270,15 @@ pub enum ObserveForceStatus {
 /// A pose and motion that explain the readings.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct ForceHypothesisAnswer {
-    /// The edge in contact at the last reading.
-    pub edge: usize,
-    /// Contact angle at the first reading, rad.
+    /// The edge in contact at the last reading; null of an ellipse.
+    pub edge: Option<usize>,
+    /// Contact on the finger at the first reading: polar angle of a disk, eccentric angle of an ellipse, rad; 0 on a line.
     pub u0: f64,
-    /// Contact along the edge at the first reading, m.
+    /// Contact along the edge at the first reading, m; on an ellipse its eccentric angle in [0, π), rad.
     pub s0: f64,
     /// Of the polygon's own frame at the first reading.
     pub pose_start: PoseFields,
-    /// Contact along the edge at the last reading, m.
+    /// The same at the last reading.
     pub s_end: f64,
     /// Of the polygon's own frame at the last reading.
     pub pose_end: PoseFields,
@@ -234,8 +294,11 @@ pub struct ForceHypothesisAnswer {
     /// Where it is not known exactly: that of the finger that goes with this explanation, kg.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub effective_mass: Option<f64>,
-    /// Of `pose_end` (x, y, theta) and `twist_end`, everything unknown included.
-    pub covariance: [[f64; 6]; 6],
+    /// Of `pose_end` (x, y, theta) and `twist_end`, everything unknown included; null of a continuum.
+    pub covariance: Option<[[f64; 6]; 6]>,
+    /// Whether it is one of a continuum: round a disk, or along a straight finger, all places explain the same.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub unobservable: bool,
     /// Squared residuals in standard deviations, prior terms included.
     pub cost: f64,
     /// Data and prior terms less fitted parameters.
@@ -258,6 +321,12 @@ impl Problem for ObserveForce {
     }
 
     fn solve_until(&self, stop: Stop<'_>) -> Result<Searched<ObserveForceAnswer>, SolveError> {
+        let part = self.part()?;
+        let (radius, shape) = self.finger.shape().map_err(|error| error.inside("finger"))?;
+        if part.semi_axes().is_none() && shape == Some(FingerShape::Line) {
+            let place = Pointer::from("finger").key("type");
+            return Err(InvalidInput::at(place, ShapeError::BothStraight.to_string()).into());
+        }
         let carried = self.finger.motion.read().map_err(|error| error.inside("motion").inside("finger"))?;
         let readings = self.force.readings().map_err(|error| error.inside("force"))?;
         let end = readings.last().map_or(0.0, |reading| reading.time);
@@ -270,13 +339,17 @@ impl Problem for ObserveForce {
         match &carried {
             Carried::Told { .. } => {
                 let gone = (motion.centre(end - told_onset) - motion.centre(0.0)).norm();
-                check_gone(gone, end, size(&self.polygon)).map_err(|message| InvalidInput::at("finger", message))?;
+                check_gone(gone, end, reach(&part)).map_err(|message| InvalidInput::at("finger", message))?;
             }
-            Carried::Measured { path, clock_offset_sd } => {
+            Carried::Measured { path, turn, clock_offset_sd } => {
+                if turn.is_some() && shape.is_some() {
+                    let place = Pointer::from("finger").key("type");
+                    let message = "only a disk may turn: leave `path.phi` out, or give a `radius`";
+                    return Err(InvalidInput::at(place, message).into());
+                }
                 covers(path, *clock_offset_sd, &readings).map_err(|error| error.inside("motion").inside("finger"))?;
             }
         }
-        let part = self.part(&self.polygon)?;
         let errors = PartErrors {
             outline_sigma: self.polygon_sigma.get(),
             mass_follows_outline: self.centre_of_mass.is_none(),
@@ -299,7 +372,8 @@ impl Problem for ObserveForce {
             mu_g_log_sd: (self.mu_sigma_log.get() > 0.0).then_some(self.mu_sigma_log.get()),
             mu_c: self.mu_c.map(NonNegative::get),
             mu_c_wander_log_sd: self.mu_c_wander_sigma_log.get(),
-            radius: finger.radius.get(),
+            radius,
+            shape,
             is_moving: self.start == StartField::Moving,
             compliance: finger.compliance.get(),
             compliance_sd: 0.0,
@@ -317,8 +391,8 @@ impl Problem for ObserveForce {
                 let found = found.into_iter().map(|found| (None, found)).collect::<Vec<_>>();
                 Searched { found: (Some(*onset), found), complete }
             }
-            Carried::Measured { path, clock_offset_sd } => {
-                let finger = MeasuredFinger { path, clock_offset_sd: *clock_offset_sd };
+            Carried::Measured { path, turn, clock_offset_sd } => {
+                let finger = MeasuredFinger { path, turn: turn.as_ref(), clock_offset_sd: *clock_offset_sd };
                 let Searched { found: estimate, complete } =
                     readings::estimate_measured_until(&known, &finger, &readings, stop);
                 let is_unknown = *clock_offset_sd > 0.0;
@@ -333,7 +407,7 @@ impl Problem for ObserveForce {
         let status = match found.len() {
             _ if !complete => ObserveForceStatus::Ambiguous,
             0 => ObserveForceStatus::Unexplained,
-            1 => ObserveForceStatus::Unique,
+            1 if !found[0].1.is_continuum => ObserveForceStatus::Unique,
             _ => ObserveForceStatus::Ambiguous,
         };
         let onset = onset.filter(|_| self.start == StartField::AtRest);
@@ -347,13 +421,35 @@ impl Problem for ObserveForce {
 }
 
 impl ObserveForce {
-    fn part(&self, polygon: &SimplePolygon) -> Result<Part, InvalidInput> {
+    fn part(&self) -> Result<Part, InvalidInput> {
+        let polygon = match (&self.polygon, &self.object) {
+            (Some(_), Some(_)) => return Err(InvalidInput::exclusive("polygon", "object")),
+            (None, None) => return Err(InvalidInput::missing("polygon", "give the part's outline, or an `object`")),
+            (Some(polygon), None) => polygon,
+            (None, Some(PushedObject::Polygon(PolygonObject { vertices }))) => vertices,
+            (None, Some(PushedObject::Ellipse(EllipseObject { a, b }))) => return self.ellipse([a.get(), b.get()]),
+        };
         let support = match &self.support {
             Some(SupportField::Known(support)) => Some(support),
             Some(SupportField::Unknown(_)) | None => None,
         };
-        pushed::part(polygon.clone(), self.centre_of_mass, self.inertia_per_mass, support)
+        pushed::part((**polygon).clone(), self.centre_of_mass, self.inertia_per_mass, support)
     }
+
+    fn ellipse(&self, semi_axes: [f64; 2]) -> Result<Part, InvalidInput> {
+        let mass = pushed::mass(Mass::of_ellipse(semi_axes), self.centre_of_mass, self.inertia_per_mass)?;
+        let body = match &self.support {
+            Some(SupportField::Known(support)) => Body::on_feet(&support.feet(), mass),
+            Some(SupportField::Unknown(_)) | None => Body::uniform(SupportFriction::ellipse(semi_axes), mass),
+        };
+        Ok(Part::elliptic(semi_axes, body))
+    }
+}
+
+/// A part's largest distance from its centre of mass, m.
+fn reach(part: &Part) -> f64 {
+    let centre = part.centre_of_mass();
+    part.polygon().vertices().iter().map(|vertex| (vertex - centre).norm()).fold(0.0, f64::max)
 }
 
 impl ForceHypothesisAnswer {
@@ -361,19 +457,22 @@ impl ForceHypothesisAnswer {
     #[must_use]
     pub fn of(found: &ForceHypothesis, known: &KnownOfFinger, g: f64, onset: Option<f64>) -> Self {
         let [vx, vy] = found.velocity_end.into();
+        // An ellipse repeats.
+        let place = |s: f64| if known.part.semi_axes().is_some() { s.rem_euclid(std::f64::consts::PI) } else { s };
         Self {
-            edge: found.edge,
+            edge: known.part.semi_axes().is_none().then_some(found.edge),
             u0: found.start.u,
-            s0: found.start.s,
+            s0: place(found.start.s),
             pose_start: PoseFields::from(<[f64; 3]>::from(found.pose_start)),
-            s_end: found.end.s,
+            s_end: place(found.end.s),
             pose_end: PoseFields::from(<[f64; 3]>::from(found.pose_end)),
             twist_end: [vx, vy, found.end.omega],
             mass: found.mass,
             mu_c: found.mu_c,
             mu: known.mu_g_log_sd.map(|_| found.mu_g / g),
             effective_mass: (known.effective_mass_sd > 0.0).then_some(found.effective_mass),
-            covariance: found.covariance.transpose().into(),
+            covariance: (!found.is_continuum).then(|| found.covariance.transpose().into()),
+            unobservable: found.is_continuum,
             cost: found.cost,
             dof: found.degrees_of_freedom,
             probability: found.probability,
@@ -405,8 +504,12 @@ impl MotionFields {
                     return Err(InvalidInput::at("centre0", "is for `segments`: a `path` says where it begins"));
                 }
                 let sigma = self.sigma.ok_or_else(|| InvalidInput::missing("sigma", "a `path` needs its noise"))?;
-                let path = path.measured(sigma.get()).map_err(|error| error.inside("path"))?;
-                Ok(Carried::Measured { path, clock_offset_sd: self.clock_offset_sigma.map_or(0.0, NonNegative::get) })
+                let (path, turn) = path.measured(sigma.get()).map_err(|error| error.inside("path"))?;
+                Ok(Carried::Measured {
+                    path,
+                    turn,
+                    clock_offset_sd: self.clock_offset_sigma.map_or(0.0, NonNegative::get),
+                })
             }
             (None, None) => Err(InvalidInput::missing("segments", "give `segments` or a measured `path`")),
         }
@@ -418,14 +521,22 @@ enum Carried {
     /// From rest, beginning at a time.
     Told { onset: f64, motion: FingerMotion },
     /// By measured places.
-    Measured { path: MeasuredPath, clock_offset_sd: f64 },
+    Measured { path: MeasuredPath, turn: Option<MeasuredTurn>, clock_offset_sd: f64 },
 }
 
 impl PathFields {
-    fn measured(&self, sigma: f64) -> Result<MeasuredPath, InvalidInput> {
+    fn measured(&self, sigma: f64) -> Result<(MeasuredPath, Option<MeasuredTurn>), InvalidInput> {
         check_columns(&self.t, &self.x, &self.y, PLACES_MIN)?;
         let places = self.x.iter().zip(&self.y).map(|(x, y)| Point2::new(*x, *y)).collect();
-        Ok(MeasuredPath { times: self.t.clone(), places, sigma })
+        let turn = |phi: &Vec<f64>| {
+            if phi.len() != self.t.len() {
+                let message = format!("has {} values, but `t` has {}: give one for each time", phi.len(), self.t.len());
+                return Err(InvalidInput::at("phi", message));
+            }
+            MeasuredTurn::new(&self.t, phi).map_err(|error| InvalidInput::at("phi", error.to_string()))
+        };
+        let turn = self.phi.as_ref().map(turn).transpose()?;
+        Ok((MeasuredPath { times: self.t.clone(), places, sigma }, turn))
     }
 }
 
@@ -551,6 +662,9 @@ mod tests {
             ("/start", json!("still"), "/start", "at_rest"),
             ("/centre_of_mass", json!([0, 0]), "/inertia_per_mass", "is missing"),
             ("/dt", json!(0.1), "/dt", "not a field"),
+            ("/object", json!({"type": "ellipse", "a": 0.03, "b": 0.02}), "/object", "cannot be given together"),
+            ("/finger/type", json!("ellipse"), "/finger/radius", "is not of an ellipse"),
+            ("/finger/a", json!(0.01), "/finger/a", "is not of a disk"),
         ];
         for (place, value, field, message) in cases {
             let told = refuse(changed(place, value.clone()));
@@ -559,6 +673,23 @@ mod tests {
         let mut backwards = problem();
         backwards["force"]["t"][5] = json!(0.0);
         assert!(refuse(backwards).contains("times must increase"));
+    }
+
+    #[test]
+    fn a_straight_finger_on_a_polygon_is_refused_and_on_an_ellipse_its_place_is_not_told() {
+        let mut straight = problem();
+        straight["finger"].as_object_mut().unwrap().remove("radius");
+        straight["finger"]["type"] = json!("line");
+        let told = refuse(straight.clone());
+        assert!(told.contains("/finger/type") && told.contains("straight"), "{told}");
+        straight.as_object_mut().unwrap().remove("polygon");
+        straight["object"] = json!({"type": "ellipse", "a": 0.03, "b": 0.02});
+        let answer = read::<ObserveForce>(straight).unwrap().solve().unwrap();
+        assert_eq!(answer.status, ObserveForceStatus::Ambiguous, "{answer:?}");
+        for found in &answer.hypotheses {
+            assert!(found.unobservable && found.covariance.is_none() && found.edge.is_none(), "{found:?}");
+            assert!((0.0..std::f64::consts::PI).contains(&found.s0), "{found:?}");
+        }
     }
 
     #[test]

@@ -117,14 +117,23 @@ pub(super) fn part(
     inertia_per_mass: Option<Positive>,
     support: Option<&Support>,
 ) -> Result<Part, InvalidInput> {
-    let mass = match (centre_of_mass, inertia_per_mass) {
-        (None, None) => Mass::uniform(&polygon),
-        (Some(centre), Some(inertia)) => Mass { centre_of_mass: centre.into(), inertia_per_mass: inertia.get() },
-        (Some(_), None) => return Err(InvalidInput::missing("inertia_per_mass", "`centre_of_mass` needs it")),
-        (None, Some(_)) => return Err(InvalidInput::missing("centre_of_mass", "`inertia_per_mass` needs it")),
-    };
+    let mass = mass(Mass::uniform(&polygon), centre_of_mass, inertia_per_mass)?;
     Ok(match support {
         None => Part::with_mass(polygon, mass),
         Some(support) => Part::on_feet(polygon, &support.feet(), mass),
     })
+}
+
+/// Where a part's mass is, that of a uniform plate where not told, or which field is missing.
+pub(super) fn mass(
+    uniform: Mass,
+    centre_of_mass: Option<[f64; 2]>,
+    inertia_per_mass: Option<Positive>,
+) -> Result<Mass, InvalidInput> {
+    match (centre_of_mass, inertia_per_mass) {
+        (None, None) => Ok(uniform),
+        (Some(centre), Some(inertia)) => Ok(Mass { centre_of_mass: centre.into(), inertia_per_mass: inertia.get() }),
+        (Some(_), None) => Err(InvalidInput::missing("inertia_per_mass", "`centre_of_mass` needs it")),
+        (None, Some(_)) => Err(InvalidInput::missing("centre_of_mass", "`inertia_per_mass` needs it")),
+    }
 }

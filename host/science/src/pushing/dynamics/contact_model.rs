@@ -51,6 +51,10 @@ pub trait ContactModel: Copy {
     /// The same with another motion of the finger.
     #[must_use]
     fn with_path(self, path: FingerPath) -> Self;
+    /// How fast the finger's rim goes by along T because it turns (m/s), ever faster by so much (m/s²).
+    fn rim(&self, _state: &State) -> [f64; 2] {
+        [0.0; 2]
+    }
 }
 
 impl ContactModel for PushModel<'_> {
@@ -170,6 +174,11 @@ impl ContactModel for ShapedModel<'_> {
         self.path = path;
         self
     }
+
+    fn rim(&self, state: &State) -> [f64; 2] {
+        let pace = self.shape.at(state.u).pace;
+        [self.turning.rate0, self.turning.acceleration].map(|of| pace * of)
+    }
 }
 
 /// N, the part's outward normal at the contact, world axes.
@@ -199,7 +208,7 @@ pub(super) fn rest_start(
         normal: model.side().at(s).normal.into(),
         arm: arm(model, &state),
         // T is a quarter turn clockwise from N.
-        finger: [normal.dot(&acceleration), -normal.perp(&acceleration)],
+        finger: [normal.dot(&acceleration), model.rim(&state)[1] - normal.perp(&acceleration)],
     };
     at_rest.start(contact)
 }

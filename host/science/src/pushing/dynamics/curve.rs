@@ -89,6 +89,25 @@ impl FingerShape {
         self.at(u).place.into()
     }
 
+    /// The parameter at which the outward normal has a polar angle (rad), with its whole turns; a line's, whose normal does
+    /// not turn, stays as it is.
+    #[must_use]
+    pub fn with_normal(&self, angle: f64) -> f64 {
+        match *self {
+            Self::Disk { .. } | Self::Line => angle,
+            Self::Ellipse { semi_axes: [a, b] } => {
+                let (sin, cos) = angle.sin_cos();
+                // Within a right angle of it, as in the other direction.
+                angle + ((b - a) * sin * cos).atan2(a * cos * cos + b * sin * sin)
+            }
+        }
+    }
+
+    /// Turn of the outward normal by the parameter.
+    pub(crate) fn normal_rate(&self, u: f64) -> f64 {
+        self.at(u).bend
+    }
+
     /// Angle of the outward normal at parameter `u`, rad; continuous along the outline.
     #[must_use]
     pub fn normal_angle(&self, u: f64) -> f64 {
@@ -178,6 +197,13 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn parameters_come_back_from_their_normals(shape in shapes(), u in -7.0..7.0) {
+            prop_assume!(shape != FingerShape::Line);
+            let back = shape.with_normal(shape.normal_angle(u));
+            prop_assert!((back - u).abs() < 1e-12, "{u} {back}"); // rounding of two angles
+        }
+
         #[test]
         fn normal_pace_and_bend_are_the_outlines_derivatives(shape in shapes(), u in -7.0..7.0) {
             let at = |change: f64| shape.at(u + change);

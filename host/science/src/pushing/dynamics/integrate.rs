@@ -12,6 +12,7 @@ use nalgebra::{SMatrix, SVector};
 use super::contact_model::ContactModel;
 use super::model::{ContactMode, PushModel, State};
 use super::scalar::Scalar;
+use super::shaped::ShapedModel;
 use crate::math::Jet;
 use crate::math::dormand_prince::{ERROR, INTERPOLANT, NODES, STAGES, growth, moved};
 use crate::math::ode::{self, Moves};
@@ -86,13 +87,7 @@ impl PushModel<'_> {
         state: &State,
         dt: f64,
     ) -> Option<State> {
-        let at = |share: f64, components: &SVector<f64, 4>| {
-            let state = State::from(Components::from(*components));
-            SVector::from(Components::from(self.motion(contact, time + share * dt, &state).rates))
-        };
-        let stepped =
-            rosenbrock::step(&Components::from(*state).into(), dt, &self.linearised(contact, time, state), at)?;
-        stepped.iter().all(|value| value.is_finite()).then(|| Components::from(stepped).into())
+        stiff_step(self, contact, time, state, dt, self.linearised(contact, time, state))
     }
 
     /// The rates with their derivatives by the state, and by the time, which only the finger's velocity knows.
@@ -103,20 +98,66 @@ impl PushModel<'_> {
             slopes: [0.0, 0.0, 0.0, 0.0, acceleration],
             ..velocity
         });
-        let [u, s, omega, v_t] = Components::from(*state);
-        let state = State {
-            u: Jet::variable(u, 0),
-            s: Jet::variable(s, 1),
-            omega: Jet::variable(omega, 2),
-            v_t: Jet::variable(v_t, 3),
-        };
-        let State { u, s, omega, v_t } = lifted.motion(&contact.map(Jet::constant), time, &state).rates;
-        let rates = [u, s, omega, v_t];
-        Linearised {
-            rates: SVector::from(rates.map(|rate| rate.value)),
-            by_state: SMatrix::from_fn(|row, column| rates[row].slopes[column]),
-            by_time: SVector::from(rates.map(|rate| rate.slopes[4])),
-        }
+        linearised(state, |state| lifted.motion(&contact.map(Jet::constant), time, state).rates)
+    }
+}
+
+impl ShapedModel<'_> {
+    /// [`PushModel::step`] of any two outlines.
+    #[must_use]
+    pub(in crate::pushing) fn step(&self, contact: &ContactMode, time: f64, state: &State, dt: f64) -> State {
+        ode::step(state, dt, |moment, state| self.motion(contact, moment.time(time, dt), state).rates)
+    }
+
+    /// [`PushModel::stiff_step`] of any two outlines.
+    #[must_use]
+    pub(in crate::pushing) fn stiff_step(
+        &self,
+        contact: &ContactMode,
+        time: f64,
+        state: &State,
+        dt: f64,
+    ) -> Option<State> {
+        let mut lifted = self.lifted::<Jet<5>>();
+        let by_time = |value: Jet<5>, rate: f64| Jet { slopes: [0.0, 0.0, 0.0, 0.0, rate], ..value };
+        lifted.path.velocity0 = lifted.path.velocity0.zip_map(&self.path.acceleration, by_time);
+        lifted.turning.rate0 = by_time(lifted.turning.rate0, self.turning.acceleration);
+        let linearised = linearised(state, |state| lifted.motion(&contact.map(Jet::constant), time, state).rates);
+        stiff_step(self, contact, time, state, dt, linearised)
+    }
+}
+
+fn stiff_step(
+    model: &impl ContactModel,
+    contact: &ContactMode,
+    time: f64,
+    state: &State,
+    dt: f64,
+    linearised: Linearised<4>,
+) -> Option<State> {
+    let at = |share: f64, components: &SVector<f64, 4>| {
+        let state = State::from(Components::from(*components));
+        SVector::from(Components::from(model.motion(contact, time + share * dt, &state).rates))
+    };
+    let stepped = rosenbrock::step(&Components::from(*state).into(), dt, &linearised, at)?;
+    stepped.iter().all(|value| value.is_finite()).then(|| Components::from(stepped).into())
+}
+
+/// The rates with their derivatives by the state, and by the time as the fifth slope of what is given.
+fn linearised(state: &State, rates: impl Fn(&State<Jet<5>>) -> State<Jet<5>>) -> Linearised<4> {
+    let [u, s, omega, v_t] = Components::from(*state);
+    let state = State {
+        u: Jet::variable(u, 0),
+        s: Jet::variable(s, 1),
+        omega: Jet::variable(omega, 2),
+        v_t: Jet::variable(v_t, 3),
+    };
+    let State { u, s, omega, v_t } = rates(&state);
+    let rates = [u, s, omega, v_t];
+    Linearised {
+        rates: SVector::from(rates.map(|rate| rate.value)),
+        by_state: SMatrix::from_fn(|row, column| rates[row].slopes[column]),
+        by_time: SVector::from(rates.map(|rate| rate.slopes[4])),
     }
 }
 

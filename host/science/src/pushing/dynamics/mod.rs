@@ -47,5 +47,5 @@ pub use rest::{RestError, RestStart};
 pub use run::{Acceleration, Change, End, EndReason, PushRun, PushRunError, Sample, SecondContact};
 pub use scalar::Scalar;
 pub use sensitivity::{Parameter, Seeded, derivatives};
-pub use shaped::{ShapeError, ShapedModel};
+pub use shaped::{ShapeError, ShapedModel, Turning};
 pub use switching::DerivedRun;

@@ -10,11 +10,15 @@
 use nalgebra::{Matrix2, Point2, Vector2};
 
 use super::body::{Body, Mass};
+use super::curve::PartSide;
 use super::scalar::Scalar;
 use super::support::SupportFriction;
 use crate::geometry::{SimplePolygon, corners};
 
-/// A polygon on its plane: outline, mass and what it rests on.
+/// A part on its plane: outline, mass and what it rests on.
+///
+/// Mostly a polygon. An ellipse has no edges: who works with edges finds none of it, and where a finger touches it says
+/// [`Part::touched`].
 ///
 /// ```
 /// use nalgebra::Point2;
@@ -30,8 +34,13 @@ pub struct Part {
     polygon: SimplePolygon,
     /// The corners of the outline, by their vertices' numbers.
     corners: Vec<usize>,
+    /// Semi-axes of an elliptic outline about the part frame's origin, m: `polygon` then is drawn in it.
+    semi_axes: Option<[f64; 2]>,
     body: Body,
 }
+
+/// Corners of the polygon that is drawn in an elliptic outline: its sides are within 2e-4 of a semi-axis of it.
+const ELLIPSE_CORNERS: u32 = 180;
 
 impl Part {
     /// A plate of uniform density that presses uniformly on the plane.
@@ -90,15 +99,79 @@ impl Part {
             },
             |feet| Body::on_feet(&feet.map(|(at, share)| (moved(at), share)).collect::<Vec<_>>(), mass),
         );
-        Self::of(self.polygon.clone(), body)
+        Self { body, ..self.clone() }
     }
 
     fn of(polygon: SimplePolygon, body: Body) -> Self {
         let corners = corners(polygon.vertices());
-        Self { polygon, corners, body }
+        Self { polygon, corners, semi_axes: None, body }
     }
 
-    /// The outline, part frame.
+    /// A part with an elliptic outline about its frame's origin, semi-axes along x and y, m.
+    ///
+    /// # Panics
+    /// If a semi-axis is not a positive number.
+    #[must_use]
+    pub fn elliptic(semi_axes: [f64; 2], body: Body) -> Self {
+        let [a, b] = semi_axes;
+        let at = |i: u32| f64::from(i) * std::f64::consts::TAU / f64::from(ELLIPSE_CORNERS);
+        let drawn = (0..ELLIPSE_CORNERS).map(|i| Point2::new(a * at(i).cos(), b * at(i).sin())).collect::<Vec<_>>();
+        let drawn = SimplePolygon::new(drawn);
+        let Ok(polygon) = drawn else { panic!("semi-axes {semi_axes:?} m must be positive and finite") };
+        Self { polygon, corners: Vec::new(), semi_axes: Some(semi_axes), body }
+    }
+
+    /// The semi-axes of an elliptic outline about the part frame's origin, along x and y, m; none of a polygon.
+    #[must_use]
+    pub fn semi_axes(&self) -> Option<[f64; 2]> {
+        self.semi_axes
+    }
+
+    /// An elliptic part with other semi-axes (m); its mass becomes that of a uniform plate, or stays.
+    fn with_semi_axes(&self, semi_axes: [f64; 2], mass_follows: bool) -> Self {
+        let mass = if mass_follows { Mass::of_ellipse(semi_axes) } else { self.body.mass() };
+        let body = self.body.feet().map_or_else(
+            || Body::uniform(SupportFriction::ellipse(semi_axes), mass),
+            |feet| Body::on_feet(&feet.collect::<Vec<_>>(), mass),
+        );
+        Self::elliptic(semi_axes, body)
+    }
+
+    /// How many numbers say how far an outline is off: an edge's line along its normal each, or a semi-axis.
+    #[must_use]
+    pub fn outline_numbers(&self) -> usize {
+        if self.semi_axes.is_some() { 2 } else { self.polygon.vertices().len() }
+    }
+
+    /// The same with its outline off by each of these numbers, m; none where edges then cross.
+    #[must_use]
+    pub fn with_outline_off(&self, off: impl Fn(usize) -> f64, mass_follows: bool) -> Option<Self> {
+        match self.semi_axes {
+            None => Some(self.with_outline(self.polygon.with_edges_moved(off)?, mass_follows)),
+            Some([a, b]) => {
+                let moved = [a + off(0), b + off(1)];
+                moved.iter().all(|axis| *axis > 0.0).then(|| self.with_semi_axes(moved, mass_follows))
+            }
+        }
+    }
+
+    /// Where a finger may touch it: the number of each straight side's first edge, or 0 of an ellipse.
+    pub fn touchable(&self) -> impl Iterator<Item = usize> + '_ {
+        self.corners.iter().copied().chain(self.semi_axes.map(|_| 0))
+    }
+
+    /// The outline at one of [`Self::touchable`], or at any edge.
+    ///
+    /// # Errors
+    /// [`ModelError::NoSuchEdge`].
+    pub fn touched(&self, index: usize) -> Result<PartSide, ModelError> {
+        match self.semi_axes {
+            Some(semi_axes) if index == 0 => Ok(PartSide::Ellipse { semi_axes, middle: -self.centre_of_mass().coords }),
+            _ => self.edge(index).map(PartSide::Edge),
+        }
+    }
+
+    /// The outline, part frame; of an ellipse a polygon of many corners drawn in it.
     #[must_use]
     pub fn polygon(&self) -> &SimplePolygon {
         &self.polygon
@@ -126,8 +199,11 @@ impl Part {
     /// tolerances of [`corners`] are one.
     ///
     /// # Errors
-    /// [`ModelError::NoSuchEdge`].
+    /// [`ModelError::NoSuchEdge`]; [`ModelError::NoEdges`] of an ellipse.
     pub fn edge(&self, index: usize) -> Result<Edge, ModelError> {
+        if self.semi_axes.is_some() {
+            return Err(ModelError::NoEdges);
+        }
         let edges = self.polygon.vertices().len();
         if index >= edges {
             return Err(ModelError::NoSuchEdge { index, edges });
@@ -148,6 +224,9 @@ impl Part {
     /// The first edge of the straight side that an edge belongs to: what [`Self::sides`] numbers it by.
     #[must_use]
     pub fn side(&self, index: usize) -> usize {
+        if self.semi_axes.is_some() {
+            return index;
+        }
         self.corners[self.side_of(index)]
     }
 
@@ -172,6 +251,9 @@ impl Part {
     /// ends the outermost.
     #[must_use]
     pub fn edge_at(&self, index: usize, s: f64) -> usize {
+        if self.semi_axes.is_some() {
+            return index;
+        }
         let n = self.polygon.vertices().len();
         let [first, next] = self.side_vertices(index);
         let edge = self.edge_between(self.side_of(index));
@@ -462,6 +544,9 @@ impl<'p> PushModel<'p> {
 /// Why a model cannot be built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ModelError {
+    /// The part is an ellipse.
+    #[error("an elliptic part has no edges")]
+    NoEdges,
     /// The polygon has fewer edges.
     #[error("{index} is no edge of a polygon with {edges}: edges count from 0 to {}", edges - 1)]
     NoSuchEdge {

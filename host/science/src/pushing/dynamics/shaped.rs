@@ -25,8 +25,12 @@
 //!   force on the part a + f with a = a_F + ω̇ (c_t N − c_N t) + ω² c + ω g_P ṡ N
 //! ```
 //!
-//! Assumes: the finger translates and does not turn; one contact, which lasts; at least one of the outlines bends
-//! there.
+//! A disk of radius r that turns at Ω about its centre keeps its outline, but its rim goes by at rΩ along T: what slips
+//! is σ + rΩ, and a part that rolls has σ = −rΩ above. Then its acceleration has −rΩ̇ t + rΩ φ̇ N more, and ω̇ follows from
+//! that.
+//!
+//! Assumes: the finger translates, and turns only if it is a disk; one contact, which lasts; at least one of the outlines
+//! bends there.
 //! Frames: world; forces and accelerations per unit mass on the part. Units: SI.
 //! Errors: [`ShapeError`] for outlines that cannot touch at one point.
 
@@ -51,6 +55,24 @@ pub struct ShapedModel<'p, T: nalgebra::Scalar = f64> {
     pub shape: FingerShape,
     /// Motion of the finger.
     pub path: FingerPath<T>,
+    /// How a disk turns about its centre; other outlines do not turn.
+    pub turning: Turning<T>,
+}
+
+/// How a finger's disk turns about its centre.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Turning<T = f64> {
+    /// Ω at t = 0, counter-clockwise, rad/s.
+    pub rate0: T,
+    /// Ω̇, rad/s².
+    pub acceleration: f64,
+}
+
+impl<T: Scalar> Turning<T> {
+    /// Ω at a time (s), rad/s.
+    fn rate(&self, time: f64) -> T {
+        self.rate0 + T::from(self.acceleration * time)
+    }
 }
 
 /// Outlines that cannot touch at one point.
@@ -129,6 +151,7 @@ impl<T: Scalar> Touch<T> {
 /// Everything the formulas share.
 struct Instant<T> {
     touch: Touch<T>,
+    /// Relative to the finger's outline, whether that turns or not.
     slip: T,
     velocity: Components<T>,
     finger_acceleration: Components<T>,
@@ -155,7 +178,7 @@ impl<'p> ShapedModel<'p> {
         if matches!((shape, side), (FingerShape::Line, PartSide::Edge(_))) {
             return Err(ShapeError::BothStraight);
         }
-        Ok(Self { body, side, mu_g, shape, path })
+        Ok(Self { body, side, mu_g, shape, path, turning: Turning::default() })
     }
 }
 
@@ -201,7 +224,12 @@ impl<T: Scalar> ShapedModel<'_, T> {
     #[must_use]
     pub fn rolling_v_t(&self, time: f64, state: &State<T>) -> T {
         let touch = self.touch(state);
-        touch.arm.height * state.omega - touch.components(self.path.velocity(time)).t
+        touch.arm.height * state.omega - touch.components(self.path.velocity(time)).t + self.rim_speed(&touch, time)
+    }
+
+    /// How fast the finger's rim goes by along T because it turns, m/s.
+    fn rim_speed(&self, touch: &Touch<T>, time: f64) -> T {
+        touch.finger.pace * self.turning.rate(time)
     }
 
     /// 1 + c_t (c_t − m c_N)/ρ²: at 0 and below, no contact force fits a sliding part (Painlevé).
@@ -231,13 +259,17 @@ impl<T: Scalar> ShapedModel<'_, T> {
         state: &State<T>,
     ) -> (Components<T>, T) {
         let finger = touch.components(self.path.velocity(time));
-        // Without slip the contact point of the part moves with the finger.
-        let rolling =
+        // As if the contact point of the part moved with the finger's outline.
+        let along =
             Components { n: finger.n + touch.arm.along * state.omega, t: finger.t - touch.arm.height * state.omega };
         match contact {
-            ContactMode::Rolling => (rolling, T::from(0.0)),
+            // Without slip it moves with the rim.
+            ContactMode::Rolling => {
+                let rim = self.rim_speed(touch, time);
+                (Components { t: along.t - rim, ..along }, -rim)
+            }
             ContactMode::Frictionless | ContactMode::Sliding { .. } => {
-                (Components { t: -state.v_t, ..rolling }, -state.v_t - rolling.t)
+                (Components { t: -state.v_t, ..along }, -state.v_t - along.t)
             }
         }
     }
@@ -285,19 +317,22 @@ impl<T: Scalar> ShapedModel<'_, T> {
     }
 
     fn rolling(&self, state: &State<T>, instant: &Instant<T>) -> Motion<T> {
-        let Instant { touch, finger_acceleration, drag, travel, .. } = instant;
+        let Instant { touch, slip, finger_acceleration, drag, travel, .. } = instant;
         let (rho_squared, omega) = (self.body.inertia_per_mass(), state.omega);
         let Arm { height, along } = touch.arm;
-        // The contact travels along the part's outline at pace · ṡ: what that adds to (5.36).
-        let wander = omega * touch.part.pace * travel.s;
+        // The contact travels along the part's outline at pace · ṡ, and along the finger's rim where that turns: what
+        // both add to (5.36).
+        let wander = omega * touch.part.pace * travel.s - travel.normal * *slip;
+        let rim = touch.finger.pace * self.turning.acceleration;
+        let along_acceleration = finger_acceleration.t - rim;
         // Euler (5.3) about the contact, with Newton and the acceleration of (5.36) put in: (5.37), ω̇ of (5.35).
         let moment =
-            height * (finger_acceleration.t + drag.t) - along * (finger_acceleration.n + drag.n + wander) - drag.moment;
+            height * (along_acceleration + drag.t) - along * (finger_acceleration.n + drag.n + wander) - drag.moment;
         let alpha = moment / (height * height + along * along + rho_squared);
         let spin = omega * omega;
         // The part's acceleration (5.36); the contact force is a + f.
         let a_n = finger_acceleration.n + alpha * along + spin * height + wander;
-        let a_t = finger_acceleration.t - alpha * height + spin * along;
+        let a_t = along_acceleration - alpha * height + spin * along;
         let rates = State { u: travel.u, s: travel.s, omega: alpha, v_t: T::from(0.0) };
         Motion { rates, normal_force: -(a_n + drag.n), tangential_force: a_t + drag.t }
     }
@@ -306,6 +341,28 @@ impl<T: Scalar> ShapedModel<'_, T> {
     pub(super) fn contact_rates(&self, state: &State<T>, omega: T, slip: T) -> [T; 2] {
         let Travel { u, s, .. } = self.touch(state).travel(omega, slip);
         [u, s]
+    }
+}
+
+impl<'p> ShapedModel<'p> {
+    /// The same with numbers that can carry derivatives.
+    pub(in crate::pushing) fn lifted<T: Scalar>(&self) -> ShapedModel<'p, T> {
+        let FingerPath { centre0, velocity0, acceleration } = self.path;
+        let path = FingerPath { centre0, velocity0: velocity0.map(T::from), acceleration: acceleration.map(T::from) };
+        let turning = Turning { rate0: T::from(self.turning.rate0), acceleration: self.turning.acceleration };
+        ShapedModel { body: self.body, side: self.side, mu_g: T::from(self.mu_g), shape: self.shape, path, turning }
+    }
+}
+
+impl ShapedModel<'_> {
+    /// The state so shortly (`span`, s) after a start from rest at `[u, s]` that the accelerations `[alpha, a_t]` of
+    /// the start still hold, with the finger at rest at first too.
+    pub(in crate::pushing) fn after_rest(&self, [u, s]: [f64; 2], [alpha, a_t]: [f64; 2], span: f64) -> State {
+        let state = State { u, s, omega: alpha * span, v_t: a_t * span };
+        // Relative to the outline, which does not turn: it grows as the velocities do.
+        let still = Self { turning: Turning::default(), ..*self };
+        let [u_rate, s_rate] = still.contact_rates(&state, state.omega, still.slip(span, &state));
+        State { u: u + 0.5 * span * u_rate, s: s + 0.5 * span * s_rate, ..state }
     }
 }
 

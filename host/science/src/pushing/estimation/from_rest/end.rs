@@ -12,7 +12,7 @@ use nalgebra::{
     DMatrix, DVector, Isometry2, Matrix2, Matrix3, Matrix4, Matrix6, SMatrix, SVector, Vector2, Vector3, Vector4,
 };
 
-use super::fit::{COLUMNS, DELAY, MU_C, MU_G, PARAMETERS, Problem, SHARE_OF_SD, Tried, beside};
+use super::fit::{COLUMNS, DELAY, MU_C, MU_G, PARAMETERS, Problem, SHARE_OF_SD, Tried, beside, spread};
 use super::path::{Course, Guess, Path};
 use super::valley::Valley;
 use crate::math::unscented::Gaussian;
@@ -120,7 +120,7 @@ impl<'p> Problem<'_, 'p> {
             pose: said.fixed_view::<3, 3>(0, 0).into_owned(),
             motion: said.fixed_view::<MOTION, MOTION>(0, 0).into_owned(),
             state: Matrix4::from_fn(|row, column| said[(STATE[row], STATE[column])]),
-            spread: all.fixed_view::<2, 2>(0, 0).determinant().max(0.0).sqrt(),
+            spread: spread(&all.fixed_view::<2, 2>(0, 0).into_owned()),
         })
     }
 
@@ -148,14 +148,18 @@ impl<'p> Problem<'_, 'p> {
         let [h_u, h_s] = SECOND_DIFFERENCES;
         let second_u = (to(h_u, 0.0)? + to(-h_u, 0.0)?) / (h_u * h_u);
         let both = (to(h_u, h_s)? + to(-h_u, -h_s)? - to(h_u, -h_s)? - to(-h_u, h_s)?) / (4.0 * h_u * h_s);
-        // Straight along the edge: nothing of second order by s alone.
+        // Straight along an edge, and bent along an ellipse.
+        let second_s = (to(0.0, h_s)? + to(0.0, -h_s)?) / (h_s * h_s);
         let (uu, us, ss) = (contact[(0, 0)], contact[(0, 1)], contact[(1, 1)]);
-        // x = ½ a u² + b u s of a normal (u, s): E[u⁴] = 3 uu², E[u³ s] = 3 uu us, E[u² s²] = uu ss + 2 us².
+        // x = ½ a u² + b u s + ½ c s² of a normal (u, s): E[u⁴] = 3 uu², E[u³ s] = 3 uu us, E[u² s²] = uu ss + 2 us².
         let product = |a: &Vector3<f64>, b: &Vector3<f64>| a * b.transpose();
         Some(
             product(&second_u, &second_u) * (0.75 * uu * uu)
                 + (product(&second_u, &both) + product(&both, &second_u)) * (1.5 * uu * us)
-                + product(&both, &both) * (uu * ss + 2.0 * us * us),
+                + product(&both, &both) * (uu * ss + 2.0 * us * us)
+                + (product(&second_u, &second_s) + product(&second_s, &second_u)) * (0.25 * (uu * ss + 2.0 * us * us))
+                + (product(&both, &second_s) + product(&second_s, &both)) * (1.5 * us * ss)
+                + product(&second_s, &second_s) * (0.75 * ss * ss),
         )
     }
 

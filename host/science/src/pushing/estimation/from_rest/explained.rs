@@ -29,10 +29,11 @@ pub struct ExplainedForce {
 }
 
 impl KnownFromRest<'_> {
-    /// The push as an answer has it, played to the end of the motion; none where it cannot be played.
+    /// The push as an answer has it, played to the end of the motion; none where it cannot be played: that world has edges
+    /// and disks only.
     #[must_use]
     pub fn played(&self, hypothesis: &Hypothesis) -> Option<Played> {
-        let force = hypothesis.from_force?;
+        let force = hypothesis.from_force.filter(|_| self.shape.is_none())?;
         let world = PushedWorld {
             part: self.part,
             mu_g: hypothesis.mu_g,
@@ -123,6 +124,7 @@ mod tests {
             mu_g: ranges.mu * GRAVITY_ASSUMED,
             mu_g_log_sd: None,
             radius: RADIUS_M,
+            shape: None,
             finger: CarriedFinger { effective_mass: own, ..CarriedFinger::RIGID },
             motion: &ranges.motion,
         };

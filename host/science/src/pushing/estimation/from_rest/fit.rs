@@ -9,14 +9,16 @@
 
 use std::f64::consts::{PI, TAU};
 
-use nalgebra::{DMatrix, DVector, SVector, Vector2, Vector4};
+use nalgebra::{DMatrix, DVector, Matrix2, SVector, Vector2, Vector4};
 
 use super::felt::{Compared, Felt, OfNumber, Predicted};
+use super::model::{range, sought};
 use super::path::{Changed, Course, CourseStart, Guess, Path};
+use super::symmetry::ROUND;
 use super::windowed_force::ONSET_RANGE;
 use crate::math::least_squares::profile::Held;
 use crate::math::least_squares::{self, Damping, Enough, Floor, LeastSquaresSettings, NormalEquations, minimise};
-use crate::pushing::dynamics::State;
+use crate::pushing::dynamics::{FingerShape, PartSide, State};
 use crate::pushing::estimation::observation::MU_G_LOG_MAX;
 
 /// Largest friction coefficient between finger and part that is considered: rubber on a clean part.
@@ -68,6 +70,12 @@ pub(super) const PARAMETERS: usize = 7;
 
 /// Columns of the derivatives: the parameters and the mass's logarithm.
 pub(super) const COLUMNS: usize = PARAMETERS + 1;
+
+/// Where among them the contact angle is.
+const CONTACT_ANGLE: usize = 0;
+
+/// The place.
+const PLACE: usize = 1;
 
 /// Where among them the friction of the contact is, and that of the plane.
 pub(super) const MU_C: usize = 2;
@@ -168,7 +176,7 @@ impl<'p> Problem<'_, 'p> {
     }
 
     fn try_path(&self, guess: Guess, path: Path) -> Option<Tried> {
-        let edge = self.course.part.edge(guess.edge).ok()?;
+        let [s_min, s_max] = range(&self.course.side(guess.edge)?);
         let mut predicted = self.measured.predicted(&path, guess.delay);
         predicted.numbers = self.of_numbers(&guess, &path, &predicted);
         predicted.off = self.course.off.to_vec();
@@ -177,7 +185,7 @@ impl<'p> Problem<'_, 'p> {
         if mass.is_nan() || mass <= 0.0 {
             return None;
         }
-        let beyond = (edge.s_min - path.s_span[0]).max(path.s_span[1] - edge.s_max).max(0.0) / EDGE_SLACK_M;
+        let beyond = (s_min - path.s_span[0]).max(path.s_span[1] - s_max).max(0.0) / EDGE_SLACK_M;
         let needed = if guess.mu_c.is_finite() { 0.0 } else { (path.friction_needed - MU_C_MAX).max(0.0) };
         let unlikely = self.course.mu_g_log_sd.map_or(0.0, |sd| guess.mu_g_log / sd);
         let penalties = [beyond, needed / FRICTION_SLACK, unlikely, self.unlikely_delay(guess.delay)];
@@ -216,10 +224,24 @@ impl<'p> Problem<'_, 'p> {
         let found = minimise(self, start, &settings, |_| false).place;
         // A jump of the force on the other side of a reading is a minimum of its own.
         let cost = found.cost;
-        match self.at_best_onset(found.clone()) {
+        let found = match self.at_best_onset(found.clone()) {
             Some(better) if better.cost < cost - COST_STEP => minimise(self, better, &settings, |_| false).place,
             _ => found,
+        };
+        self.in_one_turn(found)
+    }
+
+    /// The same on an outline that goes round, where each place has one number.
+    fn in_one_turn(&self, mut tried: Tried) -> Tried {
+        let Some(side @ PartSide::Ellipse { .. }) = self.course.side(tried.guess.edge) else { return tried };
+        let [from, to] = sought(&side, self.course.symmetry);
+        if to > from {
+            let turns = ((tried.guess.s - from) / (to - from)).floor() * (to - from);
+            tried.guess.s -= turns;
+            tried.path.end.s -= turns;
+            tried.path.s_span = tried.path.s_span.map(|s| s - turns);
         }
+        tried
     }
 
     /// Goes down with one parameter held where it is.
@@ -242,6 +264,9 @@ impl<'p> Problem<'_, 'p> {
             DELAY => self.measured.onset_sd().is_some(),
             OMEGA => self.course.start == CourseStart::Moving,
             SLIDE => at.guess.slide != 0.0,
+            // Along a straight finger, and round a disk, all places are alike.
+            CONTACT_ANGLE => !matches!(self.course.shape, Some(FingerShape::Line)),
+            PLACE => self.course.symmetry != ROUND,
             _ => true,
         }
     }
@@ -296,7 +321,10 @@ impl<'p> Problem<'_, 'p> {
 
     /// Standard deviations of the parameters before anything is felt, each being anywhere in its range.
     fn ranges(&self, at: &Tried) -> [f64; PARAMETERS] {
-        let length = self.course.part.edge(at.guess.edge).map_or(f64::INFINITY, |edge| edge.s_max - edge.s_min);
+        let length = self.course.side(at.guess.edge).map_or(f64::INFINITY, |side| {
+            let [from, to] = sought(&side, self.course.symmetry);
+            to - from
+        });
         // The plane's friction and the onset have priors of their own.
         let (omega, slide) = (2.0 * OMEGA_MAX, 2.0 * SLIDE_MAX);
         [PI, length, MU_C_MAX - MU_C_MIN, f64::INFINITY, f64::INFINITY, omega, slide]
@@ -365,7 +393,7 @@ impl Problem<'_, '_> {
 
     /// The same where the contact angle is known so well beside, rad.
     pub(super) fn spread_near(&self, at: &Tried, u_sd: f64) -> Option<f64> {
-        Some(self.covariance_near(at, u_sd)?.fixed_view::<2, 2>(0, 0).determinant().max(0.0).sqrt())
+        Some(spread(&self.covariance_near(at, u_sd)?.fixed_view::<2, 2>(0, 0).into_owned()))
     }
 }
 
@@ -394,6 +422,15 @@ impl least_squares::LeastSquaresProblem<COLUMNS> for Problem<'_, '_> {
         let latest = self.measured.onset_sd().map_or(0.0, |sd| ONSET_RANGE * sd);
         guess.delay = guess.delay.clamp(-latest, latest);
         self.try_guess(guess)
+    }
+}
+
+/// Square root of the determinant of a covariance of contact angle and place; what is held counts as one.
+pub(super) fn spread(covariance: &Matrix2<f64>) -> f64 {
+    match [covariance[(0, 0)], covariance[(1, 1)]] {
+        [0.0, 0.0] => 1.0,
+        [0.0, only] | [only, 0.0] => only.max(0.0).sqrt(),
+        _ => covariance.determinant().max(0.0).sqrt(),
     }
 }
 

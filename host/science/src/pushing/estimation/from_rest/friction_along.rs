@@ -5,8 +5,6 @@
 //!
 //! Units: m along the edge from its foot below the centre of mass; logarithms. Errors: none.
 
-use crate::pushing::dynamics::Edge;
-
 /// From knot to knot, m: as far as a smear, a scratch or the grain of a cut face goes on.
 const KNOTS_APART_M: f64 = 5e-3;
 
@@ -24,13 +22,13 @@ pub(super) struct FrictionAlong {
 }
 
 impl FrictionAlong {
-    /// Knots from end to end of an edge, at none of which it differs.
-    pub(super) fn constant(edge: &Edge) -> Self {
-        let length = edge.s_max - edge.s_min;
+    /// Knots from end to end of an edge (m), at none of which it differs.
+    pub(super) fn constant(from: f64, to: f64) -> Self {
+        let length = to - from;
         let stretches = (length / KNOTS_APART_M).ceil().clamp(1.0, KNOTS_MAX - 1.0);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 1 and 23")]
         let knots = stretches as usize + 1;
-        Self { from: edge.s_min, apart: length / stretches, logs: vec![0.0; knots] }
+        Self { from, apart: length / stretches, logs: vec![0.0; knots] }
     }
 
     /// Knots.

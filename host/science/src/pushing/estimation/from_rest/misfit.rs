@@ -159,7 +159,7 @@ impl Tried {
     /// Least cost of any pose, and µ g there.
     fn least_cost(&self, known: &KnownFromRest, measured: &WindowedForce, halt: &Halt<'_>) -> Option<(f64, f64)> {
         let Self { radius, mu_g, mu_g_log_sd, .. } = *self;
-        let known = KnownFromRest { mu_g, mu_g_log_sd, radius, motion: &self.motion, ..*known };
+        let known = KnownFromRest { mu_g, mu_g_log_sd, radius, shape: None, motion: &self.motion, ..*known };
         let measured = &measured.of_contact(known.motion, known.finger);
         let course = course(&known, measured);
         let problem = Problem { course: &course, measured, mass: None };
@@ -359,7 +359,16 @@ mod tests {
 
     fn told<'a>(part: &'a Part, motion: &'a FingerMotion) -> KnownFromRest<'a> {
         let (mu_g, finger) = (0.25 * GRAVITY_ASSUMED, CarriedFinger::RIGID);
-        KnownFromRest { part, errors: None, mu_g, mu_g_log_sd: Some(0.2), radius: RADIUS_M, finger, motion }
+        KnownFromRest {
+            part,
+            errors: None,
+            mu_g,
+            mu_g_log_sd: Some(0.2),
+            radius: RADIUS_M,
+            shape: None,
+            finger,
+            motion,
+        }
     }
 
     #[test]
@@ -387,12 +396,12 @@ mod tests {
     fn a_wrong_radius_is_named_with_the_one_that_fits() {
         let (part, motion) = (part(), motion());
         let measured = felt(&part, &motion);
-        let mistakes = found(&KnownFromRest { radius: 0.004, ..told(&part, &motion) }, &measured).mistakes;
+        let mistakes = found(&KnownFromRest { radius: 0.004, shape: None, ..told(&part, &motion) }, &measured).mistakes;
         let Mistake::Radius(radius) = mistakes[0].mistake else { panic!("{mistakes:?}") };
         // A force tells little of the disk's size: one nearer to the truth is enough.
         assert!(radius > 0.006, "{radius}");
         assert_ne!(
-            estimate(&KnownFromRest { radius, ..told(&part, &motion) }, &measured).status(),
+            estimate(&KnownFromRest { radius, shape: None, ..told(&part, &motion) }, &measured).status(),
             Status::Unexplained
         );
     }

@@ -34,6 +34,7 @@ mod fit;
 mod friction_along;
 pub mod hann_windows;
 pub mod misfit;
+mod model;
 mod moving_seeds;
 mod numbers;
 pub mod onset;
@@ -54,6 +55,7 @@ pub use explained::ExplainedForce;
 use felt::Felt as _;
 use fit::{MU_C_MIN, Problem, Tried};
 use friction_along::FrictionAlong;
+use model::range;
 use numbers::{NUMBERED_LEADS, NumberedMinimum, Unknown};
 pub use part_errors::PartErrors;
 use path::{Course, CourseStart, Guess};
@@ -63,7 +65,7 @@ pub use windowed_force::{CalibrationUncertainty, CarriedFinger, Uncertainty, Win
 use super::hypotheses::{Estimate, Fit, FromForce, GATE, Hypothesis, Nearness, Observer, SAME_END_M, joined};
 use super::planning::Present;
 use crate::math::statistics::fisher_quantile;
-use crate::pushing::dynamics::{ContactLaw, EdgeEnd, Part, Push, Start, State};
+use crate::pushing::dynamics::{ContactLaw, FingerShape, Part, State};
 use crate::pushing::finger_motion::FingerMotion;
 use crate::search::{Halt, Searched, Stop, never};
 
@@ -103,6 +105,8 @@ pub struct KnownFromRest<'p> {
     pub mu_g_log_sd: Option<f64>,
     /// Of the finger's disk, m.
     pub radius: f64,
+    /// Its outline where it is no disk.
+    pub shape: Option<FingerShape>,
     /// What the readings contain of the finger's own inertia, and how it bends.
     pub finger: CarriedFinger,
     /// How the finger moves.
@@ -151,9 +155,7 @@ pub fn estimate_until(known: &KnownFromRest, measured: &WindowedForce, stop: Sto
 
 fn halting_estimate(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt<'_>) -> Estimate {
     let symmetry = symmetry::order(known.part);
-    let sides = known.part.sides();
-    let distinct = sides.len() / symmetry;
-    let edges: Vec<_> = sides.take(distinct).map(|(edge, _)| edge).collect();
+    let edges = symmetry::distinct(known.part, symmetry);
     let measured = &measured.of_contact(known.motion, known.finger);
     let course = course(known, measured);
     let Some(errors) = known.errors else {
@@ -376,6 +378,8 @@ impl Estimate {
 fn course<'p>(known: &KnownFromRest<'p>, measured: &WindowedForce) -> Course<'p> {
     Course {
         part: known.part,
+        shape: known.shape,
+        symmetry: symmetry::order(known.part),
         mu_g: known.mu_g,
         mu_g_log_sd: known.mu_g_log_sd,
         mu_c: None,
@@ -473,20 +477,19 @@ fn conclude_of<M>(
     hypotheses.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     let fit = Fit { cost: best, degrees_of_freedom: problem.measured.data().len(), cost_max };
     let mu_g_log_sd = problem.course.mu_g_log_sd;
+    // Of a continuum one stands for all.
+    let symmetry = if symmetry == symmetry::ROUND { 1 } else { symmetry };
     Estimate { hypotheses, symmetry, mu_g_log_sd, ..Estimate::unexplained(fit, duration) }
 }
 
 /// Whether the finger can be there at all, outside the part: at the minimum or, since that is only about where the
 /// contact is, anywhere on the border of what is likely.
 fn is_possible(problem: &Problem, tried: &Tried) -> bool {
-    let Ok(edge) = problem.course.part.edge(tried.guess.edge) else { return false };
+    let Some(model) = problem.course.first_model(tried.guess.edge) else { return false };
+    let [s_min, s_max] = range(&model.side());
     let at = |u: f64, s: f64| {
-        let s = s.clamp(edge.s_min, edge.s_max);
-        let start = match problem.course.start {
-            CourseStart::Rest => Start::Rest { u, s },
-            CourseStart::Moving => Start::Moving(State { u, s, omega: 0.0, v_t: 0.0 }),
-        };
-        Push::new(problem.course.first_model(edge), ContactLaw::Frictionless, start, EdgeEnd::Stop).is_ok()
+        let s = s.clamp(s_min, s_max);
+        model.can_begin(u, s, problem.course.start == CourseStart::Moving)
     };
     let Guess { u, s, .. } = tried.guess;
     at(u, s) || problem.border(tried, POSSIBLE_SDS).is_some_and(|border| border.into_iter().any(|[u, s]| at(u, s)))
@@ -516,7 +519,8 @@ fn is_same(one: &Tried, other: &Tried) -> bool {
 fn guess(hypothesis: &Hypothesis, course: &Course) -> Guess {
     let mu_g_log = if course.mu_g_log_sd.is_some() { (hypothesis.mu_g / course.mu_g).ln() } else { 0.0 };
     let mu_c = hypothesis.from_force.and_then(|force| force.mu_c).unwrap_or(f64::INFINITY);
-    Guess { edge: hypothesis.side, u: hypothesis.start.u, s: hypothesis.start.s, mu_c, mu_g_log, ..Guess::AT_REST }
+    let start = course.first_model(hypothesis.side).map_or(hypothesis.start, |model| model.sought(&hypothesis.start));
+    Guess { edge: hypothesis.side, u: start.u, s: start.s, mu_c, mu_g_log, ..Guess::AT_REST }
 }
 
 fn hypothesis(problem: &Problem, tried: &Tried, best: f64, excess: f64, is_walked: bool) -> Option<Hypothesis> {
@@ -527,16 +531,16 @@ fn hypothesis(problem: &Problem, tried: &Tried, best: f64, excess: f64, is_walke
     Some(Hypothesis {
         edge: problem.course.part.edge_at(guess.edge, path.end.s),
         side: guess.edge,
-        start: State { u: guess.u, s: guess.s, omega: 0.0, v_t: 0.0 },
+        start: problem.course.told(guess.edge, &State { u: guess.u, s: guess.s, omega: 0.0, v_t: 0.0 }),
         contact_start: path.contact_start,
-        end: path.end,
+        end: problem.course.told(guess.edge, &path.end),
         contact_end: path.contact,
         // A contact that never slipped is taken to roll on: its friction is not known.
         law: mu_c.map_or(ContactLaw::Rolling { friction: None }, |friction| ContactLaw::Coulomb { friction }),
         pose_start: problem.course.pose_at_start(guess)?.into(),
         pose_end: problem.course.pose_at_end(guess, path)?.into(),
         velocity_end: problem.course.velocity_at_end(guess, path)?,
-        covariance: Some(covariance * excess),
+        covariance: (!problem.course.is_continuum()).then(|| covariance * excess),
         state_covariance: Some(state_covariance * excess),
         mu_g: problem.course.mu_g_of(guess),
         mu_g_log_sd: Some(at_end.mu_g_log_sd),

@@ -8,9 +8,10 @@
 //! Units: SI. Errors: none.
 
 use super::fit::{MU_C_MAX, Problem, Tried};
+use super::model::PlayedModel;
 use super::path::Guess;
 use super::seeds::{Cover, places};
-use crate::pushing::dynamics::{ContactMode, Edge, State};
+use crate::pushing::dynamics::{ContactMode, State};
 
 /// Angular velocities tried, rad/s: of a part that slides.
 const SPINS: [f64; 9] = [-6.0, -3.5, -2.0, -0.8, 0.0, 0.8, 2.0, 3.5, 6.0];
@@ -41,12 +42,13 @@ struct Seed {
 
 /// Guesses that are better than their neighbours, on one edge.
 pub(super) fn on_edge(problem: &Problem, edge: usize, cover: Cover) -> Vec<Tried> {
-    let Ok(line) = problem.course.part.edge(edge) else { return Vec::new() };
+    let Some(side) = problem.course.side(edge) else { return Vec::new() };
+    let Some(model) = problem.course.first_model(edge) else { return Vec::new() };
     let force = problem.measured.first();
     let direction = (-force.y).atan2(-force.x);
     let mut seeds = Vec::new();
-    for (place, s) in places(problem, &line, cover).into_iter().enumerate() {
-        let guesses = rolling(problem, edge, &line, s, direction).chain(sliding(problem, edge, s, direction));
+    for (place, s) in places(problem, &side, cover).into_iter().enumerate() {
+        let guesses = rolling(problem, edge, model, s, direction).chain(sliding(problem, edge, s, direction));
         seeds.extend(guesses.filter_map(|guess| problem.try_guess(guess)).map(|tried| Seed { place, tried }));
     }
     let best: Vec<_> = seeds.iter().map(|seed| is_best_around(seed, &seeds)).collect();
@@ -96,11 +98,10 @@ fn sliding(problem: &Problem, edge: usize, s: f64, direction: f64) -> impl Itera
 fn rolling<'a>(
     problem: &'a Problem,
     edge: usize,
-    line: &Edge,
+    model: PlayedModel<'a>,
     s: f64,
     direction: f64,
 ) -> impl Iterator<Item = Guess> + 'a {
-    let model = problem.course.first_model(*line);
     let local = -problem.course.legs[0].from;
     let mu_c = problem.course.mu_c;
     let cone = mu_c.unwrap_or(MU_C_MAX).atan();

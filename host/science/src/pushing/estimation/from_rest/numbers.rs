@@ -8,6 +8,7 @@
 use super::felt::Felt;
 use super::fit::{Problem, SHARE_OF_SD, Tried};
 use super::friction_along::FrictionAlong;
+use super::model::sought;
 use super::part_errors::PartErrors;
 use super::path::{Changed, Course, Guess};
 use crate::pushing::dynamics::Part;
@@ -164,9 +165,9 @@ impl Unknown<'_, '_> {
 
     /// Knots of the friction along a guess's edge; none where it is the same everywhere.
     fn friction_along(&self, guess: Guess) -> Option<FrictionAlong> {
-        let edge = self.course.part.edge(guess.edge).ok()?;
+        let [from, to] = sought(&self.course.side(guess.edge)?, 1);
         let wanders = self.mu_c_wander_log_sd > 0.0;
-        Some(if wanders { FrictionAlong::constant(&edge) } else { FrictionAlong::default() })
+        Some(if wanders { FrictionAlong::constant(from, to) } else { FrictionAlong::default() })
     }
 
     /// The friction along the edge that goes with numbers.

@@ -1,7 +1,7 @@
 //! What is not known of a part, as numbers in standard deviations: its outline, where its mass is, and where it presses on
 //! the plane.
 //!
-//! Numbers in their order: of each edge how far its line is off along its normal; of the centre of mass x and y; of the
+//! Numbers in their order: of each edge how far its line is off along its normal, or of an ellipse each semi-axis; of the centre of mass x and y; of the
 //! pressure the logarithm of a stretch about its middle, along x, along y, and along their diagonal. What friction resists a
 //! push by depends on how far from its middle a part presses, each way: a stretch stands for all pressures that resist
 //! alike. The middle of a pressure that is not known lies under the centre of mass; of one that is known it stays.
@@ -28,7 +28,8 @@ const PRESSURE_SHARE: f64 = 0.2;
 /// What is not known of a part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PartErrors {
-    /// Standard deviation of the offset of each edge's line along its normal, independent, m; 0 of an exact outline.
+    /// Standard deviation of the offset of each edge's line along its normal, or of an ellipse's semi-axes, independent, m; 0 of
+    /// an exact outline.
     pub outline_sigma: f64,
     /// Whether the part's mass is that of a uniform plate with this outline, whatever the outline; otherwise it stays.
     pub mass_follows_outline: bool,
@@ -61,7 +62,7 @@ impl PartErrors {
     }
 
     fn edges(&self, part: &Part) -> usize {
-        if self.outline_sigma > 0.0 { part.polygon().vertices().len() } else { 0 }
+        if self.outline_sigma > 0.0 { part.outline_numbers() } else { 0 }
     }
 
     /// How many numbers.
@@ -88,8 +89,7 @@ impl PartErrors {
         let moved = if of_edges.is_empty() {
             part.clone()
         } else {
-            let outline = part.polygon().with_edges_moved(|edge| of_edges[edge] * self.outline_sigma)?;
-            part.with_outline(outline, self.mass_follows_outline)
+            part.with_outline_off(|number| of_edges[number] * self.outline_sigma, self.mass_follows_outline)?
         };
         let (of_mass, of_pressure) =
             if self.centre_of_mass_sigma > 0.0 { off.split_at(OF_MASS) } else { (&[][..], off) };

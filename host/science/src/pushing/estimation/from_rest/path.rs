@@ -14,14 +14,15 @@
 //! Assumes: the contact stays on its edge's line. Frames: finger axes; forces are those on the finger's disk, per unit
 //! mass of the part. Units: SI. Errors: [`Lost`].
 
-use nalgebra::{Isometry2, Rotation2, Vector2};
+use nalgebra::{Isometry2, Vector2};
 
 use super::friction_along::FrictionAlong;
 use super::hann_windows;
-use crate::math::Jet;
-use crate::pushing::dynamics::contact_mode::{ContactFriction, jams};
+use super::model::PlayedModel;
+use super::symmetry::ROUND;
+use crate::pushing::dynamics::contact_mode::ContactFriction;
 use crate::pushing::dynamics::mode_change::first_ended;
-use crate::pushing::dynamics::{ContactForce, ContactMode, Edge, Motion, Part, PushModel, State};
+use crate::pushing::dynamics::{ContactForce, ContactMode, FingerShape, Motion, Part, PartSide, State};
 use crate::pushing::finger_motion::Leg;
 
 /// The start is followed in closed form for this long, s: a part turns by less than 1e-4 rad meanwhile, even at 10
@@ -257,6 +258,10 @@ pub(super) enum Changed {
 #[derive(Clone, Debug)]
 pub(super) struct Course<'p> {
     pub(super) part: &'p Part,
+    /// The finger's outline where it is no disk.
+    pub(super) shape: Option<FingerShape>,
+    /// How many turns take the part to itself: an ellipse is sought over one of them.
+    pub(super) symmetry: usize,
     /// What µ g is taken for, m/s².
     pub(super) mu_g: f64,
     /// Standard deviation of ln(µ g), where it is not known.
@@ -278,8 +283,13 @@ pub(super) struct Course<'p> {
 }
 
 impl<'p> Course<'p> {
-    fn model(&self, edge: Edge, leg: &Leg, mu_g: f64) -> PushModel<'p> {
-        PushModel { part: self.part, edge, mu_g, finger: leg.finger }
+    fn model(&self, place: usize, leg: &Leg, mu_g: f64) -> Option<PlayedModel<'p>> {
+        PlayedModel::new(self.part, place, self.shape, mu_g, leg)
+    }
+
+    /// Where a guess's finger touches the part; none where the part is not.
+    pub(super) fn side(&self, place: usize) -> Option<PartSide> {
+        self.part.touched(place).ok()
     }
 
     /// The same with everything known.
@@ -302,27 +312,27 @@ impl<'p> Course<'p> {
     }
 
     /// The model at the start, with what µ g is taken for.
-    pub(super) fn first_model(&self, edge: Edge) -> PushModel<'p> {
-        self.model(edge, &self.legs[0], self.mu_g)
+    pub(super) fn first_model(&self, place: usize) -> Option<PlayedModel<'p>> {
+        self.model(place, &self.legs[0], self.mu_g)
     }
 
     /// Plays a guess through.
     pub(super) fn play(&self, guess: &Guess) -> Result<Path, Lost> {
-        let edge = self.part.edge(guess.edge).map_err(|_| Lost::Start)?;
         let mu_g = self.mu_g_of(guess);
-        let model = self.model(edge, &self.legs[0], mu_g);
+        let model = |leg: &Leg| self.model(guess.edge, leg, mu_g).ok_or(Lost::Start);
+        let first = model(&self.legs[0])?;
         let mut simulation = match self.start {
             CourseStart::Rest => {
-                PathSimulation::begin(model, guess, &self.friction_along, REST_S.min(self.legs[0].to))?
+                PathSimulation::begin(first, guess, &self.friction_along, REST_S.min(self.legs[0].to))?
             }
-            CourseStart::Moving => PathSimulation::begin_moving(model, self.legs[0].from, guess, &self.friction_along)?,
+            CourseStart::Moving => PathSimulation::begin_moving(first, self.legs[0].from, guess, &self.friction_along)?,
         };
         for (index, leg) in self.legs.iter().enumerate() {
             if leg.from >= self.duration - SAME_TIME_S {
                 break;
             }
             if index > 0 {
-                simulation.enter(self.model(edge, leg, mu_g), leg.from)?;
+                simulation.enter(model(leg)?, leg.from)?;
             }
             let last = index + 1 == self.legs.len();
             let until = if last { self.duration } else { leg.to.min(self.duration) };
@@ -339,18 +349,30 @@ impl<'p> Course<'p> {
 
     /// The same where the path has ended so.
     pub(super) fn pose_of_end(&self, guess: &Guess, end: &State) -> Option<Isometry2<f64>> {
-        let edge = self.part.edge(guess.edge).ok()?;
-        let leg = self.legs.iter().rev().find(|leg| leg.from < self.duration - SAME_TIME_S)?;
-        let model = self.model(edge, leg, self.mu_g_of(guess));
-        Some(pose(&model, self.duration - leg.from, end))
+        let (model, leg_from) = self.last_model(guess)?;
+        Some(model.pose(self.duration - leg_from, end))
     }
 
     /// Velocity of the centre of mass at the end of a path that began with this guess, m/s.
     pub(super) fn velocity_at_end(&self, guess: &Guess, path: &Path) -> Option<Vector2<f64>> {
-        let edge = self.part.edge(guess.edge).ok()?;
+        let (model, leg_from) = self.last_model(guess)?;
+        Some(model.velocity(&path.contact, self.duration - leg_from, &path.end))
+    }
+
+    /// The model at the end, and when its leg began, s.
+    fn last_model(&self, guess: &Guess) -> Option<(PlayedModel<'p>, f64)> {
         let leg = self.legs.iter().rev().find(|leg| leg.from < self.duration - SAME_TIME_S)?;
-        let model = self.model(edge, leg, self.mu_g_of(guess));
-        Some(model.velocity(&path.contact, self.duration - leg.from, &path.end))
+        Some((self.model(guess.edge, leg, self.mu_g_of(guess))?, leg.from))
+    }
+
+    /// Whether other places explain all the same: round a disk, and along a straight finger.
+    pub(super) fn is_continuum(&self) -> bool {
+        self.symmetry == ROUND || self.shape == Some(FingerShape::Line)
+    }
+
+    /// A state in the outlines' own parameters.
+    pub(super) fn told(&self, place: usize, state: &State) -> State {
+        self.first_model(place).map_or(*state, |model| model.told(state))
     }
 
     /// By how much v_T at the end of a path is off that of a part that rolls, m/s.
@@ -358,36 +380,24 @@ impl<'p> Course<'p> {
         if path.contact == ContactMode::Rolling {
             return Some(0.0);
         }
-        let edge = self.part.edge(guess.edge).ok()?;
-        let leg = self.legs.iter().rev().find(|leg| leg.from < self.duration - SAME_TIME_S)?;
-        let model = self.model(edge, leg, self.mu_g_of(guess));
-        Some(path.end.v_t - model.rolling_v_t(self.duration - leg.from, &path.end))
+        let (model, leg_from) = self.last_model(guess)?;
+        Some(path.end.v_t - model.rolling_v_t(self.duration - leg_from, &path.end))
     }
 
     /// Pose of the part frame and velocity of the centre of mass (m/s) of a part that moves, at the start.
     pub(super) fn motion_of(&self, guess: &Guess, contact: &ContactMode) -> Option<(Isometry2<f64>, Vector2<f64>)> {
-        let edge = self.part.edge(guess.edge).ok()?;
-        let model = self.model(edge, &self.legs[0], self.mu_g_of(guess));
+        let model = self.model(guess.edge, &self.legs[0], self.mu_g_of(guess))?;
         let time = -self.legs[0].from;
         let mut state = State { u: guess.u, s: guess.s, omega: guess.omega, v_t: 0.0 };
         state.v_t = model.rolling_v_t(time, &state) + guess.slide;
-        Some((pose(&model, time, &state), model.velocity(contact, time, &state)))
+        Some((model.pose(time, &state), model.velocity(contact, time, &state)))
     }
 
     /// Pose of the part frame in the motion's frame at the start.
     pub(super) fn pose_at_start(&self, guess: &Guess) -> Option<Isometry2<f64>> {
-        let edge = self.part.edge(guess.edge).ok()?;
         let state = State { u: guess.u, s: guess.s, omega: guess.omega, v_t: 0.0 };
-        Some(pose(&self.first_model(edge), -self.legs[0].from, &state))
+        Some(self.first_model(guess.edge)?.pose(-self.legs[0].from, &state))
     }
-}
-
-/// Pose of the part frame, from where the contact is.
-fn pose(model: &PushModel, time: f64, state: &State) -> Isometry2<f64> {
-    let inward = Vector2::new(-state.u.cos(), -state.u.sin());
-    let turn = Rotation2::rotation_between(&model.edge.normal, &inward);
-    let origin = model.centre_of_mass(time, state) - turn * model.part.centre_of_mass().coords;
-    Isometry2::new(origin.coords, turn.angle())
 }
 
 /// How far a contact is from changing.
@@ -400,7 +410,7 @@ struct Margin {
 
 /// A push under way.
 struct PathSimulation<'a, 'p> {
-    model: PushModel<'p>,
+    model: PlayedModel<'p>,
     leg_from: f64,
     mu_c: f64,
     along: &'a FrictionAlong,
@@ -412,18 +422,21 @@ struct PathSimulation<'a, 'p> {
 
 impl<'a, 'p> PathSimulation<'a, 'p> {
     /// From rest, a short time later, s.
-    fn begin(model: PushModel<'p>, guess: &Guess, along: &'a FrictionAlong, later: f64) -> Result<Self, Lost> {
+    fn begin(model: PlayedModel<'p>, guess: &Guess, along: &'a FrictionAlong, later: f64) -> Result<Self, Lost> {
         let &Guess { u, s, mu_c, .. } = guess;
         // At rest Coulomb's law decides whether the contact rolls or slips; the force must push.
         let friction = ContactFriction::same(mu_c * along.factor(s));
         let start = |contact: &ContactMode| model.rest_start(contact, u, s);
-        let (contact, start) = friction.begun(0.0, start).map_err(|_| Lost::Start)?;
-        if !start.force().pushes() || is_jammed(&model, &contact, s) {
+        let state = State { u, s, omega: 0.0, v_t: 0.0 };
+        // A finger that turns already goes by.
+        let slip = model.slip(0.0, &state);
+        let (contact, start) = friction.begun(slip, start).map_err(|_| Lost::Start)?;
+        if !start.force().pushes() || model.is_jammed(&contact, &state) {
             return Err(Lost::Contact);
         }
         // From nothing the force jumps to that of the first accelerations; the state a moment later is α t, a t.
-        let force = on_finger(u, start.normal_force, start.tangential_force);
-        let state = model.after_rest([u, s], [start.alpha, start.a_t], later);
+        let force = on_finger(model.normal_angle(u), start.normal_force, start.tangential_force);
+        let state = model.after_rest([u, s], &start, later);
         let path = Path {
             smooth: vec![Vector2::zeros()],
             jumps: vec![Jump { time: 0.0, by: force, is_of_finger: true }],
@@ -440,7 +453,7 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
     }
 
     fn begin_moving(
-        model: PushModel<'p>,
+        model: PlayedModel<'p>,
         leg_from: f64,
         guess: &Guess,
         along: &'a FrictionAlong,
@@ -460,10 +473,10 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
         }
         let contact = friction.at_slip(slip, rolling);
         let motion = model.motion(&contact, -leg_from, &state);
-        if !motion.force().pushes() || is_jammed(&model, &contact, s) {
+        if !motion.force().pushes() || model.is_jammed(&contact, &state) {
             return Err(Lost::Contact);
         }
-        let force = on_finger(u, motion.normal_force, motion.tangential_force);
+        let force = on_finger(model.normal_angle(u), motion.normal_force, motion.tangential_force);
         let path = Path {
             smooth: vec![force],
             jumps: Vec::new(),
@@ -504,7 +517,7 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
 
     fn force(&self) -> Vector2<f64> {
         let motion = self.motion();
-        on_finger(self.state.u, motion.normal_force, motion.tangential_force)
+        on_finger(self.model.normal_angle(self.state.u), motion.normal_force, motion.tangential_force)
     }
 
     /// Goes on to a time, s.
@@ -527,18 +540,9 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
     /// their accelerations by them. Friction resists a slow part the harder the slower it is, and a contact that slides
     /// near its jam multiplies what it feels.
     fn fastest_rate(&self) -> f64 {
-        let dual = self.model.lifted::<Jet<2>>();
-        let State { u, s, omega, v_t } = self.state;
-        let state = State {
-            u: Jet::constant(u),
-            s: Jet::constant(s),
-            omega: Jet::variable(omega, 0),
-            v_t: Jet::variable(v_t, 1),
-        };
-        let rates = dual.motion(&self.contact.map(Jet::constant), self.time - self.leg_from, &state).rates;
-        let [a, b] = rates.omega.slopes;
+        let [[a, b], sliding] = self.model.settling(&self.contact, self.time - self.leg_from, &self.state);
         // A contact that rolls has no velocity along it of its own.
-        let [c, d] = if self.contact == ContactMode::Rolling { [0.0; 2] } else { rates.v_t.slopes };
+        let [c, d] = if self.contact == ContactMode::Rolling { [0.0; 2] } else { sliding };
         let (half, determinant) = (0.5 * (a + d), a * d - b * c);
         let discriminant = half * half - determinant;
         if discriminant >= 0.0 { half.abs() + discriminant.sqrt() } else { determinant.sqrt() }
@@ -588,7 +592,7 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
 
     fn margin(&self, local: f64, state: &State) -> Result<Margin, Lost> {
         let motion = self.model.motion(&self.contact, local, state);
-        if !motion.force().pushes() || is_jammed(&self.model, &self.contact, state.s) {
+        if !motion.force().pushes() || self.model.is_jammed(&self.contact, state) {
             return Err(Lost::Contact);
         }
         let left = self.friction(state.s).left(&self.contact, || self.model.slip(local, state), || motion.force());
@@ -607,7 +611,7 @@ impl<'a, 'p> PathSimulation<'a, 'p> {
     }
 
     /// Goes over to another acceleration of the finger: what rolled may slip at once.
-    fn enter(&mut self, model: PushModel<'p>, leg_from: f64) -> Result<(), Lost> {
+    fn enter(&mut self, model: PlayedModel<'p>, leg_from: f64) -> Result<(), Lost> {
         let force_before = self.force();
         (self.model, self.leg_from) = (model, leg_from);
         if self.contact == ContactMode::Rolling {
@@ -643,10 +647,6 @@ fn as_f64(count: usize) -> f64 {
 /// The friction that rolling takes, as a coefficient.
 fn needed(rolling: &ContactForce) -> f64 {
     rolling.tangential.abs() / rolling.normal
-}
-
-fn is_jammed(model: &PushModel, contact: &ContactMode, s: f64) -> bool {
-    contact.signed_friction().is_some_and(|m| jams(model.sliding_denominator(m, s)))
 }
 
 /// Force on the finger's disk from its components on the part.

@@ -43,7 +43,7 @@ use super::windowed_force::place_covariance;
 use super::{GATE, WALKED_MAX, is_one_place, is_possible, leads, misfit_limit, search, symmetry};
 use crate::geometry::Pose;
 use crate::math::unscented::Gaussian;
-use crate::pushing::dynamics::{ContactMode, Part, State};
+use crate::pushing::dynamics::{ContactMode, FingerShape, Part, State};
 use crate::pushing::estimation::hypotheses;
 use crate::pushing::finger_motion::{FingerMotion, Leg};
 use crate::search::{Halt, Searched, Stop, never};
@@ -76,6 +76,8 @@ pub struct KnownOfFinger<'p> {
     pub mu_c_wander_log_sd: f64,
     /// Of the finger's disk, m.
     pub radius: f64,
+    /// Its outline where it is no disk.
+    pub shape: Option<FingerShape>,
     /// Of the finger, as the sensor feels it accelerate, kg.
     pub effective_mass: f64,
     /// Standard deviation of that, kg.
@@ -107,6 +109,7 @@ impl<'p> KnownOfFinger<'p> {
             mu_c: None,
             mu_c_wander_log_sd: 0.0,
             radius,
+            shape: None,
             effective_mass: 0.0,
             effective_mass_sd: 0.0,
             is_moving: false,
@@ -146,8 +149,10 @@ pub struct ForceHypothesis {
     pub pose_end: Pose,
     /// Velocity of the centre of mass at the last, m/s.
     pub velocity_end: Vector2<f64>,
-    /// Of `pose_end` (x, y, theta), that velocity, and ω.
+    /// Of `pose_end` (x, y, theta), that velocity, and ω; of a continuum for the one place that stands for all.
     pub covariance: Matrix6<f64>,
+    /// Whether it is one of a continuum: other places round a disk, or along a straight finger, explain all the same.
+    pub is_continuum: bool,
     /// kg.
     pub mass: f64,
     /// None where it is unknown and the contact never slipped.
@@ -214,9 +219,7 @@ fn halting_estimate(known: &KnownOfFinger, readings: &[ForceReading], halt: &Hal
 /// The edges of which no two look the same, and how many turns take the part to itself.
 fn distinct_edges(part: &Part) -> (Vec<usize>, usize) {
     let symmetry = symmetry::order(part);
-    let sides = part.sides();
-    let distinct = sides.len() / symmetry;
-    (sides.take(distinct).map(|(edge, _)| edge).collect(), symmetry)
+    (symmetry::distinct(part, symmetry), symmetry)
 }
 
 /// A push as it was felt, of a finger that is taken to move so.
@@ -234,7 +237,10 @@ impl<'a, 'p> FeltPush<'a, 'p> {
     fn new(known: &'a KnownOfFinger<'p>, readings: &[ForceReading], path: Option<PathNumbers<'a>>) -> Option<Self> {
         let first = readings.first()?;
         let (start, from) = if known.is_moving { (CourseStart::Moving, first.time) } else { (CourseStart::Rest, 0.0) };
-        let legs = legs_since(known.motion.legs(known.radius), from);
+        let legs = match &path {
+            Some(path) => path.legs(&path.taken_for())?,
+            None => legs_since(known.motion.legs(known.radius), from),
+        };
         let readings: Vec<_> = readings.iter().map(|it| ForceReading { time: it.time - from, ..*it }).collect();
         let end = readings.last().map(|reading| reading.time).filter(|end| *end > 0.0)?;
         let of_part = known.errors.map_or(0.0, |errors| errors.share(known.part));
@@ -246,6 +252,8 @@ impl<'a, 'p> FeltPush<'a, 'p> {
         let felt = ReadForce::new(known, &legs, &readings, &doubts)?;
         let course = Course {
             part: known.part,
+            shape: known.shape,
+            symmetry: symmetry::order(known.part),
             mu_g: known.mu_g,
             mu_g_log_sd: known.mu_g_log_sd,
             mu_c: known.mu_c,
@@ -280,13 +288,13 @@ impl<'a, 'p> FeltPush<'a, 'p> {
 
     /// As a guess; none of an edge that the part has not.
     fn guess(&self, from: &Beginning) -> Option<Guess> {
-        let State { u, s, omega, v_t } = from.state;
+        let model = self.course.first_model(from.edge)?;
+        let State { u, s, omega, v_t } = model.sought(&from.state);
         let at_rest = Guess { edge: from.edge, u, s, mu_c: from.mu_c, ..Guess::AT_REST };
         if !self.known.is_moving {
             return Some(at_rest);
         }
-        let model = self.course.first_model(self.known.part.edge(from.edge).ok()?);
-        let rolling = model.rolling_v_t(-self.course.legs[0].from, &from.state);
+        let rolling = model.rolling_v_t(-self.course.legs[0].from, &State { u, s, omega, v_t });
         Some(Guess { omega, slide: if from.is_rolling { 0.0 } else { v_t - rolling }, ..at_rest })
     }
 
@@ -497,12 +505,13 @@ fn hypothesis(
     covariance.fixed_view_mut::<2, 2>(0, 0).add_assign(&known.place_covariance(last));
     Some(ForceHypothesis {
         edge: problem.course.part.edge_at(guess.edge, path.end.s),
-        start: State { u: guess.u, s: guess.s, omega: guess.omega, v_t: 0.0 },
-        end: path.end,
+        start: problem.course.told(guess.edge, &State { u: guess.u, s: guess.s, omega: guess.omega, v_t: 0.0 }),
+        end: problem.course.told(guess.edge, &path.end),
         pose_start: bent(if known.is_moving { 0.0 } else { -1.0 }, &problem.course.pose_at_start(guess)?),
         pose_end: bent(problem.course.duration, &problem.course.pose_at_end(guess, path)?),
         velocity_end: problem.course.velocity_at_end(guess, path)?,
         covariance,
+        is_continuum: problem.course.is_continuum(),
         mass: *mass,
         mu_c: known.mu_c.or(slipped),
         mu_g: problem.course.mu_g_of(guess),
@@ -524,8 +533,13 @@ fn turned(found: ForceHypothesis, part: &Part, symmetry: usize) -> Vec<ForceHypo
     turns(part, found.edge, found.end.s, symmetry).into_iter().map(turned).collect()
 }
 
-/// The edges that look like one, and how a part turned to touch there instead lies in its own frame as it was.
+/// The edges (or turns of an ellipse) that look like one, and how a part turned to touch there instead lies in its own frame as it was.
 fn turns(part: &Part, edge: usize, s: f64, symmetry: usize) -> Vec<(usize, Isometry2<f64>)> {
+    if part.semi_axes().is_some() {
+        let count = if symmetry == symmetry::ROUND { 1 } else { symmetry };
+        let turn = |shift: usize| UnitComplex::new(TAU * shift as f64 / count as f64);
+        return (0..count).map(|shift| (edge, turned_about(part, turn(shift)))).collect();
+    }
     let sides: Vec<_> = part.sides().collect();
     let Some(place) = sides.iter().position(|(side, _)| *side == part.side(edge)) else {
         return vec![(edge, Isometry2::identity())];
@@ -534,11 +548,15 @@ fn turns(part: &Part, edge: usize, s: f64, symmetry: usize) -> Vec<(usize, Isome
     let turn = |shift: usize| {
         let to = (place + shift * sides.len() / symmetry) % sides.len();
         let rotation = UnitComplex::rotation_between(&normal(to), &normal(place));
-        // About the centre of mass, of the part first.
-        let centre = part.centre_of_mass();
-        (part.edge_at(sides[to].0, s), Isometry2::from_parts((centre - rotation * centre).into(), rotation))
+        (part.edge_at(sides[to].0, s), turned_about(part, rotation))
     };
     (0..symmetry).map(turn).collect()
+}
+
+/// A turn about the centre of mass.
+fn turned_about(part: &Part, rotation: UnitComplex<f64>) -> Isometry2<f64> {
+    let centre = part.centre_of_mass();
+    Isometry2::from_parts((centre - rotation * centre).into(), rotation)
 }
 
 /// The covariance about another pose of the frame: that of the centre of mass is the same.

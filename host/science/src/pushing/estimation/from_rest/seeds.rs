@@ -11,9 +11,10 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::fit::{MU_C_MAX, MU_C_MIN, Problem, Tried};
+use super::model::sought;
 use super::path::Guess;
 use crate::math::angle::wrap_angle;
-use crate::pushing::dynamics::{ContactMode, Edge};
+use crate::pushing::dynamics::{ContactMode, PartSide};
 
 /// Spacing of places on an edge, of the radius of gyration: a millimetre or two for a part of 8 cm. At 0.1 one of 2,500
 /// pushes is lost.
@@ -21,6 +22,9 @@ const SPACING: f64 = 0.07;
 
 /// Fewest and most places on an edge.
 const PLACES: (usize, usize) = (6, 40);
+
+/// So many times as many on an outline that goes round as on an edge, at the most.
+const ROUND_PLACES: usize = 2;
 
 /// Contact angles are tried in so many steps to a right angle on either side of where the finger goes, which is left
 /// out: 5° each.
@@ -83,13 +87,13 @@ struct Seed {
 /// contact does the same: where it slips back, or sticks in between, another minimum begins, however dear its first guess.
 /// A guess with another friction may be cheaper and lead elsewhere: two of 2,500 pushes are lost where it counts too.
 pub(super) fn on_edge(problem: &Problem, edge: usize, cover: Cover) -> Vec<Tried> {
-    let Ok(line) = problem.course.part.edge(edge) else { return Vec::new() };
+    let Some(side) = problem.course.side(edge) else { return Vec::new() };
     let frictions = problem.course.mu_c.map_or_else(|| cover.frictions(), |known| vec![known]);
-    let seeds: Vec<_> = places(problem, &line, cover)
+    let seeds: Vec<_> = places(problem, &side, cover)
         .into_iter()
         .enumerate()
         .flat_map(|(place, s)| {
-            at_place(problem, edge, &line, s, &frictions).into_iter().map(move |(friction, tried)| Seed {
+            at_place(problem, edge, s, &frictions).into_iter().map(move |(friction, tried)| Seed {
                 place,
                 friction,
                 tried,
@@ -113,8 +117,8 @@ fn is_best_around(seed: &Seed, seeds: &[Seed]) -> bool {
 /// Guesses on the edge of a minimum that differ from it in their place alone and are better than their neighbours: one
 /// force may have two places, and the grid lead to one of them.
 pub(super) fn along_edge(problem: &Problem, minimum: &Tried) -> Vec<Tried> {
-    let Ok(line) = problem.course.part.edge(minimum.guess.edge) else { return Vec::new() };
-    let places = places(problem, &line, Cover::Coarse);
+    let Some(side) = problem.course.side(minimum.guess.edge) else { return Vec::new() };
+    let places = places(problem, &side, Cover::Coarse);
     let tried: Vec<_> = places.into_iter().map(|s| problem.try_guess(Guess { s, ..minimum.guess })).collect();
     let cost = |place: Option<usize>| {
         let there = place.and_then(|place| tried.get(place)).and_then(Option::as_ref);
@@ -125,18 +129,26 @@ pub(super) fn along_edge(problem: &Problem, minimum: &Tried) -> Vec<Tried> {
     best.into_iter().filter_map(|place| tried[place].clone()).collect()
 }
 
-pub(super) fn places(problem: &Problem, line: &Edge, cover: Cover) -> Vec<f64> {
-    let length = line.s_max - line.s_min;
+pub(super) fn places(problem: &Problem, side: &PartSide, cover: Cover) -> Vec<f64> {
+    let [from, to] = sought(side, problem.course.symmetry);
+    let length = to - from;
+    let (least, most) = cover.places();
+    // An ellipse is one long side; one that is the same all around is one place.
+    let (least, most) = match side {
+        PartSide::Edge(_) => (least, most),
+        PartSide::Ellipse { .. } if length > 0.0 => (least, ROUND_PLACES * most),
+        PartSide::Ellipse { .. } => (1, 1),
+    };
     let wanted = length / (cover.spacing() * problem.course.part.inertia_per_mass().sqrt());
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a few dozen")]
-    let count = (wanted.ceil() as usize).clamp(cover.places().0, cover.places().1);
+    let count = (wanted.ceil() as usize).clamp(least, most);
     let share = |index: usize| (index as f64 + 0.5) / count as f64;
-    (0..count).map(|index| line.s_min + length * share(index)).collect()
+    (0..count).map(|index| from + length * share(index)).collect()
 }
 
 /// Guesses at one place: for each friction those that agree with the first direction of the force.
-fn at_place(problem: &Problem, edge: usize, line: &Edge, s: f64, frictions: &[f64]) -> Vec<(usize, Tried)> {
-    let angles = Angles::new(problem, line, s);
+fn at_place(problem: &Problem, edge: usize, s: f64, frictions: &[f64]) -> Vec<(usize, Tried)> {
+    let Some(angles) = Angles::new(problem, edge, s) else { return Vec::new() };
     let mut found: Vec<(usize, Tried)> = Vec::new();
     // The largest friction first: where it suffices to roll, smaller ones that suffice too change nothing.
     let is_known = problem.course.mu_c.is_some();
@@ -168,12 +180,14 @@ struct Angles {
     table: Vec<(f64, Option<f64>)>,
     /// First direction felt of the force on the part, rad.
     direction: f64,
+    /// Of a straight finger all places are alike, and 0 stands for them.
+    is_held: bool,
 }
 
 impl Angles {
-    fn new(problem: &Problem, line: &Edge, s: f64) -> Self {
-        let model = problem.course.first_model(*line);
-        let [x, y] = model.finger.acceleration.into();
+    fn new(problem: &Problem, edge: usize, s: f64) -> Option<Self> {
+        let model = problem.course.first_model(edge)?;
+        let [x, y] = model.acceleration().into();
         let ahead = y.atan2(x);
         let needed = |u: f64| {
             let start = model.rest_start(&ContactMode::Rolling, u, s).ok().filter(|start| start.normal_force > 0.0)?;
@@ -182,12 +196,16 @@ impl Angles {
         let step = FRAC_PI_2 / f64::from(ANGLES);
         let angles = (1 - ANGLES..ANGLES).map(|index| ahead + f64::from(index) * step);
         let force = problem.measured.first();
-        Self { table: angles.map(|u| (u, needed(u))).collect(), direction: (-force.y).atan2(-force.x) }
+        let table = if model.turns_with_u() { angles.map(|u| (u, needed(u))).collect() } else { Vec::new() };
+        Some(Self { table, direction: (-force.y).atan2(-force.x), is_held: !model.turns_with_u() })
     }
 
     /// Contact angles at which the force has the first direction felt, by straight lines in the table; and those at
     /// which it turns back just before it, for at the place next to this one it may reach it.
     fn solutions(&self, mu_c: f64) -> Vec<f64> {
+        if self.is_held {
+            return vec![0.0];
+        }
         let cone = mu_c.atan();
         let off = |&(u, needed): &(f64, Option<f64>)| {
             needed.map(|needed| (u, wrap_angle(u + needed.clamp(-cone, cone) - self.direction)))

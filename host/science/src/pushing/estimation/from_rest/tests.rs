@@ -12,7 +12,7 @@ use crate::finger::contact::Reading;
 use crate::geometry::SimplePolygon;
 use crate::math::Jet;
 use crate::math::random::Draw;
-use crate::pushing::dynamics::{ContactMode, EndReason, Finger, Mass, PushModel};
+use crate::pushing::dynamics::{ContactMode, EdgeEnd, EndReason, Finger, Mass, Push, PushModel, Start};
 use crate::pushing::estimation::contact_angles::clock::{Clock, Fineness, ValueTimes};
 use crate::pushing::estimation::contact_angles::initial_state::{
     StartGuess, StartMode, Variable, initial_state, rest_span,
@@ -22,7 +22,7 @@ use crate::pushing::estimation::contact_angles::path::{
 };
 use crate::pushing::estimation::hypotheses::Status;
 use crate::pushing::estimation::{Known as PushKnown, Touch};
-use crate::pushing::finger_motion::{Leg, Segment};
+use crate::pushing::finger_motion::{Leg, LegTurn, Segment};
 use crate::pushing::pushed_world::{Played, PushedWorld};
 use crate::search::{Halt, check_stopping, never};
 
@@ -87,6 +87,7 @@ fn known<'a>(part: &'a Part, ranges: &'a Ranges) -> KnownFromRest<'a> {
         mu_g,
         mu_g_log_sd: None,
         radius: RADIUS_M,
+        shape: None,
         finger: CarriedFinger::RIGID,
         motion: &ranges.motion,
     }
@@ -96,6 +97,8 @@ fn known<'a>(part: &'a Part, ranges: &'a Ranges) -> KnownFromRest<'a> {
 fn whole_course<'p>(part: &'p Part, mu_g: f64, motion: &FingerMotion, radius: f64) -> Course<'p> {
     Course {
         part,
+        shape: None,
+        symmetry: 1,
         mu_g,
         mu_g_log_sd: None,
         mu_c: None,
@@ -315,6 +318,7 @@ fn pushes_that_slip_throughout_or_back_are_found() {
             mu_g,
             mu_g_log_sd: None,
             radius,
+            shape: None,
             finger: CarriedFinger::RIGID,
             motion: &motion,
         };
@@ -633,6 +637,7 @@ fn estimate_on_it(DrawnPush { part, ranges, drawn, draw }: &DrawnPush, mu_g_log_
         mu_g,
         mu_g_log_sd,
         radius: RADIUS_M,
+        shape: None,
         finger: CarriedFinger::RIGID,
         motion: &ranges.motion,
     };
@@ -760,9 +765,11 @@ impl FromRest {
     /// This module's, with when it changed.
     fn course(&self, until: f64) -> (Followed, Vec<f64>) {
         let play = |duration: f64| {
-            let legs = vec![Leg { from: 0.0, to: until, finger: self.finger }];
+            let legs = vec![Leg { from: 0.0, to: until, finger: self.finger, turn: LegTurn::default() }];
             let course = Course {
                 part: &self.part,
+                shape: None,
+                symmetry: 1,
                 mu_g: self.model_mu_g,
                 mu_g_log_sd: None,
                 mu_c: None,

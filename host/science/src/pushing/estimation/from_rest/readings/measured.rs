@@ -5,6 +5,8 @@
 //! is felt. Of a finger that has hardly moved yet nobody knows which way it goes: until then a force is believed as far as
 //! that way is known.
 //!
+//! Where the finger turns, the sensor's axes turn with it, at the times that go with the offset, and so do its readings.
+//!
 //! Implements: the offset's posterior from the evidence of the places for each onset; modes by
 //! [`FittedPath::modes`]; all as [`super::super::numbers`].
 //! Frames: world axes. Units: SI; readings in time of the force's clock, places in that of the path's; path time + offset =
@@ -19,6 +21,7 @@ use super::read_force::Doubts;
 use super::{Concluded, FeltPush, ForceHypothesis, ForceReading, KnownOfFinger, conclude, distinct_edges, legs_since};
 use crate::pushing::finger_motion::Leg;
 use crate::pushing::measured_path::{FittedPath, MeasuredPath, PathEffects, PathModes, TOLD_RAD, Wandering};
+use crate::pushing::measured_turn::MeasuredTurn;
 use crate::search::{Halt, Searched, Stop};
 
 /// A finger whose places were measured, by a clock of its own.
@@ -26,6 +29,8 @@ use crate::search::{Halt, Searched, Stop};
 pub struct MeasuredFinger<'a> {
     /// Of the clamp, in time of the path's clock.
     pub path: &'a MeasuredPath,
+    /// How it turns about the disk's centre, by the same clock, and the sensor with it; none where it does not.
+    pub turn: Option<&'a MeasuredTurn>,
     /// Standard deviation of what that clock lags behind the force's, s; 0 where it is the same.
     pub clock_offset_sd: f64,
 }
@@ -93,6 +98,7 @@ fn force_onset(readings: &[ForceReading], noise: f64) -> Option<f64> {
 struct Measured<'a> {
     known: &'a KnownOfFinger<'a>,
     path: &'a MeasuredPath,
+    turn: Option<&'a MeasuredTurn>,
     readings: &'a [ForceReading],
     /// When the force begins; none of a part that moves.
     onset: Option<f64>,
@@ -141,7 +147,7 @@ impl<'a> Measured<'a> {
         };
         let prior = if prior_sd > 0.0 { (offset.best / prior_sd).powi(2) } else { 0.0 };
         let (modes, misfit) = (fitted.modes(&effects, MODES), fitted.misfit + prior);
-        Some(Self { known, path, readings, onset, wandering, offset, modes, misfit })
+        Some(Self { known, path, turn: finger.turn, readings, onset, wandering, offset, modes, misfit })
     }
 
     fn estimate(&self, halt: &Halt<'_>) -> Vec<(f64, ForceHypothesis)> {
@@ -273,7 +279,7 @@ impl MotionNumbers for PathNumbers<'_> {
 
     /// In time since the push began, or since the first reading of a part that moves.
     fn legs(&self, off: &[f64]) -> Option<Vec<Leg>> {
-        let Measured { known, path, readings, onset, wandering, modes, .. } = self.measured;
+        let Measured { known, path, turn, readings, onset, wandering, modes, .. } = self.measured;
         let offset = self.offset(off);
         let begins = path_onset(path, *onset, offset)?;
         let changes = off.iter().copied().zip(modes.modes.iter().map(Vec::as_slice));
@@ -288,7 +294,11 @@ impl MotionNumbers for PathNumbers<'_> {
             self.fitted.motion(changes)?
         };
         let from = if known.is_moving { readings.first()?.time - offset - begins } else { 0.0 };
-        Some(legs_since(motion.legs(known.radius), from))
+        let turned = |leg: Leg| match turn {
+            Some(turn) => Leg { turn: turn.over(begins + leg.from, begins + leg.to), ..leg },
+            None => leg,
+        };
+        Some(legs_since(motion.legs(known.radius).map(turned), from))
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Units: standard deviations; SI where said. Errors: none; without readings after the onset there is nothing to compare.
 
-use nalgebra::{DVector, Vector2};
+use nalgebra::{DVector, Rotation2, Vector2};
 
 use super::super::felt::{Felt, Predicted, drift_weights};
 use super::super::path::Path;
@@ -65,6 +65,8 @@ pub(super) struct ReadForce {
     /// Of each, N.
     deviations: Vec<f64>,
     data: DVector<f64>,
+    /// As they were read, in the sensor's axes, N, where those turn.
+    turning: Option<Vec<Vector2<f64>>>,
     /// What one standard deviation of the effective mass adds, where it has one; then of each thing that the model is off by.
     beside: Vec<DVector<f64>>,
     first: Vector2<f64>,
@@ -83,7 +85,9 @@ impl ReadForce {
         let before = &readings[..readings.partition_point(|reading| reading.time < skip)];
         let after = &readings[readings.partition_point(|reading| reading.time <= take)..];
         let [first, .., last] = after else { return None };
-        let contact = |reading: &ForceReading| reading.force + known.effective_mass * acceleration(reading.time);
+        let contact = |reading: &ForceReading| {
+            turned(legs, reading.time + AFTER_S, reading.force) + known.effective_mass * acceleration(reading.time)
+        };
         let early: Vec<_> =
             after.iter().take_while(|reading| reading.time <= first.time + FIRST_S).map(contact).collect();
         let deviations: Vec<_> = after
@@ -116,6 +120,7 @@ impl ReadForce {
             times: after.iter().map(|reading| reading.time + AFTER_S).collect(),
             period: (last.time - first.time) / (after.len() - 1) as f64,
             data: stacked(&contact),
+            turning: legs.iter().any(|leg| !leg.turn.is_still()).then(|| after.iter().map(|it| it.force).collect()),
             beside,
             first: early.iter().sum::<Vector2<f64>>() / early.len() as f64,
             before: (squares / known.noise.powi(2), 2 * before.len()),
@@ -139,6 +144,13 @@ impl ReadForce {
 fn acceleration(legs: &[Leg], time: f64) -> Vector2<f64> {
     let leg = legs.iter().rev().find(|leg| leg.from <= time);
     leg.map_or_else(Vector2::zeros, |leg| leg.finger.acceleration)
+}
+
+/// What was read in the sensor's axes at a time, along the world's.
+fn turned(legs: &[Leg], time: f64, force: Vector2<f64>) -> Vector2<f64> {
+    let leg = legs.iter().rev().find(|leg| leg.from <= time).or(legs.first());
+    let angle = leg.map_or(0.0, |leg| leg.turn.angle(time - leg.from));
+    if angle == 0.0 { force } else { Rotation2::new(angle) * force }
 }
 
 impl Felt for ReadForce {
@@ -174,11 +186,13 @@ impl Felt for ReadForce {
     }
 
     fn carried(&self, legs: &[Leg]) -> Option<DVector<f64>> {
-        let values = self.times.iter().zip(&self.deviations).flat_map(|(&time, deviation)| {
-            let of = acceleration(legs, time) * (self.effective_mass / *deviation);
+        let values = self.times.iter().zip(&self.deviations).enumerate().flat_map(|(row, (&time, deviation))| {
+            let inertia = acceleration(legs, time) * self.effective_mass;
+            let read = self.turning.as_ref().map_or_else(Vector2::zeros, |forces| turned(legs, time, forces[row]));
+            let of = (inertia + read) / *deviation;
             [of.x, of.y]
         });
-        (self.effective_mass > 0.0).then(|| DVector::from_iterator(self.data.len(), values))
+        (self.effective_mass > 0.0 || self.turning.is_some()).then(|| DVector::from_iterator(self.data.len(), values))
     }
 
     fn onset_sd(&self) -> Option<f64> {

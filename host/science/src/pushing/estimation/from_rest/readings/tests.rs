@@ -1,3 +1,6 @@
+mod curved;
+mod turning;
+
 use nalgebra::Matrix3;
 
 use super::super::trial::{Drawn, PoseError, RADIUS_M, Ranges, pose_error, random_part};
@@ -43,6 +46,7 @@ impl Case {
             mu_g_log_sd: None,
             mu_c: Some(self.drawn.mu_c),
             radius: RADIUS_M,
+            shape: None,
             effective_mass: FINGER_KG,
             effective_mass_sd: 0.0,
             is_moving: false,
@@ -178,7 +182,7 @@ fn a_finger_whose_places_were_measured_finds_the_part_and_its_own_clock() {
         path.places.truncate(told);
         let readings: Vec<_> =
             readings.into_iter().filter(|reading| reading.time < path.times[told - 1] + offset).collect();
-        let finger = MeasuredFinger { path: &path, clock_offset_sd: OFFSET_SD_S };
+        let finger = MeasuredFinger { path: &path, turn: None, clock_offset_sd: OFFSET_SD_S };
         let known = drawn.known(&drawn.part);
         let estimate = estimate_measured_until(&known, &finger, &readings, &never).found;
         let end = readings[readings.len() - 1].time - begins;
@@ -242,6 +246,7 @@ fn a_covariance_turns_with_its_pose() {
         pose_end: pose,
         velocity_end: Vector2::zeros(),
         covariance,
+        is_continuum: false,
         mass: 1.0,
         mu_c: None,
         mu_g: 1.0,

@@ -121,6 +121,8 @@ impl<'a> Stretch<'a> {
         let acceleration = legs.last().filter(|_| to > from)?.finger.acceleration;
         let course = Course {
             part: known.part,
+            shape: known.shape,
+            symmetry: 1,
             mu_g: known.mu_g,
             mu_g_log_sd: known.mu_g_log_sd,
             mu_c: known.mu_c,
@@ -441,6 +443,8 @@ impl Followed {
         // A stretch of no length: the state is that at its start and its end.
         let course = Course {
             part: known.part,
+            shape: known.shape,
+            symmetry: 1,
             mu_g: known.mu_g,
             mu_g_log_sd: None,
             mu_c: None,
