@@ -1,19 +1,29 @@
 //! What is behind the sampler's bus: the chip on SPI1, or the simulated finger that a host asked for.
 //!
 //! SPI1 runs in mode 1 at an eighth of its bus clock: 10.5 MHz, or 2 MHz on the bare internal oscillator; a frame of
-//! 12 bytes takes 9 µs. Transfers are polled with a bound, so a bus that does not answer costs time and nothing else.
+//! 12 bytes takes 9 µs, one of 18 bytes 14 µs. Transfers are polled with a bound, so a bus that does not answer costs time and nothing else.
 
 use core::cell::RefCell;
 use core::f32::consts::TAU;
 
 use embedded_hal::delay::DelayNs;
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
+use palpate_firmware_core::ads131m::Ads131m;
 use palpate_firmware_core::{SelectSource, SourceNotPossible};
-use palpate_shared::sim::{ContactLoad, FingerConfig, Load, SimulatedFrontEnd, SpiPort};
-use palpate_shared::wire::Source;
+use palpate_shared::sim::{Channels, ContactLoad, FingerConfig, Load, SimulatedFrontEnd, SpiPort};
+use palpate_shared::wire::{FrontEndKind, Source};
 use stm32f4::stm32f405::{GPIOA, SPI1};
 
 use super::meter;
+
+/// The converter's driver. The simulated finger has the same converter.
+pub(super) type Chip = Ads131m<Bus, CHANNELS>;
+
+/// How many channels the converter and its simulation have.
+const CHANNELS: usize = match super::FRONT_END {
+    FrontEndKind::Ads131m02 => 2,
+    FrontEndKind::Ads131m04 => 4,
+};
 
 /// How often the bus is looked at for one byte, which takes 128 cycles: ten times as long.
 const BYTE_POLLS: u32 = 400;
@@ -113,7 +123,8 @@ fn delay(duration_ns: u32) {
 
 /// The simulated finger. It is large: it belongs into a variable that is there for good, not onto the stack.
 pub(super) fn simulation() -> RefCell<SimulatedFrontEnd> {
-    RefCell::new(SimulatedFrontEnd::new(FingerConfig::default(), SEED))
+    let channels = if CHANNELS == 4 { Channels::Four } else { Channels::Two };
+    RefCell::new(SimulatedFrontEnd::new(FingerConfig { channels, ..FingerConfig::default() }, SEED))
 }
 
 /// What the simulated finger goes through, again and again.

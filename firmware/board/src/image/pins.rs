@@ -2,12 +2,12 @@
 //!
 //! | pin | function | goes to |
 //! |---|---|---|
-//! | PA4 | output | ADS131M02 CS |
-//! | PA5 | SPI1 SCK (AF5) | ADS131M02 SCLK |
-//! | PA6 | SPI1 MISO (AF5) | ADS131M02 DOUT |
-//! | PA7 | SPI1 MOSI (AF5) | ADS131M02 DIN |
-//! | PC3 | input with pull-up, EXTI3 | ADS131M02 DRDY |
-//! | PC5 | output, high | ADS131M02 SYNC/RESET |
+//! | PA4 | output | converter CS |
+//! | PA5 | SPI1 SCK (AF5) | converter SCLK |
+//! | PA6 | SPI1 MISO (AF5) | converter DOUT |
+//! | PA7 | SPI1 MOSI (AF5) | converter DIN |
+//! | PC3 | input with pull-up, EXTI3 | converter DRDY |
+//! | PC5 | output, high | converter SYNC/RESET |
 //! | PA9 | USART1 TX (AF7) | RX of the serial adapter |
 //! | PA10 | USART1 RX with pull-up (AF7) | TX of the serial adapter |
 //! | PA11 | USB D− (AF10) | the board's USB socket |

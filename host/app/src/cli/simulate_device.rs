@@ -14,8 +14,9 @@ use palpate_device::simulated::{
 };
 use palpate_files::motion;
 use palpate_files::recordings::csv;
+use palpate_shared::front_ends::{FRONT_ENDS, FrontEndKind};
 use palpate_shared::sim::{
-    BridgesConfig, Carriage, CarriedConfig, ContactLoad, Faults, FingerConfig, FloatingBus, Load, MICROSTRAIN,
+    BridgesConfig, Carriage, CarriedConfig, Channels, ContactLoad, Faults, FingerConfig, FloatingBus, Load, MICROSTRAIN,
 };
 
 use super::read::lines_of_stdin;
@@ -65,9 +66,27 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "X,Y", value_parser = gravity, allow_hyphen_values = true, default_value = "0,0")]
     gravity: [f32; 2],
 
+    /// Converter: ADS131M02, or ADS131M04, which also measures the excitation and an NTC
+    #[arg(long, value_name = "NAME", value_parser = front_end, default_value = FrontEndKind::Ads131m02.facts().name)]
+    front_end: FrontEndKind,
+
     /// Run until killed, without reading orders
     #[arg(long)]
     detached: bool,
+}
+
+/// A converter by its name.
+fn front_end(text: &str) -> Result<FrontEndKind, String> {
+    let names = || FRONT_ENDS.map(|facts| facts.name).join(" or ");
+    FrontEndKind::named(text).ok_or_else(|| format!("no converter is called {text:?}; it is {}", names()))
+}
+
+/// By how much the excitation is off, told in percent, as a ratio.
+fn of_excitation(text: &str) -> Result<f32, String> {
+    match number(text)? {
+        percent if (-50.0..=50.0).contains(&percent) => Ok(percent / 100.0),
+        percent => Err(format!("an excitation that is off by {percent} % is none; give at most 50 %")),
+    }
 }
 
 /// A frequency of the mains.
@@ -102,7 +121,8 @@ wait SECONDS             read the next order after so much of the device's time
 fault WORDS              break the front-end; one or more of: none, absent,
                          silent (no data-ready), stuck (codes repeat), open0,
                          open1 (gauges), saturate0, saturate1, bits RATE (bit
-                         errors on its bus), drift UM_M_PER_S, hum UM_M
+                         errors on its bus), drift UM_M_PER_S, hum UM_M,
+                         excitation PERCENT (by how much it is off)
 line WORDS               break the line, both ways; one or more of: none,
                          drop P, corrupt P, duplicate P, noise P (chance for a
                          frame), stall P MS, delay MS, pieces (reads cut
@@ -127,6 +147,10 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         baud: arguments.baud,
         finger: FingerConfig {
             bridges: BridgesConfig { hum_hz: arguments.mains_hz, ..BridgesConfig::default() },
+            channels: match arguments.front_end {
+                FrontEndKind::Ads131m02 => Channels::Two,
+                FrontEndKind::Ads131m04 => Channels::Four,
+            },
             ..FingerConfig::default()
         },
         carried: CarriedConfig { gravity: arguments.gravity, ..CarriedConfig::default() },
@@ -395,6 +419,7 @@ fn faults(words: &[&str]) -> Result<Faults, String> {
             "stuck" => faults.stuck_codes = true,
             "bits" => faults.bit_error_rate = probability(argument(&mut rest, word)?, "the bit error rate")?,
             "drift" => faults.drift_per_s = microstrain(argument(&mut rest, word)?, "the drift in um/m a second")?,
+            "excitation" => faults.excitation_change = of_excitation(argument(&mut rest, word)?)?,
             "hum" => faults.hum_peak_to_peak = microstrain(argument(&mut rest, word)?, "the hum in um/m")?.abs(),
             _ => return Err(format!("no such fault: `{word}`; `help` lists them")),
         }

@@ -24,7 +24,7 @@ pub(super) fn tell(json: bool, incoming: &Incoming) {
             json!({ "link": "back", "after_s": after.as_secs_f64(), "missing_counted": countable })
         }
         Incoming::Restarted(_) => json!({ "device": "started anew; its settings were restored" }),
-        Incoming::Samples(_) | Incoming::Temperature(_) => return,
+        Incoming::Samples(_) | Incoming::Temperature(_) | Incoming::SlowChannels(_) => return,
     };
     // If nobody reads, the next line of samples finds out.
     let _ = write_line(&what.to_string());
