@@ -32,7 +32,7 @@ use crate::units::{Counts, DeviceTime, Seq};
 mod decode;
 
 /// The version that this code speaks.
-pub const PROTOCOL: ProtocolVersion = ProtocolVersion { major: 1, minor: 3 };
+pub const PROTOCOL: ProtocolVersion = ProtocolVersion { major: 1, minor: 4 };
 
 /// Bytes of a frame on the front-end's bus, as [`Request::RawFrame`] has it. Of a front-end with longer frames these are
 /// the first; zeros follow them, and what comes in beyond them is left out.
@@ -71,6 +71,8 @@ pub enum FromDevice {
     Temperature(Temperature),
     /// Slow channels of a front-end that has such, a mean of [`SLOW_CONVERSIONS`]. Since version 1.3.
     SlowChannels(SlowChannels),
+    /// Digital inputs that changed while streaming, and what they were at its start. Since version 1.4.
+    Inputs(Inputs),
 }
 
 /// Who the device is and how it is set.
@@ -321,6 +323,18 @@ pub struct SlowChannels {
     pub excitation: Counts,
     /// Mean code of the channel that sees the NTC.
     pub ntc: Counts,
+}
+
+/// Levels of the board's eight digital inputs, read with each sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Inputs {
+    /// When the sample became ready with which they were first read so. The last change happened since the sample before.
+    pub time: DeviceTime,
+    /// A bit for each input, 1 for high.
+    pub levels: u8,
+    /// Changes since the message before, at least one of each input that changed: more than 1 where several came at once, or
+    /// faster than they are told. 0 at the start of the stream.
+    pub changes: u16,
 }
 
 /// The number by which a host knows a command's reply.
@@ -733,7 +747,7 @@ mod tests {
         let reply = |outcome| FromDevice::Reply(Reply { id: CommandId(7), outcome });
         let refused = |refusal| reply(Outcome::Refused(refusal));
         let hello_fields = concat!(
-            "0103000102",
+            "0104000102",
             "70616c706174652d30303031",
             "0a53544d33322d48343035",
             "008345",
@@ -753,7 +767,7 @@ mod tests {
         std::vec![
             (
                 FromDevice::Hello(hello()),
-                "000103000102\
+                "000104000102\
               70616c706174652d303030310a53544d33322d4834303500834500000100a01f20809f49c413000080a038000000"
             ),
             (FromDevice::Block(block()), "01ac02f8c904090201 7e86c206ffffff07"),
@@ -776,7 +790,7 @@ mod tests {
                 "0307041f0883458 30a90a10f",
             ),
             (reply(Outcome::Counters(counters())), "0307050102030405060708090a0b0c"),
-            (refused(Refusal::OtherProtocol { device: PROTOCOL }), "030706000103"),
+            (refused(Refusal::OtherProtocol { device: PROTOCOL }), "030706000104"),
             (refused(Refusal::UnknownRequest), "03070601"),
             (refused(Refusal::RateNotPossible { slowest_hz: 500, fastest_hz: 8000 }), "03070602f403c03e"),
             (refused(Refusal::LinkTooSlow { fastest_hz: 1000 }), "03070603e807"),
@@ -816,6 +830,7 @@ mod tests {
                 }),
                 "0501018001 01",
             ),
+            (FromDevice::Inputs(Inputs { time: DeviceTime(128), levels: 0x85, changes: 300 }), "06800185ac02"),
         ]
     }
 
@@ -1049,7 +1064,7 @@ mod tests {
     #[test]
     fn names_print_as_a_person_reads_them() {
         assert_eq!(hello().device.to_string(), "70616c706174652d30303031");
-        assert_eq!(format!("{} {}", hello().firmware, PROTOCOL), "0.1.2 1.3");
+        assert_eq!(format!("{} {}", hello().firmware, PROTOCOL), "0.1.2 1.4");
     }
 
     proptest! {

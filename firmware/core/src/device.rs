@@ -524,6 +524,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
                 self.greet();
             }
             Notice::Event { time, kind } => self.take_event(Event { time, kind }),
+            Notice::Inputs(inputs) => _ = self.send_notice(&FromDevice::Inputs(inputs)),
             // What finds no room is not missed: the next one comes soon.
             Notice::Slow(means) => _ = self.outbox.push_message(&FromDevice::SlowChannels(means)),
             Notice::Answer { ticket, finding, state } => self.take_answer(ticket, finding, state),

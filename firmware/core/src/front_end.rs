@@ -29,6 +29,12 @@ pub trait SelectSource {
 
     /// Whether the simulation is behind the bus now.
     fn is_simulated(&self) -> bool;
+
+    /// What the board's eight digital inputs read now, a bit for each; the simulation's own while it is behind the bus.
+    /// All low on a board without any.
+    fn inputs(&self) -> u8 {
+        0
+    }
 }
 
 /// What a frame asks of the front-end.

@@ -16,6 +16,7 @@
 //! - [`block`], [`outbox`]: samples into messages, messages into bytes;
 //! - [`link`]: which of two ways to a host is in use;
 //! - [`device`]: the host's commands, events, counters;
+//! - `inputs`: which changes of the digital inputs are told;
 //! - `log`: log lines, where `defmt` is on.
 //!
 //! Nothing here allocates, blocks, uses floating point or panics on input. Time is an argument, so the
@@ -41,6 +42,7 @@ pub mod sampler;
 pub mod settings;
 
 mod clock;
+mod inputs;
 mod job;
 /// The chips of the tests, for those in the modules too.
 #[cfg(test)]

@@ -14,7 +14,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use heapless::spsc::{Consumer, Producer, Queue};
 use palpate_shared::units::{Counts, DeviceTime, Seq};
-use palpate_shared::wire::{EventKind, RAW_FRAME_BYTES, Refusal, SelfTest, SlowChannels, Source, Status};
+use palpate_shared::wire::{EventKind, Inputs, RAW_FRAME_BYTES, Refusal, SelfTest, SlowChannels, Source, Status};
 
 use crate::settings::DeviceSettings;
 
@@ -90,6 +90,8 @@ pub(crate) enum Notice {
     Event { time: DeviceTime, kind: EventKind },
     /// What the slow channels gave on average.
     Slow(SlowChannels),
+    /// Digital inputs, as they changed or stood at the start of the stream.
+    Inputs(Inputs),
     /// The answer to a request, and how the sampler is set after it.
     Answer { ticket: u8, finding: Finding, state: SamplerState },
 }

@@ -14,6 +14,7 @@
 //! - **Doubt.** Damage may have written a setting. Samples wait until the settings are read back, four frames
 //!   later, and count as damaged if those were others, or if more than 16 wait.
 //! - **Slow channels**, where the front-end has them, are told as means of [`SLOW_CONVERSIONS`].
+//! - **Digital inputs** are read with each edge while streaming, and told as they change (`inputs`).
 //! - **Settling.** Three conversions after a reset or a change carry [`Status::SETTLING`].
 //! - **Requests** of the main side share the frames that read samples (`job`); no sample is lost to them.
 //! - **Raw frames.** From the first one on the chip is left to the host, so that the next one brings the answer to
@@ -34,6 +35,7 @@ use palpate_shared::wire::{
 
 use crate::clock::{ConversionClock, WINDOW};
 use crate::front_end::{Answer, Ask, FrontEnd, Reading, SelectSource as _};
+use crate::inputs::InputWatch;
 use crate::job::{Goal, Job, Progress};
 use crate::log::{info, warning};
 use crate::queues::{Finding, FrontEndRequest, Notice, RawReading, RequestKind, SamplerEnd, SamplerState};
@@ -153,6 +155,7 @@ pub struct Sampler<'q, F> {
     /// The stretch under way and the one before.
     lately: [Stretch; 2],
     slow: SlowSum,
+    inputs: InputWatch,
 }
 
 impl<'q, F: FrontEnd> Sampler<'q, F> {
@@ -177,6 +180,7 @@ impl<'q, F: FrontEnd> Sampler<'q, F> {
             may_be_behind: false,
             lately: [Stretch::default(); 2],
             slow: SlowSum::default(),
+            inputs: InputWatch::default(),
         }
     }
 
@@ -202,6 +206,11 @@ impl<'q, F: FrontEnd> Sampler<'q, F> {
             self.read_late(now)
         } else {
             self.read_in_time(now)
+        }
+        if self.streaming
+            && let Some(inputs) = self.inputs.look(self.chip.bus().inputs(), now)
+        {
+            self.end.notice(Notice::Inputs(inputs));
         }
         if self.job.as_ref().is_some_and(Job::changes_rate) {
             self.clock.restart();
@@ -528,6 +537,7 @@ impl<'q, F: FrontEnd> Sampler<'q, F> {
         // The answer comes after all samples.
         self.give_up_held();
         self.streaming = on;
+        self.inputs.begin();
         Finding::Done
     }
 

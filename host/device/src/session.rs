@@ -78,6 +78,8 @@ pub enum Incoming {
     Temperature(Temperature),
     /// Excitation and NTC, where the front-end has channels for them.
     SlowChannels(SlowChannels),
+    /// Digital inputs, as they changed or stood at the start of the stream.
+    Inputs(InputLevels),
     /// The device started anew: its settings were restored, its sample numbers begin again at 0.
     Restarted(Hello),
     /// The device streams and its samples have stopped coming, though the link stands. Told once until they come again.
@@ -98,6 +100,19 @@ pub enum Incoming {
         /// wrapped unseen.
         countable: bool,
     },
+}
+
+/// Levels of a board's digital inputs, placed on the device's time line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InputLevels {
+    /// Device time, in µs and without wrap, of the sample with which they were first read so; what changed last changed
+    /// since the sample before.
+    pub time_us: u64,
+    /// A bit for each input, 1 for high.
+    pub levels: u8,
+    /// Changes since the message before; more than 1 where several came at once or faster than they are told, 0 at the
+    /// start of the stream.
+    pub changes: u16,
 }
 
 /// What a session has counted.
@@ -240,6 +255,7 @@ pub struct Session {
     last_status: Status,
     temperature_c: Option<f64>,
     slow: SlowReadings,
+    input_levels: Option<InputLevels>,
     /// Added to the device's time, so that it goes on over the device's restarts.
     time_base_us: u64,
     /// Found while taking in a message; told by the next call.
@@ -345,6 +361,7 @@ impl Session {
             last_status: Status::default(),
             temperature_c: None,
             slow: SlowReadings::default(),
+            input_levels: None,
             time_base_us: 0,
             pending_error: None,
             still_down: String::new(),
@@ -384,6 +401,12 @@ impl Session {
     #[must_use]
     pub fn temperature_c(&self) -> Option<f64> {
         self.slow.ntc_c().or(self.temperature_c)
+    }
+
+    /// The digital inputs as last told; `None` before the first stream, and from firmware before protocol 1.4.
+    #[must_use]
+    pub fn inputs(&self) -> Option<InputLevels> {
+        self.input_levels
     }
 
     /// The bridges' excitation as last measured, in V; `None` where the front-end has no channel for it.
@@ -817,7 +840,10 @@ impl Session {
     /// Drops samples that have arrived and were not yet handed on; events and changes of the link stay.
     pub fn forget_waiting(&mut self) {
         self.backlog.retain(|(incoming, _)| {
-            !matches!(incoming, Incoming::Samples(_) | Incoming::Temperature(_) | Incoming::SlowChannels(_))
+            !matches!(
+                incoming,
+                Incoming::Samples(_) | Incoming::Temperature(_) | Incoming::SlowChannels(_) | Incoming::Inputs(_)
+            )
         });
     }
 
@@ -954,6 +980,12 @@ impl Session {
             FromDevice::Temperature(temperature) => {
                 self.temperature_c = Some(f64::from(temperature.centi_celsius) / 100.0);
                 self.backlog.push_back((Incoming::Temperature(temperature), came.at));
+            }
+            FromDevice::Inputs(inputs) => {
+                let time_us = self.time_base_us + self.sequence.time_us(inputs.time);
+                let levels = InputLevels { time_us, levels: inputs.levels, changes: inputs.changes };
+                self.input_levels = Some(levels);
+                self.backlog.push_back((Incoming::Inputs(levels), came.at));
             }
             FromDevice::SlowChannels(slow) => {
                 self.slow.take(&self.hello, slow);

@@ -210,6 +210,8 @@ pub struct SimulatedFrontEnd {
     excitation_v: f32,
     /// Voltage on channel 3 as part of the excitation, by the NTC at the present temperature.
     ntc_part: f32,
+    /// Levels of the board's digital inputs.
+    inputs: u8,
     /// Offset that the bridges have gained by a fault, as strain.
     drifted: f32,
     sync_pin: SyncPin,
@@ -239,6 +241,7 @@ impl SimulatedFrontEnd {
             channels: config.channels,
             excitation_v: config.bridges.excitation_v,
             ntc_part: ntc_part(thermal.at(0)),
+            inputs: 0,
             drifted: 0.0,
             sync_pin: SyncPin::High,
             time_ns: 0,
@@ -263,6 +266,17 @@ impl SimulatedFrontEnd {
     /// Gives the converter another clock than its nominal one, in hertz.
     pub fn set_clock_hz(&mut self, hz: u32) {
         self.chip.set_clock_hz(hz);
+    }
+
+    /// Sets the levels of the board's eight digital inputs, a bit for each.
+    pub fn set_inputs(&mut self, levels: u8) {
+        self.inputs = levels;
+    }
+
+    /// The levels of the board's digital inputs.
+    #[must_use]
+    pub fn inputs(&self) -> u8 {
+        self.inputs
     }
 
     /// What is broken from now on.

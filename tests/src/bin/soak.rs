@@ -90,6 +90,7 @@ impl Seen {
             Incoming::Event(_)
             | Incoming::Temperature(_)
             | Incoming::SlowChannels(_)
+            | Incoming::Inputs(_)
             | Incoming::Disconnected { .. } => {}
         }
     }

@@ -94,7 +94,7 @@ fn main() -> ! {
     let before = fault::begin(&board.RCC);
     let machine = Machine::detect(&board.DBGMCU);
     let clock = machine.clock(clock::start(&board.RCC, &board.FLASH, &board.TIM11), &core.SYST);
-    pins::set_up(&board.RCC, &board.GPIOA, &board.GPIOC, &board.SYSCFG, &board.EXTI);
+    pins::set_up(&board.RCC, (&board.GPIOA, &board.GPIOB, &board.GPIOC), &board.SYSCFG, &board.EXTI);
     time::start(&mut core.SYST, &mut core.SCB, clock.core_hz);
     let watchdog = Watchdog::start(board.IWDG, &board.DBGMCU);
     let registers = (board.OTG_FS_GLOBAL, board.OTG_FS_DEVICE, board.OTG_FS_PWRCLK);
@@ -117,7 +117,7 @@ fn main() -> ! {
 
     let (sampler_end, device_end) = QUEUES.split();
     let simulation = settle(SIMULATION, front_end::simulation);
-    let bus = Bus::new(board.SPI1, board.GPIOA, simulation);
+    let bus = Bus::new(board.SPI1, (board.GPIOA, board.GPIOB), simulation);
     let sampler = Sampler::new(Chip::new(bus), sampler_end, DeviceSettings::at_start(clock.link_baud, CONVERTER_CLOCK));
     sampling::start(SAMPLING.write(Sampling::new(sampler, board.EXTI)), &mut core.NVIC);
     let line = line::start(board.USART1, clock.line_divider(), (RECEIVED, TO_SEND), &mut core.NVIC);

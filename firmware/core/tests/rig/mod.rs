@@ -137,6 +137,13 @@ impl SelectSource for Bus<'_> {
     fn is_simulated(&self) -> bool {
         self.is_simulated
     }
+
+    fn inputs(&self) -> u8 {
+        match &self.simulation {
+            Some(simulation) if self.is_simulated => simulation.inputs(),
+            _ => self.hardware.inputs(),
+        }
+    }
 }
 
 /// A sample as the host got it.

@@ -128,6 +128,8 @@ line WORDS               break the line, both ways; one or more of: none,
                          frame), stall P MS, delay MS, pieces (reads cut
                          anywhere), unplug S, restart S (once in S seconds)
 counts                   what was injected on the line so far
+inputs LEVELS            set the board's digital inputs: eight digits 0 or 1,
+                         input 7 first
 unplug | plug            pull the cable, plug it in again
 restart                  switch off and on
 truth (or nothing)       what presses now
@@ -209,6 +211,8 @@ enum Order {
     Load(Load),
     Faults(Faults),
     LinkFaults(LinkFaults),
+    /// A bit for each input.
+    Inputs(u8),
     Counts,
     Unplug,
     PlugIn,
@@ -240,6 +244,7 @@ impl Order {
             ["sweep", from, to, seconds, force] => Self::Load(sweep(from, to, seconds, force)?),
             ["fault", words @ ..] => Self::Faults(faults(words)?),
             ["line", words @ ..] => Self::LinkFaults(link_faults(words)?),
+            ["inputs", levels] => Self::Inputs(input_levels(levels)?),
             ["counts"] => Self::Counts,
             _ => return Err(format!("cannot read `{line}`; `help` lists the orders")),
         })
@@ -267,6 +272,12 @@ const TIME_MAX_S: f32 = 4000.0;
 
 fn at_most(value: f32, limit: f32, what: &str) -> Result<f32, String> {
     if value.abs() <= limit { Ok(value) } else { Err(format!("{what} is {value}, and the limit is {limit}")) }
+}
+
+/// Levels of the eight digital inputs, input 7 first.
+fn input_levels(word: &str) -> Result<u8, String> {
+    let levels = Some(word).filter(|word| word.len() == 8).and_then(|word| u8::from_str_radix(word, 2).ok());
+    levels.ok_or_else(|| format!("`{word}` is not eight digits 0 or 1, input 7 first"))
 }
 
 fn force(word: &str) -> Result<f32, String> {
@@ -465,6 +476,7 @@ fn carry_out(device: &SimulatedDevice, order: Order) -> io::Result<String> {
             return device.set_course(course).map(|moment| from_now_on(&moment, &what));
         }
         Order::Faults(faults) => device.set_faults(faults)?,
+        Order::Inputs(levels) => device.set_inputs(levels)?,
         Order::LinkFaults(faults) => device.set_link_faults(faults)?,
         Order::Counts => return device.injected().map(|injected| injected_in_words(&injected)),
         Order::Unplug => device.unplug()?,
@@ -548,6 +560,8 @@ mod tests {
         assert!((contact.angle - std::f32::consts::FRAC_PI_2).abs() < 1e-6);
         assert!((contact.friction_angle.tan() - 0.2).abs() < 1e-6);
         assert_eq!(Order::parse("  unplug "), Ok(Order::Unplug));
+        assert_eq!(Order::parse("inputs 10000101"), Ok(Order::Inputs(0x85)));
+        assert!(Order::parse("inputs 1000010").is_err() && Order::parse("inputs 2000010x").is_err());
         assert_eq!(Order::parse("force 1 -2.5"), Ok(Order::Load(Load::Force([1.0, -2.5]))));
     }
 

@@ -122,6 +122,7 @@ pub fn stream(session: &mut Session, mut take: impl FnMut(&mut Session, &Incomin
                     Incoming::Event(_)
                     | Incoming::Temperature(_)
                     | Incoming::SlowChannels(_)
+                    | Incoming::Inputs(_)
                     | Incoming::Silent { .. } => {}
                 }
                 if !take(session, &incoming) {

@@ -72,6 +72,7 @@ pub(super) enum Control {
     Script(Box<Script>, Sender<SimulatedMoment>),
     Course(CarriedCourse, Sender<SimulatedMoment>),
     Faults(Faults, Sender<SimulatedMoment>),
+    Inputs(u8, Sender<SimulatedMoment>),
     LinkFaults(LinkFaults, Sender<SimulatedMoment>),
     Injected(Sender<InjectedOnLink>),
     Now(Sender<SimulatedMoment>),
@@ -206,6 +207,10 @@ impl SelectSource for SimulatedOnly<'_> {
     fn is_simulated(&self) -> bool {
         true
     }
+
+    fn inputs(&self) -> u8 {
+        self.0.inputs()
+    }
 }
 
 /// A board: the firmware, and the world that its front-end stands in.
@@ -328,6 +333,10 @@ impl<const CHANNELS: usize> Board<'_, CHANNELS> {
             }
             Control::Faults(faults, sender) => {
                 front_end.set_faults(faults);
+                sender
+            }
+            Control::Inputs(levels, sender) => {
+                front_end.set_inputs(levels);
                 sender
             }
             Control::LinkFaults(faults, sender) => {
