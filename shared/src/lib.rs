@@ -1,6 +1,7 @@
 //! What both ends of a palpate link agree on.
 //!
 //! - [`units`]: counts, device time and sample numbers, each a type of its own; [`status`]: what qualifies samples;
+//! - [`front_ends`]: what is known of each kind of converter, by table;
 //! - `wire`: the messages; `frame`: the frames that carry them over a serial line (feature `wire`, on by default);
 //! - `sim` (feature `sim`): the simulated finger and its front-end.
 //!
@@ -14,6 +15,7 @@ extern crate std;
 
 #[cfg(feature = "wire")]
 pub mod frame;
+pub mod front_ends;
 #[cfg(feature = "sim")]
 pub mod sim;
 pub mod status;

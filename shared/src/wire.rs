@@ -22,6 +22,7 @@ use serde::de::IntoDeserializer;
 use serde::{Deserialize, Deserializer, Serialize};
 
 pub use self::decode::{CommandRead, DecodeError, NewerMessage};
+pub use crate::front_ends::FrontEndKind;
 pub use crate::status::Status;
 
 use crate::frame;
@@ -31,9 +32,10 @@ use crate::units::{Counts, DeviceTime, Seq};
 mod decode;
 
 /// The version that this code speaks.
-pub const PROTOCOL: ProtocolVersion = ProtocolVersion { major: 1, minor: 2 };
+pub const PROTOCOL: ProtocolVersion = ProtocolVersion { major: 1, minor: 4 };
 
-/// Bytes of a frame on the front-end's bus, as [`Request::RawFrame`] has it.
+/// Bytes of a frame on the front-end's bus, as [`Request::RawFrame`] has it. Of a front-end with longer frames these are
+/// the first; zeros follow them, and what comes in beyond them is left out.
 pub const RAW_FRAME_BYTES: usize = 12;
 
 /// Samples in a full block: 2 ms at 4 kHz, and 65 bytes on the line for a typical load.
@@ -67,6 +69,10 @@ pub enum FromDevice {
     Reply(Reply),
     /// The board's temperature, about once a second where the board has a sensor.
     Temperature(Temperature),
+    /// Slow channels of a front-end that has such, a mean of [`SLOW_CONVERSIONS`]. Since version 1.3.
+    SlowChannels(SlowChannels),
+    /// Digital inputs that changed while streaming, and what they were at its start. Since version 1.4.
+    Inputs(Inputs),
 }
 
 /// Who the device is and how it is set.
@@ -143,13 +149,6 @@ pub struct FrontEnd {
     pub kind: FrontEndKind,
     /// What its ID register said at start-up; 0 if it did not answer.
     pub id_word: u16,
-}
-
-/// A kind of analogue front-end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum FrontEndKind {
-    /// Texas Instruments ADS131M02: two channels at once, 24 bit.
-    Ads131m02,
 }
 
 /// What one of the two counts of a sample measures.
@@ -306,6 +305,36 @@ pub struct Temperature {
     pub time: DeviceTime,
     /// Hundredths of a degree Celsius.
     pub centi_celsius: i16,
+}
+
+/// Conversions that a [`SlowChannels`] message is the mean of.
+pub const SLOW_CONVERSIONS: u16 = 256;
+
+/// What the slow channels of a front-end gave on average; [`crate::front_ends::SlowCircuit`] says what they are wired to.
+///
+/// Sent whether or not samples are streamed. Conversions that are not settled are left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SlowChannels {
+    /// When the last of the conversions became ready.
+    pub time: DeviceTime,
+    /// What holds for them: [`Status::SIMULATED`] or nothing.
+    pub status: Status,
+    /// Mean code of the channel that sees the bridges' excitation, rounded to zero.
+    pub excitation: Counts,
+    /// Mean code of the channel that sees the NTC.
+    pub ntc: Counts,
+}
+
+/// Levels of the board's eight digital inputs, read with each sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Inputs {
+    /// When the sample became ready with which they were first read so. The last change happened since the sample before.
+    pub time: DeviceTime,
+    /// A bit for each input, 1 for high.
+    pub levels: u8,
+    /// Changes since the message before, at least one of each input that changed: more than 1 where several came at once, or
+    /// faster than they are told. 0 at the start of the stream.
+    pub changes: u16,
 }
 
 /// The number by which a host knows a command's reply.
@@ -718,7 +747,7 @@ mod tests {
         let reply = |outcome| FromDevice::Reply(Reply { id: CommandId(7), outcome });
         let refused = |refusal| reply(Outcome::Refused(refusal));
         let hello_fields = concat!(
-            "0102000102",
+            "0104000102",
             "70616c706174652d30303031",
             "0a53544d33322d48343035",
             "008345",
@@ -738,7 +767,7 @@ mod tests {
         std::vec![
             (
                 FromDevice::Hello(hello()),
-                "000102000102\
+                "000104000102\
               70616c706174652d303030310a53544d33322d4834303500834500000100a01f20809f49c413000080a038000000"
             ),
             (FromDevice::Block(block()), "01ac02f8c904090201 7e86c206ffffff07"),
@@ -761,7 +790,7 @@ mod tests {
                 "0307041f0883458 30a90a10f",
             ),
             (reply(Outcome::Counters(counters())), "0307050102030405060708090a0b0c"),
-            (refused(Refusal::OtherProtocol { device: PROTOCOL }), "030706000102"),
+            (refused(Refusal::OtherProtocol { device: PROTOCOL }), "030706000104"),
             (refused(Refusal::UnknownRequest), "03070601"),
             (refused(Refusal::RateNotPossible { slowest_hz: 500, fastest_hz: 8000 }), "03070602f403c03e"),
             (refused(Refusal::LinkTooSlow { fastest_hz: 1000 }), "03070603e807"),
@@ -792,6 +821,16 @@ mod tests {
                 "030709 050000 000001 fffffe 9ffc00"
             ),
             (FromDevice::Temperature(Temperature { time: DeviceTime(1), centi_celsius: -250 }), "0401f303"),
+            (
+                FromDevice::SlowChannels(SlowChannels {
+                    time: DeviceTime(1),
+                    status: Status::SIMULATED,
+                    excitation: Counts(64),
+                    ntc: Counts(-1),
+                }),
+                "0501018001 01",
+            ),
+            (FromDevice::Inputs(Inputs { time: DeviceTime(128), levels: 0x85, changes: 300 }), "06800185ac02"),
         ]
     }
 
@@ -877,7 +916,7 @@ mod tests {
         let event = NewerMessage::Event;
         let reply = NewerMessage::Reply { id: CommandId(300), device: None };
         let known = std::vec![
-            ("message", "05 010203".to_string(), NewerMessage::Kind { variant: 5 }),
+            ("message", "64 010203".to_string(), NewerMessage::Kind { variant: 100 }),
             ("message with a number of two bytes", "ac02 01".to_string(), NewerMessage::Kind { variant: 300 }),
             ("event", "02 8001 05".to_string(), event),
             ("event with fields", "02 8001 05 e807 01".to_string(), event),
@@ -889,7 +928,7 @@ mod tests {
             ("cause of a fault", "03 ac02 07 01 04 3c a01f 00 00 00 09 6d61696e2e72733a37".to_string(), reply),
         ];
         let words = [
-            ("front-end", [1, 0, 0, 1, 0, 0, 0, 0]),
+            ("front-end", [2, 0, 0, 1, 0, 0, 0, 0]),
             ("axis of channel 0", [0, 2, 0, 1, 0, 0, 0, 0]),
             ("bridge of channel 0", [0, 0, 2, 1, 0, 0, 0, 0]),
             ("axis of channel 1", [0, 0, 0, 2, 0, 0, 0, 0]),
@@ -1025,7 +1064,7 @@ mod tests {
     #[test]
     fn names_print_as_a_person_reads_them() {
         assert_eq!(hello().device.to_string(), "70616c706174652d30303031");
-        assert_eq!(format!("{} {}", hello().firmware, PROTOCOL), "0.1.2 1.2");
+        assert_eq!(format!("{} {}", hello().firmware, PROTOCOL), "0.1.2 1.4");
     }
 
     proptest! {

@@ -23,7 +23,6 @@ use palpate_shared::wire::{
     RestartReason, Source, Temperature,
 };
 
-use crate::ads131m::register;
 use crate::block::BlockBuilder;
 use crate::link::{Link, Links};
 use crate::log::{info, warning};
@@ -37,9 +36,6 @@ pub const FIRMWARE: FirmwareVersion = FirmwareVersion {
     minor: number(env!("CARGO_PKG_VERSION_MINOR")),
     patch: number(env!("CARGO_PKG_VERSION_PATCH")),
 };
-
-/// Input voltage of the largest code at gain 1, in µV: the chip's reference of 1.2 V.
-const FULL_SCALE_UV: u32 = 1_200_000;
 
 /// Replies kept for commands that come again.
 pub const REMEMBERED: usize = 4;
@@ -83,6 +79,8 @@ pub struct Identity {
     pub restart: RestartReason,
     /// Starts since power-on, this one not counted.
     pub restarts: u16,
+    /// Which converter its sampler drives.
+    pub front_end: FrontEndKind,
     /// The clock that the converter gets.
     pub converter_clock: ConverterClock,
     /// Bridge excitation, in mV.
@@ -303,7 +301,8 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
 
     /// Forwards the board's temperature, in hundredths of a degree Celsius; about once a second.
     pub fn temperature(&mut self, centi_celsius: i16, now: DeviceTime) {
-        self.send_notice(&FromDevice::Temperature(Temperature { time: now, centi_celsius }));
+        // What finds no room is not missed: the next one comes soon.
+        let _ = self.outbox.push_message(&FromDevice::Temperature(Temperature { time: now, centi_celsius }));
     }
 
     /// What was counted since start-up.
@@ -337,11 +336,11 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
             firmware: FIRMWARE,
             device: identity.device,
             board: name(identity.board),
-            front_end: FrontEnd { kind: FrontEndKind::Ads131m02, id_word: self.front_end.id_word },
+            front_end: FrontEnd { kind: identity.front_end, id_word: self.front_end.id_word },
             channels: identity.channels,
             rate_hz: settings.rate.hz(),
             gain: settings.gain.factor(),
-            full_scale_uv: FULL_SCALE_UV,
+            full_scale_uv: identity.front_end.facts().full_scale_uv,
             excitation_mv: identity.excitation_mv,
             source,
             clock: identity.clock,
@@ -416,7 +415,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
             Request::SetRate { rate_hz } => RequestKind::Apply(self.with_rate(rate_hz)?),
             Request::SetGain { gain } => RequestKind::Apply(self.with_gain(gain)?),
             Request::SetSource { source } => RequestKind::Select(source),
-            Request::ReadRegister { address } => RequestKind::ReadRegister(check_address(address)?),
+            Request::ReadRegister { address } => RequestKind::ReadRegister(self.check_address(address)?),
             Request::SelfTest => RequestKind::SelfTest,
             Request::RawFrame { bytes } => RequestKind::RawFrame(bytes),
         };
@@ -469,9 +468,15 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
 
     /// The present settings with another gain.
     fn with_gain(&self, factor: u8) -> Result<DeviceSettings, Refusal> {
-        let largest = Gain::LARGEST.factor();
+        let largest = self.identity.front_end.facts().gain_largest;
         let gain = Gain::from_factor(factor).ok_or(Refusal::GainNotPossible { largest })?;
         Ok(DeviceSettings { gain, ..self.front_end.state.settings })
+    }
+
+    /// A register's address, if the front-end has it.
+    fn check_address(&self, address: u8) -> Result<u8, Refusal> {
+        let last = self.identity.front_end.facts().last_register;
+        if address <= last { Ok(address) } else { Err(Refusal::AddressNotPossible { last }) }
     }
 
     /// Whether the serial line carries a rate; the refusal says 0 Hz if it carries none.
@@ -519,6 +524,9 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
                 self.greet();
             }
             Notice::Event { time, kind } => self.take_event(Event { time, kind }),
+            Notice::Inputs(inputs) => _ = self.send_notice(&FromDevice::Inputs(inputs)),
+            // What finds no room is not missed: the next one comes soon.
+            Notice::Slow(means) => _ = self.outbox.push_message(&FromDevice::SlowChannels(means)),
             Notice::Answer { ticket, finding, state } => self.take_answer(ticket, finding, state),
         }
     }
@@ -664,12 +672,6 @@ fn outcome_of(finding: Finding) -> Outcome {
         Finding::RawFrame(bytes) => Outcome::RawFrame { bytes },
         Finding::Refused(refusal) => Outcome::Refused(refusal),
     }
-}
-
-/// A register's address, if commands can name it.
-fn check_address(address: u8) -> Result<u8, Refusal> {
-    let last = register::LAST;
-    if address <= last { Ok(address) } else { Err(Refusal::AddressNotPossible { last }) }
 }
 
 /// As much of a name as a hello holds.

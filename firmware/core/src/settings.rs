@@ -3,6 +3,7 @@
 //! Errors: none; what is not possible is `None`.
 
 use palpate_shared::frame::FRAME_MAX;
+use palpate_shared::front_ends::FRONT_ENDS;
 use palpate_shared::wire::BLOCK_SAMPLES;
 
 /// Largest frame of a block, in bytes, delimiter included: 79 of payload, 4 of CRC, 1 of COBS, 1 delimiter.
@@ -24,10 +25,22 @@ const LINE_BITS_PER_BYTE: u32 = 10;
 pub(crate) const HEADROOM_INVERSE: u32 = 20;
 
 /// Oversampling ratio of the slowest rate.
-const SLOWEST_OVERSAMPLING: u32 = 8192;
+const SLOWEST_OVERSAMPLING: u32 = FRONT_ENDS[0].oversampling[1];
 
 /// Fastest rate as a power of two above the slowest.
 const FASTEST_LOG2: u8 = 4;
+
+// The rates and gains here are those of every front-end so far; the first one with others makes `Rate` or `Gain` take
+// them from its row of the table.
+const _: () = {
+    let mut at = 0;
+    while at < FRONT_ENDS.len() {
+        let [fastest, slowest] = FRONT_ENDS[at].oversampling;
+        assert!(slowest == SLOWEST_OVERSAMPLING && fastest << FASTEST_LOG2 == slowest);
+        assert!(FRONT_ENDS[at].gain_largest == Gain::LARGEST.factor());
+        at += 1;
+    }
+};
 
 /// Nanoseconds in a second.
 const NS_PER_S: u64 = 1_000_000_000;
@@ -117,7 +130,13 @@ impl Rate {
 
     /// Cycles of the converter's clock for each sample.
     const fn cycles(self) -> u32 {
-        2 * (SLOWEST_OVERSAMPLING >> self.log2)
+        2 * self.oversampling()
+    }
+
+    /// Conversions of the converter's modulator for each sample.
+    #[must_use]
+    pub const fn oversampling(self) -> u32 {
+        SLOWEST_OVERSAMPLING >> self.log2
     }
 
     /// Samples a second, Hz, rounded.
@@ -133,12 +152,6 @@ impl Rate {
         let hz = u64::from(self.clock.hz);
         // 2.1 ms at most.
         u32::try_from((product + hz / 2) / hz).unwrap_or(u32::MAX)
-    }
-
-    /// The oversampling ratio's code in the CLOCK register: 2 for 512 (8 kHz) to 6 for 8192 (500 Hz).
-    #[must_use]
-    pub(crate) const fn oversampling_code(self) -> u16 {
-        6 - self.log2 as u16
     }
 
     /// Whether a line of so many baud carries this rate in the worst case; 0 baud has no limit.
@@ -182,9 +195,9 @@ impl Gain {
         1 << self.log2
     }
 
-    /// The code in the GAIN1 register.
+    /// The power of two that it is.
     #[must_use]
-    pub(crate) const fn code(self) -> u16 {
+    pub const fn log2(self) -> u16 {
         self.log2 as u16
     }
 }
@@ -226,12 +239,12 @@ mod tests {
     }
 
     #[test]
-    fn rates_have_the_datasheets_oversampling_codes() {
-        // f_CLKIN / 2 / OSR with 8.192 MHz; CLOCK bits 4:2 are 0 for 128, doubling.
+    fn rates_have_the_datasheets_oversampling_ratios() {
+        // f_CLKIN / 2 / OSR with 8.192 MHz.
         for (hz, ratio) in [(8000, 512), (4000, 1024), (2000, 2048), (1000, 4096), (500, 8192)] {
             let rate = Rate::from_hz(hz, ConverterClock::NOMINAL).unwrap();
             assert_eq!((rate.hz(), 8_192_000 / 2 / ratio), (hz, hz));
-            assert_eq!(128_u32 << rate.oversampling_code(), ratio);
+            assert_eq!(rate.oversampling(), ratio);
             assert_eq!(u64::from(rate.period_ns()) * u64::from(hz), 1_000_000_000);
         }
         for hz in [0, 1, 250, 499, 3999, 16_000, u32::MAX] {
@@ -244,7 +257,7 @@ mod tests {
         // By hand, at 8 MHz: 2 · 1024 cycles of 125 ns.
         let clock = ConverterClock::from_hz(8_000_000).unwrap();
         let rate = Rate::usual(clock);
-        assert_eq!((rate.hz(), rate.period_ns(), rate.oversampling_code()), (3906, 256_000, 3));
+        assert_eq!((rate.hz(), rate.period_ns(), rate.oversampling()), (3906, 256_000, 1024));
         assert_eq!((Rate::slowest(clock).hz(), Rate::fastest(clock).hz()), (488, 7813));
         assert_eq!((Rate::from_hz(3906, clock), Rate::from_hz(4000, clock)), (Some(rate), None));
         assert_eq!(DeviceSettings::at_start(921_600, clock).rate, rate);
@@ -257,7 +270,7 @@ mod tests {
     fn gains_are_the_powers_of_two_to_128() {
         let gains: std::vec::Vec<u8> = (0..=255).filter(|&factor| Gain::from_factor(factor).is_some()).collect();
         assert_eq!(gains, [1, 2, 4, 8, 16, 32, 64, 128]);
-        assert_eq!(Gain::from_factor(32).map(Gain::code), Some(5));
+        assert_eq!(Gain::from_factor(32).map(Gain::log2), Some(5));
     }
 
     #[test]

@@ -25,7 +25,8 @@ use palpate::finger::Samples;
 use palpate_shared::units::{Counts, Seq};
 use palpate_shared::wire::{
     Block, Command, CommandId, Counters, Event, Failure, Fault, FromDevice, Health, Hello, NewerMessage, Outcome,
-    PROTOCOL, ProtocolVersion, RAW_FRAME_BYTES, Refusal, Reply, Request, SelfTest, Source, Status, Temperature,
+    PROTOCOL, ProtocolVersion, RAW_FRAME_BYTES, Refusal, Reply, Request, SelfTest, SlowChannels, Source, Status,
+    Temperature,
 };
 
 use crate::clock_map::{ClockEstimate, ClockMap};
@@ -33,6 +34,7 @@ use crate::error::{LinkError, Opened};
 use crate::link::{Heard, Link, gone};
 use crate::sample_sequence::{Continuity, Sequence};
 use crate::simulated::{Pace, SimulatedDevice};
+use crate::slow_channels::SlowReadings;
 use crate::tape::{PlaySpeed, Tape};
 use crate::trace::{Entry, Input, LinkEvent, Recorder, Stamp, nanoseconds};
 use crate::transport::address::Address;
@@ -74,6 +76,10 @@ pub enum Incoming {
     Event(Event),
     /// Temperature of the board.
     Temperature(Temperature),
+    /// Excitation and NTC, where the front-end has channels for them.
+    SlowChannels(SlowChannels),
+    /// Digital inputs, as they changed or stood at the start of the stream.
+    Inputs(InputLevels),
     /// The device started anew: its settings were restored, its sample numbers begin again at 0.
     Restarted(Hello),
     /// The device streams and its samples have stopped coming, though the link stands. Told once until they come again.
@@ -94,6 +100,19 @@ pub enum Incoming {
         /// wrapped unseen.
         countable: bool,
     },
+}
+
+/// Levels of a board's digital inputs, placed on the device's time line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InputLevels {
+    /// Device time, in µs and without wrap, of the sample with which they were first read so; what changed last changed
+    /// since the sample before.
+    pub time_us: u64,
+    /// A bit for each input, 1 for high.
+    pub levels: u8,
+    /// Changes since the message before; more than 1 where several came at once or faster than they are told, 0 at the
+    /// start of the stream.
+    pub changes: u16,
 }
 
 /// What a session has counted.
@@ -235,6 +254,8 @@ pub struct Session {
     silence_told: bool,
     last_status: Status,
     temperature_c: Option<f64>,
+    slow: SlowReadings,
+    input_levels: Option<InputLevels>,
     /// Added to the device's time, so that it goes on over the device's restarts.
     time_base_us: u64,
     /// Found while taking in a message; told by the next call.
@@ -339,6 +360,8 @@ impl Session {
             silence_told: false,
             last_status: Status::default(),
             temperature_c: None,
+            slow: SlowReadings::default(),
+            input_levels: None,
             time_base_us: 0,
             pending_error: None,
             still_down: String::new(),
@@ -373,10 +396,26 @@ impl Session {
         self.hello.source == Source::Simulated || self.last_status.contains(Status::SIMULATED)
     }
 
-    /// The board's temperature as it last told, in °C; `None` where it has no sensor.
+    /// The finger's temperature, in °C, where the front-end has an NTC at its clamp, or the board's as it last told;
+    /// `None` where neither has a sensor.
     #[must_use]
     pub fn temperature_c(&self) -> Option<f64> {
-        self.temperature_c
+        self.slow.ntc_c().or(self.temperature_c)
+    }
+
+    /// The digital inputs as last told; `None` before the first stream, and from firmware before protocol 1.4.
+    #[must_use]
+    pub fn inputs(&self) -> Option<InputLevels> {
+        self.input_levels
+    }
+
+    /// The bridges' excitation as last measured, in V; `None` where the front-end has no channel for it.
+    ///
+    /// Where there is one, counts are handed on as they would be at the excitation of [`Self::hello`]: what the bridges
+    /// give is proportional to it.
+    #[must_use]
+    pub fn excitation_v(&self) -> Option<f64> {
+        self.slow.excitation_v()
     }
 
     /// What was counted so far.
@@ -800,7 +839,12 @@ impl Session {
 
     /// Drops samples that have arrived and were not yet handed on; events and changes of the link stay.
     pub fn forget_waiting(&mut self) {
-        self.backlog.retain(|(incoming, _)| !matches!(incoming, Incoming::Samples(_) | Incoming::Temperature(_)));
+        self.backlog.retain(|(incoming, _)| {
+            !matches!(
+                incoming,
+                Incoming::Samples(_) | Incoming::Temperature(_) | Incoming::SlowChannels(_) | Incoming::Inputs(_)
+            )
+        });
     }
 
     /// Whether nothing is handed on this time: on a tape, where nothing was.
@@ -937,6 +981,16 @@ impl Session {
                 self.temperature_c = Some(f64::from(temperature.centi_celsius) / 100.0);
                 self.backlog.push_back((Incoming::Temperature(temperature), came.at));
             }
+            FromDevice::Inputs(inputs) => {
+                let time_us = self.time_base_us + self.sequence.time_us(inputs.time);
+                let levels = InputLevels { time_us, levels: inputs.levels, changes: inputs.changes };
+                self.input_levels = Some(levels);
+                self.backlog.push_back((Incoming::Inputs(levels), came.at));
+            }
+            FromDevice::SlowChannels(slow) => {
+                self.slow.take(&self.hello, slow);
+                self.backlog.push_back((Incoming::SlowChannels(slow), came.at));
+            }
             FromDevice::Hello(hello) => self.restarted(hello, Numbers::FromZero),
             // The reply to a command that was answered before: the first answer was slow, not lost.
             FromDevice::Reply(_) => {}
@@ -972,7 +1026,11 @@ impl Session {
         };
         self.last_status = block.status;
         self.samples_came(came.at);
-        let counts: Vec<[Counts; 2]> = block.samples.into_iter().skip(repeated).collect();
+        let counts = block.samples.into_iter().skip(repeated);
+        let counts: Vec<[Counts; 2]> = counts.map(|pair| pair.map(|code| self.slow.at_nominal(code))).collect();
+        // What a code means is not known before the excitation is.
+        let unknown = self.slow.is_awaited(&self.hello);
+        let status = if unknown { block.status.with(Status::SETTLING) } else { block.status };
         if counts.is_empty() {
             return;
         }
@@ -981,7 +1039,7 @@ impl Session {
             missing_before,
             time_us: self.time_base_us + place.time_us + repeated as u64 * 1_000_000 / u64::from(rate_hz),
             period_us: 1e6 / f64::from(rate_hz),
-            status: block.status,
+            status,
             counts,
         };
         self.block = Duration::from_secs_f64(samples.counts.len() as f64 / f64::from(rate_hz));

@@ -358,7 +358,9 @@ fn told_of(message: &FromDevice) -> NewerMessage {
         FromDevice::Hello(hello) => NewerMessage::Hello { device: hello.protocol },
         FromDevice::Event(_) => NewerMessage::Event,
         FromDevice::Reply(Reply { id, .. }) => NewerMessage::Reply { id: *id, device: None },
-        FromDevice::Block(_) | FromDevice::Temperature(_) => panic!("nothing within is numbered"),
+        FromDevice::Block(_) | FromDevice::Temperature(_) | FromDevice::SlowChannels(_) | FromDevice::Inputs(_) => {
+            panic!("nothing within is numbered")
+        }
     }
 }
 

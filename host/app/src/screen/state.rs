@@ -145,6 +145,8 @@ pub(crate) struct State {
     pub(crate) counts: SessionCounts,
     /// The board's, where it tells one.
     pub(crate) temperature_c: Option<f64>,
+    /// The board's digital inputs, a bit for each, where it tells them.
+    pub(crate) inputs: Option<u8>,
     /// The recording, if there is one.
     pub(crate) recording: Option<Recorded>,
     /// What was told last, the newest at the end.

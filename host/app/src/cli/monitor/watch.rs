@@ -212,6 +212,7 @@ impl<'a> Watch<'a> {
             self.show(|state| {
                 lines.iter().for_each(|line| state.take_line(line));
                 (state.counts, state.temperature_c) = (session.counts(), session.temperature_c());
+                state.inputs = session.inputs().map(|inputs| inputs.levels);
                 if let Some(recording) = &mut state.recording {
                     recording.goes_on = recording::goes_on();
                 }
