@@ -63,6 +63,7 @@ mod simulate_robot;
 mod solve;
 mod static_demo;
 mod tables;
+mod tared;
 mod touch;
 mod touch_world;
 mod watched_push;

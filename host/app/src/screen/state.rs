@@ -12,6 +12,7 @@ use palpate::finger::contact::{Contact, Tare};
 use palpate::finger::judge::{Judged, Tally};
 use palpate::finger::monitor::MonitorLine;
 use palpate::finger::sense::Sensed;
+use palpate_device::Session;
 use palpate_device::session::SessionCounts;
 use palpate_shared::units::Counts;
 
@@ -48,6 +49,21 @@ pub(crate) struct Finger {
     pub(crate) unit: &'static str,
     /// Strain of a count, µm/m.
     pub(crate) microstrain_per_count: f64,
+}
+
+impl Finger {
+    /// The finger of this session.
+    pub(crate) fn of(session: &Session, unit: &'static str, microstrain_per_count: f64) -> Self {
+        let hello = session.hello();
+        Self {
+            device: hello.device.to_string(),
+            address: session.address().to_string(),
+            is_simulated: session.is_simulated(),
+            rate_hz: hello.rate_hz,
+            unit,
+            microstrain_per_count,
+        }
+    }
 }
 
 /// Whether samples come.
