@@ -16,6 +16,7 @@ use palpate::finger::rest::{RestStretch, check_offset};
 use palpate::finger::sense::FingerSense;
 use palpate_device::trace::Input;
 use palpate_device::{Incoming, Session};
+use palpate_shared::wire::Request;
 
 use super::super::calibrated::KeptTare;
 use super::super::latency::Latency;
@@ -288,7 +289,7 @@ impl<'a> Watch<'a> {
     }
 
     /// Takes samples for a new tare, if one is being taken, and puts it to use once it is done.
-    fn rest(&mut self, session: &Session, judged: &[Judged]) -> miette::Result<()> {
+    fn rest(&mut self, session: &mut Session, judged: &[Judged]) -> miette::Result<()> {
         let Some(resting) = &mut self.resting else { return Ok(()) };
         let mut outcome = None;
         for item in judged {
@@ -322,8 +323,12 @@ impl<'a> Watch<'a> {
         Ok(tare)
     }
 
-    fn put_to_use(&mut self, session: &Session, tare: Tare) -> miette::Result<()> {
+    fn put_to_use(&mut self, session: &mut Session, tare: Tare) -> miette::Result<()> {
         let Tared { calibration, front_end, settings, .. } = &self.tared;
+        if self.arguments.device_force {
+            let tare = super::device_force::matrix(calibration, &tare)?.tare;
+            session.request(Request::SetForceTare { tare }).advised()?;
+        }
         self.tared = Tared::new(calibration.clone(), *front_end, *settings, tare)?;
         self.tared.record();
         self.monitor.set_sense(self.tared.sense.clone());
