@@ -22,6 +22,7 @@ use serde::de::IntoDeserializer;
 use serde::{Deserialize, Deserializer, Serialize};
 
 pub use self::decode::{CommandRead, DecodeError, NewerMessage};
+pub use crate::force::ForceMatrix;
 pub use crate::front_ends::FrontEndKind;
 pub use crate::status::Status;
 
@@ -32,7 +33,7 @@ use crate::units::{Counts, DeviceTime, Seq};
 mod decode;
 
 /// The version that this code speaks.
-pub const PROTOCOL: ProtocolVersion = ProtocolVersion { major: 1, minor: 4 };
+pub const PROTOCOL: ProtocolVersion = ProtocolVersion { major: 1, minor: 5 };
 
 /// Bytes of a frame on the front-end's bus, as [`Request::RawFrame`] has it. Of a front-end with longer frames these are
 /// the first; zeros follow them, and what comes in beyond them is left out.
@@ -73,6 +74,8 @@ pub enum FromDevice {
     SlowChannels(SlowChannels),
     /// Digital inputs that changed while streaming, and what they were at its start. Since version 1.4.
     Inputs(Inputs),
+    /// The mean force over a block that was sent just before, where a host asked for forces. Since version 1.5.
+    Force(MeanForce),
 }
 
 /// Who the device is and how it is set.
@@ -325,6 +328,21 @@ pub struct SlowChannels {
     pub ntc: Counts,
 }
 
+/// The mean force over a block's samples, as the device computes it from its matrix ([`ForceMatrix::force_un`]).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MeanForce {
+    /// Number of the block's first sample.
+    pub first: Seq,
+    /// When the block's first sample became ready.
+    pub time: DeviceTime,
+    /// How many samples it is the mean of.
+    pub samples: u8,
+    /// What holds for the samples; of saturated or unsettled ones the force says nothing.
+    pub status: Status,
+    /// Force on x and y of the finger, in µN.
+    pub force_un: [i32; 2],
+}
+
 /// Levels of the board's eight digital inputs, read with each sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Inputs {
@@ -419,6 +437,25 @@ pub enum Request {
         /// What goes out.
         bytes: [u8; RAW_FRAME_BYTES],
     },
+    /// Keep this matrix until the next start. Not while streaming. Since version 1.5, as are the next three.
+    SetForceMatrix {
+        /// The matrix, its tare included.
+        matrix: ForceMatrix,
+        /// [`ForceMatrix::checksum`] of it, as the host has it.
+        checksum: u32,
+    },
+    /// Take what both bridges read at rest to be this, also while streaming.
+    SetForceTare {
+        /// In sixteenths of a count.
+        tare: [i32; 2],
+    },
+    /// Send the mean force with each block, or do not.
+    StreamForces {
+        /// Whether to.
+        on: bool,
+    },
+    /// Which matrix do you keep?
+    ForceMatrix,
 }
 
 /// A way to fail on purpose.
@@ -477,6 +514,8 @@ pub enum Outcome {
         /// As they came, unchecked.
         bytes: [u8; RAW_FRAME_BYTES],
     },
+    /// What [`Request::ForceMatrix`] asks for; `None` if there is none. Since version 1.5.
+    ForceMatrix(Option<ForceMatrix>),
 }
 
 /// Why a device did not do what it was asked to.
@@ -523,6 +562,10 @@ pub enum Refusal {
     NotOnThisBoard,
     /// Not while samples are streamed. Since version 1.2.
     Streaming,
+    /// The checksum is not the matrix's, or a number of it is larger than the arithmetic bears. Since version 1.5.
+    MatrixDamaged,
+    /// There is no matrix: it is lost at each start. Since version 1.5.
+    NoForceMatrix,
 }
 
 /// What the self-test found.
@@ -741,13 +784,17 @@ mod tests {
         }
     }
 
+    fn force_matrix() -> ForceMatrix {
+        ForceMatrix { entries: [[1, -2], [3, 4]], tare: [-5, 6] }
+    }
+
     /// Every message a device can send, with its payload worked out by hand from the rules in the header.
     fn from_device_golden() -> List<(FromDevice, &'static str)> {
         let event = |kind| FromDevice::Event(Event { time: DeviceTime(128), kind });
         let reply = |outcome| FromDevice::Reply(Reply { id: CommandId(7), outcome });
         let refused = |refusal| reply(Outcome::Refused(refusal));
         let hello_fields = concat!(
-            "0104000102",
+            "0105000102",
             "70616c706174652d30303031",
             "0a53544d33322d48343035",
             "008345",
@@ -767,7 +814,7 @@ mod tests {
         std::vec![
             (
                 FromDevice::Hello(hello()),
-                "000104000102\
+                "000105000102\
               70616c706174652d303030310a53544d33322d4834303500834500000100a01f20809f49c413000080a038000000"
             ),
             (FromDevice::Block(block()), "01ac02f8c904090201 7e86c206ffffff07"),
@@ -790,7 +837,7 @@ mod tests {
                 "0307041f0883458 30a90a10f",
             ),
             (reply(Outcome::Counters(counters())), "0307050102030405060708090a0b0c"),
-            (refused(Refusal::OtherProtocol { device: PROTOCOL }), "030706000104"),
+            (refused(Refusal::OtherProtocol { device: PROTOCOL }), "030706000105"),
             (refused(Refusal::UnknownRequest), "03070601"),
             (refused(Refusal::RateNotPossible { slowest_hz: 500, fastest_hz: 8000 }), "03070602f403c03e"),
             (refused(Refusal::LinkTooSlow { fastest_hz: 1000 }), "03070603e807"),
@@ -802,6 +849,20 @@ mod tests {
             (refused(Refusal::Busy), "03070609"),
             (refused(Refusal::NotOnThisBoard), "0307060a"),
             (refused(Refusal::Streaming), "0307060b"),
+            (refused(Refusal::MatrixDamaged), "0307060c"),
+            (refused(Refusal::NoForceMatrix), "0307060d"),
+            (reply(Outcome::ForceMatrix(None)), "03070a00"),
+            (reply(Outcome::ForceMatrix(Some(force_matrix()))), "03070a01 02 03 06 08 09 0c"),
+            (
+                FromDevice::Force(MeanForce {
+                    first: Seq(300),
+                    time: DeviceTime(128),
+                    samples: 8,
+                    status: Status::SIMULATED,
+                    force_un: [2_000_000, -1],
+                }),
+                "07ac02800108 01 8092f401 01",
+            ),
             (reply(Outcome::LastFault(None)), "03070700"),
             (reply(Outcome::LastFault(Some(fault()))), "030707 01 00 3c a01f 00 00 00 09 6d61696e2e72733a37"),
             (
@@ -858,6 +919,13 @@ mod tests {
                 Request::RawFrame { bytes: [0xA0, 0, 0, 0x71, 0, 0, 0, 0, 0, 0, 0, 0] },
                 "01ac020ea00000710000000000000000",
             ),
+            (
+                Request::SetForceMatrix { matrix: force_matrix(), checksum: 0xA69B_0E0E },
+                "01ac020f02030608090c8e9cecb40a",
+            ),
+            (Request::SetForceTare { tare: [-5, 6] }, "01ac0210090c"),
+            (Request::StreamForces { on: true }, "01ac021101"),
+            (Request::ForceMatrix, "01ac0212"),
         ]
     }
 
@@ -1064,7 +1132,7 @@ mod tests {
     #[test]
     fn names_print_as_a_person_reads_them() {
         assert_eq!(hello().device.to_string(), "70616c706174652d30303031");
-        assert_eq!(format!("{} {}", hello().firmware, PROTOCOL), "0.1.2 1.4");
+        assert_eq!(format!("{} {}", hello().firmware, PROTOCOL), "0.1.2 1.5");
     }
 
     proptest! {

@@ -24,11 +24,12 @@ use palpate_shared::wire::{
 };
 
 use crate::block::BlockBuilder;
+use crate::forces::Forces;
 use crate::link::{Link, Links};
 use crate::log::{info, warning};
 use crate::outbox::Outbox;
 use crate::queues::{DeviceEnd, Finding, FrontEndRequest, Notice, READINGS, RequestKind, SamplerState, Tally};
-use crate::settings::{ConverterClock, DeviceSettings, Gain, Rate};
+use crate::settings::{ConverterClock, DeviceSettings, Gain, Rate, WithBlocks};
 
 /// Version of this firmware.
 pub const FIRMWARE: FirmwareVersion = FirmwareVersion {
@@ -202,6 +203,7 @@ pub struct Device<'q, const OUTBOX: usize> {
     /// `None` on a board that takes no orders.
     board: Option<BoardReport>,
     order: Option<Order>,
+    forces: Forces,
 }
 
 impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
@@ -229,6 +231,7 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
             hello_due: None,
             board: None,
             order: None,
+            forces: Forces::default(),
         }
     }
 
@@ -418,6 +421,20 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
             Request::ReadRegister { address } => RequestKind::ReadRegister(self.check_address(address)?),
             Request::SelfTest => RequestKind::SelfTest,
             Request::RawFrame { bytes } => RequestKind::RawFrame(bytes),
+            Request::SetForceMatrix { matrix, checksum } => {
+                self.check_at_rest()?;
+                return self.forces.keep(matrix, checksum).map(|()| Taken::Answered(Outcome::Done));
+            }
+            Request::SetForceTare { tare } => {
+                return self.forces.tare(tare).map(|()| Taken::Answered(Outcome::Done));
+            }
+            Request::StreamForces { on } => {
+                if on {
+                    self.check_line_with(self.front_end.state.settings.rate, WithBlocks::Forces)?;
+                }
+                return self.forces.stream(on).map(|()| Taken::Answered(Outcome::Done));
+            }
+            Request::ForceMatrix => return Ok(Taken::Answered(Outcome::ForceMatrix(self.forces.matrix()))),
         };
         self.ask(kind)
     }
@@ -479,11 +496,25 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
         if address <= last { Ok(address) } else { Err(Refusal::AddressNotPossible { last }) }
     }
 
+    /// Whether nothing is streamed, nor about to be.
+    fn check_at_rest(&self) -> Result<(), Refusal> {
+        match (self.front_end.state.streaming, self.pending) {
+            (true, _) => Err(Refusal::Streaming),
+            (false, Some(_)) => Err(Refusal::Busy),
+            (false, None) => Ok(()),
+        }
+    }
+
     /// Whether the serial line carries a rate; the refusal says 0 Hz if it carries none.
     fn check_line(&self, rate: Rate) -> Result<(), Refusal> {
+        self.check_line_with(rate, self.forces.with_blocks())
+    }
+
+    /// The same with what is sent beside the blocks.
+    fn check_line_with(&self, rate: Rate, with: WithBlocks) -> Result<(), Refusal> {
         let link_baud = self.link_baud();
-        let fastest_hz = Rate::fastest_on_line(link_baud, self.identity.converter_clock).map_or(0, Rate::hz);
-        if rate.fits_line(link_baud) { Ok(()) } else { Err(Refusal::LinkTooSlow { fastest_hz }) }
+        let fastest_hz = Rate::fastest_on_line(link_baud, self.identity.converter_clock, with).map_or(0, Rate::hz);
+        if rate.fits_line(link_baud, with) { Ok(()) } else { Err(Refusal::LinkTooSlow { fastest_hz }) }
     }
 
     /// Whether a command still waits for the sampler.
@@ -579,8 +610,13 @@ impl<'q, const OUTBOX: usize> Device<'q, OUTBOX> {
     /// Sends a block, or drops and counts it.
     fn send_block(&mut self, block: Block) {
         let samples = u32::try_from(block.samples.len()).unwrap_or(0);
+        let force = self.forces.of(&block);
         if self.outbox.push_message(&FromDevice::Block(block)) {
             count(&mut self.tally.blocks_sent);
+            if let Some(force) = force {
+                // Without room it is left out; the block that tells the same went out.
+                let _ = self.outbox.push_message(&FromDevice::Force(force));
+            }
             return;
         }
         count(&mut self.tally.blocks_dropped);

@@ -16,6 +16,7 @@
 //! - [`block`], [`outbox`]: samples into messages, messages into bytes;
 //! - [`link`]: which of two ways to a host is in use;
 //! - [`device`]: the host's commands, events, counters;
+//! - `forces`: the matrix that a host has the device keep, and forces by it;
 //! - `inputs`: which changes of the digital inputs are told;
 //! - `log`: log lines, where `defmt` is on.
 //!
@@ -42,6 +43,7 @@ pub mod sampler;
 pub mod settings;
 
 mod clock;
+mod forces;
 mod inputs;
 mod job;
 /// The chips of the tests, for those in the modules too.

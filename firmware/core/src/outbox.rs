@@ -64,8 +64,10 @@ impl<const N: usize> Outbox<N> {
     pub fn push_message(&mut self, message: &FromDevice) -> bool {
         let mut line: FrameBuffer = [0; FRAME_MAX + 1];
         let Ok(frame) = encode(message, &mut line) else { return false };
-        let is_periodic =
-            matches!(message, FromDevice::Block(_) | FromDevice::Temperature(_) | FromDevice::SlowChannels(_));
+        let is_periodic = matches!(
+            message,
+            FromDevice::Block(_) | FromDevice::Force(_) | FromDevice::Temperature(_) | FromDevice::SlowChannels(_)
+        );
         let kept_free = if is_periodic { RESERVED } else { 0 };
         let is_allowed = is_periodic || frame.len() <= self.allowance;
         let has_room = is_allowed && frame.len() + kept_free < N - self.length;

@@ -11,6 +11,28 @@ pub const BLOCK_FRAME_BYTES_MAX: u32 = 85;
 
 const _: () = assert!(BLOCK_FRAME_BYTES_MAX as usize <= FRAME_MAX + 1);
 
+/// Largest frame of a block's mean force, in bytes, delimiter included: 25 of payload.
+pub const FORCE_FRAME_BYTES_MAX: u32 = 31;
+
+/// What is sent with each block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WithBlocks {
+    /// Nothing.
+    Nothing,
+    /// The mean force over its samples.
+    Forces,
+}
+
+impl WithBlocks {
+    /// Bytes of a block's frame and of this, at most.
+    const fn frame_bytes(self) -> u32 {
+        match self {
+            Self::Nothing => BLOCK_FRAME_BYTES_MAX,
+            Self::Forces => BLOCK_FRAME_BYTES_MAX + FORCE_FRAME_BYTES_MAX,
+        }
+    }
+}
+
 /// Samples in a full block.
 const SAMPLES_PER_BLOCK: u32 = 8;
 
@@ -156,8 +178,8 @@ impl Rate {
 
     /// Whether a line of so many baud carries this rate in the worst case; 0 baud has no limit.
     #[must_use]
-    pub fn fits_line(self, link_baud: u32) -> bool {
-        let bits_per_block = BLOCK_FRAME_BYTES_MAX * LINE_BITS_PER_BYTE;
+    pub fn fits_line(self, link_baud: u32, with: WithBlocks) -> bool {
+        let bits_per_block = with.frame_bytes() * LINE_BITS_PER_BYTE;
         let blocks = self.hz() / SAMPLES_PER_BLOCK;
         let needed = blocks * bits_per_block + blocks * bits_per_block / HEADROOM_INVERSE;
         link_baud == 0 || needed <= link_baud
@@ -165,8 +187,8 @@ impl Rate {
 
     /// The fastest rate that a line of so many baud carries, if it carries any.
     #[must_use]
-    pub fn fastest_on_line(link_baud: u32, clock: ConverterClock) -> Option<Self> {
-        Self::on(clock).find(|rate| rate.fits_line(link_baud))
+    pub fn fastest_on_line(link_baud: u32, clock: ConverterClock, with: WithBlocks) -> Option<Self> {
+        Self::on(clock).find(|rate| rate.fits_line(link_baud, with))
     }
 }
 
@@ -216,7 +238,8 @@ impl DeviceSettings {
     /// below it that the line carries.
     #[must_use]
     pub fn at_start(link_baud: u32, clock: ConverterClock) -> Self {
-        let rate = Rate::fastest_on_line(link_baud, clock).unwrap_or(Rate::slowest(clock)).min(Rate::usual(clock));
+        let fastest = Rate::fastest_on_line(link_baud, clock, WithBlocks::Nothing);
+        let rate = fastest.unwrap_or(Rate::slowest(clock)).min(Rate::usual(clock));
         Self { rate, gain: Gain::DEFAULT }
     }
 }
@@ -225,7 +248,7 @@ impl DeviceSettings {
 mod tests {
     use palpate_shared::frame::encode;
     use palpate_shared::units::{Counts, DeviceTime, Seq};
-    use palpate_shared::wire::{Block, FrameBuffer, FromDevice, Status};
+    use palpate_shared::wire::{Block, FrameBuffer, FromDevice, MeanForce, Status};
 
     use super::*;
 
@@ -236,6 +259,14 @@ mod tests {
         let message = FromDevice::Block(Block { first, time, status, samples });
         let mut line: FrameBuffer = [0; FRAME_MAX + 1];
         assert_eq!(encode(&message, &mut line).unwrap().len(), BLOCK_FRAME_BYTES_MAX as usize);
+    }
+
+    #[test]
+    fn the_largest_force_takes_as_many_bytes_as_the_constant_says() {
+        let (first, time, status) = (Seq(u32::MAX), DeviceTime(u32::MAX), Status(u16::MAX));
+        let force = MeanForce { first, time, samples: 8, status, force_un: [i32::MIN; 2] };
+        let mut line: FrameBuffer = [0; FRAME_MAX + 1];
+        assert_eq!(encode(&FromDevice::Force(force), &mut line).unwrap().len(), FORCE_FRAME_BYTES_MAX as usize);
     }
 
     #[test]
@@ -276,7 +307,13 @@ mod tests {
     #[test]
     fn lines_carry_what_their_bits_allow() {
         // By hand: 85 bytes · 10 bits · rate / 8 · 1.05.
-        let fastest = |baud| Rate::fastest_on_line(baud, ConverterClock::NOMINAL).map(Rate::hz);
+        let with = |with, baud| Rate::fastest_on_line(baud, ConverterClock::NOMINAL, with).map(Rate::hz);
+        let fastest = |baud| with(WithBlocks::Nothing, baud);
+        // 116 bytes: 1218 kbit/s at 8 kHz, 609 at 4 kHz.
+        assert_eq!(
+            [0, 921_600, 115_200].map(|baud| with(WithBlocks::Forces, baud)),
+            [Some(8000), Some(4000), Some(500)]
+        );
         assert_eq!([0, 892_500, 921_600, 892_499].map(fastest), [Some(8000), Some(8000), Some(8000), Some(4000)]);
         assert_eq!([115_200, 57_600, 9600, 1].map(fastest), [Some(1000), Some(500), None, None]);
         assert_eq!(

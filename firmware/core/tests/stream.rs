@@ -440,3 +440,45 @@ fn a_flood_of_commands_does_not_crowd_out_samples() {
     // And the host is answered as often as there is room.
     assert!(rig.heard.replies().count() > 1000 && counters.notices_dropped > 0, "{counters:?}");
 }
+
+#[test]
+fn edges_late_early_doubled_and_missed_in_any_order_keep_the_accounts() {
+    streaming(Bench::default(), |rig| {
+        // As many as are drawn, by a generator of its own.
+        let (mut state, mut missed, mut extra) = (1_u32, 0, 0);
+        for _ in 0..20_000 {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            match state >> 28 {
+                0 => {
+                    rig.overlook_edges = 1;
+                    rig.step();
+                    missed += 1;
+                }
+                // The same edge again, as a line that bounces gives it.
+                1 | 2 => {
+                    rig.step();
+                    rig.sampler.data_ready(later(rig, 3));
+                    extra += 1;
+                }
+                // Noise in the middle between two.
+                3 => {
+                    rig.step();
+                    rig.sampler.data_ready(later(rig, 120));
+                    extra += 1;
+                }
+                _ => _ = rig.step(),
+            }
+        }
+        rig.run(10);
+        stop_and_settle_accounts(rig);
+        assert!(missed > 1000 && extra > 3000, "{missed} missed, {extra} extra");
+        assert_eq!(rig.heard.losses(), [missed, 0, 0]);
+        assert_eq!((rig.heard.gaps(), rig.wrong_samples()), (missed, 0));
+        assert!(rig.unnumbered_conversions().windows(2).all(|pair| pair[0] == pair[1]));
+    });
+}
+
+/// So many µs after now.
+fn later(rig: &Rig<'_>, us: u32) -> DeviceTime {
+    DeviceTime(rig.now().0.wrapping_add(us))
+}

@@ -8,6 +8,8 @@
 //!
 //! `slow_channels`: excitation and NTC of a front-end that measures them; counts are handed on as at the nominal excitation.
 //!
+//! `device_forces`: forces that a device computes, held against its samples.
+//!
 //! [`raw_frame`] is for a person at a board that was never run before.
 //!
 //! [`robot`] is the link to what moves the finger, [`simulated`] a device without hardware that all of this talks to as to a real one; [`error`] is what can go
@@ -19,6 +21,7 @@
 #![forbid(unsafe_code)]
 
 pub mod clock_map;
+mod device_forces;
 pub mod error;
 mod link;
 pub mod raw_frame;

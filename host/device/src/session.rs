@@ -24,12 +24,13 @@ use std::time::{Duration, Instant};
 use palpate::finger::Samples;
 use palpate_shared::units::{Counts, Seq};
 use palpate_shared::wire::{
-    Block, Command, CommandId, Counters, Event, Failure, Fault, FromDevice, Health, Hello, NewerMessage, Outcome,
-    PROTOCOL, ProtocolVersion, RAW_FRAME_BYTES, Refusal, Reply, Request, SelfTest, SlowChannels, Source, Status,
-    Temperature,
+    Block, Command, CommandId, Counters, Event, Failure, Fault, ForceMatrix, FromDevice, Health, Hello, NewerMessage,
+    Outcome, PROTOCOL, ProtocolVersion, RAW_FRAME_BYTES, Refusal, Reply, Request, SelfTest, SlowChannels, Source,
+    Status, Temperature,
 };
 
 use crate::clock_map::{ClockEstimate, ClockMap};
+use crate::device_forces::DeviceForces;
 use crate::error::{LinkError, Opened};
 use crate::link::{Heard, Link, gone};
 use crate::sample_sequence::{Continuity, Sequence};
@@ -80,6 +81,8 @@ pub enum Incoming {
     SlowChannels(SlowChannels),
     /// Digital inputs, as they changed or stood at the start of the stream.
     Inputs(InputLevels),
+    /// A force that the device computed, checked against the samples that it is of.
+    Force(DeviceForce),
     /// The device started anew: its settings were restored, its sample numbers begin again at 0.
     Restarted(Hello),
     /// The device streams and its samples have stopped coming, though the link stands. Told once until they come again.
@@ -113,6 +116,30 @@ pub struct InputLevels {
     /// Changes since the message before; more than 1 where several came at once or faster than they are told, 0 at the
     /// start of the stream.
     pub changes: u16,
+}
+
+/// A force as the device computed it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DeviceForce {
+    /// Device time of the middle of its samples' stamps, in µs and without wrap.
+    pub time_us: u64,
+    /// Mean force on x and y of the finger, in N.
+    pub force_finger: [f64; 2],
+    /// What holds for its samples; of saturated or unsettled ones it says nothing.
+    pub status: Status,
+    /// Whether it is, bit for bit, what the samples before it give; `None` where these did not come.
+    pub agrees: Option<bool>,
+}
+
+/// How often forces that the device computed were held against its samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ForceCheck {
+    /// Forces that were what the samples give.
+    pub equal: u64,
+    /// Forces that were not.
+    pub different: u64,
+    /// Forces whose samples did not come.
+    pub unchecked: u64,
 }
 
 /// What a session has counted.
@@ -256,6 +283,7 @@ pub struct Session {
     temperature_c: Option<f64>,
     slow: SlowReadings,
     input_levels: Option<InputLevels>,
+    device_forces: DeviceForces,
     /// Added to the device's time, so that it goes on over the device's restarts.
     time_base_us: u64,
     /// Found while taking in a message; told by the next call.
@@ -362,6 +390,7 @@ impl Session {
             temperature_c: None,
             slow: SlowReadings::default(),
             input_levels: None,
+            device_forces: DeviceForces::default(),
             time_base_us: 0,
             pending_error: None,
             still_down: String::new(),
@@ -555,6 +584,9 @@ impl Session {
             Request::SetRate { rate_hz } => settings.rate_hz = rate_hz,
             Request::SetGain { gain } => settings.gain = gain,
             Request::SetSource { source } => settings.source = source,
+            Request::SetForceMatrix { matrix, .. } => self.device_forces.matrix = Some(matrix),
+            Request::SetForceTare { tare } => self.device_forces.tare(tare),
+            Request::StreamForces { on } => self.device_forces.is_on = on,
             Request::Start => {
                 self.wanted.streaming = true;
                 self.samples_came(now);
@@ -692,6 +724,26 @@ impl Session {
             Outcome::RawFrame { bytes } => Ok(bytes),
             _ => Err(LinkError::WrongAnswer { request: in_words(request) }),
         }
+    }
+
+    /// Has the device compute forces by this matrix, and send one with each block; or no longer. Not while it streams.
+    ///
+    /// Forces come beside the samples, and each is held against them: whoever has both goes by the samples. A device that
+    /// starts anew gets the matrix again.
+    ///
+    /// # Errors
+    /// As [`Session::request`]; refused while streaming, and where the line does not carry both at this rate.
+    pub fn set_device_forces(&mut self, matrix: Option<ForceMatrix>) -> Result<(), LinkError> {
+        if let Some(matrix) = matrix {
+            self.request(Request::SetForceMatrix { matrix, checksum: matrix.checksum() })?;
+        }
+        self.request(Request::StreamForces { on: matrix.is_some() }).map(drop)
+    }
+
+    /// How the device's forces compared with its samples so far.
+    #[must_use]
+    pub fn force_check(&self) -> ForceCheck {
+        self.device_forces.check
     }
 
     /// Restarts the device. [`Session::next`] then hands on [`Incoming::Restarted`] and restores the settings.
@@ -842,7 +894,11 @@ impl Session {
         self.backlog.retain(|(incoming, _)| {
             !matches!(
                 incoming,
-                Incoming::Samples(_) | Incoming::Temperature(_) | Incoming::SlowChannels(_) | Incoming::Inputs(_)
+                Incoming::Samples(_)
+                    | Incoming::Temperature(_)
+                    | Incoming::SlowChannels(_)
+                    | Incoming::Inputs(_)
+                    | Incoming::Force(_)
             )
         });
     }
@@ -987,6 +1043,13 @@ impl Session {
                 self.input_levels = Some(levels);
                 self.backlog.push_back((Incoming::Inputs(levels), came.at));
             }
+            FromDevice::Force(force) => {
+                let time_us = self.time_base_us + self.sequence.time_us(force.time);
+                let half_us =
+                    u64::from(force.samples.saturating_sub(1)) * 500_000 / u64::from(self.hello.rate_hz.max(1));
+                let force = self.device_forces.take(&force, time_us + half_us);
+                self.backlog.push_back((Incoming::Force(force), came.at));
+            }
             FromDevice::SlowChannels(slow) => {
                 self.slow.take(&self.hello, slow);
                 self.backlog.push_back((Incoming::SlowChannels(slow), came.at));
@@ -1009,6 +1072,7 @@ impl Session {
     }
 
     fn take_block(&mut self, block: Block, came: Stamp) {
+        self.device_forces.remember(&block);
         if self.standing != Standing::Known {
             // What its samples mean is not known. They will be missing.
             return;
@@ -1216,6 +1280,10 @@ impl Session {
                 other => other.map(drop)?,
             }
         }
+        // They are asked for at rest: a device that did not start anew, and streams, has them still.
+        if let Some(matrix) = self.device_forces.wanted().filter(|_| !self.hello.streaming) {
+            self.set_device_forces(Some(matrix))?;
+        }
         self.refresh_hello()?;
         let is = Settings::of(&self.hello);
         if is != was {
@@ -1359,5 +1427,10 @@ fn in_words(request: Request) -> String {
         Request::Fail { failure: Failure::BadAccess } => "to read where no memory is".to_owned(),
         Request::Fail { failure: Failure::StackOverflow } => "to overflow its stack".to_owned(),
         Request::RawFrame { .. } => "to exchange a frame with its front-end".to_owned(),
+        Request::SetForceMatrix { .. } => "to keep a matrix of forces".to_owned(),
+        Request::SetForceTare { .. } => "to take a tare for its forces".to_owned(),
+        Request::StreamForces { on: true } => "to send forces".to_owned(),
+        Request::StreamForces { on: false } => "to send no forces".to_owned(),
+        Request::ForceMatrix => "for the matrix of its forces".to_owned(),
     }
 }

@@ -24,6 +24,7 @@ const REPLY: u32 = 3;
 const TEMPERATURE: u32 = 4;
 const SLOW_CHANNELS: u32 = 5;
 const INPUTS: u32 = 6;
+const FORCE: u32 = 7;
 
 /// The number of [`super::Outcome::Hello`].
 const HELLO_OUTCOME: u32 = 1;
@@ -86,7 +87,7 @@ impl NewerMessage {
                 let hello = (outcome == HELLO_OUTCOME).then(|| take(rest)).flatten();
                 Some(Self::Reply { id, device: hello.map(|(device, _)| device) })
             }
-            BLOCK | TEMPERATURE | SLOW_CHANNELS | INPUTS => None,
+            BLOCK | TEMPERATURE | SLOW_CHANNELS | INPUTS | FORCE => None,
             _ => Some(Self::Kind { variant }),
         }
     }

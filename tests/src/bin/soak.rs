@@ -91,6 +91,7 @@ impl Seen {
             | Incoming::Temperature(_)
             | Incoming::SlowChannels(_)
             | Incoming::Inputs(_)
+            | Incoming::Force(_)
             | Incoming::Disconnected { .. } => {}
         }
     }

@@ -253,7 +253,11 @@ fn tell(incoming: &Incoming) {
             note!("link back after {:.1} s; the samples missed meanwhile cannot be counted", after.as_secs_f64());
         }
         Incoming::Restarted(_) => note!("the device started anew; its settings were restored"),
-        Incoming::Samples(_) | Incoming::Temperature(_) | Incoming::SlowChannels(_) | Incoming::Inputs(_) => {}
+        Incoming::Samples(_)
+        | Incoming::Temperature(_)
+        | Incoming::SlowChannels(_)
+        | Incoming::Inputs(_)
+        | Incoming::Force(_) => {}
     }
 }
 

@@ -123,6 +123,7 @@ pub fn stream(session: &mut Session, mut take: impl FnMut(&mut Session, &Incomin
                     | Incoming::Temperature(_)
                     | Incoming::SlowChannels(_)
                     | Incoming::Inputs(_)
+                    | Incoming::Force(_)
                     | Incoming::Silent { .. } => {}
                 }
                 if !take(session, &incoming) {

@@ -32,6 +32,9 @@ pub(super) fn tell(json: bool, incoming: &Incoming) {
         Incoming::Inputs(inputs) => json!({
             "t": inputs_t(inputs), "inputs": inputs.levels, "changes": inputs.changes,
         }),
+        Incoming::Force(force) => json!({
+            "t": force.time_us as f64 * 1e-6, "device_force": force.force_finger, "agrees": force.agrees,
+        }),
         Incoming::Samples(_) | Incoming::Temperature(_) | Incoming::SlowChannels(_) => return,
     };
     // If nobody reads, the next line of samples finds out.

@@ -1,5 +1,6 @@
 //! `palpate monitor`.
 
+mod device_force;
 mod lines;
 mod watch;
 
@@ -85,6 +86,10 @@ pub(crate) struct Arguments {
     /// Say at the end how long samples took to become angles
     #[arg(long)]
     latency: bool,
+
+    /// Have the device compute forces as well, and hold each against its samples
+    #[arg(long)]
+    device_force: bool,
 }
 
 /// The screen is told of readings at this rate, Hz: twice as often as it is drawn.
@@ -121,6 +126,12 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     if let Some(file) = &arguments.keep_tare {
         kept.save(file)?;
     }
+    if arguments.device_force {
+        let matrix = device_force::matrix(&finger.calibration, &tare)?;
+        session.stop().advised()?;
+        session.set_device_forces(Some(matrix)).advised()?;
+        live::start(&mut session).advised()?;
+    }
     let tared = Tared::new(finger, tare)?;
     let mut watch = Watch::new(arguments, tared, judge, screen)?;
     let is_read = loop {
@@ -139,12 +150,13 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     // What is told from here on is for the terminal as it was.
     drop(watch);
     tell_counts(&session);
+    let forces_hold = !arguments.device_force || device_force::holds(&session);
     lacking::tell("since the tare", &lacked);
     if !is_read {
         recording::end();
         std::process::exit(super::EXIT_BROKEN_PIPE);
     }
-    Ok(lacking::status(&lacked))
+    Ok(if forces_hold { lacking::status(&lacked) } else { ExitCode::FAILURE })
 }
 
 /// A screen for this device, before anything is felt.

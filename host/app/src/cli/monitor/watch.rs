@@ -15,6 +15,7 @@ use palpate::finger::rest::RestStretch;
 use palpate::finger::sense::FingerSense;
 use palpate_device::trace::Input;
 use palpate_device::{Incoming, Session};
+use palpate_shared::wire::Request;
 
 use super::super::calibrated::KeptTare;
 use super::super::latency::Latency;
@@ -274,7 +275,7 @@ impl<'a> Watch<'a> {
     }
 
     /// Takes samples for a new tare, if one is being taken, and puts it to use once it is done.
-    fn rest(&mut self, session: &Session, judged: &[Judged]) -> miette::Result<()> {
+    fn rest(&mut self, session: &mut Session, judged: &[Judged]) -> miette::Result<()> {
         let Some(rested) = tared::rested(&mut self.resting, judged) else { return Ok(()) };
         match rested.and_then(|readings| self.tared.finger.tare(&readings)) {
             Ok(tare) => self.put_to_use(session, tare),
@@ -286,7 +287,11 @@ impl<'a> Watch<'a> {
         }
     }
 
-    fn put_to_use(&mut self, session: &Session, tare: Tare) -> miette::Result<()> {
+    fn put_to_use(&mut self, session: &mut Session, tare: Tare) -> miette::Result<()> {
+        if self.arguments.device_force {
+            let tare = super::device_force::matrix(&self.tared.finger.calibration, &tare)?.tare;
+            session.request(Request::SetForceTare { tare }).advised()?;
+        }
         self.tared.sense = self.tared.finger.tared(tare)?;
         self.monitor.set_sense(self.tared.sense.clone());
         tared::report(&tare, self.tared.unit());
