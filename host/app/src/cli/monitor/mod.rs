@@ -1,7 +1,7 @@
 //! `palpate monitor`.
 
 mod lines;
-mod watch;
+pub(super) mod watch;
 
 use std::process::ExitCode;
 
@@ -160,7 +160,8 @@ fn shown(session: &Session, finger: &Untared) -> miette::Result<Screen> {
     Screen::start(state).into_diagnostic()
 }
 
-fn tell_counts(session: &Session) {
+/// Tells what the session counted.
+pub(super) fn tell_counts(session: &Session) {
     let counts = session.counts();
     let newer = match counts.unknown_messages {
         0 => String::new(),
