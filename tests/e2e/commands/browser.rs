@@ -117,7 +117,7 @@ impl Browser {
 
     /// Waits until an expression is true on the page.
     fn wait(&mut self, expression: &str) {
-        let deadline = Instant::now() + 2 * PATIENCE;
+        let deadline = Instant::now() + 4 * PATIENCE;
         while self.value(expression) != true {
             let last =
                 "JSON.stringify({ ...palpate, last: { ...palpate.last, points: 0, push: palpate.last?.push?.stage } })";

@@ -117,7 +117,7 @@ impl Serving {
     }
 
     fn ended(mut self) -> Option<i32> {
-        let deadline = Instant::now() + PATIENCE;
+        let deadline = Instant::now() + 4 * PATIENCE;
         while Instant::now() < deadline {
             if let Some(status) = self.program.0.try_wait().unwrap() {
                 return status.code();
@@ -171,7 +171,8 @@ impl Messages {
 
     /// The first message from here on that is wanted.
     fn wait(&mut self, what: &str, wanted: impl Fn(&Value) -> bool) -> Value {
-        let deadline = Instant::now() + PATIENCE;
+        // A search of a debug build on a machine that does other things too takes a while.
+        let deadline = Instant::now() + 4 * PATIENCE;
         let mut last = Value::Null;
         while Instant::now() < deadline {
             last = self.read().unwrap_or_else(|| panic!("the stream ended before {what}: {last}"));
@@ -359,7 +360,9 @@ fn a_pushed_part_is_shown_where_it_is_live_and_from_the_recording() {
         let pose = [0, 1, 2].map(|place| belief["poses"][0]["pose"][place].as_f64().unwrap());
         let distance = (pose[0] - truth.translation.x).hypot(pose[1] - truth.translation.y);
         assert!(distance < 5e-4, "off by {distance:e} m: {belief}");
-        page.wait_for("over");
+        if over["condition"]["is"] != "over" {
+            page.wait_for("over");
+        }
     };
     watch(&mut page);
     assert_eq!(serving.ended(), Some(0));

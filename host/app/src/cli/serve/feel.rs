@@ -68,8 +68,9 @@ impl<'a> Feel<'a> {
         }
     }
 
-    /// What the samples since the first tare lacked.
-    pub(super) fn tally(&self) -> Tally {
+    /// Has what was felt looked at to its end; what the samples since the first tare lacked.
+    pub(super) fn finish(mut self) -> Tally {
+        self.observer.take().into_iter().for_each(Observer::finish);
         self.monitor.as_ref().map(ContactMonitor::tally).unwrap_or_default()
     }
 

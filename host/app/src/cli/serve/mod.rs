@@ -265,7 +265,7 @@ impl Arguments {
         felt?;
         stopped.advised()?;
         super::monitor::tell_counts(&session);
-        let lacked = feel.tally();
+        let lacked = feel.finish();
         lacking::tell("since the tare", &lacked);
         Ok(lacking::status(&lacked))
     }

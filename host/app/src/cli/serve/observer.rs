@@ -6,6 +6,7 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::{self, JoinHandle};
 
 use miette::IntoDiagnostic as _;
+use palpate::Stop;
 use palpate::finger::judge::Judged;
 use palpate::pushing::estimation::Estimate;
 use palpate::pushing::estimation::from_rest::watch::PushWatch;
@@ -13,12 +14,13 @@ use palpate::pushing::finger_motion::FingerMotion;
 use palpate_files::part::PolygonFile;
 
 use super::super::watched_push::{FeltPush, not_at_rest};
+use crate::live::interrupt;
 use crate::recording::{self, Believed};
 use crate::web::server::Board;
 use crate::web::shown::{Belief, PushStage, ShownPose};
 
-/// Blocks that wait for a search to end, at most: two seconds of them at 4 kHz. Then the samples wait too, in the session.
-const WAITING_MAX: usize = 1000;
+/// Blocks that wait for a search to end, at most: a minute of them at 4 kHz, 10 MB. Then the samples wait too, in the session.
+const WAITING_MAX: usize = 30_000;
 
 /// Pieces in which the finger's way is drawn.
 const PATH_PIECES: u32 = 64;
@@ -82,16 +84,25 @@ impl Observer {
     pub(super) fn begin_anew(&self) {
         self.tell(Told::Anew);
     }
-}
 
-impl Drop for Observer {
-    fn drop(&mut self) {
-        self.is_stopped.store(true, Ordering::Relaxed);
+    /// No more is to come: waits until everything was looked at, or the person wishes to stop.
+    pub(super) fn finish(mut self) {
+        self.join();
+    }
+
+    fn join(&mut self) {
         drop(self.told.take());
         if let Some(thread) = self.thread.take() {
             // A panic in the thread has been reported by it.
             let _ = thread.join();
         }
+    }
+}
+
+impl Drop for Observer {
+    fn drop(&mut self) {
+        self.is_stopped.store(true, Ordering::Relaxed);
+        self.join();
     }
 }
 
@@ -111,12 +122,13 @@ impl Observing {
     }
 
     fn run(mut self, told: &Receiver<Told>, stop: &AtomicBool) {
+        let stop = || stop.load(Ordering::Relaxed) || interrupt::requested();
         for told in told {
-            if stop.load(Ordering::Relaxed) {
+            if stop() {
                 return;
             }
             match told {
-                Told::Judged(judged) => self.take(judged, stop),
+                Told::Judged(judged) => self.take(judged, &stop),
                 Told::Motion(motion, is_complete) => {
                     let path = path(&motion);
                     self.show(|push| push.path = path);
@@ -134,7 +146,7 @@ impl Observing {
         self.board.update(|shown| shown.push.as_mut().map(change));
     }
 
-    fn take(&mut self, judged: Vec<Judged>, stop: &AtomicBool) {
+    fn take(&mut self, judged: Vec<Judged>, stop: Stop<'_>) {
         if self.is_over {
             return;
         }
@@ -151,14 +163,13 @@ impl Observing {
         let stage = if onset.is_some() { PushStage::Pushing } else { PushStage::Ready };
         self.show(|push| (push.stage, push.finger) = (stage, finger));
         let known = self.known.felt.known(&self.known.file, motion);
-        let stop = || stop.load(Ordering::Relaxed);
         if self.watch.is_due(motion)
-            && let Some(answer) = self.watch.look(&known, &stop)
+            && let Some(answer) = self.watch.look(&known, stop)
         {
             self.believe(&answer.estimate, false);
         }
         if self.watch.is_over(motion, *is_complete) {
-            let answer = self.watch.conclude(&known, &stop).filter(|_| !stop());
+            let answer = self.watch.conclude(&known, stop).filter(|_| !stop());
             self.is_over = true;
             match answer {
                 Some(answer) => {
