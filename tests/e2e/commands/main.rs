@@ -4,11 +4,15 @@
 
 #![allow(clippy::unwrap_used, reason = "clippy exempts tests, but not their helpers")]
 
+#[cfg(all(unix, feature = "web"))]
+mod browser;
 mod carried;
 mod chain;
 mod contact;
 #[cfg(unix)]
 mod devices;
+#[cfg(all(unix, feature = "foxglove"))]
+mod foxglove;
 mod friction;
 mod gho;
 mod help;
@@ -28,6 +32,8 @@ mod robot;
 mod sample;
 #[cfg(unix)]
 mod screen;
+#[cfg(all(unix, feature = "web"))]
+mod serve;
 mod shaken_palm;
 mod solve;
 mod solving;

@@ -58,6 +58,8 @@ mod recover;
 mod replay;
 mod roll;
 mod sample;
+#[cfg(feature = "web")]
+mod serve;
 mod simulate_device;
 mod simulate_robot;
 mod solve;
@@ -108,6 +110,8 @@ enum Command {
     Wave(wave::Arguments),
     LocateTip(locate_tip::Arguments),
     Monitor(monitor::Arguments),
+    #[cfg(feature = "web")]
+    Serve(serve::Arguments),
     Record(record::Arguments),
     Replay(replay::Arguments),
     Recover(recover::Arguments),
@@ -162,6 +166,8 @@ where
         Command::Wave(arguments) => wave::run(&arguments),
         Command::LocateTip(arguments) => locate_tip::run(&arguments),
         Command::Monitor(arguments) => monitor::run(&arguments),
+        #[cfg(feature = "web")]
+        Command::Serve(arguments) => serve::run(&arguments),
         Command::Record(arguments) => record::run(&arguments),
         Command::Replay(arguments) => replay::run(&arguments),
         Command::Recover(arguments) => recover::run(&arguments),

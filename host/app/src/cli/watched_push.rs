@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use miette::WrapErr as _;
 use nalgebra::Rotation2;
+use palpate::finger::calibration::{Calibration, FrontEnd};
 use palpate::finger::contact::TareError;
 use palpate::finger::judge::{CountsJudge, ForceJudge, Judged};
 use palpate::gravity::GRAVITY_ASSUMED;
@@ -181,6 +182,18 @@ impl FeltPushArguments {
                 wave.mounting_deg,
                 wave.mounting_deg
             );
+        }
+    }
+
+    /// A finger about to rest and then to push, along the robot's axes, of which an estimate is due so often; a tare of a
+    /// finger under load is refused where its front-end is given.
+    pub(super) fn watch(&self, every_s: f64, calibration: &Calibration, front_end: Option<FrontEnd>) -> PushWatch {
+        let settings = WatchSettings { rest_s: self.tare, every_s };
+        let calibration = calibration.mounted(self.mounting()).with_scale_sd(SCALE_SD);
+        let watch = PushWatch::new(settings, Some(&calibration));
+        match front_end {
+            Some(front_end) => watch.behind(front_end),
+            None => watch,
         }
     }
 
@@ -448,8 +461,7 @@ impl WatchedPushArguments {
         let front_end = live::front_end(session.hello()).advised()?;
         let is_checked = self.offset.expected(&calibration, &front_end).is_some();
         let mounting = self.felt.mounting();
-        let watch = PushWatch::new(settings, Some(&calibration.mounted(mounting).with_scale_sd(SCALE_SD)));
-        let mut watch = if is_checked { watch.behind(front_end) } else { watch };
+        let mut watch = self.felt.watch(settings.every_s, &calibration, is_checked.then_some(front_end));
         let mut judge = CountsJudge::new(&calibration);
         let mut failed = None;
         recording::tared(calibration.unit().symbol(), None);

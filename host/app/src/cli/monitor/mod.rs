@@ -2,7 +2,7 @@
 
 mod device_force;
 mod lines;
-mod watch;
+pub(super) mod watch;
 
 use std::process::ExitCode;
 
@@ -172,7 +172,8 @@ fn shown(session: &Session, finger: &Untared) -> miette::Result<Screen> {
     Screen::start(state).into_diagnostic()
 }
 
-fn tell_counts(session: &Session) {
+/// Tells what the session counted.
+pub(super) fn tell_counts(session: &Session) {
     let counts = session.counts();
     let newer = match counts.unknown_messages {
         0 => String::new(),

@@ -33,7 +33,7 @@ use crate::screen::terminal::{Screen, Wish};
 pub(crate) const INPUTS: &str = "monitor";
 
 /// The wish for a new tare; over how many seconds follows.
-const TARE: &str = "tare ";
+pub(crate) const TARE: &str = "tare ";
 
 /// What a mark begins with; its number follows.
 pub(crate) const MARK: &str = "mark";
