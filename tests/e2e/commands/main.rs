@@ -24,6 +24,7 @@ mod observability;
 mod observe;
 mod observe_follow;
 mod observe_path;
+mod observe_slow;
 mod pages;
 mod push;
 mod real;

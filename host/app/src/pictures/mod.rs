@@ -8,3 +8,5 @@ pub mod plot;
 pub mod point_sampling;
 pub mod push;
 pub mod roll;
+pub mod slow_chain;
+pub mod slow_push;

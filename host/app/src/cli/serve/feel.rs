@@ -110,7 +110,12 @@ impl<'a> Feel<'a> {
                 Incoming::Silent { .. } => shown.state.link = Link::Silent,
                 Incoming::Restarted(_) => shown.tell("the device started anew; its settings were restored".to_owned()),
                 Incoming::Event(event) => shown.tell(format!("device: {}", live::in_words(event.kind))),
-                Incoming::Samples(_) | Incoming::Temperature(_) | Incoming::Reconnected { .. } => {}
+                Incoming::Samples(_)
+                | Incoming::Temperature(_)
+                | Incoming::SlowChannels(_)
+                | Incoming::Inputs(_)
+                | Incoming::Force(_)
+                | Incoming::Reconnected { .. } => {}
             });
             self.observe(session, &judged)?;
             if let Some(monitor) = &mut self.monitor {
