@@ -108,6 +108,14 @@ fn ellipse_outline([a, b]: [f64; 2]) -> Vec<Point2<f64>> {
 }
 
 impl DescribedPart {
+    /// The part that a file draws, of uniform density where it is a drawing.
+    ///
+    /// # Errors
+    /// [`PartFileError::TipsOver`] for a solid that does not stay as it lies.
+    pub fn of_drawn(drawn: &Drawn, unit: Unit) -> Result<Self, PartFileError> {
+        Keys::nothing(unit).drawn_polygon(drawn)
+    }
+
     /// What the part rests on, and its mass.
     #[must_use]
     pub fn body(&self) -> &Body {
@@ -694,6 +702,24 @@ fn shares(feet: &[Numbers<3>], metres: f64) -> Result<Vec<(Point2<f64>, f64)>, P
 }
 
 impl Keys {
+    /// A file in which nothing is said.
+    fn nothing(unit: Unit) -> Self {
+        Self {
+            unit,
+            vertices: None,
+            ellipse: None,
+            outline: None,
+            mu: 0.0,
+            mu_c: None,
+            feet: None,
+            centre_of_mass: None,
+            radius_of_gyration: None,
+            support: None,
+            outline_sigma: None,
+            centre_of_mass_sigma: None,
+        }
+    }
+
     fn parse(text: &str) -> Result<Self, PartFileError> {
         toml::from_str(text).map_err(|error| PartFileError::Toml(error.to_string()))
     }

@@ -13,7 +13,7 @@ use super::measured_motion::{self, MeasuredMotionArguments};
 use super::observe_gho::{GhoArguments, GhoPush};
 use super::observed_plot::{self, Heading};
 use super::plot::PlotArguments;
-use super::read::{read, tell_part};
+use super::read::{read_beside, tell_part};
 use super::watched_push::{Ongoing, Watched, WatchedPushArguments, Watching, too_short};
 use super::{lacking, misfit, pose, positive};
 use crate::recording::{self, Believed};
@@ -129,7 +129,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         let help = "say --method gho, or leave --contact, --zeta, --correction-s, --edge and --initial-estimate out";
         return Err(miette::miette!(help = help, "the thesis's observers are told how to observe, and not asked for"));
     }
-    let file = read(&arguments.part, PolygonFile::parse)?;
+    let file = read_beside(&arguments.part, PolygonFile::parse_beside)?;
     tell_part(&arguments.part, file.part.polygon().vertices(), file.part.body(), &file.doubts());
     if let (Some(forces), Some(path)) = (&arguments.push.forces, arguments.measured.path()) {
         if arguments.method != Method::Search {

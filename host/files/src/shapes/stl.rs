@@ -9,6 +9,7 @@ use i_overlay::float::overlay::{FloatOverlay, OverlayOptions};
 use nalgebra::{Point2, Point3};
 use palpate::geometry::mesh::{BasePatch, FACETS_MAX, Mesh, MeshError, signed_area};
 use palpate::geometry::{SimplePolygon, bounding_box, simplified};
+use palpate::pushing::dynamics::Mass;
 use palpate::pushing::dynamics::resting::weights;
 
 use super::chain::contains;
@@ -69,11 +70,12 @@ pub(super) fn read(bytes: &[u8], request: &Request) -> Result<Drawn, ShapeError>
         Some(Height::Slice(height)) => (mesh.slice(low + height), format!("the slice at {:.3} mm", height * 1e3)),
     };
     let (outline, error) = outline(loops, &what, request, [low, high], mesh.extent())?;
-    let mass = mesh.mass();
+    let centre = mesh.centre_of_mass();
+    let mass = Mass { centre_of_mass: centre.xy(), inertia_per_mass: mesh.inertia_per_mass() };
     let solid = Solid {
         volume: mesh.volume(),
         height: high - low,
-        centre_height: mesh.centre_of_mass().z - low,
+        centre_height: centre.z - low,
         mass,
         feet: feet(&mesh.base(), &outline, mass.centre_of_mass),
     };

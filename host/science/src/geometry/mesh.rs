@@ -11,8 +11,6 @@ use std::collections::HashMap;
 
 use nalgebra::{Point2, Point3, Vector3};
 
-use crate::pushing::dynamics::Mass;
-
 /// Most facets of a mesh: a finger feels nothing of what a hundredth of them leave out, and memory stays below 300 MB.
 pub const FACETS_MAX: usize = 1_000_000;
 
@@ -184,9 +182,9 @@ impl Mesh {
         corner + self.facets.iter().map(moment).sum::<Vector3<f64>>() / (24.0 * self.volume())
     }
 
-    /// Where a uniform solid's mass is as seen from above: what a push on a table feels of it.
+    /// The moment of inertia of a uniform solid about the vertical through its centre of mass, over its mass, m².
     #[must_use]
-    pub fn mass(&self) -> Mass {
+    pub fn inertia_per_mass(&self) -> f64 {
         let centre = self.centre_of_mass();
         let moment = |facet| {
             let corners = self.corners(facet).map(|point| point - centre);
@@ -201,8 +199,7 @@ impl Mesh {
                 .sum();
             a.dot(&b.cross(&c)) * squares
         };
-        let inertia = self.facets.iter().map(moment).sum::<f64>() / 60.0;
-        Mass { centre_of_mass: centre.xy(), inertia_per_mass: inertia / self.volume() }
+        self.facets.iter().map(moment).sum::<f64>() / (60.0 * self.volume())
     }
 
     /// The outlines at a height z, m: loops with the material on their left. None where the solid is not.
@@ -352,6 +349,7 @@ mod tests {
     use super::*;
     use crate::geometry::SimplePolygon;
     use crate::math::random::Draw;
+    use crate::pushing::dynamics::Mass;
 
     /// Rounding of sums over some hundred facets.
     const ROUNDING: f64 = 1e-9;
@@ -381,9 +379,9 @@ mod tests {
             let mesh = Mesh::new(&prism(polygon.vertices(), Point2::origin(), heights)).unwrap();
             let plate = Mass::uniform(&polygon);
             prop_assert!((mesh.volume() / (polygon.area() * 0.014) - 1.0).abs() < ROUNDING);
-            prop_assert!((mesh.mass().centre_of_mass - plate.centre_of_mass).norm() < ROUNDING * 0.05);
+            prop_assert!((mesh.centre_of_mass().xy() - plate.centre_of_mass).norm() < ROUNDING * 0.05);
             prop_assert!((mesh.centre_of_mass().z - 0.01).abs() < ROUNDING);
-            prop_assert!((mesh.mass().inertia_per_mass / plate.inertia_per_mass - 1.0).abs() < ROUNDING);
+            prop_assert!((mesh.inertia_per_mass() / plate.inertia_per_mass - 1.0).abs() < ROUNDING);
             let loops = mesh.slice(heights[0] + share * 0.014);
             prop_assert_eq!(loops.len(), 1);
             prop_assert!((signed_area(&loops[0]) / polygon.area() - 1.0).abs() < ROUNDING);
@@ -448,7 +446,7 @@ mod tests {
         assert!((mesh.volume() - 6.4e-5).abs() < 1e-15);
         // (M R² − m r²) / (M − m), where squares of side s have s² / 6.
         let wanted = (3.6e-3 * 3.6e-3 - 4e-4 * 4e-4) / 6.0 / 3.2e-3;
-        assert!((mesh.mass().inertia_per_mass / wanted - 1.0).abs() < ROUNDING);
+        assert!((mesh.inertia_per_mass() / wanted - 1.0).abs() < ROUNDING);
         // Inside out it is the same solid.
         triangles.iter_mut().for_each(|facet| facet.swap(0, 1));
         assert!((Mesh::new(&triangles).unwrap().volume() - 6.4e-5).abs() < 1e-15);
