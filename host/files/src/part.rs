@@ -883,7 +883,7 @@ mod tests {
 
     #[test]
     fn without_more_keys_a_part_is_a_uniform_plate() {
-        let PartFile { part, mu, mu_c, unit, errors } = PartFile::parse(BLOCK).unwrap();
+        let PartFile { part, mu, mu_c, unit, errors, .. } = PartFile::parse(BLOCK).unwrap();
         assert_eq!(errors, PartErrors::NONE);
         assert_eq!((mu, mu_c, unit), (0.3, None, Unit::Millimetre));
         assert!((part.centre_of_mass() - Point2::new(0.03, 0.02)).norm() < ROUNDING);

@@ -130,11 +130,11 @@ impl Mesh {
         }
         edges.sort_unstable();
         let open = |edge: &&[(usize, usize, i8, usize)]| edge.iter().map(|edge| i32::from(edge.2)).sum::<i32>() != 0;
-        let mut broken = edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).filter(open);
-        broken.next().map_or(Ok(()), |first| {
-            let facet = first.iter().map(|edge| edge.3).min().unwrap_or(0);
-            Err(MeshError::Open { facet, open: 1 + broken.count() })
-        })
+        let broken: Vec<_> = edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).filter(open).collect();
+        match broken.iter().flat_map(|edge| edge.iter()).map(|edge| edge.3).min() {
+            None => Ok(()),
+            Some(facet) => Err(MeshError::Open { facet, open: broken.len() }),
+        }
     }
 
     /// Corners of a facet.
@@ -455,7 +455,7 @@ mod tests {
     #[test]
     fn what_is_no_solid_is_refused() {
         let block = prism(&square(0.03), Point2::origin(), [0.0, 0.02]);
-        assert_eq!(Mesh::new(&block[1..]), Err(MeshError::Open { facet: 0, open: 3 }));
+        assert_eq!(Mesh::new(&block[1..]), Err(MeshError::Open { facet: 2, open: 3 }));
         assert_eq!(Mesh::new(&[]), Err(MeshError::Empty));
         let mut endless = block.clone();
         endless[5][1].x = f64::NAN;
