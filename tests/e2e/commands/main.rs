@@ -21,6 +21,7 @@ mod observe;
 mod observe_follow;
 mod observe_path;
 mod pages;
+mod part;
 mod push;
 mod real;
 mod recording;
