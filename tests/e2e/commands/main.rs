@@ -26,6 +26,7 @@ mod observe_follow;
 mod observe_path;
 mod observe_slow;
 mod pages;
+mod part;
 mod push;
 mod real;
 mod recording;
