@@ -81,7 +81,7 @@ impl Status {
             3 => State::DownloadSync,
             4 => State::DownloadBusy,
             5 => State::DownloadIdle,
-            6 | 7 | 8 => State::Manifest,
+            6..=8 => State::Manifest,
             9 => State::UploadIdle,
             10 => State::Error,
             other => State::Other(other),
