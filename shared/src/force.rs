@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::units::Counts;
 
 /// Most samples that one force is the mean of.
-pub const MEAN_SAMPLES_MAX: usize = 8;
+pub const MEAN_SAMPLES_MAX: u8 = 8;
 
 /// Parts of a µN a count in which entries are: 2¹⁹.
 const ENTRY_UNIT: i64 = 1 << 19;
@@ -80,7 +80,7 @@ impl ForceMatrix {
                 *sum += i64::from(code.0);
             }
         }
-        if !(1..=MEAN_SAMPLES_MAX as i64).contains(&count) || !self.is_sound() {
+        if count == 0 || count > i64::from(MEAN_SAMPLES_MAX) || !self.is_sound() {
             return None;
         }
         // At most 2³¹: eight codes of 2²³ in sixteenths, and as much of the tare.
@@ -146,7 +146,7 @@ mod tests {
         fn forces_are_those_of_real_numbers_within_a_tenth_of_a_millinewton(
             // The default finger at gain 1 has 1200 µN a count, at gain 32 37 µN.
             entries in prop::array::uniform2([-1200e-6..1200e-6, -1200e-6..1200e-6]),
-            tare in [-1e5..1e5, -1e5..1e5], samples in prop::collection::vec(codes(), 1..=MEAN_SAMPLES_MAX),
+            tare in [-1e5..1e5, -1e5..1e5], samples in prop::collection::vec(codes(), 1..=usize::from(MEAN_SAMPLES_MAX)),
         ) {
             let matrix = ForceMatrix::new(entries, tare).unwrap();
             let found = matrix.force_un(samples.iter().map(|&[x, y]| [Counts(x), Counts(y)])).unwrap();
@@ -169,7 +169,7 @@ mod tests {
         fn no_sound_matrix_overflows(
             entries in prop::array::uniform2([-ENTRY_MAX..=ENTRY_MAX, -ENTRY_MAX..=ENTRY_MAX]),
             tare in [-16 * 0x80_0000..=16 * 0x80_0000, -16 * 0x80_0000..=16 * 0x80_0000],
-            samples in prop::collection::vec(codes(), 1..=MEAN_SAMPLES_MAX),
+            samples in prop::collection::vec(codes(), 1..=usize::from(MEAN_SAMPLES_MAX)),
         ) {
             let matrix = ForceMatrix { entries, tare };
             prop_assert!(matrix.is_sound());

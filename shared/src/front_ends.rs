@@ -102,7 +102,7 @@ impl FrontEndKind {
     pub const fn named(name: &str) -> Option<Self> {
         let mut at = 0;
         while at < FRONT_ENDS.len() {
-            if FRONT_ENDS[at].name.eq_ignore_ascii_case(name) {
+            if is_same(FRONT_ENDS[at].name.as_bytes(), name.as_bytes()) {
                 return Some(FRONT_ENDS[at].kind);
             }
             at += 1;
@@ -124,6 +124,18 @@ impl FrontEndKind {
             Self::Ads131m04 => four_channels,
         }
     }
+}
+
+/// Whether two texts are the same but for capitals; the standard library's own is `const` since Rust 1.89.
+const fn is_same(one: &[u8], other: &[u8]) -> bool {
+    let mut at = 0;
+    while at < one.len() && at < other.len() {
+        if !one[at].eq_ignore_ascii_case(&other[at]) {
+            return false;
+        }
+        at += 1;
+    }
+    one.len() == other.len()
 }
 
 impl FrontEndFacts {

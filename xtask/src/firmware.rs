@@ -5,6 +5,7 @@ use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
+use crate::dist;
 use crate::emulator::{self, Serial};
 use crate::image::{self, Image, TARGET};
 use crate::toolchain;
@@ -33,6 +34,9 @@ pub(crate) const USAGE: &str = "       cargo xtask firmware build            bui
        cargo xtask firmware emulate [--pty]  build it and run it in the emulator, until interrupted
        cargo xtask firmware emulate --test   build it and run the end-to-end test on it
        cargo xtask firmware size             build it, print its size, count its instructions in the emulator";
+
+/// Names the converter that an image is built for.
+const FRONT_END_VARIABLE: &str = "PALPATE_FRONT_END";
 
 /// Exit status where no compiler builds for the board, by sysexits.h "unavailable".
 const NO_COMPILER: u8 = 69;
@@ -109,13 +113,36 @@ fn ports() -> Result<(), Failed> {
 
 /// Builds the image.
 fn build() -> Result<PathBuf, Failed> {
+    build_with(&[])
+}
+
+/// Builds the image with variables set.
+fn build_with(variables: &[(&str, &str)]) -> Result<PathBuf, Failed> {
     let target = target_folder();
     let Some(mut cargo) = toolchain::cargo("build", &image::folder_in(&target)) else {
         return fail(&format!("no compiler here builds for {TARGET}; {}", toolchain::REMEDY))
             .map_err(|Failed(_)| Failed(NO_COMPILER));
     };
-    finish(&mut cargo)?;
+    finish(cargo.envs(variables.iter().copied()))?;
     Ok(image::path_in(&target))
+}
+
+/// Builds the images of a release.
+pub(crate) fn dist() -> Result<(), Failed> {
+    let folder = dist::write(&target_folder(), |front_end| {
+        // For the build that follows, which is of this process alone.
+        let image = build_with(&[(FRONT_END_VARIABLE, front_end)])
+            .map_err(|Failed(_)| format!("the image for the {front_end} was not built"))?;
+        let contents = image::flash_contents(&image).map_err(|error| format!("{}: {error}", image.display()))?;
+        Ok((image, contents))
+    });
+    match folder {
+        Ok(folder) => {
+            println!("{}", folder.display());
+            Ok(())
+        }
+        Err(error) => fail(&error),
+    }
 }
 
 /// Puts the image onto a board and shows its log.

@@ -2,10 +2,11 @@
 //! image. `cargo xtask fuzz`: a longer search for inputs that break a parser. `cargo xtask deny`: whose code is taken.
 //!
 //! `toolchain`: which compilers are there; `firmware`: builds the image; `image`: what is in it; `emulator`: runs it;
-//! `supply`: licences and sources of other people's code.
+//! `dist`: the files of a release; `supply`: licences and sources of other people's code.
 
 #![forbid(unsafe_code)]
 
+mod dist;
 mod emulator;
 mod firmware;
 mod image;
@@ -57,6 +58,7 @@ fn main() -> ExitCode {
         ["fuzz", target] => ended(fuzz(target, FUZZ_SECONDS)),
         ["fuzz", target, seconds] if seconds.parse::<u32>().is_ok() => ended(fuzz(target, seconds)),
         ["deny"] => supply::run(),
+        ["dist"] => ended(firmware::dist().map_err(|_| Failed)),
         ["firmware", rest @ ..] => firmware::run(rest).unwrap_or_else(usage),
         _ => usage(),
     }
@@ -110,6 +112,7 @@ fn usage() -> ExitCode {
         "       cargo xtask fuzz TARGET [SECONDS]     coverage-guided search with a nightly compiler, by default {FUZZ_SECONDS} s"
     );
     eprintln!("       cargo xtask deny                      licences, bans, sources and advisories, by cargo-deny");
+    eprintln!("       cargo xtask dist                      the images of a release, with checksums, in target/dist");
     eprintln!("{}", firmware::USAGE);
     ExitCode::from(64)
 }

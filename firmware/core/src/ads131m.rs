@@ -521,7 +521,8 @@ impl<Spi: SpiDevice + DelayNs, const CHANNELS: usize> Ads131m<Spi, CHANNELS> {
     /// Sends a reset that a chip understands whatever a damaged write made of its MODE register.
     fn reset_whatever_its_mode(&mut self) -> Result<(), Error<Spi::Error>> {
         self.previous = Command::Reset;
-        RESETS.iter().try_for_each(|frame| self.reset_transaction(&mut frame.clone()[..4 * (CHANNELS + 2)]))
+        // A copy of each: what comes in replaces what goes out.
+        RESETS.into_iter().try_for_each(|mut frame| self.reset_transaction(&mut frame[..4 * (CHANNELS + 2)]))
     }
 
     /// Sends a frame that resets, and pauses.

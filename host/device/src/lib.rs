@@ -10,6 +10,8 @@
 //!
 //! `device_forces`: forces that a device computes, held against its samples.
 //!
+//! [`dfu`] puts an image onto a board through the chip's own loader.
+//!
 //! [`raw_frame`] is for a person at a board that was never run before.
 //!
 //! [`robot`] is the link to what moves the finger, [`simulated`] a device without hardware that all of this talks to as to a real one; [`error`] is what can go
@@ -22,6 +24,7 @@
 
 pub mod clock_map;
 mod device_forces;
+pub mod dfu;
 pub mod error;
 mod link;
 pub mod raw_frame;
