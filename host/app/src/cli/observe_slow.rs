@@ -474,14 +474,10 @@ struct Answer<'a> {
 
 const LEGEND: &str = "after: pushes so far. share: of all that is possible. x, y: centre of mass, with standard deviations. turned: of the                       part's own axes. 95 %: half the size of what holds the pose with a probability of 95 %, as a ball of that many mm                       and degrees; only in a push's first row.";
 
-fn headings() -> String {
-    row(["", "", "centre of mass [mm]", "", ""], ["after", "share", "x", "y", "turned [°]", "95 %"])
-}
-
 /// Two lines of headings.
-fn row(above: [&str; 5], cells: [&str; 6]) -> String {
-    let [_, _, centre, _, _] = above;
-    format!("{:>5} {:>6} {centre:>31}\n{}", "", "", line(cells))
+fn headings() -> String {
+    let above = format!("{:>44}", "centre of mass [mm]");
+    format!("{above}\n{}", line(["after", "share", "x", "y", "turned [°]", "95 %"]))
 }
 
 fn line([after, share, x, y, turned, region]: [&str; 6]) -> String {
@@ -517,14 +513,15 @@ impl SlowObserving<'_> {
                         &each(heap.pose.theta, heap.sd[2], 1_f64.to_degrees()),
                         &region,
                     ])
+                    .trim_end()
                 );
             }
             if heaps.len() > HEAPS_SHOWN {
                 say!(
-                    "{:>5} {} more places with {LEFT:.0} % or less of all in each",
+                    "{:>5} {} more places with {most:.0} % or less of all in each",
                     "",
                     heaps.len() - HEAPS_SHOWN,
-                    LEFT = heaps[HEAPS_SHOWN].share * 100.0
+                    most = heaps[HEAPS_SHOWN].share * 100.0
                 );
             }
         }
