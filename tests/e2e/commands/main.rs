@@ -28,6 +28,7 @@ mod observe_follow;
 mod observe_path;
 mod observe_slow;
 mod pages;
+mod part;
 #[cfg(unix)]
 mod progress;
 mod push;

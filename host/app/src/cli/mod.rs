@@ -49,6 +49,7 @@ mod observe_slow;
 mod observed_plot;
 mod palm;
 mod palm_motion;
+mod part;
 mod plan_push;
 mod plot;
 mod ports;
@@ -131,6 +132,7 @@ enum Command {
     Friction(friction::Arguments),
     Contact(contact::Arguments),
     Import(import::Arguments),
+    Part(part::Arguments),
     Push(push::Arguments),
     Inscribe(inscribe::Arguments),
     Sample(sample::Arguments),
@@ -220,6 +222,7 @@ where
         Command::Friction(arguments) => friction::run(&arguments),
         Command::Contact(arguments) => contact::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
+        Command::Part(arguments) => part::run(&arguments),
         Command::Push(arguments) => push::run(&arguments),
         Command::Inscribe(arguments) => inscribe::run(&arguments),
         Command::Sample(arguments) => sample::run(&arguments),

@@ -14,7 +14,7 @@ use super::observe_gho::{GhoArguments, GhoPush};
 use super::observe_slow::{self, SlowArguments, SlowObserving};
 use super::observed_plot::{self, Heading};
 use super::plot::PlotArguments;
-use super::read::{read, tell_part};
+use super::read::{read, read_beside, tell_part};
 use super::watched_push::{Ongoing, Watched, WatchedPushArguments, Watching, too_short};
 use super::{lacking, misfit, pose, positive};
 use crate::recording::{self, Believed};
@@ -143,7 +143,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         let help = "say --method gho, or leave --contact, --zeta, --correction-s, --edge and --initial-estimate out";
         return Err(miette::miette!(help = help, "the thesis's observers are told how to observe, and not asked for"));
     }
-    let file = read(&arguments.part, PolygonFile::parse)?;
+    let file = read_beside(&arguments.part, PolygonFile::parse_beside)?;
     tell_part(&arguments.part, file.part.polygon().vertices(), file.part.body(), &file.doubts());
     let method = match asked {
         Some(method) => method,

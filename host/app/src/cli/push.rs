@@ -12,7 +12,7 @@ use palpate_files::part::{DescribedPart, PartFile};
 use palpate_files::solve::kinds::push::{InitialAcceleration, Meeting, PushAnswer, PushEnd, PushSample, Transition};
 
 use super::plot::{PlotArguments, draw_to, picture_file};
-use super::read::{read, tell_part};
+use super::read::{read_beside, tell_part};
 use super::slow_push::{SlowArguments, SlowlyPushing};
 use super::{equal_steps, finite, not_negative, positive};
 use crate::pictures::limit_surface;
@@ -172,7 +172,7 @@ fn turn(text: &str) -> Result<TurnArgument, String> {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
-    let file = read(&arguments.part, PartFile::parse)?;
+    let file = read_beside(&arguments.part, PartFile::parse_beside)?;
     tell_part(&arguments.part, &file.part.outline(), file.part.body(), &file.doubts());
     if arguments.slow.is_asked() {
         return arguments.push_slowly(&file);

@@ -141,6 +141,7 @@ const TASKS: &[Task] = &[
     Task {
         heading: "Plan what to do next",
         commands: &[
+            ("part", &[("what palpate makes of a drawing", "palpate part examples/plate.dxf --plot plate.svg")]),
             (
                 "plan-push",
                 &[(

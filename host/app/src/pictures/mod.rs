@@ -4,6 +4,7 @@ pub mod inscription;
 pub mod limit_surface;
 pub mod observed;
 pub mod observer;
+pub mod part;
 pub mod plot;
 pub mod point_sampling;
 pub mod push;

@@ -41,7 +41,7 @@ mod part_errors;
 mod path;
 pub mod readings;
 mod seeds;
-mod symmetry;
+pub mod symmetry;
 pub mod trial;
 mod valley;
 pub mod watch;
