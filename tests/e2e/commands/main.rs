@@ -11,6 +11,8 @@ mod chain;
 mod contact;
 #[cfg(unix)]
 mod devices;
+#[cfg(unix)]
+mod exported;
 #[cfg(all(unix, feature = "foxglove"))]
 mod foxglove;
 mod friction;
@@ -27,6 +29,8 @@ mod observe_path;
 mod observe_slow;
 mod pages;
 mod part;
+#[cfg(unix)]
+mod progress;
 mod push;
 mod real;
 mod recording;

@@ -1,6 +1,6 @@
 //! `palpate observe`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use palpate::never;
@@ -158,7 +158,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         let plot = arguments.plot.is_asked().then(|| arguments.title());
         let observing = SlowObserving { file: &file, json: arguments.json, slow: &arguments.slow, plot };
         return match (measured, &arguments.motion) {
-            (Some(first), _) => observing.recorded(first, arguments.push.felt, &arguments.plot),
+            (Some(first), _) => observing.recorded(first, &arguments.push.tables, arguments.push.felt, &arguments.plot),
             (None, Some(motion)) => observing.watched(&arguments.push, motion, &arguments.plot),
             (None, None) => unreachable!("a motion is required unless there is a path, which requires forces"),
         };
@@ -168,7 +168,8 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
             let help = "leave --method out, or tell the motion with --motion";
             return Err(miette::miette!(help = help, "with --path a push is looked at as a whole"));
         }
-        let push = measured_motion::observe(&file, forces, path, &arguments.measured, arguments.push.felt)?;
+        let WatchedPushArguments { tables, felt, .. } = &arguments.push;
+        let push = measured_motion::observe(&file, forces, path, &arguments.measured, tables, *felt)?;
         if arguments.json {
             say!("{}", push.as_json());
         } else {
@@ -223,10 +224,15 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
 }
 
 impl Arguments {
+    /// Whether the finger's motion comes through standard input, which may be a person's keyboard.
+    pub(super) fn reads_keyboard(&self) -> bool {
+        self.motion.as_deref() == Some(Path::new("-"))
+    }
+
     /// The method for a finger that goes as fast as this one, told with its reason.
     fn chosen(&self, file: &PolygonFile) -> miette::Result<Method> {
         let fastest = match (self.measured.path(), &self.motion) {
-            (Some(path), _) => observe_slow::fastest_measured(&MeasuredMotionArguments::places(path)?),
+            (Some(path), _) => observe_slow::fastest_measured(&self.push.tables.places(path)?),
             (None, Some(motion)) if motion.as_path() != std::path::Path::new("-") => {
                 observe_slow::fastest_told(&read(motion, palpate_files::motion::parse)?)
             }

@@ -18,16 +18,16 @@ use palpate::pushing::estimation::slow_pushes::{
 use palpate::pushing::finger_motion::FingerMotion;
 use palpate_files::output;
 use palpate_files::part::PolygonFile;
-use palpate_files::recordings::csv::{self, RecordedTable};
+use palpate_files::recordings::csv::RecordedTable;
 use palpate_files::recordings::path::RecordedPath;
 use palpate_files::recordings::session::{RecordingOptions, RecordingReport, of_table};
 use palpate_files::recordings::slow_pushes::{FirstTouch, first_touch, of_places, touching};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::measured_motion::MeasuredMotionArguments;
 use super::plot::PlotArguments;
-use super::read::{read, report_problems};
+use super::read::read;
+use super::told_tables::TableArguments;
 use super::watched_push::{FeltPushArguments, WatchedPushArguments, Watching};
 use super::{finite, lacking, not_negative, positive};
 use crate::pictures::slow_chain::{ChainPush, figure};
@@ -214,11 +214,12 @@ impl SlowObserving<'_> {
     pub(super) fn recorded(
         &self,
         first: (&Path, &Path),
+        tables: &TableArguments,
         felt: FeltPushArguments,
         plot: &PlotArguments,
     ) -> miette::Result<ExitCode> {
         let next = self.slow.next.chunks_exact(2).map(|pair| (pair[0].as_path(), pair[1].as_path()));
-        let pushes = std::iter::once(first).chain(next).map(|(forces, path)| self.read(forces, path, felt));
+        let pushes = std::iter::once(first).chain(next).map(|(forces, path)| self.read(forces, path, tables, felt));
         let pushes = pushes.collect::<miette::Result<Vec<_>>>()?;
         self.observe(&pushes, felt, plot)?;
         Ok(ExitCode::SUCCESS)
@@ -251,10 +252,15 @@ impl SlowObserving<'_> {
     }
 
     /// Reads a push of a recording.
-    fn read(&self, forces: &Path, path: &Path, felt: FeltPushArguments) -> miette::Result<Incoming> {
+    fn read(
+        &self,
+        forces: &Path,
+        path: &Path,
+        tables: &TableArguments,
+        felt: FeltPushArguments,
+    ) -> miette::Result<Incoming> {
         let named = || format!("cannot use the push {} along {}", forces.display(), path.display());
-        let table = read(forces, csv::parse)?;
-        report_problems(forces, &table.problems);
+        let table = tables.forces(forces)?;
         let readings = table.readings.iter().map(|reading| reading.mounted(felt.mounting())).collect();
         let report = judged(&RecordedTable { readings, ..table }, felt.tare()).wrap_err_with(named)?;
         if let Some(why) = &report.bias_unknown {
@@ -263,7 +269,7 @@ impl SlowObserving<'_> {
                 forces.display()
             );
         }
-        let RecordedPath { times, places, .. } = MeasuredMotionArguments::places(path)?;
+        let RecordedPath { times, places, .. } = tables.places(path)?;
         let places: Vec<_> = times.into_iter().zip(places).collect();
         let felt = of_places(&places, touching(&report), first_touch(&report), FilterSettings::STANDARD.bin);
         let felt = felt.into_diagnostic().wrap_err_with(named)?;

@@ -89,6 +89,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let estimate = from_rest::estimate(&known, &force);
     recording::believed(0, estimate.time_end, estimate.hypotheses.iter().map(Believed::from));
     let present = known.present(&estimate);
+    crate::progress::says("playing motions ahead".to_owned());
     let plan = Plan { estimate: &estimate, present, motions: arguments.motions(&present)? };
     let prospects = plan.prospects(arguments);
     if arguments.json {

@@ -21,13 +21,12 @@ use palpate_device::Session;
 use palpate_files::calibration::carried::ComplianceRecord;
 use palpate_files::calibration::file::CalibrationFile;
 use palpate_files::part::PolygonFile;
-use palpate_files::recordings::csv::{self, RecordedTable};
 
 use super::calibrated::{CalibrationArguments, OffsetArguments};
 use super::device::DeviceArguments;
 use super::kept_push::KeptPush;
 use super::motion_source::MotionSource;
-use super::read::{read, report_problems};
+use super::told_tables::TableArguments;
 use super::{lacking, positive};
 use crate::advice::{self, Advise as _};
 use crate::live;
@@ -41,6 +40,9 @@ pub(super) struct WatchedPushArguments {
     /// beginning
     #[arg(value_name = "FORCES", conflicts_with_all = ["device", "baud", "calibration", "record", "speed"])]
     pub(super) forces: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub(super) tables: TableArguments,
 
     #[command(flatten)]
     pub(super) felt: FeltPushArguments,
@@ -340,10 +342,8 @@ const PER_CENT: [f64; 2] = [0.1, 100.0];
 const FACTOR: [f64; 2] = [1.01, 10.0];
 
 /// The usable rows of a file of forces, judged; the others are named.
-fn judged_forces(path: &Path) -> miette::Result<Vec<Judged>> {
-    let RecordedTable { readings, problems, .. } = read(path, csv::parse)?;
-    report_problems(path, &problems);
-    Ok(ForceJudge::judge_recording(&readings))
+fn judged_forces(path: &Path, tables: &TableArguments) -> miette::Result<Vec<Judged>> {
+    Ok(ForceJudge::judge_recording(&tables.forces(path)?.readings))
 }
 
 /// A push that is over.
@@ -428,7 +428,7 @@ impl WatchedPushArguments {
                 let felt = self.felt.with(None);
                 let named = || format!("cannot use the forces {}", path.display());
                 let judged: Vec<_> =
-                    judged_forces(path)?.into_iter().map(|it| it.mounted(self.felt.mounting())).collect();
+                    judged_forces(path, &self.tables)?.into_iter().map(|it| it.mounted(self.felt.mounting())).collect();
                 motion.read_all()?;
                 let Some(motion) = motion.known() else { return Err(without_motion()) };
                 let watch = RecordedWatch::new(settings, None, &judged, motion).map_err(not_at_rest);

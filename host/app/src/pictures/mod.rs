@@ -9,5 +9,6 @@ pub mod plot;
 pub mod point_sampling;
 pub mod push;
 pub mod roll;
+pub mod run;
 pub mod slow_chain;
 pub mod slow_push;

@@ -13,9 +13,9 @@ use palpate::finger::sense::{FingerSense, Sensed};
 use palpate::geometry::Pose;
 use palpate::pushing::estimation::Hypothesis;
 use palpate_device::{Incoming, Session};
+use palpate_files::mcap::cdr::Cdr;
 use serde_json::json;
 
-use super::cdr::Cdr;
 use super::channels::Kind;
 use super::disk::Item;
 use super::{Recording, active};

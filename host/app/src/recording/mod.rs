@@ -1,15 +1,16 @@
 //! A run kept as it happens: everything that the session went by, and beside it what was made of it, for other tools.
 //!
-//! `channels`: what is in the file; `cdr`: how; `disk`: the thread that writes it; `derived`: forces, contacts, poses; `live`: these
-//! for who looks on with Foxglove's protocol, where that is built in; `play`: a recording as a device. The container is [`palpate_files::mcap`].
+//! `channels`: what is in the file; `disk`: the thread that writes it; `derived`: forces, contacts, poses; `live`: these
+//! for who looks on with Foxglove's protocol, where that is built in; `play`: a recording as a device; `kept`: what was made of one, to look
+//! back at. The container is [`palpate_files::mcap`], messages are of its `cdr`.
 //!
 //! A process records one run, so the recording is the process's, as its terminal is. Whatever keeps it from being written
 //! is told once and ends the recording; the run goes on.
 
-mod cdr;
 mod channels;
 mod derived;
 mod disk;
+pub(crate) mod kept;
 #[cfg(feature = "foxglove")]
 mod live;
 pub(crate) mod play;
@@ -23,10 +24,10 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use palpate_device::trace::{Entry, Recorder, Stamp, Traced};
 use palpate_files::mcap::Writer;
+use palpate_files::mcap::cdr::Cdr;
 use palpate_shared::wire::PROTOCOL;
 use sha2::{Digest as _, Sha256};
 
-use cdr::Cdr;
 use channels::Kind;
 use disk::{Disk, Item};
 
