@@ -23,6 +23,7 @@ mod drawn_forces;
 mod drawn_pushes;
 mod drawn_rest;
 mod drawn_rolls;
+mod explore;
 mod gho;
 mod initial_pose;
 mod inscription;
@@ -58,6 +59,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     inscription::NOISE,
     touches::EXPERIMENT,
     touch::EXPERIMENT,
+    explore::EXPERIMENT,
     sampling::SPARSE,
     sampling::DENSE,
     gho::FIGURES,

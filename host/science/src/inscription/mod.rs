@@ -12,6 +12,7 @@
 //! - `touches`: points felt on the outline, with errors, mixed with lines and free disks ([`touched_poses`]);
 //! - `next_touch`: which approaches of a finger find a part, and when it is found ([`TouchSearch`]), also which of several
 //!   it is ([`PartsSearch`]);
+//! - `exploration`: the outline of an unknown part from touches around it ([`Exploration`]);
 //! - `quality`: how well lines hold a pose, and which poses of a symmetric part look the same;
 //! - `planner`: where to take another view;
 //! - `boundary`: piecewise smooth outlines by their support function; `outline`: any of the outlines ([`Outline`]).
@@ -21,6 +22,7 @@
 
 mod boundary;
 mod exact;
+mod exploration;
 mod mixed;
 mod next_touch;
 mod noise;
@@ -34,6 +36,7 @@ mod triple;
 pub use crate::geometry::Pose;
 pub use boundary::{Boundary, Ellipse, Rounded, boundary_poses};
 pub use exact::{Continuum, Inscription, MISS_MAX_RELATIVE, determined, misses, nearest_misses, poses};
+pub use exploration::{Exploration, ExploredOutline};
 pub use mixed::poses_through;
 pub use next_touch::{
     Approach, FingerTouch, Met, NextTouch, PartLeft, PartsSearch, PartsVerdict, PressedFinger, TRUSTED_SD, TouchSearch,
