@@ -28,6 +28,7 @@ const IMAGE_VARIABLE: &str = "PALPATE_FIRMWARE";
 /// How the firmware commands are used.
 pub(crate) const USAGE: &str = "       cargo xtask firmware build            build the board's image
        cargo xtask firmware lint             check the code that only the board's target compiles
+       cargo xtask firmware ports            check that the core compiles for other processors than the board's
        cargo xtask firmware flash            build it and put it onto a board, through a debug probe
        cargo xtask firmware emulate [--pty]  build it and run it in the emulator, until interrupted
        cargo xtask firmware emulate --test   build it and run the end-to-end test on it
@@ -44,6 +45,7 @@ pub(crate) fn run(words: &[&str]) -> Option<ExitCode> {
     let result = match words {
         ["build"] => build().map(|image| println!("{}", image.display())),
         ["lint"] => lint(),
+        ["ports"] => ports(),
         ["flash"] => build().and_then(|image| flash(&image)),
         ["emulate"] => build().and_then(|image| emulate(&image, false)),
         ["emulate", "--pty"] => build().and_then(|image| emulate(&image, true)),
@@ -84,6 +86,25 @@ pub(crate) fn lint() -> Result<(), Failed> {
     };
     eprintln!("+ cargo clippy for {TARGET}");
     finish(cargo.args(["--package", "palpate-firmware-usb", "--", "-D", "warnings"]))
+}
+
+/// Processors that the firmware's core has to compile for, so that another board needs a board package only: Cortex-M0
+/// (no compare-and-swap), Cortex-M33, and a RISC-V without atomic instructions.
+const PORTS: [&str; 3] = ["thumbv6m-none-eabi", "thumbv8m.main-none-eabihf", "riscv32imc-unknown-none-elf"];
+
+/// Compiles the core, its log lines and the simulated finger too, for every one of [`PORTS`].
+fn ports() -> Result<(), Failed> {
+    for target in PORTS {
+        let Some(mut cargo) = toolchain::cargo_for(target, "check", &image::folder_in(&target_folder())) else {
+            return fail(&format!("no compiler here builds for {target}; {}", toolchain::REMEDY))
+                .map_err(|Failed(_)| Failed(NO_COMPILER));
+        };
+        cargo.args(["--package", "palpate-firmware-core", "--package", "palpate-shared"]);
+        cargo.args(["--features", "palpate-firmware-core/defmt,palpate-shared/sim"]);
+        finish(&mut cargo)?;
+        println!("{target}: compiles");
+    }
+    Ok(())
 }
 
 /// Builds the image.

@@ -23,9 +23,23 @@ struct Check {
 }
 
 /// What CI runs before the README's test command, in order.
-const LINTS: [Check; 3] = [
+const LINTS: [Check; 4] = [
     Check { arguments: &["fmt", "--all", "--check"], environment: None },
     Check { arguments: &["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"], environment: None },
+    // The tool without what is not needed at every bench.
+    Check {
+        arguments: &[
+            "clippy",
+            "--package",
+            "palpate-cli",
+            "--no-default-features",
+            "--all-targets",
+            "--",
+            "-D",
+            "warnings",
+        ],
+        environment: None,
+    },
     Check {
         arguments: &["doc", "--workspace", "--no-deps", "--document-private-items"],
         environment: Some(("RUSTDOCFLAGS", "-D warnings")),

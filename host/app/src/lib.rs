@@ -3,7 +3,7 @@
 //! In reading order: `cli` (one file a command), [`live`] (samples from a session, the person at the bench), [`pictures`],
 //! [`push_scenario`] (a push as the command line says it), [`thesis`] (its experiments, run again), [`advice`] (what to do
 //! about an error), `messages` (what standard error is told), `recording` (a run kept, and played), `screen` (a finger
-//! watched full screen), `width` (prose on terminals).
+//! watched full screen), `web` (the same in a browser), `width` (prose on terminals).
 
 #![forbid(unsafe_code)]
 
@@ -16,6 +16,8 @@ pub mod push_scenario;
 mod recording;
 mod screen;
 pub mod thesis;
+#[cfg(feature = "web")]
+mod web;
 mod width;
 
 pub use cli::run;

@@ -44,14 +44,20 @@ pub(super) struct MeasuredMotionArguments {
 }
 
 impl MeasuredMotionArguments {
+    /// The places in it, whatever they are used for.
+    pub(super) fn places(path: &Path) -> miette::Result<RecordedPath> {
+        let recorded = read(path, path::parse)?;
+        report_problems(path, &recorded.problems);
+        Ok(recorded)
+    }
+
     /// The file of places, if there is one.
     pub(super) fn path(&self) -> Option<&Path> {
         self.path.as_deref()
     }
 
     fn read(&self, path: &Path) -> miette::Result<MeasuredPath> {
-        let RecordedPath { times, places, problems } = read(path, path::parse)?;
-        report_problems(path, &problems);
+        let RecordedPath { times, places, .. } = Self::places(path)?;
         if times.len() < PLACES_MIN {
             let help = "measure twenty places a second or more, from before the push to its end";
             return Err(miette::miette!(

@@ -44,9 +44,11 @@ mod monitor;
 mod motion_source;
 mod observe;
 mod observe_gho;
+mod observe_slow;
 mod observed_plot;
 mod palm;
 mod palm_motion;
+mod part;
 mod plan_push;
 mod plot;
 mod ports;
@@ -58,11 +60,15 @@ mod recover;
 mod replay;
 mod roll;
 mod sample;
+#[cfg(feature = "web")]
+mod serve;
 mod simulate_device;
 mod simulate_robot;
+mod slow_push;
 mod solve;
 mod static_demo;
 mod tables;
+mod tared;
 mod touch;
 mod touch_world;
 mod watched_push;
@@ -107,6 +113,8 @@ enum Command {
     Wave(wave::Arguments),
     LocateTip(locate_tip::Arguments),
     Monitor(monitor::Arguments),
+    #[cfg(feature = "web")]
+    Serve(serve::Arguments),
     Record(record::Arguments),
     Replay(replay::Arguments),
     Recover(recover::Arguments),
@@ -116,6 +124,7 @@ enum Command {
     Friction(friction::Arguments),
     Contact(contact::Arguments),
     Import(import::Arguments),
+    Part(part::Arguments),
     Push(push::Arguments),
     Inscribe(inscribe::Arguments),
     Sample(sample::Arguments),
@@ -161,6 +170,8 @@ where
         Command::Wave(arguments) => wave::run(&arguments),
         Command::LocateTip(arguments) => locate_tip::run(&arguments),
         Command::Monitor(arguments) => monitor::run(&arguments),
+        #[cfg(feature = "web")]
+        Command::Serve(arguments) => serve::run(&arguments),
         Command::Record(arguments) => record::run(&arguments),
         Command::Replay(arguments) => replay::run(&arguments),
         Command::Recover(arguments) => recover::run(&arguments),
@@ -170,6 +181,7 @@ where
         Command::Friction(arguments) => friction::run(&arguments),
         Command::Contact(arguments) => contact::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
+        Command::Part(arguments) => part::run(&arguments),
         Command::Push(arguments) => push::run(&arguments),
         Command::Inscribe(arguments) => inscribe::run(&arguments),
         Command::Sample(arguments) => sample::run(&arguments),
@@ -252,7 +264,11 @@ fn tell(incoming: &Incoming) {
             note!("link back after {:.1} s; the samples missed meanwhile cannot be counted", after.as_secs_f64());
         }
         Incoming::Restarted(_) => note!("the device started anew; its settings were restored"),
-        Incoming::Samples(_) | Incoming::Temperature(_) => {}
+        Incoming::Samples(_)
+        | Incoming::Temperature(_)
+        | Incoming::SlowChannels(_)
+        | Incoming::Inputs(_)
+        | Incoming::Force(_) => {}
     }
 }
 

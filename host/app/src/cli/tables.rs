@@ -46,7 +46,8 @@ pub(crate) struct Arguments {
     /// With `real`: fit the set-up's constants anew for each log, from the poses in the others
     #[arg(long)]
     leave_one_out: bool,
-    /// With `6`: draw figures 6.1 to 6.4 of the thesis into this folder
+    /// With `6`: draw figures 6.1 to 6.4 of the thesis into this folder; with `real`, what is not explained by direction,
+    /// place and log, and a blind chain as a film strip
     #[arg(long, value_name = "DIR")]
     plot: Option<PathBuf>,
 }
@@ -63,10 +64,10 @@ fn experiment(name: &str) -> miette::Result<&'static Experiment> {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
-    arguments.check_figures()?;
     if let Some((REAL, folders)) = arguments.names.split_first().map(|(first, rest)| (first.as_str(), rest)) {
         return real(arguments, folders);
     }
+    arguments.check_figures()?;
     if arguments.names.is_empty() {
         list();
     }
@@ -112,6 +113,9 @@ fn real(arguments: &Arguments, folders: &[String]) -> miette::Result<ExitCode> {
         }
     });
     progress::end();
+    if let Some(folder) = &arguments.plot {
+        draw(folder, &recordings.figures(&answers))?;
+    }
     if !arguments.json {
         say!("{}", real::table(&answers, recordings.names(), &recordings.ablation()));
     }
@@ -128,7 +132,7 @@ impl Arguments {
     /// Whether there is a table with figures, where they are asked for.
     fn check_figures(&self) -> miette::Result<()> {
         let is_without = self.names.iter().find(|name| *name != FIGURES);
-        let help = "palpate tables 6 --plot DIR";
+        let help = "palpate tables 6 --plot DIR, or palpate tables real FOLDER --plot DIR";
         match is_without {
             _ if self.plot.is_none() => Ok(()),
             Some(name) => Err(miette!(help = help, "table {name} has no figures")),

@@ -14,6 +14,7 @@
 //!   it is ([`PartsSearch`]);
 //! - `exploration`: the outline of an unknown part from touches around it ([`Exploration`]);
 //! - `quality`: how well lines hold a pose, and which poses of a symmetric part look the same;
+//! - [`likeness`]: turns that lay an outline nearly on itself, which touches confuse;
 //! - `planner`: where to take another view;
 //! - `boundary`: piecewise smooth outlines by their support function; `outline`: any of the outlines ([`Outline`]).
 //!
@@ -23,6 +24,7 @@
 mod boundary;
 mod exact;
 mod exploration;
+pub mod likeness;
 mod mixed;
 mod next_touch;
 mod noise;

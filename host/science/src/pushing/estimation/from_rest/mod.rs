@@ -41,7 +41,7 @@ mod part_errors;
 mod path;
 pub mod readings;
 mod seeds;
-mod symmetry;
+pub mod symmetry;
 pub mod trial;
 mod valley;
 pub mod watch;
@@ -166,7 +166,7 @@ fn halting_estimate(known: &KnownFromRest, measured: &WindowedForce, halt: &Halt
         let problem = Problem { course: &course, measured, mass: None };
         let mut tried = search(&problem, &edges, halt);
         tried.retain(|tried| is_possible(&problem, tried));
-        leads(&tried, NUMBERED_LEADS).into_iter().map(|lead| lead.guess)
+        leads_of_edges(&tried, NUMBERED_LEADS).into_iter().map(|lead| lead.guess)
     };
     let leads = found(measured).chain(found(&roughly));
     let part_unknown = PartUnknown { errors, course: &course, roughly: &roughly, measured };
@@ -251,6 +251,19 @@ fn leads(tried: &[Tried], count: usize) -> Vec<Tried> {
         }
     }
     leads
+}
+
+/// As many of them, the best of every edge before the second of any: those of one edge are mostly pieces of one valley, and
+/// what is not known of the part may make another edge's the lowest in the end.
+fn leads_of_edges(tried: &[Tried], count: usize) -> Vec<Tried> {
+    let all = leads(tried, usize::MAX);
+    let rank = |index: usize| all[..index].iter().filter(|better| better.guess.edge == all[index].guess.edge).count();
+    let mut ranked: Vec<_> = (0..all.len()).map(|index| (rank(index), index)).collect();
+    ranked.sort_unstable();
+    ranked.truncate(count);
+    // The best first, as before.
+    ranked.sort_unstable_by_key(|&(_, index)| index);
+    ranked.into_iter().map(|(_, index)| all[index].clone()).collect()
 }
 
 /// Whether two minima end at one place, as an answer has it.
