@@ -180,6 +180,7 @@ impl<A: Arithmetic, const N: usize> Sub for Slopes<A, N> {
 impl<A: Arithmetic, const N: usize> Mul for Slopes<A, N> {
     type Output = Self;
 
+    #[expect(clippy::suspicious_arithmetic_impl, reason = "the product rule has a sum")]
     fn mul(self, other: Self) -> Self {
         Self::with(self.value * other.value, |i| self.slopes[i] * other.value + self.value * other.slopes[i])
     }
@@ -188,6 +189,7 @@ impl<A: Arithmetic, const N: usize> Mul for Slopes<A, N> {
 impl<A: Arithmetic, const N: usize> Div for Slopes<A, N> {
     type Output = Self;
 
+    #[expect(clippy::suspicious_arithmetic_impl, reason = "the quotient rule has a product and a difference")]
     fn div(self, other: Self) -> Self {
         let value = self.value / other.value;
         Self::with(value, |i| (self.slopes[i] - value * other.slopes[i]) / other.value)

@@ -8,7 +8,7 @@
 //! Implements: the drifts of (5.27), (5.39) and of sliding contact with the signs put right, and support friction on a few
 //! feet, which bear known shares of the weight. The finger's velocity along T and N are states with known values, which
 //! turn with the contact, so no angle's sine is needed.
-//! Assumes: the contact lasts in its mode. Units: SI; scaled as [`Scales`](super::Scales) says. Errors: none.
+//! Assumes: the contact lasts in its mode. Units: SI; scaled as [`Scales`] says. Errors: none.
 
 use nalgebra::DMatrix;
 
