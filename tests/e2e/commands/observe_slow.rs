@@ -230,7 +230,8 @@ fn a_slow_push_felt_live_names_the_pose() {
     // One push from a box tells the way along its edge poorly: the box was 10 mm and 10° to either side.
     let found = off(&answers[0], &truth);
     assert!(found[0] < 8e-3 && found[1] < 0.1, "{found:?}");
-    assert!(answers[0]["effective_force"].as_f64().unwrap() > 100.0, "{answers:?}");
+    // And what was felt is explained by many of the poses that were tried.
+    assert!(!said.contains("hardly any pose explains"), "{said}");
 }
 
 #[test]

@@ -232,7 +232,10 @@ impl Arguments {
     /// The method for a finger that goes as fast as this one, told with its reason.
     fn chosen(&self, file: &PolygonFile) -> miette::Result<Method> {
         let fastest = match (self.measured.path(), &self.motion) {
-            (Some(path), _) => observe_slow::fastest_measured(&self.push.tables.places(path)?),
+            (Some(path), _) => match observe_slow::fastest_measured(&self.push.tables.places(path)?) {
+                Some(fastest) => fastest,
+                None => return Ok(Method::Search),
+            },
             (None, Some(motion)) if motion.as_path() != std::path::Path::new("-") => {
                 observe_slow::fastest_told(&read(motion, palpate_files::motion::parse)?)
             }

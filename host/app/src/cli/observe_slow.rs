@@ -77,14 +77,15 @@ pub(super) fn fastest_told(motion: &FingerMotion) -> f64 {
     speeds.fold(0.0, f64::max)
 }
 
-/// The largest speed of measured places, m/s.
-pub(super) fn fastest_measured(path: &RecordedPath) -> f64 {
+/// The largest speed of measured places, m/s; none where they tell of no motion, or of too little time.
+pub(super) fn fastest_measured(path: &RecordedPath) -> Option<f64> {
     let (times, places) = (&path.times, &path.places);
     let speed = |from: usize| {
         let to = times.partition_point(|t| *t < times[from] + SPEED_OVER_S);
         (to < times.len()).then(|| (places[to] - places[from]).norm() / (times[to] - times[from]))
     };
-    (0..times.len()).filter_map(speed).fold(0.0, f64::max)
+    let fastest = (0..times.len()).filter_map(speed).fold(0.0, f64::max);
+    (fastest > 0.0).then_some(fastest)
 }
 
 /// What slow pushes need.
