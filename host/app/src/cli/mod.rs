@@ -126,7 +126,7 @@ enum Command {
     Recover(recover::Arguments),
     Report(report::Arguments),
     Export(export::Arguments),
-    Observe(observe::Arguments),
+    Observe(Box<observe::Arguments>),
     PlanPush(plan_push::Arguments),
     WhichPart(which_part::Arguments),
     Friction(friction::Arguments),

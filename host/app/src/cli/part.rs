@@ -130,7 +130,7 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
 
 fn is_from_cad(path: &Path) -> bool {
     let is = |ending: &&str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(ending));
-    ["dxf", "svg", "stl"].iter().any(|ending| is(ending))
+    ["dxf", "svg", "stl"].iter().any(is)
 }
 
 impl Arguments {

@@ -39,7 +39,7 @@ const TASKS: &[Task] = &[
                 "simulate-robot",
                 &[(
                     "a robot that carries a simulated finger to a part",
-                    "palpate simulate-robot --part examples/part.toml --pose-mm-deg 120,80,30",
+                    "palpate simulate-robot --part examples/part.toml --pose 120,80,30",
                 )],
             ),
         ],

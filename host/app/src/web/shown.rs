@@ -494,10 +494,7 @@ mod tests {
         assert_eq!(points(&message), [[0, 32, 0], [32, 32, 0], [64, 8, 0], [88, 32, 16]]);
         assert_eq!(message["points"]["forming"], 8);
         let of = &message["points"]["of"];
-        assert_eq!(
-            [&of[0][4], &of[0][5], &of[1][4], &of[1][5]].map(|value| value.as_f64().unwrap()),
-            [1.0, 1.0, 1.0, 3.0]
-        );
+        assert_eq!(json!([of[0][4], of[0][5], of[1][4], of[1][5]]), json!([1.0, 1.0, 1.0, 3.0]));
         assert_eq!((had.points, message["blocks"].as_u64()), (4, Some(14)));
     }
 

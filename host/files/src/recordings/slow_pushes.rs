@@ -137,7 +137,7 @@ impl Way {
     }
 
     /// The same, but at the speed that the places tell, where it is not constant.
-    fn as_told(self, places: &[(f64, Point2<f64>)]) -> Self {
+    fn or_as_told(self, places: &[(f64, Point2<f64>)]) -> Self {
         let told: Vec<_> = places.iter().map(|(t, at)| (*t, (at - self.origin).dot(&self.direction))).collect();
         let moving =
             |(_, travel): &&(f64, f64)| *travel - told[0].1 > STILL_M && told[told.len() - 1].1 - *travel > STILL_M;
@@ -227,7 +227,7 @@ pub fn of_places(
     if aside_mm > ASIDE_MM {
         return Err(NotStraight::Turns { aside_mm });
     }
-    let way = way.as_told(places);
+    let way = way.or_as_told(places);
     let yaw = way.direction.y.atan2(way.direction.x);
     Ok(felt(&way, yaw, touching.map(|(t, force)| (t, -force)), first, bin))
 }

@@ -212,11 +212,14 @@ fn numbers(message: &[u8], layout: Layout, count: usize) -> Option<(u64, Vec<f64
     Some((stamp, numbers))
 }
 
+/// When, in ns since 1970, and the two numbers chosen.
+type StampedRow = (u64, [f64; 2]);
+
 fn read(path: &Path, mapping: &Mapping, kind: &Kind) -> Result<Stamped<[f64; 3]>, StampedError> {
     let chosen = kind.chosen(mapping)?;
     let mut reader = Reader::open(path)?;
     // Times in ns: as s since 1970 they would be rounded before they are compared.
-    let mut by_channel: BTreeMap<u16, (Vec<(u64, [f64; 2])>, usize)> = BTreeMap::new();
+    let mut by_channel: BTreeMap<u16, (Vec<StampedRow>, usize)> = BTreeMap::new();
     let mut problems = Vec::new();
     loop {
         match reader.next_content() {

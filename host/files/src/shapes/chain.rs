@@ -161,8 +161,8 @@ fn partners(
                 if !is_self && (ends(other)[other_end] - at).norm() <= near {
                     there.push((other, other_end));
                     if let [(second, _), (third, _)] = there[..] {
-                        let [first, second, third] = [piece, second, third].map(|piece| pieces[piece].place.clone());
-                        return Err(ShapeError::Fork { first, second, third, at: at.into() });
+                        let meeting = [piece, second, third].map(|piece| pieces[piece].place.clone());
+                        return Err(ShapeError::Fork { pieces: Box::new(meeting), at: at.into() });
                     }
                 }
             }
@@ -173,7 +173,7 @@ fn partners(
             let gap = |(other, end): (usize, usize)| (ends(other)[end] - at).norm();
             let nearest = others.map(|other| (pieces[other.0].place.clone(), gap(other)));
             let nearest = nearest.min_by(|a, b| a.1.total_cmp(&b.1));
-            ShapeError::Open { place: pieces[piece].place.clone(), at: at.into(), nearest }
+            ShapeError::Open { place: pieces[piece].place.clone(), at: at.into(), nearest: nearest.map(Box::new) }
         })
     };
     (0..pieces.len()).map(|piece| Ok([partner(piece, 0)?, partner(piece, 1)?])).collect()

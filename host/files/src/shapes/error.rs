@@ -144,7 +144,7 @@ pub enum ShapeError {
     /// A chain with an end.
     #[error(
         "the outline is open: {place} ends at ({:.6}, {:.6}), where nothing goes on{}", .at[0], .at[1],
-        .nearest.as_ref().map(|(place, gap)| format!("; the nearest end is that of {place}, {gap:.6} away")).unwrap_or_default()
+        .nearest.as_ref().map(|nearest| format!("; the nearest end is that of {}, {:.6} away", nearest.0, nearest.1)).unwrap_or_default()
     )]
     Open {
         /// The piece.
@@ -152,17 +152,13 @@ pub enum ShapeError {
         /// Its end.
         at: [f64; 2],
         /// The nearest other end, and how far it is.
-        nearest: Option<(Place, f64)>,
+        nearest: Option<Box<(Place, f64)>>,
     },
     /// Three ends at one point.
-    #[error("{first}, {second} and {third} meet at ({:.6}, {:.6}): an outline goes on one way", .at[0], .at[1])]
+    #[error("{}, {} and {} meet at ({:.6}, {:.6}): an outline goes on one way", .pieces[0], .pieces[1], .pieces[2], .at[0], .at[1])]
     Fork {
-        /// One.
-        first: Place,
-        /// Another.
-        second: Place,
-        /// And another.
-        third: Place,
+        /// What meets.
+        pieces: Box<[Place; 3]>,
         /// Where.
         at: [f64; 2],
     },
