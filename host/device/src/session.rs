@@ -1043,6 +1043,8 @@ impl Session {
                 self.input_levels = Some(levels);
                 self.backlog.push_back((Incoming::Inputs(levels), came.at));
             }
+            // Forces that a program before this one asked for, and left on, are not this one's.
+            FromDevice::Force(_) if !self.device_forces.is_on => {}
             FromDevice::Force(force) => {
                 let time_us = self.time_base_us + self.sequence.time_us(force.time);
                 let half_us =

@@ -665,9 +665,12 @@ mod tests {
             assert!(message.contains(wanted), "wanted {wanted}, got {message}");
         }
         let parts = [
-            ("ellipse = {a = 40, b = 25}\nvertices = [[0, 0], [10, 0], [0, 10]]", "either `vertices` or `ellipse`"),
+            (
+                "ellipse = {a = 40, b = 25}\nvertices = [[0, 0], [10, 0], [0, 10]]",
+                "give one of `vertices`, `ellipse` and `outline`",
+            ),
             ("vertices = [[0, 0], [10, 0, 1], [0, 10]]", "expected 2 numbers, not [10.0, 0.0, 1.0]"),
-            ("mu = 0.3", "either `vertices` or `ellipse`"),
+            ("mu = 0.3", "give one of `vertices`, `ellipse` and `outline`"),
             ("ellipse = {a = 40, b = 0}", "must be finite and above 0"),
             ("ellipse = {a = 40, b = 25}\nrounding = 2", "needs `vertices`"),
             ("rounding = -2\nvertices = [[0, 0], [10, 0], [0, 10]]", "rounding = -2.0"),

@@ -193,6 +193,9 @@ fn base64(text: &str) -> Vec<u8> {
     letters.chunks(4).flat_map(|four| bits(four).to_be_bytes()[1..four.len()].to_vec()).collect()
 }
 
+/// Tares that a machine which loses samples gets.
+const TARES_MAX: usize = 5;
+
 #[test]
 fn a_browser_shows_the_push_of_a_part_and_what_is_amiss() {
     let Some(program) = browser() else { return };
@@ -258,9 +261,16 @@ fn a_browser_shows_the_push_of_a_part_and_what_is_amiss() {
         browser.picture(&format!("serve-{name}.png"));
     }
     finger.order("release");
-    browser.press("t");
-    browser.wait("palpate.condition === 'taring' && palpate.last.push.stage === 'resting'");
-    browser.wait("palpate.last.push.stage === 'ready'");
+    // A busy machine may lose samples of a tare, which is then said: like a person, again.
+    for _ in 0..TARES_MAX {
+        browser.press("t");
+        browser.wait("palpate.condition === 'taring' && palpate.last.push.stage === 'resting'");
+        browser.wait("['ready', 'unusable'].includes(palpate.last.push.stage)");
+        if browser.value("palpate.last.push.stage") == "ready" {
+            break;
+        }
+    }
+    assert_eq!(browser.value("palpate.last.push.stage"), "ready");
 
     finger.order("unplug");
     browser.wait("document.getElementById('condition').textContent.includes('unplugged')");

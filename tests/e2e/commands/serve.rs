@@ -10,7 +10,7 @@ use palpate_tests::rig::PATIENCE;
 use serde_json::Value;
 
 use crate::PALPATE;
-use crate::observe::{example, forces, pushed, text};
+use crate::observe::{example, forces, pushed, text, unfolded};
 use crate::recording::{calibrated, ok, palpate};
 
 /// Seed of the simulated finger.
@@ -305,7 +305,7 @@ fn a_device_that_comes_later_is_waited_for() {
     let port = serving.address.port().to_string();
     let second = palpate(folder.path(), &["serve", "-d", "sim:7", "--port", &port]);
     let said = text(&second.stderr);
-    assert!(second.status.code() == Some(1) && said.contains("choose another --port"), "{said}");
+    assert!(second.status.code() == Some(1) && unfolded(&said).contains("choose another --port"), "{said}");
 }
 
 #[test]

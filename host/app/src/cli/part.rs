@@ -18,6 +18,7 @@ use super::read::{DRAWING, drawing_bytes, read_beside};
 use super::{counted, finite, positive, turn_deg};
 use crate::pictures::part::PartPicture;
 use crate::recording;
+use crate::width::{COLUMNS, folded, folded_to};
 
 /// Shows a part as palpate sees it, and what of it can be confused.
 ///
@@ -236,18 +237,18 @@ impl Arguments {
     fn tell_likenesses(&self, found: &Found) {
         for (likenesses, how) in [(&found.turned, "turned"), (&found.flipped, "turned over, then")] {
             match likenesses {
-                Likenesses::AnyTurn => say!(
+                Likenesses::AnyTurn => say_folded(&format!(
                     "{how} by any angle: less than {:.2} mm apart; no touch tells the angle",
                     LIKE_TIMES * self.alike_mm
-                ),
+                )),
                 Likenesses::Turns(turns) => {
                     for turn in turns.iter().take(LIKE_MAX) {
-                        say!(
+                        say_folded(&format!(
                             "{how} by {:.2}°: outlines {:.3} mm apart at most; {}",
                             turn_deg(turn.pose.theta),
                             turn.apart * 1e3,
                             self.verdict(turn)
-                        );
+                        ));
                     }
                     if turns.len() > LIKE_MAX {
                         say!("{how}: … {} in all", counted(turns.len(), "turn"));
@@ -375,6 +376,13 @@ fn feet(seen: &Seen) -> Option<Vec<(Point2<f64>, f64)>> {
     seen.part.body().feet().map(Iterator::collect)
 }
 
+/// The room of a line's name.
+const LABEL: &str = "                ";
+
+fn say_folded(sentence: &str) {
+    say!("{}", folded(sentence));
+}
+
 fn tell_pushes(found: &Found) {
     if found.order > 1 {
         say!("pushes          {} turns that no push tells apart", found.order);
@@ -384,7 +392,9 @@ fn tell_pushes(found: &Found) {
         count => {
             let shown: Vec<_> = found.alike_sides.iter().take(LIKE_MAX).map(|[a, b]| format!("{a} and {b}")).collect();
             let more = if count > LIKE_MAX { format!(", … {count} in all") } else { String::new() };
-            say!("pushes          begin alike at the sides {}{more}", shown.join(", "));
+            let text =
+                folded_to(&format!("begin alike at the sides {}{more}", shown.join(", ")), COLUMNS - LABEL.len());
+            say!("pushes          {}", text.replace('\n', &format!("\n{LABEL}")));
         }
     }
 }

@@ -218,7 +218,7 @@ impl Arguments {
 }
 
 /// Width of the column of names, the longest and a gap.
-const NAMES: usize = 15;
+const NAMES: usize = 20;
 
 fn list() {
     for experiment in EXPERIMENTS {

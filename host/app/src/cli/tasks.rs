@@ -84,7 +84,7 @@ const TASKS: &[Task] = &[
             ),
             #[cfg(feature = "web")]
             ("serve", &[("in a browser of this machine", "palpate serve -d /dev/ttyACM0")]),
-            ("contact", &[("what was felt in a table of forces", "palpate contact forces.csv --radius-mm 15")]),
+            ("contact", &[("what was felt in a table of forces", "palpate contact forces.csv --tare 0:1")]),
         ],
     },
     Task {

@@ -258,7 +258,7 @@ mod tests {
         let notch = "unit = 'mm'\nvertices = [[0, 0], [20, 0], [20, 30], [40, 30], [40, 0], [60, 0], [60, 50], [0, 50]]\nmu = 0.3";
         let notch = PartFile::parse(notch).unwrap();
         let aside = plan(SlowWay::Along {
-            places: [[0.024, -0.02], [0.024, 0.0269], [0.06, 0.0269]].map(Point2::from).to_vec(),
+            places: [[0.024, -0.02], [0.024, 0.02698], [0.06, 0.02698]].map(Point2::from).to_vec(),
             pose: Pose { x: 0.0, y: 0.0, theta: 0.0 },
         });
         let tipped = high.run(&file, 7).unwrap();

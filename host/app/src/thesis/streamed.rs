@@ -6,8 +6,8 @@
 //!
 //! Units: columns, one a character. Errors: none.
 
-use super::{Table, blocks, line};
-use crate::width::folded;
+use super::{GAP, Table, blocks, line};
+use crate::width::{COLUMNS, folded};
 
 /// What of a table was printed, and what it had.
 #[derive(Debug, Default)]
@@ -24,6 +24,9 @@ pub(crate) struct Streamed {
 /// Names of rows differ most in length: room for most of them.
 const NAME: usize = 12;
 
+/// Numbers of later rows may be wider than those of the first: room for most of them.
+const GROWTH: usize = 2;
+
 impl Streamed {
     /// What is to be printed now that the table has come so far.
     pub(crate) fn rows(&mut self, table: &Table) -> String {
@@ -32,9 +35,7 @@ impl Streamed {
         if self.widths.is_empty() {
             text += &self.definitions();
             self.widths = self.table.widths();
-            if let Some(name) = self.widths.first_mut() {
-                *name = NAME.max(*name);
-            }
+            self.leave_room();
             text += &(line(&self.table.headings(), &self.widths, &self.first_block()) + "\n");
         }
         text += &self.table.lines(self.rows, &self.widths, &self.first_block());
@@ -76,6 +77,14 @@ impl Streamed {
         others.collect::<String>() + &table.sentences()
     }
 
+    /// Leaves room for longer names of rows to come, and where all columns stand beside each other for wider numbers.
+    fn leave_room(&mut self) {
+        let Some((name, others)) = self.widths.split_first_mut() else { return };
+        let others: usize = others.iter().map(|width| GAP.len() + width).sum();
+        let left = COLUMNS.saturating_sub(others + GROWTH);
+        *name = if *name + others <= COLUMNS { NAME.min(left).max(*name) } else { NAME.max(*name) };
+    }
+
     /// The columns that are printed row by row.
     fn first_block(&self) -> Vec<usize> {
         blocks(&self.widths).into_iter().next().unwrap_or_default()
@@ -94,7 +103,6 @@ impl Streamed {
 mod tests {
     use super::super::Cell;
     use super::*;
-    use crate::width::COLUMNS;
 
     /// A table of three rows and what is printed as it comes to have them, and in the end.
     fn printed(columns: impl IntoIterator<Item = &'static str>) -> (Table, Vec<String>) {

@@ -86,6 +86,8 @@ fn source(text: &str) -> Option<Source> {
             let (name, unit) = rest.rsplit_once('[')?;
             (name.trim(), Some(unit.trim().to_lowercase()))
         }
+        // A bracket that is not closed was to be a unit.
+        None if text.matches('[').count() > text.matches(']').count() => return None,
         None => (text, None),
     };
     let (text, is_negative) = text.strip_prefix('-').map_or((text, false), |rest| (rest.trim(), true));

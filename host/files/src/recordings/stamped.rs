@@ -247,7 +247,16 @@ fn read(path: &Path, mapping: &Mapping, kind: &Kind) -> Result<Stamped<[f64; 3]>
     let told = reader.channel(channel);
     let topic = told.map(|channel| channel.topic.clone()).unwrap_or_default();
     let unit = told.and_then(|channel| channel.metadata.get("unit_of_force").cloned());
-    let (mut rows, bad) = by_channel.remove(&channel).unwrap_or_default();
+    // A topic may have a channel for each of its senders.
+    let is_topics =
+        |id: u16| reader.channel(id).is_some_and(|channel| channel.topic == topic && kind.layout(channel).is_some());
+    let (mut rows, mut bad) = (Vec::new(), 0);
+    for (id, (own, own_bad)) in by_channel {
+        if is_topics(id) {
+            rows.extend(own);
+            bad += own_bad;
+        }
+    }
     let read = rows.len();
     // Messages of one sender may be recorded in another order than they were made.
     rows.sort_by_key(|(at, _)| *at);
@@ -266,7 +275,7 @@ fn read(path: &Path, mapping: &Mapping, kind: &Kind) -> Result<Stamped<[f64; 3]>
     Ok(Stamped { rows, topic, unit, problems })
 }
 
-/// The one channel that is wanted.
+/// A channel of the one topic that is wanted.
 fn chosen_channel<R: std::io::Read>(
     reader: &Reader<R>,
     with_messages: impl Iterator<Item = u16>,
@@ -294,13 +303,15 @@ fn chosen_channel<R: std::io::Read>(
     if let Some(topic) = strange {
         return Err(StampedError::Other { wanted, topic: topic.clone(), found: found() });
     }
-    match &fits[..] {
-        [] => Err(StampedError::None { wanted, found: found() }),
-        [(id, _)] => Ok(*id),
-        several => {
-            let own = several.iter().find(|(_, channel)| channel.topic == OWN_FORCES);
-            let topics = several.iter().map(|(_, channel)| channel.topic.as_str()).collect::<Vec<_>>().join(", ");
-            own.map(|(id, _)| *id).ok_or(StampedError::Several { wanted, found: topics })
+    let mut topics: Vec<_> = fits.iter().map(|(_, channel)| channel.topic.as_str()).collect();
+    topics.sort_unstable();
+    topics.dedup();
+    match (&fits[..], &topics[..]) {
+        ([], _) => Err(StampedError::None { wanted, found: found() }),
+        ([(id, _), ..], [_]) => Ok(*id),
+        _ => {
+            let own = fits.iter().find(|(_, channel)| channel.topic == OWN_FORCES);
+            own.map(|(id, _)| *id).ok_or_else(|| StampedError::Several { wanted, found: topics.join(", ") })
         }
     }
 }

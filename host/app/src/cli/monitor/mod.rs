@@ -146,6 +146,9 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
             Ended::ToRecord => session = watch.recorded_from_here(session)?,
         }
     };
+    if arguments.device_force {
+        session.set_device_forces(None).advised()?;
+    }
     let lacked = watch.tally();
     // What is told from here on is for the terminal as it was.
     drop(watch);
