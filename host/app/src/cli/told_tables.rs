@@ -18,7 +18,7 @@ use crate::advice::Advise as _;
 #[command(next_help_heading = "Files of forces and places")]
 pub(crate) struct TableArguments {
     /// What is what in a file: KEY=COLUMN,… of t, fx, fy in forces and path_t, x, y in places; a column by its name or #NUMBER,
-    /// with - for the other sign and a unit: "t=stamp[ms],fx=-Fz[mN],fy=#3". Of MCAP files fields, such as force.z
+    /// with - for the other sign and a unit: `t=stamp[ms],fx=-Fz[mN],fy=#3`. Of MCAP files fields, such as force.z
     #[arg(long, value_name = "KEY=COLUMN,…", value_parser = Mapping::parse)]
     columns: Option<Mapping>,
 

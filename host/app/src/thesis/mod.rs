@@ -257,7 +257,7 @@ impl fmt::Display for Table {
             writeln!(f, "{}", folded(definition))?;
         }
         let widths = self.widths();
-        for (number, block) in blocks(&widths).into_iter().enumerate() {
+        for (number, block) in blocks(&widths, 1..widths.len(), COLUMNS).into_iter().enumerate() {
             let gap = if number > 0 { "\n" } else { "" };
             write!(f, "{gap}{}\n{}", line(&self.headings(), &widths, &block), self.lines(0, &widths, &block))?;
         }
@@ -296,13 +296,13 @@ impl Table {
 /// Between two columns.
 const GAP: &str = "  ";
 
-/// Which columns stand beside each other: the first in every block, and as many of the others as a terminal has room for.
-fn blocks(widths: &[usize]) -> Vec<Vec<usize>> {
+/// Which of these columns stand beside each other: the first of all in every block, and as many as there is room for.
+fn blocks(widths: &[usize], columns: impl Iterator<Item = usize>, room: usize) -> Vec<Vec<usize>> {
     let mut blocks: Vec<Vec<usize>> = vec![(0..widths.len().min(1)).collect()];
     let width = |block: &[usize]| block.iter().map(|&column| widths[column] + GAP.len()).sum::<usize>();
-    for (column, own) in widths.iter().enumerate().skip(1) {
+    for column in columns {
         match blocks.last_mut() {
-            Some(block) if block.len() < 2 || width(block) + own <= COLUMNS => block.push(column),
+            Some(block) if block.len() < 2 || width(block) + widths[column] <= room => block.push(column),
             _ => blocks.push(vec![0, column]),
         }
     }

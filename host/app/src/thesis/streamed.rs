@@ -24,7 +24,7 @@ pub(crate) struct Streamed {
 /// Names of rows differ most in length: room for most of them.
 const NAME: usize = 12;
 
-/// Numbers of later rows may be wider than those of the first: room for most of them.
+/// Numbers of later rows may be wider than those of the first: room for most of them, in columns.
 const GROWTH: usize = 2;
 
 impl Streamed {
@@ -70,24 +70,28 @@ impl Streamed {
     /// Other blocks of columns, then what stands out and what failed.
     fn ending(&self) -> String {
         let (table, widths) = (&self.table, self.table.widths());
-        let others = if self.widths.is_empty() { Vec::new() } else { blocks(&self.widths) };
-        let others = others.into_iter().skip(1).map(|block| {
+        let first = self.first_block();
+        let left: Vec<_> = (0..self.widths.len()).filter(|column| !first.contains(column)).collect();
+        let others = if left.is_empty() { Vec::new() } else { blocks(&widths, left.into_iter(), COLUMNS) };
+        let others = others.into_iter().map(|block| {
             format!("\n{}\n{}", line(&table.headings(), &widths, &block), table.lines(0, &widths, &block))
         });
         others.collect::<String>() + &table.sentences()
     }
 
-    /// Leaves room for longer names of rows to come, and where all columns stand beside each other for wider numbers.
+    /// Leaves the names of rows to come what room the first block has for them.
     fn leave_room(&mut self) {
-        let Some((name, others)) = self.widths.split_first_mut() else { return };
-        let others: usize = others.iter().map(|width| GAP.len() + width).sum();
-        let left = COLUMNS.saturating_sub(others + GROWTH);
-        *name = if *name + others <= COLUMNS { NAME.min(left).max(*name) } else { NAME.max(*name) };
+        let used: usize = self.first_block().iter().map(|&column| self.widths[column] + GAP.len()).sum();
+        let left = (COLUMNS + GAP.len()).saturating_sub(used + GROWTH);
+        if let Some(name) = self.widths.first_mut() {
+            *name = NAME.min(*name + left).max(*name);
+        }
     }
 
     /// The columns that are printed row by row.
     fn first_block(&self) -> Vec<usize> {
-        blocks(&self.widths).into_iter().next().unwrap_or_default()
+        let columns = 1..self.widths.len();
+        blocks(&self.widths, columns, COLUMNS - GROWTH).into_iter().next().unwrap_or_default()
     }
 
     /// Definitions that are not printed yet.

@@ -23,7 +23,8 @@ mod request;
 mod stl;
 #[cfg(feature = "shapes")]
 mod svg;
-#[cfg(all(test, feature = "shapes"))]
+#[cfg(test)]
+#[cfg(feature = "shapes")]
 mod tests;
 
 pub use error::{Place, ShapeError};
