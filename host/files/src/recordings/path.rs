@@ -3,6 +3,7 @@
 
 use nalgebra::Point2;
 
+use super::mapping::Mapping;
 use super::table::{self, Column, Quantity, Table};
 use super::{ReadError, RecordingProblem};
 
@@ -20,14 +21,31 @@ pub struct RecordedPath {
 }
 
 const COLUMNS: [Column; 3] = [
-    table::TIME,
-    Column { name: "x", names: &["x", "position_x", "position.x"], quantity: Quantity::LENGTH },
-    Column { name: "y", names: &["y", "position_y", "position.y"], quantity: Quantity::LENGTH },
+    table::PATH_TIME,
+    Column {
+        key: "x",
+        name: "x",
+        names: &["x", "position_x", "position.x"],
+        ends: &[".position.x", ".translation.x", ".point.x"],
+        quantity: Quantity::LENGTH,
+    },
+    Column {
+        key: "y",
+        name: "y",
+        names: &["y", "position_y", "position.y"],
+        ends: &[".position.y", ".translation.y", ".point.y"],
+        quantity: Quantity::LENGTH,
+    },
 ];
 
 /// How far the wrist is turned.
-const TURN: Column =
-    Column { name: "phi", names: &["phi", "angle", "theta", "yaw", "turn"], quantity: Quantity::ANGLE };
+const TURN: Column = Column {
+    key: "phi",
+    name: "phi",
+    names: &["phi", "angle", "theta", "yaw", "turn"],
+    ends: &[],
+    quantity: Quantity::ANGLE,
+};
 
 /// Reads a table.
 ///
@@ -40,14 +58,22 @@ const TURN: Column =
 /// # Errors
 /// [`ReadError`] if not one place could be got.
 pub fn parse(text: &str) -> Result<RecordedPath, ReadError> {
-    if table::offers(text, &TURN, COLUMNS.len()) {
+    parse_with(text, &Mapping::default())
+}
+
+/// Reads a table whose columns a mapping names: `path_t`, `x`, `y`, `phi`.
+///
+/// # Errors
+/// [`ReadError`] if not one place could be got.
+pub fn parse_with(text: &str, mapping: &Mapping) -> Result<RecordedPath, ReadError> {
+    if table::offers(text, &TURN, COLUMNS.len(), mapping) {
         let [t, x, y] = COLUMNS;
-        let Table { rows, problems, .. } = table::parse(text, &[t, x, y, TURN])?;
+        let Table { rows, problems, .. } = table::parse(text, &[t, x, y, TURN], mapping)?;
         let angles = rows.iter().map(|[.., phi]| *phi).collect();
         let (times, places) = rows.into_iter().map(|[t, x, y, _]| (t, Point2::new(x, y))).unzip();
         return Ok(RecordedPath { times, places, angles: Some(angles), problems });
     }
-    let Table { rows, problems, .. } = table::parse(text, &COLUMNS)?;
+    let Table { rows, problems, .. } = table::parse(text, &COLUMNS, mapping)?;
     let (times, places) = rows.into_iter().map(|[t, x, y]| (t, Point2::new(x, y))).unzip();
     Ok(RecordedPath { times, places, angles: None, problems })
 }

@@ -36,8 +36,9 @@ pub(super) fn distinct(part: &Part, order: usize) -> Vec<usize> {
     part.touchable().take((places / order).max(1)).collect()
 }
 
-/// How many turns take the part to itself, the whole turn included; [`ROUND`] of a disk.
-pub(super) fn order(part: &Part) -> usize {
+/// How many turns take the part to itself, the whole turn included; `usize::MAX` of a disk, which any does.
+#[must_use]
+pub fn order(part: &Part) -> usize {
     if let Some([a, b]) = part.semi_axes() {
         let orders = if (a - b).abs() < SAME * a.max(b) { DISK_ORDERS } else { 2 };
         let found = (2..=orders).rev().find(|&order| fits_turned(part, order)).unwrap_or(1);
@@ -49,6 +50,23 @@ pub(super) fn order(part: &Part) -> usize {
     let size = part.inertia_per_mass().sqrt();
     let fits = |shift: usize| (0..count).all(|index| same(part, &edges[index], &edges[(index + shift) % count], size));
     (1..count).filter(|&shift| count.is_multiple_of(shift)).find(|&shift| fits(shift)).map_or(1, |shift| count / shift)
+}
+
+/// Most sides that are compared with each other.
+const SIDES_MAX: usize = 200;
+
+/// Pairs of straight sides, by the number of their first edge, at which any push begins alike: until the part has turned, force
+/// does not tell which of them is touched. None of a part with too many sides to compare.
+#[must_use]
+pub fn alike_sides(part: &Part) -> Vec<[usize; 2]> {
+    let sides: Vec<_> = part.sides().collect();
+    if sides.len() > SIDES_MAX {
+        return Vec::new();
+    }
+    let size = part.inertia_per_mass().sqrt();
+    let later = |index: usize| sides[index + 1..].iter();
+    let pairs = sides.iter().enumerate().flat_map(|(index, a)| later(index).map(move |b| (a, b)));
+    pairs.filter(|(a, b)| same(part, &a.1, &b.1, size)).map(|(a, b)| [a.0, b.0]).collect()
 }
 
 fn same(part: &Part, a: &Edge, b: &Edge, size: f64) -> bool {
