@@ -24,10 +24,14 @@ const MU_C: f64 = 0.3;
 const OFFSET_S: f64 = 6e-3;
 
 /// Steps of the world, s.
-const STEP_S: f64 = 1e-5;
+const STEP_S: f64 = 1.25e-7;
 
-/// Speeds at which frictions have most of their size, m/s: at a contact, and of a foot.
-const STEEP: (f64, f64) = (2e-5, 1e-4);
+/// A reading every 8 ms.
+const STEPS_A_READING: usize = 64_000;
+
+/// Speeds at which frictions have most of their size, m/s: at a contact, and of a foot. Passed before the first reading of
+/// a push that begins as this one does: a world whose friction comes later is another one.
+const STEEP: (f64, f64) = (5e-7, 5e-7);
 
 /// Corners, and feet with their shares.
 const CORNERS: [[f64; 2]; 4] = [[-0.04, -0.025], [0.035, -0.03], [0.045, 0.02], [-0.03, 0.035]];
@@ -43,7 +47,7 @@ fn part() -> Part {
 /// Of the clamp: ahead, and aside from 0.25 s on.
 fn acceleration(t: f64) -> Vector2<f64> {
     let bump = |t: f64, length: f64| {
-        if t > 0.0 && t < length { (std::f64::consts::PI * t / length).sin().powi(2) } else { 0.0 }
+        if t > 0.0 && t < length { (std::f64::consts::PI * t / length).sin() } else { 0.0 }
     };
     Vector2::new(0.25 * bump(t, 0.5), 0.35 * bump(t - 0.25, 0.5))
 }
@@ -168,7 +172,7 @@ fn felt(part: &Part, edge: usize, u: f64, s: f64, most: f64, draw: &mut Draw) ->
     let count = (until / STEP_S).round() as usize;
     for step in 0..count {
         let t = step as f64 * STEP_S;
-        if step % 800 == 400 {
+        if step % STEPS_A_READING == STEPS_A_READING / 2 {
             let (_, force) = world.forces(part, edge, t, most);
             let on_finger = -force - acceleration(t) * FINGER_KG;
             let read = nalgebra::Rotation2::new(-wrist(t, most)[0]) * on_finger;
