@@ -24,6 +24,7 @@ mod drawn_pushes;
 mod drawn_rest;
 mod drawn_rolls;
 mod durations;
+mod explore;
 mod gho;
 mod initial_pose;
 mod inscription;
@@ -60,6 +61,7 @@ pub const EXPERIMENTS: &[Experiment] = &[
     inscription::NOISE,
     touches::EXPERIMENT,
     touch::EXPERIMENT,
+    explore::EXPERIMENT,
     sampling::SPARSE,
     sampling::DENSE,
     gho::FIGURES,
