@@ -22,6 +22,7 @@ pub mod part;
 pub mod recordings;
 pub mod sampling_plan;
 pub mod scene;
+pub mod shapes;
 pub mod solve;
 pub mod touches;
 pub mod views;

@@ -16,7 +16,7 @@ use palpate_files::views::{NamedPart, Views};
 use serde_json::{Value, json};
 
 use super::plot::PlotArguments;
-use super::read::read;
+use super::read::{read, read_beside};
 use super::sample::{PlanArguments, Planned, print_plan};
 use super::{counted, positive, turn_deg};
 use crate::pictures::inscription::{InscribePicture, Shown};
@@ -118,8 +118,8 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         read(&arguments.views, |text| Views::parse(text).map(|views| (views, Views::parse_radians(text).ok())))?;
     let names = names(&arguments.parts);
     let parts = arguments.parts.iter().zip(&names).map(|(path, name)| {
-        let part = read(path, |text| {
-            let part = NamedPart::parse(name, text, arguments.hull || views.felt.is_some())?;
+        let part = read_beside(path, |text, open| {
+            let part = NamedPart::parse_beside(name, text, arguments.hull || views.felt.is_some(), open)?;
             part.check(&views).map(|()| part)
         });
         part.map(|part| find(part, &views))

@@ -15,7 +15,7 @@ use palpate_files::scene::SceneFile;
 use palpate_files::solve::kinds::point_sampling::PointSampling;
 
 use super::plot::PlotArguments;
-use super::read::read_text;
+use super::read::{open_beside, read_text};
 use super::{counted, not_negative, positive};
 use crate::pictures::point_sampling::SamplingPicture;
 
@@ -208,7 +208,7 @@ fn read_scene(path: &Path) -> miette::Result<SceneFile> {
     if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json")) {
         return from_problem(&text).wrap_err_with(cannot);
     }
-    SceneFile::parse(&text).into_diagnostic().wrap_err_with(cannot)
+    SceneFile::parse_beside(&text, &|name| open_beside(path, name)).into_diagnostic().wrap_err_with(cannot)
 }
 
 /// A problem of `palpate solve`: only its polygons count here.

@@ -13,6 +13,7 @@
 //! - `next_touch`: which approaches of a finger find a part, and when it is found ([`TouchSearch`]), also which of several
 //!   it is ([`PartsSearch`]);
 //! - `quality`: how well lines hold a pose, and which poses of a symmetric part look the same;
+//! - [`likeness`]: turns that lay an outline nearly on itself, which touches confuse;
 //! - `planner`: where to take another view;
 //! - `boundary`: piecewise smooth outlines by their support function; `outline`: any of the outlines ([`Outline`]).
 //!
@@ -21,6 +22,7 @@
 
 mod boundary;
 mod exact;
+pub mod likeness;
 mod mixed;
 mod next_touch;
 mod noise;

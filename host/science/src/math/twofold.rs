@@ -1,7 +1,7 @@
-//! Numbers for verdicts that must not rest on rounding: twofold precision, slopes, and power series, of each other.
+//! Numbers for verdicts that must not rest on rounding: twofold precision and power series.
 //!
-//! [`Twofold`] is an unevaluated sum of two `f64`, some 31 digits. A [`Slopes`] carries first derivatives, a [`Series`] the
-//! coefficients of a power series; both are made of any [`Arithmetic`], so a solution of a differential equation can be
+//! [`Twofold`] is an unevaluated sum of two `f64`, some 31 digits. A [`Jet`](super::Jet) carries first derivatives, a [`Series`]
+//! the coefficients of a power series; both are made of any [`Arithmetic`], so a solution of a differential equation can be
 //! expanded to high order, with its derivatives by the start, in either precision. What is 0 but for rounding then shrinks
 //! by 16 digits, what is not stays.
 //!
@@ -10,42 +10,17 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// What expansions need of a number.
-pub trait Arithmetic:
-    Copy
-    + From<f64>
-    + Add<Output = Self>
-    + Sub<Output = Self>
-    + Mul<Output = Self>
-    + Div<Output = Self>
-    + Neg<Output = Self>
-{
-    /// Its square root.
-    #[must_use]
-    fn root(self) -> Self;
-    /// The nearest `f64` to its value.
-    fn nearest(self) -> f64;
-}
-
-impl Arithmetic for f64 {
-    fn root(self) -> Self {
-        self.sqrt()
-    }
-
-    fn nearest(self) -> f64 {
-        self
-    }
-}
+use super::Arithmetic;
 
 /// A number as the sum of two: its nearest `f64`, and what is left.
 ///
 /// ```
-/// use palpate::math::twofold::{Arithmetic, Twofold};
+/// use palpate::math::{Arithmetic, twofold::Twofold};
 ///
 /// // 1/3 of one and three of them are one, to 1e-32.
 /// let third = Twofold::from(1.0) / Twofold::from(3.0);
 /// let miss = third + third + third - Twofold::from(1.0);
-/// assert!(miss.nearest().abs() < 1e-31);
+/// assert!(miss.re().abs() < 1e-31);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Twofold {
@@ -117,91 +92,22 @@ impl Div for Twofold {
 }
 
 impl Arithmetic for Twofold {
-    fn root(self) -> Self {
+    fn sqrt(&self) -> Self {
         let first = self.high.sqrt();
         if first == 0.0 {
             return Self::from(0.0);
         }
         // One step of Newton's doubles the digits.
-        let left = self - Self::from(first) * Self::from(first);
+        let left = *self - Self::from(first) * Self::from(first);
         Self::settled(first, left.high / (2.0 * first))
     }
 
-    fn nearest(self) -> f64 {
+    fn re(&self) -> f64 {
         self.high
     }
-}
 
-/// A number with its derivatives by `N` others.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Slopes<A, const N: usize> {
-    /// The number.
-    pub value: A,
-    /// Its derivatives.
-    pub slopes: [A; N],
-}
-
-impl<A: Arithmetic, const N: usize> Slopes<A, N> {
-    fn with(value: A, slope: impl Fn(usize) -> A) -> Self {
-        Self { value, slopes: std::array::from_fn(slope) }
-    }
-}
-
-impl<A: Arithmetic, const N: usize> From<f64> for Slopes<A, N> {
-    fn from(value: f64) -> Self {
-        Self::with(A::from(value), |_| A::from(0.0))
-    }
-}
-
-impl<A: Arithmetic, const N: usize> Neg for Slopes<A, N> {
-    type Output = Self;
-
-    fn neg(self) -> Self {
-        Self::with(-self.value, |i| -self.slopes[i])
-    }
-}
-
-impl<A: Arithmetic, const N: usize> Add for Slopes<A, N> {
-    type Output = Self;
-
-    fn add(self, other: Self) -> Self {
-        Self::with(self.value + other.value, |i| self.slopes[i] + other.slopes[i])
-    }
-}
-
-impl<A: Arithmetic, const N: usize> Sub for Slopes<A, N> {
-    type Output = Self;
-
-    fn sub(self, other: Self) -> Self {
-        Self::with(self.value - other.value, |i| self.slopes[i] - other.slopes[i])
-    }
-}
-
-impl<A: Arithmetic, const N: usize> Mul for Slopes<A, N> {
-    type Output = Self;
-
-    fn mul(self, other: Self) -> Self {
-        Self::with(self.value * other.value, |i| self.slopes[i] * other.value + self.value * other.slopes[i])
-    }
-}
-
-impl<A: Arithmetic, const N: usize> Div for Slopes<A, N> {
-    type Output = Self;
-
-    fn div(self, other: Self) -> Self {
-        let value = self.value / other.value;
-        Self::with(value, |i| (self.slopes[i] - value * other.slopes[i]) / other.value)
-    }
-}
-
-impl<A: Arithmetic, const N: usize> Arithmetic for Slopes<A, N> {
-    fn root(self) -> Self {
-        let value = self.value.root();
-        Self::with(value, |i| self.slopes[i] / (value + value))
-    }
-
-    fn nearest(self) -> f64 {
-        self.value.nearest()
+    fn recip(&self) -> Self {
+        Self::from(1.0) / *self
     }
 }
 
@@ -272,8 +178,8 @@ impl<A: Arithmetic, const K: usize> Div for Series<A, K> {
 }
 
 impl<A: Arithmetic, const K: usize> Arithmetic for Series<A, K> {
-    fn root(self) -> Self {
-        let first = self.0[0].root();
+    fn sqrt(&self) -> Self {
+        let first = self.0[0].sqrt();
         Self::one_by_one(
             |k, found| {
                 if k == 0 { first } else { (self.0[k] - products(found, found, k, 1..k)) / (first + first) }
@@ -281,8 +187,12 @@ impl<A: Arithmetic, const K: usize> Arithmetic for Series<A, K> {
         )
     }
 
-    fn nearest(self) -> f64 {
-        self.0[0].nearest()
+    fn re(&self) -> f64 {
+        self.0[0].re()
+    }
+
+    fn recip(&self) -> Self {
+        Self::from(1.0) / *self
     }
 }
 
@@ -311,6 +221,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::math::Jet;
 
     /// Two ulps of 106 bits, relative.
     const ROUNDING: f64 = 1e-30;
@@ -321,15 +232,15 @@ mod tests {
             let [a, b, c] = [a, b, c].map(Twofold::from);
             let third = Twofold::from(1.0) / Twofold::from(3.0);
             let number = a * third + c;
-            for miss in [number / b * b - number, (number + b) - b - number, (a * third).root() * (a * third).root() - a * third] {
-                prop_assert!(miss.nearest().abs() < 20.0 * ROUNDING, "{miss:?}");
+            for miss in [number / b * b - number, (number + b) - b - number, (a * third).sqrt() * (a * third).sqrt() - a * third] {
+                prop_assert!(miss.re().abs() < 20.0 * ROUNDING, "{miss:?}");
             }
         }
 
         /// ẋ = x, ẏ = −y²: eᵗ x₀ and y₀/(1 + y₀ t), with their derivatives by the start.
         #[test]
         fn expansions_are_those_of_known_solutions(x in 0.5..2.0_f64, y in 0.5..1.5_f64) {
-            type Number = Slopes<Twofold, 2>;
+            type Number = Jet<2, Twofold>;
             let seed = |value: f64, place: usize| Number {
                 value: Twofold::from(value),
                 slopes: std::array::from_fn(|i| Twofold::from(if i == place { 1.0 } else { 0.0 })),
@@ -346,16 +257,16 @@ mod tests {
                     (quotient.0[k].value, power(order + 1)),
                     (quotient.0[k].slopes[1], f64::from(order + 1) * power(order)),
                 ] {
-                    prop_assert!((got.nearest() - wanted).abs() < 1e-13 * (1.0 + wanted.abs()), "{k}: {got:?} {wanted}");
+                    prop_assert!((got.re() - wanted).abs() < 1e-13 * (1.0 + wanted.abs()), "{k}: {got:?} {wanted}");
                 }
-                prop_assert!(exponential.0[k].slopes[1].nearest().abs() < f64::MIN_POSITIVE);
+                prop_assert!(exponential.0[k].slopes[1].re().abs() < f64::MIN_POSITIVE);
             }
         }
 
         #[test]
         fn roots_of_series_are_roots(a in 0.5..2.0_f64, b in -1.0..1.0_f64, c in -1.0..1.0_f64) {
             let series = Series([a, b, c, 0.3, -0.2, 0.1]);
-            let again = series.root() * series.root() - series;
+            let again = series.sqrt() * series.sqrt() - series;
             prop_assert!(again.0.iter().all(|left| left.abs() < 1e-12), "{again:?}");
             let one = series / series - Series::from(1.0);
             prop_assert!(one.0.iter().all(|left| left.abs() < 1e-12), "{one:?}");

@@ -86,7 +86,7 @@ pub fn flowers(elements: usize, sets: &[Vec<usize>]) -> Vec<SimplePolygon> {
         Point2::new(angle.cos(), angle.sin()) * (CELL_M * elements.max(CORNERS_MIN) as f64)
     };
     let flower = |set: &Vec<usize>| {
-        let has = |half: &usize| half % 2 == 0 || (half / 2 < elements && set.contains(&(half / 2)));
+        let has = |half: &usize| half.is_multiple_of(2) || (half / 2 < elements && set.contains(&(half / 2)));
         SimplePolygon::new((0..2 * sides).filter(has).map(at).collect::<Vec<_>>()).ok()
     };
     sets.iter().filter_map(flower).collect()

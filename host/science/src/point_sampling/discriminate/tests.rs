@@ -51,7 +51,7 @@ fn by_exhaustion(system: &SetSystem, separation: usize) -> Option<usize> {
 fn regions(polygons: &[SimplePolygon]) -> SetSystem {
     let subdivision = Subdivision::new(polygons);
     let kinds: BTreeSet<Vec<usize>> = subdivision.regions().map(|region| region.inside().iter().collect()).collect();
-    let holders = kinds.into_iter().map(|kind| BitSet::of(polygons.len(), kind.into_iter())).collect();
+    let holders = kinds.into_iter().map(|kind| BitSet::of(polygons.len(), kind)).collect();
     SetSystem::new(polygons.len(), holders)
 }
 

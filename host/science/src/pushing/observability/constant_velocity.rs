@@ -8,13 +8,13 @@
 //! Implements: the drifts of (5.27), (5.39) and of sliding contact with the signs put right, and support friction on a few
 //! feet, which bear known shares of the weight. The finger's velocity along T and N are states with known values, which
 //! turn with the contact, so no angle's sine is needed.
-//! Assumes: the contact lasts in its mode. Units: SI; scaled as [`Scales`](super::Scales) says. Errors: none.
+//! Assumes: the contact lasts in its mode. Units: SI; scaled as [`Scales`] says. Errors: none.
 
 use nalgebra::DMatrix;
 
 use super::Scales;
-use crate::math::Spectrum;
-use crate::math::twofold::{Arithmetic, Slopes, Twofold, expanded};
+use crate::math::twofold::{Twofold, expanded};
+use crate::math::{Arithmetic, Jet, Spectrum};
 
 /// How many coefficients of u are made: orders 0 to 12.
 pub const ORDERS: usize = 13;
@@ -91,7 +91,7 @@ impl ConstantPush {
         let rows = self.rows::<Twofold>(order, scales);
         let states = self.dimension();
         let matrix = DMatrix::from_fn(rows.len().max(states), states, |row, column| {
-            rows.get(row).map_or(0.0, |row| row[column].nearest())
+            rows.get(row).map_or(0.0, |row| row[column].re())
         });
         Told {
             spectrum: Spectrum::of(matrix),
@@ -103,15 +103,15 @@ impl ConstantPush {
     fn rows<A: Arithmetic>(&self, order: usize, scales: &Scales) -> Vec<[A; 4]> {
         let [s, omega, v_t] = self.state;
         let [finger_t, finger_n] = self.finger;
-        let number = |value: f64, slopes: [f64; 4]| Slopes { value: A::from(value), slopes: slopes.map(A::from) };
+        let number = |value: f64, slopes: [f64; 4]| Jet { value: A::from(value), slopes: slopes.map(A::from) };
         // The finger's velocity is known in world axes: T turns by N, and N by −T.
         let finger = [number(finger_t, [finger_n, 0.0, 0.0, 0.0]), number(finger_n, [-finger_t, 0.0, 0.0, 0.0])];
         let (s, omega) = (number(s, [0.0, 1.0, 0.0, 0.0]), number(omega, [0.0, 0.0, 1.0, 0.0]));
         let free = number(v_t, [0.0, 0.0, 0.0, 1.0]);
         let v_t =
-            if self.contact == ConstantContact::Rolls { finger[0] + omega * Slopes::from(self.height) } else { free };
+            if self.contact == ConstantContact::Rolls { finger[0] + omega * Jet::from(self.height) } else { free };
         let start = [number(0.0, [1.0, 0.0, 0.0, 0.0]), s, omega, v_t, finger[0], finger[1]];
-        let path = expanded::<Slopes<A, 4>, 6, ORDERS>(start, |states| self.motion(states).0);
+        let path = expanded::<Jet<4, A>, 6, ORDERS>(start, |states| self.motion(states).0);
         let scaled = scales.of_states();
         let row = |k: usize| {
             // A coefficient of the k-th power of time, in units of time.
@@ -135,7 +135,7 @@ impl ConstantPush {
         let (mut along, mut normal, mut moment) = (zero, zero, zero);
         for &[a, b, share] in self.feet.iter().filter(|_| self.mu_g > 0.0) {
             let (t, n) = (v_t - omega * of(a), v_n - omega * of(b));
-            let scale = of(-self.mu_g * share) / (t * t + n * n).root();
+            let scale = of(-self.mu_g * share) / (t * t + n * n).sqrt();
             let (force_t, force_n) = (t * scale, n * scale);
             along = along + force_t;
             normal = normal + force_n;
@@ -167,7 +167,7 @@ fn last_pivot<A: Arithmetic>(mut rows: Vec<[A; 4]>, states: usize) -> f64 {
     let (mut first, mut last) = (0.0, 0.0);
     for step in 0..states {
         let places = (step..rows.len()).flat_map(|row| columns.iter().map(move |&column| (row, column)));
-        let size = |&(row, column): &(usize, usize)| rows[row][column].nearest().abs();
+        let size = |&(row, column): &(usize, usize)| rows[row][column].re().abs();
         let Some((row, column)) = places.max_by(|a, b| size(a).total_cmp(&size(b))) else { return 0.0 };
         last = size(&(row, column));
         if step == 0 {
