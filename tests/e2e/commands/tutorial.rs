@@ -10,7 +10,7 @@ use palpate_tests::project;
 
 use crate::PALPATE;
 
-/// Pages by chapter. `touch.md` has its own test, for its commands need a finger.
+/// Pages by chapter.
 const PAGES: [&str; 7] = [
     "README.md",
     "inscription.md",
@@ -51,7 +51,8 @@ fn words(line: &str) -> String {
 fn printed(command: &str) -> String {
     let folder: PathBuf = std::env::temp_dir().join(format!("palpate-tutorial-{}", std::process::id()));
     let told = command.strip_prefix("palpate ").unwrap_or_else(|| panic!("`{command}` is no command of ours"));
-    let arguments = told.split(' ').map(|word| if word == "DIR" { folder.display().to_string() } else { word.to_owned() });
+    let arguments =
+        told.split(' ').map(|word| if word == "DIR" { folder.display().to_string() } else { word.to_owned() });
     let output = Command::new(PALPATE)
         .args(arguments)
         .current_dir(project::folder())
@@ -93,5 +94,8 @@ fn every_command_of_the_tutorial_prints_what_its_page_quotes() {
 #[test]
 fn a_page_falls_into_its_blocks() {
     let found = blocks("a\n```sh\npalpate x\n```\nb\n```text\n1  2\n```\n");
-    assert_eq!(found.iter().map(|block| (block.mark.as_str(), block.lines.len())).collect::<Vec<_>>(), [("sh", 1), ("text", 1)]);
+    assert_eq!(
+        found.iter().map(|block| (block.mark.as_str(), block.lines.len())).collect::<Vec<_>>(),
+        [("sh", 1), ("text", 1)]
+    );
 }

@@ -239,8 +239,7 @@ fn independence(table: &mut Table, name: String, graph: &Graph, k: usize, reduce
 }
 
 fn graph_table(definition: &str) -> Table {
-    let mut table =
-        Table::new(["graph", "vertices", "after", "edges after", "independent", "after, by k"]);
+    let mut table = Table::new(["graph", "vertices", "after", "edges after", "independent", "after, by k"]);
     table.definitions.push(definition.to_owned());
     table
 }
