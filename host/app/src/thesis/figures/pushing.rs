@@ -656,10 +656,7 @@ fn figure_c_1(_: &TableSettings) -> (Table, Figure) {
     ]);
     // A turn of 1 rad/s about q: the velocity of the origin is ẑ × (0 − q).
     let twist = Twist::new(Vector2::new(q.y, -q.x), 1.0);
-    let ours = SupportFriction::uniform(part.polygon());
-    let origin = ours.centre_of_pressure();
-    let sliding = ours.mean_sliding(&twist.seen_from(origin.coords));
-    let wanted = sliding.direction * part.polygon().area();
+    let wanted = SupportFriction::uniform(part.polygon()).mean_sliding(&twist).direction * part.polygon().area();
     table.push([
         "of the library".into(),
         Cell::number(1e4 * part.polygon().area(), 4),
