@@ -46,9 +46,9 @@ struct Setting {
 }
 
 const SETTINGS: [Setting; 3] = [
-    Setting { name: "disk of 30 mm, convex parts", radius: 0.015, convex: true },
-    Setting { name: "disk of 30 mm, three of five convex", radius: 0.015, convex: false },
-    Setting { name: "pin of 6 mm, three of five convex", radius: 0.003, convex: false },
+    Setting { name: "disk 30 mm, convex", radius: 0.015, convex: true },
+    Setting { name: "disk 30 mm, mixed", radius: 0.015, convex: false },
+    Setting { name: "pin 6 mm, mixed", radius: 0.003, convex: false },
 ];
 
 fn table(settings: &TableSettings) -> Table {
@@ -57,7 +57,7 @@ fn table(settings: &TableSettings) -> Table {
     let mut table = Table::new(columns);
     table.definitions.extend([
         format!(
-            "Parts within a circle of 6 cm, convex with 3 to 9 corners or, two of five where it is said, stars of 4 to 9 vertices, \
+            "Parts within a circle of 6 cm, convex with 3 to 9 corners or, two of five where they are mixed, stars of 4 to 9 vertices, \
              anywhere in a square of 200 mm and held still, each touched {TOUCHES} times; finger and robot as in the first row of `touch`."
         ),
         "Root mean square distance, along the true outline, from it to the one found: the share of parts up to 0.3 mm, median and \
