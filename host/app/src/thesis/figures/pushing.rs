@@ -239,8 +239,7 @@ fn figure_5_2(_: &TableSettings) -> (Table, Figure) {
         Cell::number(1e3 * velocity.norm(), 1),
     ]);
     // (5.1): along the normal both move alike at the contact.
-    let arm = contact - sample.position;
-    let there = sample.velocity + Vector2::new(-arm.y, arm.x) * sample.state.omega;
+    let there = Twist::new(sample.velocity, sample.state.omega).velocity_at(contact - sample.position);
     let gap = (there - velocity).dot(&normal);
     table.notes.push(format!("Along N the contact moves alike on both, to {:.0e} m/s: (5.1).", gap.abs().max(1e-15)));
     if gap.abs() > 1e-9 {
@@ -266,8 +265,7 @@ fn figure_5_3(_: &TableSettings) -> (Table, Figure) {
             let t = TAU * f64::from(k) / 8.0;
             let point = Isometry2::new(sample.position.coords, sample.theta)
                 * Point2::new(share * OBJECT[0] * t.cos(), share * OBJECT[1] * t.sin());
-            let arm = point - sample.position;
-            let velocity = sample.velocity + Vector2::new(-arm.y, arm.x) * omega;
+            let velocity = Twist::new(sample.velocity, omega).velocity_at(point - sample.position);
             worst = worst.max((velocity.dot(&(point - centre)) / velocity.norm() / (point - centre).norm()).abs());
             scene.polyline(&[centre, point], Stroke::solid(Colour::PALE_GREY, 0.8));
             scene.arrow(point, velocity * scale, Colour::GREEN);

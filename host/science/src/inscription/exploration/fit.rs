@@ -6,7 +6,7 @@ use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::{Point2, Vector2};
 
-use super::sides::{BELONGS_SD, Element, SIGMA_LEAST, Sides, turn};
+use super::sides::{BELONGS_SD, Element, SIGMA_LEAST, Sides, Touched, turn};
 use super::{Exploration, ExploredOutline};
 use crate::geometry::{PolygonError, SimplePolygon, distance_to_segment};
 use crate::inscription::next_touch::FingerTouch;
@@ -73,8 +73,9 @@ impl<'a> Fitted<'a> {
         let mut fitted = Self { radius, after, normals, slack, touches, vertices: Vec::new() };
         let touches = fitted.touches.clone();
         let sides = Sides::of(&touches, &fitted.normals, radius);
-        fitted.take_normals(&sides);
-        fitted.vertices = fitted.joined(&sides);
+        let touched: Vec<_> = (0..total).map(|place| sides.touched(place)).collect();
+        fitted.take_normals(&touched);
+        fitted.vertices = fitted.joined(&sides, &touched);
         Some(fitted)
     }
 
@@ -84,23 +85,23 @@ impl<'a> Fitted<'a> {
         self.touches[place].centre - self.normals[place] * self.radius
     }
 
-    fn take_normals(&mut self, sides: &Sides<'_>) {
-        for place in 0..self.touches.len() {
-            if let Some((_, normal)) = sides.touched(place) {
-                (self.normals[place], self.slack[place]) = (normal, 0.0);
+    fn take_normals(&mut self, touched: &[Option<Touched>]) {
+        for (place, touched) in touched.iter().enumerate() {
+            if let Some((_, normal)) = touched {
+                (self.normals[place], self.slack[place]) = (*normal, 0.0);
             }
         }
     }
 
     /// Corners between sides, and points touched where there is none.
-    fn joined(&mut self, sides: &Sides<'_>) -> Vec<Vertex> {
+    fn joined(&mut self, sides: &Sides<'_>, touched: &[Option<Touched>]) -> Vec<Vertex> {
         let total = self.touches.len();
         let runs = &sides.runs;
         if runs.is_empty() {
             return (0..total).map(|place| self.loose(place)).collect();
         }
         let corners: Vec<_> =
-            (0..runs.len()).map(|number| sides.meets[number].then(|| self.corner(sides, number))).collect();
+            (0..runs.len()).map(|number| sides.meets[number].then(|| self.corner(sides, touched, number))).collect();
         for (number, run) in runs.iter().enumerate() {
             (run.first..run.first + run.count - 1).for_each(|place| self.after[place % total] = Between::Side);
             let between = match &corners[number] {
@@ -145,7 +146,7 @@ impl<'a> Fitted<'a> {
         Vertex { at: self.contact(place), sd: Sides::sd(self.touches[place]).hypot(hidden * EVEN.sqrt()) }
     }
 
-    fn corner(&self, sides: &Sides<'_>, number: usize) -> Corner {
+    fn corner(&self, sides: &Sides<'_>, touched: &[Option<Touched>], number: usize) -> Corner {
         let next = sides.next(number);
         let (a, b) = (&sides.runs[number].side, &sides.runs[next].side);
         let (at, turn) = (sides.corner(number), sides.turn(number));
@@ -154,8 +155,8 @@ impl<'a> Fitted<'a> {
             if turn < 0.0 { [a.meets(b, 0.0); 2] } else { [at + a.normal * self.radius, at + b.normal * self.radius] };
         let mut untouched = [f64::INFINITY; 2];
         let mut is_touched = false;
-        for (place, touch) in self.touches.iter().enumerate() {
-            let Some((element, _)) = sides.touched(place) else { continue };
+        for (touch, touched) in self.touches.iter().zip(touched) {
+            let Some((element, _)) = *touched else { continue };
             let on = if element == Element::Side(number) { 0 } else { 1 };
             if element == Element::Corner(number) {
                 is_touched = true;

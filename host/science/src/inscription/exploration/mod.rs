@@ -24,6 +24,7 @@ use nalgebra::{Point2, Vector2, center};
 
 use super::next_touch::{Approach, FingerTouch, Met, NextTouch, across};
 use crate::geometry::SimplePolygon;
+use crate::geometry::mesh::signed_area;
 use crate::math::angle::wrap_angle;
 
 /// Touches by which an order around the part is begun.
@@ -190,9 +191,8 @@ impl Exploration {
         while let Some((first, last)) = self.turned_round() {
             self.order[first..=last].reverse();
         }
-        let corners = self.order.iter().map(|&number| self.touches[number].centre.coords);
-        let twice_area: f64 = corners.clone().zip(corners.cycle().skip(1)).map(|(a, b)| a.perp(&b)).sum();
-        if twice_area < 0.0 {
+        let centres: Vec<_> = self.order.iter().map(|&number| self.touches[number].centre).collect();
+        if signed_area(&centres) < 0.0 {
             self.order.reverse();
         }
     }
@@ -204,9 +204,9 @@ impl Exploration {
         let gains = |first: usize, last: usize| {
             apart(first - 1, first) + apart(last, last + 1) - apart(first - 1, last) - apart(first, last + 1)
         };
-        let stretches = (1..total).flat_map(|first| (first + 1..total).map(move |last| (first, last)));
+        let mut stretches = (1..total).flat_map(|first| (first + 1..total).map(move |last| (first, last)));
         let gain = |&(first, last): &(usize, usize)| gains(first, last) > SHORTER * self.radius;
-        stretches.into_iter().find(gain)
+        stretches.find(gain)
     }
 
     /// The touch to make next: where least is known. None where the disk can come to no gap that is left.

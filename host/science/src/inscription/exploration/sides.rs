@@ -106,6 +106,9 @@ pub(super) enum Element {
     Corner(usize),
 }
 
+/// What a disk touches, and out of the part there.
+pub(super) type Touched = (Element, Vector2<f64>);
+
 /// How far a centre is from where a disk touches.
 struct Miss {
     /// m.
@@ -320,7 +323,7 @@ impl<'a> Sides<'a> {
     }
 
     /// What a touch touches, and out of the part there.
-    pub(super) fn touched(&self, place: usize) -> Option<(Element, Vector2<f64>)> {
+    pub(super) fn touched(&self, place: usize) -> Option<Touched> {
         let miss = self.miss(place, &|number| self.runs[number].side)?;
         Some((miss.element, miss.normal))
     }
@@ -459,16 +462,12 @@ impl<'a> Sides<'a> {
         one.normal_equations(&self.runs[number].side).curvature.try_inverse()
     }
 
-    /// How well a side is known so far along it, m.
-    fn sd_at(&self, number: usize, travel: f64) -> f64 {
-        let along = Vector2::new(1.0, -travel);
-        self.covariance(number).map_or(self.radius, |covariance| (along.dot(&(covariance * along))).max(0.0).sqrt())
-    }
-
-    /// Mean variance of a side over a stretch of it, m²: by Simpson's rule, which is exact.
+    /// Mean variance of a side over a stretch of it, m²: of its offset, which its turn changes along it.
     pub(super) fn variance(&self, number: usize, [from, to]: [f64; 2]) -> f64 {
-        let square = |travel: f64| self.sd_at(number, travel).powi(2);
-        (square(from) + 4.0 * square(0.5 * (from + to)) + square(to)) / 6.0
+        let Some(covariance) = self.covariance(number) else { return self.radius * self.radius };
+        let (mean, square) = (0.5 * (from + to), (from * from + from * to + to * to) / 3.0);
+        let variance = covariance[(0, 0)] - 2.0 * mean * covariance[(0, 1)] + square * covariance[(1, 1)];
+        variance.max(0.0)
     }
 }
 
