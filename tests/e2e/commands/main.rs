@@ -45,6 +45,7 @@ mod solve;
 mod solving;
 mod support_friction;
 mod touch;
+mod tutorial;
 mod warnings;
 mod width;
 

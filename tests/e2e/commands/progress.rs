@@ -83,6 +83,10 @@ fn the_list_of_tables_says_how_long_they_take() {
     // However a title is broken: every table's entry ends with its time.
     let entries = listed.split_whitespace().collect::<Vec<_>>().join(" ");
     let timed = ["seconds)", "s)", "min)", "h)"].map(|unit| entries.matches(&format!(" {unit}")).count());
-    assert_eq!(timed.iter().sum::<usize>(), entries.matches(" cases, ").count(), "{listed}");
+    assert_eq!(
+        timed.iter().sum::<usize>(),
+        entries.matches(" cases, ").count() + entries.matches(" case, ").count(),
+        "{listed}"
+    );
     assert!(timed.iter().sum::<usize>() > 30, "{listed}");
 }

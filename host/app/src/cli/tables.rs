@@ -16,7 +16,7 @@ use crate::pictures::plot::Figure;
 use crate::progress::Progress;
 use crate::thesis::real::{self, Recordings, Seeds};
 use crate::thesis::streamed::Streamed;
-use crate::thesis::{self, EXPERIMENTS, Experiment, Table, TableSettings, progress};
+use crate::thesis::{self, EXPERIMENTS, Experiment, ILLUSTRATIONS, Illustration, Table, TableSettings, progress};
 use crate::width::folded;
 
 /// Most cases of a row: beyond it only mistakes are asked for.
@@ -33,7 +33,7 @@ pub(crate) struct Arguments {
     /// Tables to run: numbers of the thesis's tables, or names from the list; or `real` and folders of recordings
     #[arg(value_name = "NAME")]
     names: Vec<String>,
-    /// List the tables and how long they take on one processor, with their own numbers of cases
+    /// List the tables and figures with their chapters, and how long they take on one processor with their own numbers of cases
     #[arg(long, conflicts_with_all = ["names", "json", "plot"])]
     list: bool,
     /// Cases of each row [default: the experiment's own]
@@ -54,17 +54,37 @@ pub(crate) struct Arguments {
     /// With `real`: fit the set-up's constants anew for each log, from the poses in the others
     #[arg(long)]
     leave_one_out: bool,
-    /// With `6`: draw figures 6.1 to 6.4 of the thesis into this folder; with `real`, what is not explained by direction,
+    /// With figures and the tables that have some: draw them into this folder; with `real`, what is not explained by direction,
     /// place and log, and a blind chain as a film strip
     #[arg(long, value_name = "DIR")]
     plot: Option<PathBuf>,
 }
 
-/// The table that has figures.
-const FIGURES: &str = "6";
+/// The tables that have figures.
+const FIGURES: [&str; 4] = ["6", "basin", "finger-shapes", "observability"];
 
 /// The table that is made of recordings.
 const REAL: &str = "real";
+
+/// Of figures that are computed by themselves, all at once.
+const ALL_FIGURES: &str = "figures";
+
+/// Computes one figure of the thesis, prints what it shows, and draws it where that is asked for.
+fn illustrate(arguments: &Arguments, illustration: &Illustration) -> miette::Result<()> {
+    let cases = arguments.cases.map_or(Ok(illustration.cases), usize::try_from);
+    let cases = cases.map_err(|_| miette!("--cases is too large for this machine"))?;
+    let _shown = Progress::begin(&format!("computing {}", illustration.name));
+    let (table, figure) = (illustration.make)(&TableSettings { cases, seed: arguments.seed, jobs: arguments.jobs });
+    let Illustration { name, title, .. } = illustration;
+    if arguments.json {
+        let object = json!({"table": name, "title": title, "seed": arguments.seed, "result": table});
+        say!("{}", serde_json::to_string(&object).into_diagnostic()?);
+    } else {
+        say!("{}", folded(&format!("Figure {}: {title}", name.trim_start_matches("figure-"))));
+        say!("{table}");
+    }
+    arguments.plot.as_ref().map_or(Ok(()), |folder| draw(folder, &[((*name).to_owned(), figure)]))
+}
 
 fn experiment(name: &str) -> miette::Result<&'static Experiment> {
     let names = || EXPERIMENTS.iter().map(|experiment| experiment.name).chain([REAL]).collect::<Vec<_>>().join(", ");
@@ -76,8 +96,12 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
         return real(arguments, folders);
     }
     arguments.check_figures()?;
-    if arguments.names.is_empty() {
+    if arguments.names.is_empty() || arguments.list {
         list();
+        return Ok(ExitCode::SUCCESS);
+    }
+    if let Some(illustrations) = arguments.illustrations() {
+        return illustrations.into_iter().try_for_each(|one| illustrate(arguments, one)).map(|()| ExitCode::SUCCESS);
     }
     let experiments = arguments.names.iter().map(|name| experiment(name)).collect::<miette::Result<Vec<_>>>()?;
     for experiment in experiments {
@@ -198,10 +222,21 @@ fn draw(folder: &Path, figures: &[(String, Figure)]) -> miette::Result<()> {
 }
 
 impl Arguments {
+    /// The figures that are asked for, where nothing else is.
+    fn illustrations(&self) -> Option<Vec<&'static Illustration>> {
+        if self.names == [ALL_FIGURES] {
+            return Some(ILLUSTRATIONS.iter().collect());
+        }
+        self.names.iter().map(|name| thesis::illustration(name)).collect()
+    }
+
     /// Whether there is a table with figures, where they are asked for.
     fn check_figures(&self) -> miette::Result<()> {
-        let is_without = self.names.iter().find(|name| *name != FIGURES);
-        let help = "palpate tables 6 --plot DIR, or palpate tables real FOLDER --plot DIR";
+        if self.illustrations().is_some_and(|illustrations| !illustrations.is_empty()) {
+            return Ok(());
+        }
+        let is_without = self.names.iter().find(|name| !FIGURES.contains(&name.as_str()));
+        let help = "those with figures are 6, basin, finger-shapes and observability; a figure by itself: palpate tables figure-2.4 --plot DIR; of recordings: palpate tables real FOLDER --plot DIR";
         match is_without {
             _ if self.plot.is_none() => Ok(()),
             Some(name) => Err(miette!(help = help, "table {name} has no figures")),
@@ -221,13 +256,19 @@ impl Arguments {
 const NAMES: usize = 20;
 
 fn list() {
-    for experiment in EXPERIMENTS {
-        let Experiment { name, title, cases, .. } = experiment;
-        let takes = experiment.processor_s().map(|seconds| format!(", {}", duration(seconds))).unwrap_or_default();
+    let entry = |name: &str, title: &str, cases: usize, seconds: Option<f64>| {
+        let chapter = thesis::chapter(name).map_or_else(String::new, |chapter| format!("chapter {chapter}, "));
+        let counted = if cases == 1 { "1 case".to_owned() } else { format!("{cases} cases") };
+        let takes = seconds.map(|seconds| format!(", {}", duration(seconds))).unwrap_or_default();
         // The names' column; what a title goes on with stands beside it.
-        let title = folded(&format!("{:NAMES$}{title} ({cases} cases{takes})", ""));
+        let title = folded(&format!("{:NAMES$}{title} ({chapter}{counted}{takes})", ""));
         say!("{name:<NAMES$}{}", title.trim_start());
+    };
+    for experiment in EXPERIMENTS {
+        entry(experiment.name, experiment.title, experiment.cases, experiment.processor_s());
     }
+    ILLUSTRATIONS.iter().for_each(|one| entry(one.name, one.title, one.cases, None));
+    say!("{ALL_FIGURES:<NAMES$}all of these figures");
     say!("{REAL:<NAMES$}recorded slow pushes: where the part is, blind (real DIR...)");
     say!("Times: of one processor, good to a factor of two; on several so much less.");
 }

@@ -7,6 +7,8 @@
 //! looked at by itself: case `k` of a seed is always the same problem, whatever the number of cases.
 //! Only in `chain` and `chain_masses` a simulated device runs beside the host, and when it is pushed differs by milliseconds from run to run.
 //!
+//! The thesis's figures are in `figures`, each with a table of what it shows.
+//!
 //! By chapter: `inscription` (2), `sampling` (3), `gho` and `initial_pose` (6), `static_contacts` (§6.4), `rolling`
 //! (7); beyond the thesis: `pose` and `plan` (`rivals` decides what is ambiguous), `parts`, `chain` (`demonstration`,
 //! many times) and `chain_masses`, `carried` (planning and telling parts apart through it), `drawn_pushes`, `drawn_rest` and `drawn_rolls` (is the search to blame?), `invariances`, `touches`, `touch`. `cases` runs
@@ -24,11 +26,15 @@ mod drawn_pushes;
 mod drawn_rest;
 mod drawn_rolls;
 mod durations;
+mod explore;
+mod figures;
+mod finger_shapes;
 mod gho;
 mod initial_pose;
 mod inscription;
 mod invariances;
 mod judged;
+mod observability;
 mod parts;
 mod plan;
 mod pose;
@@ -45,6 +51,8 @@ mod touches;
 use std::fmt;
 use std::num::NonZeroUsize;
 
+pub use figures::{ILLUSTRATIONS, Illustration, illustration};
+
 use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 
@@ -60,12 +68,15 @@ pub const EXPERIMENTS: &[Experiment] = &[
     inscription::NOISE,
     touches::EXPERIMENT,
     touch::EXPERIMENT,
+    explore::EXPERIMENT,
     sampling::SPARSE,
     sampling::DENSE,
     gho::FIGURES,
     gho::KNOWN_EDGE,
     gho::UNKNOWN_EDGE,
     gho::SIDE_BY_SIDE,
+    gho::BASIN,
+    finger_shapes::EXPERIMENT,
     initial_pose::FRICTIONLESS,
     initial_pose::FRICTION,
     pose::CONTACTS,
@@ -88,6 +99,8 @@ pub const EXPERIMENTS: &[Experiment] = &[
     rolling::SEMI_AXES,
     rolling::WHICH,
     rolling::GHO,
+    observability::PUSHES,
+    observability::ROLLS,
     drawn_rolls::EXPERIMENT,
 ];
 
@@ -335,10 +348,26 @@ pub fn find(name: &str) -> Option<&'static Experiment> {
     EXPERIMENTS.iter().find(|experiment| experiment.name == name)
 }
 
+/// The chapter of the thesis, or its appendix, that a table or figure belongs to by its name; none beyond the thesis.
+#[must_use]
+pub fn chapter(name: &str) -> Option<&str> {
+    let number = name.strip_prefix("figure-").unwrap_or(name);
+    let chapter = number.split(['.', '-']).next()?;
+    let is_chapter =
+        chapter.len() == 1 && chapter.chars().all(|c| ('1'..='8').contains(&c) || ('A'..='E').contains(&c));
+    is_chapter.then_some(chapter)
+}
+
 /// The figures of an experiment, with their names; none where it has none.
 #[must_use]
 pub fn figures(experiment: &Experiment, settings: &TableSettings) -> Option<Vec<(String, Figure)>> {
-    (experiment.name == gho::FIGURES.name).then(|| gho::figures(settings))
+    match experiment.name {
+        name if name == gho::FIGURES.name => Some(gho::figures(settings)),
+        name if name == gho::BASIN.name => Some(gho::basin_figures(settings)),
+        name if name == finger_shapes::EXPERIMENT.name => Some(finger_shapes::figures(settings)),
+        name if name == observability::PUSHES.name => Some(observability::figures(settings)),
+        _ => None,
+    }
 }
 
 /// Rows as JSON objects with the headings as keys.

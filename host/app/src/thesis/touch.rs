@@ -28,7 +28,7 @@ const SQUARE: f64 = 0.2;
 const RADIUS: f64 = 0.015;
 
 /// Friction between finger and part, and of the part's support.
-const CONTACT_FRICTION: f64 = 0.25;
+pub(super) const CONTACT_FRICTION: f64 = 0.25;
 const SUPPORT_FRICTION: f64 = 0.3;
 
 /// Of the part, kg.
@@ -203,30 +203,10 @@ fn trial(seed: u64, case: usize, setting: &Setting) -> Trial {
     } else {
         super::cases::random_part(&mut draw).polygon().clone()
     };
-    let area = [Point2::origin(), Point2::new(SQUARE, SQUARE)];
-    let pose = until_possible(&mut draw, |draw| {
-        let pose = Pose { x: draw.uniform(0.0, SQUARE), y: draw.uniform(0.0, SQUARE), theta: draw.uniform(0.0, TAU) };
-        let is_inside = |vertex: &Point2<f64>| {
-            let at = pose.isometry() * vertex;
-            (area[0] - at).max() <= 0.0 && (at - area[1]).max() <= 0.0
-        };
-        outline.vertices().iter().all(is_inside).then_some(pose)
-    });
-    let mut world = TouchedWorld {
-        outline: outline.clone(),
-        support: Support::Uniform { friction: SUPPORT_FRICTION },
-        mass: MASS,
-        gravity: GRAVITY_ASSUMED,
-        radius: RADIUS,
-        contact_friction: CONTACT_FRICTION,
-        limits: LIMITS,
-        errors: TouchErrors { position: setting.robot_mm * 1e-3, clock: 1e-3, angle: 0.02 },
-        pose,
-        pressed: None,
-    };
-    let holding = Holding::of(&outline, &SupportFriction::uniform(&outline), SUPPORT_FRICTION * MASS * GRAVITY_ASSUMED);
-    let safe = LIMITS.safe_speed(&holding, MOTION_MAX, SPEED_MAX).map_or(0.0, |safe| safe.speed);
-    let speed = setting.speed.unwrap_or(safe);
+    let mut world = placed(&outline, setting.robot_mm, &mut draw);
+    let pose = world.pose;
+    let area = area();
+    let speed = setting.speed.unwrap_or_else(|| safe_speed(&outline));
     let tolerance = TouchTolerance::default();
     let mut search = TouchSearch::new(TouchTask { outline: outline.clone(), radius: RADIUS, area, tolerance });
     let mut approaches = 0;
@@ -259,6 +239,42 @@ fn trial(seed: u64, case: usize, setting: &Setting) -> Trial {
         moved: outlines_apart(&outline, &pose, &world.pose),
         seconds: begun.elapsed().as_secs_f64(),
     }
+}
+
+/// The square.
+pub(super) fn area() -> [Point2<f64>; 2] {
+    [Point2::origin(), Point2::new(SQUARE, SQUARE)]
+}
+
+/// A part anywhere in the square, and a robot that is off by so much (mm).
+pub(super) fn placed(outline: &SimplePolygon, robot_mm: f64, draw: &mut Draw) -> TouchedWorld {
+    let [low, high] = area();
+    let pose = until_possible(draw, |draw| {
+        let pose = Pose { x: draw.uniform(0.0, SQUARE), y: draw.uniform(0.0, SQUARE), theta: draw.uniform(0.0, TAU) };
+        let is_inside = |vertex: &Point2<f64>| {
+            let at = pose.isometry() * vertex;
+            (low - at).max() <= 0.0 && (at - high).max() <= 0.0
+        };
+        outline.vertices().iter().all(is_inside).then_some(pose)
+    });
+    TouchedWorld {
+        outline: outline.clone(),
+        support: Support::Uniform { friction: SUPPORT_FRICTION },
+        mass: MASS,
+        gravity: GRAVITY_ASSUMED,
+        radius: RADIUS,
+        contact_friction: CONTACT_FRICTION,
+        limits: LIMITS,
+        errors: TouchErrors { position: robot_mm * 1e-3, clock: 1e-3, angle: 0.02 },
+        pose,
+        pressed: None,
+    }
+}
+
+/// With which the finger moves a part by no more than is allowed.
+fn safe_speed(outline: &SimplePolygon) -> f64 {
+    let holding = Holding::of(outline, &SupportFriction::uniform(outline), SUPPORT_FRICTION * MASS * GRAVITY_ASSUMED);
+    LIMITS.safe_speed(&holding, MOTION_MAX, SPEED_MAX).map_or(0.0, |safe| safe.speed)
 }
 
 /// The touch with what the part may have moved by since.

@@ -12,6 +12,7 @@
 //! - `touches`: points felt on the outline, with errors, mixed with lines and free disks ([`touched_poses`]);
 //! - `next_touch`: which approaches of a finger find a part, and when it is found ([`TouchSearch`]), also which of several
 //!   it is ([`PartsSearch`]);
+//! - `exploration`: the outline of an unknown part from touches around it ([`Exploration`]);
 //! - `quality`: how well lines hold a pose, and which poses of a symmetric part look the same;
 //! - [`likeness`]: turns that lay an outline nearly on itself, which touches confuse;
 //! - `planner`: where to take another view;
@@ -22,6 +23,7 @@
 
 mod boundary;
 mod exact;
+mod exploration;
 pub mod likeness;
 mod mixed;
 mod next_touch;
@@ -36,6 +38,7 @@ mod triple;
 pub use crate::geometry::Pose;
 pub use boundary::{Boundary, Ellipse, Rounded, boundary_poses};
 pub use exact::{Continuum, Inscription, MISS_MAX_RELATIVE, determined, misses, nearest_misses, poses};
+pub use exploration::{Exploration, ExploredOutline};
 pub use mixed::poses_through;
 pub use next_touch::{
     Approach, FingerTouch, Met, NextTouch, PartLeft, PartsSearch, PartsVerdict, PressedFinger, TRUSTED_SD, TouchSearch,

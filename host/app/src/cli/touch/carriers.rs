@@ -107,13 +107,7 @@ const COMPLIANCE_LOG_SD: f64 = 0.1;
 impl Speeds {
     /// For a part that may be any of these.
     pub(crate) fn of(motion: &MotionArguments, files: &[PolygonFile], mass: Option<f64>) -> miette::Result<Self> {
-        let compliance = motion.compliance_um_per_n.map_or_else(compliance_by_design, |um| um * 1e-6);
-        let limits = ApproachLimits {
-            stiffness: 1.0 / compliance.max(f64::MIN_POSITIVE),
-            threshold: motion.touch_force,
-            latency: motion.robot_latency_ms * 1e-3 + FELT_AFTER_S,
-            deceleration: motion.robot_deceleration,
-        };
+        let limits = motion.limits();
         let held =
             |mass: f64| files.iter().map(move |file| Holding::of_part(&file.part, file.mu * mass * GRAVITY_ASSUMED));
         // The part that is moved most easily counts.
@@ -133,14 +127,7 @@ impl Speeds {
             (None, Some(speed)) => (speed * 1e-3, limits.stiffness * limits.overtravel(speed * 1e-3)),
             (None, None) => return Err(no_speed(&limits, holding.as_ref(), motion)),
         };
-        if force > motion.force_limit {
-            return Err(miette::miette!(
-                help = "come slower (--speed-mm-s), or allow more (--force-limit)",
-                "at {:.1} mm/s the finger presses with up to {force:.1} N before it stands, above the limit of {} N",
-                approach * 1e3,
-                motion.force_limit
-            ));
-        }
+        motion.check_force(approach, force)?;
         // Of parts whose files say different things, the largest; none where one says nothing.
         let mu_c = files.iter().map(|file| file.mu_c).reduce(|a, b| Some(a?.max(b?))).flatten();
         Ok(Self {
@@ -149,9 +136,31 @@ impl Speeds {
             moved: safe.map(|safe| safe.motion),
             force,
             is_told: motion.speed_mm_s.is_some(),
-            compliance,
+            compliance: motion.compliance(),
             place_sd: motion.place_sd_mm * 1e-3,
             friction_angle: motion.mu_c_max.or(mu_c).unwrap_or(MU_C_MAX).atan(),
+        })
+    }
+
+    /// For a part that is held still, whatever it is.
+    pub(super) fn held(motion: &MotionArguments) -> miette::Result<Self> {
+        let limits = motion.limits();
+        let fastest = limits.speed_for(LIMIT_SHARE * motion.force_limit / limits.stiffness);
+        let Some(approach) = motion.speed_mm_s.map(|speed| speed * 1e-3).or(fastest.map(|most| most.min(SPEED_MAX)))
+        else {
+            return Err(no_speed(&limits, None, motion));
+        };
+        let force = limits.stiffness * limits.overtravel(approach);
+        motion.check_force(approach, force)?;
+        Ok(Self {
+            approach,
+            travel: motion.travel_mm_s * 1e-3,
+            moved: Some(0.0),
+            force,
+            is_told: motion.speed_mm_s.is_some(),
+            compliance: motion.compliance(),
+            place_sd: motion.place_sd_mm * 1e-3,
+            friction_angle: motion.mu_c_max.unwrap_or(MU_C_MAX).atan(),
         })
     }
 
@@ -164,6 +173,15 @@ impl Speeds {
             Some(_) => note!("{comes}; friction holds the part"),
             None => note!("{comes}; without --mass-kg nobody knows whether that moves the part"),
         }
+    }
+
+    /// Says how the finger comes to a part that is held.
+    pub(super) fn tell_held(&self) {
+        note!(
+            "the finger comes at {:.1} mm/s and presses with {:.2} N at most; the part is to be held still",
+            self.approach * 1e3,
+            self.force
+        );
     }
 
     /// What is said where the finger presses.
@@ -179,6 +197,35 @@ impl Speeds {
             moved: self.moved.unwrap_or(0.0),
         };
         Met::Part(pressed.touch())
+    }
+}
+
+impl MotionArguments {
+    /// How far the finger's tip gives way, m/N.
+    fn compliance(&self) -> f64 {
+        self.compliance_um_per_n.map_or_else(compliance_by_design, |um| um * 1e-6)
+    }
+
+    fn limits(&self) -> ApproachLimits {
+        ApproachLimits {
+            stiffness: 1.0 / self.compliance().max(f64::MIN_POSITIVE),
+            threshold: self.touch_force,
+            latency: self.robot_latency_ms * 1e-3 + FELT_AFTER_S,
+            deceleration: self.robot_deceleration,
+        }
+    }
+
+    /// A speed (m/s) with which the finger presses (N) above the limit is refused.
+    fn check_force(&self, approach: f64, force: f64) -> miette::Result<()> {
+        if force <= self.force_limit {
+            return Ok(());
+        }
+        Err(miette::miette!(
+            help = "come slower (--speed-mm-s), or allow more (--force-limit)",
+            "at {:.1} mm/s the finger presses with up to {force:.1} N before it stands, above the limit of {} N",
+            approach * 1e3,
+            self.force_limit
+        ))
     }
 }
 

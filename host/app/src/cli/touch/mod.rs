@@ -1,9 +1,10 @@
 //! `palpate touch`.
 //!
-//! `demo`: the same as a demonstration; `setup`: finger, robot and world from the command line; `carriers`: who moves the finger; `told`: what is printed.
+//! `demo`: the same as a demonstration; `explore`: an unknown part; `setup`: finger, robot and world from the command line; `carriers`: who moves the finger; `told`: what is printed.
 
 mod carriers;
 pub(super) mod demo;
+mod explore;
 mod setup;
 mod told;
 
@@ -38,6 +39,10 @@ it. -d sim:SEED --robot sim: plays all of it on a simulated part.
 With --library DIR it says which of the parts of a folder it is, or none of these: what is left in the end is confirmed by touches
 far from the others.
 
+With --explore the part is unknown: it is held still, touched all around, each time where its outline is known least, and
+written as a part file with the outline's uncertainty. The disk does not come into notches narrower than itself: there the
+sides are taken to go on straight.
+
 Exit status: 0 if one pose is left, or several that no touch can tell apart; 1 if something cannot be used or was lost; 2 if no
 pose of any part fits what was felt; 3 if too many approaches left it open; 64 wrong command line.";
 
@@ -60,12 +65,15 @@ pub(crate) struct Arguments {
     motion: MotionArguments,
 
     /// The part file
-    #[arg(long, value_name = "PART.toml", required_unless_present = "library")]
+    #[arg(long, value_name = "PART.toml", required_unless_present_any = ["library", "explore"])]
     part: Option<PathBuf>,
 
     /// A folder of part files: says which of them it is, or that it is none of these
     #[arg(long, value_name = "DIR", conflicts_with = "part")]
     library: Option<PathBuf>,
+
+    #[command(flatten)]
+    exploration: explore::ExplorationArguments,
 
     /// Where all of the part is: two corners of a rectangle in the robot's frame, in mm
     #[arg(long, value_name = "X,Y,X,Y", value_parser = area_mm, allow_hyphen_values = true)]
@@ -87,9 +95,9 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "DEG", default_value_t = 0.3, value_parser = positive)]
     tolerance_deg: f64,
 
-    /// Give up after so many approaches
-    #[arg(long, value_name = "N", default_value_t = 40)]
-    approaches_max: usize,
+    /// Give up after so many approaches [default: 40; with --explore four for each of --touches]
+    #[arg(long, value_name = "N")]
+    approaches_max: Option<usize>,
 
     /// Print a JSON object for each approach and one at the end: m, rad, N, SI throughout
     #[arg(long)]
@@ -103,8 +111,9 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "X_MM,Y_MM,DEG", value_parser = pose_mm, allow_hyphen_values = true)]
     simulated_pose: Option<Pose>,
 
-    /// With --robot sim: and --library: which of its parts lies there [default: the first]
-    #[arg(long, value_name = "NAME", requires = "library")]
+    /// With --robot sim: and --library: which of its parts lies there [default: the first]; with --explore: the file of
+    /// the part that does [default: one of five corners]
+    #[arg(long, value_name = "NAME")]
     simulated_part: Option<String>,
 }
 
@@ -163,10 +172,15 @@ pub(super) struct MotionArguments {
 
 pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     let told = Told { json: arguments.json };
+    if arguments.exploration.is_asked() {
+        return explore::run(arguments, told);
+    }
     let named = match (&arguments.part, &arguments.library) {
         (Some(part), _) => vec![(part.display().to_string(), read_part(part)?)],
         (None, Some(folder)) => read_library(folder)?,
-        (None, None) => return Err(miette::miette!("say which part it is: --part PART.toml or --library DIR")),
+        (None, None) => {
+            return Err(miette::miette!("say which part it is: --part PART.toml, --library DIR, or --explore"));
+        }
     };
     let (names, files): (Vec<_>, Vec<_>) = named.into_iter().unzip();
     let speeds = Speeds::of(&arguments.motion, &files, arguments.mass_kg)?;
@@ -181,8 +195,11 @@ pub(crate) fn run(arguments: &Arguments) -> miette::Result<ExitCode> {
     } else {
         Box::new(TouchSearch::new(arguments.task(&files[there])))
     };
-    locate(sought.as_mut(), carrier.as_mut(), told, arguments.approaches_max)
+    locate(sought.as_mut(), carrier.as_mut(), told, arguments.approaches_max.unwrap_or(APPROACHES_MAX))
 }
+
+/// Approaches after which a search is given up.
+const APPROACHES_MAX: usize = 40;
 
 impl Arguments {
     fn tolerance(&self) -> TouchTolerance {
@@ -197,6 +214,9 @@ impl Arguments {
     /// The number of the part that lies in the simulated world.
     fn there(&self, names: &[String]) -> miette::Result<usize> {
         let Some(wanted) = &self.simulated_part else { return Ok(0) };
+        if self.library.is_none() {
+            return Err(miette::miette!(help = "leave it out", "--simulated-part is for --library and --explore"));
+        }
         names.iter().position(|name| name == wanted).ok_or_else(|| {
             miette::miette!(
                 help = "name a file of --library without its folder and ending",

@@ -19,6 +19,7 @@ use palpate_device::{Address, Session};
 use palpate_files::part::PolygonFile;
 
 use super::carriers::{AVERAGE_S, Carrier, CarryError, PersonCarrier, RobotCarrier, Speeds};
+use super::explore::HELD_MASS;
 use super::{Arguments, MotionArguments};
 use crate::advice::Advise as _;
 use crate::cli::simulate_device::lines_of_input;
@@ -127,7 +128,8 @@ impl Arguments {
             None => anywhere(&outline, self.area_mm, &mut Draw::new(seed))?,
         };
         let friction = [file.mu, file.mu_c.unwrap_or(MU_C)];
-        let world = simulated(outline, friction, self.mass_kg.unwrap_or(MASS), pose);
+        let mass = if self.exploration.is_asked() { HELD_MASS } else { MASS };
+        let world = simulated(outline, friction, self.mass_kg.unwrap_or(mass), pose);
         let RobotWorld { robot, session, calibration } =
             RobotWorld::new(world, self.start(), seed, self.calibration.named_calibration()?)?;
         let epoch = session.epoch();

@@ -25,7 +25,7 @@ fn mm(place: Point2<f64>) -> String {
 const EXIT_NOTHING: u8 = 2;
 
 /// Exit status where the approaches did not decide.
-const EXIT_OPEN: u8 = 3;
+pub(super) const EXIT_OPEN: u8 = 3;
 
 impl Told {
     /// The approach that is made now.
@@ -34,6 +34,10 @@ impl Told {
             return;
         }
         let approach = &next.approach;
+        if next.leaves.is_nan() {
+            say!("approach {number}: from {} mm towards {} mm", mm(approach.from), mm(approach.at(approach.length)));
+            return;
+        }
         say!(
             "approach {number}: from {} mm towards {} mm\n  it meets the part with {:.0} %; {:.0} % of what is left stay on average",
             mm(approach.from),
@@ -86,7 +90,7 @@ fn say_poses(search: &TouchSearch, modes: &[PoseMode], indent: &str) {
 }
 
 /// How many approaches there were.
-fn after(approaches: usize, touches: usize) -> String {
+pub(super) fn after(approaches: usize, touches: usize) -> String {
     let made = if approaches == 1 { "1 approach".to_owned() } else { format!("{approaches} approaches") };
     format!("after {made}, {touches} of which met the part")
 }

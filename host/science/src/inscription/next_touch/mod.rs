@@ -36,6 +36,7 @@ use crate::geometry::{Pose, SimplePolygon, distance_to_segment};
 use cells::{Cells, Way};
 pub use parts::{PartLeft, PartsSearch, PartsVerdict};
 pub use plan::NextTouch;
+pub(in crate::inscription) use plan::across;
 pub use route::way_round;
 
 /// A reading is believed to be within so many standard deviations: one in 16,000 is not.

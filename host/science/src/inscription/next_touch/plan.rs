@@ -154,7 +154,7 @@ pub(super) fn confirm(search: &TouchSearch) -> Option<NextTouch> {
 
 /// The line through a place, from outside of all that a part in a rectangle may fill to beyond it, for a disk of this
 /// radius (m).
-pub(super) fn across(
+pub(in crate::inscription) fn across(
     [low, high]: [Point2<f64>; 2],
     radius: f64,
     foot: Point2<f64>,
