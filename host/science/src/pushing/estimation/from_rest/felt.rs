@@ -61,8 +61,6 @@ pub(super) struct Predicted {
     pub(super) unsure: Vec<DVector<f64>>,
     /// For each number of outline and motion, a standard deviation of what is felt by it.
     pub(super) numbers: Vec<OfNumber>,
-    /// How many standard deviations each of them is off already, in what is predicted.
-    pub(super) off: Vec<f64>,
     /// For each number that adds to what is felt whatever the part's mass, a standard deviation of what it adds.
     pub(super) beside: Vec<DVector<f64>>,
 }
@@ -74,6 +72,16 @@ pub(super) struct OfNumber {
     pub(super) per_mass: DVector<f64>,
     /// Of the finger's own mass, where the number is one of its motion.
     pub(super) carried: Option<DVector<f64>>,
+    pub(super) off: NumberOff,
+}
+
+/// How many standard deviations a number is off what it is taken for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct NumberOff {
+    /// In what is predicted.
+    pub(super) predicted: f64,
+    /// In the data, from which what the finger carries is taken.
+    pub(super) felt: f64,
 }
 
 impl OfNumber {
@@ -97,7 +105,7 @@ pub(super) struct Compared {
 impl Predicted {
     /// With nothing unsure about it.
     pub(super) const fn exact(shape: DVector<f64>) -> Self {
-        Self { shape, unsure: Vec::new(), numbers: Vec::new(), off: Vec::new(), beside: Vec::new() }
+        Self { shape, unsure: Vec::new(), numbers: Vec::new(), beside: Vec::new() }
     }
 
     /// What is unsure about it, for a mass, in standard deviations: jumps, then [`Self::nuisances`].
@@ -116,10 +124,12 @@ impl Predicted {
     /// standard deviations.
     pub(super) fn compared(&self, data: &DVector<f64>, known_mass: Option<f64>) -> Compared {
         let plain = known_mass.unwrap_or_else(|| self.shape.dot(data) / self.shape.norm_squared());
-        // What a number is off already costs as if it were found: δ = z − z₀, and z is sought. The data know of none of
-        // it, so that what the finger carries counts from 0.
-        let off = self.numbers.iter().zip(&self.off);
-        let shifted = off.fold(data.clone(), |data, (number, off)| data + &number.per_mass * (plain * off));
+        // What a number is off already costs as if it were found: δ = z − z₀, and z is sought. What the finger carries
+        // counts from what the data take it for.
+        let shifted = self.numbers.iter().fold(data.clone(), |data, number| {
+            let data = data + &number.per_mass * (plain * number.off.predicted);
+            number.carried.as_ref().map_or_else(|| data.clone(), |carried| &data + carried * number.off.felt)
+        });
         let data = &shifted;
         // One standard deviation of each, for a mass near the best.
         let Some(unsure) = self.unsure_at(plain) else {

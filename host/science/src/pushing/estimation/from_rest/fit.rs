@@ -11,7 +11,7 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::{DMatrix, DVector, Matrix2, SVector, Vector2, Vector4};
 
-use super::felt::{Compared, Felt, OfNumber, Predicted};
+use super::felt::{Compared, Felt, NumberOff, OfNumber, Predicted};
 use super::model::{range, sought};
 use super::path::{Changed, Course, CourseStart, Guess, Path};
 use super::symmetry::ROUND;
@@ -179,7 +179,6 @@ impl<'p> Problem<'_, 'p> {
         let [s_min, s_max] = range(&self.course.side(guess.edge)?);
         let mut predicted = self.measured.predicted(&path, guess.delay);
         predicted.numbers = self.of_numbers(&guess, &path, &predicted);
-        predicted.off = self.course.off.to_vec();
         let compared = predicted.compared(self.measured.data(), self.mass);
         let Compared { mass, rest, .. } = compared;
         if mass.is_nan() || mass <= 0.0 {
@@ -214,8 +213,12 @@ impl<'p> Problem<'_, 'p> {
                 before.zip(after).map(|(before, after)| (before - after) / SHARE_OF_SD)
             }
         };
-        let of = |changed| OfNumber { per_mass: per_mass(changed).unwrap_or_else(none), carried: carried(changed) };
-        self.course.changed.iter().map(of).collect()
+        let of = |(changed, &off): (&'p Changed, &NumberOff)| OfNumber {
+            per_mass: per_mass(changed).unwrap_or_else(none),
+            carried: carried(changed),
+            off,
+        };
+        self.course.changed.iter().zip(self.course.off).map(of).collect()
     }
 
     /// Goes down to the nearest minimum.

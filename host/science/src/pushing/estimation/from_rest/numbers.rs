@@ -5,7 +5,7 @@
 //!
 //! Units: SI. Errors: none; an outline whose edges cross has no fit.
 
-use super::felt::Felt;
+use super::felt::{Felt, NumberOff};
 use super::fit::{Problem, SHARE_OF_SD, Tried};
 use super::friction_along::FrictionAlong;
 use super::model::sought;
@@ -55,7 +55,7 @@ pub(super) struct Numbered {
     legs: Vec<Leg>,
     friction_along: FrictionAlong,
     changed: Vec<Changed>,
-    off: Vec<f64>,
+    off: Vec<NumberOff>,
 }
 
 impl Numbered {
@@ -111,13 +111,14 @@ impl Unknown<'_, '_> {
         off.extend(self.motion.iter().flat_map(|motion| motion.taken_for()));
         let knots = self.friction_along(guess)?;
         off.extend(std::iter::repeat_n(0.0, knots.count()));
+        let felt_off = off.clone();
         let mut before = f64::INFINITY;
         for fit in 1..=FITS {
             // What is not at its minimum is no answer.
             if halt.is_wished() {
                 return None;
             }
-            let numbered = self.numbered(&off, &knots)?;
+            let numbered = self.numbered(&off, &felt_off, &knots)?;
             let course = numbered.course(self.course);
             let problem = Problem { course: &course, measured: first.unwrap_or(felt), mass: self.mass };
             let tried = problem.descend(problem.try_guess(guess)?, usize::MAX);
@@ -143,10 +144,11 @@ impl Unknown<'_, '_> {
         self.errors.map_or(0, |errors| errors.count(self.course.part))
     }
 
-    fn numbered(&self, off: &[f64], knots: &FrictionAlong) -> Option<Numbered> {
+    fn numbered(&self, off: &[f64], felt_off: &[f64], knots: &FrictionAlong) -> Option<Numbered> {
         let (part, legs) = (self.part(off)?, self.legs(off)?);
         let changed = (0..off.len()).map(|number| self.changed(number, off, &part, &legs, knots)).collect();
-        Some(Numbered { part, legs, friction_along: self.friction(knots, off), changed, off: off.to_vec() })
+        let both = off.iter().zip(felt_off).map(|(&predicted, &felt)| NumberOff { predicted, felt }).collect();
+        Some(Numbered { part, legs, friction_along: self.friction(knots, off), changed, off: both })
     }
 
     fn part(&self, off: &[f64]) -> Option<Part> {

@@ -16,6 +16,7 @@
 
 use nalgebra::{Isometry2, Vector2};
 
+use super::felt::NumberOff;
 use super::friction_along::FrictionAlong;
 use super::hann_windows;
 use super::model::PlayedModel;
@@ -273,8 +274,8 @@ pub(super) struct Course<'p> {
     /// Where part, motion or friction along the edge are not known exactly: what changes with each number of them off by
     /// `fit::SHARE_OF_SD` more.
     pub(super) changed: &'p [Changed],
-    /// How many standard deviations each of these numbers is off here, of what it is taken for.
-    pub(super) off: &'p [f64],
+    /// How far each of these numbers is off here.
+    pub(super) off: &'p [NumberOff],
     pub(super) start: CourseStart,
     /// In time since the start, at which the first is under way; of a push from rest it begins then.
     pub(super) legs: Vec<Leg>,
