@@ -74,6 +74,65 @@ fn a_push_with_measured_places_names_the_pose_and_the_clock() {
     assert!(said.contains("One pose explains forces and places") && said.contains("The path's clock is 7."), "{said}");
 }
 
+/// A wrist turned to the left by this, degrees: its sensor's axes are, too.
+const TURNED_DEG: f64 = 40.0;
+
+/// A table of places with a column of the wrist's turn.
+fn with_turns(places: &str, turn_deg: impl Fn(usize) -> f64) -> String {
+    let of_line = |(row, line): (usize, &str)| match row {
+        0 => format!("{line}, phi [deg]\n"),
+        _ => format!("{line}, {:.4}\n", turn_deg(row)),
+    };
+    places.lines().enumerate().map(of_line).collect()
+}
+
+#[test]
+fn forces_of_a_turned_sensor_are_told_along_the_robots_axes() {
+    let (folder, played) = (tempfile::tempdir().unwrap(), pushed());
+    let [table, path] = files(&folder, &played, &with_turns(&places(PLACE_SD_M), |_| TURNED_DEG));
+    let read = std::fs::read_to_string(&table).unwrap();
+    let turned = read.lines().enumerate().map(|(row, line)| {
+        let values: Vec<f64> = line.split(',').filter_map(|value| value.trim().parse().ok()).collect();
+        let [t, x, y] = values[..] else {
+            assert_eq!(row, 0, "{line}");
+            return format!("{line}\n");
+        };
+        let (sin, cos) = TURNED_DEG.to_radians().sin_cos();
+        format!("{t:.6}, {:.6}, {:.6}\n", cos * x + sin * y, cos * y - sin * x)
+    });
+    std::fs::write(&table, turned.collect::<String>()).unwrap();
+    let answer = |path: &PathBuf| -> Value {
+        let output = observe(&FINGER).arg("--json").arg(&table).arg("--path").arg(path).output().unwrap();
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", text(&output.stderr)))
+    };
+    let is_found = |answer: &Value| {
+        let truth = played.pose(answer["t"].as_f64().unwrap()).unwrap();
+        answer["hypotheses"].as_array().unwrap().iter().any(|found| {
+            let [x, y, theta] = [0, 1, 2].map(|index| found["pose_end"][index].as_f64().unwrap());
+            let found = Isometry2::new([x, y].into(), theta);
+            let distance = (found.translation.vector - truth.translation.vector).norm();
+            distance < 1e-3 && found.rotation.angle_to(&truth.rotation).abs() < 0.015
+        })
+    };
+    let told = answer(&path);
+    assert!(is_found(&told), "{told}");
+    std::fs::write(&path, places(PLACE_SD_M)).unwrap();
+    let untold = answer(&path);
+    assert!(!is_found(&untold), "{untold}");
+
+    // Ten degrees from one place to the next.
+    std::fs::write(&path, with_turns(&places(PLACE_SD_M), |row| 10.0 * row as f64)).unwrap();
+    let output = observe(&FINGER).arg(&table).arg("--path").arg(&path).output().unwrap();
+    assert!(!output.status.success());
+    let said = unfolded(&text(&output.stderr));
+    assert!(said.contains("but at most 12 rad/s can be followed"), "{said}");
+    std::fs::write(&path, with_turns(&places(PLACE_SD_M), |_| TURNED_DEG)).unwrap();
+    let ellipse =
+        observe(&FINGER).args(["--semi-axes-mm", "20,10"]).arg(&table).arg("--path").arg(&path).output().unwrap();
+    let said = unfolded(&text(&ellipse.stderr));
+    assert!(said.contains("works with a finger's disk only"), "{said}");
+}
+
 #[test]
 fn a_path_that_cannot_be_used_is_named_with_the_reason() {
     let (folder, played) = (tempfile::tempdir().unwrap(), pushed());

@@ -27,7 +27,6 @@ use super::calibrated::{CalibrationArguments, OffsetArguments};
 use super::device::DeviceArguments;
 use super::kept_push::KeptPush;
 use super::motion_source::MotionSource;
-use super::read::report_problems;
 use super::semi_axes::SemiAxes;
 use super::told_tables::TableArguments;
 use super::{lacking, positive};
