@@ -89,6 +89,42 @@ fn the_demonstration_finds_its_part_and_reveals_the_truth() {
 }
 
 #[test]
+fn an_unknown_part_is_explored_into_a_file_by_which_it_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let truth = part(folder.path(), PART);
+    let [out, picture] = ["felt.toml", "felt.svg"].map(|name| folder.path().join(name));
+    let lies = ["-d", "sim:7", "--robot", "sim:", "--area-mm", "0,0,120,120", "--simulated-pose", "40,45,25"];
+    let explore =
+        [&["touch", "--explore", "--touches", "40", "--json", "--out", out.to_str().unwrap()][..], &lies].concat();
+    let files = ["--simulated-part", truth.to_str().unwrap(), "--plot", picture.to_str().unwrap()];
+    let output = palpate(&[&explore[..], &files].concat()).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let end = last_object(&output);
+    let corners = end["outline"]["vertices"].as_array().unwrap();
+    // Every corner of the part in its pose is one of the outline.
+    let (sin, cos) = 25.0_f64.to_radians().sin_cos();
+    for [x, y] in [[0.0, 0.0], [0.06, 0.0], [0.06, 0.025], [0.035, 0.045], [0.0, 0.03]] {
+        let [x, y] = [0.04 + cos * x - sin * y, 0.045 + sin * x + cos * y];
+        let off = |corner: &Value| (corner[0].as_f64().unwrap() - x).hypot(corner[1].as_f64().unwrap() - y);
+        let nearest = corners.iter().map(off).fold(f64::INFINITY, f64::min);
+        assert!(nearest <= 3e-4, "a corner is {nearest} m off: {end}");
+    }
+    assert!(std::fs::read_to_string(&picture).unwrap().contains("An unknown part after 40 touches"));
+    let file = std::fs::read_to_string(&out).unwrap();
+    assert!(file.contains("outline_sigma = ") && file.contains("mu = 0.3 # told"), "{file}");
+    // By the file the same part is found elsewhere: it is in the robot's frame as it was explored.
+    let moved = ["-d", "sim:8", "--robot", "sim:", "--area-mm", "0,0,120,120", "--mass-kg", "20"];
+    let found = touch(&out, &[&moved[..], &["--simulated-pose", "10,5,0", "--json"]].concat());
+    let end = last_object(&found);
+    assert_eq!(end["verdict"], "one", "{end}{}", text(&found.stderr));
+    let [x, y] = ["x", "y"].map(|key| end["poses"][0][key].as_f64().unwrap());
+    assert!((x - 0.01).hypot(y - 0.005) <= 3.0 * TOLERANCE_M, "{end}");
+    // What is there is not written over, and that is said before anything is touched.
+    let again = palpate(&explore).output().unwrap();
+    assert!(again.status.code() == Some(1) && text(&again.stderr).contains("is there"), "{}", text(&again.stderr));
+}
+
+#[test]
 fn a_touch_outside_of_the_area_ends_it() {
     let folder = tempfile::tempdir().unwrap();
     let file = part(folder.path(), PART);

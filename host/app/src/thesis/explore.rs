@@ -145,3 +145,18 @@ fn distance_rms(line: &[Point2<f64>], to: &SimplePolygon) -> f64 {
     }
     (sum / length).sqrt()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nearly_all_outlines_are_found_and_what_is_stated_is_of_their_size() {
+        for setting in &SETTINGS[1..] {
+            let trials: Vec<_> = (0..20).map(|case| trial(1, case, setting)).collect();
+            assert!(trials.iter().filter(|trial| trial.is_good()).count() >= 19, "{}", setting.name);
+            let is_covered = |trial: &&Trial| trial.off <= trial.stated.map(|stated| 3.0 * stated);
+            assert!(trials.iter().filter(is_covered).count() >= 18, "{}", setting.name);
+        }
+    }
+}
